@@ -52,6 +52,8 @@ from .errors import (
 from .errors import (
     MemoryBudgetError as MemoryBudgetError,
 )
+from .files.cameras.bop import read_bop as read_bop
+from .files.cameras.calibration_files import read_calibration as read_calibration
 from .files.cameras.colmap import read_colmap as read_colmap
 from .files.cameras.nerf import read_transforms as read_transforms
 from .files.cameras.trimesh_scene import read_trimesh as read_trimesh
@@ -60,7 +62,20 @@ from .files.meshes.face_sources import load_face_sources as load_face_sources
 from .files.meshes.loading import load_mesh as load_mesh
 from .geometry.camera import CalibratedCamera as CalibratedCamera
 from .geometry.camera import Camera as Camera
+from .geometry.camera import LensCamera as LensCamera
 from .geometry.image_plane import ImagePlane as ImagePlane
+from .geometry.lenses.models import (
+    EquirectangularLens as EquirectangularLens,
+)
+from .geometry.lenses.models import (
+    FisheyeLens as FisheyeLens,
+)
+from .geometry.lenses.models import (
+    FovLens as FovLens,
+)
+from .geometry.lenses.models import (
+    OpenCVLens as OpenCVLens,
+)
 from .geometry.mesh import Mesh as Mesh
 from .geometry.orthographic import OrthographicCamera as OrthographicCamera
 from .geometry.sampling import sub_pixel_offsets as sub_pixel_offsets
@@ -71,6 +86,18 @@ from .hits import VisibleTriangles as VisibleTriangles
 from .judge.compare import Agreement as Agreement
 from .judge.compare import Verdict as Verdict
 from .judge.compare import compare as compare
+from .judge.foreign import (
+    Convention as Convention,
+)
+from .judge.foreign import (
+    ForeignImage as ForeignImage,
+)
+from .judge.foreign import (
+    ForeignJudgement as ForeignJudgement,
+)
+from .judge.foreign import (
+    judge_image as judge_image,
+)
 from .packets.pixel import PixelTracer as PixelTracer
 from .packets.tiles import TiledTracer as TiledTracer
 from .planner.plan import Plan as Plan
@@ -100,6 +127,7 @@ from .tracing.options import (
 from .tracing.tracer import Tracer as Tracer
 from .views.face_counts import FaceCounts as FaceCounts
 from .views.face_counts import face_counts as face_counts
+from .views.orbit import orbit as orbit
 from .views.render_views import render_views as render_views
 from .views.visible_points import visible_points as visible_points
 

@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.compiled.threads import WorkerPool, resolve_threads
+from atra.errors import InputError
+from atra.exact.intersection import intersect_pixels
 from atra.exact.surface_kernels import ROWS, PixelGrid, Triangles, orient_hits, place_hits, weigh_corners
+from atra.files.planes import write_planes
 from atra.files.saving import save_layers
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.prim_ids import MISS
+
+_AT_ONCE = 1 << 18
+"""Pixels of a lens whose hits are placed at once, which bounds the memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,11 +46,12 @@ class Hits:
     except `normals`, for a ray that lies in its triangle's plane. They raise InputError for a bad offset and a
     `prim_id` that the mesh does not have.
 
-    depth: (H, W) float32, distance along the view axis in scene units, inf = miss.
+    depth: (H, W) float32, distance along the view axis in scene units, inf = miss; along the ray for lenses that see
+        sideways (`View.depth_is_along_ray`).
     prim_id: (H, W) uint32 in the mesh's own numbering, `MISS` (0xFFFFFFFF) = miss.
     offset: the sub-pixel position of the rays.
     mesh: the mesh that was traced.
-    camera: the pinhole or orthographic camera.
+    camera: the camera, pinhole, orthographic or with a lens.
     threads: threads that compute the properties; None = every core.
     """
 
@@ -77,6 +85,8 @@ class Hits:
     @cached_property
     def points(self) -> NDArray[np.float32]:
         """(H, W, 3) float32, positions of the hits, world space, scene units."""
+        if self.camera.lens is not None:
+            return self._through_lens()[1]
         return self._computed(place_hits, (*self.prim_id.shape, 3))
 
     @cached_property
@@ -102,6 +112,35 @@ class Hits:
         """
         save_layers(path, partial(getattr, self))
 
+    def save_planes(
+        self,
+        stem: str | os.PathLike[str],
+        planes: Sequence[str],
+        format: str = "npz",
+        *,
+        depth_along: str | None = None,
+        depth_scale: float = 1000.0,
+        saturate: bool = False,
+    ) -> list[Path]:
+        """Write planes of the image, each file whole or not at all; returns the files.
+
+        Only planes asked for are computed. stem: path of the files without suffix. planes: of depth, prim_id, normals,
+        points, u, v, mask (what is hit) and preview (depth as grey values). format: "npz" or "exr", one file of all, or
+        "npy", "png" or "tiff", a file each. PNGs are of 16 bits, masks and previews of 8: depth times `depth_scale`,
+        which makes millimetres of metres, 0 = miss; prim_id + 1, 0 = miss; normals from -1 to 1 as 0 to 65,535.
+        depth_along: "axis" or "ray", as for `depth_along`; None: what `depth` is. saturate: depths that do not fit
+        become 0 or 65,535.
+        Raises InputError for unknown names, a missing package, and values that do not fit, which it counts;
+        StorageError if a file cannot be written.
+        """
+
+        def plane(name: str) -> NDArray[Any]:
+            if name == "depth" and depth_along is not None:
+                return self.depth_along(depth_along)
+            return np.asarray(self.hit if name == "mask" else getattr(self, name))
+
+        return write_planes(Path(stem), planes, format, plane, depth_scale, saturate)
+
     def __repr__(self) -> str:
         height, width = self.depth.shape
         hit = np.isfinite(self.depth)
@@ -111,7 +150,34 @@ class Hits:
 
     @cached_property
     def _barycentric(self) -> NDArray[np.float32]:
+        if self.camera.lens is not None:
+            return self._through_lens()[0]
         return self._computed(weigh_corners, (2, *self.prim_id.shape))
+
+    def _through_lens(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Weights (2, H, W) and points (H, W, 3), for rays that pass through no regular grid."""
+        weights = np.full((2, *self.prim_id.shape), np.nan, np.float32)
+        points = np.full((*self.prim_id.shape, 3), np.nan, np.float32)
+        y, x = np.nonzero(self.hit)
+        for start in range(0, len(y), _AT_ONCE):
+            at = y[start : start + _AT_ONCE], x[start : start + _AT_ONCE]
+            found = intersect_pixels(self.mesh, self.camera, at[1], at[0], self.prim_id[at], self.offset)
+            a, b, c = np.moveaxis(self.mesh.triangles(self.prim_id[at]), 1, 0)
+            weights[:, *at] = found.u, found.v
+            points[at] = a + found.u[:, None] * (b - a) + found.v[:, None] * (c - a)
+        return weights, points
+
+    def depth_along(self, way: str) -> NDArray[np.float32]:
+        """(H, W) float32 depths "axis": along the view axis, negative behind the eye, or "ray": distances from where
+        rays start; inf = miss. `depth` is one of them. Raises InputError for another word."""
+        if way not in ("axis", "ray"):
+            raise InputError(f"depth is asked for along {way!r}, expected axis or ray")
+        if self.camera.is_parallel or (way == "ray") == self.camera.depth_is_along_ray:
+            return self.depth
+        y, x = np.mgrid[0 : self.depth.shape[0], 0 : self.depth.shape[1]]
+        directions = self.camera.rays(x, y, self.offset)[1]
+        factor = directions[..., 2] if way == "axis" else np.linalg.norm(directions, axis=-1)
+        return np.where(self.hit, self.depth * factor, np.inf).astype(np.float32)
 
     def _computed(self, kernel: Callable[..., Any], shape: tuple[int, ...]) -> NDArray[np.float32]:
         prim_id, found = read_only(np.ascontiguousarray(self.prim_id, np.uint32)), np.empty(shape, np.float32)
@@ -129,10 +195,12 @@ class Hits:
     @property
     def _pixels(self) -> PixelGrid:
         camera, (height, width) = self.camera, self.prim_id.shape
+        axes = tuple(tuple(axis) for axis in camera.axes.tolist())
+        if camera.lens is not None:  # normals, which need no rays, are all that kernels compute then
+            return PixelGrid(camera.eye, axes, read_only(np.empty(0)), read_only(np.empty(0)), False)
         on_plane = 0 if camera.is_parallel else 1  # origins lie, or directions end, on the image plane
         columns = camera.rays(np.arange(width), np.zeros(width, int), self.offset)[on_plane][:, 0]
         rows = camera.rays(np.zeros(height, int), np.arange(height), self.offset)[on_plane][:, 1]
-        axes = tuple(tuple(axis) for axis in camera.axes.tolist())
         return PixelGrid(camera.eye, axes, read_only(columns.copy()), read_only(rows.copy()), camera.is_parallel)
 
 

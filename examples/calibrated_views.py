@@ -44,7 +44,7 @@ def main(arguments: list[str] | None = None) -> Mapping[str, atra.Hits]:
     options = made.parse_args(arguments)
     mesh, pose = parts.load(options.scene)
     if options.colmap:
-        cameras: Mapping[str, atra.CalibratedCamera] = atra.read_colmap(options.colmap)
+        cameras: Mapping[str, atra.CalibratedCamera | atra.LensCamera] = atra.read_colmap(options.colmap)
     else:
         cameras = walk(atra.Camera(**pose, width=options.width, height=options.height), options.views)
 

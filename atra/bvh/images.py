@@ -14,7 +14,7 @@ from atra.bvh.single import nearest, reciprocal
 from atra.bvh.starts import ROOT_LIST, count_start, fetch_list, find_shafts, list_of, set_ahead
 from atra.compiled.intrinsics import fetch_add, float_at, uint32_at
 from atra.compiled.store import float_kernel, njit
-from atra.embree.packets_kernels import INFINITY, ray_component
+from atra.embree.packets_kernels import INFINITY, MISS, ray_component
 
 _ZERO = np.float32(0.0)
 
@@ -125,3 +125,58 @@ def image_kernel(
                             image.depth[y, x], image.prim_id[y, x] = hit_of(bundle, width, lane)
 
     return trace_pixels
+
+
+@njit(forceinline=True)
+def _table_ray(table, x, y):  # type: ignore[no-untyped-def]
+    """Origin, direction and tnear of pixel (x, y)'s ray."""
+    a, b, c = ray_component(table[0, y, x]), ray_component(table[1, y, x]), ray_component(table[2, y, x])
+    return (_ZERO, _ZERO, _ZERO, a, b, c, _ZERO)
+
+
+@cache
+def lens_kernel(shape_x: int, shape_y: int, push: bool, counting: bool, robust: bool) -> Callable[..., None]:
+    """The kernel for packets of shape_x x shape_y pixels. push, counting, robust: see `atra.bvh.single.nearest`."""
+    width = shape_x * shape_y
+
+    @float_kernel
+    def trace_lens(counter_address, tree, table, lists, tiles, image, memory):  # type: ignore[no-untyped-def]
+        """As `trace_pixels` of `image_kernel`. table: (3, H, W) float32, directions; pixels where they are NaN are
+        misses. lists: `NO_LISTS`."""
+        height, image_width = image.depth.shape
+        stack, nears, counts, bundle = memory.stack, memory.nears, memory.counts, memory.bundle
+        while True:
+            tile = fetch_add(counter_address, 1)
+            if tile >= len(tiles.corners):
+                return
+            left, top = np.int64(tiles.corners[tile, 0]), np.int64(tiles.corners[tile, 1])
+            right, bottom = min(left + tiles.width, image_width), min(top + tiles.height, height)
+            for y0 in range(top, bottom, shape_y):
+                for x0 in range(left, right, shape_x):
+                    if width == 1:
+                        t, prim_id = INFINITY, MISS
+                        if not np.isnan(table[0, y0, x0]):
+                            t, prim_id = nearest(
+                                push, False, counting, robust, tree, _table_ray(table, x0, y0), INFINITY, lists,
+                                ROOT_LIST, stack, nears, counts,
+                            )  # fmt: skip
+                        image.depth[y0, x0], image.prim_id[y0, x0] = t, prim_id
+                        continue
+                    for lane in range(width):
+                        x, y = min(x0 + lane % shape_x, right - 1), min(y0 + lane // shape_x, bottom - 1)
+                        is_own = x == x0 + lane % shape_x and y == y0 + lane // shape_x
+                        has_ray = is_own and not np.isnan(table[0, y, x])
+                        set_ray(bundle, lane, _table_ray(table, x, y), INFINITY if has_ray else -INFINITY)
+                    ways = memory.ways.ctypes.data
+                    nearest_of_packet(
+                        width, push, False, counting, robust, tree, bundle.ctypes.data, lists, ROOT_LIST, stack, ways,
+                        counts,
+                    )  # fmt: skip
+                    for lane in range(width):
+                        x, y = x0 + lane % shape_x, y0 + lane // shape_x
+                        if x < right and y < bottom:
+                            t, prim_id = hit_of(bundle, width, lane)
+                            image.depth[y, x] = t if t >= _ZERO else INFINITY
+                            image.prim_id[y, x] = prim_id
+
+    return trace_lens

@@ -9,13 +9,14 @@ from typing import Any, ClassVar, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.bvh.images import Start, image_kernel
+from atra.bvh.images import Start, image_kernel, lens_kernel
 from atra.bvh.memory import Memory
 from atra.bvh.options import BvhKeywords, BvhOptions
-from atra.bvh.starts import NO_SHAFTS, Shafts
+from atra.bvh.starts import NO_LISTS, NO_SHAFTS, Shafts
 from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.embree.packets_kernels import Image, RayGrid
 from atra.exact.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
+from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range, from_eye_space, ray_axes, unseen_from
 from atra.geometry.view import View, check_offset
@@ -23,6 +24,7 @@ from atra.hits import Hits
 from atra.tracing.budgets import check_image_memory
 from atra.tracing.geometry import plan_plain_geometry
 from atra.tracing.images import images_of, outputs
+from atra.tracing.lens_rays import LensRays
 from atra.tracing.lifetime import TracerLifetime, in_turn
 from atra.tracing.options import lists_options
 from atra.tracing.rays import SQUAREST_SHAPE, image_ray_grid, pixel_tiles
@@ -41,6 +43,7 @@ class BvhTracer(TracerLifetime[Hits]):
     options: BvhOptions
     embree_bytes = 0
     _start = Start.root
+    _takes_lenses = True
 
     @lists_options(BvhOptions)
     def __init__(self, mesh: Mesh, camera: View, **options: Unpack[BvhKeywords]) -> None:
@@ -54,10 +57,11 @@ class BvhTracer(TracerLifetime[Hits]):
         self._pool = WorkerPool(self.threads)
         self._memories = [Memory.of(self.packet_width) for _ in range(self.threads)]
         self._bvh: Bvh | None = None
+        self._lens_rays = LensRays()
         self._show(mesh, camera)
 
     def _show(self, mesh: Mesh, camera: View) -> None:
-        check_range(mesh, camera)
+        check_range(mesh, camera, self._takes_lenses)
         check_image_memory(camera.height, camera.width)
         self.mesh, self.camera = mesh, camera
         self._tie_tiles: NDArray[np.bool_] | None = None
@@ -125,8 +129,14 @@ class BvhTracer(TracerLifetime[Hits]):
     def _run(self, offset: tuple[float, float], image: Image, counting: bool) -> None:
         assert self._bvh is not None
         shape, camera, tree = SQUAREST_SHAPE[self.packet_width], self.camera, self._bvh.tree
-        rays, shared, shafts = RayGrid(*image_ray_grid(camera, offset, shape)), self._shared, self._shafts
         push, robust = self.options.traversal == "push", self.options.robust
+        if isinstance(camera, LensView):
+            table = self._lens_rays.table(camera, offset, self._pool)
+            trace_lens = lens_kernel(*shape, push, counting, robust)
+            given = tree, table, NO_LISTS, self._tiles, image
+            self._pool.run(lambda worker, counter: trace_lens(counter, *given, self._memories[worker]))
+            return
+        rays, shared, shafts = RayGrid(*image_ray_grid(camera, offset, shape)), self._shared, self._shafts
         kernel = image_kernel(*shape, push, counting, robust, camera.is_parallel, self._start)
 
         def work(worker: int, counter: int) -> None:

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from atra.errors import InputError
+from atra.files.cameras.bop import read_bop
+from atra.files.cameras.calibration_files import read_calibration
 from atra.files.cameras.colmap import read_colmap
 from atra.files.cameras.entries import Broken, Entries, allowance_of, pixels, read_json
 from atra.files.cameras.nerf import read_transforms
@@ -16,8 +18,8 @@ from atra.geometry.view import View
 _SIZE = ("width", "height")
 _KINDS = (("eye", "target"), ("K", "R", "t"))
 """Required fields of a camera beside its size: of `atra.Camera`, or of an OpenCV calibration."""
-_OPTIONAL = ("up", "fov_y_degrees")
-"""Optional fields of `atra.Camera`."""
+_OPTIONAL = (("up", "fov_y_degrees"), ("distortion", "model"))
+"""Optional fields of either."""
 
 
 def read_cameras(
@@ -25,16 +27,23 @@ def read_cameras(
 ) -> dict[str, View]:
     """The cameras at `path` by name, in the order of the file.
 
-    A folder is read as a COLMAP model, a JSON file with frames as a transforms.json. Any other JSON file maps names to
-    arguments of `atra.Camera` (eye, target, …) or of `atra.Camera.from_opencv` (K, R, t, …).
+    A folder is read as a COLMAP model, a JSON file with frames as a transforms.json, one with cam_K as a BOP scene's, a
+    YAML file and one with camera_matrix as a calibration. Any other JSON file maps names to arguments of `atra.Camera`
+    (eye, target, …) or of `atra.Camera.from_opencv` (K, R, t, …).
     size: width and height of cameras without them. broken: receives the errors of cameras that cannot be used, by name.
     memory_per_byte: as for `atra.load_mesh`. Raises InputError, naming the file, if no camera can be used.
     """
+    if path.suffix.lower() in (".yaml", ".yml"):
+        return {path.stem: read_calibration(path, size)}
     if path.is_dir():
         return dict(read_colmap(path, broken=broken, memory_per_byte=memory_per_byte))
     given = read_json(path)
     if "frames" in given:
         return dict(read_transforms(path, size, broken=broken, memory_per_byte=memory_per_byte))
+    if any(isinstance(one, dict) and "cam_K" in one for one in given.values()):
+        return dict(read_bop(path, size, broken=broken, memory_per_byte=memory_per_byte))
+    if "camera_matrix" in given or "distortion_model" in given:
+        return {path.stem: read_calibration(path, size)}
     entries: Entries[View] = Entries(path, "camera", broken, allowance_of(memory_per_byte, path))
     for name, fields in given.items():
         entries.add(name, f"camera {name!r:.100}", partial(_camera, fields, size))
@@ -47,7 +56,7 @@ def _camera(fields: Any, size: tuple[int, int] | None) -> View:
     if kind is None:
         raise InputError("it has neither eye and target nor K, R and t")
     for name in told:
-        if name not in (*kind, *_SIZE) and (name not in _OPTIONAL or kind is not _KINDS[0]):
+        if name not in (*kind, *_SIZE, *_OPTIONAL[_KINDS.index(kind)]):
             raise InputError(f"its field {name!r} is unknown, expected {', '.join((*kind, *_SIZE))}")
     if not set(_SIZE) <= set(told):
         raise InputError("the size of the image is missing, expected width and height; or give --size 1920 1080")

@@ -135,6 +135,12 @@ def _compare() -> None:
         atra.compare(mesh, camera, one.trace(), other.trace())
 
 
+def _place_hits() -> None:
+    with atra.RasterTracer(_mesh(), _cameras()["pinhole"]) as tracer:
+        hits = tracer.trace()
+    _ = hits.u, hits.points, hits.normals
+
+
 def _jobs() -> Iterator[tuple[str, Callable[[], None]]]:
     for view, tracer in product(_cameras(), _TRACERS):
         if view == "pinhole" or tracer not in _PINHOLE_ONLY:
@@ -144,6 +150,7 @@ def _jobs() -> Iterator[tuple[str, Callable[[], None]]]:
     yield "rays", _shoot_rays
     yield "all hits of rays", _find_all_hits
     yield "comparing", _compare
+    yield "raster, places and normals of hits", _place_hits
 
 
 JOBS = dict(_jobs())

@@ -11,9 +11,12 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import atra
+from atra.command.bop import bop_parser
 from atra.command.compiling import add_compile, run_compile
 from atra.command.doctor import run_doctor
-from atra.command.render import add_render, run_render
+from atra.command.judging import EXAMPLES as JUDGE_EXAMPLES
+from atra.command.judging import SUMMARY, add_judge, run_judge
+from atra.command.render import EXAMPLES, add_render, run_render
 from atra.errors import AtraError
 
 _CLONE = Path(__file__).resolve().parents[2]
@@ -42,7 +45,10 @@ def main() -> int:
         from experiments.cli import main as run_harness
 
         return run_harness()
-    arguments = _parser().parse_args(sys.argv[1:] or [verb])
+    if sys.argv[1:3] == ["render", "bop"]:
+        arguments = bop_parser().parse_args(sys.argv[3:])
+    else:
+        arguments = _parser().parse_args(sys.argv[1:] or [verb])
     try:
         return int(arguments.run(arguments))
     except AtraError as error:
@@ -79,7 +85,14 @@ def _parser() -> ArgumentParser:
     compiling = verbs.add_parser("compile", help="compile kernels now, such as for a container image")
     add_compile(compiling)
     compiling.set_defaults(run=run_compile)
-    render = verbs.add_parser("render", help="write what every view of a mesh sees: depth, triangles, normals, points")
+    render = verbs.add_parser(
+        "render", usage=EXAMPLES, help="write what every view of a mesh sees: depth, triangles, normals, points"
+    )
     add_render(render)
     render.set_defaults(run=run_render)
+    judge = verbs.add_parser(
+        "judge", help=SUMMARY, description=SUMMARY, epilog=JUDGE_EXAMPLES, formatter_class=RawDescriptionHelpFormatter
+    )
+    add_judge(judge)
+    judge.set_defaults(run=run_judge)
     return parser

@@ -8,30 +8,64 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
+import numpy as np
+
 from atra.command.cameras import read_cameras
 from atra.errors import InputError, StorageError, printable
 from atra.files.cameras.entries import Broken
 from atra.files.meshes.loading import load_mesh
+from atra.files.planes import PLANE_FORMATS, PLANES, plane_names
 from atra.files.reading import MEMORY_PER_BYTE, VARIABLE
 from atra.files.saving import check_package
+from atra.geometry.camera import Camera
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.hits import Hits
 from atra.views.render_views import render_views
 
 FORMATS = ("npz", "exr", "png", "ply")
+"""Formats of a whole image, beside those of single planes."""
+
+EXAMPLES = """\
+atra render model.ply
+           frames the mesh and writes its planes to model_views/
+       atra render room.glb --camera sparse/0 --planes depth,normals --format png
+           16-bit depth in millimetres and normals of every camera of a COLMAP model, its lenses included
+       atra render room.glb --camera transforms.json --out labels --planes prim_id,mask --format npy
+           triangle numbers and masks of nerfstudio's cameras
+       atra render part.stl --camera scene_camera.json --planes depth --format png --depth-scale 10
+           tenths of millimetres, for a mesh in millimetres, from the cameras of a BOP scene
+       atra render bop DATASET --split test
+           the labels of a BOP dataset; more by: atra render bop --help"""
+"""What the help of `atra render` starts with."""
 
 
 def add_render(parser: ArgumentParser) -> None:
     """Add the arguments of `run_render`."""
     parser.add_argument("mesh", type=Path, help="a file of any format that trimesh reads: model.glb, .obj, .ply, …")
     parser.add_argument(
-        "--camera", type=Path, required=True, metavar="CAMERAS",
-        help="a COLMAP model's folder; a transforms.json; or a JSON file of cameras by name, each with eye and target "
-        "(and up, fov_y_degrees) or OpenCV's K, R and t, and with width and height",
+        "--camera", type=Path, metavar="CAMERAS",
+        help="a COLMAP model's folder; a transforms.json; a BOP scene's scene_camera.json; a calibration of OpenCV or "
+        "ROS; or a JSON file of cameras by name, each with eye and target (and up, fov_y_degrees) or OpenCV's K, R and "
+        "t (and distortion, model), and with width and height (default: one camera that frames the mesh)",
     )  # fmt: skip
-    parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="where the files go, made if missing")
     parser.add_argument(
-        "--format", nargs="+", choices=FORMATS, default=["npz"],
+        "--out", type=Path, metavar="FOLDER", help="where the files go, made if missing (default: MESH_views)"
+    )
+    parser.add_argument(
+        "--planes", nargs="+", metavar="PLANES",
+        help=f"only these of {', '.join(PLANES)}: one file of them (npz, exr) or a file each (npy, png, tiff)",
+    )  # fmt: skip
+    parser.add_argument("--depth-along", choices=("axis", "ray"), help="of --planes (default: axis; ray for fisheyes)")
+    parser.add_argument(
+        "--depth-scale", type=float, default=1000.0, metavar="NUMBER",
+        help="numbers of a depth PNG per scene unit (default: 1000, millimetres of metres)",
+    )  # fmt: skip
+    parser.add_argument("--saturate", action="store_true", help="clamp depths that do not fit 16 bits")
+    parser.add_argument(
+        "--format", nargs="+", choices=dict.fromkeys((*FORMATS, *PLANE_FORMATS)), default=["npz"],
         help="npz (the default): depth, prim_id, u, v, points, normals; exr: depth, prim_id, normals; png: depth to "
-        "look at; ply: points and normals",
+        "look at; ply: points and normals; with --planes: npz, npy, png, exr, tiff",
     )  # fmt: skip
     parser.add_argument("--size", nargs=2, type=int, metavar=("WIDTH", "HEIGHT"), help="size of cameras without one")
     parser.add_argument("--threads", type=int, help="number of threads (default: every core)")
@@ -48,24 +82,28 @@ def run_render(given: Namespace) -> int:
     Otherwise it prints at the end which views could not be read, traced or written, and why, and returns 1. Raises
     InputError, before anything is traced, for inputs that cannot be used, and StorageError.
     """
-    for suffix in given.format:
-        check_package(f".{suffix}")
+    _check_formats(given)
     left_out: Broken = {}
-    cameras = read_cameras(
-        given.camera, None if given.size is None else tuple(given.size), left_out, given.memory_per_byte
-    )
-    stems = file_stems(cameras)
+    size = None if given.size is None else tuple(given.size)
+    cameras: dict[str, View] = {}
+    if given.camera is not None:
+        cameras = read_cameras(given.camera, size, left_out, given.memory_per_byte)
     mesh = load_mesh(given.mesh, memory_per_byte=given.memory_per_byte)
-    _make_folder(given.out)
+    if given.camera is None:
+        width, height = size or (1024, 1024)
+        cameras = {given.mesh.stem: Camera.framing(mesh, width=width, height=height)}
+    stems, out = file_stems(cameras), given.out or Path(f"{given.mesh.stem}_views")
+    _make_folder(out)
+    method = "raster" if all(camera.lens is None for camera in cameras.values()) else "pixel"
     views = f"{len(cameras)} view{'s' * (len(cameras) > 1)}"
     print(f"{printable(str(given.mesh))}: {mesh.triangle_count:,} triangles; {views}", file=sys.stderr)
     done, failures = 0, list[Exception]()
     try:
-        for name, hits in render_views(mesh, cameras, threads=given.threads):
-            paths = [given.out / f"{stems[name]}.{suffix}" for suffix in given.format]
+        for name, hits in render_views(mesh, cameras, method, threads=given.threads):
+            if not hits.hit.any():
+                print(f"atra: {printable(repr(name))} sees nothing: {where_is(mesh, hits.camera)}", file=sys.stderr)
             try:
-                for path in paths:
-                    hits.save(path)
+                paths = _written(given, hits, out / stems[name])
             except InputError as error:  # for example a .ply of a view without hits
                 error.add_note(f"in view {name!r}")
                 failures.append(error)
@@ -82,6 +120,46 @@ def run_render(given: Namespace) -> int:
     if reasons:
         print(f"atra: {done} of {len(cameras) + len(left_out)} views are written", file=sys.stderr)
     return 1 if reasons else 0
+
+
+def _check_formats(given: Namespace) -> None:
+    """Raise InputError for a format that the planes, or an image without them, are not written in."""
+    if given.planes is not None:
+        given.planes = plane_names([name for names in given.planes for name in names.split(",")])
+    known = FORMATS if given.planes is None else PLANE_FORMATS
+    for suffix in given.format:
+        if suffix not in known:
+            without = "without" if given.planes is None else "with"
+            raise InputError(f"the format is {suffix}, expected one of {', '.join(known)} {without} --planes")
+        if given.planes is None or suffix == "exr":
+            check_package(f".{suffix}")
+
+
+def _written(given: Namespace, hits: Hits, stem: Path) -> list[Path]:
+    """Write the files of a view; returns them."""
+    paths = []
+    for suffix in given.format:
+        if given.planes is None:
+            paths.append(stem.with_name(f"{stem.name}.{suffix}"))
+            hits.save(paths[-1])
+        else:
+            depth = {name: getattr(given, name) for name in ("depth_along", "depth_scale", "saturate")}
+            paths += hits.save_planes(stem, given.planes, suffix, **depth)
+    return paths
+
+
+def where_is(mesh: Mesh, camera: View) -> str:
+    """Where a mesh lies that a camera does not see."""
+    low, high = (tuple(round(value, 6) for value in corner) for corner in mesh.bounds.tolist())
+    centre = mesh.bounds.mean(axis=0, keepdims=True)
+    (x, y), depth = camera.project(centre)[0], float(camera.to_camera_space(centre)[0, 2])
+    if not np.isfinite(x):
+        place = "its centre lies behind the camera" if depth <= 0.0 else "the lens does not see its centre"
+    elif 0.0 <= x <= camera.width and 0.0 <= y <= camera.height and depth > 0.0:
+        place = f"its centre is in the image, at pixel ({x:.0f}, {y:.0f}), {depth:g} away: it may be too small"
+    else:
+        place = f"its centre would be at pixel ({x:.0f}, {y:.0f}) of {camera.width} x {camera.height}"
+    return f"the mesh reaches from {low} to {high}, the camera is at {camera.eye}; {place}"
 
 
 def file_stems(names: Iterable[str]) -> dict[str, str]:

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 
@@ -83,6 +84,44 @@ class Pairs:
         """(N, 3, 3), corners: triangle, corner, axis."""
         corners = self.mesh.triangles(self.prim_id).reshape(-1, 3)
         return self.camera.to_camera_space(corners).reshape(-1, 3, 3)
+
+    @cached_property
+    def depths(self) -> NDArray[np.float64]:
+        """(N, 3), depths of the corners: where a plane across the view axis, or across the ray of a lens, meets it."""
+        if self.camera.lens is None:
+            return self.corners[..., 2]
+        directions = self.rays[1]
+        along = (self.corners * directions[:, None]).sum(axis=2)
+        return np.asarray(along / (directions**2).sum(axis=1)[:, None])
+
+    @cached_property
+    def across(self) -> NDArray[np.float64]:
+        """(N, 2, 3), two unit vectors that a ray is moved along: those of the image plane, or across a lens's ray."""
+        if self.camera.lens is None:
+            return np.broadcast_to(np.eye(3)[:2], (len(self.x), 2, 3))
+        directions = self.rays[1]
+        least = np.eye(3)[np.abs(np.nan_to_num(directions)).argmin(axis=1)]
+        first = np.cross(directions, least)
+        first /= np.linalg.norm(first, axis=1, keepdims=True)
+        second = np.cross(directions, first)
+        return np.stack([first, second / np.linalg.norm(second, axis=1, keepdims=True)], axis=1)
+
+    @cached_property
+    def pitch(self) -> NDArray[np.float64]:
+        """(N, 2), width of a pixel along those at depth 1, for a lens the smaller way to the pixel's two borders."""
+        camera = self.camera
+        if not isinstance(camera, LensView):
+            return np.broadcast_to([camera.plane.pitch_x, camera.plane.pitch_y], (len(self.x), 2))
+        ways = []
+        for axis in range(2):
+            near, far = ([self.offset[0], self.offset[1]] for _ in range(2))
+            near[axis], far[axis] = 0.25, 0.75
+            start, end = (camera.rays(self.x, self.y, (one[0], one[1]))[1] for one in (near, far))
+            turned = np.linalg.norm(np.cross(self.rays[1], end - start), axis=1)
+            ways.append(2.0 * turned / np.linalg.norm(self.rays[1], axis=1))
+        width = np.fmin(*ways)
+        width[np.isnan(width)] = camera.pixel_pitch
+        return np.stack([width, width], axis=1)
 
     @cached_property
     def volumes(self) -> Volumes:

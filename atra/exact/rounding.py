@@ -51,6 +51,8 @@ class Rounding:
         origins, directions = (side @ axes for side in pairs.rays)
         across, along = (pairs.rays[0 if camera.is_parallel else 1][:, axis, None] * axes[axis] for axis in (0, 1))
         summands = np.abs(across) + np.abs(along if camera.is_parallel else along + axes[2])
+        if camera.lens is not None:  # directions are no sums
+            summands = np.zeros_like(summands)
         first, a, b = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
         normal = np.cross(a, b)
         ahead, facing = ((normal * side).sum(axis=1) for side in (first - origins, directions))

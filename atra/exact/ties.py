@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from atra.compiled.threads import WorkerPool
 from atra.errors import MemoryBudgetError
+from atra.exact.brute_force_kernels import SLACK
+from atra.exact.intersection import intersect_pixels
 from atra.exact.ties_kernels import (
     PLANE_NUMBER_ROUNDING,
     PLANE_TOLERANCE,
@@ -25,7 +27,9 @@ from atra.exact.ties_kernels import (
     number_planes,
     settle_ties,
 )
+from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
+from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.view import View
 
 TIE_TOLERANCE = 1e-9
@@ -140,6 +144,8 @@ def tie_tiles(mesh: Mesh, camera: View) -> NDArray[np.bool_]:
     rows, columns = -(-camera.height // TILE), -(-camera.width // TILE)
     if not len(overlaps.pairs):
         return np.zeros((rows, columns), np.bool_)
+    if camera.lens is not None:  # straight edges are bent, and bounding rectangles with them
+        return np.ones((rows, columns), np.bool_)
     size, boxes = np.array([camera.width, camera.height], np.float64), np.empty((len(overlaps.concerned), 4), np.int64)
     marks = np.zeros((rows + 1, columns + 1), np.int64)
     mark_ties(
@@ -164,6 +170,9 @@ def lowest_of_ties(
     tiles: from `tie_tiles` for this mesh and camera.
     """
     overlaps = coplanar_overlaps(mesh)
+    if camera.lens is not None:
+        _lowest_through_lens(mesh, camera, overlaps, offset, prim_id)
+        return
     plane = camera.plane
     across = plane.columns(np.arange(camera.width), offset[0]) * plane.pitch_x
     along = plane.rows(np.arange(camera.height), offset[1]) * plane.pitch_y
@@ -176,3 +185,35 @@ def lowest_of_ties(
         )  # fmt: skip
 
     pool.run(work)
+
+
+def compile_kernels(parallel: bool) -> None:
+    """Have everything that ties take compiled: settle one."""
+    mesh = Mesh(np.eye(3, dtype=np.float32), np.array([[0, 1, 2], [0, 1, 2]], np.uint32))
+    camera = (OrthographicCamera if parallel else Camera)((1, 1, 1), (0, 0, 0), width=1, height=1)
+    pool = WorkerPool(1)
+    tiles = tie_tiles(mesh, camera)
+    lowest_of_ties(mesh, camera, tiles, (0.5, 0.5), np.zeros((1, 1), np.uint32), pool)
+    pool.close()
+
+
+def _lowest_through_lens(
+    mesh: Mesh, camera: View, overlaps: CoplanarOverlaps, offset: tuple[float, float], prim_id: NDArray[np.uint32]
+) -> None:
+    """`lowest_of_ties` for rays of any direction, a rank of partners at a time."""
+    y, x = np.nonzero(overlaps.may_tie[np.minimum(prim_id, len(overlaps.may_tie) - 1)])
+    twins = overlaps.twins[prim_id[y, x]]
+    prim_id[y, x] = twins
+    first, end = overlaps.starts[twins].astype(np.int64), overlaps.starts[twins + np.uint32(1)].astype(np.int64)
+    left = first < end
+    x, y, twins, first, end = x[left], y[left], twins[left], first[left], end[left]
+    depth = intersect_pixels(mesh, camera, x, y, twins, offset).depth
+    while len(x):
+        partner = overlaps.partners[first]
+        met = intersect_pixels(mesh, camera, x, y, partner, offset)
+        with np.errstate(invalid="ignore"):  # inf - inf
+            ties = (met.edge_distance >= -SLACK) & (np.abs(met.depth - depth) <= TIE_TOLERANCE * depth)
+        prim_id[y[ties], x[ties]] = partner[ties]
+        first = first + 1
+        left = ~ties & (first < end)
+        x, y, first, end, depth = x[left], y[left], first[left], end[left], depth[left]

@@ -1,21 +1,24 @@
-"""Pinhole cameras."""
+"""Pinhole cameras, and cameras with a lens."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from math import atan, degrees, radians, tan
-from typing import ClassVar
+from math import atan, degrees, pi, radians, tan
+from typing import ClassVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
 from atra.geometry.calibration import image_plane_of, pose_of, pose_of_matrix, target_of
+from atra.geometry.framing import framing_distance
 from atra.geometry.image_plane import ImagePlane
-from atra.geometry.numbers import Vector, as_number, as_vector
+from atra.geometry.lenses.lens_view import LensView
+from atra.geometry.lenses.models import EquirectangularLens, FisheyeLens, Lens, OpenCVLens
+from atra.geometry.mesh import Mesh
+from atra.geometry.numbers import Vector, as_number, as_vector, checked_vector, unit_vector
 from atra.geometry.view import View, check_offset
-from atra.whole_numbers import is_whole_number
 
 __all__ = ["CalibratedCamera", "Camera", "Vector", "check_offset"]
 
@@ -59,19 +62,50 @@ class Camera(View):
             raise InputError(f"fov_y_degrees is {self.fov_y_degrees!r}, expected an angle between 0 and 180 degrees")
         object.__setattr__(self, "fov_y_degrees", fov)
 
+    @overload
     @staticmethod
-    def from_opencv(K: ArrayLike, R: ArrayLike, t: ArrayLike, width: int, height: int) -> CalibratedCamera:
-        """The camera of an OpenCV calibration x = K (R X + t) without lens distortion.
+    def from_opencv(K: ArrayLike, R: ArrayLike, t: ArrayLike, width: int, height: int) -> CalibratedCamera: ...
+
+    @overload
+    @staticmethod
+    def from_opencv(
+        K: ArrayLike,
+        R: ArrayLike,
+        t: ArrayLike,
+        width: int,
+        height: int,
+        distortion: ArrayLike | None,
+        model: str = "pinhole",
+    ) -> CalibratedCamera | LensCamera: ...
+
+    @staticmethod
+    def from_opencv(
+        K: ArrayLike,
+        R: ArrayLike,
+        t: ArrayLike,
+        width: int,
+        height: int,
+        distortion: ArrayLike | None = None,
+        model: str = "pinhole",
+    ) -> CalibratedCamera | LensCamera:
+        """The camera of an OpenCV calibration x = K (R X + t).
 
         OpenCV's camera looks along +Z with X right and Y down. Its (0, 0) is the *centre* of the first pixel, here it
         is the corner: a point that `cv2.projectPoints` puts at (u, v) has pixel position (u + 0.5, v + 0.5).
-        Undistort images first: `cv2.undistort(image, K, distortion)`.
 
         K: (3, 3), focal lengths fx, fy and principal point cx, cy in pixels; no skew. R: (3, 3), t: three numbers,
-        world to camera. width, height: of the image, pixels.
-        Raises InputError for a K that is singular or has skew, an R that is no rotation, and numbers not finite.
+        world to camera. width, height: of the image, pixels. distortion: coefficients in OpenCV's order, see
+        `OpenCVLens.of` and `FisheyeLens.of`. model: "pinhole" or "fisheye". A pinhole camera whose coefficients are
+        all 0 has no lens.
+        Raises InputError for a K that is singular or has skew, an R that is no rotation, numbers not finite, another
+        number of coefficients and another model.
         """
-        return CalibratedCamera.at(*pose_of(R, t), image_plane_of(K), width, height)
+        placed, sensor = pose_of(R, t), image_plane_of(K)
+        kinds: dict[str, type[OpenCVLens] | type[FisheyeLens]] = {"pinhole": OpenCVLens, "fisheye": FisheyeLens}
+        if model not in kinds:
+            raise InputError(f"model is {model!r}, expected one of {', '.join(kinds)}")
+        lens = kinds[model]() if distortion is None else kinds[model].of(distortion)
+        return camera_of(lens, *placed, sensor, width, height)
 
     @staticmethod
     def from_matrix(
@@ -97,6 +131,28 @@ class Camera(View):
             return CalibratedCamera.at(eye, rotation, image_plane_of(K), width, height)
         return Camera(*_placed(eye, rotation), as_number(fov_y_degrees), width, height)
 
+    @staticmethod
+    def framing(
+        mesh: Mesh,
+        direction: Vector = (-0.5, -0.4, -1.0),
+        *,
+        up: Vector = (0.0, 1.0, 0.0),
+        fov_y_degrees: float = 45.0,
+        width: int = 1024,
+        height: int = 1024,
+    ) -> Camera:
+        """The camera that looks along `direction` at the whole of a mesh, its box in the middle of the image.
+
+        direction: three finite floats of any length but 0. up, fov_y_degrees, width, height: as for `Camera`.
+        Raises InputError as `Camera`, and for a direction of length 0.
+        """
+        forward = unit_vector("direction", checked_vector("direction", direction))
+        centre = np.asarray(mesh.bounds, np.float64).mean(axis=0)
+        size = float(np.abs(mesh.bounds - centre).max()) or 1.0
+        turned = Camera(as_vector(centre - size * forward), as_vector(centre), up, fov_y_degrees, width, height)
+        away = framing_distance(mesh.bounds, turned.axes, fov_y_degrees, width, height)
+        return Camera(as_vector(centre - away * forward), turned.target, up, fov_y_degrees, width, height)
+
     @cached_property
     def plane(self) -> ImagePlane:
         """The image plane at Z = 1."""
@@ -118,12 +174,7 @@ class Camera(View):
 
         Raises InputError for a part that is not inside the image.
         """
-        for name, start, size, pixels in (("left", left, width, self.width), ("top", top, height, self.height)):
-            if not (is_whole_number(start) and is_whole_number(size) and start >= 0 and size >= 1):
-                raise InputError(f"{name} is {start!r} and the size {size!r}, expected whole numbers of pixels")
-            if start + size > pixels:
-                raise InputError(f"{name} {start} and {size} pixels reach beyond the {pixels} of the image")
-        plane = replace(self.plane, left=self.plane.left + int(left), top=self.plane.top + int(top))
+        plane = self.plane.cropped((self.width, self.height), (left, top), (width, height))
         return CalibratedCamera(self.eye, self.target, self.up, width, height, plane=plane)
 
     def rays(
@@ -137,6 +188,43 @@ class Camera(View):
     ) -> NDArray[np.float64]:
         """Directions (..., 3) float64, camera space, Z = 1, of pixels (x, y) at sub-pixel `offset`."""
         return self._on_image_plane(x, y, offset, 1.0)
+
+
+@dataclass(frozen=True)
+class LensCamera(LensView):
+    """A camera with a lens: its rays pass through no regular grid on a plane.
+
+    `PixelTracer`, `BvhTracer`, and `RayScene` by `rays_world` take it; methods that need a plane refuse it. Where the
+    lens model folds over, pixels see nothing: their rays are NaN and they are misses in every image.
+    `Camera.from_opencv`, `LensCamera.panorama` and the readers of camera files return it.
+
+    eye, target, up, width, height: as for `Camera`.
+    lens: such as `OpenCVLens`. sensor: its grid of pixels; a pitch is 1 / focal length in pixels, or for a panorama
+    the angle of a pixel in radians.
+
+    Raises InputError as `Camera`, and for a lens or sensor of another type.
+    """
+
+    @classmethod
+    def panorama(cls, eye: Vector, target: Vector, up: Vector = (0.0, 1.0, 0.0), width: int = 2048) -> LensCamera:
+        """The equirectangular picture of all directions, twice as wide as high; the target is in its middle."""
+        height = max(int(width) // 2, 1)
+        sensor = ImagePlane(2.0 * pi / width, pi / height, width / 2, height / 2)
+        return cls(eye, target, up, width, height, lens=EquirectangularLens(), sensor=sensor)
+
+    def undistorted(self) -> CalibratedCamera:
+        """The pinhole camera with this sensor and no lens, as `cv2.undistort` makes images for.
+
+        Raises InputError for a panorama, which has no focal length.
+        """
+        if isinstance(self.lens, EquirectangularLens):
+            raise InputError("a panorama sees all around, and no pinhole camera does; make cameras of parts of it")
+        return CalibratedCamera(self.eye, self.target, self.up, self.width, self.height, plane=self.sensor)
+
+    def crop(self, left: int, top: int, width: int, height: int) -> LensCamera:
+        """As `Camera.crop`."""
+        sensor = self.sensor.cropped((self.width, self.height), (left, top), (width, height))
+        return LensCamera(self.eye, self.target, self.up, width, height, lens=self.lens, sensor=sensor)
 
 
 @dataclass(frozen=True)
@@ -174,6 +262,15 @@ class CalibratedCamera(Camera):
     ) -> CalibratedCamera:
         """The camera at `eye` (3,) whose axes right, down, forward are the rows of `axes` (3, 3), a rotation."""
         return cls(*_placed(eye, axes), width, height, plane=plane)
+
+
+def camera_of(
+    lens: Lens, eye: NDArray[np.float64], axes: NDArray[np.float64], sensor: ImagePlane, width: int, height: int
+) -> CalibratedCamera | LensCamera:
+    """The camera with a lens, placed as `CalibratedCamera.at`; one without where the lens bends nothing."""
+    if lens == OpenCVLens():
+        return CalibratedCamera.at(eye, axes, sensor, width, height)
+    return LensCamera(*_placed(eye, axes), width, height, lens=lens, sensor=sensor)
 
 
 def _placed(eye: NDArray[np.float64], axes: NDArray[np.float64]) -> tuple[Vector, Vector, Vector]:

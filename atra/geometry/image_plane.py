@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Self
 
@@ -64,6 +64,16 @@ class ImagePlane:
     def axis_in_image(self) -> tuple[float, float]:
         """The principal point, in pixels from the image's upper left corner."""
         return self.axis_x - self.left, self.axis_y - self.top
+
+    def cropped(self, pixels: tuple[int, int], corner: tuple[int, int], size: tuple[int, int]) -> Self:
+        """The grid of a part of an image of `pixels`, width and height, from `corner` on. Raises InputError for a part
+        that is not inside."""
+        for name, start, count, most in zip(("left", "top"), corner, size, pixels, strict=True):
+            if not (is_whole_number(start) and is_whole_number(count) and start >= 0 and count >= 1):
+                raise InputError(f"{name} is {start!r} and the size {count!r}, expected whole numbers of pixels")
+            if start + count > most:
+                raise InputError(f"{name} {start} and {count} pixels reach beyond the {most} of the image")
+        return replace(self, left=self.left + int(corner[0]), top=self.top + int(corner[1]))
 
     def columns(self, x: ArrayLike, offset: float = 0.0) -> NDArray[np.float64]:
         """Distances of columns `x`, at sub-pixel `offset`, right of the view axis, in pixels, float64."""

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
+from atra.geometry.lenses.models import bends_rays
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 
@@ -38,11 +39,14 @@ def padded_vertices(count: int) -> NDArray[np.float32]:
     return memory[: count * 3].reshape(count, 3)
 
 
-def check_range(mesh: Mesh, camera: View) -> None:
-    """Raise InputError unless these are a mesh and a view, and the mesh is large and near enough for float32."""
+def check_range(mesh: Mesh, camera: View, takes_lenses: bool = False) -> None:
+    """Raise InputError unless these are a mesh and a view, and the mesh is large and near enough for float32; and for a
+    camera with a lens unless the method takes it."""
     _check_mesh(mesh)
     if not isinstance(camera, View):
         raise InputError(f"camera is {camera!r:.100}, expected an atra.Camera or another view of atra")
+    if camera.lens is not None and not takes_lenses:
+        raise InputError(f"this method needs rays through a regular grid on a plane, but {bends_rays(camera.lens)}")
     distance = float(np.abs(mesh.bounds - camera.eye).max())
     if distance > FARTHEST_FROM_EYE:
         raise InputError(

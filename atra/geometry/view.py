@@ -1,4 +1,4 @@
-"""Views: what pinhole and orthographic cameras have in common."""
+"""Views: what pinhole cameras, orthographic ones, and those with a lens have in common."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
 from atra.geometry.image_plane import ImagePlane
+from atra.geometry.lenses.models import Lens
 from atra.geometry.numbers import Vector, checked_vector, unit_vector
 from atra.whole_numbers import is_whole_number
 
@@ -19,9 +20,10 @@ _PARALLEL_SINE = 1e-6
 
 
 class View(ABC):
-    """The base of `Camera` and `OrthographicCamera`.
+    """The base of `Camera`, `OrthographicCamera` and `LensCamera`.
 
-    Camera space is as for `Camera`. Ray directions have Z = 1 and rays start at Z = 0, so a ray parameter *is* a depth.
+    Camera space is as for `Camera`. Ray directions have Z = 1 and rays start at Z = 0, so a ray parameter *is* a depth;
+    for lenses that see sideways directions have length 1 instead, and depth is distance.
 
     eye, target, up, width, height: as for `Camera`. Raises InputError as `Camera`.
     """
@@ -34,6 +36,9 @@ class View(ABC):
 
     is_parallel: ClassVar[bool]
     """Whether rays share their direction (True) or their origin (False)."""
+
+    lens: Lens | None = None
+    """The lens; None where rays pass through a regular grid on a plane."""
 
     def __post_init__(self) -> None:
         for name in ("eye", "target", "up"):
@@ -88,8 +93,36 @@ class View(ABC):
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Origins and directions, camera space, (..., 3) float64 each, of the rays of pixels (x, y).
 
+        Where a lens gives a pixel no ray, its direction is NaN.
         Raises InputError for a sub-pixel `offset` outside [0, 1) x [0, 1).
         """
+
+    @property
+    def depth_is_along_ray(self) -> bool:
+        """Whether depth is measured along the ray, for lenses that see sideways; otherwise along the view axis."""
+        return self.lens is not None and self.lens.sees_sideways
+
+    def rays_world(self, offset: tuple[float, float] = (0.5, 0.5)) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Origins and directions in world space, (H, W, 3) float64 each, of the rays of all pixels.
+
+        For `RayScene`, which takes rays in a row: `scene.intersect(*(part.reshape(-1, 3) for part in
+        camera.rays_world()))`. Where a lens gives a pixel no ray, its direction is NaN; leave such pixels out.
+        Raises InputError for a sub-pixel `offset` outside [0, 1) x [0, 1).
+        """
+        y, x = np.mgrid[0 : self.height, 0 : self.width]
+        origins, directions = self.rays(x, y, offset)
+        return origins @ self.axes + np.array(self.eye), directions @ self.axes
+
+    def project(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Pixel positions (..., 2) float64 at which world points (..., 3) are seen; (0, 0) is the image's corner.
+
+        Points outside the image have positions outside; those behind the eye, or beyond a lens's fold, NaN.
+        """
+        given = np.asarray(points, np.float64)
+        eye_space = np.append(self.to_eye_space(given), np.ones((*given.shape[:-1], 1)), axis=-1)
+        a, b, c = np.moveaxis(eye_space @ self.to_pixels.T, -1, 0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where((c > 0.0)[..., None], np.stack([a / c, b / c], axis=-1), np.nan)
 
     def to_eye_space(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
         """Transform world points (N, 3) to eye space, (N, 3) float64: the world's axes, the eye at the origin."""

@@ -232,7 +232,7 @@ def _candidates(pairs: Pairs) -> _Candidates:
     every["depth"][named] = found.depth
     with np.errstate(invalid="ignore"):
         every["depth_error"][named] = rounding.depth * found.depth
-    every["nearest"][named] = pairs.corners[..., 2].min(axis=1) - rounding.corners
+    every["nearest"][named] = pairs.depths.min(axis=1) - rounding.corners
     every["doubtful"][named] = doubtful
     every["surely_missed"][named] = ~doubtful & (found.edge_distance < 0.0)
     return _Candidates(**every)
@@ -250,4 +250,4 @@ def _is_undecided(pairs: Pairs, rounding: Rounding) -> NDArray[np.bool_]:
     for sign in (1, -1):
         could_hit = could_hit | ((sign * sides > -unsure).all(axis=0) & (sign * volumes.ahead > -rounding.ahead))
         must_hit = must_hit | ((sign * sides >= unsure).all(axis=0) & (sign * volumes.ahead >= rounding.ahead))
-    return could_hit & ~must_hit & (pairs.corners[..., 2].max(axis=1) > -rounding.corners)
+    return could_hit & ~must_hit & (pairs.depths.max(axis=1) > -rounding.corners)

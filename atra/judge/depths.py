@@ -31,6 +31,12 @@ def relative_depth_error(mesh: Mesh, camera: View, image: Hits) -> NDArray[np.fl
     corners = camera.to_camera_space(mesh.triangles(used).reshape(-1, 3)).reshape(-1, 3, 3)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     height, along = (normal * corners[:, 0]).sum(axis=1)[row], normal[row, 2]
+    if camera.lens is not None:
+        directions = camera.rays(x, y, image.offset)[1]
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            t = height / (normal[row] * directions).sum(axis=1)
+            error[y, x] = np.abs(depth - t) / np.abs(t)
+        return error
     plane = camera.plane
     across = (normal[:, 0] * plane.pitch_x)[row] * plane.columns(x, image.offset[0])
     across += (normal[:, 1] * plane.pitch_y)[row] * plane.rows(y, image.offset[1])

@@ -61,12 +61,13 @@ def _moves(pairs: Pairs) -> NDArray[np.float64]:
         moved = 2.0 * Rounding.of(pairs).corners * longer
         if not camera.is_parallel:
             moved /= pairs.intersections.depth
-    moved = np.maximum(np.nan_to_num(moved, nan=np.inf), 2.0 * OUTLINE_TOLERANCE_PIXELS * camera.pixel_pitch)
+    pitch = camera.pixel_pitch if camera.lens is None else pairs.pitch.min(axis=1)
+    moved = np.maximum(np.nan_to_num(moved, nan=np.inf), 2.0 * OUTLINE_TOLERANCE_PIXELS * pitch)
     moved = np.minimum(moved, 1e30)  # finite, and beyond any surface
     angles = np.arange(DIRECTIONS) * (2.0 * np.pi / DIRECTIONS)
-    ways = np.zeros((DIRECTIONS + 1, 3))
-    ways[1:, 0], ways[1:, 1] = np.cos(angles), np.sin(angles)
-    return np.asarray(moved[:, None, None] * ways)
+    ways = np.zeros((DIRECTIONS + 1, 2))
+    ways[1:] = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return np.asarray(moved[:, None, None] * (ways @ pairs.across))
 
 
 def _neighbours(pairs: Pairs) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -10,14 +10,17 @@ from numpy.typing import NDArray
 from atra.embree.device import EmbreeDevice
 from atra.embree.packets_kernels import Image, PixelTiles, RayGrid
 from atra.embree.scene import EmbreeScene
+from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import from_eye_space
 from atra.geometry.view import View
 from atra.packets.all_hits import EmbreeGathering, Shots
+from atra.packets.lens_kernels import lens_kernel
 from atra.packets.pixel_kernels import pixel_kernel
 from atra.raster.all_hits.doubts_kernels import Precision
 from atra.tracing.base import ImageTracer, check_views
 from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
+from atra.tracing.lens_rays import LensRays
 from atra.tracing.options import PixelKeywords, PixelOptions, lists_options
 from atra.tracing.rays import SQUAREST_SHAPE, image_ray_grid, longest_ray, pixel_tiles
 
@@ -39,11 +42,12 @@ class PixelTracer(EmbreeGathering, ImageTracer):
         super().__init__(options)
         rows = self.options.packet_rows
         self.packet_shape = SQUAREST_SHAPE[self.packet_width] if rows is None else (self.packet_width // rows, rows)
+        self._lens_rays = LensRays()
         self._show(mesh, camera)
 
     def _show(self, mesh: Mesh, camera: View) -> None:
         views = ((mesh, camera),)
-        check_views(views)
+        check_views(views, takes_lenses=True)
         self._show_views(views)
         self._tiles = pixel_tiles(camera.width, camera.height, self.options.tile_order)
         for workspace in self._workspaces:
@@ -82,11 +86,23 @@ class PixelTracer(EmbreeGathering, ImageTracer):
 
     def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
         camera, tiles, scene = self.camera, self._tiles, self._scene_address
+        if isinstance(camera, LensView):
+            self._run_lens(camera, offset, Image(depth, prim_id))
+            return
         rays, image = RayGrid(*image_ray_grid(camera, offset, self.packet_shape)), Image(depth, prim_id)
         kernel = pixel_kernel(*self.packet_shape, camera.is_parallel)
 
         def work(worker: int, counter: int) -> None:
             kernel(counter, scene, self._workspaces[worker].packet, rays, tiles, image)
+
+        self._pool.run(work)
+
+    def _run_lens(self, camera: LensView, offset: tuple[float, float], image: Image) -> None:
+        table, tiles, scene = self._lens_rays.table(camera, offset, self._pool), self._tiles, self._scene_address
+        kernel = lens_kernel(*self.packet_shape)
+
+        def work(worker: int, counter: int) -> None:
+            kernel(counter, scene, self._workspaces[worker].packet, table, tiles, image)
 
         self._pool.run(work)
 

@@ -10,6 +10,7 @@ from atra.compiled.threads import resolve_threads
 from atra.errors import InputError
 from atra.exact.ties import coplanar_overlaps
 from atra.geometry.camera import Camera
+from atra.geometry.lenses.models import bends_rays
 from atra.geometry.mesh import Mesh
 from atra.geometry.numbers import as_number
 from atra.geometry.orthographic import OrthographicCamera
@@ -46,8 +47,8 @@ def plan(
     ties: as for the tracers; the plan's tracer takes the same. memory_budget_bytes: leave out what needs more (None:
     the memory that is free).
 
-    Raises InputError for frames below 1 or above 2^53, a budget that is not positive, threads below 1 and unknown
-    ties; MemoryBudgetError, for "lowest", where more triangles overlap than can be kept.
+    Raises InputError for a camera with a lens, frames below 1 or above 2^53, a budget that is not positive, threads
+    below 1 and unknown ties; MemoryBudgetError, for "lowest", where more triangles overlap than can be kept.
     Source: after FFTW's planner (Frigo, Johnson 2005).
     """
     if not is_whole_number(frames) or not 1 <= frames <= MOST:
@@ -55,6 +56,8 @@ def plan(
     if not 0 < as_number(budget_s) < inf:
         raise InputError(f"budget_s is {budget_s!r}, expected a positive number of seconds")
     check_ties(ties)
+    if camera.lens is not None:
+        raise InputError(f"a plan is for rays through a regular grid on a plane, but {bends_rays(camera.lens)}")
     frames, threads = int(frames), resolve_threads(threads)
     choices = candidates(camera)
     if frames < FEWEST_FRAMES:

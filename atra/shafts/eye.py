@@ -51,6 +51,7 @@ class EyeTracer(BvhTracer):
     options_type: ClassVar[type[BvhOptions]] = ShaftOptions
     options: ShaftOptions
     _start = Start.tile
+    _takes_lenses = False
 
     @lists_options(ShaftOptions)
     def __init__(self, mesh: Mesh, camera: View, **options: Unpack[ShaftKeywords]) -> None:

@@ -21,10 +21,12 @@ from atra.files.cameras.colmap_files import (
     text_cameras,
     text_images,
 )
-from atra.files.cameras.entries import Broken, Cameras, Entries, allowance_of, distorted, entry, number, pixels
-from atra.geometry.calibration import image_plane_of_focals, pose_of
-from atra.geometry.camera import CalibratedCamera
+from atra.files.cameras.entries import Broken, Cameras, Entries, allowance_of, entry, number, pixels
+from atra.files.cameras.lens_models import sensor_of
+from atra.geometry.calibration import pose_of
+from atra.geometry.camera import CalibratedCamera, LensCamera, camera_of
 from atra.geometry.image_plane import ImagePlane
+from atra.geometry.lenses.models import Lens
 
 UNIT_TOLERANCE = 1e-3
 """Largest distance of a quaternion's length from 1."""
@@ -35,13 +37,13 @@ def read_colmap(
 ) -> Cameras:
     """Read the cameras of a COLMAP model, by image name, in the order of `images.bin` or `images.txt`.
 
-    folder: holds `cameras` and `images`, such as `sparse/0`; binary files go before text, as in COLMAP. Camera models
-    must be PINHOLE or SIMPLE_PINHOLE, as `colmap image_undistorter` writes them.
+    folder: holds `cameras` and `images`, such as `sparse/0`; binary files go before text, as in COLMAP. Cameras
+    with distortion have a lens; of COLMAP's models all but RAD_TAN_THIN_PRISM_FISHEYE are known.
     broken: a dict that receives the InputError of each image that cannot be used, by name; None: the first is raised.
     memory_per_byte: bound on the memory that reading may take, as for `atra.load_mesh`.
 
     Raises InputError, naming file, entry and value, for files that are missing or cut short, broken entries, images
-    without a camera, and camera models with lens distortion; with `broken` only if a file or all images are unusable.
+    without a camera, and unknown camera models; with `broken` only if a file or all images are unusable.
     Source: COLMAP's documentation, "Output Format".
     """
     folder = Path(folder)
@@ -51,7 +53,7 @@ def read_colmap(
     ):
         files = folder / f"cameras{suffix}", folder / f"images{suffix}"
         if all(path.is_file() for path in files):
-            entries: Entries[CalibratedCamera] = Entries(
+            entries: Entries[CalibratedCamera | LensCamera] = Entries(
                 files[1], "image", broken, allowance_of(memory_per_byte, *files)
             )
             return _read(files[0], read_cameras(files[0]), read_images(files[1]), entries)
@@ -59,7 +61,10 @@ def read_colmap(
 
 
 def _read(
-    cameras_path: Path, given: Iterator[Intrinsics], images: Iterator[Pose], entries: Entries[CalibratedCamera]
+    cameras_path: Path,
+    given: Iterator[Intrinsics],
+    images: Iterator[Pose],
+    entries: Entries[CalibratedCamera | LensCamera],
 ) -> Cameras:
     intrinsics = {}
     for camera in given:
@@ -68,33 +73,27 @@ def _read(
         intrinsics[camera.camera_id] = camera
 
     @cache
-    def sensor(camera_id: int) -> tuple[ImagePlane, int, int]:
+    def sensor(camera_id: int) -> tuple[Lens, ImagePlane, int, int]:
         if camera_id not in intrinsics:
             raise InputError(f"its camera is {camera_id!r}, which is not in {cameras_path.name}")
         with entry(f"{cameras_path}, camera {camera_id}"):
             return _sensor(intrinsics[camera_id])
 
-    def placed(image: Pose) -> CalibratedCamera:
-        used = sensor(image.camera_id)
+    def placed(image: Pose) -> CalibratedCamera | LensCamera:
+        lens, plane, width, height = sensor(image.camera_id)
         translation = [number("a translation", value) for value in image.translation]
         eye, axes = pose_of(_rotation(image.quaternion), translation)
-        return CalibratedCamera.at(eye, axes, *used)
+        return camera_of(lens, eye, axes, plane, width, height)
 
     for image in images:
         entries.add(image.name, f"image {image.image_id} ({image.name!r})", partial(placed, image))
     return entries.all()
 
 
-def _sensor(camera: Intrinsics) -> tuple[ImagePlane, int, int]:
-    """Image plane, width and height."""
-    names = {"SIMPLE_PINHOLE": ("f", "cx", "cy"), "PINHOLE": ("fx", "fy", "cx", "cy")}.get(camera.model)
-    if names is None:
-        raise distorted(f"its model is {camera.model}", colmap=True)
-    if len(camera.parameters) != len(names):
-        raise InputError(f"it has {len(camera.parameters)} parameters, expected {len(names)}: {', '.join(names)}")
-    *focals, cx, cy = (number(name, value) for name, value in zip(names, camera.parameters, strict=True))
-    plane = image_plane_of_focals(focals[0], focals[-1], cx, cy)
-    return plane, pixels("its width", camera.width), pixels("its height", camera.height)
+def _sensor(camera: Intrinsics) -> tuple[Lens, ImagePlane, int, int]:
+    """Lens, sensor, width and height."""
+    plane, lens = sensor_of(camera.model, camera.parameters)
+    return lens, plane, pixels("its width", camera.width), pixels("its height", camera.height)
 
 
 def _rotation(quaternion: tuple[Any, ...]) -> NDArray[np.float64]:

@@ -10,11 +10,11 @@ from typing import Any, Generic, TypeVar
 
 from atra.errors import InputError
 from atra.files.reading import Allowance, parse_json, read_regular_file
-from atra.geometry.camera import CalibratedCamera
+from atra.geometry.camera import CalibratedCamera, LensCamera
 from atra.geometry.numbers import as_number
 from atra.geometry.view import View
 
-Cameras = dict[str, CalibratedCamera]
+Cameras = dict[str, CalibratedCamera | LensCamera]
 """Cameras by name, in the order of the file."""
 
 Broken = dict[str, InputError]
@@ -77,14 +77,6 @@ def entry(where: str) -> Iterator[None]:
         yield
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
-
-
-def distorted(what: str, colmap: bool = False) -> InputError:
-    """The error of a lens with distortion. what: says which model or number shows it."""
-    undistort = "`colmap image_undistorter`" if colmap else "`cv2.undistort(image, K, distortion)`"
-    return InputError(
-        f"{what}, but atra has no lens distortion: undistort the images first ({undistort}) and read their new cameras"
-    )
 
 
 def read_json(path: Path) -> dict[str, Any]:

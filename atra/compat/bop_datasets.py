@@ -1,0 +1,137 @@
+"""The labels of whole BOP datasets, written frame by frame: many at a time, and from where an earlier run stopped."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from threading import local
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from atra.compat.bop import Pose, Renderer
+from atra.errors import InputError
+from atra.files.cameras.bop import camera_of_image, image_size, matrix_of
+from atra.files.cameras.entries import entry, number, read_json
+from atra.files.meshes.loading import load_mesh
+from atra.files.paths import write_atomically
+from atra.files.planes import encode_png, fit_16_bits
+from atra.geometry.mesh import Mesh
+
+
+class Frame(NamedTuple):
+    """A frame of a dataset: its scene's folder, its number there, and its entries of scene_camera and scene_gt."""
+
+    scene: Path
+    number: int
+    camera: dict[str, Any]
+    objects: list[Any]
+
+    @property
+    def where(self) -> str:
+        """How messages call it."""
+        return f"{self.scene.name}, image {self.number}"
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A dataset in BOP format. folder: holds the split's folder and that of models. size: of the images, None: of
+    `camera.json`."""
+
+    folder: Path
+    split: str
+    models: str = "models"
+    size: tuple[int, int] | None = None
+
+    def frames(self) -> list[Frame]:
+        """All frames of the split. Raises InputError, naming file and image, for what is missing or broken."""
+        scenes = sorted(path.parent for path in (self.folder / self.split).glob("*/scene_gt.json"))
+        if not scenes:
+            raise InputError(f"{self.folder / self.split} has no scene with a scene_gt.json, expected a BOP dataset")
+        return [frame for scene in scenes for frame in _frames_of(scene)]
+
+    def load_models(self, frames: list[Frame]) -> dict[int, Mesh]:
+        """The models that frames show, by number. Raises InputError for one that is missing."""
+        numbers = sorted({_number_of(one, frame) for frame in frames for one in frame.objects})
+        return {obj_id: load_mesh(self.folder / self.models / f"obj_{obj_id:06d}.ply") for obj_id in numbers}
+
+
+def write_labels(dataset: Dataset, out: Path, workers: int, *, saturate: bool = False) -> Iterator[tuple[Frame, str]]:
+    """Write the labels of every frame; yields each with "done", "kept" (written by an earlier run), or what is wrong.
+
+    out/SPLIT/SCENE holds depth/FRAME.png (times the frame's depth_scale: millimetres), mask/FRAME_OBJECT.png,
+    mask_visib/FRAME_OBJECT.png, and scene_gt_info.json, all as in the BOP format. workers: threads. saturate: depths
+    that do not fit 16 bits become 65,535.
+    Raises InputError, before anything is drawn, for a dataset that cannot be used, and StorageError.
+    """
+    frames = dataset.frames()
+    meshes = dataset.load_models(frames)
+    width, height = dataset.size or image_size(frames[0].scene / "scene_gt.json")
+    kept = local()
+
+    def draw(frame: Frame) -> str:
+        folder = out / dataset.split / frame.scene.name
+        record = folder / "info" / f"{frame.number:06d}.json"
+        if record.is_file():
+            return "kept"
+        if not hasattr(kept, "renderer"):
+            kept.renderer = Renderer(width, height)
+            for obj_id, mesh in meshes.items():
+                kept.renderer.add_object(obj_id, mesh)
+        try:
+            with entry(frame.where):
+                write_atomically(record, json.dumps(_label(kept.renderer, frame, folder, saturate)).encode())
+        except InputError as error:
+            return str(error)
+        return "done"
+
+    with ThreadPoolExecutor(workers) as pool:
+        yield from zip(frames, pool.map(draw, frames), strict=True)
+    for scene in dict.fromkeys(frame.scene for frame in frames):
+        folder = out / dataset.split / scene.name
+        records = sorted((folder / "info").glob("*.json"))
+        gathered = {str(int(path.stem)): json.loads(path.read_bytes()) for path in records}
+        write_atomically(folder / "scene_gt_info.json", json.dumps(gathered).encode())
+
+
+def _label(renderer: Renderer, frame: Frame, folder: Path, saturate: bool) -> list[dict[str, Any]]:
+    """Write the images of a frame; returns its entry of scene_gt_info."""
+    poses = [
+        Pose(_number_of(one, frame), matrix_of(one, "cam_R_m2c", 9).reshape(3, 3), matrix_of(one, "cam_t_m2c", 3))
+        for one in frame.objects
+    ]
+    camera_of_image(frame.camera, renderer.width, renderer.height)  # refuses what is no camera
+    fx, _, cx, _, fy, cy, *_ = matrix_of(frame.camera, "cam_K", 9).tolist()
+    labels = renderer.label(poses, fx, fy, cx, cy)
+    scale = number("depth_scale", frame.camera.get("depth_scale", 1.0))
+    if not scale > 0.0:
+        raise InputError(f"depth_scale is {scale:g}, expected a number above 0")
+    depth = fit_16_bits("depths", labels.depth.astype(np.float64) / scale, saturate, "or saturate")
+    name = f"{frame.number:06d}"
+    write_atomically(folder / "depth" / f"{name}.png", encode_png(depth))
+    for kind, masks in (("mask", labels.masks), ("mask_visib", labels.visible)):
+        for place, mask in enumerate(masks):
+            path = folder / kind / f"{name}_{place:06d}.png"
+            write_atomically(path, encode_png(np.where(mask, 255, 0).astype(np.uint8)))
+    return labels.info
+
+
+def _frames_of(scene: Path) -> Iterator[Frame]:
+    cameras, objects = read_json(scene / "scene_camera.json"), read_json(scene / "scene_gt.json")
+    for name, given in objects.items():
+        with entry(f"{scene / 'scene_gt.json'}, image {name!r:.100}"):
+            if not name.isdecimal() or not isinstance(given, list):
+                raise InputError("expected the number of an image and a list of objects")
+            if not isinstance(cameras.get(name), dict):
+                raise InputError("it has no camera in scene_camera.json")
+        yield Frame(scene, int(name), cameras[name], given)
+
+
+def _number_of(given: Any, frame: Frame) -> int:
+    obj_id = given.get("obj_id") if isinstance(given, dict) else None
+    if isinstance(obj_id, bool) or not isinstance(obj_id, int) or obj_id < 0:
+        raise InputError(f"{frame.where}: obj_id is {obj_id!r:.100}, expected a whole number")
+    return obj_id

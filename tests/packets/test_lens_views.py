@@ -1,0 +1,149 @@
+"""Cameras with a lens: every method sees through them what the reference sees, or refuses them and names the lens."""
+
+import numpy as np
+import pytest
+
+import atra
+from atra.judge.oracle import examine, nearest_hits
+from atra.judge.reference import brute_force
+from atra.shafts.eye import EyeTracer
+from tests.images import CELLS, assert_equal_images, assert_no_pixel_wrong, make_tracer
+from tests.lenses import lens_camera, random_lens
+from tests.meshes import cornell_box, cornell_camera, quads
+
+LENSES = {
+    "barrel": atra.OpenCVLens(k1=-0.3, k2=0.08, p1=0.002, p2=-0.001),
+    "folded": atra.OpenCVLens(k1=-0.6),
+    "fisheye": atra.FisheyeLens(k1=0.05, k2=-0.01),
+    "panorama": atra.EquirectangularLens(),
+}
+PLACED = cornell_camera(96, 72)
+TRACERS = {f"packets of {width}": (atra.PixelTracer, {"packet_width": width}) for width in (1, 4, 8, 16)} | {
+    "bvh": (atra.BvhTracer, {"packet_width": 1}),
+    "bvh of 8": (atra.BvhTracer, {"packet_width": 8}),
+}
+
+
+def trace(kind, mesh, camera, **options):
+    tracer, own = TRACERS[kind]
+    with tracer(mesh, camera, threads=1, **own, **options) as made:
+        return made.trace((0.25, 0.625))
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_every_method_that_takes_a_lens_sees_what_the_reference_sees(name):
+    mesh, camera = cornell_box(), lens_camera(LENSES[name], PLACED)
+    reference = brute_force(mesh, camera, (0.25, 0.625))
+    assert reference.hit.any()
+    for kind in TRACERS:
+        hits = trace(kind, mesh, camera)
+        agreement = assert_no_pixel_wrong(mesh, camera, hits, reference)
+        assert agreement.pixels_equal >= 0.999 * agreement.pixels, (kind, str(agreement))
+        examined = examine(mesh, camera, hits, reference, agreement, np.arange(0, agreement.pixels, 7))
+        assert not examined.hits.wrong.any(), kind
+    assert not (reference.hit & ~camera.has_ray(reference.offset)).any()
+    assert camera.has_ray().all() != (name == "folded")
+
+
+def test_a_hit_lies_on_its_ray_where_its_depth_says():
+    for name in LENSES:
+        mesh, camera = cornell_box(), lens_camera(LENSES[name], PLACED)
+        hits = trace("packets of 8", mesh, camera)
+        origins, directions = camera.rays_world(hits.offset)
+        places = origins + hits.depth_along("ray")[..., None] * directions / np.linalg.norm(
+            directions, axis=-1, keepdims=True
+        )
+        np.testing.assert_allclose(hits.points[hits.hit], places[hits.hit], atol=2e-6)
+        axis = camera.to_camera_space(hits.points[hits.hit])[:, 2]
+        np.testing.assert_allclose(hits.depth_along("axis")[hits.hit], axis, atol=2e-6)
+        corners = mesh.triangles(hits.prim_id[hits.hit])
+        u, v = hits.u[hits.hit][:, None], hits.v[hits.hit][:, None]
+        weighed = (1 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2]
+        np.testing.assert_allclose(weighed, hits.points[hits.hit], atol=2e-6)
+        assert np.isnan(hits.points[~hits.hit]).all()
+    with pytest.raises(atra.InputError, match="along 'z', expected axis or ray"):
+        hits.depth_along("z")
+
+
+def test_an_image_that_sees_something_where_there_is_no_ray_is_wrong():
+    mesh, camera = cornell_box(), lens_camera(LENSES["folded"], PLACED)
+    reference = brute_force(mesh, camera)
+    prim_id, depth = reference.prim_id.copy(), reference.depth.copy()
+    prim_id[0, 0], depth[0, 0] = 3, 1.0
+    agreement = atra.compare(mesh, camera, atra.Hits(depth, prim_id, (0.5, 0.5), mesh, camera), reference)
+    assert agreement.pixels_wrong == 1
+    assert nearest_hits(mesh, camera, np.array([0]), np.array([0])).prim_id[0] == atra.MISS
+
+
+def test_an_image_moved_by_a_hundredth_of_a_pixel_is_wrong_somewhere():
+    for name in ("barrel", "fisheye", "panorama"):
+        mesh, camera = cornell_box(), lens_camera(LENSES[name], PLACED)
+        moved = brute_force(mesh, camera, (0.51, 0.5))
+        as_if = atra.Hits(moved.depth, moved.prim_id, (0.5, 0.5), mesh, camera)
+        assert atra.compare(mesh, camera, as_if, brute_force(mesh, camera)).pixels_wrong > 0
+
+
+def test_of_tied_triangles_a_lens_shows_the_lowest():
+    square = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
+    mesh = quads([square, square])
+    camera = lens_camera(LENSES["barrel"], atra.Camera((0.1, 0.2, 2.0), (0, 0, 0)))
+    for kind in TRACERS:
+        assert set(np.unique(trace(kind, mesh, camera).prim_id)) == {0, 1, atra.MISS}
+
+
+def test_a_tracer_looks_through_one_lens_after_another():
+    mesh = cornell_box()
+    with atra.PixelTracer(mesh, PLACED, threads=1) as tracer:
+        for name in ("barrel", "panorama", None, "barrel"):
+            camera = PLACED if name is None else lens_camera(LENSES[name], PLACED)
+            tracer.look(camera)
+            assert_equal_images(mesh, camera, tracer.trace(), brute_force(mesh, camera))
+
+
+def test_a_ray_scene_takes_the_rays_of_a_lens():
+    mesh, camera = cornell_box(), lens_camera(LENSES["folded"], PLACED)
+    sees = camera.has_ray()
+    origins, directions = camera.rays_world()
+    with atra.RayScene(mesh, threads=1) as scene:
+        found = scene.intersect(origins[sees], directions[sees])
+    reference = brute_force(mesh, camera)
+    assert (found.prim_id == reference.prim_id[sees]).mean() > 0.999
+    np.testing.assert_allclose(found.t[found.hit], reference.depth[sees][found.hit], rtol=1e-4)
+
+
+@pytest.mark.parametrize("use", [
+    *(pytest.param(lambda mesh, camera, method=method: make_tracer(method, mesh, camera), id=method)
+      for method in CELLS),
+    pytest.param(lambda mesh, camera: atra.RasterTracer(mesh, camera), id="raster"),
+    pytest.param(lambda mesh, camera: EyeTracer(mesh, camera), id="eye"),
+    pytest.param(lambda mesh, camera: atra.Alignment.of_eyes(camera, camera, atra.Split(1, 1, 96, 72)), id="eyes"),
+    pytest.param(lambda mesh, camera: atra.plan(mesh, camera, frames=1), id="plan"),
+    pytest.param(lambda mesh, camera: atra.PixelTracer(mesh, camera, threads=1).gather(atra.Count()), id="gather"),
+    pytest.param(lambda mesh, camera: atra.RasterTracer(mesh, PLACED).look(camera), id="look"),
+])  # fmt: skip
+def test_methods_that_need_a_plane_refuse_a_lens_by_name(use):
+    with pytest.raises(atra.InputError, match=r"OpenCVLens\(k1=-0\.6\).*camera\.undistorted\(\)"):
+        use(cornell_box(), lens_camera(LENSES["folded"], PLACED))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["cornell_box", "mitsuba", "fireplace_room", "sponza"])
+def test_fifty_random_lenses_on_each_scene_show_nothing_wrong(name):
+    from scenes.loading import load_scene
+
+    scene = load_scene("directory", name, None)
+    placed, random = atra.Camera(**scene.camera), np.random.default_rng(0)
+    tracers = {}
+    for _ in range(50):
+        camera = lens_camera(random_lens(random), placed, 64, 48, random.uniform(0.3, 1.5))
+        y, x = np.divmod(np.arange(64 * 48), 64)
+        truth = nearest_hits(scene.mesh, camera, x, y, threads=None)
+        depth, prim_id = truth.depth.astype(np.float32).reshape(48, 64), truth.prim_id.reshape(48, 64)
+        reference = atra.Hits(depth, prim_id, (0.5, 0.5), scene.mesh, camera)
+        for kind, (tracer, own) in TRACERS.items():
+            if kind not in tracers:
+                tracers[kind] = tracer(scene.mesh, camera, **own)
+            tracers[kind].look(camera)
+            print(name, kind, assert_no_pixel_wrong(scene.mesh, camera, tracers[kind].trace(), reference))
+    for tracer in tracers.values():
+        tracer.close()
