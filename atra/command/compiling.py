@@ -13,15 +13,18 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
+import trimesh
 
 import atra
 from atra.command.doctor import say_kernels
+from atra.compat.trimesh import RayMeshIntersector
 from atra.compiled.instruction_sets import native_lanes
 from atra.compiled.progress import QUIET_VARIABLE
 from atra.compiled.store import INTO_VARIABLE, cache_folder
 from atra.compiled.threads import resolve_threads
 from atra.errors import InputError
 from atra.geometry.view import View
+from atra.rays.all_hits.cells import FEWEST_POINTS
 
 
 def add_compile(parser: ArgumentParser) -> None:
@@ -127,6 +130,9 @@ def _find_all_hits() -> None:
         scene.all_hits(points, points + 1)
         scene.count(points, points + 1)
         scene.contains(points)
+        scene.contains(np.zeros((FEWEST_POINTS, 3)))
+    mesh = trimesh.creation.box()
+    RayMeshIntersector(mesh).intersects_location(points, points + 1)
 
 
 def _compare() -> None:
