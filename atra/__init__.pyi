@@ -86,12 +86,26 @@ from .hits import VisibleTriangles as VisibleTriangles
 from .judge.compare import Agreement as Agreement
 from .judge.compare import Verdict as Verdict
 from .judge.compare import compare as compare
+from .judge.foreign import (
+    Convention as Convention,
+)
+from .judge.foreign import (
+    ForeignImage as ForeignImage,
+)
+from .judge.foreign import (
+    ForeignJudgement as ForeignJudgement,
+)
+from .judge.foreign import (
+    judge_image as judge_image,
+)
 from .packets.pixel import PixelTracer as PixelTracer
 from .packets.tiles import TiledTracer as TiledTracer
 from .planner.plan import Plan as Plan
 from .planner.planning import plan as plan
 from .prim_ids import MISS as MISS
 from .raster.tracer import RasterTracer as RasterTracer
+from .rays.all_hits.gathered import RayLayers as RayLayers
+from .rays.all_hits.lists import RayHitLists as RayHitLists
 from .rays.rays import RayHits as RayHits
 from .rays.rays import Rays as Rays
 from .rays.scene import RayScene as RayScene
@@ -111,7 +125,10 @@ from .tracing.options import (
     RayOptions as RayOptions,
 )
 from .tracing.tracer import Tracer as Tracer
+from .views.face_counts import FaceCounts as FaceCounts
+from .views.face_counts import face_counts as face_counts
 from .views.orbit import orbit as orbit
 from .views.render_views import render_views as render_views
+from .views.visible_points import visible_points as visible_points
 
 __version__: str

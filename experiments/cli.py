@@ -30,8 +30,8 @@ _ACTIONS = {
     "fetch": "experiments.commands.fetching:run_fetch",
     "report": "experiments.report.writing:run_report",
     "doctor": "experiments.commands.doctor:run_doctor",
-    "render": "experiments.commands.picture:run_picture",
-    "bake": "experiments.commands.baking:run_bake",
+    "render": "experiments.commands.making:run_picture",
+    "bake": "experiments.commands.making:run_bake",
     "view": "experiments.viewer.command:run_view",
 }
 """Verb -> the function that does it, imported only when asked for. conf/verb/ holds the defaults of some verbs."""
@@ -68,7 +68,7 @@ def main() -> int:
     from experiments.sweeper import register_sweeper
 
     if f"action={Action.render.value}" in sys.argv[1:2]:
-        from experiments.commands.picture import picture_arguments
+        from experiments.commands.making import picture_arguments
 
         sys.argv[2:] = picture_arguments(sys.argv[2:])
     register_schema(known_kinds())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +16,13 @@ from atra.errors import MemoryBudgetError, RecordError
 from experiments.commands.program import PROGRAM
 from experiments.harness.configuration import Configuration, check_writable, records_folder
 from experiments.harness.identity import Runner, code_sha256, current_environment, identity, identity_of, measure
-from experiments.harness.lock import exclusive
 from experiments.harness.options import plain_options
 from experiments.harness.point import Point
 from experiments.harness.points import PlannedPoint, plan_points
 from experiments.harness.processes.launching import run_worker
 from experiments.harness.progress import SweepProgress, say
-from experiments.harness.records import Record, load_record, read_record, record_path, write_record
-from experiments.report.figures import check_figures
-from experiments.report.writing import choose_folder, tell_whose_tables_are_replaced, write_results
+from experiments.harness.records import Record, exclusive, load_record, read_record, record_path, write_record
+from experiments.report.writing import check_figures, choose_folder, tell_whose_tables_are_replaced, write_results
 from experiments.results.canary import BAND, strays
 from experiments.results.table import make_tables
 from experiments.results.terminal import print_sweep, results_console, say_label, say_outcome
@@ -84,68 +82,20 @@ def run_sweep(
     folder, records = choose_folder(first, points, command, console), records_folder(first)
     check_writable(folder)
     check_writable(records)
+    sweep = _Sweep(points, records, console, run, launch, at_once)
     with exclusive(Path(first.results_dir), records, folder):
-        return _run(
-            points, first, folder, records, command=command, run=run, launch=launch, at_once=at_once, console=console
-        )
+        to_do = sweep.begin(folder, first.sweep.shuffle_seed)
+        interrupted = False
+        try:
+            sweep.measure(to_do)
+            sweep.measure_again()
+        except KeyboardInterrupt:
+            interrupted = True
+        return _finish(sweep, first, folder, command, interrupted)
 
 
-def _run(
-    points: dict[str, SweepPoint],
-    first: Configuration,
-    folder: Path,
-    records: Path,
-    *,
-    command: str,
-    run: Runner,
-    launch: Launch | None,
-    at_once: int,
-    console: Console,
-) -> pd.DataFrame:
-    done: dict[str, Record] = {}
-    finished = impossible = 0
-    warn = _warn_on(console)
-    for point_identity, one in points.items():
-        earlier = read_record(records, point_identity, warn)
-        if earlier is not None and earlier.finished:
-            done[point_identity] = earlier
-            finished += 1
-        elif one.planned.problem is not None:
-            done[point_identity] = measure(one.planned)
-            write_record(records, done[point_identity])
-            impossible += 1
-    to_do = [point_identity for point_identity in points if point_identity not in done]
-    random.Random(first.sweep.shuffle_seed).shuffle(to_do)
-    to_do.sort(key=lambda name: points[name].planned.point.process)
-
-    of_points = sum(one.planned.point.process == 0 for one in points.values())
-    say(
-        console,
-        f"{of_points} points in {len(points)} processes: {finished} finished before, {impossible} cannot be measured, "
-        f"{len(to_do)} to do; results in {folder}",
-    )
-    if to_do:
-        by_configuration = {_key(one.planned.point.configuration()): one.planned.point for one in points.values()}
-
-        def code(record: Record) -> str | None:
-            point = by_configuration.get(_key(record.configuration))
-            return None if point is None else code_sha256(point)
-
-        tell_whose_tables_are_replaced(folder, records, console, code)
-
-    def measure_all(names: Sequence[str]) -> None:
-        if launch is None:
-            _measure_here({name: points[name].planned for name in names}, records, done, run, console)
-        else:
-            _measure_elsewhere({name: points[name] for name in names}, records, done, launch, at_once, console)
-
-    interrupted = False
-    try:
-        measure_all(to_do)
-        _measure_again(records, done, measure_all, console)
-    except KeyboardInterrupt:
-        interrupted = True
-
+def _finish(sweep: _Sweep, first: Configuration, folder: Path, command: str, interrupted: bool) -> pd.DataFrame:
+    points, done = sweep.points, sweep.done
     names = _in_order(points, done)
     tables = make_tables([done[name] for name in names], {done[name].point_id: points[name].grids for name in names})
     table = tables.points
@@ -165,21 +115,127 @@ def _run(
     return table
 
 
-def _measure_again(
-    folder: Path, done: dict[str, Record], measure_all: Callable[[Sequence[str]], None], console: Console
-) -> None:
-    """Measure once more, at the end, what the machine was out of its usual state for (`experiments.results.canary`)."""
-    out = strays(list(done.values()))
-    names = [name for name, one in done.items() if one.point_id in out and not one.results.get("measured_again")]
-    if not names:
-        return
-    say(console, f"{len(names)} processes are measured again: rtcIntersect1 over packets strayed by over {BAND:.0%}")
-    for name in names:
-        record_path(folder, name).unlink(missing_ok=True)  # a job that finds a record does not measure
-    measure_all(names)
-    for name in names:
-        done[name] = replace(done[name], results=done[name].results | {"measured_again": True})
-        write_record(folder, done[name])
+@dataclass
+class _Sweep:
+    """Points of a sweep by identity. folder: of the records. run, launch, at_once: as of `run_sweep`. done: the records
+    so far, by identity."""
+
+    points: dict[str, SweepPoint]
+    folder: Path
+    console: Console
+    run: Runner
+    launch: Launch | None
+    at_once: int
+    done: dict[str, Record] = field(default_factory=dict)
+
+    def begin(self, results: Path, shuffle_seed: int) -> list[str]:
+        """Take over what was finished before, record what cannot be measured, and return what is left to do."""
+        finished, warn = 0, _warn_on(self.console)
+        for name, one in self.points.items():
+            earlier = read_record(self.folder, name, warn)
+            if earlier is not None and earlier.finished:
+                self.done[name] = earlier
+                finished += 1
+            elif one.planned.problem is not None:
+                self._keep(name, measure(one.planned))
+        to_do = [name for name in self.points if name not in self.done]
+        random.Random(shuffle_seed).shuffle(to_do)
+        to_do.sort(key=lambda name: self.points[name].planned.point.process)
+        of_points = sum(one.planned.point.process == 0 for one in self.points.values())
+        say(
+            self.console,
+            f"{of_points} points in {len(self.points)} processes: {finished} finished before, "
+            f"{len(self.done) - finished} cannot be measured, {len(to_do)} to do; results in {results}",
+        )
+        if to_do:
+            by_configuration = {_key(point.configuration()): point for point in map(self._point, self.points)}
+
+            def code(record: Record) -> str | None:
+                point = by_configuration.get(_key(record.configuration))
+                return None if point is None else code_sha256(point)
+
+            tell_whose_tables_are_replaced(results, self.folder, self.console, code)
+        return to_do
+
+    def measure(self, names: Sequence[str]) -> None:
+        """Measure points; an interrupt leaves those that are done."""
+        with SweepProgress(len(names), self.console) as progress:
+            for start in range(0, len(names), self.at_once):
+                batch = names[start : start + self.at_once]
+                labels = [say_label(point) for point in map(self._point, batch)]
+                progress.begin(labels[0] if len(batch) == 1 else f"{labels[0]} and {len(batch) - 1} more")
+                for name, label, told in zip(batch, labels, self._measure_batch(batch), strict=True):
+                    progress.end(label, told, self._kind(name))
+
+    def measure_again(self) -> None:
+        """Measure once more what the machine was out of its usual state for (`experiments.results.canary`)."""
+        out = strays(list(self.done.values()))
+        again = {name: one for name, one in self.done.items() if one.point_id in out}
+        names = [name for name, one in again.items() if not one.results.get("measured_again")]
+        if not names:
+            return
+        say(
+            self.console,
+            f"{len(names)} processes are measured again: rtcIntersect1 over packets strayed by over {BAND:.0%}",
+        )
+        for name in names:
+            record_path(self.folder, name).unlink(missing_ok=True)  # a job that finds a record does not measure
+        self.measure(names)
+        for name in names:
+            one = self.done[name]
+            self._keep(name, replace(one, results=one.results | {"measured_again": True}))
+
+    def _measure_batch(self, batch: Sequence[str]) -> list[str]:
+        """Measure points together; returns what came of each, in words."""
+        if self.launch is None:
+            for name in batch:
+                self._keep(name, measure(self.points[name].planned, self.run))
+            return [say_outcome(self.done[name]) for name in batch]
+        try:
+            problems = self.launch([self.points[name].overrides for name in batch])
+        finally:  # an interrupt, too, leaves records of the batch
+            found = self._launched(batch)
+            self.done |= found
+        return [
+            say_outcome(found[name]) if name in found else f"no record: {problem or 'its job left none to use'}"
+            for name, problem in zip(batch, problems, strict=True)
+        ]
+
+    def _launched(self, batch: Sequence[str]) -> dict[str, Record]:
+        """The records of launched points, by this machine's identity of the point.
+
+        Another machine wrote them under an identity of its own, so they are known by their configuration; those of
+        other code, whose numbers are no longer true, are not. make_table refuses if they are of several machines.
+        """
+        environment, warn = current_environment(), _warn_on(self.console)
+        points = {name: self._point(name) for name in batch}
+        own = {name: read_record(self.folder, identity(point, environment), warn) for name, point in points.items()}
+        found = {name: record for name, record in own.items() if record is not None}
+        if len(found) == len(batch):
+            return found
+        wanted = {_key(point.configuration()): name for name, point in points.items()}
+        elsewhere: dict[str, Record] = {}
+        for path in sorted(self.folder.glob("*.json"), key=lambda path: path.stat().st_mtime):
+            try:
+                record = load_record(self.folder, path.stem)
+            except RecordError:  # perhaps of another sweep or version, and not ours to set aside
+                continue
+            name = None if record is None else wanted.get(_key(record.configuration))
+            if record is not None and name is not None and record.point_id == identity_of(record, points[name]):
+                elsewhere[name] = record
+        return elsewhere
+
+    def _kind(self, name: str) -> str | None:
+        """What tells points apart that compile other kernels, which jobs elsewhere do out of our sight."""
+        point = self._point(name)
+        return f"{point.workload.name} {point.method.name}" if self.launch is None else None
+
+    def _point(self, name: str) -> Point:
+        return self.points[name].planned.point
+
+    def _keep(self, name: str, record: Record) -> None:
+        write_record(self.folder, record)
+        self.done[name] = record
 
 
 def measure_launched(configuration: Configuration) -> None:
@@ -214,69 +270,6 @@ def _plan(grid_points: Sequence[GridPoint], console: Console) -> dict[str, Sweep
             overrides = (*grid_point.overrides, *(() if process == 0 else (f"measure.process={process}",)))
             points[identity(of_process.point, environment)] = SweepPoint(of_process, grids, overrides)
     return points
-
-
-def _measure_here(
-    to_do: dict[str, PlannedPoint], folder: Path, done: dict[str, Record], run: Runner, console: Console
-) -> None:
-    with SweepProgress(len(to_do), console) as progress:
-        for point_identity, planned in to_do.items():
-            progress.begin(say_label(planned.point))
-            record = measure(planned, run)
-            write_record(folder, record)
-            done[point_identity] = record
-            kind = f"{planned.point.workload.name} {planned.point.method.name}"
-            progress.end(say_label(planned.point), say_outcome(record), kind)
-
-
-def _measure_elsewhere(
-    to_do: dict[str, SweepPoint],
-    folder: Path,
-    done: dict[str, Record],
-    launch: Launch,
-    at_once: int,
-    console: Console,
-) -> None:
-    names = list(to_do)
-    with SweepProgress(len(names), console) as progress:
-        for start in range(0, len(names), at_once):
-            batch = names[start : start + at_once]
-            labels = [say_label(to_do[name].planned.point) for name in batch]
-            progress.begin(labels[0] if len(batch) == 1 else f"{labels[0]} and {len(batch) - 1} more")
-            try:
-                problems = launch([to_do[name].overrides for name in batch])
-            finally:  # an interrupt, too, leaves records of the batch
-                found = _launched_records({name: to_do[name].planned.point for name in batch}, folder, console)
-                done |= found
-            for name, label, problem in zip(batch, labels, problems, strict=True):
-                told = (
-                    say_outcome(found[name]) if name in found else f"no record: {problem or 'its job left none to use'}"
-                )
-                progress.end(label, told)
-
-
-def _launched_records(to_do: dict[str, Point], folder: Path, console: Console) -> dict[str, Record]:
-    """The records of launched points, by this machine's identity of the point.
-
-    Another machine wrote them under an identity of its own, so they are known by their configuration; those of other
-    code, whose numbers are no longer true, are not. make_table refuses if they are of several machines.
-    """
-    environment, warn = current_environment(), _warn_on(console)
-    own = {name: read_record(folder, identity(point, environment), warn) for name, point in to_do.items()}
-    if all(record is not None for record in own.values()):
-        return {name: record for name, record in own.items() if record is not None}
-    by_configuration: dict[str, Record] = {}
-    wanted = {_key(point.configuration()): point for point in to_do.values()}
-    for path in sorted(folder.glob("*.json"), key=lambda path: path.stat().st_mtime):
-        try:
-            record = load_record(folder, path.stem)
-        except RecordError:  # perhaps of another sweep or version, and not ours to set aside
-            continue
-        point = None if record is None else wanted.get(_key(record.configuration))
-        if record is not None and point is not None and record.point_id == identity_of(record, point):
-            by_configuration[_key(record.configuration)] = record
-    found = {name: by_configuration.get(_key(point.configuration())) for name, point in to_do.items()}
-    return {name: record for name, record in found.items() if record is not None}
 
 
 def _key(configuration: Mapping[str, Any]) -> str:

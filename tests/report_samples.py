@@ -11,7 +11,7 @@ from experiments.report import ReportContents
 from experiments.results.claims import JudgedClaim
 from experiments.results.table import columns, frame_of, rows_of
 from experiments.workloads import WORKLOADS, find_workload
-from experiments.workloads.picture.pictures import ScenePictures
+from experiments.workloads.picture.files import ScenePictures
 
 HOSTILE = "<script>document.title='taken over'</script>"
 SCENES = {"cornell_box": (1112, None), "material_ball": (61600, "mitsuba")}

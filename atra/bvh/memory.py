@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.bvh.layout import STACK
 from atra.bvh.packets import ROWS
 from atra.bvh.single import COUNTS
+from atra.trees.layout import STACK
 
 AHEAD = 16
 """Rays whose shafts are looked up together, before they are traced; this hides memory latency."""

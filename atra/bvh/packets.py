@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from atra.bvh.layout import BLOCK, BLOCK_BYTES, IDS, NODE_BYTES, first_of, kind_of
 from atra.bvh.single import BLOCKS, BOXES, MARGIN, SLACK, STEPS, next_node
 from atra.bvh.triangles import CLAMP_SLACK, meet_corners, shear_of
 from atra.compiled.intrinsics import float_at, uint32_at
@@ -13,6 +12,7 @@ from atra.compiled.memory import load, store
 from atra.compiled.store import njit
 from atra.compiled.vectors import bits_of, lane, larger, repeated, size, smaller, where
 from atra.embree.packets_kernels import MISS
+from atra.trees.layout import BLOCK, BLOCK_BYTES, IDS, NODE_BYTES, first_of, kind_of
 
 X, Y, Z, DIRECTION_X, DIRECTION_Y, DIRECTION_Z, INVERSE_X, INVERSE_Y, INVERSE_Z, TNEAR, TFAR, PRIM_ID = range(12)
 """Rows of a bundle: one ray a column, then its hit. All are float32 except PRIM_ID, which is uint32."""

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.bvh.batches import Batch, batch_kernel
-from atra.bvh.bvh import Bvh, bvh_of
 from atra.bvh.memory import Memory
 from atra.bvh.options import BvhKeywords, BvhOptions
 from atra.bvh.starts import NO_SHAFTS, ROOT_LIST, Shafts
@@ -22,6 +21,7 @@ from atra.geometry.ray_space import check_world_range
 from atra.rays.rays import RayHits, Rays
 from atra.tracing.lifetime import MeshLifetime, in_turn
 from atra.tracing.options import lists_options
+from atra.trees.bvh import Bvh, bvh_of
 
 
 @dataclass(frozen=True, eq=False)

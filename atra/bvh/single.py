@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from atra.bvh.layout import BLOCK, BLOCK_BYTES, IDS, NODE_BYTES, first_of, kind_of
 from atra.bvh.triangles import CLAMP_SLACK, meet_corners, shear_of
 from atra.compiled.intrinsics import uint32_at
 from atra.compiled.memory import fetch, load
 from atra.compiled.store import njit
 from atra.compiled.vectors import bits_of, lane, larger, repeated, size, smaller, with_lane
 from atra.embree.packets_kernels import MISS
+from atra.trees.layout import BLOCK, BLOCK_BYTES, IDS, NODE_BYTES, first_of, kind_of
 
 STEPS, BOXES, BLOCKS, LISTED, FROM_ROOT, PROVEN = range(6)
 """Indices of the traversal counters: nodes visited, boxes tested, blocks tested, list entries taken, rays started at

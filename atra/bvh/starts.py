@@ -11,12 +11,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.bvh.layout import ROOT
 from atra.bvh.memory import AHEAD
 from atra.bvh.single import FETCHED, FROM_ROOT, PROVEN, SMALLEST_COMPONENT, fetch_node
 from atra.compiled.memory import load, store
 from atra.compiled.store import njit
 from atra.compiled.vectors import larger, last_whole, repeated, signed_like, size, smaller, where
+from atra.trees.layout import ROOT
 
 LANES = 8
 """Rays classified at once."""

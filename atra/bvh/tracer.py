@@ -9,7 +9,6 @@ from typing import Any, ClassVar, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.bvh.bvh import Bvh, bvh_of
 from atra.bvh.images import Start, image_kernel, lens_kernel
 from atra.bvh.memory import Memory
 from atra.bvh.options import BvhKeywords, BvhOptions
@@ -29,6 +28,7 @@ from atra.tracing.lens_rays import LensRays
 from atra.tracing.lifetime import TracerLifetime, in_turn
 from atra.tracing.options import lists_options
 from atra.tracing.rays import SQUAREST_SHAPE, image_ray_grid, pixel_tiles
+from atra.trees.bvh import Bvh, bvh_of
 
 
 class BvhTracer(TracerLifetime[Hits]):

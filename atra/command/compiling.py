@@ -121,10 +121,24 @@ def _shoot_rays() -> None:
             scene.occluded(origins, directions)
 
 
+def _find_all_hits() -> None:
+    with atra.RayScene(_closed()) as scene:
+        points = np.zeros((4, 3), np.float32)
+        scene.all_hits(points, points + 1)
+        scene.count(points, points + 1)
+        scene.contains(points)
+
+
 def _compare() -> None:
     mesh, camera = _mesh(), _cameras()["pinhole"]
     with atra.RasterTracer(mesh, camera) as one, atra.PixelTracer(mesh, camera) as other:
         atra.compare(mesh, camera, one.trace(), other.trace())
+
+
+def _place_hits() -> None:
+    with atra.RasterTracer(_mesh(), _cameras()["pinhole"]) as tracer:
+        hits = tracer.trace()
+    _ = hits.u, hits.points, hits.normals
 
 
 def _jobs() -> Iterator[tuple[str, Callable[[], None]]]:
@@ -134,7 +148,9 @@ def _jobs() -> Iterator[tuple[str, Callable[[], None]]]:
     for what, view, tracer in product(_REDUCTIONS, _cameras(), _ALL_HITS):
         yield f"{tracer}, {view}, {what}", partial(_gather, tracer, view, what)
     yield "rays", _shoot_rays
+    yield "all hits of rays", _find_all_hits
     yield "comparing", _compare
+    yield "raster, places and normals of hits", _place_hits
 
 
 JOBS = dict(_jobs())

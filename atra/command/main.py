@@ -14,6 +14,8 @@ import atra
 from atra.command.bop import bop_parser
 from atra.command.compiling import add_compile, run_compile
 from atra.command.doctor import run_doctor
+from atra.command.judging import EXAMPLES as JUDGE_EXAMPLES
+from atra.command.judging import SUMMARY, add_judge, run_judge
 from atra.command.render import EXAMPLES, add_render, run_render
 from atra.errors import AtraError
 
@@ -88,4 +90,9 @@ def _parser() -> ArgumentParser:
     )
     add_render(render)
     render.set_defaults(run=run_render)
+    judge = verbs.add_parser(
+        "judge", help=SUMMARY, description=SUMMARY, epilog=JUDGE_EXAMPLES, formatter_class=RawDescriptionHelpFormatter
+    )
+    add_judge(judge)
+    judge.set_defaults(run=run_judge)
     return parser

@@ -18,15 +18,13 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from llvmlite.binding import Linkage, parse_assembly
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, _CacheLocator
 from numba.core.ccallback import CFunc
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
 from numba.core.serialize import dumps
 from numba.core.sigutils import normalize_signature
 
 from atra.compiled import progress
+from atra.compiled.compilers import KernelCompiler, PartCompiler
 from atra.compiled.instruction_sets import limit_numba
 from atra.compiled.locks import lock_between_processes
 
@@ -75,13 +73,13 @@ def cache_folder() -> str | None:
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile `function` when it is first called, to run without the GIL, and keep the code on disk."""
-    return keep_on_disk(numba.njit(nogil=True, pipeline_class=_KernelCompiler)(function))
+    return keep_on_disk(numba.njit(nogil=True, pipeline_class=KernelCompiler)(function))
 
 
 def float_kernel(function: Callable[..., Any]) -> Any:
     """As `kernel`, for loops that shall be as fast as C's: a division by zero gives inf or NaN, and nothing counts who
     refers to an array, which takes two calls wherever one gets a name. Such a kernel can make no arrays."""
-    options = {"nogil": True, "error_model": "numpy", "_nrt": False, "pipeline_class": _KernelCompiler}
+    options = {"nogil": True, "error_model": "numpy", "_nrt": False, "pipeline_class": KernelCompiler}
     return keep_on_disk(numba.njit(**options)(function))
 
 
@@ -90,7 +88,8 @@ def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     takes as long as a small function itself. A call from Python compiles the function again, with Numba's `njit`."""
     if function is None:
         return partial(njit, **options)
-    called = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)(function)
+    wrappers = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    called = numba.njit(pipeline_class=PartCompiler, **wrappers, **options)(function)
     called._insert = lambda *_, **__: None  # keeps Numba from running a wrapper that is not there
     called._compile_for_args = lambda *_, **__: _for_python(function, **options)  # what Numba calls instead
     return called
@@ -106,7 +105,7 @@ def callback(signature: Any) -> Callable[[Callable[..., Any]], Any]:
 
     def compiled(function: Callable[..., Any]) -> Any:
         kind = normalize_signature(signature)
-        callback = keep_on_disk(CFunc(function, kind, locals={}, options={}, pipeline_class=_KernelCompiler))
+        callback = keep_on_disk(CFunc(function, kind, locals={}, options={}, pipeline_class=KernelCompiler))
         callback.compile()
         return callback
 
@@ -119,48 +118,17 @@ def keep_on_disk(compiled: Any) -> Any:
     return compiled
 
 
+def is_kept(kernel: Any) -> bool:
+    """Whether code of the kernel is shipped or kept on disk, for arguments of any types."""
+    return bool(kernel._cache.has_any())
+
+
 @cache
 def _warn(reason: str) -> None:
     warnings.warn(
         f"compiled code cannot be kept ({reason}), so every run compiles it anew; NUMBA_CACHE_DIR names another folder",
         stacklevel=1,
     )
-
-
-class _KernelCode(JITCodeLibrary):
-    """Code in which copies of other functions have names of their own.
-
-    Of functions with one name the first that a process loads is called everywhere. One that has compiled them by
-    themselves would call those, optimised in another way than the copies that it keeps, which tests would then miss.
-    """
-
-    def serialize_using_object_code(self) -> Any:
-        """Machine code, and a module that has no more than the names in it. Numba keeps all bitcode, which is several
-        times as large, for functions that call this one; nothing calls a kernel."""
-        name, kind, (machine_code, _) = super().serialize_using_object_code()
-        module = self._get_module_for_linking()
-        lines = [f'define void @"{one.name}"() {{ ret void }}' for one in module.functions if _is_own(one)]
-        lines += [f'@"{one.name}" = global i8 0' for one in module.global_variables if _is_own(one)]
-        return name, kind, (machine_code, parse_assembly("\n".join(lines)).as_bitcode())
-
-    def _optimize_final_module(self) -> None:
-        super()._optimize_final_module()
-        own = sha256(self._final_module.as_bitcode()).hexdigest()
-        for function in self._final_module.functions:
-            if function.linkage == Linkage.linkonce_odr and not function.is_declaration:
-                function.name += f".{own}"
-
-
-def _is_own(symbol: Any) -> bool:
-    """Whether code defines this symbol, and for others to see."""
-    return not symbol.is_declaration and symbol.linkage not in (Linkage.internal, Linkage.private)
-
-
-class _KernelCompiler(Compiler):
-    def __init__(self, typing: Any, target: Any, library: None, *rest: Any) -> None:
-        code = _KernelCode(target.codegen(), "kernel")
-        code.enable_object_caching()
-        super().__init__(typing, target, code, *rest)
 
 
 class _Nowhere(_CacheLocator):
@@ -251,6 +219,10 @@ class _Cache(FunctionCache):
         elif self._lock is not None:
             self._lock.release()
         return found
+
+    def has_any(self) -> bool:
+        """Whether there is code for arguments of any types."""
+        return any(index is not None and index._load_index() for index in (self._shipped, self._cache_file))
 
     def _found(self, sig: Any, target_context: Any) -> Any:
         key = self._index_key(sig, target_context.codegen())

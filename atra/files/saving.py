@@ -77,10 +77,15 @@ def encode_exr(channels: Mapping[str, NDArray[Any]]) -> bytes:
 
 
 def _png(layers: Layers) -> bytes:
+    return encode_png(depth_shading(layers["depth"]))
+
+
+def encode_png(picture: NDArray[np.uint8]) -> bytes:
+    """A PNG file of (H, W) grey values or (H, W, 3) colours; needs Pillow."""
     from PIL import Image
 
     content = io.BytesIO()
-    Image.fromarray(depth_shading(layers["depth"])).save(content, "png")
+    Image.fromarray(picture).save(content, "png")
     return content.getvalue()
 
 

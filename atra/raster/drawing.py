@@ -111,7 +111,10 @@ def _draw_cluster(lanes, half, parallel, eye, clusters, cluster, width, band, wo
     count, prim_ids, vertices, vertex_count = open_cluster(parallel, eye, clusters, cluster, width, band, workspace)
     listed, floats, identities = integers_at(workspace.listed), floats_at(workspace.floats), identities_at(prim_ids)
     for batch in range(0, count, BATCH):
-        may_be_seen, ordinary = set_up(parallel, True, True, width, batch, band, workspace)
+        # np.bool_ of a constant is none for Numba: `set_up` is compiled once, for drawing and for all hits.
+        may_be_seen, ordinary = set_up(
+            np.bool_(parallel), np.bool_(True), np.bool_(True), width, batch, band, workspace
+        )
         for k in range(min(BATCH, count - batch)):
             if not (may_be_seen >> k) & 1:
                 continue

@@ -8,6 +8,7 @@ from itertools import accumulate
 from typing import Any
 
 import numpy as np
+from numba import typeof
 from numpy.typing import NDArray
 
 from atra.all_hits.target_kernels import band_stride
@@ -17,7 +18,7 @@ from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
 from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.view import View
-from atra.raster.clusters import CLUSTER, POINT_BYTES, VERTICES, Clusters, clusters_of
+from atra.raster.clusters import CLUSTER, POINT_BYTES, VERTICES, ClusterAddresses, Clusters, clusters_of
 from atra.raster.culling import TILE, cull_clusters, tile_stride
 from atra.raster.drawing import drawing_kernel
 from atra.raster.image import CACHE_LINE, Eye, Image, Viewpoint, Workspace
@@ -127,3 +128,12 @@ def compile_kernels(lanes: int, parallel: bool) -> None:
     pool = WorkerPool(1)
     draw_frame(mesh, camera, (0.5, 0.5), lanes, Scratch.of(mesh, pool), pool, out)
     pool.close()
+
+
+def compile_drawing(lanes: int, parallel: bool) -> None:
+    """Have the kernel compiled that draws, which takes longer than all others together."""
+    arrays = np.empty((0, 4), np.int32), np.empty(0, np.float32), np.empty(0, np.int64)
+    eye, addresses, image = Eye(0, 0, 0, 0.0), ClusterAddresses(0, 0, 0, 0, 0), Image(0, 0, 0, 0)
+    workspace = Workspace(0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
+    drawing: Any = drawing_kernel(lanes, parallel)
+    drawing.compile(tuple(map(typeof, (0, eye, addresses, *arrays, 0, image, workspace))))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.all_hits.reductions import Reduction
+from atra.compiled.beside import compile_beside
 from atra.compiled.instruction_sets import native_lanes
 from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.exact.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
@@ -18,7 +19,8 @@ from atra.geometry.ray_space import check_range
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.raster.all_hits.frames import gather_frame
-from atra.raster.frames import Scratch, compile_kernels, draw_frame
+from atra.raster.drawing import drawing_kernel
+from atra.raster.frames import Scratch, compile_drawing, compile_kernels, draw_frame
 from atra.tracing.all_hits import Gathering, target_of
 from atra.tracing.budgets import check_image_memory
 from atra.tracing.images import images_of, outputs
@@ -70,6 +72,8 @@ class RasterTracer(Gathering):
         return ((self.mesh, self.camera),)
 
     def _plan(self) -> float:
+        parallel = self.camera.is_parallel
+        compile_beside(drawing_kernel(self.lanes, parallel), compile_drawing, self.lanes, parallel)
         if self.options.ties == "lowest":  # found once per mesh, like reading it, and so outside the clock of a plan
             coplanar_overlaps(self.mesh)
         start = perf_counter()

@@ -2,12 +2,28 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.compiled.aligned_memory import aligned_empty
+from atra.compiled.threads import WorkerPool
 from atra.geometry.mesh import Mesh
 from atra.rays.rays import Rays
-from atra.rays.rays_kernels import ALIKE_DIRECTIONS
+from atra.rays.rays_kernels import (
+    ALIKE_DIRECTIONS,
+    BUCKETS,
+    CELLS,
+    RECORD,
+    SORTED_CHUNK,
+    number_rays,
+    order_rays,
+    put_back,
+)
+
+Numbers = tuple[NDArray[np.float32], ...]
+"""Of rays: origins, directions, tnear, tfar."""
 
 FEWEST_RAYS, FEWEST_TRIANGLES = 1 << 14, 1 << 17
 """Smallest batch and smallest mesh whose rays are put in order; smaller ones fit the cache anyway."""
@@ -46,3 +62,41 @@ def box_of(origins: NDArray[np.float32]) -> NDArray[np.float32]:
     sample is looked at."""
     some = origins[:: max(1, len(origins) // _BOX_SAMPLES)]
     return np.stack([some.min(axis=0), some.max(axis=0)])
+
+
+class RayOrder:
+    """Puts rays in an order in which those that start near each other and head the same way follow each other."""
+
+    def __init__(self, pool: WorkerPool) -> None:
+        self._pool = pool
+        self._memory: tuple[NDArray[np.float32], NDArray[np.uint32]] | None = None
+
+    def ordered(
+        self, origins: NDArray[np.float32], directions: NDArray[np.float32], *ends: NDArray[np.float32]
+    ) -> tuple[Numbers, NDArray[np.uint32], NDArray[np.uint32]]:
+        """The same rays in an order in which those that start near each other and head the same way follow each other;
+        the place of each in it; and room for two answers of each, (2, >= N). All of it until the next are ordered."""
+        count = len(origins)
+        low, high = box_of(origins)
+        with np.errstate(divide="ignore", over="ignore"):
+            inverse = np.where(high > low, CELLS / (high - low), 0.0).astype(np.float32)
+        keys, counts = np.empty(count, np.uint16), np.zeros((-(-count // SORTED_CHUNK), BUCKETS), np.int32)
+        self._pool.run(lambda _, counter: number_rays(counter, origins, directions, low, inverse, keys, counts))
+        bounds = np.cumsum(counts.T).reshape(BUCKETS, -1).T  # bucket by bucket, in each chunk by chunk
+        starts = np.ascontiguousarray(bounds - counts, np.int32)
+        if self._memory is None or len(self._memory[0]) < count:  # kept: fresh pages cost more than to write to them
+            self._memory = aligned_empty((count, RECORD), np.float32), np.empty((3, count), np.uint32)
+        records, places, room = self._memory[0][:count], self._memory[1][0, :count], self._memory[1][1:]
+        given = keys, starts, origins, directions, *ends
+        self._pool.run(lambda _, counter: order_rays(counter, *given, records, places))
+        return (records[:, :3], records[:, 4:7], records[:, 3], records[:, 7]), places, room
+
+    def put_back(self, places: NDArray[np.uint32], answers: NDArray[Any], output: NDArray[Any]) -> None:
+        """output = answers[places], (N,) each."""
+        bits = np.dtype(f"u{output.itemsize}")  # one kernel for all that have as many
+        given = places, answers.view(bits), output.view(bits)
+        self._pool.run(lambda _, counter: put_back(counter, *given))
+
+    def forget(self) -> None:
+        """Release the memory."""
+        self._memory = None

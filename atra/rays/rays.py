@@ -14,6 +14,7 @@ from atra.exact.intersection import intersect_rays
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import FARTHEST_FROM_EYE
 from atra.prim_ids import MISS
+from atra.rays.geometries import Geometries
 from atra.rays.rays_kernels import first_unfit
 
 SHORTEST, LONGEST = 1e-20, 1e20
@@ -81,55 +82,85 @@ class Rays:
 class RayHits:
     """The closest hit of every ray of a batch.
 
-    t: (N,) float32, in lengths of the ray's direction, inf = miss.
-    prim_id: (N,) uint32 in the mesh's own numbering, `MISS` (0xFFFFFFFF) = miss.
-    rays, mesh: what was traced; `u` and `v` are computed from them when first asked for.
+    All arrays have the leading shape of the rays as given, (N,) for `Rays`.
+    t: float32, in lengths of the ray's direction, inf = miss.
+    prim_id: uint32 in the mesh's own numbering, `MISS` (0xFFFFFFFF) = miss.
+    rays, mesh: what was traced; `u` and `v` are computed from them when first asked for. geometries: of a scene of
+    several meshes, which are joined to `mesh`.
     """
 
     t: NDArray[np.float32]
     prim_id: NDArray[np.uint32]
     rays: Rays = field(repr=False)
     mesh: Mesh = field(repr=False)
+    geometries: Geometries | None = field(default=None, repr=False)
+    traced_id: NDArray[np.uint32] | None = field(default=None, repr=False)
 
     def __len__(self) -> int:
         return len(self.t)
 
     @property
     def hit(self) -> NDArray[np.bool_]:
-        """(N,) bool, True where the ray hits."""
+        """bool, True where the ray hits."""
         return self.prim_id != MISS
 
     @property
+    def geometry_id(self) -> NDArray[np.uint32]:
+        """uint32, which of the scene's meshes is hit, `MISS` = miss."""
+        if self.geometries is None or self.traced_id is None:
+            return np.where(self.hit, np.uint32(0), MISS)
+        return self.geometries.geometry_ids(self.traced_id)
+
+    @property
     def u(self) -> NDArray[np.float32]:
-        """(N,) float32 barycentric weight of the triangle's second vertex, NaN = miss."""
+        """float32 barycentric weight of the triangle's second vertex, NaN = miss."""
         return self._barycentric[0]
 
     @property
     def v(self) -> NDArray[np.float32]:
-        """(N,) float32 barycentric weight of the triangle's third vertex, NaN = miss."""
+        """float32 barycentric weight of the triangle's third vertex, NaN = miss."""
         return self._barycentric[1]
 
     @cached_property
     def _barycentric(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        u, v = np.full(len(self), np.nan, np.float32), np.full(len(self), np.nan, np.float32)
-        hit = self.hit
-        found = intersect_rays(self.mesh, self.rays.origins[hit], self.rays.directions[hit], self.prim_id[hit])
+        u, v = np.full(self.t.shape, np.nan, np.float32), np.full(self.t.shape, np.nan, np.float32)
+        hit, prim_id = self.hit, self.prim_id if self.traced_id is None else self.traced_id
+        one = hit.reshape(-1)
+        found = intersect_rays(self.mesh, self.rays.origins[one], self.rays.directions[one], prim_id[hit])
         u[hit], v[hit] = found.u, found.v
         return u, v
 
 
 def rays_of(
     origins: Rays | ArrayLike, directions: ArrayLike | None, tnear: ArrayLike | None, tfar: ArrayLike | None
-) -> Rays:
-    """The rays that a caller gives, in either way. Raises InputError for both at once, and as `Rays` does."""
+) -> tuple[Rays, tuple[int, ...]]:
+    """The rays that a caller gives, in any way, and their leading shape.
+
+    Raises InputError for several ways at once, and as `Rays` does.
+    """
     interval = {name: value for name, value in (("tnear", tnear), ("tfar", tfar)) if value is not None}
     if isinstance(origins, Rays):
         if directions is not None or interval:
             raise InputError("directions, tnear and tfar are part of atra.Rays, expected nothing beside them")
-        return origins
+        return origins, (len(origins),)
     if directions is None:
-        raise InputError(f"rays is {origins!r:.100}, expected atra.Rays, or origins and directions")
-    return Rays(origins, directions, **interval)  # type: ignore[arg-type]
+        both = _real("rays", origins)
+        if both.ndim == 0 or both.shape[-1] != 6:
+            raise InputError(
+                f"rays is {origins!r:.100}, expected atra.Rays, or origins and directions, or one array (..., 6)"
+            )
+        shape, flat = both.shape[:-1], both.reshape(-1, 6)
+        ends = {name: _flat(name, value, shape) for name, value in interval.items()}
+        return Rays(flat[:, :3], flat[:, 3:], **ends), shape
+    rays = Rays(origins, directions, **interval)  # type: ignore[arg-type]
+    return rays, (len(rays),)
+
+
+def _flat(name: str, given: ArrayLike, shape: tuple[int, ...]) -> NDArray[Any]:
+    array = _real(name, given)
+    if array.shape not in ((), shape):
+        raise InputError(f"{name} has shape {array.shape}, expected a number, or {shape} like the rays")
+    return array.reshape(-1) if array.ndim else array
 
 
 def _vectors(name: str, given: ArrayLike) -> NDArray[Any]:

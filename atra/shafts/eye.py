@@ -9,7 +9,6 @@ from typing import Any, ClassVar, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.bvh.bvh import bvh_of
 from atra.bvh.images import Start
 from atra.bvh.options import BvhOptions
 from atra.bvh.starts import NO_SHAFTS, Shafts
@@ -26,6 +25,7 @@ from atra.shafts.shape_kernels import ACROSS, AXIS, CORNER, DOWN, EYE, HIGH, LOW
 from atra.tracing.lifetime import in_turn
 from atra.tracing.options import lists_options
 from atra.tracing.rays import check_pinhole
+from atra.trees.bvh import bvh_of
 
 _SLOPE_SLACK = 2.0**-18
 """Margin on the slopes of a tile's border: many roundings of a float32 direction."""

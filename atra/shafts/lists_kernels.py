@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.bvh.images import set_ray
-from atra.bvh.layout import NODE_BYTES, ROOT, Tree, first_of, kind_of
 from atra.bvh.packets import INVERSE_X, TFAR, ways_through
 from atra.bvh.single import nearest
 from atra.bvh.starts import EMPTY_LIST, ROOT_LIST, Grid
@@ -18,6 +17,7 @@ from atra.compiled.store import kernel, njit
 from atra.compiled.vectors import bits_of, larger, repeated, smaller
 from atra.embree.packets_kernels import INFINITY
 from atra.shafts.shape_kernels import HIGH, LOW, direction_of, heading, overlaps, set_shape
+from atra.trees.layout import NODE_BYTES, ROOT, Tree, first_of, kind_of
 
 LANES = 8
 """Sampled rays tested with a box at once."""

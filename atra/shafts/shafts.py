@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.bvh.bvh import Bvh
-from atra.bvh.layout import STACK
 from atra.bvh.packets import ROWS
 from atra.bvh.single import COUNTS
 from atra.bvh.starts import EMPTY_LIST, FIRST_LIST, MOST, NO_LISTS, ROOT_LIST, UNKNOWN, Grid, Shafts
@@ -22,6 +20,8 @@ from atra.shafts.lists_kernels import LANES, Building, Sampling, build_lists, ma
 from atra.shafts.options import OF_RAYS, ShaftOptions
 from atra.shafts.shape_kernels import SHAPE
 from atra.tracing.budgets import check_needed_bytes
+from atra.trees.bvh import Bvh
+from atra.trees.layout import STACK
 
 FARTHEST = 8.0
 """Largest coordinate of an origin that is classified, as a multiple of the box's; farther out, rounding approaches the

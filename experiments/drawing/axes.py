@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
 
-from experiments.drawing.style import GREY
+from experiments.drawing.style import DOTTED, GREY, SMALL
 from experiments.drawing.values import drawable
 
 _SPLITS = {"split_x": "horizontal splits", "split_y": "vertical splits"}
@@ -95,6 +95,23 @@ def place_counts(axis: Axes, counts: Iterable[int], margin: float) -> list[int]:
     axis.minorticks_off()
     axis.set_xlim(ordered[0] / margin, ordered[-1] * margin)
     return ordered
+
+
+def mark_place(
+    axis: Axes, at: tuple[float, float], text: str, place: int, color: str, to_the_left: bool = False
+) -> None:
+    """A ring, a dotted line down from it, and a text beside that line. place: number among several such texts, which
+    may lie close together and so stand at different heights."""
+    axis.plot([at[0]] * 2, [1e-9, at[1]], color=color, linewidth=1, linestyle=DOTTED, zorder=2, label="_line")
+    axis.plot(
+        [at[0]], [at[1]], "o", color=color, markerfacecolor="none", markersize=9, markeredgewidth=1.8, zorder=5,
+        label="_ring",
+    )  # fmt: skip
+    axis.annotate(
+        text, (at[0], 0.03 + 0.065 * place), xycoords=("data", "axes fraction"), xytext=(-3 if to_the_left else 3, 0),
+        textcoords="offset points", ha="right" if to_the_left else "left", fontsize=SMALL, fontweight="bold",
+        color=color, zorder=6,
+    )  # fmt: skip
 
 
 def tidy_axis(

@@ -13,6 +13,8 @@ from experiments.harness.records import Record
 TEXT, WHOLE, REAL, TRUTH = "string", "Int64", "Float64", "boolean"
 """Types of columns, as pandas calls them; each has a missing value."""
 
+_SHOWN = {"s": ("ms", 1e3), "bytes": ("MiB", 2.0**-20)}
+
 _UNITS = {"_s": "s", "_bytes": "bytes", "_gib": "GiB", "_degrees": "degrees"}
 
 
@@ -40,6 +42,11 @@ class Column:
         found = [record.results.get(self.name) if self.read is None else self.read(record) for record in records]
         found = [value for value in found if value is not None]
         return self.over(found) if found else None
+
+    @property
+    def shown(self) -> tuple[str, float]:
+        """The unit that people are shown its numbers in, and the factor that leads to it."""
+        return _SHOWN.get(self.unit, (self.unit, 1.0))
 
     @property
     def unit(self) -> str:

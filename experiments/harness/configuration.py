@@ -17,7 +17,15 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 from atra.compiled.threads import resolve_threads
 from atra.errors import InputError
 from atra.tracing.options import Options, check_choice, option_of
-from experiments.harness.options import Named, find_named, say_options, say_unknown_field, schema, typed_options
+from experiments.harness.options import (
+    Named,
+    check_whole_numbers,
+    find_named,
+    say_options,
+    say_unknown_field,
+    schema,
+    typed_options,
+)
 from experiments.harness.point import Kinds
 from scenes.loading import SceneSource
 
@@ -231,20 +239,17 @@ def _fields_of(kind: type, groups: Mapping[str, Sequence[Named]], path: str = ""
 
 def check_configuration(configuration: Configuration) -> None:
     """Raise InputError naming the first field whose value lies outside its range."""
-    measure, scene, sweep = configuration.measure, configuration.scene, configuration.sweep
-    _at_least("width", configuration.width, 1)
-    _at_least("height", configuration.height, 1)
+    scene, sweep, measure = configuration.scene, configuration.sweep, configuration.measure
+    for section, path, ranges in (
+        (configuration, "", {"width": (1, None), "height": (1, None)}),
+        (scene, "scene.", {"subdivided": (0, None), "copies": (1, None)}),
+        (measure, "measure.", {"processes": (1, None), "process": (0, None), "rounds": (1, None), "warmup": (0, None)}),
+        (configuration.view, "view.", {"port": (0, 65535)}),
+    ):
+        check_whole_numbers(section, path, ranges)
     resolve_threads(configuration.threads)
     for name in ("build_quality", "ties"):
         check_choice(Options.__dataclass_fields__[name], str, getattr(configuration, name), name)
-    _at_least("scene.subdivided", scene.subdivided, 0)
-    _at_least("scene.copies", scene.copies, 1)
-    if not 0 <= configuration.view.port < 1 << 16:
-        raise InputError(f"view.port is {configuration.view.port}, expected a whole number from 0 to 65535")
-    _at_least("measure.processes", measure.processes, 1)
-    _at_least("measure.process", measure.process, 0)
-    _at_least("measure.rounds", measure.rounds, 1)
-    _at_least("measure.warmup", measure.warmup, 0)
     for name in ("frame_budget_s", "time_limit_s", "memory_budget_gib"):
         value = getattr(measure, name)
         if value is not None and not (isfinite(value) and value > 0):
@@ -283,8 +288,3 @@ def check_writable(folder: Path) -> None:
         raise InputError(
             f"results cannot be written to {folder}: {error.strerror}; choose another results_dir"
         ) from None
-
-
-def _at_least(name: str, value: Any, least: int) -> None:
-    if value is not None and value < least:
-        raise InputError(f"{name} is {value}, expected a whole number of at least {least}")

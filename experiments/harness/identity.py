@@ -62,7 +62,7 @@ def code_roots(point: Point) -> tuple[tuple[str, str | None], ...]:
     workload = point.workload
     return (
         (point.method.module, None),
-        (f"{workload.room}.measure", None),
+        workload.code,
         (workload.options.__module__, workload.options.__name__),
         (run_worker.__module__, None),
     )

@@ -20,6 +20,7 @@ from typing import (
 
 from atra.errors import InputError
 from atra.tracing.options import Choices, check_choices, option, option_of, types_of
+from atra.whole_numbers import is_whole_number
 from experiments.harness.column import default_of
 
 Type = TypeVar("Type", bound=type)
@@ -98,6 +99,18 @@ def taking_all(
         return settings(cls)
 
     return made
+
+
+def check_whole_numbers(options: Any, path: str, ranges: Mapping[str, tuple[int, int | None]]) -> None:
+    """Raise InputError for a field that is no whole number from the least to the most that it may be, None = any.
+
+    path: of the options on the command line, as "workload.".
+    """
+    for name, (least, most) in ranges.items():
+        value = getattr(options, name)
+        if not is_whole_number(value) or value < least or (most is not None and value > most):
+            expected = f"of at least {least}" if most is None else f"from {least} to {most}"
+            raise InputError(f"{path}{name} is {value!r}, expected a whole number {expected}")
 
 
 class Named(Protocol):

@@ -114,9 +114,11 @@ class Workload:
     """A workload.
 
     name: as configured. options: its own typed settings, with defaults. columns: of the table, each read from a record.
-    headline: a measured record -> its line on the terminal. room: the package with what is imported only where it is
-    needed: `measure` (in the worker), and if there is any `figures`, `terminal`, `results` (files of a sweep) and
-    `files` (of a single point).
+    headline: a measured record -> its line on the terminal. room: the package that defines it, with its function
+    `measure`, and `make` where not the method's own tracer is measured; both may stand in a module `measure` of the
+    package. Two more modules may stand there, imported only where they are needed: `files` writes those of a single
+    point; `shown`, for a sweep, has any of FIGURES, CLAIMS and their file CLAIMS_FILE, `sweep_lines` and
+    `process_lines` for the terminal, and `write` for further files.
     samples: which series a record of a point must hold. optional: series that it may hold beside these, at least one.
     judged: the series whose spread makes a point doubtful. needs: results that a measured record holds at least.
     canary: what a measured record says of the machine alone (`experiments.results.canary`).
@@ -146,10 +148,21 @@ class Workload:
         return import_module(module) if find_spec(module) else None
 
     def make(self, point: Point, mesh: Mesh) -> Any:
-        """The tracer that is measured at a point, neither planned nor built: what `make` of the room's `measure` makes,
-        or the point's own method. Raises InputError and MemoryBudgetError as the tracers do."""
-        make = getattr(self.part("measure"), "make", make_own)
+        """The tracer that is measured at a point, neither planned nor built: what its own `make` makes, or the point's
+        own method. Raises InputError and MemoryBudgetError as the tracers do."""
+        make = getattr(self.part("measure") or import_module(self.room), "make", make_own)
         return make(point, mesh)
+
+    def measure(self, point: Point) -> Measured:
+        """Measure a point, in this process. Raises what its `measure` raises."""
+        measured: Measured = (self.part("measure") or import_module(self.room)).measure(point)
+        return measured
+
+    @property
+    def code(self) -> tuple[str, str | None]:
+        """Where the code that measures begins, as `Code.parts` takes it."""
+        module = f"{self.room}.measure"
+        return (module, None) if find_spec(module) else (self.room, "measure")
 
 
 @dataclass(frozen=True)

@@ -67,8 +67,12 @@ def _scene_of(configuration: Configuration) -> tuple[SceneSource, str | None, st
     return scene.source, scene.name, scene.path, scene.subdivided, scene.copies
 
 
+_OF_ALL = ("width", "height", "threads", "build_quality", "ties")
+"""Fields of a configuration that a point has, too."""
+
+
 def _resolve(configuration: Configuration, scene: Scene) -> Point:
-    given, measure = configuration.scene, configuration.measure
+    given = configuration.scene
     method, workload = configuration.method.kind, configuration.workload
     path = None if given.path is None else str(Path(given.path).expanduser().resolve())
     return Point(
@@ -81,21 +85,12 @@ def _resolve(configuration: Configuration, scene: Scene) -> Point:
         triangles=int(scene.mesh.triangle_count),
         view=given.view,
         **camera_fields_of(given, scene),
-        width=configuration.width,
-        height=configuration.height,
+        **{name: getattr(configuration, name) for name in _OF_ALL},
         method=method,
         options=method.resolve(configuration.method.options, configuration.width),
         workload=workload.kind,
         workload_options=workload.options,
-        threads=configuration.threads,
-        build_quality=configuration.build_quality,
-        ties=configuration.ties,
-        rounds=measure.rounds,
-        warmup=measure.warmup,
-        frame_budget_s=measure.frame_budget_s,
-        time_limit_s=measure.time_limit_s,
-        memory_budget_gib=measure.memory_budget_gib,
-        process=measure.process,
+        **{name: value for name, value in vars(configuration.measure).items() if name != "processes"},
     )
 
 

@@ -6,13 +6,16 @@ import hashlib
 import json
 import os
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from atra.errors import RecordError
-from atra.files.paths import write_atomically
+from filelock import FileLock, Timeout
+
+from atra.errors import InputError, RecordError, StorageError
+from atra.files.paths import remove_abandoned_files, write_atomically
 
 FORMAT = 2
 """Version of the file's layout. A file of another version is not used."""
@@ -109,3 +112,27 @@ def read_record(folder: Path, identity: str, warn: Callable[[str], object] = war
         os.replace(path, aside)
         warn(f"{str(error).partition('; start its sweep')[0]}; kept as {aside.name}, measuring the point again")
         return None
+
+
+@contextmanager
+def exclusive(results: Path, *folders: Path) -> Iterator[None]:
+    """Hold the results folder for this run; the system lets go of it when the process ends, however it ends.
+
+    What a killed run left half-written there and in `folders` is removed. Raises InputError if another run holds it,
+    and StorageError if it cannot be locked.
+    """
+    lock = FileLock(results / ".lock")
+    try:
+        lock.acquire(timeout=0)
+    except Timeout:
+        raise InputError(
+            f"{results} is in use by another run; wait for it to end or choose another results_dir"
+        ) from None
+    except OSError as error:  # a file system that knows no locks
+        raise StorageError(f"{results} cannot be locked: {error}; choose another results_dir") from None
+    try:
+        for folder in (results, *folders):
+            remove_abandoned_files(folder)
+        yield
+    finally:
+        lock.release()

@@ -13,8 +13,7 @@ from atra.geometry.view import View
 from experiments.drawing.style import BLUE
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Method, Style, Tracing
-from experiments.methods.cells import VERIFIED, AlignedCellOptions, resolve_split
-from experiments.methods.common_options import options_of, say_robust
+from experiments.methods.options import VERIFIED, AlignedCellOptions, options_of, resolve_split, say_robust
 
 
 @options_of(library.AlignedOptions)

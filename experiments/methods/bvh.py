@@ -13,7 +13,7 @@ from atra.geometry.view import View
 from experiments.drawing.style import SKY
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Method, Style, Tracing
-from experiments.methods.common_options import MethodOptions, options_of, say_robust
+from experiments.methods.options import MethodOptions, options_of, say_robust
 
 
 @options_of(library.BvhOptions)

@@ -19,7 +19,7 @@ from experiments.drawing.style import SKY
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.method import Method, Style, Tracing
 from experiments.methods.bvh import BVH_BYTES
-from experiments.methods.common_options import MethodOptions, options_of, say_robust
+from experiments.methods.options import MethodOptions, options_of, say_robust
 
 EYE = "eye"
 """Subset of shafts: those of an image, one for each tile."""

@@ -7,8 +7,7 @@ from atra.geometry.view import View
 from atra.packets.tiles import TiledTracer
 from experiments.drawing.style import ORANGE
 from experiments.harness.method import Method, Style, Tracing
-from experiments.methods.cells import CellOptions, resolve_split
-from experiments.methods.common_options import say_robust
+from experiments.methods.options import CellOptions, resolve_split, say_robust
 
 
 def _make(mesh: Mesh, view: View, options: CellOptions, tracing: Tracing) -> TiledTracer:

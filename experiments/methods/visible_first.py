@@ -8,8 +8,7 @@ from atra.geometry.view import View
 from experiments.drawing.style import VERMILLION
 from experiments.harness.column import REAL, Column
 from experiments.harness.method import Method, Style, Tracing
-from experiments.methods.cells import VERIFIED, AlignedCellOptions, resolve_split
-from experiments.methods.common_options import say_robust
+from experiments.methods.options import VERIFIED, AlignedCellOptions, resolve_split, say_robust
 
 
 def _make(mesh: Mesh, view: View, options: AlignedCellOptions, tracing: Tracing) -> VisibleFirstTracer:

@@ -12,7 +12,7 @@ from experiments.paper import resources, speed
 from experiments.paper.evidence import Evidence
 from experiments.paper.judging import SceneJudge, on_every_scene, on_paper_scene, on_paper_scenes, on_some_scene
 from experiments.paper.readings import EVERY_HIT, NEAREST, READINGS, readings_of
-from experiments.results.claims import Claim, Judge, JudgedClaim, judge_claim
+from experiments.results.claims import Claim, Judge, JudgedClaim, judge_all
 
 _SINGLE_RAYS = "Single rays, each process by its speed-up over rtcIntersect1 in the same rounds. "
 _RULE = (
@@ -285,5 +285,4 @@ def judge_claims(processes: pd.DataFrame | None) -> tuple[JudgedClaim, ...]:
     if under != {EVERY_HIT.name}:
         under.add("")
     evidence = Evidence(processes)
-    found = (judged for claim in CLAIMS for judged in judge_claim(claim, evidence))
-    return tuple(one for one in found if one.reading in under)
+    return tuple(one for one in judge_all(CLAIMS, evidence) if one.reading in under)

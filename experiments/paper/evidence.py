@@ -11,7 +11,8 @@ from typing import Any
 import pandas as pd
 
 from experiments.methods.aligned import ALIGNED
-from experiments.results.estimates import Estimate, best_of
+from experiments.results.claims import NotMeasuredError
+from experiments.results.statistics import Estimate, best_of
 from experiments.workloads.build import BUILD
 from experiments.workloads.frame import FRAME
 from experiments.workloads.gather import GATHER, What
@@ -39,10 +40,6 @@ USED_COLUMNS: tuple[str, ...] = (
     "rss_mesh_bytes", "rss_bytes", "pixels_tied", "pixels_edge", "pixels_wrong", "depth_error_max",
     "baseline_depth_error_max", "point_id",
 )  # fmt: skip
-
-
-class NotMeasuredError(Exception):
-    """The table cannot answer; the text says why."""
 
 
 Row = Mapping[str, Any]

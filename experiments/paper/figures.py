@@ -12,14 +12,14 @@ from experiments.drawing.missing import Missing, mark_missing, without_value
 from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot
 from experiments.drawing.style import BLACK, DOTTED
 from experiments.drawing.values import numbers
-from experiments.methods.aligned_forms import FORM_OPTIONS, FORM_STYLES, INSTANCED, aligned_forms, aligned_rows
+from experiments.methods.naming import FORM_OPTIONS, FORM_STYLES, INSTANCED, aligned_forms, aligned_rows
 from experiments.results.settings import say_setting
 from experiments.results.table import workload_rows
 from experiments.workloads.frame import FRAME
+from experiments.workloads.frame_figures import RATIO_LABELS, draw_ratios
 from experiments.workloads.memory import MEMORY
-from experiments.workloads.memory.figures import baseline_rows, memory_mib
+from experiments.workloads.memory.shown import baseline_rows, memory_mib
 from experiments.workloads.panels import Panel, make_panels
-from experiments.workloads.split_figure import RATIO_LABELS, draw_ratios
 
 _BASELINE_STYLE = {"color": BLACK, "linestyle": DOTTED}
 _MEMORY_BASELINE = "one ray per pixel (memory)"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from experiments.paper.evidence import PAPER_SCENES, PAPER_SIZE, TIMED, Evidence, NotMeasuredError, SceneRows
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, Judge, Judgement
-from experiments.results.estimates import Estimate, Interval
+from experiments.results.statistics import Estimate, Interval
 
 
 @dataclass(frozen=True)
@@ -34,13 +34,13 @@ SceneJudge = Callable[[SceneRows], Outcome]
 def on_every_scene(judge_scene: SceneJudge) -> Judge:
     """A claim about all four scenes, or their stand-ins: holds when it holds on every one, fails when it fails on one,
     and is otherwise undecided, or not measured on some."""
-    return _refusing(lambda evidence: _combine(_outcomes(evidence.scenes, judge_scene), every=True))
+    return lambda evidence: _combine(_outcomes(evidence.scenes, judge_scene), every=True)
 
 
 def on_some_scene(judge_scene: SceneJudge) -> Judge:
     """A claim that something happens on some scene: holds when it does on one, fails when it does on none of the four
     (or their stand-ins), and is otherwise undecided, or not measured on some."""
-    return _refusing(lambda evidence: _combine(_outcomes(evidence.scenes, judge_scene), every=False))
+    return lambda evidence: _combine(_outcomes(evidence.scenes, judge_scene), every=False)
 
 
 def on_paper_scene(name: str, judge_scene: SceneJudge) -> Judge:
@@ -51,16 +51,13 @@ def on_paper_scene(name: str, judge_scene: SceneJudge) -> Judge:
         interval = None if outcome.estimate is None else outcome.estimate.interval()
         return Judgement(outcome.verdict, outcome.value, interval, outcome.why)
 
-    return _refusing(judge)
+    return judge
 
 
 def on_paper_scenes(judge_scenes: Callable[[Mapping[str, SceneRows]], Judgement]) -> Judge:
     """A claim that compares all four scenes with each other: no stand-ins, and the paper's image size."""
 
-    def judge(evidence: Evidence) -> Judgement:
-        return judge_scenes({name: paper_scene(evidence.scenes, name) for name in PAPER_SCENES})
-
-    return _refusing(judge)
+    return lambda evidence: judge_scenes({name: paper_scene(evidence.scenes, name) for name in PAPER_SCENES})
 
 
 def paper_scene(scenes: Mapping[str, SceneRows], name: str) -> SceneRows:
@@ -78,18 +75,6 @@ def paper_scene(scenes: Mapping[str, SceneRows], name: str) -> SceneRows:
                 f"images of {row['width']} x {row['height']}, the paper's are {width:,} x {height:,}"
             )
     return scene
-
-
-def _refusing(judge: Judge) -> Judge:
-    """`judge`, with what the evidence cannot answer as a verdict."""
-
-    def judge_or_refuse(evidence: Evidence) -> Judgement:
-        try:
-            return judge(evidence)
-        except NotMeasuredError as error:
-            return Judgement(NOT_MEASURED, why=str(error))
-
-    return judge_or_refuse
 
 
 def _outcomes(scenes: Mapping[str, SceneRows], judge_scene: SceneJudge) -> list[tuple[str, SceneRows | None, Outcome]]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from experiments.paper.evidence import NotMeasuredError, SceneRows, best, estimate
-from experiments.results.estimates import Estimate
+from experiments.results.statistics import Estimate
 from experiments.workloads.frame import FRAME
 from experiments.workloads.gather import GATHER
 

@@ -17,7 +17,7 @@ from experiments.paper.evidence import (
     read_positive,
 )
 from experiments.paper.judging import Outcome, SceneJudge
-from experiments.results.estimates import Estimate, decide_greater, geometric_mean
+from experiments.results.statistics import Estimate, decide_greater, geometric_mean
 from experiments.workloads.build import BUILD
 from experiments.workloads.frame import FRAME
 from experiments.workloads.memory import MEMORY

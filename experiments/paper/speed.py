@@ -16,7 +16,7 @@ from experiments.paper.evidence import (
 )
 from experiments.paper.judging import DOES_NOT_HOLD, HOLDS, UNDECIDED, Judgement, Outcome
 from experiments.paper.readings import NEAREST, Reading, best_gain, over_start
-from experiments.results.estimates import FEWEST_FITTED, Estimate, decide_greater, fit_exponent, geometric_mean
+from experiments.results.statistics import FEWEST_FITTED, Estimate, decide_greater, fit_exponent, geometric_mean
 from experiments.workloads.frame import FRAME
 
 GRID_SPLITS = (2, 4, 8, 16)

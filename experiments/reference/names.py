@@ -3,24 +3,15 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import MISSING, Field, fields, is_dataclass
 from enum import Enum
 from functools import cached_property
 from importlib import import_module
+from inspect import cleandoc, formatannotation
 from types import FunctionType
-from typing import Any, get_type_hints
-
-from experiments.reference.writing import (
-    choices_of,
-    code,
-    help_of,
-    say_default,
-    say_type,
-    say_value,
-    summary,
-    table,
-)
+from typing import Any, get_args, get_type_hints
 
 PACKAGES = ("atra", "atra.light")
 """Packages whose `__all__` is public: what rays see, and the light of pictures and lightmaps."""
@@ -119,3 +110,84 @@ def _parameters(parameters: list[inspect.Parameter]) -> Iterator[str]:
         kind = "" if one.annotation is one.empty else f": {say_type(one.annotation)}"
         default = "" if one.default is one.empty else f"{' = ' if kind else '='}{say_value(one.default)}"
         yield f"{stars}{one.name}{kind}{default}"
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table in Markdown, or "" without rows."""
+    lines = [" | ".join(cell.replace("|", "\\|").replace("\n", " ") for cell in row) for row in rows]
+    if not lines:
+        return ""
+    return "\n".join([f"| {' | '.join(head)} |", "|---" * len(head) + "|", *(f"| {line} |" for line in lines)]) + "\n"
+
+
+def code(text: str) -> str:
+    """Text set as code; "" stays "". A table would take a bar in it for the end of a cell, so types use "or"."""
+    return f"`{text}`" if text else ""
+
+
+def say_type(annotation: Any) -> str:
+    """An annotation as it is written in code, with "or" in place of "|"; an Enum is named."""
+    text = annotation if isinstance(annotation, str) else formatannotation(annotation)
+    # Private aliases of modules say nothing to readers: `atra.geometry.mesh.Mesh` is Mesh.
+    return re.sub(r"\b(?:[a-z_]\w*\.)+(?=[A-Z])", "", text).replace(" | ", " or ")
+
+
+def say_value(value: Any) -> str:
+    """A default as it is written in code, and in configuration."""
+    if isinstance(value, Enum):
+        return str(value.value)
+    if value is ...:  # an option that stays as it is unless it is given
+        return "..."
+    return value.__name__ if callable(value) and hasattr(value, "__name__") else repr(value)
+
+
+def say_default(field: Field[Any]) -> str:
+    """The default of a field; "required" where it has none, and "" where it is a section of its own."""
+    if field.default is not MISSING:
+        return "required" if field.default == "???" else say_value(field.default)
+    if field.default_factory is MISSING:
+        return "required"
+    made = field.default_factory()
+    return "" if is_dataclass(made) else say_value(made)
+
+
+def choices_of(hint: Any, field: Field[Any] | None = None) -> tuple[str, ...]:
+    """The values to choose from: those that the field's metadata lists, or those of an Enum, or none."""
+    listed = field.metadata.get("choices") if field is not None else None
+    enums = [one for one in (hint, *get_args(hint)) if isinstance(one, type) and issubclass(one, Enum)]
+    return tuple(map(str, listed or ())) or tuple(str(one.value) for enum in enums for one in enum)
+
+
+def paragraphs(text: str | None) -> list[str]:
+    """The paragraphs of a docstring, each on one line; code blocks are left out."""
+    blocks = re.split(r"\n\s*\n", cleandoc(text or ""))
+    return [" ".join(block.split()) for block in blocks if block and not block.startswith("    ")]
+
+
+def summary(text: str | None) -> str:
+    """The first paragraph of a docstring, on one line."""
+    return next(iter(paragraphs(text)), "")
+
+
+def help_of(owner: type, field: Field[Any]) -> str:
+    """What a field means: the help in its metadata, what the docstring of its class says behind its name, or what that
+    of its Enum says."""
+    given = field.metadata.get("help")
+    if given:
+        return str(given)
+    for kind in owner.__mro__:
+        if is_dataclass(kind) and (found := _said_of(kind, field.name)):
+            return found
+    hint = get_type_hints(owner)[field.name]
+    return summary(hint.__doc__) if isinstance(hint, type) and issubclass(hint, Enum) else ""
+
+
+def _said_of(kind: type, name: str) -> str:
+    """Of "width, height: pixels. fov: degrees. Raises ..." what follows one name, up to the next name."""
+    names = "|".join(re.escape(one.name) for one in fields(kind))
+    text = " ".join(cleandoc(kind.__doc__ or "").split())
+    pieces = re.split(rf"(?<![\w`.])((?:{names})(?:, (?:{names}))*): ", text)
+    said = next(
+        (after for before, after in zip(pieces[1::2], pieces[2::2], strict=True) if name in before.split(", ")), ""
+    )
+    return re.split(r"\s(?=Raises )", said)[0].strip()

@@ -2,10 +2,151 @@
 
 from __future__ import annotations
 
+import re
+from argparse import SUPPRESS, ArgumentParser
+from collections.abc import Iterator, Sequence
+from dataclasses import Field, fields, is_dataclass
 from pathlib import Path
+from typing import Any, get_type_hints
 
-from experiments.reference.names import public_names
-from experiments.reference.settings import command_line, configuration_keys, table_columns
+from atra.command.render import add_render
+from experiments.harness.column import TEXT, Column, option_columns
+from experiments.harness.configuration import Action, Configuration
+from experiments.harness.method import Method
+from experiments.harness.point import Workload
+from experiments.methods import METHODS
+from experiments.reference.names import (
+    choices_of,
+    code,
+    help_of,
+    paragraphs,
+    public_names,
+    say_default,
+    say_type,
+    say_value,
+    table,
+)
+from experiments.results.table import columns
+from experiments.workloads import WORKLOADS
+
+_KEYS = ("key", "type", "default", "choices", "unit", "meaning")
+_COLUMNS = ("column", "type", "unit", "meaning")
+
+
+def command_line() -> str:
+    """The verbs, and the options of `atra render` for files of one's own, the only ones that are no keys."""
+    parser = ArgumentParser()
+    add_render(parser)
+    rows = [
+        (
+            " ".join(map(code, one.option_strings)) or code(one.dest),
+            code(getattr(one.type, "__name__", "str")) if one.nargs in (None, "+", 2) else "",
+            "required" if one.required else code("" if one.default is None else say_value(one.default)),
+            ", ".join(map(code, map(str, one.choices or ()))),
+            one.help or "",
+        )
+        for one in parser._actions
+        if one.default != SUPPRESS
+    ]
+    verbs = [(code(verb), what) for verb, what in _said_of_actions()]
+    return "\n".join(
+        [
+            "## Command line\n",
+            "`atra VERB key=value …`, or in a clone `python run.py VERB key=value …`. Without a verb it measures.\n",
+            table(("verb", "what it does"), verbs),
+            "### `atra render MESH --camera CAMERAS --out FOLDER`\n",
+            "Writes what every view of a mesh sees. It needs the library alone, not the harness.\n",
+            table(("option", "type", "default", "choices", "meaning"), rows),
+        ]
+    )
+
+
+def _said_of_actions() -> Iterator[tuple[str, str]]:
+    """ "verb = what it does; verb = ..." of the Action's docstring."""
+    (_, listed) = paragraphs(Action.__doc__)
+    for one in listed.rstrip(".").split("; "):
+        verb, _, what = one.partition(" = ")
+        yield Action(verb).value, what
+
+
+def configuration_keys() -> str:
+    """A table for the keys that every run has, and one for each method and workload."""
+    parts = [
+        "## Configuration keys\n",
+        "Set on the command line as `key=value`. An unknown key is an error. A list needs brackets: "
+        "`'scene.eye=[0,1,3]'`.\n",
+        table(_KEYS, _rows(Configuration, "")),
+    ]
+    for group, kinds in (("method", METHODS), ("workload", WORKLOADS)):
+        for kind in kinds:
+            rows = list(_rows(kind.options, f"{group}."))
+            parts += [f"### `{group}={kind.name}`\n", table(_KEYS, rows) or "No keys of its own.\n"]
+    return "\n".join(parts)
+
+
+def _rows(kind: type, path: str) -> Iterator[Sequence[str]]:
+    hints = get_type_hints(kind)
+    for one in fields(kind):
+        if is_dataclass(one.default_factory):
+            yield from _rows(one.default_factory, f"{path}{one.name}.")  # type: ignore[arg-type]
+            continue
+        choices = choices_of(hints[one.name], one)
+        groups: dict[str, Sequence[Method | Workload]] = {"method": METHODS, "workload": WORKLOADS}
+        group = groups.get(f"{path}{one.name}")
+        yield (
+            code(f"{path}{one.name}"),
+            "" if choices or group else code(say_type(one.type)),
+            _configured(say_default(one)),
+            ", ".join(map(code, [of.name for of in group] if group else choices)),
+            _unit(one),
+            help_of(kind, one),
+        )
+
+
+def _configured(default: str) -> str:
+    """A default as YAML has it."""
+    yaml = {"None": "null", "True": "true", "False": "false"}.get(default, default)
+    return yaml if yaml == "required" else code(re.sub(r"^'(.*)'$", r"\1", yaml))
+
+
+def _unit(field: Field[Any]) -> str:
+    """What its metadata say, or the ending of its name."""
+    return field.metadata.get("unit") or Column(field.name, TEXT).unit
+
+
+def table_columns() -> str:
+    """The columns of `table.parquet`: what was measured, by workload and method, and what describes the point."""
+    options = {
+        column.name
+        for kinds, section in ((METHODS, "method_options"), (WORKLOADS, "workload_options"))
+        for kind in kinds
+        for column in option_columns(kind.options, section)
+    }
+    left = dict(columns())
+    parts = []
+    measured = [(f"Measured by `workload={kind.name}`", kind.columns) for kind in WORKLOADS]
+    counted = [(f"Counted by `method={kind.name}`", kind.counters) for kind in METHODS]
+    for title, own in (*measured, *counted):
+        first = [column for column in own if left.pop(column.name, None) is not None]
+        if first:
+            parts.append(f"### {title}\n\n{table(_COLUMNS, map(_column, first))}")
+    point = [column for name, column in left.items() if name not in options]
+    return "\n".join(
+        [
+            "## Table columns\n",
+            "A row of `table.parquet` is a point; a row of `processes.parquet` is a process that measured it. Every\n"
+            "key of a method or workload above is a column of the same name. A column that several workloads or\n"
+            "methods share stands with the first of them. What was not measured is missing, never zero.\n",
+            f"### Of every point\n\n{table(_COLUMNS, map(_column, point))}",
+            *parts,
+        ]
+    )
+
+
+def _column(column: Column) -> Sequence[str]:
+    types = {"string": "text", "Int64": "whole number", "Float64": "number", "boolean": "true or false"}
+    return code(column.name), types[column.dtype], column.unit, column.help
+
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference.md"
 

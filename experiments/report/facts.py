@@ -1,17 +1,23 @@
-"""The table in short: doubts, missing points, processes left out, wrong pixels, and the machine in words."""
+"""The table in short: doubts, missing points, wrong pixels, the machine in words; and a table of each workload."""
 
 from __future__ import annotations
 
-import re
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
 from typing import Any
 
 import pandas as pd
 
+from experiments.harness.column import TEXT, TRUTH, Column
 from experiments.harness.environment import BUSY_SHARE
+from experiments.harness.point import Workload
+from experiments.methods import METHODS
 from experiments.methods.naming import say_point
+from experiments.results.settings import NUMBER, settings_that_vary, without_numbers
+from experiments.results.table import columns, workload_rows
+from experiments.workloads import WORKLOADS
 
-_NUMBER = re.compile(r"\d+(?:[.,]\d+)*")
 _TO = "\N{EN DASH}"
 
 
@@ -101,7 +107,7 @@ def count_doubts(rows: pd.DataFrame) -> Doubts:
     texts = [text for doubts in rows["doubts"].dropna() for text in str(doubts).split("; ")]
     numbers: dict[str, list[list[str]]] = {}
     for text in texts:
-        numbers.setdefault(_NUMBER.sub("#", text), []).append(_NUMBER.findall(text))
+        numbers.setdefault(without_numbers(text), []).append(NUMBER.findall(text))
     kinds = [Doubt(_with_ranges(kind, found), len(found)) for kind, found in numbers.items()]
     return Doubts(
         points=len(rows),
@@ -121,7 +127,7 @@ def _with_ranges(kind: str, found: list[list[str]]) -> str:
 def missing_points(table: pd.DataFrame) -> tuple[MissingPoints, ...]:
     """Points that were skipped or failed, those of a scene together whose reasons differ only in their numbers."""
     missing = table[table["status"] != "ok"]
-    kind = missing["error"].fillna("no reason was recorded").map(lambda text: _NUMBER.sub("#", text))
+    kind = missing["error"].fillna("no reason was recorded").map(without_numbers)
     groups = missing.groupby(["status", "scene", kind], sort=False)
     return tuple(
         MissingPoints(
@@ -175,3 +181,92 @@ def _in_words(name: str, value: Any) -> str:
     if isinstance(value, (list, tuple)):
         return ", ".join(f"{item:.2f}" if isinstance(item, float) else str(item) for item in value) or "none"
     return str(value)
+
+
+_ENDS = ("_low", "_high", "_low_s", "_high_s", "_half")
+"""Endings of columns without a cell of their own: they are shown as another's interval, or only in the files."""
+
+
+@dataclass(frozen=True)
+class Heading:
+    """unit: what the numbers are shown in, "" if plain. number: they are set to the right."""
+
+    name: str
+    text: str
+    unit: str
+    help: str
+    number: bool
+
+
+@dataclass(frozen=True)
+class WorkloadTable:
+    """The measured points of a workload. rows: of each its cells, a text and its interval, or ""; and whose
+    stand-in its scene is, or None."""
+
+    workload: str
+    headings: tuple[Heading, ...]
+    rows: tuple[tuple[tuple[tuple[str, str], ...], str | None], ...]
+
+
+def workload_tables(table: pd.DataFrame) -> Iterator[WorkloadTable]:
+    """One for each workload of which a point was measured."""
+    present = set(table["workload"])
+    for workload in WORKLOADS:
+        if workload.name not in present:
+            continue
+        rows = workload_rows(table, workload.name)
+        measured = rows[(rows["status"] == "ok").astype(bool)]
+        if len(measured):
+            shown = _columns(rows, measured, workload)
+            headings = tuple(_heading(column) for column in shown)
+            cells = [
+                (tuple(_cell(row, column) for column in shown), _stands_for(row)) for _, row in measured.iterrows()
+            ]
+            yield WorkloadTable(workload.name, headings, tuple(cells))
+
+
+def _stands_for(row: pd.Series) -> str | None:
+    """The paper's scene that a row's scene replaces without being it."""
+    return None if pd.isna(row["stands_for"]) else str(row["stands_for"])
+
+
+def _columns(rows: pd.DataFrame, measured: pd.DataFrame, workload: Workload) -> list[Column]:
+    """What tells points apart, then what was measured: first what few other workloads measure too."""
+    options = [*(method.options for method in METHODS), workload.options]
+    identity = dict.fromkeys(["scene", "method", *(field.name for one in options for field in fields(one))])
+    known = columns()
+    shared = Counter(column.name for one in WORKLOADS for column in one.columns)
+    own = sorted((column.name for column in workload.columns), key=shared.__getitem__)
+    counters = [column.name for method in METHODS for column in method.counters]
+    names = dict.fromkeys([*identity, *settings_that_vary(rows, identity), *own, *counters, "doubts"])
+    return [known[name] for name in names if not name.endswith(_ENDS) and measured[name].notna().any()]
+
+
+def _heading(column: Column) -> Heading:
+    unit, factor = column.shown
+    unit = unit if factor != 1.0 else ""
+    text = column.name.removesuffix(f"_{column.unit}") if unit else column.name
+    return Heading(column.name, text.replace("_", " "), unit, column.help, column.dtype not in (TEXT, TRUTH))
+
+
+def _cell(row: pd.Series, column: Column) -> tuple[str, str]:
+    """The value, and its 95 % confidence interval over processes."""
+    end = "_s" if column.unit == "s" else ""
+    stem = column.name.removesuffix(end)
+    _, factor = column.shown
+    low, high = (_say_value(row.get(f"{stem}_{side}{end}"), factor) for side in ("low", "high"))
+    return _say_value(row[column.name], factor), f"[{low}, {high}]" if low and high else ""
+
+
+def _say_value(value: Any, factor: float = 1.0) -> str:
+    """ "1,024", "3.14", "1.5e-07", "yes", a text as it is, "" where there is none."""
+    if value is None or pd.isna(value):
+        return ""
+    if isinstance(value, str):
+        return value
+    if pd.api.types.is_bool(value):
+        return "yes" if value else "no"
+    if pd.api.types.is_integer(value) and factor == 1:
+        return f"{value:,}"
+    number = float(value) * factor
+    return f"{number:,.2f}" if number == 0 or abs(number) >= 0.005 else f"{number:.1e}"

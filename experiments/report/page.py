@@ -16,9 +16,8 @@ from markupsafe import Markup
 from atra.errors import printable
 from atra.files.paths import write_atomically
 from experiments.drawing.figure import DrawnFigure
-from experiments.paper.conclusion import conclude
+from experiments.paper.conclusion import SceneGains, conclude, scene_gains
 from experiments.paper.evidence import NotMeasuredError
-from experiments.paper.gains import SceneGains, scene_gains
 from experiments.paper.readings import readings_of
 from experiments.report.facts import (
     Doubts,
@@ -32,8 +31,8 @@ from experiments.report.facts import (
     missing_points,
     software_in_short,
     stand_ins,
+    workload_tables,
 )
-from experiments.report.tables import workload_tables
 from experiments.results.canary import BAND
 from experiments.results.claims import (
     DOES_NOT_HOLD,
@@ -45,7 +44,7 @@ from experiments.results.claims import (
     by_claim,
     verdict_on,
 )
-from experiments.workloads.picture.pictures import ScenePictures
+from experiments.workloads.picture.files import ScenePictures
 from scenes.manifest import picture_restriction
 
 _TEMPLATES = Path(__file__).resolve().parents[2] / "reports"

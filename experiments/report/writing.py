@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from itertools import count
 from pathlib import Path
@@ -13,27 +13,27 @@ from rich.console import Console
 
 from atra.errors import InputError, RecordError
 from atra.files.paths import write_atomically
-from experiments.drawing.figure import DrawnFigure, write_figure
+from experiments.drawing.figure import DrawnFigure, FigureKind, draw_figure, write_figure
 from experiments.harness.configuration import Configuration, records_folder, results_folder
 from experiments.harness.environment import describe_difference
 from experiments.harness.identity import current_environment
-from experiments.harness.lock import exclusive
 from experiments.harness.progress import say
-from experiments.harness.records import Record, load_record
+from experiments.harness.records import Record, exclusive, load_record
 from experiments.paper.claims import judge_claims
+from experiments.paper.figures import FIGURES as PAPER_FIGURES
 from experiments.report import ReportContents, write_report
-from experiments.report.figures import check_figures, draw_figures
-from experiments.results.claims import write_claims
+from experiments.results.claims import judge_all, write_claims
 from experiments.results.table import (
     Tables,
     check_one_environment,
     make_tables,
     read_tables,
+    rows_of,
     workload_rows,
     write_tables,
 )
 from experiments.workloads import WORKLOADS
-from experiments.workloads.picture.pictures import read_pictures
+from experiments.workloads.picture.files import read_pictures
 
 _COMMAND_FILE = "command.txt"
 """Keeps what the user ran, for a report written later."""
@@ -115,9 +115,13 @@ def _write_what_follows(
     for figure in figures:
         write_figure(folder, figure)
     for workload in WORKLOADS:
-        results = workload.part("results")
-        if results is not None and len(rows := workload_rows(table, workload.name)):
-            results.write(folder, records, rows)
+        shown: Any = workload.part("shown")
+        rows = workload_rows(table, workload.name)
+        if len(rows):
+            if hasattr(shown, "CLAIMS"):
+                write_claims(folder, judge_all(shown.CLAIMS, rows), shown.CLAIMS_FILE)
+            if hasattr(shown, "write"):
+                shown.write(folder, records, rows)
     page = folder / "report.html"
     if report:
         claims = judge_claims(tables.processes)
@@ -185,3 +189,42 @@ def _readable_tables(folder: Path, console: Console) -> Tables | None:
     except InputError as error:
         say(console, f"warning: {error}")
         return None
+
+
+def figure_kinds() -> tuple[FigureKind, ...]:
+    """Those of every workload, and the paper's that draw several workloads."""
+    rooms = (workload.part("shown") for workload in WORKLOADS)
+    return (*(kind for room in rooms for kind in getattr(room, "FIGURES", ())), *PAPER_FIGURES)
+
+
+def check_figures(figures: Mapping[str, Sequence[str]], grids: Collection[str]) -> None:
+    """Raise InputError, naming those there are, for a figure that is unknown or drawn of a grid the sweep lacks."""
+    known = [kind.name for kind in figure_kinds()]
+    for name, drawn in figures.items():
+        if name not in known:
+            raise InputError(f"sweep.figures names {name!r}, expected one of {', '.join(known)}")
+        for grid in drawn:
+            if grid not in grids:
+                raise InputError(f"sweep.figures.{name} names {grid!r}, expected one of {', '.join(grids)}")
+
+
+def draw_figures(
+    table: pd.DataFrame, records: Path, grids: Mapping[str, Sequence[str]] | None = None
+) -> Iterator[DrawnFigure]:
+    """Every figure that the table allows; one none of whose points was measured is left out.
+
+    records: the folder of the records. grids: by name of the figure, the grids whose points it draws; without any,
+    every figure draws what it can of the table.
+    """
+    for kind in figure_kinds():
+        if grids and kind.name not in grids:
+            continue
+        rows = _of_grids(table, grids[kind.name]) if grids else kind.rows(table)
+        if len(rows):
+            yield from draw_figure(kind, rows, records)
+
+
+def _of_grids(table: pd.DataFrame, grids: Sequence[str]) -> pd.DataFrame:
+    """The rows of these grids, in the columns of their workloads."""
+    rows = rows_of(table, *grids)
+    return workload_rows(rows, *rows["workload"].unique())

@@ -33,8 +33,13 @@ class Judgement:
     stand_ins: tuple[str, ...] = ()
 
 
+class NotMeasuredError(Exception):
+    """The evidence cannot answer; the text says why."""
+
+
 Judge = Callable[[Any], Judgement]
-"""Evidence -> Judgement. The evidence is a table, None where there is none, or what a paper's claims make of it."""
+"""Evidence -> Judgement. The evidence is a table, None where there is none, or what a paper's claims make of it. Raises
+NotMeasuredError."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +49,8 @@ class Claim:
     section: where in the paper. text: in our own words. paper_value: what the paper reports.
     how: how our value and the verdict are computed from the table.
     judges: evidence -> Judgement, under each reading of what the paper leaves open, "" where it leaves nothing; they
-    raise nothing for rows, columns or scenes that are missing. inferred: the paper does not say it, but its values do.
+    raise NotMeasuredError for rows, columns or scenes that are missing. inferred: the paper does not say it, but its
+    values do.
     """
 
     id: str
@@ -81,11 +87,19 @@ def judge_claim(claim: Claim, evidence: Any) -> tuple[JudgedClaim, ...]:
     """What the evidence says of `claim` under each reading; without rows, that it was not measured."""
     judged = []
     for reading, judge in claim.judges.items():
-        found = judge(evidence)
+        try:
+            found = judge(evidence)
+        except NotMeasuredError as error:
+            found = Judgement(NOT_MEASURED, why=str(error))
         stand_ins = f" (Judged on stand-ins: {', '.join(found.stand_ins)}.)" if found.stand_ins else ""
         told = (claim.id, claim.section, claim.text + stand_ins, claim.paper_value, claim.how, claim.inferred, reading)
         judged.append(JudgedClaim(*told, found.verdict, found.value, found.interval, found.why))
     return tuple(judged)
+
+
+def judge_all(claims: Sequence[Claim], evidence: Any) -> list[JudgedClaim]:
+    """What the evidence says of every claim, under each of its readings."""
+    return [judged for claim in claims for judged in judge_claim(claim, evidence)]
 
 
 def by_claim(judged: Sequence[JudgedClaim]) -> list[tuple[JudgedClaim, ...]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection
 from dataclasses import fields
 from typing import Any
@@ -14,6 +15,8 @@ from experiments.workloads import WORKLOADS
 
 _FIRST = ("subdivided", "copies", "mesh_sha256", "view", "eye", "target", "up", "fov_y_degrees", "width", "height")
 _LAST = ("threads", "build_quality", "ties")
+
+NUMBER = re.compile(r"\d+(?:[.,]\d+)*")
 
 
 def settings() -> tuple[str, ...]:
@@ -53,3 +56,8 @@ def say_setting(name: str, value: Any) -> str:
     if name.endswith("_sha256"):
         return f"{name.removesuffix('_sha256')} {value[:8]}"
     return f"{name.replace('_', ' ')} {value}"
+
+
+def without_numbers(text: str) -> str:
+    """A text in which "#" stands for every number: errors and doubts that differ in nothing else are one kind."""
+    return NUMBER.sub("#", text)

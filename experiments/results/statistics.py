@@ -1,15 +1,163 @@
-"""Statistics of a series: the median of a process's rounds, and over processes its mean and confidence interval."""
+"""Statistics of series: medians of rounds, and estimates: means over processes with 95 % confidence intervals."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 
 from experiments.harness.column import REAL, Column
 from experiments.harness.records import Record
-from experiments.results.estimates import FEWEST_PROCESSES, Estimate, first_half
+
+CONFIDENCE = 0.95
+
+FEWEST_PROCESSES = 3
+"""Below, no interval is given, and nothing is decided."""
+
+FEWEST_FITTED = 5
+"""Points below which no exponent is fitted."""
+
+
+def student(freedom: float) -> float:
+    """Half the width of Student's 95 % interval, in standard errors."""
+    from scipy.special import stdtrit  # as SciPy's statistics below: every worker would pay for importing it
+
+    return float(stdtrit(freedom, (1 + CONFIDENCE) / 2))
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The geometric mean of independent positive values, and what is known of its error.
+
+    log_mean: of the values' logarithms. variance: of that mean. freedom: its degrees of freedom.
+    The interval is Student's, in logarithms: processes are few, and resampling them cannot leave their range, which
+    holds the middle of three in no more than 75 % of all cases (tests/results/test_estimates.py simulates it).
+    """
+
+    log_mean: float
+    variance: float
+    freedom: float
+
+    @classmethod
+    def of(cls, values: Sequence[float]) -> Self:
+        """One value a process. Raises ValueError for fewer than FEWEST_PROCESSES and for values that are not positive
+        and finite."""
+        if len(values) < FEWEST_PROCESSES:
+            raise ValueError(f"{len(values)} processes, at least {FEWEST_PROCESSES} are needed")
+        if not all(0 < value < math.inf for value in values):
+            raise ValueError(f"values are {list(values)}, expected positive numbers")
+        logs = np.log(values)
+        return cls(float(logs.mean()), float(logs.var(ddof=1)) / len(logs), len(logs) - 1)
+
+    @property
+    def value(self) -> float:
+        return math.exp(self.log_mean)
+
+    @property
+    def low(self) -> float:
+        return math.exp(self.log_mean - self._half)
+
+    @property
+    def high(self) -> float:
+        return math.exp(self.log_mean + self._half)
+
+    @property
+    def _half(self) -> float:
+        if self.variance == 0:
+            return 0.0
+        return student(self.freedom) * math.sqrt(self.variance)
+
+    def over(self, other: Estimate) -> Estimate:
+        """The ratio of two estimates that share no process."""
+        return _combine((self, other), (1.0, -1.0))
+
+    def inverse(self) -> Estimate:
+        return Estimate(-self.log_mean, self.variance, self.freedom)
+
+    def interval(self) -> str:
+        return f"[{self.low:.2f}, {self.high:.2f}]"
+
+    def __str__(self) -> str:
+        return f"{self.value:.2f} {self.interval()}"
+
+
+def _combine(estimates: Sequence[Estimate], weights: Sequence[float]) -> Estimate:
+    """The weighted sum of logarithms; degrees of freedom after Welch and Satterthwaite."""
+    parts = [weight**2 * one.variance for one, weight in zip(estimates, weights, strict=True)]
+    variance = sum(parts)
+    spread = sum(part**2 / one.freedom for one, part in zip(estimates, parts, strict=True))
+    log_mean = sum(weight * one.log_mean for one, weight in zip(estimates, weights, strict=True))
+    return Estimate(log_mean, variance, variance**2 / spread if spread else 1.0)
+
+
+def geometric_mean(estimates: Sequence[Estimate]) -> Estimate:
+    """Geometric mean of estimates that share no process."""
+    return _combine(estimates, [1 / len(estimates)] * len(estimates))
+
+
+def best_of(candidates: Mapping[int, Sequence[float]]) -> tuple[int, Estimate]:
+    """The candidate that is largest in the first half of the processes, and its estimate from the others.
+
+    Choosing and reporting by the same values would overstate the best by the noise that chose it. candidates: by name,
+    one value a process. Raises ValueError as `Estimate.of` does.
+    """
+    chosen = max(candidates, key=lambda name: np.log(first_half(candidates[name])).mean())
+    values = candidates[chosen]
+    return chosen, Estimate.of(values[len(first_half(values)) :])
+
+
+def first_half(values: Sequence[float]) -> Sequence[float]:
+    """The values that choose the best; the others report it."""
+    return values[: max(1, len(values) // 2)]
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A number, of any sign, and its 95 % confidence interval."""
+
+    value: float
+    low: float
+    high: float
+
+    def interval(self) -> str:
+        return f"[{self.low:.2f}, {self.high:.2f}]"
+
+
+@dataclass(frozen=True)
+class Fit:
+    """y ~ x ** exponent: the exponent with its interval, and R2 of the straight line through the logarithms."""
+
+    exponent: Interval
+    r_squared: float
+
+
+def decide_greater(value: Estimate | Interval, limit: float = 1.0) -> bool | None:
+    """Whether `value` is above `limit`: True when its whole interval is, False when its whole interval is below, None
+    when the limit lies inside. The one rule for all that is decided: noise leaves it open."""
+    if value.low > limit:
+        return True
+    return False if value.high < limit else None
+
+
+def fit_exponent(x: Sequence[float], y: Sequence[float]) -> Fit:
+    """Least squares through (log x, log y), with Student's interval for the slope.
+
+    x, y: positive, as many of each, at least FEWEST_FITTED. Raises ValueError for fewer or x that are all alike.
+    """
+    if len(x) != len(y) or len(x) < FEWEST_FITTED:
+        raise ValueError(f"{len(x)} x and {len(y)} y, expected as many of each, at least {FEWEST_FITTED}")
+    from scipy import stats  # takes a second to import
+
+    line = stats.linregress(np.log(x), np.log(y))
+    half = student(len(x) - 2) * float(line.stderr)
+    slope = float(line.slope)
+    # Times that do not change at all follow no power but the zeroth, and that one perfectly.
+    r_squared = 1.0 if np.ptp(y) == 0 else float(line.rvalue) ** 2
+    return Fit(Interval(slope, slope - half, slope + half), r_squared)
+
 
 Series = Callable[[Record], Any]
 """A record -> (rounds,) float64, or None."""

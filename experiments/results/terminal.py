@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +18,10 @@ from experiments.harness.progress import say
 from experiments.harness.records import Record
 from experiments.methods import find_method
 from experiments.methods.naming import Row, best_of, say_point
-from experiments.results.settings import say_setting, settings_that_vary
+from experiments.results.settings import say_setting, settings_that_vary, without_numbers
 from experiments.results.table import Tables, columns, workload_rows
 from experiments.workloads import WORKLOADS, find_workload
 
-_UNITS = {"s": (1e3, "ms"), "bytes": (2.0**-20, "MiB")}
 _PARTS = ("_low", "_high", "_half")
 
 
@@ -75,32 +73,31 @@ def print_point(row: pd.Series, console: Console) -> None:
         column = known[name]
         stem, end = (name[:-2], "_s") if column.unit == "s" else (name, "")
         interval = [row.get(f"{stem}{part}{end}") for part in ("_low", "_high")]
-        text = _say(row[name], column.unit)
+        text = _say(row[name], *column.shown)
         if not any(pd.isna(value) for value in interval):
-            low, high = (_say(value, column.unit, unit_shown=False) for value in interval)
+            low, high = (_say(value, "", column.shown[1]) for value in interval)
             text += f"  [{low}, {high}]"
         heading = stem.removesuffix("_bytes").replace("_", " ")
         shown.add_row(heading, escape(printable(text)), escape(column.help.removeprefix("median of ")))
     console.print(shown)
 
 
-def _say(value: Any, unit: str, *, unit_shown: bool = True) -> str:
-    factor, name = _UNITS.get(unit, (1, unit))
+def _say(value: Any, unit: str, factor: float) -> str:
     if isinstance(value, str):
         return value
-    shown = value * factor
+    shown = value if factor == 1 else value * factor
     whole = isinstance(shown, int) or float(shown).is_integer()
     text = f"{shown:,.0f}" if whole else f"{shown:,.1f}" if factor != 1 else f"{shown:.3g}"
-    return f"{text} {name}".strip() if unit_shown else text
+    return f"{text} {unit}".strip()
 
 
 def print_sweep(tables: Tables, folder: Path, console: Console) -> None:
     """What every workload says of its rows and of those of its processes, and every row that is missing."""
     table = tables.points
     for workload in WORKLOADS:
-        terminal = workload.part("terminal")
+        shown = workload.part("shown")
         for part, rows in (("sweep_lines", table), ("process_lines", tables.processes)):
-            lines = getattr(terminal, part, None)
+            lines = getattr(shown, part, None)
             if lines is None or not rows["workload"].eq(workload.name).any():
                 continue
             measured = workload_rows(rows, workload.name)
@@ -111,7 +108,7 @@ def print_sweep(tables: Tables, folder: Path, console: Console) -> None:
                 else:
                     console.print(line)
     missing = table[table["status"] != "ok"]
-    reasons = missing["error"].map(_kind_of_error)
+    reasons = missing["error"].map(without_numbers)
     said = [", ".join(_say_workload(row)) for _, row in missing.iterrows()]
     workloads = pd.Series(said, index=missing.index, dtype="object")
     of_workloads = (name for workload in WORKLOADS for name in plain_options(workload.options()))
@@ -125,11 +122,6 @@ def print_sweep(tables: Tables, folder: Path, console: Console) -> None:
     counts += f" ({doubtful} with doubts about their times, see the column doubts)" if doubtful else ""
     files = ", ".join(path.name for path in sorted(folder.iterdir()) if path.is_file() and path.name[0] != ".")
     say(console, f"{counts or 'nothing measured'}; in {folder}: {files}")
-
-
-def _kind_of_error(error: str) -> str:
-    """The text without its numbers: errors that differ in nothing else are one kind."""
-    return re.sub(r"\d+(?:[.,]\d+)*", "#", error)
 
 
 def results_console() -> Console:

@@ -102,14 +102,13 @@ def _serve(port: int, title: str, messages: Messages) -> ViserServer:
             """Refuse: any page that the browser shows could ask for a tunnel to the world."""
 
     with contextlib.redirect_stdout(io.StringIO()):  # its banner
-        if port and not _is_free(port):
-            raise InputError(f"port {port} is taken; choose another by view.port=..., or 0 for any that is free")
-        with gated(messages):
-            server = Server(host=HOST, port=port, label=title, verbose=False)
-        if port and server.get_port() != port:  # it takes the next one where another was faster
-            server.stop()
-            raise InputError(f"port {port} is taken; choose another by view.port=..., or 0 for any that is free")
-    return server
+        if port == 0 or _is_free(port):
+            with gated(messages):
+                server = Server(host=HOST, port=port, label=title, verbose=False)
+            if server.get_port() == port or port == 0:
+                return server
+            server.stop()  # it took the next one, since another was faster
+    raise InputError(f"port {port} is taken; choose another by view.port=..., or 0 for any that is free")
 
 
 def _is_free(port: int) -> bool:

@@ -25,7 +25,7 @@ from experiments.drawing.shading import BACKGROUND, mark_verdicts
 from experiments.harness.configuration import Chosen
 from experiments.harness.method import Tracing
 from experiments.methods import find_method
-from experiments.methods.common_options import WATERTIGHT
+from experiments.methods.options import WATERTIGHT
 from experiments.viewer.request import OF_HITS, Request, Settings
 from experiments.viewer.session import Picture
 

@@ -10,6 +10,7 @@ from atra.errors import InputError
 from atra.geometry.camera import Camera, Vector
 from atra.light.checks import check_one_of, checked_number
 from atra.whole_numbers import is_whole_number
+from experiments.harness.options import check_whole_numbers
 from experiments.methods import find_method
 from experiments.methods.raster import RASTER
 
@@ -81,10 +82,7 @@ class Settings:
         for name, words in (("frame", FRAMES), ("shade", SHADES)):
             check_one_of(name, getattr(self, name), words)
         find_method(self.method)
-        for name, (low, high) in _WHOLE.items():
-            value = getattr(self, name)
-            if not is_whole_number(value) or not low <= value <= high:
-                raise InputError(f"{name} is {value!r}, expected a whole number from {low} to {high}")
+        check_whole_numbers(self, "", _WHOLE)
         if self.split_x not in SPLITS:
             raise InputError(f"split_x is {self.split_x}, expected one of {', '.join(map(str, SPLITS))}")
         for name, (least, most) in _RANGES.items():

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from experiments.drawing.bars import panel_height
 from experiments.drawing.figure import FigureKind, of_table
 from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot
-from experiments.drawing.values import column
+from experiments.drawing.values import column, varies
 from experiments.harness.point import Workload
 from experiments.results.settings import say_setting, settings_that_vary
 from experiments.results.table import workload_rows
@@ -89,7 +89,17 @@ def panels_figure(
 
 
 def workload_figure(
-    name: str, caption: str, workload: Workload, draw: Callable[[pd.DataFrame, int], Figure]
-) -> FigureKind:
-    """A figure of all rows of a workload."""
-    return FigureKind(name, caption, lambda table: workload_rows(table, workload.name), of_table(draw))
+    name: str, caption: str, workload: Workload, draw: Callable[[pd.DataFrame, int], Figure],
+    where: Callable[[pd.DataFrame], pd.DataFrame] = lambda rows: rows, per_packet_width: bool = False,
+) -> FigureKind:  # fmt: skip
+    """A figure of a workload's rows. where: all of these -> those that it can draw, by default all."""
+
+    def rows(table: pd.DataFrame) -> pd.DataFrame:
+        return where(workload_rows(table, workload.name))
+
+    return FigureKind(name, caption, rows, of_table(draw), per_packet_width)
+
+
+def where_varies(name: str) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    """All rows, if this column varies."""
+    return lambda rows: rows if varies(rows, name) else rows[:0]

@@ -20,7 +20,7 @@ from atra.packets.pixel import PixelTracer
 from experiments.harness.environment import peak_rss_bytes, reset_peak_rss, rss_bytes
 from experiments.harness.point import Measured, Point, make_own
 from experiments.harness.rounds import RoundSamples, measure_rounds
-from experiments.methods.cells import two_cells
+from experiments.methods.options import two_cells
 from experiments.methods.pixel import PixelOptions, make_pixel
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE
 from scenes.loading import SceneSource, load_scene

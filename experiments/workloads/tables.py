@@ -11,10 +11,10 @@ from rich.table import Table
 
 from atra.errors import printable
 from experiments.methods.naming import TIMES, best_of, say_kind, say_split
-from experiments.results.claims import Claim, judge_claim
+from experiments.results.claims import Claim, judge_all
 from experiments.results.settings import say_setting, settings_that_vary
-from experiments.workloads.ratios import best_rows
-from experiments.workloads.resources import say_ms
+from experiments.workloads.columns import say_ms
+from experiments.workloads.series import best_rows
 
 
 def narrow_table(title: str, first: str, headings: Sequence[str]) -> Table:
@@ -94,8 +94,7 @@ def points_table(title: str, rows: pd.DataFrame, columns: Mapping[str, tuple[str
 
 def claim_lines(claims: Sequence[Claim], rows: pd.DataFrame, but: Sequence[str] = ()) -> Iterator[str]:
     """A line for every claim: its verdict, unless that is one of `but`, its value and the reason."""
-    for claim in claims:
-        for judged in judge_claim(claim, rows):
-            if judged.verdict not in but:
-                told = ", ".join(filter(None, [judged.value, judged.why]))
-                yield f"{claim.text} {judged.verdict}{f' ({told})' if told else ''}"
+    for judged in judge_all(claims, rows):
+        if judged.verdict not in but:
+            told = ", ".join(filter(None, [judged.value, judged.why]))
+            yield f"{judged.text} {judged.verdict}{f' ({told})' if told else ''}"

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 import atra
-from atra.bvh.bvh import build_bvh
-from atra.bvh.layout import BIAS, BLOCK, DEEPEST
 from atra.bvh.single import BOXES, STEPS
 from atra.compiled.threads import WorkerPool
 from atra.embree.bvh_cost import bvh_cost
 from atra.embree.packets_kernels import Image
 from atra.judge.reference import brute_force
+from atra.trees.bvh import build_bvh
+from atra.trees.layout import BIAS, BLOCK, DEEPEST
 from tests.images import HELD, assert_equal_images, assert_same_bits
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 from tests.raster.test_raster import PARALLEL

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from experiments import cli
 from experiments.harness.progress import SweepProgress
-from experiments.report.figures import figure_kinds
+from experiments.report.writing import figure_kinds
 from experiments.results.table import Tables, read_tables
 from experiments.results.terminal import print_point, print_sweep
 from experiments.sweep import GridPoint, run_sweep

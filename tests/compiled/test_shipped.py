@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import subprocess
 import sys
 import threading
@@ -15,7 +16,7 @@ import pytest
 import atra
 from atra.command.compiling import JOBS
 from atra.compiled import progress, store
-from atra.compiled.instruction_sets import instruction_sets_here
+from atra.compiled.instruction_sets import VARIABLE, instruction_sets_here
 from tests.compiled.test_kernel_cache import TWO_KINDS, imported, with_another_bit
 from tests.folders import ROOT
 from tests.images import assert_same_bits
@@ -111,6 +112,20 @@ def test_of_processes_that_need_the_same_kernel_at_once_one_compiles_it(tmp_path
     told = [process.communicate()[0] for process in processes]
     assert [process.returncode for process in processes] == [0, 0, 0]
     assert "".join(told).count("compiled") == 1
+
+
+@pytest.mark.slow
+def test_machines_with_other_processors_may_share_the_folder_that_kernels_are_kept_in(tmp_path: Path) -> None:
+    path = tmp_path / "two_kinds.py"
+    path.write_text(TWO_KINDS)
+    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import two_kinds as it"
+    code += "; print(it.answers(), it.read_from_disk())"
+    for known, from_disk in ((False, "(0, 0)"), (True, "(1, 1)")):
+        for name in instruction_sets_here():
+            variables = {"PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path / "shared"), VARIABLE: name}
+            command = [sys.executable, "-c", code]
+            done = subprocess.run(command, env=os.environ | variables, capture_output=True, text=True, check=True)
+            assert done.stdout == f"(21, 42) {from_disk}\n", (name, known)
 
 
 class Terminal(io.StringIO):

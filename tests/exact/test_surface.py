@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from experiments.workloads.surface.measure import SurfacePackets, surface_of
+from experiments.workloads.surface import SurfacePackets, surface_of
 from tests.images import assert_same_bits, trace
 from tests.meshes import cornell_box, cornell_camera
 

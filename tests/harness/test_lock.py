@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from atra.errors import InputError, StorageError
-from experiments.harness.lock import exclusive
+from experiments.harness.records import exclusive
 from experiments.report.writing import rewrite_report
 from tests.folders import ROOT
 from tests.harness.test_sweep import configuration
@@ -14,7 +14,7 @@ from tests.harness.test_sweep import configuration
 HOLD = """
 import sys
 from pathlib import Path
-from experiments.harness.lock import exclusive
+from experiments.harness.records import exclusive
 with exclusive(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()

@@ -21,7 +21,7 @@ HARNESS = (
     ),
     Mutation(
         "ratio_inverted",
-        "experiments/results/estimates.py",
+        "experiments/results/statistics.py",
         "_combine((self, other), (1.0, -1.0))",
         "_combine((self, other), (-1.0, 1.0))",
         "a ratio of two estimates is inverted",
@@ -29,7 +29,7 @@ HARNESS = (
     ),
     Mutation(
         "one_sided_interval",
-        "experiments/results/estimates.py",
+        "experiments/results/statistics.py",
         "(1 + CONFIDENCE) / 2",
         "CONFIDENCE",
         "a 95 % interval covers 90 %",
@@ -37,7 +37,7 @@ HARNESS = (
     ),
     Mutation(
         "decided_by_value",
-        "experiments/results/estimates.py",
+        "experiments/results/statistics.py",
         "if value.low > limit:",
         "if value.value > limit:",
         "a claim holds although its interval contains the limit",
@@ -55,7 +55,7 @@ HARNESS = (
     ),
     Mutation(
         "baseline_label",
-        "experiments/workloads/ratios.py",
+        "experiments/workloads/series.py",
         "zip((OVER_SINGLE, OVER_PACKETS), TIME_BASELINES",
         "zip((OVER_PACKETS, OVER_SINGLE), TIME_BASELINES",
         "figures of speed-up name the wrong baseline on their axis",
@@ -95,7 +95,7 @@ HARNESS = (
     ),
     Mutation(
         "results_lock",
-        "experiments/harness/lock.py",
+        "experiments/harness/records.py",
         "lock.acquire(timeout=0)",
         "pass",
         "two runs may write into one results folder",
@@ -104,8 +104,8 @@ HARNESS = (
     Mutation(
         "no_processes",
         "experiments/harness/configuration.py",
-        '_at_least("measure.processes", measure.processes, 1)',
-        '_at_least("measure.processes", measure.processes, 0)',
+        '"processes": (1, None)',
+        '"processes": (0, None)',
         "a sweep of no process is accepted",
         ("tests/results/test_processes.py::test_impossible_numbers_of_processes_are_refused",),
     ),

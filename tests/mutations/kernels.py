@@ -97,7 +97,7 @@ KERNELS = (
     ),
     Mutation(
         "bvh_box",
-        "atra/bvh/building.py",
+        "atra/trees/building.py",
         "= max(a, b, c)",
         "= max(a, b)",
         "boxes of the own BVH do not reach around the third corner",
@@ -105,7 +105,7 @@ KERNELS = (
     ),
     Mutation(
         "bvh_split",
-        "atra/bvh/building.py",
+        "atra/trees/building.py",
         "_grow(side, bins[k - 1])",
         "_grow(side, bins[k])",
         "the first half of a split is weighed by the box of the next bin",

@@ -3,9 +3,8 @@
 import pytest
 
 from experiments.paper.claims import judge_claims
-from experiments.paper.conclusion import conclude
+from experiments.paper.conclusion import conclude, scene_gains
 from experiments.paper.evidence import NotMeasuredError
-from experiments.paper.gains import scene_gains
 from experiments.report.facts import stand_ins
 from tests.paper_table import BEST, agreeing_table, scaled, skipped
 

@@ -6,9 +6,9 @@ import pytest
 from experiments.drawing.shading import encode_png
 from experiments.drawing.style import PANEL_INCHES, TIMES
 from experiments.workloads.frame.grid_figure import draw_grid_ratios, draw_grid_times
-from experiments.workloads.picture.figures import draw_differences_figure, draw_scenes_figure
-from experiments.workloads.picture.pictures import ScenePictures
-from experiments.workloads.split_figure import ALL_HITS, draw_split_ratios, draw_split_times
+from experiments.workloads.frame_figures import ALL_HITS, draw_split_ratios, draw_split_times
+from experiments.workloads.picture.files import ScenePictures
+from experiments.workloads.picture.shown import draw_differences_figure, draw_scenes_figure
 from tests.drawn import COMMON, level, line, make_rows, save, skipped, time_row, unfolded, words
 
 OFF = {"culling": False}

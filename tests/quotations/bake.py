@@ -3,7 +3,7 @@
 from experiments.results.claims import judge_claim
 from experiments.workloads.bake import RARE, STAGES
 from experiments.workloads.bake.claims import CLAIMS
-from experiments.workloads.bake_rays.claims import CLAIMS as PREDICTIONS
+from experiments.workloads.bake_rays.shown import CLAIMS as PREDICTIONS
 from tests.quotations.quotation import SCENES, interval, line, number, of, table_row
 
 _OF_OTHERS = {

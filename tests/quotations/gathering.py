@@ -4,7 +4,7 @@ import pandas as pd
 
 from experiments.methods import find_method
 from experiments.paper.readings import EVERY_HIT
-from experiments.results.estimates import FEWEST_PROCESSES, Estimate
+from experiments.results.statistics import FEWEST_PROCESSES, Estimate
 from tests.quotations import paper
 from tests.quotations.quotation import (
     SCENES,

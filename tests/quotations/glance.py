@@ -5,8 +5,8 @@ import pandas as pd
 from experiments.methods import find_method
 from experiments.results.claims import judge_claim
 from experiments.workloads.bake import Against
-from experiments.workloads.bake_rays.claims import CLAIMS as PREDICTIONS
-from experiments.workloads.frame.best_baseline import best_baselines
+from experiments.workloads.bake_rays.shown import CLAIMS as PREDICTIONS
+from experiments.workloads.frame.shown import best_baselines
 from experiments.workloads.rays.claims import KINDS, usual
 from tests.quotations.gathering import in_packets
 from tests.quotations.growth import both_ends_of_the_rasteriser

@@ -3,9 +3,9 @@
 import pandas as pd
 
 from experiments.methods import find_method
-from experiments.results.estimates import Estimate
-from experiments.workloads.frame.best_baseline import best_baselines
+from experiments.results.statistics import Estimate
 from experiments.workloads.frame.break_even import baseline_costs, break_even_frames, cost_of
+from experiments.workloads.frame.shown import best_baselines
 from tests.quotations.quotation import (
     SCENES,
     TIMES,

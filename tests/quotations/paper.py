@@ -1,6 +1,6 @@
 """What the pages quote of sweep=paper."""
 
-from experiments.paper.gains import scene_gains
+from experiments.paper.conclusion import scene_gains
 from tests.quotations.quotation import SCENES, TIMES, digits, of, table_row
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.workloads.ratios import best_rows
+from experiments.workloads.series import best_rows
 from tests.folders import ROOT
 
 REFERENCE = ROOT / "reports" / "reference"
@@ -111,7 +111,7 @@ def of(table: pd.DataFrame, **values: Any) -> pd.DataFrame:
 
 
 def best(table: pd.DataFrame, **values: Any) -> pd.Series:
-    """Of the rows with these values the best split, as everywhere (`experiments.workloads.ratios.best_rows`)."""
+    """Of the rows with these values the best split, as everywhere (`experiments.workloads.series.best_rows`)."""
     rows = best_rows(of(table, **values))
     assert len(rows) == 1, f"{len(rows)} best rows for {values}"
     return rows.iloc[0]

@@ -11,11 +11,12 @@ import atra
 import atra.rays.order
 import atra.rays.scene
 from atra.compiled.instruction_sets import chosen_instruction_set, cpu_features
+from atra.compiled.threads import WorkerPool
 from atra.embree.layout import FLAG_COHERENT
 from atra.embree.library import load_library
 from atra.exact.brute_force_kernels import nearest_triangles
 from atra.exact.intersection import intersect_rays
-from atra.rays.order import FEWEST_RAYS, box_of
+from atra.rays.order import FEWEST_RAYS, RayOrder, box_of
 from atra.rays.rays_kernels import CELLS, CHUNK, SORTED_CHUNK
 from tests.images import assert_no_pixel_wrong, assert_same_bits, trace
 from tests.meshes import EYE_AT_ORIGIN, boards, cornell_box, cornell_camera, quads, random_triangles
@@ -467,8 +468,8 @@ def test_the_order_that_a_large_batch_is_traced_in_changes_no_bit(width, monkeyp
     monkeypatch.setattr(atra.rays.order, "FEWEST_TRIANGLES", 1)
     monkeypatch.setattr(atra.rays.scene, "ORDERED", FEWEST_RAYS - 700)  # in two parts, the second of 777
     mesh, ordered = MESHES["many small"], []
-    order = atra.RayScene._ordered
-    monkeypatch.setattr(atra.RayScene, "_ordered", lambda *given: ordered.append(1) or order(*given))
+    order = RayOrder.ordered
+    monkeypatch.setattr(RayOrder, "ordered", lambda *given: ordered.append(1) or order(*given))
     nearest = np.linspace(0.0, 0.1, FEWEST_RAYS + 77)
     rays = random_rays(len(nearest), 9, mesh, tnear=nearest, tfar=nearest + 2)
     assert_same_bits_of_rays(traced(mesh, rays, width, coherent=None), traced(mesh, rays, width))
@@ -489,9 +490,10 @@ def test_a_large_batch_is_ordered_by_where_rays_start_and_head_whoever_orders_it
     given = rays.origins, rays.directions, rays.tnear, rays.tfar
     found = []
     for threads in (1, 3):
-        with atra.RayScene(mesh, threads=threads) as scene:
-            ordered, places, _ = scene._ordered(*given)
-            found.append((*ordered, places))
+        pool = WorkerPool(threads)
+        ordered, places, _ = RayOrder(pool).ordered(*given)
+        found.append((*ordered, places))
+        pool.close()
     for one, other in zip(*found, strict=True):
         np.testing.assert_array_equal(one, other)
     origins, directions, *_, places = found[0]

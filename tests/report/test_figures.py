@@ -13,19 +13,18 @@ from experiments.drawing.pages import describe_measurement
 from experiments.drawing.style import PANEL_INCHES, SMALL, TIMES
 from experiments.harness.configuration import Configuration, SweepConfiguration
 from experiments.paper.figures import draw_instancing_figure
-from experiments.report.figures import draw_figures
+from experiments.report.writing import draw_figures
 from experiments.sweep import GridPoint, run_sweep
-from experiments.workloads.build.figures import draw_build_figure
+from experiments.workloads.build.shown import draw_build_figure
 from experiments.workloads.frame.break_even import draw_break_even_figure
 from experiments.workloads.frame.grid_figure import draw_grid_ratios, draw_grid_times
-from experiments.workloads.frame.growth_figure import draw_growth_figure
+from experiments.workloads.frame.growth import draw_growth_figure
 from experiments.workloads.frame.peers_figure import draw_peers_figure
 from experiments.workloads.frame.threads_figure import draw_threads_figure
-from experiments.workloads.memory.figures import draw_memory_figure
-from experiments.workloads.methods_figure import draw_methods_figure
-from experiments.workloads.moving.figures import draw_moving_figure
-from experiments.workloads.multiframe.figures import draw_multiframe_figure, draw_stereo_figure
-from experiments.workloads.split_figure import draw_split_ratios, draw_split_times
+from experiments.workloads.frame_figures import draw_methods_figure, draw_split_ratios, draw_split_times
+from experiments.workloads.memory.shown import draw_memory_figure
+from experiments.workloads.moving.shown import draw_moving_figure
+from experiments.workloads.multiframe.shown import draw_multiframe_figure, draw_stereo_figure
 from tests.drawn import (
     MIB,
     build_row,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from experiments.drawing.style import TIMES
-from experiments.workloads.multiframe.figures import (
+from experiments.workloads.multiframe.shown import (
     PACKETS,
     SEPARATE_FRAMES,
     TOGETHER,

@@ -7,7 +7,7 @@ from experiments.drawing.values import say_number
 from experiments.workloads.frame.break_even import draw_break_even_figure
 from experiments.workloads.frame.peers_figure import draw_peers_figure
 from experiments.workloads.frame.threads_figure import draw_threads_figure
-from experiments.workloads.methods_figure import draw_methods_figure
+from experiments.workloads.frame_figures import draw_methods_figure
 from tests.drawn import bars, line, make_rows, method_row, skipped, unfolded, whiskers, words
 
 PIXEL = method_row("pixel", 1, 0.05, 1.0, plan_time_s=0.0, embree_bytes=2000, first_frame_time_s=0.06)

@@ -9,9 +9,8 @@ import pytest
 
 from experiments.paper.claims import judge_claims
 from experiments.report import write_report
-from experiments.report.facts import count_doubts, missing_points
+from experiments.report.facts import count_doubts, missing_points, workload_tables
 from experiments.report.page import render_report
-from experiments.report.tables import workload_tables
 from experiments.results.canary import BAND
 from experiments.results.claims import NOT_MEASURED
 from tests.paper_table import agreeing_table, scaled

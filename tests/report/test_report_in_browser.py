@@ -6,7 +6,7 @@ import pytest
 
 from experiments.drawing.style import PANEL_INCHES, SMALL
 from experiments.report import write_report
-from experiments.report.figures import draw_figures
+from experiments.report.writing import draw_figures
 from tests.browser import chromium
 from tests.drawn import make_rows, time_row
 from tests.report_samples import HOSTILE, small_contents

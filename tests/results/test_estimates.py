@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from experiments.results.estimates import Estimate, Interval, best_of, decide_greater, fit_exponent, geometric_mean
+from experiments.results.statistics import Estimate, Interval, best_of, decide_greater, fit_exponent, geometric_mean
 
 Draw = Callable[[np.random.Generator, int], np.ndarray]
 

@@ -14,15 +14,15 @@ from experiments.harness.point import Point
 from experiments.harness.points import plan_points
 from experiments.methods import METHODS
 from experiments.methods.aligned import ALIGNED
-from experiments.report.tables import workload_tables
+from experiments.report.facts import workload_tables
 from experiments.results.settings import settings, settings_that_vary
 from experiments.results.table import columns, make_table, make_tables
 from experiments.results.terminal import print_sweep
 from experiments.workloads import WORKLOADS
-from experiments.workloads.build.figures import draw_build_figure
+from experiments.workloads.build.shown import draw_build_figure
 from experiments.workloads.frame.grid_figure import draw_grid_times
-from experiments.workloads.memory.figures import draw_memory_figure
-from experiments.workloads.split_figure import draw_split_times
+from experiments.workloads.frame_figures import draw_split_times
+from experiments.workloads.memory.shown import draw_memory_figure
 from tests.drawn import build_row, make_rows, memory_row, time_row
 from tests.harness.test_sweep import Runner, configuration
 from tests.results.test_table import MEASURED

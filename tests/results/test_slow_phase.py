@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from experiments.results import table as table_module
-from experiments.results.estimates import Estimate
+from experiments.results.statistics import Estimate
 from experiments.results.table import make_tables
 from tests.folders import ROOT
 from tests.results.test_table import MEASURED

@@ -102,10 +102,12 @@ def draw_game(rows, columns):
 
 ROOM = {
     "measure": {"measure": measure_game},
-    "figures": {
-        "FIGURES": (FigureKind("games", "Games played", lambda rows: workload_rows(rows, "game"), of_table(draw_game)),)
+    "shown": {
+        "FIGURES": (
+            FigureKind("games", "Games played", lambda rows: workload_rows(rows, "game"), of_table(draw_game)),
+        ),
+        "sweep_lines": lambda rows: [f"{rows['moves'].sum()} moves in all"],
     },
-    "terminal": {"sweep_lines": lambda rows: [f"{rows['moves'].sum()} moves in all"]},
 }
 
 

@@ -57,8 +57,8 @@ GROUND = ("atra.errors", "atra.prim_ids", "atra.whole_numbers")
 METHOD_ROOMS = ("raster", "packets", "alignment", "bvh")
 
 CORE = (
-    "compiled", "embree", "geometry", "files", "exact", "hits", "all_hits", "tracing", "rays", *METHOD_ROOMS, "judge",
-    "views", "planner", "compat",
+    "compiled", "embree", "geometry", "files", "exact", "hits", "all_hits", "tracing", "trees", "rays", *METHOD_ROOMS,
+    "judge", "views", "planner", "compat",
 )  # fmt: skip
 """Rooms of the library, from the ground up: each imports only those that stand before it."""
 
@@ -76,7 +76,7 @@ the rasteriser decides them, so that all methods count the same hits."""
 LIGHT = ("atra.light", "atra.light.pictures", "atra.light.lightmaps")
 """Parts of the wing, from the ground up: scenes, lights and sky; pictures; lightmaps, which save as pictures do."""
 
-COMPILED_ROOMS = ("atra.compiled", "atra.embree", "atra.raster", "atra.bvh")
+COMPILED_ROOMS = ("atra.compiled", "atra.embree", "atra.trees", "atra.raster", "atra.bvh")
 """Rooms where every module may compile; elsewhere those whose names end in `_kernels` do."""
 
 

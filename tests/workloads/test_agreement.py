@@ -16,12 +16,15 @@ from atra.prim_ids import MISS
 from experiments.harness.records import Record, write_record
 from experiments.methods import METHODS, find_method
 from experiments.results.table import make_table
-from experiments.workloads import rounds
+from experiments.workloads import agreement, rounds
 from experiments.workloads.agreement import AgreementOptions
-from experiments.workloads.agreement import measure as agreement
-from experiments.workloads.agreement.figures import draw_agreement_figure
-from experiments.workloads.agreement.results import errs_too_often, read_disagreements, write
-from experiments.workloads.agreement.terminal import sweep_lines
+from experiments.workloads.agreement.shown import (
+    draw_agreement_figure,
+    errs_too_often,
+    read_disagreements,
+    sweep_lines,
+    write,
+)
 from tests.drawn import save, words
 from tests.meshes import EYE_AT_ORIGIN, quads
 from tests.points import planned

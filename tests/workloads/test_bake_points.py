@@ -15,15 +15,22 @@ from experiments.drawing.figure import draw_figure
 from experiments.harness.processes.worker import measure_point
 from experiments.harness.records import Record
 from experiments.methods.peers.mitsuba_light import load_mitsuba
-from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, judge_claim
+from experiments.results.claims import (
+    DOES_NOT_HOLD,
+    HOLDS,
+    NOT_MEASURED,
+    UNDECIDED,
+    judge_all,
+    judge_claim,
+    write_claims,
+)
 from experiments.results.table import frame_of
 from experiments.workloads.bake import BAKE, STAGES, Against, BakeSettings
 from experiments.workloads.bake.claims import CLAIMS
-from experiments.workloads.bake.figures import FIGURES
-from experiments.workloads.bake.means import adaptive_bias
 from experiments.workloads.bake.measure import lamps
-from experiments.workloads.bake.results import CLAIMS_FILE, write
-from experiments.workloads.bake_rays.claims import CLAIMS as PREDICTIONS
+from experiments.workloads.bake.mitsuba import adaptive_bias
+from experiments.workloads.bake.shown import CLAIMS_FILE, FIGURES
+from experiments.workloads.bake_rays.shown import CLAIMS as PREDICTIONS
 from scenes.built_in import make_scene
 from tests.baked import cube, sheet
 from tests.points import planned
@@ -278,7 +285,7 @@ def test_the_search_for_what_a_view_shows_is_judged_where_both_methods_searched(
 def test_claims_are_written_and_nothing_is_claimed_of_no_table(tmp_path):
     for rows in (None, table({})[:0]):
         assert {judge_claim(claim, rows)[0].verdict for claim in CLAIMS} == {NOT_MEASURED}
-    write(tmp_path, tmp_path, table(ratio("speedup_vs_other", *[GOOD] * 4)))
+    write_claims(tmp_path, judge_all(CLAIMS, table(ratio("speedup_vs_other", *[GOOD] * 4))), CLAIMS_FILE)
     written = pd.read_csv(tmp_path / f"{CLAIMS_FILE}.csv")
     assert list(written["id"]) == [claim.id for claim in CLAIMS]
     assert len({claim.id for claim in CLAIMS}) == len(CLAIMS)

@@ -3,7 +3,7 @@
 import pytest
 
 from experiments.drawing.style import TIMES
-from experiments.workloads.frame.best_baseline import baseline_lines, best_baselines
+from experiments.workloads.frame.shown import baseline_lines, best_baselines
 from tests.drawn import make_rows, method_row
 
 pytestmark = pytest.mark.uncovered

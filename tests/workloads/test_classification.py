@@ -6,7 +6,7 @@ from experiments.methods.classified import CLASSIFIED, ClassifiedOptions
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, judge_claim
 from experiments.results.table import frame_of
 from experiments.workloads.rays.claims import CLAIMS, usual_value
-from experiments.workloads.rays.figures import FIGURES, draw
+from experiments.workloads.rays.shown import FIGURES, draw
 
 pytestmark = pytest.mark.uncovered
 

@@ -9,8 +9,7 @@ import atra
 from atra.errors import InputError
 from experiments.harness.method import Tracing
 from experiments.methods import find_method
-from experiments.workloads.gather import GatherOptions, What
-from experiments.workloads.gather.measure import CLOSED, differences
+from experiments.workloads.gather import CLOSED, GatherOptions, What, differences
 from experiments.workloads.rounds import own_and_baselines, shrunk, warm_up
 from tests.meshes import cornell_box, cornell_camera
 from tests.points import planned

@@ -8,6 +8,7 @@ from atra.errors import InputError, MemoryBudgetError
 from experiments.harness.points import plan_points
 from experiments.workloads.frame.growth import (
     crossings,
+    draw_growth_figure,
     fitted_slope,
     growing_rows,
     growth_lines,
@@ -15,7 +16,6 @@ from experiments.workloads.frame.growth import (
     growths,
     say_count,
 )
-from experiments.workloads.frame.growth_figure import draw_growth_figure
 from experiments.workloads.rounds import load_mesh
 from scenes.built_in import make_scene
 from scenes.loading import enlarged

@@ -11,9 +11,8 @@ import atra
 from atra.errors import InputError
 from atra.planner.choice import PACKETS, RASTER, candidates
 from experiments.harness.processes.worker import measure_point
-from experiments.workloads.planner.figures import SERIES, draw_planner_figure
-from experiments.workloads.planner.measure import FRAMES, regrets
-from experiments.workloads.planner.terminal import sweep_lines
+from experiments.workloads.planner import FRAMES, regrets
+from experiments.workloads.planner.shown import SERIES, draw_planner_figure, sweep_lines
 from scenes.cornell_box import CORNELL_BOX_CAMERA
 from scenes.views import VIEWS, view_fields
 from tests.meshes import cornell_box, cornell_camera

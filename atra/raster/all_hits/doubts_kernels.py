@@ -215,7 +215,7 @@ def list_doubts(counter_address, parallel, view, points, faces, width, height, p
             tolerances = (
                 (largest, largest, largest) if parallel else (largest * w1 * w2, largest * w2 * w0, largest * w0 * w1)
             )
-            worst = max(tolerances)
+            worst = max(tolerances[0], tolerances[1], tolerances[2])
             is_thin = not abs(area) > 4.0 * worst
             low_x, high_x, low_y, high_y = min(x0, x1, x2), max(x0, x1, x2), min(y0, y1, y2), max(y0, y1, y2)
             wide, high = high_x - low_x, high_y - low_y

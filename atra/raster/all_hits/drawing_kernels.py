@@ -57,7 +57,7 @@ def _gather_cluster(  # type: ignore[no-untyped-def]
     count, prim_ids, vertices, vertex_count = open_cluster(parallel, eye, clusters, cluster, width, band, workspace)
     listed, floats, identities = integers_at(workspace.listed), floats_at(workspace.floats), identities_at(prim_ids)
     for batch in range(0, count, BATCH):
-        ordinary = set_up(parallel, False, has_depth, width, batch, band, workspace)[1]
+        ordinary = set_up(np.bool_(parallel), np.bool_(False), np.bool_(has_depth), width, batch, band, workspace)[1]
         for k in range(min(BATCH, count - batch)):
             packed = listed[batch + k]
             prim_id = identities[packed >> 48]

@@ -60,10 +60,7 @@ def read_point(fields: dict[str, Any], kinds: Kinds) -> Point:
 
 def measure_point(point: Point) -> Measured:
     """Measure the point in this process. Raises InputError and MemoryBudgetError as the tracers do."""
-    room = point.workload.part("measure")
-    assert room is not None
-    measured: Measured = room.measure(point)
-    return measured
+    return point.workload.measure(point)
 
 
 def outcome_of(point: Point) -> Outcome:

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from atra.embree.library import wheel_problem
-from experiments.methods.peers.blocks import Answer, BlockwiseTracer, RayArrays
-from experiments.methods.peers.peer import peer_method
+from experiments.methods.peers.peer import Answer, BlockwiseTracer, RayArrays, peer_method
 
 
 class EmbreexTracer(BlockwiseTracer):

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from atra.compiled.store import keep_on_disk
 from atra.embree.library import wheel_problem
-from experiments.methods.peers.blocks import Answer, BlockwiseTracer, RayArrays
-from experiments.methods.peers.peer import peer_method
+from experiments.methods.peers.peer import Answer, BlockwiseTracer, RayArrays, peer_method
 
 
 @dataclass(frozen=True, eq=False)

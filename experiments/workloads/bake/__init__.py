@@ -12,12 +12,12 @@ from atra.errors import InputError
 from atra.light import BakeOptions
 from atra.tracing.options import option
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.options import settings, taken
+from experiments.harness.options import check_whole_numbers, settings, taken
 from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
 from experiments.results.statistics import Series, statistics_columns
 from experiments.workloads.baselines import OWN, over, over_own, series
-from experiments.workloads.resources import say_mib
+from experiments.workloads.columns import say_mib
 from experiments.workloads.under_sky import UnderSky
 
 OTHER, WHOLE_MAP, WITHOUT_VIEW = "other", "whole_map", "without_view"
@@ -78,12 +78,8 @@ class BakeSettings(UnderSky):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, low, high in (("size", 8, 1 << 14), ("samples", 1, 1 << 20), ("final_samples", 1, 1 << 20)):
-            value = getattr(self, name)
-            if not low <= value <= high:
-                raise InputError(f"workload.{name} is {value}, expected a whole number from {low} to {high}")
-        if not 0 <= self.lamps <= 1 << 16:
-            raise InputError(f"workload.lamps is {self.lamps}, expected a whole number from 0 to {1 << 16}")
+        ranges = {"size": (8, 1 << 14), "samples": (1, 1 << 20), "final_samples": (1, 1 << 20), "lamps": (0, 1 << 16)}
+        check_whole_numbers(self, "workload.", ranges)
         for name, most in (("occupancy", 0.95), ("albedo", 0.999)):
             share = getattr(self, name)
             if share is not None and not 0.0 < share <= most:

@@ -9,7 +9,7 @@ import pandas as pd
 
 from experiments.drawing.values import column, numbers
 from experiments.methods.visible_first import VISIBLE_FIRST
-from experiments.results.claims import NOT_MEASURED, UNDECIDED, Claim, Judgement
+from experiments.results.claims import UNDECIDED, Claim, Judgement, NotMeasuredError
 from experiments.workloads.bake import RARE, STAGES, Against
 from experiments.workloads.bake.judges import (
     Bound,
@@ -38,8 +38,8 @@ def _against(what: Against, **values: object) -> Which:
     return lambda rows: _where(rows, against=what.value, **values)
 
 
-def _not_measured(table: pd.DataFrame | None, why: str) -> Judgement:
-    return Judgement(NOT_MEASURED, why=why)
+def _no_gpu(table: pd.DataFrame | None) -> Judgement:
+    raise NotMeasuredError("there is no GPU here")
 
 
 def _share_of(rows: pd.DataFrame, stages: tuple[str, ...]) -> object:
@@ -77,8 +77,7 @@ def _judge_mitsuba(table: pd.DataFrame | None) -> Judgement:
     """By points in one thread; undecided where any of them finds other light than Mitsuba."""
     which = _against(Against.mitsuba, threads=1)
     judged = judge_ratio(table, "speedup_vs_best_other", which, Bound(low=1.0))
-    if table is None or judged.verdict == NOT_MEASURED:
-        return judged
+    assert table is not None
     rows = table[which(table)]
     off, error = numbers(rows, "other_light_ratio") - 1.0, numbers(rows, "other_light_error")
     other = rows["scene"][~(abs(off) <= _DEVIATIONS * error)].unique()
@@ -198,7 +197,7 @@ CLAIMS = (
     ),
     Claim(
         "gpu", _ARTICLE, "GPUs are an order of magnitude faster than CPUs (a goal).", "10", "",
-        {"": partial(_not_measured, why="there is no GPU here")},
+        {"": _no_gpu},
     ),
     _ratio(
         "target-texels", _OURS, "Lanes for lit texels alone: 1.15 times the rays/s on the emptiest map.", "1.15",

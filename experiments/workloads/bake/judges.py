@@ -9,10 +9,10 @@ from math import inf
 import numpy as np
 import pandas as pd
 
-from experiments.drawing.values import numbers
+from experiments.drawing.values import column, numbers
 from experiments.methods.pixel import PIXEL
 from experiments.methods.visible_first import VISIBLE_FIRST
-from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, Judgement
+from experiments.results.claims import DOES_NOT_HOLD, HOLDS, UNDECIDED, Judgement, NotMeasuredError
 from experiments.results.table import workload_rows
 from experiments.workloads.bake import BAKE
 
@@ -30,15 +30,23 @@ class Bound:
     high: float = inf
 
 
+def _rows(table: pd.DataFrame | None, which: Which = lambda rows: rows["scene"].notna()) -> pd.DataFrame:
+    """The measured rows of bakes. Raises NotMeasuredError where there are none."""
+    if table is not None:
+        rows = workload_rows(table, BAKE.name)
+        rows = rows[which(rows) & rows["status"].eq("ok")]
+        if len(rows):
+            return rows
+    raise NotMeasuredError("no point of it is in the table")
+
+
 def judge_ratio(table: pd.DataFrame | None, name: str, which: Which, bound: Bound) -> Judgement:
     """Whether a ratio lies within its bound on all scenes but one, by its whole interval on each; it fails where it
     lies outside on more than one."""
-    rows = None if table is None else workload_rows(table, BAKE.name)
-    if rows is None or f"{name}_low" not in rows:
-        return Judgement(NOT_MEASURED, why="no point of it is in the table")
-    rows = rows[which(rows) & rows[f"{name}_low"].notna()]
+    rows = _rows(table, which)
+    rows = rows[column(rows, f"{name}_low").notna()]
     if not len(rows):
-        return Judgement(NOT_MEASURED, why="no point of it was measured by three processes")
+        raise NotMeasuredError("no point of it was measured by three processes")
     low, high = numbers(rows, f"{name}_low"), numbers(rows, f"{name}_high")
     right = pd.Series((low >= bound.low) & (high <= bound.high), rows["scene"]).groupby(level=0).all()
     wrong = pd.Series((high < bound.low) | (low > bound.high), rows["scene"]).groupby(level=0).any()
@@ -65,15 +73,17 @@ def judge_shares(
     table: pd.DataFrame | None, share: Callable[[pd.DataFrame], object], which: Which, bound: Bound
 ) -> Judgement:
     """Whether what every process finds alike lies within its bound, on all scenes but one."""
-    rows = None if table is None else workload_rows(table, BAKE.name)
-    rows = None if rows is None else rows[which(rows) & rows["status"].eq("ok")]
-    if rows is None or not len(rows):
-        return Judgement(NOT_MEASURED, why="no point of it is in the table")
+    rows = _rows(table, which)
     values = pd.Series(np.asarray(share(rows), np.float64), rows["scene"])
     values = values[np.isfinite(values)].groupby(level=0, sort=False).median()
     if not len(values):
-        return Judgement(NOT_MEASURED, why="no point tells")
-    told = "; ".join(f"{scene} {value:.2g}" for scene, value in values.items())
+        raise NotMeasuredError("no point tells")
+    return _judge_scenes(values, bound, "{:.2g}")
+
+
+def _judge_scenes(values: pd.Series, bound: Bound, form: str) -> Judgement:
+    """Whether a value of each scene lies within the bound, on all but one."""
+    told = "; ".join(f"{scene} {form.format(value)}" for scene, value in values.items())
     inside = values.between(bound.low, bound.high)
     if _on_all_but_one(inside):
         return Judgement(HOLDS, told)
@@ -82,16 +92,14 @@ def judge_shares(
 
 def judge_buffers(table: pd.DataFrame | None) -> Judgement:
     """Bytes of rays in flight on the largest map over those on the smallest, with equal batches."""
-    rows = None if table is None else workload_rows(table, BAKE.name)
-    if rows is not None:
-        rows = rows[rows["status"].eq("ok") & ~rows["priority"].eq(True) & rows["buffer_bytes"].notna()]
+    rows = _rows(table, lambda rows: ~rows["priority"].eq(True) & rows["buffer_bytes"].notna())
     ratios = {}
-    for _, same in () if rows is None else rows.groupby(["scene", "batch_rays"], observed=True):
+    for _, same in rows.groupby(["scene", "batch_rays"], observed=True):
         if same["size"].nunique() > 1:
             of_size = same.groupby("size")["buffer_bytes"].max()
             ratios[same["scene"].iloc[0]] = float(of_size.iloc[-1]) / float(of_size.iloc[0])
     if not ratios:
-        return Judgement(NOT_MEASURED, why="no two sizes of a map with equal batches are in the table")
+        raise NotMeasuredError("no two sizes of a map with equal batches are in the table")
     told = "; ".join(f"{scene} {ratio:.3f}" for scene, ratio in ratios.items())
     if max(ratios.values()) <= 1.02:
         return Judgement(HOLDS, told)
@@ -100,20 +108,12 @@ def judge_buffers(table: pd.DataFrame | None) -> Judgement:
 
 def judge_culling_map(table: pd.DataFrame | None) -> Judgement:
     """Seconds in which packets find what a view shows over those of the visible-first method, on all scenes but one."""
-    rows = None if table is None else workload_rows(table, BAKE.name)
-    ratios = {}
-    for scene, same in () if rows is None else rows.groupby("scene", sort=False):
-        packets, first = (
-            same.loc[same["method"].eq(method.name), "culling_map_s"].dropna() for method in (PIXEL, VISIBLE_FIRST)
-        )
-        if len(packets) and len(first):
-            ratios[scene] = float(packets.median() / first.median())
-    if not ratios:
-        return Judgement(NOT_MEASURED, why="no scene was searched by both methods")
-    told = "; ".join(f"{scene} {ratio:.2f}" for scene, ratio in ratios.items())
-    above = pd.Series(ratios) >= _FORECAST
-    if _on_all_but_one(above):
-        return Judgement(HOLDS, told)
-    return Judgement(
-        DOES_NOT_HOLD, told, None, f"less than {_FORECAST:g} on {int((~above).sum())} of {len(above)} scenes"
+    rows = _rows(table)
+    packets, first = (
+        rows[rows["method"].eq(method.name)].groupby("scene")["culling_map_s"].median().reindex(rows["scene"].unique())
+        for method in (PIXEL, VISIBLE_FIRST)
     )
+    ratios = (packets / first).dropna()
+    if not len(ratios):
+        raise NotMeasuredError("no scene was searched by both methods")
+    return _judge_scenes(ratios, Bound(low=_FORECAST), "{:.2f}")

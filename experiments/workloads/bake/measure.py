@@ -27,8 +27,7 @@ from experiments.workloads.bake import (
     WITHOUT_VIEW,
     Against,
 )
-from experiments.workloads.bake.means import adaptive_bias
-from experiments.workloads.bake.mitsuba import MitsubaPaths, with_plain_light
+from experiments.workloads.bake.mitsuba import MitsubaPaths, adaptive_bias, with_plain_light
 from experiments.workloads.baselines import OWN
 from experiments.workloads.rounds import load_mesh, measured, timed_rounds
 from scenes.directory import default_cache

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
+from dataclasses import asdict
 from statistics import median
 from typing import Any
 
+from atra.tracing.base import EmbreeTracer
 from experiments.harness.column import REAL, Column
 from experiments.harness.options import NoOptions
-from experiments.harness.point import Workload
+from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
 from experiments.results.statistics import Series, statistics_columns
 from experiments.workloads.baselines import series
-from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms
+from experiments.workloads.columns import RESOURCE_COLUMNS, RESOURCES, say_ms
+from experiments.workloads.rounds import build_own, make_single, measured, shrunk, timed_rounds, warm_up
 
 PLAN, BVH, BASELINE = "plan", "build", "baseline_build"
 """Names in the samples: the point's plan, its BVH build, the BVH build of the plain mesh."""
@@ -52,3 +56,29 @@ BUILD = Workload(
     judged=BVH,
     needs=RESOURCES,
 )
+
+
+def measure(point: Point) -> Measured:
+    """Samples of plan and build by the method's own clocks: they know which of its two BVHs is built while it plans,
+    and stop to compile."""
+    small = shrunk(point)
+    warm_up(point, [lambda mesh, view: make_own(small, mesh, view), lambda mesh, view: make_single(small, mesh, view)])
+    plans: list[float] = []
+    builds: list[float] = []
+    with ExitStack() as stack:
+        own, results = build_own(point, stack)
+        baseline = stack.enter_context(make_single(point, own.mesh, own.camera))
+
+        def prepare() -> None:
+            own.build()
+            plans.append(own.plan_time_s)
+            builds.append(own.build_time_s)
+
+        timed = timed_rounds(point, {BVH: prepare, BASELINE: baseline.build})
+        if point.process == 0 and isinstance(own, EmbreeTracer):  # the same in every process, and takes long
+            cost = own.bvh_cost()
+            results |= {} if cost is None else asdict(cost)
+    warmup = len(plans) - timed.rounds
+    for samples, chosen in ((timed.warmup, slice(warmup)), (timed.samples, slice(warmup, None))):
+        samples |= {PLAN: tuple(plans[chosen]), BVH: tuple(builds[chosen])}
+    return measured(results, timed)

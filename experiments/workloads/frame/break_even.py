@@ -14,17 +14,16 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
-from experiments.drawing.axes import say_nothing_measured, tidy_axis
+from experiments.drawing.axes import mark_place, say_nothing_measured, tidy_axis
 from experiments.drawing.pages import write_notes, write_table
-from experiments.drawing.style import DOTTED, GREEN, SMALL, TIMES
+from experiments.drawing.style import DOTTED, GREEN, TIMES
 from experiments.drawing.values import MILLISECONDS, column, say_number
 from experiments.methods import METHODS
 from experiments.methods.naming import best_of, say_series, say_split
 from experiments.methods.pixel import PIXEL, SAME
 from experiments.workloads.frame import FRAME
 from experiments.workloads.panels import make_panels, panels_figure
-from experiments.workloads.ratios import OVER_PACKETS, best_rows, choosing
-from experiments.workloads.series import say_unmeasured, series_of, style_of
+from experiments.workloads.series import OVER_PACKETS, best_rows, choosing, say_unmeasured, series_of, style_of
 
 
 @dataclass(frozen=True)
@@ -203,18 +202,7 @@ def _draw_lines(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Cost]]
         low, high = axis.get_ylim()
         axis.set_ylim(low / 4, high)
     for place, (even, time_s, color) in enumerate(sorted(rings)):
-        axis.plot([even, even], [axis.get_ylim()[0], time_s], color=color, linewidth=1, linestyle=(0, (1, 2)), zorder=2)
-        axis.plot(
-            [even], [time_s], "o", color=color, markerfacecolor="white", markersize=8, markeredgewidth=1.8, zorder=5,
-            label="_ring",
-        )  # fmt: skip
-        late = even**2 > LAST_FRAME
-        # Break-evens lie close together: each number has its own height.
-        axis.annotate(
-            f"frame {even:,}", (even, 0.03 + 0.055 * place), xycoords=("data", "axes fraction"),
-            xytext=(-3 if late else 3, 0), textcoords="offset points", ha="right" if late else "left", fontsize=SMALL,
-            fontweight="bold", color=color, zorder=6,
-        )  # fmt: skip
+        mark_place(axis, (even, time_s), f"frame {even:,}", place, color, to_the_left=even**2 > LAST_FRAME)
     axis.set_xlim(0.9, LAST_FRAME * 1.05)
     for one in (axis.xaxis, axis.yaxis):
         one.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))

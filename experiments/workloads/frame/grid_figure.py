@@ -19,10 +19,10 @@ from experiments.drawing.missing import missing_points
 from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot, write_notes
 from experiments.drawing.style import DASHED, GREY, PURPLE, SMALL, TIMES, VERMILLION
 from experiments.drawing.values import MILLISECONDS, drawable, numbers, only_measured, say_number
-from experiments.methods.aligned_forms import COPIED_OFF, FORM_OPTIONS, aligned_forms, aligned_rows, expected_forms
+from experiments.methods.naming import COPIED_OFF, FORM_OPTIONS, aligned_forms, aligned_rows, expected_forms
+from experiments.workloads.frame_figures import ALL_HITS, all_hits
 from experiments.workloads.panels import Panel, make_panels
-from experiments.workloads.ratios import best_rows, own_ratio, say_baseline
-from experiments.workloads.split_figure import ALL_HITS, all_hits
+from experiments.workloads.series import best_rows, own_ratio, say_baseline
 
 _BEST = "best split, by the ratio in the same rounds"
 _ABSENT = "\N{EN DASH}"

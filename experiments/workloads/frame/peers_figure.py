@@ -16,8 +16,7 @@ from experiments.drawing.values import numbers, say_number
 from experiments.methods.naming import best_of
 from experiments.workloads.frame.break_even import time_rows
 from experiments.workloads.panels import bars_height, make_panels, panels_figure
-from experiments.workloads.ratios import best_rows
-from experiments.workloads.series import BestPoint, best_points, say_ratio, say_unmeasured, say_wrong
+from experiments.workloads.series import BestPoint, best_points, best_rows, say_ratio, say_unmeasured, say_wrong
 
 
 def draw_peers_figure(table: pd.DataFrame, columns: int = 2) -> Figure:

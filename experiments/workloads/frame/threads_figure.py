@@ -19,8 +19,7 @@ from experiments.drawing.values import column, drawable, numbers
 from experiments.methods.naming import best_of, say_series, say_split
 from experiments.workloads.frame.break_even import time_rows
 from experiments.workloads.panels import draw_panels, make_panels
-from experiments.workloads.ratios import best_rows
-from experiments.workloads.series import say_unmeasured, series_of, style_of
+from experiments.workloads.series import best_rows, say_unmeasured, series_of, style_of
 
 _IDEAL = "ideal"
 _SAME = ("split_x", "split_y", "culling", "geometry")

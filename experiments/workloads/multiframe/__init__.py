@@ -2,33 +2,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
-from enum import Enum
+from functools import partial
+from typing import Any
 
 import numpy as np
 
+from atra.alignment.aligned import FramesTracer
 from atra.errors import InputError
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.hits import Hits
+from atra.judge.compare import compare
+from atra.tracing.lifetime import Lifetime
 from atra.tracing.options import option
+from atra.tracing.tracer import Tracer
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.point import Point, Workload
+from experiments.harness.options import NoOptions
+from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
 from experiments.methods.aligned import ALIGNED
+from experiments.methods.options import AlignedCellOptions
+from experiments.methods.raster import RASTER
+from experiments.methods.visible_first import VISIBLE_FIRST
 from experiments.results.statistics import Series, statistics_columns
-from experiments.workloads.baselines import BESIDE_BASELINES, OWN, SINGLE, TIME_COLUMNS, over_own, series
-from experiments.workloads.images import IMAGE_COLUMNS, PIXELS
-from experiments.workloads.resources import PREPARATION, RESOURCE_COLUMNS, RESOURCES
+from experiments.workloads.baselines import BESIDE_BASELINES, OWN, PACKETS, SINGLE, TIME_COLUMNS, over_own, series
+from experiments.workloads.columns import (
+    IMAGE_COLUMNS,
+    PIXELS,
+    PREPARATION,
+    RESOURCE_COLUMNS,
+    RESOURCES,
+    counts,
+    depth_errors,
+)
+from experiments.workloads.multiframe.motion import Motion, make_together
+from experiments.workloads.rounds import (
+    Frames,
+    build_own,
+    expert_packet_widths,
+    make_single,
+    measured,
+    plan_and_build_again,
+    shrunk,
+    timed_rounds,
+    warm_up,
+)
 
 SEPARATE, SEPARATE_VISIBLE, SEPARATE_RASTER = "separate", "visible_first", "rasteriser"
 """Names in the samples: one aligned tracer a frame, one visible-first tracer a frame, and one rasteriser a frame."""
-
-
-class Motion(Enum):
-    """How the frames of a point differ (`motion.frames_of`)."""
-
-    eyes = "eyes"
-    walk = "walk"
-    turn = "turn"
 
 
 @dataclass(frozen=True)
@@ -96,3 +121,116 @@ MULTIFRAME = Workload(
     problem=_problem,
     **BESIDE_BASELINES,
 )
+
+
+Make = Callable[[Mesh, View], Tracer[Hits]]
+
+
+@dataclass(frozen=True)
+class SeparateImages:
+    """Images of all frames, in order."""
+
+    images: tuple[Hits, ...]
+
+
+class SeparateFrames(Lifetime):
+    """One tracer a frame, one after the other; all times and numbers are sums over the frames."""
+
+    def __init__(self, tracers: Sequence[Tracer[Hits]]) -> None:
+        super().__init__()
+        self.tracers = tuple(tracers)
+        first = self.tracers[0]
+        self.mesh, self.camera = first.mesh, first.camera
+        self.packet_width, self.threads = first.packet_width, first.threads
+        self.views = tuple(view for tracer in self.tracers for view in tracer.views)
+
+    @property
+    def triangle_count(self) -> int:
+        return sum(tracer.triangle_count for tracer in self.tracers)
+
+    @property
+    def embree_bytes(self) -> int:
+        return sum(tracer.embree_bytes for tracer in self.tracers)
+
+    @property
+    def counters(self) -> Mapping[str, float]:
+        total: Counter[str] = Counter()
+        for tracer in self.tracers:
+            total.update(tracer.counters)
+        return total
+
+    def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: SeparateImages | None = None) -> SeparateImages:
+        """All frames, in order. out: an earlier result that is no longer needed."""
+        earlier = (None,) * len(self.tracers) if out is None else out.images
+        pairs = zip(self.tracers, earlier, strict=True)
+        return SeparateImages(tuple(tracer.trace(offset, hits) for tracer, hits in pairs))
+
+    def _plan(self) -> float:
+        for tracer in self.tracers:
+            tracer.build()
+        return sum(tracer.plan_time_s for tracer in self.tracers)
+
+    def _build(self) -> float:
+        return sum(tracer.build_time_s for tracer in self.tracers)
+
+    def _release(self) -> None:
+        for tracer in self.tracers:
+            tracer.close()
+
+
+def make(point: Point, mesh: Mesh) -> FramesTracer:
+    """All frames of the point, traced together."""
+    return make_together(point, mesh, point.camera)
+
+
+def separate_makers(point: Point) -> dict[str, Make]:
+    """Makers of tracers of one frame, by name in the samples, with the point's split where there are cells.
+
+    Each frame may use the whole memory budget.
+    """
+    own = point.options
+    names = "split_x", "split_y", "packet_width", "packet_rows", "robust"
+    visible = AlignedCellOptions(**{name: getattr(own, name) for name in names})
+    return {
+        SEPARATE: lambda mesh, view: make_own(point, mesh, view),
+        SEPARATE_VISIBLE: lambda mesh, view: VISIBLE_FIRST.make(mesh, view, visible, point.tracing),
+        SEPARATE_RASTER: lambda mesh, view: RASTER.make(mesh, view, NoOptions(), point.tracing),
+    }
+
+
+def _single(point: Point, packet_width: int, mesh: Mesh, view: View) -> Tracer[Hits]:
+    return make_single(point, mesh, view, packet_width)
+
+
+def measure(point: Point) -> Measured:
+    """All frames together, timed in rounds with one tracer a frame of every other way, and compared frame by frame."""
+    packets = expert_packet_widths()
+    small = shrunk(point)
+    warm_up(
+        point,
+        [
+            lambda mesh, view: make_together(small, mesh, view),
+            *(partial(_single, small, width) for width in (1, *packets)),
+            *separate_makers(small).values(),
+        ],
+    )
+    with ExitStack() as stack:
+        own, results = build_own(point, stack, lambda mesh, camera: make_together(point, mesh, camera))
+
+        def for_each_frame(make: Make) -> SeparateFrames:
+            return stack.enter_context(SeparateFrames([make(mesh, view) for mesh, view in own.views]))
+
+        tracers: dict[str, Any] = {OWN: own}
+        for name, width in ((SINGLE, 1), *((PACKETS[width], width) for width in packets)):
+            tracers[name] = for_each_frame(partial(_single, point, width))
+        tracers |= {name: for_each_frame(make) for name, make in separate_makers(point).items()}
+        results |= {
+            "baseline_build_time_s": float(tracers[SINGLE].build_time_s),
+            "separate_embree_bytes": int(tracers[SEPARATE].embree_bytes),
+        }
+        images = {name: Frames(tracer) for name, tracer in tracers.items()}
+        timed = timed_rounds(point, {name: one.trace for name, one in images.items()})
+        pairs = zip(images[OWN].latest().images, images[SINGLE].latest().images, strict=True)
+        agreements = [compare(hits.mesh, hits.camera, hits, reference) for hits, reference in pairs]
+        results |= counts(agreements) | depth_errors(agreements) | plan_and_build_again(own)
+    return measured(results, timed)

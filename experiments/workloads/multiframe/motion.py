@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import Enum
 from math import cos, radians, sin
 
 import numpy as np
@@ -14,7 +15,6 @@ from atra.errors import InputError
 from atra.geometry.camera import Camera, Vector
 from atra.geometry.mesh import Mesh
 from experiments.harness.point import Point
-from experiments.workloads.multiframe import Motion
 
 EYE_DISTANCE = 1 / 200
 """Distance of two eyes as a share of the scene's diagonal: 6.5 cm in a room of 13 m."""
@@ -24,6 +24,14 @@ STEP, STEP_TURN_DEGREES, STEP_ZOOM = 1 / 400, 0.5, 1.005
 
 MESH_TURN_DEGREES = -0.5
 """Turn that a frame adds to the mesh; clockwise seen from above."""
+
+
+class Motion(Enum):
+    """How the frames of a point differ (`frames_of`)."""
+
+    eyes = "eyes"
+    walk = "walk"
+    turn = "turn"
 
 
 def frames_of(camera: Camera, mesh: Mesh, frames: int, motion: Motion) -> tuple[tuple[Camera, ...], tuple[Mesh, ...]]:

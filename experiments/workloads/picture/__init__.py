@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from experiments.harness.options import NoOptions
 from experiments.harness.point import Workload
-from experiments.workloads.images import IMAGE_COLUMNS, PIXELS
-from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_memory
+from experiments.workloads.columns import IMAGE_COLUMNS, PIXELS, RESOURCE_COLUMNS, RESOURCES, say_memory
 
 PICTURE = Workload(
     name="picture",

@@ -1,13 +1,19 @@
-"""The pictures of one point as files."""
+"""The pictures of a point, out of its record: as files, and for figures."""
 
 from __future__ import annotations
 
 import base64
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import pandas as pd
 
 from atra.files.paths import write_atomically
-from experiments.harness.records import Record
+from experiments.harness.records import Record, load_record
 from experiments.workloads.baselines import SINGLE
+from experiments.workloads.columns import PIXELS
+from experiments.workloads.picture import PICTURE
 
 
 def write(folder: Path, record: Record) -> list[Path]:
@@ -20,3 +26,38 @@ def write(folder: Path, record: Record) -> list[Path]:
         write_atomically(path, base64.b64decode(picture))
         written.append(path)
     return written
+
+
+@dataclass(frozen=True)
+class ScenePictures:
+    """One scene, shaded from the hits of the aligned method and of rtcIntersect1, and where they differ.
+
+    stands_for: the paper's scene that this replaces. pixels_*: counts of verdicts. aligned, pixel, difference: PNGs.
+    """
+
+    scene: str
+    triangles: int
+    stands_for: str | None
+    width: int
+    height: int
+    pixels_equal: int
+    pixels_tied: int
+    pixels_edge: int
+    pixels_wrong: int
+    aligned: bytes
+    pixel: bytes
+    difference: bytes
+
+
+def read_pictures(table: pd.DataFrame, records: Path) -> list[ScenePictures]:
+    """The pictures of the table's rows that have some, in its order. records: the folder of the records."""
+    found = []
+    for _, row in table[(table["workload"] == PICTURE.name) & (table["status"] == "ok")].iterrows():
+        record = load_record(records, row["point_id"])
+        if record is None:
+            continue
+        numbers: dict[str, Any] = {name: int(row[name]) for name in ("triangles", "width", "height", *PIXELS)}
+        images: dict[str, Any] = {name: base64.b64decode(text) for name, text in record.results["pictures"].items()}
+        stands_for = None if pd.isna(row["stands_for"]) else str(row["stands_for"])
+        found.append(ScenePictures(scene=str(row["scene"]), stands_for=stands_for, **numbers, **images))
+    return found

@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from atra.judge.compare import compare
 from experiments.drawing.shading import difference_picture, encode_png, shade
 from experiments.harness.point import Measured, Point
-from experiments.workloads.images import counts, depth_errors
+from experiments.workloads.columns import counts, depth_errors
 from experiments.workloads.rounds import build_own, make_single, measured
 
 

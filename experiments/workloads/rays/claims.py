@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from experiments.drawing.values import numbers
 from experiments.methods.classified import CLASSIFIED, ClassifiedOptions
-from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, Claim, Judge, Judgement
+from experiments.results.claims import DOES_NOT_HOLD, HOLDS, UNDECIDED, Claim, Judge, Judgement, NotMeasuredError
 
 KINDS = ("primary", "occlusion", "diffuse")
 
@@ -54,7 +54,9 @@ def _judged(holds: bool, value: str, why: str, interval: str | None = None) -> J
 
 def _judge(check: Callable[[pd.DataFrame], Judgement | None], table: pd.DataFrame | None) -> Judgement:
     found = None if table is None or "steps_ratio" not in table else check(table)
-    return found or Judgement(NOT_MEASURED, why="the sweep holds no such points")
+    if found is None:
+        raise NotMeasuredError("the sweep holds no such points")
+    return found
 
 
 def same_hits(table: pd.DataFrame) -> Judgement | None:

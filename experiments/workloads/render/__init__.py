@@ -13,9 +13,9 @@ import numpy as np
 from atra.errors import InputError
 from atra.light import HybridOptions, PathOptions
 from atra.tracing.options import option
-from atra.whole_numbers import is_whole_number
+from atra.whole_numbers import is_whole_number as is_whole_number
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.options import settings, taken
+from experiments.harness.options import check_whole_numbers, settings, taken
 from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
 from experiments.results.statistics import statistics_columns
@@ -29,8 +29,15 @@ from experiments.workloads.baselines import (
     packets_width,
     series,
 )
-from experiments.workloads.images import IMAGE_COLUMNS, PIXELS
-from experiments.workloads.resources import PREPARATION, PREPARATION_COLUMNS, RESOURCE_COLUMNS, RESOURCES, say_ms
+from experiments.workloads.columns import (
+    IMAGE_COLUMNS,
+    PIXELS,
+    PREPARATION,
+    PREPARATION_COLUMNS,
+    RESOURCE_COLUMNS,
+    RESOURCES,
+    say_ms,
+)
 from experiments.workloads.under_sky import UnderSky
 
 STAGES = {
@@ -86,8 +93,7 @@ class RenderOptions(UnderSky):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not is_whole_number(self.samples) or self.samples < 1:
-            raise InputError(f"workload.samples is {self.samples!r}, expected a whole number of at least 1")
+        check_whole_numbers(self, "workload.", {"samples": (1, None)})
         self.of_library(1.0)
         if self.mitsuba is not Rival.none and self.frame is not Kind.path:
             raise InputError("workload.mitsuba is set with workload.frame=hybrid, expected workload.frame=path")

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
@@ -17,10 +18,10 @@ from atra.judge.compare import compare
 from atra.light import HybridRenderer, PathRenderer, RenderScene, constant_sky
 from atra.tracing.tracer import Tracer
 from experiments.harness.point import Measured, Point, make_own
+from experiments.methods.peers.mitsuba_light import load_mitsuba, parts_of
 from experiments.workloads.baselines import OWN, SINGLE
-from experiments.workloads.images import counts, depth_errors
-from experiments.workloads.render import MITSUBA, Kind, Rival, primary
-from experiments.workloads.render.mitsuba import MitsubaPicture
+from experiments.workloads.columns import counts, depth_errors
+from experiments.workloads.render import MITSUBA, Kind, RenderOptions, Rival, primary
 from experiments.workloads.rounds import (
     build_with_baselines,
     measured,
@@ -146,3 +147,52 @@ def measure(point: Point) -> Measured:
     for name, of_rounds in stages.items():
         made.samples[primary(name)] = [one["primary"] for one in of_rounds]
     return made
+
+
+_PATHS_AT_ONCE = 1 << 22
+"""A wavefront of them is kept in memory."""
+
+
+def mitsuba_scene(mi: Any, scene: RenderScene, camera: Camera, max_depth: int) -> Any:
+    """A scene, in Mitsuba's variant of the moment. Raises InputError as `parts_of` does."""
+    return mi.load_dict(parts_of(mi, scene) | {
+        "integrator": {"type": "path", "max_depth": max_depth, "rr_depth": 10_000},
+        "camera": {
+            "type": "perspective", "fov": camera.fov_y_degrees, "fov_axis": "y", "near_clip": 1e-3,
+            "to_world": mi.ScalarTransform4f().look_at(origin=camera.eye, target=camera.target, up=camera.up),
+            "film": {
+                "type": "hdrfilm", "width": camera.width, "height": camera.height, "rfilter": {"type": "box"},
+                "component_format": "float32",
+            },
+            "sampler": {"type": "independent"},
+        },
+    })  # fmt: skip
+
+
+class MitsubaPicture:
+    """Pictures by Mitsuba's `path` integrator, a few million paths at a time.
+
+    It aims at the sky and at lamps from every surface, which path tracing here does not, so each of its samples takes
+    more rays and has less noise. Scene and camera as for `mitsuba_scene`, threads as for tracers.
+    Raises InputError where Mitsuba, or what its variant needs, is missing.
+    """
+
+    def __init__(self, scene: RenderScene, camera: Camera, options: RenderOptions, threads: int | None) -> None:
+        variant = options.mitsuba.value
+        self._mi, _ = load_mitsuba(variant, f"workload.mitsuba={variant}", threads)
+        self._scene = mitsuba_scene(self._mi, scene, camera, options.max_depth)
+        self._most = max(1, _PATHS_AT_ONCE // (camera.width * camera.height))
+        self._seed = 0
+        self.make(1)
+
+    def make(self, samples: int) -> Any:
+        """(H, W, 3) float32, the mean of so many samples, other ones at every call."""
+        total: Any = 0.0
+        left = samples
+        while left:
+            count = min(left, self._most)
+            image = self._mi.render(self._scene, spp=count, seed=self._seed)
+            total = total + count * np.array(image)
+            left -= count
+            self._seed += 1
+        return total / samples

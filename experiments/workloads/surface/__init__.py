@@ -3,14 +3,26 @@ tracers compute on demand."""
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from statistics import median
 
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.embree.packets_kernels import Image, RayGrid
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.hits import Hits
+from atra.packets.pixel import PixelTracer
+from atra.packets.pixel_kernels import Surface, surface_kernel
+from atra.tracing.rays import image_ray_grid
 from experiments.harness.options import NoOptions
-from experiments.harness.point import Workload
+from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, over, series
-from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms
+from experiments.workloads.columns import RESOURCE_COLUMNS, RESOURCES, say_ms
+from experiments.workloads.rounds import Frames, build_own, make_single, measured, shrunk, timed_rounds, warm_up
 
 OWN_SURFACE, PLAIN_PACKETS, PACKETS_SURFACE = "own_surface", "packets", "packets_surface"
 """Names in the samples: the point's own method and then u, v and normals on demand; packets per pixel without them, and
@@ -46,3 +58,59 @@ SURFACE = Workload(
     judged=OWN_SURFACE,
     needs=RESOURCES,
 )  # fmt: skip
+
+
+class SurfacePackets(PixelTracer):
+    """Packets per pixel that also store u, v and normals in `surface`, which is undefined where nothing is hit.
+
+    Ties are resolved in `prim_id` only: where triangles tie, u, v and normals may belong to another one.
+    """
+
+    def _show(self, mesh: Mesh, camera: View) -> None:
+        super()._show(mesh, camera)
+        size = camera.height, camera.width
+        self.surface = Surface(np.empty(size, np.float32), np.empty(size, np.float32), np.empty((*size, 3), np.float32))
+
+    def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
+        tiles, scene, surface = self._tiles, self._scene_address, self.surface
+        rays, image = RayGrid(*image_ray_grid(self.camera, offset, self.packet_shape)), Image(depth, prim_id)
+        kernel = surface_kernel(*self.packet_shape)
+
+        def work(worker: int, counter: int) -> None:
+            kernel(counter, scene, self._workspaces[worker].packet, rays, tiles, image, surface)
+
+        self._pool.run(work)
+
+
+def measure(point: Point) -> Measured:
+    """Raises InputError and MemoryBudgetError as the tracers do."""
+    small = shrunk(point)
+
+    def make_packets(mesh: Mesh, view: View) -> SurfacePackets:
+        return SurfacePackets(mesh, view, **point.tracing.ours)
+
+    warm_up(
+        point,
+        [lambda mesh, view: make_own(small, mesh, view), lambda mesh, view: make_single(small, mesh, view, None),
+         make_packets],
+    )  # fmt: skip
+    with ExitStack() as stack:
+        own, results = build_own(point, stack)
+        plain = stack.enter_context(make_single(point, own.mesh, own.camera, None))
+        storing = stack.enter_context(make_packets(own.mesh, own.camera))
+        frames = {name: Frames(one) for name, one in ((OWN, own), (PLAIN_PACKETS, plain), (PACKETS_SURFACE, storing))}
+        demanded = Frames(own)
+
+        def trace_and_ask() -> None:
+            demanded.trace()
+            surface_of(demanded.latest())
+
+        trace_and_ask()  # compiles what computes them
+        calls = {name: one.trace for name, one in frames.items()}
+        timed = timed_rounds(point, calls | {OWN_SURFACE: trace_and_ask})
+    return measured(results, timed)
+
+
+def surface_of(hits: Hits) -> tuple[NDArray[np.float32], ...]:
+    """u, v and unit normal of every pixel, computed by as many threads as have traced."""
+    return hits.u, hits.v, hits.normals

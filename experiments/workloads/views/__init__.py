@@ -3,18 +3,32 @@ point's method and, in the same rounds, by the library with default options."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from enum import Enum
+from math import cos, pi, radians, sin
 from statistics import median
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from atra import RayScene, render_views
 from atra.errors import InputError
+from atra.geometry.camera import CalibratedCamera, Camera
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
 from atra.tracing.options import option
 from experiments.harness.column import REAL, Column
-from experiments.harness.point import Point, Workload
+from experiments.harness.options import check_whole_numbers
+from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
 from experiments.methods import METHODS
+from experiments.methods.peers.peer import RayPeerTracer
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, over, series
+from experiments.workloads.rounds import load_mesh, measured, timed_rounds
 
 LIBRARY = "library"
 """Name in the samples of `atra.render_views` or `atra.RayScene.intersect`."""
@@ -37,8 +51,7 @@ class ViewsOptions:
     views: int = option(20, "cameras, where views are asked for")
 
     def __post_init__(self) -> None:
-        if self.views < 1:
-            raise InputError(f"workload.views is {self.views}, expected a whole number of at least 1")
+        check_whole_numbers(self, "workload.", {"views": (1, None)})
 
 
 _own, _library = series(OWN), series(LIBRARY)
@@ -76,3 +89,102 @@ VIEWS = Workload(
     needs=("ids_equal",),
     problem=_problem,
 )  # fmt: skip
+
+
+STEP, TURN_DEGREES = 1 / 50, 30.0
+"""How far eyes lie from the view's, as a share of the scene's diagonal, and how far they are turned at most."""
+
+
+def cameras_around(camera: Camera, mesh: Mesh, count: int) -> tuple[CalibratedCamera, ...]:
+    """`count` cameras with an eye each, pixels that are not square and a principal point that is not in the middle."""
+    diagonal = float(np.linalg.norm(mesh.bounds[1] - mesh.bounds[0]))
+    focal = 1 / camera.pixel_pitch
+    K = np.array([[1.05 * focal, 0, 0.45 * camera.width], [0, focal, 0.55 * camera.height], [0, 0, 1]])
+    right, down, forward = camera.axes
+    made = []
+    for place in np.arange(count) / count * 2 * pi:
+        eye = np.add(camera.eye, STEP * diagonal * (cos(place) * right + sin(place) * forward))
+        turn = radians(TURN_DEGREES) * sin(place)
+        R = np.stack([cos(turn) * right - sin(turn) * forward, down, sin(turn) * right + cos(turn) * forward])
+        made.append(Camera.from_opencv(K, R, -R @ eye, camera.width, camera.height))
+    return tuple(made)
+
+
+def camera_rays(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Origins and directions, (H W, 3) float32 each, through the centres of all pixels, row after row."""
+    y, x = np.divmod(np.arange(camera.width * camera.height), camera.width)
+    origins, directions = replace(camera).rays(x, y, (0.5, 0.5))
+    return (
+        (origins @ camera.axes + camera.eye).astype(np.float32),
+        np.ascontiguousarray(directions @ camera.axes, np.float32),
+    )
+
+
+def random_rays(mesh: Mesh, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Origins and directions, (count, 3) float32 each: from anywhere in the mesh's box, every way as likely."""
+    random = np.random.default_rng(1)
+    low, high = mesh.bounds
+    return random.uniform(low, high, (count, 3)).astype(np.float32), random.normal(size=(count, 3)).astype(np.float32)
+
+
+Ids = Iterator[NDArray[np.uint32]]
+
+
+def measure(point: Point) -> Measured:
+    """Compare both once, which compiles all that they need, and then time them. Raises InputError and
+    MemoryBudgetError as the tracers do, and InputError for a tracer that takes no rays."""
+    mesh = load_mesh(point)
+    with ExitStack() as stack:
+        if point.workload_options.job is Job.views:
+            own, library = _of_views(point, mesh)
+        else:
+            own, library = _of_rays(point, mesh, stack)
+        ids_equal = min(float((one == other).mean()) for one, other in zip(own(), library(), strict=True))
+        timed = timed_rounds(point, {OWN: lambda: _exhaust(own()), LIBRARY: lambda: _exhaust(library())})
+    return measured({"ids_equal": ids_equal}, timed)
+
+
+def _of_views(point: Point, mesh: Mesh) -> tuple[Callable[[], Ids], Callable[[], Ids]]:
+    """Both get a mesh of which nothing is known yet, as a file's is."""
+    cameras: Sequence[View] = cameras_around(point.camera, mesh, point.workload_options.views)
+
+    def own() -> Ids:
+        with make_own(point, Mesh(mesh.vertices, mesh.faces), cameras[0]) as tracer:
+            yield tracer.trace().prim_id
+            for camera in cameras[1:]:
+                tracer.look(camera)
+                yield tracer.trace().prim_id
+
+    def library() -> Ids:
+        tracing = point.tracing
+        fresh = Mesh(mesh.vertices, mesh.faces)
+        for _, hits in render_views(fresh, cameras, threads=tracing.threads, ties=tracing.ties):
+            yield hits.prim_id
+
+    return own, library
+
+
+def _of_rays(point: Point, mesh: Mesh, stack: ExitStack) -> tuple[Callable[[], Ids], Callable[[], Ids]]:
+    """The rays lie in memory, in the form that each takes them in."""
+    if point.workload_options.job is Job.camera_rays:
+        origins, directions = camera_rays(point.camera)
+    else:
+        origins, directions = random_rays(mesh, point.camera.width * point.camera.height)
+    tracer = stack.enter_context(make_own(point, mesh))
+    if not isinstance(tracer, RayPeerTracer):
+        raise InputError(f"method={point.method.name} takes no rays, expected a ray tracer of others")
+    rays = tracer.make_rays(origins, directions)
+    scene = stack.enter_context(RayScene(mesh, threads=point.tracing.threads))
+
+    def own() -> Ids:
+        yield tracer.cast(rays)[1]
+
+    def library() -> Ids:
+        yield scene.intersect(origins, directions).prim_id
+
+    return own, library
+
+
+def _exhaust(results: Iterator[Any]) -> None:
+    for _ in results:
+        pass

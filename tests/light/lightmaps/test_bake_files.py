@@ -16,7 +16,7 @@ from atra.errors import InputError
 from atra.light import Baker, BakeScene, ProgressiveBake, Surface, save_maps, save_model
 from atra.light.lightmaps.maps import LIGHTS
 from examples import bake
-from experiments.commands import baking
+from experiments.commands import making
 from tests.baked import baked, cube, sheet
 from tests.commands.test_command_line import run
 from tests.points import configured
@@ -116,11 +116,11 @@ def test_the_command_bakes_a_scene_by_name_under_the_sky_of_a_file(tmp_path):
 
 def test_the_bar_of_an_adaptive_bake_comes_to_its_end(monkeypatch):
     shown, kept = [], []
-    monkeypatch.setattr(baking.Progress, "update", lambda self, task, completed: shown.append(completed))
+    monkeypatch.setattr(making.Progress, "update", lambda self, task, completed: shown.append(completed))
     views = SimpleNamespace(keep=lambda name, lightmap: kept.append(name))
     dark = replace(SCENE, surface=Surface.plain(BOX, 0.02))
     with Baker(dark, ATLAS, threads=1, adaptive=True) as baker:
-        baking._bake(baker, 1024, views)
+        making._bake(baker, 1024, views)
         assert baker.samples.mean() < 1024
     assert shown == sorted(shown)
     assert shown[-1] == 1.0
@@ -143,9 +143,11 @@ def test_an_interrupted_bake_writes_what_there_is_whole_and_shows_what_the_camer
         return advance(self, target, stop)
 
     monkeypatch.setattr(Baker, "advance", interrupted)
-    monkeypatch.setattr(baking, "picture_restriction", lambda name: f"so says the owner of {name}")
+    monkeypatch.setattr(
+        "experiments.commands.messages.picture_restriction", lambda name: f"so says the owner of {name}"
+    )
     asked = {"size": 32, "final_samples": 64, **workload}
-    folder = baking.run_bake(configured("raster", "bake", (32, 24), asked=asked, output=str(tmp_path / "out")))
+    folder = making.run_bake(configured("raster", "bake", (32, 24), asked=asked, output=str(tmp_path / "out")))
     assert capsys.readouterr().err == "not to be published: so says the owner of cornell_box\n"
     lights = {f"{name}.{end}" for name in (*LIGHTS, "openness") for end in ("exr", "png")}
     others = {"occupancy.png", "charts.png", "view_clay.png", "view_1.png", "view.png", "scene.glb"}

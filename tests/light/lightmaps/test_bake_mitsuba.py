@@ -15,7 +15,7 @@ from atra.light.tables import unit_normals
 from experiments.methods.peers.mitsuba_light import load_mitsuba, parts_of, suns_of
 from experiments.workloads.bake import BAKE, Against
 from experiments.workloads.bake.mitsuba import MitsubaPaths, with_plain_light
-from experiments.workloads.render.mitsuba import mitsuba_scene
+from experiments.workloads.render.measure import mitsuba_scene
 from scenes.cornell_box import CORNELL_BOX_CAMERA
 from scenes.lit.rooms import lit_cornell_box
 from tests.baked import cube, sheet, standard_error

@@ -12,11 +12,9 @@ from atra.light import Atlas, Texels
 from atra.light.lightmaps.charts.atlas import UNMAPPED
 from atra.light.lightmaps.sun.tiles import Tiles
 from experiments.drawing.figure import draw_figure
-from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED
-from experiments.workloads.bake_rays import Use
-from experiments.workloads.bake_rays.claims import judge_ratio
-from experiments.workloads.bake_rays.figures import FIGURES
-from experiments.workloads.bake_rays.measure import undecided
+from experiments.results.claims import DOES_NOT_HOLD, HOLDS, UNDECIDED, NotMeasuredError
+from experiments.workloads.bake_rays import Use, undecided
+from experiments.workloads.bake_rays.shown import FIGURES, judge_ratio
 from tests.baked import cube, sheet
 from tests.meshes import joined
 
@@ -173,7 +171,9 @@ def test_a_prediction_is_judged_by_whole_intervals():
     def verdict(table, gains=True):
         return judge_ratio(table, Use.sun, lambda rows: rows["positions"] >= 16, gains).verdict
 
-    assert verdict(None) == verdict(rows((1.1, 1.2)).assign(use="sky")) == NOT_MEASURED
+    for nothing in (None, rows((1.1, 1.2)).assign(use="sky")):
+        with pytest.raises(NotMeasuredError):
+            verdict(nothing)
     assert verdict(rows((1.1, 1.2), (1.01, 3.0))) == HOLDS
     assert verdict(rows((1.1, 1.2), (0.9, 3.0))) == UNDECIDED
     assert verdict(rows((1.1, 1.2), (0.5, 0.9))) == DOES_NOT_HOLD

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.results.estimates import best_of
+from experiments.results.statistics import best_of
 from experiments.results.table import make_table
 from experiments.workloads.frame.break_even import (
     Cost,
@@ -16,7 +16,7 @@ from experiments.workloads.frame.break_even import (
     cumulative_time_s,
     time_rows,
 )
-from experiments.workloads.ratios import best_rows
+from experiments.workloads.series import best_rows
 from tests.drawn import make_rows, method_row, skipped
 from tests.results.test_table import MEASURED
 

@@ -17,8 +17,7 @@ from experiments.harness.records import Record
 from experiments.paper.evidence import NotMeasuredError, collect_scenes
 from experiments.results.table import make_table, make_tables
 from experiments.results.terminal import print_sweep, say_label, say_outcome
-from experiments.workloads.multiframe import Motion, MultiframeOptions
-from experiments.workloads.multiframe.measure import SeparateFrames
+from experiments.workloads.multiframe import Motion, MultiframeOptions, SeparateFrames
 from experiments.workloads.multiframe.motion import make_together
 from experiments.workloads.rounds import expert_packet_widths, make_single
 from scenes.loading import SceneSource, load_scene

@@ -10,11 +10,10 @@ import atra
 from experiments.harness.processes.worker import measure_point
 from experiments.methods import find_method
 from experiments.results.terminal import results_console
+from experiments.workloads import views as measuring
 from experiments.workloads.baselines import OWN
-from experiments.workloads.views import LIBRARY, VIEWS, Job, ViewsOptions
-from experiments.workloads.views import measure as measuring
-from experiments.workloads.views.measure import camera_rays, cameras_around, random_rays
-from experiments.workloads.views.terminal import sweep_lines
+from experiments.workloads.views import LIBRARY, VIEWS, Job, ViewsOptions, camera_rays, cameras_around, random_rays
+from experiments.workloads.views.shown import sweep_lines
 from tests import points
 from tests.images import assert_same_bits
 from tests.meshes import cornell_box, cornell_camera

@@ -7,13 +7,13 @@ from atra.alignment.alignment import Alignment
 from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.geometry.split import Split
-from experiments.workloads.multiframe import Motion
 from experiments.workloads.multiframe.motion import (
     EYE_DISTANCE,
     MESH_TURN_DEGREES,
     STEP,
     STEP_TURN_DEGREES,
     STEP_ZOOM,
+    Motion,
     frames_of,
 )
 from tests.meshes import cornell_box, cornell_camera

@@ -9,10 +9,8 @@ import atra
 from experiments.drawing.style import TIMES
 from experiments.results.terminal import results_console
 from experiments.workloads.baselines import OWN, SINGLE
-from experiments.workloads.moving import KEPT, STILL
-from experiments.workloads.moving.figures import draw_moving_figure
-from experiments.workloads.moving.measure import EYES, RADIUS, KeptPackets, MovingFrames, eyes_around
-from experiments.workloads.moving.terminal import sweep_lines
+from experiments.workloads.moving import EYES, KEPT, RADIUS, STILL, KeptPackets, MovingFrames, eyes_around
+from experiments.workloads.moving.shown import draw_moving_figure, sweep_lines
 from experiments.workloads.rounds import expert_packet_widths
 from tests.drawn import bars, line, make_rows, method_row, whiskers, words
 from tests.images import assert_no_pixel_wrong, trace_pixels

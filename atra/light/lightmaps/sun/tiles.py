@@ -9,7 +9,6 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from atra.bvh.bvh import bvh_of
 from atra.compiled.threads import WorkerPool
 from atra.geometry.view import unit_vector
 from atra.light.checks import check_whole
@@ -19,6 +18,7 @@ from atra.light.lightmaps.sun.rays import TileRays
 from atra.light.lightmaps.sun.tiles_kernels import BoxTree, Prisms
 from atra.prim_ids import MISS
 from atra.tracing.options import PacketKeywords, PacketOptions, lists_options
+from atra.trees.bvh import bvh_of
 
 FLAT = 1e-3
 """Largest distance of a flat chart's corners from its plane, in texels."""

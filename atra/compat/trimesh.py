@@ -1,0 +1,227 @@
+"""A stand-in for trimesh's ray queries.
+
+    from atra.compat.trimesh import RayMeshIntersector
+    mesh.ray = RayMeshIntersector(mesh)
+
+Everything in trimesh that uses `mesh.ray` then uses atra: `mesh.contains`, `signed_distance`, `volume_mesh`, voxels.
+Source: `trimesh.ray.ray_pyembree.RayMeshIntersector` of trimesh 5, whose arguments, shapes, dtypes and order these are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from atra.geometry.mesh import Mesh
+from atra.prim_ids import MISS
+from atra.rays.rays import Rays
+from atra.rays.scene import RayScene
+
+_BOX = 100.0
+"""Size that a mesh is scaled to, up to a factor of two."""
+
+_NEAR = 4.0
+"""Rays that start farther from the middle than this many sizes of the mesh are moved up to it, in float64."""
+
+_EDGE_ON = 1e-6
+"""Cosine below which a location is taken from the ray's parameter, not from the triangle's plane."""
+
+_WAYS = np.array([[0.4395064455, 0.617598629942, 0.652231566745], [-0.5290, 0.3811, 0.7582]])
+"""Directions in which points of open meshes are tested; the first is trimesh's."""
+
+Located = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]
+
+
+@dataclass(frozen=True, eq=False)
+class _Scaled:
+    """A scene of a mesh moved by -origin, then scaled. key: the mesh's hash when it was built."""
+
+    key: int
+    scene: RayScene
+    origin: NDArray[np.float64]
+    scale: float
+    size: float
+
+
+class RayMeshIntersector:
+    """Ray queries of a trimesh mesh, also after it has changed; hits are found as `atra.RayScene` finds them.
+
+    geometry: a `trimesh.Trimesh`. scale_to_box: taken and kept, as trimesh has it; queries always scale, by a power of
+    two, which rounds nothing. threads: None = every core.
+    """
+
+    def __init__(self, geometry: Any, scale_to_box: bool = True, *, threads: int | None = None) -> None:
+        self.mesh = geometry
+        self._scale_to_box = scale_to_box
+        self._threads = threads
+        self._built: _Scaled | None = None
+
+    def intersects_location(
+        self, ray_origins: ArrayLike, ray_directions: ArrayLike, multiple_hits: bool = True
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+        """(locations, index_ray, index_tri) of all hits, or of the first hit of each ray: (M, 3) float64, (M,) int64,
+        (M,) int64. First come the first hits of all rays, then the second ones, and so on."""
+        index_tri, index_ray, locations = self._hits(ray_origins, ray_directions, multiple_hits, 100, True)
+        return locations, index_ray, index_tri
+
+    def intersects_id(
+        self,
+        ray_origins: ArrayLike,
+        ray_directions: ArrayLike,
+        multiple_hits: bool = True,
+        max_hits: int = 100,
+        return_locations: bool = False,
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]] | Located:
+        """(index_tri, index_ray), and locations if asked for, as `intersects_location`; at most max_hits of a ray."""
+        found = self._hits(ray_origins, ray_directions, multiple_hits, max_hits, return_locations)
+        return found if return_locations else found[:2]
+
+    def intersects_first(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> NDArray[np.int32]:
+        """(N,) int32, the first triangle that each ray hits, -1 for none."""
+        origins, directions = _checked(ray_origins, ray_directions)
+        first = np.full(len(origins), -1, np.int32)
+        built = self._scene()
+        if built is not None:
+            traced, rays, _ = _scaled_rays(built, origins, directions)
+            prim_id = built.scene.intersect(rays).prim_id
+            first[traced] = np.where(prim_id == MISS, -1, prim_id.astype(np.int64))
+        return first
+
+    def intersects_any(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> NDArray[np.bool_]:
+        """(N,) bool, whether each ray hits anything."""
+        origins, directions = _checked(ray_origins, ray_directions)
+        hit = np.zeros(len(origins), np.bool_)
+        built = self._scene()
+        if built is not None:
+            traced, rays, _ = _scaled_rays(built, origins, directions)
+            hit[traced] = built.scene.occluded(rays)
+        return hit
+
+    def contains_points(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """(N,) bool, whether points lie inside, by the parity of hits; for open meshes by that of both directions."""
+        array = np.asanyarray(points, dtype=np.float64)
+        if array.ndim != 2 or array.shape[1] != 3:
+            raise ValueError("points must be (n,3)")
+        contains = np.zeros(len(array), np.bool_)
+        built = self._scene()
+        if built is None:
+            return contains
+        scaled = (array - built.origin) * built.scale
+        inside_box = (np.abs(scaled) <= 2.0 * built.size).all(axis=1)  # False for NaN, too
+        some = scaled[inside_box]
+        is_closed = built.scene.open_edges == 0
+        contains[inside_box] = built.scene.parity(some) if is_closed else _probably_inside(built, some)
+        return contains
+
+    def _hits(
+        self, ray_origins: ArrayLike, ray_directions: ArrayLike, multiple: bool, max_hits: int, locate: bool
+    ) -> Located:
+        origins, directions = _checked(ray_origins, ray_directions)
+        built = self._scene()
+        if built is None or max_hits < 1 or len(origins) == 0:
+            return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3))
+        traced, rays, moved = _scaled_rays(built, origins, directions)
+        if multiple:
+            hits = built.scene.all_hits(rays, max_hits=int(max_hits))
+            place = np.arange(len(hits)) - hits.ray_splits[hits.ray_ids]
+            order = np.argsort(place.astype(np.uint16 if max_hits < 1 << 16 else np.int64), kind="stable")
+            ray, prim_id, t = hits.ray_ids[order], hits.prim_id[order].astype(np.int64), hits.t[order]
+        else:
+            first = built.scene.intersect(rays)
+            ray = np.flatnonzero(first.hit)
+            prim_id, t = first.prim_id[ray].astype(np.int64), first.t[ray].astype(np.float64)
+        index_ray = traced[ray]
+        locations = np.zeros((0, 3))
+        if locate:
+            t = moved[ray] + t / built.scale
+            locations = self._located(origins[index_ray], directions[index_ray], prim_id, t)
+        return prim_id, index_ray, locations
+
+    def _located(
+        self, origins: NDArray[np.float64], directions: NDArray[np.float64], prim_id: NDArray[np.int64], t: NDArray
+    ) -> NDArray[np.float64]:
+        """(M, 3) float64, where rays meet the planes of triangles as trimesh holds them."""
+        normals = self.mesh.face_normals[prim_id]
+        facing = np.einsum("ij,ij->i", normals, directions)
+        ahead = np.einsum("ij,ij->i", normals, self.mesh.triangles[:, 0][prim_id] - origins)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = np.where(np.abs(facing) > _EDGE_ON, ahead / facing, t)
+        return origins + t[:, None] * directions
+
+    def _scene(self) -> _Scaled | None:
+        """The scene of the mesh as it is now; None where it has nothing to hit."""
+        key = hash(self.mesh)
+        if self._built is None or self._built.key != key:
+            self._built = _built(self.mesh, key, self._threads)
+        return self._built
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_built": None}
+
+    def __copy__(self, *_: Any) -> Self:
+        return type(self)(self.mesh, self._scale_to_box, threads=self._threads)
+
+    __deepcopy__ = __copy__
+
+
+def _built(mesh: Any, key: int, threads: int | None) -> _Scaled | None:
+    vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces)
+    finite: NDArray[np.bool_] = np.isfinite(vertices.sum(axis=1))
+    kept = finite[faces].all(axis=1) if len(faces) else np.zeros(0, np.bool_)
+    if not kept.any():
+        return None
+    used = vertices[faces[kept]].reshape(-1, 3)
+    low, high = used.min(axis=0), used.max(axis=0)
+    size = float((high - low).max())
+    scale = 2.0 ** np.floor(np.log2(_BOX / size)) if 0.0 < size < np.inf and np.isfinite(_BOX / size) else 1.0
+    placed = np.clip((np.where(finite[:, None], vertices, low) - low) * scale, -1e10, 1e10)
+    scene = RayScene(Mesh(placed, faces), faces=kept, threads=threads)
+    return _Scaled(key, scene, low, float(scale), float(size * scale) or 1.0)
+
+
+def _checked(ray_origins: ArrayLike, ray_directions: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(N, 3) origins and unit directions; a direction without length is NaN, and hits nothing."""
+    origins, directions = np.array(ray_origins, np.float64), np.array(ray_directions, np.float64)
+    if origins.shape != directions.shape:
+        raise ValueError("Ray origin and direction don't match!")
+    if origins.ndim != 2 or origins.shape[1] != 3:
+        raise ValueError(f"rays have shape {origins.shape}, expected (n, 3)")
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        directions /= np.abs(directions).max(axis=1, keepdims=True, initial=0.0)
+        directions /= np.sqrt(np.einsum("ij,ij->i", directions, directions))[:, None]
+    return origins, directions
+
+
+def _scaled_rays(
+    built: _Scaled, origins: NDArray[np.float64], directions: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], Rays, NDArray[np.float64]]:
+    """(numbers of the rays that can be traced, the rays in the scene's space, how far each was moved along itself)."""
+    traced = np.flatnonzero(np.isfinite(origins.sum(axis=1) + directions.sum(axis=1)))
+    if len(traced) < len(origins):
+        origins, directions = origins[traced], directions[traced]
+    scaled = (origins - built.origin) * built.scale
+    moved = np.zeros(len(scaled))
+    far = np.flatnonzero(np.abs(scaled - built.size / 2).max(axis=1) > _NEAR * built.size)
+    if len(far):
+        away = np.einsum("ij,ij->i", built.size / 2 - scaled[far], directions[far])
+        moved[far] = np.maximum(away - 2.0 * built.size, 0.0)
+        scaled[far] += moved[far, None] * directions[far]
+        near = np.abs(scaled).max(axis=1) <= 1e9 * built.size  # others miss by far
+        traced, scaled, directions, moved = traced[near], scaled[near], directions[near], moved[near]
+    return traced, Rays(scaled, directions), moved / built.scale  # type: ignore[arg-type]
+
+
+def _probably_inside(built: _Scaled, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(N,) bool, as trimesh guesses for open meshes: where both directions agree, that; where one hits nothing, no;
+    else another direction decides."""
+    contains, left = np.zeros(len(points), np.bool_), np.arange(len(points))
+    for way in _WAYS:
+        counts = [built.scene.count(points[left], np.broadcast_to(sign * way, (len(left), 3))) for sign in (1.0, -1.0)]
+        odd = [count % 2 == 1 for count in counts]
+        agree = odd[0] == odd[1]
+        contains[left[agree]] = odd[0][agree]
+        left = left[~agree & (counts[0] > 0) & (counts[1] > 0)]
+    return contains

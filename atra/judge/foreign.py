@@ -1,0 +1,262 @@
+"""Images made by other programs: the convention that each follows, and what is right in them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.errors import InputError
+from atra.exact.intersection import intersect_pixels
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.hits import Hits
+from atra.judge.compare import Agreement, Verdict, compare
+from atra.prim_ids import MISS
+from atra.raster.tracer import RasterTracer
+
+_LAST = float(np.nextafter(1.0, 0.0))
+
+OFFSETS = {
+    (0.5, 0.5): "pixel centres",
+    (0.0, 0.0): "the upper left corners of pixels: a shift by half a pixel",
+    (_LAST, _LAST): "the lower right corners of pixels: a shift by half a pixel",
+    (0.0, 0.5): "the left edges of pixels: a shift by half a pixel",
+    (0.5, 0.0): "the upper edges of pixels: a shift by half a pixel",
+    (_LAST, 0.5): "the right edges of pixels: a shift by half a pixel",
+    (0.5, _LAST): "the lower edges of pixels: a shift by half a pixel",
+}
+"""Places of rays in their pixels that are looked for, and their names."""
+
+SAME_DEPTH = 1e-5
+"""Relative difference up to which two depths agree, where a convention is looked for."""
+
+SURE_SHARE = 0.5
+"""Share of pixels that agree, below which the convention that fits best is not believed."""
+
+_SAMPLED = 1 << 16
+"""Pixels, about, that are looked at to find the convention."""
+
+
+@dataclass(frozen=True)
+class Convention:
+    """How a program stores an image. The defaults are atra's own.
+
+    offset: place of the rays in their pixels. flips_rows: row 0 is the bottom. flips_columns: column 0 is the right.
+    swaps_axes: stored (width, height); undone before rows and columns are flipped. along_ray: depth is the distance
+    from the eye, not along the view axis.
+    """
+
+    offset: tuple[float, float] = (0.5, 0.5)
+    flips_rows: bool = False
+    flips_columns: bool = False
+    swaps_axes: bool = False
+    along_ray: bool = False
+
+    def ordered(self, image: NDArray) -> NDArray:
+        """The image (H, W) with the top row and the left column first."""
+        image = image.T if self.swaps_axes else image
+        image = image[::-1] if self.flips_rows else image
+        return np.ascontiguousarray(image[:, ::-1] if self.flips_columns else image)
+
+    def __str__(self) -> str:
+        said = [f"rays through {OFFSETS.get(self.offset, self.offset)}"]
+        said += ["x and y are swapped"] if self.swaps_axes else []
+        said += ["rows are flipped: the first is the bottom"] if self.flips_rows else []
+        said += ["columns are flipped: the first is the right"] if self.flips_columns else []
+        return "; ".join((*said, f"depth along the {'ray' if self.along_ray else 'view axis'}"))
+
+
+@dataclass(frozen=True, eq=False)
+class ForeignImage:
+    """An image of another program, checked.
+
+    depth: (H, W) floats, scene units; a value that is not finite or not above 0 is a miss. prim_id: (H, W) integers in
+    the mesh's numbering, -1 or `MISS` for a miss; None: the program stores none. rounding: by how much the file
+    may have rounded a depth, scene units; 0 for float32.
+    Raises InputError for other shapes, and for depths that are no numbers.
+    """
+
+    depth: NDArray[np.float32]
+    prim_id: NDArray[np.uint32] | None = None
+    rounding: float = 0.0
+
+    def __post_init__(self) -> None:
+        depth = np.asarray(self.depth)
+        if depth.ndim != 2 or not np.issubdtype(depth.dtype, np.number):
+            raise InputError(f"depth is {depth.dtype} of shape {depth.shape}, expected numbers of shape (H, W)")
+        depth = depth.astype(np.float32)
+        ids = None if self.prim_id is None else np.asarray(self.prim_id)
+        if ids is not None:
+            if ids.shape != depth.shape or not np.issubdtype(ids.dtype, np.number):
+                raise InputError(f"prim_id is {ids.dtype} of shape {ids.shape}, expected integers of {depth.shape}")
+            ids = ids.astype(np.int64)
+            ids = np.where((ids < 0) | (ids > int(MISS)), int(MISS), ids).astype(np.uint32)
+        misses = ~np.isfinite(depth) | (depth <= 0.0) if ids is None else ids == MISS
+        object.__setattr__(self, "depth", np.where(misses, np.float32(np.inf), depth))
+        object.__setattr__(self, "prim_id", ids)
+        if not self.rounding >= 0.0:
+            raise InputError(f"rounding is {self.rounding!r}, expected a number of at least 0")
+
+
+@dataclass(frozen=True, eq=False)
+class ForeignJudgement:
+    """What `judge_image` finds.
+
+    agreement: the verdict on every pixel. convention: of the image; agreeing: share of pixels, within SAME_DEPTH, that
+    speak for it. own_agreeing: the same for atra's own convention. hits: the image in atra's convention; without ids of
+    its own it names the triangle whose plane its depth fits. reference: what it is compared with.
+    """
+
+    agreement: Agreement
+    convention: Convention
+    agreeing: float
+    own_agreeing: float
+    hits: Hits
+    reference: Hits
+
+    @property
+    def is_right(self) -> bool:
+        """Whether no pixel is wrong; a hole is wrong, too."""
+        return self.agreement.pixels_wrong == 0
+
+    def explained(self, most: int = 5) -> Iterator[str]:
+        """A sentence on each of the first wrong pixels, by its column and row in atra's convention."""
+        holes = self.agreement.holes
+        for y, x in np.argwhere(self.agreement.verdict == Verdict.WRONG)[:most]:
+            kind = "hole" if holes is not None and holes[y, x] else "wrong"
+            shown, expected = _shown(self.hits, y, x), _shown(self.reference, y, x)
+            yield f"({x}, {y}) {kind}: the image shows {shown}, expected {expected}"
+
+    def picture(self) -> NDArray[np.uint8]:
+        """(H, W, 3) uint8 colours: equal grey, tied blue, edge yellow, wrong red, hole magenta."""
+        colours = np.array([[110, 110, 110], [70, 120, 255], [250, 210, 60], [230, 30, 30]], np.uint8)
+        picture = colours[self.agreement.verdict]
+        picture[(self.agreement.verdict == Verdict.EQUAL) & ~self.reference.hit] = (40, 40, 40)
+        if self.agreement.holes is not None:
+            picture[self.agreement.holes] = (255, 0, 255)
+        return picture
+
+
+def _shown(image: Hits, y: int, x: int) -> str:
+    if image.prim_id[y, x] == MISS:
+        return "nothing" if image.depth[y, x] == np.inf else f"no triangle, with depth {image.depth[y, x]:.7g}"
+    return f"triangle {image.prim_id[y, x]} at depth {image.depth[y, x]:.7g}"
+
+
+def judge_image(
+    mesh: Mesh,
+    camera: View,
+    image: ForeignImage,
+    *,
+    against: ForeignImage | None = None,
+    convention: Convention | None = None,
+    threads: int | None = None,
+) -> ForeignJudgement:
+    """Judge an image that another program has made of `mesh`, pixel by pixel, in float64, as `compare` does.
+
+    against: compare with this image, in the convention that fits it, rather than with what the rasteriser finds.
+    convention: of the image, or of both; None: the one that most pixels speak for, atra's own where several do.
+    threads: None = every core.
+    Raises InputError for an image of another size, for ids that the mesh does not have, and for two images whose rays
+    pass through other places of their pixels; MemoryBudgetError as `RasterTracer`.
+    """
+    with RasterTracer(mesh, camera, threads=threads) as tracer:
+        found, agreeing, own, right = _fitting(image, tracer, convention)
+        hits, reference = _in_own_words(image, found, right), right
+        if against is not None:
+            other = _fitting(against, tracer, convention)[0]
+            if other.offset != found.offset:
+                raise InputError(
+                    f"one image has its rays through {OFFSETS[found.offset]}, the other through "
+                    f"{OFFSETS[other.offset]}; expected the same rays"
+                )
+            reference = _in_own_words(against, other, right)
+    return ForeignJudgement(compare(mesh, camera, hits, reference), found, agreeing, own, hits, reference)
+
+
+def _fitting(
+    image: ForeignImage, tracer: RasterTracer, given: Convention | None
+) -> tuple[Convention, float, float, Hits]:
+    """The convention that fits best, the share of pixels that agree with it, that which agree with atra's own, and the
+    right image with its rays."""
+    shape = (tracer.camera.height, tracer.camera.width)
+    allowed = (False, True) if given is None else (given.swaps_axes,)
+    swapped = [swaps for swaps in allowed if (image.depth.T if swaps else image.depth).shape == shape]
+    if not swapped:
+        raise InputError(f"the image is {image.depth.shape}, expected the camera's {shape} (height, width)")
+    best = own = given or Convention(swaps_axes=swapped[0])
+    kept = right = tracer.trace(own.offset)
+    share = own_share = _share(image, own, right)
+    for offset in OFFSETS if given is None else ():
+        right = tracer.trace(offset)
+        for swaps, columns, rows, ray in product(swapped, *((False, True),) * 3):
+            one = Convention(offset, rows, columns, swaps, ray)
+            found = _share(image, one, right)
+            if found > share and found >= SURE_SHARE:
+                best, share, kept = one, found, right
+    return best, share, own_share, kept
+
+
+def _share(image: ForeignImage, convention: Convention, right: Hits) -> float:
+    step = max(1, int((right.depth.size / _SAMPLED) ** 0.5))
+    expected = right.depth.astype(np.float64) * (_lengths(right) if convention.along_ray else 1.0)
+    depth, expected = convention.ordered(image.depth)[::step, ::step], expected[::step, ::step]
+    with np.errstate(invalid="ignore"):
+        is_near = np.abs(depth - expected) <= np.maximum(image.rounding, SAME_DEPTH * expected)
+    return float((is_near | (np.isinf(depth) & np.isinf(expected))).mean())
+
+
+def _lengths(reference: Hits) -> NDArray[np.float64]:
+    """(H, W) length of each pixel's ray where its depth along the view axis is 1."""
+    height, width = reference.depth.shape
+    camera: View = reference.camera
+    if camera.is_parallel:
+        return np.ones((height, width))
+    directions = camera.rays(*np.meshgrid(np.arange(width), np.arange(height)), reference.offset)[1]
+    return np.asarray(np.linalg.norm(directions, axis=-1) / directions[..., 2])
+
+
+def _in_own_words(image: ForeignImage, convention: Convention, reference: Hits) -> Hits:
+    """The image as hits: depths along the axis, a triangle named for each hit, and depths that the file has rounded
+    replaced by those of the triangle's plane."""
+    depth = convention.ordered(image.depth).astype(np.float64)
+    if convention.along_ray:
+        depth = depth / _lengths(reference)
+    if image.prim_id is not None:
+        prim_id = convention.ordered(image.prim_id)
+        y, x = np.nonzero(prim_id != MISS)
+        plane = np.full(depth.shape, np.inf)
+        plane[y, x] = intersect_pixels(reference.mesh, reference.camera, x, y, prim_id[y, x], reference.offset).depth
+    else:
+        prim_id, plane = _named(depth, image.rounding, reference)
+    with np.errstate(invalid="ignore"):
+        is_rounded = np.abs(depth - plane) <= image.rounding
+    settled = np.where(is_rounded, plane, depth).astype(np.float32)
+    return Hits(settled, prim_id, reference.offset, reference.mesh, reference.camera, reference.threads)
+
+
+def _named(
+    depth: NDArray[np.float64], rounding: float, reference: Hits
+) -> tuple[NDArray[np.uint32], NDArray[np.float64]]:
+    """Triangles, (H, W), that an image without ids may show, and the depths of their planes: of those that the right
+    image shows in the pixel and around it, the one whose plane's depth is nearest to the image's."""
+    height, width = depth.shape
+    has_hit = np.isfinite(depth)
+    named, plane = np.full((height, width), MISS, np.uint32), np.full((height, width), np.inf)
+    around = np.pad(reference.prim_id, 1, constant_values=MISS)
+    shifts = sorted(product((0, 1, 2), repeat=2), key=lambda shift: abs(shift[0] - 1) + abs(shift[1] - 1))
+    for down, right in shifts:
+        triangle = around[down : down + height, right : right + width]
+        with np.errstate(invalid="ignore"):
+            is_named = np.abs(plane - depth) <= np.maximum(rounding, SAME_DEPTH * depth)
+        y, x = np.nonzero(has_hit & (triangle != MISS) & ~is_named)
+        found = intersect_pixels(reference.mesh, reference.camera, x, y, triangle[y, x], reference.offset).depth
+        with np.errstate(invalid="ignore"):
+            nearer = ~(np.abs(found - depth[y, x]) >= np.abs(plane[y, x] - depth[y, x]))
+        nearer &= np.isfinite(found)
+        named[y[nearer], x[nearer]], plane[y[nearer], x[nearer]] = triangle[y, x][nearer], found[nearer]
+    return named, plane

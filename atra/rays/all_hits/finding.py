@@ -1,0 +1,194 @@
+"""All hits of rays, batch by batch: memory of threads grows where hits need it, and nothing is left out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.compiled.threads import WorkerPool
+from atra.exact.lines_kernels import PARTS
+from atra.geometry.mesh import Mesh
+from atra.rays.all_hits.columns_kernels import cross_columns
+from atra.rays.all_hits.crossings_kernels import AREAS
+from atra.rays.all_hits.finding_kernels import CHUNK, STACK, Batch, Found, Lists, Tree, all_hits_kernel, lay_out
+from atra.rays.rays import Rays
+from atra.tracing.budgets import check_needed_bytes
+from atra.trees.bvh import build_bvh
+from atra.trees.wide import WideBvh, widened_bvh
+
+BATCH = 1 << 16
+"""Rays traced at a time; Ctrl-C is heard between batches."""
+
+MOST = 1 << 30
+"""More hits than a ray can have."""
+
+_START, _KEPT = 1 << 16, 1 << 22
+"""Hits that a thread's memory holds at first, and those it may hold after a call."""
+
+_HIT_BYTES = 20
+
+_CURE = "pass max_hits, or fewer rays at a time"
+
+Progress = Callable[[int, int], object]
+"""Called with the rays that are done and the number of all."""
+
+
+class HitArrays(NamedTuple):
+    """ray_splits: (N + 1,) int64. t: (M,) float64. prim_id: (M,) uint32. u, v: (M,) float32. truncated: (N,) bool."""
+
+    ray_splits: NDArray[np.int64]
+    t: NDArray[np.float64]
+    prim_id: NDArray[np.uint32]
+    u: NDArray[np.float32]
+    v: NDArray[np.float32]
+    truncated: NDArray[np.bool_]
+
+
+class Columns(NamedTuple):
+    """Rays along an axis of the world. counts: (P,) int32, triangles crossed. turns: (P,) int32, those left less those
+    entered. directions: (P, 3) float64."""
+
+    counts: NDArray[np.int32]
+    turns: NDArray[np.int32]
+    directions: NDArray[np.float64]
+
+
+class Crossings:
+    """A mesh whose crossings with rays are found, each exactly once.
+
+    kept: (F,) bool, triangles that rays meet; None: all. pool: threads.
+    """
+
+    def __init__(self, mesh: Mesh, kept: NDArray[np.bool_] | None, pool: WorkerPool) -> None:
+        kept = np.ones(mesh.triangle_count, np.bool_) if kept is None else kept
+        self.bvh: WideBvh = widened_bvh(build_bvh(mesh.vertices, mesh.faces, kept, pool))
+        middle, half = mesh.bounds.mean(axis=0), (mesh.bounds[1] - mesh.bounds[0]) / 2
+        x, y, z = middle.tolist()
+        sphere = x, y, z, float(np.linalg.norm(half))
+        self.tree = Tree(self.bvh.nodes.ctypes.data, self.bvh.blocks.ctypes.data, sphere)
+        self._bounds = mesh.bounds
+        self._pool = pool
+        self._found = [_memory(0) for _ in range(pool.threads)]
+
+    def find(self, rays: Rays, most: int = MOST, progress: Progress | None = None) -> HitArrays:
+        """All hits, or the `most` nearest of each ray. Raises MemoryBudgetError for more than the free memory holds."""
+        count = len(rays)
+        splits, truncated = np.zeros(count + 1, np.int64), np.empty(count, np.bool_)
+        hits: list[NDArray] = [np.empty(0, kind) for kind in (np.float64, np.uint32, np.float32, np.float32)]
+        try:
+            for start in range(0, count, BATCH):
+                some = slice(start, min(start + BATCH, count))
+                lists = self._traced(rays, some, most)
+                truncated[some] = lists.truncated
+                np.cumsum(lists.counts, out=splits[some.start + 1 : some.stop + 1])
+                splits[some.start + 1 : some.stop + 1] += splits[some.start]
+                _grow(hits, int(splits[some.stop]))
+                self._lay_out(lists, splits[some], hits)
+                if progress is not None:
+                    progress(some.stop, count)
+        finally:
+            for worker, found in enumerate(self._found):
+                if len(found.t) > _KEPT:
+                    self._found[worker] = _memory(0)
+        t, prim_id, u, v = hits
+        return HitArrays(splits, t, prim_id, u, v, truncated)
+
+    def count(self, rays: Rays, progress: Progress | None = None, most: int = MOST) -> NDArray[np.int32]:
+        """(N,) int32, the number of hits of each ray, up to `most`."""
+        counts, kernel = np.empty(len(rays), np.int32), all_hits_kernel(True)
+        for start in range(0, len(rays), BATCH):
+            some = slice(start, min(start + BATCH, len(rays)))
+            lists = _lists(counts[some])
+            batch = _batch(rays, some)
+
+            def work(worker: int, counter: int, batch: Batch = batch, lists: Lists = lists) -> None:
+                kernel(counter, self.tree, batch, lists, self._found[worker], worker, most)
+
+            self._pool.run(work)
+            if progress is not None:
+                progress(some.stop, len(rays))
+        return counts
+
+    def columns(self, points: NDArray[np.float64], everywhere: bool = False) -> Columns:
+        """The crossings of a ray along an axis of the world from each point, (P, 3) float64.
+
+        A point outside the mesh's box crosses nothing, which says no more than its parity, unless `everywhere`.
+        """
+        low, high = self._bounds
+        axis = int(np.argmin(high - low))
+        outer = (np.full(3, -np.inf), np.full(3, np.inf)) if everywhere else (low, high)
+        counts, turns = np.empty(len(points), np.int32), np.empty(len(points), np.int32)
+        middle = float(low[axis] + high[axis])
+        for start in range(0, len(points), BATCH):
+            some = slice(start, start + BATCH)
+            given = points[some], axis, *outer, middle
+            out = counts[some], turns[some]
+            self._pool.run(
+                lambda worker, counter, given=given, out=out: cross_columns(  # type: ignore[misc]
+                    counter, self.tree, *given, self._found[worker], *out
+                )
+            )
+        directions = np.zeros((len(points), 3))
+        directions[:, axis] = np.where(2.0 * points[:, axis] >= middle, 1.0, -1.0)
+        return Columns(counts, turns, directions)
+
+    def _traced(self, rays: Rays, some: slice, most: int) -> Lists:
+        """The hits of some rays, in the threads' memory."""
+        lists, batch, kernel = (
+            _lists(np.empty(some.stop - some.start, np.int32)),
+            _batch(rays, some),
+            all_hits_kernel(False),
+        )
+        for found in self._found:
+            found.used[0] = 0
+        while True:
+            self._pool.run(
+                lambda worker, counter: kernel(counter, self.tree, batch, lists, self._found[worker], worker, most)
+            )
+            if lists.done.sum() == len(lists.counts):
+                return lists
+            full = [2 * int(found.used[0]) >= len(found.t) for found in self._found]  # or one ray has half of a memory
+            self._found = [
+                _grown(one) if is_full or not any(full) else one for one, is_full in zip(self._found, full, strict=True)
+            ]
+
+    def _lay_out(self, lists: Lists, starts: NDArray[np.int64], hits: list[NDArray]) -> None:
+        self._pool.run(lambda worker, counter: lay_out(counter, worker, lists, self._found[worker], starts, *hits))
+
+
+def _batch(rays: Rays, some: slice) -> Batch:
+    return Batch(rays.origins[some], rays.directions[some], rays.tnear[some], rays.tfar[some])
+
+
+def _lists(counts: NDArray[np.int32]) -> Lists:
+    count = len(counts)
+    done = np.zeros(-(-count // CHUNK), np.int64)
+    return Lists(done, counts, np.empty(count, np.int64), np.empty(count, np.bool_))
+
+
+def _memory(size: int) -> Found:
+    arrays = np.empty(size), np.empty(size, np.uint32), np.empty(size, np.float32), np.empty(size, np.float32)
+    return Found(*arrays, np.zeros(1, np.int64), np.empty(STACK, np.int64), np.empty(PARTS), np.empty(AREAS))
+
+
+def _grown(found: Found) -> Found:
+    """Memory for twice as many hits, with those found so far."""
+    size, used = max(2 * len(found.t), _START), int(found.used[0])
+    check_needed_bytes(size * _HIT_BYTES, None, f"{size:,} hits of a batch of rays", _CURE)
+    grown = _memory(size)
+    arrays = (found.t, grown.t), (found.prim_id, grown.prim_id), (found.u, grown.u), (found.v, grown.v)
+    for before, after in arrays:
+        after[:used] = before[:used]  # type: ignore[index]
+    grown.used[0] = used
+    return grown
+
+
+def _grow(hits: list[NDArray], count: int) -> None:
+    """Resize arrays in place, without a copy where the system can move pages."""
+    needed = (count - len(hits[0])) * _HIT_BYTES
+    check_needed_bytes(needed, None, f"{count:,} hits of rays", _CURE)
+    for array in hits:
+        array.resize(count, refcheck=False)

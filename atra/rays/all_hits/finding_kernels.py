@@ -1,0 +1,232 @@
+"""The loops over batches of rays for all their hits: finding, sorting and counting them, and laying them out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.compiled.intrinsics import fetch_add, int32_at
+from atra.compiled.lanes import first_bit
+from atra.compiled.memory import fetch
+from atra.compiled.store import float_kernel, kernel, njit
+from atra.rays.all_hits.crossings_kernels import (
+    box_ray,
+    candidates,
+    crossing,
+    entered,
+    line_of,
+    prim_id_of,
+    scaled_ray,
+    start_of,
+    sure_crossing,
+)
+from atra.trees.layout import BLOCK_BYTES, DEEPEST
+from atra.trees.wide import CHILDREN, COUNTS, FIRSTS, WIDE_BYTES
+
+LEAF = 1
+"""Added to the address of a block on the stack; nodes and blocks lie at even addresses."""
+
+CHUNK = 256
+"""Rays a thread takes at a time."""
+
+STACK = CHILDREN * (DEEPEST + 4)
+"""Nodes that wait to be visited, at most."""
+
+_GAPS = (701, 301, 132, 57, 23, 10, 4, 1)
+"""Steps of a Shell sort. Source: M. Ciura, "Best increments for the average case of Shellsort", 2001."""
+
+WORKER_SHIFT = 40
+"""Bits of a ray's place in its thread's memory; the thread's number stands above them."""
+
+
+class Batch(NamedTuple):
+    """Rays one after the other: origins, directions: (N, 3) float32; tnear, tfar: (N,) float32."""
+
+    origins: NDArray[np.float32]
+    directions: NDArray[np.float32]
+    tnear: NDArray[np.float32]
+    tfar: NDArray[np.float32]
+
+
+class Tree(NamedTuple):
+    """Addresses of nodes and blocks, and the sphere around the mesh: its middle and radius, float64."""
+
+    nodes: int
+    blocks: int
+    sphere: tuple[float, float, float, float]
+
+
+class Found(NamedTuple):
+    """Hits that one thread has found, ray by ray, in memory for `len(t)` of them.
+
+    t: (M,) float64. prim_id: (M,) uint32. u, v: (M,) float32. used: (1,) int64, hits so far. stack: (STACK,) int64.
+    exact: (PARTS,) float64. areas: (AREAS,) float64.
+    """
+
+    t: NDArray[np.float64]
+    prim_id: NDArray[np.uint32]
+    u: NDArray[np.float32]
+    v: NDArray[np.float32]
+    used: NDArray[np.int64]
+    stack: NDArray[np.int64]
+    exact: NDArray[np.float64]
+    areas: NDArray[np.float64]
+
+
+class Lists(NamedTuple):
+    """What is known of each ray. done: (chunks,) int64, rays of a chunk that are finished. counts: (N,) int32, hits
+    kept. places: (N,) int64, thread and place of the first. truncated: (N,) bool, there are more."""
+
+    done: NDArray[np.int64]
+    counts: NDArray[np.int32]
+    places: NDArray[np.int64]
+    truncated: NDArray[np.bool_]
+
+
+@njit(forceinline=True)
+def _is_before(found, a, t, prim_id):  # type: ignore[no-untyped-def]
+    return found.t[a] < t or (found.t[a] == t and found.prim_id[a] < prim_id)
+
+
+@njit(forceinline=True)
+def _move(found, a, b):  # type: ignore[no-untyped-def]
+    found.t[b], found.prim_id[b], found.u[b], found.v[b] = found.t[a], found.prim_id[a], found.u[a], found.v[a]
+
+
+@njit
+def _sort(found, first, count):  # type: ignore[no-untyped-def]
+    """Sort hits by t, and by prim_id where it is the same."""
+    for gap in _GAPS:
+        if gap >= count:
+            continue
+        for place in range(first + gap, first + count):
+            t, prim_id, u, v = found.t[place], found.prim_id[place], found.u[place], found.v[place]
+            into = place
+            while into - gap >= first and not _is_before(found, into - gap, t, prim_id):
+                _move(found, into - gap, into)
+                into -= gap
+            found.t[into], found.prim_id[into], found.u[into], found.v[into] = t, prim_id, u, v
+
+
+@njit(forceinline=True)
+def _take(found, first, count, most, t, prim_id, u, v):  # type: ignore[no-untyped-def]
+    """Add a hit behind the `count` of a ray, or, if there are `most`, in order; returns their number."""
+    if count < most:
+        into = first + count
+        found.t[into], found.prim_id[into], found.u[into], found.v[into] = t, prim_id, u, v
+        if count + 1 == most:
+            _sort(found, first, most)
+        return count + 1
+    into = first + most
+    while into > first and not _is_before(found, into - 1, t, prim_id):
+        into -= 1
+        if into < first + most - 1:
+            _move(found, into, into + 1)
+    if into < first + most:
+        found.t[into], found.prim_id[into], found.u[into], found.v[into] = t, prim_id, u, v
+    return count + 1
+
+
+NO_ROOM = -1
+
+
+@cache
+def all_hits_kernel(counting: bool) -> Callable[..., None]:
+    """The loop over rays for all hits; counting: only for their number."""
+
+    @float_kernel
+    def find_all(counter_address, tree, batch, lists, found, worker, most):  # type: ignore[no-untyped-def]
+        """Find the hits of all rays that are not done, until a chunk has no room for its hits.
+
+        most: hits to keep of each ray, the nearest, or after which to stop counting. found: this thread's memory,
+        number `worker`.
+        """
+        exact, areas = found.exact.ctypes.data, found.areas.ctypes.data
+        while True:
+            chunk = fetch_add(counter_address, 1)
+            if chunk >= len(lists.done):
+                return
+            first, last = chunk * CHUNK, min((chunk + 1) * CHUNK, len(lists.counts))
+            for number in range(first + lists.done[chunk], last):
+                o, d, tnear, tfar, scale = scaled_ray(batch, number)
+                start, count = found.used[0], np.int64(0)
+                is_near, s = start_of(o, d, tnear, tree.sphere)
+                top = 0
+                if is_near and tnear < tfar and s < tfar:
+                    found.stack[0] = tree.nodes
+                    top = 1
+                ray, line = box_ray(o, d, s, tfar, tree.sphere), line_of(o, d, tree.sphere)
+                while top > 0:
+                    top -= 1
+                    node = found.stack[top]
+                    if node & LEAF:
+                        maybe, sure = candidates(node - LEAF, line, areas)
+                        while maybe:
+                            k = first_bit(maybe)
+                            maybe &= maybe - 1
+                            sign, t, u, v = 2, 0.0, 0.0, 0.0
+                            if sure >> k & 1:
+                                sign, t, u, v = sure_crossing(areas, k, line, tnear, tfar)
+                            if sign == 2:
+                                sign, t, u, v = crossing(node - LEAF, k, o, d, tnear, tfar, line[4], exact)
+                            if sign == 0:
+                                continue
+                            if not counting:
+                                if start + min(count, most) >= len(found.t):
+                                    lists.done[chunk] = number - first
+                                    return
+                                _take(found, start, count, most, t * scale, prim_id_of(node - LEAF, k), u, v)
+                            count += 1
+                            if counting and count >= most:
+                                maybe = top = 0
+                        continue
+                    bits = entered(node, ray)
+                    while bits:
+                        child = 4 * first_bit(bits)
+                        bits &= bits - 1
+                        first_of = np.int64(int32_at(node + FIRSTS + child))
+                        blocks = np.int64(int32_at(node + COUNTS + child))
+                        if blocks == 0:
+                            to = tree.nodes + first_of * WIDE_BYTES
+                            fetch(to)
+                            fetch(to + 64)
+                            fetch(to + 128)
+                            fetch(to + 192)
+                            found.stack[top] = to
+                            top += 1
+                            continue
+                        for block in range(first_of, first_of + blocks):
+                            to = tree.blocks + block * BLOCK_BYTES
+                            fetch(to)
+                            fetch(to + 64)
+                            fetch(to + 128)
+                            found.stack[top] = to + LEAF
+                            top += 1
+                lists.counts[number] = min(count, most)
+                if not counting:
+                    lists.truncated[number] = count > most
+                    lists.places[number] = worker << WORKER_SHIFT | start
+                    count = min(count, most)
+                    if count < most:
+                        _sort(found, start, count)
+                    found.used[0] = start + count
+            lists.done[chunk] = last - first
+
+    return find_all
+
+
+@kernel
+def lay_out(counter_address, worker, lists, found, splits, t, prim_id, u, v):  # type: ignore[no-untyped-def]
+    """Copy the hits that thread `worker` found to their places; splits: (N,) int64, place of each ray's first."""
+    for number in range(len(lists.counts)):
+        place = lists.places[number]
+        if place >> WORKER_SHIFT == worker:
+            one = place & ((1 << WORKER_SHIFT) - 1)
+            into = splits[number]
+            for k in range(lists.counts[number]):
+                t[into + k], prim_id[into + k] = found.t[one + k], found.prim_id[one + k]
+                u[into + k], v[into + k] = found.u[one + k], found.v[one + k]

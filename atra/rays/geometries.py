@@ -1,0 +1,82 @@
+"""Several meshes in one scene, each moved by a transform if need be: joined to one mesh, whose triangles count on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from atra.errors import InputError
+from atra.geometry.mesh import Mesh
+from atra.prim_ids import MISS
+
+
+@dataclass(frozen=True, eq=False)
+class Geometries:
+    """mesh: all triangles, one mesh after the other. firsts: (G + 1,) int64, the first triangle of each, then the
+    number of all."""
+
+    mesh: Mesh
+    firsts: NDArray[np.int64]
+
+    @property
+    def count(self) -> int:
+        return len(self.firsts) - 1
+
+    def geometry_ids(self, traced_ids: NDArray[np.uint32]) -> NDArray[np.uint32]:
+        """The mesh, (...) uint32, to which triangles of the joined mesh belong; `MISS` for `MISS`."""
+        if self.count == 1:
+            return np.where(traced_ids == MISS, MISS, np.uint32(0))
+        found = np.searchsorted(self.firsts, traced_ids, side="right").astype(np.uint32) - np.uint32(1)
+        return np.where(traced_ids == MISS, MISS, found)
+
+    def own_ids(self, traced_ids: NDArray[np.uint32], geometry_ids: NDArray[np.uint32]) -> NDArray[np.uint32]:
+        """The same triangles in the numbering of their own mesh."""
+        if self.count == 1:
+            return traced_ids
+        is_hit = geometry_ids != MISS
+        firsts = self.firsts[np.where(is_hit, geometry_ids, 0)].astype(np.uint32)
+        return np.where(is_hit, traced_ids - firsts, MISS)
+
+
+def joined(meshes: Mesh | Sequence[Mesh], transforms: ArrayLike | None = None) -> Geometries:
+    """One mesh, or several joined.
+
+    transforms: (G, 3, 4), the affine map of each mesh into the world, applied in float64 and rounded to float32 once.
+    Raises InputError for no mesh, anything else, and transforms of another shape or that are not finite.
+    """
+    listed = [meshes] if isinstance(meshes, Mesh) else list(meshes) if isinstance(meshes, Sequence) else [meshes]
+    if not listed or not all(isinstance(one, Mesh) for one in listed):
+        raise InputError(
+            f"mesh is {meshes!r:.100}, expected an atra.Mesh or a list of them; Mesh(vertices, faces) and "
+            "Mesh.from_trimesh make one"
+        )
+    if transforms is None:
+        if len(listed) == 1:
+            return Geometries(listed[0], np.array([0, listed[0].triangle_count]))
+        placed: list[NDArray] = [one.vertices for one in listed]
+    else:
+        placed = [_moved(one, how) for one, how in zip(listed, _checked(transforms, len(listed)), strict=True)]
+    starts = np.cumsum([0] + [len(one.vertices) for one in listed])
+    faces = [one.faces.astype(np.int64) + start for one, start in zip(listed, starts, strict=False)]
+    firsts = np.cumsum([0] + [one.triangle_count for one in listed])
+    return Geometries(Mesh(np.concatenate(placed), np.concatenate(faces), listed[0].name), firsts)
+
+
+def _moved(mesh: Mesh, transform: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(mesh.vertices @ transform[:, :3].T + transform[:, 3])
+
+
+def _checked(given: ArrayLike, count: int) -> NDArray[np.float64]:
+    try:
+        transforms = np.asarray(given, np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"transforms cannot be read as an array: {error}") from None
+    if transforms.shape != (count, 3, 4):
+        raise InputError(f"transforms have shape {transforms.shape}, expected ({count}, 3, 4), one of each mesh")
+    if not np.isfinite(transforms).all():
+        which = int(np.argmin(np.isfinite(transforms).all(axis=(1, 2))))
+        raise InputError(f"transform {which} is {transforms[which].tolist()}, expected finite numbers")
+    return transforms

@@ -1,0 +1,68 @@
+"""Which points cameras see: inside of their images, and with nothing of the mesh before them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from atra.errors import InputError
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.rays.all_hits.contains import check_points
+from atra.rays.rays import Rays
+from atra.rays.scene import RayScene
+
+
+def visible_points(
+    mesh: Mesh,
+    points: ArrayLike,
+    cameras: Mapping[Any, View] | Iterable[View],
+    *,
+    tolerance: float = 1e-4,
+    threads: int | None = None,
+) -> NDArray[np.bool_]:
+    """(C, P) bool: whether camera c sees point p, by a ray for each pair that no triangle is lost by.
+
+    points: (P, 3), scene units; they may lie on the mesh. cameras: views of any kind, by name or in a list.
+    tolerance: share of the way from the camera to the point, at its end, on which triangles hide nothing: points on the
+    mesh are rounded. threads: None = every core.
+    Raises InputError for points that are not finite, anything that is not a camera, and a tolerance outside [0, 1).
+    """
+    found, listed = check_points(points), list_cameras(cameras)
+    if not 0.0 <= tolerance < 1.0:
+        raise InputError(f"tolerance is {tolerance!r}, expected a share in [0, 1)")
+    visible = np.zeros((len(listed), len(found)), np.bool_)
+    with RayScene(mesh, threads=threads) as scene:
+        for row, camera in zip(visible, listed, strict=True):
+            inside = np.flatnonzero(_is_in_image(camera, found))
+            starts = np.broadcast_to(np.asarray(camera.eye), (len(inside), 3))
+            ways = found[inside] - starts
+            if camera.is_parallel:
+                forward = camera.axes[2]
+                along = (ways @ forward)[:, None] * forward
+                starts, ways = found[inside] - along, along
+            rays = Rays(starts, ways, tfar=1.0 - tolerance)  # type: ignore[arg-type]
+            row[inside] = ~scene.is_crossed(rays)
+    return visible
+
+
+def list_cameras(cameras: Mapping[Any, View] | Iterable[View]) -> list[View]:
+    """The cameras themselves. Raises InputError for anything else."""
+    listed: list[Any] = []
+    if not isinstance(cameras, View) and isinstance(cameras, Iterable):
+        listed = list(cameras.values()) if isinstance(cameras, Mapping) else list(cameras)
+    if not all(isinstance(one, View) for one in listed) or isinstance(cameras, View):
+        raise InputError(f"cameras is {cameras!r:.100}, expected several: by name, or a list of them")
+    return listed
+
+
+def _is_in_image(camera: View, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(P,) bool, whether points lie before the camera and are projected into its image; not at its eye."""
+    placed = np.concatenate([camera.to_eye_space(points), np.ones((len(points), 1))], axis=1) @ camera.to_pixels.T
+    depth = camera.to_camera_space(points)[:, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x, y = placed[:, 0] / placed[:, 2], placed[:, 1] / placed[:, 2]
+    return (depth > 0.0) & (x >= 0.0) & (x < camera.width) & (y >= 0.0) & (y < camera.height)

@@ -1,0 +1,98 @@
+"""Columns of several workloads: memory, preparation, and images compared with those of rtcIntersect1."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from numbers import Integral
+from typing import Any
+
+from atra.judge.compare import Agreement
+from experiments.harness.column import REAL, WHOLE, Column
+from experiments.harness.records import Record
+
+RESOURCES = ("triangles_traced", "packet_width", "threads", "rss_bytes", "peak_rss_bytes")
+"""Results of every point whose own method was built."""
+
+RESOURCE_COLUMNS = (
+    Column("packet_width", WHOLE, "rays in a packet; 0 where another's tracer does not tell"),
+    Column("triangles_traced", WHOLE, "triangles in the method's scenes, copies included"),
+    Column("rss_start_bytes", WHOLE, "resident memory before the mesh"),
+    Column("rss_mesh_bytes", WHOLE, "resident memory with the mesh"),
+    Column("rss_bytes", WHOLE, "resident memory after the build"),
+    Column("peak_rss_bytes", WHOLE, "the most since the mesh (on Linux)"),
+    Column("embree_bytes", WHOLE, "what Embree holds by its own account"),
+)
+
+
+PREPARATION = ("plan_time_s", "build_time_s", "baseline_build_time_s")
+"""Results of a workload whose preparation is timed."""
+
+PREPARATION_COLUMNS = (
+    Column("plan_time_s", REAL, "plan: culling and shear"),
+    Column("build_time_s", REAL, "BVH build"),
+    Column("baseline_build_time_s", REAL, "BVH build of the plain mesh"),
+)
+
+
+def say_ms(seconds: float) -> str:
+    return f"{seconds * 1e3:,.1f} ms"
+
+
+def say_mib(count: float) -> str:
+    return f"{count / 2**20:,.1f} MiB"
+
+
+def say_memory(record: Record) -> str:
+    """ "12.3 MiB in Embree", or what is resident where a peer does not tell, and wrong pixels if images were
+    compared."""
+    stored, wrong = record.results.get("embree_bytes"), record.results.get("pixels_wrong")
+    parts = [] if stored is None else [f"{say_mib(stored)} in Embree"]
+    parts += [] if wrong is None else [f"{wrong} pixels wrong"]
+    return ", ".join(parts) or f"{say_mib(record.results['rss_bytes'])} resident"
+
+
+PIXELS = ("pixels_equal", "pixels_tied", "pixels_edge", "pixels_wrong")
+
+HOLES = {"pixels_hole": "pixels_hole", "baseline_pixels_hole": "reference_pixels_hole"}
+"""Columns of holes, and what `Agreement` calls them; tables from before they were told apart lack them."""
+
+IMAGE_COLUMNS = (
+    Column("pixels_equal", WHOLE, "pixels with the triangle and the depth of rtcIntersect1"),
+    Column("pixels_tied", WHOLE, "pixels with another triangle, equally deep"),
+    Column("pixels_edge", WHOLE, "pixels whose ray passes within a thousandth of a pixel of a triangle's rim"),
+    Column("pixels_wrong", WHOLE, "pixels without an excuse, holes of either image among them", over=max),
+    Column("pixels_hole", WHOLE, "wrong ones where the method's rays slip through between triangles", over=max),
+    Column("baseline_pixels_hole", WHOLE, "wrong ones where those of rtcIntersect1 do", over=max),
+    Column("depth_error_max", REAL, "largest relative error of a depth against float64, of the worst image"),
+    Column("depth_error_p999", REAL, "what 99.9 % of the relative errors stay below, of the worst image"),
+    Column("baseline_depth_error_max", REAL, "the same of rtcIntersect1"),
+    Column("baseline_depth_error_p999", REAL, "the same of rtcIntersect1"),
+)
+
+
+def counts(agreements: Sequence[Agreement]) -> dict[str, int]:
+    """Pixels of all images, by verdict, and holes."""
+    names = {name: name for name in PIXELS} | HOLES
+    return {name: sum(int(getattr(one, own)) for one in agreements) for name, own in names.items()}
+
+
+def say_holes(row: Mapping[str, Any]) -> str:
+    """ ", of them 2 holes and 1 of rtcIntersect1" of a row, or sums; "" without any."""
+    known = [int(count) if isinstance(count := row.get(name), Integral) else 0 for name in HOLES]
+    own, single = known
+    holes = "hole" if (own or single) == 1 else "holes"
+    words = [f"{own:,} {holes}"] if own else []
+    if single:
+        words.append(f"{single:,} of rtcIntersect1" if own else f"{single:,} {holes} of rtcIntersect1")
+    return f", of them {' and '.join(words)}" if words else ""
+
+
+def depth_errors(agreements: Sequence[Agreement]) -> dict[str, float]:
+    """Depth errors of the worst image, the method's and those of rtcIntersect1."""
+    own, single = zip(*((one.depth_errors, one.reference_depth_errors) for one in agreements), strict=True)
+    return {
+        "depth_error_max": max(one.largest for one in own),
+        "depth_error_p999": max(one.p999 for one in own),
+        "baseline_depth_error_max": max(one.largest for one in single),
+        "baseline_depth_error_p999": max(one.p999 for one in single),
+    }

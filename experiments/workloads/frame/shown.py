@@ -1,0 +1,189 @@
+"""What is shown of frame times: lines on the terminal, and figures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import pandas as pd
+from rich.table import Table
+
+from experiments.drawing.values import column, varies
+from experiments.methods import METHODS
+from experiments.methods.naming import aligned_rows, best_of, say_point
+from experiments.methods.pixel import PIXEL
+from experiments.results.settings import say_setting, settings, settings_that_vary
+from experiments.results.statistics import Estimate, decide_greater
+from experiments.results.statistics import best_of as best_candidate
+from experiments.workloads.frame import FRAME
+from experiments.workloads.frame.break_even import draw_break_even_figure
+from experiments.workloads.frame.grid_figure import draw_grid_ratios, draw_grid_times
+from experiments.workloads.frame.growth import draw_growth_figure, growing_rows, growth_lines
+from experiments.workloads.frame.peers_figure import draw_peers_figure
+from experiments.workloads.frame.threads_figure import draw_threads_figure
+from experiments.workloads.frame_figures import draw_methods_figure, draw_split_ratios, draw_split_times
+from experiments.workloads.panels import where_varies, workload_figure
+from experiments.workloads.tables import best_split_table
+
+
+def sweep_lines(rows: pd.DataFrame) -> Iterator[Table | str]:
+    """The best splits, how times grow, where triangles or pixels do, and the price of Embree's robust setting, where
+    both were measured. rows: those of this workload that were measured."""
+    yield best_split_table(rows, "pixels_wrong")
+    yield from growth_lines(rows)
+    yield from price_lines(rows)
+
+
+def process_lines(rows: pd.DataFrame) -> Iterator[str]:
+    """Which packets per pixel are the fastest, where several were tried. rows: of every process that measured."""
+    yield from baseline_lines(rows)
+
+
+_POINT = ("scene", "method", "packet_width", "split_x", "split_y")
+
+
+def price_lines(rows: pd.DataFrame) -> Iterator[str]:
+    """One line for each point that was measured in both settings: how many times as long a frame takes when no ray
+    slips through between triangles.
+
+    Each time is taken as a multiple of the fastest packets of its own rounds, in the fast setting, so that what slows
+    down both settings cancels. rows: measured, of one workload; those without the column have the fast setting.
+    """
+    robust = column(rows, "robust").fillna(False).astype(bool)
+    if not robust.any():
+        return
+    names = [name for name in dict.fromkeys([*_POINT, *settings()]) if name in rows and name != "robust"]
+    key = rows[names].astype(object).where(rows[names].notna(), "none").apply(tuple, axis=1)
+    fast = rows[~robust].groupby(key[~robust], sort=False)["speedup_vs_packets"].median()
+    for place in rows.index[robust]:
+        before, row = fast.get(key[place]), rows.loc[place]
+        if before is not None and pd.notna(before) and pd.notna(row["speedup_vs_packets"]):
+            price = float(before) / float(row["speedup_vs_packets"])
+            yield f"{row['scene']}: {say_point(row)}: {price:.2f} times as long as in Embree's fast setting"
+
+
+_AXES = ("split_x", "split_y")
+
+
+def _over(*axes: str) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    """Aligned rows, if exactly these of the splits' axes vary."""
+
+    def chosen(rows: pd.DataFrame) -> pd.DataFrame:
+        rows = aligned_rows(rows)
+        return rows if {axis for axis in _AXES if varies(rows, axis)} == set(axes) else rows[:0]
+
+    return chosen
+
+
+def _with_peers(rows: pd.DataFrame) -> pd.DataFrame:
+    others = [method.name for method in METHODS if not method.is_ours]
+    return rows if rows["method"].isin(others).any() else rows[:0]
+
+
+_OVER_SPLITS = (
+    ("figure4", "Figure 4: render time over the splits of both axes, culling off and on", draw_grid_times, _AXES),
+    ("figure4_speedup", "Figure 4 as speed-up, over the nearest hit and over all hits", draw_grid_ratios, _AXES),
+    ("figure5", "Figure 5: render time over horizontal splits, culling off and on", draw_split_times, _AXES[:1]),
+    (
+        "figure5_speedup", "Figure 5 as speed-up: over horizontal splits, culling off and on", draw_split_ratios,
+        _AXES[:1],
+    ),
+    (
+        "figure5_vertical", "As figure 5, over vertical splits: render time, culling off and on",
+        partial(draw_split_times, axis_name="split_y"), _AXES[1:],
+    ),
+    (
+        "figure5_vertical_speedup", "As figure 5, over vertical splits: speed-up, culling off and on",
+        partial(draw_split_ratios, axis_name="split_y"), _AXES[1:],
+    ),
+)  # fmt: skip
+"""Name, caption, what draws it, and the splits' axes that vary."""
+
+_TELLING = (
+    *(
+        workload_figure(name, caption, FRAME, draw, _over(*axes), per_packet_width=True)
+        for name, caption, draw, axes in _OVER_SPLITS
+    ),
+    *(
+        workload_figure(name, caption, FRAME, draw, where)
+        for name, caption, draw, where in (
+            (
+                "methods", "Speed-up over packets of every method at its best split", draw_methods_figure,
+                where_varies("method"),
+            ),
+            (
+                "break_even", "What a view costs in all, from frame 1 to frame 1,000", draw_break_even_figure,
+                where_varies("method"),
+            ),
+            ("threads", "Speed-up over one thread", draw_threads_figure, where_varies("threads")),
+            ("growth", "Time, preparation and bytes over triangles and pixels", draw_growth_figure, growing_rows),
+            ("peers", "Rays per second beside other ray tracers", draw_peers_figure, _with_peers),
+        )
+    ),
+)  # fmt: skip
+
+
+def _untold(rows: pd.DataFrame) -> pd.DataFrame:
+    """All rows, where no other figure has anything to show: a sweep over scenes, views, packets or pixels alone."""
+    return rows[:0] if len(rows) < 2 or any(len(kind.rows(rows)) for kind in _TELLING) else rows
+
+
+FIGURES = (*_TELLING, workload_figure("rates", "Rays per second", FRAME, draw_peers_figure, _untold))
+
+
+@dataclass(frozen=True)
+class BestBaseline:
+    """scene: with the settings its points share, in words. name: of the fastest packets in one half of the processes.
+    margin: usual packets / these in the other half, None with too few processes. tried: number of candidates."""
+
+    scene: str
+    name: str
+    margin: Estimate | None
+    tried: int
+
+    @property
+    def is_faster(self) -> bool:
+        """By more than noise."""
+        return self.margin is not None and decide_greater(self.margin) is True
+
+
+def best_baselines(processes: pd.DataFrame) -> Iterator[BestBaseline]:
+    """One for each scene and value of a setting that varies, if several packets were tried.
+
+    processes: rows of processes that timed frames.
+    """
+    of_pixels = processes["method"].eq(PIXEL.name) & processes["packet_width"].gt(1)
+    measured = processes["status"].eq("ok") & processes["speedup_vs_packets"].notna()
+    rows = processes[(of_pixels & measured).fillna(False).astype(bool)]
+    varying = settings_that_vary(rows, (*best_of(), "packet_width", "packet_rows"))
+    for key, some in rows.groupby(["scene", *varying], sort=False, dropna=False):
+        values = {
+            place: of_point["speedup_vs_packets"].to_numpy(np.float64)
+            for place, (_, of_point) in enumerate(some.groupby("point_id", sort=False))
+        }
+        firsts = [of_point.iloc[0] for _, of_point in some.groupby("point_id", sort=False)]
+        if len(values) < 2:
+            continue
+        chosen, margin = _best(values)
+        scene = ", ".join([str(key[0]), *(say_setting(name, one) for name, one in zip(varying, key[1:], strict=True))])
+        yield BestBaseline(scene, say_point(firsts[chosen]), margin, len(values))
+
+
+def _best(values: dict[int, np.ndarray]) -> tuple[int, Estimate | None]:
+    try:
+        return best_candidate({place: list(one) for place, one in values.items()})
+    except ValueError:  # too few processes
+        return max(values, key=lambda place: float(np.log(values[place]).mean())), None
+
+
+def baseline_lines(processes: pd.DataFrame) -> Iterator[str]:
+    """The best baselines, a line each."""
+    best = list(best_baselines(processes))
+    for one in best:
+        margin = "" if one.margin is None else f", {one.margin} times as fast as the usual packets"
+        doubt = "" if one.is_faster else " (not decided)" if one.margin is None else " (no more than noise)"
+        yield f"best of {one.tried} packets per pixel, {one.scene}: {one.name}{margin}{doubt}"
+    if best and all(one.margin is not None for one in best) and not any(one.is_faster for one in best):
+        yield "nowhere are packets per pixel faster than the usual ones by more than noise"

@@ -1,0 +1,203 @@
+"""Figures of frame times and of gathering: times and speed-ups over splits, and every method at its best split."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from math import nan
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from experiments.drawing.axes import draw_baseline, draw_series, finish_split_axes
+from experiments.drawing.bars import Bar, draw_bars, finish_bar_axes
+from experiments.drawing.missing import Missing, absent_points, mark_missing, without_value
+from experiments.drawing.pages import write_lines, write_notes
+from experiments.drawing.style import DASH_DOTTED, GREY, TIMES
+from experiments.drawing.values import MILLISECONDS, column, drawable, interval_ms, numbers, only_measured, say_number
+from experiments.methods import METHODS
+from experiments.methods.naming import (
+    COPIED_OFF,
+    FORM_OPTIONS,
+    FORM_STYLES,
+    aligned_forms,
+    aligned_rows,
+    best_of,
+    expected_forms,
+)
+from experiments.methods.pixel import PIXEL
+from experiments.workloads.baselines import TIME_BASELINES
+from experiments.workloads.panels import bars_height, make_panels, panels_figure
+from experiments.workloads.series import (
+    OVER_PACKETS,
+    BestPoint,
+    best_points,
+    best_rows,
+    count_series,
+    draw_ratio_baselines,
+    own_ratio,
+    say_baseline,
+    say_ratio,
+    say_unmeasured,
+)
+
+ALL_HITS = f"1 {TIMES} 1, culling off: all hits"
+"""The paper's other possible baseline: the method with nothing to align."""
+
+RATIO_LABELS = (*FORM_STYLES, *TIME_BASELINES, ALL_HITS)
+"""In the order of the legends."""
+
+_RINGED = "ringed, and in words below: the best split, by the ratio in the same rounds"
+
+_RING: dict[str, Any] = {
+    "markersize": 13, "markerfacecolor": "none", "markeredgewidth": 1.8, "zorder": 4, "label": "_best",
+}  # fmt: skip
+"""Marks the best split; its numbers stand below the panel, where they hide no line."""
+
+Drawn = Callable[[pd.DataFrame], tuple[NDArray[np.float64], ...]]
+"""Rows -> the values that are drawn and both ends of their intervals, (N,) float64 each, NaN where missing."""
+
+
+def draw_split_times(table: pd.DataFrame, columns: int = 2, axis_name: str = "split_x") -> Figure:
+    """One panel a scene (and a value of any other setting that varies); milliseconds a frame over splits, both
+    logarithmic.
+
+    axis_name: `split_x` (horizontal splits, the paper's figure 5) or `split_y` (vertical). The baselines, measured
+    beside every point, are lines at their medians.
+    """
+    return _draw(table, columns, axis_name, draw_times, "both axes are logarithmic")
+
+
+def draw_split_ratios(table: pd.DataFrame, columns: int = 2, axis_name: str = "split_x") -> Figure:
+    """The same in speed-ups: ratios within rounds of single rays over rtcIntersect1 and of packets over packets, with
+    intervals. Horizontal lines are other baselines."""
+    return _draw(table, columns, axis_name, draw_ratios)
+
+
+def _draw(table: pd.DataFrame, columns: int, axis_name: str, draw_panel: Callable[..., None], *foot: str) -> Figure:
+    panels = make_panels(aligned_rows(table), (axis_name, *FORM_OPTIONS))
+    draw = partial(draw_panel, axis_name=axis_name)
+    return panels_figure(panels, draw, columns, table, *foot, _RINGED, legend=RATIO_LABELS)
+
+
+def draw_times(axis: Axes, rows: pd.DataFrame, axis_name: str) -> None:
+    """Milliseconds a frame of one panel's aligned rows, each form of the geometry a line, with the baselines."""
+    for label, (name, style) in TIME_BASELINES.items():
+        draw_baseline(axis, numbers(rows, name) * MILLISECONDS, style, label)
+    _draw_forms(
+        axis, rows, axis_name, lambda points: interval_ms(points, "render_time"),
+        lambda best: _say_best_time(best, axis_name), _unmeasured_baselines(rows),
+    )  # fmt: skip
+    finish_split_axes(axis, rows[axis_name], axis_name, "time of a frame in ms")
+
+
+def draw_ratios(axis: Axes, rows: pd.DataFrame, axis_name: str) -> None:
+    """Ratios of one panel's aligned rows, each form of the geometry a line, with the baselines."""
+    ratio, start = own_ratio(rows), all_hits(rows)
+    draw_ratio_baselines(axis, rows, ratio)
+    for height in start:
+        axis.axhline(height, color=GREY, linestyle=DASH_DOTTED, linewidth=1.5, zorder=2, label=ALL_HITS)
+
+    def say_best(best: pd.Series) -> str:
+        over = "".join(f"; over all hits {best[ratio] / height:.2f}{TIMES}" for height in start)
+        return f"{_say_best_time(best, axis_name)}, {best[ratio]:.2f}{TIMES}{over}"
+
+    _draw_forms(
+        axis, rows, axis_name, lambda points: tuple(numbers(points, f"{ratio}{end}") for end in ("", "_low", "_high")),
+        say_best, [*([] if len(start) else [f"{ALL_HITS}: not measured"]), *_unmeasured_baselines(rows)],
+    )  # fmt: skip
+    finish_split_axes(axis, rows[axis_name], axis_name, f"speed-up over {say_baseline(ratio)}")
+
+
+def _say_best_time(best: pd.Series, axis_name: str) -> str:
+    """ "128 best, 20.0 ms"."""
+    time_s = best.get("render_time_s")
+    return f"{best[axis_name]} best" + ("" if pd.isna(time_s) else f", {say_number(time_s * MILLISECONDS)} ms")
+
+
+def all_hits(rows: pd.DataFrame) -> NDArray[np.float64]:
+    """The ratio of a panel's aligned row that splits and culls nothing; empty where it was not measured."""
+    gathering = rows[rows["split_x"].eq(1) & rows["split_y"].eq(1) & ~rows["culling"].fillna(True)]
+    points = aligned_forms(gathering).get(COPIED_OFF, rows[:0])
+    ratios = only_measured(points, numbers(points, own_ratio(rows)))
+    return ratios[drawable(ratios)]
+
+
+def _unmeasured_baselines(rows: pd.DataFrame) -> list[str]:
+    """In words."""
+    columns = {label: name for label, (name, _) in TIME_BASELINES.items()}
+    return [f"{label}: not measured" for label, name in columns.items() if not drawable(numbers(rows, name)).any()]
+
+
+def _draw_forms(
+    axis: Axes, rows: pd.DataFrame, axis_name: str, read: Drawn, say_best: Callable[[pd.Series], str],
+    notes: Sequence[str],
+) -> None:  # fmt: skip
+    """A line for each form, a ring around its best split, and below the panel what is best and what is missing."""
+    missing: list[Missing] = []
+    lines = []
+    forms = aligned_forms(rows)
+    for form, points in forms.items():
+        style, short = FORM_STYLES[form], form.removeprefix("aligned, ")
+        value, *interval = (only_measured(points, values) for values in read(points))
+        draw_series(axis, numbers(points, axis_name), value, style, interval, form)
+        missing += without_value(points, value, axis_name, short, style["color"])
+        missing += absent_points(points, set(rows[axis_name].dropna()), axis_name, short, style["color"])
+        # A single one is no choice.
+        for _, best in best_rows(points if drawable(value).sum() > 1 else points[:0]).iterrows():
+            height = value[(points[axis_name] == best[axis_name]).to_numpy(bool)]
+            axis.plot([best[axis_name]] * len(height), height, "o", **_RING, markeredgecolor=style["color"])
+            lines.append((style["color"], [f"{short}: {say_best(best)}"]))
+    absent = [f"{one.removeprefix('aligned, ')}: not in the table" for one in expected_forms(rows) if one not in forms]
+    mark_missing(axis, missing, write_lines(axis, lines), [*absent, *notes])
+
+
+def draw_methods_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
+    """One panel a scene (and a value of any other setting that varies); ratios within rounds, from zero.
+
+    A bar is a method and packet width at its best split, its whisker the interval. Single rays and the fastest packets
+    per pixel, measured again with every point, are the two lines. Peers are left out.
+    """
+    rows = table[table["method"].isin([method.name for method in METHODS if method.is_ours])]
+    panels = make_panels(rows, (*best_of(), "packet_width"))
+    return panels_figure(
+        panels, _draw_panel, columns, rows, "right of a label: time of a frame, packets / method and its interval",
+        legend=list(TIME_BASELINES), height=bars_height(panels, count_series),
+    )  # fmt: skip
+
+
+def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
+    bars, notes = [], []
+    lines = {1, None, *column(rows, "packets_width").dropna()}
+    for one in best_points(rows):
+        if one.method == PIXEL.name and one.packet_width in lines:
+            notes += say_unmeasured(one.points, one.name)
+        else:
+            notes += one.notes()
+            bars.append(ratio_bar(one, faint=one.packet_width == 1) if len(one.best) else _without_value(one))
+    draw_ratio_bars(axis, rows, bars, notes)
+
+
+def _without_value(one: BestPoint) -> Bar:
+    status = [str(status) for status in one.points["status"].dropna().unique() if status != "ok"]
+    return Bar(one.name, nan, nan, nan, one.color, " and ".join(status) or "not measured")
+
+
+def ratio_bar(one: BestPoint, faint: bool = False) -> Bar:
+    """The ratio over packets of a series that has a best point."""
+    row = one.best.iloc[0]
+    text = f"{say_number(row['render_time_s'] * MILLISECONDS)} ms, {say_ratio(row)}"
+    value, low, high = (float(numbers(one.best, f"{OVER_PACKETS}{end}")[0]) for end in ("", "_low", "_high"))
+    return Bar(one.label, value, low, high, one.color, text, faint)
+
+
+def draw_ratio_bars(axis: Axes, rows: pd.DataFrame, bars: Sequence[Bar], notes: Sequence[str]) -> None:
+    """A panel of ratios over packets, with lines where both baselines of its rows lie, and notes below."""
+    draw_bars(axis, bars)
+    furthest = draw_ratio_baselines(axis, rows, OVER_PACKETS, upright=True)
+    finish_bar_axes(axis, bars, f"speed-up over {say_baseline(OVER_PACKETS)}", furthest)
+    write_notes(axis, notes)

@@ -1,0 +1,33 @@
+"""What is shown of gathering all hits."""
+
+from __future__ import annotations
+
+import pandas as pd
+from rich.table import Table
+
+from experiments.methods.naming import aligned_rows
+from experiments.workloads.frame_figures import draw_methods_figure, draw_split_ratios
+from experiments.workloads.gather import GATHER
+from experiments.workloads.panels import where_varies, workload_figure
+from experiments.workloads.tables import best_split_table
+
+
+def sweep_lines(rows: pd.DataFrame) -> list[Table]:
+    """The best splits. rows: measured, of this workload."""
+    return [best_split_table(rows, "pixels_different")]
+
+
+def _over_splits(rows: pd.DataFrame) -> pd.DataFrame:
+    return where_varies("split_x")(aligned_rows(rows))
+
+
+FIGURES = (
+    workload_figure(
+        "gather", "All hits: speed-up over packets that gather the same", GATHER, draw_methods_figure,
+        where_varies("method"),
+    ),
+    workload_figure(
+        "figure5_gather", "As figure 5, where every ray gathers all hits: speed-up over horizontal splits", GATHER,
+        draw_split_ratios, _over_splits, per_packet_width=True,
+    ),
+)  # fmt: skip

@@ -1,0 +1,84 @@
+"""What is shown of a moving camera: methods at their best splits, and packets that build anew or keep their BVH."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import nan
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from rich.table import Table
+
+from experiments.drawing.bars import Bar
+from experiments.drawing.style import GREEN
+from experiments.drawing.values import MILLISECONDS, numbers, say_number
+from experiments.methods.naming import best_of, say_split
+from experiments.workloads.baselines import TIME_BASELINES
+from experiments.workloads.columns import say_ms
+from experiments.workloads.frame_figures import draw_ratio_bars, ratio_bar
+from experiments.workloads.moving import MOVING
+from experiments.workloads.panels import bars_height, make_panels, panels_figure, workload_figure
+from experiments.workloads.series import best_points, best_rows, count_series
+from experiments.workloads.tables import best_by_kind, plain, times
+
+_LEFT = ("scene", "method")
+_RATIOS = {
+    "over the same eye": "moving_over_still",
+    "vs packets": "speedup_vs_packets",
+    "vs packets, kept": "speedup_vs_kept_packets",
+}
+
+
+def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
+    """The best split of each scene and kind of method. rows: measured, of this workload."""
+    best = Table(title="a camera that moves: best split of each scene", title_justify="left")
+    for name in (*_LEFT, "frame", *_RATIOS, "pixels wrong"):
+        best.add_column(name, justify="left" if name in _LEFT else "right")
+    for kind, row, some in best_by_kind(rows):
+        wrong, method = str(some["pixels_wrong"].sum()), plain(*filter(None, [kind, say_split(row)]))
+        best.add_row(plain(row["scene"]), method, say_ms(row["render_time_s"]), *times(row, *_RATIOS.values()), wrong)
+    yield best
+
+
+def draw_moving_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
+    """One panel a scene (and a value of any other setting that varies); ratios within rounds, from zero.
+
+    A bar is a method at its best split, its whisker the interval; a frame includes what a new eye requires. The two
+    lines are single rays and the fastest packets per pixel, which pay for it, too. The packets of the last bar do not.
+    """
+    panels = make_panels(table, (*best_of(), "packet_width"))
+    return panels_figure(
+        panels, _draw_panel, columns, table,
+        "right of a label: time of a frame from another eye, packets / method and its interval",
+        "packets that keep a BVH of the world are not as exact",
+        legend=list(TIME_BASELINES), height=bars_height(panels, lambda rows: count_series(rows) + 1),
+    )  # fmt: skip
+
+
+def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
+    found = list(best_points(rows))
+    bars = [ratio_bar(one) for one in found if len(one.best)] + _kept_bars(best_rows(rows))
+    draw_ratio_bars(axis, rows, bars, [line for one in found for line in one.notes()])
+
+
+def _kept_bars(rows: pd.DataFrame) -> list[Bar]:
+    """One bar of the medians over all points, which has no interval; none where nothing was measured."""
+    kept_s, packets_s = (_median(rows, name) for name in ("kept_packets_time_s", "packets_render_time_s"))
+    if not kept_s > 0:
+        return []
+    text = f"{say_number(kept_s * MILLISECONDS)} ms"
+    return [Bar("packets, BVH of the world kept", packets_s / kept_s, nan, nan, GREEN, text, faint=True)]
+
+
+def _median(rows: pd.DataFrame, name: str) -> float:
+    values = numbers(rows, name)
+    return float(np.median(values[np.isfinite(values)])) if np.isfinite(values).any() else nan
+
+
+FIGURES = (
+    workload_figure(
+        "moving", "Speed-up over packets of every method while the camera moves", MOVING, draw_moving_figure
+    ),
+)

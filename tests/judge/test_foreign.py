@@ -1,0 +1,184 @@
+"""Images of other programs: their conventions are found, and each wrong pixel is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+from numpy.typing import NDArray
+
+import atra
+from atra.errors import InputError
+from atra.judge.foreign import OFFSETS, Convention, ForeignImage, judge_image
+from atra.prim_ids import MISS
+from tests.meshes import cornell_box, cornell_camera
+
+WIDTH, HEIGHT = 48, 36
+
+
+@pytest.fixture(scope="module")
+def box() -> tuple[atra.Mesh, atra.Camera]:
+    """The Cornell box from a corner: few of its surfaces face the eye, so that each shift changes depths."""
+    return cornell_box(), cornell_camera(WIDTH, HEIGHT)
+
+
+OWN = Convention()
+
+
+def right_image(mesh: atra.Mesh, camera: atra.Camera, convention: Convention = OWN) -> ForeignImage:
+    """What a right program that follows this convention stores."""
+    with atra.RasterTracer(mesh, camera) as tracer:
+        hits = tracer.trace(convention.offset)
+    depth = hits.depth
+    if convention.along_ray:
+        y, x = np.mgrid[: camera.height, : camera.width]
+        directions = camera.rays(x, y, convention.offset)[1]
+        depth = (depth * np.linalg.norm(directions, axis=-1) / directions[..., 2]).astype(np.float32)
+    return ForeignImage(stored(depth, convention), stored(hits.prim_id, convention))
+
+
+def stored(image: NDArray, convention: Convention) -> NDArray:
+    """The inverse of `Convention.ordered`."""
+    image = image[:, ::-1] if convention.flips_columns else image
+    image = image[::-1] if convention.flips_rows else image
+    return np.ascontiguousarray(image.T if convention.swaps_axes else image)
+
+
+CONVENTIONS = [
+    Convention(),
+    Convention(flips_rows=True),
+    Convention(flips_columns=True),
+    Convention(flips_rows=True, flips_columns=True),
+    Convention(swaps_axes=True),
+    Convention(swaps_axes=True, flips_rows=True, along_ray=True),
+    Convention(along_ray=True),
+    *(Convention(offset) for offset in OFFSETS),
+]
+
+
+@pytest.mark.parametrize("has_ids", [True, False])
+@pytest.mark.parametrize("convention", CONVENTIONS, ids=str)
+def test_the_convention_of_a_right_image_is_found_and_nothing_is_wrong(
+    convention: Convention, has_ids: bool, box: tuple[atra.Mesh, atra.Camera]
+) -> None:
+    image = right_image(*box, convention)
+    found = judge_image(*box, image if has_ids else ForeignImage(image.depth))
+    assert found.convention == convention
+    assert found.agreeing > 0.99
+    assert found.is_right, list(found.explained())
+
+
+@pytest.mark.parametrize(
+    ("convention", "said"),
+    [
+        (Convention(), "rays through pixel centres; depth along the view axis"),
+        (Convention(flips_rows=True), "rows are flipped"),
+        (Convention(flips_columns=True), "columns are flipped"),
+        (Convention(swaps_axes=True), "x and y are swapped"),
+        (Convention((0.0, 0.0)), "a shift by half a pixel"),
+        (Convention(along_ray=True), "depth along the ray"),
+    ],
+)
+def test_a_convention_is_named(convention: Convention, said: str) -> None:
+    assert said in str(convention)
+
+
+def test_axes_of_a_square_image_may_be_swapped_too() -> None:
+    mesh, camera = cornell_box(), cornell_camera(40, 40)
+    convention = Convention(swaps_axes=True)
+    assert judge_image(mesh, camera, right_image(mesh, camera, convention)).convention == convention
+
+
+@pytest.mark.parametrize("has_ids", [True, False])
+@pytest.mark.parametrize("fault", ["depth", "miss"])
+def test_one_wrong_pixel_is_found_and_explained(fault: str, has_ids: bool, box: tuple[atra.Mesh, atra.Camera]) -> None:
+    image = right_image(*box)
+    assert image.prim_id is not None
+    depth, prim_id = image.depth.copy(), image.prim_id.copy()
+    y, x = np.argwhere(prim_id != MISS)[200]
+    if fault == "depth":
+        depth[y, x] *= np.float32(1.001)
+    else:
+        depth[y, x], prim_id[y, x] = np.inf, MISS
+    found = judge_image(*box, ForeignImage(depth, prim_id if has_ids else None))
+    assert (found.agreement.pixels_wrong, found.agreement.pixels_hole) == (1, int(fault == "miss"))
+    (said,) = found.explained()
+    kind, shown = ("hole", "nothing") if fault == "miss" else ("wrong", f"at depth {depth[y, x]:.7g}")
+    assert said.startswith(f"({x}, {y}) {kind}: the image shows ")
+    assert shown in said.split(", expected ")[0]
+    assert f"triangle {image.prim_id[y, x]} at depth" in said.split(", expected ")[1]
+    colours = {"miss": (255, 0, 255), "depth": (230, 30, 30)}
+    assert tuple(found.picture()[y, x]) == colours[fault]
+    assert (found.picture() == colours[fault]).all(axis=-1).sum() == 1
+
+
+def test_a_wrong_triangle_is_found(box: tuple[atra.Mesh, atra.Camera]) -> None:
+    image = right_image(*box)
+    assert image.prim_id is not None
+    prim_id = image.prim_id.copy()
+    prim_id[HEIGHT // 2, WIDTH // 2] = (prim_id[HEIGHT // 2, WIDTH // 2] + 7) % box[0].triangle_count
+    assert judge_image(*box, ForeignImage(image.depth, prim_id)).agreement.pixels_wrong == 1
+
+
+def test_depths_in_steps_are_right_within_half_a_step_and_no_farther(box: tuple[atra.Mesh, atra.Camera]) -> None:
+    depth, step = right_image(*box).depth, 0.01
+    rounded = np.rint(depth / step) * step
+    assert judge_image(*box, ForeignImage(rounded, rounding=0.51 * step)).is_right
+    assert not judge_image(*box, ForeignImage(rounded, rounding=0.1 * step)).is_right
+    rounded[HEIGHT // 2, WIDTH // 2] += 2 * step
+    assert judge_image(*box, ForeignImage(rounded, rounding=0.51 * step)).agreement.pixels_wrong == 1
+
+
+def test_two_images_are_compared_with_each_other(box: tuple[atra.Mesh, atra.Camera]) -> None:
+    image, flipped = right_image(*box), right_image(*box, Convention(flips_rows=True))
+    assert judge_image(*box, image, against=flipped).is_right
+    broken = image.depth.copy()
+    broken[5, 5] *= 2
+    assert not judge_image(*box, image, against=ForeignImage(broken)).is_right
+    with pytest.raises(InputError, match="one image has its rays through pixel centres, the other through the upper"):
+        judge_image(*box, image, against=right_image(*box, Convention((0.0, 0.0))))
+
+
+def test_rays_of_trimesh_are_judged_right_in_the_convention_they_were_made_in(
+    box: tuple[atra.Mesh, atra.Camera],
+) -> None:
+    mesh, camera = box
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    directions = camera.rays(x, y)[1].reshape(-1, 3) @ camera.axes
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    other = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    origins = np.broadcast_to(camera.eye, directions.shape)
+    points, rays, faces = other.ray.intersects_location(origins, directions, multiple_hits=False)[0:3]
+    depth, prim_id = np.full(HEIGHT * WIDTH, np.inf), np.full(HEIGHT * WIDTH, -1)
+    depth[rays], prim_id[rays] = np.linalg.norm(points - camera.eye, axis=1), faces
+    found = judge_image(
+        mesh, camera, ForeignImage(depth.reshape(HEIGHT, WIDTH), prim_id.reshape(HEIGHT, WIDTH), rounding=1e-4)
+    )
+    assert found.convention == Convention(along_ray=True)
+    assert found.is_right, list(found.explained())
+
+
+def test_an_image_that_fits_no_convention_is_judged_in_our_own(box: tuple[atra.Mesh, atra.Camera]) -> None:
+    noise = np.random.default_rng(0).uniform(1, 9, (HEIGHT, WIDTH))
+    found = judge_image(*box, ForeignImage(noise))
+    assert found.convention == Convention()
+    assert found.agreement.pixels_wrong > 0.9 * WIDTH * HEIGHT
+
+
+@pytest.mark.parametrize(
+    ("image", "said"),
+    [
+        (lambda: ForeignImage(np.zeros((2, 3, 4))), r"depth is float64 of shape \(2, 3, 4\)"),
+        (lambda: ForeignImage(np.full((2, 3), "far")), "depth is <U3 of shape"),
+        (lambda: ForeignImage(np.zeros((2, 3)), np.zeros((3, 2), int)), r"prim_id is int64 of shape \(3, 2\)"),
+        (lambda: ForeignImage(np.zeros((2, 3)), rounding=-1.0), "rounding is -1.0, expected a number of at least 0"),
+    ],
+)
+def test_what_is_no_image_is_refused(image: object, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        image()  # type: ignore[operator]
+
+
+def test_an_image_of_another_size_is_refused(box: tuple[atra.Mesh, atra.Camera]) -> None:
+    with pytest.raises(InputError, match=r"the image is \(7, 9\), expected the camera's \(36, 48\)"):
+        judge_image(*box, ForeignImage(np.ones((7, 9))))
