@@ -33,7 +33,7 @@ def tower(x: float, y: float, width: float, depth: float, height: float, size: f
 
 def mesh_of(triangles: NDArray, name: str) -> atra.Mesh:
     """A mesh of (F, 3, 3) corners."""
-    return atra.Mesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3), name)
+    return atra.Mesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles), dtype=np.uint32).reshape(-1, 3), name)
 
 
 def city(blocks: int = 5, size: float = 4.0, seed: int = 4) -> atra.Mesh:

@@ -9,6 +9,7 @@ has sun while the sun stands before it and nothing is in between. Writes `sun_ho
 from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
+from importlib import import_module
 from importlib.util import find_spec
 
 import numpy as np
@@ -27,7 +28,8 @@ def sun_directions(latitude: float, month: int, day: int, step_minutes: float) -
     times = [midnight + timedelta(minutes=float(minute)) for minute in np.arange(0.0, 1440.0, step_minutes)]
     if find_spec("pvlib"):
         import pandas as pd
-        from pvlib.solarposition import get_solarposition
+
+        get_solarposition = import_module("pvlib.solarposition").get_solarposition
 
         found = get_solarposition(pd.DatetimeIndex(times), latitude, 0.0)
         elevation, azimuth = np.deg2rad(found["elevation"].to_numpy()), np.deg2rad(found["azimuth"].to_numpy())

@@ -15,19 +15,14 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from atra.compat.trimesh_kernels import hand_out, locate_hits, scale_rays
 from atra.geometry.mesh import Mesh
-from atra.prim_ids import MISS
+from atra.rays.all_hits.lists import RayHitLists
 from atra.rays.rays import Rays
 from atra.rays.scene import RayScene
 
 _BOX = 100.0
 """Size that a mesh is scaled to, up to a factor of two."""
-
-_NEAR = 4.0
-"""Rays that start farther from the middle than this many sizes of the mesh are moved up to it, in float64."""
-
-_EDGE_ON = 1e-6
-"""Cosine below which a location is taken from the ray's parameter, not from the triangle's plane."""
 
 _WAYS = np.array([[0.4395064455, 0.617598629942, 0.652231566745], [-0.5290, 0.3811, 0.7582]])
 """Directions in which points of open meshes are tested; the first is trimesh's."""
@@ -85,9 +80,8 @@ class RayMeshIntersector:
         first = np.full(len(origins), -1, np.int32)
         built = self._scene()
         if built is not None:
-            traced, rays, _ = _scaled_rays(built, origins, directions)
-            prim_id = built.scene.intersect(rays).prim_id
-            first[traced] = np.where(prim_id == MISS, -1, prim_id.astype(np.int64))
+            found = built.scene.intersect(_scaled_rays(built, origins, directions)[0])
+            first[:] = found.prim_id.view(np.int32)  # MISS, all bits set, is -1
         return first
 
     def intersects_any(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> NDArray[np.bool_]:
@@ -96,8 +90,7 @@ class RayMeshIntersector:
         hit = np.zeros(len(origins), np.bool_)
         built = self._scene()
         if built is not None:
-            traced, rays, _ = _scaled_rays(built, origins, directions)
-            hit[traced] = built.scene.occluded(rays)
+            hit[:] = built.scene.occluded(_scaled_rays(built, origins, directions)[0])
         return hit
 
     def contains_points(self, points: ArrayLike) -> NDArray[np.bool_]:
@@ -123,33 +116,22 @@ class RayMeshIntersector:
         built = self._scene()
         if built is None or max_hits < 1 or len(origins) == 0:
             return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3))
-        traced, rays, moved = _scaled_rays(built, origins, directions)
+        rays, moved = _scaled_rays(built, origins, directions)
         if multiple:
             hits = built.scene.all_hits(rays, max_hits=int(max_hits))
-            place = np.arange(len(hits)) - hits.ray_splits[hits.ray_ids]
-            order = np.argsort(place.astype(np.uint16 if max_hits < 1 << 16 else np.int64), kind="stable")
-            ray, prim_id, t = hits.ray_ids[order], hits.prim_id[order].astype(np.int64), hits.t[order]
+            index_tri, index_ray, t = _in_trimeshs_order(hits)
         else:
             first = built.scene.intersect(rays)
-            ray = np.flatnonzero(first.hit)
-            prim_id, t = first.prim_id[ray].astype(np.int64), first.t[ray].astype(np.float64)
-        index_ray = traced[ray]
-        locations = np.zeros((0, 3))
+            index_ray = np.flatnonzero(first.hit)
+            index_tri, t = first.prim_id[index_ray].astype(np.int64), first.t[index_ray].astype(np.float64)
+        locations = np.zeros((len(t) if locate else 0, 3))
         if locate:
-            t = moved[ray] + t / built.scale
-            locations = self._located(origins[index_ray], directions[index_ray], prim_id, t)
-        return prim_id, index_ray, locations
-
-    def _located(
-        self, origins: NDArray[np.float64], directions: NDArray[np.float64], prim_id: NDArray[np.int64], t: NDArray
-    ) -> NDArray[np.float64]:
-        """(M, 3) float64, where rays meet the planes of triangles as trimesh holds them."""
-        normals = self.mesh.face_normals[prim_id]
-        facing = np.einsum("ij,ij->i", normals, directions)
-        ahead = np.einsum("ij,ij->i", normals, self.mesh.triangles[:, 0][prim_id] - origins)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            t = np.where(np.abs(facing) > _EDGE_ON, ahead / facing, t)
-        return origins + t[:, None] * directions
+            t = moved[index_ray] + t / built.scale
+            vertices = np.ascontiguousarray(self.mesh.vertices, np.float64)
+            faces = np.ascontiguousarray(self.mesh.faces, np.int64)
+            normals = np.ascontiguousarray(self.mesh.face_normals, np.float64)
+            locate_hits(origins, directions, index_ray, index_tri, t, vertices, faces, normals, locations)
+        return index_tri, index_ray, locations
 
     def _scene(self) -> _Scaled | None:
         """The scene of the mesh as it is now; None where it has nothing to hit."""
@@ -183,35 +165,35 @@ def _built(mesh: Any, key: int, threads: int | None) -> _Scaled | None:
 
 
 def _checked(ray_origins: ArrayLike, ray_directions: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(N, 3) origins and unit directions; a direction without length is NaN, and hits nothing."""
-    origins, directions = np.array(ray_origins, np.float64), np.array(ray_directions, np.float64)
+    """(N, 3) float64 copies of both."""
+    origins, directions = np.array(ray_origins, np.float64, order="C"), np.array(ray_directions, np.float64, order="C")
     if origins.shape != directions.shape:
         raise ValueError("Ray origin and direction don't match!")
     if origins.ndim != 2 or origins.shape[1] != 3:
         raise ValueError(f"rays have shape {origins.shape}, expected (n, 3)")
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        directions /= np.abs(directions).max(axis=1, keepdims=True, initial=0.0)
-        directions /= np.sqrt(np.einsum("ij,ij->i", directions, directions))[:, None]
     return origins, directions
 
 
 def _scaled_rays(
     built: _Scaled, origins: NDArray[np.float64], directions: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], Rays, NDArray[np.float64]]:
-    """(numbers of the rays that can be traced, the rays in the scene's space, how far each was moved along itself)."""
-    traced = np.flatnonzero(np.isfinite(origins.sum(axis=1) + directions.sum(axis=1)))
-    if len(traced) < len(origins):
-        origins, directions = origins[traced], directions[traced]
-    scaled = (origins - built.origin) * built.scale
-    moved = np.zeros(len(scaled))
-    far = np.flatnonzero(np.abs(scaled - built.size / 2).max(axis=1) > _NEAR * built.size)
-    if len(far):
-        away = np.einsum("ij,ij->i", built.size / 2 - scaled[far], directions[far])
-        moved[far] = np.maximum(away - 2.0 * built.size, 0.0)
-        scaled[far] += moved[far, None] * directions[far]
-        near = np.abs(scaled).max(axis=1) <= 1e9 * built.size  # others miss by far
-        traced, scaled, directions, moved = traced[near], scaled[near], directions[near], moved[near]
-    return traced, Rays(scaled, directions), moved / built.scale  # type: ignore[arg-type]
+) -> tuple[Rays, NDArray[np.float64]]:
+    """The rays in the scene's space, and how far each was moved along itself; `directions` become unit vectors."""
+    count = len(origins)
+    placed, units = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
+    tfar, moved = np.empty(count, np.float32), np.empty(count)
+    scale_rays(origins, directions, built.origin, built.scale, built.size, placed, units, tfar, moved)
+    return Rays(placed, units, tfar=tfar), moved
+
+
+def _in_trimeshs_order(hits: RayHitLists) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """(index_tri, index_ray, t): the first hits of all rays, then the second ones, and so on."""
+    count = len(hits)
+    counts = np.bincount(np.diff(hits.ray_splits), minlength=1)
+    rays_with = np.cumsum(counts[::-1])[::-1][1:]  # rays with more than 0, 1, ... hits
+    starts = np.append(0, np.cumsum(rays_with))
+    index_tri, index_ray, t = np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count)
+    hand_out(hits.ray_splits, hits.traced_id, hits.t, starts, index_tri, index_ray, t)
+    return index_tri, index_ray, t
 
 
 def _probably_inside(built: _Scaled, points: NDArray[np.float64]) -> NDArray[np.bool_]:

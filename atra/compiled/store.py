@@ -220,6 +220,10 @@ class _Cache(FunctionCache):
             self._lock.release()
         return found
 
+    def _index_key(self, sig: Any, codegen: Any) -> Any:
+        limit_numba()  # Numba forgets it when a variable NUMBA_... changes, though not the code that it makes
+        return super()._index_key(sig, codegen)
+
     def has_any(self) -> bool:
         """Whether there is code for arguments of any types."""
         return any(index is not None and index._load_index() for index in (self._shipped, self._cache_file))

@@ -19,20 +19,7 @@ from experiments.drawing.figure import DrawnFigure
 from experiments.paper.conclusion import SceneGains, conclude, scene_gains
 from experiments.paper.evidence import NotMeasuredError
 from experiments.paper.readings import readings_of
-from experiments.report.facts import (
-    Doubts,
-    compared_images,
-    count_doubts,
-    count_processes,
-    environment_lines,
-    load_in_short,
-    machine_in_short,
-    measured_between,
-    missing_points,
-    software_in_short,
-    stand_ins,
-    workload_tables,
-)
+from experiments.report import facts
 from experiments.results.canary import BAND
 from experiments.results.claims import (
     DOES_NOT_HOLD,
@@ -88,7 +75,7 @@ def render_report(contents: ReportContents) -> str:
     """The text of the page. It asks nothing of the network, and holds no picture that must not be passed on."""
     table = contents.table
     gains, no_gains = _gains(contents.processes)
-    replaced = stand_ins(table)
+    replaced = facts.stand_ins(table)
     # A sweep that measures nothing of what the paper claims has no verdict to show.
     judged = contents.claims if any(one.verdict != NOT_MEASURED for one in contents.claims) else ()
     claims = [(readings, verdict_on(readings)) for readings in by_claim(judged)]
@@ -103,22 +90,22 @@ def render_report(contents: ReportContents) -> str:
         one_reading=ONE_READING,
         packets_over=list(dict.fromkeys(words for one in gains for words in one.packets)),
         stand_ins=replaced,
-        compared=compared_images(table),
-        processes=count_processes(table),
+        compared=facts.compared_images(table),
+        processes=facts.count_processes(table),
         band=BAND,
-        load=load_in_short(contents.processes),
+        load=facts.load_in_short(contents.processes),
         statuses=table["status"].value_counts().to_dict(),
-        doubts=count_doubts(table),
+        doubts=facts.count_doubts(table),
         claims=claims,
         verdicts={name: sum(verdict == name for one, verdict in claims if not one[0].inferred) for name in _MARKS},
         figures=[(figure, _doubts_of(figure, table)) for figure in contents.figures],
         pictures=[(one, picture_restriction(one.scene)) for one in contents.pictures],
-        missing=missing_points(table),
-        machine=machine_in_short(contents.environment),
-        software=software_in_short(contents.environment),
-        environment_lines=environment_lines(contents.environment),
-        measured_between=measured_between(contents.processes),
-        tables=list(workload_tables(table)),
+        missing=facts.missing_points(table),
+        machine=facts.machine_in_short(contents.environment),
+        software=facts.software_in_short(contents.environment),
+        environment_lines=facts.environment_lines(contents.environment),
+        measured_between=facts.measured_between(contents.processes),
+        tables=list(facts.workload_tables(table)),
     )
 
 
@@ -157,5 +144,5 @@ def _data_uri(content: bytes, media_type: str) -> str:
     return f"data:{media_type};base64,{base64.b64encode(content).decode('ascii')}"
 
 
-def _doubts_of(figure: DrawnFigure, table: pd.DataFrame) -> Doubts:
-    return count_doubts(table[["status", "doubts"]][table["point_id"].isin(figure.point_ids)])
+def _doubts_of(figure: DrawnFigure, table: pd.DataFrame) -> facts.Doubts:
+    return facts.count_doubts(table[["status", "doubts"]][table["point_id"].isin(figure.point_ids)])

@@ -30,20 +30,9 @@ from experiments.methods.naming import (
     expected_forms,
 )
 from experiments.methods.pixel import PIXEL
+from experiments.workloads import series
 from experiments.workloads.baselines import TIME_BASELINES
 from experiments.workloads.panels import bars_height, make_panels, panels_figure
-from experiments.workloads.series import (
-    OVER_PACKETS,
-    BestPoint,
-    best_points,
-    best_rows,
-    count_series,
-    draw_ratio_baselines,
-    own_ratio,
-    say_baseline,
-    say_ratio,
-    say_unmeasured,
-)
 
 ALL_HITS = f"1 {TIMES} 1, culling off: all hits"
 """The paper's other possible baseline: the method with nothing to align."""
@@ -97,8 +86,8 @@ def draw_times(axis: Axes, rows: pd.DataFrame, axis_name: str) -> None:
 
 def draw_ratios(axis: Axes, rows: pd.DataFrame, axis_name: str) -> None:
     """Ratios of one panel's aligned rows, each form of the geometry a line, with the baselines."""
-    ratio, start = own_ratio(rows), all_hits(rows)
-    draw_ratio_baselines(axis, rows, ratio)
+    ratio, start = series.own_ratio(rows), all_hits(rows)
+    series.draw_ratio_baselines(axis, rows, ratio)
     for height in start:
         axis.axhline(height, color=GREY, linestyle=DASH_DOTTED, linewidth=1.5, zorder=2, label=ALL_HITS)
 
@@ -110,7 +99,7 @@ def draw_ratios(axis: Axes, rows: pd.DataFrame, axis_name: str) -> None:
         axis, rows, axis_name, lambda points: tuple(numbers(points, f"{ratio}{end}") for end in ("", "_low", "_high")),
         say_best, [*([] if len(start) else [f"{ALL_HITS}: not measured"]), *_unmeasured_baselines(rows)],
     )  # fmt: skip
-    finish_split_axes(axis, rows[axis_name], axis_name, f"speed-up over {say_baseline(ratio)}")
+    finish_split_axes(axis, rows[axis_name], axis_name, f"speed-up over {series.say_baseline(ratio)}")
 
 
 def _say_best_time(best: pd.Series, axis_name: str) -> str:
@@ -123,7 +112,7 @@ def all_hits(rows: pd.DataFrame) -> NDArray[np.float64]:
     """The ratio of a panel's aligned row that splits and culls nothing; empty where it was not measured."""
     gathering = rows[rows["split_x"].eq(1) & rows["split_y"].eq(1) & ~rows["culling"].fillna(True)]
     points = aligned_forms(gathering).get(COPIED_OFF, rows[:0])
-    ratios = only_measured(points, numbers(points, own_ratio(rows)))
+    ratios = only_measured(points, numbers(points, series.own_ratio(rows)))
     return ratios[drawable(ratios)]
 
 
@@ -148,7 +137,7 @@ def _draw_forms(
         missing += without_value(points, value, axis_name, short, style["color"])
         missing += absent_points(points, set(rows[axis_name].dropna()), axis_name, short, style["color"])
         # A single one is no choice.
-        for _, best in best_rows(points if drawable(value).sum() > 1 else points[:0]).iterrows():
+        for _, best in series.best_rows(points if drawable(value).sum() > 1 else points[:0]).iterrows():
             height = value[(points[axis_name] == best[axis_name]).to_numpy(bool)]
             axis.plot([best[axis_name]] * len(height), height, "o", **_RING, markeredgecolor=style["color"])
             lines.append((style["color"], [f"{short}: {say_best(best)}"]))
@@ -166,38 +155,38 @@ def draw_methods_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     panels = make_panels(rows, (*best_of(), "packet_width"))
     return panels_figure(
         panels, _draw_panel, columns, rows, "right of a label: time of a frame, packets / method and its interval",
-        legend=list(TIME_BASELINES), height=bars_height(panels, count_series),
+        legend=list(TIME_BASELINES), height=bars_height(panels, series.count_series),
     )  # fmt: skip
 
 
 def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
     bars, notes = [], []
     lines = {1, None, *column(rows, "packets_width").dropna()}
-    for one in best_points(rows):
+    for one in series.best_points(rows):
         if one.method == PIXEL.name and one.packet_width in lines:
-            notes += say_unmeasured(one.points, one.name)
+            notes += series.say_unmeasured(one.points, one.name)
         else:
             notes += one.notes()
             bars.append(ratio_bar(one, faint=one.packet_width == 1) if len(one.best) else _without_value(one))
     draw_ratio_bars(axis, rows, bars, notes)
 
 
-def _without_value(one: BestPoint) -> Bar:
+def _without_value(one: series.BestPoint) -> Bar:
     status = [str(status) for status in one.points["status"].dropna().unique() if status != "ok"]
     return Bar(one.name, nan, nan, nan, one.color, " and ".join(status) or "not measured")
 
 
-def ratio_bar(one: BestPoint, faint: bool = False) -> Bar:
+def ratio_bar(one: series.BestPoint, faint: bool = False) -> Bar:
     """The ratio over packets of a series that has a best point."""
     row = one.best.iloc[0]
-    text = f"{say_number(row['render_time_s'] * MILLISECONDS)} ms, {say_ratio(row)}"
-    value, low, high = (float(numbers(one.best, f"{OVER_PACKETS}{end}")[0]) for end in ("", "_low", "_high"))
+    text = f"{say_number(row['render_time_s'] * MILLISECONDS)} ms, {series.say_ratio(row)}"
+    value, low, high = (float(numbers(one.best, f"{series.OVER_PACKETS}{end}")[0]) for end in ("", "_low", "_high"))
     return Bar(one.label, value, low, high, one.color, text, faint)
 
 
 def draw_ratio_bars(axis: Axes, rows: pd.DataFrame, bars: Sequence[Bar], notes: Sequence[str]) -> None:
     """A panel of ratios over packets, with lines where both baselines of its rows lie, and notes below."""
     draw_bars(axis, bars)
-    furthest = draw_ratio_baselines(axis, rows, OVER_PACKETS, upright=True)
-    finish_bar_axes(axis, bars, f"speed-up over {say_baseline(OVER_PACKETS)}", furthest)
+    furthest = series.draw_ratio_baselines(axis, rows, series.OVER_PACKETS, upright=True)
+    finish_bar_axes(axis, bars, f"speed-up over {series.say_baseline(series.OVER_PACKETS)}", furthest)
     write_notes(axis, notes)

@@ -19,7 +19,7 @@ from experiments.methods import METHODS, find_method
 from experiments.methods.naming import say_series, say_split
 from experiments.methods.pixel import PIXEL
 from experiments.workloads.baselines import TIME_BASELINES
-from experiments.workloads.columns import say_holes
+from experiments.workloads.images import say_holes
 
 OVER_SINGLE, OVER_PACKETS = "speedup", "speedup_vs_packets"
 """Beginnings of columns: over rtcIntersect1 per pixel, over the fastest packets per pixel."""

@@ -13,7 +13,7 @@ from atra.errors import printable
 from experiments.methods.naming import TIMES, best_of, say_kind, say_split
 from experiments.results.claims import Claim, judge_all
 from experiments.results.settings import say_setting, settings_that_vary
-from experiments.workloads.columns import say_ms
+from experiments.workloads.resources import say_ms
 from experiments.workloads.series import best_rows
 
 

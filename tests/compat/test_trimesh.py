@@ -166,3 +166,30 @@ def test_rays_from_far_away_hit_the_triangles_that_rays_from_nearby_hit(offset):
     assert [len(one) for one in near] == [len(one) for one in far]
     assert (near[2] == far[2]).mean() > 0.999
     assert far[0] == pytest.approx(near[0], abs=1e-15 * offset * 100 + 1e-9)
+
+
+def test_a_ray_that_starts_on_the_surface_meets_it_there_at_any_scale():
+    for scale in (1e-4, 0.1, 1.0, 10.0, 1e4, 1e8):
+        mesh = trimesh.creation.box().subdivide().subdivide()
+        mesh.apply_scale(scale)
+        for scale_to_box in (True, False):
+            ray = RayMeshIntersector(mesh, scale_to_box=scale_to_box)
+            assert len(ray.intersects_id([[0, 0, scale / 2]], [[0, 0, -1]])[0]) == 2
+
+
+def test_a_ray_from_the_middle_meets_each_corner_and_edge_of_a_box_once():
+    mesh = trimesh.creation.box()
+    aims = np.concatenate([mesh.vertices, mesh.vertices[mesh.edges_unique].mean(axis=1)])
+    _, index_ray, _ = RayMeshIntersector(mesh).intersects_location(np.zeros_like(aims), aims)
+    np.testing.assert_array_equal(index_ray, np.arange(len(aims)))
+
+
+def test_a_cavity_is_outside():
+    inner = trimesh.creation.box((0.1, 0.1, 0.1))
+    inner.invert()
+    mesh = trimesh.util.concatenate([trimesh.creation.box(), inner])
+    mesh.ray = RayMeshIntersector(mesh)
+    points = np.random.default_rng(0).uniform(-0.6, 0.6, (5000, 3))
+    points[:2000] *= 0.1
+    largest = np.abs(points).max(axis=1)
+    assert (mesh.contains(points) == ((largest < 0.5) & (largest > 0.05))).all()

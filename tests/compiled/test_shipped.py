@@ -47,6 +47,18 @@ def test_shipped_kernels_are_run_wherever_the_library_lies_and_nothing_is_kept(t
     assert not list((tmp_path / "kept").rglob("*.nbc"))
 
 
+def test_another_folder_for_kernels_does_not_change_what_they_are_compiled_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "two_kinds.py").write_text(TWO_KINDS)
+    monkeypatch.setattr(numba.core.config, "CACHE_DIR", str(tmp_path / "kept"))
+    imported(tmp_path / "two_kinds.py").answers()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kept"))
+    numba.core.config.reload_config()
+    again = imported(tmp_path / "two_kinds.py")
+    assert (again.answers(), again.read_from_disk()) == ((21, 42), (1, 1))
+
+
 @pytest.mark.parametrize("harm", ["another text", "a damaged file", "another version of Numba", "no folder"])
 def test_shipped_kernels_that_do_not_fit_are_compiled_and_kept(
     harm: str, two_kinds: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

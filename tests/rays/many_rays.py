@@ -1,5 +1,7 @@
 """`python -m tests.rays.many_rays [FILE]`: ten million rays against oracles that round nothing; prints a table.
 
+The table that is kept is `reports/reference/every_hit/many_rays.csv`.
+
 Rays and meshes of whole numbers are judged in int64; those of any float32 numbers in float64, and in fractions where
 float64 leaves a doubt. Every ray is tested with every triangle.
 """
@@ -62,7 +64,7 @@ def judge_whole(corners, origins, directions, splits, prim_ids):
                 m, n = (k + 1) % 3, (k + 2) % 3
                 normal = (b[m] - a[m]) * (c[n] - a[n]) - (b[n] - a[n]) * (c[m] - a[m])
                 ahead += normal * (a[k] - o[k])
-            if ahead * first <= 0:
+            if ahead * first < 0:
                 continue
             crossings += 1
             times = 0
@@ -139,7 +141,7 @@ def crosses(corners, origin, direction):
         signs.append(next((1 if side > 0 else -1 for side in sides if side), 0))
     e, f = ([one[k] - p[0][k] for k in range(3)] for one in p[1:])
     ahead = sum((p[0][k] - o[k]) * (e[k - 2] * f[k - 1] - e[k - 1] * f[k - 2]) for k in range(3))
-    return signs in ([1] * 3, [-1] * 3) and ahead * signs[0] > 0
+    return signs in ([1] * 3, [-1] * 3) and ahead * signs[0] >= 0
 
 
 def judged(mesh, origins, directions, whole):

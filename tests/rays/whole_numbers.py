@@ -88,9 +88,9 @@ def whole_crossings(mesh, origins, directions, tnear=0, tfar=None):
     facing, ahead = (normals * d).sum(axis=2), (normals * (corners[None, :, 0] - o)).sum(axis=2)
     sign = np.where(facing == 0, 0, sign)
     near = np.reshape(np.broadcast_to(tnear, len(origins)), (-1, 1))
-    sign = np.where((ahead - near * facing) * np.sign(facing) > 0, sign, 0)
+    sign = np.where((ahead - near * facing) * np.sign(facing) >= 0, sign, 0)
     if tfar is not None:
         far = np.reshape(np.broadcast_to(tfar, len(origins)), (-1, 1))
-        sign = np.where((ahead - far * facing) * np.sign(facing) <= 0, sign, 0)
+        sign = np.where((ahead - far * facing) * np.sign(facing) < 0, sign, 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         return sign, ahead / facing

@@ -13,7 +13,7 @@ from atra.rays.all_hits.cells_kernels import OUTSIDE, UNKNOWN, look_up, mark_cel
 from atra.rays.all_hits.finding import Crossings
 
 FEWEST_POINTS = 1 << 16
-"""Fewest points for which cells are made."""
+"""Points, of all calls together, from which on cells are worth making."""
 
 _PER_TRIANGLE, _FEWEST, _MOST = 16, 1 << 12, 1 << 22
 """Cells for each triangle, and limits of their number."""

@@ -211,7 +211,7 @@ def sure_crossing(areas, k, line, tnear, tfar):  # type: ignore[no-untyped-def]
     error = _PRECISE * (4.0 * reach + abs(t))
     if not (abs(t - tnear) > error and abs(t - tfar) > error):
         return 2, 0.0, 0.0, 0.0
-    if not tnear < t <= tfar:
+    if not tnear <= t < tfar:
         return 0, 0.0, 0.0, 0.0
     return (1 if (whole > 0.0) == (inverse_z > 0.0) else -1), t, v * inverse, w * inverse
 
@@ -249,7 +249,7 @@ _PLANE_ROUNDINGS = 32.0
 
 @njit
 def crossing(block, k, o, d, tnear, tfar, major, exact):  # type: ignore[no-untyped-def]
-    """(sign, t, u, v) of the crossing of a ray and the k-th triangle of the block at an address, tnear < t <= tfar.
+    """(sign, t, u, v) of the crossing of a ray and the k-th triangle of the block at an address, tnear <= t < tfar.
 
     sign: of the triangle's normal along d; 0: no crossing, and the rest is undefined.
     u, v: weights of the second and the third corner. exact: address of `PARTS` float64.
@@ -267,13 +267,13 @@ def crossing(block, k, o, d, tnear, tfar, major, exact):  # type: ignore[no-unty
     if abs(to_near) > area * (_sum(g) + tnear * _sum(d)):
         if (to_near > 0.0) != (sign > 0):
             return 0, 0.0, 0.0, 0.0
-    elif plane_sign(o, d, a, b, c, tnear, exact) != sign:
+    elif plane_sign(o, d, a, b, c, tnear, exact) == -sign:
         return 0, 0.0, 0.0, 0.0
     if tfar < np.inf:
         if abs(to_far) > area * (_sum(g) + tfar * _sum(d)):
             if (to_far > 0.0) == (sign > 0):
                 return 0, 0.0, 0.0, 0.0
-        elif plane_sign(o, d, a, b, c, tfar, exact) == sign:
+        elif plane_sign(o, d, a, b, c, tfar, exact) != -sign:
             return 0, 0.0, 0.0, 0.0
     if is_flat:  # seen all but edge-on: t lies between those of the corners
         square = dot(d, d)

@@ -37,6 +37,7 @@ class AllHitsScene(MeshLifetime, ABC):
         super().__init__()
         self._crossings: Crossings | None = None
         self._cells: Cells | None = None
+        self._asked = 0  # points so far
         self._edges: tuple[NDArray[np.int64], NDArray[np.int64], int] | None = None
         self.geometries = joined(meshes, transforms)
         self._take(self.geometries.mesh)
@@ -84,7 +85,7 @@ class AllHitsScene(MeshLifetime, ABC):
         max_hits: int | None = None,
         progress: Progress | None = None,
     ) -> RayHitLists:
-        """All hits of every ray with tnear < t <= tfar, each triangle that a ray crosses exactly once.
+        """All hits of every ray with tnear <= t < tfar, each triangle that a ray crosses exactly once.
 
         Decided without rounding for the float32 rays and vertices. A ray through an edge or corner counts as moved by
         an infinitely small way, so it crosses exactly the triangles that some nearby ray crosses: a closed mesh is left
@@ -184,7 +185,8 @@ class AllHitsScene(MeshLifetime, ABC):
     def parity(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """(P,) bool: whether a ray from each point crosses an odd number of triangles, of closed and open meshes."""
         with self._lock:
-            if self._cells is None and len(points) >= FEWEST_POINTS and self.open_edges == 0:
+            self._asked += len(points)
+            if self._cells is None and self._asked >= FEWEST_POINTS and self.open_edges == 0:
                 self._cells = cells_of(self.mesh, self._faces, self.crossings)
             if self._cells is not None:
                 return self._cells.parity(points, self.crossings, self._pool)

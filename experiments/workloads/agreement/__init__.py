@@ -23,15 +23,8 @@ from experiments.harness.column import WHOLE, Column
 from experiments.harness.options import check_whole_numbers
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
-from experiments.workloads.columns import (
-    IMAGE_COLUMNS,
-    PIXELS,
-    RESOURCE_COLUMNS,
-    RESOURCES,
-    counts,
-    depth_errors,
-    say_holes,
-)
+from experiments.workloads.images import IMAGE_COLUMNS, PIXELS, counts, depth_errors, say_holes
+from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES
 from experiments.workloads.rounds import build_own, make_single, measured
 
 Offset = tuple[float, float]

@@ -25,7 +25,7 @@ from experiments.methods.naming import say_kind
 from experiments.results.settings import settings
 from experiments.results.table import csv_bytes
 from experiments.workloads.agreement import AGREEMENT
-from experiments.workloads.columns import HOLES, say_holes
+from experiments.workloads.images import HOLES, say_holes
 from experiments.workloads.panels import make_panels, panels_figure, workload_figure
 from experiments.workloads.series import say_unmeasured
 

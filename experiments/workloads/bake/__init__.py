@@ -17,7 +17,7 @@ from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
 from experiments.results.statistics import Series, statistics_columns
 from experiments.workloads.baselines import OWN, over, over_own, series
-from experiments.workloads.columns import say_mib
+from experiments.workloads.resources import say_mib
 from experiments.workloads.under_sky import UnderSky
 
 OTHER, WHOLE_MAP, WITHOUT_VIEW = "other", "whole_map", "without_view"

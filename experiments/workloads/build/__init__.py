@@ -14,7 +14,7 @@ from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
 from experiments.results.statistics import Series, statistics_columns
 from experiments.workloads.baselines import series
-from experiments.workloads.columns import RESOURCE_COLUMNS, RESOURCES, say_ms
+from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms
 from experiments.workloads.rounds import build_own, make_single, measured, shrunk, timed_rounds, warm_up
 
 PLAN, BVH, BASELINE = "plan", "build", "baseline_build"

@@ -13,28 +13,10 @@ from atra.tracing.tracer import Tracer
 from experiments.harness.options import NoOptions
 from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
+from experiments.workloads import rounds
 from experiments.workloads.baselines import BESIDE_BASELINES, OWN, SINGLE, TIME_COLUMNS
-from experiments.workloads.columns import (
-    IMAGE_COLUMNS,
-    PIXELS,
-    PREPARATION,
-    PREPARATION_COLUMNS,
-    RESOURCE_COLUMNS,
-    RESOURCES,
-    counts,
-    depth_errors,
-)
-from experiments.workloads.rounds import (
-    Frames,
-    build_with_baselines,
-    expert_packet_widths,
-    measured,
-    own_and_baselines,
-    plan_and_build_again,
-    shrunk,
-    timed_rounds,
-    warm_up,
-)
+from experiments.workloads.images import IMAGE_COLUMNS, PIXELS, counts, depth_errors
+from experiments.workloads.resources import PREPARATION, PREPARATION_COLUMNS, RESOURCE_COLUMNS, RESOURCES
 
 
 def _headline(record: Record) -> str:
@@ -59,7 +41,7 @@ _BYTES_PER_PIXEL = 8
 
 def make(point: Point, mesh: Mesh) -> Tracer:
     """The point's own method. Raises MemoryBudgetError where its baselines alone need more, and as the tracers do."""
-    baselines = 1 + len(expert_packet_widths())
+    baselines = 1 + len(rounds.expert_packet_widths())
     pixels = point.width * point.height
     needed = mesh.triangle_count * EMBREE_BYTES_PER_COPY[point.build_quality] + pixels * _BYTES_PER_PIXEL
     what = f"{baselines} baselines of {mesh.triangle_count:,} triangles and {pixels:,} pixels each"
@@ -71,12 +53,12 @@ def make(point: Point, mesh: Mesh) -> Tracer:
 def measure(point: Point) -> Measured:
     """Build the point's own method, read the memory, time it against the baselines round by round, and plan and build
     it again for more samples of these. Raises InputError and MemoryBudgetError as the tracers do."""
-    warm_up(point, own_and_baselines(shrunk(point)))
+    rounds.warm_up(point, rounds.own_and_baselines(rounds.shrunk(point)))
     with ExitStack() as stack:
-        tracers, results = build_with_baselines(point, stack)
+        tracers, results = rounds.build_with_baselines(point, stack)
         own = tracers[OWN]
-        images = {name: Frames(tracer) for name, tracer in tracers.items()}
-        timed = timed_rounds(point, {name: one.trace for name, one in images.items()})
+        images = {name: rounds.Frames(tracer) for name, tracer in tracers.items()}
+        timed = rounds.timed_rounds(point, {name: one.trace for name, one in images.items()})
         agreements = [compare(own.mesh, own.camera, images[OWN].latest(), images[SINGLE].latest())]
-        results |= counts(agreements) | depth_errors(agreements) | plan_and_build_again(own)
-    return measured(results, timed)
+        results |= counts(agreements) | depth_errors(agreements) | rounds.plan_and_build_again(own)
+    return rounds.measured(results, timed)

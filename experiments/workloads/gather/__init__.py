@@ -16,17 +16,9 @@ from atra.tracing.options import option
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
+from experiments.workloads import rounds
 from experiments.workloads.baselines import BESIDE_BASELINES, OWN, SINGLE, TIME_COLUMNS
-from experiments.workloads.columns import PREPARATION, PREPARATION_COLUMNS, RESOURCE_COLUMNS, RESOURCES
-from experiments.workloads.rounds import (
-    build_with_baselines,
-    measured,
-    own_and_baselines,
-    plan_and_build_again,
-    shrunk,
-    timed_rounds,
-    warm_up,
-)
+from experiments.workloads.resources import PREPARATION, PREPARATION_COLUMNS, RESOURCE_COLUMNS, RESOURCES
 
 DIFFERENCES = ("hits_in_all", "hits_missing", "hits_too_many", "pixels_different")
 
@@ -118,14 +110,14 @@ def measure(point: Point) -> Measured:
     """Build the point's own method, read the memory, and time it against the baselines. Raises InputError and
     MemoryBudgetError as the tracers do, and InputError for a mesh that is not for what is gathered."""
     what = point.workload_options.reduction
-    warm_up(point, own_and_baselines(shrunk(point)), lambda tracer: tracer.gather(what), CLOSED)
+    rounds.warm_up(point, rounds.own_and_baselines(rounds.shrunk(point)), lambda tracer: tracer.gather(what), CLOSED)
     with ExitStack() as stack:
-        tracers, results = build_with_baselines(point, stack)
+        tracers, results = rounds.build_with_baselines(point, stack)
         gatherings = {name: Gatherings(tracer, what) for name, tracer in tracers.items()}
-        timed = timed_rounds(point, {name: one.gather for name, one in gatherings.items()})
+        timed = rounds.timed_rounds(point, {name: one.gather for name, one in gatherings.items()})
         results |= differences(gatherings[OWN].latest, gatherings[SINGLE].latest, what)
-        results |= plan_and_build_again(tracers[OWN])
-    return measured(results, timed)
+        results |= rounds.plan_and_build_again(tracers[OWN])
+    return rounds.measured(results, timed)
 
 
 def differences(own: Any, single: Any, what: Reduction[Any]) -> dict[str, int]:

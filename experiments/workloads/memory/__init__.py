@@ -6,7 +6,7 @@ from contextlib import ExitStack
 
 from experiments.harness.options import NoOptions
 from experiments.harness.point import Measured, Point, Workload, make_own
-from experiments.workloads.columns import RESOURCE_COLUMNS, RESOURCES, say_memory
+from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_memory
 from experiments.workloads.rounds import build_own, measured, shrunk, warm_up
 
 MEMORY = Workload(

@@ -23,28 +23,10 @@ from experiments.harness.options import NoOptions
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
 from experiments.results.statistics import statistics_columns
+from experiments.workloads import rounds
 from experiments.workloads.baselines import BESIDE_BASELINES, OWN, SINGLE, TIME_COLUMNS, over, over_own, series
-from experiments.workloads.columns import (
-    IMAGE_COLUMNS,
-    PIXELS,
-    PREPARATION,
-    PREPARATION_COLUMNS,
-    RESOURCE_COLUMNS,
-    RESOURCES,
-    counts,
-    depth_errors,
-    say_ms,
-)
-from experiments.workloads.rounds import (
-    Frames,
-    build_baselines,
-    build_own,
-    measured,
-    own_and_baselines,
-    shrunk,
-    timed_rounds,
-    warm_up,
-)
+from experiments.workloads.images import IMAGE_COLUMNS, PIXELS, counts, depth_errors
+from experiments.workloads.resources import PREPARATION, PREPARATION_COLUMNS, RESOURCE_COLUMNS, RESOURCES, say_ms
 
 STILL, KEPT = "own_still", "packets_kept"
 """Names in the samples: the point's own method again from the same eye; the widest packets over a BVH of the world that
@@ -118,7 +100,7 @@ class KeptPackets(PixelTracer):
         return True
 
 
-class MovingFrames(Frames):
+class MovingFrames(rounds.Frames):
     """Moves to the next camera of a path before every frame, round and round."""
 
     def __init__(self, tracer: Any, path: Sequence[View]) -> None:
@@ -138,17 +120,17 @@ def _make_kept(point: Point, mesh: Mesh, view: View) -> KeptPackets:
 def measure(point: Point) -> Measured:
     """Build the point's own method, read the memory, time it from eye to eye against the baselines, and compare the
     last frame. Raises InputError and MemoryBudgetError as the tracers do."""
-    small = shrunk(point)
-    warm_up(point, [*own_and_baselines(small), lambda mesh, view: _make_kept(small, mesh, view)])
+    small = rounds.shrunk(point)
+    rounds.warm_up(point, [*rounds.own_and_baselines(small), lambda mesh, view: _make_kept(small, mesh, view)])
     with ExitStack() as stack:
-        own, results = build_own(point, stack)
+        own, results = rounds.build_own(point, stack)
         camera = own.camera
-        tracers = {OWN: own} | build_baselines(point, own, stack)
+        tracers = {OWN: own} | rounds.build_baselines(point, own, stack)
         tracers[KEPT] = stack.enter_context(_make_kept(point, own.mesh, camera))
         path = eyes_around(camera, own.mesh)
-        images: dict[str, Frames] = {name: MovingFrames(tracer, path) for name, tracer in tracers.items()}
-        calls = {name: one.trace for name, one in images.items()} | {STILL: Frames(own).trace}
-        timed = timed_rounds(point, calls)
+        images: dict[str, rounds.Frames] = {name: MovingFrames(tracer, path) for name, tracer in tracers.items()}
+        calls = {name: one.trace for name, one in images.items()} | {STILL: rounds.Frames(own).trace}
+        timed = rounds.timed_rounds(point, calls)
         single, kept = images[SINGLE].latest(), images[KEPT].latest()
         agreements = [compare(own.mesh, single.camera, images[OWN].latest(), single)]
         of_kept = compare(own.mesh, single.camera, kept, single)
@@ -159,4 +141,4 @@ def measure(point: Point) -> Measured:
             "kept_pixels_wrong": of_kept.pixels_wrong,
             "kept_depth_error_p999": of_kept.depth_errors.p999,
         }
-    return measured(results, timed)
+    return rounds.measured(results, timed)

@@ -16,10 +16,10 @@ from experiments.drawing.style import GREEN
 from experiments.drawing.values import MILLISECONDS, numbers, say_number
 from experiments.methods.naming import best_of, say_split
 from experiments.workloads.baselines import TIME_BASELINES
-from experiments.workloads.columns import say_ms
 from experiments.workloads.frame_figures import draw_ratio_bars, ratio_bar
 from experiments.workloads.moving import MOVING
 from experiments.workloads.panels import bars_height, make_panels, panels_figure, workload_figure
+from experiments.workloads.resources import say_ms
 from experiments.workloads.series import best_points, best_rows, count_series
 from experiments.workloads.tables import best_by_kind, plain, times
 

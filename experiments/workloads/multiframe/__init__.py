@@ -29,28 +29,11 @@ from experiments.methods.options import AlignedCellOptions
 from experiments.methods.raster import RASTER
 from experiments.methods.visible_first import VISIBLE_FIRST
 from experiments.results.statistics import Series, statistics_columns
+from experiments.workloads import rounds
 from experiments.workloads.baselines import BESIDE_BASELINES, OWN, PACKETS, SINGLE, TIME_COLUMNS, over_own, series
-from experiments.workloads.columns import (
-    IMAGE_COLUMNS,
-    PIXELS,
-    PREPARATION,
-    RESOURCE_COLUMNS,
-    RESOURCES,
-    counts,
-    depth_errors,
-)
+from experiments.workloads.images import IMAGE_COLUMNS, PIXELS, counts, depth_errors
 from experiments.workloads.multiframe.motion import Motion, make_together
-from experiments.workloads.rounds import (
-    Frames,
-    build_own,
-    expert_packet_widths,
-    make_single,
-    measured,
-    plan_and_build_again,
-    shrunk,
-    timed_rounds,
-    warm_up,
-)
+from experiments.workloads.resources import PREPARATION, RESOURCE_COLUMNS, RESOURCES
 
 SEPARATE, SEPARATE_VISIBLE, SEPARATE_RASTER = "separate", "visible_first", "rasteriser"
 """Names in the samples: one aligned tracer a frame, one visible-first tracer a frame, and one rasteriser a frame."""
@@ -199,14 +182,14 @@ def separate_makers(point: Point) -> dict[str, Make]:
 
 
 def _single(point: Point, packet_width: int, mesh: Mesh, view: View) -> Tracer[Hits]:
-    return make_single(point, mesh, view, packet_width)
+    return rounds.make_single(point, mesh, view, packet_width)
 
 
 def measure(point: Point) -> Measured:
     """All frames together, timed in rounds with one tracer a frame of every other way, and compared frame by frame."""
-    packets = expert_packet_widths()
-    small = shrunk(point)
-    warm_up(
+    packets = rounds.expert_packet_widths()
+    small = rounds.shrunk(point)
+    rounds.warm_up(
         point,
         [
             lambda mesh, view: make_together(small, mesh, view),
@@ -215,7 +198,7 @@ def measure(point: Point) -> Measured:
         ],
     )
     with ExitStack() as stack:
-        own, results = build_own(point, stack, lambda mesh, camera: make_together(point, mesh, camera))
+        own, results = rounds.build_own(point, stack, lambda mesh, camera: make_together(point, mesh, camera))
 
         def for_each_frame(make: Make) -> SeparateFrames:
             return stack.enter_context(SeparateFrames([make(mesh, view) for mesh, view in own.views]))
@@ -228,9 +211,9 @@ def measure(point: Point) -> Measured:
             "baseline_build_time_s": float(tracers[SINGLE].build_time_s),
             "separate_embree_bytes": int(tracers[SEPARATE].embree_bytes),
         }
-        images = {name: Frames(tracer) for name, tracer in tracers.items()}
-        timed = timed_rounds(point, {name: one.trace for name, one in images.items()})
+        images = {name: rounds.Frames(tracer) for name, tracer in tracers.items()}
+        timed = rounds.timed_rounds(point, {name: one.trace for name, one in images.items()})
         pairs = zip(images[OWN].latest().images, images[SINGLE].latest().images, strict=True)
         agreements = [compare(hits.mesh, hits.camera, hits, reference) for hits, reference in pairs]
-        results |= counts(agreements) | depth_errors(agreements) | plan_and_build_again(own)
-    return measured(results, timed)
+        results |= counts(agreements) | depth_errors(agreements) | rounds.plan_and_build_again(own)
+    return rounds.measured(results, timed)

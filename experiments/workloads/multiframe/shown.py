@@ -22,9 +22,9 @@ from experiments.drawing.values import MEBIBYTES, MILLISECONDS, column, drawable
 from experiments.methods.naming import best_of, say_split
 from experiments.results.settings import settings_that_vary
 from experiments.workloads.baselines import TIME_BASELINES
-from experiments.workloads.columns import say_ms
 from experiments.workloads.multiframe import MULTIFRAME, Motion
 from experiments.workloads.panels import make_panels, panels_figure, workload_figure
+from experiments.workloads.resources import say_ms
 from experiments.workloads.series import OVER_PACKETS, choosing, say_ratio, say_unmeasured, say_wrong
 from experiments.workloads.tables import best_rows_by, grid_of, narrow_table, plain, times, varying_words
 

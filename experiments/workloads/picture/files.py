@@ -12,7 +12,7 @@ import pandas as pd
 from atra.files.paths import write_atomically
 from experiments.harness.records import Record, load_record
 from experiments.workloads.baselines import SINGLE
-from experiments.workloads.columns import PIXELS
+from experiments.workloads.images import PIXELS
 from experiments.workloads.picture import PICTURE
 
 

@@ -30,7 +30,7 @@ from experiments.harness.records import Record
 from experiments.methods import METHODS
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE, fastest, over_own, series, single_over_packets
-from experiments.workloads.columns import RESOURCE_COLUMNS, RESOURCES, say_ms
+from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms
 from experiments.workloads.rounds import expert_packet_widths, load_mesh, measured, timed_rounds
 
 PLAIN, SORTED = "plain", "packets_sorted"

@@ -15,10 +15,10 @@ from experiments.drawing.style import BLUE, DASHED, DOTTED, GREY, ORANGE, VERMIL
 from experiments.drawing.values import numbers, say_number
 from experiments.methods.naming import best_of, say_kind
 from experiments.results.settings import settings_that_vary
-from experiments.workloads.columns import say_ms
 from experiments.workloads.panels import make_panels, panels_figure, workload_figure
 from experiments.workloads.rays import RAYS, Kind
 from experiments.workloads.rays.claims import usual
+from experiments.workloads.resources import say_ms
 from experiments.workloads.tables import narrow_table, plain, varying_words
 
 CLAIMS_FILE = "classification_claims"

@@ -29,15 +29,8 @@ from experiments.workloads.baselines import (
     packets_width,
     series,
 )
-from experiments.workloads.columns import (
-    IMAGE_COLUMNS,
-    PIXELS,
-    PREPARATION,
-    PREPARATION_COLUMNS,
-    RESOURCE_COLUMNS,
-    RESOURCES,
-    say_ms,
-)
+from experiments.workloads.images import IMAGE_COLUMNS, PIXELS
+from experiments.workloads.resources import PREPARATION, PREPARATION_COLUMNS, RESOURCE_COLUMNS, RESOURCES, say_ms
 from experiments.workloads.under_sky import UnderSky
 
 STAGES = {

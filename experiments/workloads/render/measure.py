@@ -19,18 +19,10 @@ from atra.light import HybridRenderer, PathRenderer, RenderScene, constant_sky
 from atra.tracing.tracer import Tracer
 from experiments.harness.point import Measured, Point, make_own
 from experiments.methods.peers.mitsuba_light import load_mitsuba, parts_of
+from experiments.workloads import rounds
 from experiments.workloads.baselines import OWN, SINGLE
-from experiments.workloads.columns import counts, depth_errors
+from experiments.workloads.images import counts, depth_errors
 from experiments.workloads.render import MITSUBA, Kind, RenderOptions, Rival, primary
-from experiments.workloads.rounds import (
-    build_with_baselines,
-    measured,
-    own_and_baselines,
-    plan_and_build_again,
-    shrunk,
-    timed_rounds,
-    warm_up,
-)
 from scenes.lit.lighting import length_of, lit
 
 
@@ -112,10 +104,10 @@ def _one_picture(point: Point, tracer: Any) -> None:
 def measure(point: Point) -> Measured:
     """Build the point's own method and the baselines, and make pictures with each in turns. Raises InputError and
     MemoryBudgetError as tracers and renderers do."""
-    warm_up(point, own_and_baselines(shrunk(point)), partial(_one_picture, point))
+    rounds.warm_up(point, rounds.own_and_baselines(rounds.shrunk(point)), partial(_one_picture, point))
     options = point.workload_options
     with ExitStack() as stack:
-        tracers, results = build_with_baselines(point, stack)
+        tracers, results = rounds.build_with_baselines(point, stack)
         own = tracers[OWN]
         scene = options.under_sky(lit(point.scene, own.mesh, point.camera))
         if options.mitsuba is not Rival.none:
@@ -128,7 +120,7 @@ def measure(point: Point) -> Measured:
         if options.mitsuba is not Rival.none:
             theirs = MitsubaPicture(scene, point.camera, options, point.threads)
             calls[MITSUBA] = partial(theirs.make, options.samples)
-        timed = timed_rounds(point, calls)
+        timed = rounds.timed_rounds(point, calls)
         rays = pictures.renderer.ray_count  # of whichever came last: all shoot the same, but for ties
         stages = {name: of_all[-timed.rounds :] for name, of_all in pictures.stages.items()}
         (hits, image), (single, single_image) = (pictures.sample(name) for name in (OWN, SINGLE))
@@ -136,14 +128,14 @@ def measure(point: Point) -> Measured:
         unlike = (image != single_image).any(axis=-1) & (hits.prim_id == single.prim_id)
         images = 1 if options.jitter == "off" else options.samples
         shares = [sum(one.values()) / whole for one, whole in zip(stages[OWN], timed.samples[OWN], strict=True)]
-        results |= counts(agreements) | depth_errors(agreements) | plan_and_build_again(own)
+        results |= counts(agreements) | depth_errors(agreements) | rounds.plan_and_build_again(own)
         results |= {
             "pixels_unlike": int(np.count_nonzero(unlike)),
             "rays": rays + images * point.width * point.height,
             "stages_over_frame": float(np.median(shares)),
             "stages": {name: float(np.median([one[name] for one in stages[OWN]])) for name in stages[OWN][0]},
         }
-    made = measured(results, timed)
+    made = rounds.measured(results, timed)
     for name, of_rounds in stages.items():
         made.samples[primary(name)] = [one["primary"] for one in of_rounds]
     return made

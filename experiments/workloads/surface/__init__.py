@@ -21,7 +21,7 @@ from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, over, series
-from experiments.workloads.columns import RESOURCE_COLUMNS, RESOURCES, say_ms
+from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms
 from experiments.workloads.rounds import Frames, build_own, make_single, measured, shrunk, timed_rounds, warm_up
 
 OWN_SURFACE, PLAIN_PACKETS, PACKETS_SURFACE = "own_surface", "packets", "packets_surface"
