@@ -113,6 +113,11 @@ class View(ABC):
         origins, directions = self.rays(x, y, offset)
         return origins @ self.axes + np.array(self.eye), directions @ self.axes
 
+    def has_ray(self, offset: tuple[float, float] = (0.5, 0.5)) -> NDArray[np.bool_]:
+        """(H, W) bool, whether the pixel sees anything: False where a lens model folds over."""
+        check_offset(offset)
+        return np.ones((self.height, self.width), np.bool_)
+
     def project(self, points: ArrayLike) -> NDArray[np.float64]:
         """Pixel positions (..., 2) float64 at which world points (..., 3) are seen; (0, 0) is the image's corner.
 

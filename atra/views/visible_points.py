@@ -61,8 +61,6 @@ def list_cameras(cameras: Mapping[Any, View] | Iterable[View]) -> list[View]:
 
 def _is_in_image(camera: View, points: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(P,) bool, whether points lie before the camera and are projected into its image; not at its eye."""
-    placed = np.concatenate([camera.to_eye_space(points), np.ones((len(points), 1))], axis=1) @ camera.to_pixels.T
-    depth = camera.to_camera_space(points)[:, 2]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        x, y = placed[:, 0] / placed[:, 2], placed[:, 1] / placed[:, 2]
-    return (depth > 0.0) & (x >= 0.0) & (x < camera.width) & (y >= 0.0) & (y < camera.height)
+    x, y = camera.project(points).T
+    is_before = (camera.to_camera_space(points)[:, 2] > 0.0) | camera.depth_is_along_ray
+    return np.asarray(is_before & (x >= 0.0) & (x < camera.width) & (y >= 0.0) & (y < camera.height))

@@ -4,7 +4,7 @@ import numpy as np
 from PIL import Image
 
 import atra
-from examples import alignment_drawing, calibrated_views, frames, progressive, shadow_map, stereo, weekend
+from examples import alignment_drawing, calibrated_views, frames, lenses, progressive, shadow_map, stereo, weekend
 from tests.folders import ROOT
 
 TOY = ["--scene", "cornell_box", "--width", "64", "--height", "48"]
@@ -90,6 +90,13 @@ def test_frames_are_those_traced_alone(tmp_path, capsys):
     assert len(frames.main([*TOY, "--frames", "3", "--out", str(tmp_path)])) == 3
     assert capsys.readouterr().out.count("0 wrong") == 3
     assert picture(tmp_path / "frames.png").shape[1] == 3 * 32 + 2 * 4
+
+
+def test_three_lenses_see_the_room_and_two_methods_agree_on_every_pixel(tmp_path, capsys):
+    seen = lenses.main([*TOY, "--nearer", "0.3", "--out", str(tmp_path)])
+    assert all(hits.hit.any() for hits in seen.values())
+    assert capsys.readouterr().out.count(" 0 wrong") == 3
+    assert picture(tmp_path / "lenses.png").shape == (48, 2 * 64 + 96 + 8, 3)
 
 
 def test_the_shadow_map_is_the_one_of_single_rays(tmp_path, capsys):

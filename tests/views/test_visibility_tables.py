@@ -5,6 +5,7 @@ import pytest
 
 import atra
 from tests.closed_meshes import box, sphere
+from tests.lenses import lens_camera
 from tests.meshes import cornell_box, cornell_camera, quads
 
 VIEWS = {
@@ -21,6 +22,23 @@ def test_the_places_that_an_image_shows_are_visible_to_its_camera():
                 hits = tracer.trace()
             seen = atra.visible_points(mesh, hits.points[hits.hit], cameras)[row]
             assert seen.mean() > 0.998  # others lie on edges, or where rays graze
+
+
+@pytest.mark.parametrize("lens", [
+    atra.OpenCVLens(k1=-0.2, p1=0.01), atra.FisheyeLens(k1=0.1), atra.EquirectangularLens(),
+])  # fmt: skip
+def test_through_a_lens_points_are_seen_and_faces_counted_as_its_image_shows_them(lens):
+    mesh, camera = cornell_box(), lens_camera(lens, cornell_camera(96, 72))
+    with atra.PixelTracer(mesh, camera) as tracer:
+        hits = tracer.trace()
+    assert atra.visible_points(mesh, hits.points[hits.hit], [camera]).mean() > 0.998
+    behind = np.array(camera.eye) - camera.axes[2]
+    assert atra.visible_points(mesh, [behind], [camera])[0, 0] == isinstance(lens, atra.EquirectangularLens)
+    counts = atra.face_counts(mesh, {"a": camera, "b": VIEWS["pinhole"]}, distance=True)
+    np.testing.assert_array_equal(counts.dense()[0], np.bincount(hits.prim_id[hits.hit], minlength=1112))
+    first = counts.prim_id[0]
+    away = np.linalg.norm(hits.points[hits.prim_id == first] - camera.eye, axis=1).mean()
+    assert counts.distance[0] == pytest.approx(away, rel=1e-5)
 
 
 def test_points_behind_triangles_outside_the_image_or_behind_the_camera_are_not_visible():

@@ -185,7 +185,10 @@ def place_of(lens, x, y, z):  # type: ignore[no-untyped-def]
     across = hypot(x, y)
     if lens.kind == EQUIRECTANGULAR:
         length = sqrt(across * across + z * z)
-        return (atan2(x, z), asin(y / length)) if length > 0.0 else (np.nan, np.nan)
+        if not length > 0.0:
+            return np.nan, np.nan
+        longitude = atan2(x, z)
+        return (longitude if longitude < pi else -pi), asin(y / length)  # what is behind is at the left border
     if lens.kind == EQUIDISTANT:
         if not (across > 0.0 or z > 0.0):
             return np.nan, np.nan

@@ -71,7 +71,6 @@ class LensView(View):
         return sensor.columns(x, offset[0]) * sensor.pitch_x, sensor.rows(y, offset[1]) * sensor.pitch_y
 
     def has_ray(self, offset: tuple[float, float] = (0.5, 0.5)) -> NDArray[np.bool_]:
-        """(H, W) bool, whether the pixel sees anything: False where the lens model folds over."""
         y, x = np.mgrid[0 : self.height, 0 : self.width]
         return np.asarray(np.isfinite(self.rays(x, y, offset)[1]).all(axis=-1))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
 from functools import cached_property
-from math import cos, inf, isfinite, pi, sin
+from math import cos, inf, pi, sin
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -25,6 +25,9 @@ from atra.geometry.numbers import as_number
 FARTHEST = 1e3
 """Largest tangent of the angle between a perspective lens's rays and its axis: 0.06 degrees short of 90."""
 
+LARGEST = 1e6
+"""Largest size of a coefficient; products of larger ones could leave float64."""
+
 _ANGLES, _SHARE = 256, 0.98
 """Number of radii whose fold is computed beforehand, and the share of the nearest fold up to which pixels need no
 search of their own; folds change little from one radius to the next."""
@@ -37,7 +40,7 @@ COUNTS = (4, 5, 8, 12, 14)
 
 @dataclass(frozen=True)
 class Lens(ABC):
-    """A lens model. Coefficients are floats; raises InputError for one that is not finite.
+    """A lens model. Coefficients are floats; raises InputError for one that is not finite, or above 1e6 in size.
 
     sees_sideways: whether rays may leave at 90 degrees to the view axis and beyond. Depth is then measured along the
     ray, for other lenses along the axis.
@@ -48,8 +51,9 @@ class Lens(ABC):
     def __post_init__(self) -> None:
         for one in fields(self):
             value = as_number(getattr(self, one.name))
-            if not isfinite(value):
-                raise InputError(f"{one.name} of the lens is {getattr(self, one.name)!r}, expected a finite number")
+            if not abs(value) <= LARGEST:
+                given = getattr(self, one.name)
+                raise InputError(f"{one.name} of the lens is {given!r}, expected a finite number up to {LARGEST:g}")
             object.__setattr__(self, one.name, value)
 
     @cached_property

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from atra.errors import AtraError, InputError
 from atra.geometry.mesh import Mesh
+from atra.geometry.ray_space import check_range
 from atra.geometry.sampling import sub_pixel_offsets
 from atra.geometry.view import View
 from atra.hits import Hits
@@ -62,6 +63,7 @@ class Renderer(Lifetime):
     def __init__(self, scene: RenderScene, camera: View, primary: Primary | None, options: Mapping[str, Any]) -> None:
         super().__init__()
         self.options = self.options_type.of(type(self).__name__, options)
+        check_range(scene.mesh, camera)  # refuses a lens, which some primary tracers take
         self.rays = RayScene(scene.mesh, **self._ray_options().keywords())
         make_tracer = primary or partial(RasterTracer, threads=self.options.threads)
         self.scene, self.camera = scene, camera
@@ -208,6 +210,7 @@ class Renderer(Lifetime):
                 self._look(camera)
 
     def _look(self, camera: View) -> None:
+        check_range(self.scene.mesh, camera)
         self._tracer.look(camera)
         self.camera = camera
         self._start_film()
