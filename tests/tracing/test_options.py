@@ -55,7 +55,8 @@ def methods_with_keywords():
     """Every constructor and public method of the library's classes that takes `**keywords`, by its name."""
     found = {}
     for info in walk_packages(atra.__path__, "atra."):
-        if info.name.startswith("atra.embree."):  # hands on what a device takes, to no user
+        # Embree's room hands on what a device takes, to no user; stand-ins have the interface of other libraries.
+        if info.name.startswith(("atra.embree.", "atra.compat.")):
             continue
         classes = [one for one in vars(import_module(info.name)).values() if inspect.isclass(one)]
         methods = [one for kind in classes if kind.__module__ == info.name for one in vars(kind).values()]
