@@ -39,12 +39,14 @@ class Import(NamedTuple):
 class Statement:
     """A statement at the top of a module.
 
-    said: the statement without comments, docstrings and the places of lines. imports: all of it, also in functions.
+    said: the statement without comments, docstrings and the places of lines; text: the same in one. imports: all of it,
+    also in functions.
     texts: string constants. entries: of dictionaries, those whose keys are texts -> the texts of their values. uses:
     names. defines: names that it gives a value to, apart from those it imports.
     """
 
     said: list[str] = field(default_factory=list)
+    text: str = ""
     imports: list[Import] = field(default_factory=list)
     texts: set[str] = field(default_factory=set)
     entries: dict[str, set[str]] = field(default_factory=dict)
@@ -70,9 +72,15 @@ class Source:
         """Whether it imports modules whose names are texts."""
         return any(not _BY_NAME.isdisjoint(one.said) for one in self.statements)
 
+    @cached_property
+    def names(self) -> set[str]:
+        """What its statements define or import."""
+        return {name for one in self.statements for name in one.defines | {given.bound for given in one.imports}}
+
     def _read(self, node: ast.stmt) -> Statement:
         statement = Statement(defines=_defined(node))
         self._say(node, statement)
+        statement.text = "\0".join(statement.said)
         return statement
 
     def _say(self, node: ast.AST, into: Statement) -> None:
@@ -127,7 +135,7 @@ class Code:
         """
         digest = hashlib.sha256()
         for module, name in sorted(self.parts(roots), key=str):
-            said = ("\0".join(one.said) for one in self._statements(Part(module, name)))
+            said = (one.text for one in self._statements(Part(module, name)))
             digest.update("\0".join([module, str(name), *said, ""]).encode())
         return digest.hexdigest()
 
@@ -154,7 +162,8 @@ class Code:
     def _statements(self, part: Part) -> list[Statement]:
         source = self._source(part.module)
         assert source is not None
-        return [one for one in source.statements if part.name is None or part.name in one.defines]
+        every = source.statements
+        return every if part.name is None else [one for one in every if part.name in one.defines]
 
     def _imported(self, part: Part) -> set[Part]:
         """What a part imports, in one step."""
@@ -169,10 +178,7 @@ class Code:
                     found for text in texts for name in self._named(text, part.module) for found in self._whole(name)
                 }
             if part.name is not None:  # names that the statement has from elsewhere in the face
-                here = {
-                    name for one in source.statements for name in one.defines | {given.bound for given in one.imports}
-                }
-                used = {name for one in statements for name in one.uses} & here
+                used = {name for one in statements for name in one.uses} & source.names
                 found |= {found for name in used for found in self._taken(part.module, name)}
             self._edges[part] = found
         return self._edges[part]
