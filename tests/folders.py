@@ -1,10 +1,16 @@
-"""The folder of the project, and for one test an empty cache of fetched scenes."""
+"""The folder of the project, the paper's scenes where a machine has them, and an empty cache of fetched scenes."""
 
+import os
 from pathlib import Path
+
+import pytest
 
 from scenes.directory import SCENES_VARIABLE, default_cache
 
 ROOT = Path(__file__).resolve().parents[1]
+
+PAPER_SCENES = ("cornell_box", "mitsuba", "fireplace_room", "sponza")
+NEEDS_SCENES = pytest.mark.skipif(not os.environ.get(SCENES_VARIABLE), reason=f"{SCENES_VARIABLE} is not set")
 
 HOME_VARIABLES = ("HOME", "XDG_CACHE_HOME", "LOCALAPPDATA")
 """What decides where the cache is, on one system or another."""

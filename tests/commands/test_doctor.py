@@ -46,6 +46,7 @@ def test_this_machine_is_described_on_one_screen_and_nothing_is_written(tmp_path
 def test_the_facts_are_those_of_this_machine(tmp_path, monkeypatch):
     cache = empty_cache(tmp_path, monkeypatch)
     monkeypatch.delenv(VARIABLE, raising=False)
+    monkeypatch.setattr(library_doctor, "SHIPPED", tmp_path / "nothing")
     cache.mkdir(parents=True)
     (cache / "sponza.ply").touch()
     told = facts(results_dir=str(tmp_path / "results"))
@@ -126,6 +127,7 @@ def test_cores_are_told_from_hardware_threads(physical, affinity, expected, monk
 def test_what_may_spoil_times_is_doubted(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "getloadavg", lambda: (3.25, 1.0, 1.0), raising=False)
     monkeypatch.setattr(library_doctor, "cache_folder", lambda: None)
+    monkeypatch.setattr(library_doctor, "SHIPPED", tmp_path / "nothing")
     monkeypatch.setenv("ATRA_SCENES", str(tmp_path / "nowhere"))
     configuration = Configuration(results_dir=str(tmp_path))
     configuration.measure.memory_budget_gib = 1e9
@@ -151,3 +153,10 @@ def test_a_folder_of_many_scenes_and_reasons_of_any_length_still_fit_the_screen(
     assert len(lines) <= 36
     assert max(map(len, lines)) <= 80
     assert not any("do this" in line for line in lines)
+
+
+def test_kernels_that_came_with_the_library_are_told(tmp_path, monkeypatch):
+    monkeypatch.setattr(library_doctor, "SHIPPED", tmp_path)
+    (tmp_path / "raster").mkdir()
+    (tmp_path / "raster" / "drawing.1.nbc").write_bytes(bytes(2_000_000))
+    assert facts()["kernels"].startswith(f"2.0 MB shipped in {tmp_path}")

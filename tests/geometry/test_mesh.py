@@ -13,6 +13,7 @@ import trimesh
 from atra.errors import InputError
 from atra.files.meshes.loading import load_mesh
 from atra.geometry.mesh import Mesh
+from tests.folders import NEEDS_SCENES, PAPER_SCENES
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
 TWO_FACES = np.array([[0, 1, 2], [0, 2, 3]])
@@ -184,10 +185,8 @@ def test_a_missing_file_and_a_folder_are_refused_naming_them(tmp_path):
         load_mesh(tmp_path)
 
 
-@pytest.mark.skipif(not os.environ.get("ATRA_SCENES"), reason="ATRA_SCENES is not set")
-@pytest.mark.parametrize(
-    ("name", "count"), [("cornell_box", 1112), ("mitsuba", 61600), ("fireplace_room", 143163), ("sponza", 262267)]
-)
+@NEEDS_SCENES
+@pytest.mark.parametrize(("name", "count"), [*zip(PAPER_SCENES, (1112, 61600, 143163, 262267), strict=True)])
 def test_a_scene_of_the_paper_keeps_all_its_triangles(name, count):
     path = Path(os.environ["ATRA_SCENES"]).expanduser() / f"{name}.ply"
     if not path.is_file():

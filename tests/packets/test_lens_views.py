@@ -8,6 +8,8 @@ from atra import light
 from atra.judge.oracle import examine, nearest_hits
 from atra.judge.reference import brute_force
 from atra.shafts.eye import EyeTracer
+from scenes.loading import SceneSource, load_scene
+from tests.folders import NEEDS_SCENES, PAPER_SCENES
 from tests.images import CELLS, assert_equal_images, assert_no_pixel_wrong, make_tracer
 from tests.lenses import lens_camera, random_lens
 from tests.meshes import cornell_box, cornell_camera, quads
@@ -137,11 +139,13 @@ def test_pictures_refuse_a_lens_whatever_finds_their_first_hits(kind):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["cornell_box", "mitsuba", "fireplace_room", "sponza"])
-def test_fifty_random_lenses_on_each_scene_show_nothing_wrong(name):
-    from scenes.loading import load_scene
-
-    scene = load_scene("directory", name, None)
+@pytest.mark.parametrize(
+    ("source", "name"),
+    [("procedural", name) for name in ("cornell_box", "material_ball", "living_room", "atrium")]
+    + [pytest.param("directory", name, marks=NEEDS_SCENES) for name in PAPER_SCENES],
+)
+def test_fifty_random_lenses_on_each_scene_show_nothing_wrong(source, name):
+    scene = load_scene(SceneSource(source), name, None)
     placed, random = atra.Camera(**scene.camera), np.random.default_rng(0)
     tracers = {}
     for _ in range(50):
