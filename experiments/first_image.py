@@ -2,9 +2,9 @@
 
     python -m experiments.first_image TABLE.csv --source clone --state cold --runs 5 --library .
 
-Cold: no kernel is compiled. Warm: an earlier process has kept them. Every run is a process of its own, with a home and
-a folder of kernels of its own; rows are added to the table. Wall time is from before `import atra`; CPU time is that of
-the process and of those that it has started.
+Cold: no kernel is compiled. Warm: an earlier process has kept them. Every run is a process of its own with an empty
+home; rows are added to the table. Wall time is from before `import atra`; CPU time is that of the process and of those
+that it has started.
 """
 
 from __future__ import annotations
@@ -12,13 +12,14 @@ from __future__ import annotations
 import csv
 import json
 import os
-import platform
 import subprocess
 import sys
 from argparse import ArgumentParser
-from importlib.metadata import version
+from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
+
+from experiments.harness.environment import read_environment
 
 COLUMNS = (
     "source", "state", "instruction_set", "answer", "run", "wall_s", "cpu_s", "commit", "processor", "cores", "numba",
@@ -82,38 +83,41 @@ def main() -> None:
     given = parser.parse_args()
     instruction_set = os.environ.get("ATRA_ISA", "native")
     same = {"source": given.source, "state": given.state, "instruction_set": instruction_set, "commit": given.commit}
-    same |= {
-        "processor": platform.processor() or platform.machine(),
-        "cores": os.cpu_count(),
-        "numba": version("numba"),
-    }
+    machine = read_environment()
+    same |= {"processor": machine.cpu, "cores": machine.logical_cores, "numba": machine.numba_version}
     is_new = not given.table.exists()
     given.table.parent.mkdir(parents=True, exist_ok=True)
     with given.table.open("a", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         if is_new:
             writer.writeheader()
-        for run in range(given.runs):
-            for answers in ANSWERS:
-                for name, (wall_s, cpu_s) in _measured(answers, given.library, given.python, given.state).items():
+        for answers in ANSWERS:
+            measured = _measured(answers, given.library, given.python, given.state == "warm", given.runs)
+            for run, seconds in enumerate(measured):
+                for name, (wall_s, cpu_s) in seconds.items():
                     if name != "import" or answers == ANSWERS[0]:
-                        seconds = {"wall_s": f"{wall_s:.3f}", "cpu_s": f"{cpu_s:.3f}"}
-                        writer.writerow({**same, "answer": name, "run": run, **seconds})
-            file.flush()
+                        row = {**same, "answer": name, "run": run, "wall_s": f"{wall_s:.3f}", "cpu_s": f"{cpu_s:.3f}"}
+                        writer.writerow(row)
+                file.flush()
 
 
-def _measured(answers: tuple[str, ...], library: Path | None, python: str, state: str) -> dict[str, list[float]]:
-    with TemporaryDirectory() as folder:
-        variables = {"HOME": folder, "NUMBA_CACHE_DIR": f"{folder}/kernels", "ATRA_QUIET": "1"}
-        if library is not None:
-            variables["PYTHONPATH"] = str(library.resolve())
-        told = ""
-        for _ in range(2 if state == "warm" else 1):
-            told = subprocess.run(
-                [python, "-c", _PROCESS, ",".join(answers[1:])],
-                env=os.environ | variables, cwd=folder, check=True, capture_output=True, text=True,
-            ).stdout  # fmt: skip
-        return dict(json.loads(told))
+def _measured(
+    answers: tuple[str, ...], library: Path | None, python: str, warm: bool, runs: int
+) -> Iterator[dict[str, list[float]]]:
+    """Wall and CPU seconds to each answer, run by run."""
+    with TemporaryDirectory() as kept:
+        for run in range(-1 if warm else 0, runs):
+            with TemporaryDirectory() as home:
+                kernels = kept if warm else f"{home}/kernels"
+                variables = {"HOME": home, "NUMBA_CACHE_DIR": kernels, "ATRA_QUIET": "1"}
+                if library is not None:
+                    variables["PYTHONPATH"] = str(library.resolve())
+                told = subprocess.run(
+                    [python, "-c", _PROCESS, ",".join(answers[1:])],
+                    env=os.environ | variables, cwd=home, check=True, capture_output=True, text=True,
+                ).stdout  # fmt: skip
+            if run >= 0:
+                yield dict(json.loads(told))
 
 
 if __name__ == "__main__":

@@ -19,8 +19,8 @@ from atra.geometry.ray_space import check_range
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.raster.all_hits.frames import gather_frame
-from atra.raster.drawing import drawing_kernel
-from atra.raster.frames import Scratch, compile_drawing, compile_kernels, draw_frame
+from atra.raster.culling import cull_clusters
+from atra.raster.frames import Scratch, compile_drawing, compile_kernels, compile_other_kernels, draw_frame
 from atra.tracing.all_hits import Gathering, target_of
 from atra.tracing.budgets import check_image_memory
 from atra.tracing.images import images_of, outputs
@@ -73,7 +73,8 @@ class RasterTracer(Gathering):
 
     def _plan(self) -> float:
         parallel = self.camera.is_parallel
-        compile_beside(drawing_kernel(self.lanes, parallel), compile_drawing, self.lanes, parallel)
+        compile_beside(cull_clusters, compile_other_kernels, parallel)
+        compile_drawing(self.lanes, parallel)  # here, as kernels of all hits then find its parts compiled
         if self.options.ties == "lowest":  # found once per mesh, like reading it, and so outside the clock of a plan
             coplanar_overlaps(self.mesh)
         start = perf_counter()
