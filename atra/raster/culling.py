@@ -21,15 +21,15 @@ TILE = 8
 _CHUNK = 64
 """Clusters a thread takes at a time."""
 
-_ROUNDINGS = 32.0 * UNIT
+ROUNDINGS = 32.0 * UNIT
 """Of their summands, that positions and distances may be off by, here and where vertices are projected."""
 
-_NEARER = 2.0**-20
+NEARER = 2.0**-20
 """Share by which a bound of nearness is widened; rounding it to float32 changes it by less."""
 
 
 @njit(forceinline=True)
-def _extent(a, b, c, box):  # type: ignore[no-untyped-def]
+def extent(a, b, c, box):  # type: ignore[no-untyped-def]
     """Lowest and highest value of a x + b y + c z in a box, and the size of its summands."""
     low = high = size = 0.0
     for factor, axis in ((a, 0), (b, 1), (c, 2)):
@@ -40,7 +40,7 @@ def _extent(a, b, c, box):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True)
-def _corners(a, b, c, d, e, f, box):  # type: ignore[no-untyped-def]
+def projected_extent(a, b, c, d, e, f, box):  # type: ignore[no-untyped-def]
     """Lowest and highest (a x + b y + c z) / (d x + e y + f z) of a box that lies where the divisor is above 0."""
     x = where(mask_of(0b10101010, 8), repeated(box[3], 8), repeated(box[0], 8))
     y = where(mask_of(0b11001100, 8), repeated(box[4], 8), repeated(box[1], 8))
@@ -56,8 +56,8 @@ def _beyond(a, b, c, depth_axis, position, least_depth, box):  # type: ignore[no
     """Lowest and highest distance, up to a positive factor, of a box from the plane through the eye and a row or column
     of the image, with all that rounding may make of it."""
     d, e, f = position * depth_axis[0], position * depth_axis[1], position * depth_axis[2]
-    low, high, size = _extent(a - d, b - e, c - f, box)
-    doubt = _ROUNDINGS * (size + _extent(a, b, c, box)[2] + _extent(d, e, f, box)[2]) + position * least_depth
+    low, high, size = extent(a - d, b - e, c - f, box)
+    doubt = ROUNDINGS * (size + extent(a, b, c, box)[2] + extent(d, e, f, box)[2]) + position * least_depth
     return low - doubt, high + doubt
 
 
@@ -84,11 +84,11 @@ def cull_clusters(  # type: ignore[no-untyped-def]
             rectangles[cluster, 0], rectangles[cluster, 1] = 0, width - 1
             rectangles[cluster, 2], rectangles[cluster, 3] = 0, -1
             bounds[cluster] = np.inf
-            near, far, depth_size = _extent(d[0], d[1], d[2], box)
-            doubt = _ROUNDINGS * depth_size + least_depth
+            near, far, depth_size = extent(d[0], d[1], d[2], box)
+            doubt = ROUNDINGS * depth_size + least_depth
             near, far = near - doubt, far + doubt
-            low_x, high_x, size_x = _extent(m[0], m[1], m[2], box)
-            low_y, high_y, size_y = _extent(m[4], m[5], m[6], box)
+            low_x, high_x, size_x = extent(m[0], m[1], m[2], box)
+            low_y, high_y, size_y = extent(m[4], m[5], m[6], box)
             if far < 0.0:
                 continue
             if not parallel and near <= least_depth:
@@ -108,14 +108,14 @@ def cull_clusters(  # type: ignore[no-untyped-def]
                 continue
             if parallel:
                 low_x, high_x, low_y, high_y = low_x + m[3], high_x + m[3], low_y + m[7], high_y + m[7]
-                doubt_x, doubt_y = _ROUNDINGS * (size_x + abs(m[3])), _ROUNDINGS * (size_y + abs(m[7]))
-                bounds[cluster] = -near + abs(near) * _NEARER
+                doubt_x, doubt_y = ROUNDINGS * (size_x + abs(m[3])), ROUNDINGS * (size_y + abs(m[7]))
+                bounds[cluster] = -near + abs(near) * NEARER
             else:
-                low_x, high_x = _corners(m[0], m[1], m[2], d[0], d[1], d[2], box)
-                low_y, high_y = _corners(m[4], m[5], m[6], d[0], d[1], d[2], box)
-                doubt_x = _ROUNDINGS * (size_x + max(abs(low_x), abs(high_x)) * depth_size) / near
-                doubt_y = _ROUNDINGS * (size_y + max(abs(low_y), abs(high_y)) * depth_size) / near
-                bounds[cluster] = (1.0 + _NEARER) / near
+                low_x, high_x = projected_extent(m[0], m[1], m[2], d[0], d[1], d[2], box)
+                low_y, high_y = projected_extent(m[4], m[5], m[6], d[0], d[1], d[2], box)
+                doubt_x = ROUNDINGS * (size_x + max(abs(low_x), abs(high_x)) * depth_size) / near
+                doubt_y = ROUNDINGS * (size_y + max(abs(low_y), abs(high_y)) * depth_size) / near
+                bounds[cluster] = (1.0 + NEARER) / near
             left, right = np.ceil(max(low_x - doubt_x, 0.0)), np.floor(min(high_x + doubt_x, width - 1.0))
             top, bottom = np.ceil(max(low_y - doubt_y, 0.0)), np.floor(min(high_y + doubt_y, height - 1.0))
             if left <= right and top <= bottom:

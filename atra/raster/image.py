@@ -82,8 +82,7 @@ class Viewpoint:
         numbers = np.concatenate([camera.eye, camera.to_pixels.reshape(-1), camera.axes[2]])
         for row, part in zip((numbers[3:7], numbers[7:11]), offset, strict=True):
             row -= part * numbers[11:15]
-        least_depth = 0.0 if camera.is_parallel else _LEAST_DEPTH * float(np.abs(mesh.bounds - numbers[:3]).max())
-        return cls(numbers, least_depth)
+        return cls(numbers, 0.0 if camera.is_parallel else least_depth_of(mesh, numbers[:3]))
 
     @property
     def position(self) -> NDArray[np.float64]:
@@ -100,6 +99,11 @@ class Viewpoint:
         """The numbers by their addresses."""
         first = self.numbers.ctypes.data
         return Eye(first, first + 3 * 8, first + 15 * 8, self.least_depth)
+
+
+def least_depth_of(mesh: Mesh, eye: NDArray[np.float64]) -> float:
+    """As of `Eye`, where rays are not parallel."""
+    return _LEAST_DEPTH * float(np.abs(mesh.bounds - eye).max())
 
 
 class Workspace(NamedTuple):

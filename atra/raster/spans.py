@@ -73,7 +73,7 @@ def _inverse_of(volume):  # type: ignore[no-untyped-def]
 
 
 @njit
-def _pinhole_plane(m, a, b, c):  # type: ignore[no-untyped-def]
+def pinhole_plane(m, a, b, c):  # type: ignore[no-untyped-def]
     """Nearness A i + B j + C on the plane of a triangle that may reach behind the eye.
 
     The plane of the corners p0, p1, p2, homogeneous, with normal n = (p1 - p0) x (p2 - p0), is met at 1 / depth =
@@ -178,7 +178,7 @@ def find_spans(parallel, eye, vertices, vertex_count, packed, width, band, works
         a = from_eye(eye, vertices, vertex_count, packed, 0)
         b = from_eye(eye, vertices, vertex_count, packed, 1)
         c = from_eye(eye, vertices, vertex_count, packed, 2)
-        slope_x, slope_y, constant = _pinhole_plane(doubles_at(eye.to_pixels), a, b, c)
+        slope_x, slope_y, constant = pinhole_plane(doubles_at(eye.to_pixels), a, b, c)
         if farthest < 0.0:
             if nearest < 0.0 or holds_eye(a, b, c):
                 facing = 0

@@ -14,6 +14,7 @@ from atra.compiled.beside import compile_beside
 from atra.compiled.instruction_sets import native_lanes
 from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.exact.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
+from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range
 from atra.geometry.view import View
@@ -21,6 +22,7 @@ from atra.hits import Hits
 from atra.raster.all_hits.frames import gather_frame
 from atra.raster.culling import cull_clusters
 from atra.raster.frames import Scratch, compile_drawing, compile_kernels, compile_other_kernels, draw_frame
+from atra.raster.lenses.frames import LensDrawing, compile_lens_kernels
 from atra.tracing.all_hits import Gathering, target_of
 from atra.tracing.budgets import check_image_memory
 from atra.tracing.images import images_of, outputs
@@ -48,11 +50,12 @@ class RasterTracer(Gathering):
         self.threads = resolve_threads(self.options.threads)
         self._pool = WorkerPool(self.threads)
         self._scratch: Scratch | None = None
+        self._lens_drawing = LensDrawing()
         self._pixels_checked = 0
         self._show(mesh, camera)
 
     def _show(self, mesh: Mesh, camera: View) -> None:
-        check_range(mesh, camera)
+        check_range(mesh, camera, takes_lenses=True)
         pixels = camera.width * camera.height
         if pixels > self._pixels_checked:  # asking how much memory is free takes a tenth of a small frame
             check_image_memory(camera.height, camera.width)
@@ -63,8 +66,14 @@ class RasterTracer(Gathering):
     def _look(self, camera: View) -> bool:
         self._show(self.mesh, camera)
         if self._is_built:
-            compile_kernels(self.lanes, camera.is_parallel)
+            self._compile()
         return True
+
+    def _compile(self) -> None:
+        if self.camera.lens is None:
+            compile_kernels(self.lanes, self.camera.is_parallel)
+        else:
+            compile_lens_kernels(self.lanes)
 
     @property
     def views(self) -> tuple[tuple[Mesh, View], ...]:
@@ -73,8 +82,9 @@ class RasterTracer(Gathering):
 
     def _plan(self) -> float:
         parallel = self.camera.is_parallel
-        compile_beside(cull_clusters, compile_other_kernels, parallel)
-        compile_drawing(self.lanes, parallel)  # here, as kernels of all hits then find its parts compiled
+        if self.camera.lens is None:
+            compile_beside(cull_clusters, compile_other_kernels, parallel)
+            compile_drawing(self.lanes, parallel)  # here, as kernels of all hits then find its parts compiled
         if self.options.ties == "lowest":  # found once per mesh, like reading it, and so outside the clock of a plan
             coplanar_overlaps(self.mesh)
         start = perf_counter()
@@ -88,7 +98,7 @@ class RasterTracer(Gathering):
         return self._tie_tiles
 
     def _build(self) -> float:
-        compile_kernels(self.lanes, self.camera.is_parallel)  # before the clock starts
+        self._compile()  # before the clock starts
         start = perf_counter()
         self._scratch = Scratch.of(self.mesh, self._pool)
         return perf_counter() - start
@@ -97,7 +107,8 @@ class RasterTracer(Gathering):
         assert self._scratch is not None
         camera = self.camera
         images = outputs((camera.height, camera.width), camera.width, images_of(out))
-        draw_frame(self.mesh, camera, offset, self.lanes, self._scratch, self._pool, images)
+        draw = self._lens_drawing.draw if isinstance(camera, LensView) else draw_frame
+        draw(self.mesh, camera, offset, self.lanes, self._scratch, self._pool, images)
         depth, prim_id = images
         if self.options.ties == "lowest":
             tiles = self._find_ties()
@@ -126,7 +137,7 @@ class RasterTracer(Gathering):
     @in_turn
     def counters(self) -> Mapping[str, float]:
         """What `atra.Tracer` says of counters; scratch_bytes, the memory that frames share, is known, too."""
-        scratch_bytes = 0 if self._scratch is None else self._scratch.bytes
+        scratch_bytes = 0 if self._scratch is None else self._scratch.bytes + self._lens_drawing.bytes
         return {"triangles_traced": self.triangle_count, "scratch_bytes": scratch_bytes}
 
     def _release(self) -> None:

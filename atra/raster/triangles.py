@@ -40,7 +40,7 @@ _SMALLEST, _LARGEST = 1e-35, 1e35
 _SURE = 4.0 * UNIT
 """As in `edges_kernels`: the area is the same sum of products."""
 
-_NEAR_AND_FAR = 1e3
+NEAR_AND_FAR = 1e3
 """Times that the nearest corner is as near as the farthest, up to which the plane through the three projected corners
 is known well enough. Beyond, it is computed from the corners in space."""
 
@@ -62,7 +62,7 @@ LEFT, RIGHT, FIRST, LAST, SLOPE_X, CAP, ROUNDING, INSIDE, ROW, COLUMN = 0, 1, 2,
 nearest corner, what sums may be wrong by, and for each edge how far inside of it the first sample lies, and what the
 next row and the next column add to that."""
 
-DOUBLES, FLOATS = 2, 16
+DOUBLES, FLOATS = 3, 16
 
 
 @njit
@@ -160,6 +160,23 @@ def list_triangles(parallel, corners, count, points, width, band, listed):  # ty
     return place
 
 
+@njit(forceinline=True)
+def are_hidden(left, right, first, last, nearest, width, tiles):  # type: ignore[no-untyped-def]
+    """The triangles of a batch in up to 2 x 2 tiles that are farther than all that is drawn there.
+
+    left, right, first, last: first and last column and row, counted from the band's first.
+    """
+    share, stride = repeated(1.0 / TILE, BATCH), repeated(float(tile_stride(width)), BATCH)
+    left_tile, right_tile = last_whole(left * share), last_whole(right * share)
+    top_tile, bottom_tile = last_whole(first * share), last_whole(last * share)
+    upper, lower, one = top_tile * stride, bottom_tile * stride, repeated(1.0, BATCH)
+    least_there = smaller(
+        smaller(gather_at(tiles, upper + left_tile), gather_at(tiles, upper + right_tile)),
+        smaller(gather_at(tiles, lower + left_tile), gather_at(tiles, lower + right_tile)),
+    )
+    return (least_there > rounded(nearest)) & (one >= right_tile - left_tile) & (one >= bottom_tile - top_tile)
+
+
 @njit
 def set_up(parallel, hides, has_depth, width, number, band, workspace):  # type: ignore[no-untyped-def]
     """Write what drawing a batch of listed triangles, from one number on, starts from; returns two numbers with a bit
@@ -187,15 +204,7 @@ def set_up(parallel, hides, has_depth, width, number, band, workspace):  # type:
     last = last_whole(larger(smaller(high_y, last_row), first_row))
     may_be_seen = (1 << BATCH) - 1
     if hides:
-        share, stride = repeated(1.0 / TILE, BATCH), repeated(float(tile_stride(width)), BATCH)
-        left_tile, right_tile = last_whole(left * share), last_whole(right * share)
-        top_tile, bottom_tile = last_whole((first - first_row) * share), last_whole((last - first_row) * share)
-        upper, lower = top_tile * stride, bottom_tile * stride
-        least_there = smaller(
-            smaller(gather_at(workspace.tiles, upper + left_tile), gather_at(workspace.tiles, upper + right_tile)),
-            smaller(gather_at(workspace.tiles, lower + left_tile), gather_at(workspace.tiles, lower + right_tile)),
-        )
-        hidden = (least_there > rounded(nearest)) & (one >= right_tile - left_tile) & (one >= bottom_tile - top_tile)
+        hidden = are_hidden(left, right, first - first_row, last - first_row, nearest, width, workspace.tiles)
         if not parallel:
             hidden = hidden & (farthest > zero)
         may_be_seen ^= bits_of(hidden)
@@ -222,34 +231,34 @@ def set_up(parallel, hides, has_depth, width, number, band, workspace):  # type:
         least = zero - nearest if parallel else farthest
         ordinary = ordinary & (repeated(GENTLE, BATCH) * least >= size(slope_x) * repeated(float(NARROW), BATCH))
         if not parallel:
-            ordinary = ordinary & (repeated(_NEAR_AND_FAR, BATCH) * farthest >= nearest)
+            ordinary = ordinary & (repeated(NEAR_AND_FAR, BATCH) * farthest >= nearest)
         store(
             w0 + slope_x * (left - x0) + slope_y * (top - y0) + slope_y * (first - top), doubles + NEARNESS * BATCH * 8
         )
         store(slope_y, doubles + SLOPE_Y * BATCH * 8)
-        _store(slope_x, floats, SLOPE_X)
+        store_rounded(slope_x, floats, SLOPE_X)
     facing = signed_like(one, area)
     roundings = (last - first + repeated(float(_ROUNDINGS), BATCH)) * repeated(_UNIT32, BATCH)
-    _store(left, floats, LEFT)
-    _store(right, floats, RIGHT)
-    _store(first, floats, FIRST)
-    _store(last, floats, LAST)
-    _store(nearest, floats, CAP)
-    _store(roundings * largest + repeated(_SMALLEST, BATCH), floats, ROUNDING)
+    store_rounded(left, floats, LEFT)
+    store_rounded(right, floats, RIGHT)
+    store_rounded(first, floats, FIRST)
+    store_rounded(last, floats, LAST)
+    store_rounded(nearest, floats, CAP)
+    store_rounded(roundings * largest + repeated(_SMALLEST, BATCH), floats, ROUNDING)
     dx0, dx1, dx2 = facing * dx0, facing * dx1, facing * dx2
     dy0, dy1, dy2 = facing * dy0, facing * dy1, facing * dy2
-    _store(dx0 * (first - y1) - dy0 * (left - x1), floats, INSIDE)
-    _store(dx1 * (first - y2) - dy1 * (left - x2), floats, INSIDE + 1)
-    _store(dx2 * (first - y0) - dy2 * (left - x0), floats, INSIDE + 2)
-    _store(dx0, floats, ROW)
-    _store(dx1, floats, ROW + 1)
-    _store(dx2, floats, ROW + 2)
-    _store(zero - dy0, floats, COLUMN)
-    _store(zero - dy1, floats, COLUMN + 1)
-    _store(zero - dy2, floats, COLUMN + 2)
+    store_rounded(dx0 * (first - y1) - dy0 * (left - x1), floats, INSIDE)
+    store_rounded(dx1 * (first - y2) - dy1 * (left - x2), floats, INSIDE + 1)
+    store_rounded(dx2 * (first - y0) - dy2 * (left - x0), floats, INSIDE + 2)
+    store_rounded(dx0, floats, ROW)
+    store_rounded(dx1, floats, ROW + 1)
+    store_rounded(dx2, floats, ROW + 2)
+    store_rounded(zero - dy0, floats, COLUMN)
+    store_rounded(zero - dy1, floats, COLUMN + 1)
+    store_rounded(zero - dy2, floats, COLUMN + 2)
     return may_be_seen, bits_of(ordinary)
 
 
 @njit(forceinline=True)
-def _store(numbers, floats, place):  # type: ignore[no-untyped-def]
+def store_rounded(numbers, floats, place):  # type: ignore[no-untyped-def]
     store(rounded(numbers), floats + place * BATCH * 4)

@@ -1,0 +1,1 @@
+"""The rasteriser for cameras with a lens."""

@@ -1,0 +1,253 @@
+"""Drawing through a lens: tile after tile of the image, and in it cluster after cluster, unless what is drawn already
+hides it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from atra.all_hits.target_kernels import band_stride
+from atra.compiled.intrinsics import fetch_add
+from atra.compiled.memory import doubles_at, fetch, floats_at, identities_at, integers_at, load, store, store_where
+from atra.compiled.store import kernel, njit
+from atra.compiled.vectors import (
+    bits_of,
+    counted,
+    larger,
+    mask_of,
+    rarely,
+    repeated,
+    rounded,
+    size,
+    smaller,
+    where,
+    widened,
+)
+from atra.prim_ids import MISS
+from atra.raster.clusters import CLUSTER
+from atra.raster.culling import find_farthest, forget_tiles, is_hidden
+from atra.raster.drawing import fetch_vertices
+from atra.raster.image import CACHE_LINE, SPAN, Band, Eye, without_lower
+from atra.raster.lenses.culling import meets, place_cluster
+from atra.raster.lenses.planes import REGION
+from atra.raster.lenses.triangles import (
+    ALONG,
+    COLUMN,
+    CONSTANT,
+    DOWN,
+    FARTHEST,
+    FIRST,
+    INSIDE,
+    LAST,
+    LEFT,
+    NEAREST,
+    RIGHT,
+    ROW,
+    decided,
+    doubt_of,
+    list_near,
+    plane_through,
+    set_up,
+)
+from atra.raster.triangles import BATCH, LIST_ROOM, project_vertices
+
+_STALE = 512
+"""Triangles listed until it is looked again what hides others."""
+
+_EYE_NUMBERS = 18
+"""Numbers of an `Eye`: position, to_pixels and depth_axis."""
+
+
+class Tiles(NamedTuple):
+    """What `LensPlanes` says, for kernels. eyes: address of the numbers of each tile's `Eye`; least_depth as there.
+    places: address of the places."""
+
+    side: int
+    rows: int
+    columns: int
+    eyes: int
+    least_depth: float
+    places: int
+
+
+@njit
+def _clear(lanes, side, stride, places, band):  # type: ignore[no-untyped-def]
+    """Nothing is drawn yet. Samples without a ray are nearest, so that they count as hidden."""
+    none, prim_ids = repeated(np.uint32(MISS), lanes), band + side * stride * 4
+    zero, nearest = repeated(np.float32(0.0), lanes), repeated(np.float32(np.inf), lanes)
+    for place in range(0, side * stride * 4, lanes * 4):
+        at = load(places + place, np.float32(0.0), lanes)
+        store(where(at >= at, zero, nearest), band + place)  # NaN is no ray
+        store(none, prim_ids + place)
+
+
+@njit
+def _finish(lanes, band, scales, left, top, side, image):  # type: ignore[no-untyped-def]
+    """Write a tile to the image, nearness as depth. scales: address of the ray parameters at depth 1."""
+    columns, rows = min(side, image.width - left), min(side, image.height - top)
+    nothing, nearest = repeated(np.float32(np.inf), lanes), repeated(np.float32(np.inf), lanes)
+    for row in range(rows):
+        source, target = row * band.stride * 4, ((top + row) * image.width + left) * 4
+        for x in range(0, columns // lanes * lanes * 4, lanes * 4):
+            found = load(band.nearness + source + x, np.float32(0.0), lanes)
+            scale = load(scales + source + x, np.float32(0.0), lanes)
+            store(where(found >= nearest, nothing, scale / found), image.depth + target + x)
+            store(load(band.prim_id + source + x, np.uint32(0), lanes), image.prim_id + target + x)
+        for x in range(columns // lanes * lanes, columns):
+            found, prim_id = floats_at(band.nearness + source)[x], identities_at(band.prim_id + source)[x]
+            scale = floats_at(scales + source)[x]
+            floats_at(image.depth + target)[x] = np.inf if prim_id == MISS else scale / found
+            identities_at(image.prim_id + target)[x] = prim_id
+
+
+@njit
+def _draw(lanes, k, prim_id, packed, is_gentle, side, margin, places, band, workspace):  # type: ignore[no-untyped-def]
+    """Draw the k-th triangle of a batch, with these corners, with vectors of `lanes`.
+
+    Where a sum is within its rounding of 0, `decided` decides; where a sample has the same nearness already, the lower
+    prim_id stays. Nothing is drawn nearer than the nearest corner, whatever rounding makes of the plane.
+    """
+    values, doubles = floats_at(workspace.floats + k * 4), doubles_at(workspace.doubles + k * 8)
+    left, right = int(values[LEFT * BATCH]), int(values[RIGHT * BATCH])
+    first, last = int(values[FIRST * BATCH]), int(values[LAST * BATCH])
+    along, down = doubles[ALONG * BATCH], doubles[DOWN * BATCH]
+    inside0 = repeated(values[INSIDE * BATCH], lanes)
+    inside1 = repeated(values[(INSIDE + 1) * BATCH], lanes)
+    inside2 = repeated(values[(INSIDE + 2) * BATCH], lanes)
+    column0 = repeated(values[COLUMN * BATCH], lanes)
+    column1 = repeated(values[(COLUMN + 1) * BATCH], lanes)
+    column2 = repeated(values[(COLUMN + 2) * BATCH], lanes)
+    row0 = repeated(values[ROW * BATCH], lanes)
+    row1 = repeated(values[(ROW + 1) * BATCH], lanes)
+    row2 = repeated(values[(ROW + 2) * BATCH], lanes)
+    nearest, farthest = values[NEAREST * BATCH], values[FARTHEST * BATCH]
+    prim_ids, doubt = repeated(prim_id, lanes), doubt_of(side, margin)
+    surely, hardly = repeated(doubt, lanes), repeated(-doubt, lanes)
+    plane = side * band.stride * 4
+    for base in range(left // SPAN * SPAN, right + 1, SPAN):
+        for start in range(max(base, left // lanes * lanes), min(base + SPAN, right + 1), lanes):
+            columns, ahead = counted(np.float32(start), lanes), counted(np.float32(start - base), lanes)
+            nearness, byte = doubles[CONSTANT * BATCH] + along * base + down * first, (first * band.stride + start) * 4
+            for y in range(first, last + 1):
+                right_by = load(places + byte, np.float32(0.0), lanes)
+                down_by = load(places + plane + byte, np.float32(0.0), lanes)
+                i, j = columns + right_by, repeated(np.float32(y), lanes) + down_by
+                inside = smaller(
+                    smaller((inside0 + i * column0) + j * row0, (inside1 + i * column1) + j * row1),
+                    (inside2 + i * column2) + j * row2,
+                )
+                if is_gentle:
+                    across = (ahead + right_by) * repeated(np.float32(along), lanes)
+                    plain = repeated(np.float32(nearness), lanes) + across
+                    found = smaller(
+                        repeated(nearest, lanes), plain + down_by * repeated(np.float32(down), lanes)
+                    )
+                else:
+                    wide = counted(float(start - base), lanes) + widened(right_by)
+                    wide = repeated(nearness, lanes) + wide * repeated(along, lanes)
+                    wide = size(wide + widened(down_by) * repeated(down, lanes))
+                    found = smaller(larger(rounded(wide), repeated(farthest, lanes)), repeated(nearest, lanes))
+                old = load(band.nearness + byte, np.float32(0.0), lanes)
+                drawn = (inside > hardly) & (found >= old)
+                if rarely(bits_of(drawn & ((inside <= surely) | (found <= old))) != 0):
+                    exactly = decided(workspace.points, packed, places + byte, places + plane + byte, start, y, lanes)
+                    same = bits_of(drawn & (found <= old)) & exactly
+                    drawn = drawn & mask_of(without_lower(exactly, same, prim_id, band.prim_id + byte), lanes)
+                store_where(drawn, found, band.nearness + byte)
+                store_where(drawn, prim_ids, band.prim_id + byte)
+                nearness += down
+                byte += band.stride * 4
+
+
+@njit
+def _draw_cluster(lanes, eye, clusters, cluster, side, margin, places, band, workspace):  # type: ignore[no-untyped-def]
+    """Draw what a cluster has in a tile; returns how many triangles were listed for it."""
+    start, firsts = cluster * CLUSTER, integers_at(clusters.firsts)
+    corners, prim_ids = clusters.corners + start * 8, clusters.prim_ids + start * 4
+    for line in range(0, CLUSTER * 8, CACHE_LINE):
+        fetch(corners + line)
+    vertices, vertex_count = clusters.vertices + firsts[cluster] * 12, firsts[cluster + 1] - firsts[cluster]
+    project_vertices(False, vertices, vertex_count, vertex_count, eye, workspace.points)
+    triangles = min(CLUSTER, clusters.triangles - start)
+    count = list_near(corners, triangles, workspace.points, side, margin, workspace.listed)
+    listed, identities = integers_at(workspace.listed), identities_at(prim_ids)
+    for batch in range(0, count, BATCH):
+        may_be_seen, ordinary = set_up(side, margin, batch, workspace)
+        for k in range(min(BATCH, count - batch)):
+            if not (may_be_seen >> k) & 1:
+                continue
+            packed, is_seen, is_gentle = listed[batch + k], True, True
+            if not (ordinary >> k) & 1:
+                is_seen, is_gentle = plane_through(eye, vertices, vertex_count, packed, k, margin, workspace)
+            if is_seen:
+                _draw(lanes, k, identities[packed >> 48], packed, is_gentle, side, margin, places, band, workspace)
+    return count
+
+
+@njit
+def _draw_tile(  # type: ignore[no-untyped-def]
+    lanes, tile, tiles, cones, margin, balls, order, count, boxes, clusters, image, workspace
+):  # fmt: skip
+    """Draw one tile; count: places in `balls` listed in the workspace."""
+    side, stride = tiles.side, band_stride(tiles.side)
+    numbers = tiles.eyes + tile * _EYE_NUMBERS * 8
+    eye = Eye(numbers, numbers + 3 * 8, numbers + 15 * 8, tiles.least_depth)
+    places = tiles.places + tile * 3 * side * stride * 4
+    band = Band(workspace.band, workspace.band + side * stride * 4, stride, 0, side - 1)
+    _clear(lanes, side, stride, places, workspace.band)
+    forget_tiles(np.float32(0.0), side, side, workspace.tiles)
+    here, listed = integers_at(workspace.here), 0
+    for k in range(count):
+        if not meets(balls, here[k], cones, tile):
+            continue
+        cluster = order[here[k]]
+        fetch_vertices(clusters, cluster)
+        left, right, top, bottom, bound = place_cluster(boxes, cluster, eye, side, margin)
+        if right < left:
+            continue
+        if listed >= _STALE:
+            find_farthest(band, side, workspace.tiles)
+            listed = 0
+        if not is_hidden(left, right, top, bottom, bound, side, workspace.tiles):
+            listed += _draw_cluster(lanes, eye, clusters, cluster, side, margin, places, band, workspace)
+    scales = places + 2 * side * stride * 4
+    _finish(lanes, band, scales, tile % tiles.columns * side, tile // tiles.columns * side, side, image)
+
+
+@cache
+def lens_drawing_kernel(lanes: int) -> Callable[..., None]:
+    """The loop over regions of tiles, with vectors of so many lanes, a constant of the compiled code."""
+
+    @kernel
+    def draw_tiles(  # type: ignore[no-untyped-def]
+        counter_address, tiles, cones, regions, margins, balls, order, boxes, clusters, image, workspace
+    ):  # fmt: skip
+        """Draw all tiles, until the shared counter runs past the last region.
+
+        cones, regions, margins: of `LensPlanes`, with cones in the world's axes. balls, order: of `balls_of`. boxes: of
+        `Clusters`. image: written completely.
+        Whatever the order, a sample gets the nearest triangle, and of several the lowest prim_id.
+        """
+        here, across = integers_at(workspace.here), (tiles.columns + REGION - 1) // REGION
+        for place in range(LIST_ROOM):  # a batch reads beyond its list, and there has to be the corners of a triangle
+            integers_at(workspace.listed)[place] = 0
+        while True:
+            region = fetch_add(counter_address, 1)
+            if region >= len(regions):
+                return
+            count = 0
+            for place in range(len(balls)):
+                here[count] = place
+                count += meets(balls, place, regions, region)
+            top, left = region // across * REGION, region % across * REGION
+            for row in range(top, min(top + REGION, tiles.rows)):
+                for column in range(left, min(left + REGION, tiles.columns)):
+                    tile = row * tiles.columns + column
+                    _draw_tile(
+                        lanes, tile, tiles, cones, margins[tile], balls, order, count, boxes, clusters, image, workspace
+                    )
+
+    return draw_tiles

@@ -1,0 +1,83 @@
+"""A frame through a lens: planes of its tiles turned to the world, clusters in order, tiles drawn."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.all_hits.target_kernels import band_stride
+from atra.compiled.threads import WorkerPool
+from atra.geometry.lenses.lens_view import LensView
+from atra.geometry.lenses.models import OpenCVLens
+from atra.geometry.camera import LensCamera
+from atra.geometry.image_plane import ImagePlane
+from atra.geometry.mesh import Mesh
+from atra.raster.frames import Scratch
+from atra.raster.image import Image, least_depth_of
+from atra.raster.lenses.culling import balls_of
+from atra.raster.lenses.drawing import Tiles, lens_drawing_kernel
+from atra.raster.lenses.planes import LensPlanes, lens_planes
+
+
+class LensDrawing:
+    """Draws frames through a lens. The planes of the last lens, sensor and offset are kept, whatever its pose."""
+
+    def __init__(self) -> None:
+        self._kept: tuple[Any, LensPlanes] | None = None
+
+    def planes(self, camera: LensView, offset: tuple[float, float], pool: WorkerPool) -> LensPlanes:
+        """The planes of a camera."""
+        key = camera.lens, camera.sensor, camera.width, camera.height, offset
+        if self._kept is None or self._kept[0] != key:
+            self._kept = key, lens_planes(camera, offset, pool)
+        return self._kept[1]
+
+    @property
+    def bytes(self) -> int:
+        """Memory of the planes that are kept."""
+        return 0 if self._kept is None else self._kept[1].bytes
+
+    def draw(
+        self,
+        mesh: Mesh,
+        camera: LensView,
+        offset: tuple[float, float],
+        lanes: int,
+        scratch: Scratch,
+        pool: WorkerPool,
+        out: tuple[NDArray[np.float32], NDArray[np.uint32]],
+    ) -> None:
+        """Write depth and prim_id of all pixels to `out`, two arrays (H, W)."""
+        planes, (depth, prim_id) = self.planes(camera, offset, pool), out
+        side, clusters = planes.side, scratch.clusters
+        turned = planes.forms @ camera.axes
+        eyes = np.zeros((len(turned), 18))
+        eyes[:, :3], eyes[:, 3:15].reshape(-1, 3, 4)[:, :, :3], eyes[:, 15:] = camera.eye, turned, turned[:, 2]
+        cones, regions = (
+            np.column_stack([part[:, :3] @ camera.axes, part[:, 3:]]) for part in (planes.cones, planes.regions)
+        )
+        balls, order = balls_of(clusters.boxes, np.array(camera.eye))
+        tiles = Tiles(
+            side, planes.rows, planes.columns, eyes.ctypes.data, least_depth_of(mesh, eyes[0, :3]),
+            planes.places.ctypes.data,
+        )  # fmt: skip
+        image = Image(depth.ctypes.data, prim_id.ctypes.data, camera.width, camera.height)
+        workspaces = scratch.workspaces_for(pool.threads, side, side, 8 * side * int(band_stride.py_func(side)))
+        rest = tiles, cones, regions, planes.margins, balls, order, clusters.boxes, clusters.addresses, image
+        kernel: Any = lens_drawing_kernel(lanes)
+        pool.run(lambda worker, counter: kernel(counter, *rest, workspaces[worker]))
+
+
+@cache
+def compile_lens_kernels(lanes: int) -> None:
+    """Have everything that a frame through a lens takes compiled: draw one triangle."""
+    pool = WorkerPool(1)
+    mesh = Mesh(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.uint32))
+    sensor = ImagePlane(1.0, 1.0, 0.5, 0.5)
+    camera = LensCamera((0, 0, 1), (0, 0, 0), (0, 1, 0), 1, 1, lens=OpenCVLens(k1=0.1), sensor=sensor)
+    out = np.empty((1, 1), np.float32), np.empty((1, 1), np.uint32)
+    LensDrawing().draw(mesh, camera, (0.5, 0.5), lanes, Scratch.of(mesh, pool), pool, out)
+    pool.close()
