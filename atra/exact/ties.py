@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from atra.compiled.threads import WorkerPool
 from atra.errors import MemoryBudgetError
-from atra.exact.brute_force_kernels import SLACK
-from atra.exact.intersection import intersect_pixels
 from atra.exact.ties_kernels import (
     PLANE_NUMBER_ROUNDING,
     PLANE_TOLERANCE,
@@ -37,6 +35,9 @@ TIE_TOLERANCE = 1e-9
 
 MOST_PAIRS = 1 << 24
 """Upper limit of a mesh's overlapping pairs, equal triangles not counted; more would take too long."""
+
+NO_DIRECTIONS = np.empty((3, 0, 0))
+"""Stands for the directions of a camera without a lens."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,21 +163,21 @@ def lowest_of_ties(
     offset: tuple[float, float],
     prim_id: NDArray[np.uint32],
     pool: WorkerPool,
+    directions: NDArray[np.float64] = NO_DIRECTIONS,
 ) -> None:
     """Replace tied triangles in `prim_id` (H, W) by the lowest ones, in place.
 
     A partner of the stored triangle replaces it if the ray hits the partner, edges included, at the same depth to
     `TIE_TOLERANCE`, in float64. Depths are not changed: they are of the same plane.
-    tiles: from `tie_tiles` for this mesh and camera.
+    tiles: from `tie_tiles` for this mesh and camera. directions: (3, H, W) float64, camera space, of a camera with a
+    lens.
     """
-    overlaps = coplanar_overlaps(mesh)
-    if camera.lens is not None:
-        _lowest_through_lens(mesh, camera, overlaps, offset, prim_id)
-        return
-    plane = camera.plane
-    across = plane.columns(np.arange(camera.width), offset[0]) * plane.pitch_x
-    along = plane.rows(np.arange(camera.height), offset[1]) * plane.pitch_y
-    rays = np.array(camera.eye), camera.axes, across, along, camera.is_parallel
+    overlaps, across, along = coplanar_overlaps(mesh), np.empty(0), np.empty(0)
+    if camera.lens is None:
+        plane = camera.plane
+        across = plane.columns(np.arange(camera.width), offset[0]) * plane.pitch_x
+        along = plane.rows(np.arange(camera.height), offset[1]) * plane.pitch_y
+    rays = np.array(camera.eye), camera.axes, across, along, directions, camera.is_parallel
 
     def work(_: int, counter: int) -> None:
         settle_ties(
@@ -195,25 +196,3 @@ def compile_kernels(parallel: bool) -> None:
     tiles = tie_tiles(mesh, camera)
     lowest_of_ties(mesh, camera, tiles, (0.5, 0.5), np.zeros((1, 1), np.uint32), pool)
     pool.close()
-
-
-def _lowest_through_lens(
-    mesh: Mesh, camera: View, overlaps: CoplanarOverlaps, offset: tuple[float, float], prim_id: NDArray[np.uint32]
-) -> None:
-    """`lowest_of_ties` for rays of any direction, a rank of partners at a time."""
-    y, x = np.nonzero(overlaps.may_tie[np.minimum(prim_id, len(overlaps.may_tie) - 1)])
-    twins = overlaps.twins[prim_id[y, x]]
-    prim_id[y, x] = twins
-    first, end = overlaps.starts[twins].astype(np.int64), overlaps.starts[twins + np.uint32(1)].astype(np.int64)
-    left = first < end
-    x, y, twins, first, end = x[left], y[left], twins[left], first[left], end[left]
-    depth = intersect_pixels(mesh, camera, x, y, twins, offset).depth
-    while len(x):
-        partner = overlaps.partners[first]
-        met = intersect_pixels(mesh, camera, x, y, partner, offset)
-        with np.errstate(invalid="ignore"):  # inf - inf
-            ties = (met.edge_distance >= -SLACK) & (np.abs(met.depth - depth) <= TIE_TOLERANCE * depth)
-        prim_id[y[ties], x[ties]] = partner[ties]
-        first = first + 1
-        left = ~ties & (first < end)
-        x, y, first, end, depth = x[left], y[left], first[left], end[left], depth[left]

@@ -255,17 +255,18 @@ def mark_ties(vertices, faces, concerned, pairs, eye, to_pixels, size, boxes, ma
 @kernel
 def settle_ties(  # type: ignore[no-untyped-def]
     counter_address, tiles, may_tie, twins, starts, partners, vertices, faces,
-    eye, axes, across, along, is_parallel, tie_tolerance, prim_id,
+    eye, axes, across, along, directions, is_parallel, tie_tolerance, prim_id,
 ):  # fmt: skip
     """Store the lowest of the tied triangles in every pixel; threads share rows of tiles.
 
     tiles: (tile rows, tile columns) bool, those with ties. may_tie, twins, starts, partners: of `CoplanarOverlaps`.
     vertices: (V, 3) float32, faces: (F, 3) uint32. eye, axes: of the camera. across, along: (W,), (H,) float64,
-    distances of columns and rows from the view axis on the image plane. tie_tolerance: relative difference of equal
-    depths. prim_id: (H, W) uint32, changed in place.
+    distances of columns and rows from the view axis on the image plane. directions: of `lowest_of_ties`; where there
+    are some they count instead. tie_tolerance: relative difference of equal depths. prim_id: (H, W) uint32, changed in
+    place.
     """
     height, width = prim_id.shape
-    miss = np.uint32(len(may_tie) - 1)
+    miss, has_directions = np.uint32(len(may_tie) - 1), directions.shape[1] > 0
     while True:
         row = fetch_add(counter_address, 1)
         if row >= tiles.shape[0]:
@@ -281,9 +282,14 @@ def settle_ties(  # type: ignore[no-untyped-def]
                     lowest = twins[hit]
                     if starts[lowest] < starts[lowest + 1]:
                         ox, oy, oz, dx, dy, dz = eye[0], eye[1], eye[2], axes[2, 0], axes[2, 1], axes[2, 2]
-                        sx = axes[0, 0] * across[x] + axes[1, 0] * along[y]
-                        sy = axes[0, 1] * across[x] + axes[1, 1] * along[y]
-                        sz = axes[0, 2] * across[x] + axes[1, 2] * along[y]
+                        if has_directions:
+                            a, b, c = directions[0, y, x], directions[1, y, x], directions[2, y, x]
+                            dx, dy, dz = c * dx, c * dy, c * dz
+                        else:
+                            a, b = across[x], along[y]
+                        sx = axes[0, 0] * a + axes[1, 0] * b
+                        sy = axes[0, 1] * a + axes[1, 1] * b
+                        sz = axes[0, 2] * a + axes[1, 2] * b
                         if is_parallel:
                             ox, oy, oz = ox + sx, oy + sy, oz + sz
                         else:

@@ -97,6 +97,11 @@ class PixelTracer(EmbreeGathering, ImageTracer):
 
         self._pool.run(work)
 
+    def _directions(self, camera: View, offset: tuple[float, float]) -> NDArray[np.float64]:
+        if isinstance(camera, LensView):
+            return self._lens_rays.directions(camera, offset, self._pool)
+        return super()._directions(camera, offset)
+
     def _run_lens(self, camera: LensView, offset: tuple[float, float], image: Image) -> None:
         table, tiles, scene = self._lens_rays.table(camera, offset, self._pool), self._tiles, self._scene_address
         kernel = lens_kernel(*self.packet_shape)

@@ -13,7 +13,7 @@ from atra.all_hits.reductions import Reduction
 from atra.compiled.beside import compile_beside
 from atra.compiled.instruction_sets import native_lanes
 from atra.compiled.threads import WorkerPool, resolve_threads
-from atra.exact.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
+from atra.exact.ties import NO_DIRECTIONS, coplanar_overlaps, lowest_of_ties, tie_tiles
 from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range
@@ -113,7 +113,10 @@ class RasterTracer(Gathering):
         if self.options.ties == "lowest":
             tiles = self._find_ties()
             if tiles.any():
-                lowest_of_ties(self.mesh, camera, tiles, offset, prim_id, self._pool)
+                directions = NO_DIRECTIONS
+                if isinstance(camera, LensView):
+                    directions = self._lens_drawing.rays.directions(camera, offset, self._pool)
+                lowest_of_ties(self.mesh, camera, tiles, offset, prim_id, self._pool, directions)
         return Hits(depth, prim_id, offset, self.mesh, camera, self.threads)
 
     def _gather(

@@ -232,17 +232,27 @@ def place(lens, points, places):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def fill_table(counter_address, lens, columns, rows, turn, table):  # type: ignore[no-untyped-def]
-    """Write the ray of every pixel of an image; threads share its rows.
+def fill_directions(counter_address, lens, columns, rows, directions):  # type: ignore[no-untyped-def]
+    """Write the direction of every pixel of an image, in camera space; threads share its rows.
 
-    columns: (W,), rows: (H,) float64, sensor coordinates. turn: (3, 3) float64, camera space to ray space. table: (3,
-    H, W) float32, directions; NaN for pixels without a ray.
+    columns: (W,), rows: (H,) float64, sensor coordinates. directions: (3, H, W) float64; NaN for pixels without a ray.
     """
     while True:
         y = fetch_add(counter_address, 1)
         if y >= len(rows):
             return
         for x in range(len(columns)):
-            a, b, c = direction_at(lens, columns[x], rows[y])
+            directions[0, y, x], directions[1, y, x], directions[2, y, x] = direction_at(lens, columns[x], rows[y])
+
+
+@kernel
+def turn_directions(counter_address, directions, turn, table):  # type: ignore[no-untyped-def]
+    """Write directions (3, H, W) float64, turned by (3, 3) float64, to a table (3, H, W) float32; threads share rows."""
+    while True:
+        y = fetch_add(counter_address, 1)
+        if y >= directions.shape[1]:
+            return
+        for x in range(directions.shape[2]):
+            a, b, c = directions[0, y, x], directions[1, y, x], directions[2, y, x]
             for axis in range(3):
                 table[axis, y, x] = turn[axis, 0] * a + turn[axis, 1] * b + turn[axis, 2] * c

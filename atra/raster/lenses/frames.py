@@ -20,19 +20,25 @@ from atra.raster.image import Image, least_depth_of
 from atra.raster.lenses.culling import balls_of
 from atra.raster.lenses.drawing import Tiles, lens_drawing_kernel
 from atra.raster.lenses.planes import LensPlanes, lens_planes
+from atra.tracing.lens_rays import LensRays, lens_directions, rays_key
 
 
 class LensDrawing:
-    """Draws frames through a lens. The planes of the last lens, sensor and offset are kept, whatever its pose."""
+    """Draws frames through a lens. The planes of the last lens, sensor and offset are kept, whatever its pose.
+
+    rays: tables of directions, for deciding ties.
+    """
 
     def __init__(self) -> None:
+        self.rays = LensRays()
         self._kept: tuple[Any, LensPlanes] | None = None
 
     def planes(self, camera: LensView, offset: tuple[float, float], pool: WorkerPool) -> LensPlanes:
         """The planes of a camera."""
-        key = camera.lens, camera.sensor, camera.width, camera.height, offset
+        key = rays_key(camera, offset)
         if self._kept is None or self._kept[0] != key:
-            self._kept = key, lens_planes(camera, offset, pool)
+            directions = lens_directions(camera, offset, pool)
+            self._kept = key, lens_planes(directions, camera.pixel_pitch, pool)
         return self._kept[1]
 
     @property

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from atra.all_hits.target_kernels import band_stride
 from atra.compiled.threads import WorkerPool
-from atra.geometry.lenses.lens_view import LensView
 
 LARGEST_SIDE = 64
 """Pixels along the sides of a tile, unless its rays diverge too much for a plane."""
@@ -59,18 +58,22 @@ class LensPlanes:
         return self.places.nbytes + self.forms.nbytes + self.cones.nbytes
 
 
-def lens_planes(camera: LensView, offset: tuple[float, float], pool: WorkerPool) -> LensPlanes:
-    """The planes of a camera; they are the same for another pose of the same lens, sensor and size."""
+def lens_planes(directions: NDArray[np.float64], pitch: float, pool: WorkerPool) -> LensPlanes:
+    """The planes of an image; they are the same for another pose of the same lens, sensor and size.
+
+    directions: (3, H, W) float64, camera space, NaN for pixels without a ray. pitch: of the camera's pixels.
+    """
     side = LARGEST_SIDE
     while True:
-        planes = _planes_of(camera, offset, side, pool)
+        planes = _planes_of(directions, side, pitch, pool)
         if side == 1 or planes.cones[:, 3].min() >= _LEAST_COSINE:
             return planes
         side //= 2
 
 
-def _planes_of(camera: LensView, offset: tuple[float, float], side: int, pool: WorkerPool) -> LensPlanes:
-    rows, columns = -(-camera.height // side), -(-camera.width // side)
+def _planes_of(directions: NDArray[np.float64], side: int, pitch: float, pool: WorkerPool) -> LensPlanes:
+    height, width = directions.shape[1:]
+    rows, columns = -(-height // side), -(-width // side)
     tiles, stride = rows * columns, int(band_stride.py_func(side))
     forms, cones, margins = np.empty((tiles, 3, 3)), np.empty((tiles, 5)), np.empty(tiles)
     places = np.full((tiles, 3, side, stride), np.nan, np.float32)
@@ -78,12 +81,12 @@ def _planes_of(camera: LensView, offset: tuple[float, float], side: int, pool: W
 
     def fit_rows(_worker: int, _counter: int) -> None:
         for row in waiting:
-            directions = np.full((side, columns * side, 3), np.nan)
-            y, x = np.mgrid[row * side : min((row + 1) * side, camera.height), 0 : camera.width]
-            directions[: y.shape[0], : camera.width] = camera.rays(x, y, offset)[1]
-            tiled = directions.reshape(side, columns, side, 3).transpose(1, 0, 2, 3)
+            own = directions[:, row * side : (row + 1) * side]
+            padded = np.full((side, columns * side, 3), np.nan)
+            padded[: own.shape[1], :width] = own.transpose(1, 2, 0)
+            tiled = padded.reshape(side, columns, side, 3).transpose(1, 0, 2, 3)
             here = slice(row * columns, (row + 1) * columns)
-            forms[here], cones[here] = _fitted(tiled.reshape(columns, side * side, 3), side, camera.pixel_pitch)
+            forms[here], cones[here] = _fitted(tiled.reshape(columns, side * side, 3), side, pitch)
             margins[here] = _place(tiled, forms[here], places[here, :, :, :side])
 
     pool.run(fit_rows)

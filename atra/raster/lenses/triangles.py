@@ -101,9 +101,13 @@ def set_up(side, margin, number, workspace):  # type: ignore[no-untyped-def]
     if may_be_seen == 0:
         return 0, 0
     facing = signed_like(one, area)
-    _store_edge(0, side, margin, x1, y1, x2, y2, dx0, dy0, signed_like(facing, facing * w0), floats)
-    _store_edge(1, side, margin, x2, y2, x0, y0, dx1, dy1, signed_like(facing, facing * w1), floats)
-    _store_edge(2, side, margin, x0, y0, x1, y1, dx2, dy2, signed_like(facing, facing * w2), floats)
+    may_be_seen &= bits_of(
+        _store_edge(0, side, margin, x1, y1, x2, y2, dx0, dy0, signed_like(facing, facing * w0), floats)
+        & _store_edge(1, side, margin, x2, y2, x0, y0, dx1, dy1, signed_like(facing, facing * w1), floats)
+        & _store_edge(2, side, margin, x0, y0, x1, y1, dx2, dy2, signed_like(facing, facing * w2), floats)
+    )
+    if may_be_seen == 0:
+        return 0, 0
     inverse, nearer1, nearer2 = one / area, w1 - w0, w2 - w0
     along = zero - (nearer2 * dy2 + nearer1 * dy1) * inverse
     down = (nearer2 * dx2 + nearer1 * dx1) * inverse
@@ -130,13 +134,18 @@ def set_up(side, margin, number, workspace):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _store_edge(edge, side, margin, px, py, qx, qy, dx, dy, facing, floats):  # type: ignore[no-untyped-def]
-    """Write the edge from p to q, with d = q - p, so that it is positive inside and its slopes sum up to 1 in size."""
-    scale = facing / (size(dx) + size(dy))
+    """Write the edge from p to q, with d = q - p, so that it is positive inside and its slopes sum up to 1 in size.
+    Returns where a sample of the tile may be inside."""
+    zero, scale = repeated(0.0, BATCH), facing / (size(dx) + size(dy))
     most = repeated(2.0 * reach_of(side, margin), BATCH)
-    inside = smaller(larger((px * qy - py * qx) * scale, repeated(0.0, BATCH) - most), most)
+    inside = smaller(larger((px * qy - py * qx) * scale, zero - most), most)
+    column, row = zero - dy * scale, dx * scale
     store_rounded(inside, floats, INSIDE + edge)
-    store_rounded(repeated(0.0, BATCH) - dy * scale, floats, COLUMN + edge)
-    store_rounded(dx * scale, floats, ROW + edge)
+    store_rounded(column, floats, COLUMN + edge)
+    store_rounded(row, floats, ROW + edge)
+    lowest, highest = repeated(-margin, BATCH), repeated(side - 1.0 + margin, BATCH)
+    farthest = larger(column * lowest, column * highest) + larger(row * lowest, row * highest)
+    return inside + farthest >= repeated(-np.float64(doubt_of(side, margin)), BATCH)
 
 
 @njit
