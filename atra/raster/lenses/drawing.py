@@ -28,7 +28,7 @@ from atra.compiled.vectors import (
 )
 from atra.prim_ids import MISS
 from atra.raster.clusters import CLUSTER
-from atra.raster.culling import find_farthest, forget_tiles, is_hidden
+from atra.raster.culling import TILE, find_farthest, forget_tiles, is_hidden
 from atra.raster.drawing import fetch_vertices
 from atra.raster.image import CACHE_LINE, SPAN, Band, Eye, without_lower
 from atra.raster.lenses.culling import meets, place_cluster
@@ -56,6 +56,9 @@ from atra.raster.triangles import BATCH, LIST_ROOM, project_vertices
 
 _STALE = 512
 """Triangles listed until it is looked again what hides others."""
+
+_LEVEL = 1e-12
+"""Slope of an edge from column to column below which it cuts no row."""
 
 _EYE_NUMBERS = 18
 """Numbers of an `Eye`: position, to_pixels and depth_axis."""
@@ -103,6 +106,21 @@ def _finish(lanes, band, scales, left, top, side, image):  # type: ignore[no-unt
             identities_at(image.prim_id + target)[x] = prim_id
 
 
+@njit(forceinline=True)
+def _limits(values, edge, slack):  # type: ignore[no-untyped-def]
+    """Column in row 0, and what each row adds, before which all samples are outside of an edge; and from which on."""
+    inside, column, row = (
+        values[(INSIDE + edge) * BATCH],
+        values[(COLUMN + edge) * BATCH],
+        values[(ROW + edge) * BATCH],
+    )
+    across = -1.0 / column if abs(column) > _LEVEL else -1.0 / _LEVEL
+    crossing, step = (inside + slack) * across, row * across
+    if across < 0.0:
+        return crossing, step, np.inf, 0.0
+    return -np.inf, 0.0, crossing, step
+
+
 @njit
 def _draw(lanes, k, prim_id, packed, is_gentle, side, margin, places, band, workspace):  # type: ignore[no-untyped-def]
     """Draw the k-th triangle of a batch, with these corners, with vectors of `lanes`.
@@ -124,42 +142,50 @@ def _draw(lanes, k, prim_id, packed, is_gentle, side, margin, places, band, work
     row1 = repeated(values[(ROW + 1) * BATCH], lanes)
     row2 = repeated(values[(ROW + 2) * BATCH], lanes)
     nearest, farthest = values[NEAREST * BATCH], values[FARTHEST * BATCH]
+    if max(right - left, last - first) > TILE and is_hidden(left, right, first, last, nearest, side, workspace.tiles):
+        return
     prim_ids, doubt = repeated(prim_id, lanes), doubt_of(side, margin)
     surely, hardly = repeated(doubt, lanes), repeated(-doubt, lanes)
-    plane = side * band.stride * 4
-    for base in range(left // SPAN * SPAN, right + 1, SPAN):
-        for start in range(max(base, left // lanes * lanes), min(base + SPAN, right + 1), lanes):
-            columns, ahead = counted(np.float32(start), lanes), counted(np.float32(start - base), lanes)
-            nearness, byte = doubles[CONSTANT * BATCH] + along * base + down * first, (first * band.stride + start) * 4
-            for y in range(first, last + 1):
-                right_by = load(places + byte, np.float32(0.0), lanes)
-                down_by = load(places + plane + byte, np.float32(0.0), lanes)
-                i, j = columns + right_by, repeated(np.float32(y), lanes) + down_by
-                inside = smaller(
-                    smaller((inside0 + i * column0) + j * row0, (inside1 + i * column1) + j * row1),
-                    (inside2 + i * column2) + j * row2,
-                )
-                if is_gentle:
-                    across = (ahead + right_by) * repeated(np.float32(along), lanes)
-                    plain = repeated(np.float32(nearness), lanes) + across
-                    found = smaller(
-                        repeated(nearest, lanes), plain + down_by * repeated(np.float32(down), lanes)
-                    )
-                else:
-                    wide = counted(float(start - base), lanes) + widened(right_by)
-                    wide = repeated(nearness, lanes) + wide * repeated(along, lanes)
-                    wide = size(wide + widened(down_by) * repeated(down, lanes))
-                    found = smaller(larger(rounded(wide), repeated(farthest, lanes)), repeated(nearest, lanes))
-                old = load(band.nearness + byte, np.float32(0.0), lanes)
-                drawn = (inside > hardly) & (found >= old)
-                if rarely(bits_of(drawn & ((inside <= surely) | (found <= old))) != 0):
-                    exactly = decided(workspace.points, packed, places + byte, places + plane + byte, start, y, lanes)
-                    same = bits_of(drawn & (found <= old)) & exactly
-                    drawn = drawn & mask_of(without_lower(exactly, same, prim_id, band.prim_id + byte), lanes)
-                store_where(drawn, found, band.nearness + byte)
-                store_where(drawn, prim_ids, band.prim_id + byte)
-                nearness += down
-                byte += band.stride * 4
+    plane, slack = side * band.stride * 4, margin + 2.0 * doubt
+    low0, low_step0, high0, high_step0 = _limits(values, 0, slack)
+    low1, low_step1, high1, high_step1 = _limits(values, 1, slack)
+    low2, low_step2, high2, high_step2 = _limits(values, 2, slack)
+    begin, is_wide = left // lanes * lanes, right // lanes > left // lanes
+    nearness = doubles[CONSTANT * BATCH] + down * first
+    for y in range(first, last + 1):
+        if is_wide:
+            low = max(low0 + low_step0 * y, low1 + low_step1 * y, low2 + low_step2 * y, left)
+            high = min(high0 + high_step0 * y, high1 + high_step1 * y, high2 + high_step2 * y, right)
+            begin, right_most = int(low) // lanes * lanes, int(high)
+        else:
+            right_most = right
+        for start in range(begin, right_most + 1, lanes):
+            base, byte = start // SPAN * SPAN, (y * band.stride + start) * 4
+            here = nearness + along * base
+            ahead = counted(np.float32(start - base), lanes)
+            right_by = load(places + byte, np.float32(0.0), lanes)
+            down_by = load(places + plane + byte, np.float32(0.0), lanes)
+            i, j = counted(np.float32(start), lanes) + right_by, repeated(np.float32(y), lanes) + down_by
+            inside = smaller(
+                smaller((inside0 + i * column0) + j * row0, (inside1 + i * column1) + j * row1),
+                (inside2 + i * column2) + j * row2,
+            )
+            if is_gentle:
+                plain = repeated(np.float32(here), lanes) + (ahead + right_by) * repeated(np.float32(along), lanes)
+                found = smaller(repeated(nearest, lanes), plain + down_by * repeated(np.float32(down), lanes))
+            else:
+                wide = (counted(float(start - base), lanes) + widened(right_by)) * repeated(along, lanes)
+                wide = size(repeated(here, lanes) + wide + widened(down_by) * repeated(down, lanes))
+                found = smaller(larger(rounded(wide), repeated(farthest, lanes)), repeated(nearest, lanes))
+            old = load(band.nearness + byte, np.float32(0.0), lanes)
+            drawn = (inside > hardly) & (found >= old)
+            if rarely(bits_of(drawn & ((inside <= surely) | (found <= old))) != 0):
+                exactly = decided(workspace.points, packed, places + byte, places + plane + byte, start, y, lanes)
+                same = bits_of(drawn & (found <= old)) & exactly
+                drawn = drawn & mask_of(without_lower(exactly, same, prim_id, band.prim_id + byte), lanes)
+            store_where(drawn, found, band.nearness + byte)
+            store_where(drawn, prim_ids, band.prim_id + byte)
+        nearness += down
 
 
 @njit
