@@ -54,7 +54,7 @@ from atra.raster.lenses.triangles import (
 )
 from atra.raster.triangles import BATCH, LIST_ROOM, project_vertices
 
-_STALE = 512
+_STALE = 256
 """Triangles listed until it is looked again what hides others."""
 
 _LEVEL = 1e-12
@@ -147,25 +147,26 @@ def _draw(lanes, k, prim_id, packed, is_gentle, side, margin, places, band, work
     prim_ids, doubt = repeated(prim_id, lanes), doubt_of(side, margin)
     surely, hardly = repeated(doubt, lanes), repeated(-doubt, lanes)
     plane, slack = side * band.stride * 4, margin + 2.0 * doubt
-    low0, low_step0, high0, high_step0 = _limits(values, 0, slack)
-    low1, low_step1, high1, high_step1 = _limits(values, 1, slack)
-    low2, low_step2, high2, high_step2 = _limits(values, 2, slack)
-    begin, is_wide = left // lanes * lanes, right // lanes > left // lanes
-    nearness = doubles[CONSTANT * BATCH] + down * first
+    begin, right_most, is_wide = left // lanes * lanes, right, right // lanes > left // lanes
+    low0 = low1 = low2 = high0 = high1 = high2 = low_step0 = low_step1 = low_step2 = 0.0
+    high_step0 = high_step1 = high_step2 = 0.0
+    if is_wide:
+        low0, low_step0, high0, high_step0 = _limits(values, 0, slack)
+        low1, low_step1, high1, high_step1 = _limits(values, 1, slack)
+        low2, low_step2, high2, high_step2 = _limits(values, 2, slack)
+    nearness, row = doubles[CONSTANT * BATCH] + down * first, values[FIRST * BATCH]
     for y in range(first, last + 1):
         if is_wide:
             low = max(low0 + low_step0 * y, low1 + low_step1 * y, low2 + low_step2 * y, left)
             high = min(high0 + high_step0 * y, high1 + high_step1 * y, high2 + high_step2 * y, right)
             begin, right_most = int(low) // lanes * lanes, int(high)
-        else:
-            right_most = right
         for start in range(begin, right_most + 1, lanes):
-            base, byte = start // SPAN * SPAN, (y * band.stride + start) * 4
+            base, byte = start if lanes == SPAN else start // SPAN * SPAN, (y * band.stride + start) * 4
             here = nearness + along * base
             ahead = counted(np.float32(start - base), lanes)
             right_by = load(places + byte, np.float32(0.0), lanes)
             down_by = load(places + plane + byte, np.float32(0.0), lanes)
-            i, j = counted(np.float32(start), lanes) + right_by, repeated(np.float32(y), lanes) + down_by
+            i, j = counted(np.float32(start), lanes) + right_by, repeated(row, lanes) + down_by
             inside = smaller(
                 smaller((inside0 + i * column0) + j * row0, (inside1 + i * column1) + j * row1),
                 (inside2 + i * column2) + j * row2,
@@ -185,7 +186,7 @@ def _draw(lanes, k, prim_id, packed, is_gentle, side, margin, places, band, work
                 drawn = drawn & mask_of(without_lower(exactly, same, prim_id, band.prim_id + byte), lanes)
             store_where(drawn, found, band.nearness + byte)
             store_where(drawn, prim_ids, band.prim_id + byte)
-        nearness += down
+        nearness, row = nearness + down, row + np.float32(1.0)
 
 
 @njit

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from atra.all_hits.target_kernels import band_stride
 from atra.compiled.threads import WorkerPool
 
-LARGEST_SIDE = 64
+LARGEST_SIDE = 128
 """Pixels along the sides of a tile, unless its rays diverge too much for a plane."""
 
 REGION = 2
