@@ -147,7 +147,7 @@ def _draw(lanes, k, prim_id, packed, is_gentle, side, margin, places, band, work
     prim_ids, doubt = repeated(prim_id, lanes), doubt_of(side, margin)
     surely, hardly = repeated(doubt, lanes), repeated(-doubt, lanes)
     plane, slack = side * band.stride * 4, margin + 2.0 * doubt
-    begin, right_most, is_wide = left // lanes * lanes, right, right // lanes > left // lanes
+    begin, right_most, is_wide = left, right, right - left >= SPAN
     low0 = low1 = low2 = high0 = high1 = high2 = low_step0 = low_step1 = low_step2 = 0.0
     high_step0 = high_step1 = high_step2 = 0.0
     if is_wide:
@@ -161,7 +161,7 @@ def _draw(lanes, k, prim_id, packed, is_gentle, side, margin, places, band, work
             high = min(high0 + high_step0 * y, high1 + high_step1 * y, high2 + high_step2 * y, right)
             begin, right_most = int(low) // lanes * lanes, int(high)
         for start in range(begin, right_most + 1, lanes):
-            base, byte = start if lanes == SPAN else start // SPAN * SPAN, (y * band.stride + start) * 4
+            base, byte = start if lanes == SPAN else start // SPAN * SPAN if is_wide else left, (y * band.stride + start) * 4
             here = nearness + along * base
             ahead = counted(np.float32(start - base), lanes)
             right_by = load(places + byte, np.float32(0.0), lanes)

@@ -18,7 +18,7 @@ from atra.compiled.threads import WorkerPool
 LARGEST_SIDE = 128
 """Pixels along the sides of a tile, unless its rays diverge too much for a plane."""
 
-REGION = 2
+REGION = 1
 """Tiles along the sides of a region, for which clusters are culled together."""
 
 _LEAST_COSINE = 0.5
