@@ -21,7 +21,7 @@ from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
-from atra.views.render_views import method_for, render_views
+from atra.views.render_views import render_views
 
 FORMATS = ("npz", "exr", "png", "ply")
 """Formats of a whole image, beside those of single planes."""
@@ -94,12 +94,11 @@ def run_render(given: Namespace) -> int:
         cameras = {given.mesh.stem: Camera.framing(mesh, width=width, height=height)}
     stems, out = file_stems(cameras), given.out or Path(f"{given.mesh.stem}_views")
     _make_folder(out)
-    method = method_for(cameras.values())
     views = f"{len(cameras)} view{'s' * (len(cameras) > 1)}"
     print(f"{printable(str(given.mesh))}: {mesh.triangle_count:,} triangles; {views}", file=sys.stderr)
     done, failures = 0, list[Exception]()
     try:
-        for name, hits in render_views(mesh, cameras, method, threads=given.threads):
+        for name, hits in render_views(mesh, cameras, threads=given.threads):
             if not hits.hit.any():
                 print(f"atra: {printable(repr(name))} sees nothing: {where_is(mesh, hits.camera)}", file=sys.stderr)
             try:

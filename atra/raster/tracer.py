@@ -119,6 +119,9 @@ class RasterTracer(Gathering):
                 lowest_of_ties(self.mesh, camera, tiles, offset, prim_id, self._pool, directions)
         return Hits(depth, prim_id, offset, self.mesh, camera, self.threads)
 
+    def _check_gathering(self) -> None:
+        check_range(self.mesh, self.camera)  # all hits of a lens are not found
+
     def _gather(
         self,
         what: Reduction[Any],

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
-from atra.views.render_views import method_for, render_views
+from atra.views.render_views import render_views
 from atra.views.visible_points import list_cameras
 
 
@@ -50,14 +50,14 @@ def face_counts(
     distance: bool = False,
     threads: int | None = None,
 ) -> FaceCounts:
-    """The pixels of each triangle in each view, by the rasteriser, or by packets if a camera has a lens.
+    """The pixels of each triangle in each view, by the rasteriser.
 
     angle, distance: whether to find these, too.
     Raises InputError for anything that is not a camera, and as `render_views` does.
     """
     splits, parts = [0], []
     listed = list_cameras(cameras)
-    for _, hits in render_views(mesh, listed, method_for(listed), threads=threads):
+    for _, hits in render_views(mesh, listed, threads=threads):
         parts.append(_seen(hits, angle, distance))
         splits.append(splits[-1] + len(parts[-1][0]))
     empty = (np.zeros(0, np.uint32), np.zeros(0, np.int64), np.zeros(0, np.float32), np.zeros(0, np.float32))

@@ -91,11 +91,6 @@ def render_views(
     return _rendered(mesh, iter(named), (method, offset, options), executor or _Here(), in_flight)
 
 
-def method_for(cameras: Iterable[View]) -> str:
-    """The method that takes all of these cameras: "raster", or "pixel" if one has a lens."""
-    return "raster" if all(camera.lens is None for camera in cameras) else "pixel"
-
-
 _Job = tuple[str, tuple[float, float], Mapping[str, Any]]
 
 

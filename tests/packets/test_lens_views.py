@@ -24,6 +24,7 @@ PLACED = cornell_camera(96, 72)
 TRACERS = {f"packets of {width}": (atra.PixelTracer, {"packet_width": width}) for width in (1, 4, 8, 16)} | {
     "bvh": (atra.BvhTracer, {"packet_width": 1}),
     "bvh of 8": (atra.BvhTracer, {"packet_width": 8}),
+    "raster": (atra.RasterTracer, {}),
 }
 
 
@@ -96,11 +97,13 @@ def test_of_tied_triangles_a_lens_shows_the_lowest():
 
 def test_a_tracer_looks_through_one_lens_after_another():
     mesh = cornell_box()
-    with atra.PixelTracer(mesh, PLACED, threads=1) as tracer:
+    for kind in (atra.PixelTracer, atra.RasterTracer):
+        tracer = kind(mesh, PLACED, threads=1)
         for name in ("barrel", "panorama", None, "barrel"):
             camera = PLACED if name is None else lens_camera(LENSES[name], PLACED)
             tracer.look(camera)
             assert_equal_images(mesh, camera, tracer.trace(), brute_force(mesh, camera))
+        tracer.close()
 
 
 def test_a_ray_scene_takes_the_rays_of_a_lens():
@@ -117,12 +120,12 @@ def test_a_ray_scene_takes_the_rays_of_a_lens():
 @pytest.mark.parametrize("use", [
     *(pytest.param(lambda mesh, camera, method=method: make_tracer(method, mesh, camera), id=method)
       for method in CELLS),
-    pytest.param(lambda mesh, camera: atra.RasterTracer(mesh, camera), id="raster"),
     pytest.param(lambda mesh, camera: EyeTracer(mesh, camera), id="eye"),
     pytest.param(lambda mesh, camera: atra.Alignment.of_eyes(camera, camera, atra.Split(1, 1, 96, 72)), id="eyes"),
     pytest.param(lambda mesh, camera: atra.plan(mesh, camera, frames=1), id="plan"),
     pytest.param(lambda mesh, camera: atra.PixelTracer(mesh, camera, threads=1).gather(atra.Count()), id="gather"),
-    pytest.param(lambda mesh, camera: atra.RasterTracer(mesh, PLACED).look(camera), id="look"),
+    pytest.param(lambda mesh, camera: atra.RasterTracer(mesh, camera, threads=1).gather(atra.Count()), id="drawn"),
+    pytest.param(lambda mesh, camera: EyeTracer(mesh, PLACED).look(camera), id="look"),
 ])  # fmt: skip
 def test_methods_that_need_a_plane_refuse_a_lens_by_name(use):
     with pytest.raises(atra.InputError, match=r"OpenCVLens\(k1=-0\.6\).*camera\.undistorted\(\)"):

@@ -90,7 +90,7 @@ class LlvmpipeTracer(PeerTracer):
     def _build_scene(self) -> _Drawing:
         if self._scene is not None:
             self._scene.release()
-        context = _context(self.threads)
+        context = opengl_context(self.threads)
         context.enable(context.DEPTH_TEST)
         context.depth_func = ">"
         size = self.camera.width, self.camera.height
@@ -134,7 +134,8 @@ class LlvmpipeTracer(PeerTracer):
         super()._release()
 
 
-def _context(threads: int) -> Any:
+def opengl_context(threads: int) -> Any:
+    """A context of Mesa's llvmpipe, with so many threads."""
     os.environ["LP_NUM_THREADS"] = "0" if threads == 1 else str(threads)
     return import_module("moderngl").create_context(
         require=450, standalone=True, backend="egl", libgl=_EGL, libegl=_EGL
@@ -151,7 +152,7 @@ def _gl(name: str, *values: int) -> None:
 def _check() -> str | None:
     import_module("moderngl")
     try:
-        context = _context(1)
+        context = opengl_context(1)
     except Exception as error:  # moderngl raises nothing narrower
         return f"moderngl gets no OpenGL 4.5 through EGL ({' '.join(str(error).split())}); install {_DEBIAN}"
     renderer = context.info["GL_RENDERER"]
