@@ -15,6 +15,7 @@ from atra.errors import InputError
 from atra.files.meshes.loading import load_mesh
 from atra.geometry.calibration import image_plane_of, pose_of
 from atra.geometry.camera import CalibratedCamera
+from atra.geometry.image_plane import ImagePlane
 from atra.geometry.mesh import Mesh
 from atra.geometry.numbers import as_number
 from atra.raster.tracer import RasterTracer
@@ -78,6 +79,7 @@ class Renderer:
         self.width, self.height, self.pixel_centre = int(width), int(height), float(pixel_centre)
         self._meshes: dict[Hashable, Mesh] = {}
         self._tracers: dict[Hashable, RasterTracer] = {}
+        self._kept: tuple[tuple[float, float, float, float], ImagePlane] | None = None
 
     def add_object(self, obj_id: Hashable, model_path: str | PathLike[str] | Mesh, **kwargs: Any) -> None:
         """Load a model, a file in millimetres or an `atra.Mesh`; `surf_color` and others of the toolkit do nothing.
@@ -106,7 +108,7 @@ class Renderer:
         window = self._window(Pose(obj_id, R, t), (fx, fy, cx, cy), beyond=0)
         depth = np.zeros((self.height, self.width), np.float32)
         rows, columns, part = self._inside(window)
-        depth[rows, columns] = np.where(np.isfinite(part), part, 0.0)
+        np.copyto(depth[rows, columns], part, where=np.isfinite(part))
         return {"depth": depth}
 
     def label(self, poses: Sequence[Pose], fx: float, fy: float, cx: float, cy: float) -> FrameLabels:
@@ -157,14 +159,20 @@ class Renderer:
         part = window.depth[rows.start - window.top :, columns.start - window.left :]
         return rows, columns, part[: rows.stop - rows.start, : columns.stop - columns.start]
 
+    def _plane(self, intrinsics: tuple[float, float, float, float]) -> ImagePlane:
+        """The image plane of fx, fy, cx and cy, mostly those of the last object."""
+        if self._kept is None or self._kept[0] != intrinsics:
+            (fx, fy, cx, cy), off = intrinsics, self.pixel_centre
+            self._kept = intrinsics, image_plane_of([(fx, 0.0, cx - off), (0.0, fy, cy - off), (0.0, 0.0, 1.0)])
+        return self._kept[1]
+
     def _window(self, pose: Pose, intrinsics: tuple[float, float, float, float], beyond: int) -> _Window:
         """Draw an object in the part of the canvas where it may be seen. beyond: sizes of the image that the canvas
         has on every side of it."""
         if pose.obj_id not in self._meshes:
             raise InputError(f"object {pose.obj_id!r} is unknown, expected one of {sorted(map(str, self._meshes))}")
         mesh = self._meshes[pose.obj_id]
-        fx, fy, cx, cy = intrinsics
-        plane = image_plane_of([(fx, 0.0, cx - self.pixel_centre), (0.0, fy, cy - self.pixel_centre), (0.0, 0.0, 1.0)])
+        plane = self._plane(intrinsics)
         eye, axes = pose_of(pose.R, np.asarray(pose.t, np.float64).ravel())
         sizes = np.array([self.width, self.height])
         low, high = -beyond * sizes, (1 + beyond) * sizes

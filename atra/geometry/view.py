@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from atra.errors import InputError
 from atra.geometry.image_plane import ImagePlane
 from atra.geometry.lenses.models import Lens
-from atra.geometry.numbers import Vector, checked_vector, unit_vector
+from atra.geometry.numbers import Vector, checked_vector, cross, unit_vector
 from atra.whole_numbers import is_whole_number
 
 _PARALLEL_SINE = 1e-6
@@ -62,12 +62,12 @@ class View(ABC):
                 f"eye {self.eye} and target {self.target} are too far apart for float64; bring them closer"
             )
         forward = unit_vector("the view direction", view)
-        right = np.cross(forward, unit_vector("up", self.up))
+        right = cross(forward, unit_vector("up", self.up))
         sine = np.linalg.norm(right)
         if sine < _PARALLEL_SINE:
             raise InputError(f"up {self.up} is parallel to the view direction {tuple(forward.tolist())}; tilt it")
         right /= sine
-        return np.stack([right, np.cross(forward, right), forward])
+        return np.stack([right, cross(forward, right), forward])
 
     @property
     @abstractmethod
