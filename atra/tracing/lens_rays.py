@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +13,28 @@ from atra.geometry.lenses.lens_kernels import fill_directions, turn_directions
 from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.ray_space import ray_axes
 
+_in_use: WeakValueDictionary[Any, NDArray[np.float64]] = WeakValueDictionary()
+"""Directions that someone keeps, so that nobody computes them again."""
+
 
 def lens_directions(camera: LensView, offset: tuple[float, float], pool: WorkerPool) -> NDArray[np.float64]:
     """(3, H, W) float64, directions in camera space; NaN for pixels without a ray."""
-    columns, rows = camera.sensor_coordinates(np.arange(camera.width), np.arange(camera.height), offset)
-    directions, numbers = np.empty((3, camera.height, camera.width)), camera.lens.numbers
-    pool.run(lambda _, counter: fill_directions(counter, numbers, columns, rows, directions))
+    key = rays_key(camera, offset)
+    directions = _in_use.get(key)
+    if directions is None:
+        columns, rows = camera.sensor_coordinates(np.arange(camera.width), np.arange(camera.height), offset)
+        filled, numbers = np.empty((3, camera.height, camera.width)), camera.lens.numbers
+        pool.run(lambda _, counter: fill_directions(counter, numbers, columns, rows, filled))
+        directions = _in_use[key] = filled
     return directions
+
+
+def world_directions(camera: LensView, offset: tuple[float, float], pool: WorkerPool) -> NDArray[np.float32]:
+    """(3, H, W) float32, directions in world space; NaN for pixels without a ray."""
+    directions, turn = lens_directions(camera, offset, pool), np.ascontiguousarray(camera.axes.T)
+    table = np.empty(directions.shape, np.float32)
+    pool.run(lambda _, counter: turn_directions(counter, directions, turn, table))
+    return table
 
 
 def rays_key(camera: LensView, offset: tuple[float, float]) -> Any:

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import atra
-from atra import light
 from atra.judge.oracle import examine, nearest_hits
 from atra.judge.reference import brute_force
 from atra.shafts.eye import EyeTracer
@@ -130,15 +129,6 @@ def test_a_ray_scene_takes_the_rays_of_a_lens():
 def test_methods_that_need_a_plane_refuse_a_lens_by_name(use):
     with pytest.raises(atra.InputError, match=r"OpenCVLens\(k1=-0\.6\).*camera\.undistorted\(\)"):
         use(cornell_box(), lens_camera(LENSES["folded"], PLACED))
-
-
-@pytest.mark.parametrize("kind", [light.HybridRenderer, light.PathRenderer])
-def test_pictures_refuse_a_lens_whatever_finds_their_first_hits(kind):
-    scene, camera = light.RenderScene(cornell_box()), lens_camera(LENSES["barrel"], PLACED)
-    with pytest.raises(atra.InputError, match=r"the camera has the lens OpenCVLens\(k1=-0\.3"):
-        kind(scene, camera, atra.PixelTracer)
-    with kind(scene, PLACED, atra.PixelTracer) as renderer, pytest.raises(atra.InputError, match="has the lens"):
-        renderer.look(camera)
 
 
 @pytest.mark.slow

@@ -26,11 +26,15 @@ def carried(values: NDArray[np.floating], seen: Hits, to: Hits) -> tuple[NDArray
     hit = np.nonzero(to.hit & np.isfinite(to.points[..., 0]))
     points, normals, prim_id = to.points[hit].astype(np.float64), to.normals[hit], to.prim_id[hit]
     camera = seen.camera
-    a, b, c = camera.to_pixels @ np.vstack([camera.to_eye_space(points).T, np.ones(len(points))])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        x, y = a / c - 0.5, b / c - 0.5
-        near = c > 0.0
-    width = 1.0 if camera.is_parallel else camera.to_camera_space(points)[:, 2]
+    if camera.lens is None:
+        a, b, c = camera.to_pixels @ np.vstack([camera.to_eye_space(points).T, np.ones(len(points))])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x, y = a / c - 0.5, b / c - 0.5
+            near = c > 0.0
+        width = 1.0 if camera.is_parallel else camera.to_camera_space(points)[:, 2]
+    else:
+        x, y = np.nan_to_num(camera.project(points).T - 0.5, nan=-9.0)  # what is not seen is outside
+        near, width = np.ones(len(points), np.bool_), np.linalg.norm(camera.to_eye_space(points), axis=1)
     off = _PIXELS_OFF * camera.pixel_pitch * width
     total, weights = np.zeros((len(points), values.shape[2])), np.zeros(len(points))
     inside = near & (x > -1.0) & (y > -1.0) & (x < camera.width) & (y < camera.height)

@@ -125,7 +125,13 @@ def _find_places(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
     seen = load(address + SEEN * row, ZERO, _LANES) > none
     lines = pixels.lines
     ox, oy, oz = _at(lines, 0, 0, x, y), _at(lines, 0, 1, x, y), _at(lines, 0, 2, x, y)
-    dx, dy, dz = _at(lines, 1, 0, x, y), _at(lines, 1, 1, x, y), _at(lines, 1, 2, x, y)
+    if pixels.directions.shape[1] > 0:
+        width, plane = pixels.directions.shape[2], 4 * pixels.directions.shape[1] * pixels.directions.shape[2]
+        place, ways = fused(y, repeated(np.float64(width), _LANES), x), np.int64(pixels.directions.ctypes.data)
+        dx, dy = widened(gather_at(ways, place)), widened(gather_at(ways + plane, place))
+        dz = widened(gather_at(ways + 2 * plane, place))
+    else:
+        dx, dy, dz = _at(lines, 1, 0, x, y), _at(lines, 1, 1, x, y), _at(lines, 1, 2, x, y)
     nx, ny, nz, plane, off, materials, colours, more = columns_of(np.int64(surfaces.records.ctypes.data), numbers)
     facing, tiny = _dot(nx, ny, nz, dx, dy, dz), repeated(TINY, _LANES)
     t = (plane - _dot(nx, ny, nz, ox, oy, oz)) / where(size(facing) > tiny, facing, tiny)

@@ -148,7 +148,7 @@ class HybridRenderer(Renderer):
     def parts(self) -> NDArray[np.float32]:
         """(1 + lights, H, W, 3) float32: the image split into the sky's light and each light's."""
         with self._lock:
-            return np.stack([self._film.as_image(part) for part in self._parts()])
+            return self._lens_pixels.blackened(np.stack([self._film.as_image(part) for part in self._parts()]))
 
     @property
     def openness(self) -> NDArray[np.float32]:

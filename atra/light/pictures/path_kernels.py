@@ -52,7 +52,8 @@ class Pixels(NamedTuple):
     lines: (6, 3) float64, world space: origin and direction of pixel (0, 0)'s ray, then their change per pixel to the
     right, then per pixel down. places: (pixels,) uint32, x + y 2^16 of each pixel, in the order of work. jittered:
     whether each pixel has an offset of its own. prim_id: (>= pixels,) uint32, image rows `stride` apart; empty if rays
-    are still to be traced. sample_key: uint32.
+    are still to be traced. sample_key: uint32. directions: (3, H, W) float32, world space, of a camera with a lens, in
+    place of those of `lines`; (3, 0, 0) without.
     """
 
     lines: NDArray[np.float64]
@@ -61,6 +62,7 @@ class Pixels(NamedTuple):
     prim_id: NDArray[np.uint32]
     stride: int
     sample_key: int
+    directions: NDArray[np.float32]
 
 
 @njit(forceinline=True)
@@ -82,6 +84,10 @@ def pixel_line(pixels, pixel):  # type: ignore[no-untyped-def]
     """(origin, direction), float32, of a pixel's ray; the direction is not normalised."""
     column, row = place_of(pixels, pixel)
     x, y = np.float64(column), np.float64(row)
+    if pixels.directions.shape[1] > 0:
+        origin, _ = line_at(pixels.lines, x, y)
+        ways = pixels.directions
+        return origin, (ways[0, row, column], ways[1, row, column], ways[2, row, column])
     if pixels.jittered:
         key = key_of(pixel, pixels.sample_key)
         x += unit_of(bits_of(key, _JITTER))

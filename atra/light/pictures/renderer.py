@@ -26,7 +26,7 @@ from atra.light.pictures.files import save_picture
 from atra.light.pictures.film import Film
 from atra.light.pictures.options import RenderKeywords, RenderOptions
 from atra.light.pictures.path_kernels import BLOCK, Pixels
-from atra.light.pictures.pixels import pixels_of
+from atra.light.pictures.pixels import LensPixels, pixels_of
 from atra.light.scene import RenderScene
 from atra.light.surface_kernels import Surfaces
 from atra.raster.tracer import RasterTracer
@@ -47,7 +47,8 @@ _WAVES_A_THREAD = 4
 class Renderer(Lifetime):
     """What renderers share: primary visibility, a scene for all other rays, samples, and times of stages.
 
-    scene: see `RenderScene`. camera: pinhole or orthographic. primary: makes the tracer of primary visibility from mesh
+    scene: see `RenderScene`. camera: of any kind; through a lens all pixels of a sample have one offset, whatever
+    `jitter` is, and those without a ray are black. primary: makes the tracer of primary visibility from mesh
     and camera; None: the rasteriser. options: fields of `options_type` by name.
 
     stage_s: seconds by stage of the last `add`, which sum to its duration. Stages in several threads count their mean;
@@ -63,7 +64,7 @@ class Renderer(Lifetime):
     def __init__(self, scene: RenderScene, camera: View, primary: Primary | None, options: Mapping[str, Any]) -> None:
         super().__init__()
         self.options = self.options_type.of(type(self).__name__, options)
-        check_range(scene.mesh, camera)  # refuses a lens, which some primary tracers take
+        check_range(scene.mesh, camera, takes_lenses=True)
         self.rays = RayScene(scene.mesh, **self._ray_options().keywords())
         make_tracer = primary or partial(RasterTracer, threads=self.options.threads)
         self.scene, self.camera = scene, camera
@@ -105,6 +106,7 @@ class Renderer(Lifetime):
             self._film = self._new_film()
         self._film.restart()
         self._hits: Hits | None = None
+        self._lens_pixels = LensPixels()
         self.stage_s: dict[str, float] = {}
         self.ray_count = 0
 
@@ -158,12 +160,13 @@ class Renderer(Lifetime):
         """Returns whether it finished."""
         camera = self.camera
         offset = CENTRE if self.options.jitter == "off" else tuple(sub_pixel_offsets(1, self.samples)[0].tolist())
-        own = self.options.jitter == "pixel"
+        own = self.options.jitter == "pixel" and camera.lens is None
         lap = Laps(stages)
         if not own and (self._hits is None or self.options.jitter != "off"):
             self._hits = self._tracer.trace(offset, out=self._hits)
         lap("primary")
-        pixels = pixels_of(camera, self._film, offset, None if own else self._hits)
+        directions = self._lens_pixels.directions(camera, offset, self.rays.threads)
+        pixels = pixels_of(camera, self._film, offset, None if own else self._hits, directions)
         every = camera.width * camera.height
         waves = 1 if self.rays.threads == 1 and stop is _never else _WAVES_A_THREAD * self.rays.threads
         share = -(-every // (waves * BLOCK)) * BLOCK
@@ -210,7 +213,7 @@ class Renderer(Lifetime):
                 self._look(camera)
 
     def _look(self, camera: View) -> None:
-        check_range(self.scene.mesh, camera)
+        check_range(self.scene.mesh, camera, takes_lenses=True)
         self._tracer.look(camera)
         self.camera = camera
         self._start_film()
@@ -257,7 +260,7 @@ class Renderer(Lifetime):
     def image(self) -> NDArray[np.float32]:
         """(H, W, 3) float32, linear RGB, the mean of the samples. Raises InputError if there is none yet."""
         with self._lock:
-            return self._film.as_image(self._mean())
+            return self._lens_pixels.blackened(self._film.as_image(self._mean()))
 
     def save(self, path: Path | str) -> None:
         """Write the picture: `.png` in 8-bit sRGB, or `.exr` in 32-bit linear RGB with depth Z, normal N and prim_id at

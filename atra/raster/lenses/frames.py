@@ -20,13 +20,13 @@ from atra.raster.image import Image, least_depth_of
 from atra.raster.lenses.culling import balls_of
 from atra.raster.lenses.drawing import Tiles, lens_drawing_kernel
 from atra.raster.lenses.planes import LensPlanes, lens_planes
-from atra.tracing.lens_rays import LensRays, lens_directions, rays_key
+from atra.tracing.lens_rays import LensRays, rays_key
 
 
 class LensDrawing:
     """Draws frames through a lens. The planes of the last lens, sensor and offset are kept, whatever its pose.
 
-    rays: tables of directions, for deciding ties.
+    rays: tables of directions.
     """
 
     def __init__(self) -> None:
@@ -37,7 +37,7 @@ class LensDrawing:
         """The planes of a camera."""
         key = rays_key(camera, offset)
         if self._kept is None or self._kept[0] != key:
-            directions = lens_directions(camera, offset, pool)
+            directions = self.rays.directions(camera, offset, pool)
             self._kept = key, lens_planes(directions, camera.pixel_pitch, pool)
         return self._kept[1]
 

@@ -1,0 +1,58 @@
+"""Pictures through a lens: as without where the lens bends nothing, black where there is no ray, equal from any tracer."""
+
+import numpy as np
+import pytest
+
+import atra
+from atra import light
+from tests.lenses import lens_camera
+from tests.meshes import cornell_box, cornell_camera
+
+PLACED = cornell_camera(96, 72)
+RENDERERS = (light.HybridRenderer, light.PathRenderer)
+
+
+def picture(kind, camera, samples=2, primary=None, **options):
+    with kind(light.RenderScene(cornell_box()), camera, primary, threads=1, **options) as renderer:
+        renderer.add(samples)
+        return renderer.image
+
+
+@pytest.mark.parametrize("kind", RENDERERS)
+def test_a_lens_that_bends_nothing_changes_no_picture(kind):
+    camera = lens_camera(atra.OpenCVLens(k1=1e-13), PLACED)
+    with_lens, without = picture(kind, camera), picture(kind, camera.undistorted())
+    assert without.max() > 0.0
+    np.testing.assert_allclose(with_lens, without, atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", RENDERERS)
+def test_what_a_lens_bends_is_seen_where_it_bends_it(kind):
+    camera = lens_camera(atra.OpenCVLens(k1=-0.3, k2=0.08), PLACED)
+    drawn, bent = picture(kind, camera, jitter="off"), picture(kind, camera.undistorted(), jitter="off")
+    traced = picture(kind, camera, primary=lambda mesh, view: atra.PixelTracer(mesh, view, threads=1), jitter="off")
+    assert (np.abs(drawn - traced).max(axis=-1) < 1e-3).mean() > 0.99
+    assert (np.abs(drawn - bent).max(axis=-1) > 1e-2).mean() > 0.05
+
+
+@pytest.mark.parametrize("kind", RENDERERS)
+def test_pixels_without_a_ray_are_black(kind):
+    camera = lens_camera(atra.OpenCVLens(k1=-0.6), PLACED)
+    blind = ~camera.has_ray()
+    image = picture(kind, camera, jitter="off")
+    assert np.isfinite(image).all()
+    assert (image[blind] == 0.0).all()
+    assert blind.any()
+    assert (image[~blind] > 0.0).any()
+
+
+def test_a_moved_camera_with_a_lens_keeps_what_it_saw():
+    camera = lens_camera(atra.OpenCVLens(k1=-0.2), PLACED)
+    scene = light.RenderScene(cornell_box())
+    with light.HybridRenderer(scene, camera, threads=1, most_kept=8) as renderer:
+        renderer.add(8)
+        before = renderer.image
+        eye = tuple(np.add(PLACED.eye, (1e-6, 0.0, 0.0)))
+        renderer.look(lens_camera(atra.OpenCVLens(k1=-0.2), atra.Camera(eye, PLACED.target, PLACED.up)))
+        renderer.add(1)
+        assert np.abs(renderer.image - before).mean() < 0.02
