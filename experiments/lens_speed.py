@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 import atra
 from atra.compat.bop import Renderer
+from atra.geometry.lenses.models import Lens
 from experiments.harness.environment import read_environment
 from experiments.methods.peers.llvmpipe import opengl_context
 from scenes.loading import SceneSource, load_scene
@@ -29,7 +30,7 @@ COLUMNS = ("frame", "lens", "method", "width", "height", "threads", "run", "ms",
 
 SCENES = ("cornell_box", "mitsuba", "fireplace_room", "sponza")
 
-LENSES: dict[str, tuple[atra.Lens, float]] = {
+LENSES: dict[str, tuple[Lens, float]] = {
     "barrel": (atra.OpenCVLens(k1=-0.25, k2=0.05, p1=0.002, p2=-0.001), 0.9),
     "fisheye": (atra.FisheyeLens(k1=0.05, k2=-0.01), 0.5),
 }
@@ -174,7 +175,9 @@ def _llvmpipe(meshes: list[atra.Mesh], threads: int) -> Callable[[int, NDArray[n
     """Draws an object by OpenGL; the OpenCV camera's pixel centres are whole numbers, as for `Renderer`."""
     context, (width, height), near, far = opengl_context(threads), _BOP_SIZE, 10.0, 10_000.0
     context.enable(context.DEPTH_TEST)
-    framebuffer = context.framebuffer([context.texture(_BOP_SIZE, 1, dtype="f4")], context.depth_renderbuffer(_BOP_SIZE))
+    framebuffer = context.framebuffer(
+        [context.texture(_BOP_SIZE, 1, dtype="f4")], context.depth_renderbuffer(_BOP_SIZE)
+    )
     program = context.program(_VERTEX_SHADER, _FRAGMENT_SHADER)
     drawn = [
         context.vertex_array(

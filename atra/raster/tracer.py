@@ -107,15 +107,16 @@ class RasterTracer(Gathering):
         assert self._scratch is not None
         camera = self.camera
         images = outputs((camera.height, camera.width), camera.width, images_of(out))
-        draw = self._lens_drawing.draw if isinstance(camera, LensView) else draw_frame
-        draw(self.mesh, camera, offset, self.lanes, self._scratch, self._pool, images)
+        directions, rest = NO_DIRECTIONS, (offset, self.lanes, self._scratch, self._pool, images)
+        if isinstance(camera, LensView):
+            self._lens_drawing.draw(self.mesh, camera, *rest)
+            directions = self._lens_drawing.rays.directions(camera, offset, self._pool)
+        else:
+            draw_frame(self.mesh, camera, *rest)
         depth, prim_id = images
         if self.options.ties == "lowest":
             tiles = self._find_ties()
             if tiles.any():
-                directions = NO_DIRECTIONS
-                if isinstance(camera, LensView):
-                    directions = self._lens_drawing.rays.directions(camera, offset, self._pool)
                 lowest_of_ties(self.mesh, camera, tiles, offset, prim_id, self._pool, directions)
         return Hits(depth, prim_id, offset, self.mesh, camera, self.threads)
 

@@ -247,7 +247,7 @@ def fill_directions(counter_address, lens, columns, rows, directions):  # type: 
 
 @kernel
 def turn_directions(counter_address, directions, turn, table):  # type: ignore[no-untyped-def]
-    """Write directions (3, H, W) float64, turned by (3, 3) float64, to a table (3, H, W) float32; threads share rows."""
+    """Write directions (3, H, W) float64, turned by (3, 3) float64, to a table of float32; threads share its rows."""
     while True:
         y = fetch_add(counter_address, 1)
         if y >= directions.shape[1]:

@@ -28,9 +28,7 @@ def balls_of(boxes: NDArray[np.float32], eye: NDArray[np.float64]) -> tuple[NDAr
 @njit(forceinline=True)
 def meets(balls, place, cones, number):  # type: ignore[no-untyped-def]
     """Whether a ball may meet a cone: its centre is nearer to the cone's surface than its radius, or inside."""
-    along = (
-        balls[place, 0] * cones[number, 0] + balls[place, 1] * cones[number, 1] + balls[place, 2] * cones[number, 2]
-    )
+    along = balls[place, 0] * cones[number, 0] + balls[place, 1] * cones[number, 1] + balls[place, 2] * cones[number, 2]
     reach = balls[place, 4] + along * cones[number, 4]
     cosine = cones[number, 3]
     return reach >= 0.0 and (balls[place, 3] - along * along) * cosine * cosine <= reach * reach

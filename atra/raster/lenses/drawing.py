@@ -161,7 +161,10 @@ def _draw(lanes, k, prim_id, packed, is_gentle, side, margin, places, band, work
             high = min(high0 + high_step0 * y, high1 + high_step1 * y, high2 + high_step2 * y, right)
             begin, right_most = int(low) // lanes * lanes, int(high)
         for start in range(begin, right_most + 1, lanes):
-            base, byte = start if lanes == SPAN else start // SPAN * SPAN if is_wide else left, (y * band.stride + start) * 4
+            base, byte = (
+                start if lanes == SPAN else start // SPAN * SPAN if is_wide else left,
+                (y * band.stride + start) * 4,
+            )
             here = nearness + along * base
             ahead = counted(np.float32(start - base), lanes)
             right_by = load(places + byte, np.float32(0.0), lanes)

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from atra.all_hits.target_kernels import band_stride
 from atra.compiled.threads import WorkerPool
-from atra.geometry.lenses.lens_view import LensView
-from atra.geometry.lenses.models import OpenCVLens
 from atra.geometry.camera import LensCamera
 from atra.geometry.image_plane import ImagePlane
+from atra.geometry.lenses.lens_view import LensView
+from atra.geometry.lenses.models import OpenCVLens
 from atra.geometry.mesh import Mesh
 from atra.raster.frames import Scratch
 from atra.raster.image import Image, least_depth_of

@@ -27,6 +27,12 @@ _LEAST_COSINE = 0.5
 _LEAST_TURN = 0.01
 """Least area of a pixel on the fitted grid, as a share of its squared sides; below, the fit is no grid."""
 
+_LEAST_SPREAD = 1e-9
+"""Least determinant of the samples' spread, as a share of its squared size; below, they lie on a line."""
+
+_LARGEST_ANGLE = 1.4
+"""Largest angle of a region's cone, radians; beyond there is none."""
+
 _SLACK = 1e-9
 """Widening of cones, for rounding."""
 
@@ -120,8 +126,8 @@ def _fitted(
     radius = np.sqrt(np.where(seen, (centred**2).sum(axis=-1), 0.0).max(axis=1))
     scale = np.where(radius > 0.0, side / (2.0 * np.maximum(radius, 1e-300)), 1.0 / pitch)
     linear = scale[:, None, None] * np.eye(2)  # where no grid fits, any scale is right
-    fits = np.linalg.det(spread) > 1e-9 * spread.trace(axis1=1, axis2=2) ** 2
-    fits &= spread.trace(axis1=1, axis2=2) > 0.0
+    sizes = spread.trace(axis1=1, axis2=2)
+    fits: NDArray[np.bool_] = np.asarray((np.linalg.det(spread) > _LEAST_SPREAD * sizes**2) & (sizes > 0.0))
     fitted = both[fits] @ np.linalg.inv(spread[fits])
     is_grid = np.abs(np.linalg.det(fitted)) > _LEAST_TURN * (fitted**2).sum(axis=(1, 2))
     linear[np.flatnonzero(fits)[is_grid]] = fitted[is_grid]
@@ -156,6 +162,6 @@ def _regions(cones: NDArray[np.float64], rows: int, columns: int) -> NDArray[np.
             axis = own[:, :3].sum(axis=0)
             axis /= max(np.linalg.norm(axis), 1e-300)
             angle = (np.arccos(np.clip(own[:, :3] @ axis, -1.0, 1.0)) + np.arccos(own[:, 3])).max() + 1e-6
-            is_cone = angle < 1.4
+            is_cone = angle < _LARGEST_ANGLE
             found.append((*axis, np.cos(angle), np.sin(angle)) if is_cone else (0.0,) * 5)
     return np.array(found)

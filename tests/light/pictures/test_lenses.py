@@ -1,4 +1,4 @@
-"""Pictures through a lens: as without where the lens bends nothing, black where there is no ray, equal from any tracer."""
+"""Pictures through a lens: as without one that bends nothing, black where there is no ray, alike from any tracer."""
 
 import numpy as np
 import pytest
