@@ -103,7 +103,7 @@ def _fitted(
     directions: NDArray[np.float64], side: int, pitch: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Forms and cones of tiles; directions: (T, N, 3), NaN for none."""
-    seen = np.isfinite(directions).all(axis=-1)
+    seen = np.asarray(np.isfinite(directions).all(axis=-1))
     unit = np.where(seen[..., None], directions, 0.0)
     unit /= np.maximum(np.linalg.norm(unit, axis=-1, keepdims=True), 1e-300)
     axis = unit.sum(axis=1)
@@ -127,7 +127,7 @@ def _fitted(
     scale = np.where(radius > 0.0, side / (2.0 * np.maximum(radius, 1e-300)), 1.0 / pitch)
     linear = scale[:, None, None] * np.eye(2)  # where no grid fits, any scale is right
     sizes = spread.trace(axis1=1, axis2=2)
-    fits: NDArray[np.bool_] = np.asarray((np.linalg.det(spread) > _LEAST_SPREAD * sizes**2) & (sizes > 0.0))
+    fits = (np.linalg.det(spread) > _LEAST_SPREAD * sizes**2) & (sizes > 0.0)
     fitted = both[fits] @ np.linalg.inv(spread[fits])
     is_grid = np.abs(np.linalg.det(fitted)) > _LEAST_TURN * (fitted**2).sum(axis=(1, 2))
     linear[np.flatnonzero(fits)[is_grid]] = fitted[is_grid]
