@@ -16,7 +16,8 @@ from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.errors import InputError
 from atra.exact.intersection import intersect_pixels
 from atra.exact.surface_kernels import ROWS, PixelGrid, Triangles, orient_hits, place_hits, weigh_corners
-from atra.files.planes import write_planes
+from atra.files.meshes.face_sources import FaceSources
+from atra.files.planes import SOURCES, write_planes
 from atra.files.saving import save_layers
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
@@ -121,25 +122,42 @@ class Hits:
         depth_along: str | None = None,
         depth_scale: float = 1000.0,
         saturate: bool = False,
+        sources: FaceSources | None = None,
     ) -> list[Path]:
         """Write planes of the image, each file whole or not at all; returns the files.
 
         Only planes asked for are computed. stem: path of the files without suffix. planes: of depth, prim_id, normals,
-        points, u, v, mask (what is hit) and preview (depth as grey values). format: "npz" or "exr", one file of all, or
-        "npy", "png" or "tiff", a file each. PNGs are of 16 bits, masks and previews of 8: depth times `depth_scale`,
-        which makes millimetres of metres, 0 = miss; prim_id + 1, 0 = miss; normals from -1 to 1 as 0 to 65,535.
-        depth_along: "axis" or "ray", as for `depth_along`; None: what `depth` is. saturate: depths that do not fit
-        become 0 or 65,535.
-        Raises InputError for unknown names, a missing package, and values that do not fit, which it counts;
-        StorageError if a file cannot be written.
+        points, u, v, mask (what is hit), instance and material (numbers of the file's nodes and materials + 1, 0 =
+        none), preview (depth as grey values), preview_ids and preview_normals (as colours). format: "npz" or "exr", one
+        file of all, or "npy", "png" or "tiff", a file each. PNGs are of 16 bits, masks and previews of 8: depth times
+        `depth_scale`, which makes millimetres of metres, 0 = miss; prim_id + 1, 0 = miss; normals from -1 to 1 as 0 to
+        65,535. depth_along: "axis" or "ray", as for `depth_along`; None: what `depth` is. saturate: depths that do not
+        fit become 0 or 65,535. sources: of `load_face_sources` for the mesh, for instances and materials.
+        Raises InputError for unknown names, a missing package, instances or materials without sources of this mesh, and
+        values that do not fit, which it counts; StorageError if a file cannot be written.
         """
 
         def plane(name: str) -> NDArray[Any]:
             if name == "depth" and depth_along is not None:
                 return self.depth_along(depth_along)
+            if name in SOURCES:
+                return self._sourced(name, sources)
             return np.asarray(self.hit if name == "mask" else getattr(self, name))
 
         return write_planes(Path(stem), planes, format, plane, depth_scale, saturate)
+
+    def _sourced(self, name: str, sources: FaceSources | None) -> NDArray[np.uint32]:
+        """(H, W): numbers of instances or materials from 1, 0 = none."""
+        numbers = None if sources is None else getattr(sources, SOURCES[name])
+        if numbers is None or len(numbers) != self.mesh.triangle_count:
+            count = "none" if numbers is None else f"those of {len(numbers):,}"
+            raise InputError(
+                f"the plane {name} needs face sources of the mesh's {self.mesh.triangle_count:,} triangles, {count} "
+                "were given; atra.load_face_sources(path) reads them"
+            )
+        found = np.zeros(self.prim_id.shape, np.uint32)
+        found[self.hit] = numbers[self.prim_id[self.hit]] + 1
+        return found
 
     def __repr__(self) -> str:
         height, width = self.depth.shape

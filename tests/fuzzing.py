@@ -26,6 +26,8 @@ import numpy as np
 import trimesh
 
 from atra.errors import InputError
+from atra.files.cameras.bop import read_bop
+from atra.files.cameras.calibration_files import read_calibration
 from atra.files.meshes.loading import load_mesh
 from atra.files.saving import encode_exr
 from atra.geometry.camera import Camera
@@ -99,6 +101,38 @@ def _read_sky(path):
     assert np.isfinite(texels).all()
     assert texels.min() >= 0
     return True
+
+
+def _read_calibration(path):
+    camera = read_calibration(path, (8, 8))
+    assert np.isfinite(camera.rays(np.array([4]), np.array([4]))[0]).all()
+    return True
+
+
+def _read_bop(path):
+    for camera in read_bop(path, (8, 8)).values():
+        assert np.isfinite(camera.axes).all()
+    return True
+
+
+_CALIBRATIONS = {
+    "opencv.yml": (
+        b"%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n   rows: 3\n"
+        b"   cols: 3\n   dt: d\n   data: [ 500., 0., 320., 0., 500., 240., 0., 0., 1. ]\n"
+        b"distortion_coefficients: !!opencv-matrix\n   rows: 1\n   cols: 5\n   dt: d\n"
+        b"   data: [ -0.2, 0.05, 0.001, -0.001, 0. ]\n",
+    ),
+    "camera_info.yaml": (
+        b"image_width: 640\nimage_height: 480\ndistortion_model: plumb_bob\nK: [500, 0, 320, 0, 500, 240, 0, 0, 1]\n"
+        b"D: [-0.2, 0.05, 0.001, -0.001, 0]\n",
+        b"width: 640\nheight: 480\ndistortion_model: equidistant\nk: [500, 0, 320, 0, 500, 240, 0, 0, 1]\n"
+        b"d: [0.1, 0.01, 0, 0]\n",
+    ),
+    "calibration.json": (
+        b'{"image_width": 64, "image_height": 48, "camera_matrix": [[50, 0, 32], [0, 50, 24], [0, 0, 1]], '
+        b'"distortion_coefficients": [0.1, 0, 0, 0]}',
+    ),
+}
 
 
 def _sky_samples():
@@ -180,6 +214,10 @@ def kinds():
         record = _record_sample(Path(folder))
     camera = {"eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_degrees": 40.5}
     cameras = json.dumps({"box": camera, "other": {"eye": [1, 2, 3], "target": [0.5, 0, 0]}}).encode()
+    bop = {"cam_K": [500, 0, 320, 0, 500, 240, 0, 0, 1], "depth_scale": 1.0}
+    posed = bop | {"cam_R_w2c": [1, 0, 0, 0, 1, 0, 0, 0, 1], "cam_t_w2c": [1, 2, 3.5]}
+    found |= {path: Kind(path, samples, _read_calibration) for path, samples in _CALIBRATIONS.items()}
+    found["bop"] = Kind("scene_camera.json", (json.dumps({"0": bop, "1": posed}).encode(),), _read_bop)
     found |= {path: Kind(path, samples, _read_sky) for path, samples in _sky_samples().items()}
     found |= {
         "record": Kind("mutated.json", (record,), _read_record),

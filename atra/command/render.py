@@ -13,8 +13,9 @@ import numpy as np
 from atra.command.cameras import read_cameras
 from atra.errors import InputError, StorageError, printable
 from atra.files.cameras.entries import Broken
+from atra.files.meshes.face_sources import FaceSources, load_face_sources
 from atra.files.meshes.loading import load_mesh
-from atra.files.planes import PLANE_FORMATS, PLANES, plane_names
+from atra.files.planes import PLANE_FORMATS, PLANES, SOURCES, plane_names
 from atra.files.reading import MEMORY_PER_BYTE, VARIABLE
 from atra.files.saving import check_package
 from atra.geometry.camera import Camera
@@ -89,6 +90,9 @@ def run_render(given: Namespace) -> int:
     if given.camera is not None:
         cameras = read_cameras(given.camera, size, left_out, given.memory_per_byte)
     mesh = load_mesh(given.mesh, memory_per_byte=given.memory_per_byte)
+    sources = None
+    if SOURCES.keys() & set(given.planes or ()):
+        sources = load_face_sources(given.mesh, memory_per_byte=given.memory_per_byte)
     if given.camera is None:
         width, height = size or (1024, 1024)
         cameras = {given.mesh.stem: Camera.framing(mesh, width=width, height=height)}
@@ -102,7 +106,7 @@ def run_render(given: Namespace) -> int:
             if not hits.hit.any():
                 print(f"atra: {printable(repr(name))} sees nothing: {where_is(mesh, hits.camera)}", file=sys.stderr)
             try:
-                paths = _written(given, hits, out / stems[name])
+                paths = _written(given, hits, out / stems[name], sources)
             except InputError as error:  # for example a .ply of a view without hits
                 error.add_note(f"in view {name!r}")
                 failures.append(error)
@@ -134,7 +138,7 @@ def _check_formats(given: Namespace) -> None:
             check_package(f".{suffix}")
 
 
-def _written(given: Namespace, hits: Hits, stem: Path) -> list[Path]:
+def _written(given: Namespace, hits: Hits, stem: Path, sources: FaceSources | None) -> list[Path]:
     """Write the files of a view; returns them."""
     paths = []
     for suffix in given.format:
@@ -143,7 +147,7 @@ def _written(given: Namespace, hits: Hits, stem: Path) -> list[Path]:
             hits.save(paths[-1])
         else:
             depth = {name: getattr(given, name) for name in ("depth_along", "depth_scale", "saturate")}
-            paths += hits.save_planes(stem, given.planes, suffix, **depth)
+            paths += hits.save_planes(stem, given.planes, suffix, **depth, sources=sources)
     return paths
 
 

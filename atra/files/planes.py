@@ -17,8 +17,25 @@ from atra.files.paths import write_atomically
 from atra.files.saving import check_package, depth_shading, encode_exr
 from atra.prim_ids import MISS
 
-PLANES = ("depth", "prim_id", "normals", "points", "u", "v", "mask", "preview")
-"""Names of planes. mask: what is hit. preview: depth as grey values."""
+PLANES = (
+    "depth", "prim_id", "normals", "points", "u", "v", "mask", "instance", "material",
+    "preview", "preview_ids", "preview_normals",
+)  # fmt: skip
+"""Names of planes. mask: what is hit. instance, material: numbers of nodes and materials of the mesh's file from 1, 0 =
+none. Previews, to look at: depth as grey values, and ids and normals as colours."""
+
+SOURCES = {"instance": "node", "material": "material"}
+"""Planes that need a mesh's `FaceSources`, and the fields they show."""
+
+_PREVIEWS: dict[str, tuple[str, Callable[[NDArray[Any]], NDArray[np.uint8]]]] = {
+    "preview": ("depth", lambda depth: depth_shading(depth)),
+    "preview_ids": ("prim_id", lambda prim_id: id_colours(prim_id)),
+    "preview_normals": ("normals", lambda normals: normal_colours(normals)),
+}
+"""The plane that a preview is made of, and how."""
+
+_GOLDEN = 2654435761
+"""Odd, so that neighbouring ids have unlike colours."""
 
 ALIASES = {"normal": "normals", "ids": "prim_id", "point": "points"}
 
@@ -56,7 +73,9 @@ def write_planes(
     if kind not in PLANE_FORMATS:
         raise InputError(f"the format of planes is {kind!r}, expected one of {', '.join(PLANE_FORMATS)}")
     check_package(f".{kind}" if kind == "exr" else "")
-    found = {name: depth_shading(plane("depth")) if name == "preview" else plane(name) for name in names}
+    found = {
+        name: _PREVIEWS[name][1](plane(_PREVIEWS[name][0])) if name in _PREVIEWS else plane(name) for name in names
+    }
     if kind == "npz":
         content = io.BytesIO()
         np.savez(content, **found)  # type: ignore[arg-type]
@@ -73,6 +92,19 @@ def write_planes(
     for path, bytes_ in files.items():
         write_atomically(path, bytes_)
     return list(files)
+
+
+def id_colours(prim_id: NDArray[np.uint32]) -> NDArray[np.uint8]:
+    """(H, W, 3) uint8: a colour for each id, black = miss."""
+    mixed = (prim_id.astype(np.uint64) + 1) * _GOLDEN
+    mixed ^= mixed >> np.uint64(15)
+    colours = np.stack([mixed >> np.uint64(shift) & np.uint64(0xFF) for shift in (0, 8, 16)], axis=-1)
+    return np.where((prim_id == MISS)[..., None], 0, 55 + colours * 200 // 255).astype(np.uint8)
+
+
+def normal_colours(normals: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """(H, W, 3) uint8: components from -1 to 1 as 0 to 255, black = miss."""
+    return np.where(np.isfinite(normals), np.rint(np.nan_to_num(normals) * 127.5 + 127.5), 0).astype(np.uint8)
 
 
 def fit_16_bits(what: str, values: NDArray[np.floating], saturate: bool, remedy: str) -> NDArray[np.uint16]:
@@ -97,11 +129,13 @@ def _as_integers(name: str, array: NDArray[Any], depth_scale: float, saturate: b
     if name == "prim_id":
         numbers = np.where(array == MISS, 0, array.astype(np.int64) + 1).astype(np.float64)
         return fit_16_bits("ids", numbers, False, "write them as npz, npy, exr or tiff")
+    if name in SOURCES:
+        return fit_16_bits(f"numbers of {name}s", array.astype(np.float64), False, "write them as npz, npy or tiff")
     if name == "mask":
         return np.where(array, 255, 0).astype(np.uint8)
     if name == "normals":
         return np.where(np.isfinite(array), np.rint((array * 0.5 + 0.5) * _MOST), 0).astype(np.uint16)
-    if name == "preview":
+    if name in _PREVIEWS:
         return array
     raise InputError(f"{name} as PNG would lose digits, expected npz, npy, exr or tiff for it")
 
@@ -110,10 +144,16 @@ def _channels(found: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """Planes as the channels of an EXR file."""
     channels: dict[str, NDArray[Any]] = {}
     for name, array in found.items():
-        if array.ndim == 3:
+        if name in _PREVIEWS:
+            layers = array[..., None] if array.ndim == 2 else array
+            channels |= {
+                f"{name}.{letter}" if array.ndim == 3 else name: layers[..., number].astype(np.float32)
+                for number, letter in enumerate("RGB"[: layers.shape[-1]])
+            }
+        elif array.ndim == 3:
             letter = "N" if name == "normals" else "P"
             channels |= {f"{letter}.{axis}": array[..., number] for number, axis in enumerate("XYZ")}
-        elif name in ("mask", "preview"):
+        elif name == "mask":
             channels[name] = array.astype(np.float32)
         else:
             channels["Z" if name == "depth" else name] = array

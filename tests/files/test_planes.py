@@ -57,6 +57,38 @@ def test_a_depth_png_holds_millimetres_and_0_for_a_miss(hits, tmp_path):
     np.testing.assert_allclose(tenths[hits.hit] / 1e4, hits.depth[hits.hit], atol=5.1e-5)
 
 
+def test_instances_and_materials_are_numbers_of_the_file_from_1(hits, tmp_path):
+    numbers = np.arange(hits.mesh.triangle_count, dtype=np.int32)
+    sources = atra.FaceSources(numbers.astype(np.uint32), numbers % 3 - 1, numbers % 5 - 1)
+    paths = hits.save_planes(tmp_path / "view", ["instance", "material"], "png", sources=sources)
+    for path, modulus in zip(paths, (5, 3), strict=True):
+        image = read(path)
+        assert image.dtype == np.uint16
+        np.testing.assert_array_equal(image, np.where(hits.hit, hits.prim_id % np.uint32(modulus), 0))
+    with pytest.raises(
+        atra.InputError, match=r"the plane material needs face sources of the mesh's .*, none were given"
+    ):
+        hits.save_planes(tmp_path / "view", ["material"], "png")
+    fewer = atra.FaceSources(sources.face[:3], sources.material[:3], sources.node[:3])
+    with pytest.raises(atra.InputError, match=r"those of 3 were given"):
+        hits.save_planes(tmp_path / "view", ["instance"], "npz", sources=fewer)
+
+
+@pytest.mark.parametrize("format", ["png", "npz", "tiff"])
+def test_previews_have_a_colour_for_each_triangle_and_each_direction(format, hits, tmp_path):
+    paths = hits.save_planes(tmp_path / "view", ["preview_ids", "preview_normals"], format)
+    if format == "npz":
+        with np.load(*paths) as content:
+            ids, normals = content["preview_ids"], content["preview_normals"]
+    else:
+        ids, normals = (read(path)[..., ::-1] for path in paths)
+    assert ids.dtype == normals.dtype == np.uint8
+    colours = {tuple(ids[hits.prim_id == prim_id][0]) for prim_id in np.unique(hits.prim_id[hits.hit])}
+    assert len(colours) == len(np.unique(hits.prim_id[hits.hit]))
+    assert not ids[~hits.hit].any()
+    np.testing.assert_allclose(normals[hits.hit] / 127.5 - 1.0, hits.normals[hits.hit], atol=0.005)
+
+
 def test_values_that_do_not_fit_16_bits_are_counted_or_saturate(hits, tmp_path):
     far = int((hits.depth[hits.hit] * 30_000 > 65535).sum())
     with pytest.raises(atra.InputError, match=rf"^{far:,} of 1,728 depths do not fit 16 bits: they reach from "):

@@ -106,5 +106,5 @@ def _parsed(path: Path, content: bytes) -> Any:
         text = content.decode("utf-8").replace("!!opencv-matrix", "")
         first, _, rest = text.partition("\n")  # OpenCV writes "%YAML:1.0", which is no YAML
         return yaml.safe_load(rest if first.startswith("%YAML") else text)
-    except (UnicodeDecodeError, RecursionError, yaml.YAMLError) as error:
+    except (ValueError, RecursionError, yaml.YAMLError) as error:  # ValueError: a number of thousands of digits, too
         raise InputError(f"it is no YAML: {' '.join(str(error).split())}") from None
