@@ -29,7 +29,7 @@ def test_the_places_that_an_image_shows_are_visible_to_its_camera():
 ])  # fmt: skip
 def test_through_a_lens_points_are_seen_and_faces_counted_as_its_image_shows_them(lens):
     mesh, camera = cornell_box(), lens_camera(lens, cornell_camera(96, 72))
-    with atra.PixelTracer(mesh, camera) as tracer:
+    with atra.RasterTracer(mesh, camera) as tracer:
         hits = tracer.trace()
     assert atra.visible_points(mesh, hits.points[hits.hit], [camera]).mean() > 0.998
     behind = np.array(camera.eye) - camera.axes[2]
