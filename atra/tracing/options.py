@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, field, fields, replace
+from functools import cache
 from inspect import Parameter, signature
 from types import NoneType
 from typing import Any, Self, TypedDict, TypeVar, get_args, get_type_hints
@@ -81,6 +82,7 @@ class Choices:
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
 
+@cache
 def types_of(options: type) -> dict[str, Any]:
     """The types of an options type's fields, by name."""
     return get_type_hints(options)
