@@ -82,10 +82,13 @@ class Choices:
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
 
-@cache
 def types_of(options: type) -> dict[str, Any]:
     """The types of an options type's fields, by name."""
-    return get_type_hints(options)
+    return _read_types(options)
+
+
+_read_types = cache(get_type_hints)
+"""Reading them takes longer than checking options by them."""
 
 
 def check_choices(options: Any, section: str = "", null: str = "None") -> None:
