@@ -17,7 +17,7 @@ from atra.light.lights import PointLight, SphereLight, Sun
 from atra.light.materials import Checker, Dielectric, Emissive, Image, Lambertian, Metal
 from atra.light.pictures.hybrid import HybridRenderer
 from atra.light.pictures.options import HybridOptions, PathOptions
-from atra.light.pictures.path import PathRenderer
+from atra.light.pictures.paths.renderer import PathRenderer
 from atra.light.scene import RenderScene
 from atra.light.sky import GradientSky, PanoramaSky, constant_sky
 

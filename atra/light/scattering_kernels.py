@@ -5,7 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from atra.compiled.store import njit
-from atra.light.numbers_kernels import ONE, TWO, ZERO, along, around, bits_of, dot, on_sphere, scaled, unit, unit_of
+from atra.light.numbers_kernels import (
+    HALF,
+    ONE,
+    TWO,
+    ZERO,
+    along,
+    around,
+    bits_of,
+    dot,
+    on_sphere,
+    scaled,
+    unit,
+    unit_of,
+)
 from atra.light.surface_kernels import (
     KIND,
     PARAMETER,
@@ -29,6 +42,7 @@ DIMENSIONS = 4
 BLACK = ZERO, ZERO, ZERO
 WHITE = ONE, ONE, ONE
 _MINUS_TWO = np.float32(-2.0)
+_PER_PI = np.float32(1.0 / np.pi)
 
 
 @njit(forceinline=True)
@@ -40,7 +54,8 @@ def emitted(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-de
 
 @njit(forceinline=True)
 def scatter(surfaces, prim_id, origin, direction, key, bounce):  # type: ignore[no-untyped-def]
-    """(goes_on, origin, direction, weight): the next ray of a path, and the (r, g, b) weight of its light.
+    """(goes_on, origin, direction, weight, density): the next ray of a path, the (r, g, b) weight of its light, and how
+    often its direction is chosen, per solid angle; 0 where no other direction was possible, or nothing is aimed.
 
     direction: unit vector. key, bounce: select the random numbers. goes_on: False if the path is absorbed.
     """
@@ -65,7 +80,7 @@ def scatter(surfaces, prim_id, origin, direction, key, bounce):  # type: ignore[
             onward = unit(along(mirrored, parameter, sphere))
             if not dot(onward, shaded) > ZERO:
                 if not is_variant:
-                    return False, origin, direction, BLACK
+                    return False, origin, direction, BLACK, ZERO
                 side = ONE if dot(onward, normal) > ZERO else -ONE
         elif not is_variant:
             onward = around(shaded, sphere)
@@ -73,7 +88,37 @@ def scatter(surfaces, prim_id, origin, direction, key, bounce):  # type: ignore[
             onward = sphere if dot(sphere, shaded) >= ZERO else scaled(-ONE, sphere)
             weight = scaled(TWO * dot(onward, shaded), weight)
     onward = on_side(onward, normal, side)
-    return True, leaving(surfaces, prim_id, point, scaled(side, normal)), onward, weight
+    density = _densities(shaded, normal, onward, is_variant)[1] if kind == LAMBERTIAN else ZERO
+    return True, leaving(surfaces, prim_id, point, scaled(side, normal)), onward, weight, density
+
+
+@njit
+def _densities(shaded, normal, onward, is_uniform):  # type: ignore[no-untyped-def]
+    """(by the cosine, own): densities of a direction on the side of `normal`, per solid angle, if directions are chosen
+    by the cosine, and as they are. Both count the direction that `on_side` mirrors there."""
+    cosine = max(ZERO, dot(onward, shaded))
+    mirrored = max(ZERO, dot(along(onward, _MINUS_TWO * dot(onward, normal), normal), shaded))
+    by_cosine = (cosine + mirrored) * _PER_PI
+    if not is_uniform:
+        return by_cosine, by_cosine
+    count = (ONE if cosine > ZERO else ZERO) + (ONE if mirrored > ZERO else ZERO)
+    return by_cosine, HALF * _PER_PI * count
+
+
+@njit
+def scattered_light(surfaces, prim_id, point, normal, is_front, direction, onward):  # type: ignore[no-untyped-def]
+    """((r, g, b), density): what a surface scatters of light from the unit vector `onward`, on the side of `normal`,
+    per solid angle, and the density with which `scatter` chooses it. 0 for mirrors and glass, whose light only
+    scattering finds.
+
+    point, normal, is_front: of `meet`.
+    """
+    material = material_of(surfaces, prim_id)
+    if surfaces.materials[material, KIND] != LAMBERTIAN:
+        return BLACK, ZERO
+    shaded = shading_normal(surfaces, prim_id, point, normal, is_front, direction)
+    by_cosine, own = _densities(shaded, normal, onward, surfaces.materials[material, VARIANT] != 0.0)
+    return scaled(by_cosine, colour_of(surfaces, material, prim_id, point)), own
 
 
 @njit(error_model="numpy")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, field, fields, replace
+from functools import cache
 from inspect import Parameter, signature
 from types import NoneType
 from typing import Any, Self, TypedDict, TypeVar, get_args, get_type_hints
@@ -83,7 +84,11 @@ class Choices:
 
 def types_of(options: type) -> dict[str, Any]:
     """The types of an options type's fields, by name."""
-    return get_type_hints(options)
+    return _read_types(options)
+
+
+_read_types = cache(get_type_hints)
+"""Reading them takes longer than checking options by them."""
 
 
 def check_choices(options: Any, section: str = "", null: str = "None") -> None:

@@ -145,7 +145,7 @@ def plain(value: Any) -> Any:
 
 def typed_options(kind: type, values: dict[str, Any]) -> Any:
     """The reverse of `plain_options`. Raises InputError for values that the options refuse."""
-    hints = get_type_hints(kind)
+    hints = types_of(kind)
     return kind(**{name: _typed(hints[name], value) for name, value in values.items()})
 
 

@@ -229,7 +229,7 @@ def workload_rows(table: pd.DataFrame, *names: str) -> pd.DataFrame:
     """The rows of the named workloads, measured or not, in the columns in which such rows may have values."""
     # Picked rows are copied column by column, and most columns are of other workloads.
     known = columns([find_workload(name) for name in names])
-    return table[[name for name in table if name in known]][table["workload"].isin(names).astype(bool)]
+    return table.loc[table["workload"].isin(names).astype(bool), [name for name in table if name in known]]
 
 
 def _row(records: Sequence[Record]) -> dict[str, Any]:

@@ -12,9 +12,10 @@ import pytest
 import atra
 from atra.compiled import beside, store
 from atra.compiled.instruction_sets import native_lanes
-from atra.exact import ties, ties_kernels
+from atra.exact import ties_kernels
+from atra.raster import clusters, culling
 from atra.raster.drawing import drawing_kernel
-from atra.raster.frames import compile_drawing
+from atra.raster.frames import compile_drawing, compile_other_kernels
 from tests.compiled.test_kernel_cache import TWO_KINDS, imported
 from tests.meshes import cornell_box, cornell_camera
 
@@ -84,22 +85,35 @@ def test_where_no_process_can_be_started_this_one_goes_on(unkept: object, monkey
     beside.compile_beside(unkept, compile_drawing, 8, False)
 
 
+KERNELS = [
+    kernel
+    for room in (clusters, culling, ties_kernels)
+    for kernel in vars(room).values()
+    if hasattr(kernel, "overloads") and kernel._cache.cache_path
+]
+
+
 @pytest.mark.parametrize("parallel", [False, True])
-def test_what_is_compiled_beside_is_what_a_frame_calls(parallel: bool) -> None:
+def test_what_is_compiled_before_a_frame_is_what_the_frame_calls(parallel: bool) -> None:
+    def forget() -> None:
+        for kernel in KERNELS:
+            kernel._reset_overloads()
+
+    forget()
+    mesh = cornell_box()
     camera = atra.OrthographicCamera((0, 0, 3), (0, 0, 0), width=8, height=8) if parallel else cornell_camera(8, 8)
-    with atra.RasterTracer(cornell_box(), camera) as tracer:
+    with atra.RasterTracer(mesh, camera) as tracer:
         tracer.trace()
     drawing = drawing_kernel(native_lanes(), parallel)
-    called = list(drawing.overloads)
+    drawn = list(drawing.overloads)
     compile_drawing(native_lanes(), parallel)
-    assert list(drawing.overloads) == called
-    kernels = ties_kernels.find_overlaps, ties_kernels.number_planes, ties_kernels.mark_ties, ties_kernels.settle_ties
-    with atra.PixelTracer(cornell_box(), camera) as other:
-        other.trace()
-    compiled = [set(kernel.overloads) for kernel in kernels]
-    ties.compile_kernels(parallel)
-    assert [set(kernel.overloads) for kernel in kernels[:3]] == compiled[:3]
-    assert compiled[3] <= set(kernels[3].overloads)
+    assert list(drawing.overloads) == drawn
+    called = {kernel: set(kernel.overloads) for kernel in KERNELS if kernel.overloads}
+    assert {clusters.number_triangles, culling.cull_clusters, ties_kernels.find_overlaps} <= set(called)
+    forget()
+    compile_other_kernels(parallel)
+    for kernel, signatures in called.items():
+        assert signatures <= set(kernel.overloads), kernel
 
 
 def test_the_process_beside_keeps_what_this_one_then_loads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -21,6 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 COUNT = int(os.environ.get("ATRA_FUZZ", "150"))
 
 
+@pytest.mark.slow
 def test_a_mutated_file_is_used_or_refused_within_memory_and_time_and_leaves_nothing_elsewhere(tmp_path):
     done = subprocess.run(
         [sys.executable, "-m", "tests.fuzzing", str(COUNT)],
@@ -90,6 +91,7 @@ print(json.dumps(fuzzing.work(len(faults), Path.cwd())["wrong"]))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("faults", [
     {"hang": None},
     {"crash": "KeyError", "shout": "raw control", "hoard": "memory was asked for", "litter": "outside the folder"},

@@ -226,6 +226,7 @@ def test_an_option_that_the_method_has_not_ends_it_at_once():
 NEEDS = {"dask": "distributed", "ray": "ray"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cluster", CLUSTERS)
 def test_a_cluster_gives_the_same_images(cluster):
     pytest.importorskip(NEEDS[cluster], reason=f"{NEEDS[cluster]} is not installed")

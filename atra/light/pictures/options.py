@@ -59,6 +59,7 @@ class RenderOptions(RayOptions):
 
 class PathKeywords(RenderKeywords, total=False):
     max_depth: int
+    lights: str
     order: str
 
 
@@ -66,7 +67,7 @@ class PathKeywords(RenderKeywords, total=False):
 class PathOptions(RenderOptions):
     """Options of `PathRenderer`."""
 
-    built_with: ClassVar[frozenset[str]] = RenderOptions.built_with | {"order"}
+    built_with: ClassVar[frozenset[str]] = RenderOptions.built_with | {"lights", "order"}
 
     jitter: str = option_of(
         RenderOptions,
@@ -75,6 +76,12 @@ class PathOptions(RenderOptions):
         choices=("shared", "off", "pixel"),
     )
     max_depth: int = option(5, "most rays of a path, the primary ray included")
+    lights: str = option(
+        "aimed",
+        "how emitters are found: aimed = a ray from every diffuse surface is aimed at one, and both ways share its "
+        "light, found = by scattered rays alone",
+        choices=("aimed", "found"),
+    )
     order: str = option(
         "depth_first",
         "depth_first = one path after the other, waves = many paths stage by stage, with times of stages",

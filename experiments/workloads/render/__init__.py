@@ -42,6 +42,7 @@ STAGES = {
     "trace": "Embree: rays of paths",
     "depth_first": "paths followed one by one, Embree within",
     "compact": "paths that end taken out",
+    "connect": "rays aimed at emitters, Embree within",
     "shade": "paths scattered",
     "accumulate": "light summed",
     "other": "waiting, Python",
@@ -49,6 +50,8 @@ STAGES = {
 """Stages of both renderers, in the order of figures, and what each does."""
 
 _EMBREE = ("primary", "shadow", "occlusion", "trace")
+
+_WITH_EMBREE_WITHIN = ("depth_first", "connect")
 
 MITSUBA = "mitsuba"
 """Name in the samples: the same picture by Mitsuba 3."""
@@ -81,6 +84,7 @@ class RenderOptions(UnderSky):
     occlusion_part: float = option(0.1, "hybrid: how far things occlude, of the diagonal of the scene's box")
     occlusion_directions = taken(HybridOptions)
     max_depth = taken(PathOptions)
+    lights = taken(PathOptions)
     order = taken(PathOptions)
     mitsuba: Rival = option(Rival.none, "path: Mitsuba 3's variant that makes the same picture in every round")
 
@@ -97,7 +101,7 @@ class RenderOptions(UnderSky):
         """The renderer's own options, checked. diagonal: of the scene's box."""
         of_both = {"jitter": self.jitter, "robust": self.robust_rays}
         if self.frame is Kind.path:
-            of_paths = of_both | {"max_depth": self.max_depth, "order": self.order}
+            of_paths = of_both | {"max_depth": self.max_depth, "lights": self.lights, "order": self.order}
             PathOptions(**of_paths)
             return of_paths
         hybrid = of_both | {
@@ -142,7 +146,7 @@ def stage_column(name: str) -> str:
 
 def outside_embree(stages: Mapping[str, float]) -> float | None:
     """The share of a picture's time that is neither primary visibility nor Embree's; None where that is not known."""
-    if not stages or "depth_first" in stages:
+    if not stages or not stages.keys().isdisjoint(_WITH_EMBREE_WITHIN):
         return None
     return 1.0 - sum(stages.get(name, 0.0) for name in _EMBREE) / sum(stages.values())
 

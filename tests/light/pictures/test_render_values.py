@@ -131,7 +131,7 @@ def test_an_interrupted_sample_leaves_no_torn_picture(monkeypatch):
         def interrupt(*_):
             raise KeyboardInterrupt
 
-        monkeypatch.setattr("atra.light.pictures.path.shade", interrupt)
+        monkeypatch.setattr("atra.light.pictures.paths.renderer.shade", interrupt)
         with pytest.raises(KeyboardInterrupt):
             renderer.add(1)
         monkeypatch.undo()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Unpack
 
@@ -10,16 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.geometry.view import View
+from atra.light.emitters.tables import emitters_of, no_emitters
 from atra.light.laps import Laps
 from atra.light.pictures.options import PathKeywords, PathOptions
-from atra.light.pictures.path_kernels import (
-    BLOCK,
+from atra.light.pictures.path_kernels import BLOCK, ROW_PADDING, Pixels
+from atra.light.pictures.paths.depth_first_kernels import follow_depth_first
+from atra.light.pictures.paths.waves_kernels import (
     PATH_ROWS,
-    ROW_PADDING,
     Paths,
-    Pixels,
     compact,
-    follow_depth_first,
+    connect_kernel,
     generate,
     shade,
     trace_kernel,
@@ -40,9 +39,9 @@ class PathRenderer(Renderer):
             renderer.save("picture.png")
 
     Each sample traces one path per pixel. It ends at the sky, at an `Emissive` surface, or dark after `max_depth` rays.
-    Random numbers are hashes of pixel, sample and bounce. Arguments: see `Renderer`; options: see `PathOptions`.
-    Stages: primary and depth_first; for waves primary, generate, trace, compact (which also sums up ended paths) and
-    shade.
+    From every diffuse surface another ray is aimed at an emitter (option `lights`). Random numbers are hashes of pixel,
+    sample and bounce. Arguments: see `Renderer`; options: see `PathOptions`. Stages: primary and depth_first; for waves
+    primary, generate, trace, compact (which also sums up ended paths), connect and shade.
     """
 
     options_type = PathOptions
@@ -65,6 +64,7 @@ class PathRenderer(Renderer):
         return options if self.options.order == "waves" else replace(options, packet_width=1)
 
     def _tables(self) -> Surfaces:
+        self._emitters = emitters_of(self.scene) if self.options.lights == "aimed" else no_emitters()
         return surfaces_of(self.scene, self.scene.sky.power, self.options.start_off)
 
     def _same_sums(self, scene: RenderScene) -> bool:
@@ -78,17 +78,20 @@ class PathRenderer(Renderer):
         return self._film.mean(slice(3))
 
     def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> int | None:
-        surfaces, options = self._surfaces, self.options
+        surfaces, emitters, options = self._surfaces, self._emitters, self.options
         lap = Laps(stages)
         if options.order == "depth_first":
-            arguments = pixels, query.scene, query.packet, surfaces, self._film.sums, options.max_depth
+            arguments = pixels, query.scene, query.packet, surfaces, emitters, self._film.sums, options.max_depth
             rays = follow_depth_first(first, count, *arguments)
             lap("depth_first")
             return None if rays < 0 else rays
         paths = self._waves[query.worker]
         if paths is None:
             paths = self._waves[query.worker] = _new_paths(options.wave_rays // BLOCK)
-        trace: Callable[..., int] = trace_kernel(self.rays.packet_width)
+        width = self.rays.packet_width
+        trace, connect = trace_kernel(width), connect_kernel(width)
+        lights = np.empty((3, width), np.float32)
+        has_emitters = bool(len(emitters.prim_ids) or len(emitters.sky_densities))
         generate(paths, first, count, pixels)
         lap("generate")
         is_finite, rays = True, 0
@@ -96,10 +99,15 @@ class PathRenderer(Renderer):
             if bounce > 0 or len(pixels.prim_id) == 0:
                 rays += trace(paths, query.scene, query.packet)
                 lap("trace")
-            is_finite &= compact(paths, surfaces, self._film.sums, bounce == options.max_depth - 1)
+            is_finite &= compact(paths, surfaces, emitters, self._film.sums, bounce == options.max_depth - 1)
             lap("compact")
             if not paths.counts.any():
                 break
+            if has_emitters:
+                scene, packet, key = query.scene, query.packet, pixels.sample_key
+                aimed = connect(paths, surfaces, emitters, scene, packet, lights, key, bounce, self._film.sums)
+                rays, is_finite = rays + max(aimed, 0), is_finite and aimed >= 0
+                lap("connect")
             shade(paths, surfaces, pixels.sample_key, bounce)
             lap("shade")
         return rays if is_finite else None

@@ -1,0 +1,1 @@
+"""Paths of light, wave by wave or one after the other."""
