@@ -59,6 +59,7 @@ def _cameras() -> dict[str, View]:
     return {
         "pinhole": atra.Camera(eye, target, width=width, height=height),
         "orthographic": atra.OrthographicCamera(eye, target, view_height=3.0, width=width, height=height),
+        "lens": atra.LensCamera.panorama(eye, target, width=width),
     }
 
 
@@ -95,6 +96,7 @@ _TRACERS: dict[str, Callable[[atra.Mesh, View], atra.Tracer]] = {
     "bvh": atra.BvhTracer,
 }
 _PINHOLE_ONLY, _ALL_HITS = ("tiles", "visible-first"), ("raster", "packets", "aligned")
+_WITH_LENS = ("raster", "single rays", "packets", "bvh")
 
 
 def _trace(tracer: str, view: str) -> None:
@@ -148,10 +150,13 @@ def _place_hits() -> None:
 
 
 def _jobs() -> Iterator[tuple[str, Callable[[], None]]]:
-    for view, tracer in product(_cameras(), _TRACERS):
+    views = ("pinhole", "orthographic")
+    for view, tracer in product(views, _TRACERS):
         if view == "pinhole" or tracer not in _PINHOLE_ONLY:
             yield f"{tracer}, {view}", partial(_trace, tracer, view)
-    for what, view, tracer in product(_REDUCTIONS, _cameras(), _ALL_HITS):
+    for tracer in _WITH_LENS:
+        yield f"{tracer}, lens", partial(_trace, tracer, "lens")
+    for what, view, tracer in product(_REDUCTIONS, views, _ALL_HITS):
         yield f"{tracer}, {view}, {what}", partial(_gather, tracer, view, what)
     yield "rays", _shoot_rays
     yield "all hits of rays", _find_all_hits

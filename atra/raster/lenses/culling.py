@@ -12,6 +12,10 @@ from atra.raster.culling import NEARER, ROUNDINGS, extent, projected_extent
 _SLACK = 1e-7
 """Widening of a cluster's ball, as a share of its distance: rounding of squared distances moves it by less."""
 
+_NEARER_OF_BALL = 2.0**-14
+"""Share by which the bound of nearness by a cluster's distance is widened. Of triangles that reach behind the eye no
+corner limits what rounding makes of their planes."""
+
 
 def balls_of(boxes: NDArray[np.float32], eye: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Balls around clusters, the nearest first: (C, 5) float64, centre seen from the eye, its squared distance, radius;
@@ -35,9 +39,13 @@ def meets(balls, place, cones, number):  # type: ignore[no-untyped-def]
 
 
 @njit
-def place_cluster(boxes, cluster, eye, side, margin):  # type: ignore[no-untyped-def]
+def place_cluster(boxes, cluster, eye, side, margin, cosine):  # type: ignore[no-untyped-def]
     """First and last column, first and last row of the tile that may show something of a cluster, the last before the
-    first where none may; and nearness that nothing in it exceeds."""
+    first where none may; and nearness that nothing in it exceeds.
+
+    cosine: of the cone around the tile's rays. A hit is as far from the eye as the box, and at least `cosine` times
+    that from the eye plane, behind which the box may reach.
+    """
     m, d, position = doubles_at(eye.to_pixels), doubles_at(eye.depth_axis), doubles_at(eye.position)
     box = (
         boxes[cluster, 0] - position[0],
@@ -47,13 +55,16 @@ def place_cluster(boxes, cluster, eye, side, margin):  # type: ignore[no-untyped
         boxes[cluster, 4] - position[1],
         boxes[cluster, 5] - position[2],
     )
+    x, y, z = max(box[0], -box[3], 0.0), max(box[1], -box[4], 0.0), max(box[2], -box[5], 0.0)
+    least = np.sqrt(x * x + y * y + z * z) * cosine
+    bound = (1.0 + _NEARER_OF_BALL) / least if least > 0.0 else np.inf
     near, far, depth_size = extent(d[0], d[1], d[2], box)
     doubt = ROUNDINGS * depth_size + eye.least_depth
     near, far = near - doubt, far + doubt
     if far < 0.0:
         return 0, -1, 0, -1, np.float32(0.0)
     if near <= eye.least_depth:
-        return 0, side - 1, 0, side - 1, np.float32(np.inf)
+        return 0, side - 1, 0, side - 1, np.float32(bound)
     low_x, high_x = projected_extent(m[0], m[1], m[2], d[0], d[1], d[2], box)
     low_y, high_y = projected_extent(m[4], m[5], m[6], d[0], d[1], d[2], box)
     size_x, size_y = extent(m[0], m[1], m[2], box)[2], extent(m[4], m[5], m[6], box)[2]
@@ -62,5 +73,5 @@ def place_cluster(boxes, cluster, eye, side, margin):  # type: ignore[no-untyped
     left, right = np.ceil(max(low_x - doubt_x, 0.0)), np.floor(min(high_x + doubt_x, side - 1.0))
     top, bottom = np.ceil(max(low_y - doubt_y, 0.0)), np.floor(min(high_y + doubt_y, side - 1.0))
     if left <= right and top <= bottom:
-        return int(left), int(right), int(top), int(bottom), np.float32((1.0 + NEARER) / near)
+        return int(left), int(right), int(top), int(bottom), np.float32(min((1.0 + NEARER) / near, bound))
     return 0, -1, 0, -1, np.float32(0.0)

@@ -235,7 +235,7 @@ def _draw_tile(  # type: ignore[no-untyped-def]
             continue
         cluster = order[here[k]]
         fetch_vertices(clusters, cluster)
-        left, right, top, bottom, bound = place_cluster(boxes, cluster, eye, side, margin)
+        left, right, top, bottom, bound = place_cluster(boxes, cluster, eye, side, margin, cones[tile, 3])
         if right < left:
             continue
         if listed >= _STALE:

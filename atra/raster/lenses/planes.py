@@ -18,6 +18,9 @@ from atra.compiled.threads import WorkerPool
 LARGEST_SIDE = 128
 """Pixels along the sides of a tile, unless its rays diverge too much for a plane."""
 
+_BENT_SIDE, _BENT_MARGIN = 64, 5.0
+"""Pixels along the sides where samples would lie farther from a grid than so many pixels on average."""
+
 REGION = 1
 """Tiles along the sides of a region, for which clusters are culled together."""
 
@@ -72,7 +75,8 @@ def lens_planes(directions: NDArray[np.float64], pitch: float, pool: WorkerPool)
     side = LARGEST_SIDE
     while True:
         planes = _planes_of(directions, side, pitch, pool)
-        if side == 1 or planes.cones[:, 3].min() >= _LEAST_COSINE:
+        is_bent = side > _BENT_SIDE and planes.margins.mean() > _BENT_MARGIN
+        if side == 1 or (planes.cones[:, 3].min() >= _LEAST_COSINE and not is_bent):
             return planes
         side //= 2
 
