@@ -15,7 +15,7 @@ from atra.bvh.options import BvhKeywords, BvhOptions
 from atra.bvh.starts import NO_LISTS, NO_SHAFTS, Shafts
 from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.embree.packets_kernels import Image, RayGrid
-from atra.exact.ties import NO_DIRECTIONS, coplanar_overlaps, lowest_of_ties, tie_tiles
+from atra.exact.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
 from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range, from_eye_space, ray_axes, unseen_from
@@ -109,7 +109,7 @@ class BvhTracer(TracerLifetime[Hits]):
         depth, prim_id = outputs((camera.height, camera.width), camera.width, images_of(out))
         self._run(offset, Image(depth, prim_id), counting=False)
         if self._tie_tiles is not None:
-            directions = NO_DIRECTIONS
+            directions = None
             if isinstance(camera, LensView):
                 directions = self._lens_rays.directions(camera, offset, self._pool)
             lowest_of_ties(self.mesh, camera, self._tie_tiles, offset, prim_id, self._pool, directions)

@@ -36,9 +36,6 @@ TIE_TOLERANCE = 1e-9
 MOST_PAIRS = 1 << 24
 """Upper limit of a mesh's overlapping pairs, equal triangles not counted; more would take too long."""
 
-NO_DIRECTIONS = np.empty((3, 0, 0))
-"""Stands for the directions of a camera without a lens."""
-
 
 @dataclass(frozen=True, eq=False)
 class CoplanarOverlaps:
@@ -163,7 +160,7 @@ def lowest_of_ties(
     offset: tuple[float, float],
     prim_id: NDArray[np.uint32],
     pool: WorkerPool,
-    directions: NDArray[np.float64] = NO_DIRECTIONS,
+    directions: NDArray[np.float64] | None = None,
 ) -> None:
     """Replace tied triangles in `prim_id` (H, W) by the lowest ones, in place.
 

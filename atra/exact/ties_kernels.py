@@ -261,12 +261,12 @@ def settle_ties(  # type: ignore[no-untyped-def]
 
     tiles: (tile rows, tile columns) bool, those with ties. may_tie, twins, starts, partners: of `CoplanarOverlaps`.
     vertices: (V, 3) float32, faces: (F, 3) uint32. eye, axes: of the camera. across, along: (W,), (H,) float64,
-    distances of columns and rows from the view axis on the image plane. directions: of `lowest_of_ties`; where there
-    are some they count instead. tie_tolerance: relative difference of equal depths. prim_id: (H, W) uint32, changed in
+    distances of columns and rows from the view axis on the image plane. directions: of `lowest_of_ties`, in
+    place of these distances. tie_tolerance: relative difference of equal depths. prim_id: (H, W) uint32, changed in
     place.
     """
     height, width = prim_id.shape
-    miss, has_directions = np.uint32(len(may_tie) - 1), directions.shape[1] > 0
+    miss = np.uint32(len(may_tie) - 1)
     while True:
         row = fetch_add(counter_address, 1)
         if row >= tiles.shape[0]:
@@ -282,7 +282,7 @@ def settle_ties(  # type: ignore[no-untyped-def]
                     lowest = twins[hit]
                     if starts[lowest] < starts[lowest + 1]:
                         ox, oy, oz, dx, dy, dz = eye[0], eye[1], eye[2], axes[2, 0], axes[2, 1], axes[2, 2]
-                        if has_directions:
+                        if directions is not None:
                             a, b, c = directions[0, y, x], directions[1, y, x], directions[2, y, x]
                             dx, dy, dz = c * dx, c * dy, c * dz
                         else:

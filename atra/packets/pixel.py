@@ -97,7 +97,7 @@ class PixelTracer(EmbreeGathering, ImageTracer):
 
         self._pool.run(work)
 
-    def _directions(self, camera: View, offset: tuple[float, float]) -> NDArray[np.float64]:
+    def _directions(self, camera: View, offset: tuple[float, float]) -> NDArray[np.float64] | None:
         if isinstance(camera, LensView):
             return self._lens_rays.directions(camera, offset, self._pool)
         return super()._directions(camera, offset)

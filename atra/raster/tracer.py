@@ -13,7 +13,7 @@ from atra.all_hits.reductions import Reduction
 from atra.compiled.beside import compile_beside
 from atra.compiled.instruction_sets import native_lanes
 from atra.compiled.threads import WorkerPool, resolve_threads
-from atra.exact.ties import NO_DIRECTIONS, coplanar_overlaps, lowest_of_ties, tie_tiles
+from atra.exact.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
 from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range
@@ -107,7 +107,7 @@ class RasterTracer(Gathering):
         assert self._scratch is not None
         camera = self.camera
         images = outputs((camera.height, camera.width), camera.width, images_of(out))
-        directions, rest = NO_DIRECTIONS, (offset, self.lanes, self._scratch, self._pool, images)
+        directions, rest = None, (offset, self.lanes, self._scratch, self._pool, images)
         if isinstance(camera, LensView):
             self._lens_drawing.draw(self.mesh, camera, *rest)
             directions = self._lens_drawing.rays.directions(camera, offset, self._pool)

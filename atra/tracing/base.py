@@ -17,7 +17,7 @@ from atra.embree.callbacks_kernels import memory_monitor
 from atra.embree.device import EmbreeDevice
 from atra.embree.scene import EmbreeScene, resolve_packet_width
 from atra.embree.workspace import Workspace, check_widths
-from atra.exact.ties import NO_DIRECTIONS, compile_kernels, coplanar_overlaps, lowest_of_ties, tie_tiles
+from atra.exact.ties import compile_kernels, coplanar_overlaps, lowest_of_ties, tie_tiles
 from atra.exact.ties_kernels import find_overlaps
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range, ray_axes
@@ -110,9 +110,9 @@ class EmbreeTracer(TracerLifetime[Result]):
                 own_rows = prim_id[image * camera.height : (image + 1) * camera.height]
                 lowest_of_ties(mesh, camera, tiles, offset, own_rows, self._pool, self._directions(camera, offset))
 
-    def _directions(self, camera: View, offset: tuple[float, float]) -> NDArray[np.float64]:
+    def _directions(self, camera: View, offset: tuple[float, float]) -> NDArray[np.float64] | None:
         """As `lowest_of_ties` takes them."""
-        return NO_DIRECTIONS
+        return None
 
     @in_turn
     def bvh_cost(self) -> BvhCost | None:
