@@ -56,10 +56,26 @@ KERNELS = (
     Mutation(
         "occlusion_bound",
         "atra/raster/culling.py",
-        "bounds[cluster] = (1.0 + _NEARER) / near",
-        "bounds[cluster] = (1.0 + _NEARER) / far",
+        "bounds[cluster] = (1.0 + NEARER) / near",
+        "bounds[cluster] = (1.0 + NEARER) / far",
         "a cluster is held to be hidden by the farthest corner of its box",
         ("tests/raster/test_clusters.py::test_a_camera_that_walks_and_jumps_sees_the_image_of_all_triangles",),
+    ),
+    Mutation(
+        "lens_margin",
+        "atra/raster/lenses/triangles.py",
+        "zero, one, wider = repeated(0.0, BATCH), repeated(1.0, BATCH), repeated(margin, BATCH)",
+        "zero, one, wider = repeated(0.0, BATCH), repeated(1.0, BATCH), repeated(0.0, BATCH)",
+        "through a lens, samples are looked for as if they lay on the grid",
+        ("tests/raster/test_lenses.py::test_from_among_the_triangles_nothing_is_wrong",),
+    ),
+    Mutation(
+        "lens_row_limits",
+        "atra/raster/lenses/drawing.py",
+        "slack = side * band.stride * 4, margin + 2.0 * doubt",
+        "slack = side * band.stride * 4, -1.0",
+        "rows of wide triangles end a pixel early through a lens",
+        ("tests/raster/test_lenses.py::test_from_among_the_triangles_nothing_is_wrong",),
     ),
     Mutation(
         "missing_culling_plane",
