@@ -121,9 +121,10 @@ def _shoot_rays() -> None:
     origins = random.uniform(1, side - 2, (1 << 15, 3)).astype(np.float32)
     directions = random.normal(size=origins.shape).astype(np.float32)
     for width in {1, native_lanes()}:
-        with atra.RayScene(mesh, packet_width=width) as scene:
-            scene.intersect(origins, directions)
-            scene.occluded(origins, directions)
+        for exact in (False, True):
+            with atra.RayScene(mesh, packet_width=width, exact=exact) as scene:
+                scene.intersect(origins, directions)
+                scene.occluded(origins, directions)
 
 
 def _find_all_hits() -> None:

@@ -12,16 +12,20 @@ from numpy.typing import ArrayLike, NDArray
 from atra.compiled.threads import resolve_threads
 from atra.embree.callbacks_kernels import memory_monitor
 from atra.embree.scene import EmbreeScene, resolve_packet_width
-from atra.embree.workspace import Workspace
+from atra.embree.workspace import Workspace, check_widths
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import padded_vertices
+from atra.prim_ids import MISS
 from atra.rays.all_hits.scene import AllHitsScene
+from atra.rays.enlarged import enlarged
+from atra.rays.enlarged_kernels import DOUBT, NOWHERE, Doubts, doubt_filter
 from atra.rays.order import Numbers, RayOrder, has_order_already, is_large, near_by_of
 from atra.rays.rays import RayHits, Rays, rays_of
 from atra.rays.rays_kernels import (
     ALWAYS,
     NEVER,
+    UNDECIDED,
     WHERE_ALIKE,
     RaysInMemory,
     closest_hit_kernel,
@@ -32,8 +36,7 @@ from atra.tracing.options import PacketKeywords, RayOptions, lists_options
 ORDERED = 1 << 20
 """Rays that are put in an order at a time, which bounds the memory that takes; more gain nothing."""
 
-_NOWHERE = np.uint32(0xFFFFFFFF)
-"""A corner that no mesh has: Embree leaves out the triangles that name it, and the others keep their numbers."""
+_NO_DOUBTS = Doubts(0, *(np.float32(0.0),) * 4)
 
 
 class Query(NamedTuple):
@@ -65,6 +68,9 @@ class RayScene(AllHitsScene):
     mesh: one, or a list of several. transforms: (G, 3, 4), affine maps of the meshes into the world; None: as they are.
     One mesh may be in the list many times; each copy takes memory of its own. `geometry_id` counts the meshes.
     options: see `atra.RayOptions`. faces: (F,) bool, those of all meshes together that rays meet; None: all.
+    exact: `intersect` and `occluded` lose no ray at a corner either, unless it lies all but in the plane of a triangle:
+    Embree is given triangles a little larger, and hits near edges are decided without rounding. The first batch also
+    builds the tree of `all_hits`, and `robust` has no effect.
     Triangles are the mesh's `traced_faces`, as for the tracers, and `prim_id` counts them as the mesh does. Where
     several are equally far, `intersect` stores whichever Embree finds: there is no rule for ties. `all_hits`, `count`,
     `gather` and `contains` decide without rounding, by a tree of their own.
@@ -82,14 +88,17 @@ class RayScene(AllHitsScene):
         *,
         transforms: ArrayLike | None = None,
         faces: NDArray[np.bool_] | None = None,
+        exact: bool = False,
         **options: Unpack[PacketKeywords],
     ) -> None:
         self.options = RayOptions.of(type(self).__name__, options)
+        self.exact = bool(exact)
         super().__init__(mesh, transforms, faces, resolve_threads(self.options.threads))
         self.packet_width = resolve_packet_width(self.options.packet_width)
         self._order = RayOrder(self._pool)
         self._workspaces = [Workspace(self.packet_width, coherent=False) for _ in range(self.threads)]
         self._scene: EmbreeScene | None = None
+        self._rims, self._doubts = np.empty(0, np.float32), _NO_DOUBTS
 
     def _plan(self) -> float:
         return 0.0
@@ -97,17 +106,21 @@ class RayScene(AllHitsScene):
     def _build(self) -> float:
         monitor_address, faces = memory_monitor(), self.mesh.traced_faces  # made before the clock starts
         start = perf_counter()
-        if self._faces is not None:
-            faces = np.where(self._faces[:, None], faces, _NOWHERE)
-        vertices = padded_vertices(len(self.mesh.vertices))
-        vertices[:] = self.mesh.vertices
+        if self.exact:
+            vertices, faces, self._rims, self._doubts = enlarged(self.mesh, self._faces)
+        else:
+            if self._faces is not None:
+                faces = np.where(self._faces[:, None], faces, NOWHERE)
+            vertices = padded_vertices(len(self.mesh.vertices))
+            vertices[:] = self.mesh.vertices
         scene = EmbreeScene(
             vertices,
             faces,
             build_quality=self.options.build_quality,
             threads=self.threads,
             monitor_address=monitor_address,
-            robust=self.options.robust,
+            robust=self.options.robust and not self.exact,
+            filter_in_arguments=self.exact,
         )
         taken_s = perf_counter() - start
         if self._scene is not None:
@@ -145,7 +158,11 @@ class RayScene(AllHitsScene):
         if np.may_share_memory(t, prim_id):
             raise InputError("out has one memory for t and prim_id: pass a result of `intersect`")
         with self._in_use():
-            self._run(closest_hit_kernel(self.packet_width), coherent, rays, t.reshape(-1), prim_id.reshape(-1))
+            flat = t.reshape(-1), prim_id.reshape(-1)
+            exact = self.exact
+            self._run(closest_hit_kernel(self.packet_width, exact), coherent, rays, *flat)
+            if exact:
+                self._decide(flat[1] == DOUBT, rays, *flat)
             if self.geometries.count == 1:
                 return RayHits(t, prim_id, rays, self.mesh)
             traced_id = prim_id.copy()
@@ -168,10 +185,32 @@ class RayScene(AllHitsScene):
         """
         rays, shape = rays_of(origins, directions, tnear, tfar)
         found = np.empty(shape, np.bool_) if out is None else _checked_out("out", out, np.bool_, shape)
-        self._run(occlusion_kernel(self.packet_width), coherent, rays, found.reshape(-1))
+        answers, exact = found.reshape(-1).view(np.uint8), self.exact
+        with self._in_use():
+            self._run(occlusion_kernel(self.packet_width, exact), coherent, rays, answers, filters=exact)
+            if exact:
+                triangles = np.empty(len(rays), np.uint32)
+                numbers = self._decide(answers == UNDECIDED, rays, np.empty(0, np.float32), triangles)
+                answers[numbers] = triangles[numbers] != MISS
         return found
 
-    def _run(self, kernel: Callable[..., None], coherent: bool | None, rays: Rays, *outputs: NDArray[Any]) -> None:
+    def _decide(
+        self, is_doubtful: NDArray[np.bool_], rays: Rays, t: NDArray[np.float32], prim_id: NDArray[np.uint32]
+    ) -> NDArray[np.int64]:
+        """Write what rays in doubt hit, as `Crossings.nearest`; returns their numbers."""
+        numbers = np.flatnonzero(is_doubtful)
+        if len(numbers):
+            self.crossings.nearest(rays, numbers, t, prim_id)
+        return numbers
+
+    def _run(
+        self,
+        kernel: Callable[..., None],
+        coherent: bool | None,
+        rays: Rays,
+        *outputs: NDArray[Any],
+        filters: bool = False,
+    ) -> None:
         with self._in_use():
             together = WHERE_ALIKE if coherent is None else ALWAYS if coherent else NEVER
             near_by = near_by_of(self.mesh)
@@ -184,9 +223,9 @@ class RayScene(AllHitsScene):
                 placed = RaysInMemory(*starts, *ends, together, near_by)
 
                 def work(query: Query) -> None:
-                    kernel(query.counter, query.scene, query.packet, query.flags, placed, *answers)
+                    kernel(query.counter, query.scene, query.packet, query.flags, placed, self._doubts, *answers)
 
-                self.run(work, coherent=bool(coherent))
+                self._shoot(work, bool(coherent), filters)
 
             numbers = rays.origins, rays.directions, rays.tnear, rays.tfar
             if has_order:
@@ -203,18 +242,29 @@ class RayScene(AllHitsScene):
     def run(self, work: Callable[[Query], None], *, coherent: bool = False) -> None:
         """Call `work` once per thread, side by side, for kernels of the caller's own; nothing else is traced meanwhile.
 
-        coherent: as for `intersect`. Raises ClosedError after `close`.
+        coherent: as for `intersect`. Raises InputError for a scene with exact=True, whose triangles are others, and
+        ClosedError after `close`.
         """
+        _ = self.address
+        self._shoot(work, coherent)
+
+    def _shoot(self, work: Callable[[Query], None], coherent: bool, filters: bool = False) -> None:
+        """As `run`. filters: whether hits in doubt are rejected."""
         with self._in_use():
-            scene = self.address
+            scene = self._scene.address  # type: ignore[union-attr]
             for workspace in self._workspaces:
                 workspace.set_coherent(coherent)
+                if self.exact:
+                    workspace.gather_with(doubt_filter(self.packet_width) if filters else 0, self._doubts.rims)
             own = [(workspace.packet, workspace.flags) for workspace in self._workspaces]
             self._pool.run(lambda worker, counter: work(Query(worker, counter, scene, *own[worker])))
+            check_widths(self._workspaces)
 
     @property
     def address(self) -> int:
-        """The RTCScene, for kernels that ask more than one. Raises ClosedError after `close`."""
+        """The RTCScene, for kernels that ask more than one. Raises as `run`."""
+        if self.exact:
+            raise InputError(f"this {type(self).__name__} has exact=True, kernels of one's own need exact=False")
         with self._in_use():
             return self._scene.address  # type: ignore[union-attr]
 

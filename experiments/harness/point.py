@@ -122,7 +122,8 @@ class Workload:
     samples: which series a record of a point must hold. optional: series that it may hold beside these, at least one.
     judged: the series whose spread makes a point doubtful. needs: results that a measured record holds at least.
     canary: what a measured record says of the machine alone (`experiments.results.canary`).
-    problem: why a point cannot be measured.
+    problem: why a point cannot be measured. once: the name under which older tables have its rows, those with a value
+    of its first option.
     """
 
     name: str
@@ -136,6 +137,7 @@ class Workload:
     needs: tuple[str, ...] = ()
     canary: Callable[[Record], float | None] = no_canary
     problem: Callable[[Point], str | None] = no_problem
+    once: str | None = None
 
     @property
     def is_timed(self) -> bool:

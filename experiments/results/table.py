@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -214,9 +214,20 @@ def read_table(path: Path) -> pd.DataFrame | None:
             raise ValueError(f"it has no column {absent[0]}")
         # A column that is newer than the table was not measured.
         known = {name: one.dtype for name, one in columns().items() if name in table}
+        table = rename_workloads(table)
         return _frame({name: table[name].astype(dtype) for name, dtype in known.items()}, table.index)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path} cannot be read as a table of this version ({error}); run the sweep again") from None
+
+
+def rename_workloads(table: pd.DataFrame) -> pd.DataFrame:
+    """A stored table in which rows of workloads that had another name have their name of today."""
+    for workload in WORKLOADS:
+        option = fields(workload.options)[0].name if workload.once else None
+        if option in table and "workload" in table:
+            is_older = table["workload"].eq(workload.once) & table[option].notna()
+            table = table.assign(workload=table["workload"].mask(is_older, workload.name))
+    return table
 
 
 def rows_of(table: pd.DataFrame, *grids: str) -> pd.DataFrame:

@@ -8,6 +8,7 @@ from experiments.workloads.agreement import AGREEMENT
 from experiments.workloads.bake import BAKE
 from experiments.workloads.bake_rays import BAKE_RAYS
 from experiments.workloads.build import BUILD
+from experiments.workloads.classification import CLASSIFICATION
 from experiments.workloads.frame import FRAME
 from experiments.workloads.gather import GATHER
 from experiments.workloads.memory import MEMORY
@@ -35,6 +36,7 @@ WORKLOADS: tuple[Workload, ...] = (
     RENDER,
     BAKE,
     BAKE_RAYS,
+    CLASSIFICATION,
     RAYS,
 )
 """In the order of tables and pages."""

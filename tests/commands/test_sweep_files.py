@@ -5,6 +5,8 @@ import pytest
 
 from atra.embree.library import load_library
 from experiments.methods.peers.llvmpipe import LLVMPIPE
+from experiments.methods.peers.open3d_scene import OPEN3D
+from experiments.methods.peers.trimesh_ray import TRIMESH
 from tests.command import ROOT, run_here
 
 pytestmark = pytest.mark.uncovered
@@ -17,6 +19,7 @@ FIGURE5 = [
 ]
 OVER_SPLITS = {"figure4", "figure4_speedup", *FIGURE5, "figure5_vertical", "figure5_vertical_speedup"}
 WRONG = () if LLVMPIPE.problem() else ("disagreements_cornell_box_32x32",)
+ASKED = {f"rays_{peer.name}" for peer in (TRIMESH, OPEN3D) if not peer.problem()}
 OTHER_PICTURES = ("split", "tiles", "peers", "samples", "still", "waves", "mitsuba")
 IN_PROCESS = ("occupancy", "dark", "packets", "batch", "size", "expansion", "roulette", "environment", "translucency")
 # An image of 32 pixels takes no split of 64: such points are skipped.
@@ -55,6 +58,11 @@ SWEEPS = {
         {"stages"},
     ),
     "planner": (["scene.view=aside,wide"], {"planner"}),
+    "rays": (["scene=cornell_box", "workload.judged_rays=50", "threads=1", "~sweep.grids.rays_contains"], ASKED),
+    "rays-closed": (
+        ["scene=three_holes", "workload.judged_rays=5", "threads=1", "~sweep.grids.rays_questions"],
+        ASKED,
+    ),
     "views": (["scene.copies=1", "workload.views=2", "width=32", "height=32"], set()),
     "classification_smoke": ([], {"classification_probability", "classification_shafts", "moving"}),
     "classification_smoke-single_rays": (

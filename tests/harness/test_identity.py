@@ -129,7 +129,7 @@ def test_what_only_tells_of_results_is_no_part_of_a_record():
     assert registries.isdisjoint(found)
     rooms = tuple(f"experiments.{name}." for name in ("report", "paper", "commands", "viewer"))
     names = {part.module for part in found}
-    assert not [name for name in names if name.startswith(rooms) or name.endswith((".shown", ".rays.claims"))]
+    assert not [name for name in names if name.startswith(rooms) or name.endswith((".shown", ".classification.claims"))]
 
 
 def test_the_identity_of_a_point_follows_its_code(monkeypatch):
@@ -150,7 +150,7 @@ def test_the_identity_of_a_point_follows_its_code(monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("method", "workload"), [("aligned", "frame"), ("raster", "gather"), ("raster", "bake"), ("bvh", "rays")]
+    ("method", "workload"), [("aligned", "frame"), ("raster", "gather"), ("raster", "bake"), ("bvh", "classification")]
 )
 def test_every_function_that_runs_while_a_point_is_measured_is_part_of_its_code(method, workload):
     small = {"size": 32, "samples": 1} if workload == "bake" else {}

@@ -4,7 +4,7 @@ import pandas as pd
 
 from experiments.methods.bvh import BVH
 from experiments.methods.classified import CLASSIFIED
-from experiments.workloads.rays.claims import KINDS, usual
+from experiments.workloads.classification.claims import KINDS, usual
 from tests.quotations.quotation import SCENES, digits, each_scene, interval, line, milliseconds, number, of, table_row
 
 _WIDTHS = {1: "single rays", 8: "packets of 8"}
@@ -12,14 +12,14 @@ _WIDTHS = {1: "single rays", 8: "packets of 8"}
 
 def own_bvh(kept):
     """rtcIntersect1's time over that of our own BVH from its root, primary rays, scene by scene."""
-    plain = each_scene(kept.points, workload="rays", method=BVH.name, ray_kind=KINDS[0])
+    plain = each_scene(kept.points, workload="classification", method=BVH.name, ray_kind=KINDS[0])
     yield f"{', '.join(number(row, 'speedup') for row in plain)} times as fast as `rtcIntersect1`"
 
 
 def classified_rays(kept):
     """Scene and kind, steps over those from the root, and the time from the root over ours: tested when popped, and
     when pushed; and rtcIntersect1 over ours."""
-    rays = of(kept.points, workload="rays")
+    rays = of(kept.points, workload="classification")
     popped, pushed = usual(rays), usual(rays, traversal="push")
     for scene in SCENES:
         for kind in KINDS:
@@ -33,7 +33,7 @@ def classified_rays(kept):
 def memory_of_shafts(kept):
     """Scene, shafts, mean length of a list, look-up and lists over the BVH, seconds to build them, and how many batches
     of each kind pay for that."""
-    told = usual(of(kept.points, workload="rays"))
+    told = usual(of(kept.points, workload="classification"))
     for scene in SCENES:
         kinds = [of(told, scene=scene, ray_kind=kind).iloc[0] for kind in KINDS]
         first = of(told, scene=scene).iloc[0]
@@ -50,7 +50,7 @@ def memory_of_shafts(kept):
 def packets_from_lists(kept):
     """Single rays and packets sorted by shaft, and what has lists; for each scene the time from the root over ours, and
     batches that pay for all preparation. Last, the packets whose lists are those of their rays over Embree's."""
-    rays = of(kept.points, workload="rays", method=CLASSIFIED.name, ray_order="shaft")
+    rays = of(kept.points, workload="classification", method=CLASSIFIED.name, ray_order="shaft")
     for width, words in _WIDTHS.items():
         for subset in ("none", "complete", "sampled", "hits"):
             rows = each_scene(rays, packet_width=width, shaft_subset=subset)

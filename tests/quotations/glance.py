@@ -6,8 +6,8 @@ from experiments.methods import find_method
 from experiments.results.claims import judge_claim
 from experiments.workloads.bake import Against
 from experiments.workloads.bake_rays.shown import CLAIMS as PREDICTIONS
+from experiments.workloads.classification.claims import KINDS, usual
 from experiments.workloads.frame.shown import best_baselines
-from experiments.workloads.rays.claims import KINDS, usual
 from tests.quotations.gathering import in_packets
 from tests.quotations.growth import both_ends_of_the_rasteriser
 from tests.quotations.methods import COMPARED, gains_of_two_threads, tracers_over_single_rays
@@ -111,7 +111,7 @@ def pictures_in_short(kept):
 def steps_and_speed(kept):
     """Rays that start from lists: steps over those from the root, and speed over the root."""
     for kind in KINDS:
-        rows = each_scene(usual(of(kept.points, workload="rays")), ray_kind=kind)
+        rows = each_scene(usual(of(kept.points, workload="classification")), ray_kind=kind)
         yield line(kind, rows, "steps_ratio", lambda row, name: f"{number(row, name)}, {number(row, 'speedup_vs_bvh')}")
 
 

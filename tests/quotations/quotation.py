@@ -12,6 +12,7 @@ from typing import Any
 
 import pandas as pd
 
+from experiments.results.table import rename_workloads
 from experiments.workloads.series import best_rows
 from tests.folders import ROOT
 
@@ -61,7 +62,7 @@ def _said(quotation: Quotation) -> tuple[list[str], list[str]]:
 def kept_in(folder: Path) -> Kept:
     """What a folder keeps; read once, as a table of hundreds of columns takes a tenth of a second."""
     points, processes = (
-        pd.read_parquet(path) if path.exists() else pd.DataFrame()
+        rename_workloads(pd.read_parquet(path)) if path.exists() else pd.DataFrame()
         for path in (folder / "table.parquet", folder / "processes.parquet")
     )
     claims = folder / "claims.json"

@@ -136,6 +136,12 @@ def test_a_column_newer_than_a_stored_table_reads_as_missing(tmp_path):
     pd.testing.assert_frame_equal(stored.points, expected)
 
 
+def test_an_older_tables_workload_is_read_by_its_name_of_today(tmp_path):
+    table = make_table([MEASURED, SKIPPED]).assign(workload="rays", ray_kind=["diffuse", None])
+    write_tables(tmp_path, Tables(table, table))
+    assert list(read_tables(tmp_path).points["workload"]) == ["classification", "rays"]
+
+
 def test_a_point_of_two_grids_is_a_row_of_each():
     table = make_table([MEASURED, SKIPPED], {"a": ("horizontal", "grid"), "b": ("grid",)})
     rows = {grid: list(rows_of(table, grid)["point_id"]) for grid in ("horizontal", "grid", "hor")}

@@ -5,8 +5,8 @@ import pytest
 from experiments.methods.classified import CLASSIFIED, ClassifiedOptions
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, judge_claim
 from experiments.results.table import frame_of
-from experiments.workloads.rays.claims import CLAIMS, usual_value
-from experiments.workloads.rays.shown import FIGURES, draw
+from experiments.workloads.classification.claims import CLAIMS, usual_value
+from experiments.workloads.classification.shown import FIGURES, draw
 
 pytestmark = pytest.mark.uncovered
 
@@ -21,7 +21,7 @@ MEASURED = {
 
 def row(kind="primary", scene="box", **changes):
     options = {name: usual_value(name) for name in ClassifiedOptions.__dataclass_fields__}
-    told = {"scene": scene, "method": CLASSIFIED.name, "workload": "rays", "status": "ok", "ray_kind": kind}
+    told = {"scene": scene, "method": CLASSIFIED.name, "workload": "classification", "status": "ok", "ray_kind": kind}
     return told | {"triangles": 12, "stands_for": None} | options | MEASURED | changes
 
 

@@ -1,7 +1,6 @@
-"""Crossings of one ray and the triangles of a tree of eight children per node: each exactly once.
+"""Crossings of one ray and the triangles of a tree: each exactly once.
 
-Boxes are tested in float32 and never lose a triangle: the ray starts anew where it comes near the mesh, and each box is
-enlarged by more than all roundings. Triangles are tested in float64, four at a time, with a bound of the error; where
+Triangles are tested in float64, four at a time, with a bound of the error; where
 that leaves a doubt `atra.exact.lines_kernels` decides.
 """
 
@@ -15,7 +14,6 @@ from atra.compiled.store import njit
 from atra.compiled.vectors import bits_of, fused, larger, repeated, size, smaller, widened
 from atra.exact.lines_kernels import UNIT, crossing_sign, major_axis, plane_sign
 from atra.trees.layout import BLOCK, IDS
-from atra.trees.wide import CHILDREN, HIGH
 
 _ZERO = np.float32(0.0)
 
@@ -35,19 +33,6 @@ mesh's distance."""
 _ROUNDINGS = 16.0
 """Largest error of a sheared corner, in roundings of the largest distance to the mesh; there are 6."""
 
-_BOX_MARGIN = 2.0**-20
-"""By which share of the mesh's distance from the world's origin plus its size boxes are enlarged; float32 rounds the
-start of the ray, and three operations of a box test, by a quarter of that together."""
-
-_FAR_MARGIN = 2.0**-48
-"""By which share of the ray's way to the mesh boxes are enlarged; float64 rounds the new start by an eighth of that."""
-
-_SMALLEST_COMPONENT = 1e-18
-"""Smaller components of a direction have this reciprocal; within the mesh's size that moves a ray less than margins."""
-
-_PADDING = 1.01
-"""Factor on the sphere around the mesh, so that rounding moves no ray out of it."""
-
 
 @njit(forceinline=True)
 def scaled_ray(rays, number):  # type: ignore[no-untyped-def]
@@ -65,73 +50,6 @@ def scaled_ray(rays, number):  # type: ignore[no-untyped-def]
         o, (x * scale, y * scale, z * scale), np.float64(rays.tnear[number]) * length,
         np.float64(rays.tfar[number]) * length, scale,
     )  # fmt: skip
-
-
-@njit(forceinline=True)
-def start_of(o, d, tnear, sphere):  # type: ignore[no-untyped-def]
-    """(whether the ray comes near the mesh, s): it starts anew at o + s d, beyond `tnear` where the mesh is far.
-
-    sphere: middle of the mesh's box and half its diagonal.
-    """
-    cx, cy, cz, radius = sphere
-    x, y, z = cx - o[0], cy - o[1], cz - o[2]
-    square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-    middle = (x * d[0] + y * d[1] + z * d[2]) / square
-    padded = _PADDING * radius + 64.0 * UNIT * (abs(x) + abs(y) + abs(z))
-    reach = padded / np.sqrt(square)
-    s = max(tnear, middle - reach)
-    x, y, z = x - s * d[0], y - s * d[1], z - s * d[2]
-    return s <= middle + reach and max(abs(x), abs(y), abs(z)) <= 1.5 * padded, s
-
-
-@njit(forceinline=True)
-def _reciprocal(component):  # type: ignore[no-untyped-def]
-    if abs(component) >= _SMALLEST_COMPONENT:
-        return 1.0 / component
-    return 1.0 / _SMALLEST_COMPONENT if component >= 0.0 else -1.0 / _SMALLEST_COMPONENT
-
-
-@njit(forceinline=True)
-def box_ray(o, d, s, tfar, sphere):  # type: ignore[no-untyped-def]
-    """What box tests need of a ray that starts anew at o + s d: vectors of `CHILDREN` float32, and where the near and
-    the far sides of boxes lie in a node."""
-    cx, cy, cz, radius = sphere
-    way = max(abs(cx - o[0]), abs(cy - o[1]), abs(cz - o[2]))
-    margin = (max(abs(cx), abs(cy), abs(cz)) + 4.0 * radius) * _BOX_MARGIN + way * _FAR_MARGIN
-    row = 4 * CHILDREN
-    ix, iy, iz = np.float32(_reciprocal(d[0])), np.float32(_reciprocal(d[1])), np.float32(_reciprocal(d[2]))
-    mx, my, mz = np.float32(margin * abs(ix)), np.float32(margin * abs(iy)), np.float32(margin * abs(iz))
-    ahead = (tfar - s) * (1.0 + _BOX_MARGIN) + margin
-    return (
-        (
-            repeated(np.float32(o[0] + s * d[0]), CHILDREN), repeated(np.float32(o[1] + s * d[1]), CHILDREN),
-            repeated(np.float32(o[2] + s * d[2]), CHILDREN),
-        ),
-        (repeated(ix, CHILDREN), repeated(iy, CHILDREN), repeated(iz, CHILDREN)),
-        (repeated(mx, CHILDREN), repeated(my, CHILDREN), repeated(mz, CHILDREN)),
-        (repeated(-mx, CHILDREN), repeated(-my, CHILDREN), repeated(-mz, CHILDREN)),
-        (repeated(np.float32(-margin), CHILDREN), repeated(np.float32(ahead), CHILDREN)),
-        (
-            0 if ix > 0 else HIGH, row if iy > 0 else HIGH + row, 2 * row if iz > 0 else HIGH + 2 * row,
-            HIGH if ix > 0 else 0, HIGH + row if iy > 0 else row, HIGH + 2 * row if iz > 0 else 2 * row,
-        ),
-    )  # fmt: skip
-
-
-@njit(forceinline=True)
-def entered(node, ray):  # type: ignore[no-untyped-def]
-    """Bits of the children that a ray may meet, of the node at an address. ray: from `box_ray`."""
-    (x, y, z), (ix, iy, iz), (mx, my, mz), (nx, ny, nz), (start, end), places = ray
-    first_x = fused(load(node + places[0], _ZERO, CHILDREN) - x, ix, nx)
-    first_y = fused(load(node + places[1], _ZERO, CHILDREN) - y, iy, ny)
-    first_z = fused(load(node + places[2], _ZERO, CHILDREN) - z, iz, nz)
-    last_x = fused(load(node + places[3], _ZERO, CHILDREN) - x, ix, mx)
-    last_y = fused(load(node + places[4], _ZERO, CHILDREN) - y, iy, my)
-    last_z = fused(load(node + places[5], _ZERO, CHILDREN) - z, iz, mz)
-    # The second argument is kept where a number is NaN: unused children stay NaN and are not entered.
-    first = larger(start, larger(first_y, larger(first_z, first_x)))
-    last = smaller(end, smaller(last_y, smaller(last_z, last_x)))
-    return bits_of(first <= last)
 
 
 @njit(forceinline=True)

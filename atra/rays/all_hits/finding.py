@@ -14,10 +14,11 @@ from atra.geometry.mesh import Mesh
 from atra.rays.all_hits.columns_kernels import cross_columns
 from atra.rays.all_hits.crossings_kernels import AREAS
 from atra.rays.all_hits.finding_kernels import CHUNK, STACK, Batch, Found, Lists, Tree, all_hits_kernel, lay_out
+from atra.rays.all_hits.nearest_kernels import nearest_kernel
 from atra.rays.rays import Rays
 from atra.tracing.budgets import check_needed_bytes
 from atra.trees.bvh import build_bvh
-from atra.trees.wide import WideBvh, widened_bvh
+from atra.trees.wide import CHILDREN, WideBvh, widened_bvh
 
 BATCH = 1 << 16
 """Rays traced at a time; Ctrl-C is heard between batches."""
@@ -112,6 +113,18 @@ class Crossings:
                 progress(some.stop, len(rays))
         return counts
 
+    def nearest(self, rays: Rays, numbers: NDArray[np.int64], t: NDArray[np.float32], prim_id: NDArray) -> None:
+        """Write the nearest hits of the rays `numbers` into (N,) arrays of all rays. t: empty, and only MISS or any
+        triangle of them is written."""
+        kernel, batch = nearest_kernel(not len(t)), _batch(rays, slice(None))
+        for start in range(0, len(numbers), BATCH):
+            given = batch, numbers[start : start + BATCH]
+            self._pool.run(
+                lambda worker, counter, given=given: kernel(  # type: ignore[misc]
+                    counter, self.tree, *given, self._found[worker], t, prim_id
+                )
+            )
+
     def columns(self, points: NDArray[np.float64], everywhere: bool = False) -> Columns:
         """The crossings of a ray along an axis of the world from each point, (P, 3) float64.
 
@@ -171,7 +184,10 @@ def _lists(counts: NDArray[np.int32]) -> Lists:
 
 def _memory(size: int) -> Found:
     arrays = np.empty(size), np.empty(size, np.uint32), np.empty(size, np.float32), np.empty(size, np.float32)
-    return Found(*arrays, np.zeros(1, np.int64), np.empty(STACK, np.int64), np.empty(PARTS), np.empty(AREAS))
+    stack = np.empty(STACK, np.int64), np.empty(STACK, np.float32)
+    return Found(
+        *arrays, np.zeros(1, np.int64), *stack, np.empty(PARTS), np.empty(AREAS), np.empty(CHILDREN, np.float32)
+    )
 
 
 def _grown(found: Found) -> Found:

@@ -13,17 +13,8 @@ from atra.compiled.intrinsics import fetch_add, int32_at
 from atra.compiled.lanes import first_bit
 from atra.compiled.memory import fetch
 from atra.compiled.store import float_kernel, kernel, njit
-from atra.rays.all_hits.crossings_kernels import (
-    box_ray,
-    candidates,
-    crossing,
-    entered,
-    line_of,
-    prim_id_of,
-    scaled_ray,
-    start_of,
-    sure_crossing,
-)
+from atra.rays.all_hits.boxes_kernels import box_ray, entered, start_of
+from atra.rays.all_hits.crossings_kernels import candidates, crossing, line_of, prim_id_of, scaled_ray, sure_crossing
 from atra.trees.layout import BLOCK_BYTES, DEEPEST
 from atra.trees.wide import CHILDREN, COUNTS, FIRSTS, WIDE_BYTES
 
@@ -64,7 +55,8 @@ class Found(NamedTuple):
     """Hits that one thread has found, ray by ray, in memory for `len(t)` of them.
 
     t: (M,) float64. prim_id: (M,) uint32. u, v: (M,) float32. used: (1,) int64, hits so far. stack: (STACK,) int64.
-    exact: (PARTS,) float64. areas: (AREAS,) float64.
+    reached: (STACK,) float32, where the ray comes to these nodes. exact: (PARTS,) float64. areas: (AREAS,) float64.
+    entries: (CHILDREN,) float32.
     """
 
     t: NDArray[np.float64]
@@ -73,8 +65,10 @@ class Found(NamedTuple):
     v: NDArray[np.float32]
     used: NDArray[np.int64]
     stack: NDArray[np.int64]
+    reached: NDArray[np.float32]
     exact: NDArray[np.float64]
     areas: NDArray[np.float64]
+    entries: NDArray[np.float32]
 
 
 class Lists(NamedTuple):

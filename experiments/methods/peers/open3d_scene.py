@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
@@ -13,6 +14,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from experiments.methods.peers.availability import reinstall
 from experiments.methods.peers.peer import RayPeerTracer, peer_method
+from experiments.methods.peers.questions import Answering, Asked, Question
 
 _FIRST_PYTHON_WITHOUT_WHEEL = (3, 15)  # of Open3D 0.20
 
@@ -45,6 +47,24 @@ class Open3DTracer(RayPeerTracer):
     def _count(self, scene: Any, rays: Any) -> NDArray[np.integer]:
         counted: NDArray[np.integer] = scene.count_intersections(rays, nthreads=self.threads).numpy()
         return counted
+
+    def _answers(self, scene: Any) -> Mapping[Question, Answering]:
+        threads = {"nthreads": self.threads}
+
+        def rays(origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Any:
+            return self._tensor(np.concatenate([origins, directions], axis=1))
+
+        def all_hits(*given: NDArray[np.float32]) -> Asked:
+            found = scene.list_intersections(rays(*given), **threads)
+            return found["ray_ids"].numpy(), found["primitive_ids"].numpy()
+
+        return {
+            Question.closest: lambda *given: scene.cast_rays(rays(*given), **threads)["primitive_ids"].numpy(),
+            Question.any: lambda *given: scene.test_occlusions(rays(*given), **threads).numpy(),
+            Question.count: lambda *given: scene.count_intersections(rays(*given), **threads).numpy(),
+            Question.all: all_hits,
+            Question.contains: lambda points: scene.compute_occupancy(self._tensor(points), **threads).numpy() > 0.5,
+        }
 
     def _tensor(self, array: NDArray[Any]) -> Any:
         """A tensor in the memory of `array`, which must be writable."""

@@ -33,6 +33,7 @@ from experiments.harness.environment import package_version
 from experiments.harness.method import Method, Style, Tracing, always_available
 from experiments.harness.options import NoOptions
 from experiments.methods.peers.availability import package_problem
+from experiments.methods.peers.questions import Answering, Question
 
 _PIXEL_CENTRE = (0.5, 0.5)
 
@@ -171,6 +172,24 @@ class RayPeerTracer(PeerTracer):
         Raises ClosedError after `close`."""
         with self._in_use():
             return self._cast(self._scene, rays)
+
+    def answer_to(self, question: Question) -> Answering:
+        """The peer's own function for a question, from plain arrays to plain arrays. Raises InputError where it has
+        none, ClosedError after `close`."""
+        with self._in_use():
+            found = self._answers(self._scene).get(question)
+        if found is None:
+            raise InputError(f"{type(self).__name__} has no answer to workload.question={question.value}")
+        return found
+
+    def answer_of_stand_in(self, question: Question, make: Callable[..., Any]) -> Answering | None:
+        """The same of a class that stands in for the peer's, which `make` makes of the peer's mesh; None where none
+        can."""
+        return None
+
+    def _answers(self, scene: Any) -> Mapping[Question, Answering]:
+        """Its answers to the questions it has functions for."""
+        return {}
 
     def _rays_through(self, offset: tuple[float, float]) -> Any:
         camera = self.camera

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from time import perf_counter
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from atra.compiled.store import keep_on_disk
 from atra.embree.library import wheel_problem
 from experiments.methods.peers.peer import Answer, BlockwiseTracer, RayArrays, peer_method
+from experiments.methods.peers.questions import Answering, Asked, Question
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,10 +50,13 @@ class TrimeshTracer(BlockwiseTracer):
         self._plane_depths(np.zeros(1, np.int32), nowhere, nowhere)  # compiled before the first frame, off the clock
         return taken_s
 
-    def _build_scene(self) -> Any:
+    def _trimesh(self) -> Any:
         import trimesh  # slow to import
 
-        mesh = trimesh.Trimesh(self.mesh.vertices, self.mesh.faces.astype(np.int64), process=False, validate=False)
+        return trimesh.Trimesh(self.mesh.vertices, self.mesh.faces.astype(np.int64), process=False, validate=False)
+
+    def _build_scene(self) -> Any:
+        mesh = self._trimesh()
         nowhere = np.zeros((1, 3), np.float32)
         mesh.ray.intersects_first(nowhere, nowhere + 1)  # builds the BVH, which waits for the first query
         return mesh.ray
@@ -87,10 +92,36 @@ class TrimeshTracer(BlockwiseTracer):
 
         return np.concatenate(list(self._each_block(measure, rays)))
 
+    def _answers(self, scene: Any) -> Mapping[Question, Answering]:
+        return _answers(scene)
+
+    def answer_of_stand_in(self, question: Question, make: Callable[..., Any]) -> Answering | None:
+        """That of `make(trimesh.Trimesh, threads=...)`."""
+        return _answers(make(self._trimesh(), threads=self.threads))[question]
+
     def _plane_depths(
         self, prim_id: NDArray[np.int32], origins: NDArray[np.float32], directions: NDArray[np.float32]
     ) -> NDArray[np.float32]:
         return _plane_depths(prim_id, origins, directions, self._planes.normals, self._planes.distances)
+
+
+def _answers(ray: Any) -> Mapping[Question, Answering]:
+    """ray: a trimesh mesh's, or what stands in for it. Each answer is one call, which traces in one thread."""
+
+    def count(*rays: NDArray[Any]) -> NDArray[np.int64]:
+        return np.bincount(ray.intersects_id(*rays, multiple_hits=True)[1], minlength=len(rays[0]))
+
+    def all_hits(*rays: NDArray[Any]) -> Asked:
+        _, of_ray, hit = ray.intersects_location(*rays, multiple_hits=True)
+        return of_ray, hit
+
+    return {
+        Question.closest: lambda *rays: ray.intersects_first(*rays),
+        Question.any: lambda *rays: ray.intersects_any(*rays),
+        Question.count: count,
+        Question.all: all_hits,
+        Question.contains: lambda points: ray.contains_points(points),
+    }
 
 
 @keep_on_disk

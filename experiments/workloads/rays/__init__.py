@@ -1,8 +1,9 @@
-"""Workload `rays`: batches of rays through our own BVH, from the root and as the method starts them, beside Embree."""
+"""Workload `rays`: questions that libraries answer of rays of no camera, asked of the point's method and of
+`atra.RayScene` in the same rounds, and how many hits each loses."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from enum import Enum
@@ -12,244 +13,192 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.bvh.scene import BvhScene, PreparedRays
-from atra.bvh.single import BLOCKS, BOXES, LISTED, STEPS
-from atra.exact.intersection import intersect_rays
+from atra.compat.trimesh import RayMeshIntersector
+from atra.errors import InputError
+from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
-from atra.prim_ids import MISS
-from atra.raster.tracer import RasterTracer
-from atra.rays.ray_sets import ray_set
-from atra.rays.rays import RayHits, Rays
 from atra.rays.scene import RayScene
 from atra.tracing.options import option
-from atra.trees.layout import BLOCK_BYTES, NODE_BYTES
-from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.environment import peak_rss_bytes, reset_peak_rss, rss_bytes
-from experiments.harness.point import Measured, Point, Workload
+from experiments.harness.column import WHOLE, Column
+from experiments.harness.options import check_whole_numbers
+from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
 from experiments.methods import METHODS
+from experiments.methods.peers.peer import RayPeerTracer
+from experiments.methods.peers.questions import Asked, Question
+from experiments.methods.peers.trimesh_ray import TRIMESH
 from experiments.results.statistics import statistics_columns
-from experiments.workloads.baselines import OWN, PACKETS, SINGLE, fastest, over_own, series, single_over_packets
-from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms
-from experiments.workloads.rounds import expert_packet_widths, load_mesh, measured, timed_rounds
+from experiments.workloads.baselines import OWN, over, series
+from experiments.workloads.rays.judging import judged, sample_of, truth_of
+from experiments.workloads.rounds import load_mesh, measured, timed_rounds
 
-PLAIN, SORTED = "plain", "packets_sorted"
-"""Names in the samples: the same rays in the same order and packets, from the root; and Embree's widest packets in that
-order, if it differs from the batch's."""
-
-_OWN_COUNTS = {
-    "traversal_steps": "nodes popped, or descended into",
-    "box_tests": "boxes tested",
-    "block_tests": "blocks of up to four triangles tested",
-    "list_entries": "nodes of lists put on the stack",
-    "rays_from_root": "rays, or packets, without a list",
-    "rays_proven_miss": "rays, or packets, that meet no node",
-}
-
-COUNTED = tuple(_OWN_COUNTS)
-"""Results in the order of `atra.bvh.single`."""
-
-PLAIN_COUNTED = tuple(f"plain_{name}" for name in COUNTED[:3])
-
-_COUNTS = _OWN_COUNTS | {plain: f"{name} from the root" for plain, name in zip(PLAIN_COUNTED, COUNTED, strict=False)}
+LIBRARY, STAND_IN = "library", "stand_in"
+"""Names in the samples: `atra.RayScene`, and atra's stand-in for the method's own class, where there is one."""
 
 
-class Kind(Enum):
-    """What rays there are (`atra.rays.ray_sets`)."""
+class Batch(Enum):
+    """coherent: of the point's camera, a ray for each pixel. parallel: from a grid beside the mesh, as many, in one
+    direction. incoherent: as many, from anywhere in the mesh's box, every way as likely."""
 
-    primary = "primary"
-    occlusion = "occlusion"
-    diffuse = "diffuse"
+    coherent = "coherent"
+    parallel = "parallel"
+    incoherent = "incoherent"
 
 
 @dataclass(frozen=True)
-class RayOptions:
-    """Which rays are traced."""
+class RaysOptions:
+    """Raises InputError for a negative number of judged rays."""
 
-    ray_kind: Kind = option(Kind.primary, "primary, occlusion or diffuse")
+    question: Question = option(Question.closest, "what is asked of rays: closest, any, count, all, or contains")
+    ray_batch: Batch = option(Batch.coherent, "coherent, parallel or incoherent rays; contains asks of random points")
+    judged_rays: int = option(1000, "rays, or points, whose answers are judged by a test with every triangle")
+
+    def __post_init__(self) -> None:
+        check_whole_numbers(self, "workload.", {"judged_rays": (0, None)})
+
+
+_own, _library, _stand_in = series(OWN), series(LIBRARY), series(STAND_IN)
+_gain, _stand_in_gain = over(_own, _library), over(_own, _stand_in)
+
+JUDGED = {"": "the method", "library_": "the library"}
 
 
 def _headline(record: Record) -> str:
-    own, plain = median(record.samples[OWN]), median(record.samples[PLAIN])
-    ratio = record.results["steps_ratio"]
-    return f"{say_ms(own)}, {plain / own:.2f}x from the root in {ratio:.2f} of its steps"
+    own, library = (median(record.samples[name]) for name in (OWN, LIBRARY))
+    lost, others = record.results["library_lost"], record.results["lost"]
+    return (
+        f"{own:.3f} s; the library {library:.3f} s, {median(_gain(record)):.2f}x as fast; lost {lost} against {others} "
+        f"of {record.results['judged_hits']}"
+    )
+
+
+def _samples(point: Point) -> frozenset[str]:
+    return frozenset((OWN, LIBRARY, STAND_IN) if point.method.name == TRIMESH.name else (OWN, LIBRARY))
 
 
 def _problem(point: Point) -> str | None:
-    if point.method.make_rays is not None:
+    if not point.method.is_ours:
         return None
-    able = ", ".join(method.name for method in METHODS if method.make_rays is not None)
-    return f"method={point.method.name} traces no batches of rays, expected one of {able}"
-
-
-def _break_even(record: Record) -> float | None:
-    """None where nothing is saved."""
-    if PLAIN not in record.samples:
-        return None
-    saved = median(record.samples[PLAIN]) - median(record.samples[OWN])
-    parts = (record.results.get(name, 0.0) for name in ("shaft_build_time_s", "sampling_time_s", "order_time_s"))
-    return float(sum(parts) / saved) if saved > 0 else None
-
-
-def _ratio_columns(name: str, help: str, read: Any) -> tuple[Column, ...]:
-    return statistics_columns(name + "{}", help, over_own(read))
+    others = ", ".join(method.name for method in METHODS if not method.is_ours)
+    return f"method={point.method.name}, expected a tracer of others beside `atra.RayScene`: {others}"
 
 
 RAYS = Workload(
     name="rays",
-    options=RayOptions,
+    options=RaysOptions,
     columns=(
-        *RESOURCE_COLUMNS,
-        Column("rays_traced", WHOLE, "rays of the batch"),
-        Column(
-            "rays_different", WHOLE, "rays that hit another triangle, or at another t, than from the root", over=max
+        *statistics_columns("answer_time{}_s", "one call of the method, conversions of arrays included", _own),
+        *statistics_columns("answer_library_time{}_s", "the same by `atra.RayScene`", _library),
+        *statistics_columns("answer_gain{}", "the method's time / the library's, in the same rounds", _gain),
+        *statistics_columns("stand_in_gain{}", "the method's time / its stand-in's", _stand_in_gain),
+        Column("asked", WHOLE, "rays, or points, of one call"),
+        Column("judged", WHOLE, "rays, or points, whose answers were judged"),
+        Column("judged_hits", WHOLE, "hits of these; of the closest one, rays that hit; of points, those inside"),
+        *(
+            Column(f"{prefix}{fault}", WHOLE, f"of the judged hits, those that {who} {what}", over=max)
+            for prefix, who in JUDGED.items()
+            for fault, what in (("lost", "lost"), ("extra", "found twice, or where there are none"))
         ),
-        Column("rays_wrong", WHOLE, "rays with another triangle than rtcIntersect1, without an excuse", over=max),
-        *(Column(name, WHOLE, help) for name, help in _COUNTS.items()),
-        Column("steps_ratio", REAL, "traversal_steps / those from the root"),
-        Column("bytes_touched", WHOLE, "nodes, blocks and lists read, each as often as it is"),
-        Column("plain_bytes_touched", WHOLE, "bytes_touched from the root"),
-        Column("bvh_build_time_s", REAL, "building the BVH"),
-        Column("sampling_time_s", REAL, "finding the shafts that rays use"),
-        Column("order_time_s", REAL, "classifying rays and putting them in order"),
-        Column("break_even_batches", REAL, "batches until all preparation is paid back", _break_even),
-        *statistics_columns("render_time{}_s", "one batch", series(OWN)),
-        *statistics_columns("plain_render_time{}_s", "the same from the root", series(PLAIN)),
-        *statistics_columns("baseline_render_time{}_s", "rtcIntersect1 or rtcOccluded1", series(SINGLE)),
-        *statistics_columns("packets_render_time{}_s", "the fastest packets of Embree", fastest),
-        *statistics_columns("packets_sorted_render_time{}_s", "the widest ones, rays sorted", series(SORTED)),
-        *_ratio_columns("speedup_vs_bvh", "the same from the root / this, in the same rounds", series(PLAIN)),
-        *_ratio_columns("speedup", "rtcIntersect1 / this, in the same rounds", series(SINGLE)),
-        *_ratio_columns("speedup_vs_packets", "the fastest packets / this, in the same rounds", fastest),
-        *_ratio_columns("speedup_vs_sorted", "sorted packets of Embree / this, in the same rounds", series(SORTED)),
     ),
     headline=_headline,
     room=__name__,
-    samples=lambda point: frozenset((OWN, PLAIN, SINGLE)),
-    optional=frozenset((*PACKETS.values(), SORTED)),
+    samples=_samples,
     judged=OWN,
-    needs=(*RESOURCES, *COUNTED, *PLAIN_COUNTED, "rays_different", "steps_ratio"),
-    canary=single_over_packets,
+    needs=("asked", "judged", "judged_hits", "lost", "library_lost"),
     problem=_problem,
-)
-
-
-_LOOKUP_BYTES = 12
-"""A row, a place and a length are read for each ray that has a list."""
-
-_AS_NEAR = 1e-5
-"""Relative difference of two float64 distances within which float32 may take either triangle for the nearer."""
-
-_RIM = 1e-4
-"""Barycentric distance from a triangle's edge within which float32 may say that a ray hits it or misses it."""
-
-_WARM_MESH = Mesh(np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], np.float32), np.array([(0, 1, 2), (0, 1, 3)]))
-
-
-def make(point: Point, mesh: Mesh) -> BvhScene:
-    """What is measured. Raises InputError as the scene does."""
-    make_rays = point.method.make_rays
-    assert make_rays is not None
-    return make_rays(mesh, point.options, point.tracing)
+)  # fmt: skip
 
 
 def measure(point: Point) -> Measured:
-    """Build, count and time. Raises InputError and MemoryBudgetError as the scenes do."""
-    kind = point.workload_options.ray_kind
-    any_hit = kind is Kind.occlusion
-    _warm_up(point, any_hit)
-    results: dict[str, Any] = {"rss_start_bytes": rss_bytes()}
-    mesh = load_mesh(point)
-    with RasterTracer(mesh, point.camera, threads=point.threads, ties="any") as raster:
-        rays = ray_set(kind.value, mesh, point.camera, raster.trace())
-    reset_peak_rss()
-    results["rss_mesh_bytes"] = rss_bytes()
+    """Ask once, which builds and compiles, judge these answers, and then take the time. Raises InputError and
+    MemoryBudgetError as the tracers do, and InputError for a question that the method has no answer to."""
+    asked, mesh = point.workload_options, load_mesh(point)
+    given = _given(asked, mesh, point.camera)
     with ExitStack() as stack:
-        own = stack.enter_context(make(point, mesh))
-        prepared = own.prepare(rays)
-        plain = prepared.from_root(own.packet_width)
-        results |= {
-            "rss_bytes": rss_bytes(),
-            "peak_rss_bytes": peak_rss_bytes(),
-            "triangles_traced": mesh.triangle_count,
-            "packet_width": own.packet_width,
-            "threads": own.threads,
-            "rays_traced": len(rays),
-            "bvh_build_time_s": own.build_time_s - own.counters.get("shaft_build_time_s", 0.0),
-            "sampling_time_s": prepared.sampling_time_s,
-            "order_time_s": prepared.order_time_s,
-            **own.counters,
-            **counted(own, prepared, plain, any_hit),
-        }
-        embree = {SINGLE: 1} | {PACKETS[width]: width for width in expert_packet_widths()}
-        scenes = {
-            name: stack.enter_context(RayScene(mesh, packet_width=width, threads=point.threads, robust=False))
-            for name, width in embree.items()
-        }
-        calls = {OWN: _query(own, prepared, any_hit), PLAIN: _query(own, plain, any_hit)}
-        calls |= {name: _query(scene, rays, any_hit) for name, scene in scenes.items()}
-        if not np.array_equal(prepared.batch.order, np.arange(len(rays))):
-            order = prepared.batch.order
-            in_order = Rays(rays.origins[order], rays.directions[order], rays.tnear[order], rays.tfar[order])
-            calls[SORTED] = _query(list(scenes.values())[-1], in_order, any_hit)
-        if not any_hit:
-            results["rays_wrong"] = wrong(own.intersect(prepared), scenes[SINGLE].intersect(rays))
+        calls = _calls(point, mesh, asked.question, given, stack)
+        answers = {name: call() for name, call in calls.items()}
+        sample = sample_of(len(given[0]), asked.judged_rays)
+        some = tuple(array[sample] for array in given)
+        truth = truth_of(asked.question, mesh, *some)
+        results: dict[str, Any] = {"asked": len(given[0]), "judged": len(sample), "judged_hits": truth.hits}
+        for prefix, name in (("", OWN), ("library_", LIBRARY)):
+            lost, extra = judged(asked.question, answers[name], sample, truth, mesh, some)
+            results |= {f"{prefix}lost": lost, f"{prefix}extra": extra}
         timed = timed_rounds(point, calls)
     return measured(results, timed)
 
 
-def _query(scene: Any, rays: Any, any_hit: bool) -> Callable[[], Any]:
-    return (lambda: scene.occluded(rays)) if any_hit else (lambda: scene.intersect(rays))
+def _given(asked: RaysOptions, mesh: Mesh, camera: Camera) -> tuple[NDArray[np.float32], ...]:
+    """Origins and directions, or points alone: (N, 3) float32 each."""
+    count = camera.width * camera.height
+    random = np.random.default_rng(1)
+    low, high = mesh.bounds
+    anywhere = random.uniform(low, high, (count, 3)).astype(np.float32)
+    if asked.question is Question.contains:
+        return (anywhere,)
+    match asked.ray_batch:
+        case Batch.coherent:
+            return camera_rays(camera)
+        case Batch.parallel:
+            return parallel_rays(mesh, camera.width, camera.height)
+        case Batch.incoherent:
+            return anywhere, random.normal(size=(count, 3)).astype(np.float32)
 
 
-def counted(scene: BvhScene, prepared: PreparedRays, plain: PreparedRays, any_hit: bool) -> dict[str, Any]:
-    """What rays take from their lists and from the root, and how many of them hit something else."""
-    found, counts = scene.count(prepared, any_hit)
-    from_root, plain_counts = scene.count(plain, any_hit)
-    different = (found != MISS) != (from_root != MISS) if any_hit else found != from_root
-    if not any_hit:
-        own, root = scene.intersect(prepared), scene.intersect(plain)
-        different |= (own.t != root.t) | (own.prim_id != found) | (root.prim_id != from_root)
-    results: dict[str, Any] = {name: int(count) for name, count in zip(COUNTED, counts, strict=True)}
-    results |= {f"plain_{name}": int(count) for name, count in zip(COUNTED[:3], plain_counts, strict=False)}
-    results["rays_different"] = int(different.sum())
-    results["steps_ratio"] = float(counts[STEPS] / plain_counts[STEPS])
-    for name, of, lookups in (("", counts, len(prepared.batch.packets) - 1), ("plain_", plain_counts, 0)):
-        read = of[BOXES] * NODE_BYTES + of[BLOCKS] * BLOCK_BYTES + of[LISTED] * 4
-        results[f"{name}bytes_touched"] = int(read + (lookups * _LOOKUP_BYTES if of[LISTED] else 0))
-    return results
+def camera_rays(camera: Camera) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Origins and directions, (H W, 3) float32 each, through the centres of all pixels, row after row."""
+    y, x = np.divmod(np.arange(camera.width * camera.height), camera.width)
+    origins, directions = camera.rays(x, y, (0.5, 0.5))
+    axes = np.asarray(camera.axes)
+    return (
+        (origins @ axes + camera.eye).astype(np.float32),
+        np.ascontiguousarray(directions @ axes, np.float32),
+    )
 
 
-def wrong(own: RayHits, single: RayHits) -> int:
-    """How many rays hit another triangle than rtcIntersect1 finds, and float64 says that ours is not as good.
-
-    Ours is as good where it is hit, or all but hit, and not behind theirs but for rounding.
-    """
-    differ = np.flatnonzero(own.prim_id != single.prim_id)
-    ours, theirs = _distances(own, differ), _distances(single, differ)
-    with np.errstate(invalid="ignore"):
-        as_near = ours <= theirs + _AS_NEAR * np.abs(theirs)
-    rim = np.isnan(ours) | np.isnan(theirs)
-    return int((~(as_near | rim)).sum())
+_TOWARDS = np.array([0.48, -0.64, 0.6])
+"""Direction of parallel rays, along no axis."""
 
 
-def _distances(hits: RayHits, rows: NDArray[np.int64]) -> NDArray[np.float64]:
-    """(N,) float64, where rays meet the triangles named; inf for none, NaN on a rim, where float32 may say either."""
-    t = np.full(len(rows), np.inf)
-    named = hits.prim_id[rows] != MISS
-    at = rows[named]
-    found = intersect_rays(hits.mesh, hits.rays.origins[at], hits.rays.directions[at], hits.prim_id[at])
-    t[named] = np.where(np.abs(found.edge_distance) < _RIM, np.nan, found.depth)
-    return t
+def parallel_rays(mesh: Mesh, columns: int, rows: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Origins and directions, (rows columns, 3) float32 each: a grid that covers the mesh, seen along the rays."""
+    across = np.cross(_TOWARDS, (0.0, 1.0, 0.0))
+    across /= np.linalg.norm(across)
+    middle = mesh.bounds.mean(axis=0)
+    reach = float(np.linalg.norm(mesh.bounds[1] - mesh.bounds[0])) / 2
+    x = np.tile(np.linspace(-reach, reach, columns), rows)[:, None]
+    y = np.repeat(np.linspace(-reach, reach, rows), columns)[:, None]
+    origins = middle - 2 * reach * _TOWARDS + x * across + y * np.cross(across, _TOWARDS)
+    return origins.astype(np.float32), np.tile(_TOWARDS.astype(np.float32), (rows * columns, 1))
 
 
-def _warm_up(point: Point, any_hit: bool) -> None:
-    """Compile every kernel of the point."""
-    rays = Rays(np.full((64, 3), 0.1), np.tile([(-1.0, -0.9, -0.8)], (64, 1)))
-    with make(point, _WARM_MESH) as scene:
-        prepared = scene.prepare(rays)
-        counted(scene, prepared, prepared.from_root(scene.packet_width), any_hit)
-        scene.occluded(prepared), scene.occluded(prepared.from_root(scene.packet_width))
-    for width in (1, *expert_packet_widths()):
-        with RayScene(_WARM_MESH, packet_width=width, threads=1, robust=False) as embree:
-            _query(embree, rays, any_hit)()
+def _calls(
+    point: Point, mesh: Mesh, question: Question, given: tuple[NDArray[np.float32], ...], stack: ExitStack
+) -> Mapping[str, Callable[[], Asked]]:
+    own = stack.enter_context(make_own(point, mesh))
+    if not isinstance(own, RayPeerTracer):
+        raise InputError(f"method={point.method.name} takes no rays, expected a ray tracer of others")
+    answer = own.answer_to(question)
+    scene = stack.enter_context(RayScene(mesh, threads=point.tracing.threads))
+    calls: dict[str, Callable[[], Asked]] = {
+        OWN: lambda: answer(*given),
+        LIBRARY: lambda: _ANSWERS[question](scene, *given),
+    }
+    replaced = own.answer_of_stand_in(question, RayMeshIntersector)
+    if replaced is not None:
+        calls[STAND_IN] = lambda: replaced(*given)
+    return calls
+
+
+def _all_hits(scene: RayScene, origins: NDArray[Any], directions: NDArray[Any]) -> Asked:
+    found = scene.all_hits(origins, directions)
+    return found.ray_ids, found.prim_id
+
+
+_ANSWERS: Mapping[Question, Callable[..., Asked]] = {
+    Question.closest: lambda scene, *rays: scene.intersect(*rays).prim_id,
+    Question.any: lambda scene, *rays: scene.occluded(*rays),
+    Question.count: lambda scene, *rays: scene.count(*rays),
+    Question.all: _all_hits,
+    Question.contains: lambda scene, points: scene.contains(points),
+}

@@ -1,4 +1,4 @@
-"""What Hendrich et al. 2019 claim of ray classification, in our own words, and what a table of `rays` says of it."""
+"""What Hendrich et al. 2019 claim of ray classification, in our own words, and what a table says of it."""
 
 from __future__ import annotations
 
