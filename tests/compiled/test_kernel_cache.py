@@ -20,6 +20,7 @@ from atra.embree import layout
 from atra.exact import brute_force_kernels, edges_kernels, surface_kernels, ties_kernels
 from atra.geometry import projection_kernels
 from atra.light.pictures import lighting_kernels, path_kernels
+from atra.light.pictures.paths import waves_kernels
 from atra.packets import pixel_kernels, shooting_kernels, tiles_kernels
 from atra.raster import drawing, spans
 from atra.raster.all_hits import doubts_kernels
@@ -35,6 +36,7 @@ KERNELS = {
             surface_kernels,
             lighting_kernels,
             path_kernels,
+            waves_kernels,
             projection_kernels,
             culling_kernels,
             ties_kernels,
@@ -50,7 +52,8 @@ KERNELS = {
     "tile_kernel": tiles_kernels.tile_kernel(4, 2),
     "closest_hit_kernel": rays_kernels.closest_hit_kernel(4, False),
     "occlusion_kernel": rays_kernels.occlusion_kernel(4, False),
-    "trace_kernel": path_kernels.trace_kernel(4),
+    "trace_kernel": waves_kernels.trace_kernel(4),
+    "connect_kernel": waves_kernels.connect_kernel(4),
     "lighting_kernel": lighting_kernels.lighting_kernel(4),
     "verify_kernel": aligned_kernels.verify_kernel(4, 2),
     "drawing_kernel": drawing_kernel(4, False),
