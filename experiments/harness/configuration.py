@@ -129,7 +129,8 @@ class Configuration:
 
     action: what the run does; the verb sets it. method: what traces; its options are method.*. workload: what is
     measured; its options are workload.*. threads: number of threads, null = every core, baselines included. width:
-    pixels of a row. height: rows of pixels. results_dir: folder for all results; each sweep has a folder of its name in
+    pixels of a row. height: rows of pixels. method_file: a Python file with a method of one's own, several apart as in
+    PATH; a sweep measures it beside its own methods. results_dir: folder for all results; each sweep has a folder of its name in
     it. output: the file of a picture, or the folder of a bake; null = one below results_dir. live: a bake is shown on a
     page of the browser, at view.port. debug: whether an error shows its traceback.
     """
@@ -146,6 +147,7 @@ class Configuration:
     height: int = 1024
     build_quality: str = option_of(Options, "build_quality", help="Embree's, for every BVH, baselines included")
     ties: str = option_of(Options, "ties")
+    method_file: str | None = None
     results_dir: str = "results"
     output: str | None = None
     live: bool = False
