@@ -75,7 +75,7 @@ class PointsSweeper(BasicSweeper):
         compose = _Composer(self.config, self._loader, parser)
         jobs: list[tuple[str, list[str]]] = []
         outside = self._methods_of_files(arguments)
-        for grid, values in ((self.config.sweep.grids or {"points": {}}) | outside).items():
+        for grid, values in (dict(self.config.sweep.grids or {"points": {}}) | outside).items():
             # The later of two overrides of one key wins.
             given = [*self._parse_config(), *(f"{key}={_written(value)}" for key, value in values.items()), *arguments]
             (of_grid,) = self.split_arguments(parser.parse_overrides(given), max_batch_size=None)

@@ -145,7 +145,7 @@ class Workload:
     def part(self, name: str) -> ModuleType | None:
         """The module `name` of the workload's room, imported now; None if it has none."""
         module = f"{self.room}.{name}"
-        return import_module(module) if find_spec(module) else None
+        return import_module(module) if _is_there(module) else None
 
     def make(self, point: Point, mesh: Mesh) -> Any:
         """The tracer that is measured at a point, neither planned nor built: what its own `make` makes, or the point's
@@ -162,7 +162,15 @@ class Workload:
     def code(self) -> tuple[str, str | None]:
         """Where the code that measures begins, as `Code.parts` takes it."""
         module = f"{self.room}.measure"
-        return (module, None) if find_spec(module) else (self.room, "measure")
+        return (module, None) if _is_there(module) else (self.room, "measure")
+
+
+def _is_there(module: str) -> bool:
+    """Whether there is such a module; a workload from outside may be a module itself, with none below it."""
+    try:
+        return find_spec(module) is not None
+    except ModuleNotFoundError:
+        return False
 
 
 @dataclass(frozen=True)
