@@ -21,6 +21,7 @@ from __future__ import annotations
 import shlex
 import shutil
 import subprocess
+import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -47,6 +48,7 @@ from experiments.methods.peers.peer import world_directions
 VERSION = 1
 """Version of the protocol."""
 
+_EXAMPLE = Path(__file__).resolve().parents[3] / "examples" / "external" / "trace.py"
 _LONGEST_ANSWER = 4096
 _END_S = 5.0
 _PIXEL_CENTRE = (0.5, 0.5)
@@ -56,8 +58,8 @@ _PIXEL_CENTRE = (0.5, 0.5)
 class ProgramOptions:
     """Which program traces."""
 
-    command: str = option("", "the program and its arguments, as in a shell")
-    program_sha256: str | None = option(None, "hash of the program's files, set when a run begins")
+    command: str = option("", "the program and its arguments, as in a shell; empty = the example in Python")
+    program_sha256: str = option("", "hash of the program's files, set when a run begins")
 
 
 class Conversation:
@@ -227,10 +229,11 @@ def _files(command: str) -> list[Path]:
 
 def _resolve(options: ProgramOptions, width: int) -> ProgramOptions:
     """With paths that hold wherever a worker starts, and the hash of the files."""
-    files = _files(options.command)
+    command = options.command or shlex.join([sys.executable, str(_EXAMPLE)])
+    files = _files(command)
     if not files:
         return options
-    words = shlex.split(options.command)
+    words = shlex.split(command)
     whole = [str(files[0].absolute()), *(str(Path(one).absolute()) if Path(one).is_file() else one for one in words[1:])]
     return replace(options, command=shlex.join(whole), program_sha256=digest_of_files(files))
 
