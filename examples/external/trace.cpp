@@ -72,11 +72,14 @@ static bool enters(const Box& box, const Ray& ray, double tfar) {
     return near <= far * (1 + 1e-12);
 }
 
-static double distance(uint32_t face, const Ray& ray) {  // Moeller and Trumbore 1997, in double
-    Vec a = point(corner(face, 0)), e1 = point(corner(face, 1)) - a, e2 = point(corner(face, 2)) - a;
-    Vec d = point(ray.direction), s = point(ray.origin) - a, p = cross(d, e2), q = cross(s, e1);
-    double inverse = 1.0 / dot(p, e1), u = dot(s, p) * inverse, v = dot(d, q) * inverse;
-    return u >= 0 && v >= 0 && u + v <= 1 ? dot(q, e2) * inverse : NAN;
+// The sign of a side is the same for both triangles that share it, to the last bit, so no ray slips between them.
+static double distance(uint32_t face, const Ray& ray) {
+    Vec o = point(ray.origin), d = point(ray.direction);
+    Vec a = point(corner(face, 0)) - o, b = point(corner(face, 1)) - o, c = point(corner(face, 2)) - o;
+    double u = dot(cross(c, b), d), v = dot(cross(a, c), d), w = dot(cross(b, a), d);
+    if ((u < 0 || v < 0 || w < 0) && (u > 0 || v > 0 || w > 0)) return NAN;
+    Vec normal = cross(b - a, c - a);
+    return dot(a, normal) / dot(d, normal);
 }
 
 static void trace(const Ray& ray, float& t, uint32_t& face) {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from importlib.util import find_spec
@@ -122,7 +122,7 @@ class Workload:
     samples: which series a record of a point must hold. optional: series that it may hold beside these, at least one.
     judged: the series whose spread makes a point doubtful. needs: results that a measured record holds at least.
     canary: what a measured record says of the machine alone (`experiments.results.canary`).
-    problem: why a point cannot be measured.
+    problem: why a point cannot be measured. rays: a row -> the kind of rays it traces, None = the workload's name.
     """
 
     name: str
@@ -136,6 +136,11 @@ class Workload:
     needs: tuple[str, ...] = ()
     canary: Callable[[Record], float | None] = no_canary
     problem: Callable[[Point], str | None] = no_problem
+    rays: Callable[[Mapping[str, Any]], str] | None = None
+
+    def rays_of(self, row: Mapping[str, Any]) -> str:
+        """The kind of rays that a row's point traces, in words."""
+        return self.name.replace("_", " ") if self.rays is None else self.rays(row)
 
     @property
     def is_timed(self) -> bool:

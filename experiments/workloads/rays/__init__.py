@@ -131,6 +131,7 @@ RAYS = Workload(
     needs=(*RESOURCES, *COUNTED, *PLAIN_COUNTED, "rays_different", "steps_ratio"),
     canary=single_over_packets,
     problem=_problem,
+    rays=lambda row: f"{row.get('ray_kind', 'own')}, in a batch",
 )
 
 
