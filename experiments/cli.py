@@ -36,6 +36,14 @@ _ACTIONS = {
 }
 """Verb -> the function that does it, imported only when asked for. conf/verb/ holds the defaults of some verbs."""
 
+_PLAIN = {
+    "new-method": "experiments.commands.new_method:run_new_method",
+    "pack": "experiments.board.pack:run_pack",
+    "board": "experiments.board.command:run_board",
+    "rays": "experiments.commands.ray_files:run_rays",
+}
+"""Verbs with arguments of their own in place of fields of a configuration -> what takes these and returns None."""
+
 
 def main() -> int:
     """Run the command line and return its exit code."""
@@ -51,6 +59,8 @@ def main() -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         # A name that the encoding lacks, as one of Windows' does, is shown escaped, as on stderr; it is no failure.
         sys.stdout.reconfigure(errors="backslashreplace")
+    if sys.argv[1:2] and sys.argv[1] in _PLAIN:
+        return _run_plain(_PLAIN[sys.argv[1]], sys.argv[2:])
     # Hydra then raises its errors instead of printing them at length; they are shown below, shortened.
     os.environ["HYDRA_FULL_ERROR"] = "1"
 
@@ -64,13 +74,17 @@ def main() -> int:
 
     from atra.errors import AtraError
     from experiments.harness.configuration import Action, register_schema
-    from experiments.registry import known_kinds
+    from experiments.registry import known_kinds, take_method_files
     from experiments.sweeper import register_sweeper
 
     if f"action={Action.render.value}" in sys.argv[1:2]:
         from experiments.commands.making import picture_arguments
 
         sys.argv[2:] = picture_arguments(sys.argv[2:])
+    try:
+        sys.argv[1:] = take_method_files(sys.argv[1:])
+    except AtraError as error:
+        return _refuse(error)
     register_schema(known_kinds())
     register_sweeper()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -79,6 +93,21 @@ def main() -> int:
             signal.signal(signal.SIGINT, signal.default_int_handler)
         hydra.main(config_path=_CONFIGURATION, config_name="config", version_base="1.3")(_run)()
     except (AtraError, HydraException, OmegaConfBaseException) as error:
+        return _refuse(error)
+    except KeyboardInterrupt:
+        print(f"{PROGRAM}: interrupted", file=sys.stderr)
+        return 130
+    return 0
+
+
+def _run_plain(where: str, arguments: list[str]) -> int:
+    """Run a verb of `_PLAIN`."""
+    from atra.errors import AtraError
+
+    module, _, function = where.partition(":")
+    try:
+        getattr(import_module(module), function)(arguments)
+    except AtraError as error:
         return _refuse(error)
     except KeyboardInterrupt:
         print(f"{PROGRAM}: interrupted", file=sys.stderr)

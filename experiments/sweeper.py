@@ -9,6 +9,7 @@ import os
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, fields
+from pathlib import Path
 from typing import Any
 
 from hydra.core.config_store import ConfigStore
@@ -73,7 +74,8 @@ class PointsSweeper(BasicSweeper):
         parser = OverridesParser.create(config_loader=self._loader)
         compose = _Composer(self.config, self._loader, parser)
         jobs: list[tuple[str, list[str]]] = []
-        for grid, values in (self.config.sweep.grids or {"points": {}}).items():
+        outside = self._methods_of_files(arguments)
+        for grid, values in (dict(self.config.sweep.grids or {"points": {}}) | outside).items():
             # The later of two overrides of one key wins.
             given = [*self._parse_config(), *(f"{key}={_written(value)}" for key, value in values.items()), *arguments]
             (of_grid,) = self.split_arguments(parser.parse_overrides(given), max_batch_size=None)
@@ -81,12 +83,28 @@ class PointsSweeper(BasicSweeper):
         asked = {argument.partition("=")[0] for argument in arguments}
         kept = self._where_they_fit([job for _, job in jobs], asked)
         points = [GridPoint(grid, compose(job), tuple(job)) for (grid, _), job in zip(jobs, kept, strict=True)]
+        for point in points:
+            for grids in point.configuration.sweep.figures.values():
+                grids += [one for one in outside if one not in grids]
         command = " ".join([COMMAND, *self.config.hydra.overrides.task, *self.config.hydra.overrides.hydra])
         launcher = self.config.hydra.launcher._target_
         if launcher == _LAUNCHER_HERE:
             return run_sweep(points, command=command)
         at_once = self.max_batch_size or (len(points) if launcher == _LAUNCHER_WITH_A_QUEUE else 1)
         return run_sweep(points, command=command, launch=self._launch, at_once=at_once)
+
+    def _methods_of_files(self, arguments: Sequence[str]) -> dict[str, dict[str, str]]:
+        """A grid for the methods of `method_file`, in a sweep whose methods the command line leaves alone."""
+        assert self.config is not None
+        if not self.config.method_file or any(one.startswith("method=") for one in arguments):
+            return {}
+        return {
+            "method_file": {
+                "method": ",".join(
+                    Path(one).stem.replace("-", "_") for one in self.config.method_file.split(os.pathsep)
+                )
+            }
+        }
 
     def _where_they_fit(self, jobs: Sequence[list[str]], asked: set[str]) -> list[list[str]]:
         """The jobs without those options of the command line that their method or workload has not. An option that no

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from atra.errors import InputError
@@ -17,7 +18,7 @@ from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
 from scenes.lit.weekend import WEEKEND_CAMERA, weekend
 from scenes.living_room import LIVING_ROOM_CAMERA, living_room
 from scenes.material_ball import MATERIAL_BALL_CAMERA, material_ball
-from scenes.scene import Scene
+from scenes.scene import Scene, camera_fields
 from scenes.special import NEEDLES_CAMERA, THREE_HOLES_CAMERA, needles, three_holes
 
 
@@ -53,3 +54,26 @@ def make_scene(name: str) -> Scene:
 def stand_in_for(name: str | None) -> str | None:
     """The name of the stand-in for the paper's scene `name`; None if it has none."""
     return next((own for own, made in BUILT_IN.items() if name is not None and made.stands_for == name), None)
+
+
+GROUP = "atra.scenes"
+"""Group of entry points: `mine = "my_package.scenes:mine"`, a function that returns a mesh and the fields of a camera."""
+
+PACKAGE_SCENES: dict[str, EntryPoint] = {one.name: one for one in entry_points(group=GROUP)}
+"""Scenes of installed packages, by name."""
+
+
+def package_scene(name: str) -> Scene:
+    """The scene of an installed package. Raises InputError for an unknown name, and for a function that fails or
+    returns something else."""
+    if name not in PACKAGE_SCENES:
+        raise InputError(f"no installed package has a scene {name!r}, expected one of {', '.join(PACKAGE_SCENES)}")
+    point = PACKAGE_SCENES[name]
+    try:
+        mesh, camera = point.load()()
+    except Exception as error:  # a foreign package may raise anything
+        told = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        raise InputError(f"scene {name} cannot be made by {point.value}, {told}") from error
+    if not isinstance(mesh, Mesh):
+        raise InputError(f"scene {name} is a {type(mesh).__name__}, expected an atra.Mesh and the fields of a camera")
+    return Scene(name, mesh, camera_fields(f"the camera of scene {name!r}", camera))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from enum import Enum
 from typing import Protocol
@@ -12,16 +12,19 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
-from scenes.built_in import BUILT_IN, make_scene, stand_in_for
+from scenes.built_in import BUILT_IN, PACKAGE_SCENES, make_scene, package_scene, stand_in_for
 from scenes.directory import find_scene_folder, load_scene_from_directory, load_scene_from_file
+from scenes.generated import named_scene
 from scenes.scene import Scene
 
 
 class SceneSource(Enum):
-    """procedural = made by code; directory = the one named by ATRA_SCENES, or the cache of fetched
-    scenes; file = the user's own."""
+    """procedural = made by code; generated = one of a family, of any size; package = of an installed package; directory
+    = the one named by ATRA_SCENES, or the cache of fetched scenes; file = the user's own."""
 
     procedural = "procedural"
+    generated = "generated"
+    package = "package"
     directory = "directory"
     file = "file"
 
@@ -52,7 +55,15 @@ def _load(source: SceneSource, name: str | None, path: str | None) -> Scene:
         return load_scene_from_file(path)
     if name is None:
         raise InputError(f"a {source.value} scene needs scene.name")
-    return make_scene(name) if source is SceneSource.procedural else load_scene_from_directory(name)
+    return _BY_NAME[source](name)
+
+
+_BY_NAME: dict[SceneSource, Callable[[str], Scene]] = {
+    SceneSource.procedural: make_scene,
+    SceneSource.generated: named_scene,
+    SceneSource.package: package_scene,
+    SceneSource.directory: load_scene_from_directory,
+}
 
 
 def enlarged(scene: Scene, subdivided: int, copies: int) -> Scene:
@@ -119,7 +130,9 @@ def scene_is_available(source: SceneSource, name: str | None) -> bool:
         return True
     if name is None:
         return False
-    return name in BUILT_IN if source is SceneSource.procedural else find_scene_folder(name) is not None
+    if source is SceneSource.directory:
+        return find_scene_folder(name) is not None
+    return source is SceneSource.generated or name in (BUILT_IN if source is SceneSource.procedural else PACKAGE_SCENES)
 
 
 def replace_missing_scenes(scenes: Iterable[NamedScene]) -> list[str]:

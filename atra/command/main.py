@@ -20,7 +20,9 @@ from atra.command.render import EXAMPLES, add_render, run_render
 from atra.errors import AtraError
 
 _CLONE = Path(__file__).resolve().parents[2]
-_OF_THE_HARNESS = ("measure", "report", "fetch", "view", "bake", "-m", "--multirun")
+_OF_THE_HARNESS = (
+    "measure", "report", "fetch", "view", "bake", "new-method", "pack", "board", "rays", "-m", "--multirun",
+)  # fmt: skip
 _NEEDS_THE_HARNESS = "needs the harness; in a clone of atra's repository, run: pip install -e '.[harness]'"
 _WITH_THE_HARNESS = """\
 with the harness, in a clone of atra's repository where `pip install -e '.[harness]'` was run:

@@ -27,6 +27,7 @@ from experiments.harness.options import (
     typed_options,
 )
 from experiments.harness.point import Kinds
+from scenes.built_in import PACKAGE_SCENES
 from scenes.loading import SceneSource
 
 
@@ -52,7 +53,7 @@ class SceneConfiguration:
     """What is looked at.
 
     name: of the scene; `scene=sponza` sets it. source: where its mesh comes from; `scene=sponza` sets it, too.
-    path: the file of `scene=file`, of any format that trimesh reads.
+    path: the file of `scene=file`, of any format that trimesh reads. triangles: how many a generated scene has, about.
     view: the scene's own camera, or another made from it (`scenes.views`). eye, target, up: vectors of the camera, in
     place of the view's. fov_y_degrees: vertical field of view, in place of the view's.
     subdivided: how often each triangle is cut into four. copies: how many of the scene stand side by side as one mesh.
@@ -61,6 +62,7 @@ class SceneConfiguration:
     name: str | None = None
     source: SceneSource = MISSING
     path: str | None = None
+    triangles: int | None = None
     view: str = "own"
     eye: list[float] | None = None
     target: list[float] | None = None
@@ -129,7 +131,8 @@ class Configuration:
 
     action: what the run does; the verb sets it. method: what traces; its options are method.*. workload: what is
     measured; its options are workload.*. threads: number of threads, null = every core, baselines included. width:
-    pixels of a row. height: rows of pixels. results_dir: folder for all results; each sweep has a folder of its name in
+    pixels of a row. height: rows of pixels. method_file: a Python file with a method of one's own, several apart as in
+    PATH; a sweep measures it beside its own methods. results_dir: folder for all results; each sweep has a folder of its name in
     it. output: the file of a picture, or the folder of a bake; null = one below results_dir. live: a bake is shown on a
     page of the browser, at view.port. debug: whether an error shows its traceback.
     """
@@ -146,6 +149,7 @@ class Configuration:
     height: int = 1024
     build_quality: str = option_of(Options, "build_quality", help="Embree's, for every BVH, baselines included")
     ties: str = option_of(Options, "ties")
+    method_file: str | None = None
     results_dir: str = "results"
     output: str | None = None
     live: bool = False
@@ -178,6 +182,8 @@ def register_schema(kinds: Kinds) -> None:
     for group, named in kinds.groups.items():
         for kind in named:
             store.store(group=group, name=kind.name, node=schema(group, kind), provider="atra")
+    for name in PACKAGE_SCENES:
+        store.store(group="scene", name=name, node={"name": name, "source": SceneSource.package.value}, provider="atra")
 
 
 def read_configuration(composed: DictConfig, kinds: Kinds) -> Configuration:
@@ -262,6 +268,10 @@ def check_configuration(configuration: Configuration) -> None:
         raise InputError("scene=file needs scene.path, for example scene.path=model.ply")
     if scene.source is not SceneSource.file and scene.path is not None:
         raise InputError(f"scene.path is {scene.path!r}, but scene {scene.name} takes none; add scene=file")
+    if scene.source is not SceneSource.generated and scene.triangles is not None:
+        raise InputError(
+            f"scene.triangles is {scene.triangles}, but scene {scene.name} has its own; use scene=generated/terrain"
+        )
     if not sweep.name or any(sign in sweep.name for sign in "/\\") or sweep.name in (".", "..", "records"):
         raise InputError(f"sweep.name is {sweep.name!r}, expected the name of a folder")
     if not configuration.results_dir:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from importlib.util import find_spec
@@ -123,7 +123,7 @@ class Workload:
     judged: the series whose spread makes a point doubtful. needs: results that a measured record holds at least.
     canary: what a measured record says of the machine alone (`experiments.results.canary`).
     problem: why a point cannot be measured. once: the name under which older tables have its rows, those with a value
-    of its first option.
+    of its first option. rays: a row -> the kind of rays it traces, None = the workload's name.
     """
 
     name: str
@@ -138,6 +138,11 @@ class Workload:
     canary: Callable[[Record], float | None] = no_canary
     problem: Callable[[Point], str | None] = no_problem
     once: str | None = None
+    rays: Callable[[Mapping[str, Any]], str] | None = None
+
+    def rays_of(self, row: Mapping[str, Any]) -> str:
+        """The kind of rays that a row's point traces, in words."""
+        return self.name.replace("_", " ") if self.rays is None else self.rays(row)
 
     @property
     def is_timed(self) -> bool:
@@ -147,7 +152,7 @@ class Workload:
     def part(self, name: str) -> ModuleType | None:
         """The module `name` of the workload's room, imported now; None if it has none."""
         module = f"{self.room}.{name}"
-        return import_module(module) if find_spec(module) else None
+        return import_module(module) if _is_there(module) else None
 
     def make(self, point: Point, mesh: Mesh) -> Any:
         """The tracer that is measured at a point, neither planned nor built: what its own `make` makes, or the point's
@@ -164,7 +169,15 @@ class Workload:
     def code(self) -> tuple[str, str | None]:
         """Where the code that measures begins, as `Code.parts` takes it."""
         module = f"{self.room}.measure"
-        return (module, None) if find_spec(module) else (self.room, "measure")
+        return (module, None) if _is_there(module) else (self.room, "measure")
+
+
+def _is_there(module: str) -> bool:
+    """Whether there is such a module; a workload from outside may be a module itself, with none below it."""
+    try:
+        return find_spec(module) is not None
+    except ModuleNotFoundError:
+        return False
 
 
 @dataclass(frozen=True)

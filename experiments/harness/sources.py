@@ -207,7 +207,8 @@ class Code:
             if name in statement.defines:
                 found.add(Part(module, name))
             for given in statement.imports:
-                if given.bound == name:
+                itself = given.module == module and given.taken == name  # a module below, which is found already
+                if given.bound == name and not itself:
                     found |= self._followed(given)
             if source.loads_by_name:
                 for text in statement.entries.get(name, ()):

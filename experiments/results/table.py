@@ -22,6 +22,7 @@ from experiments.harness.point import Workload
 from experiments.harness.records import Record
 from experiments.methods import METHODS, find_method
 from experiments.results.canary import BAND, strays
+from experiments.results.people import columns_for_people
 from experiments.workloads import WORKLOADS, find_workload
 from scenes.built_in import BUILT_IN
 
@@ -184,13 +185,13 @@ def check_one_environment(records: Iterable[Record]) -> None:
 
 
 def csv_bytes(table: pd.DataFrame) -> bytes:
-    """The content of `table.csv`."""
+    """A table as a file of comma-separated values."""
     return table.to_csv(index=False).encode()
 
 
 def write_tables(folder: Path, tables: Tables) -> None:
-    """Write `table.csv`, `table.parquet` and `processes.parquet` into `folder`."""
-    write_atomically(folder / "table.csv", csv_bytes(tables.points))
+    """Write `table.csv`, which has the columns that people read, `table.parquet` and `processes.parquet`."""
+    write_atomically(folder / "table.csv", csv_bytes(tables.points[columns_for_people(tables.points)]))
     for name, table in (("table", tables.points), ("processes", tables.processes)):
         buffer = io.BytesIO()
         table.to_parquet(buffer, index=False)

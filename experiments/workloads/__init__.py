@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from experiments.harness.options import find_named
+from collections.abc import Iterator
+
+from experiments.harness.entry_points import offers
+from experiments.harness.options import NoOptions, find_named
 from experiments.harness.point import Workload
 from experiments.workloads.agreement import AGREEMENT
 from experiments.workloads.bake import BAKE
@@ -21,7 +24,7 @@ from experiments.workloads.render import RENDER
 from experiments.workloads.surface import SURFACE
 from experiments.workloads.views import VIEWS
 
-WORKLOADS: tuple[Workload, ...] = (
+_OWN: tuple[Workload, ...] = (
     FRAME,
     BUILD,
     MEMORY,
@@ -39,6 +42,26 @@ WORKLOADS: tuple[Workload, ...] = (
     CLASSIFICATION,
     RAYS,
 )
+
+GROUP = "atra.workloads"
+"""Group of entry points: `mine = "my_package.measuring:MY_WORKLOAD"`, a `Workload` of that name."""
+
+
+def _unusable(name: str, problem: str) -> Workload:
+    return Workload(name, NoOptions, (), lambda record: "", Workload.__module__, problem=lambda point: problem)
+
+
+def _outside() -> Iterator[Workload]:
+    """The workloads of installed packages; one that cannot be used has points that are skipped with the reason."""
+    taken = {one.name for one in _OWN}
+    for offer in offers(GROUP):
+        usable = isinstance(offer.value, Workload) and offer.value.name == offer.name
+        wrong = f"entry point {offer.name} of {GROUP} is no Workload of that name"
+        if offer.name not in taken:
+            yield offer.value if usable else _unusable(offer.name, offer.problem or wrong)
+
+
+WORKLOADS: tuple[Workload, ...] = (*_OWN, *_outside())
 """In the order of tables and pages."""
 
 

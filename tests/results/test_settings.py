@@ -119,6 +119,8 @@ VALUES = {
     "shaft_subset": ("complete", "hits", "shaft subset hits"),
     "shaft_share": (0.9, 0.5, "shaft share 0.5"),
     "shaft_empty": ("miss", "root", "shaft empty root"),
+    "command": ("./one", "./two --fast", "command ./two --fast"),
+    "program_sha256": ("ab" * 32, "cd" * 32, "program cdcdcdcd"),
     "shaft_occlusion": (True, False, "shaft occlusion off"),
 }
 BESIDE = ("separate", "visible_first", "rasteriser", *(f"{name}_primary" for name in MEASURED.samples))

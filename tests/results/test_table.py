@@ -10,8 +10,19 @@ from atra.errors import InputError
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.records import Record
 from experiments.results import table as tables
-from experiments.results.table import Tables, columns, make_table, make_tables, read_tables, rows_of, write_tables
+from experiments.results.people import MOST_COLUMNS, columns_for_people
+from experiments.results.table import (
+    Tables,
+    columns,
+    make_table,
+    make_tables,
+    read_table,
+    read_tables,
+    rows_of,
+    write_tables,
+)
 from experiments.workloads.frame import FRAME
+from tests.folders import ROOT
 
 ASKED_FOR = [
     "scene", "triangles", "width", "height", "workload", "method", "split_x", "split_y", "packet_width", "culling",
@@ -116,8 +127,8 @@ def test_a_table_comes_back_from_its_file_as_it_was_and_the_other_file_holds_the
     pd.testing.assert_frame_equal(stored.points, tables.points)
     pd.testing.assert_frame_equal(stored.processes, tables.processes)
     from_csv = pd.read_csv(tmp_path / "table.csv")
-    assert list(from_csv.columns) == list(tables.points.columns)
-    for name in ("render_time_s", "speedup", "triangles_traced"):
+    assert list(from_csv.columns) == columns_for_people(tables.points)
+    for name in {"render_time_s", "speedup", "build_time_s"} & set(from_csv.columns):
         np.testing.assert_array_equal(
             from_csv[name].to_numpy(float), tables.points[name].to_numpy(float, na_value=np.nan)
         )
@@ -194,3 +205,20 @@ def test_a_machine_that_was_busy_while_it_measured_is_a_doubt_and_one_that_was_b
     assert pd.isna(row(others_share=0.01, stolen_share=0.03)["doubts"])
     assert row(others_share=0.01)["others_share"] == 0.01
     assert row()[["doubts", "others_share"]].isna().all()  # an old record does not tell
+
+
+def test_the_file_for_people_begins_with_what_was_measured_and_has_no_more_columns_than_they_read():
+    others = [replace(MEASURED, configuration={**MEASURED.configuration, "scene": f"scene {k}"}) for k in range(3)]
+    names = columns_for_people(make_table([MEASURED, *others]))
+    assert names[0] == "scene"
+    assert names.index("method") < names.index("status") < names.index("render_time_s") < names.index("doubts")
+    assert names[-1] == "point_id"
+    assert len(set(names)) == len(names) <= MOST_COLUMNS
+
+
+@pytest.mark.parametrize("name", ["methods", "paper", "bake", "gather", "peers", "classification"])
+def test_stored_tables_have_twenty_to_thirty_columns_for_people(name):
+    table = read_table(ROOT / "reports" / "reference" / name / "table.parquet")
+    chosen = columns_for_people(table)
+    assert 20 <= len(chosen) <= MOST_COLUMNS
+    assert table[chosen].notna().any().all()

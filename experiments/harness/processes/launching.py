@@ -22,8 +22,14 @@ from experiments.harness.processes.worker import CANNOT_WRITE, Job
 
 _ROOT = Path(__file__).resolve().parents[3]
 _OUTPUT_KEPT_BYTES = 4000
-_WAIT_S = 1.0
-"""So long an interrupt may have to wait on Windows."""
+_LONGEST_LINE = 500
+"""Characters of a worker's last line that its row quotes."""
+
+_MOST_PRINTED_BYTES = 1 << 26
+"""A worker that prints more is stopped: its words stand in a file, and the disk has other uses."""
+
+_WAIT_S = 0.5
+"""So long an interrupt may have to wait on Windows, and a worker may print without being watched."""
 
 WORKER_COMMAND = (sys.executable, "-m", "experiments.worker")
 
@@ -55,12 +61,15 @@ def _run_in(folder: Path, point: Point, command: Sequence[str]) -> Outcome:
             with contextlib.suppress(OSError):  # it may have died without listening; its exit code tells
                 process.stdin.write(job.to_json().encode() + b"\n")
                 process.stdin.flush()
-            reason = _death(_wait(process, point.time_limit_s), folder)
+            code = _wait(process, point.time_limit_s, output_path)
+            reason = _death(code, folder) if code is not None else None
         except subprocess.TimeoutExpired:
             reason = f"stopped after the time limit of {point.time_limit_s:g} s (measure.time_limit_s)"
         finally:
             _end(process)
-    printed = _end_of(output_path)
+    printed, printed_bytes = _end_of(output_path), output_path.stat().st_size
+    if printed_bytes > _MOST_PRINTED_BYTES:
+        reason = f"it printed {printed_bytes >> 20} MiB, more than the {_MOST_PRINTED_BYTES >> 20} MiB that are kept"
     if reason is None:
         try:
             outcome = Outcome.from_json(Path(job.result_path).read_bytes(), point)
@@ -72,7 +81,7 @@ def _run_in(folder: Path, point: Point, command: Sequence[str]) -> Outcome:
             if outcome.status == "failed" and not outcome.on_purpose:
                 outcome.results["worker_output"] = printed
             return outcome
-    last_line = printable(printed.rpartition("\n")[2])
+    last_line = printable(printed.rpartition("\n")[2][:_LONGEST_LINE])
     return Outcome(
         "failed", f"{reason}; it said: {last_line}" if last_line else reason, results={"worker_output": printed}
     )
@@ -85,8 +94,9 @@ def _apart_from_the_interrupt_key() -> dict[str, Any]:
     return {"process_group": 0}
 
 
-def _wait(process: subprocess.Popen[bytes], limit_s: float) -> int:
-    """The exit code; raises TimeoutExpired. Windows lets no interrupt through while it waits, hence in short waits."""
+def _wait(process: subprocess.Popen[bytes], limit_s: float, output: Path) -> int | None:
+    """The exit code, None for a worker that has printed too much; raises TimeoutExpired. Windows lets no interrupt
+    through while it waits, hence in short waits."""
     end_s = time.monotonic() + limit_s
     while True:
         left_s = max(0.0, end_s - time.monotonic())
@@ -95,6 +105,8 @@ def _wait(process: subprocess.Popen[bytes], limit_s: float) -> int:
         except subprocess.TimeoutExpired:
             if left_s <= _WAIT_S:
                 raise
+            if output.stat().st_size > _MOST_PRINTED_BYTES:
+                return None
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:

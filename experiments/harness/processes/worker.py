@@ -30,20 +30,23 @@ CANNOT_WRITE = 74
 
 @dataclass(frozen=True)
 class Job:
-    """point: what to measure. result_path: where the outcome goes, whole or not at all. run: the process that asks."""
+    """point: what to measure. result_path: where the outcome goes, whole or not at all. run: the process that asks.
+    version: of the method, as that process knows it."""
 
     point: Point
     result_path: str
     run: int
+    version: str | None = None
 
     def to_json(self) -> str:
-        return json.dumps({"point": self.point.configuration(), "result_path": self.result_path, "run": self.run})
+        fields = {"point": self.point.configuration(), "version": self.point.method.version()}
+        return json.dumps(fields | {"result_path": self.result_path, "run": self.run})
 
     @classmethod
     def from_json(cls, text: str, kinds: Kinds) -> Job:
         """kinds: what the point's method and workload are looked up among."""
         fields = json.loads(text)
-        return cls(read_point(fields["point"], kinds), fields["result_path"], fields["run"])
+        return cls(read_point(fields["point"], kinds), fields["result_path"], fields["run"], fields["version"])
 
 
 def read_point(fields: dict[str, Any], kinds: Kinds) -> Point:
@@ -61,6 +64,15 @@ def read_point(fields: dict[str, Any], kinds: Kinds) -> Point:
 def measure_point(point: Point) -> Measured:
     """Measure the point in this process. Raises InputError and MemoryBudgetError as the tracers do."""
     return point.workload.measure(point)
+
+
+def outcome_of_job(job: Job) -> Outcome:
+    """Whatever measuring comes to; a method that has changed since the run began is not measured."""
+    here = job.point.method.version()
+    if here != job.version:
+        told = f"method {job.point.method.name} is {here}, expected {job.version}: it changed since this run began"
+        return Outcome("failed", printable(told), on_purpose=True)
+    return outcome_of(job.point)
 
 
 def outcome_of(point: Point) -> Outcome:
@@ -99,7 +111,7 @@ def run_job(kinds: Kinds) -> None:
     job = Job.from_json(sys.stdin.readline(), kinds)
     threading.Thread(target=_end_with_the_run, args=(job.run,), daemon=True).start()
     try:
-        write_atomically(Path(job.result_path), outcome_of(job.point).to_json())
+        write_atomically(Path(job.result_path), outcome_of_job(job).to_json())
     except StorageError as error:
         with suppress(OSError):
             print(error, flush=True)

@@ -192,16 +192,20 @@ class RayPeerTracer(PeerTracer):
         return {}
 
     def _rays_through(self, offset: tuple[float, float]) -> Any:
-        camera = self.camera
-        # Summed in float32 as the kernels of atra do, so that the rays are the same bit by bit.
-        column_rays, row_rays = image_ray_grid(camera, offset)
-        directions = column_rays[:, None, :] + row_rays[:, :, None]
-        # A peer sees the mesh in the world's axes; ray space has the camera's where the view is narrow.
-        to_ray_space = from_eye_space(camera)
-        if not np.array_equal(to_ray_space, np.eye(3)):
-            directions = np.tensordot(to_ray_space.T, directions, 1).astype(np.float32)
-        interleaved = np.ascontiguousarray(directions.reshape(3, -1).T)
-        return self.make_rays(np.asarray(camera.eye, np.float32)[None], interleaved)
+        return self.make_rays(np.asarray(self.camera.eye, np.float32)[None], world_directions(self.camera, offset))
+
+
+def world_directions(camera: View, offset: tuple[float, float]) -> NDArray[np.float32]:
+    """(H W, 3) float32, directions of the rays of `PixelTracer` in the order of the rows, world space; lengths make
+    their t the depth."""
+    column_rays, row_rays = image_ray_grid(camera, offset)
+    # Summed in float32 as the kernels of atra do, so that the rays are the same bit by bit.
+    directions = column_rays[:, None, :] + row_rays[:, :, None]
+    # A peer sees the mesh in the world's axes; ray space has the camera's where the view is narrow.
+    to_ray_space = from_eye_space(camera)
+    if not np.array_equal(to_ray_space, np.eye(3)):
+        directions = np.tensordot(to_ray_space.T, directions, 1).astype(np.float32)
+    return np.ascontiguousarray(directions.reshape(3, -1).T)
 
 
 def peer_method(

@@ -132,6 +132,7 @@ CLASSIFICATION = Workload(
     canary=single_over_packets,
     problem=_problem,
     once="rays",
+    rays=lambda row: f"{row.get('ray_kind', 'own')}, in a batch",
 )
 
 

@@ -32,6 +32,7 @@ FRAME = Workload(
     room=__name__,
     samples=lambda point: frozenset((OWN, SINGLE)),
     needs=(*RESOURCES, *PIXELS, *PREPARATION),
+    rays=lambda row: "primary",
     **BESIDE_BASELINES,
 )
 

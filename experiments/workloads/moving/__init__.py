@@ -56,6 +56,7 @@ MOVING = Workload(
         Column("kept_depth_error_p999", REAL, "what 99.9 % of their depths' relative errors stay below"),
     ),
     headline=_headline,
+    rays=lambda row: "primary, camera moving",
     room=__name__,
     samples=lambda point: frozenset((OWN, STILL, SINGLE, KEPT)),
     needs=(*RESOURCES, *PIXELS, *PREPARATION[:2]),

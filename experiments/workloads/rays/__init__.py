@@ -106,7 +106,8 @@ RAYS = Workload(
     judged=OWN,
     needs=("asked", "judged", "judged_hits", "lost", "library_lost"),
     problem=_problem,
-)  # fmt: skip
+    rays=lambda row: f"{row.get('ray_batch', 'own')}, {row.get('question', 'closest')}",
+)
 
 
 def measure(point: Point) -> Measured:

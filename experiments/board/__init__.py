@@ -1,0 +1,1 @@
+"""Results to share: a sweep packed into one file, and a page of several such files."""

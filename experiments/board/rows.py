@@ -1,0 +1,126 @@
+"""Rows of a board: the best of every method at a scene and kind of ray, as a ratio to the widest packets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, fields
+from math import isfinite
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from atra.errors import InputError, printable
+from experiments.drawing.style import TIMES
+from experiments.methods import find_method
+from experiments.methods.naming import best_of, say_point
+from experiments.results.settings import settings
+from experiments.workloads import find_workload
+from experiments.workloads.baselines import PACKETS
+from experiments.workloads.series import OVER_PACKETS, choosing
+
+_TIME = "render_time_s"
+_WRONG = ("pixels_wrong", "rays_wrong")
+_LONGEST_TEXT = 300
+
+
+@dataclass(frozen=True)
+class BoardRow:
+    """A method at its best options, on one scene and kind of ray.
+
+    rays: their kind. name: method and options in words. ratio: time of the widest packets per ray over this, in the
+    same processes, with its 95 % interval; None where there are no packets. frame_s: one image or batch. build_s: plan
+    and build. wrong: pixels or rays. error: why it was not measured.
+    """
+
+    scene: str
+    triangles: int | None
+    rays: str
+    size: str
+    threads: int | None
+    method: str
+    name: str
+    is_ours: bool
+    ratio: float | None
+    low: float | None
+    high: float | None
+    frame_s: float | None
+    build_s: float | None
+    wrong: int | None
+    doubts: str | None
+    status: str
+    error: str | None
+
+
+def board_rows(table: pd.DataFrame) -> list[BoardRow]:
+    """The rows of a sweep's table, of workloads that time frames or batches beside packets."""
+    timed = table[table["workload"].map(lambda name: _TIME in {one.name for one in find_workload(name).columns})]
+    varying = [name for name in settings() if name in timed and name not in best_of() and name != "mesh_sha256"]
+    keys = ["scene", "triangles", "workload", "method", "packet_width", "robust", *varying]
+    keys = [name for name in dict.fromkeys(keys) if name in timed and timed[name].notna().any()]
+    return [_row(best) for best in _best_of_each(timed, keys)] if len(timed) else []
+
+
+def _best_of_each(table: pd.DataFrame, keys: list[str]) -> Iterator[Mapping[str, Any]]:
+    """Of rows alike in these columns the fastest beside packets; the first where none was measured."""
+    for _, rows in table.groupby(keys, dropna=False, sort=False):
+        chosen = choosing(rows, OVER_PACKETS)
+        ok = rows["status"].eq("ok").fillna(False).to_numpy(bool)
+        place = int(np.argmax(np.where(ok, np.nan_to_num(chosen, nan=-1.0), -2.0)))
+        yield rows.iloc[place].to_dict()
+
+
+def _row(row: Mapping[str, Any]) -> BoardRow:
+    known = {name: value for name, value in row.items() if not _missing(value)}
+    measured = known if row["status"] == "ok" else {}
+    frame_s = measured.get(_TIME)
+    widest = [measured[name] for name in (f"{one}_{_TIME}" for one in PACKETS.values()) if name in measured][-1:]
+    ratio = float(widest[0] / frame_s) if widest and frame_s else measured.get(OVER_PACKETS)
+    scale = ratio / measured[OVER_PACKETS] if ratio and measured.get(OVER_PACKETS) else None
+    ends = [measured.get(f"{OVER_PACKETS}_{end}") for end in ("low", "high")]
+    low, high = (None if one is None or scale is None else float(one * scale) for one in ends)
+    parts = [measured[name] for name in ("plan_time_s", "build_time_s") if name in measured]
+    wrong = [int(measured[name]) for name in _WRONG if name in measured]
+    method, workload = find_method(str(row["method"])), find_workload(str(row["workload"]))
+    return BoardRow(
+        scene=str(row["scene"]), triangles=_whole(known.get("triangles")), rays=workload.rays_of(known),
+        size=f"{known.get('width')} {TIMES} {known.get('height')}", threads=_whole(known.get("threads")), method=method.label,
+        name=say_point(row), is_ours=method.is_ours, ratio=ratio, low=low, high=high, frame_s=frame_s,
+        build_s=float(sum(parts)) if parts else None, wrong=sum(wrong) if wrong else None,
+        doubts=measured.get("doubts"), status=str(row["status"]), error=known.get("error"),
+    )  # fmt: skip
+
+
+def _missing(value: Any) -> bool:
+    return not isinstance(value, list | tuple) and bool(pd.isna(value))
+
+
+def _whole(value: Any) -> int | None:
+    return None if value is None else int(value)
+
+
+def plain_rows(rows: list[BoardRow]) -> list[dict[str, Any]]:
+    """Rows as JSON has them."""
+    return [asdict(row) for row in rows]
+
+
+_KINDS = {"str": (str,), "int": (int,), "float": (int, float), "bool": (bool,)}
+
+
+def read_row(given: Any) -> BoardRow:
+    """The reverse of `plain_rows`, for a row of a stranger's file. Raises InputError for other fields and types, and for
+    numbers that are not finite; texts are made printable and cut."""
+    names = [one.name for one in fields(BoardRow)]
+    if not isinstance(given, dict) or sorted(given) != sorted(names):
+        raise InputError(f"a row has the fields {sorted(given) if isinstance(given, dict) else given!r:.100}")
+    values = {}
+    for one in fields(BoardRow):
+        value, kind = given[one.name], str(one.type)
+        allowed = _KINDS[kind.partition(" ")[0]]
+        fits = isinstance(value, allowed) and (bool in allowed or not isinstance(value, bool))
+        if not (fits or (value is None and "None" in kind)):
+            raise InputError(f"field {one.name} of a row is {value!r:.100}, expected {kind}")
+        if isinstance(value, int | float) and not isfinite(value):
+            raise InputError(f"field {one.name} of a row is {value}, expected a finite number")
+        values[one.name] = printable(value)[:_LONGEST_TEXT] if isinstance(value, str) else value
+    return BoardRow(**values)

@@ -1,0 +1,38 @@
+"""`atra new-method mine`: writes mine.py, a method that works, with its test."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from atra.errors import InputError, StorageError
+from experiments.commands.program import COMMAND
+from experiments.methods import METHODS
+
+_USAGE = f"expected: {COMMAND} new-method mine"
+
+_NAME = re.compile(r"[a-z][a-z0-9_]*")
+
+
+def run_new_method(arguments: Sequence[str]) -> Path:
+    """Write the file into this folder and say what to do next; returns its path. Raises InputError for a name that is
+    taken or no name, and for a file that is there."""
+    if len(arguments) != 1:
+        raise InputError(_USAGE)
+    name = arguments[0].removesuffix(".py")
+    if not _NAME.fullmatch(name) or name in {one.name for one in METHODS}:
+        raise InputError(f"a method cannot be called {name!r}, expected small letters that no method has; {_USAGE}")
+    path = Path(f"{name}.py")
+    template = Path(__file__).with_name("new_method_template.txt").read_text(encoding="utf-8")
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(template.replace("NAME", name))
+    except FileExistsError:
+        raise InputError(f"{path} is there already; choose another name") from None
+    except OSError as error:
+        raise StorageError(f"{path} cannot be written: {error}") from None
+    print(f"written: {path}")
+    print(f"next: {COMMAND} method_file={path} scene=cornell_box width=256 height=256")
+    print(f"test: python -m pytest {path}")
+    return path

@@ -1,0 +1,147 @@
+"""What a foreign method is held to: whole images, a clock that can be true, its threads, and a mesh left as it was."""
+
+from __future__ import annotations
+
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+from zlib import crc32
+
+import numpy as np
+import psutil
+from numpy.typing import NDArray
+
+from atra.errors import ClockError, InputError
+from atra.geometry.mesh import Mesh
+from atra.prim_ids import MISS
+
+Images = tuple[NDArray[np.float32], NDArray[np.uint32]]
+
+_FRAMES_TO_JUDGE = 3
+"""Frames after which the method's own clock is judged by the shortest frame; one alone may have been disturbed."""
+
+_LEAST_SHARE = 0.5
+"""Share of the wait that the method's own clock must tell of, after what handing over the image may take."""
+
+_HAND_OVER_S, _HAND_OVER_S_PER_RAY = 2e-4, 16e-9
+"""Time that handing over an image may take: 8 bytes a ray at half a gigabyte a second."""
+
+_SETTLE_S, _WATCH_S, _SPIN_S = 0.25, 0.2, 0.02
+"""So long after a frame, threads are watched for so long: one that runs for the last of these times or longer waits by
+spinning, as Embree's workers do, and traces nothing."""
+
+_BUSY_S, _BUSY_SHARE = 0.03, 0.05
+"""CPU seconds, and share of the time in frames, above which a thread counts as one that traces."""
+
+
+def checked_images(found: Any, height: int, width: int, triangles: int) -> Images:
+    """Depth and prim_id of what `trace` returned: a pair, or an object with these two attributes.
+
+    Raises InputError for other shapes and types, NaN, ids that the mesh does not have, and pixels where one array says
+    hit and the other one miss.
+    """
+    if hasattr(found, "depth") and hasattr(found, "prim_id"):
+        found = found.depth, found.prim_id
+    if not isinstance(found, tuple | list) or len(found) != 2:
+        raise InputError(f"trace returned a {type(found).__name__}, expected depth and prim_id")
+    depth, prim_id = (np.asarray(one) for one in found)
+    for name, one, kind, types in (("depth", depth, "f", "floats"), ("prim_id", prim_id, "iu", "integers")):
+        if one.shape != (height, width) or one.dtype.kind not in kind:
+            raise InputError(
+                f"trace returned {name} of shape {one.shape} and type {one.dtype}, expected ({height}, {width}) {types}"
+            )
+    if np.isnan(depth).any():
+        y, x = np.argwhere(np.isnan(depth))[0]
+        raise InputError(f"trace returned a depth of NaN at pixel ({x}, {y}), expected inf for a miss")
+    ids = prim_id.astype(np.uint32, copy=False)  # -1 becomes MISS
+    unknown = (ids >= triangles) & (ids != MISS)
+    if unknown.any():
+        raise InputError(f"trace returned prim_id {ids[unknown][0]}, expected one below {triangles} or {MISS:#x}")
+    torn = (ids == MISS) != np.isinf(depth)
+    if torn.any():
+        y, x = np.argwhere(torn)[0]
+        raise InputError(
+            f"trace returned depth {depth[y, x]} and prim_id {ids[y, x]} at pixel ({x}, {y}), "
+            f"expected inf and {MISS:#x} for a miss"
+        )
+    return np.ascontiguousarray(depth, np.float32), np.ascontiguousarray(ids)
+
+
+def mesh_digest(mesh: Mesh) -> tuple[int, int]:
+    """Check sums of vertices and faces."""
+    return crc32(mesh.vertices.data), crc32(mesh.faces.data)
+
+
+class ClockGuard:
+    """Seconds of frames by the method's own clock, where it has one, judged by the harness's."""
+
+    def __init__(self, rays: int) -> None:
+        self._allowed_s = _HAND_OVER_S + _HAND_OVER_S_PER_RAY * rays
+        self._waited: list[float] = []
+        self._told: list[float] = []
+
+    def frame_time_s(self, waited_s: float, told: Any) -> float:
+        """The seconds of a frame. told: None = the method has no clock. Raises ClockError for a time that is no
+        positive number, longer than the wait, or so short that the rest of the wait cannot be explained."""
+        if told is None:
+            return waited_s
+        if isinstance(told, bool) or not isinstance(told, int | float) or not 0.0 < told <= waited_s:
+            raise ClockError(f"the method says that a frame took {told!r} s; the harness waited {waited_s:.3g} s")
+        self._waited.append(waited_s)
+        self._told.append(float(told))
+        least = _LEAST_SHARE * (min(self._waited) - self._allowed_s)
+        if len(self._told) >= _FRAMES_TO_JUDGE and min(self._told) < least:
+            raise ClockError(
+                f"the method says that a frame took {min(self._told):.3g} s; the harness never waited less than "
+                f"{min(self._waited):.3g} s"
+            )
+        return float(told)
+
+
+class ThreadGuard:
+    """Counts the threads that run while frames are traced. processes: those of the method, asked for after a frame."""
+
+    def __init__(self, threads: int, processes: Callable[[], list[psutil.Process]]) -> None:
+        self._threads, self._processes = threads, processes
+        self._known: list[psutil.Process] = []
+        self._before: dict[tuple[int, int], float] = {}
+        self._busy_s: dict[tuple[int, int], float] = defaultdict(float)
+        self._spinning: set[tuple[int, int]] = set()
+        self._in_frames_s = self._start_s = 0.0
+
+    def begin(self) -> None:
+        """A frame begins."""
+        self._before = self._cpu_times()
+        self._start_s = time.perf_counter()
+
+    def end(self) -> None:
+        """A frame has ended. Raises InputError once more threads have run than the point has."""
+        self._in_frames_s += time.perf_counter() - self._start_s
+        if not self._known:  # what the first frame started is known from now on
+            self._known = self._processes()
+            return
+        for thread, cpu_s in self._cpu_times().items():
+            self._busy_s[thread] += cpu_s - self._before.get(thread, 0.0)
+        least = max(_BUSY_S, _BUSY_SHARE * self._in_frames_s)
+        busy = {thread for thread, cpu_s in self._busy_s.items() if cpu_s >= least} - self._spinning
+        if len(busy) > self._threads:
+            self._spinning |= self._found_spinning()
+            busy -= self._spinning
+        if len(busy) > self._threads:
+            raise InputError(f"the method ran {len(busy)} threads, the point has threads={self._threads}")
+
+    def _found_spinning(self) -> set[tuple[int, int]]:
+        """Threads that run while nothing is traced."""
+        time.sleep(_SETTLE_S)
+        before = self._cpu_times()
+        time.sleep(_WATCH_S)
+        return {thread for thread, cpu_s in self._cpu_times().items() if cpu_s - before.get(thread, 0.0) >= _SPIN_S}
+
+    def _cpu_times(self) -> dict[tuple[int, int], float]:
+        found: dict[tuple[int, int], float] = {}
+        for process in self._known:
+            with suppress(psutil.Error, OSError):
+                found |= {(process.pid, one.id): one.user_time + one.system_time for one in process.threads()}
+        return found

@@ -1,0 +1,165 @@
+"""Classes of files and installed packages as methods of the harness."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Collection, Iterator
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from functools import partial
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType, NoneType, UnionType
+from typing import Any, get_args, get_type_hints
+
+from atra.errors import InputError
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.tracing.tracer import Tracer
+from experiments.harness.column import default_of
+from experiments.harness.entry_points import digest_of_files, offers
+from experiments.harness.method import Method, Style, Tracing
+from experiments.harness.options import NoOptions
+from experiments.harness.point import Point
+from experiments.methods.outside.tracer import OutsideTracer
+
+METHOD_FILES = "ATRA_METHOD_FILES"
+"""Environment variable with the paths of files that hold methods; processes of a run find them by it."""
+
+GROUP = "atra.methods"
+"""Group of entry points: `mine = "my_package.tracing:MyTracer"`."""
+
+_COLORS, _MARKERS = ("#8C510A", "#01665E", "#762A83", "#B2182B"), "hpd<>8"
+
+_PLAIN_TYPES = (int, float, str, bool)
+
+_NAME = re.compile(r"[A-Za-z]\w*")
+
+
+def outside_methods(taken: Collection[str]) -> Iterator[Method]:
+    """The methods of installed packages, then those of `METHOD_FILES`. taken: names of our own.
+
+    A package that cannot be used becomes a method whose points are skipped with the reason. Raises InputError for such
+    a file.
+    """
+    number = 0
+    for offer in offers(GROUP):
+        problem = offer.problem
+        if problem is None:
+            try:
+                yield method_of(offer.name, offer.value, offer.version, number, taken)
+            except InputError as error:
+                problem = str(error)
+        if problem is not None and offer.name not in taken and _NAME.fullmatch(offer.name):
+            yield _unusable(offer.name, problem, offer.version, number)
+        number += 1
+    for path in method_files():
+        yield load_file(path, number, taken)
+        number += 1
+
+
+def method_files() -> list[str]:
+    """The paths of `METHOD_FILES`."""
+    return [one for one in os.environ.get(METHOD_FILES, "").split(os.pathsep) if one]
+
+
+def load_file(path: str | Path, number: int, taken: Collection[str]) -> Method:
+    """The method that a file defines: its one class with `build`, `trace` and `close`, or the one that it calls
+    `METHOD`. The method is called as the file is. number: of methods from outside before it, for its colour.
+
+    Raises InputError for a file that cannot be read or imported, and as `method_of`.
+    """
+    path = Path(path).expanduser().absolute()
+    name = path.stem.replace("-", "_")
+    if path.suffix != ".py" or not path.is_file():
+        raise InputError(f"method_file is {str(path)!r}, expected a Python file; `atra new-method mine` writes one")
+    try:
+        module = _imported(f"atra_method_file_{name}", path)
+    except Exception as error:  # whatever the file raises is told
+        told = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        raise InputError(f"method_file {path} cannot be imported, {told}") from error
+    version = f"{path.name} sha256:{digest_of_files([path])}"
+    return method_of(name, _method_class(module, path), version, number, taken)
+
+
+def _imported(module_name: str, path: Path) -> ModuleType:
+    spec = spec_from_file_location(module_name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    sys.modules[module_name] = module  # dataclasses look their module up
+    spec.loader.exec_module(module)
+    return module
+
+
+def _method_class(module: ModuleType, path: Path) -> Any:
+    if hasattr(module, "METHOD"):
+        return module.METHOD
+    own = [one for one in vars(module).values() if isinstance(one, type) and one.__module__ == module.__name__]
+    found = [one for one in own if not _missing_calls(one)]
+    if len(found) != 1:
+        names = ", ".join(one.__name__ for one in found) or "none"
+        raise InputError(
+            f"method_file {path} has these classes with build, trace and close: {names}; "
+            "expected one, or METHOD = its name"
+        )
+    return found[0]
+
+
+def _missing_calls(kind: Any) -> list[str]:
+    return [name for name in ("build", "trace", "close") if not callable(getattr(kind, name, None))]
+
+
+def method_of(name: str, kind: Any, version: str, number: int, taken: Collection[str]) -> Method:
+    """A class with the protocol `ForeignMethod` as a method. Raises InputError for what is no such class, for a name
+    that is taken, and for options that no command line could set."""
+    if not _NAME.fullmatch(name) or name in taken:
+        raise InputError(f"a method from outside is called {name!r}, expected a name of letters that atra does not use")
+    if not isinstance(kind, type) or _missing_calls(kind):
+        raise InputError(f"method {name} is {kind!r:.100}, expected a class with build, trace and close")
+    options = getattr(kind, "Options", NoOptions)
+    _check_options(name, options)
+    label = str(getattr(kind, "label", name))
+
+    def make(mesh: Mesh, view: View, options: Any, tracing: Tracing) -> Tracer:
+        return OutsideTracer(kind, mesh, view, options, tracing)
+
+    def variant(row: Any) -> str:
+        return ", ".join(f"{one.name} {row[one.name]}" for one in fields(options) if row.get(one.name) != one.default)
+
+    return Method(
+        name, label, _style(number), options, make, OutsideTracer.__module__, variant=variant,
+        version=partial(str, version), is_ours=False,
+    )  # fmt: skip
+
+
+def _check_options(name: str, options: Any) -> None:
+    if not isinstance(options, type) or not is_dataclass(options):
+        raise InputError(f"Options of method {name} is {options!r:.100}, expected a dataclass")
+    hints = get_type_hints(options)
+    for one in fields(options):
+        kinds = set(get_args(hints[one.name])) - {NoneType} if _is_union(hints[one.name]) else {hints[one.name]}
+        if not all(kind in _PLAIN_TYPES or (isinstance(kind, type) and issubclass(kind, Enum)) for kind in kinds):
+            raise InputError(f"option {one.name} of method {name} is of type {hints[one.name]}, expected a plain one")
+        if one.name in Point.__dataclass_fields__ or not isinstance(default_of(one), (*_PLAIN_TYPES, Enum, NoneType)):
+            raise InputError(f"option {one.name} of method {name} needs a default, and a name that no point has")
+
+
+def _is_union(hint: Any) -> bool:
+    return isinstance(hint, UnionType) or type(None) in get_args(hint)
+
+
+def _unusable(name: str, problem: str, version: str, number: int) -> Method:
+    def make(mesh: Mesh, view: View, options: Any, tracing: Tracing) -> Tracer:
+        raise InputError(problem)
+
+    return Method(
+        name, name, _style(number), NoOptions, make, OutsideTracer.__module__, problem=partial(str, problem),
+        version=partial(str, version), is_ours=False,
+    )  # fmt: skip
+
+
+def _style(number: int) -> Style:
+    return Style(_COLORS[number % len(_COLORS)], _MARKERS[number % len(_MARKERS)])

@@ -1,0 +1,250 @@
+"""Method `program`: an external program in any language that traces rays it reads from files.
+
+The program reads commands as lines on standard input and answers each with one line on standard output, `ok` or
+`error` and a text. Files are binary, little endian, without a header:
+
+    command                  answer                file
+    atra-rays 1              ok NAME VERSION
+    threads N                ok
+    mesh V F PATH            ok SECONDS            V x 3 float32 vertices, then F x 3 uint32 faces
+    rays N PATH              ok                    N x 8 float32: origin, tnear, direction, tfar
+    trace PATH               ok SECONDS            to be written: N float32 t, then N uint32 faces
+    end                      (it ends)
+
+A path goes on to the end of its line. SECONDS are by the program's own clock: of building, and of tracing without
+reading and writing files. They count where the harness's clock allows them. A miss has t = infinity and the face
+0xFFFFFFFF; t is in lengths of the direction. Standard error is the program's own.
+"""
+
+from __future__ import annotations
+
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import psutil
+from numpy.typing import NDArray
+
+from atra.errors import ClockError, InputError, printable
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.tracing.options import option
+from experiments.drawing.style import GREY
+from experiments.harness.entry_points import digest_of_files
+from experiments.harness.method import Method, Style, Tracing
+from experiments.methods.outside.guards import Images
+from experiments.methods.outside.tracer import OutsideTracer
+from experiments.methods.peers.peer import world_directions
+
+VERSION = 1
+"""Version of the protocol."""
+
+_EXAMPLE = Path(__file__).resolve().parents[3] / "examples" / "external" / "trace.py"
+_LONGEST_ANSWER = 4096
+_END_S = 5.0
+_PIXEL_CENTRE = (0.5, 0.5)
+
+
+@dataclass(frozen=True)
+class ProgramOptions:
+    """Which program traces."""
+
+    command: str = option("", "the program and its arguments, as in a shell; empty = the example in Python")
+    program_sha256: str = option("", "hash of the program's files, set when a run begins")
+
+
+class Conversation:
+    """A running program. Raises InputError for a program that cannot be started, and in `ask` for one that answers
+    something else or ends."""
+
+    def __init__(self, command: Sequence[str]) -> None:
+        self._name = Path(command[-1] if len(command) > 1 else command[0]).name
+        try:
+            self._process = subprocess.Popen(list(command), stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        except OSError as error:
+            raise InputError(f"program {shlex.join(command)} cannot be started: {error}") from None
+
+    @property
+    def process(self) -> psutil.Process:
+        """The process, to be looked at."""
+        return psutil.Process(self._process.pid)
+
+    def ask(self, *words: object) -> str:
+        """Send a command and return what follows `ok`."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        with suppress(OSError):  # one that has ended is found out by its answer
+            self._process.stdin.write((" ".join(map(str, words)) + "\n").encode())
+            self._process.stdin.flush()
+        answer = self._process.stdout.readline(_LONGEST_ANSWER).decode(errors="replace")
+        if not answer:
+            code = self._process.wait(_END_S)
+            raise InputError(f"program {self._name} ended with exit code {code} when asked to {words[0]}")
+        kind, _, text = answer.strip().partition(" ")
+        if kind != "ok" or not answer.endswith("\n"):
+            raise InputError(f"program {self._name} answered {printable(answer.strip())[:200]!r} to {words[0]}")
+        return text.strip()
+
+    def ask_seconds(self, *words: object) -> float:
+        """`ask`, with an answer in seconds. Raises ClockError for one that is no time the harness could have waited."""
+        start = perf_counter()
+        text = self.ask(*words)
+        waited_s = perf_counter() - start
+        try:
+            seconds = float(text)
+        except ValueError:
+            raise InputError(f"program {self._name} answered {text[:200]!r} to {words[0]}, expected seconds") from None
+        if not 0.0 < seconds <= waited_s:
+            raise ClockError(
+                f"program {self._name} says that {words[0]} took {seconds:g} s; the harness waited {waited_s:.3g} s"
+            )
+        return seconds
+
+    def close(self) -> None:
+        """Ask the program to end, and kill one that does not."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        with suppress(OSError):
+            self._process.stdin.write(b"end\n")
+            self._process.stdin.close()
+        try:
+            self._process.wait(_END_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._process.stdout.close()
+
+
+class ProgramMethod:
+    """A program as a foreign method. time_s, build_time_s: by its own clock."""
+
+    def __init__(self, mesh: Mesh, camera: View, options: ProgramOptions, threads: int) -> None:
+        self._camera, self._count = camera, camera.height * camera.width
+        self._mesh = mesh
+        self._folder = tempfile.TemporaryDirectory(prefix="atra-rays-", ignore_cleanup_errors=True)
+        self._conversation: Conversation | None = None
+        self._offset: tuple[float, float] | None = None
+        self.time_s: float | None = None
+        self.build_time_s = 0.0
+        self._path("mesh").write_bytes(mesh.vertices.astype("<f4").tobytes() + mesh.faces.astype("<u4").tobytes())
+        try:
+            self._conversation = Conversation(shlex.split(options.command))
+            self.version = self._conversation.ask("atra-rays", VERSION)
+            self._conversation.ask("threads", threads)
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def process(self) -> psutil.Process:
+        """That of the program."""
+        assert self._conversation is not None
+        return self._conversation.process
+
+    def _path(self, name: str) -> Path:
+        return Path(self._folder.name, name)
+
+    def build(self) -> None:
+        """Hand over the mesh, and the rays of the pixels' centres."""
+        assert self._conversation is not None
+        counts = len(self._mesh.vertices), self._mesh.triangle_count
+        self.build_time_s = self._conversation.ask_seconds("mesh", *counts, self._path("mesh"))
+        self._send_rays(_PIXEL_CENTRE)
+
+    def _send_rays(self, offset: tuple[float, float]) -> None:
+        assert self._conversation is not None
+        self._path("rays").write_bytes(camera_rays(self._camera, offset).tobytes())
+        self._conversation.ask("rays", self._count, self._path("rays"))
+        self._offset = offset
+
+    def trace(self, offset: tuple[float, float] = _PIXEL_CENTRE) -> Images:
+        """Depth and prim_id of an image. Raises InputError for a file of another length."""
+        assert self._conversation is not None
+        if tuple(offset) != self._offset:
+            self._send_rays(tuple(offset))
+        self.time_s = self._conversation.ask_seconds("trace", self._path("hits"))
+        return read_hits(self._path("hits"), self._count, (self._camera.height, self._camera.width))
+
+    def close(self) -> None:
+        """End the program and remove the files."""
+        if self._conversation is not None:
+            self._conversation.close()
+        self._folder.cleanup()
+
+
+def camera_rays(camera: View, offset: tuple[float, float] = _PIXEL_CENTRE) -> NDArray[np.float32]:
+    """(H W, 8) float32, rays of an image as the protocol has them."""
+    rays = np.empty((camera.height * camera.width, 8), "<f4")
+    rays[:, :3], rays[:, 3] = np.asarray(camera.eye, np.float32), 0.0
+    rays[:, 4:7], rays[:, 7] = world_directions(camera, offset), np.inf
+    return rays
+
+
+def read_hits(path: Path, count: int, shape: tuple[int, ...]) -> Images:
+    """t and faces of a file of hits, in this shape. Raises InputError for a file of another length."""
+    found = np.fromfile(path, "<u4") if path.is_file() else np.empty(0, "<u4")
+    if len(found) != 2 * count:
+        raise InputError(f"the program wrote {found.nbytes:,} bytes of hits, expected {8 * count:,}")
+    return found[:count].view("<f4").reshape(shape), found[count:].reshape(shape)
+
+
+class ProgramTracer(OutsideTracer):
+    """`OutsideTracer` of a program: what starts it and writes files is no part of its build."""
+
+    def __init__(self, mesh: Mesh, camera: View, options: ProgramOptions, tracing: Tracing) -> None:
+        files = _files(options.command)
+        if not files:
+            raise InputError(f"method.command is {options.command!r}, expected a program that is there")
+        if digest_of_files(files) != options.program_sha256:
+            raise InputError(f"program {options.command} changed since this run began; start it again")
+        super().__init__(ProgramMethod, mesh, camera, options, tracing)
+
+    def _build(self) -> float:
+        super()._build()
+        return float(self._own.build_time_s)
+
+    def _processes(self) -> list[psutil.Process]:
+        program = self._own.process
+        return [program, *program.children(recursive=True)]
+
+
+def _files(command: str) -> list[Path]:
+    """The program and those of its arguments that are files; empty where there is no such program."""
+    try:
+        words = shlex.split(command)
+    except ValueError:
+        return []
+    program = shutil.which(words[0]) if words else None
+    return [] if program is None else [Path(program), *(Path(one) for one in words[1:] if Path(one).is_file())]
+
+
+def _resolve(options: ProgramOptions, width: int) -> ProgramOptions:
+    """With paths that hold wherever a worker starts, and the hash of the files."""
+    command = options.command or shlex.join([sys.executable, str(_EXAMPLE)])
+    files = _files(command)
+    if not files:
+        return options
+    words = shlex.split(command)
+    whole = [
+        str(files[0].absolute()),
+        *(str(Path(one).absolute()) if Path(one).is_file() else one for one in words[1:]),
+    ]
+    return replace(options, command=shlex.join(whole), program_sha256=digest_of_files(files))
+
+
+def _variant(row: Mapping[str, Any]) -> str:
+    return Path((str(row.get("command") or "").split() or [""])[-1]).name
+
+
+PROGRAM = Method(
+    "program", "program", Style(GREY, "h"), ProgramOptions, ProgramTracer, __name__, _resolve, _variant, is_ours=False
+)

@@ -1,0 +1,116 @@
+"""A sweep in one file, read back by strangers, and the page of several."""
+
+import io
+import json
+import zipfile
+
+import pytest
+
+from atra.errors import InputError
+from experiments.board.__main__ import REPORTS, STORED, stored_board
+from experiments.board.command import board_page, run_board
+from experiments.board.pack import Pack, packed, read_pack, run_pack
+from experiments.board.rows import BoardRow, board_rows
+from experiments.results.table import read_table
+from tests.drawn import make_rows, method_row
+
+pytestmark = pytest.mark.uncovered
+
+METHODS = REPORTS / "reference" / "methods"
+
+ROW = BoardRow(
+    "box", 12, "primary", "8 × 8", 1, "rasteriser", "rasteriser", True, 2.0, 1.9, 2.1, 0.001, 0.002, 0, None, "ok", None
+)
+
+
+def rewritten(content, **members):
+    """The same archive with other members."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(content)) as old, zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as new:
+        for name in old.namelist():
+            new.writestr(name, members.get(name.partition(".")[0], old.read(name)))
+    return buffer.getvalue()
+
+
+def page_of(*rows, **machine):
+    return board_page([Pack("toys", machine or {"cpu": "a cpu"}, ("then", "now"), rows, "abcd")])
+
+
+def test_a_sweep_is_packed_into_the_same_bytes_and_read_back(tmp_path, capsys):
+    path = tmp_path / "methods.atra"
+    run_pack([str(METHODS), f"output={path}"])
+    assert path.read_bytes() == packed(METHODS)
+    pack = read_pack(path)
+    assert (pack.name, pack.machine_name) == ("methods", "AMD EPYC")
+    assert list(pack.rows) == board_rows(read_table(METHODS / "table.parquet"))
+    with zipfile.ZipFile(path) as archive:
+        assert archive.read("table.parquet") == (METHODS / "table.parquet").read_bytes()
+
+
+def test_the_ratio_is_over_the_widest_packets_and_the_best_split_is_shown():
+    pixel = method_row("pixel")
+    rows = board_rows(make_rows(
+        pixel | {"render_time_s": 0.02, "packets_8_render_time_s": 0.01, "packets_16_render_time_s": 0.03},
+        method_row("aligned", 8, ratio=1.5), method_row("aligned", 16, ratio=2.5),
+    ))  # fmt: skip
+    assert [row.ratio for row in rows if row.method == "one ray per pixel"] == [1.5]
+    (aligned,) = [row for row in rows if row.method == "aligned"]
+    assert "16 ×" in aligned.name
+
+
+def test_a_method_that_failed_is_a_row_with_its_reason():
+    (row,) = board_rows(make_rows(method_row("aligned", status="failed", error="it crashed <b>")))
+    assert (row.status, row.ratio) == ("failed", None)
+    assert "failed: it crashed &lt;b&gt;" in page_of(row)
+
+
+def test_nothing_in_a_strangers_file_reaches_the_page_as_markup():
+    from dataclasses import replace
+
+    evil = '"><script>alert(1)</script>'
+    page = page_of(replace(ROW, scene=evil, name=evil, doubts=evil), cpu=evil)
+    assert "<script>alert" not in page
+    assert page.count("<script>") == 1
+
+
+@pytest.mark.parametrize(("member", "content", "reason"), [
+    ("rows", b"[]", "does not have its digest"),
+    ("atra", b"{}", "its format is not 1"),
+    ("atra", b"not json", "cannot be read"),
+    ("atra", b" " * (2 << 20), "larger than 1,048,576 bytes"),
+])  # fmt: skip
+def test_a_damaged_file_is_refused(tmp_path, member, content, reason):
+    path = tmp_path / "methods.atra"
+    path.write_bytes(rewritten(packed(METHODS), **{member: content}))
+    with pytest.raises(InputError, match=reason):
+        read_pack(path)
+
+
+@pytest.mark.parametrize("change", [{"ratio": "2"}, {"wrong": True}, {"more": 1}, {"scene": None}, {"frame_s": 1e999}])
+def test_rows_of_other_fields_and_types_are_refused(tmp_path, change):
+    from hashlib import sha256
+
+    content = packed(METHODS)
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        rows, about = json.loads(archive.read("rows.json")), json.loads(archive.read("atra.json"))
+    told = json.dumps([rows[0] | change]).encode()
+    about["sha256"]["rows.json"] = sha256(told).hexdigest()
+    path = tmp_path / "methods.atra"
+    path.write_bytes(rewritten(content, rows=told, atra=json.dumps(about).encode()))
+    with pytest.raises(InputError, match="row"):
+        read_pack(path)
+
+
+def test_what_is_no_archive_is_refused(tmp_path):
+    (tmp_path / "x.atra").write_bytes(b"PK no")
+    with pytest.raises(InputError, match="cannot be read as a packed sweep"):
+        run_board([str(tmp_path / "x.atra")])
+    with pytest.raises(InputError, match="holds no table"):
+        run_pack([str(tmp_path)])
+
+
+def test_the_stored_board_is_what_the_stored_tables_make():
+    page = stored_board()
+    assert (REPORTS / "board.html").read_text(encoding="utf-8") == page, "run: python -m experiments.board"
+    assert all(f"<h3>{name}</h3>" in page for name in STORED)
+    assert "http" not in page.replace("http-equiv", "")

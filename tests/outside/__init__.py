@@ -1,0 +1,1 @@
+"""Methods, workloads, scenes and programs from outside of this repository."""

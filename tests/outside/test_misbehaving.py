@@ -1,0 +1,149 @@
+"""A method from outside may do anything: its point becomes a row with a reason, and the sweep goes on."""
+
+import os
+import re
+from dataclasses import replace
+
+import pytest
+
+from experiments import methods
+from experiments.harness.processes.launching import run_worker
+from experiments.sweep import GridPoint, run_sweep
+from tests.points import configured
+
+pytestmark = pytest.mark.uncovered
+
+START = """
+import os, time, threading
+import numpy as np
+import atra
+
+class Tracer:
+    def __init__(self, mesh, camera, options, threads):
+        self.mesh, self.camera = mesh, camera
+        self.inner = atra.PixelTracer(mesh, camera, threads=1)
+
+    def build(self):
+        self.inner.build()
+
+    def trace(self):
+        hits = self.inner.trace()
+        return hits.depth, hits.prim_id
+
+    def close(self):
+        self.inner.close()
+
+class Bad(Tracer):
+"""
+
+BAD = {
+    "crashes": ("    def trace(self):\n        os.abort()", "killed by SIGABRT|exit code"),
+    "hangs": ("    def trace(self):\n        time.sleep(600)", "time limit of 12 s"),
+    "misshapen": (
+        "    def trace(self):\n        depth, ids = super().trace()\n        return depth.T, ids.T",
+        r"depth of shape \(48, 32\) and type float32, expected \(32, 48\)",
+    ),
+    "not_a_number": (
+        "    def trace(self):\n        depth, ids = super().trace()\n        depth[3, 5] = np.nan\n        return depth, ids",
+        r"depth of NaN at pixel \(5, 3\)",
+    ),
+    "too_fast": (
+        "    time_s = 1e-9\n    def trace(self):\n        time.sleep(0.02)\n        return super().trace()",
+        "says that a frame took 1e-09 s; the harness never waited less than 0.02",
+    ),
+    "vandal": (
+        "    def build(self):\n        super().build()\n        import ctypes\n"
+        "        ctypes.c_float.from_address(self.mesh.vertices.ctypes.data).value += 1.0",
+        "the method changed the mesh",
+    ),
+    "talkative": (
+        "    def trace(self):\n        for _ in range(1024):\n            print('x' * (1 << 20))\n"
+        "        return super().trace()",
+        "it printed [0-9]+ MiB, more than the 64 MiB that are kept",
+    ),
+    "greedy": (
+        "    def trace(self):\n        def work():\n            a = np.ones(1 << 17)\n"
+        "            end = time.thread_time() + 0.05\n            while time.thread_time() < end:\n                np.sin(a, out=a)\n"
+        "            self.wait.wait()\n"
+        "        self.wait = threading.Barrier(4)\n"
+        "        if not hasattr(self, 'pool'):\n"
+        "            from concurrent.futures import ThreadPoolExecutor\n"
+        "            self.pool = ThreadPoolExecutor(4)\n"
+        "        for one in [self.pool.submit(work) for _ in range(4)]:\n            one.result()\n"
+        "        return super().trace()",
+        "the method ran [45] threads, the point has threads=1",
+    ),
+}
+"""Name -> what the class adds, and the reason that the row gives."""
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    """Writes method files that are known until the test ends."""
+    monkeypatch.setattr(methods, "METHODS", methods.METHODS)
+    before = list(methods.METHODS)
+    monkeypatch.setenv(methods.METHOD_FILES, "")
+
+    def write(name, text):
+        path = tmp_path / f"{name}.py"
+        path.write_text(text, encoding="utf-8")
+        return methods.use_method_file(str(path))
+
+    yield write
+    methods.METHODS[:] = before
+
+
+def test_each_misbehaving_method_is_a_row_with_its_reason_and_the_others_are_measured(files, tmp_path):
+    for name, (body, _) in BAD.items():
+        files(name, f"{START}{body}\nMETHOD = Bad\n")
+    files("good", START.removesuffix("class Bad(Tracer):\n"))
+    measure = {"processes": 1, "time_limit_s": 12.0, "rounds": 3, "warmup": 1}
+    given = [
+        GridPoint("all", replace(configured(name, "frame", measure=measure), results_dir=str(tmp_path / "results")))
+        for name in ("good", *BAD)
+    ]
+    with pytest.raises(SystemExit):
+        run_sweep(given, run=run_worker)
+    from experiments.results.table import read_tables
+
+    table = read_tables(tmp_path / "results" / "point").points.set_index("method")
+    assert table["status"]["good"] == "ok"
+    assert table["pixels_wrong"]["good"] == 0
+    for name, (_, reason) in BAD.items():
+        assert table["status"][name] == "failed", name
+        assert re.search(reason, table["error"][name]), table["error"][name]
+
+
+def test_a_file_that_changes_while_a_sweep_runs_is_not_measured(files, tmp_path):
+    method = files("mine", START.removesuffix("class Bad(Tracer):\n"))
+    (tmp_path / "mine.py").write_text(START + "    pass\nMETHOD = Bad\n", encoding="utf-8")
+    from tests.points import planned
+
+    outcome = run_worker(planned("mine", "frame").point)
+    assert outcome.status == "failed"
+    assert "changed since this run began" in outcome.error
+    assert method.version() in outcome.error
+
+
+@pytest.mark.parametrize(("text", "reason"), [
+    ("import no_such_package_of_anybody", "cannot be imported, ModuleNotFoundError"),
+    ("x = 1", "build, trace and close: none"),
+    (START + "    pass", "build, trace and close: Tracer, Bad"),
+    ("class A:\n    Options = 3\n    def build(self): ...\n    def trace(self): ...\n    def close(self): ...", "dataclass"),
+])  # fmt: skip
+def test_a_file_without_a_method_is_refused_with_the_reason(files, text, reason):
+    with pytest.raises(ValueError, match=reason):
+        files("mine", text)
+
+
+def test_a_name_of_ours_is_refused(files):
+    with pytest.raises(ValueError, match="a name of letters that atra does not use"):
+        files("pixel", START.removesuffix("class Bad(Tracer):\n"))
+
+
+def test_changed_code_has_another_version(files):
+    text = START.removesuffix("class Bad(Tracer):\n")
+    before = files("mine", text).version()
+    assert files("mine", text).version() == before
+    assert files("mine", text + "# changed\n").version() != before
+    assert os.environ[methods.METHOD_FILES].count("mine.py") == 1

@@ -1,0 +1,69 @@
+"""`new-method` writes a file that works as it is, and is measured without an edit here."""
+
+import subprocess
+import sys
+
+import pytest
+
+from experiments import methods
+from experiments.commands.new_method import run_new_method
+from experiments.harness.processes.launching import project_environment
+from tests.command import run_here
+from tests.folders import ROOT
+
+pytestmark = pytest.mark.uncovered
+
+
+@pytest.fixture(autouse=True)
+def methods_as_before(monkeypatch):
+    before = list(methods.METHODS)
+    monkeypatch.setenv(methods.METHOD_FILES, "")
+    yield
+    methods.METHODS[:] = before
+
+
+def test_the_file_is_measured_by_the_command_it_names_and_its_own_test_passes(tmp_path):
+    assert run_here(tmp_path, "new-method", "mine").returncode == 0
+    done = run_here(tmp_path, "method_file=mine.py", "scene=cornell_box", "width=48", "height=32", "measure.rounds=3")
+    assert done.returncode == 0, done.stderr
+    assert "cornell_box, frame, mine" in done.stderr
+    assert "pixels wrong            │ 0 " in done.stdout
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "mine.py"]
+    tested = subprocess.run(command, cwd=tmp_path, env=project_environment(), capture_output=True, text=True)
+    assert tested.returncode == 0, tested.stdout
+
+
+def test_an_option_of_the_file_is_set_on_the_command_line_and_an_unknown_one_is_refused(tmp_path):
+    run_here(tmp_path, "new-method", "mine")
+    toy = ["method_file=mine.py", "width=16", "height=16", "measure.rounds=3"]
+    assert run_here(tmp_path, *toy, "method.rows=3").returncode == 0
+    done = run_here(tmp_path, *toy, "method.columns=3")
+    assert done.returncode == 2
+    assert "expected rows" in done.stderr
+
+
+@pytest.mark.parametrize("name", ["pixel", "9lives", "a b", ""])
+def test_a_name_that_no_method_can_have_is_refused(tmp_path, name):
+    done = run_here(tmp_path, "new-method", name)
+    assert done.returncode == 2
+    assert "cannot be called" in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_that_is_there_is_left_alone(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text("mine", encoding="utf-8")
+    with pytest.raises(ValueError, match="is there already"):
+        run_new_method(["mine"])
+    assert (tmp_path / "mine.py").read_text(encoding="utf-8") == "mine"
+
+
+def test_a_file_that_is_missing_is_refused(tmp_path):
+    done = run_here(tmp_path, "method_file=missing.py")
+    assert done.returncode == 2
+    assert "expected a Python file" in done.stderr
+
+
+def test_the_template_is_no_wider_than_our_own_files():
+    text = (ROOT / "experiments" / "commands" / "new_method_template.txt").read_text(encoding="utf-8")
+    assert max(map(len, text.splitlines())) <= 120

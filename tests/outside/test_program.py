@@ -1,0 +1,124 @@
+"""External programs: the example in C++ where there is a compiler, the one in Python everywhere; both judged."""
+
+import shlex
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from atra.errors import AtraError, ClockError, InputError
+from atra.prim_ids import MISS
+from experiments.methods.outside.guards import ClockGuard, checked_images
+from tests.folders import ROOT
+from tests.points import measured, planned
+
+pytestmark = pytest.mark.uncovered
+
+EXAMPLES = ROOT / "examples" / "external"
+COMPILER = shutil.which("c++") or shutil.which("g++")
+IN_PYTHON = shlex.join([sys.executable, str(EXAMPLES / "trace.py")])
+
+
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory):
+    """The command of the example in C++."""
+    if COMPILER is None:
+        pytest.skip("no C++ compiler here")
+    program = tmp_path_factory.mktemp("external") / "trace"
+    subprocess.run([COMPILER, "-O2", "-std=c++17", "-o", str(program), str(EXAMPLES / "trace.cpp")], check=True)
+    return shlex.join([str(program)])
+
+
+def judged(command, **fields):
+    return measured("program", "agreement", options={"command": command}, asked={"sample_rays": 20}, **fields).results
+
+
+def test_the_example_in_python_sees_what_single_rays_see():
+    results = judged(IN_PYTHON, size=(16, 12))
+    assert results["pixels_wrong"] == results["pixels_hole"] == results["method_holes"] == 0
+    assert results["pixels_equal"] > 0.9 * 16 * 12
+
+
+def test_the_example_in_cpp_sees_what_single_rays_see_through_any_place_of_a_pixel(compiled):
+    asked = {"sample_rays": 20, "offsets": [[0.5, 0.5], [0.0, 0.25]]}
+    results = measured("program", "agreement", options={"command": compiled}, asked=asked, size=(64, 48)).results
+    assert results["pixels_wrong"] == results["pixels_hole"] == results["method_holes"] == 0
+    assert results["pixels_equal"] > 0.95 * 2 * 64 * 48
+
+
+def test_its_own_clock_counts_for_frames_and_builds(compiled):
+    got = measured("program", "frame", options={"command": compiled}, size=(64, 48))
+    assert all(0.0 < one < 1.0 for one in got.samples["own"])
+    assert got.results["build_time_s"] < 0.1  # starting a program and writing files is no part of it
+
+
+def program(text):
+    """The command of a program that answers `ok` to everything, changed by `text`."""
+    code = "import sys, time, struct\nfor line in sys.stdin:\n    word = line.split()[0]\n    answer = 'ok 1e-9'\n"
+    return shlex.join([sys.executable, "-c", f"{code}{text}\n    print(answer, flush=True)"])
+
+
+@pytest.mark.parametrize(("text", "reason"), [
+    ("    if word == 'mesh': sys.exit(3)", "ended with exit code 3 when asked to mesh"),
+    ("    if word == 'rays': answer = 'error no room'", "answered 'error no room' to rays"),
+    ("    if word == 'mesh': answer = 'ok soon'", "answered 'soon' to mesh, expected seconds"),
+    ("    if word == 'mesh': answer = 'ok 100'", "says that mesh took 100 s; the harness waited"),
+    ("    if word == 'mesh': answer = 'x' * 10000", "answered 'xxx"),
+    ("    pass", "wrote 0 bytes of hits, expected 6,144"),
+])  # fmt: skip
+def test_a_program_that_answers_wrongly_is_told(text, reason):
+    with pytest.raises(AtraError, match=reason):
+        measured("program", "picture", options={"command": program(text)}, size=(32, 24))
+
+
+def test_a_program_that_is_not_there_and_one_that_changed_are_refused(tmp_path):
+    with pytest.raises(InputError, match="expected a program that is there"):
+        planned("program", "frame", options={"command": "no-such-program-anywhere"})
+    path = tmp_path / "mine.py"
+    path.write_text("1", encoding="utf-8")
+    command = shlex.join([sys.executable, str(path)])
+    point = planned("program", "frame", options={"command": command}).point
+    path.write_text("2", encoding="utf-8")
+    with pytest.raises(InputError, match="changed since this run began"):
+        point.method.make(None, point.camera, point.options, point.tracing)
+
+
+def test_a_changed_program_is_another_point(tmp_path):
+    path = tmp_path / "mine.py"
+    found = set()
+    for text in ("1", "2", "2"):
+        path.write_text(text, encoding="utf-8")
+        command = shlex.join([sys.executable, str(path)])
+        found.add(planned("program", "frame", options={"command": command}).point.options.program_sha256)
+    assert len(found) == 2
+
+
+MISSES = np.full((2, 3), np.inf), np.full((2, 3), MISS)
+
+
+@pytest.mark.parametrize(("found", "reason"), [
+    (None, "returned a NoneType"),
+    ((MISSES[0], MISSES[1].astype(float)), "prim_id of shape .* type float64"),
+    ((np.zeros((2, 3), int), MISSES[1]), "depth of shape"),
+    ((np.zeros((2, 3)), MISSES[1]), "expected inf and 0xffffffff for a miss"),
+    ((np.zeros((2, 3)), np.full((2, 3), 7)), "prim_id 7, expected one below 5"),
+])  # fmt: skip
+def test_images_that_are_none_are_refused(found, reason):
+    with pytest.raises(InputError, match=reason):
+        checked_images(found, 2, 3, 5)
+
+
+def test_minus_one_is_a_miss_and_float64_becomes_float32():
+    depth, prim_id = checked_images((MISSES[0], np.full((2, 3), -1)), 2, 3, 5)
+    assert (depth.dtype, prim_id.dtype) == (np.float32, np.uint32)
+    assert (prim_id == MISS).all()
+
+
+def test_a_clock_may_leave_out_handing_over_but_not_the_tracing():
+    guard = ClockGuard(rays=1_000_000)  # 16 ms may be handing over
+    assert [guard.frame_time_s(0.030, 0.010) for _ in range(5)] == [0.010] * 5
+    assert guard.frame_time_s(0.5, 0.4) == 0.4  # one that was disturbed
+    with pytest.raises(ClockError, match="never waited less than 0.03"):
+        guard.frame_time_s(0.030, 0.001)
