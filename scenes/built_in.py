@@ -57,7 +57,7 @@ def stand_in_for(name: str | None) -> str | None:
 
 
 GROUP = "atra.scenes"
-"""Group of entry points: `mine = "my_package.scenes:mine"`, a function that returns a mesh and the fields of a camera."""
+"""Group of entry points: `mine = "my_package.scenes:mine"`, which returns a mesh and the fields of a camera."""
 
 PACKAGE_SCENES: dict[str, EntryPoint] = {one.name: one for one in entry_points(group=GROUP)}
 """Scenes of installed packages, by name."""

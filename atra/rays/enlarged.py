@@ -47,6 +47,7 @@ def enlarged(mesh: Mesh, kept: NDArray[np.bool_] | None) -> Enlarged:
     margins = np.maximum(_SHARE * np.minimum(heights, _LARGE * size), error)
     vertices, numbers, rims = padded_vertices(3 * count), np.empty((count, 3), np.uint32), np.empty(count, np.float32)
     middle = ((low + high) / 2).astype(np.float32)
+    x, y, z = middle
     given = mesh.vertices, faces, middle.astype(np.float64), heights, margins
     enlarge_triangles(*given, vertices.reshape(-1, 3, 3), numbers, rims)
-    return Enlarged(vertices, numbers, rims, Doubts(rims.ctypes.data, *middle, np.float32(reach)))
+    return Enlarged(vertices, numbers, rims, Doubts(rims.ctypes.data, x, y, z, np.float32(reach)))

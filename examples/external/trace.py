@@ -48,8 +48,8 @@ class Tracer:
         return taken_s
 
     def nearest(self, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """t and face of the nearest hit of each ray. The sign of a side is the same for both triangles that share it, to
-        the last bit, so no ray slips between them."""
+        """t and face of the nearest hit of each ray. The sign of a side is the same for both triangles that share
+        it, to the last bit, so no ray slips between them."""
         origins, tnear, directions, tfar = rays[:, :3], rays[:, 3], rays[:, 4:7], rays[:, 7]
         nearest, face = tfar.copy(), np.full(len(rays), MISS, "<u4")
         for number, corners in enumerate(self.corners):

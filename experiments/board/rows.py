@@ -84,7 +84,8 @@ def _row(row: Mapping[str, Any]) -> BoardRow:
     method, workload = find_method(str(row["method"])), find_workload(str(row["workload"]))
     return BoardRow(
         scene=str(row["scene"]), triangles=_whole(known.get("triangles")), rays=workload.rays_of(known),
-        size=f"{known.get('width')} {TIMES} {known.get('height')}", threads=_whole(known.get("threads")), method=method.label,
+        size=f"{known.get('width')} {TIMES} {known.get('height')}", threads=_whole(known.get("threads")),
+        method=method.label,
         name=say_point(row), is_ours=method.is_ours, ratio=ratio, low=low, high=high, frame_s=frame_s,
         build_s=float(sum(parts)) if parts else None, wrong=sum(wrong) if wrong else None,
         doubts=measured.get("doubts"), status=str(row["status"]), error=known.get("error"),
@@ -108,8 +109,8 @@ _KINDS = {"str": (str,), "int": (int,), "float": (int, float), "bool": (bool,)}
 
 
 def read_row(given: Any) -> BoardRow:
-    """The reverse of `plain_rows`, for a row of a stranger's file. Raises InputError for other fields and types, and for
-    numbers that are not finite; texts are made printable and cut."""
+    """The reverse of `plain_rows`, for a row of a stranger's file. Raises InputError for other fields and types, and
+    for numbers that are not finite; texts are made printable and cut."""
     names = [one.name for one in fields(BoardRow)]
     if not isinstance(given, dict) or sorted(given) != sorted(names):
         raise InputError(f"a row has the fields {sorted(given) if isinstance(given, dict) else given!r:.100}")
@@ -123,4 +124,4 @@ def read_row(given: Any) -> BoardRow:
         if isinstance(value, int | float) and not isfinite(value):
             raise InputError(f"field {one.name} of a row is {value}, expected a finite number")
         values[one.name] = printable(value)[:_LONGEST_TEXT] if isinstance(value, str) else value
-    return BoardRow(**values)
+    return BoardRow(**values)  # type: ignore[arg-type]  # each was checked above

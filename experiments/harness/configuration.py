@@ -132,9 +132,9 @@ class Configuration:
     action: what the run does; the verb sets it. method: what traces; its options are method.*. workload: what is
     measured; its options are workload.*. threads: number of threads, null = every core, baselines included. width:
     pixels of a row. height: rows of pixels. method_file: a Python file with a method of one's own, several apart as in
-    PATH; a sweep measures it beside its own methods. results_dir: folder for all results; each sweep has a folder of its name in
-    it. output: the file of a picture, or the folder of a bake; null = one below results_dir. live: a bake is shown on a
-    page of the browser, at view.port. debug: whether an error shows its traceback.
+    PATH; a sweep measures it beside its own methods. results_dir: folder for all results; each sweep has a folder of
+    its name in it. output: the file of a picture, or the folder of a bake; null = one below results_dir. live: a bake
+    is shown on a page of the browser, at view.port. debug: whether an error shows its traceback.
     """
 
     scene: SceneConfiguration = field(default_factory=SceneConfiguration)

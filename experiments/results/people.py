@@ -30,8 +30,8 @@ _DETAIL = re.compile(r"_(low|high|half|spread|p999)(_s)?$|^baseline_pixels|^grid
 
 
 def columns_for_people(table: pd.DataFrame) -> list[str]:
-    """At most `MOST_COLUMNS`: what was measured where, the settings that vary, what came of it, and how far to trust it.
-    Columns without any value are left out."""
+    """At most `MOST_COLUMNS`: what was measured where, the settings that vary, what came of it, and how far to trust
+    it. Columns without any value are left out."""
     told = [name for name in table if table[name].notna().any()]
     vary = settings_that_vary(table, _POINT)[:_MOST_SETTINGS]
     first = [name for name in (*_POINT, *vary) if name in told or name in ("scene", "workload", "method")]

@@ -39,7 +39,7 @@ def _apart(corners: Floats) -> Triangles:
 def shells(triangles: int) -> Triangles:
     """Six spheres around each other: a ray through the middle meets twelve surfaces."""
     vertices, faces = _octahedron(max(1, isqrt(triangles // (8 * _SHELLS))))
-    radii = _FIRST_RADIUS * np.cumprod([1.0, *[_NEXT_RADIUS] * (_SHELLS - 1)])
+    radii = np.asarray(_FIRST_RADIUS * np.cumprod([1.0, *[_NEXT_RADIUS] * (_SHELLS - 1)]), np.float64)
     return _repeated(vertices, faces, np.zeros((_SHELLS, 3)), radii)
 
 

@@ -73,7 +73,7 @@ def city(triangles: int) -> Triangles:
     size = np.stack(
         [0.5 + 0.3 * uniform(index, 1), 0.4 + 4.0 * tall * tall * tall, 0.5 + 0.3 * uniform(index, 2)], axis=1
     )
-    vertices = corner[:, None, :] + _BOX[None] * (size * step)[:, None, :]
+    vertices = np.asarray(corner[:, None, :] + _BOX[None] * (size * step)[:, None, :], np.float64)
     faces = _BOX_FACES[None] + 8 * index[:, None, None]
     return _on_ground(vertices.reshape(-1, 3), faces.reshape(-1, 3), SIDE)
 

@@ -11,6 +11,7 @@ from experiments.board.__main__ import REPORTS, STORED, stored_board
 from experiments.board.command import board_page, run_board
 from experiments.board.pack import Pack, packed, read_pack, run_pack
 from experiments.board.rows import BoardRow, board_rows
+from experiments.drawing.style import TIMES
 from experiments.results.table import read_table
 from tests.drawn import make_rows, method_row
 
@@ -19,7 +20,23 @@ pytestmark = pytest.mark.uncovered
 METHODS = REPORTS / "reference" / "methods"
 
 ROW = BoardRow(
-    "box", 12, "primary", "8 × 8", 1, "rasteriser", "rasteriser", True, 2.0, 1.9, 2.1, 0.001, 0.002, 0, None, "ok", None
+    "box",
+    12,
+    "primary",
+    f"8 {TIMES} 8",
+    1,
+    "rasteriser",
+    "rasteriser",
+    True,
+    2.0,
+    1.9,
+    2.1,
+    0.001,
+    0.002,
+    0,
+    None,
+    "ok",
+    None,
 )
 
 
@@ -55,7 +72,7 @@ def test_the_ratio_is_over_the_widest_packets_and_the_best_split_is_shown():
     ))  # fmt: skip
     assert [row.ratio for row in rows if row.method == "one ray per pixel"] == [1.5]
     (aligned,) = [row for row in rows if row.method == "aligned"]
-    assert "16 ×" in aligned.name
+    assert f"16 {TIMES}" in aligned.name
 
 
 def test_a_method_that_failed_is_a_row_with_its_reason():

@@ -44,7 +44,8 @@ BAD = {
         r"depth of shape \(48, 32\) and type float32, expected \(32, 48\)",
     ),
     "not_a_number": (
-        "    def trace(self):\n        depth, ids = super().trace()\n        depth[3, 5] = np.nan\n        return depth, ids",
+        "    def trace(self):\n        depth, ids = super().trace()\n        depth[3, 5] = np.nan\n"
+        "        return depth, ids",
         r"depth of NaN at pixel \(5, 3\)",
     ),
     "too_fast": (
@@ -63,7 +64,8 @@ BAD = {
     ),
     "greedy": (
         "    def trace(self):\n        def work():\n            a = np.ones(1 << 17)\n"
-        "            end = time.thread_time() + 0.05\n            while time.thread_time() < end:\n                np.sin(a, out=a)\n"
+        "            end = time.thread_time() + 0.05\n            while time.thread_time() < end:\n"
+        "                np.sin(a, out=a)\n"
         "            self.wait.wait()\n"
         "        self.wait = threading.Barrier(4)\n"
         "        if not hasattr(self, 'pool'):\n"
@@ -129,7 +131,10 @@ def test_a_file_that_changes_while_a_sweep_runs_is_not_measured(files, tmp_path)
     ("import no_such_package_of_anybody", "cannot be imported, ModuleNotFoundError"),
     ("x = 1", "build, trace and close: none"),
     (START + "    pass", "build, trace and close: Tracer, Bad"),
-    ("class A:\n    Options = 3\n    def build(self): ...\n    def trace(self): ...\n    def close(self): ...", "dataclass"),
+    (
+        "class A:\n    Options = 3\n    def build(self): ...\n    def trace(self): ...\n    def close(self): ...",
+        "dataclass",
+    ),
 ])  # fmt: skip
 def test_a_file_without_a_method_is_refused_with_the_reason(files, text, reason):
     with pytest.raises(ValueError, match=reason):

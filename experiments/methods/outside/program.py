@@ -28,7 +28,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import psutil
@@ -127,6 +127,8 @@ class Conversation:
 class ProgramMethod:
     """A program as a foreign method. time_s, build_time_s: by its own clock."""
 
+    Options: ClassVar[type] = ProgramOptions
+
     def __init__(self, mesh: Mesh, camera: View, options: ProgramOptions, threads: int) -> None:
         self._camera, self._count = camera, camera.height * camera.width
         self._mesh = mesh
@@ -170,7 +172,7 @@ class ProgramMethod:
         """Depth and prim_id of an image. Raises InputError for a file of another length."""
         assert self._conversation is not None
         if tuple(offset) != self._offset:
-            self._send_rays(tuple(offset))
+            self._send_rays((offset[0], offset[1]))
         self.time_s = self._conversation.ask_seconds("trace", self._path("hits"))
         return read_hits(self._path("hits"), self._count, (self._camera.height, self._camera.width))
 
