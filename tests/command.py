@@ -16,7 +16,7 @@ from hydra.core.global_hydra import GlobalHydra
 
 import experiments.commands.single
 import experiments.sweep
-from experiments import cli
+from experiments import cli, methods
 from experiments.harness.identity import measure
 from experiments.harness.processes.outcome import Outcome
 from experiments.harness.processes.worker import Job, outcome_of
@@ -50,6 +50,7 @@ def run_here(folder, *arguments, scenes=None):
     with ExitStack() as stack:
         stack.enter_context(_variables(scenes))
         stack.enter_context(_signals())
+        stack.enter_context(_methods())
         stack.enter_context(chdir(folder))
         stack.enter_context(patch.object(sys, "argv", [str(ROOT / "run.py"), *arguments]))
         stack.enter_context(
@@ -73,11 +74,21 @@ def _exit_code():
 
 @contextmanager
 def _variables(scenes):
-    changed = {"XDG_CACHE_HOME": NO_SCENES.name, "LOCALAPPDATA": NO_SCENES.name}
+    changed = {methods.METHOD_FILES: "", "XDG_CACHE_HOME": NO_SCENES.name, "LOCALAPPDATA": NO_SCENES.name}
     with patch.dict(os.environ, changed | ({"ATRA_SCENES": scenes} if scenes is not None else {})):
         if scenes is None:
             os.environ.pop("ATRA_SCENES", None)
         yield
+
+
+@contextmanager
+def _methods():
+    """Forgets the methods of files that the command names."""
+    before = list(methods.METHODS)
+    try:
+        yield
+    finally:
+        methods.METHODS[:] = before
 
 
 @contextmanager

@@ -10,18 +10,18 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from atra.errors import InputError
 from atra.files.paths import write_atomically
 from atra.tracing.options import Options
 from experiments.harness.column import REAL, TEXT, TRUTH, WHOLE, Column, option_columns
-from experiments.harness.environment import BUSY_SHARE, describe_difference
+from experiments.harness.environment import describe_difference
 from experiments.harness.point import Workload
 from experiments.harness.records import Record
 from experiments.methods import METHODS, find_method
 from experiments.results.canary import BAND, strays
+from experiments.results.doubts import doubts_of
 from experiments.results.people import columns_for_people
 from experiments.workloads import WORKLOADS, find_workload
 from scenes.built_in import BUILT_IN
@@ -71,7 +71,7 @@ _OUTCOME_COLUMNS = (
     Column("processes", WHOLE, "processes that measured it", lambda record: 1, sum),
     Column("processes_left_out", WHOLE, "processes left out, the machine not being as it mostly was"),
     Column("rounds", WHOLE, "rounds that ran in every process", over=min),
-    Column("doubts", TEXT, "what makes the times less trustworthy", lambda one: _doubts(one), partial(max, key=len)),
+    Column("doubts", TEXT, "what makes the times less trustworthy", doubts_of, partial(max, key=len)),
     Column("others_share", REAL, "of the cores it may use, what other processes took during the rounds", over=max),
     Column("stolen_share", REAL, "of these cores, what other machines on the same hardware took", over=max),
     Column("load_average", REAL, "load of the machine before the point", lambda record: _load(record), max),
@@ -110,9 +110,6 @@ _UNSTEADY = {
     "status": "unsteady",
     "error": f"rtcIntersect1 over packets was more than {BAND:.0%} off the median of the sweep",
 }
-
-_OUT_OF_PROPORTION = 10.0
-"""Samples this many times longer or shorter than their method's median make a point doubtful."""
 
 
 @dataclass(frozen=True)
@@ -271,42 +268,6 @@ def _load(record: Record) -> float | None:
     return load[0] if load else None
 
 
-def _cores(record: Record) -> int | None:
-    """Those that the process could run on, hardware threads counted; None where nobody knows."""
-    affinity = record.environment.get("affinity")
-    return len(affinity) if affinity else record.environment.get("logical_cores")
-
-
 def _say_vector(vector: Sequence[float] | None) -> str | None:
     """ "0, 1, 3.5", every digit kept; None where a record holds none."""
     return None if vector is None else ", ".join(repr(float(value)).removesuffix(".0") for value in vector)
-
-
-def _doubts(record: Record) -> str | None:
-    """Reasons to distrust the times of a point, None without any."""
-    judged = find_workload(record.configuration["workload"]).judged
-    if record.status != "ok" or judged is None:
-        return None
-    own = np.asarray(record.samples[judged], np.float64)
-    doubts = []
-    q1, median, q3 = np.quantile(own, [0.25, 0.5, 0.75])
-    if q3 - q1 >= 0.1 * median:
-        doubts.append(f"spread is {(q3 - q1) / median:.0%} of the median")
-    if own.min() < 1e-3:
-        doubts.append("shortest sample is below 1 ms")
-    longest = max(max(values) / np.median(values) for values in record.samples.values())
-    if longest > _OUT_OF_PROPORTION:
-        doubts.append(f"longest sample is {longest:,.0f} times the median")
-    shortest = max(np.median(values) / min(values) for values in record.samples.values())
-    if shortest > _OUT_OF_PROPORTION:
-        doubts.append(f"median is {shortest:,.0f} times the shortest sample")
-    asked = record.configuration.get("rounds")
-    if asked is not None and len(own) < asked:
-        doubts.append(f"{len(own)} of {asked} rounds")
-    taken = sum(record.results.get(name) or 0.0 for name in ("others_share", "stolen_share"))
-    if taken > BUSY_SHARE:
-        doubts.append(f"others took {taken:.0%} of its cores")
-    cores, threads = _cores(record), record.results.get("threads")
-    if cores and threads and threads > cores:
-        doubts.append(f"{threads} threads on {cores} cores")
-    return "; ".join(doubts) or None

@@ -40,7 +40,7 @@ def test_without_a_camera_the_mesh_is_framed_and_its_planes_are_written(folder, 
             np.testing.assert_array_equal(planes["depth"], tracer.trace().depth)
 
 
-def test_cameras_with_a_lens_are_rendered_by_rays(folder, monkeypatch):
+def test_cameras_with_a_lens_are_rendered(folder, monkeypatch):
     given = {"K": [[30, 0, 15.5], [0, 30, 11.5], [0, 0, 1]], "R": np.diag([1, -1, -1]).tolist(), "t": [0, 0.8, 2.3],
              "width": 32, "height": 24, "distortion": [-0.2, 0.05, 0, 0]}  # fmt: skip
     write_cameras({"bent": given, "fish": given | {"model": "fisheye"}})
@@ -48,7 +48,7 @@ def test_cameras_with_a_lens_are_rendered_by_rays(folder, monkeypatch):
     mesh = atra.load_mesh("model.ply")
     for name, model in (("bent", "pinhole"), ("fish", "fisheye")):
         camera = atra.Camera.from_opencv(**given | {"model": model})
-        with atra.PixelTracer(mesh, camera) as tracer, np.load(f"o/{name}.npz") as planes:
+        with atra.RasterTracer(mesh, camera) as tracer, np.load(f"o/{name}.npz") as planes:
             hits = tracer.trace()
             assert hits.hit.any()
             np.testing.assert_array_equal(planes["depth"], hits.depth)

@@ -53,7 +53,7 @@ def run(folder, *arguments, scenes=None, **variables):
     (["sweep=horizontal", "scene.up=0,1,0"], "scene.up is a list, which brackets hold together, and quotes"),
     (["scene.nonsense=1"], "unknown field 'nonsense' of scene, expected one of name, source, path"),
     (["method=nope"], "unknown method 'nope', expected one of aligned, bvh, classified, embreex, llvmpipe"),
-    (["workload=nope"], "unknown workload 'nope', expected one of agreement, bake, bake_rays, build, frame"),
+    (["workload=nope"], "unknown workload 'nope', expected one of agreement, bake, bake_rays, build, classification"),
     (["method=pixel", "method.split_x=4"], "unknown field 'split_x' of method=pixel, expected one of packet_width"),
     (["sweep=horizontal", "method=pixel"], "unknown field 'split_x' of method=pixel, expected one of packet_width"),
     (["+method.nope=4"], "unknown field 'nope' of method=aligned, expected one of split_x, split_y, packet_width"),

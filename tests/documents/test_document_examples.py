@@ -16,6 +16,7 @@ import trimesh
 import experiments.sweep
 from atra.command.main import main as run_console
 from experiments import cli
+from experiments.commands.new_method import run_new_method
 from tests.command import run_here
 from tests.folders import ROOT
 from tests.meshes import cornell_box
@@ -87,7 +88,7 @@ def for_the_harness():
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """The working directory, with a model, and cameras in every kind of file that the pages name."""
+    """The working directory, with a model, cameras in every kind of file that the pages name, and a method."""
     mesh = cornell_box()
     box = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     box.export(tmp_path / "model.obj")
@@ -100,6 +101,7 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "transforms.json").write_text(json.dumps({"camera_angle_x": 0.8, "frames": [frame], "w": 64, "h": 48}))
     (tmp_path / "cameras.json").write_text(json.dumps({"front": CALIBRATED}))
     monkeypatch.chdir(tmp_path)
+    run_new_method(["mine"])
     return tmp_path
 
 
