@@ -57,7 +57,6 @@ SWEEPS = {
         ],
         {"stages"},
     ),
-    "planner": (["scene.view=aside,wide"], {"planner"}),
     "rays": (["scene=cornell_box", "workload.judged_rays=50", "threads=1", "~sweep.grids.rays_contains"], ASKED),
     "rays-closed": (
         ["scene=three_holes", "workload.judged_rays=5", "threads=1", "~sweep.grids.rays_questions"],

@@ -26,7 +26,6 @@ QUOTED = {
         "views": [glance.views_and_rays],
         "stereo": [glance.eyes_in_short],
         "surface": [glance.surfaces_in_short],
-        "planner": [glance.regret_in_short],
         "bake_mitsuba": [glance.mitsuba_in_short],
         "bake_mitsuba_zen5": [glance.mitsuba_before_in_short],
         "bake_rays": [glance.sun_in_the_box],
@@ -53,7 +52,6 @@ QUOTED = {
         "paper": [paper.instances],
         "stereo": [methods.two_eyes],
         "surface": [methods.surfaces],
-        "planner": [methods.regret],
         "frame": [pictures.whole_pictures],
         "classification": [
             classification.classified_rays, classification.memory_of_shafts, classification.packets_from_lists,

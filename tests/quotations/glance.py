@@ -91,12 +91,6 @@ def surfaces_in_short(kept):
     yield f"takes {span(kept.points['surface_over_frame'])} times as long"
 
 
-def regret_in_short(kept):
-    views = of(kept.points)
-    yield f"On {len(views)} views and 64 frames its worst choice takes {digits(views['regret'].max())} times"
-    yield f"with the time of choosing, {span(views.groupby('scene')['regret_with_planning'].median())} times"
-
-
 def pictures_in_short(kept):
     """Whole pictures over the same pictures with packets for primary visibility, and beside Mitsuba 3."""
     for label, frame, mitsuba, column in (
