@@ -1,1 +1,0 @@
-"""Scenes from files: glTF, OBJ with MTL, and whatever trimesh reads."""
