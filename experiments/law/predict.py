@@ -170,33 +170,36 @@ def report(table: pd.DataFrame) -> str:
         lines.append(f"  plan and build: median {builds.median():.1%}, nine of ten {builds.quantile(0.9):.1%}")
         for want in ("nearest", "count"):
             for without in ((), ("raster",)):
-                of = rows[(rows["want"] == want) & ~rows["method"].isin(without)]
-                lines.append("  " + _choices(of, want, without))
+                found = choices_of(rows, want, without)
+                told = ", ".join(f"{name} {value:.2f}" for name, value in found.items())
+                lines.append(f"  {want} without {without}: {told}")
         looks = rows.drop_duplicates(["scene", "view"])
         ratio = looks["look_s"] / looks["raster_s"]
         lines.append(f"  a look takes {ratio.median():.0f} raster frames in the median, {ratio.max():.0f} at most")
     return "\n".join(lines)
 
 
-def _choices(rows: pd.DataFrame, want: str, without: tuple[str, ...]) -> str:
-    regrets, named, fixed, vf = [], [], [], []
+def choices_of(rows: pd.DataFrame, want: str, without: tuple[str, ...] = ()) -> dict[str, float]:
+    """How the fastest prediction of each view does: shares of views whose fastest method it names, and that
+    constant answers name; median and ninth decile of its frame over the fastest, less 1."""
+    rows = rows[(rows["want"] == want) & ~rows["method"].isin(without)]
+    regrets, named, fastest = [], [], []
     for _, of in rows.groupby(["scene", "view"]):
-        best = of["measured_time_s"].min()
         chosen = of.loc[of["predicted_time_s"].idxmin()]
-        regrets.append(chosen["measured_time_s"] / best - 1)
-        fastest = of.loc[of["measured_time_s"].idxmin(), "method"]
-        named.append(chosen["method"] == fastest)
-        fixed.append(fastest == "raster")
-        vf.append(fastest == "visible_first")
-    regret = np.array(regrets)
-    return (f"{want}{', without ' + without[0] if without else ''}: fastest method named in {np.mean(named):.0%} "
-            f"(raster {np.mean(fixed):.0%}, visible-first {np.mean(vf):.0%}) of {len(named)}; regret median "
-            f"{np.median(regret):.1%}, nine of ten {np.quantile(regret, 0.9):.1%}")  # fmt: skip
+        regrets.append(chosen["measured_time_s"] / of["measured_time_s"].min() - 1)
+        fastest.append(of.loc[of["measured_time_s"].idxmin(), "method"])
+        named.append(chosen["method"] == fastest[-1])
+    return {
+        "views": len(named), "named": float(np.mean(named)),
+        "raster": fastest.count("raster") / len(named),
+        "visible_first": fastest.count("visible_first") / len(named),
+        "median": float(np.median(regrets)), "decile": float(np.quantile(regrets, 0.9)),
+    }  # fmt: skip
 
 
 COLUMNS = (
     "instruction_set", "scene", "view", "triangles", "width", "height", "method", "packet_width", "culling", "split_x",
-    "split_y", "want", "measured_time_s", "predicted_time_s", "measured_build_s", "predicted_build_s",
+    "split_y", "want", "family", "measured_time_s", "predicted_time_s", "measured_build_s", "predicted_build_s",
     "predicted_bytes", "measured_bytes", "copies", "predicted_copies", *COUNTERS, "look_s", "raster_s", "rounds",
 )  # fmt: skip
 

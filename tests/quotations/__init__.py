@@ -6,18 +6,16 @@ writes the rows into the pages, below their marks (`<!-- rows: name -->`), and p
 tests/documents/test_documents.py looks for each of them. reports/reference/tables.md has every table.
 """
 
-from tests.quotations import agreement, bake, classification, gathering, glance, growth, methods, paper, pictures
+from tests.quotations import agreement, bake, classification, gathering, glance, growth, law, methods, paper, pictures
 from tests.quotations.quotation import Quotation
 
 QUOTED = {
     "README.md": {"methods": [methods.frames_of_each_method]},
     "docs/methods.md": {
         "methods": [glance.still_and_moving],
-        "peers": [glance.tracers_of_others],
         "gather": [glance.counting_in_short],
         "frame": [glance.pictures_in_short],
-        "bake": [bake.bakes_in_short],
-        "classification": [glance.steps_and_speed, classification.own_bvh],
+        "classification": [classification.own_bvh],
         "paper": [glance.instances_in_short],
         "growth": [glance.growth_in_words],
         "instruction_sets": [glance.narrower_vectors],
@@ -30,7 +28,11 @@ QUOTED = {
         "bake_mitsuba_zen5": [glance.mitsuba_before_in_short],
         "bake_rays": [glance.sun_in_the_box],
     },
-    "docs/paper.md": {"paper": [paper.measured_points, paper.best_gains, paper.verdicts]},
+    "docs/paper.md": {
+        "paper": [paper.measured_points, paper.best_gains],
+        "law": [law.where_alignment_pays, law.best_axes, law.seven_and_a_half],
+    },
+    "docs/model.md": {"law": [law.errors_in_short, law.choices_in_short, law.rest_of_the_law]},
     "docs/not_helpful.md": {"bake_rays": [glance.light_bundles]},
     "docs/trust.md": {
         "agreement": [agreement.by_kind, agreement.in_all],
@@ -49,7 +51,8 @@ QUOTED = {
             gathering.counting, gathering.over_counting, gathering.counts_of_others, gathering.solids,
             gathering.gains_where_every_hit_is_wanted, gathering.verdicts_where_every_hit_is_wanted,
         ],
-        "paper": [paper.instances],
+        "law": [law.errors_of_methods, law.choices_of_methods],
+        "paper": [paper.instances, paper.verdicts],
         "stereo": [methods.two_eyes],
         "surface": [methods.surfaces],
         "frame": [pictures.whole_pictures],

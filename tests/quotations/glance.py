@@ -6,12 +6,11 @@ from experiments.methods import find_method
 from experiments.results.claims import judge_claim
 from experiments.workloads.bake import Against
 from experiments.workloads.bake_rays.shown import CLAIMS as PREDICTIONS
-from experiments.workloads.classification.claims import KINDS, usual
 from experiments.workloads.frame.shown import best_baselines
 from tests.quotations.gathering import in_packets
 from tests.quotations.growth import both_ends_of_the_rasteriser
-from tests.quotations.methods import COMPARED, gains_of_two_threads, tracers_over_single_rays
-from tests.quotations.quotation import SCENES, best_of_each, digits, each_scene, line, number, of, span, table_row
+from tests.quotations.methods import COMPARED, gains_of_two_threads
+from tests.quotations.quotation import SCENES, best_of_each, digits, each_scene, line, of, span, table_row
 
 
 def still_and_moving(kept):
@@ -38,12 +37,6 @@ def tuned_packets(kept):
     assert not any(one.is_faster for one in found)
     (tried,) = {one.tried for one in found}
     yield f"Of {tried} settings of packets none is faster than these by more than noise"
-
-
-def tracers_of_others(kept):
-    """Speed over rtcIntersect1 of other people's tracers and of the rasteriser, and their wrong pixels."""
-    others = ("raster", "llvmpipe", "mitsuba3", "open3d", "embreex", "trimesh")
-    return tracers_over_single_rays(of(kept.points, workload="frame"), others)
 
 
 def second_thread(kept):
@@ -100,13 +93,6 @@ def pictures_in_short(kept):
     ):
         plain = {"method": "raster", "samples": 1, "jitter": "shared", "order": "depth_first"}
         yield line(label, each_scene(kept.points, frame=frame, mitsuba=mitsuba, **plain), column)
-
-
-def steps_and_speed(kept):
-    """Rays that start from lists: steps over those from the root, and speed over the root."""
-    for kind in KINDS:
-        rows = each_scene(usual(of(kept.points, workload="classification")), ray_kind=kind)
-        yield line(kind, rows, "steps_ratio", lambda row, name: f"{number(row, name)}, {number(row, 'speedup_vs_bvh')}")
 
 
 def mitsuba_in_short(kept):
