@@ -26,7 +26,8 @@ def camera(size=16, **fields):
 
 
 def wall(z, half=10.0):
-    return [(-half, -half, z), (half, -half, z), (half, half, z), (-half, half, z)]
+    """Wider than high, so that no ray runs through the edge that its two triangles share."""
+    return [(-half, -half, z), (1.1 * half, -half, z), (1.1 * half, half, z), (-half, half, z)]
 
 
 # A look
