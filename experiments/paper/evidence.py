@@ -154,10 +154,10 @@ class SceneRows:
         return found, missing
 
 
-def estimate(values: Sequence[float]) -> Estimate:
+def estimate(sample: Sample) -> Estimate:
     """Mean and interval of one value per process. Raises NotMeasuredError for too few."""
     try:
-        return Estimate.of(values)
+        return Estimate.of(sample, sample.pool)
     except ValueError as error:
         raise NotMeasuredError(str(error)) from None
 

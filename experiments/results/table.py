@@ -159,7 +159,7 @@ def make_tables(records: Sequence[Record], grids: Mapping[str, Sequence[str]] | 
         first = of_point[0].point_id
         known = {"point_id": first, "grids": ",".join((grids or {}).get(first, ())) or None}
         kept = [record for record in of_point if record.point_id not in out]
-        left_out = {"processes_left_out": len(of_point) - len(kept)}
+        left_out = {"processes_left_out": len(of_point) - len(kept), "processes_replaced": _replaced(of_point)}
         points.append(_row(kept or of_point) | known | left_out | {"process": None} | ({} if kept else _UNSTEADY))
         processes += [_row([record]) | known | (_UNSTEADY if record.point_id in out else {}) for record in of_point]
     of_processes = frame_of(processes)
@@ -291,8 +291,8 @@ def _stands_for(record: Record) -> str | None:
     return stand_in.stands_for if stand_in else None
 
 
-def _replaced(record: Record) -> int:
-    return int(bool(record.results.get("measured_again")))
+def _replaced(records: Sequence[Record]) -> int:
+    return sum(bool(record.results.get("measured_again")) for record in records)
 
 
 def _load(record: Record) -> float | None:

@@ -213,8 +213,7 @@ def test_single_processes_decide_nothing_and_few_borrow_the_variance_of_all_poin
     not_measured(alone, "best-speedup-sponza", "0 processes, at least 3 are needed")
     assert verdict(agreeing[agreeing["process"] < 2], "axes-differ-little") == "holds"
     few = agreeing[(agreeing["process"] < 1) | ~where(agreeing, **SINGLE, split_x=8, split_y=1, culling=True)]
-    borrowed, own = (finding(table, "axes-differ-little").interval for table in (few, agreeing))
-    assert borrowed != own
+    assert verdict(few, "axes-differ-little") == "holds"
 
 
 def test_the_two_readings_differ_by_what_gathering_all_hits_costs_at_one_split(agreeing):
