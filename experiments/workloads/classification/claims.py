@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from experiments.drawing.values import numbers
 from experiments.methods.classified import CLASSIFIED, ClassifiedOptions
 from experiments.results.claims import UNDECIDED, Claim, Judge, Judgement, NotMeasuredError
-from experiments.results.statistics import FEWEST_FITTED, Estimate, geometric_mean
+from experiments.results.statistics import Estimate, geometric_mean
 from experiments.results.verdicts import (
     Bounds,
     Outcome,
@@ -29,6 +29,7 @@ from experiments.results.verdicts import (
 KINDS = ("primary", "occlusion", "diffuse")
 
 _SPEED = "speedup_vs_bvh"
+_FEWEST_SIZES = 4
 _OTHER_SCENES = "The paper's average is over scenes that are not here."
 _POP = "Nodes tested when popped, complete shafts within the memory of the BVH, single rays"
 _SECTIONS = {"abstract": "abstract", "lists": "§3", "memory": "§4"}
@@ -199,7 +200,7 @@ def grows_with_resolution(table: pd.DataFrame, size: Callable[[pd.DataFrame], ND
     rows = rows[rows["shaft_cells"].ne("by memory")]
     cases = []
     for (scene, kind), same in rows.groupby(["scene", "ray_kind"], observed=True):
-        if len(same) >= FEWEST_FITTED - 1:
+        if len(same) >= _FEWEST_SIZES:
             exponent = float(np.polyfit(np.log(numbers(same, "shafts")), np.log(size(same)), 1)[0])
             holds = Bounds(0.9, 1.1).decide(exponent)
             cases.append((f"{scene} {kind}", Outcome(holds, f"{exponent:.2f}", None, None if holds else "another one")))
