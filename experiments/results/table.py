@@ -40,8 +40,9 @@ def _of_all(values: Sequence[str]) -> str:
     return " and ".join(sorted(set(values)))
 
 
-def _told(value: Any) -> str:
+def _told(name: str, record: Record) -> str:
     """What the environment says of the machine or of software, as text."""
+    value = record.environment.get(name)
     return " ".join(map(str, value)) if isinstance(value, list) else "none" if value is None else str(value)
 
 
@@ -80,9 +81,7 @@ _OUTCOME_COLUMNS = (
     Column("error", TEXT, "why, when not ok", lambda record: record.error, _first),
     Column("processes", WHOLE, "processes that measured it", lambda record: 1, sum),
     Column("processes_left_out", WHOLE, "processes left out, the machine not being as it mostly was"),
-    Column(
-        "processes_replaced", WHOLE, "processes that strayed and were measured anew", lambda one: _replaced(one), sum
-    ),
+    Column("processes_replaced", WHOLE, "processes that strayed and were measured anew", lambda record: None),
     Column("rounds", WHOLE, "rounds that ran in every process", over=min),
     Column("doubts", TEXT, "what makes the times less trustworthy", doubts_of, partial(max, key=len)),
     Column("others_share", REAL, "of the cores it may use, what other processes took during the rounds", over=max),
@@ -90,7 +89,7 @@ _OUTCOME_COLUMNS = (
     Column("load_average", REAL, "load of the machine before the point", lambda record: _load(record), max),
     Column("cpu", TEXT, "processor", lambda record: record.environment.get("cpu")),
     *(
-        Column(name, TEXT, help, lambda record, name=name: _told(record.environment.get(name)), _of_all)
+        Column(name, TEXT, help, partial(_told, name), _of_all)
         for name, help in (
             ("instruction_set", "the one that Embree and Numba were held to; none = all there are"),
             ("cpu_extensions", "instruction sets of the processor"),

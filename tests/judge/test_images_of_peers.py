@@ -103,7 +103,7 @@ def by_llvmpipe(mesh):
 
 
 @pytest.mark.parametrize(("made", "convention", "wrong"), [
-    (by_open3d, Convention(), 0),
+    (by_open3d, Convention(flips_rows=True, flips_columns=True), 0),  # "up" is where its rows go
     (by_mitsuba, Convention(along_ray=True), 0),
     (by_llvmpipe, Convention(flips_rows=True), 0.005 * SIZE[0] * SIZE[1]),  # corners snap to 1/256 pixel
 ], ids=["open3d", "mitsuba", "llvmpipe"])  # fmt: skip
