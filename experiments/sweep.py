@@ -6,13 +6,14 @@ import random
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 from rich.console import Console
 
-from atra.errors import InputError, MemoryBudgetError, RecordError
+from atra.errors import MemoryBudgetError, RecordError
 from experiments.commands.program import PROGRAM
 from experiments.harness.configuration import Configuration, check_writable, records_folder
 from experiments.harness.identity import Runner, code_sha256, current_environment, identity, identity_of, measure
@@ -20,8 +21,8 @@ from experiments.harness.options import plain_options
 from experiments.harness.point import Point
 from experiments.harness.points import PlannedPoint, plan_points
 from experiments.harness.processes.launching import run_worker
+from experiments.harness.processes.quiet import Waiting
 from experiments.harness.progress import SweepProgress, say
-from experiments.harness.quiet import Waiting
 from experiments.harness.records import Record, exclusive, load_record, read_record, record_path, write_record
 from experiments.report.writing import check_figures, choose_folder, tell_whose_tables_are_replaced, write_results
 from experiments.results.canary import BAND, strays
@@ -86,8 +87,8 @@ def run_sweep(
     folder, records = choose_folder(first, points, command, console), records_folder(first)
     check_writable(folder)
     check_writable(records)
-    quiet = Waiting(first.measure.quiet_limit_s, lambda text: say(console, text))
-    sweep = _Sweep(points, records, console, run, launch, at_once, quiet, first.measure.quiet_only)
+    quiet = Waiting(first.measure.quiet_limit_s, partial(say, console), needed=first.measure.quiet_only)
+    sweep = _Sweep(points, records, console, run, launch, at_once, quiet)
     with exclusive(Path(first.results_dir), records, folder):
         to_do = sweep.begin(folder, first.sweep.shuffle_seed)
         interrupted = False
@@ -122,8 +123,8 @@ def _finish(sweep: _Sweep, first: Configuration, folder: Path, command: str, int
 
 @dataclass
 class _Sweep:
-    """Points of a sweep by identity. folder: of the records. run, launch, at_once: as of `run_sweep`. quiet: waits for
-    a quiet machine. done: the records so far, by identity."""
+    """Points of a sweep by identity. folder: of the records. run, launch, at_once: as of `run_sweep`. quiet: waits
+    for a quiet machine. done: the records so far, by identity."""
 
     points: dict[str, SweepPoint]
     folder: Path
@@ -132,7 +133,6 @@ class _Sweep:
     launch: Launch | None
     at_once: int
     quiet: Waiting
-    quiet_only: bool = False
     done: dict[str, Record] = field(default_factory=dict)
 
     def begin(self, results: Path, shuffle_seed: int) -> list[str]:
@@ -182,10 +182,8 @@ class _Sweep:
             names = [name for name, one in self.done.items() if one.point_id in out and tries[name] < MOST_REPLACED]
             if not names:
                 return
-            say(
-                self.console,
-                f"{len(names)} processes are measured again: rtcIntersect1 over packets strayed by over {BAND:.0%}",
-            )
+            why = f"rtcIntersect1 over packets strayed by over {BAND:.0%}"
+            say(self.console, f"{len(names)} processes are measured again: {why}")
             for name in names:
                 record_path(self.folder, name).unlink(missing_ok=True)  # a job that finds a record does not measure
             self.measure(names)
@@ -197,8 +195,8 @@ class _Sweep:
         """Measure points together; returns what came of each, in words."""
         if self.launch is None:
             for name in batch:
-                if self._point(name).workload.is_timed and not self.quiet.for_quiet() and self.quiet_only:
-                    raise InputError("the machine is not quiet; the same command goes on from here")
+                if self._point(name).workload.is_timed:
+                    self.quiet.for_quiet()
                 self._keep(name, measure(self.points[name].planned, self.run))
             return [say_outcome(self.done[name]) for name in batch]
         try:

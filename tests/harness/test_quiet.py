@@ -2,7 +2,8 @@
 
 import pytest
 
-from experiments.harness.quiet import LIMIT_VARIABLE, Busy, Waiting, look_around
+from atra.errors import InputError
+from experiments.harness.processes.quiet import LIMIT_VARIABLE, Busy, Waiting, look_around
 
 QUIET, LOUD = Busy(0.02, 0.0), Busy(0.9, 0.0, (("make", 0.6), ("cc1", 0.3)))
 
@@ -12,13 +13,13 @@ def waiting(monkeypatch):
     """limit and what is seen, one look after another -> a `Waiting` whose clock counts seconds slept, and its words."""
     monkeypatch.delenv(LIMIT_VARIABLE)
 
-    def made(limit_s, *seen):
+    def made(limit_s, *seen, needed=False):
         said, now, looks = [], [0.0], iter(seen)
 
         def sleep(seconds):
             now[0] += seconds
 
-        return Waiting(limit_s, said.append, lambda: next(looks), lambda: now[0], sleep), said
+        return Waiting(limit_s, said.append, needed, lambda: next(looks), lambda: now[0], sleep), said
 
     return made
 
@@ -45,6 +46,12 @@ def test_the_limit_is_of_all_waits_together_and_then_nobody_waits_again(waiting)
     looked = len(said)
     assert not one.for_quiet()
     assert len(said) == looked
+
+
+def test_where_quiet_is_needed_the_sweep_ends(waiting):
+    one, _ = waiting(10, *[LOUD] * 9, needed=True)
+    with pytest.raises(InputError, match="the same command goes on"):
+        one.for_quiet()
 
 
 def test_what_other_machines_steal_counts_too():

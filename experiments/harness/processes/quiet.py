@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import psutil
 
+from atra.errors import InputError
 from experiments.harness.environment import BUSY_SHARE, Moment
 
 LIMIT_VARIABLE = "ATRA_QUIET_LIMIT_S"
@@ -68,10 +69,11 @@ def _process_times() -> dict[tuple[int, str], float]:
 @dataclass
 class Waiting:
     """Waits for a quiet machine, `limit_s` seconds in all; tell is called once for each wait, with what is waited for,
-    and once when the time is used up."""
+    and once when the time is used up. needed: then InputError is raised."""
 
     limit_s: float
     tell: Callable[[str], None]
+    needed: bool = False
     look: Callable[[], Busy] = look_around
     clock: Callable[[], float] = time.monotonic
     sleep: Callable[[float], None] = time.sleep
@@ -81,19 +83,25 @@ class Waiting:
         self.limit_s = float(os.environ.get(LIMIT_VARIABLE, self.limit_s))
 
     def for_quiet(self) -> bool:
-        """Whether the machine is quiet, at once or after some waiting. False as soon as the time is used up."""
+        """Whether the machine is quiet, at once or after some waiting. False as soon as the time is used up, or
+        InputError where it is needed."""
         if self.spent_s >= self.limit_s:
-            return False
+            return self._given_up()
         start, told = self.clock(), False
         while not (busy := self.look()).is_quiet:
             waited = self.spent_s + self.clock() - start
             if waited >= self.limit_s:
                 self.spent_s = waited
                 self.tell(f"the machine is still not quiet after {waited:.0f} s: {busy}")
-                return False
+                return self._given_up()
             if not told:
                 self.tell(f"waiting for a quiet machine, {self.limit_s - waited:.0f} s at most: {busy}")
                 told = True
             self.sleep(_PAUSE_S)
         self.spent_s += self.clock() - start if told else 0.0
         return True
+
+    def _given_up(self) -> bool:
+        if self.needed and self.limit_s > 0:
+            raise InputError("the machine is not quiet; the same command goes on from here")
+        return False
