@@ -113,15 +113,17 @@ class Crossings:
                 progress(some.stop, len(rays))
         return counts
 
-    def nearest(self, rays: Rays, numbers: NDArray[np.int64], t: NDArray[np.float32], prim_id: NDArray) -> None:
+    def nearest(
+        self, rays: Rays, numbers: NDArray[np.int64], touches: bool, t: NDArray[np.float32], prim_id: NDArray
+    ) -> None:
         """Write the nearest hits of the rays `numbers` into (N,) arrays of all rays. t: empty, and only MISS or any
-        triangle of them is written."""
+        triangle of them is written. touches: whether rays hit what they meet in an edge or a corner alone."""
         kernel, batch = nearest_kernel(not len(t)), _batch(rays, slice(None))
         for start in range(0, len(numbers), BATCH):
             given = batch, numbers[start : start + BATCH]
             self._pool.run(
                 lambda worker, counter, given=given: kernel(  # type: ignore[misc]
-                    counter, self.tree, *given, self._found[worker], t, prim_id
+                    counter, self.tree, *given, self._found[worker], touches, t, prim_id
                 )
             )
 

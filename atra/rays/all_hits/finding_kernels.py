@@ -166,7 +166,7 @@ def all_hits_kernel(counting: bool) -> Callable[..., None]:
                             if sure >> k & 1:
                                 sign, t, u, v = sure_crossing(areas, k, line, tnear, tfar)
                             if sign == 2:
-                                sign, t, u, v = crossing(node - LEAF, k, o, d, tnear, tfar, line[4], exact)
+                                sign, t, u, v = crossing(node - LEAF, k, o, d, tnear, tfar, line[4], exact, False)
                             if sign == 0:
                                 continue
                             if not counting:
