@@ -25,7 +25,7 @@ FILES = ("test_ray.py", "test_ray_upstream.py")
 
 
 def _cube_without_an_eighth() -> trimesh.Trimesh:
-    """Seven of the eight cubes around the origin, each 5 wide: the outer sides of their faces alone, so it is closed."""
+    """Seven of the eight cubes around the origin, each 5 wide, without the faces that two of them share."""
     is_full = np.zeros((4, 4, 4), bool)
     is_full[1:3, 1:3, 1:3] = True
     is_full[2, 2, 2] = False

@@ -170,8 +170,8 @@ def crossing(block, k, o, d, tnear, tfar, major, exact, touches):  # type: ignor
     """(sign, t, u, v) of the crossing of a ray and the k-th triangle of the block at an address, tnear <= t < tfar.
 
     sign: of the triangle's normal along d; 0: no crossing, and the rest is undefined.
-    u, v: weights of the second and the third corner. exact: address of `PARTS` float64. touches: whether a ray that only
-    meets an edge or a corner crosses, too.
+    u, v: weights of the second and the third corner. exact: address of `PARTS` float64. touches: whether a ray that
+    meets an edge or a corner alone crosses, too.
     """
     a, b, c = _point(block, k), _point(block + 3 * _ROW, k), _point(block + 6 * _ROW, k)
     e, f, g = minus(b, a), minus(c, a), minus(a, o)

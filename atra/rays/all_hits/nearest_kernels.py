@@ -29,7 +29,8 @@ def nearest_kernel(any_hit: bool) -> Callable[..., None]:
     def find_nearest(counter_address, tree, rays, numbers, found, touches, t_of, prim_id_of_ray):  # type: ignore[no-untyped-def]
         """Write the nearest hit of the rays named by `numbers`, (D,) int64, and nothing else.
 
-        rays: `Batch`. found: this thread's memory. touches: as for `crossing`. t_of: (N,) float32. prim_id_of_ray: (N,) uint32, `MISS` = none.
+        rays: `Batch`. found: this thread's memory. touches: as for `crossing`. t_of: (N,) float32. prim_id_of_ray: (N,)
+        uint32, `MISS` = none.
         """
         exact, areas, entries = found.exact.ctypes.data, found.areas.ctypes.data, found.entries.ctypes.data
         while True:
