@@ -9,7 +9,7 @@ from experiments.methods.peers.open3d_scene import OPEN3D
 from experiments.methods.peers.trimesh_ray import TRIMESH
 from tests.command import ROOT, run_here
 
-pytestmark = pytest.mark.uncovered
+pytestmark = [pytest.mark.uncovered, pytest.mark.usefixtures("figures_as_png")]
 
 TOY = ["scene=cornell_box", "width=32", "height=32", "measure.processes=1", "measure.rounds=3", "measure.warmup=1"]
 FIGURE5 = [
@@ -25,8 +25,8 @@ IN_PROCESS = ("occupancy", "dark", "packets", "batch", "size", "expansion", "rou
 # An image of 32 pixels takes no split of 64: such points are skipped.
 SWEEPS = {
     "smoke": ([], {"figure3", "figure3_differences", *OVER_SPLITS, "figure6", "figure7", "figure7_instancing"}),
-    "build": (["method.split_x=1,4"], {"figure6"}),
-    "memory": (["method.split_x=1,4"], {"figure7", "figure7_instancing"}),
+    "build": (["method.split_x=4"], {"figure6"}),
+    "memory": (["method.split_x=4"], {"figure7", "figure7_instancing"}),
     "scenes": (["scene=cornell_box"], {"figure3", "figure3_differences"}),
     "methods": (["method.split_x=4", "method.split_y=1"], {"methods", "break_even", "moving"}),
     "baselines": (["method.packet_width=4", "method.packet_rows=null"], {"rates"}),
@@ -45,7 +45,12 @@ SWEEPS = {
     "multiframe": (["workload.frames=2", "method.split_x=4"], {"multiframe"}),
     "surface": (["method.split_x=4"], set()),
     "gather": (
-        ["method.split_x=4", "method.packet_width=null", "workload.what=count,layers"],
+        [
+            "method.split_x=4",
+            "method.packet_width=null",
+            "workload.what=count,layers",
+            *(f"~sweep.grids.gather_solid_{name}" for name in ("others", "aligned")),
+        ],
         {"gather", "figure5_gather"},
     ),
     "frame": (
@@ -58,7 +63,16 @@ SWEEPS = {
         {"stages"},
     ),
     "planner": (["scene.view=aside,wide"], {"planner"}),
-    "rays": (["scene=cornell_box", "workload.judged_rays=50", "threads=1", "~sweep.grids.rays_contains"], ASKED),
+    "rays": (
+        [
+            "scene=cornell_box",
+            "workload.ray_batch=incoherent",
+            "workload.judged_rays=50",
+            "threads=1",
+            "~sweep.grids.rays_contains",
+        ],
+        ASKED,
+    ),
     "rays-closed": (
         ["scene=three_holes", "workload.judged_rays=5", "threads=1", "~sweep.grids.rays_questions"],
         ASKED,
@@ -66,7 +80,7 @@ SWEEPS = {
     "views": (["scene.copies=1", "workload.views=2", "width=32", "height=32"], set()),
     "classification_smoke": ([], {"classification_probability", "classification_shafts", "moving"}),
     "classification_smoke-single_rays": (
-        [f"~sweep.grids.classification_{name}" for name in ("packets", "eye")],
+        [f"~sweep.grids.classification_{name}" for name in ("gate", "gain", "packets", "eye")],
         {"classification_probability", "classification_shafts"},
     ),
     "bake_smoke": (

@@ -52,10 +52,15 @@ def source(module):
 CODE = Code(source)
 
 
+@cache
+def as_it_is(point):
+    return CODE.sha256(code_roots(point))
+
+
 def sha256(point, changed=(), change=lambda text: text + "\nCHANGED = 1\n"):
     """Of the code of a point, where the sources of these modules have been changed."""
     if not changed:
-        return CODE.sha256(code_roots(point))
+        return as_it_is(point)
 
     def read(module):
         found = source(module)
