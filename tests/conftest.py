@@ -9,8 +9,6 @@ from functools import partial
 import pytest
 from _pytest import runner
 
-from atra.compiled.instruction_sets import INSTRUCTION_SETS, PACKET_WIDTHS, instruction_sets_here
-
 # A shell ignores the interrupt key for what it starts in the background, and children inherit that; the tests that
 # interrupt a sweep would wait for ever.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -124,11 +122,15 @@ def pytest_collection_modifyitems(items):
 def pytest_terminal_summary(terminalreporter):
     reports = [report for kind in ("passed", "failed") for report in terminalreporter.stats.get(kind, [])]
     if any("test_instruction_sets.py" in report.nodeid for report in reports):
+        from atra.compiled.instruction_sets import instruction_sets_here
+
         terminalreporter.write_line(said_of_instruction_sets(instruction_sets_here()))
 
 
 def said_of_instruction_sets(here):
     """One line: the core's tests ran under the instruction sets `here`, and could not under the others."""
+    from atra.compiled.instruction_sets import INSTRUCTION_SETS, PACKET_WIDTHS
+
     widths = sorted({1, *(width for name in here for width in PACKET_WIDTHS[name])})
     left_sets = [name for name in INSTRUCTION_SETS if name not in here]
     left_widths = [str(width) for width in (4, 8, 16) if width not in widths]

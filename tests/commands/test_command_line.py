@@ -224,6 +224,6 @@ def test_a_name_that_the_output_s_encoding_lacks_is_shown_escaped(tmp_path):
     folder = tmp_path / "\N{KATAKANA LETTER SI}"
     folder.mkdir()
     (folder / "sponza.ply").touch()
-    done = run(tmp_path, "fetch", "scene=sponza", scenes=str(folder), PYTHONIOENCODING="cp1252")
+    done = run_here(tmp_path, "fetch", "scene=sponza", scenes=str(folder), encoding="cp1252")
     assert done.returncode == 0, done.stderr
     assert r"\u30b7" in done.stdout

@@ -21,6 +21,7 @@ OVER_SPLITS = {"figure4", "figure4_speedup", *FIGURE5, "figure5_vertical", "figu
 WRONG = () if LLVMPIPE.problem() else ("disagreements_cornell_box_32x32",)
 ASKED = {f"rays_{peer.name}" for peer in (TRIMESH, OPEN3D) if not peer.problem()}
 OTHER_PICTURES = ("split", "tiles", "peers", "samples", "still", "waves", "mitsuba")
+NEEDLESS = ("others", "aligned_others", "solid", "solid_others", "solid_aligned")  # as all reductions are asked for
 IN_PROCESS = ("occupancy", "dark", "packets", "batch", "size", "expansion", "roulette", "environment", "translucency")
 # An image of 32 pixels takes no split of 64: such points are skipped.
 SWEEPS = {
@@ -49,8 +50,12 @@ SWEEPS = {
             "method.split_x=4",
             "method.packet_width=null",
             "workload.what=count,layers",
-            *(f"~sweep.grids.gather_solid_{name}" for name in ("others", "aligned")),
+            *(f"~sweep.grids.gather_{name}" for name in NEEDLESS),
         ],
+        {"gather", "figure5_gather"},
+    ),
+    "gather-whole": (
+        ["method.split_x=4", "method.packet_width=null", "workload.what=count,layers"],
         {"gather", "figure5_gather"},
     ),
     "frame": (
@@ -73,6 +78,10 @@ SWEEPS = {
         ],
         ASKED,
     ),
+    "rays-batches": (
+        ["scene=cornell_box", "workload.judged_rays=50", "threads=1", "~sweep.grids.rays_contains"],
+        ASKED,
+    ),
     "rays-closed": (
         ["scene=three_holes", "workload.judged_rays=5", "threads=1", "~sweep.grids.rays_questions"],
         ASKED,
@@ -80,7 +89,7 @@ SWEEPS = {
     "views": (["scene.copies=1", "workload.views=2", "width=32", "height=32"], set()),
     "classification_smoke": ([], {"classification_probability", "classification_shafts", "moving"}),
     "classification_smoke-single_rays": (
-        [f"~sweep.grids.classification_{name}" for name in ("gate", "gain", "packets", "eye")],
+        [f"~sweep.grids.classification_{name}" for name in ("gain", "packets", "eye")],
         {"classification_probability", "classification_shafts"},
     ),
     "bake_smoke": (
@@ -96,7 +105,7 @@ WITH_A_TWIN = {"bake", "bake_denoise", "bake_mitsuba", "bake_rays", "classificat
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "paper"}
 SLOW = {
     "smoke", "methods", "peers", "baselines", "reference_rays", "threads", "growth", "bake_buffers", "bake_adaptive",
-    "bake_culling_map", "classification_smoke",
+    "bake_culling_map", "classification_smoke", "gather-whole", "rays-batches",
 }  # fmt: skip
 """Sweeps of workloads that a quick one has, too."""
 
@@ -124,4 +133,4 @@ def test_a_sweep_runs_and_leaves_its_figures(name, tmp_path):
     assert (table["status"] != "failed").all()
     for wrong in {"pixels_wrong", "rays_wrong", "rays_different"} & set(table):
         assert (table[table["method"] != LLVMPIPE.name][wrong].dropna() == 0).all()
-    assert (folder / "report.html").exists() == (name in {"smoke", "gather"})
+    assert (folder / "report.html").exists() == (sweep_of(name) in {"smoke", "gather"})
