@@ -22,14 +22,12 @@ TOY = ["width=64", "height=64", "measure.processes=1", "measure.rounds=3", "meas
 TOY_SWEEP = ["sweep=horizontal", "method.split_x=1,2,3", *TOY]
 
 
-def run(folder, *arguments, scenes=None, **variables):
+def run(folder, *arguments):
     """`python run.py` with these arguments, in a process of its own."""
     environment = {name: value for name, value in os.environ.items() if name != "ATRA_SCENES"}
-    environment |= {"XDG_CACHE_HOME": NO_SCENES.name, "LOCALAPPDATA": NO_SCENES.name, **variables}
+    environment |= {"XDG_CACHE_HOME": NO_SCENES.name, "LOCALAPPDATA": NO_SCENES.name}
     # Matplotlib would build its font cache in that new folder and, on a busy machine, say so.
     environment["MPLCONFIGDIR"] = matplotlib.get_cachedir()
-    if scenes is not None:
-        environment["ATRA_SCENES"] = scenes
     command = [sys.executable, str(ROOT / "run.py"), *arguments]
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=120)
 
