@@ -119,7 +119,7 @@ class Materials:
             is_coded,
             second_uv=uv == 1,
             placement=placement_of(moved),
-            wrap=(_WRAPS.get(sampler.get("wrapS"), "repeat"), _WRAPS.get(sampler.get("wrapT"), "repeat")),
+            wrap=(_WRAPS.get(sampler.get("wrapS", 0), "repeat"), _WRAPS.get(sampler.get("wrapT", 0), "repeat")),
             is_nearest=sampler.get("magFilter") == _NEAREST,
         )
 
