@@ -14,6 +14,8 @@ from atra.light.lightmaps.progressive import ProgressiveBake
 from atra.light.lightmaps.surface import BakeScene, Surface
 from atra.light.lights import PointLight, SphereLight, SpotLight, Sun
 from atra.light.materials import Checker, Dielectric, Emissive, Image, Lambertian, Metal, MetallicRoughness
+from atra.light.pictures.finish.accumulate import Progress, accumulate
+from atra.light.pictures.finish.tone import stops_of, toned
 from atra.light.pictures.hybrid import HybridRenderer
 from atra.light.pictures.options import HybridOptions, PathOptions
 from atra.light.pictures.paths.renderer import PathRenderer
@@ -42,6 +44,7 @@ __all__ = [
     "PathOptions",
     "PathRenderer",
     "PointLight",
+    "Progress",
     "ProgressiveBake",
     "RenderScene",
     "Scene",
@@ -52,6 +55,7 @@ __all__ = [
     "Sun",
     "Surface",
     "Texels",
+    "accumulate",
     "clay_view",
     "constant_sky",
     "denoised",
@@ -61,4 +65,6 @@ __all__ = [
     "relative_error",
     "save_maps",
     "save_model",
+    "stops_of",
+    "toned",
 ]
