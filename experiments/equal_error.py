@@ -26,10 +26,10 @@ from experiments.workloads.render.measure import mitsuba_scene
 from scenes.lit.equal_error import SCENES, Shown
 
 DEPTH, ROULETTE = 8, 4
-SIZES = (16, 64)
+SIZES = (8, 32)
 """Samples of a picture."""
 
-PICTURES = 6
+PICTURES = 5
 """Pictures of each size."""
 
 BLOCK = 16

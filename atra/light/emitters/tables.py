@@ -54,13 +54,11 @@ _NOBODY = (np.zeros(3), np.zeros(0))
 
 
 def _shares(*powers: float) -> NDArray[np.float64]:
-    """How often triangles, the sky and lamps are chosen: by their power, none less than the others' least share."""
+    """How often triangles, the sky and lamps are chosen: by their power, and each that shines by its least share."""
     given = np.array(powers)
-    total = given.sum()
-    if not total > 0.0:
-        return given
-    shares = np.where(given > 0.0, np.maximum(given / total, _LEAST_SHARE), 0.0)
-    return np.asarray(shares / shares.sum())
+    shining = given > 0.0
+    rest = 1.0 - _LEAST_SHARE * shining.sum() if shining.sum() > 1 else 1.0
+    return np.asarray(np.where(shining, 1.0 - rest, 0.0) / max(shining.sum(), 1) + rest * given / (given.sum() or 1.0))
 
 
 def _mean_emission(material: Material) -> NDArray[np.float64]:

@@ -45,7 +45,7 @@ _SEED = 0x2545F491
 _BEYOND = np.float32(1 + 2e-6)
 """Where a ray starts anew behind a hole, over the distance to it."""
 
-_LEAST_SURVIVAL, _MOST_SURVIVAL = np.float32(0.05), np.float32(0.95)
+_LEAST_SURVIVAL = np.float32(0.05)
 
 
 class Pixels(NamedTuple):
@@ -181,7 +181,9 @@ def _hole(surfaces, prim_id, origin, direction, is_seen):  # type: ignore[no-unt
 @njit(forceinline=True, error_model="numpy")
 def survival(weight, key, sample, bounce):  # type: ignore[no-untyped-def]
     """By what a path's weight grows if it goes on, 0 if it ends here: Russian roulette by its weight."""
-    odds = min(_MOST_SURVIVAL, max(_LEAST_SURVIVAL, max(weight[0], max(weight[1], weight[2]))))
+    odds = max(_LEAST_SURVIVAL, max(weight[0], max(weight[1], weight[2])))
+    if odds >= ONE:
+        return ONE
     return ONE / odds if pair_of(key, sample, bounce * PAIRS + LOBE)[1] < odds else ZERO
 
 
