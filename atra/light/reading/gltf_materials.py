@@ -74,8 +74,6 @@ class Materials:
         volume = more.get("KHR_materials_volume", {})
         if "attenuationDistance" in volume or "thicknessTexture" in volume:
             self._left_out["attenuation of KHR_materials_volume"] = None
-        if "occlusionTexture" in given:
-            self._left_out["occlusionTexture (paths find occlusion themselves)"] = None
         return MetallicRoughness(
             colour=(red, green, blue) if colour is None else colour,
             opacity=opacity,
