@@ -1,7 +1,7 @@
 """Models as our path tracer shows them, beside Mitsuba 3: `python -m experiments.models_beside SHEET.png MODEL...`.
 
 Both get the same triangles, normals, textures, sky and sun. Mitsuba's `principled` stands for glTF's material: it has
-the same parameters, another diffuse part and other masking, so pictures are alike, not equal. The table that is printed has
+the same parameters, another diffuse part and other masking, so pictures are alike, not equal. What is printed are
 the ratio of the means of both pictures, and how far apart blocks of 16 x 16 pixels are in the median.
 """
 
