@@ -28,7 +28,7 @@ class Voxels:
     """Cells about the multiples of `pitch`, as trimesh has them.
 
     cells: (X, Y, Z) bool, solid or not. low: (3,) int64, cell (0, 0, 0) is centred at low * pitch.
-    odd_columns: rays that leave less often than they enter, of which a closed mesh has none.
+    odd_columns: rays that leave less often than they enter; 0 for a closed mesh.
     """
 
     cells: NDArray[np.bool_]

@@ -21,7 +21,7 @@ class FetchableScene:
     member: the name of the mesh file inside. triangles: what it must hold.
     camera: as of `scenes.scene.Scene`; camera_source: whose it is.
     notice: a restriction of the author's to be shown whenever the scene is fetched, None = none beyond the licence.
-    pictures_may_be_passed_on: false = pictures of the scene stay with whoever made them, as the notice asks.
+    pictures_may_be_passed_on: false = pictures of the scene must not be published, as the notice asks.
     Raises InputError for a camera that cannot be meant.
     """
 

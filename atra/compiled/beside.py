@@ -20,7 +20,7 @@ VARIABLE = "ATRA_COMPILE_BESIDE"
 def compile_beside(kernel: Any, function: Callable[..., None], *arguments: Any) -> None:
     """Unless `kernel` is kept on disk, call `function`, which compiles it, in another process; returns at once.
 
-    Whoever needs the kernel meanwhile waits for it. function: of a module, with arguments that `repr` writes down.
+    A process that needs the kernel meanwhile waits for it. function: defined in a module; its arguments survive `repr`.
     Does nothing on one core, and where kernels cannot be kept.
     """
     may_start = os.environ.get(VARIABLE) != "0" and sys.executable and not getattr(sys, "frozen", False)

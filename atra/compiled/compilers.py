@@ -47,7 +47,7 @@ def _is_own(symbol: Any) -> bool:
 
 
 _NOT_NEEDED = {InlineClosureLikes, NopythonRewrites}
-"""Passes for functions within functions and for arithmetic with whole arrays, of which kernels have none."""
+"""Passes for nested functions and for arithmetic with whole arrays. Kernels have neither."""
 
 
 @register_pass(mutates_CFG=False, analysis_only=False)

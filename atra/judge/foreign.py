@@ -181,8 +181,8 @@ def judge_image(
 def _fitting(
     image: ForeignImage, tracer: RasterTracer, given: Convention | None
 ) -> tuple[Convention, float, float, Hits]:
-    """The convention that fits best, the share of pixels that agree with it, that which agree with atra's own, and the
-    right image with its rays."""
+    """Return the convention that fits best, the shares of pixels that agree with it and with atra's own, and the right
+    image with its rays."""
     shape = (tracer.camera.height, tracer.camera.width)
     allowed = (False, True) if given is None else (given.swaps_axes,)
     swapped = [swaps for swaps in allowed if (image.depth.T if swaps else image.depth).shape == shape]

@@ -7,18 +7,20 @@ from atra.light.lightmaps.finish.denoise import denoised
 from atra.light.lightmaps.finish.export import save_maps, save_model
 from atra.light.lightmaps.finish.seams import Seams, dilated
 from atra.light.lightmaps.finish.views import clay_view, lit_view
-from atra.light.lightmaps.gather.lights import SpotLight
 from atra.light.lightmaps.gather.probes import LightProbes
 from atra.light.lightmaps.maps import Lightmap, relative_error
 from atra.light.lightmaps.options import BakeOptions
 from atra.light.lightmaps.progressive import ProgressiveBake
 from atra.light.lightmaps.surface import BakeScene, Surface
-from atra.light.lights import PointLight, SphereLight, Sun
-from atra.light.materials import Checker, Dielectric, Emissive, Image, Lambertian, Metal
+from atra.light.lights import PointLight, SphereLight, SpotLight, Sun
+from atra.light.materials import Checker, Dielectric, Emissive, Image, Lambertian, Metal, MetallicRoughness
+from atra.light.pictures.finish.accumulate import Progress, accumulate
+from atra.light.pictures.finish.tone import stops_of, toned
 from atra.light.pictures.hybrid import HybridRenderer
 from atra.light.pictures.options import HybridOptions, PathOptions
 from atra.light.pictures.paths.renderer import PathRenderer
-from atra.light.scene import RenderScene
+from atra.light.reading.scenes import load_scene
+from atra.light.scene import RenderScene, Scene, ScenePart
 from atra.light.sky import GradientSky, PanoramaSky, constant_sky
 
 __all__ = [
@@ -37,24 +39,32 @@ __all__ = [
     "LightProbes",
     "Lightmap",
     "Metal",
+    "MetallicRoughness",
     "PanoramaSky",
     "PathOptions",
     "PathRenderer",
     "PointLight",
+    "Progress",
     "ProgressiveBake",
     "RenderScene",
+    "Scene",
+    "ScenePart",
     "Seams",
     "SphereLight",
     "SpotLight",
     "Sun",
     "Surface",
     "Texels",
+    "accumulate",
     "clay_view",
     "constant_sky",
     "denoised",
     "dilated",
     "lit_view",
+    "load_scene",
     "relative_error",
     "save_maps",
     "save_model",
+    "stops_of",
+    "toned",
 ]

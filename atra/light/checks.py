@@ -57,6 +57,25 @@ def checked_texels(name: str, value: Any, high: float = inf) -> NDArray[np.float
     return texels
 
 
+def checked_image(name: str, value: Any) -> NDArray[Any]:
+    """`value` as a read-only copy, (H, W, 3 or 4), uint8 or float32 in [0, 1]. Raises InputError naming the first texel
+    outside."""
+    given = np.asarray(value)
+    if given.ndim == 3 and given.shape[2] == 3 and given.dtype != np.uint8:
+        return checked_texels(name, value, 1.0)
+    if given.ndim != 3 or given.shape[2] not in (3, 4) or given.size == 0:
+        raise InputError(f"{name} has shape {given.shape}, expected (H, W, 3) or (H, W, 4)")
+    if given.dtype == np.uint8:
+        texels = given.copy() if given.flags.writeable else given  # what nobody can change needs no copy
+        texels.setflags(write=False)
+        return texels
+    checked_texels(name, given[..., :3], 1.0)
+    checked_texels(name, np.repeat(given[..., 3:], 3, axis=2), 1.0)
+    texels = given.astype(np.float32)
+    texels.setflags(write=False)
+    return texels
+
+
 def checked_rows(
     name: str, value: Any, shape: tuple[int | None, ...], each: str, low: float, high: float
 ) -> NDArray[np.float32]:

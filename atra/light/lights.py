@@ -1,9 +1,9 @@
-"""Lights of hybrid rendering and lightmaps: points, spheres and a sun."""
+"""Lights: points, spheres, spots and suns."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import radians, tan
+from math import cos, radians, tan
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.geometry.view import Vector, checked_vector, unit_vector
 from atra.light.checks import Colour, checked_colour, checked_number, set_fields
-from atra.light.lights_kernels import ACROSS, KIND, LIGHT_WORDS, PLACE, POINT, SIZE, SPHERE, SUN, UP
+from atra.light.lights_kernels import ACROSS, KIND, LIGHT_WORDS, PLACE, POINT, SIZE, SPHERE, SPOT, SUN, UP
 
 _WHITE: Colour = (1.0, 1.0, 1.0)
 
@@ -76,7 +76,33 @@ class SphereLight:
         set_strength(self)
 
 
-Light = Sun | PointLight | SphereLight
+@dataclass(frozen=True)
+class SpotLight:
+    """A light at a point that shines into a cone.
+
+    position: in the world. direction: the cone's axis. inner_degrees: angle from the axis where the light starts to
+    fade smoothly. outer_degrees: angle from the axis where it ends, up to 90. colour: linear RGB. power: a factor; on
+    the axis, a surface facing the light at distance 1 receives colour times power.
+    """
+
+    position: Vector
+    direction: Vector
+    inner_degrees: float = 20.0
+    outer_degrees: float = 30.0
+    colour: Colour = (1.0, 1.0, 1.0)
+    power: float = 1.0
+
+    def __post_init__(self) -> None:
+        direction = checked_vector("direction of SpotLight", self.direction)
+        unit_vector("direction of SpotLight", direction)
+        outer = checked_number("outer_degrees of SpotLight", self.outer_degrees, 0.0, 90.0, above=True)
+        inner = checked_number("inner_degrees of SpotLight", self.inner_degrees, 0.0, outer)
+        position = checked_vector("position of SpotLight", self.position)
+        set_fields(self, position=position, direction=direction, inner_degrees=inner, outer_degrees=outer)
+        set_strength(self)
+
+
+Light = Sun | PointLight | SphereLight | SpotLight
 
 
 def light_row(light: Light) -> NDArray[np.float32]:
@@ -89,8 +115,14 @@ def light_row(light: Light) -> NDArray[np.float32]:
         row[ACROSS:UP], row[UP:] = across, np.cross(to_light, across)
     elif isinstance(light, SphereLight):
         row[KIND], row[PLACE:SIZE], row[SIZE] = SPHERE, light.position, light.radius
-    else:
+    elif isinstance(light, SpotLight):
+        row[KIND], row[PLACE:SIZE] = SPOT, light.position
+        row[ACROSS:UP] = unit_vector("direction of SpotLight", light.direction)
+        row[UP : UP + 2] = cos(radians(light.inner_degrees)), cos(radians(light.outer_degrees))
+    elif isinstance(light, PointLight):
         row[KIND], row[PLACE:SIZE] = POINT, light.position
+    else:
+        raise AssertionError(light)
     return row
 
 
@@ -104,4 +136,4 @@ def set_strength(light: Any) -> None:
 def check_light(light: object) -> None:
     """Raise InputError for anything that is not a light."""
     if not isinstance(light, Light):
-        raise InputError(f"a light is {light!r:.100}, expected Sun, PointLight or SphereLight")
+        raise InputError(f"a light is {light!r:.100}, expected Sun, PointLight, SphereLight or SpotLight")

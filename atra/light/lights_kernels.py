@@ -7,11 +7,12 @@ import numpy as np
 from atra.compiled.store import njit
 from atra.light.numbers_kernels import ONE, TWO, ZERO, along, circle, dot, scaled, unit
 
-SUN, POINT, SPHERE = 0, 1, 2
+SUN, POINT, SPHERE, SPOT = 0, 1, 2, 3
 KIND, PLACE, SIZE, ACROSS, UP = 0, 1, 4, 5, 8
 LIGHT_WORDS = 11
 """float32 numbers of a light. PLACE: its position, or the unit vector to a sun (3). SIZE: its radius, or the tangent of
-half a sun's apparent angle. ACROSS, UP: for a sun, unit vectors orthogonal to its direction and each other (3 each)."""
+half a sun's apparent angle. ACROSS, UP: for a sun, unit vectors orthogonal to its direction and each other (3 each);
+for a spot its axis (3), and the cosines of its inner and outer angles (2)."""
 
 ALMOST = np.float32(1 - 1e-4)
 """Shadow rays end at this fraction of the way, so that what stands at the light does not shadow it."""
@@ -30,8 +31,8 @@ def to_sun(light, u, v):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True, error_model="numpy")
 def to_lamp(light, origin, u, v):  # type: ignore[no-untyped-def]
-    """(direction, strength, reach) of a ray to a point light, or to a visible point of a sphere chosen by u, v in [0,
-    1)."""
+    """(direction, strength, reach) of a ray to a point or spot light, or to a visible point of a sphere chosen by u, v
+    in [0, 1)."""
     centre = light[PLACE], light[PLACE + 1], light[PLACE + 2]
     to_light = along(centre, -ONE, origin)
     squared = dot(to_light, to_light)
@@ -56,7 +57,19 @@ def to_lamp(light, origin, u, v):  # type: ignore[no-untyped-def]
         )
         direction = along(along(scaled(cosine, direction), sine * x, side), sine * y, other)
         reach = (distance - radius) * ALMOST
+    elif light[KIND] == SPOT:
+        cosine = -dot(direction, (light[ACROSS], light[ACROSS + 1], light[ACROSS + 2]))
+        strength *= _in_cone(cosine, light[UP], light[UP + 1])
     return direction, strength, reach
+
+
+@njit(error_model="numpy")
+def _in_cone(cosine, inner, outer):  # type: ignore[no-untyped-def]
+    """The share of a spot's light in a direction, by the cosines of its angle and of the cone's two."""
+    if cosine <= outer:
+        return ZERO
+    share = min(ONE, (cosine - outer) / (inner - outer)) if inner > outer else ONE
+    return share * share * (np.float32(3.0) - TWO * share)
 
 
 @njit(error_model="numpy")

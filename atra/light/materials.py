@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.light.checks import Colour, check_one_of, checked_colour, checked_number, checked_texels
-from atra.light.scattering_kernels import DIELECTRIC, EMISSIVE, LAMBERTIAN, METAL
+from atra.geometry.view import Vector, checked_vector
+from atra.light.checks import Colour, check_one_of, checked_colour, checked_image, checked_number, set_fields
+from atra.light.scattering_kernels import DIELECTRIC, EMISSIVE, LAMBERTIAN, METAL, PHYSICAL
 
 MOST_TEXELS = 1 << 26
 """Most texels of an image; they take 768 MiB."""
@@ -19,6 +20,12 @@ MOST_TEXELS = 1 << 26
 FRESNEL = ("exact", "schlick")
 DIRECTIONS = ("cosine", "uniform")
 BELOW = ("absorbed", "passes")
+WRAPS = ("repeat", "mirror", "clamp")
+ALPHA = ("opaque", "mask", "blend")
+
+_STEPS = np.arange(256) / 255.0
+CURVES = np.array([_STEPS, np.where(_STEPS <= 0.04045, _STEPS / 12.92, ((_STEPS + 0.055) / 1.055) ** 2.4)], np.float32)
+"""What bytes stand for: as they are, and as sRGB codes."""
 
 
 @dataclass(frozen=True)
@@ -40,18 +47,43 @@ class Checker:
 
 @dataclass(frozen=True, eq=False)
 class Image:
-    """An image over uv in [0, 1], repeated outside, with bilinear filtering.
+    """An image over uv, with bilinear filtering in linear light.
 
-    texels: (H, W, 3), linear RGB in [0, 1], copied as float32; row 0 is at v = 1, column 0 at u = 0.
+    texels: (H, W, 3) or (H, W, 4), copied; float32 in [0, 1], or uint8 (0 to 255 stand for 0 to 1). The fourth channel
+    is opacity. Row 0 is at v = 1, column 0 at u = 0. is_coded: whether the first three channels of uint8 are sRGB
+    codes. factor: linear RGB and opacity that multiply the texels. second_uv: whether the scene's `second_uv` is used.
+    placement: ((a, b, c), (d, e, f)): u, v of the image are a u + b v + c and d u + e v + f of the vertices'. wrap:
+    what lies outside [0, 1] in u and in v, "repeat", "mirror" or "clamp". is_nearest: without filtering.
     """
 
-    texels: NDArray[np.float32]
+    texels: NDArray[Any]
+    is_coded: bool = False
+    factor: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    second_uv: bool = False
+    placement: tuple[Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    wrap: tuple[str, str] = ("repeat", "repeat")
+    is_nearest: bool = False
 
     def __post_init__(self) -> None:
-        texels = checked_texels("texels of an image", self.texels, 1.0)
+        texels = checked_image("texels of an image", self.texels)
         if texels.shape[0] * texels.shape[1] > MOST_TEXELS:
             raise InputError(f"an image has {texels.shape[:2]} texels, expected at most {MOST_TEXELS}; make it smaller")
-        object.__setattr__(self, "texels", texels)
+        red, green, blue, opacity = self.factor
+        factor = (*checked_colour("factor of an image", (red, green, blue), 1e12), opacity)
+        first, second = (checked_vector("placement of an image", row) for row in self.placement)
+        for wrap in self.wrap:
+            check_one_of("wrap of an image", wrap, WRAPS)
+        set_fields(self, texels=texels, factor=factor, placement=(first, second))
+
+    def at(self, uv: NDArray[np.floating]) -> NDArray[np.float32]:
+        """(N, 4) float32, linear RGB and opacity at (N, 2) uv of vertices, of the nearest texels."""
+        one = np.column_stack([uv, np.ones(len(uv))]).astype(np.float64) @ np.array(self.placement).T
+        rows, columns, channels = self.texels.shape
+        x = _numbers_of(one[:, 0], columns, self.wrap[0])
+        y = _numbers_of(1.0 - one[:, 1], rows, self.wrap[1])
+        found = np.ones((len(uv), 4), np.float32)
+        found[:, :channels] = linear(self.texels[y, x], self.is_coded)
+        return found * np.array(self.factor, np.float32)
 
 
 Texture = Colour | Checker | Image
@@ -182,26 +214,93 @@ class Emissive(Material):
         return self.colour
 
 
+@dataclass(frozen=True, eq=False)
+class MetallicRoughness(Material):
+    """The material of glTF: metal, or a diffuse surface beneath a rough dielectric that may let light through.
+
+    colour: base colour in [0, 1]. opacity: in [0, 1], times that of the colour's image and of the vertices. alpha:
+    "opaque" ignores opacity; "mask" makes holes where it is below `cutoff`; with "blend" it is the share of light that
+    meets the surface. metallic, roughness: in [0, 1], times the blue and green of `metallic_roughness`. emission:
+    radiance of the front, times `emission_image`. normals: an image of normals, x and y times `normal_scale`.
+    transmission: share of light that is not reflected and passes, times the red of `transmission_image`. ior: index of
+    refraction. is_thin: a wall without thickness, which does not bend light; otherwise a surface of a solid. is_double:
+    whether backs are seen; the eye looks through backs of others.
+    Source: glTF 2.0, appendix B, and the extensions KHR_materials_emissive_strength, _ior, _transmission and _volume.
+    """
+
+    kind = PHYSICAL
+    colour: Texture = (1.0, 1.0, 1.0)
+    opacity: float = 1.0
+    alpha: str = "opaque"
+    cutoff: float = 0.5
+    metallic: float = 0.0
+    roughness: float = 1.0
+    metallic_roughness: Image | None = None
+    emission: Colour = (0.0, 0.0, 0.0)
+    emission_image: Image | None = None
+    normals: Image | None = None
+    normal_scale: float = 1.0
+    transmission: float = 0.0
+    transmission_image: Image | None = None
+    ior: float = 1.5
+    is_thin: bool = True
+    is_double: bool = True
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        _check_texture(self, "MetallicRoughness")
+        check_one_of("alpha of MetallicRoughness", self.alpha, ALPHA)
+        for name in ("opacity", "cutoff", "metallic", "roughness", "transmission"):
+            number = checked_number(f"{name} of MetallicRoughness", getattr(self, name), 0.0, 1.0)
+            object.__setattr__(self, name, number)
+        scale = checked_number("normal_scale of MetallicRoughness", self.normal_scale, -1e3, 1e3)
+        ior = checked_number("ior of MetallicRoughness", self.ior, 1.0, 1e3)
+        emission = checked_colour("emission of MetallicRoughness", self.emission, 1e12)
+        set_fields(self, normal_scale=scale, ior=ior, emission=emission)
+
+    @property
+    def plain(self) -> Texture:
+        return self.colour
+
+    @property
+    def images(self) -> tuple[Image | None, ...]:
+        """Of colour, metal and roughness, normals, emission, transmission."""
+        colour = self.colour if isinstance(self.colour, Image) else None
+        return colour, self.metallic_roughness, self.normals, self.emission_image, self.transmission_image
+
+
+def linear(texels: NDArray[Any], is_coded: bool) -> NDArray[np.float32]:
+    """Texels (..., channels) of an `Image` as float32 in linear light."""
+    if texels.dtype != np.uint8:
+        return texels
+    found = CURVES[0][texels]
+    if is_coded:
+        found[..., :3] = CURVES[1][texels[..., :3]]
+    return found
+
+
+def _numbers_of(places: NDArray[np.float64], count: int, wrap: str) -> NDArray[np.int64]:
+    """Numbers of the texels of an axis at places in [0, 1] and beyond."""
+    if wrap == "clamp":
+        places = np.clip(places, 0.0, 1.0)
+    elif wrap == "mirror":
+        places = 1.0 - np.abs(places % 2.0 - 1.0)
+    else:
+        places = places % 1.0
+    return np.minimum((places * count).astype(np.int64), count - 1)
+
+
+def images_of(material: Material) -> tuple[Image | None, ...]:
+    """As `MetallicRoughness.images`, of any material."""
+    if isinstance(material, MetallicRoughness):
+        return material.images
+    colour = getattr(material, "colour", None)
+    return (colour if isinstance(colour, Image) else None, None, None, None, None)
+
+
 def needs_uv(material: Material) -> bool:
-    """Whether its colour is a texture over uv."""
-    return isinstance(getattr(material, "colour", None), Checker | Image)
-
-
-def base_colour(material: Any, has_uv: bool) -> Lambertian:
-    """A `Lambertian` of a trimesh material's base colour; grey without a material. has_uv: whether its texture can be
-    used."""
-    if hasattr(material, "to_pbr"):
-        material = material.to_pbr()
-    if not hasattr(material, "baseColorFactor"):
-        return Lambertian()
-    factor = np.asarray((1.0, 1.0, 1.0) if material.baseColorFactor is None else material.baseColorFactor)
-    red, green, blue = (factor[:3] / (255.0 if factor.dtype.kind in "iu" else 1.0)).tolist()
-    texture = material.baseColorTexture
-    if texture is None or not has_uv:
-        return Lambertian((red, green, blue))
-    coded = np.asarray(texture.convert("RGB"), np.float32) / np.float32(255.0)
-    texels = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)  # sRGB
-    return Lambertian(Image(texels * np.array((red, green, blue))))
+    """Whether it has a texture over uv."""
+    return isinstance(getattr(material, "colour", None), Checker) or any(images_of(material))
 
 
 def _check_texture(material: Any, name: str) -> None:

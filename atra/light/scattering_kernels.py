@@ -32,7 +32,7 @@ from atra.light.surface_kernels import (
     shading_normal,
 )
 
-LAMBERTIAN, METAL, DIELECTRIC, EMISSIVE = 0, 1, 2, 3
+LAMBERTIAN, METAL, DIELECTRIC, EMISSIVE, PHYSICAL = 0, 1, 2, 3, 4
 """Kinds of material. PARAMETER: a metal's fuzz, glass's index of refraction. VARIANT: uniform directions (Lambertian),
 rays pass below the surface (metal), Schlick's approximation (glass)."""
 

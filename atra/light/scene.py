@@ -2,31 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any, Self
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
 from atra.light.checks import checked_rows, set_fields
 from atra.light.lights import Light, check_light
-from atra.light.materials import Lambertian, Material, base_colour, needs_uv
+from atra.light.materials import Lambertian, Material, images_of, needs_uv
 from atra.light.sky import GradientSky, Sky
 
 
+class ScenePart(NamedTuple):
+    """A primitive of a file, as a node places it: whole runs of a scene's faces and vertices.
+
+    node, mesh, primitive: their numbers in the file, from 0; -1 where the format has none. name: of the node.
+    """
+
+    name: str
+    node: int
+    mesh: int
+    primitive: int
+    first_face: int
+    faces: int
+    first_vertex: int
+    vertices: int
+
+
 @dataclass(frozen=True, eq=False)
-class RenderScene:
-    """Triangles, materials, lights and sky; all arrays are private read-only copies.
+class Scene:
+    """Triangles, materials, lights, sky and cameras; all arrays are private read-only copies.
 
     mesh: the triangles. materials: from `atra.light.materials`. face_materials: (F,) integers, the material of each
-    triangle; None: the first for all. lights: for hybrid rendering; path tracing finds light only in the sky and at
-    `Emissive`. sky: the background and its light. normals: (V, 3) shading normals, non-zero, towards the front; None:
-    flat triangles. uv: (V, 2) float32, for materials with a `Checker` or an `Image`; None: there is none. Raises
-    InputError for shapes that do not fit the mesh, unknown materials (first face named), normals and uv that are not
-    finite (first vertex named), and a texture without uv.
+    triangle; None: the first for all. lights: of `atra.light`. sky: the background and its light. normals: (V, 3)
+    shading normals, non-zero, towards the front; None: flat triangles. uv: (V, 2) float32, for materials with a
+    `Checker` or an `Image`; second_uv: as uv, for images that name it. colours: (V, 4) float32 in [0, 1], linear RGB
+    and opacity, which multiply those of a `MetallicRoughness`. None: there are none. cameras: by name. parts: of the
+    file it was read from. left_out: what the file has, but the scene has not, by name.
+
+    Raises InputError for shapes that do not fit the mesh, unknown materials (first face named), vertices' numbers that
+    are not finite (first vertex named), and a texture without uv.
     """
 
     mesh: Mesh
@@ -36,6 +56,11 @@ class RenderScene:
     sky: Sky = GradientSky()
     normals: NDArray[np.float32] | None = None
     uv: NDArray[np.float32] | None = None
+    second_uv: NDArray[np.float32] | None = None
+    colours: NDArray[np.float32] | None = None
+    cameras: Mapping[str, View] = field(default_factory=dict)
+    parts: Sequence[ScenePart] = ()
+    left_out: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, Mesh):
@@ -49,58 +74,52 @@ class RenderScene:
         for light in lights:
             check_light(light)
         numbers = _checked_numbers(self.face_materials, self.mesh.triangle_count, len(materials))
-        normals, uv = (
-            None if given is None else checked_rows(name, given, (len(self.mesh.vertices), size), "vertex", -1e6, 1e6)
-            for name, given, size in (("normal", self.normals, 3), ("uv", self.uv, 2))
-        )
+        vertices = len(self.mesh.vertices)
+        rows: dict[str, NDArray[np.float32] | None] = {}
+        for name, what, size, low, high in (
+            ("normals", "normal", 3, -1e6, 1e6), ("uv", "uv", 2, -1e6, 1e6), ("second_uv", "second uv", 2, -1e6, 1e6),
+            ("colours", "colour", 4, 0.0, 1.0),
+        ):  # fmt: skip
+            given = getattr(self, name)
+            rows[name] = None if given is None else checked_rows(what, given, (vertices, size), "vertex", low, high)
+        normals = rows["normals"]
         if normals is not None and not (zero := np.abs(normals).max(axis=1) > 1e-6).all():
             raise InputError(f"the normal of vertex {int(np.argmin(zero))} is zero, expected a direction")
-        textured = next((number for number, one in enumerate(materials) if needs_uv(one)), None)
-        if uv is None and textured is not None:
-            raise InputError(f"material {textured} has a texture, expected uv of the vertices, but uv is None")
-        set_fields(self, materials=materials, lights=lights, face_materials=numbers, normals=normals, uv=uv)
+        for number, one in enumerate(materials):
+            self._check_texture(number, one)
+        set_fields(self, materials=materials, lights=lights, face_materials=numbers, **rows)
+        set_fields(self, cameras=dict(self.cameras), parts=tuple(self.parts), left_out=tuple(self.left_out))
+
+    def _check_texture(self, number: int, material: Material) -> None:
+        if not needs_uv(material):
+            return
+        if self.uv is None:
+            raise InputError(f"material {number} has a texture, expected uv of the vertices, but uv is None")
+        if self.second_uv is None and any(one is not None and one.second_uv for one in images_of(material)):
+            raise InputError(f"material {number} has a texture over second_uv, but second_uv is None")
 
     @classmethod
     def from_trimesh(cls, loaded: Any, **others: Any) -> Self:
-        """The triangles, uv and base colours of what `trimesh.load` returns, for example for glTF. Each material
-        becomes a `Lambertian` of its base colour and texture; its other properties are ignored.
+        """The triangles, uv and base colours of what `trimesh.load` returns; `load_scene` reads more of a file. Each
+        material becomes a `Lambertian` of its base colour and texture; its other properties are ignored.
 
         loaded: a `trimesh.Trimesh` or `trimesh.Scene`; a scene's meshes are concatenated. others: further fields of the
         class. Raises InputError for anything else, for no triangles, and as `Mesh` and `Image` do.
         """
-        parts = loaded.dump() if hasattr(loaded, "dump") else [loaded]
-        parts = [part for part in parts if len(getattr(part, "faces", ()))]
-        if not parts:
-            raise InputError(f"loaded is {loaded!r:.100}, expected a trimesh.Trimesh or trimesh.Scene with triangles")
-        firsts = np.cumsum([0, *(len(part.vertices) for part in parts)])
-        faces = np.concatenate([part.faces + first for part, first in zip(parts, firsts, strict=False)])
-        numbers = np.repeat(np.arange(len(parts), dtype=np.int32), [len(part.faces) for part in parts])
-        known = [_uv_of(part) for part in parts]
-        uv = [np.zeros((len(part.vertices), 2)) if one is None else one for part, one in zip(parts, known, strict=True)]
-        materials = [
-            base_colour(getattr(part.visual, "material", None), one is not None)
-            for part, one in zip(parts, known, strict=True)
-        ]
-        return cls(
-            Mesh(np.concatenate([part.vertices for part in parts]), faces),
-            materials,
-            numbers,
-            uv=np.concatenate(uv),
-            **others,
-        )
+        from atra.light.reading.from_trimesh import fields_of
+
+        return cls(**(fields_of(loaded) | others))
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         # Copied and unpickled arrays are writable, even if the original was not.
         self.__dict__.update(state)
-        for array in (self.face_materials, self.normals, self.uv):
+        for array in (self.face_materials, self.normals, self.uv, self.second_uv, self.colours):
             if array is not None:
                 array.setflags(write=False)
 
 
-def _uv_of(part: Any) -> NDArray[np.float64] | None:
-    """(V, 2) of a `trimesh.Trimesh`, or None."""
-    uv = getattr(part.visual, "uv", None)
-    return None if uv is None or len(uv) != len(part.vertices) else np.asarray(uv)[:, :2]
+RenderScene = Scene
+"""Its earlier name."""
 
 
 def _listed(name: str, given: Any) -> tuple[Any, ...]:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.geometry.mesh import Mesh
 from atra.hits import read_only
 from atra.light import surface_kernels as words
-from atra.light.materials import Checker, Image, Material
-from atra.light.scattering_kernels import EMISSIVE
-from atra.light.scene import RenderScene
+from atra.light.materials import CURVES, WRAPS, Checker, Emissive, Image, Material, MetallicRoughness, images_of
+from atra.light.scene import Scene
 from atra.light.sky import GradientSky, Sky
 from atra.light.surface_kernels import Surfaces
 
@@ -18,20 +19,20 @@ START_OFF = 2.0**-20
 """Default offset of rays from a triangle, as a fraction of its largest coordinate: sixteen roundings of float32."""
 
 
-def surfaces_of(scene: RenderScene, sky_power: float, start_off: float | None) -> Surfaces:
+def surfaces_of(scene: Scene, sky_power: float, start_off: float | None) -> Surfaces:
     """The tables of a scene whose sky is scaled by `sky_power`.
 
     start_off: offset of rays from a triangle, scene units; None: by the size of its coordinates.
     """
-    materials, texels = _materials(tuple(scene.materials))
+    materials, images = _materials(scene)
     sky, panorama = sky_tables(scene.sky, sky_power)
     numbers = np.asarray(scene.face_materials)
     arrays = (
         _records(scene, materials, start_off),
-        (materials[:, words.KIND] == EMISSIVE)[numbers],
+        _flags(scene)[numbers],
         *_corners(scene),
         materials,
-        texels,
+        *images,
         sky,
         panorama,
     )
@@ -46,7 +47,7 @@ def unit_normals(mesh: Mesh) -> NDArray[np.float64]:
     return np.asarray(normals / np.where(length > 0.0, length, 1.0))
 
 
-def _records(scene: RenderScene, materials: NDArray[np.float64], start_off: float | None) -> NDArray[np.float64]:
+def _records(scene: Scene, materials: NDArray[np.float64], start_off: float | None) -> NDArray[np.float64]:
     mesh, numbers = scene.mesh, np.asarray(scene.face_materials)
     corners = [mesh.vertices[mesh.faces[:, corner]].astype(np.float64) for corner in range(3)]
     normals = unit_normals(mesh)
@@ -62,10 +63,11 @@ def _records(scene: RenderScene, materials: NDArray[np.float64], start_off: floa
     return records
 
 
-def _corners(scene: RenderScene) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-    """`weights` and `corners` of `Surfaces`."""
-    if scene.normals is None and scene.uv is None:
-        return np.zeros((0, words.CORNER_WORDS)), np.zeros((0, 2 * words.CORNER_WORDS), np.float32)
+def _corners(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.float32]]:
+    """`weights`, `corners` and `more` of `Surfaces`."""
+    more = _more(scene)
+    if scene.normals is None and scene.uv is None and not len(more):
+        return np.zeros((0, words.CORNER_WORDS)), np.zeros((0, 2 * words.CORNER_WORDS), np.float32), more
     faces, count = scene.mesh.faces, scene.mesh.triangle_count
     a, b, c = (scene.mesh.vertices[faces[:, corner]].astype(np.float64) for corner in range(3))
     b, c = b - a, c - a
@@ -83,15 +85,47 @@ def _corners(scene: RenderScene) -> tuple[NDArray[np.float64], NDArray[np.float3
         corners[:, :9] = normals.astype(np.float32)[faces].reshape(count, 9)
     if scene.uv is not None:
         corners[:, 9:15] = scene.uv[faces].reshape(count, 6)
-    return weights, corners
+    return weights, corners, more
 
 
-def _materials(materials: tuple[Material, ...]) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-    rows = np.zeros((len(materials), words.MATERIAL_WORDS))
-    images: list[NDArray[np.float32]] = []
-    for row, material in zip(rows, materials, strict=True):
+def _more(scene: Scene) -> NDArray[np.float32]:
+    if scene.colours is None and scene.second_uv is None:
+        return np.zeros((0, words.MORE_WORDS), np.float32)
+    faces, count = scene.mesh.faces, scene.mesh.triangle_count
+    more = np.ones((count, words.MORE_WORDS), np.float32)
+    if scene.colours is not None:
+        more[:, :12] = scene.colours[faces].reshape(count, 12)
+    if scene.second_uv is not None:
+        more[:, 12:] = scene.second_uv[faces].reshape(count, 6)
+    return more
+
+
+def _flags(scene: Scene) -> NDArray[np.uint8]:
+    """(M,), `flags` of a material's triangles."""
+    return np.array(
+        [
+            (words.SHINES if any(one.emission) else 0)
+            | (words.ENDS if isinstance(one, Emissive) else 0)
+            | (words.HOLES if _has_holes(one) else 0)
+            for one in scene.materials
+        ],
+        np.uint8,
+    )
+
+
+def _has_holes(material: Material) -> bool:
+    return isinstance(material, MetallicRoughness) and (material.alpha != "opaque" or not material.is_double)
+
+
+def _materials(scene: Scene) -> tuple[NDArray[np.float64], tuple[NDArray[Any], ...]]:
+    """`materials`, and `textures`, `texels`, `coded` and `curves` of `Surfaces`."""
+    rows = np.zeros((len(scene.materials), words.MATERIAL_WORDS))
+    rows[:, words.IMAGES : words.IMAGES + 5] = -1.0
+    images = _Images()
+    for row, material in zip(rows, scene.materials, strict=True):
         row[words.KIND] = material.kind
         row[words.PARAMETER], row[words.VARIANT] = material.numbers
+        row[words.CUTOFF], row[words.OPACITY], row[words.BACKS] = 2.0, 1.0, 1.0
         colour = getattr(material, "colour", (1.0, 1.0, 1.0))
         if isinstance(colour, Checker):
             row[words.TEXTURE], row[words.SCALE] = words.CHECKER, colour.scale
@@ -99,12 +133,66 @@ def _materials(materials: tuple[Material, ...]) -> tuple[NDArray[np.float64], ND
             row[words.SECOND : words.SECOND + 3] = colour.second
         elif isinstance(colour, Image):
             row[words.TEXTURE] = words.IMAGE
-            row[words.FIRST_TEXEL] = sum(map(len, images))
-            row[words.TEXELS_Y], row[words.TEXELS_X] = colour.texels.shape[:2]
-            images.append(colour.texels.reshape(-1, 3))
         else:
             row[words.COLOUR : words.COLOUR + 3] = colour
-    return rows, np.concatenate([np.zeros((0, 3), np.float32), *images])
+        row[words.EMISSION : words.EMISSION + 3] = material.emission
+        for slot, image in enumerate(images_of(material)):
+            if image is not None:
+                row[words.IMAGES + slot] = images.number_of(image)
+        if isinstance(material, MetallicRoughness):
+            _physical(row, material, scene.colours is not None)
+    return rows, images.tables()
+
+
+def _physical(row: NDArray[np.float64], material: MetallicRoughness, has_colours: bool) -> None:
+    row[words.METALLIC], row[words.ROUGHNESS] = material.metallic, material.roughness
+    row[words.NORMAL_SCALE], row[words.TRANSMISSION] = material.normal_scale, material.transmission
+    row[words.OPACITY] = material.opacity
+    row[words.CUTOFF] = {"opaque": 2.0, "mask": material.cutoff, "blend": -1.0}[material.alpha]
+    row[words.HAS_COLOURS], row[words.BACKS] = has_colours, material.is_double
+
+
+class _Images:
+    """Collects images; texels that several share are kept once."""
+
+    def __init__(self) -> None:
+        self._rows: list[NDArray[np.float64]] = []
+        self._firsts: dict[int, int] = {}
+        self._texels: tuple[list[NDArray[Any]], list[NDArray[Any]]] = [], []
+
+    def number_of(self, image: Image) -> int:
+        """The image's row."""
+        is_bytes = image.texels.dtype == np.uint8
+        kept = self._texels[is_bytes]
+        first = self._firsts.get(id(image.texels))
+        if first is None:
+            first = self._firsts[id(image.texels)] = sum(map(len, kept))
+            kept.append(_four_channels(image.texels))
+        row = np.zeros(words.TEXTURE_WORDS)
+        row[words.FIRST_TEXEL], row[words.TEXELS_Y], row[words.TEXELS_X] = first, *image.texels.shape[:2]
+        row[words.WRAP_X], row[words.WRAP_Y] = (WRAPS.index(wrap) for wrap in image.wrap)
+        row[words.CURVE] = image.is_coded if is_bytes else -1
+        row[words.NEAREST], row[words.UV] = image.is_nearest, image.second_uv
+        row[words.FACTOR : words.PLACEMENT], row[words.PLACEMENT :] = image.factor, np.ravel(image.placement)
+        self._rows.append(row)
+        return len(self._rows) - 1
+
+    def tables(self) -> tuple[NDArray[Any], ...]:
+        return (
+            np.array(self._rows).reshape(-1, words.TEXTURE_WORDS),
+            np.concatenate([np.zeros((0, 4), np.float32), *self._texels[0]]),
+            np.concatenate([np.zeros((0, 4), np.uint8), *self._texels[1]]),
+            CURVES,
+        )
+
+
+def _four_channels(texels: NDArray[Any]) -> NDArray[Any]:
+    """(H, W, 3 or 4) -> (H W, 4), opaque where there was no opacity."""
+    flat = texels.reshape(-1, texels.shape[2])
+    if flat.shape[1] == 4:
+        return flat
+    opaque = np.full((len(flat), 1), 255 if flat.dtype == np.uint8 else 1, flat.dtype)
+    return np.concatenate([flat, opaque], axis=1)
 
 
 def sky_tables(sky: Sky, power: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -1,8 +1,8 @@
 """Clusters: triangles that lie together, in groups with a box each; made once per mesh.
 
 Triangles are sorted by the power of 4 of their size, and then along a Morton curve through their centres; each
-CLUSTER of them that follow each other are one group. It holds its vertices itself, so that whoever draws it reads one
-piece of memory, and nothing of those that are left out.
+CLUSTER of them that follow each other are one group. Each cluster stores its own vertices, so drawing it reads one
+contiguous block.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _INDEX_BITS = 32
 """Below the bits of a key are those of the triangle."""
 
 _PLACE_BITS = 10
-"""Of a vertex in its cluster: 3 CLUSTER are at most so many."""
+"""Bits of a vertex's place in its cluster; 3 CLUSTER vertices fit."""
 
 _SPREAD = np.array([int(f"{cell:b}", 8) for cell in range(1 << _CELLS_BITS)], np.uint32)
 """Each cell's bits, each followed by two of 0: what in base 2 it is, in base 8."""

@@ -22,7 +22,7 @@ _CHUNK = 64
 """Clusters a thread takes at a time."""
 
 ROUNDINGS = 32.0 * UNIT
-"""Of their summands, that positions and distances may be off by, here and where vertices are projected."""
+"""Error bound of positions and distances, as a share of their summands; also used where vertices are projected."""
 
 NEARER = 2.0**-20
 """Share by which a bound of nearness is widened; rounding it to float32 changes it by less."""

@@ -68,7 +68,7 @@ def homogeneous(m, corner):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _inverse_of(volume):  # type: ignore[no-untyped-def]
-    """Of a volume of 0 something huge, so that the plane is at the eye."""
+    """1 / volume; for a volume of 0 something huge, which puts the plane at the eye."""
     return 1.0 / volume if volume != 0.0 else 1e200
 
 

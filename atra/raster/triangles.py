@@ -55,7 +55,7 @@ NEAR_AND_FAR = 1e3
 is known well enough. Beyond, it is computed from the corners in space."""
 
 _ROUNDINGS = 10
-"""Of a sum that says how far inside a sample lies, beside one for each row."""
+"""Roundings of the sum that says how far inside a sample lies; each row adds one."""
 
 BLOCK_ROWS = 2
 """Rows that may be drawn at once, a divisor of those of a band: the first may lie above a triangle, the last below."""

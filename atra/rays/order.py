@@ -23,7 +23,7 @@ from atra.rays.rays_kernels import (
 )
 
 Numbers = tuple[NDArray[np.float32], ...]
-"""Of rays: origins, directions, tnear, tfar."""
+"""The arrays of a batch of rays: origins, directions, tnear, tfar."""
 
 FEWEST_RAYS, FEWEST_TRIANGLES = 1 << 14, 1 << 17
 """Smallest batch and smallest mesh whose rays are put in order; smaller ones fit the cache anyway."""

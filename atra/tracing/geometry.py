@@ -45,7 +45,7 @@ class AlignedGeometry:
     pixels from the reference cell's pixel to its cell's (high 32 bits, rows `row_stride` pixels apart, image below
     image); empty where no filter reads them.
     transforms: (I, 3, 4) float32, a row-major shear per instance, or None. With them the triangles are the mesh's own
-    (`vertices` (V, 3), `faces` (F, 3)), and `records` is (I,), of which only the high halves are read.
+    (`vertices` (V, 3), `faces` (F, 3)), and `records` is (I,); only its high halves are read.
     left_out: of each image what no copy may show (`atra.alignment.rounding`), to be traced pixel by pixel; None where
     nothing is.
     """

@@ -202,8 +202,8 @@ class PixelKeywords(Keywords, total=False):
 
 @dataclass(frozen=True)
 class PixelOptions(Options):
-    """Options of `PixelTracer`: those Embree offers to whoever traces one ray per pixel. All give the same image, up to
-    ties and rims of triangles; `sweep=baselines` compares their times.
+    """Options of `PixelTracer`, those that Embree offers for one ray per pixel. All give the same image, up to ties and
+    rims of triangles; `sweep=baselines` compares their times.
 
     Raises InputError for rows that a packet cannot have.
     """

@@ -1,1 +1,1 @@
-"""Binary BVHs of triangles: their build and their layout in memory, for whoever traverses them."""
+"""Binary BVHs of triangles: how they are built, and how they lie in memory."""

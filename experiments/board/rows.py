@@ -62,7 +62,7 @@ def board_rows(table: pd.DataFrame) -> list[BoardRow]:
 
 
 def _best_of_each(table: pd.DataFrame, keys: list[str]) -> Iterator[Mapping[str, Any]]:
-    """Of rows alike in these columns the fastest beside packets; the first where none was measured."""
+    """The row with the best ratio to packets in each group of rows alike in `keys`; its first if none was measured."""
     for _, rows in table.groupby(keys, dropna=False, sort=False):
         chosen = choosing(rows, OVER_PACKETS)
         ok = rows["status"].eq("ok").fillna(False).to_numpy(bool)

@@ -125,7 +125,7 @@ class Named(Protocol):
 
 @dataclass(frozen=True)
 class NoOptions:
-    """Of a method or a workload that leaves nothing to choose."""
+    """The options of a method or a workload that has none."""
 
 
 Kind = TypeVar("Kind", bound=Named)

@@ -77,7 +77,7 @@ class SplitOptions(MethodOptions):
 
     @property
     def split(self) -> tuple[int, int]:
-        """Of resolved options."""
+        """The split; the options must be resolved."""
         assert self.split_x is not None
         return self.split_x, self.split_y
 

@@ -134,7 +134,7 @@ BEST_SPEEDUPS = {"cornell_box": 7.50, "mitsuba": 2.94, "fireplace_room": 1.85, "
 
 
 def best_speedup_id(scene: str) -> str:
-    """Of the claim on it."""
+    """The id of the claim on the best speed-up of a scene."""
     return f"best-speedup-{scene}"
 
 

@@ -55,7 +55,7 @@ class SceneGains:
 
 
 def scene_gains(processes: pd.DataFrame | None) -> tuple[SceneGains, ...]:
-    """Of each of the paper's scenes of which a frame or all hits were timed, or of its stand-in.
+    """The gains of each of the paper's scenes, or of its stand-in, whose frames or all hits were timed.
 
     processes: as `experiments.results.table.make_tables` gives them. Raises NotMeasuredError where its rows do not
     compare, and where there is not one gain to be had, each with its reason.

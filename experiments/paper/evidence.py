@@ -130,7 +130,7 @@ class SceneRows:
 
 
 def estimate(values: Sequence[float]) -> Estimate:
-    """Of one value a process. Raises NotMeasuredError for too few."""
+    """Mean and interval of one value per process. Raises NotMeasuredError for too few."""
     try:
         return Estimate.of(values)
     except ValueError as error:

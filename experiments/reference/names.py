@@ -183,7 +183,7 @@ def help_of(owner: type, field: Field[Any]) -> str:
 
 
 def _said_of(kind: type, name: str) -> str:
-    """Of "width, height: pixels. fov: degrees. Raises ..." what follows one name, up to the next name."""
+    """What a docstring like "width, height: pixels. fov: degrees. Raises ..." says of one name, up to the next name."""
     names = "|".join(re.escape(one.name) for one in fields(kind))
     text = " ".join(cleandoc(kind.__doc__ or "").split())
     pieces = re.split(rf"(?<![\w`.])((?:{names})(?:, (?:{names}))*): ", text)

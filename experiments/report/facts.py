@@ -31,7 +31,7 @@ class Doubt:
 
 @dataclass(frozen=True)
 class Doubts:
-    """Of a figure's points: how many there are, how many were measured, how many carry any doubt, and which."""
+    """Counts of a figure's points: all, measured, and with any doubt; and which doubts."""
 
     points: int
     measured: int
@@ -65,7 +65,7 @@ class ComparedImages:
 
 
 def compared_images(table: pd.DataFrame) -> ComparedImages:
-    """Of the measured points."""
+    """How many images of measured points were compared, and how many of their pixels are wrong."""
     wrong = table.loc[table["status"] == "ok", "pixels_wrong"].dropna()
     return ComparedImages(len(wrong), int(wrong.sum()))
 
@@ -80,7 +80,7 @@ class Processes:
 
 
 def count_processes(table: pd.DataFrame) -> Processes:
-    """Of the points that were not skipped and did not fail."""
+    """Processes of the points that were not skipped and did not fail."""
     out = table["processes_left_out"].fillna(0)
     measured = table.loc[table["status"] == "ok", "processes"].sum()
     return Processes(int(measured + out.sum()), int(out.sum()), int((out > 0).sum()))

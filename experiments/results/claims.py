@@ -17,7 +17,7 @@ HOLDS, DOES_NOT_HOLD, UNDECIDED, NOT_MEASURED = VERDICTS = "holds", "does not ho
 """undecided = measured in full, but not precisely enough to say."""
 
 ONE_READING = "holds under one reading only"
-"""Of a claim, where its readings part: under another it does not hold, is undecided or was not measured."""
+"""Verdict where the readings of a claim disagree: under another it does not hold, is undecided or was not measured."""
 
 
 @dataclass(frozen=True)

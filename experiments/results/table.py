@@ -242,7 +242,7 @@ def workload_rows(table: pd.DataFrame, *names: str) -> pd.DataFrame:
 
 
 def _row(records: Sequence[Record]) -> dict[str, Any]:
-    """Of the processes of one point."""
+    """The row of one point, from the records of its processes."""
     first = records[0]
     workload, method = find_workload(first.configuration["workload"]), find_method(first.configuration["method"])
     options = (*option_columns(method.options, "method_options"), *option_columns(workload.options, "workload_options"))

@@ -26,7 +26,7 @@ GAP_S = 0.25
 class LightmapPage(CameraPage):
     """Shows the latest map of a bake from wherever the page looks, and tells the bake when the camera rests there.
 
-    bake: begun by whoever calls. atlas: of its map. target: samples after which it is done. first: where it looks from
+    bake: already begun. atlas: of its map. target: samples after which it is done. first: where it looks from
     at first. side: the picture has about side x side pixels. threads: of the rasteriser that finds what is seen. port,
     title: of `CameraPage`, which says what is raised.
     """

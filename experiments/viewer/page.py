@@ -107,7 +107,7 @@ class Page(CameraPage):
 
     @contextlib.contextmanager
     def _folder(self, renderer: str, title: str) -> Iterator[None]:
-        """Of parameters that one renderer has alone."""
+        """A folder of controls that one renderer has alone."""
         with self._server.gui.add_folder(title) as folder:
             yield
         self._folders[title] = renderer, folder
@@ -132,7 +132,7 @@ class Page(CameraPage):
     def _on_update(
         self, control: Any, field: str, read: Callable[[Any], Any], is_inside: Callable[[Any], bool] = lambda _: True
     ) -> None:
-        """Tell the session of a control's values, of which messages bring only those that `Settings` takes."""
+        """Hand a control's values to the session; messages with values that `Settings` refuses are ignored."""
 
         def can_have(value: Any) -> bool:
             try:

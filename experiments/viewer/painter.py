@@ -96,7 +96,7 @@ class Painter:
         self._sketcher = self._made = None
 
     def _renderer(self, request: Request) -> Renderer:
-        """Of the request; what was added for an earlier one stays where it may."""
+        """The renderer of the request; what an earlier request added stays where it may."""
         settings, scene, camera = request.settings, self._scene_of(request.settings), request.camera
         made_for = settings.renderer, settings.method, settings.split_x
         options = _options(settings)

@@ -114,4 +114,4 @@ TIME_COLUMNS: tuple[Column, ...] = (
         for column in statistics_columns(name + "_render_time{}_s", f"packets of {width} per pixel", series(name))
     ),
 )
-"""Of a point whose own method is timed in rounds with its baselines."""
+"""Columns of a point whose own method is timed in rounds with its baselines."""

@@ -27,7 +27,7 @@ OVER_SINGLE, OVER_PACKETS = "speedup", "speedup_vs_packets"
 _BASELINES = dict(zip((OVER_SINGLE, OVER_PACKETS), TIME_BASELINES, strict=True))
 
 _POINTS = ("scene", "mesh_sha256", "width", "height", "method", "packet_width", "threads", "build_quality")
-"""Of each value of these there is a best row."""
+"""Columns whose values tell groups of rows apart; each group has a best row."""
 
 
 def own_ratio(rows: pd.DataFrame) -> str:

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.light.checks import checked_rows, set_fields
-from atra.light.lightmaps.gather.lights import BakeLight, check_bake_light
-from atra.light.materials import Checker, Image, Texture
+from atra.light.lights import Light, check_light
+from atra.light.materials import Checker, Emissive, Image, Texture
 from atra.light.scene import RenderScene
 from atra.light.sky import Sky, constant_sky
 
@@ -81,7 +81,7 @@ class Surface:
             faces = np.flatnonzero(numbers == number)
             if any(material.emission):
                 emission[faces] = material.emission
-            else:
+            if not isinstance(material, Emissive):
                 albedo[faces] = np.minimum(_colours(material.plain, scene, faces), LARGEST_ALBEDO)
         return cls(albedo, emission)
 
@@ -91,13 +91,13 @@ class BakeScene:
     """A mesh, its surface, lights and sky. Units are those of `atra.light`: a white surface that faces a sun of power
     1, or the whole of a sky of radiance 1, reflects 1.
 
-    mesh: the triangles. surface: what they reflect and emit; None: `Surface.plain`. lights: of `atra.light`, and
-    `SpotLight`. sky: black by default.
+    mesh: the triangles. surface: what they reflect and emit; None: `Surface.plain`. lights: of `atra.light`. sky: black
+    by default.
     """
 
     mesh: Mesh
     surface: Surface | None = None
-    lights: Sequence[BakeLight] = ()
+    lights: Sequence[Light] = ()
     sky: Sky = constant_sky(0.0)
 
     def __post_init__(self) -> None:
@@ -110,7 +110,7 @@ class BakeScene:
             raise InputError(f"surface has {len(surface.albedo)} faces, but {self.mesh!r} is to be lit")
         lights = tuple(self.lights)
         for light in lights:
-            check_bake_light(light)
+            check_light(light)
         set_fields(self, surface=surface, lights=lights)
 
     @classmethod
@@ -122,11 +122,11 @@ class BakeScene:
 def _colours(colour: Texture, scene: RenderScene, faces: NDArray[np.int64]) -> NDArray[np.float32]:
     if not isinstance(colour, Checker | Image):
         return np.broadcast_to(np.array(colour, np.float32), (len(faces), 3))
-    assert scene.uv is not None
-    u, v = scene.uv[scene.mesh.faces[faces]].astype(np.float64).mean(axis=1).T
+    known = scene.second_uv if isinstance(colour, Image) and colour.second_uv else scene.uv
+    assert known is not None
+    uv = known[scene.mesh.faces[faces]].astype(np.float64).mean(axis=1)
     if isinstance(colour, Checker):
+        u, v = uv.T
         odd = (np.floor(u * colour.scale) + np.floor(v * colour.scale)) % 2
         return np.where(odd[:, None] == 1, colour.second, colour.first).astype(np.float32)
-    rows, columns, _ = colour.texels.shape
-    y, x = np.floor((1.0 - v) % 1.0 * rows), np.floor(u % 1.0 * columns)
-    return colour.texels[np.minimum(y, rows - 1).astype(int), np.minimum(x, columns - 1).astype(int)]
+    return colour.at(uv)[:, :3]

@@ -1,9 +1,9 @@
-"""Pictures as files: PNG for viewing, EXR for further work."""
+"""Pictures as files: PNG for viewing, EXR with layers for further work."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -12,21 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.files.paths import write_atomically
 from atra.files.saving import encode_exr
 from atra.hits import Hits
 from atra.light.pictures.files_kernels import encode_srgb
+from atra.light.pictures.finish.normals import eye_normals
 
 SUFFIXES = (".png", ".exr")
-
-
-def save_picture(path: Path, image: NDArray[np.float32], hits: Callable[[], Hits]) -> None:
-    """Write an (H, W, 3) picture, linear RGB, in the format of the suffix. hits: called for what an EXR holds as well.
-
-    Raises InputError as `check_picture_path` does; StorageError.
-    """
-    check_picture_path(path)
-    write_atomically(path, png_of(image) if path.suffix.lower() == ".png" else exr_of(image, hits()))
 
 
 def check_picture_path(path: Path) -> None:
@@ -63,30 +54,26 @@ def png_of(image: NDArray[np.floating]) -> bytes:
     return buffer.getvalue()
 
 
-def exr_of(image: NDArray[np.float32], hits: Hits) -> bytes:
-    """An EXR of 32 bits: R, G, B; Z, the depth, inf = a miss; N.X, N.Y, N.Z, the triangle's unit normal in the world,
-    facing the eye, 0 = a miss; prim_id, `MISS` = a miss."""
-    normals = eye_normals(hits)
-    channels: dict[str, Any] = {name: image[..., k] for k, name in enumerate("RGB")}
-    channels |= {f"N.{name}": normals[..., k] for k, name in enumerate("XYZ")}
-    return exr_of_channels(channels | {"Z": hits.depth, "prim_id": hits.prim_id})
+def exr_of(
+    image: NDArray[np.float32], hits: Hits, albedo: NDArray[np.float32], samples: int,
+    noisy: NDArray[np.float32] | None = None,
+) -> bytes:  # fmt: skip
+    """An EXR of 32 bits, linear: R, G, B; albedo.R, G, B, 1 for the sky; Z, the depth, inf = a miss; N.X, N.Y, N.Z, the
+    triangle's unit normal in the world, facing the eye, 0 = a miss; prim_id, `MISS` = a miss; samples.
+
+    hits: at the pixels' centres. noisy: the picture before it was denoised, written as noisy.R, G, B.
+    """
+    channels: dict[str, Any] = {}
+    layers = {"": (image, "RGB"), "albedo.": (albedo, "RGB"), "N.": (eye_normals(hits), "XYZ")}
+    if noisy is not None:
+        layers["noisy."] = noisy, "RGB"
+    for layer, (values, names) in layers.items():
+        channels |= {f"{layer}{name}": values[..., k] for k, name in enumerate(names)}
+    counts = np.full(hits.depth.shape, samples, np.uint32)
+    return exr_of_channels(channels | {"Z": hits.depth, "prim_id": hits.prim_id, "samples": counts})
 
 
 def exr_of_channels(channels: Mapping[str, NDArray[Any]]) -> bytes:
     """An EXR of named (H, W) arrays, 32 bits each. Raises InputError without the package OpenEXR."""
     _check_openexr()
     return encode_exr(channels)
-
-
-def eye_normals(hits: Hits) -> NDArray[np.float32]:
-    """(H, W, 3) float32, unit normals of the hit triangles in the world, facing the eye; 0 = a miss."""
-    normals = np.zeros((*hits.depth.shape, 3), np.float32)
-    y, x = np.nonzero(hits.hit)
-    corners = hits.mesh.triangles(hits.prim_id[y, x])
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.linalg.norm(across, axis=1, keepdims=True)
-    across /= np.where(length > 0.0, length, 1.0)
-    _, directions = hits.camera.rays(x, y, hits.offset)
-    away = np.einsum("ni,ni->n", across, directions @ hits.camera.axes) > 0.0
-    normals[y, x] = np.where(away[:, None], -across, across)
-    return normals

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,6 +70,18 @@ class Film:
         if self.is_first:
             self._earlier += self.sums
             self._clear()
+
+    @property
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Copies of all that `restore` needs: the sums, and the number of samples."""
+        return {"samples": np.array(self.samples), "sums": self.sums.copy(), "earlier": self._earlier.copy()}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Go on from the `state` of a film of the same shape. Raises InputError for another shape."""
+        for name, own in (("sums", self.sums), ("earlier", self._earlier)):
+            if state[name].shape != own.shape or state[name].dtype != own.dtype:
+                raise InputError(f"{name} of the state have shape {state[name].shape}, expected {own.shape}")
+        self.sums[:], self._earlier[:], self.samples = state["sums"], state["earlier"], int(state["samples"])
 
     def mean(self, planes: slice) -> NDArray[np.float64]:
         """(planes, pixels), over all samples. Raises InputError if there is none yet."""

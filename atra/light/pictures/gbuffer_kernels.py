@@ -236,8 +236,8 @@ def _find_colour(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
         set_vector(floats, SKY, i, sky_colour(surfaces, unit(direction)))
         return
     prim_id = np.int64(chunk.prim_id[i])
-    s, t = np.float64(floats[UV * STRIDE + i]), np.float64(floats[(UV + 1) * STRIDE + i])
-    colour = colour_at(surfaces, material_of(surfaces, prim_id), s, t)
+    s, t = floats[UV * STRIDE + i], floats[(UV + 1) * STRIDE + i]
+    colour = colour_at(surfaces, material_of(surfaces, prim_id), prim_id, vector_of(floats, ORIGIN, i), s, t)
     sky = vector_of(floats, SKY, i)
     if surfaces.sky[0] != GRADIENT:
         sky = sky_colour(surfaces, vector_of(floats, NORMAL, i))

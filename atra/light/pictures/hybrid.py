@@ -7,28 +7,32 @@ from dataclasses import replace
 from functools import reduce
 from math import sqrt
 from time import perf_counter
-from typing import NamedTuple, Unpack
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.geometry.view import View
+from atra.hits import Hits
 from atra.light.lights import light_row
 from atra.light.lights_kernels import LIGHT_WORDS
 from atra.light.materials import Lambertian
 from atra.light.pictures.aiming_kernels import Aim
 from atra.light.pictures.carrying import carried
+from atra.light.pictures.finish.finisher import CENTRE
 from atra.light.pictures.gbuffer_kernels import Chunk, new_chunk
 from atra.light.pictures.lighting_kernels import LIGHT_PLANES, SKY_PLANES, STAGES, lighting_kernel
 from atra.light.pictures.options import HybridKeywords, HybridOptions
 from atra.light.pictures.path_kernels import Pixels
-from atra.light.pictures.renderer import CENTRE, Primary, Renderer, unlike_but_for
+from atra.light.pictures.renderer import Primary, Renderer, unlike_but_for
 from atra.light.scene import RenderScene
+from atra.light.sky import constant_sky
 from atra.light.surface_kernels import Surfaces
 from atra.light.tables import surfaces_of
 from atra.rays.scene import Query
 from atra.tracing.options import lists_options
+from atra.tracing.tracer import Tracer
 
 
 class _Sequence(NamedTuple):
@@ -163,6 +167,9 @@ class HybridRenderer(Renderer):
                 raise InputError(f"light is {light!r}, but the scene has {len(self.scene.lights)}, counted from 0")
             return self._share(SKY_PLANES + light * LIGHT_PLANES + 3)
 
+    def _albedo(self, samples: int) -> NDArray[np.float32]:
+        return albedo_of(self, samples)
+
     def _share(self, plane: int) -> NDArray[np.float32]:
         with self._lock:
             return self._film.as_image(self._means(slice(plane, plane + 1)))[..., 0]
@@ -193,3 +200,26 @@ class HybridRenderer(Renderer):
         return Aim(
             np.array(places or [[0, 0]], np.uint32), sequence.dimension, is_shifted, rays > 0, np.float32(length)
         )
+
+
+def albedo_of(renderer: Renderer, samples: int) -> NDArray[np.float32]:
+    """(H, W, 3) float32, base colours of what a renderer sees, mean of so many samples; 1 for the sky."""
+    white = replace(renderer.scene, lights=(), sky=constant_sky(1.0))
+    tracer: Any = _Borrowed(renderer.tracer)
+    options: Any = {"threads": renderer.options.threads, "occlusion_rays": 0, "shadow_rays": 0}
+    with HybridRenderer(white, renderer.camera, lambda mesh, view: tracer, **options) as plain:
+        plain.add(samples)
+        return plain.image
+
+
+class _Borrowed:
+    """A tracer of another renderer, which stays open."""
+
+    plan_time_s = build_time_s = 0.0
+
+    def __init__(self, tracer: Tracer[Hits]) -> None:
+        self.trace = tracer.trace
+
+    def build(self) -> None: ...
+
+    def close(self) -> None: ...

@@ -7,7 +7,6 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from functools import partial
-from pathlib import Path
 from time import perf_counter
 from typing import Any, ClassVar, Unpack
 
@@ -22,8 +21,8 @@ from atra.geometry.view import View
 from atra.hits import Hits
 from atra.light.checks import check_whole
 from atra.light.laps import Laps
-from atra.light.pictures.files import save_picture
 from atra.light.pictures.film import Film
+from atra.light.pictures.finish.finisher import CENTRE, Finisher
 from atra.light.pictures.options import RenderKeywords, RenderOptions
 from atra.light.pictures.path_kernels import BLOCK, Pixels
 from atra.light.pictures.pixels import LensPixels, pixels_of
@@ -31,20 +30,17 @@ from atra.light.scene import RenderScene
 from atra.light.surface_kernels import Surfaces
 from atra.raster.tracer import RasterTracer
 from atra.rays.scene import Query, RayScene
-from atra.tracing.lifetime import Lifetime
 from atra.tracing.options import RayOptions, lists_options
 from atra.tracing.tracer import Tracer
 
 Primary = Callable[[Mesh, View], Tracer[Hits]]
 """Makes the tracer of primary visibility: `atra.PixelTracer`, or `partial(atra.AlignedTracer, split=(128, 1))`."""
 
-CENTRE = (0.5, 0.5)
-
 _WAVES_A_THREAD = 4
 """Least waves per thread; more balance the threads and ask `stop` more often."""
 
 
-class Renderer(Lifetime):
+class Renderer(Finisher):
     """What renderers share: primary visibility, a scene for all other rays, samples, and times of stages.
 
     scene: see `RenderScene`. camera: of any kind; through a lens all pixels of a sample have one offset, whatever
@@ -261,14 +257,6 @@ class Renderer(Lifetime):
         """(H, W, 3) float32, linear RGB, the mean of the samples. Raises InputError if there is none yet."""
         with self._lock:
             return self._lens_pixels.blackened(self._film.as_image(self._mean()))
-
-    def save(self, path: Path | str) -> None:
-        """Write the picture: `.png` in 8-bit sRGB, or `.exr` in 32-bit linear RGB with depth Z, normal N and prim_id at
-        the pixels' centres. Raises InputError for another suffix and without samples; StorageError."""
-        with self._lock:
-            image = self.image
-            with self._in_use():
-                save_picture(Path(path), image, lambda: self._tracer.trace(CENTRE))
 
     def _release(self) -> None:
         self._tracer.close()

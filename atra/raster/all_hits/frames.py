@@ -17,7 +17,7 @@ _BAND_BYTES, _LEAST_ROWS, _MOST_ROWS = 5 << 18, 16, 256
 """Bytes of a band, which stay in the cache while it is drawn; its least and most rows, powers of two."""
 
 _BANDS = 4
-"""Of a thread, at least, so that none waits long for another."""
+"""Smallest number of bands per thread; with fewer, threads wait long for the last one."""
 
 
 def gather_frame(

@@ -115,7 +115,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
     Windows has no groups to find the latter by: what a worker left behind that ended by itself lives on there.
     """
     if hasattr(os, "killpg"):
-        # Whoever outlives the worker is still in its group. macOS forbids signals to one that only waits to be reaped.
+        # Processes that outlive the worker are still in its group. macOS forbids signals to one that is a zombie.
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, signal.SIGKILL)  # type: ignore[attr-defined]  # it is where killpg is
     elif process.poll() is None:

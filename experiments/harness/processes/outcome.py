@@ -45,7 +45,7 @@ class Outcome:
 
 
 def skipped(problem: AtraError) -> Outcome:
-    """Of a point that cannot be measured, and why."""
+    """The outcome of a point that cannot be measured, with the reason."""
     results = {LACKED_MEMORY: True} if isinstance(problem, MemoryBudgetError) else {}
     return Outcome("skipped", str(problem), on_purpose=True, results=results)
 

@@ -17,7 +17,7 @@ from experiments.results.table import workload_rows
 from experiments.workloads.bake import BAKE
 
 _FORECAST = 1.5
-"""Of packets over visible-first rays, written down before anything was measured."""
+"""Forecast of packets over visible-first rays, written down before anything was measured."""
 
 Which = Callable[[pd.DataFrame], pd.Series]
 

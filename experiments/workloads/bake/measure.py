@@ -109,7 +109,7 @@ class Counted:
         return self.baker.lanes - self._before[1]
 
     def stage_s(self, *stages: str) -> float:
-        """Of all rounds together."""
+        """Seconds of these stages in all rounds together."""
         return sum(self.baker.stage_s.get(one, 0.0) - self._before[2].get(one, 0.0) for one in stages)
 
 
@@ -247,7 +247,7 @@ def _against(own: Counted, other: Counted, rounds: int) -> dict[str, float | Non
 
 
 def _variance(lightmap: Lightmap, which: Any) -> float | None:
-    """Of one sample, over the squared mean of the light: the square of its relative error."""
+    """Variance of one sample over the squared mean of the light: the square of its relative error."""
     used = which & lightmap.valid
     mean = float(lightmap.luminance[used].mean()) if used.any() else 0.0
     return float(lightmap.variance[used].mean()) / mean**2 if mean > 0.0 else None

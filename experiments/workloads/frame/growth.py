@@ -124,7 +124,7 @@ def fitted_slope(sizes: NDArray[np.float64], values: NDArray[np.float64]) -> flo
 
 @dataclass(frozen=True)
 class Crossing:
-    """ahead: the method that is faster above `size`, of which `behind` was below."""
+    """Where two growths cross. ahead: the method that is faster above `size`; behind: the one that is faster below."""
 
     size: float
     ahead: Growth

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
 from dataclasses import replace
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.compiled.threads import resolve_threads
-from atra.errors import AtraError, InputError
 from atra.light.lightmaps.finish.seams import nearest_known
 from atra.light.lightmaps.gather.tables_kernels import LUMINANCE
 from atra.light.lightmaps.maps import LIGHTS, Lightmap
+from atra.light.oidn import Denoiser
 
 FEWEST = 16
 """Charts with fewer texels are left as they are."""
@@ -32,25 +29,20 @@ def denoised(lightmap: Lightmap, threads: int | None = None) -> Lightmap:
     it fails. Sources: Intel Open Image Denoise, filter RTLightmap, https://www.openimagedenoise.org; the scaling
     follows the positive part of James and Stein's estimator (1961), which assumes a target independent of the noise.
     """
-    oidn = _library()
     names = LIGHTS[:-1]
     values: dict[str, Any] = {name: lightmap.light(name).copy() for name in names}
     numbers = np.flatnonzero(lightmap.valid)
     chart = lightmap.texels.chart[numbers]
     order = numbers[np.argsort(chart, kind="stable")]
     row, column = np.divmod(lightmap.texels.number, lightmap.texels.atlas.width)
-    with ExitStack() as stack:
-        device = stack.enter_context(oidn.Device())
-        device.set_int("numThreads", resolve_threads(threads))
-        device.set_bool("setAffinity", False)
-        device.commit()
+    with Denoiser(threads) as denoiser:
         for of_chart in np.split(order, np.cumsum(np.bincount(chart))[:-1]):
             if len(of_chart) < FEWEST:
                 continue
             place = tuple(axis[of_chart] - axis[of_chart].min() for axis in (row, column))
             for light in values.values():
                 if light[of_chart].any():
-                    light[of_chart] = _filtered(oidn, device, _filled(place, light[of_chart]))[place]
+                    light[of_chart] = denoiser.lightmap(_filled(place, light[of_chart]))[place]
             share = _share_of_noise(lightmap, of_chart, sum(light[of_chart] for light in values.values()))
             for name, light in values.items():
                 raw = lightmap.light(name)[of_chart]
@@ -69,16 +61,6 @@ def _share_of_noise(lightmap: Lightmap, texels: NDArray[np.int64], clean: NDArra
     return np.float32(min(1.0, noise / taken) if taken > 0.0 else 1.0)
 
 
-def _library() -> ModuleType:
-    try:
-        import pyoidn
-    except ImportError:
-        raise InputError(
-            "denoising needs the package pyoidn, which is not installed; run: pip install -e '.[denoise]'"
-        ) from None
-    return pyoidn  # type: ignore[no-any-return]
-
-
 def _filled(place: tuple[NDArray[np.int64], ...], values: NDArray[np.float32]) -> NDArray[np.float32]:
     """(H, W, 3) image of (N, 3) values at their rows and columns, with means of the neighbourhood in between."""
     from scipy.ndimage import gaussian_filter
@@ -89,17 +71,3 @@ def _filled(place: tuple[NDArray[np.int64], ...], values: NDArray[np.float32]) -
     near, sums = (gaussian_filter(one, (_BLUR, _BLUR, 0.0), mode="constant") for one in (known, image))
     means = (sums[place] / near[place])[nearest_known(place, shape)]
     return np.where(known > 0.0, image, means).astype(np.float32)
-
-
-def _filtered(oidn: Any, device: Any, image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """A denoised (H, W, 3) image, clamped to 0."""
-    image, out = np.ascontiguousarray(image, np.float32), np.empty_like(image, np.float32)
-    with oidn.Filter(device, oidn.OIDN_FILTER_TYPE_RT_LIGHTMAP) as one:
-        one.set_image(oidn.OIDN_IMAGE_COLOR, image, oidn.OIDN_FORMAT_FLOAT3)
-        one.set_image(oidn.OIDN_IMAGE_OUTPUT, out, oidn.OIDN_FORMAT_FLOAT3)
-        one.commit()
-        one.execute()
-    problem = device.get_error()
-    if problem is not None:
-        raise AtraError(f"Open Image Denoise failed at an image of {image.shape[1]} x {image.shape[0]}: {problem}")
-    return np.maximum(out, 0.0)

@@ -68,13 +68,13 @@ def light_grid(rows: NDArray[np.float32], bounds: NDArray[np.floating]) -> Light
 def _given(rows: NDArray[np.float64], centres: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
     """(C, L): estimated unshadowed light that each light gives within `radius` of each centre, on a surface facing
     it."""
-    brightness = rows[:, words.COLOUR : words.CONE] @ np.array(words.LUMINANCE, np.float64)
+    brightness = rows[:, words.COLOUR :] @ np.array(words.LUMINANCE, np.float64)
     kind, spread = rows[:, words.KIND], rows[:, words.SIZE]
     way = rows[:, words.PLACE : words.SIZE] - centres[:, None]
     squared = (way**2).sum(axis=2)
     given = brightness / (squared + radius**2 + spread**2)
     for light in np.flatnonzero(kind == words.SPOT):
-        axis, outer = rows[light, words.ACROSS : words.UP], rows[light, words.CONE + 1]
+        axis, outer = rows[light, words.ACROSS : words.UP], rows[light, words.UP + 1]
         distance = np.sqrt(squared[:, light])
         angle = np.arccos(np.clip(-way[:, light] @ axis / np.maximum(distance, 1e-300), -1.0, 1.0))
         seen_under = np.arcsin(np.minimum(1.0, radius / np.maximum(distance, 1e-300)))

@@ -3,55 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, radians
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.geometry.view import Vector, checked_vector, unit_vector
-from atra.light.checks import Colour, checked_number, set_fields
 from atra.light.lightmaps.gather import tables_kernels as words
-from atra.light.lights import Light, check_light, light_row, set_strength
+from atra.light.lights import Light, light_row
 from atra.light.sky import PanoramaSky, Sky
-
-
-@dataclass(frozen=True)
-class SpotLight:
-    """A light at a point that shines into a cone.
-
-    position: in the world. direction: the cone's axis. inner_degrees: angle from the axis where the light starts to
-    fade smoothly. outer_degrees: angle from the axis where it ends, up to 90. colour: linear RGB. power: a factor; on
-    the axis, a surface facing the light at distance 1 receives colour times power.
-    """
-
-    position: Vector
-    direction: Vector
-    inner_degrees: float = 20.0
-    outer_degrees: float = 30.0
-    colour: Colour = (1.0, 1.0, 1.0)
-    power: float = 1.0
-
-    def __post_init__(self) -> None:
-        direction = checked_vector("direction of SpotLight", self.direction)
-        unit_vector("direction of SpotLight", direction)
-        outer = checked_number("outer_degrees of SpotLight", self.outer_degrees, 0.0, 90.0, above=True)
-        inner = checked_number("inner_degrees of SpotLight", self.inner_degrees, 0.0, outer)
-        position = checked_vector("position of SpotLight", self.position)
-        set_fields(self, position=position, direction=direction, inner_degrees=inner, outer_degrees=outer)
-        set_strength(self)
-
 
 _LARGEST = 1e30
 """Upper limit of an estimated intensity; keeps float32 sums finite."""
-
-BakeLight = Light | SpotLight
-
-
-def check_bake_light(light: object) -> None:
-    """Raise InputError for anything that is not a light."""
-    if not isinstance(light, SpotLight):
-        check_light(light)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,18 +29,13 @@ class Aims:
     row: NDArray[np.float32]
 
 
-def light_rows(lights: tuple[BakeLight, ...], others: list[NDArray[np.float32]]) -> NDArray[np.float32]:
+def light_rows(lights: tuple[Light, ...], others: list[NDArray[np.float32]]) -> NDArray[np.float32]:
     """(L, LIGHT_WORDS) float32 for kernels. others: rows of all emitting faces together, and of the sky, put at the
     end."""
     rows = np.zeros((len(lights) + len(others), words.LIGHT_WORDS), np.float32)
     for row, light in zip(rows, lights, strict=False):
-        if isinstance(light, SpotLight):
-            row[words.KIND], row[words.PLACE : words.SIZE] = (words.SPOT, light.position)
-            row[words.ACROSS : words.UP] = unit_vector("direction of SpotLight", light.direction)
-            row[words.CONE :] = cos(radians(light.inner_degrees)), cos(radians(light.outer_degrees))
-        else:
-            row[: words.COLOUR] = light_row(light)
-        row[words.COLOUR : words.CONE] = light.power * np.array(light.colour)
+        row[: words.COLOUR] = light_row(light)
+        row[words.COLOUR :] = light.power * np.array(light.colour)
     rows[len(lights) :] = np.array(others, np.float32).reshape(-1, words.LIGHT_WORDS)
     if not np.isfinite(rows).all():
         number = int(np.argmin(np.isfinite(rows).all(axis=1)))
@@ -89,7 +46,7 @@ def light_rows(lights: tuple[BakeLight, ...], others: list[NDArray[np.float32]])
 def _row(kind: int, colour: NDArray[np.float64], place: NDArray[np.float64], spread: float) -> NDArray[np.float32]:
     row = np.zeros(words.LIGHT_WORDS)
     row[words.KIND], row[words.PLACE : words.SIZE], row[words.SIZE] = kind, place, spread
-    row[words.COLOUR : words.CONE] = colour
+    row[words.COLOUR :] = colour
     return np.clip(row, -_LARGEST, _LARGEST).astype(np.float32)
 
 

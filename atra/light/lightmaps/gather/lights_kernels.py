@@ -8,10 +8,8 @@ from atra.compiled.store import float_kernel, njit
 from atra.embree.packets_kernels import INFINITY
 from atra.light.lightmaps.gather.choice_kernels import cell_of, chosen
 from atra.light.lightmaps.gather.tables_kernels import (
-    ACROSS,
     CARRIED,
     COLOUR,
-    CONE,
     DIRECT,
     DIRECTION,
     EMITTERS,
@@ -24,13 +22,12 @@ from atra.light.lightmaps.gather.tables_kernels import (
     NORMAL,
     ORIGIN,
     SKY,
-    SPOT,
     SUN,
     WEIGHT,
     choose,
 )
 from atra.light.lights_kernels import ALMOST, to_lamp, to_sun
-from atra.light.numbers_kernels import ONE, TWO, ZERO, along, bits_of, circle, dot, scaled, set_vector, unit_of, vector
+from atra.light.numbers_kernels import ONE, ZERO, along, bits_of, circle, dot, scaled, set_vector, unit_of, vector
 from atra.light.surface_kernels import sky_colour
 
 PI, QUARTER = np.float32(np.pi), np.float32(0.25)
@@ -54,13 +51,7 @@ def _to_light(light, origin, u, v):  # type: ignore[no-untyped-def]
     """(direction, strength, reach) of a ray to a point of a sun, point, sphere or spot light."""
     if light[KIND] == SUN:
         return to_sun(light, u, v), ONE, INFINITY
-    direction, strength, reach = to_lamp(light, origin, u, v)
-    if light[KIND] == SPOT:
-        cosine = -dot(direction, (light[ACROSS], light[ACROSS + 1], light[ACROSS + 2]))
-        inner, outer = light[CONE], light[CONE + 1]
-        share = min(ONE, max(ZERO, (cosine - outer) / (inner - outer))) if inner > outer else ONE
-        strength *= share * share * (np.float32(3.0) - TWO * share) if cosine > outer else ZERO
-    return direction, strength, reach
+    return to_lamp(light, origin, u, v)
 
 
 @njit(error_model="numpy")

@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 from atra.compiled.store import njit
 
 SUN, POINT, SPHERE, SPOT, EMITTERS, SKY = 0, 1, 2, 3, 4, 5
-KIND, PLACE, SIZE, ACROSS, UP, COLOUR, CONE = 0, 1, 4, 5, 8, 11, 14
-LIGHT_WORDS = 16
-"""float32 numbers of a light; up to UP as in `atra.light.lights_kernels`. COLOUR: times power (3). For a spot, ACROSS
-is its axis, and CONE the cosines of its inner and outer angles (2). All emitting faces are one light, and so is the
-sky; they have tables of their own, and only the grid reads their words."""
+KIND, PLACE, SIZE, ACROSS, UP, COLOUR = 0, 1, 4, 5, 8, 11
+LIGHT_WORDS = 14
+"""float32 numbers of a light; before COLOUR as in `atra.light.lights_kernels`. COLOUR: times power (3). All emitting
+faces are one light, and so is the sky; they have tables of their own, and only the grid reads their words."""
 
 ORIGIN, NORMAL, DIRECTION, WEIGHT, CARRIED, LENGTH = 0, 3, 6, 9, 12, 15
 PATH_ROWS = 16

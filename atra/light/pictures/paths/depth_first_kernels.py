@@ -47,7 +47,7 @@ def follow_depth_first(first, count, pixels, scene, packet, surfaces, emitters, 
             else:
                 rays += 1
                 prim_id = _prim_id_of_ray(scene, packet, origin, direction)
-            if prim_id == MISS or surfaces.is_emissive[prim_id]:
+            if prim_id == MISS or surfaces.flags[prim_id] != 0:
                 light = arriving(surfaces, emitters, prim_id, origin, direction, density)
                 is_finite &= add_light(sums, pixel, weight, light)
                 break

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from atra.geometry.view import View
 from atra.light.emitters.tables import emitters_of, no_emitters
 from atra.light.laps import Laps
+from atra.light.pictures.hybrid import albedo_of
 from atra.light.pictures.options import PathKeywords, PathOptions
 from atra.light.pictures.path_kernels import BLOCK, ROW_PADDING, Pixels
 from atra.light.pictures.paths.depth_first_kernels import follow_depth_first
@@ -76,6 +77,9 @@ class PathRenderer(Renderer):
 
     def _mean(self) -> NDArray[np.float64]:
         return self._film.mean(slice(3))
+
+    def _albedo(self, samples: int) -> NDArray[np.float32]:
+        return albedo_of(self, samples)
 
     def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> int | None:
         surfaces, emitters, options = self._surfaces, self._emitters, self.options

@@ -96,7 +96,7 @@ def compact(paths, surfaces, emitters, sums, is_last):  # type: ignore[no-untype
         kept = start
         for i in range(start, start + paths.counts[block]):
             prim_id = paths.prim_id[i]
-            if prim_id == MISS or surfaces.is_emissive[prim_id]:
+            if prim_id == MISS or surfaces.flags[prim_id] != 0:
                 light = arriving(
                     surfaces, emitters, prim_id,
                     vector(floats, ORIGIN, i), vector(floats, DIRECTION, i), floats[DENSITY, i],

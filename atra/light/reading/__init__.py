@@ -1,0 +1,1 @@
+"""Scenes from files: glTF, OBJ with MTL, and whatever trimesh reads."""

@@ -1,0 +1,143 @@
+"""Materials and images of a glTF."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from math import cos, sin
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.errors import InputError
+from atra.files.saving import check_package
+from atra.light.materials import Image, MetallicRoughness
+from atra.light.reading.folder import Folder, OutsideError, read_image
+from atra.light.reading.gltf_numbers import Numbers, entry
+
+EXTENSIONS = {
+    "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_transmission", "KHR_texture_transform",
+    "EXT_texture_webp",
+}  # fmt: skip
+"""Those of materials that are used in full."""
+
+_WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
+_NEAREST = 9728
+_ALPHA = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}
+
+
+class Materials:
+    """The materials of a glTF, each made once. left_out: what they have beyond `MetallicRoughness`, by name."""
+
+    def __init__(self, tree: Any, numbers: Numbers, folder: Folder, left_out: dict[str, None]) -> None:
+        self._tree, self._numbers, self._folder, self._left_out = tree, numbers, folder, left_out
+        if tree.get("images"):
+            check_package(".png")
+        self.texels = cache(self._read)
+        self.get = cache(self._get)
+
+    def _get(self, number: int | None, has_uv: bool, has_second: bool) -> MetallicRoughness:
+        """A material, None: the default one, of a primitive with such texture coordinates."""
+        if number is None:
+            return MetallicRoughness(metallic=1.0, is_double=False)
+        made = self._whole(number)
+        images = made.images
+        lost = [one is not None and not (has_second if one.second_uv else has_uv) for one in images]
+        if any(lost):
+            self._left_out["textures without texture coordinates"] = None
+            for name, image, is_lost in zip(
+                ("colour", "metallic_roughness", "normals", "emission_image", "transmission_image"), images, lost,
+                strict=True,
+            ):  # fmt: skip
+                if is_lost:
+                    plain = image.factor[:3] if name == "colour" and image is not None else None
+                    made = replace(made, **{name: plain})  # type: ignore[arg-type]
+        return made
+
+    def _whole(self, number: int) -> MetallicRoughness:
+        given = entry(self._tree, "materials", number)
+        more = given.get("extensions", {})
+        for name in more.keys() - EXTENSIONS - {"KHR_materials_volume"}:
+            self._left_out[name] = None
+        pbr = given.get("pbrMetallicRoughness", {})
+        red, green, blue, opacity = _clipped(pbr.get("baseColorFactor", (1, 1, 1, 1)), 4)
+        colour = self._image(pbr.get("baseColorTexture"), True)
+        if colour is not None:
+            colour = replace(colour, factor=(red, green, blue, 1.0))
+        strength = more.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
+        strength = float(np.clip(np.nan_to_num(strength), 0.0, 1e12))
+        emission = tuple(strength * one for one in _clipped(given.get("emissiveFactor", (0, 0, 0)), 3))
+        bumps = given.get("normalTexture")
+        transmission = more.get("KHR_materials_transmission", {})
+        volume = more.get("KHR_materials_volume", {})
+        if "attenuationDistance" in volume or "thicknessTexture" in volume:
+            self._left_out["attenuation of KHR_materials_volume"] = None
+        if "occlusionTexture" in given:
+            self._left_out["occlusionTexture (paths find occlusion themselves)"] = None
+        return MetallicRoughness(
+            colour=(red, green, blue) if colour is None else colour,
+            opacity=opacity,
+            alpha=_ALPHA.get(given.get("alphaMode", "OPAQUE"), "opaque"),
+            cutoff=_clipped([given.get("alphaCutoff", 0.5)], 1)[0],
+            metallic=_clipped([pbr.get("metallicFactor", 1.0)], 1)[0],
+            roughness=_clipped([pbr.get("roughnessFactor", 1.0)], 1)[0],
+            metallic_roughness=self._image(pbr.get("metallicRoughnessTexture"), False),
+            emission=emission,  # type: ignore[arg-type]
+            emission_image=self._image(given.get("emissiveTexture"), True),
+            normals=self._image(bumps, False),
+            normal_scale=float(np.clip(np.nan_to_num((bumps or {}).get("scale", 1.0)), -1e3, 1e3)),
+            transmission=_clipped([transmission.get("transmissionFactor", 0.0)], 1)[0],
+            transmission_image=self._image(transmission.get("transmissionTexture"), False),
+            ior=max(1.0, min(1e3, float(more.get("KHR_materials_ior", {}).get("ior", 1.5)))),
+            is_thin=not volume.get("thicknessFactor", 0.0) > 0.0,
+            is_double=bool(given.get("doubleSided", False)),
+            name=str(given.get("name", "")),
+        )
+
+    def _image(self, info: Mapping[str, Any] | None, is_coded: bool) -> Image | None:
+        if info is None:
+            return None
+        texture = entry(self._tree, "textures", info["index"])
+        source = texture.get("extensions", {}).get("EXT_texture_webp", {}).get("source", texture.get("source"))
+        moved = info.get("extensions", {}).get("KHR_texture_transform", {})
+        uv = moved.get("texCoord", info.get("texCoord", 0))
+        if source is None or uv not in (0, 1):
+            self._left_out["textures of formats or coordinates that are not read"] = None
+            return None
+        try:
+            texels = self.texels(source, is_coded)
+        except OutsideError:
+            raise
+        except InputError as error:
+            self._left_out[f"image {source}, because {error}"] = None
+            return None
+        sampler = entry(self._tree, "samplers", texture["sampler"]) if "sampler" in texture else {}
+        return Image(
+            texels,
+            is_coded,
+            second_uv=uv == 1,
+            placement=placement_of(moved),
+            wrap=(_WRAPS.get(sampler.get("wrapS"), "repeat"), _WRAPS.get(sampler.get("wrapT"), "repeat")),
+            is_nearest=sampler.get("magFilter") == _NEAREST,
+        )
+
+    def _read(self, number: Any, is_coded: bool) -> NDArray[np.uint8]:
+        image = entry(self._tree, "images", number)
+        content = self._numbers.view(image["bufferView"]) if "bufferView" in image else self._folder.read(image["uri"])
+        return read_image(content, is_coded)
+
+
+def placement_of(moved: Mapping[str, Any]) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """`placement` of `Image` by a KHR_texture_transform, whose v grows downwards."""
+    (x, y), (across, down) = moved.get("offset", (0.0, 0.0)), moved.get("scale", (1.0, 1.0))
+    turn = moved.get("rotation", 0.0)
+    a, b, d, e = cos(turn) * across, sin(turn) * down, -sin(turn) * across, cos(turn) * down
+    return (a, -b, b + x), (-d, e, 1.0 - e - y)
+
+
+def _clipped(given: Any, size: int) -> tuple[float, ...]:
+    """Factors that the specification keeps within [0, 1]."""
+    numbers = np.nan_to_num(np.asarray(given, np.float64).reshape(size))
+    return tuple(np.clip(numbers, 0.0, 1.0).tolist())

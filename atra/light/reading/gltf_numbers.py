@@ -1,0 +1,105 @@
+"""Numbers in the buffers of a glTF."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.errors import InputError
+from atra.files.meshes.claims import glb_chunks
+from atra.light.reading.folder import Folder
+
+_TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+
+
+def entry(tree: Any, kind: str, number: Any) -> Any:
+    """Entry `number` of a list of the file. Raises InputError where there is none."""
+    entries = tree.get(kind, [])
+    if type(number) is not int or not 0 <= number < len(entries):
+        raise InputError(f"it names {kind} {number!r}, but there are {len(entries)}, counted from 0")
+    return entries[number]
+
+
+class Numbers:
+    """The accessors and buffer views of a glTF or GLB; buffers are read once, when needed."""
+
+    def __init__(self, tree: Any, content: bytes, suffix: str, folder: Folder) -> None:
+        self._tree, self._folder = tree, folder
+        rest = glb_chunks(content)[1] if suffix == "glb" else b""
+        self._chunk = rest[8 : 8 + int.from_bytes(rest[:4], "little")] if len(rest) >= 8 else None
+        self._buffers: dict[int, bytes] = {}
+
+    def view(self, number: Any) -> bytes:
+        """The bytes of a buffer view."""
+        view = entry(self._tree, "bufferViews", number)
+        buffer = self._buffer(view["buffer"])
+        start, length = view.get("byteOffset", 0), view["byteLength"]
+        if not 0 <= start <= start + length <= len(buffer):
+            raise InputError(f"buffer view {number} ends at byte {start + length} of {len(buffer)}")
+        return buffer[start : start + length]
+
+    def _buffer(self, number: int) -> bytes:
+        if number not in self._buffers:
+            buffer = entry(self._tree, "buffers", number)
+            if "uri" in buffer:
+                self._buffers[number] = self._folder.read(buffer["uri"])
+            elif number == 0 and self._chunk is not None:
+                self._buffers[number] = self._chunk
+            else:
+                raise InputError(f"buffer {number} has no bytes")
+        return self._buffers[number]
+
+    def floats(self, number: Any, size: int) -> NDArray[np.float64]:
+        """(N, size) float64 of an accessor; normalised whole numbers become fractions."""
+        accessor, rows = self._rows(number)
+        if rows.shape[1] != size:
+            raise InputError(f"accessor {number} has {rows.shape[1]} numbers each, expected {size}")
+        found = rows.astype(np.float64)
+        if accessor.get("normalized") and rows.dtype.kind in "iu":
+            found = np.maximum(found / np.iinfo(rows.dtype).max, -1.0)
+        return found
+
+    def whole(self, number: Any) -> NDArray[np.int64]:
+        """(N,) int64 of an accessor of indices."""
+        _, rows = self._rows(number)
+        if rows.shape[1] != 1 or rows.dtype.kind != "u":
+            raise InputError(f"accessor {number} is {rows.dtype} of {rows.shape[1]} each, expected indices")
+        return rows[:, 0].astype(np.int64)
+
+    def width(self, number: Any) -> int:
+        """Numbers of each element of an accessor."""
+        return _NUMBERS.get(entry(self._tree, "accessors", number)["type"], 0)
+
+    def _rows(self, number: Any) -> tuple[Any, NDArray[Any]]:
+        accessor = entry(self._tree, "accessors", number)
+        count, size = accessor["count"], _NUMBERS.get(accessor["type"])
+        if size is None or accessor["componentType"] not in _TYPES or type(count) is not int or count < 0:
+            raise InputError(f"accessor {number} is {accessor['type']!r} of {count!r}, which is not read")
+        dtype = np.dtype(_TYPES[accessor["componentType"]])
+        start = accessor.get("byteOffset", 0)
+        if "bufferView" in accessor:
+            rows = self._plain(accessor["bufferView"], start, count, size, dtype)
+        else:
+            rows = np.zeros((count, size), dtype)
+        sparse = accessor.get("sparse")
+        if sparse:
+            rows, few = rows.copy(), sparse["count"]
+            of_indices = sparse["indices"]
+            kind = np.dtype(_TYPES[of_indices["componentType"]])
+            places = self._plain(of_indices["bufferView"], of_indices.get("byteOffset", 0), few, 1, kind)[:, 0]
+            if len(places) and places.max() >= count:
+                raise InputError(f"accessor {number} replaces number {places.max()} of {count}")
+            values = sparse["values"]
+            rows[places] = self._plain(values["bufferView"], values.get("byteOffset", 0), few, size, dtype)
+        return accessor, rows
+
+    def _plain(self, view: Any, start: int, count: int, size: int, dtype: np.dtype[Any]) -> NDArray[Any]:
+        content = self.view(view)
+        step = entry(self._tree, "bufferViews", view).get("byteStride", size * dtype.itemsize)
+        end = start + step * max(count - 1, 0) + (size * dtype.itemsize if count else 0)
+        if start < 0 or step < 1 or end > len(content):
+            raise InputError(f"{count} elements end at byte {end} of the {len(content)} of buffer view {view}")
+        return np.ndarray((count, size), dtype, content, start, (step, dtype.itemsize))

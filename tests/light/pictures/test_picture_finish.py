@@ -1,0 +1,204 @@
+"""From samples to a picture: exposure, tone, layers, denoising, stopping, and going on after an interruption."""
+
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import atra
+from atra import light
+from atra.light.pictures.files import srgb_of
+from scenes.lit.rooms import lit_cornell_box
+from tests.folders import ROOT
+from tests.meshes import quads
+from tests.shown import down, floor
+
+SCENE = lit_cornell_box()
+CAMERA = atra.Camera((0, 1, 3.4), (0, 1, 0), fov_y_degrees=40, width=64, height=48)
+
+
+def made(**options):
+    return light.PathRenderer(SCENE, CAMERA, threads=1, **options)
+
+
+@pytest.mark.parametrize(("tone", "linear", "shown"), [
+    ("none", (4.0, 1.0, 0.25), (4.0, 1.0, 0.25)),
+    ("neutral", (0.18, 0.18, 0.18), (0.14, 0.14, 0.14)),
+    ("neutral", (0.02, 0.5, 0.1), (0.0025, 0.4825, 0.0825)),
+    ("neutral", (4.0, 1.0, 0.25), (0.9833, 0.4683, 0.3396)),
+    ("agx", (0.18, 0.18, 0.18), (0.2145, 0.2145, 0.2145)),
+    ("agx", (4.0, 1.0, 0.25), (0.9365, 0.6236, 0.4374)),
+])  # fmt: skip
+def test_tone_maps_have_the_values_of_their_specifications(tone, linear, shown):
+    np.testing.assert_allclose(light.toned(np.array([[linear]]), 0.0, tone)[0, 0], shown, atol=2e-4)
+
+
+@pytest.mark.parametrize("tone", ["neutral", "agx"])
+def test_tone_maps_keep_the_order_of_greys_and_end_below_white(tone):
+    greys = np.repeat(np.geomspace(1e-3, 1e3, 200), 3).reshape(1, -1, 3)
+    shown = light.toned(greys, 0.0, tone)[0]
+    assert (np.diff(shown[:, 1]) > -1e-4).all()
+    assert shown.max() <= 1.0
+    assert shown[-1].min() > 0.9
+    assert np.ptp(shown, axis=1).max() < 2e-3, "greys have a colour"
+
+
+def test_automatic_exposure_undoes_any_power_of_the_light_and_is_a_number_of_stops():
+    image = np.random.default_rng(1).gamma(1.0, 1.0, (16, 16, 3)).astype(np.float32)
+    first = light.stops_of(image, "auto")
+    assert light.stops_of(image / 8, "auto") == pytest.approx(first + 3.0, abs=1e-5)
+    assert np.median(light.toned(image, first)) > 0.1
+    assert light.stops_of(np.zeros((2, 2, 3)), "auto") == 0.0
+    assert light.stops_of(image, "-1.5") == light.stops_of(image, -1.5) == -1.5
+    for wrong in ("bright", 65, float("nan"), None):
+        with pytest.raises(atra.InputError, match="exposure is"):
+            light.stops_of(image, wrong)
+    with pytest.raises(atra.InputError, match="tone is 'filmic', expected one of none, neutral, agx"):
+        light.toned(image, 0.0, "filmic")
+
+
+def test_a_png_has_the_exposure_and_tone_asked_for(tmp_path):
+    with made() as renderer:
+        renderer.add(1)
+        renderer.save(tmp_path / "a.png", exposure=1.0, tone="agx")
+        expected = srgb_of(light.toned(renderer.image, 1.0, "agx"))
+    np.testing.assert_array_equal(np.asarray(Image.open(tmp_path / "a.png")), expected)
+
+
+def test_layers_hold_base_colours_and_normals_of_what_is_seen(tmp_path):
+    exr = pytest.importorskip("OpenEXR")
+    with made() as renderer:
+        renderer.add(3)
+        renderer.save(tmp_path / "a.exr")
+        hits = renderer.tracer.trace((0.5, 0.5))
+    parts = exr.File(str(tmp_path / "a.exr"), separate_channels=True).channels()
+    albedo = np.stack([parts[f"albedo.{name}"].pixels for name in "RGB"], -1)
+    red = hits.hit & np.isin(hits.prim_id, (6, 7))
+    inner = red & np.roll(red, 2, 0) & np.roll(red, -2, 0) & np.roll(red, 2, 1) & np.roll(red, -2, 1)
+    assert inner.sum() > 10
+    np.testing.assert_allclose(albedo[inner], np.broadcast_to((0.63, 0.065, 0.05), (inner.sum(), 3)), rtol=1e-5)
+    np.testing.assert_allclose(parts["Z"].pixels, hits.depth)
+    assert (parts["samples"].pixels == 3).all()
+
+
+def test_normals_are_those_that_surfaces_are_shaded_with():
+    tilted = np.array([(0.6, 0.8, 0.0)] * 8, np.float32)
+    smooth = light.RenderScene(quads([floor(0.5), floor(0.5, 0.5)]), normals=tilted)
+    with light.PathRenderer(smooth, down(32), threads=1) as renderer:
+        normals = renderer.layers().normals
+    seen = np.linalg.norm(normals, axis=2) > 0.99
+    assert seen.sum() > 50
+    np.testing.assert_allclose(normals[seen], np.broadcast_to((0.6, 0.8, 0.0), (seen.sum(), 3)), atol=0.02)
+
+
+def test_denoising_comes_nearer_to_many_samples(tmp_path):
+    pytest.importorskip("pyoidn", reason="pyoidn is not installed: pip install -e '.[denoise]'")
+    with made() as renderer:
+        renderer.add(8)
+        raw, clean = renderer.image, renderer.denoised()
+        renderer.add(504)
+        truth = renderer.image
+    assert np.abs(clean - truth).mean() < 0.7 * np.abs(raw - truth).mean()
+
+
+def test_the_estimated_error_is_that_against_many_samples():
+    with made() as renderer:
+        steps = list(light.accumulate(renderer, 32))
+        image = renderer.image
+        renderer.add(480)
+        truth = renderer.image
+    luminance = [one @ np.array((0.2126, 0.7152, 0.0722)) for one in (image, truth)]
+    true = np.sqrt(((luminance[0] - luminance[1]) ** 2).mean()) / luminance[1].mean()
+    assert 0.5 * true < steps[-1].error < 3.0 * true
+    assert [one.samples for one in steps] == list(range(1, 33))
+    assert steps[0].error is None
+    assert steps[-1].is_done
+    assert not steps[-2].is_done
+
+
+def test_a_picture_ends_at_the_first_of_its_limits():
+    with made() as renderer:
+        *_, last = light.accumulate(renderer, 4096, error=0.5)
+        assert last.is_done
+        assert last.error <= 0.5
+        assert 2 <= last.samples < 4096
+        renderer.restart()
+        *_, last = light.accumulate(renderer, 1 << 20, minutes=1e-3)
+        assert last.is_done
+        assert last.elapsed_s >= 0.06
+        for limits in ({}, {"samples": 0}, {"error": 0.0}, {"minutes": -1}):
+            with pytest.raises(atra.InputError, match=r"samples|error|minutes"):
+                next(light.accumulate(renderer, **limits))
+
+
+@pytest.mark.parametrize("samples", [3, 40])  # within the first float32 sums, and after them
+def test_a_state_goes_on_to_the_same_bits_in_another_renderer(tmp_path, samples):
+    with made() as renderer:
+        list(light.accumulate(renderer, 48, error=1e-9))
+        expected = renderer.image
+    path = tmp_path / "state"
+    with made() as renderer:
+        for step in light.accumulate(renderer, 48, error=1e-9, state=path, save_every_s=0.0):
+            if step.samples == samples:
+                break
+    with made(wave_rays=4096) as other:
+        steps = list(light.accumulate(other, 48, error=1e-9, state=path))
+        assert steps[0].samples == samples + 1
+        np.testing.assert_array_equal(other.image, expected)
+    assert not path.exists()
+
+
+def test_a_state_of_another_picture_is_refused(tmp_path):
+    path = tmp_path / "state"
+    with made() as renderer:
+        next(light.accumulate(renderer, 4, state=path, save_every_s=0.0))
+    brighter = replace(SCENE, sky=light.constant_sky(0.1))
+    others = (
+        made(max_depth=3),
+        light.PathRenderer(brighter, CAMERA, threads=1),
+        light.PathRenderer(SCENE, replace(CAMERA, fov_y_degrees=41), threads=1),
+    )
+    for other in others:
+        with other, pytest.raises(atra.InputError, match="cannot be resumed: it is of another scene, camera, option"):
+            next(light.accumulate(other, 4, state=path))
+    path.write_bytes(path.read_bytes()[:-100])
+    with made() as renderer, pytest.raises(atra.InputError, match="is no state of a picture"):
+        next(light.accumulate(renderer, 4, state=path))
+
+
+KILLED = """
+import sys
+from atra import light
+from tests.light.pictures.test_picture_finish import made
+with made() as renderer:
+    for step in light.accumulate(renderer, 150, state=sys.argv[1], save_every_s=0.0):
+        print(step.samples, flush=True)
+    renderer.save(sys.argv[2])
+"""
+
+
+@pytest.mark.slow
+def test_killed_while_it_renders_a_picture_goes_on_to_the_same_file(tmp_path):
+    def start(state, picture):
+        return subprocess.Popen(
+            [sys.executable, "-c", KILLED, str(state), str(picture)], cwd=ROOT, stdout=subprocess.PIPE, text=True
+        )
+
+    assert start(tmp_path / "a.state", tmp_path / "whole.exr").communicate()
+    assert (tmp_path / "whole.exr").exists()
+    firsts = []
+    for _ in range(2):
+        one = start(tmp_path / "b.state", tmp_path / "resumed.exr")
+        firsts.append(int(one.stdout.readline()))
+        time.sleep(0.05)
+        one.send_signal(signal.SIGKILL)
+        one.communicate()
+    assert firsts[0] == 1
+    assert np.all(np.diff(firsts) > 0), firsts
+    start(tmp_path / "b.state", tmp_path / "resumed.exr").communicate()
+    assert (tmp_path / "resumed.exr").read_bytes() == (tmp_path / "whole.exr").read_bytes()
