@@ -177,9 +177,9 @@ def store_points(typingctx: Any, x: Any, y: Any, w: Any, address: Any) -> Any:
         def mixed(a: ir.Value, b: ir.Value, lanes: list[int]) -> ir.Value:
             return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_I32, len(lanes)), lanes))
 
-        singles = [builder.fptrunc(value, ir.VectorType(ir.FloatType(), 8)) for value in (x, y)]
-        both = mixed(*singles, [8 * part + k for k in range(8) for part in (0, 1)])
-        pairs = builder.bitcast(both, x.type)
+        single = ir.VectorType(ir.FloatType(), 8)
+        in_turn = [8 * part + k for k in range(8) for part in (0, 1)]
+        pairs = builder.bitcast(mixed(builder.fptrunc(x, single), builder.fptrunc(y, single), in_turn), x.type)
         for odd in (0, 1):
             lanes = [8 * part + k + odd for k in range(0, 8, 2) for part in (0, 1)]
             places, others = mixed(x, y, lanes), mixed(w, pairs, lanes)
