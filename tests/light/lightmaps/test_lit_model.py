@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 from PIL import Image
+from scipy.ndimage import minimum_filter
 
 import atra
 from atra import light
@@ -19,14 +20,15 @@ from atra.light import Atlas, Baker, BakeScene, save_lit_model
 from atra.light.lightmaps.finish.export import finished
 from atra.light.lightmaps.finish.seams import Seams
 from atra.light.lightmaps.finish.views import looked_up
+from atra.light.pictures.files import png_of
 from tests.browser import chromium
 
-LAMP = {"type": "point", "intensity": 3.0, "name": "lamp"}
+LAMP = {"type": "point", "intensity": 30.0, "name": "lamp"}
 
 
 @pytest.fixture
 def source(tmp_path):
-    """`room.glb`: a textured floor, and two instances of a textured box, one of them mirrored; a lamp and a camera."""
+    """`room.glb`: a textured floor, and two instances of a textured box, one of them mirrored; a lamp."""
     texels = (np.indices((8, 8)).sum(0) % 2 * 100 + 100).astype(np.uint8)
     image = Image.fromarray(np.stack([texels, texels // 2, texels // 3], -1)).resize((64, 64), 0)
     made = []
@@ -40,11 +42,14 @@ def source(tmp_path):
         corners.visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
         made.append(corners)
     scene = trimesh.Scene()
-    scene.add_geometry(made[0], "floor", node_name="the floor")
+    scene.add_geometry(made[0], node_name="the floor", geom_name="floor")
     for name, x, mirror in (("left", -0.9, 1), ("right", 0.9, -1)):
         place = np.diag([mirror, 1.0, 1.0, 1.0])
         place[:3, 3] = x, 0.65, 0.0
-        scene.add_geometry(made[1], "box", node_name=name, transform=place)
+        if name == "left":
+            scene.add_geometry(made[1], node_name=name, geom_name="box", transform=place)
+        else:
+            scene.graph.update(frame_to=name, geometry="box", matrix=place)
 
     def with_lamp(tree):
         tree["extensionsUsed"] = ["KHR_lights_punctual"]
@@ -81,7 +86,8 @@ def test_all_of_the_file_is_kept_and_each_material_has_the_map(source, tmp_path)
         {key: node.get(key) for key in same} for node in before["nodes"]
     ]
     assert after["extensions"] == before["extensions"]
-    read = light.load_scene(tmp_path / "lit.glb")
+    with pytest.warns(UserWarning, match="not used: MOZ_lightmap"):
+        read = light.load_scene(tmp_path / "lit.glb")
     assert [part.name for part in read.parts] == [part.name for part in scene.parts]
     assert len(read.lights) == 1
     corners = [one.mesh.vertices[one.mesh.faces] for one in (scene, read)]
@@ -96,7 +102,7 @@ def test_all_of_the_file_is_kept_and_each_material_has_the_map(source, tmp_path)
         assert {"TEXCOORD_0", "TEXCOORD_1", "NORMAL"} <= given["attributes"].keys()
     # The scene reads TEXCOORD_1 bottom up, and the atlas counts texels from the top.
     known = np.isfinite(lightmap.texels.atlas.uv).all(axis=(1, 2))
-    places = read.second_uv[read.mesh.faces] if read.second_uv is not None else _second(read, tmp_path / "lit.glb")
+    places = read.second_uv[read.mesh.faces]
     places = np.stack([places[..., 0], 1.0 - places[..., 1]], axis=-1) * 128
     np.testing.assert_allclose(places[known], lightmap.texels.atlas.uv[known], atol=1e-3)
 
@@ -122,6 +128,7 @@ def test_three_js_shows_what_we_show(source, tmp_path):
         hits, albedo = renderer.tracer.trace((0.5, 0.5)), renderer.layers().albedo
     atlas = lightmap.texels.atlas
     expected = albedo * looked_up(hits, atlas, finished(lightmap, lightmap.combined, Seams.of(scene.mesh, atlas)))
+    (tmp_path / "ours.png").write_bytes(png_of(expected))
     handler = functools.partial(http.server.SimpleHTTPRequestHandler, directory=tmp_path)
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
@@ -141,7 +148,7 @@ def test_three_js_shows_what_we_show(source, tmp_path):
                 )
                 tab.screenshot(path=shot)
             shown = linear(np.asarray(Image.open(shot).convert("RGB")))
-            seen = hits.hit
+            seen = minimum_filter(hits.hit, 3)  # a browser blends pixels of the silhouette with the background
             assert shown[seen].mean() == pytest.approx(np.minimum(expected, 1.0)[seen].mean(), rel=0.02), exr
         server.shutdown()
 
