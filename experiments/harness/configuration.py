@@ -105,10 +105,8 @@ class MeasureConfiguration:
     time_limit_s: a worker still running after this long is stopped and its point fails.
     memory_budget_gib: a point that would need more is skipped, and tried again by the next run; null = three quarters
     of the memory that is free.
-    quiet_limit_s: how long a sweep waits in all while other processes, or other machines on the same hardware, use more
-    than 5 % of a core; 0 = it does not wait.
-    quiet_only: whether it ends when that time is used up, to be gone on with later; otherwise it goes on, and its times
-    bear doubts.
+    quiet_limit_s: how long a sweep waits in all while others use more than 5 % of a core. quiet_only: whether it then
+    ends, to be gone on with later; otherwise its times bear doubts.
     """
 
     processes: int = 3
