@@ -2,11 +2,24 @@
 
     python -m tests.quotations
 
-writes the rows into the pages, below their marks (`<!-- rows: name -->`), and prints the phrases, to be put in by hand.
+judges every claim anew from the processes that are kept, by the one rule (`experiments.results.verdicts`), writes
+claims.json and the rows of the pages, below their marks (`<!-- rows: name -->`), and prints phrases that pages lack.
+With `--check` it writes nothing, and fails where anything differs.
 tests/documents/test_documents.py looks for each of them. reports/reference/tables.md has every table.
 """
 
-from tests.quotations import agreement, bake, classification, gathering, glance, growth, methods, paper, pictures
+from tests.quotations import (
+    agreement,
+    bake,
+    classification,
+    gathering,
+    glance,
+    growth,
+    lenses,
+    methods,
+    paper,
+    pictures,
+)
 from tests.quotations.quotation import Quotation
 
 QUOTED = {
@@ -31,6 +44,7 @@ QUOTED = {
         "bake_mitsuba_zen5": [glance.mitsuba_before_in_short],
         "bake_rays": [glance.sun_in_the_box],
     },
+    "docs/cameras.md": {"lenses": [lenses.through_lenses]},
     "docs/paper.md": {"paper": [paper.measured_points, paper.best_gains, paper.verdicts]},
     "docs/not_helpful.md": {"bake_rays": [glance.light_bundles]},
     "docs/trust.md": {
@@ -57,7 +71,7 @@ QUOTED = {
         "frame": [pictures.whole_pictures],
         "classification": [
             classification.classified_rays, classification.memory_of_shafts, classification.packets_from_lists,
-            classification.eyes_that_move,
+            classification.eyes_that_move, classification.verdicts_on_shafts,
         ],
         "bake": [bake.means_of_a_bake, bake.verdicts_on_lightmaps],
         "bake_denoise": [bake.finished_maps, bake.verdicts_on_finishing],
