@@ -242,7 +242,9 @@ def _find_colour(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
         return
     prim_id = np.int64(chunk.prim_id[i])
     s, t = floats[UV * STRIDE + i], floats[(UV + 1) * STRIDE + i]
-    material, point = material_of(surfaces, prim_id), vector_of(floats, ORIGIN, i)
+    # Not by `vector_of`: kernels that aim rays compile it for ORIGIN, too, and Numba could not link both.
+    point = floats[ORIGIN * STRIDE + i], floats[(ORIGIN + 1) * STRIDE + i], floats[(ORIGIN + 2) * STRIDE + i]
+    material = material_of(surfaces, prim_id)
     colour = colour_at(surfaces, material, prim_id, point, s, t)
     if surfaces.materials[material, HAS_COLOURS] != 0.0:
         tint = vertex_colour(surfaces, prim_id, weights_at(surfaces, prim_id, point))
