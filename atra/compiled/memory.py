@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 from llvmlite import ir
@@ -47,12 +48,15 @@ def _gathered(builder: ir.IRBuilder, addresses: ir.Value, kind: ir.VectorType, n
     return builder.call(gather, [pointers, _I32(size), all_, ir.Constant(kind, ir.Undefined)])
 
 
+def _mixed(builder: ir.IRBuilder, a: ir.Value, b: ir.Value, lanes: list[int]) -> ir.Value:
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_I32, len(lanes)), lanes))
+
+
 @intrinsic(prefer_literal=True)
 def points_of(typingctx: Any, base: Any, packed_address: Any, part: Any) -> Any:
     """x, y and nearness of 8 points, as three vectors: rows of 4 float64 at distances, in bytes, from `base`.
 
-    packed_address: of 8 uint64 with a distance in 16 bits each, part 0 ... 3. Reading rows and transposing them is
-    faster than gathering columns.
+    packed_address: of 8 uint64 with a distance in 16 bits each, part 0 ... 3. Faster than gathering columns.
     """
     vector = Vector(types.float64, 8)
     columns = types.UniTuple(vector, 3)
@@ -65,9 +69,7 @@ def points_of(typingctx: Any, base: Any, packed_address: Any, part: Any) -> Any:
             place = builder.add(base, builder.zext(distance, _I64))
             return load_aligned(builder, place, ir.VectorType(ir.DoubleType(), 4), 8)
 
-        def mixed(a: ir.Value, b: ir.Value, lanes: list[int]) -> ir.Value:
-            return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_I32, 8), lanes))
-
+        mixed = partial(_mixed, builder)
         a, b, c, d = (mixed(row(k), row(k + 4), list(range(8))) for k in range(4))
         even, odd = [0, 8, 2, 10, 4, 12, 6, 14], [1, 9, 3, 11, 5, 13, 7, 15]
         two, other_two = mixed(a, b, even), mixed(c, d, even)
@@ -174,9 +176,7 @@ def store_points(typingctx: Any, x: Any, y: Any, w: Any, address: Any) -> Any:
     """Store x, y, w of each lane of three vectors of 8, and after them x and y as float32, lane after lane."""
 
     def emit(builder: ir.IRBuilder, x: ir.Value, y: ir.Value, w: ir.Value, address: ir.Value) -> None:
-        def mixed(a: ir.Value, b: ir.Value, lanes: list[int]) -> ir.Value:
-            return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_I32, len(lanes)), lanes))
-
+        mixed = partial(_mixed, builder)
         single = ir.VectorType(ir.FloatType(), 8)
         in_turn = [8 * part + k for k in range(8) for part in (0, 1)]
         pairs = builder.bitcast(mixed(builder.fptrunc(x, single), builder.fptrunc(y, single), in_turn), x.type)
@@ -208,31 +208,6 @@ def places_of(typingctx: Any, base: Any, packed_address: Any, part: Any) -> Any:
         return context.make_tuple(builder, both, every_second(builder, mixed, 16))
 
     return both(types.int64, types.int64, part), codegen
-
-
-@intrinsic
-def store_chosen(typingctx: Any, bits: Any, source: Any, target: Any) -> Any:
-    """Store those of 8 uint64 at the address `source` whose bit is set one after another at `target`, which has room
-    for all; returns how many."""
-
-    def emit(builder: ir.IRBuilder, bits: ir.Value, source: ir.Value, target: ir.Value) -> ir.Value:
-        kind, chosen = ir.VectorType(_I64, 8), builder.trunc(bits, ir.IntType(8))
-        if HAS_MASK_REGISTERS:
-            numbers, mask = load_aligned(builder, source, kind, 8), builder.bitcast(chosen, ir.VectorType(_I1, 8))
-            name = "llvm.x86.avx512.mask.compress.v8i64"
-            compress = declared(builder, name, ir.FunctionType(kind, [kind, kind, mask.type]))
-            together = builder.call(compress, [numbers, numbers, mask])
-            builder.store(together, _pointer(builder, target, kind)).align = 8
-            return builder.zext(builder.ctpop(chosen), _I64)
-        count: ir.Value = _I64(0)
-        for k in range(8):
-            number = load_aligned(builder, builder.add(source, _I64(8 * k)), _I64, 8)
-            place = builder.add(target, builder.shl(count, _I64(3)))
-            builder.store(number, _pointer(builder, place, _I64)).align = 8
-            count = builder.add(count, builder.and_(builder.lshr(bits, _I64(k)), _I64(1)))
-        return count
-
-    return types.int64(types.int64, types.int64, types.int64), emitting(emit)
 
 
 @intrinsic

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from atra.compiled.lanes import store_chosen
 from atra.compiled.memory import (
     doubles_at,
     gather_at,
@@ -12,7 +13,6 @@ from atra.compiled.memory import (
     places_of,
     points_of,
     store,
-    store_chosen,
     store_points,
 )
 from atra.compiled.store import njit

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numba import njit
 
+from atra.compiled.lanes import store_chosen
 from atra.compiled.memory import (
     columns_of,
     halves,
@@ -12,7 +13,6 @@ from atra.compiled.memory import (
     places_of,
     points_of,
     store,
-    store_chosen,
     store_points,
 )
 
