@@ -9,6 +9,7 @@ import sys
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from importlib.util import find_spec
 from pathlib import Path
+from typing import NoReturn
 
 import atra
 from atra.command.bop import bop_parser
@@ -73,8 +74,19 @@ def _harness_is_here() -> bool:
     return (_CLONE / "experiments" / "cli.py").is_file() and find_spec("hydra") is not None
 
 
+class _Parser(ArgumentParser):
+    """Says what is wrong in one line, without the whole usage."""
+
+    def error(self, message: str) -> NoReturn:
+        if message.endswith("required: mesh"):
+            message = "no mesh is given, expected its file first, as in: atra render model.ply --planes depth"
+        elif message.startswith("unrecognized arguments") and "=" in message:
+            message += "; options begin with --, as in: --size 640 480"
+        self.exit(2, f"atra: {message}\nmore by: {self.prog} --help\n")
+
+
 def _parser() -> ArgumentParser:
-    parser = ArgumentParser(
+    parser = _Parser(
         "atra",
         description="What every pixel of a view sees: exact primary visibility.",
         epilog=_WITH_THE_HARNESS,

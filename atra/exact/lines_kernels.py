@@ -68,13 +68,20 @@ def _sign(sum_, count):  # type: ignore[no-untyped-def]
 
 
 @njit
-def _side(o, d, p, q, major, exact):  # type: ignore[no-untyped-def]
-    """The side of the edge from p to q that the ray passes on, 1 or -1; 0 for an edge along the ray."""
+def _side_or_through(o, d, p, q, exact):  # type: ignore[no-untyped-def]
+    """The side of the edge from p to q that the ray passes on, 1 or -1; 0 for a ray through the edge's line."""
     sum_ = doubles_at(exact)
     count = _add_volume(sum_, 0, d, p, q)
     count = _add_volume(sum_, count, d, o, p)
     count = _add_volume(sum_, count, d, q, o)
-    found = _sign(sum_, count)
+    return _sign(sum_, count)
+
+
+@njit
+def _side(o, d, p, q, major, exact):  # type: ignore[no-untyped-def]
+    """The same of the moved ray; 0 for an edge along the ray."""
+    sum_ = doubles_at(exact)
+    found = _side_or_through(o, d, p, q, exact)
     for step in (1, 2):
         if found == 0:
             k = (major + step) % 3
@@ -98,6 +105,15 @@ def crossing_sign(o, d, a, b, c, major, exact):  # type: ignore[no-untyped-def]
     if found == 0 or _side(o, d, b, c, major, exact) != found or _side(o, d, c, a, major, exact) != found:
         return 0
     return found
+
+
+@njit
+def touching_sign(o, d, a, b, c, exact):  # type: ignore[no-untyped-def]
+    """As `crossing_sign`, of the ray where it is: also where it meets the triangle in an edge or a corner."""
+    one, two = _side_or_through(o, d, a, b, exact), _side_or_through(o, d, b, c, exact)
+    three = _side_or_through(o, d, c, a, exact)
+    least, most = min(one, two, three), max(one, two, three)
+    return 0 if least < 0 < most else least + most if least != most else least
 
 
 @njit

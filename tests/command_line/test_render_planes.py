@@ -82,6 +82,21 @@ def test_the_help_starts_with_examples_and_its_errors_are_one_line(folder, monke
         assert capsys.readouterr().err.startswith(f"atra: {said}")
 
 
+@pytest.mark.parametrize(("arguments", "said"), [
+    (["--planes", "depth", "model.ply"], "no mesh is given, expected its file first"),
+    (["model.ply", "size=3"], "unrecognized arguments: size=3; options begin with --, as in: --size 640 480"),
+    (["model.ply", "--format", "jpg"], "argument --format: invalid choice: 'jpg'"),
+    (["model.ply", "--size", 10], "argument --size: expected 2 arguments"),
+])  # fmt: skip
+def test_arguments_that_are_wrong_are_told_in_two_lines(arguments, said, folder, monkeypatch, capsys):
+    with pytest.raises(SystemExit) as left:
+        run(monkeypatch, *arguments)
+    assert left.value.code == 2
+    first, second = capsys.readouterr().err.splitlines()
+    assert first.startswith(f"atra: {said}")
+    assert second.startswith("more by: atra")
+
+
 def test_depths_that_do_not_fit_are_counted_for_their_view(folder, monkeypatch, capsys):
     planes = ("--planes", "depth", "--format", "png", "--size", 16, 12, "--depth-scale", 1e5)
     assert run(monkeypatch, "model.ply", *planes) == 1

@@ -193,3 +193,15 @@ def test_a_cavity_is_outside():
     points[:2000] *= 0.1
     largest = np.abs(points).max(axis=1)
     assert (mesh.contains(points) == ((largest < 0.5) & (largest > 0.05))).all()
+
+
+def test_rays_along_the_edges_and_through_the_corners_of_an_outline_hit():
+    """Cases of trimesh's own tests: its issues 2317 and 2324."""
+    mesh = trimesh.creation.box((2, 2, 2))
+    ray = RayMeshIntersector(mesh)
+    origins = [[x, y, 5] for x in (-1, 0, 1) for y in (-1, 0, 1)]
+    down = np.tile((0.0, 0.0, -1.0), (9, 1))
+    assert ray.intersects_any(origins, down).all()
+    locations, index_ray, _ = ray.intersects_location(origins, down, multiple_hits=False)
+    np.testing.assert_array_equal(index_ray, np.arange(9))
+    assert locations == pytest.approx(np.array(origins) - (0, 0, 4), abs=1e-12)

@@ -6,7 +6,18 @@ writes the rows into the pages, below their marks (`<!-- rows: name -->`), and p
 tests/documents/test_documents.py looks for each of them. reports/reference/tables.md has every table.
 """
 
-from tests.quotations import agreement, bake, classification, gathering, glance, growth, methods, paper, pictures
+from tests.quotations import (
+    agreement,
+    bake,
+    classification,
+    gathering,
+    glance,
+    growth,
+    lenses,
+    methods,
+    paper,
+    pictures,
+)
 from tests.quotations.quotation import Quotation
 
 QUOTED = {
@@ -31,6 +42,7 @@ QUOTED = {
         "bake_mitsuba_zen5": [glance.mitsuba_before_in_short],
         "bake_rays": [glance.sun_in_the_box],
     },
+    "docs/cameras.md": {"lenses": [lenses.through_lenses]},
     "docs/paper.md": {"paper": [paper.measured_points, paper.best_gains, paper.verdicts]},
     "docs/not_helpful.md": {"bake_rays": [glance.light_bundles]},
     "docs/trust.md": {

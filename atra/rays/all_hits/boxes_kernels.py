@@ -47,23 +47,35 @@ def start_of(o, d, tnear, sphere):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True)
-def _reciprocal(component):  # type: ignore[no-untyped-def]
+def reciprocal(component):  # type: ignore[no-untyped-def]
+    """1 / component, of one sign for all components from 0 up; it never rises with them."""
     if abs(component) >= _SMALLEST_COMPONENT:
         return 1.0 / component
     return 1.0 / _SMALLEST_COMPONENT if component >= 0.0 else -1.0 / _SMALLEST_COMPONENT
 
 
 @njit(forceinline=True)
+def margin_of(o, sphere):  # type: ignore[no-untyped-def]
+    """By how much boxes are enlarged for a ray."""
+    cx, cy, cz, radius = sphere
+    way = max(abs(cx - o[0]), abs(cy - o[1]), abs(cz - o[2]))
+    return (max(abs(cx), abs(cy), abs(cz)) + 4.0 * radius) * _BOX_MARGIN + way * _FAR_MARGIN
+
+
+@njit(forceinline=True)
+def ahead_of(s, tfar, margin):  # type: ignore[no-untyped-def]
+    """Where a ray that starts anew at s enters boxes at the latest."""
+    return (tfar - s) * (1.0 + _BOX_MARGIN) + margin
+
+
+@njit(forceinline=True)
 def box_ray(o, d, s, tfar, sphere):  # type: ignore[no-untyped-def]
     """What box tests need of a ray that starts anew at o + s d: vectors of `CHILDREN` float32, and where the near and
     the far sides of boxes lie in a node."""
-    cx, cy, cz, radius = sphere
-    way = max(abs(cx - o[0]), abs(cy - o[1]), abs(cz - o[2]))
-    margin = (max(abs(cx), abs(cy), abs(cz)) + 4.0 * radius) * _BOX_MARGIN + way * _FAR_MARGIN
-    row = 4 * CHILDREN
-    ix, iy, iz = np.float32(_reciprocal(d[0])), np.float32(_reciprocal(d[1])), np.float32(_reciprocal(d[2]))
+    margin, row = margin_of(o, sphere), 4 * CHILDREN
+    ix, iy, iz = np.float32(reciprocal(d[0])), np.float32(reciprocal(d[1])), np.float32(reciprocal(d[2]))
     mx, my, mz = np.float32(margin * abs(ix)), np.float32(margin * abs(iy)), np.float32(margin * abs(iz))
-    ahead = (tfar - s) * (1.0 + _BOX_MARGIN) + margin
+    ahead = ahead_of(s, tfar, margin)
     return (
         (
             repeated(np.float32(o[0] + s * d[0]), CHILDREN), repeated(np.float32(o[1] + s * d[1]), CHILDREN),

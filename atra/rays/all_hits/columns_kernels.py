@@ -79,7 +79,7 @@ def cross_columns(counter_address, tree, points, axis, low, high, middle, found,
                         if sure >> k & 1:
                             sign = sure_crossing(areas, k, line, 0.0, np.inf)[0]
                         if sign == 2:
-                            sign = crossing(node - LEAF, k, o, d, 0.0, np.inf, axis, exact)[0]
+                            sign = crossing(node - LEAF, k, o, d, 0.0, np.inf, axis, exact, False)[0]
                         count += abs(sign)
                         turn += sign
                     continue

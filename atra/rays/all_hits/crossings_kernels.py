@@ -12,7 +12,7 @@ from atra.compiled.intrinsics import float_at, uint32_at
 from atra.compiled.memory import doubles_at, load, store
 from atra.compiled.store import njit
 from atra.compiled.vectors import bits_of, fused, larger, repeated, size, smaller, widened
-from atra.exact.lines_kernels import UNIT, crossing_sign, major_axis, plane_sign
+from atra.exact.lines_kernels import UNIT, crossing_sign, major_axis, plane_sign, touching_sign
 from atra.trees.layout import BLOCK, IDS
 
 _ZERO = np.float32(0.0)
@@ -166,11 +166,12 @@ _PLANE_ROUNDINGS = 32.0
 
 
 @njit
-def crossing(block, k, o, d, tnear, tfar, major, exact):  # type: ignore[no-untyped-def]
+def crossing(block, k, o, d, tnear, tfar, major, exact, touches):  # type: ignore[no-untyped-def]
     """(sign, t, u, v) of the crossing of a ray and the k-th triangle of the block at an address, tnear <= t < tfar.
 
     sign: of the triangle's normal along d; 0: no crossing, and the rest is undefined.
-    u, v: weights of the second and the third corner. exact: address of `PARTS` float64.
+    u, v: weights of the second and the third corner. exact: address of `PARTS` float64. touches: whether a ray that
+    meets an edge or a corner alone crosses, too.
     """
     a, b, c = _point(block, k), _point(block + 3 * _ROW, k), _point(block + 6 * _ROW, k)
     e, f, g = minus(b, a), minus(c, a), minus(a, o)
@@ -178,7 +179,7 @@ def crossing(block, k, o, d, tnear, tfar, major, exact):  # type: ignore[no-unty
     facing, ahead = dot(normal, d), dot(normal, g)
     area = _PLANE_ROUNDINGS * UNIT * _sum(e) * _sum(f)
     is_flat = not abs(facing) > area * _sum(d)
-    sign = crossing_sign(o, d, a, b, c, major, exact)
+    sign = touching_sign(o, d, a, b, c, exact) if touches else crossing_sign(o, d, a, b, c, major, exact)
     if sign == 0:
         return 0, 0.0, 0.0, 0.0
     to_near, to_far = ahead - tnear * facing, ahead - tfar * facing

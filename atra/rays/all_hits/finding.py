@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.compiled.threads import WorkerPool
+from atra.errors import MemoryBudgetError
 from atra.exact.lines_kernels import PARTS
 from atra.geometry.mesh import Mesh
 from atra.rays.all_hits.columns_kernels import cross_columns
 from atra.rays.all_hits.crossings_kernels import AREAS
-from atra.rays.all_hits.finding_kernels import CHUNK, STACK, Batch, Found, Lists, Tree, all_hits_kernel, lay_out
+from atra.rays.all_hits.finding_kernels import CHUNK, LEAVES, STACK, Batch, Found, Lists, Tree, all_hits_kernel, lay_out
+from atra.rays.all_hits.groups_kernels import MOST_NODES
 from atra.rays.all_hits.nearest_kernels import nearest_kernel
 from atra.rays.rays import Rays
 from atra.tracing.budgets import check_needed_bytes
@@ -30,6 +32,9 @@ _START, _KEPT = 1 << 16, 1 << 22
 """Hits that a thread's memory holds at first, and those it may hold after a call."""
 
 _HIT_BYTES = 20
+
+_SPARE = 1.1
+"""Room for hits, as a multiple of those that the rays so far foretell."""
 
 _CURE = "pass max_hits, or fewer rays at a time"
 
@@ -86,7 +91,7 @@ class Crossings:
                 truncated[some] = lists.truncated
                 np.cumsum(lists.counts, out=splits[some.start + 1 : some.stop + 1])
                 splits[some.start + 1 : some.stop + 1] += splits[some.start]
-                _grow(hits, int(splits[some.stop]))
+                hits = _room(hits, int(splits[some.stop]), some.stop / count)
                 self._lay_out(lists, splits[some], hits)
                 if progress is not None:
                     progress(some.stop, count)
@@ -94,6 +99,8 @@ class Crossings:
             for worker, found in enumerate(self._found):
                 if len(found.t) > _KEPT:
                     self._found[worker] = _memory(0)
+        for array in hits:
+            array.resize(int(splits[count]), refcheck=False)
         t, prim_id, u, v = hits
         return HitArrays(splits, t, prim_id, u, v, truncated)
 
@@ -113,15 +120,17 @@ class Crossings:
                 progress(some.stop, len(rays))
         return counts
 
-    def nearest(self, rays: Rays, numbers: NDArray[np.int64], t: NDArray[np.float32], prim_id: NDArray) -> None:
+    def nearest(
+        self, rays: Rays, numbers: NDArray[np.int64], touches: bool, t: NDArray[np.float32], prim_id: NDArray
+    ) -> None:
         """Write the nearest hits of the rays `numbers` into (N,) arrays of all rays. t: empty, and only MISS or any
-        triangle of them is written."""
+        triangle of them is written. touches: whether rays hit what they meet in an edge or a corner alone."""
         kernel, batch = nearest_kernel(not len(t)), _batch(rays, slice(None))
         for start in range(0, len(numbers), BATCH):
             given = batch, numbers[start : start + BATCH]
             self._pool.run(
                 lambda worker, counter, given=given: kernel(  # type: ignore[misc]
-                    counter, self.tree, *given, self._found[worker], t, prim_id
+                    counter, self.tree, *given, self._found[worker], touches, t, prim_id
                 )
             )
 
@@ -185,9 +194,11 @@ def _lists(counts: NDArray[np.int32]) -> Lists:
 def _memory(size: int) -> Found:
     arrays = np.empty(size), np.empty(size, np.uint32), np.empty(size, np.float32), np.empty(size, np.float32)
     stack = np.empty(STACK, np.int64), np.empty(STACK, np.float32)
+    waiting = [np.empty(count, np.int64) for count in (LEAVES, LEAVES, MOST_NODES, MOST_NODES)]
     return Found(
-        *arrays, np.zeros(1, np.int64), *stack, np.empty(PARTS), np.empty(AREAS), np.empty(CHILDREN, np.float32)
-    )
+        *arrays, np.zeros(1, np.int64), *stack, np.empty(PARTS), np.empty(AREAS), np.empty(CHILDREN, np.float32),
+        *waiting,
+    )  # fmt: skip
 
 
 def _grown(found: Found) -> Found:
@@ -202,9 +213,22 @@ def _grown(found: Found) -> Found:
     return grown
 
 
-def _grow(hits: list[NDArray], count: int) -> None:
-    """Resize arrays in place, without a copy where the system can move pages."""
-    needed = (count - len(hits[0])) * _HIT_BYTES
-    check_needed_bytes(needed, None, f"{count:,} hits of rays", _CURE)
+def _room(hits: list[NDArray], count: int, done: float) -> list[NDArray]:
+    """Arrays that hold `count` hits, of the share `done` of all rays.
+
+    The first ones are new, with room for as many as that foretells: numpy asks for large pages then. Later they are
+    resized, without a copy where the system can move pages. Memory is used where it is written alone.
+    """
+    if count <= len(hits[0]):
+        return hits
+    foreseen = max(int(_SPARE * count / done), count)
+    try:
+        check_needed_bytes((foreseen - len(hits[0])) * _HIT_BYTES, None, f"{foreseen:,} hits of rays", _CURE)
+    except MemoryBudgetError:
+        foreseen = count
+        check_needed_bytes((foreseen - len(hits[0])) * _HIT_BYTES, None, f"{foreseen:,} hits of rays", _CURE)
+    if not len(hits[0]):
+        return [np.empty(foreseen, array.dtype) for array in hits]
     for array in hits:
-        array.resize(count, refcheck=False)
+        array.resize(foreseen, refcheck=False)
+    return hits

@@ -15,6 +15,7 @@ from atra.compiled.memory import fetch
 from atra.compiled.store import float_kernel, kernel, njit
 from atra.rays.all_hits.boxes_kernels import box_ray, entered, start_of
 from atra.rays.all_hits.crossings_kernels import candidates, crossing, line_of, prim_id_of, scaled_ray, sure_crossing
+from atra.rays.all_hits.groups_kernels import GROUP, find_together
 from atra.trees.layout import BLOCK_BYTES, DEEPEST
 from atra.trees.wide import CHILDREN, COUNTS, FIRSTS, WIDE_BYTES
 
@@ -23,6 +24,9 @@ LEAF = 1
 
 CHUNK = 256
 """Rays a thread takes at a time."""
+
+LEAVES = 64
+"""Leaves that a ray enters before their triangles are tested."""
 
 STACK = CHILDREN * (DEEPEST + 4)
 """Nodes that wait to be visited, at most."""
@@ -56,7 +60,8 @@ class Found(NamedTuple):
 
     t: (M,) float64. prim_id: (M,) uint32. u, v: (M,) float32. used: (1,) int64, hits so far. stack: (STACK,) int64.
     reached: (STACK,) float32, where the ray comes to these nodes. exact: (PARTS,) float64. areas: (AREAS,) float64.
-    entries: (CHILDREN,) float32.
+    entries: (CHILDREN,) float32. entered, remaining: (LEAVES,) int64, leaves that wait to be tested: next block and
+    blocks. nodes, leaves: (MOST_NODES,) int64, of `find_together`.
     """
 
     t: NDArray[np.float64]
@@ -69,6 +74,10 @@ class Found(NamedTuple):
     exact: NDArray[np.float64]
     areas: NDArray[np.float64]
     entries: NDArray[np.float32]
+    entered: NDArray[np.int64]
+    remaining: NDArray[np.int64]
+    nodes: NDArray[np.int64]
+    leaves: NDArray[np.int64]
 
 
 class Lists(NamedTuple):
@@ -125,7 +134,15 @@ def _take(found, first, count, most, t, prim_id, u, v):  # type: ignore[no-untyp
     return count + 1
 
 
-NO_ROOM = -1
+@njit(forceinline=True)
+def _add_leaf(found, leaves, tree, node, child):  # type: ignore[no-untyped-def]
+    """Add a leaf to those that a ray enters; returns their number. child: four times its number in the node."""
+    block = tree.blocks + np.int64(int32_at(node + FIRSTS + child)) * BLOCK_BYTES
+    fetch(block)
+    fetch(block + 64)
+    fetch(block + 128)
+    found.entered[leaves], found.remaining[leaves] = block, np.int64(int32_at(node + COUNTS + child))
+    return leaves + 1
 
 
 @cache
@@ -145,20 +162,56 @@ def all_hits_kernel(counting: bool) -> Callable[..., None]:
             if chunk >= len(lists.done):
                 return
             first, last = chunk * CHUNK, min((chunk + 1) * CHUNK, len(lists.counts))
-            for number in range(first + lists.done[chunk], last):
+            nodes, following = -1, first + lists.done[chunk]
+            for number in range(following, last):
+                if number == following:
+                    following = min(number + GROUP, last)
+                    nodes = find_together(batch, number, following, tree, found)
                 o, d, tnear, tfar, scale = scaled_ray(batch, number)
                 start, count = found.used[0], np.int64(0)
                 is_near, s = start_of(o, d, tnear, tree.sphere)
-                top = 0
-                if is_near and tnear < tfar and s < tfar:
-                    found.stack[0] = tree.nodes
-                    top = 1
+                if not (is_near and tnear < tfar and s < tfar):
+                    lists.counts[number] = 0
+                    if not counting:
+                        lists.truncated[number], lists.places[number] = False, worker << WORKER_SHIFT | start
+                    continue
                 ray, line = box_ray(o, d, s, tfar, tree.sphere), line_of(o, d, tree.sphere)
-                while top > 0:
-                    top -= 1
-                    node = found.stack[top]
-                    if node & LEAF:
-                        maybe, sure = candidates(node - LEAF, line, areas)
+                place, top = 0, 0
+                if nodes < 0:
+                    found.stack[0], top = tree.nodes, 1
+                while top > 0 or place < nodes:
+                    leaves = 0
+                    while place < nodes and leaves < LEAVES - CHILDREN:
+                        node = found.nodes[place]
+                        bits = entered(node, ray) & found.leaves[place]
+                        place += 1
+                        while bits:
+                            leaves = _add_leaf(found, leaves, tree, node, 4 * first_bit(bits))
+                            bits &= bits - 1
+                    while top > 0 and leaves < LEAVES - CHILDREN:
+                        top -= 1
+                        node = found.stack[top]
+                        bits = entered(node, ray)
+                        while bits:
+                            child = 4 * first_bit(bits)
+                            bits &= bits - 1
+                            if int32_at(node + COUNTS + child):
+                                leaves = _add_leaf(found, leaves, tree, node, child)
+                                continue
+                            to = tree.nodes + np.int64(int32_at(node + FIRSTS + child)) * WIDE_BYTES
+                            fetch(to)
+                            fetch(to + 64)
+                            fetch(to + 128)
+                            fetch(to + 192)
+                            found.stack[top] = to
+                            top += 1
+                    while leaves > 0:
+                        block = found.entered[leaves - 1]
+                        found.remaining[leaves - 1] -= 1
+                        found.entered[leaves - 1] = block + BLOCK_BYTES
+                        if found.remaining[leaves - 1] == 0:
+                            leaves -= 1
+                        maybe, sure = candidates(block, line, areas)
                         while maybe:
                             k = first_bit(maybe)
                             maybe &= maybe - 1
@@ -166,46 +219,24 @@ def all_hits_kernel(counting: bool) -> Callable[..., None]:
                             if sure >> k & 1:
                                 sign, t, u, v = sure_crossing(areas, k, line, tnear, tfar)
                             if sign == 2:
-                                sign, t, u, v = crossing(node - LEAF, k, o, d, tnear, tfar, line[4], exact)
+                                sign, t, u, v = crossing(block, k, o, d, tnear, tfar, line[4], exact, False)
                             if sign == 0:
                                 continue
                             if not counting:
                                 if start + min(count, most) >= len(found.t):
                                     lists.done[chunk] = number - first
                                     return
-                                _take(found, start, count, most, t * scale, prim_id_of(node - LEAF, k), u, v)
+                                _take(found, start, count, most, t * scale, prim_id_of(block, k), u, v)
                             count += 1
                             if counting and count >= most:
-                                maybe = top = 0
-                        continue
-                    bits = entered(node, ray)
-                    while bits:
-                        child = 4 * first_bit(bits)
-                        bits &= bits - 1
-                        first_of = np.int64(int32_at(node + FIRSTS + child))
-                        blocks = np.int64(int32_at(node + COUNTS + child))
-                        if blocks == 0:
-                            to = tree.nodes + first_of * WIDE_BYTES
-                            fetch(to)
-                            fetch(to + 64)
-                            fetch(to + 128)
-                            fetch(to + 192)
-                            found.stack[top] = to
-                            top += 1
-                            continue
-                        for block in range(first_of, first_of + blocks):
-                            to = tree.blocks + block * BLOCK_BYTES
-                            fetch(to)
-                            fetch(to + 64)
-                            fetch(to + 128)
-                            found.stack[top] = to + LEAF
-                            top += 1
+                                maybe = top = leaves = 0
+                                place = nodes
                 lists.counts[number] = min(count, most)
                 if not counting:
                     lists.truncated[number] = count > most
                     lists.places[number] = worker << WORKER_SHIFT | start
                     count = min(count, most)
-                    if count < most:
+                    if 1 < count < most:
                         _sort(found, start, count)
                     found.used[0] = start + count
             lists.done[chunk] = last - first

@@ -45,7 +45,9 @@ class RayHitLists:
 
     @cached_property
     def prim_id(self) -> NDArray[np.uint32]:
-        return self.geometries.own_ids(self.traced_id, self.geometry_id)
+        return (
+            self.traced_id if self.geometries.count == 1 else self.geometries.own_ids(self.traced_id, self.geometry_id)
+        )
 
     @cached_property
     def geometry_id(self) -> NDArray[np.uint32]:

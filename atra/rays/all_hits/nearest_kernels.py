@@ -26,10 +26,11 @@ def nearest_kernel(any_hit: bool) -> Callable[..., None]:
     """The loop over some rays of a batch; any_hit: only for whether they hit anything."""
 
     @float_kernel
-    def find_nearest(counter_address, tree, rays, numbers, found, t_of, prim_id_of_ray):  # type: ignore[no-untyped-def]
+    def find_nearest(counter_address, tree, rays, numbers, found, touches, t_of, prim_id_of_ray):  # type: ignore[no-untyped-def]
         """Write the nearest hit of the rays named by `numbers`, (D,) int64, and nothing else.
 
-        rays: `Batch`. found: this thread's memory. t_of: (N,) float32. prim_id_of_ray: (N,) uint32, `MISS` = none.
+        rays: `Batch`. found: this thread's memory. touches: as for `crossing`. t_of: (N,) float32. prim_id_of_ray: (N,)
+        uint32, `MISS` = none.
         """
         exact, areas, entries = found.exact.ctypes.data, found.areas.ctypes.data, found.entries.ctypes.data
         while True:
@@ -61,7 +62,8 @@ def nearest_kernel(any_hit: bool) -> Callable[..., None]:
                             if sure >> k & 1:
                                 sign, t, _, _ = sure_crossing(areas, k, line, tnear, tfar)
                             if sign == 2:
-                                sign, t, _, _ = crossing(node - LEAF, k, o, d, tnear, tfar, line[4], exact)
+                                given = o, d, tnear, tfar, line[4], exact, touches
+                                sign, t, _, _ = crossing(node - LEAF, k, *given)
                             if sign == 0:
                                 continue
                             prim_id = prim_id_of(node - LEAF, k)
