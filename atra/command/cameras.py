@@ -42,14 +42,14 @@ _SIDE = 1024
 def chosen_cameras(given: Any, mesh: Mesh, own: Mapping[str, View], broken: Broken) -> dict[str, View]:
     """The cameras that `--camera` asks for, by name; without it one that frames the mesh.
 
-    own: cameras of the mesh's file. Files come before names, so that none hides a file. Raises InputError for what is
+    own: cameras of the mesh's file. Raises InputError for what is
     neither, and as `read_cameras`.
     """
     size = None if given.size is None else tuple(given.size)
     width, height = size or (_SIDE, _SIDE)
     if given.camera is None:
         return {given.mesh.stem: Camera.framing(mesh, width=width, height=height)}
-    if Path(given.camera).exists():
+    if is_file_name(given.camera) and given.camera not in own:
         return read_cameras(Path(given.camera), size, broken, given.memory_per_byte)
     if given.camera in own:
         camera: Any = own[given.camera]
@@ -62,6 +62,11 @@ def chosen_cameras(given: Any, mesh: Mesh, own: Mapping[str, View], broken: Brok
         f"the camera is {given.camera!r}, expected a file, one of {', '.join(DIRECTIONS)}, or a camera of "
         f"{given.mesh.name} ({names})"
     )
+
+
+def is_file_name(camera: str) -> bool:
+    """Whether `--camera` names a file or folder, which need not exist."""
+    return Path(camera).exists() or Path(camera).suffix.lower() in (".json", ".yaml", ".yml")
 
 
 def read_cameras(

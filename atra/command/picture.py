@@ -70,6 +70,14 @@ def load_lit(path: Path, sky: Path | None = None, memory_per_byte: float | None 
     return replace(scene, sky=constant_sky(0.0) if scene.lights else neutral)
 
 
+def load_with_cameras(given: Namespace) -> tuple[Mesh, dict[str, View]]:
+    """The mesh and the cameras of a file. Raises InputError as `load_scene`."""
+    from atra.light import load_scene
+
+    scene = load_scene(given.mesh, memory_per_byte=given.memory_per_byte)
+    return scene.mesh, dict(scene.cameras)
+
+
 def run_picture(given: Namespace, cameras_of: CamerasOf) -> int:
     """Make a picture of each camera, resuming what was interrupted; returns 0.
 

@@ -10,8 +10,8 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from atra.command.cameras import DIRECTIONS, chosen_cameras
-from atra.command.picture import add_picture, run_picture, wants_picture
+from atra.command.cameras import DIRECTIONS, chosen_cameras, is_file_name
+from atra.command.picture import add_picture, load_with_cameras, run_picture, wants_picture
 from atra.errors import InputError, StorageError, printable
 from atra.files.cameras.entries import Broken
 from atra.files.meshes.face_sources import FaceSources, load_face_sources
@@ -28,10 +28,10 @@ FORMATS = ("npz", "exr", "png", "ply")
 """Formats of a whole image, beside those of single planes."""
 
 EXAMPLES = """\
-atra render model.glb --samples 64 -o picture.png
-           a picture with the file's materials and lights, framed; --camera front, or a camera's name, looks elsewhere
-       atra render model.ply
+atra render model.ply
            frames the mesh and writes its planes to model_views/
+       atra render model.glb --samples 64 -o picture.png
+           a picture with the file's materials and lights, framed; --camera front, or a camera's name, looks elsewhere
        atra render room.glb --camera sparse/0 --planes depth,normals --format png
            16-bit depth in millimetres and normals of every camera of a COLMAP model, its lenses included
        atra render room.glb --camera transforms.json --out labels --planes prim_id,mask --format npy
@@ -92,10 +92,10 @@ def run_render(given: Namespace) -> int:
         return run_picture(given, lambda mesh, own: chosen_cameras(given, mesh, own, left_out))
     _check_formats(given)
     own: dict[str, View] = {}
-    if given.camera is None or given.camera in DIRECTIONS or Path(given.camera).exists():
+    if given.camera is None or given.camera in DIRECTIONS or is_file_name(given.camera):
         mesh = load_mesh(given.mesh, memory_per_byte=given.memory_per_byte)
     else:
-        mesh, own = _with_cameras(given)
+        mesh, own = load_with_cameras(given)
     cameras = chosen_cameras(given, mesh, own, left_out)
     sources = None
     if SOURCES.keys() & set(given.planes or ()):
@@ -127,14 +127,6 @@ def run_render(given: Namespace) -> int:
     if reasons:
         print(f"atra: {done} of {len(cameras) + len(left_out)} views are written", file=sys.stderr)
     return 1 if reasons else 0
-
-
-def _with_cameras(given: Namespace) -> tuple[Mesh, dict[str, View]]:
-    """A mesh, and the cameras of its file."""
-    from atra.light import load_scene  # a wing of the library
-
-    scene = load_scene(given.mesh, memory_per_byte=given.memory_per_byte)
-    return scene.mesh, dict(scene.cameras)
 
 
 def _check_formats(given: Namespace) -> None:

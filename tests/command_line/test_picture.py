@@ -67,7 +67,7 @@ def test_sides_of_a_model_are_cameras_by_name(folder, monkeypatch, side, eye):
 def test_a_camera_of_the_file_is_taken_by_its_name(folder, monkeypatch):
     seen = []
     own = {"desk": Camera((0, 0, 9), (0, 0, 0), width=8, height=8)}
-    monkeypatch.setattr("atra.command.render._with_cameras", lambda given: (atra.load_mesh(given.mesh), own))
+    monkeypatch.setattr("atra.command.render.load_with_cameras", lambda given: (atra.load_mesh(given.mesh), own))
     monkeypatch.setattr("atra.command.render.render_views", lambda mesh, cameras, threads: seen.append(cameras) or [])
     assert render(monkeypatch, "--camera", "desk") == 0
     assert seen[0]["desk"].eye == (0, 0, 9)
