@@ -16,6 +16,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # Tests compile all the time, and read what programs write on standard error.
 os.environ.setdefault("ATRA_QUIET", "1")
 os.environ.setdefault("ATRA_COMPILE_BESIDE", "0")  # all cores have work already
+os.environ["ATRA_QUIET_LIMIT_S"] = "0"  # their sweeps measure nothing that anybody believes
 
 # Numba compiles for minutes in all, a sixth of them spent on looking for garbage among what is needed anyway.
 gc.freeze()

@@ -39,7 +39,8 @@ def agreeing_rows(scene):
         counts = {"pixels_equal": 1024**2 - 3, "pixels_tied": 2, "pixels_edge": 1, "pixels_wrong": 0}
         copies = {"triangles_traced": triangles * split_x * split_y}
         split = {"workload": "frame", "split_x": split_x, "split_y": split_y}
-        rows.append({**common, **split, **numbers, **counts, **copies, **fields})
+        held = {"embree_bytes": 1000 * (1 if fields.get("culling", True) else split_x)}
+        rows.append({**common, **split, **numbers, **counts, **copies, **held, **fields})
 
     for splits in SPLITS:
         # Without culling: fastest at 16, at the end slower than at the start.
@@ -52,8 +53,9 @@ def agreeing_rows(scene):
         if splits > 1:
             time(1, splits, gain(splits) / 1.06, packet_width=1)
         build = {"build_over_plain": splits**0.1, "plan_and_build_over_plain": 2 * splits**0.1}
-        build |= {"boxes_entered": 30.0 * splits**0.5, "triangles_traced": triangles * splits}
         rows.append({**common, "workload": "build", "split_x": splits, **build})
+        copies = {"boxes_entered": 30.0 * splits**1.5, "triangles_traced": triangles * splits}
+        rows.append({**common, "workload": "build", "split_x": splits, "culling": False, **copies})
         rss = {"rss_mesh_bytes": 10 * 2**20, "rss_bytes": 14 * 2**20}
         for geometry, culling, size in (
             ("copied", True, splits**0.1),

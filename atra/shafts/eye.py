@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from time import perf_counter
 from typing import Any, ClassVar, Unpack
 
@@ -20,9 +19,8 @@ from atra.geometry.ray_space import NARROWEST_WORLD_PITCH, check_world_range, fr
 from atra.geometry.view import View
 from atra.shafts.lists_kernels import build_lists
 from atra.shafts.options import ShaftKeywords, ShaftOptions
-from atra.shafts.shafts import ShaftLists, building_of, stored_lists
+from atra.shafts.shafts import HasShafts, ShaftLists, building_of, stored_lists
 from atra.shafts.shape_kernels import ACROSS, AXIS, CORNER, DOWN, EYE, HIGH, LOW, MIDDLE, PLANE_COUNT, PLANES, SHAPE
-from atra.tracing.lifetime import in_turn
 from atra.tracing.options import lists_options
 from atra.tracing.rays import check_pinhole
 from atra.trees.bvh import bvh_of
@@ -35,7 +33,7 @@ _SLACK, _ROBUST_SLACK = 4.0, 64.0
 `atra.shafts.shafts.ROBUST_SLACK`. The eye may be as far away as the farthest corner, on the other side."""
 
 
-class EyeTracer(BvhTracer):
+class EyeTracer(HasShafts, BvhTracer):
     """One ray per pixel, single or in packets; each tile of 32 x 16 pixels starts from the list of its own shaft.
 
     All rays of such a shaft start at the eye. The BVH is in world space and serves every eye, so a camera that moves
@@ -49,14 +47,12 @@ class EyeTracer(BvhTracer):
     """
 
     options_type: ClassVar[type[BvhOptions]] = ShaftOptions
-    options: ShaftOptions
     _start = Start.tile
     _takes_lenses = False
 
     @lists_options(ShaftOptions)
     def __init__(self, mesh: Mesh, camera: View, **options: Unpack[ShaftKeywords]) -> None:
         self._set_up(mesh, camera, options)
-        self._lists: ShaftLists | None = None
 
     def _show(self, mesh: Mesh, camera: View) -> None:
         check_pinhole(camera, "EyeTracer")
@@ -71,12 +67,6 @@ class EyeTracer(BvhTracer):
     def _look(self, camera: View) -> bool:
         self._show(self.mesh, camera)
         return False
-
-    @property
-    def lists(self) -> ShaftLists:
-        """The shafts of the tiles; only after `build`."""
-        assert self._lists is not None
-        return self._lists
 
     def _build(self) -> float:
         start = perf_counter()
@@ -98,19 +88,9 @@ class EyeTracer(BvhTracer):
         return perf_counter() - start
 
     @property
-    def _shafts(self) -> Shafts:
-        return self.lists.shafts
-
-    @property
     def _shared(self) -> NDArray[np.float32]:
         """(3,) float32, the eye."""
         return np.asarray(self.camera.eye, np.float32)
-
-    @property
-    @in_turn
-    def counters(self) -> Mapping[str, float]:
-        """Those of `BvhTracer`, and of the shafts."""
-        return {**super().counters, **({} if self._lists is None else self._lists.counters)}
 
 
 def shapes_of_tiles(camera: View, eye: NDArray[np.float64], tiles: PixelTiles, slack: float) -> NDArray[np.float64]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from time import perf_counter
 from typing import Any, ClassVar, Unpack
 
@@ -16,15 +15,14 @@ from atra.bvh.starts import EMPTY_LIST, NO_SHAFTS, PASSES, ROOT_LIST, UNKNOWN, S
 from atra.geometry.mesh import Mesh
 from atra.rays.rays import Rays
 from atra.shafts.options import OF_RAYS, ShaftKeywords, ShaftOptions
-from atra.shafts.shafts import ShaftLists, build_shafts
-from atra.tracing.lifetime import in_turn
+from atra.shafts.shafts import HasShafts, build_shafts
 from atra.tracing.options import lists_options
 
 SAMPLE = 64
 """The subset "sampled" looks at one in SAMPLE rays of a batch."""
 
 
-class ShaftScene(BvhScene):
+class ShaftScene(HasShafts, BvhScene):
     """A `BvhScene` in which each ray starts from the nodes in its shaft's list (ray classification).
 
     options: see `ShaftOptions`. `build` builds the lists; subsets that depend on rays are built by `prepare`. Raises
@@ -33,44 +31,26 @@ class ShaftScene(BvhScene):
     """
 
     options_type: ClassVar[type[BvhOptions]] = ShaftOptions
-    options: ShaftOptions
 
     @lists_options(ShaftOptions)
     def __init__(self, mesh: Mesh, **options: Unpack[ShaftKeywords]) -> None:
         self._set_up(mesh, options)
-        self._lists: ShaftLists | None = None
-
-    @property
-    def lists(self) -> ShaftLists:
-        """The shafts, after `build`; if they depend on rays, those for the rays prepared last."""
-        assert self._lists is not None
-        return self._lists
-
-    def _build(self) -> float:
-        taken_s = super()._build()
-        start = perf_counter()
-        assert self._bvh is not None
-        self._lists = build_shafts(self._bvh, self.options, self._pool)
-        return taken_s + perf_counter() - start
 
     def prepare(self, rays: Rays) -> PreparedRays:
         """Find the shafts of rays where needed, build lists that depend on them, and order the rays."""
         with self._in_use():
             start = perf_counter()
             batch, options = batch_of(rays, self.packet_width), self.options
-            numbers = None
+            numbers, sampled_s = None, 0.0
             if options.subset in OF_RAYS:
                 step = SAMPLE if options.subset == "sampled" else 1
                 few = Rays(rays.origins[::step], rays.directions[::step], rays.tnear[::step], rays.tfar[::step])
-                sample = batch_of(few, 1)
-                numbers = self._classified(sample)
+                numbers = self._classified(batch_of(few, 1))
                 used = _most_used(numbers, options.share if options.subset == "sampled" else 1.0)
                 sampled_s = perf_counter() - start
                 self._lists = build_shafts(self.bvh, options, self._pool, self.lists.shafts.grid, used)
                 start = perf_counter()
                 numbers = numbers if step == 1 else None
-            else:
-                sampled_s = 0.0
             shafts = self.lists.shafts
             if options.ray_order == "shaft" or self.packet_width > 1:
                 numbers = self._classified(batch) if numbers is None else numbers
@@ -98,12 +78,6 @@ class ShaftScene(BvhScene):
         first = np.repeat(np.cumsum(packets) - packets, packets)
         starts = np.repeat(runs, packets) + (np.arange(packets.sum()) - first) * width
         return batch_of(rays, width, order, starts, lists[starts])
-
-    @property
-    @in_turn
-    def counters(self) -> Mapping[str, float]:
-        """Numbers by name: of the BVH and of the shafts."""
-        return {**super().counters, **self.lists.counters}
 
 
 def _lists_of(shafts: Shafts, numbers: NDArray[np.int64]) -> NDArray[np.int64]:

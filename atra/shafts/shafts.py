@@ -20,6 +20,7 @@ from atra.shafts.lists_kernels import LANES, Building, Sampling, build_lists, ma
 from atra.shafts.options import OF_RAYS, ShaftOptions
 from atra.shafts.shape_kernels import SHAPE
 from atra.tracing.budgets import check_needed_bytes
+from atra.tracing.lifetime import MeshLifetime, in_turn
 from atra.trees.bvh import Bvh
 from atra.trees.layout import STACK
 
@@ -184,6 +185,38 @@ def _lists(
     return ShaftLists(shafts, bvh, voxels * of_voxel, len(numbers), unique, lengths, perf_counter() - start)
 
 
+class HasShafts(MeshLifetime):
+    """What tracers and scenes have whose rays start from lists, before `BvhTracer` or `BvhScene` among their bases."""
+
+    options: Any
+    _bvh: Bvh | None
+    _pool: WorkerPool
+    _lists: ShaftLists | None = None
+
+    @property
+    def lists(self) -> ShaftLists:
+        """The shafts, after `build`; if they depend on rays, those for the rays prepared last."""
+        assert self._lists is not None
+        return self._lists
+
+    @property
+    def _shafts(self) -> Shafts:
+        return self.lists.shafts
+
+    def _build(self) -> float:
+        taken_s = super()._build()  # type: ignore[safe-super]
+        start = perf_counter()
+        assert self._bvh is not None
+        self._lists = build_shafts(self._bvh, self.options, self._pool)
+        return taken_s + perf_counter() - start
+
+    @property
+    @in_turn
+    def counters(self) -> Mapping[str, float]:
+        """Numbers by name: of the BVH and of the shafts."""
+        return {**super().counters, **(self._lists.counters if self._lists else {})}  # type: ignore[misc]
+
+
 def building_of(bvh: Bvh, options: ShaftOptions, grid: Grid) -> Building:
     """The `Building` of a BVH."""
     return Building(bvh.tree, grid, options.probability, int(options.rays), int(options.longest), options.occlusion)
@@ -232,11 +265,5 @@ def _numbers(
 
 def _sampling(options: ShaftOptions) -> Sampling:
     lanes = options.rays + -options.rays % LANES
-    return Sampling(
-        np.zeros(SHAPE),
-        np.zeros((ROWS, lanes), np.float32),
-        NO_LISTS,
-        np.empty(STACK, np.int64),
-        np.empty(STACK, np.float32),
-        np.zeros(COUNTS, np.int64),
-    )
+    stack, nears, counts = np.empty(STACK, np.int64), np.empty(STACK, np.float32), np.zeros(COUNTS, np.int64)
+    return Sampling(np.zeros(SHAPE), np.zeros((ROWS, lanes), np.float32), NO_LISTS, stack, nears, counts)

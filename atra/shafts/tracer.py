@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from time import perf_counter
 from typing import ClassVar, Unpack
 
 from atra.bvh.images import Start
 from atra.bvh.options import BvhOptions
-from atra.bvh.starts import Shafts
 from atra.bvh.tracer import BvhTracer
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.shafts.options import OF_RAYS, ShaftKeywords, ShaftOptions
-from atra.shafts.shafts import ShaftLists, build_shafts
-from atra.tracing.lifetime import in_turn
+from atra.shafts.shafts import HasShafts
 from atra.tracing.options import lists_options
 
 
-class ClassifiedTracer(BvhTracer):
+class ClassifiedTracer(HasShafts, BvhTracer):
     """A `BvhTracer` with single rays, each of which starts from the list of its shaft (ray classification).
 
     options: see `atra.shafts.options.ShaftOptions`. Subsets that depend on rays are for batches (`atra.shafts.scene`).
@@ -28,7 +24,6 @@ class ClassifiedTracer(BvhTracer):
     """
 
     options_type: ClassVar[type[BvhOptions]] = ShaftOptions
-    options: ShaftOptions
     _start = Start.shaft
 
     @lists_options(ShaftOptions)
@@ -40,27 +35,3 @@ class ClassifiedTracer(BvhTracer):
             raise InputError(
                 f"subset is {self.options.subset!r}, which depends on rays; expected another one for a camera"
             )
-        self._lists: ShaftLists | None = None
-
-    @property
-    def lists(self) -> ShaftLists:
-        """The shafts; only after `build`."""
-        assert self._lists is not None
-        return self._lists
-
-    def _build(self) -> float:
-        taken_s = super()._build()
-        start = perf_counter()
-        assert self._bvh is not None
-        self._lists = build_shafts(self._bvh, self.options, self._pool)
-        return taken_s + perf_counter() - start
-
-    @property
-    def _shafts(self) -> Shafts:
-        return self.lists.shafts
-
-    @property
-    @in_turn
-    def counters(self) -> Mapping[str, float]:
-        """Those of `BvhTracer`, and of the shafts."""
-        return {**super().counters, **({} if self._lists is None else self._lists.counters)}

@@ -67,6 +67,9 @@ def _scene_of(configuration: Configuration) -> tuple[SceneSource, str | None, st
     return scene.source, scene.name, scene.path, scene.subdivided, scene.copies
 
 
+_OF_SWEEPS = ("processes", "quiet_limit_s", "quiet_only")
+"""Fields of `MeasureConfiguration` that concern a sweep and no point of it."""
+
 _OF_ALL = ("width", "height", "threads", "build_quality", "ties")
 """Fields of a configuration that a point has, too."""
 
@@ -90,7 +93,7 @@ def _resolve(configuration: Configuration, scene: Scene) -> Point:
         options=method.resolve(configuration.method.options, configuration.width),
         workload=workload.kind,
         workload_options=workload.options,
-        **{name: value for name, value in vars(configuration.measure).items() if name != "processes"},
+        **{name: value for name, value in vars(configuration.measure).items() if name not in _OF_SWEEPS},
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -12,7 +12,7 @@ import pandas as pd
 
 from experiments.methods.aligned import ALIGNED
 from experiments.results.claims import NotMeasuredError
-from experiments.results.statistics import Estimate, best_of
+from experiments.results.statistics import Estimate, Pool, best_of
 from experiments.workloads.build import BUILD
 from experiments.workloads.frame import FRAME
 from experiments.workloads.gather import GATHER, What
@@ -46,13 +46,25 @@ Row = Mapping[str, Any]
 """One row of the table; a missing value is None."""
 
 
+class Sample(list[float]):
+    """A number of one point, in each of its processes. pool: what points of its kind share; None where nobody knows."""
+
+    pool: Pool | None = None
+
+    def over(self, other: Sample) -> Sample:
+        """Its ratios to another point's, process by process."""
+        found = Sample(one / two for one, two in zip(self, other, strict=False))
+        found.pool = None if self.pool is None else Pool(2 * self.pool.variance, self.pool.freedom)
+        return found
+
+
 @dataclass(frozen=True)
 class SceneRows:
     """What the table of processes holds of one of the paper's scenes.
 
     paper_scene: its name in the paper; scene: the name of what was measured; stand_in: it is not the scene itself.
     rows: all its rows, whatever their status. points: the same by workload, split_x, split_y, geometry and culling,
-    aligned rays only.
+    aligned rays only. pools: by workload and column, of these points.
     """
 
     paper_scene: str
@@ -60,6 +72,19 @@ class SceneRows:
     stand_in: bool
     rows: tuple[Row, ...]
     points: Mapping[tuple[Any, ...], list[Row]]
+    pools: dict[tuple[str, str], Pool | None] = field(default_factory=dict, compare=False)
+
+    def sample(self, rows: Sequence[Row], column: str) -> Sample:
+        """A column of a point's processes. Raises NotMeasuredError for values that are missing or not positive."""
+        sample, key = Sample(read_positive(row, column) for row in rows), (str(rows[0]["workload"]), column)
+        if key not in self.pools:
+            by_point: dict[str, list[float]] = {}
+            for row in (one for of_point in self.points.values() for one in of_point):
+                if row["status"] == "ok" and row["workload"] == key[0] and row[column] is not None:
+                    by_point.setdefault(row["point_id"], []).append(float(row[column]))
+            self.pools[key] = Pool.of(by_point.values())
+        sample.pool = self.pools[key]
+        return sample
 
     def widest_packets(self, workload: str) -> int:
         """Rays of the widest packets among its points, 1 if there are none."""
@@ -108,18 +133,18 @@ class SceneRows:
         column: str = "speedup",
         workload: str = FRAME.name,
         **options: Any,
-    ) -> list[float]:
+    ) -> Sample:
         """A point's speed-up in every process. The speed-ups of two points are compared rather than their times: each
         was paired with the same baseline in its own rounds, so the slow moments of a machine cancel."""
         rows = self.processes(workload, split, culling=culling, packet_width=packet_width, **options)
-        return [read_positive(row, column) for row in rows]
+        return self.sample(rows, column)
 
-    def over_splits(self, **options: Any) -> tuple[dict[int, list[float]], dict[int, str]]:
+    def over_splits(self, **options: Any) -> tuple[dict[int, Sample], dict[int, str]]:
         """Over horizontal splits 1 ... 1,024: the speed-ups that were measured, and why the others were not.
 
         options: those of `speedups`.
         """
-        found: dict[int, list[float]] = {}
+        found: dict[int, Sample] = {}
         missing: dict[int, str] = {}
         for split in SPLITS:
             try:
@@ -129,20 +154,20 @@ class SceneRows:
         return found, missing
 
 
-def estimate(values: Sequence[float]) -> Estimate:
+def estimate(sample: Sample) -> Estimate:
     """Mean and interval of one value per process. Raises NotMeasuredError for too few."""
     try:
-        return Estimate.of(values)
+        return Estimate.of(sample, sample.pool)
     except ValueError as error:
         raise NotMeasuredError(str(error)) from None
 
 
-def best(candidates: Mapping[Any, Sequence[float]]) -> tuple[Any, Estimate]:
+def best(candidates: Mapping[Any, Sample]) -> tuple[Any, Estimate]:
     """The best of some points and its estimate, see `best_of`. Raises NotMeasuredError for none or too few."""
     if not candidates:
         raise NotMeasuredError("nothing to choose from was measured")
     try:
-        return best_of(candidates)
+        return best_of(candidates, next(iter(candidates.values())).pool)
     except ValueError as error:
         raise NotMeasuredError(f"to choose the best on some processes and report it on others: {error}") from None
 

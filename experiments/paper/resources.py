@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from contextlib import suppress
 from typing import Any
 
@@ -14,10 +13,10 @@ from experiments.paper.evidence import (
     SceneRows,
     estimate,
     read_number,
-    read_positive,
 )
-from experiments.paper.judging import Outcome, SceneJudge
-from experiments.results.statistics import Estimate, decide_greater, geometric_mean
+from experiments.paper.judging import SceneJudge
+from experiments.results.statistics import Estimate, geometric_mean
+from experiments.results.verdicts import Bounds, Outcome, decide_greater
 from experiments.workloads.build import BUILD
 from experiments.workloads.frame import FRAME
 from experiments.workloads.memory import MEMORY
@@ -37,13 +36,12 @@ def build_little_affected(most_splits: int) -> SceneJudge:
         with_plan = _build(scene, most_splits, _PLAN_AND_BUILD).over(_build(scene, 1, _PLAN_AND_BUILD)).value
         worst = max(ratios, key=lambda splits: ratios[splits].value)
         value = f"{ratios[worst].value:.2f} at {worst} splits; plan and build {with_plan:.2f} at {most_splits}"
-        beyond = {splits: decide_greater(ratio, LITTLE_EFFECT) for splits, ratio in ratios.items()}
-        if True in beyond.values():
-            splits = next(splits for splits, state in beyond.items() if state)
+        found = {splits: Bounds(high=LITTLE_EFFECT).decide(ratio) for splits, ratio in ratios.items()}
+        if False in found.values():
+            splits = next(splits for splits, state in found.items() if state is False)
             return Outcome(False, value, ratios[worst], f"{ratios[splits]} times as long at {splits} splits")
-        if None in beyond.values():
-            why = f"the interval reaches beyond {LITTLE_EFFECT:g} times"
-            return Outcome(None, value, ratios[worst], why)
+        if None in found.values():
+            return Outcome(None, value, ratios[worst], f"the interval reaches beyond {LITTLE_EFFECT:g} times")
         return Outcome(True, value, ratios[worst])
 
     return judge
@@ -63,20 +61,20 @@ def build_grows(scene: SceneRows) -> Outcome:
 
 
 def overlap_lowers_quality(scene: SceneRows) -> Outcome:
-    """Whether a ray enters more boxes at the most splits than the logarithm of the triangles accounts for."""
-    found = {splits: quality for splits in SPLITS if (quality := _boxes_over_logarithm(scene, splits)) is not None}
+    """Whether a pixel costs more boxes at the most splits than at one, culling off; a ray serves one of each cell."""
+    found = {splits: boxes / splits for splits in SPLITS if (boxes := _boxes(scene, splits)) is not None}
     most = max(found, default=1)
     if most == 1 or 1 not in found:
-        raise NotMeasuredError("boxes_entered at no more than one split")
+        raise NotMeasuredError("boxes_entered without culling at no more than one split")
     ratio = found[most] / found[1]
     return Outcome(ratio > 1, f"{ratio:.2f} at {most:,} splits", None, None if ratio > 1 else f"{ratio:.2f} times")
 
 
-def _boxes_over_logarithm(scene: SceneRows, splits: int) -> float | None:
+def _boxes(scene: SceneRows, splits: int) -> float | None:
     with suppress(NotMeasuredError):
-        for row in scene.processes(BUILD.name, (splits, 1), culling=True):
+        for row in scene.processes(BUILD.name, (splits, 1), culling=False):
             if row["boxes_entered"]:
-                return float(row["boxes_entered"]) / math.log(read_number(row, "triangles_traced"))
+                return float(row["boxes_entered"])
     return None
 
 
@@ -106,6 +104,33 @@ def memory_little_affected(most_splits: int) -> SceneJudge:
         return Outcome(not too_much, value, None, too_much[0] if too_much else None)
 
     return judge
+
+
+def culling_saves_memory(scene: SceneRows) -> Outcome:
+    """Embree's bytes of frames with culling over those without, at every split from 2 on measured of both."""
+    ratios, reason = {}, ""
+    for splits in SPLITS[1:]:
+        try:
+            on, off = (_embree(scene.row(FRAME.name, (splits, 1), culling=c, packet_width=1)) for c in (True, False))
+        except NotMeasuredError as error:
+            reason = reason or str(error)
+        else:
+            ratios[splits] = on / off
+    if not ratios:
+        raise NotMeasuredError(reason)
+    most = max(ratios)
+    more = [f"{ratio:.2f} times the bytes at {splits} splits" for splits, ratio in ratios.items() if ratio >= 1]
+    return Outcome(not more, f"{ratios[most]:.2g} at {most:,} splits", None, more[0] if more else None)
+
+
+def any_divisor_works(scene: SceneRows) -> Outcome:
+    """Wrong pixels at every number of horizontal splits that divides an image of 1,024 pixels, culling on."""
+    wrong = {}
+    for splits in SPLITS:
+        rows = scene.processes(FRAME.name, (splits, 1), culling=True, packet_width=1)
+        wrong[splits] = max(int(read_number(row, "pixels_wrong")) for row in rows)
+    bad = [f"{count:,} pixels wrong at {splits} splits" for splits, count in wrong.items() if count]
+    return Outcome(not bad, f"{sum(wrong.values())} wrong at 1 to {SPLITS[-1]:,} splits", None, bad[0] if bad else None)
 
 
 def instancing_lowers_memory(culling: bool) -> SceneJudge:
@@ -173,7 +198,7 @@ def _is_measured(scene: SceneRows, splits: int) -> bool:
 
 def _build(scene: SceneRows, splits: int, column: str = "build_over_plain") -> Estimate:
     """Over the build of the plain mesh in the same rounds."""
-    return estimate([read_positive(row, column) for row in scene.processes(BUILD.name, (splits, 1), culling=True)])
+    return estimate(scene.sample(scene.processes(BUILD.name, (splits, 1), culling=True), column))
 
 
 def _speed(scene: SceneRows, splits: int, **options: Any) -> Estimate:

@@ -14,9 +14,10 @@ from experiments.paper.evidence import (
     estimate,
     read_number,
 )
-from experiments.paper.judging import DOES_NOT_HOLD, HOLDS, UNDECIDED, Judgement, Outcome
 from experiments.paper.readings import NEAREST, Reading, best_gain, over_start
-from experiments.results.statistics import FEWEST_FITTED, Estimate, decide_greater, fit_exponent, geometric_mean
+from experiments.results.claims import DOES_NOT_HOLD, HOLDS, UNDECIDED, Judgement
+from experiments.results.statistics import FEWEST_FITTED, Estimate, fit_exponent, geometric_mean
+from experiments.results.verdicts import Bounds, Outcome, decide_greater
 from experiments.workloads.frame import FRAME
 
 GRID_SPLITS = (2, 4, 8, 16)
@@ -30,7 +31,7 @@ FEW_SPLITS = (2, 4, 8)
 LARGEST_LOSS = 1.05
 """More splits keep gaining where none is slower than fewer by more than this. Our reading."""
 
-MODEL_EXPONENT = (0.9, 1.1)
+MODEL_EXPONENT = Bounds(0.9, 1.1)
 MODEL_R_SQUARED = 0.9
 """Time grows like the cost model where the fitted exponent may lie in this range and the fit explains this much."""
 
@@ -38,12 +39,18 @@ _TOO_WIDE = "the interval is wider than the difference"
 
 
 def one_axis_beats_both(scene: SceneRows) -> Outcome:
+    """The fastest split of one axis over the fastest split of both, of all in figure 4."""
+    one_axis = [split for count in GRID_SPLITS for split in ((count, 1), (1, count))]
+    ratio = _fastest(scene, one_axis).over(_fastest(scene, [(x, y) for x in GRID_SPLITS for y in GRID_SPLITS]))
+    return _gain(ratio, f"{ratio.value:.2f}", f"splitting both axes is faster: {ratio}")
+
+
+def one_axis_beats_both_of_as_many_cells(scene: SceneRows) -> Outcome:
     """The fastest one-axis split over the fastest two-axis split, at 4, 8 and 16 cells."""
     ratios = {}
     for cells in GRID_SPLITS[1:]:
-        one_axis = [(cells, 1), (1, cells)]
         both = [(across, cells // across) for across in GRID_SPLITS if cells // across >= 2]
-        ratios[cells] = _fastest(scene, one_axis).over(_fastest(scene, both))
+        ratios[cells] = _fastest(scene, [(cells, 1), (1, cells)]).over(_fastest(scene, both))
     mean = geometric_mean(list(ratios.values()))
     value = _spell(mean, ratios)
     for count, ratio in ratios.items():
@@ -57,10 +64,11 @@ def axes_differ_little(scene: SceneRows) -> Outcome:
     ratios = _horizontal_over_vertical(scene)
     mean = geometric_mean(list(ratios.values()))
     value = _spell(mean, ratios)
+    little = Bounds(1 / LITTLE, LITTLE)
     for splits, ratio in ratios.items():
-        if decide_greater(ratio, LITTLE) or decide_greater(ratio, 1 / LITTLE) is False:
+        if little.decide(ratio) is False:
             return Outcome(False, value, mean, f"{ratio} at {splits} splits")
-    if decide_greater(mean, 1 / LITTLE) and decide_greater(mean, LITTLE) is False:
+    if little.decide(mean):
         return Outcome(True, value, mean)
     return Outcome(None, value, mean, f"the interval reaches beyond a factor of {LITTLE}")
 
@@ -143,12 +151,7 @@ def more_splits_faster(scene: SceneRows, reading: Reading) -> Outcome:
         raise NotMeasuredError(next(iter(missing.values())))
     gain = over_start(estimate(found[most]), scene, reading)
     # The worst of many differences is mostly noise, so it is chosen on some processes and judged on others.
-    pairs = {
-        (fewer, more): [one / other for one, other in zip(found[fewer], found[more], strict=False)]
-        for fewer in found
-        for more in found
-        if fewer < more
-    }
+    pairs = {(fewer, more): found[fewer].over(found[more]) for fewer in found for more in found if fewer < more}
     (fewer, more), loss = best(pairs)
     value = f"{gain.value:.2f} at {most:,} splits over none; largest loss {loss.value:.2f}, {more:,} against {fewer:,}"
     loses = decide_greater(loss, LARGEST_LOSS)
@@ -230,17 +233,15 @@ def time_follows_cost_model(scene: SceneRows, workload: str = FRAME.name) -> Out
         raise NotMeasuredError(f"{len(time)} points, {FEWEST_FITTED} are needed; {missing[0]}")
     fit = fit_exponent(model, time)
     value = f"exponent {fit.exponent.value:.2f}, R2 {fit.r_squared:.2f}, {len(time)} points"
-    low, high = MODEL_EXPONENT
-    if decide_greater(fit.exponent, low) is False:
-        why = "the exponent lies below 1: however few the rays, they must find the hits of all cells"
-        return Outcome(False, value, fit.exponent, why)
-    if decide_greater(fit.exponent, high):
-        return Outcome(False, value, fit.exponent, "the exponent lies above 1")
-    if fit.r_squared < MODEL_R_SQUARED:
-        return Outcome(None, value, fit.exponent, f"R2 {fit.r_squared:.2f} is below {MODEL_R_SQUARED}")
-    if not decide_greater(fit.exponent, low) or decide_greater(fit.exponent, high) is not False:
-        return Outcome(None, value, fit.exponent, f"the interval reaches beyond {low:g} to {high:g}")
-    return Outcome(True, value, fit.exponent)
+    state = MODEL_EXPONENT.decide(fit.exponent)
+    if state is False:
+        below = "below 1: however few the rays, they must find the hits of all cells"
+        why = f"the exponent lies {below if fit.exponent.value < 1 else 'above 1'}"
+    elif fit.r_squared < MODEL_R_SQUARED:
+        state, why = None, f"R2 {fit.r_squared:.2f} is below {MODEL_R_SQUARED}"
+    else:
+        why = f"the interval reaches beyond {MODEL_EXPONENT.low:g} to {MODEL_EXPONENT.high:g}"
+    return Outcome(state, value, fit.exponent, None if state else why)
 
 
 def _single_rays(scene: SceneRows, split: tuple[int, int]) -> Estimate:

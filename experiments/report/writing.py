@@ -119,7 +119,8 @@ def _write_what_follows(
         rows = workload_rows(table, workload.name)
         if len(rows):
             if hasattr(shown, "CLAIMS"):
-                write_claims(folder, judge_all(shown.CLAIMS, rows), shown.CLAIMS_FILE)
+                processes = workload_rows(tables.processes, workload.name)
+                write_claims(folder, judge_all(shown.CLAIMS, processes), shown.CLAIMS_FILE)
             if hasattr(shown, "write"):
                 shown.write(folder, records, rows)
     page = folder / "report.html"

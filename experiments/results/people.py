@@ -25,7 +25,7 @@ _MEASURED = (
 )  # fmt: skip
 """What most workloads measure, the most asked for first."""
 
-_DETAIL = re.compile(r"_(low|high|half|spread|p999)(_s)?$|^baseline_pixels|^grids$")
+_DETAIL = re.compile(r"_(low|high|half|rest|spread|p999)(_s)?$|^baseline_pixels|^grids$")
 """Ends of intervals and the like, which are left to the other file but where `_MEASURED` names them."""
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -29,6 +29,21 @@ def student(freedom: float) -> float:
 
 
 @dataclass(frozen=True)
+class Pool:
+    """The variance of the logarithms of single processes that points of one kind share, and its degrees of freedom."""
+
+    variance: float
+    freedom: float
+
+    @classmethod
+    def of(cls, points: Iterable[Sequence[float]]) -> Self | None:
+        """Of the values of points, one a process; None where no point has two."""
+        logs = [np.log(values) for values in points if len(values) > 1 and min(values) > 0]
+        freedom = sum(len(one) - 1 for one in logs)
+        return cls(float(sum(one.var() * len(one) for one in logs)) / freedom, freedom) if freedom else None
+
+
+@dataclass(frozen=True)
 class Estimate:
     """The geometric mean of independent positive values, and what is known of its error.
 
@@ -42,14 +57,16 @@ class Estimate:
     freedom: float
 
     @classmethod
-    def of(cls, values: Sequence[float]) -> Self:
-        """One value a process. Raises ValueError for fewer than FEWEST_PROCESSES and for values that are not positive
-        and finite."""
-        if len(values) < FEWEST_PROCESSES:
+    def of(cls, values: Sequence[float], pool: Pool | None = None) -> Self:
+        """One value a process; fewer than FEWEST_PROCESSES have the variance of the pool. Raises ValueError for fewer
+        without a pool, for none, and for values that are not positive and finite."""
+        if not values or (len(values) < FEWEST_PROCESSES and pool is None):
             raise ValueError(f"{len(values)} processes, at least {FEWEST_PROCESSES} are needed")
         if not all(0 < value < math.inf for value in values):
             raise ValueError(f"values are {list(values)}, expected positive numbers")
         logs = np.log(values)
+        if pool is not None and len(logs) < FEWEST_PROCESSES:
+            return cls(float(logs.mean()), pool.variance / len(logs), pool.freedom)
         return cls(float(logs.mean()), float(logs.var(ddof=1)) / len(logs), len(logs) - 1)
 
     @property
@@ -98,7 +115,7 @@ def geometric_mean(estimates: Sequence[Estimate]) -> Estimate:
     return _combine(estimates, [1 / len(estimates)] * len(estimates))
 
 
-def best_of(candidates: Mapping[int, Sequence[float]]) -> tuple[int, Estimate]:
+def best_of(candidates: Mapping[int, Sequence[float]], pool: Pool | None = None) -> tuple[int, Estimate]:
     """The candidate that is largest in the first half of the processes, and its estimate from the others.
 
     Choosing and reporting by the same values would overstate the best by the noise that chose it. candidates: by name,
@@ -106,12 +123,17 @@ def best_of(candidates: Mapping[int, Sequence[float]]) -> tuple[int, Estimate]:
     """
     chosen = max(candidates, key=lambda name: np.log(first_half(candidates[name])).mean())
     values = candidates[chosen]
-    return chosen, Estimate.of(values[len(first_half(values)) :])
+    return chosen, Estimate.of(last_half(values), pool)
 
 
 def first_half(values: Sequence[float]) -> Sequence[float]:
     """The values that choose the best; the others report it."""
     return values[: max(1, len(values) // 2)]
+
+
+def last_half(values: Sequence[float]) -> Sequence[float]:
+    """The values that report the best."""
+    return values[len(first_half(values)) :]
 
 
 @dataclass(frozen=True)
@@ -132,14 +154,6 @@ class Fit:
 
     exponent: Interval
     r_squared: float
-
-
-def decide_greater(value: Estimate | Interval, limit: float = 1.0) -> bool | None:
-    """Whether `value` is above `limit`: True when its whole interval is, False when its whole interval is below, None
-    when the limit lies inside. The one rule for all that is decided: noise leaves it open."""
-    if value.low > limit:
-        return True
-    return False if value.high < limit else None
 
 
 def fit_exponent(x: Sequence[float], y: Sequence[float]) -> Fit:
@@ -179,6 +193,21 @@ def choosing_column(name: str, help: str, series: Series) -> Column:
     """The same mean over the first half of the processes alone, by which the best of several points is chosen."""
     text = f"median of {help}, over the processes that choose the best"
     return Column(name, REAL, text, _median(series), lambda values: _mean(first_half(values)))
+
+
+REST = "_rest"
+"""Ends the name of what the processes report that did not choose the best."""
+
+
+def reporting_columns(name: str, help: str, series: Series) -> tuple[Column, ...]:
+    """Mean and interval over the other half, which report the best; a table has them after `with_intervals`."""
+    read, text = _median(series), f"{help}, over the processes that report the best"
+    middle = Column(f"{name}{REST}", REAL, f"median of {text}", read, lambda values: None)
+    ends = (
+        Column(f"{name}{REST}_{end}", REAL, f"{end} end of its interval", read, lambda values: None)
+        for end in ("low", "high")
+    )
+    return (middle, *ends)
 
 
 def _median(series: Series) -> Callable[[Record], float | None]:

@@ -22,6 +22,7 @@ from experiments.harness.records import Record
 from experiments.methods import METHODS, find_method
 from experiments.results.canary import BAND, strays
 from experiments.results.doubts import doubts_of
+from experiments.results.intervals import with_intervals
 from experiments.results.people import columns_for_people
 from experiments.workloads import WORKLOADS, find_workload
 from scenes.built_in import BUILT_IN
@@ -33,6 +34,16 @@ def _first(values: Sequence[Any]) -> Any:
 
 def _worst(statuses: Sequence[str]) -> str:
     return next(status for status in ("failed", "skipped", "ok") if status in statuses)
+
+
+def _of_all(values: Sequence[str]) -> str:
+    return " and ".join(sorted(set(values)))
+
+
+def _told(name: str, record: Record) -> str:
+    """What the environment says of the machine or of software, as text."""
+    value = record.environment.get(name)
+    return " ".join(map(str, value)) if isinstance(value, list) else "none" if value is None else str(value)
 
 
 def _field(name: str, dtype: str, help: str) -> Column:
@@ -70,12 +81,25 @@ _OUTCOME_COLUMNS = (
     Column("error", TEXT, "why, when not ok", lambda record: record.error, _first),
     Column("processes", WHOLE, "processes that measured it", lambda record: 1, sum),
     Column("processes_left_out", WHOLE, "processes left out, the machine not being as it mostly was"),
+    Column("processes_replaced", WHOLE, "processes that strayed and were measured anew", lambda record: None),
     Column("rounds", WHOLE, "rounds that ran in every process", over=min),
     Column("doubts", TEXT, "what makes the times less trustworthy", doubts_of, partial(max, key=len)),
     Column("others_share", REAL, "of the cores it may use, what other processes took during the rounds", over=max),
     Column("stolen_share", REAL, "of these cores, what other machines on the same hardware took", over=max),
     Column("load_average", REAL, "load of the machine before the point", lambda record: _load(record), max),
     Column("cpu", TEXT, "processor", lambda record: record.environment.get("cpu")),
+    *(
+        Column(name, TEXT, help, partial(_told, name), _of_all)
+        for name, help in (
+            ("instruction_set", "the one that Embree and Numba were held to; none = all there are"),
+            ("cpu_extensions", "instruction sets of the processor"),
+            ("affinity", "cores it could run on"),
+            ("git_commit", "commit of the project"),
+            ("embree_version", "of Embree"),
+            ("numba_version", "of Numba"),
+            ("python_version", "of Python"),
+        )
+    ),
     Column("measured_at", TEXT, "when", lambda record: record.environment.get("taken_at"), min),
     Column("point_id", TEXT, "identity of the point; name of its first record", lambda record: record.point_id, _first),
     Column("grids", TEXT, "grids of the sweep that it is part of", lambda record: None),
@@ -134,10 +158,11 @@ def make_tables(records: Sequence[Record], grids: Mapping[str, Sequence[str]] | 
         first = of_point[0].point_id
         known = {"point_id": first, "grids": ",".join((grids or {}).get(first, ())) or None}
         kept = [record for record in of_point if record.point_id not in out]
-        left_out = {"processes_left_out": len(of_point) - len(kept)}
+        left_out = {"processes_left_out": len(of_point) - len(kept), "processes_replaced": _replaced(of_point)}
         points.append(_row(kept or of_point) | known | left_out | {"process": None} | ({} if kept else _UNSTEADY))
         processes += [_row([record]) | known | (_UNSTEADY if record.point_id in out else {}) for record in of_point]
-    return Tables(frame_of(points), frame_of(processes))
+    of_processes = frame_of(processes)
+    return Tables(with_intervals(frame_of(points), of_processes), of_processes)
 
 
 def make_table(records: Sequence[Record], grids: Mapping[str, Sequence[str]] | None = None) -> pd.DataFrame:
@@ -198,7 +223,9 @@ def write_tables(folder: Path, tables: Tables) -> None:
 def read_tables(folder: Path) -> Tables | None:
     """The tables in `folder`, or None if there are none. Raises InputError for a file that is not one of ours."""
     points, processes = (read_table(folder / f"{name}.parquet") for name in ("table", "processes"))
-    return None if points is None or processes is None else Tables(points, processes)
+    if points is None or processes is None:
+        return None
+    return Tables(with_intervals(points, processes), processes)
 
 
 def read_table(path: Path) -> pd.DataFrame | None:
@@ -261,6 +288,10 @@ def _stands_for(record: Record) -> str | None:
         return None
     stand_in = BUILT_IN.get(str(record.configuration.get("scene")))
     return stand_in.stands_for if stand_in else None
+
+
+def _replaced(records: Sequence[Record]) -> int:
+    return sum(bool(record.results.get("measured_again")) for record in records)
 
 
 def _load(record: Record) -> float | None:

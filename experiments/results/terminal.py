@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +19,12 @@ from experiments.harness.progress import say
 from experiments.harness.records import Record
 from experiments.methods import find_method
 from experiments.methods.naming import Row, best_of, say_point
+from experiments.results.claims import NOT_MEASURED, Claim, judge_all
 from experiments.results.settings import say_setting, settings_that_vary, without_numbers
 from experiments.results.table import Tables, columns, workload_rows
 from experiments.workloads import WORKLOADS, find_workload
 
-_PARTS = ("_low", "_high", "_half")
+_PARTS = ("_low", "_high", "_half", "_rest")
 
 
 def say_label(point: Point) -> str:
@@ -95,7 +97,7 @@ def print_sweep(tables: Tables, folder: Path, console: Console) -> None:
     """What every workload says of its rows and of those of its processes, and every row that is missing."""
     table = tables.points
     for workload in WORKLOADS:
-        shown = workload.part("shown")
+        shown: Any = workload.part("shown")
         for part, rows in (("sweep_lines", table), ("process_lines", tables.processes)):
             lines = getattr(shown, part, None)
             if lines is None or not rows["workload"].eq(workload.name).any():
@@ -107,6 +109,9 @@ def print_sweep(tables: Tables, folder: Path, console: Console) -> None:
                     say(console, line)
                 else:
                     console.print(line)
+        if hasattr(shown, "CLAIMS"):
+            for line in claim_lines(shown.CLAIMS, workload_rows(tables.processes, workload.name)):
+                say(console, line)
     missing = table[table["status"] != "ok"]
     reasons = missing["error"].map(without_numbers)
     said = [", ".join(_say_workload(row)) for _, row in missing.iterrows()]
@@ -122,6 +127,14 @@ def print_sweep(tables: Tables, folder: Path, console: Console) -> None:
     counts += f" ({doubtful} with doubts about their times, see the column doubts)" if doubtful else ""
     files = ", ".join(path.name for path in sorted(folder.iterdir()) if path.is_file() and path.name[0] != ".")
     say(console, f"{counts or 'nothing measured'}; in {folder}: {files}")
+
+
+def claim_lines(claims: Sequence[Claim], processes: pd.DataFrame) -> Iterator[str]:
+    """A line for every claim that was measured: its verdict, value and reason."""
+    for judged in judge_all(claims, processes):
+        if judged.verdict != NOT_MEASURED:
+            told = ", ".join(filter(None, [judged.value, judged.why]))
+            yield f"{judged.text} {judged.verdict}{f' ({told})' if told else ''}"
 
 
 def results_console() -> Console:

@@ -12,7 +12,7 @@ from atra.tracing.options import LANES
 from experiments.drawing.style import BLACK, DASHED, DOTTED, GREEN
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.records import Record
-from experiments.results.statistics import Series, choosing_column, statistics_columns
+from experiments.results.statistics import Series, choosing_column, reporting_columns, statistics_columns
 
 OWN, SINGLE = "own", "rtcIntersect1"
 """Names in the samples of a time: the point's own method, the paper's baseline."""
@@ -105,7 +105,11 @@ TIME_COLUMNS: tuple[Column, ...] = (
             ("speedup", "rtcIntersect1 / this, in the same rounds", over_own(series(SINGLE))),
             ("speedup_vs_packets", "the fastest packets / this, in the same rounds", over_own(fastest)),
         )
-        for column in (*statistics_columns(name + "{}", help, ratios), choosing_column(f"{name}_half", help, ratios))
+        for column in (
+            *statistics_columns(name + "{}", help, ratios),
+            choosing_column(f"{name}_half", help, ratios),
+            *reporting_columns(name, help, ratios),
+        )
     ),
     Column("packets_width", WHOLE, "rays of the fastest packets per pixel", packets_width),
     *(

@@ -18,6 +18,7 @@ from experiments.drawing.values import column, numbers
 from experiments.methods import METHODS, find_method
 from experiments.methods.naming import say_series, say_split
 from experiments.methods.pixel import PIXEL
+from experiments.results.statistics import REST
 from experiments.workloads.baselines import TIME_BASELINES
 from experiments.workloads.images import say_holes
 
@@ -52,7 +53,8 @@ def best_rows(rows: pd.DataFrame) -> pd.DataFrame:
     """The best split of every scene, method, packet width and thread count (and image size and build quality).
 
     Best is the largest ratio over its own kind of rays, which drift of the machine does not change. Points without a
-    ratio are left out. Rows keep their order; the first of equals is taken.
+    ratio are left out. Rows keep their order; the first of equals is taken. Of several, the ratios are those of the
+    processes that did not choose (`experiments.results.statistics.REST`).
     """
     single = column(rows, "packet_width").eq(1).fillna(False).to_numpy(bool)
     ratios = np.where(single, choosing(rows, OVER_SINGLE), choosing(rows, OVER_PACKETS))
@@ -60,7 +62,19 @@ def best_rows(rows: pd.DataFrame) -> pd.DataFrame:
     ordered = [place for place in np.argsort(-ratios, kind="stable") if known[place]]
     keys = [name for name in _POINTS if name in rows]
     first = ~rows.iloc[ordered].duplicated(keys).to_numpy(bool)
-    return rows.iloc[np.sort(np.array(ordered, np.intp)[first])]
+    chosen = rows.iloc[np.sort(np.array(ordered, np.intp)[first])]
+    return chosen if len(chosen) == len(rows) else _as_reported(chosen)
+
+
+def _as_reported(rows: pd.DataFrame) -> pd.DataFrame:
+    for ratio in (OVER_SINGLE, OVER_PACKETS):
+        if f"{ratio}{REST}" in rows:
+            known = rows[f"{ratio}{REST}"].notna()
+            ends = [end for end in ("", "_low", "_high") if f"{ratio}{end}" in rows]
+            rows = rows.assign(**{
+                f"{ratio}{end}": rows[f"{ratio}{end}"].mask(known, rows[f"{ratio}{REST}{end}"]) for end in ends
+            })  # fmt: skip
+    return rows
 
 
 def draw_ratio_baselines(axis: Axes, rows: pd.DataFrame, ratio: str, upright: bool = False) -> float:

@@ -11,7 +11,6 @@ from rich.table import Table
 
 from atra.errors import printable
 from experiments.methods.naming import TIMES, best_of, say_kind, say_split
-from experiments.results.claims import Claim, judge_all
 from experiments.results.settings import say_setting, settings_that_vary
 from experiments.workloads.resources import say_ms
 from experiments.workloads.series import best_rows
@@ -90,11 +89,3 @@ def points_table(title: str, rows: pd.DataFrame, columns: Mapping[str, tuple[str
         numbers = [form.format(row[name]) if pd.notna(row[name]) else "" for name, form in columns.values()]
         table.add_row(plain(row["scene"], *varying_words(row, varying)), *numbers)
     return table
-
-
-def claim_lines(claims: Sequence[Claim], rows: pd.DataFrame, but: Sequence[str] = ()) -> Iterator[str]:
-    """A line for every claim: its verdict, unless that is one of `but`, its value and the reason."""
-    for judged in judge_all(claims, rows):
-        if judged.verdict not in but:
-            told = ", ".join(filter(None, [judged.value, judged.why]))
-            yield f"{judged.text} {judged.verdict}{f' ({told})' if told else ''}"

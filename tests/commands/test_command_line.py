@@ -48,7 +48,7 @@ def run(folder, *arguments, scenes=None, **variables):
     (["sweep=horizontal", "method.spilt_x=2"], "reference; did you mean method.split_x?"),
     (["packet_width=8"], "debug; did you mean method.packet_width?"),
     (["+eye=[0,1,3]"], "debug; did you mean scene.eye?"),
-    (["measure.round=3"], "memory_budget_gib; did you mean measure.rounds?"),
+    (["measure.round=3"], "quiet_only; did you mean measure.rounds?"),
     (["scene.eye=3,1,3"], "scene.eye is a list, which brackets hold together, and quotes the brackets: 'scene.eye=["),
     (["sweep=horizontal", "scene.up=0,1,0"], "scene.up is a list, which brackets hold together, and quotes"),
     (["scene.nonsense=1"], "unknown field 'nonsense' of scene, expected one of name, source, path"),

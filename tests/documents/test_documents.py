@@ -24,7 +24,7 @@ NOT_MEASURED = {
     "README.md": {"95 %"},
     "docs/start.md": {"95 %", "35.1%"},  # what its example prints
     "docs/lightmaps.md": {"1 %", "99 %"},  # an adaptive bake's target
-    "docs/sweeps.md": {"95 %", "10 %"},  # the canary's band
+    "docs/sweeps.md": {"95 %", "10 %", "5 %"},  # the canary's band; a busy core
     "docs/paper.md": {"95 %"},
     "docs/not_helpful.md": {"5 %"},  # the error that was asked for
     "docs/trust.md": {"95 %", "10 %", "128 MiB"},  # simulated by test_estimates; limits

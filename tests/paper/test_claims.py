@@ -20,6 +20,9 @@ IMPOSSIBLE_TOGETHER = {"cost-model", "nearest-alone-may-lose"}
 """Times that follow log(N_p) N_r fall without end, so no table can confirm it beside a minimum of time; and who
 gains as much as in the paper does not lose."""
 
+NO_NUMBER = {"easy-to-implement", "no-early-end", "stereo-and-frames"}
+"""Sentences that no table can judge."""
+
 
 @pytest.fixture(scope="module")
 def agreeing():
@@ -53,7 +56,7 @@ def verdict(table, claim_id):
 
 def test_every_claim_holds_on_a_table_that_agrees_with_the_paper_and_any_other_verdict_has_a_reason(agreeing):
     verdicts = {(one.id, one.reading): one.verdict for one in judge_claims(agreeing)}
-    assert {name for (name, _), verdict in verdicts.items() if verdict != "holds"} == IMPOSSIBLE_TOGETHER
+    assert {name for (name, _), verdict in verdicts.items() if verdict != "holds"} == IMPOSSIBLE_TOGETHER | NO_NUMBER
     assert {verdicts["cost-model", ""], verdicts["nearest-alone-may-lose", "nearest hit"]} == {"does not hold"}
     for one in (*judge_claims(agreeing), *judge_claims(agreeing_table(("sponza",)))):
         assert bool(one.why) is (one.verdict != "holds"), one
@@ -62,7 +65,12 @@ def test_every_claim_holds_on_a_table_that_agrees_with_the_paper_and_any_other_v
 
 SINGLE = {"workload": "frame", "packet_width": 1, "scene": "sponza"}
 FLIPS = {
-    "one-axis-beats-both": lambda t: scaled(t, 1.5, **SINGLE, split_x=4, split_y=2),
+    "one-axis-beats-both": lambda t: scaled(t, 1.5, **SINGLE, split_x=16, split_y=16),
+    "one-axis-beats-both-of-as-many-cells": lambda t: scaled(t, 1.5, **SINGLE, split_x=4, split_y=2),
+    "culling-saves-memory": lambda t: scaled(t, 9, "embree_bytes", **SINGLE, split_x=2, culling=True),
+    "any-divisor-works": lambda t: t.assign(
+        pixels_wrong=t["pixels_wrong"].where(~where(t, **SINGLE, split_x=2, split_y=1, culling=True), 1)
+    ),
     "axes-differ-little": lambda t: scaled(t, 1.5, **SINGLE, split_x=8, split_y=1, culling=True),
     "horizontal-slightly-better": lambda t: scaled(t, 2, **SINGLE, split_x=1, split_y=4),
     "culling-off-slows-again": lambda t: scaled(t, 3, **SINGLE, split_x=1024, culling=False),
@@ -72,7 +80,7 @@ FLIPS = {
     "best-speedup-sponza": lambda t: scaled(t, 0.9, **SINGLE, culling=True),
     "build-grows": lambda t: scaled(t, 0.4, "build_over_plain", workload="build", scene="sponza", split_x=1024),
     "overlap-lowers-quality": lambda t: scaled(
-        t, 0.01, "boxes_entered", workload="build", scene="sponza", split_x=1024
+        t, 0.01, "boxes_entered", workload="build", scene="sponza", split_x=1024, culling=False
     ),
     "memory-grows": lambda t: scaled(t, 0.4, "embree_bytes", workload="memory", scene="sponza", split_x=1024),
     "build-little-affected-to-16": lambda t: longer_build(t, "sponza", 8),
@@ -116,7 +124,7 @@ def test_a_claim_about_some_scene_fails_only_when_the_last_scene_fails(agreeing,
 
 
 def test_every_claim_but_the_cost_model_is_flipped_above_best_speedups_on_one_scene():
-    left = {claim.id for claim in CLAIMS} - FLIPS.keys() - SOME.keys() - IMPOSSIBLE_TOGETHER
+    left = {claim.id for claim in CLAIMS} - FLIPS.keys() - SOME.keys() - IMPOSSIBLE_TOGETHER - NO_NUMBER
     assert left == {f"best-speedup-{scene}" for scene in list(PAPER_SCENES)[:3]}
 
 
@@ -159,14 +167,14 @@ def test_a_missing_column_leaves_its_claims_not_measured_and_the_others_as_they_
     changed = {one for one in before if before[one] != after[one]}
     assert changed
     assert {after[one] for one in changed} == {"not measured"}
-    concerned = {"build_over_plain": "build", "embree_bytes": "memory", "pixels_wrong": "image"}
+    concerned = {"build_over_plain": "build", "embree_bytes": "memory", "pixels_wrong": "image|divisor"}
     if column in concerned:
-        assert all(concerned[column] in claim_id for claim_id, _ in changed)
+        assert all(re.search(concerned[column], claim_id) for claim_id, _ in changed)
 
 
 def test_a_missing_scene_leaves_a_claim_not_measured_unless_another_scene_refutes_it(agreeing):
     without = agreeing[~where(agreeing, scene="mitsuba")]
-    assert "sponza: 1.20" in not_measured(without, "one-axis-beats-both", "mitsuba").value
+    assert "sponza: 1.04" in not_measured(without, "one-axis-beats-both", "mitsuba").value
     assert verdict(FLIPS["one-axis-beats-both"](without), "one-axis-beats-both") == "does not hold"
 
 
@@ -199,10 +207,13 @@ def test_what_is_chosen_as_best_is_not_reported_by_the_processes_it_was_chosen_b
     assert finding(lucky_table, "best-speedup-sponza").value == "1.52 at 64 x 1"
 
 
-def test_fewer_than_three_processes_decide_nothing_and_five_are_needed_for_a_best(agreeing):
-    not_measured(agreeing[agreeing["process"] < 2], "axes-differ-little", "2 processes, at least 3 are needed")
-    assert verdict(agreeing[agreeing["process"] < 3], "axes-differ-little") == "holds"
-    not_measured(agreeing[agreeing["process"] < 4], "best-speedup-sponza", "2 processes, at least 3 are needed")
+def test_single_processes_decide_nothing_and_few_borrow_the_variance_of_all_points(agreeing):
+    alone = agreeing[agreeing["process"] < 1]
+    not_measured(alone, "axes-differ-little", "1 processes, at least 3 are needed")
+    not_measured(alone, "best-speedup-sponza", "0 processes, at least 3 are needed")
+    assert verdict(agreeing[agreeing["process"] < 2], "axes-differ-little") == "holds"
+    few = agreeing[(agreeing["process"] < 1) | ~where(agreeing, **SINGLE, split_x=8, split_y=1, culling=True)]
+    assert verdict(few, "axes-differ-little") == "holds"
 
 
 def test_the_two_readings_differ_by_what_gathering_all_hits_costs_at_one_split(agreeing):
@@ -281,6 +292,8 @@ def test_stand_ins_are_named_and_never_compared_with_the_papers_numbers(agreeing
     for scene, name in STAND_INS.items():
         rows += [{**row, "scene": name, "stands_for": scene} for row in agreeing_rows(scene)]
     for one in judge_claims(table_of(rows)):
+        if one.id in NO_NUMBER:
+            continue
         best_speedup = one.id.startswith("best-speedup")
         if (best_speedup and "cornell_box" not in one.id) or one.id == "larger-scenes-gain-less":
             assert (one.verdict, one.value) == ("not measured", ""), one
@@ -309,7 +322,7 @@ def test_two_machines_or_two_build_qualities_are_refused_and_both_named_and_so_i
     table.loc[where(table, **SINGLE), column] = value
     for one in judge_claims(table):
         assert one.verdict == "not measured"
-        assert said in one.why
+        assert one.id in NO_NUMBER or said in one.why
     twice = agreeing[where(agreeing, **SINGLE, split_x=2, split_y=2)].assign(point_id="another")
     not_measured(pd.concat([agreeing, twice]), "one-axis-beats-both", "2 points")
 

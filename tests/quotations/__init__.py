@@ -2,7 +2,9 @@
 
     python -m tests.quotations
 
-writes the rows into the pages, below their marks (`<!-- rows: name -->`), and prints the phrases, to be put in by hand.
+judges every claim anew from the processes that are kept, by the one rule (`experiments.results.verdicts`), writes
+claims.json and the rows of the pages, below their marks (`<!-- rows: name -->`), and prints phrases that pages lack.
+With `--check` it writes nothing, and fails where anything differs.
 tests/documents/test_documents.py looks for each of them. reports/reference/tables.md has every table.
 """
 
@@ -69,7 +71,7 @@ QUOTED = {
         "frame": [pictures.whole_pictures],
         "classification": [
             classification.classified_rays, classification.memory_of_shafts, classification.packets_from_lists,
-            classification.eyes_that_move,
+            classification.eyes_that_move, classification.verdicts_on_shafts,
         ],
         "bake": [bake.means_of_a_bake, bake.verdicts_on_lightmaps],
         "bake_denoise": [bake.finished_maps, bake.verdicts_on_finishing],

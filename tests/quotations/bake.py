@@ -108,7 +108,7 @@ def bias_of_adaptive(kept):
 
 def _verdicts(kept, claims):
     """A row a claim."""
-    judged = (one for claim in claims for one in judge_claim(claim, kept.points))
+    judged = (one for claim in claims for one in judge_claim(claim, kept.processes))
     return (table_row(one.text, one.value or "-", one.verdict) for one in judged)
 
 

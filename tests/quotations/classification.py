@@ -77,3 +77,9 @@ def eyes_that_move(kept):
         own = each_scene(moving, method=CLASSIFIED.name, packet_width=width)
         yield line(f"shafts of an eye, {words}", own, "", time_and_gain)
     yield line("culled tiles", each_scene(moving, method="tiles"), "", time_and_gain)
+
+
+def verdicts_on_shafts(kept):
+    """On what Hendrich et al. claim of ray classification."""
+    for claim in kept.claims:
+        yield table_row(claim["text"], claim["value"] or "-", claim["verdict"])

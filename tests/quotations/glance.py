@@ -3,9 +3,7 @@
 import pandas as pd
 
 from experiments.methods import find_method
-from experiments.results.claims import judge_claim
 from experiments.workloads.bake import Against
-from experiments.workloads.bake_rays.shown import CLAIMS as PREDICTIONS
 from experiments.workloads.classification.claims import KINDS, usual
 from experiments.workloads.frame.shown import best_baselines
 from tests.quotations.gathering import in_packets
@@ -130,9 +128,10 @@ def _over_mitsuba(kept):
 
 def sun_in_the_box(kept):
     """Rays from texels to the sun: packets over aligned rays."""
-    found = {claim.id: one.value or "" for claim in PREDICTIONS for one in judge_claim(claim, kept.points)}
-    box, deep = found["sun-gains-in-the-box"], found["sun-gains-nothing-in-deep-scenes"]
-    yield f"{box} times as fast as packets in the Cornell box, and {deep} times in deep scenes"
+    sun = of(kept.points, use="sun")
+    box = sun[sun["scene"].eq("cornell_box") & sun["positions"].ge(16)]
+    inside, deep = (span(rows["packets_over_aligned"]) for rows in (box, sun[sun["scene"].ne("cornell_box")]))
+    yield f"{inside} times as fast as packets in the Cornell box, and {deep} times in deep scenes"
 
 
 def light_bundles(kept):

@@ -1,6 +1,7 @@
 """What the pages quote of sweep=growth."""
 
-from experiments.workloads.frame.growth import fitted_slope, growth_panels, growths
+from experiments.workloads.frame.exponents import exponents
+from experiments.workloads.frame.growth import growth_panels, growths
 from tests.quotations.quotation import digits, table_row
 
 _WORDS = {"subdivided": "subdivided", "copies": "copies as one mesh", "pixels": "larger images"}
@@ -8,16 +9,17 @@ _METHODS = ("pixel", "visible_first", "raster")
 
 
 def growth_of_methods(kept):
-    """What grows and how far, the exponents of time, and visible-first and the rasteriser over packets at both ends."""
+    """What grows and how far, exponents of packets' time and of the others' over packets, and both ends of these."""
+    found = {(panel.title, method): k for panel, method, k in exponents(kept.processes)}
     for panel in growth_panels(kept.points):
         of_method = {one.method: one for one in growths(panel)}
         assert set(of_method) == set(_METHODS), f"{panel.title} has {sorted(of_method)}"
-        exponents = [fitted_slope(of_method[name].sizes, of_method[name].time_s) for name in _METHODS]
+        fitted = [found.get((panel.title, name)) for name in _METHODS]
         sizes = of_method["raster"].sizes
         yield table_row(
             f"`{panel.scene}`, {_WORDS[panel.axis]}",
             f"{sizes[0]:,.0f} to {sizes[-1]:,.0f} {panel.unit}",
-            *(f"{exponent:.2f}" for exponent in exponents),
+            *("too few sizes" if k is None else f"{k.value:.2f} {k.interval()}" for k in fitted),
             *(_both_ends(of_method[name]) for name in ("visible_first", "raster")),
         )
 

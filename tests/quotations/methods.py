@@ -4,7 +4,7 @@ import pandas as pd
 
 from experiments.methods import find_method
 from experiments.results.statistics import Estimate
-from experiments.workloads.frame.break_even import baseline_costs, break_even_frames, cost_of
+from experiments.workloads.frame.break_even import baseline_costs, break_even_interval, cost_of
 from experiments.workloads.frame.shown import best_baselines
 from tests.quotations.quotation import (
     SCENES,
@@ -25,20 +25,25 @@ from tests.quotations.quotation import (
 COMPARED = ("raster", "visible_first", "aligned")
 
 
+def _frame(number):
+    return "never" if number is None else f"{number:,}"
+
+
 def frames_of_each_method(kept):
     """Scene, triangles, packets in ms, and over packets: aligned, visible-first, from which frame on, raster."""
     table = of(kept.points, workload="frame")
     for scene in SCENES:
         raster, visible_first, aligned = (best(table, scene=scene, method=name) for name in COMPARED)
         cost, packets = cost_of(visible_first), baseline_costs(of(table, scene=scene))
-        ahead = None if cost is None else break_even_frames(cost, packets.values())
+        gains = [visible_first[f"speedup_vs_packets{end}"] for end in ("", "_high", "_low")]
+        middle, first, last = map(_frame, break_even_interval(cost, gains, packets.values()))
         yield table_row(
             f"`{scene}`",
             f"{aligned['triangles']:,}",
             milliseconds(aligned["packets_render_time_s"]),
             interval(aligned, "speedup_vs_packets"),
             interval(visible_first, "speedup_vs_packets"),
-            "never" if ahead is None else f"{ahead:,}",
+            middle if first == last else f"{middle} [{first}, {last}]",
             interval(raster, "speedup_vs_packets"),
         )
     assert set(table["pixels_wrong"].dropna()) == {0}

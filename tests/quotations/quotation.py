@@ -12,6 +12,7 @@ from typing import Any
 
 import pandas as pd
 
+from experiments.results.intervals import with_intervals
 from experiments.results.table import rename_workloads
 from experiments.workloads.series import best_rows
 from tests.folders import ROOT
@@ -65,6 +66,8 @@ def kept_in(folder: Path) -> Kept:
         rename_workloads(pd.read_parquet(path)) if path.exists() else pd.DataFrame()
         for path in (folder / "table.parquet", folder / "processes.parquet")
     )
+    if len(processes):
+        points = with_intervals(points, processes)
     claims = folder / "claims.json"
     return Kept(points, processes, json.loads(claims.read_text(encoding="utf-8")) if claims.exists() else [])
 

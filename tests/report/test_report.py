@@ -117,10 +117,10 @@ def test_readings_that_part_are_seen_at_a_glance_and_an_inference_is_called_one(
     assert verdicts == ["holds under one reading only", "does not hold", "holds"]
     assert re.findall(r'<span class="reading">([^<]*)</span>', best) == ["nearest hit", "all hits"]
     (inferred,) = re.findall(r'<tbody[^>]*id="claim-larger-scenes-gain-less">.*?</tbody>', full_page, re.S)
-    assert full_page.count("An inference from the paper") == inferred.count("An inference from the paper") == 1
-    assert (
-        "Of 24 claims, inferences not counted: holds 19, holds under one reading only 4, does not hold 1." in full_page
-    )
+    assert inferred.count("An inference from the paper") == 1
+    assert full_page.count("An inference from the paper") == 2
+    said = "Of 29 claims, inferences not counted: holds 21, holds under one reading only 4, does not hold 1"
+    assert said in full_page
 
 
 def test_the_page_says_how_many_processes_were_left_out_and_how_busy_the_machine_was():

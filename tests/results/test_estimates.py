@@ -6,7 +6,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from experiments.results.statistics import Estimate, Interval, best_of, decide_greater, fit_exponent, geometric_mean
+from experiments.results.statistics import Estimate, Interval, best_of, fit_exponent, geometric_mean
+from experiments.results.verdicts import decide_greater
 
 Draw = Callable[[np.random.Generator, int], np.ndarray]
 

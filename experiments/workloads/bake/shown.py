@@ -17,11 +17,10 @@ from experiments.drawing.bars import Bar, Stack, draw_bars, draw_stacks, finish_
 from experiments.drawing.pages import add_legend, write_foot
 from experiments.drawing.style import BLUE, DASHED, GREY, ORANGE, SKY, VERMILLION
 from experiments.drawing.values import MILLISECONDS, column, numbers, say_number
-from experiments.results.claims import NOT_MEASURED
 from experiments.workloads.bake import BAKE, STAGES, THRESHOLDS, Against
-from experiments.workloads.bake.claims import CLAIMS
+from experiments.workloads.bake.claims import CLAIMS as CLAIMS
 from experiments.workloads.panels import DrawPanel, bars_height, draw_panels, make_panels, workload_figure
-from experiments.workloads.tables import claim_lines, points_table
+from experiments.workloads.tables import points_table
 
 CLAIMS_FILE = "bake_claims"
 
@@ -35,10 +34,9 @@ _COLUMNS = {
 }
 
 
-def sweep_lines(rows: pd.DataFrame) -> Iterator[Table | str]:
-    """A line a point, then the verdict on each claim that was measured. rows: measured, of this workload."""
+def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
+    """A line a point. rows: measured, of this workload."""
     yield points_table("lightmaps", rows, _COLUMNS)
-    yield from claim_lines(CLAIMS, rows, but=[NOT_MEASURED])
 
 
 _MEGA = 1e-6

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Iterator
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -12,19 +11,12 @@ from rich.table import Table
 
 from experiments.drawing.bars import Bar, draw_bars, finish_bar_axes
 from experiments.drawing.style import BLACK, BLUE, GREEN, ORANGE, TIMES
-from experiments.drawing.values import say_number
-from experiments.results.claims import (
-    DOES_NOT_HOLD,
-    HOLDS,
-    UNDECIDED,
-    Claim,
-    Judgement,
-    NotMeasuredError,
-)
-from experiments.results.table import workload_rows
+from experiments.drawing.values import column, say_number
+from experiments.results.claims import Claim, Judge
+from experiments.results.verdicts import Bounds, Which, ratio_judge
 from experiments.workloads.bake_rays import BAKE_RAYS, Use
 from experiments.workloads.panels import bars_height, make_panels, panels_figure, workload_figure
-from experiments.workloads.tables import claim_lines, points_table
+from experiments.workloads.tables import points_table
 
 _BOX = "cornell_box"
 _FEW = 16
@@ -33,26 +25,12 @@ _HOW = (
     "processes. Above 1: aligned rays are faster."
 )
 
-Which = Callable[[pd.DataFrame], pd.Series]
 
+def _judge(use: Use, which: Which, gains: bool) -> Judge:
+    def of_use(rows: pd.DataFrame) -> pd.Series:
+        return column(rows, "use").eq(use.value).fillna(False).astype(bool) & which(rows)
 
-def judge_ratio(table: pd.DataFrame | None, use: Use, which: Which, gains: bool) -> Judgement:
-    """Whether aligned rays gain (or lose) at every point of a use: by its whole interval at each to hold, and at one
-    the other way round to fail."""
-    if table is None or "use" not in (rows := workload_rows(table, BAKE_RAYS.name)):
-        raise NotMeasuredError("no point of it is in the table")
-    rows = rows[rows["use"].eq(use.value) & which(rows) & rows["packets_over_aligned_low"].notna()]
-    if not len(rows):
-        raise NotMeasuredError("no point of it was measured by three processes")
-    low, high = rows["packets_over_aligned_low"].min(), rows["packets_over_aligned_high"].max()
-    told = f"{rows['packets_over_aligned'].min():.2g} to {rows['packets_over_aligned'].max():.2g}"
-    above, below = rows["packets_over_aligned_low"] > 1, rows["packets_over_aligned_high"] < 1
-    right, wrong = (above, below) if gains else (below, above)
-    if right.all():
-        return Judgement(HOLDS, told, f"{low:.2g} to {high:.2g}")
-    verdict = DOES_NOT_HOLD if wrong.any() else UNDECIDED
-    why = f"{int(wrong.sum())} of {len(rows)} points lie the other way by their whole interval"
-    return Judgement(verdict, told, f"{low:.2g} to {high:.2g}", why)
+    return ratio_judge("packets_over_aligned", of_use, Bounds(low=1.0) if gains else Bounds(high=1.0))
 
 
 def _all(rows: pd.DataFrame) -> pd.Series:
@@ -62,7 +40,7 @@ def _all(rows: pd.DataFrame) -> pd.Series:
 CLAIMS_FILE = "predictions/claims"
 
 CLAIMS = tuple(
-    Claim(name, "predictions", text, "", _HOW, {"": partial(judge_ratio, use=use, which=which, gains=gains)})
+    Claim(name, "predictions", text, "", _HOW, {"": _judge(use, which, gains)})
     for name, text, use, which, gains in (
         (
             "sun-gains-in-the-box", "Rays to the sun from many positions of each texel, aligned once, gain in the box.",
@@ -92,11 +70,10 @@ _COLUMNS = {
 }
 
 
-def sweep_lines(rows: pd.DataFrame) -> Iterator[Table | str]:
-    """A line a point, then the verdict on each prediction. rows: measured, of this workload."""
+def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
+    """A line a point. rows: measured, of this workload."""
     milliseconds = rows.assign(aligned_time_ms=rows["aligned_time_s"] * 1e3)
     yield points_table("aligned rays of a bake, plan and build included", milliseconds, _COLUMNS)
-    yield from claim_lines(CLAIMS, rows)
 
 
 _COLOURS = {Use.sun.value: ORANGE, Use.sky.value: BLUE, Use.bundle.value: GREEN}

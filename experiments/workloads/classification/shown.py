@@ -16,6 +16,7 @@ from experiments.drawing.values import numbers, say_number
 from experiments.methods.naming import best_of, say_kind
 from experiments.results.settings import settings_that_vary
 from experiments.workloads.classification import CLASSIFICATION, Kind
+from experiments.workloads.classification.claims import CLAIMS as CLAIMS
 from experiments.workloads.classification.claims import usual
 from experiments.workloads.panels import make_panels, panels_figure, workload_figure
 from experiments.workloads.resources import say_ms

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, replace
 from math import floor
 from typing import Any
 
@@ -103,6 +103,13 @@ def break_even_frames(cost: Cost, baselines: Iterable[Cost]) -> int | None:
     """
     frames = [_ahead_of(cost, baseline) for baseline in baselines]
     return None if None in frames else max(one for one in frames if one is not None)
+
+
+def break_even_interval(cost: Cost, gains: Iterable[float], baselines: Collection[Cost]) -> list[int | None]:
+    """`break_even_frames` for each of some speed-ups over packets, such as both ends of an interval."""
+    packets_s = cost.packets_frame_time_s
+    assert packets_s is not None
+    return [break_even_frames(replace(cost, frame_time_s=packets_s / gain), baselines) for gain in gains]
 
 
 def _ahead_of(cost: Cost, baseline: Cost) -> int | None:

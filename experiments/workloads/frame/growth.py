@@ -177,12 +177,8 @@ def say_crossings(panel: Panel) -> Iterator[str]:
 
 
 def growth_lines(rows: pd.DataFrame) -> Iterator[str]:
-    """What grows how, for the terminal."""
+    """Where one method overtakes another as something grows, for the terminal."""
     for panel in growth_panels(rows):
-        for one in growths(panel):
-            slope = fitted_slope(one.sizes, one.time_s)
-            if slope is not None:
-                yield f"{panel.title}: a frame of {one.name} grows as {panel.unit}^{slope:.2f}"
         yield from (f"{panel.title}: {line}" for line in say_crossings(panel))
 
 

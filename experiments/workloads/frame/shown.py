@@ -15,10 +15,12 @@ from experiments.methods import METHODS
 from experiments.methods.naming import aligned_rows, best_of, say_point
 from experiments.methods.pixel import PIXEL
 from experiments.results.settings import say_setting, settings, settings_that_vary
-from experiments.results.statistics import Estimate, decide_greater
+from experiments.results.statistics import Estimate
 from experiments.results.statistics import best_of as best_candidate
+from experiments.results.verdicts import decide_greater
 from experiments.workloads.frame import FRAME
 from experiments.workloads.frame.break_even import draw_break_even_figure
+from experiments.workloads.frame.exponents import exponent_lines
 from experiments.workloads.frame.grid_figure import draw_grid_ratios, draw_grid_times
 from experiments.workloads.frame.growth import draw_growth_figure, growing_rows, growth_lines
 from experiments.workloads.frame.peers_figure import draw_peers_figure
@@ -29,7 +31,7 @@ from experiments.workloads.tables import best_split_table
 
 
 def sweep_lines(rows: pd.DataFrame) -> Iterator[Table | str]:
-    """The best splits, how times grow, where triangles or pixels do, and the price of Embree's robust setting, where
+    """The best splits, who overtakes whom as triangles or pixels grow, and the price of Embree's robust setting where
     both were measured. rows: those of this workload that were measured."""
     yield best_split_table(rows, "pixels_wrong")
     yield from growth_lines(rows)
@@ -37,8 +39,10 @@ def sweep_lines(rows: pd.DataFrame) -> Iterator[Table | str]:
 
 
 def process_lines(rows: pd.DataFrame) -> Iterator[str]:
-    """Which packets per pixel are the fastest, where several were tried. rows: of every process that measured."""
+    """Which packets per pixel are the fastest, where several were tried, and how times grow. rows: of every process
+    that measured."""
     yield from baseline_lines(rows)
+    yield from exponent_lines(rows)
 
 
 _POINT = ("scene", "method", "packet_width", "split_x", "split_y")

@@ -1,0 +1,174 @@
+"""`atra rays SCENE`: files of rays for other programs, with digests, and how difficult the scene is for them."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from atra.all_hits.reductions import Count
+from atra.errors import InputError
+from atra.files.paths import write_atomically
+from atra.geometry.camera import Camera
+from atra.geometry.mesh import Mesh
+from atra.hits import Hits
+from atra.raster.tracer import RasterTracer
+from atra.rays.ray_sets import SHORTEST, ray_set
+from atra.rays.rays import Rays
+from experiments.commands.program import COMMAND
+from scenes.built_in import BUILT_IN
+from scenes.generated import FAMILIES
+from scenes.loading import SceneSource, load_scene
+from scenes.scene import Scene
+
+SIZES = {"small": 64, "middle": 256, "large": 1024}
+"""Pixels along each side of the image that the rays are of."""
+
+OF_IMAGE = {"primary": "primary", "ambient": "occlusion", "bounces": "diffuse"}
+"""Kind of a file -> kind of `atra.rays.ray_sets.ray_set`."""
+
+KINDS = ("primary", "shadow", "ambient", "bounces", "parallel", "random")
+"""Rays of the image's pixels; from what they hit to a lamp under the ceiling, as any hit will do; the same to places
+nearby; one bounce; side by side along one direction; and from anywhere to anywhere."""
+
+_COUNTED = 1 << 14
+"""Rays of a batch, about, whose boxes are counted."""
+
+_USAGE = f"expected: {COMMAND} rays cornell_box terrain_100000 [size=small,middle,large] [output=FOLDER]"
+
+
+@dataclass(frozen=True)
+class RayFile:
+    """A batch of rays and what is known of it. crossed: triangles along a ray of the image, on average. boxes: of our
+    own BVH that a ray of the batch enters until its nearest hit."""
+
+    scene: str
+    triangles: int
+    kind: str
+    size: str
+    rays: int
+    sha256: str
+    crossed: float
+    boxes: float
+
+    @property
+    def name(self) -> str:
+        return f"{self.scene}_{self.kind}_{self.size}.npz"
+
+
+def run_rays(arguments: Sequence[str]) -> list[Path]:
+    """Write a file for each scene, kind and size, and a list of them, into a folder. Raises InputError for no scene, an
+    unknown one, and an unknown size."""
+    options = dict(one.split("=", 1) for one in arguments if "=" in one)
+    names = [one for one in arguments if "=" not in one]
+    sizes = options.pop("size", ",".join(SIZES)).split(",")
+    folder = Path(options.pop("output", "rays"))
+    if not names or options or not set(sizes) <= SIZES.keys():
+        raise InputError(_USAGE)
+    folder.mkdir(parents=True, exist_ok=True)
+    paths, listed = [], []
+    for name in names:
+        for size in sizes:
+            for one, rays in ray_files(scene_of(name), size):
+                paths.append(folder / one.name)
+                write_atomically(paths[-1], as_bytes(rays))
+                listed.append(one)
+                print(f"{one.name}: {one.rays:,} rays, {one.boxes:.1f} boxes a ray, sha256 {one.sha256[:16]}")
+    write_atomically(folder / "rays.csv", table_of(listed))
+    print(f"written: {folder / 'rays.csv'}")
+    return [*paths, folder / "rays.csv"]
+
+
+def scene_of(name: str) -> Scene:
+    """A built-in scene, a generated one such as terrain_100000, or one that is in the folder of fetched scenes."""
+    if name in BUILT_IN:
+        return load_scene(SceneSource.procedural, name, None)
+    if name.rpartition("_")[0] in FAMILIES:
+        return load_scene(SceneSource.generated, name, None)
+    return load_scene(SceneSource.directory, name, None)
+
+
+def ray_files(scene: Scene, size: str) -> Iterator[tuple[RayFile, Rays]]:
+    """All kinds of one size."""
+    from atra.bvh.scene import BvhScene
+    from atra.bvh.single import BOXES
+
+    mesh, side = scene.mesh, SIZES[size]
+    camera = Camera(**scene.camera, width=side, height=side)
+    with RasterTracer(mesh, camera) as tracer:
+        hits = tracer.trace()
+        crossed = float(tracer.gather(Count()).count.mean())
+    with BvhScene(mesh) as bvh:
+        for kind in KINDS:
+            rays = rays_of(kind, mesh, hits)
+            some = _every(rays, max(1, len(rays) // _COUNTED))
+            _, counts = bvh.count(bvh.prepare(some), kind in ("shadow", "ambient"))
+            boxes = float(counts[BOXES]) / max(len(some), 1)
+            digest = digest_of(rays)
+            yield RayFile(scene.name, mesh.triangle_count, kind, size, len(rays), digest, crossed, boxes), rays
+
+
+def rays_of(kind: str, mesh: Mesh, hits: Hits) -> Rays:
+    """One of KINDS. hits: the image of the mesh whose pixels they start from, or of which there are as many."""
+    if kind in OF_IMAGE:
+        return ray_set(OF_IMAGE[kind], mesh, hits.camera, hits)
+    low, size = mesh.bounds[0].astype(np.float64), np.ptp(mesh.bounds, axis=0).astype(np.float64)
+    if kind == "shadow":
+        places = hits.points[hits.hit].astype(np.float64)
+        lamp = low + size * (0.5, 0.9, 0.5)
+        return _rays(places, lamp - places, SHORTEST, 1.0)
+    side = hits.camera.width
+    if kind == "parallel":
+        down, across = np.divmod(np.arange(side * side), side)
+        direction = np.array([0.25, -1.0, 0.125])
+        places = low + size * np.stack([(across + 0.5) / side, np.full(side * side, 1.0), (down + 0.5) / side], axis=1)
+        reach = size[1] * direction
+        return _rays(places - reach, np.broadcast_to(direction, places.shape), 0.0, np.inf)
+    if kind == "random":
+        random = np.random.default_rng(7)
+        ends = low + size * random.random((2, side * side, 3))
+        return _rays(ends[0], ends[1] - ends[0], 0.0, np.inf)
+    raise InputError(f"kind of rays is {kind!r}, expected one of {', '.join(KINDS)}")
+
+
+def _rays(origins: np.ndarray, directions: np.ndarray, tnear: float, tfar: float) -> Rays:
+    ends = (np.full(len(origins), end, np.float32) for end in (tnear, tfar))
+    return Rays(origins.astype(np.float32), directions.astype(np.float32), *ends)
+
+
+def _every(rays: Rays, step: int) -> Rays:
+    return Rays(rays.origins[::step], rays.directions[::step], rays.tnear[::step], rays.tfar[::step])
+
+
+_PARTS = ("origins", "directions", "tnear", "tfar")
+
+
+def digest_of(rays: Rays) -> str:
+    """SHA-256 of origins, directions, tnear and tfar, float32 little-endian, one array after the other."""
+    digest = hashlib.sha256()
+    for part in _PARTS:
+        digest.update(np.ascontiguousarray(getattr(rays, part), "<f4").tobytes())
+    return digest.hexdigest()
+
+
+def as_bytes(rays: Rays) -> bytes:
+    """An NPZ file with the four arrays by name."""
+    buffer = io.BytesIO()
+    np.savez(buffer, **{part: getattr(rays, part) for part in _PARTS})
+    return buffer.getvalue()
+
+
+def table_of(files: Sequence[RayFile]) -> bytes:
+    """A line a file, as comma-separated values."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(RayFile.__dataclass_fields__)
+    for one in files:
+        told = (f"{value:.4g}" if isinstance(value, float) else value for value in vars(one).values())
+        writer.writerow(told)
+    return text.getvalue().encode()

@@ -1,0 +1,107 @@
+"""A quiet machine: a sweep waits while other processes, or other machines on the same hardware, use its cores."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import psutil
+
+from atra.errors import InputError
+from experiments.harness.environment import BUSY_SHARE, Moment
+
+LIMIT_VARIABLE = "ATRA_QUIET_LIMIT_S"
+"""Environment variable in place of `measure.quiet_limit_s`; tests, which measure nothing, set it to 0."""
+
+_LOOK_S = 1.0
+_PAUSE_S = 4.0
+_MOST_NAMED = 3
+
+
+@dataclass(frozen=True)
+class Busy:
+    """What uses the cores. others, stolen: cores that other processes and other machines use, 0.05 = 5 % of one.
+    names: of the processes that use most, each with its share of a core."""
+
+    others: float
+    stolen: float
+    names: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def is_quiet(self) -> bool:
+        return self.others <= BUSY_SHARE and self.stolen <= BUSY_SHARE
+
+    def __str__(self) -> str:
+        named = ", ".join(f"{name} {share:.0%}" for name, share in self.names)
+        stolen = f"other machines {self.stolen:.0%}" if self.stolen > BUSY_SHARE else ""
+        return ", ".join(filter(None, [named or f"other processes {self.others:.0%}", stolen])) + " of a core"
+
+
+def look_around(seconds: float = _LOOK_S) -> Busy:
+    """What uses the cores of this process for so many seconds, this process not counted."""
+    before, start = _process_times(), Moment.now()
+    time.sleep(seconds)
+    found = start.until(Moment.now())
+    used = {
+        (pid, name): (spent - before[pid, name]) / seconds
+        for (pid, name), spent in _process_times().items()
+        if (pid, name) in before
+    }
+    most = sorted(used.items(), key=lambda one: -one[1])[:_MOST_NAMED]
+    names = tuple((name, share) for (_, name), share in most if share > BUSY_SHARE / 2)
+    if found is None:
+        return Busy(0.0, 0.0)
+    return Busy(found.others_share * start.cores, (found.stolen_share or 0.0) * start.cores, names)
+
+
+def _process_times() -> dict[tuple[int, str], float]:
+    """Seconds of processor of every process but this one, by number and name."""
+    found = {}
+    for process in psutil.process_iter(["pid", "name", "cpu_times"]):
+        spent = process.info["cpu_times"]
+        if spent is not None and process.info["pid"] != os.getpid():
+            found[process.info["pid"], str(process.info["name"])] = spent.user + spent.system
+    return found
+
+
+@dataclass
+class Waiting:
+    """Waits for a quiet machine, `limit_s` seconds in all; tell is called once for each wait, with what is waited for,
+    and once when the time is used up. needed: then InputError is raised."""
+
+    limit_s: float
+    tell: Callable[[str], None]
+    needed: bool = False
+    look: Callable[[], Busy] = look_around
+    clock: Callable[[], float] = time.monotonic
+    sleep: Callable[[float], None] = time.sleep
+    spent_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.limit_s = float(os.environ.get(LIMIT_VARIABLE, self.limit_s))
+
+    def for_quiet(self) -> bool:
+        """Whether the machine is quiet, at once or after some waiting. False as soon as the time is used up, or
+        InputError where it is needed."""
+        if self.spent_s >= self.limit_s:
+            return self._given_up()
+        start, told = self.clock(), False
+        while not (busy := self.look()).is_quiet:
+            waited = self.spent_s + self.clock() - start
+            if waited >= self.limit_s:
+                self.spent_s = waited
+                self.tell(f"the machine is still not quiet after {waited:.0f} s: {busy}")
+                return self._given_up()
+            if not told:
+                self.tell(f"waiting for a quiet machine, {self.limit_s - waited:.0f} s at most: {busy}")
+                told = True
+            self.sleep(_PAUSE_S)
+        self.spent_s += self.clock() - start if told else 0.0
+        return True
+
+    def _given_up(self) -> bool:
+        if self.needed and self.limit_s > 0:
+            raise InputError("the machine is not quiet; the same command goes on from here")
+        return False

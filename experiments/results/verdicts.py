@@ -1,0 +1,214 @@
+"""The one rule of verdict, of the paper's claims and of all others.
+
+A number is inside its bounds when its whole 95 % interval is, outside when the whole interval is, and otherwise open;
+what is counted has no interval. A claim about every case, a scene or a point of one, holds when all cases are inside
+and fails when one is outside. A claim that something happens on some scene holds when one is inside and fails when all
+are outside. Else it was not measured where that is so of a case, and is undecided.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
+
+from experiments.results.claims import (
+    DOES_NOT_HOLD,
+    HOLDS,
+    NOT_MEASURED,
+    UNDECIDED,
+    Judge,
+    Judgement,
+    NotMeasuredError,
+)
+from experiments.results.statistics import Estimate, Interval, Pool
+
+Known = Estimate | Interval | float
+"""A number with its interval, or one that is counted."""
+
+
+def ends_of(known: Known) -> tuple[float, float]:
+    """Both ends of the interval."""
+    return (known.low, known.high) if isinstance(known, Estimate | Interval) else (float(known), float(known))
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Between which numbers something is to lie, ends included."""
+
+    low: float = -math.inf
+    high: float = math.inf
+
+    def decide(self, known: Known) -> bool | None:
+        """Whether it does: True inside, False outside, None = open."""
+        low, high = ends_of(known)
+        if self.low <= low and high <= self.high:
+            return True
+        return False if high < self.low or low > self.high else None
+
+
+def decide_greater(known: Known, limit: float = 1.0) -> bool | None:
+    """Whether a number is above `limit`; an interval that ends there leaves it open."""
+    return None if limit in ends_of(known) else Bounds(low=limit).decide(known)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one case says: holds None = the measurement leaves it open, or there is none and then no value either.
+    why: for every outcome that is not True. stand_in: "atrium for sponza" where it is of a stand-in."""
+
+    holds: bool | None
+    value: str = ""
+    estimate: Estimate | Interval | None = None
+    why: str | None = None
+    stand_in: str | None = None
+
+    @property
+    def verdict(self) -> str:
+        """One of `VERDICTS`."""
+        if self.holds is None:
+            return UNDECIDED if self.value else NOT_MEASURED
+        return HOLDS if self.holds else DOES_NOT_HOLD
+
+
+def on_cases(cases: Iterable[tuple[str, Outcome]], every: bool = True) -> Judgement:
+    """What becomes of a claim by the rule. cases: names, of a scene most often, and what they say. every: it is about
+    all of them, otherwise about some. Raises NotMeasuredError without cases."""
+    cases = list(cases)
+    if not cases:
+        raise NotMeasuredError("no point of it is in the table")
+    verdicts = [outcome.verdict for _, outcome in cases]
+    settling = (DOES_NOT_HOLD, NOT_MEASURED, UNDECIDED) if every else (HOLDS, NOT_MEASURED, UNDECIDED)
+    verdict = next((one for one in settling if one in verdicts), verdicts[0])
+    names_by_reason: dict[str, list[str]] = {}
+    for name, outcome in cases:
+        # A claim that fails is explained by what fails; what else is missing does not matter any more.
+        relevant = verdict != DOES_NOT_HOLD or outcome.verdict == DOES_NOT_HOLD
+        if outcome.why is not None and outcome.verdict != HOLDS and relevant:
+            names_by_reason.setdefault(outcome.why, []).append(name)
+    told = any(outcome.value for _, outcome in cases)
+    values = [f"{name}: {outcome.value or '-'} ({outcome.verdict})" for name, outcome in cases]
+    intervals = [f"{name} {outcome.estimate.interval()}" for name, outcome in cases if outcome.estimate is not None]
+    reasons = "; ".join(f"{', '.join(names)}: {why}" for why, names in names_by_reason.items())
+    return Judgement(
+        verdict,
+        "; ".join(values) if told else "",
+        "; ".join(intervals) or None,
+        None if verdict == HOLDS else reasons,
+        tuple(outcome.stand_in for _, outcome in cases if outcome.stand_in and outcome.value),
+    )
+
+
+Which = Callable[[pd.DataFrame], "pd.Series[bool]"]
+"""Rows -> which of them a claim is about."""
+
+
+def measured_rows(processes: pd.DataFrame | None, which: Which | None = None) -> pd.DataFrame:
+    """The rows that were measured and that a claim is about. Raises NotMeasuredError where there are none."""
+    rows = None if processes is None else processes[processes["status"].eq("ok").fillna(False).astype(bool)]
+    if rows is not None and which is not None and len(rows):
+        rows = rows[which(rows).fillna(False).astype(bool)]
+    if rows is None or not len(rows):
+        raise NotMeasuredError("no point of it is in the table")
+    return rows
+
+
+def known_values(processes: pd.DataFrame, values: ArrayLike, pool: Pool | None = None) -> dict[Hashable, Known]:
+    """By `point_id`, what its processes say. values: one for each row, NaN where a row has none.
+
+    What all processes of a point find alike is counted. Few processes have the interval of a pooled variance, of these
+    values where no pool is given; a point without one is left out.
+    """
+    numbers = pd.Series(np.asarray(values, np.float64), index=processes["point_id"].to_numpy())
+    groups = {name: of_point.tolist() for name, of_point in numbers[np.isfinite(numbers)].groupby(level=0, sort=False)}
+    pool = pool or Pool.of(groups.values())
+    found: dict[Hashable, Known] = {}
+    for name, of_point in groups.items():
+        if len(of_point) > 1 and len(set(of_point)) == 1:
+            found[name] = of_point[0]
+        elif min(of_point) > 0:
+            try:
+                found[name] = Estimate.of(of_point, pool)
+            except ValueError:  # one process, and no variance to lend it
+                continue
+    return found
+
+
+def ratio_of(one: Known | None, other: Known | None) -> Estimate | None:
+    """Of two points that share no process; None where one of them is not known."""
+    found = [exact(known) if isinstance(known, float) else known for known in (one, other)]
+    return found[0].over(found[1]) if isinstance(found[0], Estimate) and isinstance(found[1], Estimate) else None
+
+
+def exact(value: float) -> Estimate:
+    """What is counted, as an estimate that has no error."""
+    return Estimate(math.log(value), 0.0, 1.0)
+
+
+def counted_values(processes: pd.DataFrame, values: ArrayLike) -> dict[Hashable, Known]:
+    """By `point_id`, the middle of what its processes count; there is no noise in it."""
+    numbers = pd.Series(np.asarray(values, np.float64), index=processes["point_id"].to_numpy())
+    return dict(numbers[np.isfinite(numbers)].groupby(level=0, sort=False).median().items())
+
+
+def judge_known(
+    processes: pd.DataFrame, known: Mapping[Hashable, Known], bounds: Bounds, *, every: bool = True,
+    by: Sequence[str] = ("scene",), missing: str = "too few processes for an interval",
+) -> Judgement:  # fmt: skip
+    """By points that say something, `known`, grouped into cases; all points of a case must lie inside.
+
+    Raises NotMeasuredError where none does.
+    """
+    cases = []
+    for key, rows in processes.groupby(list(by), sort=False, observed=True):
+        found = [known[name] for name in dict.fromkeys(rows["point_id"]) if name in known]
+        if found:
+            cases.append((" ".join(map(str, key)), case_of(found, bounds)))
+    if not cases:
+        raise NotMeasuredError(missing)
+    return on_cases(cases, every)
+
+
+def case_of(found: Sequence[Known], bounds: Bounds) -> Outcome:
+    """What the points of one case say: the worst of them decides, and its interval is told."""
+    states = [bounds.decide(one) for one in found]
+    worst = next(state for state in (False, None, True) if state in states)
+    decisive = found[states.index(worst)]
+    middles = [one.value if isinstance(one, Estimate | Interval) else one for one in found]
+    low, high = say(min(middles)), say(max(middles))
+    estimate = decisive if isinstance(decisive, Estimate | Interval) else None
+    why = {True: None, False: "outside of what was claimed", None: "the interval reaches beyond what was claimed"}
+    return Outcome(worst, low if low == high else f"{low} to {high}", estimate, why[worst])
+
+
+def say(value: float) -> str:
+    """ "1.25", and three digits of what is small."""
+    return f"{value:.2f}" if value == 0 or abs(value) >= 0.095 else f"{value:.3g}"
+
+
+def ratio_judge(
+    column: str, which: Which, bounds: Bounds, *, counted: bool = False, every: bool = True,
+    by: Sequence[str] = ("scene",),
+) -> Judge:  # fmt: skip
+    """A judge of one column of the table of processes."""
+    return value_judge(lambda rows: pd.to_numeric(rows[column], errors="coerce"), which, bounds, counted, every, by)
+
+
+def value_judge(
+    values: Callable[[pd.DataFrame], Any], which: Which, bounds: Bounds, counted: bool = False, every: bool = True,
+    by: Sequence[str] = ("scene",),
+) -> Judge:  # fmt: skip
+    """A judge of a value of each row. counted: there is no noise in it."""
+
+    def judge(processes: pd.DataFrame | None) -> Judgement:
+        rows = measured_rows(processes, which)
+        numbers = np.asarray(values(rows), np.float64)
+        known = counted_values(rows, numbers) if counted else known_values(rows, numbers)
+        return judge_known(rows, known, bounds, every=every, by=by)
+
+    return judge
