@@ -120,7 +120,7 @@ def opacity_at(surfaces, prim_id, point, is_front, is_seen):  # type: ignore[no-
     return ONE if opacity >= cutoff else ZERO
 
 
-@njit
+@njit(forceinline=True)
 def spot_of(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-def]
     """The `Spot` where a ray meets a triangle."""
     point, normal, is_front = meet(surfaces, prim_id, origin, direction)
@@ -214,7 +214,7 @@ def _local(frame, normal, way):  # type: ignore[no-untyped-def]
     return dot(frame[0], way), dot(frame[1], way), dot(normal, way)
 
 
-@njit
+@njit(forceinline=True)
 def scatter(surfaces, spot, is_front, prim_id, direction, key, sample, bounce):  # type: ignore[no-untyped-def]
     """(goes_on, origin, direction, weight, density): the next ray of a path, the (r, g, b) weight of its light, and how
     often its direction is chosen, per solid angle; 0 where no other direction was possible, or nothing is aimed.
@@ -269,7 +269,7 @@ def _densities(shaded, normal, onward, is_uniform):  # type: ignore[no-untyped-d
     return by_cosine, HALF * _PER_PI * count
 
 
-@njit
+@njit(forceinline=True)
 def scattered_light(spot, direction, onward):  # type: ignore[no-untyped-def]
     """((r, g, b), density): what a surface scatters of light from the unit vector `onward`, per solid angle, and the
     density with which `scatter` chooses it. 0 for mirrors and glass, whose light only scattering finds, and for light

@@ -95,7 +95,7 @@ def _entry(odds, others, chance, second):  # type: ignore[no-untyped-def]
     return entry if second < odds[entry] else np.int64(others[entry])
 
 
-@njit
+@njit(forceinline=True)
 def _to_sky(emitters, panorama, chance, second, u, v):  # type: ignore[no-untyped-def]
     """(direction, density, light) of a texel, and a point within it by u and v."""
     rows, columns = panorama.shape[0], panorama.shape[1]
@@ -108,7 +108,7 @@ def _to_sky(emitters, panorama, chance, second, u, v):  # type: ignore[no-untype
     return direction, emitters.sky_densities[y, x], (panorama[y, x, 0], panorama[y, x, 1], panorama[y, x, 2])
 
 
-@njit
+@njit(forceinline=True, error_model="numpy")
 def _to_triangle(surfaces, emitters, origin, chance, second, u, v):  # type: ignore[no-untyped-def]
     """(direction, distance, density per solid angle, light) of a point of a triangle, whose back has density 0."""
     entry = _entry(emitters.odds, emitters.others, chance, second)
@@ -131,7 +131,7 @@ def _to_triangle(surfaces, emitters, origin, chance, second, u, v):  # type: ign
     return direction, distance, density, emission_at(surfaces, prim_id, point)
 
 
-@njit
+@njit(forceinline=True)
 def _to_lamp(emitters, origin, chance, second, u, v):  # type: ignore[no-untyped-def]
     """(direction, reach, light over how often it is chosen) of a point of a lamp."""
     entry = _entry(emitters.lamp_odds, emitters.lamp_others, chance, second)
@@ -143,7 +143,7 @@ def _to_lamp(emitters, origin, chance, second, u, v):  # type: ignore[no-untyped
     return direction, reach, (strength * light[entry, 0], strength * light[entry, 1], strength * light[entry, 2])
 
 
-@njit(error_model="numpy")
+@njit(forceinline=True, error_model="numpy")
 def _candidate(surfaces, emitters, spot, direction, origin, chance, second, u, v):  # type: ignore[no-untyped-def]
     """(length, direction, (r, g, b)): a point of an emitter, and the light that arrives from it along the path, over
     how often it is chosen, if nothing is in its way.
@@ -152,28 +152,26 @@ def _candidate(surfaces, emitters, spot, direction, origin, chance, second, u, v
     Source: E. Veach and L. J. Guibas, "Optimally combining sampling techniques for Monte Carlo rendering", 1995.
     """
     sky, lamps = emitters.sky_share, emitters.lamp_share
-    if chance < lamps:
+    length, density = INFINITY, ONE
+    is_lamp = chance < lamps
+    if is_lamp:
         towards, length, light = _to_lamp(emitters, origin, chance / lamps, second, u, v)
-        scattered, _ = scattered_light(spot, direction, towards)
-        factor = ONE
+    elif chance < lamps + sky or len(emitters.prim_ids) == 0:
+        towards, density, light = _to_sky(emitters, surfaces.panorama, (chance - lamps) / sky, second, u, v)
     else:
-        length = INFINITY
-        if chance < lamps + sky:
-            towards, density, light = _to_sky(emitters, surfaces.panorama, (chance - lamps) / sky, second, u, v)
-        else:
-            rest = (chance - lamps - sky) / (ONE - lamps - sky)
-            towards, distance, density, light = _to_triangle(surfaces, emitters, origin, rest, second, u, v)
-            length = distance * ALMOST
-        if not density > ZERO:
-            return ZERO, towards, BLACK
-        scattered, own = scattered_light(spot, direction, towards)
-        factor = share_of(density, own) / density
+        rest = (chance - lamps - sky) / (ONE - lamps - sky)
+        towards, distance, density, light = _to_triangle(surfaces, emitters, origin, rest, second, u, v)
+        length = distance * ALMOST
+    if not density > ZERO:
+        return ZERO, towards, BLACK
+    scattered, own = scattered_light(spot, direction, towards)
+    factor = ONE if is_lamp else share_of(density, own) / density
     return length, towards, (
         factor * scattered[0] * light[0], factor * scattered[1] * light[1], factor * scattered[2] * light[2]
     )  # fmt: skip
 
 
-@njit(error_model="numpy")
+@njit(forceinline=True, error_model="numpy")
 def aim(surfaces, emitters, spot, prim_id, direction, key, sample, bounce):  # type: ignore[no-untyped-def]
     """(length, origin, direction, light): a ray from where a path meets `prim_id` to an emitter, and the (r, g, b) that
     arrives along the path if nothing is in its way. Length 0: there is none.
@@ -183,31 +181,27 @@ def aim(surfaces, emitters, spot, prim_id, direction, key, sample, bounce):  # t
     """
     chance, second = pair_of(key, sample, bounce * PAIRS + CHOICE)
     u, v = pair_of(key, sample, bounce * PAIRS + PLACE)
+    left = unit_of(bits_of(key ^ np.uint32(sample), np.uint32(bounce)))
     origin = leaving(surfaces, prim_id, spot.point, spot.normal)
-    length, towards, light = _candidate(surfaces, emitters, spot, direction, origin, chance, second, u, v)
-    if emitters.candidates > 1:
-        weight = luminance(light)
-        total, left = weight, unit_of(bits_of(key ^ np.uint32(sample), np.uint32(bounce)))
-        for _ in range(1, emitters.candidates):
-            chance, second, u, v = _next(chance, _S1), _next(second, _S2), _next(u, _S3), _next(v, _S4)
-            other, way, carried = _candidate(surfaces, emitters, spot, direction, origin, chance, second, u, v)
-            more = luminance(carried)
-            if not more > ZERO:
-                continue
-            total += more
-            share = more / total
-            if left < share:
-                length, towards, light, weight = other, way, carried, more
-                left /= share
-            else:
-                left = (left - share) / (ONE - share)
-        if weight > ZERO:
-            light = scaled(total / (weight * np.float32(emitters.candidates)), light)
-    if not light[0] + light[1] + light[2] > ZERO:
+    length, towards, light, weight, total = ZERO, direction, BLACK, ZERO, ZERO
+    for _ in range(emitters.candidates):
+        other, way, carried = _candidate(surfaces, emitters, spot, direction, origin, chance, second, u, v)
+        chance, second, u, v = _next(chance, _S1), _next(second, _S2), _next(u, _S3), _next(v, _S4)
+        more = luminance(carried)
+        if not more > ZERO:
+            continue
+        total += more
+        share = more / total
+        if left < share:
+            length, towards, light, weight = other, way, carried, more
+            left /= share
+        else:
+            left = (left - share) / (ONE - share)
+    if not weight > ZERO:
         return ZERO, origin, towards, BLACK
     if dot(towards, spot.normal) < ZERO:
         origin = leaving(surfaces, prim_id, spot.point, scaled(-ONE, spot.normal))
-    return length, origin, towards, light
+    return length, origin, towards, scaled(total / (weight * np.float32(emitters.candidates)), light)
 
 
 @njit(forceinline=True)

@@ -28,7 +28,7 @@ from atra.light.pictures.gbuffer_kernels import (
     fetch_ahead,
     find_surfaces,
 )
-from atra.light.pictures.path_kernels import holes_kernel, shadow_kernel
+from atra.light.pictures.path_kernels import look_through, shadows
 
 SKY_PLANES = LIGHT_PLANES = 4
 """Sums of the sky, and of each light: r, g, b, and the unblocked share."""
@@ -47,7 +47,7 @@ def _address(array):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True)
-def _occlude(width, shadows, chunk, count, surfaces, scene, packet):  # type: ignore[no-untyped-def]
+def _occlude(width, chunk, count, surfaces, scene, packet):  # type: ignore[no-untyped-def]
     """Set LIGHT to 0 where a chunk's rays are blocked, in packets of `width`, and to less where they pass holes. Pixels
     keep their lanes, so each has the same neighbours in every chunk."""
     floats = chunk.floats
@@ -71,7 +71,7 @@ def _occlude(width, shadows, chunk, count, surfaces, scene, packet):  # type: ig
         store(where(is_traced, every, zero), valid)
         light = load(at + LIGHT * STRIDE * 4, ZERO, width)
         if surfaces.has_holes:
-            shadows(surfaces, scene, packet, chunk.free)
+            shadows(width, surfaces, scene, packet, chunk.free)
             store(light * load(_address(chunk.free), ZERO, width), at + LIGHT * STRIDE * 4)
             store(repeated(START, width), rays + RAY_TNEAR * field)
             continue
@@ -125,8 +125,6 @@ def _lap(times, stage, start):  # type: ignore[no-untyped-def]
 @cache
 def lighting_kernel(width: int) -> Callable[..., int]:
     """All stages, in packets of `width`."""
-    shadows = shadow_kernel(width)
-    look_through = holes_kernel(width)
 
     @float_kernel
     def light_pixels(  # type: ignore[no-untyped-def]
@@ -144,7 +142,7 @@ def lighting_kernel(width: int) -> Callable[..., int]:
             some = min(CHUNK, first + count - start)
             fetch_ahead(start + CHUNK, first + count, pixels)
             if surfaces.has_holes:
-                rays += look_through(start, some, pixels, surfaces, query.scene, query.packet)
+                rays += look_through(width, start, some, pixels, surfaces, query.scene, query.packet)
             find_surfaces(chunk, start, some, pixels, surfaces)
             for i in range(some, some + LANES):  # no rays and no light behind the last pixel
                 floats[LENGTH * STRIDE + i] = floats[LIGHT * STRIDE + i] = ZERO
@@ -158,7 +156,7 @@ def lighting_kernel(width: int) -> Callable[..., int]:
                 clock = _lap(times, _GENERATE, clock)
                 if to_lights.is_traced:
                     rays += there
-                    _occlude(width, shadows, chunk, some, surfaces, query.scene, query.packet)
+                    _occlude(width, chunk, some, surfaces, query.scene, query.packet)
                     clock = _lap(times, _SHADOW, clock)
                 own = sums[SKY_PLANES + of_light * LIGHT_PLANES :]
                 is_finite &= _add_light(floats, start, some, COLOUR, share, own, is_first and point == 0)
@@ -170,7 +168,7 @@ def lighting_kernel(width: int) -> Callable[..., int]:
                 clock = _lap(times, _GENERATE, clock)
                 if into_sky.is_traced:
                     rays += there
-                    _occlude(width, shadows, chunk, some, surfaces, query.scene, query.packet)
+                    _occlude(width, chunk, some, surfaces, query.scene, query.packet)
                     clock = _lap(times, _OCCLUSION, clock)
                 is_finite &= _add_light(floats, start, some, SKY, share, sums, is_first and point == 0)
                 clock = _lap(times, _ACCUMULATE, clock)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -129,14 +127,14 @@ def load_ray(packet, width, lane, origin, direction, length, near=START):  # typ
 
 
 @njit(forceinline=True)
-def load_rays(packet, width, floats, origin, direction, near, first):  # type: ignore[no-untyped-def]
+def load_rays(packet, width, floats, origin, direction, first):  # type: ignore[no-untyped-def]
     """Load rays from number `first` on into the lanes of a packet."""
     for axis in range(3):
         for lane in range(width):
             packet.floats[(RAY_ORG_X + axis) * width + lane] = floats[origin + axis, first + lane]
             packet.floats[(RAY_DIR_X + axis) * width + lane] = ray_component(floats[direction + axis, first + lane])
     for lane in range(width):
-        packet.floats[RAY_TNEAR * width + lane] = floats[near, first + lane]
+        packet.floats[RAY_TNEAR * width + lane] = START
 
 
 @njit(forceinline=True)
@@ -187,88 +185,77 @@ def survival(weight, key, sample, bounce):  # type: ignore[no-untyped-def]
     return ONE / odds if pair_of(key, sample, bounce * PAIRS + LOBE)[1] < odds else ZERO
 
 
-@cache
-def shadow_kernel(width: int) -> Callable[..., None]:
-    """Shadows of a packet of `width` rays."""
+@njit(forceinline=True)
+def shadows(width, surfaces, scene, packet, free):  # type: ignore[no-untyped-def]
+    """Find the share of light that passes along the valid rays of a packet of `width`, which are not valid afterwards.
 
-    @njit
-    def shadows(surfaces, scene, packet, free):  # type: ignore[no-untyped-def]
-        """Find the share of light that passes along the valid rays of a packet, which are not valid afterwards.
-
-        free: (2, width) float32; its first row gets the shares.
-        """
-        floats, valid = packet.floats, packet.valid
-        if not surfaces.has_holes:
-            occluded(width, valid, scene, packet)
-            for lane in range(width):
-                free[0, lane] = ONE if valid[lane] != 0 and floats[RAY_TFAR * width + lane] >= ZERO else ZERO
+    free: (2, width) float32; its first row gets the shares.
+    """
+    floats, valid = packet.floats, packet.valid
+    if not surfaces.has_holes:
+        occluded(width, valid, scene, packet)
+        for lane in range(width):
+            free[0, lane] = ONE if valid[lane] != 0 and floats[RAY_TFAR * width + lane] >= ZERO else ZERO
+        return
+    waiting = 0
+    for lane in range(width):
+        free[0, lane] = ONE if valid[lane] != 0 else ZERO
+        free[1, lane] = floats[RAY_TFAR * width + lane]
+        waiting += 1 if valid[lane] != 0 else 0
+    for _ in range(MOST_HOLES):
+        if waiting == 0:
             return
-        waiting = 0
         for lane in range(width):
-            free[0, lane] = ONE if valid[lane] != 0 else ZERO
-            free[1, lane] = floats[RAY_TFAR * width + lane]
-            waiting += 1 if valid[lane] != 0 else 0
-        for _ in range(MOST_HOLES):
-            if waiting == 0:
-                return
-            for lane in range(width):
-                floats[RAY_TFAR * width + lane] = free[1, lane]
-                set_no_hit(packet, width, lane)
-            intersect(width, valid, scene, packet)
-            for lane in range(width):
-                if valid[lane] == 0:
-                    continue
-                prim_id = hit_prim_id(packet, width, lane)
-                opacity, beyond = ZERO, ZERO
-                if prim_id != MISS:
-                    opacity = ONE
-                    if surfaces.flags[prim_id] & HOLES:
-                        origin, direction = _ray_of(packet, width, lane)
-                        opacity, beyond = _hole(surfaces, prim_id, origin, direction, False)
-                free[0, lane] *= ONE - opacity
-                floats[RAY_TNEAR * width + lane] = beyond
-                if prim_id == MISS or free[0, lane] == ZERO or beyond >= free[1, lane]:
-                    valid[lane] = 0
-                    waiting -= 1
+            floats[RAY_TFAR * width + lane] = free[1, lane]
+            set_no_hit(packet, width, lane)
+        intersect(width, valid, scene, packet)
         for lane in range(width):
-            free[0, lane] = ZERO if valid[lane] != 0 else free[0, lane]
-
-    return shadows
-
-
-@cache
-def holes_kernel(width: int) -> Callable[..., int]:
-    """What pixels see through holes, by packets of `width`."""
-
-    @njit
-    def look_through(first, count, pixels, surfaces, scene, packet):  # type: ignore[no-untyped-def]
-        """Put what pixels see behind triangles with HOLES into `prim_id` of `pixels`. Returns the number of rays."""
-        rays = 0
-        for pixel in range(first, first + count):
-            prim_id = seen_by(pixels, pixel)
-            if prim_id == MISS or not surfaces.flags[prim_id] & HOLES:
+            if valid[lane] == 0:
                 continue
-            origin, direction = pixel_line(pixels, pixel)
-            direction = unit(direction)
-            for passed in range(MOST_HOLES):
-                if prim_id == MISS or not surfaces.flags[prim_id] & HOLES:
-                    break
-                chance = unit_of(bits_of(path_key(pixel) ^ np.uint32(pixels.sample), np.uint32(MOST_HOLES + passed)))
-                near = behind_hole(surfaces, prim_id, origin, direction, True, chance)
-                if not near > ZERO:
-                    break
-                for lane in range(width):
-                    packet.valid[lane] = -1 if lane == 0 else 0
-                load_ray(packet, width, 0, origin, direction, INFINITY, near)
-                set_no_hit(packet, width, 0)
-                intersect(width, packet.valid, scene, packet)
-                prim_id = hit_prim_id(packet, width, 0)
-                rays += 1
-            x, y = place_of(pixels, pixel)
-            pixels.prim_id[y * pixels.stride + x] = prim_id
-        return rays
+            prim_id = hit_prim_id(packet, width, lane)
+            opacity, beyond = ZERO, ZERO
+            if prim_id != MISS:
+                opacity = ONE
+                if surfaces.flags[prim_id] & HOLES:
+                    origin, direction = _ray_of(packet, width, lane)
+                    opacity, beyond = _hole(surfaces, prim_id, origin, direction, False)
+            free[0, lane] *= ONE - opacity
+            floats[RAY_TNEAR * width + lane] = beyond
+            if prim_id == MISS or free[0, lane] == ZERO or beyond >= free[1, lane]:
+                valid[lane] = 0
+                waiting -= 1
+    for lane in range(width):
+        free[0, lane] = ZERO if valid[lane] != 0 else free[0, lane]
 
-    return look_through
+
+@njit(forceinline=True)
+def look_through(width, first, count, pixels, surfaces, scene, packet):  # type: ignore[no-untyped-def]
+    """Put what pixels see behind triangles with HOLES into `prim_id` of `pixels`. Returns the number of rays,
+    traced by packets of `width`."""
+    rays = 0
+    for pixel in range(first, first + count):
+        prim_id = seen_by(pixels, pixel)
+        if prim_id == MISS or not surfaces.flags[prim_id] & HOLES:
+            continue
+        origin, direction = pixel_line(pixels, pixel)
+        direction = unit(direction)
+        for passed in range(MOST_HOLES):
+            if prim_id == MISS or not surfaces.flags[prim_id] & HOLES:
+                break
+            chance = unit_of(bits_of(path_key(pixel) ^ np.uint32(pixels.sample), np.uint32(MOST_HOLES + passed)))
+            near = behind_hole(surfaces, prim_id, origin, direction, True, chance)
+            if not near > ZERO:
+                break
+            for lane in range(width):
+                packet.valid[lane] = -1 if lane == 0 else 0
+            load_ray(packet, width, 0, origin, direction, INFINITY, near)
+            set_no_hit(packet, width, 0)
+            intersect(width, packet.valid, scene, packet)
+            prim_id = hit_prim_id(packet, width, 0)
+            rays += 1
+        x, y = place_of(pixels, pixel)
+        pixels.prim_id[y * pixels.stride + x] = prim_id
+    return rays
 
 
 @njit(forceinline=True)

@@ -15,13 +15,11 @@ from atra.light.pictures.path_kernels import (
     path_key,
     pixel_line,
     seen_by,
-    shadow_kernel,
+    shadows,
     survival,
 )
 from atra.light.scattering_kernels import WHITE, scatter, spot_of
 from atra.light.surface_kernels import ENDS, HOLES, SHINES
-
-_shadows = shadow_kernel(1)
 
 
 @njit(forceinline=True)
@@ -79,7 +77,7 @@ def follow_depth_first(first, count, pixels, scene, packet, surfaces, emitters, 
                     rays += 1
                     load_ray(packet, 1, 0, start, towards, length)
                     packet.valid[0] = -1
-                    _shadows(surfaces, scene, packet, free)
+                    shadows(1, surfaces, scene, packet, free)
                     if free[0, 0] > ZERO:
                         is_finite &= add_light(sums, pixel, weight, scaled(free[0, 0], light))
             goes_on, origin, direction, factor, density = scatter(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.compiled.store import float_kernel
-from atra.embree.layout import RAY_TFAR
+from atra.embree.layout import RAY_TFAR, RAY_TNEAR
 from atra.embree.packets_kernels import INFINITY, MISS, START, hit_prim_id, intersect, set_no_hit
 from atra.light.emitters.emitters_kernels import aim
 from atra.light.numbers_kernels import ZERO, bits_of, scaled, set_vector, unit, unit_of, vector
@@ -25,7 +25,7 @@ from atra.light.pictures.path_kernels import (
     path_key,
     pixel_line,
     seen_by,
-    shadow_kernel,
+    shadows,
     survival,
 )
 from atra.light.scattering_kernels import WHITE, scatter, spot_of
@@ -83,9 +83,10 @@ def trace_kernel(width: int) -> Callable[..., int]:
             end = start + paths.counts[block]
             for first in range(start, end, width):
                 lanes = min(width, end - first)
-                load_rays(packet, width, paths.floats, ORIGIN, DIRECTION, NEAR, first)
+                load_rays(packet, width, paths.floats, ORIGIN, DIRECTION, first)
                 for lane in range(width):
                     packet.valid[lane] = -1 if lane < lanes else 0
+                    packet.floats[RAY_TNEAR * width + lane] = paths.floats[NEAR, first + lane]
                     packet.floats[RAY_TFAR * width + lane] = INFINITY
                     set_no_hit(packet, width, lane)
                 intersect(width, packet.valid, scene, packet)
@@ -142,7 +143,6 @@ def compact(paths, surfaces, emitters, sums, sample, step, max_depth):  # type: 
 @cache
 def connect_kernel(width: int) -> Callable[..., int]:
     """Stage 4, in packets of `width`."""
-    shadows = shadow_kernel(width)
 
     @float_kernel
     def connect_paths(paths, surfaces, emitters, scene, packet, lights, free, sample, sums):  # type: ignore[no-untyped-def]
@@ -175,7 +175,7 @@ def connect_kernel(width: int) -> Callable[..., int]:
                 if aimed == 0:
                     continue
                 rays += aimed
-                shadows(surfaces, scene, packet, free)
+                shadows(width, surfaces, scene, packet, free)
                 for lane in range(lanes):
                     if free[0, lane] > ZERO:
                         weight, light = vector(floats, WEIGHT, first + lane), vector(lights, 0, lane)
