@@ -98,10 +98,10 @@ from .judge.foreign import (
 from .judge.foreign import (
     judge_image as judge_image,
 )
+from .model.planning import Plan as Plan
+from .model.planning import plan as plan
 from .packets.pixel import PixelTracer as PixelTracer
 from .packets.tiles import TiledTracer as TiledTracer
-from .planner.plan import Plan as Plan
-from .planner.planning import plan as plan
 from .prim_ids import MISS as MISS
 from .raster.tracer import RasterTracer as RasterTracer
 from .rays.all_hits.gathered import RayLayers as RayLayers

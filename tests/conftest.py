@@ -104,7 +104,7 @@ def pytest_collection_modifyitems(items):
     """Files that compile the most come first, in two groups that need different kernels. One group begins the list, the
     other one its second half: of two workers, each is given half of the list and compiles its own group."""
     groups = (
-        ["raster", "test_gathering", "all_hits", "planner", "test_seeing_through", "test_sweep_files"],
+        ["raster", "test_gathering", "all_hits", "model", "test_seeing_through", "test_sweep_files"],
         ["shafts", "bvh", "test_properties", "packets", "rays", "test_hybrid", "test_light", "test_instruction_sets"],
     )
     marks = {mark: (half, k) for half, group in enumerate(groups) for k, mark in enumerate(group)}

@@ -1,4 +1,4 @@
-"""Entry of the console command: `atra doctor`, `atra render`, and, if it is installed, the harness.
+"""Entry of the console command: `atra doctor`, `atra render` and others, and, if it is installed, the harness.
 
 Exit codes: 0 done, 1 something failed, 2 the input cannot be used, 130 interrupted.
 """
@@ -17,6 +17,7 @@ from atra.command.compiling import add_compile, run_compile
 from atra.command.doctor import run_doctor
 from atra.command.judging import EXAMPLES as JUDGE_EXAMPLES
 from atra.command.judging import SUMMARY, add_judge, run_judge
+from atra.command.planning import add_plan, run_calibrate, run_plan
 from atra.command.render import EXAMPLES, add_render, run_render
 from atra.errors import AtraError
 
@@ -104,6 +105,11 @@ def _parser() -> ArgumentParser:
     )
     add_render(render)
     render.set_defaults(run=run_render)
+    planning = verbs.add_parser("plan", help="predict what each method costs on a view of a mesh")
+    add_plan(planning)
+    planning.set_defaults(run=run_plan)
+    calibrating = verbs.add_parser("calibrate", help="fit predictions to this machine, in two minutes")
+    calibrating.set_defaults(run=run_calibrate)
     judge = verbs.add_parser(
         "judge", help=SUMMARY, description=SUMMARY, epilog=JUDGE_EXAMPLES, formatter_class=RawDescriptionHelpFormatter
     )

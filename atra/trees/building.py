@@ -67,7 +67,7 @@ def _empty(box):  # type: ignore[no-untyped-def]
 
 
 @njit
-def _grow(box, other):  # type: ignore[no-untyped-def]
+def widen(box, other):  # type: ignore[no-untyped-def]
     for axis in range(3):
         if other[axis] < box[axis]:
             box[axis] = other[axis]
@@ -93,7 +93,7 @@ class Scratch(NamedTuple):
 
 
 @njit
-def _scratch():  # type: ignore[no-untyped-def]
+def new_scratch():  # type: ignore[no-untyped-def]
     return Scratch(
         np.empty((3, 3), np.float32),
         np.empty((3, BINS), np.int64),
@@ -125,7 +125,7 @@ def _fill_bins(draft, start, end, scratch):  # type: ignore[no-untyped-def]
         for axis in range(3):
             k = _bin_of(box, axis, low[axis], scale[axis])
             scratch.counts[axis, k] += 1
-            _grow(scratch.bins[axis, k], box)
+            widen(scratch.bins[axis, k], box)
 
 
 @njit
@@ -147,13 +147,13 @@ def _cheapest(scratch):  # type: ignore[no-untyped-def]
         number = 0
         for k in range(BINS - 1, 0, -1):
             number += counts[k]
-            _grow(side, bins[k])
+            widen(side, bins[k])
             costs[k] = _cost(side, number)
         _empty(side)
         number = 0
         for k in range(1, BINS):
             number += counts[k - 1]
-            _grow(side, bins[k - 1])
+            widen(side, bins[k - 1])
             cost = _cost(side, number) + costs[k]
             if cost < best:
                 best, best_axis, best_bin = cost, axis, k
@@ -161,7 +161,7 @@ def _cheapest(scratch):  # type: ignore[no-untyped-def]
 
 
 @njit
-def _split(draft, node, start, end, scratch):  # type: ignore[no-untyped-def]
+def split_node(draft, node, start, end, scratch):  # type: ignore[no-untyped-def]
     """Split the node over positions [start, end); returns where its second half starts."""
     _fill_bins(draft, start, end, scratch)
     axis, first_bin = _cheapest(scratch)
@@ -183,7 +183,7 @@ def _split(draft, node, start, end, scratch):  # type: ignore[no-untyped-def]
         box = draft.boxes[child + half]
         _empty(box)
         for place in range(start if half == 0 else middle, middle if half == 0 else end):
-            _grow(box, triangles[order[place]])
+            widen(box, triangles[order[place]])
     draft.links[node, 0], draft.links[node, 1], draft.links[node, 2] = child, 0, axis
     return middle
 
@@ -194,11 +194,11 @@ def split_top(draft, tasks, size):  # type: ignore[no-untyped-def]
 
     tasks: (M, 4) int64, written: node, start, end and depth of each.
     """
-    scratch = _scratch()
+    scratch = new_scratch()
     box = draft.boxes[0]
     _empty(box)
     for place in range(len(draft.order)):
-        _grow(box, draft.triangles[draft.order[place]])
+        widen(box, draft.triangles[draft.order[place]])
     tasks[0, 0], tasks[0, 1], tasks[0, 2], tasks[0, 3] = 0, 0, len(draft.order), 0
     count, done = 1, 0
     while done < count:
@@ -206,7 +206,7 @@ def split_top(draft, tasks, size):  # type: ignore[no-untyped-def]
         if end - start <= size or count == len(tasks) or depth >= DEEPEST:
             done += 1
             continue
-        middle = _split(draft, node, start, end, scratch)
+        middle = split_node(draft, node, start, end, scratch)
         tasks[done, 0], tasks[done, 2], tasks[done, 3] = 2 * middle, middle, depth + 1
         tasks[count, 0], tasks[count, 1], tasks[count, 2], tasks[count, 3] = 2 * middle + 1, middle, end, depth + 1
         count += 1
@@ -216,7 +216,7 @@ def split_top(draft, tasks, size):  # type: ignore[no-untyped-def]
 @kernel
 def build_subtrees(counter_address, draft, tasks):  # type: ignore[no-untyped-def]
     """Build the subtrees of `tasks`. Threads share the counter."""
-    scratch = _scratch()
+    scratch = new_scratch()
     stack = np.empty((DEEPEST + 2, 4), np.int64)
     while True:
         task = fetch_add(counter_address, 1)
@@ -230,7 +230,7 @@ def build_subtrees(counter_address, draft, tasks):  # type: ignore[no-untyped-de
             if end - start <= BLOCK or depth >= DEEPEST:
                 draft.links[node, 0], draft.links[node, 1], draft.links[node, 2] = start, end - start, 0
                 continue
-            middle = _split(draft, node, start, end, scratch)
+            middle = split_node(draft, node, start, end, scratch)
             child, deeper = 2 * middle, depth + 1
             stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3] = child + 1, middle, end, deeper
             top += 1

@@ -18,7 +18,6 @@ from experiments.workloads.memory import MEMORY
 from experiments.workloads.moving import MOVING
 from experiments.workloads.multiframe import MULTIFRAME
 from experiments.workloads.picture import PICTURE
-from experiments.workloads.planner import PLANNER
 from experiments.workloads.rays import RAYS
 from experiments.workloads.render import RENDER
 from experiments.workloads.surface import SURFACE
@@ -31,7 +30,6 @@ _OWN: tuple[Workload, ...] = (
     PICTURE,
     AGREEMENT,
     MULTIFRAME,
-    PLANNER,
     SURFACE,
     MOVING,
     GATHER,

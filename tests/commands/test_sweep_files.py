@@ -67,7 +67,6 @@ SWEEPS = {
         ],
         {"stages"},
     ),
-    "planner": (["scene.view=aside,wide"], {"planner"}),
     "rays": (
         [
             "scene=cornell_box",

@@ -287,5 +287,5 @@ def test_hits_and_meshes_and_plans_print_one_line(seen):
     assert repr(seen.mesh) == f"Mesh('cornell_box', 1,112 triangles, {len(seen.mesh.vertices)} vertices)"
     planned = repr(atra.plan(seen.mesh, seen.camera, frames=2))
     assert planned.startswith("Plan(")
-    assert "2 frames of 40 x 30 pixels" in planned
+    assert "2 frames" in planned
     assert not any("\n" in text for text in (repr(seen), repr(seen.mesh), planned))

@@ -6,8 +6,7 @@ import pytest
 import atra
 from atra.compiled.threads import resolve_threads
 from atra.embree.library import load_library
-from atra.planner.choice import ALIGNED, Choice
-from atra.planner.plan import Plan
+from atra.model.choice import Choice
 from atra.whole_numbers import is_whole_number
 from tests.meshes import EYE_AT_ORIGIN, random_triangles
 
@@ -37,14 +36,12 @@ def test_a_tracer_takes_numpys_integers_and_keeps_pythons(kind):
     assert type(resolve_threads(kind(3))) is int
 
 
-def test_a_plan_takes_numpys_integers_and_keeps_pythons(tmp_path):
+def test_a_plan_takes_numpys_integers_and_keeps_pythons():
     plan = atra.plan(MESH, CAMERA, frames=np.int16(3), threads=np.int16(1))
     assert type(plan.frames) is type(plan.threads) is int
-    choice = Choice(ALIGNED, (np.int8(2), np.int8(1)), np.int8(WIDEST), np.int8(1))
-    assert choice == Choice(ALIGNED, (2, 1), WIDEST, 1)
-    assert {type(n) for n in (*choice.split, choice.packet_width, choice.packet_rows)} == {int}
-    Plan(np.int8(3), np.int8(1), np.int8(8), np.int8(8), plan.choice).save(tmp_path / "plan.json")
-    assert Plan.load(tmp_path / "plan.json").frames == 3
+    choice = Choice("aligned", (np.int8(2), np.int8(1)), np.int8(WIDEST))
+    assert choice == Choice("aligned", (2, 1), WIDEST)
+    assert {type(n) for n in (*choice.split, choice.packet_width)} == {int}
 
 
 @pytest.mark.parametrize("value", [value for value in NO_WHOLE_NUMBERS if not isinstance(value, tuple)])

@@ -4,7 +4,7 @@ from experiments.results.claims import judge_claim
 from experiments.workloads.bake import RARE, STAGES
 from experiments.workloads.bake.claims import CLAIMS
 from experiments.workloads.bake_rays.shown import CLAIMS as PREDICTIONS
-from tests.quotations.quotation import SCENES, interval, line, number, of, table_row
+from tests.quotations.quotation import SCENES, interval, line, of, table_row
 
 _OF_OTHERS = {
     "finishing": ("target-denoised", "target-seams"), "buffers": ("buffers",), "mitsuba": ("target-mitsuba",),
@@ -61,18 +61,6 @@ def means_of_a_bake(kept):
         ("code for faces that let light on over code without: time", _SPEED, {"against": "translucency"}),
     ):
         yield _row(kept, label, column, **values) if column else _shares(kept, label, **values)
-
-
-def bakes_in_short(kept):
-    """What gains most in a bake, without intervals."""
-    for label, column, values in (
-        ("texels that the view shows come first", "view_speedup", {"compaction": "bounces"}),
-        ("lanes for lit texels alone", _RAYS, _TEXELS),
-        ("16 samples of a texel side by side", _RAYS, _EXPANSION),
-        ("a panorama found by both kinds of rays", _QUALITY, _PANORAMA),
-        ("a grid that chooses among 256 lights", _QUALITY, _LIGHTS),
-    ):
-        yield _row(kept, label, column, number, **values)
 
 
 def finished_maps(kept):

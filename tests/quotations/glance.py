@@ -4,12 +4,11 @@ import pandas as pd
 
 from experiments.methods import find_method
 from experiments.workloads.bake import Against
-from experiments.workloads.classification.claims import KINDS, usual
 from experiments.workloads.frame.shown import best_baselines
 from tests.quotations.gathering import in_packets
 from tests.quotations.growth import both_ends_of_the_rasteriser
-from tests.quotations.methods import COMPARED, gains_of_two_threads, tracers_over_single_rays
-from tests.quotations.quotation import SCENES, best_of_each, digits, each_scene, line, number, of, span, table_row
+from tests.quotations.methods import COMPARED, gains_of_two_threads
+from tests.quotations.quotation import SCENES, best_of_each, digits, each_scene, line, of, span, table_row
 
 
 def still_and_moving(kept):
@@ -36,12 +35,6 @@ def tuned_packets(kept):
     assert not any(one.is_faster for one in found)
     (tried,) = {one.tried for one in found}
     yield f"Of {tried} settings of packets none is faster than these by more than noise"
-
-
-def tracers_of_others(kept):
-    """Speed over rtcIntersect1 of other people's tracers and of the rasteriser, and their wrong pixels."""
-    others = ("raster", "llvmpipe", "mitsuba3", "open3d", "embreex", "trimesh")
-    return tracers_over_single_rays(of(kept.points, workload="frame"), others)
 
 
 def second_thread(kept):
@@ -89,12 +82,6 @@ def surfaces_in_short(kept):
     yield f"takes {span(kept.points['surface_over_frame'])} times as long"
 
 
-def regret_in_short(kept):
-    views = of(kept.points)
-    yield f"On {len(views)} views and 64 frames its worst choice takes {digits(views['regret'].max())} times"
-    yield f"with the time of choosing, {span(views.groupby('scene')['regret_with_planning'].median())} times"
-
-
 def pictures_in_short(kept):
     """Whole pictures over the same pictures with packets for primary visibility, and beside Mitsuba 3."""
     for label, frame, mitsuba, column in (
@@ -104,13 +91,6 @@ def pictures_in_short(kept):
     ):
         plain = {"method": "raster", "samples": 1, "jitter": "shared", "order": "depth_first"}
         yield line(label, each_scene(kept.points, frame=frame, mitsuba=mitsuba, **plain), column)
-
-
-def steps_and_speed(kept):
-    """Rays that start from lists: steps over those from the root, and speed over the root."""
-    for kind in KINDS:
-        rows = each_scene(usual(of(kept.points, workload="classification")), ray_kind=kind)
-        yield line(kind, rows, "steps_ratio", lambda row, name: f"{number(row, name)}, {number(row, 'speedup_vs_bvh')}")
 
 
 def mitsuba_in_short(kept):

@@ -112,19 +112,6 @@ def two_eyes(kept):
         yield table_row(f"`{row['scene']}`, {split_of(row)}", milliseconds(row["render_time_s"]), *gains)
 
 
-def regret(kept):
-    for scene, of_scene in of(kept.points).groupby("scene", sort=False):
-        pays = of_scene["pays_from_frames"]
-        both = (of_scene[name] for name in ("regret", "regret_with_planning"))
-        yield table_row(
-            f"`{scene}`",
-            len(of_scene),
-            *(digits(value) for one in both for value in (one.median(), one.max())),
-            digits(of_scene["packets_regret"].median()),
-            f"{pays.median():,.0f}" if pays.notna().all() else f"{pays.notna().sum()} of {len(pays)} ever do",
-        )
-
-
 def moving_cameras(kept):
     """Over packets that build anew for every eye, and over those that keep a BVH in world space."""
     for name in COMPARED:

@@ -58,7 +58,7 @@ METHOD_ROOMS = ("raster", "packets", "alignment", "bvh")
 
 CORE = (
     "compiled", "embree", "geometry", "files", "exact", "hits", "all_hits", "tracing", "trees", "rays", *METHOD_ROOMS,
-    "judge", "views", "planner", "compat",
+    "judge", "views", "model", "compat",
 )  # fmt: skip
 """Rooms of the library, from the ground up: each imports only those that stand before it."""
 

@@ -1,0 +1,134 @@
+"""What there is to choose from: a method, its split, packets and form of geometry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from atra.alignment.aligned import AlignedTracer
+from atra.alignment.reference_rays import choose_packet_shape
+from atra.alignment.visible_first import VisibleFirstTracer
+from atra.bvh.tracer import BvhTracer
+from atra.errors import InputError
+from atra.geometry.mesh import Mesh
+from atra.geometry.split import Split
+from atra.geometry.view import View
+from atra.packets.pixel import PixelTracer
+from atra.packets.tiles import TiledTracer
+from atra.raster.tracer import RasterTracer
+from atra.tracing.options import native_packet_widths
+from atra.tracing.rays import SQUAREST_SHAPE
+from atra.tracing.tracer import Tracer
+from atra.whole_numbers import is_whole_number
+
+METHODS = ("raster", "pixel", "bvh", "classified", "tiles", "visible_first", "aligned", "instanced")
+"""Methods that the model knows; instanced is aligned, with an Embree instance a cell in place of copies."""
+
+WITH_CELLS = ("tiles", "visible_first", "aligned", "instanced")
+
+GATHERING = ("raster", "pixel", "aligned", "instanced")
+"""Methods that find all hits along a ray."""
+
+PINHOLE_ALONE = ("tiles", "visible_first")
+
+CELLS = {
+    "tiles": ((64, 64), (16, 16)),
+    "visible_first": ((32, 0), (4, 0), (16, 16), (4, 4)),
+    "aligned": ((64, 0), (8, 0), (2, 0), (32, 32), (8, 8), (4, 4)),
+}
+"""Widths and heights of the cells worth trying, pixels; 0 is as high as the image. Where one does not divide the image
+the next larger one that does is taken."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A method and all that its cost depends on.
+
+    method: one of `METHODS`. split: (nx, ny) cells, (1, 1) for methods without. packet_width: rays of a packet, 1 for
+    methods without packets. culling: of aligned.
+    Raises InputError for another method, cells where it has none, and counts below 1.
+    """
+
+    method: str
+    split: tuple[int, int] = (1, 1)
+    packet_width: int = 1
+    culling: bool = True
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise InputError(f"method is {self.method!r}, expected one of {', '.join(METHODS)}")
+        counts = {"split_x": self.split[0], "split_y": self.split[1], "packet_width": self.packet_width}
+        for name, value in counts.items():
+            if not is_whole_number(value) or value < 1:
+                raise InputError(f"{name} is {value!r}, expected a whole number of at least 1")
+        object.__setattr__(self, "split", (int(self.split[0]), int(self.split[1])))
+        object.__setattr__(self, "packet_width", int(self.packet_width))
+        if self.method not in WITH_CELLS and self.split != (1, 1):
+            raise InputError(f"method is {self.method!r} with split {self.split}, but it has no cells; expected (1, 1)")
+
+    @property
+    def cells(self) -> int:
+        return self.split[0] * self.split[1]
+
+    def packet_shape(self, width: int, height: int) -> tuple[int, int]:
+        """Columns and rows of a packet in an image of this size. Raises InputError for a split that does not divide
+        it."""
+        split = Split(*self.split, width, height)
+        if self.method in ("aligned", "instanced", "visible_first"):
+            return choose_packet_shape(self.packet_width, split)
+        return SQUAREST_SHAPE[self.packet_width]
+
+    def tracer(self, mesh: Mesh, camera: View, **options: Any) -> Tracer:
+        """The tracer, neither planned nor built. options: threads, ties; memory_budget_bytes for methods with cells.
+
+        Raises InputError as its constructor does, and for classified rays, which `atra.shafts` makes.
+        """
+        if self.method not in WITH_CELLS:
+            options.pop("memory_budget_bytes", None)
+        if self.method == "raster":
+            return RasterTracer(mesh, camera, **options)
+        if self.method == "pixel":
+            return PixelTracer(mesh, camera, packet_width=self.packet_width, **options)
+        if self.method == "bvh":
+            return BvhTracer(mesh, camera, packet_width=self.packet_width, **options)
+        options["packet_width"] = self.packet_width
+        if self.method == "tiles":
+            return TiledTracer(mesh, camera, self.split, **options)
+        if self.method == "visible_first":
+            return VisibleFirstTracer(mesh, camera, self.split, **options)  # type: ignore[arg-type]
+        if self.method == "aligned":
+            return AlignedTracer(mesh, camera, self.split, culling=self.culling, **options)
+        if self.method == "instanced":
+            return AlignedTracer(mesh, camera, self.split, geometry="instanced", culling=False, **options)
+        raise InputError(f"method is {self.method!r}, which the core does not make; see atra.shafts.tracer")
+
+    def __str__(self) -> str:
+        words = [self.method]
+        if self.method in WITH_CELLS:
+            words.append(f"{self.split[0]} x {self.split[1]}")
+        if self.packet_width > 1:
+            words.append(f"packets of {self.packet_width}")
+        return ", ".join([*words, *([] if self.culling else ["culling off"])])
+
+
+def candidates(camera: View, want: str = "nearest") -> tuple[Choice, ...]:
+    """Every choice that the core can make for a view and finds what is wanted."""
+    widest = native_packet_widths()[-1]
+    choices = [Choice("raster"), Choice("pixel", packet_width=widest), Choice("pixel"), Choice("bvh")]
+    for method, cells in CELLS.items():
+        splits = {_split(camera, *cell) for cell in cells}
+        choices += [Choice(method, split, widest) for split in sorted(splits)]
+    choices.append(Choice("instanced", _split(camera, 32, 0), widest, culling=False))
+    barred = PINHOLE_ALONE if camera.is_parallel else ()
+    return tuple(one for one in choices if one.method not in barred and (want == "nearest" or one.method in GATHERING))
+
+
+def _split(camera: View, cell_width: int, cell_height: int) -> tuple[int, int]:
+    """The split into cells about so large."""
+
+    def count(pixels: int, wanted: int) -> int:
+        if wanted == 0:
+            return 1
+        return pixels // next(size for size in range(min(wanted, pixels), pixels + 1) if pixels % size == 0)
+
+    return count(camera.width, cell_width), count(camera.height, cell_height)

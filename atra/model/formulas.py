@@ -1,0 +1,171 @@
+"""The law: time, preparation and memory of a method as sums of counts times constants.
+
+A constant is the time, or the bytes, of one thing that is counted. Methods that do the same work share a formula, not
+its constants. Derivation: docs/model.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from math import log2
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.model.choice import Choice
+from atra.model.looking import Look
+
+Constants = Mapping[str, Sequence[float]]
+"""Constants by family: nanoseconds of a frame, nanoseconds of preparation ("...|build"), bytes ("...|bytes")."""
+
+NANO = 1e-9
+
+WHOLE, SEEN = 0, 1
+
+IN_CACHE = 3e4
+"""Copies that a cache holds with their boxes, some five megabytes."""
+
+
+class Counts:
+    """What a choice meets on a view, for a frame of all pixels.
+
+    packets: groups of rays as wide as a packet over the whole image. shot: those of the reference cell, or all. upper,
+    lower: boxes that packets enter, in the levels that all cells share and in those below; tested, met: triangles.
+    """
+
+    def __init__(self, look: Look, choice: Choice, part: int) -> None:
+        shape = choice.packet_shape(look.width, look.height)
+        kind = look.shape(shape)
+        cell = look.width // choice.split[0], look.height // choice.split[1]
+        inside = (-(-cell[0] // shape[0])) * (-(-cell[1] // shape[1]))
+        self.packets = float(inside * choice.cells)
+        self.shot = float(inside)
+        boxes = look.boxes[kind, part]
+        shared = log2(choice.cells)
+        above = np.clip(shared - np.arange(len(boxes)), 0.0, 1.0)
+        self.upper, self.lower = float((above * boxes).sum()), float(((1.0 - above) * boxes).sum())
+        self.tested, self.met = float(look.tested[kind, part]), float(look.met[kind, part])
+
+
+def family(choice: Choice, want: str) -> str:
+    """The name of the constants of a choice."""
+    packets = {"pixel": True, "aligned": True, "bvh": True}.get(choice.method, False)
+    name = f"{choice.method} {'packets' if choice.packet_width > 1 else 'single'}" if packets else choice.method
+    return f"{name}|{'nearest' if want == 'nearest' else 'all'}"
+
+
+def _ray_by_ray(look: Look, choice: Choice, part: int) -> list[float]:
+    """For each packet: itself, boxes, triangles tested, triangles hit."""
+    counts = Counts(look, choice, part)
+    n = counts.packets
+    return [n, n * (counts.upper + counts.lower), n * counts.tested, n * counts.met]
+
+
+def _tiles(look: Look, choice: Choice, part: int) -> list[float]:
+    """For each packet: itself, boxes below the cells' own roots, triangles tested and hit; and each cell."""
+    counts = Counts(look, choice, SEEN)
+    n = counts.packets
+    return [n, n * counts.upper, n * counts.lower, n * counts.tested, n * counts.met, float(choice.cells)]
+
+
+def _aligned(look: Look, choice: Choice, part: int) -> list[float]:
+    """For each packet shot: itself, shared boxes. For each packet of every cell: boxes of its own, triangles tested and
+    hit. For each copy: itself, as it is read once a frame."""
+    counts = Counts(look, choice, WHOLE)
+    n = counts.packets
+    return [
+        counts.shot, counts.shot * counts.upper, n * counts.lower, n * counts.tested, n * counts.met,
+        copies(look, choice),
+    ]  # fmt: skip
+
+
+def _instanced(look: Look, choice: Choice, part: int) -> list[float]:
+    """For each packet of every cell: the instance, boxes from the mesh's root, triangles tested and hit."""
+    counts = Counts(look, choice, WHOLE)
+    n = counts.packets
+    return [n, n * (counts.upper + counts.lower), n * counts.tested, n * counts.met]
+
+
+def _visible_first(look: Look, choice: Choice, part: int) -> list[float]:
+    """The aligned pass up to what is seen, over boxes that are out of the cache as often as copies are doubled beyond
+    it; then tiles that show an edge, packet by packet."""
+    counts = Counts(look, choice, SEEN)
+    n = counts.packets
+    kept = copies(look, choice)
+    again = n * look.edges * (counts.upper + counts.lower + counts.tested)
+    return [
+        counts.shot, counts.shot * counts.upper, n * counts.lower, n * counts.tested, n * counts.met, kept, again,
+        n * counts.lower * log2(1.0 + kept / IN_CACHE),
+    ]  # fmt: skip
+
+
+def _raster(look: Look, choice: Choice, part: int) -> list[float]:
+    """The frame of the look, in nanoseconds; the image; all hits."""
+    pixels = float(look.width * look.height)
+    return [look.raster_s / NANO, pixels, pixels * float(look.met[0, WHOLE]) * part]
+
+
+_FORMULAS: dict[str, Callable[[Look, Choice, int], list[float]]] = {
+    "raster": _raster,
+    "pixel": _ray_by_ray,
+    "bvh": _ray_by_ray,
+    "classified": _ray_by_ray,
+    "tiles": _tiles,
+    "visible_first": _visible_first,
+    "aligned": _aligned,
+    "instanced": _instanced,
+}
+
+
+def frame_terms(look: Look, choice: Choice, want: str) -> NDArray[np.float64]:
+    """Counts of a frame, one for each constant of the family."""
+    nearest = want == "nearest"
+    if choice.method == "raster":
+        return np.array(_raster(look, choice, 0 if nearest else 1))
+    return np.array(_FORMULAS[choice.method](look, choice, SEEN if nearest else WHOLE))
+
+
+def build_terms(look: Look, choice: Choice) -> NDArray[np.float64]:
+    """Counts of plan and build: once, triangles, copies, cells."""
+    return np.array([1.0, look.triangles, copies(look, choice), choice.cells])
+
+
+def byte_terms(look: Look, choice: Choice) -> NDArray[np.float64]:
+    """Counts of memory, as `build_terms`; the rasteriser's is what the look made."""
+    return np.array([1.0, look.triangles, copies(look, choice), choice.cells])
+
+
+def copies(look: Look, choice: Choice) -> float:
+    """Triangles that Embree is given for the cells; 0 for methods without copies."""
+    if choice.method in ("aligned", "tiles"):
+        return look.copies(choice.split, choice.culling)
+    return look.copies(choice.split, visible=True) if choice.method == "visible_first" else 0.0
+
+
+def fit(terms: NDArray[np.float64], measured: NDArray[np.float64], steps: int = 12) -> NDArray[np.float64]:
+    """Constants, none below 0, with which sums of terms come nearest to what was measured, by relative errors.
+
+    terms: (N, K), measured: (N,). Outliers count by their size, not its square: least squares, weighted anew.
+    """
+    rows = terms / measured[:, None]
+    scale = np.maximum(np.abs(rows).max(axis=0), 1e-300)
+    rows = rows / scale
+    weights, constants = np.ones(len(rows)), np.zeros(rows.shape[1])
+    for _ in range(steps):
+        constants = _least_squares(rows * weights[:, None], weights)
+        weights = 1.0 / np.sqrt(np.maximum(np.abs(rows @ constants - 1.0), 0.02))
+    return constants / scale
+
+
+def _least_squares(rows: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Least squares over numbers of at least 0, coordinate by coordinate."""
+    square, target = rows.T @ rows, rows.T @ wanted
+    square[np.diag_indices_from(square)] += 1e-9
+    found = np.zeros(len(target))
+    for _ in range(500):
+        before = found.copy()
+        for k in range(len(found)):
+            found[k] = max(0.0, found[k] + (target[k] - square[k] @ found) / square[k, k])
+        if np.abs(found - before).max() < 1e-7 * found.max(initial=1e-9):
+            break
+    return found

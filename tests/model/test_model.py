@@ -1,0 +1,236 @@
+"""The model: what a look counts, what formulas make of it, and what a plan says."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import atra
+from atra.errors import InputError
+from atra.model.choice import Choice, candidates
+from atra.model.constants import constants_path, keep, machine
+from atra.model.defaults import DEFAULTS
+from atra.model.formulas import Counts, build_terms, family, fit, frame_terms
+from atra.model.looking import _whole, look_at
+from atra.model.planning import Forecast, Plan, forecast
+from atra.tracing.options import native_packet_widths
+from tests.images import assert_no_pixel_wrong, trace_pixels
+from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
+
+WIDEST = native_packet_widths()[-1]
+
+
+def camera(size=16, **fields):
+    return atra.Camera(**{**EYE_AT_ORIGIN, **fields}, width=size, height=size)
+
+
+def wall(z, half=10.0):
+    """Wider than high, so that no ray runs through the edge that its two triangles share."""
+    return [(-half, -half, z), (1.1 * half, -half, z), (1.1 * half, half, z), (-half, half, z)]
+
+
+# A look
+
+
+def test_a_look_counts_the_hits_of_single_rays_as_the_rasteriser_does():
+    mesh = random_triangles(300, 1)
+    with atra.RasterTracer(mesh, camera()) as tracer:  # all blocks of rays are this image
+        hits = tracer.gather(atra.Count()).count
+        seen = tracer.trace().hit
+    look = look_at(mesh, camera())
+    assert look.met[look.shape((1, 1)), 0] == pytest.approx(hits.mean())
+    assert look.met[look.shape((1, 1)), 1] == pytest.approx(seen.mean())
+    assert look.hit == pytest.approx(seen.mean())
+
+
+def test_packets_meet_no_less_than_each_of_their_rays_and_no_more_than_all_together():
+    look = look_at(random_triangles(2000, 2), camera(64))
+    for shape in look.shapes[1:]:
+        kind, rays = look.shape(shape), shape[0] * shape[1]
+        for counted in (look.boxes.sum(axis=2), look.tested, look.met):
+            assert (counted[kind] >= counted[0] - 1e-9).all()
+            assert (counted[kind] <= rays * counted[0] + 1e-9).all()
+            assert counted[kind, 1] <= counted[kind, 0]
+
+
+def test_walls_one_behind_the_other_are_entered_by_every_ray_and_seen_once():
+    look = look_at(quads([wall(z) for z in (1.0, 2.0, 4.0, 8.0)]), camera(32))
+    assert look.boxes[0, 0, 0] == 1.0  # the root
+    assert look.met[0].tolist() == [4.0, 1.0]
+    assert look.boxes[0, 1].sum() < look.boxes[0, 0].sum()
+    assert look.edges == 0.0
+
+
+@pytest.mark.parametrize("split", [(1, 1), (8, 1), (1, 16), (8, 8)])
+def test_copies_are_those_that_alignment_plans(split):
+    mesh, view = cornell_box(), cornell_camera(64, 64)
+    with atra.AlignedTracer(mesh, view, split) as tracer:
+        assert look_at(mesh, view).copies(split) == pytest.approx(tracer.triangle_count, rel=0.02)
+
+
+def test_a_sample_of_triangles_tells_of_all_of_them(monkeypatch):
+    mesh, view = random_triangles(20_000, 3, size=0.02), camera(64)
+    all_of_them = look_at(mesh, view)
+    monkeypatch.setattr("atra.model.looking.MOST_IN_TREE", 2500)
+    monkeypatch.setattr("atra.model.looking.MOST_COPIED", 2500)
+    sampled = look_at(mesh, view)
+    assert sampled.copies((8, 8)) == pytest.approx(all_of_them.copies((8, 8)), rel=0.1)
+    assert sampled.met[0, 0] == pytest.approx(all_of_them.met[0, 0], rel=0.3)
+    assert sampled.boxes[0, 0].sum() == pytest.approx(all_of_them.boxes[0, 0].sum(), rel=0.35)
+
+
+def test_a_tree_of_a_sample_gets_levels_between_its_upper_ones_and_its_leaves():
+    boxes = np.ones((1, 2, 61))
+    boxes[..., 8:] = 0.0
+    whole, _, met = _whole(4.0, boxes, np.ones((1, 2)), np.ones((1, 2)), 256)
+    assert whole[0, 0].sum() == 10.0
+    assert met[0, 0] == 4.0
+
+
+# The law
+
+
+def test_cells_share_as_many_levels_as_halve_their_number_to_one():
+    look = look_at(random_triangles(2000, 4), camera(64))
+    boxes = look.boxes[look.shape(Choice("aligned", (16, 1), WIDEST).packet_shape(64, 64)), 0]
+    counts = Counts(look, Choice("aligned", (16, 1), WIDEST), 0)
+    assert counts.upper == pytest.approx(boxes[:4].sum())
+    assert counts.lower == pytest.approx(boxes[4:].sum())
+    assert counts.shot * 16 == counts.packets
+
+
+def test_fitting_finds_the_constants_that_made_the_times():
+    random = np.random.default_rng(5)
+    terms = random.random((40, 4)) * [1.0, 10.0, 1e6, 1.0]
+    constants = np.array([2.0, 0.3, 1e-6, 0.0])
+    times = terms @ constants
+    times[::9] *= 3.0  # a few of them wrong
+    assert fit(terms, times) == pytest.approx(constants, rel=0.05, abs=0.05)
+
+
+def test_no_constant_is_below_0():
+    terms = np.array([[1.0, 1.0], [1.0, 2.0], [1.0, 3.0]])
+    assert fit(terms, np.array([1.0, 0.9, 0.8])).min() >= 0.0
+
+
+def test_every_choice_of_every_set_has_constants_and_at_most_eight():
+    look = look_at(cornell_box(), cornell_camera(64, 64))
+    for constants in DEFAULTS.values():
+        assert max(map(len, constants.values())) <= 8
+        for want in ("nearest", "count"):
+            for choice in [*candidates(cornell_camera(64, 64), want), Choice("classified")]:
+                if want == "count" and choice.method == "classified":
+                    continue
+                assert len(constants[family(choice, want)]) == len(frame_terms(look, choice, want))
+                assert len(constants[f"{choice.method}|build"]) == len(build_terms(look, choice))
+
+
+# Plans
+
+
+def test_a_plan_is_ordered_and_tells_its_margin():
+    plan = atra.plan(cornell_box(), cornell_camera(64, 64), frames=8)
+    totals = [one.total_s(8) for one in plan.considered]
+    assert totals == sorted(totals)
+    assert plan.predicted_time_s == totals[0]
+    assert plan.runner_up.choice.method != plan.method
+    assert plan.margin == pytest.approx(plan.runner_up.total_s(8) / totals[0] - 1)
+    assert str(plan).count(" ms") >= 3 * len(plan.considered)
+
+
+def forecasts(*times):
+    methods = (Choice("raster"), Choice("pixel", packet_width=WIDEST), Choice("bvh"))
+    return tuple(Forecast(one, 0.0, time, 0.0) for one, time in zip(methods, times, strict=False))
+
+
+@pytest.mark.parametrize(("times", "unsure"), [((1.0, 1.1), True), ((1.0, 2.0), False), ((1.0,), False)])
+def test_a_plan_is_unsure_where_the_runner_up_is_close(times, unsure):
+    plan = Plan(1, "nearest", 1, 64, 64, forecasts(*times), True)
+    assert plan.is_unsure == unsure
+    assert ("too close" in str(plan)) == unsure
+
+
+def test_constants_of_another_machine_are_told(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert not machine().is_calibrated
+    assert "run `atra calibrate`" in str(Plan(1, "nearest", 1, 64, 64, forecasts(1.0), False))
+    doubled = {name: [2.0 * value for value in values] for name, values in machine().constants.items()}
+    keep(doubled)
+    assert machine().is_calibrated
+    assert machine().constants == doubled
+    for damaged in ("{", "[1]", json.dumps({"format": 1, "constants": {"raster|nearest": [1.0]}})):
+        constants_path().write_text(damaged)
+        assert not machine().is_calibrated
+
+
+def test_only_choices_that_find_all_hits_are_considered_for_a_count():
+    plan = atra.plan(cornell_box(), cornell_camera(64, 64), want="count")
+    assert {one.choice.method for one in plan.considered} == {"raster", "pixel", "aligned", "instanced"}
+
+
+@pytest.mark.parametrize("choice", candidates(camera(64)), ids=str)
+def test_the_tracer_of_every_choice_traces_the_image_of_single_rays(choice):
+    mesh, view = cornell_box(), cornell_camera(64, 64)
+    plan = Plan(1, "nearest", 1, 64, 64, (Forecast(choice, 0.0, 1.0, 0.0),), True, "any")
+    with plan.tracer(mesh, view, memory_budget_bytes=2**30) as tracer:
+        assert_no_pixel_wrong(mesh, view, tracer.trace(), trace_pixels(mesh, view))
+
+
+def test_parallel_rays_have_choices_and_a_plan():
+    view = atra.OrthographicCamera(**EYE_AT_ORIGIN, width=64, height=64)
+    plan = atra.plan(random_triangles(100, 6), view)
+    assert {one.choice.method for one in plan.considered} == {"raster", "pixel", "bvh", "aligned", "instanced"}
+
+
+ONE = quads([wall(2.0)])
+NOTHING_IN_VIEW = {
+    "behind": (quads([wall(-2.0)]), camera(64)),
+    "aside": (quads([[(50, 0, 1), (51, 0, 1), (51, 1, 1), (50, 1, 1)]]), camera(64)),
+    "without area": (atra.Mesh(np.array([[0, 0, 1], [1, 0, 1], [2, 0, 1]]), np.array([[0, 1, 2]])), camera(64)),
+    "all alike": (atra.Mesh(np.tile(np.eye(3), (50, 1)) + [0, 0, 1], np.arange(150).reshape(-1, 3)), camera(64)),
+    "one triangle": (atra.Mesh(ONE.vertices, ONE.faces[:1]), camera(64)),
+    "one pixel": (ONE, camera(1)),
+    "in its plane": (quads([[(-1, 0, 1), (1, 0, 1), (1, 0, 3), (-1, 0, 3)]]), camera(64)),
+}
+
+
+@pytest.mark.parametrize("name", NOTHING_IN_VIEW)
+@pytest.mark.parametrize("want", ["nearest", "layers"])
+def test_a_view_of_nearly_nothing_has_a_plan(name, want):
+    mesh, view = NOTHING_IN_VIEW[name]
+    plan = atra.plan(mesh, view, frames=3, want=want, threads=1)
+    assert np.isfinite(plan.predicted_time_s)
+    with plan.tracer(mesh, view) as tracer:
+        tracer.trace()
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    ({"frames": 0}, "frames is 0"), ({"frames": 1.5}, "frames is 1.5"), ({"frames": 10**400}, "frames is 1000"),
+    ({"want": "all"}, "want is 'all'"), ({"threads": 0}, "threads is 0"), ({"choices": ()}, "choices are none"),
+    ({"ties": "first"}, "ties is 'first', expected one of lowest, any"),
+])  # fmt: skip
+def test_nonsense_is_refused(arguments, message):
+    with pytest.raises(InputError, match=message):
+        atra.plan(cornell_box(), cornell_camera(64, 64), **arguments)
+
+
+@pytest.mark.parametrize(("fields", "message"), [
+    ({"method": "magic"}, "method is 'magic'"), ({"split": (2, 1)}, "it has no cells"),
+    ({"packet_width": 0}, "packet_width is 0"),
+])  # fmt: skip
+def test_a_choice_that_cannot_be_is_refused(fields, message):
+    with pytest.raises(InputError, match=message):
+        replace(Choice("pixel"), **fields)
+
+
+def test_a_plan_for_an_image_of_another_size_is_refused():
+    plan = Plan(1, "nearest", 1, 64, 64, forecasts(1.0), True)
+    with pytest.raises(InputError, match="64 x 64 pixels, the camera has 128 x 64"):
+        plan.tracer(cornell_box(), cornell_camera(128, 64))
+
+
+def test_more_cells_never_mean_fewer_bytes():
+    look, known = look_at(cornell_box(), cornell_camera(64, 64)), machine()
+    kept = [forecast(look, Choice("aligned", (nx, 1), WIDEST), "nearest", known).bytes for nx in (1, 8, 64)]
+    assert kept == sorted(kept)

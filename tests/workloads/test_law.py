@@ -1,0 +1,56 @@
+"""The table of the law: constants know nothing of the scene they are judged on, and choices are judged by hand."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import atra
+from atra.model.choice import Choice
+from experiments.law.measure import VIEWS, cases
+from experiments.law.predict import choice_of, choices_of, errors_of, leave_one_out
+from tests.meshes import cornell_box, cornell_camera
+
+
+def row(scene, method, measured_s, predicted_s=1.0, **fields):
+    return {
+        "instruction_set": "avx2", "scene": scene, "view": "own", "want": "nearest", "method": method,
+        "measured_time_s": measured_s, "predicted_time_s": predicted_s, **fields,
+    }  # fmt: skip
+
+
+def test_a_choice_is_judged_by_what_it_takes_over_the_fastest():
+    rows = pd.DataFrame([
+        row("a", "raster", 1.0, 2.0), row("a", "pixel", 1.5, 1.0), row("b", "raster", 1.0, 1.0),
+        row("b", "pixel", 4.0, 3.0),
+    ])  # fmt: skip
+    found = choices_of(rows, "nearest")
+    assert (found["views"], found["named"], found["raster"]) == (2, 0.5, 1.0)
+    assert found["median"] == pytest.approx(0.25)
+    assert choices_of(rows, "nearest", ("raster",))["named"] == 1.0
+    assert errors_of(rows).tolist() == [1.0, pytest.approx(1 / 3), 0.0, 0.25]
+
+
+def test_a_scene_has_no_part_in_the_constants_it_is_judged_by():
+    terms = {"frame_terms": np.ones(1), "build_terms": np.ones(1), "bytes_terms": np.ones(1)}
+    more = {**terms, "family": "pixel|nearest", "measured_build_s": 1.0, "measured_bytes": 1.0, "raster_bytes": 0}
+    rows = pd.DataFrame([row(scene, "pixel", time, **more) for scene, time in (("a", 1.0), ("a", 1.0), ("b", 3.0))])
+    judged = leave_one_out(rows.drop(columns="predicted_time_s"))
+    assert judged["predicted_time_s"].tolist() == pytest.approx([3.0, 3.0, 1.0], rel=1e-3)
+
+
+def test_instances_and_culling_are_told_apart():
+    common = {"split_x": 8, "split_y": 1, "packet_width": 8}
+    assert choice_of({**common, "method": "aligned", "geometry": "copied", "culling": "True"}).culling
+    assert not choice_of({**common, "method": "aligned", "geometry": "copied", "culling": "False"}).culling
+    assert choice_of({**common, "method": "aligned", "geometry": "instanced", "culling": "False"}) == Choice(
+        "instanced", (8, 1), 8, culling=False
+    )
+
+
+def test_at_least_thirty_views_are_measured_and_every_case_has_a_tracer():
+    assert len(set(VIEWS)) == len(VIEWS) >= 30
+    mesh, camera = cornell_box(), cornell_camera(512, 512)
+    made = [make() for _, _, make in cases(mesh, camera)]
+    assert {type(one) for one in made} >= {atra.RasterTracer, atra.PixelTracer, atra.BvhTracer, atra.AlignedTracer}
+    for tracer in made:
+        tracer.close()
