@@ -8,6 +8,8 @@ with a sun's soft shadows and ambient occlusion; and says what share of the time
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import atra
 from atra import light
 from atra.light.pictures.files import srgb_of
@@ -29,10 +31,11 @@ def main(arguments: list[str] | None = None) -> dict[str, dict[str, float]]:
     made.add_argument("--segments", type=int, default=24, help="around a small ball")
     options = made.parse_args(arguments)
     scene = weekend(options.segments)
+    book = replace(scene, lights=())  # it has no sun
     camera = atra.Camera(**WEEKEND_CAMERA, width=options.width, height=options.height)
     pictures, told = [], {}
     for name, renderer in (
-        ("paths", light.PathRenderer(scene, camera, threads=options.threads, max_depth=options.max_depth)),
+        ("paths", light.PathRenderer(book, camera, threads=options.threads, max_depth=options.max_depth)),
         ("hybrid", light.HybridRenderer(scene, camera, threads=options.threads, occlusion_length=1.0)),
     ):
         with renderer:

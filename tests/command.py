@@ -42,11 +42,11 @@ def measure_here(point):
     return Outcome.from_json(outcome_of(job.point).to_json(), point)
 
 
-def run_here(folder, *arguments, scenes=None):
+def run_here(folder, *arguments, scenes=None, encoding="utf-8"):
     """What `python run.py` with these arguments does in `folder`; points are measured in this process, too.
 
-    scenes: the value of ATRA_SCENES, unset otherwise."""
-    out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))
+    scenes: the value of ATRA_SCENES, unset otherwise. encoding: of what it prints."""
+    out, err = (io.TextIOWrapper(io.BytesIO(), encoding=encoding, write_through=True) for _ in range(2))
     with ExitStack() as stack:
         stack.enter_context(_variables(scenes))
         stack.enter_context(_signals())
@@ -60,7 +60,7 @@ def run_here(folder, *arguments, scenes=None):
         stack.enter_context(redirect_stdout(out))
         stack.enter_context(redirect_stderr(err))
         code = _exit_code()
-    return Done(code, *(stream.buffer.getvalue().decode() for stream in (out, err)))
+    return Done(code, *(stream.buffer.getvalue().decode(encoding) for stream in (out, err)))
 
 
 def _exit_code():

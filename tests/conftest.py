@@ -4,10 +4,10 @@ import gc
 import os
 import signal
 import sys
+from functools import partial
 
 import pytest
-
-from atra.compiled.instruction_sets import INSTRUCTION_SETS, PACKET_WIDTHS, instruction_sets_here
+from _pytest import runner
 
 # A shell ignores the interrupt key for what it starts in the background, and children inherit that; the tests that
 # interrupt a sweep would wait for ever.
@@ -29,6 +29,53 @@ def old_objects_set_aside():
     gc.freeze()
     yield
     gc.unfreeze()
+
+
+def pytest_collection_finish():
+    """What collecting has made stays to the end; the collector need not look at it again and again."""
+    gc.freeze()
+
+
+def _with_room(call):
+    return call()
+
+
+# The interpreter maps memory for its frames in pieces of 16 KiB, and gives a piece back when the frame at its beginning
+# returns. A function called in a loop at such a border costs a page each time, which took a sixth of compiling. This
+# frame claims a mebibyte, and what it calls has the rest of a piece twice as large.
+_with_room.__code__ = _with_room.__code__.replace(co_stacksize=2**17 + 1)
+
+
+@pytest.hookimpl(specname="pytest_runtest_protocol", tryfirst=True)
+def run_with_room_for_frames(item, nextitem):
+    """In place of pytest's own, which this calls."""
+    return _with_room(partial(runner.pytest_runtest_protocol, item, nextitem))
+
+
+@pytest.fixture
+def figures_unsaved(monkeypatch):
+    """Figures are drawn, and none is made a picture; what they look like is tested in tests/report."""
+    _save_figures_as(monkeypatch)
+
+
+@pytest.fixture
+def figures_as_png(monkeypatch):
+    """Figures become PNG alone, and their SVG is empty."""
+    _save_figures_as(monkeypatch, "png")
+
+
+def _save_figures_as(monkeypatch, *formats):
+    from matplotlib.figure import Figure
+
+    saved = Figure.savefig
+
+    def savefig(figure, file, *, format, **options):
+        if format in formats:
+            saved(figure, file, format=format, **options)
+        else:
+            file.write(b'<svg xmlns="http://www.w3.org/2000/svg"/>')
+
+    monkeypatch.setattr(Figure, "savefig", savefig)
 
 
 UNCOVERED = {"documents", "harness", "methods", "paper", "report", "results", "scenes", "viewer", "walls"}
@@ -76,11 +123,15 @@ def pytest_collection_modifyitems(items):
 def pytest_terminal_summary(terminalreporter):
     reports = [report for kind in ("passed", "failed") for report in terminalreporter.stats.get(kind, [])]
     if any("test_instruction_sets.py" in report.nodeid for report in reports):
+        from atra.compiled.instruction_sets import instruction_sets_here
+
         terminalreporter.write_line(said_of_instruction_sets(instruction_sets_here()))
 
 
 def said_of_instruction_sets(here):
     """One line: the core's tests ran under the instruction sets `here`, and could not under the others."""
+    from atra.compiled.instruction_sets import INSTRUCTION_SETS, PACKET_WIDTHS
+
     widths = sorted({1, *(width for name in here for width in PACKET_WIDTHS[name])})
     left_sets = [name for name in INSTRUCTION_SETS if name not in here]
     left_widths = [str(width) for width in (4, 8, 16) if width not in widths]

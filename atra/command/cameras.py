@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,6 +15,7 @@ from atra.files.cameras.colmap import read_colmap
 from atra.files.cameras.entries import Broken, Entries, allowance_of, pixels, read_json
 from atra.files.cameras.nerf import read_transforms
 from atra.geometry.camera import Camera
+from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 
 _SIZE = ("width", "height")
@@ -20,6 +23,50 @@ _KINDS = (("eye", "target"), ("K", "R", "t"))
 """Required fields of a camera beside its size: of `atra.Camera`, or of an OpenCV calibration."""
 _OPTIONAL = (("up", "fov_y_degrees"), ("distortion", "model"))
 """Optional fields of either."""
+
+
+DIRECTIONS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
+    "front": ((0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
+    "back": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
+    "left": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+    "right": ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+    "top": ((0.0, -1.0, 0.0), (0.0, 0.0, -1.0)),
+    "bottom": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+}
+"""Sides that a model is looked at from, with +y up and its front towards +z as in glTF: the way, and up."""
+
+_SIDE = 1024
+"""Pixels along a side of a picture whose size nothing says."""
+
+
+def chosen_cameras(given: Any, mesh: Mesh, own: Mapping[str, View], broken: Broken) -> dict[str, View]:
+    """The cameras that `--camera` asks for, by name; without it one that frames the mesh.
+
+    own: cameras of the mesh's file. Raises InputError for what is
+    neither, and as `read_cameras`.
+    """
+    size = None if given.size is None else tuple(given.size)
+    width, height = size or (_SIDE, _SIDE)
+    if given.camera is None:
+        return {given.mesh.stem: Camera.framing(mesh, width=width, height=height)}
+    if is_file_name(given.camera) and given.camera not in own:
+        return read_cameras(Path(given.camera), size, broken, given.memory_per_byte)
+    if given.camera in own:
+        camera: Any = own[given.camera]
+        return {given.camera: camera if size is None else replace(camera, width=width, height=height)}
+    if given.camera in DIRECTIONS:
+        way, up = DIRECTIONS[given.camera]
+        return {given.camera: Camera.framing(mesh, way, up=up, width=width, height=height)}
+    names = ", ".join(map(repr, own)) or "none"
+    raise InputError(
+        f"the camera is {given.camera!r}, expected a file, one of {', '.join(DIRECTIONS)}, or a camera of "
+        f"{given.mesh.name} ({names})"
+    )
+
+
+def is_file_name(camera: str) -> bool:
+    """Whether `--camera` names a file or folder, which need not exist."""
+    return Path(camera).exists() or Path(camera).suffix.lower() in (".json", ".yaml", ".yml")
 
 
 def read_cameras(

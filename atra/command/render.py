@@ -10,7 +10,8 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from atra.command.cameras import read_cameras
+from atra.command.cameras import DIRECTIONS, chosen_cameras, is_file_name
+from atra.command.picture import add_picture, load_with_cameras, run_picture, wants_picture
 from atra.errors import InputError, StorageError, printable
 from atra.files.cameras.entries import Broken
 from atra.files.meshes.face_sources import FaceSources, load_face_sources
@@ -18,7 +19,6 @@ from atra.files.meshes.loading import load_mesh
 from atra.files.planes import PLANE_FORMATS, PLANES, SOURCES, plane_names
 from atra.files.reading import MEMORY_PER_BYTE, VARIABLE
 from atra.files.saving import check_package
-from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
@@ -30,6 +30,8 @@ FORMATS = ("npz", "exr", "png", "ply")
 EXAMPLES = """\
 atra render model.ply
            frames the mesh and writes its planes to model_views/
+       atra render model.glb --samples 64 -o picture.png
+           a picture with the file's materials and lights, framed; --camera front, or a camera's name, looks elsewhere
        atra render room.glb --camera sparse/0 --planes depth,normals --format png
            16-bit depth in millimetres and normals of every camera of a COLMAP model, its lenses included
        atra render room.glb --camera transforms.json --out labels --planes prim_id,mask --format npy
@@ -45,10 +47,11 @@ def add_render(parser: ArgumentParser) -> None:
     """Add the arguments of `run_render`."""
     parser.add_argument("mesh", type=Path, help="a file of any format that trimesh reads: model.glb, .obj, .ply, …")
     parser.add_argument(
-        "--camera", type=Path, metavar="CAMERAS",
-        help="a COLMAP model's folder; a transforms.json; a BOP scene's scene_camera.json; a calibration of OpenCV or "
-        "ROS; or a JSON file of cameras by name, each with eye and target (and up, fov_y_degrees) or OpenCV's K, R and "
-        "t (and distortion, model), and with width and height (default: one camera that frames the mesh)",
+        "--camera", metavar="CAMERAS",
+        help="front, back, left, right, top or bottom; the name of a camera in the file; a COLMAP model's folder; a "
+        "transforms.json; a BOP scene's scene_camera.json; a calibration of OpenCV or ROS; or a JSON file of cameras "
+        "by name, each with eye and target (and up, fov_y_degrees) or OpenCV's K, R and t (and distortion, model), and "
+        "with width and height (default: one camera that frames the mesh)",
     )  # fmt: skip
     parser.add_argument(
         "--out", type=Path, metavar="FOLDER", help="where the files go, made if missing (default: MESH_views)"
@@ -69,6 +72,7 @@ def add_render(parser: ArgumentParser) -> None:
         "look at; ply: points and normals; with --planes: npz, npy, png, exr, tiff",
     )  # fmt: skip
     parser.add_argument("--size", nargs=2, type=int, metavar=("WIDTH", "HEIGHT"), help="size of cameras without one")
+    add_picture(parser)
     parser.add_argument("--threads", type=int, help="number of threads (default: every core)")
     parser.add_argument(
         "--memory-per-byte", type=float, metavar="NUMBER",
@@ -83,19 +87,19 @@ def run_render(given: Namespace) -> int:
     Otherwise it prints at the end which views could not be read, traced or written, and why, and returns 1. Raises
     InputError, before anything is traced, for inputs that cannot be used, and StorageError.
     """
-    _check_formats(given)
     left_out: Broken = {}
-    size = None if given.size is None else tuple(given.size)
-    cameras: dict[str, View] = {}
-    if given.camera is not None:
-        cameras = read_cameras(given.camera, size, left_out, given.memory_per_byte)
-    mesh = load_mesh(given.mesh, memory_per_byte=given.memory_per_byte)
+    if wants_picture(given):
+        return run_picture(given, lambda mesh, own: chosen_cameras(given, mesh, own, left_out))
+    _check_formats(given)
+    own: dict[str, View] = {}
+    if given.camera is None or given.camera in DIRECTIONS or is_file_name(given.camera):
+        mesh = load_mesh(given.mesh, memory_per_byte=given.memory_per_byte)
+    else:
+        mesh, own = load_with_cameras(given)
+    cameras = chosen_cameras(given, mesh, own, left_out)
     sources = None
     if SOURCES.keys() & set(given.planes or ()):
         sources = load_face_sources(given.mesh, memory_per_byte=given.memory_per_byte)
-    if given.camera is None:
-        width, height = size or (1024, 1024)
-        cameras = {given.mesh.stem: Camera.framing(mesh, width=width, height=height)}
     stems, out = file_stems(cameras), given.out or Path(f"{given.mesh.stem}_views")
     _make_folder(out)
     views = f"{len(cameras)} view{'s' * (len(cameras) > 1)}"

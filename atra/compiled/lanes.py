@@ -11,7 +11,7 @@ from numba.extending import intrinsic
 
 from atra.compiled.intrinsics import emitting, pointer_at
 from atra.compiled.memory import load_aligned, store_lanes
-from atra.compiled.vectors import Mask, Vector, declared, packed, splat, unpacked
+from atra.compiled.vectors import HAS_MASK_REGISTERS, Mask, Vector, declared, packed, splat, unpacked
 
 _I1, _I8, _I32, _I64 = ir.IntType(1), ir.IntType(8), ir.IntType(32), ir.IntType(64)
 
@@ -171,3 +171,28 @@ def highest(typingctx: Any, numbers: Any) -> Any:
 def first_bit(typingctx: Any, bits: Any) -> Any:
     """The place of the lowest bit that is set in an int64 that is not 0."""
     return types.int64(types.int64), emitting(lambda builder, bits: builder.cttz(bits, _I1(1)))
+
+
+@intrinsic
+def store_chosen(typingctx: Any, bits: Any, source: Any, target: Any) -> Any:
+    """Store those of 8 uint64 at the address `source` whose bit is set one after another at `target`, which has room
+    for all; returns how many."""
+
+    def emit(builder: ir.IRBuilder, bits: ir.Value, source: ir.Value, target: ir.Value) -> ir.Value:
+        kind, chosen = ir.VectorType(_I64, 8), builder.trunc(bits, ir.IntType(8))
+        if HAS_MASK_REGISTERS:
+            numbers, mask = load_aligned(builder, source, kind, 8), builder.bitcast(chosen, ir.VectorType(_I1, 8))
+            name = "llvm.x86.avx512.mask.compress.v8i64"
+            compress = declared(builder, name, ir.FunctionType(kind, [kind, kind, mask.type]))
+            together = builder.call(compress, [numbers, numbers, mask])
+            builder.store(together, pointer_at(builder, target, kind.as_pointer())).align = 8
+            return builder.zext(builder.ctpop(chosen), _I64)
+        count: ir.Value = _I64(0)
+        for k in range(8):
+            number = load_aligned(builder, builder.add(source, _I64(8 * k)), _I64, 8)
+            place = builder.add(target, builder.shl(count, _I64(3)))
+            builder.store(number, pointer_at(builder, place, _I64.as_pointer())).align = 8
+            count = builder.add(count, builder.and_(builder.lshr(bits, _I64(k)), _I64(1)))
+        return count
+
+    return types.int64(types.int64, types.int64, types.int64), emitting(emit)

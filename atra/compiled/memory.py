@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 from llvmlite import ir
@@ -11,7 +12,7 @@ from numba.extending import intrinsic
 from atra.compiled.intrinsics import emitting, pointer_at
 from atra.compiled.vectors import HAS_MASK_REGISTERS, Vector, declared, every_second, splat, unpacked
 
-_I1, _I32, _I64 = ir.IntType(1), ir.IntType(32), ir.IntType(64)
+_I1, _I16, _I32, _I64 = ir.IntType(1), ir.IntType(16), ir.IntType(32), ir.IntType(64)
 
 
 def _pointer(builder: ir.IRBuilder, address: ir.Value, kind: ir.Type) -> ir.Value:
@@ -47,19 +48,36 @@ def _gathered(builder: ir.IRBuilder, addresses: ir.Value, kind: ir.VectorType, n
     return builder.call(gather, [pointers, _I32(size), all_, ir.Constant(kind, ir.Undefined)])
 
 
+def _mixed(builder: ir.IRBuilder, a: ir.Value, b: ir.Value, lanes: list[int]) -> ir.Value:
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_I32, len(lanes)), lanes))
+
+
 @intrinsic(prefer_literal=True)
-def gather(typingctx: Any, base: Any, packed_address: Any, part: Any) -> Any:
-    """Gather 8 float64 at distances, in bytes, from `base`: 16 bits each, part 0 ... 3 of 8 uint64."""
+def points_of(typingctx: Any, base: Any, packed_address: Any, part: Any) -> Any:
+    """x, y and nearness of 8 points, as three vectors: rows of 4 float64 at distances, in bytes, from `base`.
 
-    def emit(builder: ir.IRBuilder, base: ir.Value, packed_address: ir.Value, _: ir.Value) -> ir.Value:
-        integers = ir.VectorType(_I64, 8)
-        packed = load_aligned(builder, packed_address, integers, 8)
-        shifted = builder.lshr(packed, ir.Constant(integers, [16 * part.literal_value] * 8))
-        distances = builder.and_(shifted, ir.Constant(integers, [0xFFFF] * 8))
-        addresses = builder.add(distances, splat(builder, base, 8))
-        return _gathered(builder, addresses, ir.VectorType(ir.DoubleType(), 8), "v8f64", 8)
+    packed_address: of 8 uint64 with a distance in 16 bits each, part 0 ... 3. Faster than gathering columns.
+    """
+    vector = Vector(types.float64, 8)
+    columns = types.UniTuple(vector, 3)
 
-    return Vector(types.float64, 8)(types.int64, types.int64, part), emitting(emit)
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+        base, first = values[0], builder.add(values[1], _I64(2 * part.literal_value))
+
+        def row(k: int) -> ir.Value:
+            distance = load_aligned(builder, builder.add(first, _I64(8 * k)), _I16, 2)
+            place = builder.add(base, builder.zext(distance, _I64))
+            return load_aligned(builder, place, ir.VectorType(ir.DoubleType(), 4), 8)
+
+        mixed = partial(_mixed, builder)
+        a, b, c, d = (mixed(row(k), row(k + 4), list(range(8))) for k in range(4))
+        even, odd = [0, 8, 2, 10, 4, 12, 6, 14], [1, 9, 3, 11, 5, 13, 7, 15]
+        two, other_two = mixed(a, b, even), mixed(c, d, even)
+        x, w = mixed(two, other_two, [0, 1, 8, 9, 4, 5, 12, 13]), mixed(two, other_two, [2, 3, 10, 11, 6, 7, 14, 15])
+        y = mixed(mixed(a, b, odd), mixed(c, d, odd), [0, 1, 8, 9, 4, 5, 12, 13])
+        return context.make_tuple(builder, columns, [x, y, w])
+
+    return columns(types.int64, types.int64, part), codegen
 
 
 @intrinsic
@@ -155,19 +173,41 @@ def halves(typingctx: Any, vector: Any) -> Any:
 
 @intrinsic
 def store_points(typingctx: Any, x: Any, y: Any, w: Any, address: Any) -> Any:
-    """Store x, y, w, w of each lane of three vectors of 8, lane after lane."""
+    """Store x, y, w of each lane of three vectors of 8, and after them x and y as float32, lane after lane."""
 
     def emit(builder: ir.IRBuilder, x: ir.Value, y: ir.Value, w: ir.Value, address: ir.Value) -> None:
-        def mixed(a: ir.Value, b: ir.Value, lanes: list[int]) -> ir.Value:
-            return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_I32, 8), lanes))
-
-        for k in range(0, 8, 2):
-            two = mixed(x, y, [k, 8 + k, k, k, k + 1, 9 + k, k + 1, k + 1])
-            points = mixed(two, w, [0, 1, 8 + k, 8 + k, 4, 5, 9 + k, 9 + k])
-            place = builder.add(address, _I64(32 * k))
-            builder.store(points, _pointer(builder, place, points.type)).align = 8
+        mixed = partial(_mixed, builder)
+        single = ir.VectorType(ir.FloatType(), 8)
+        in_turn = [8 * part + k for k in range(8) for part in (0, 1)]
+        pairs = builder.bitcast(mixed(builder.fptrunc(x, single), builder.fptrunc(y, single), in_turn), x.type)
+        for odd in (0, 1):
+            lanes = [8 * part + k + odd for k in range(0, 8, 2) for part in (0, 1)]
+            places, others = mixed(x, y, lanes), mixed(w, pairs, lanes)
+            for k in range(0, 8, 2):
+                point = mixed(places, others, [k, k + 1, 8 + k, 9 + k])
+                builder.store(
+                    point, _pointer(builder, builder.add(address, _I64(32 * (k + odd))), point.type)
+                ).align = 8
 
     return types.void(x, y, w, types.int64), emitting(emit)
+
+
+@intrinsic(prefer_literal=True)
+def places_of(typingctx: Any, base: Any, packed_address: Any, part: Any) -> Any:
+    """x and y of 8 points of `store_points`, as two vectors of float32; packed_address, part: as for `points_of`."""
+    vector = Vector(types.float32, 8)
+    both = types.UniTuple(vector, 2)
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
+        pairs = ir.Constant(ir.VectorType(ir.DoubleType(), 8), ir.Undefined)
+        for k in range(8):
+            distance = load_aligned(builder, builder.add(values[1], _I64(8 * k + 2 * part.literal_value)), _I16, 2)
+            place = builder.add(builder.add(values[0], _I64(24)), builder.zext(distance, _I64))
+            pairs = builder.insert_element(pairs, load_aligned(builder, place, ir.DoubleType(), 8), _I32(k))
+        mixed = builder.bitcast(pairs, ir.VectorType(ir.FloatType(), 16))
+        return context.make_tuple(builder, both, every_second(builder, mixed, 16))
+
+    return both(types.int64, types.int64, part), codegen
 
 
 @intrinsic

@@ -20,6 +20,8 @@ from typing import Any
 import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, _CacheLocator
 from numba.core.ccallback import CFunc
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
 from numba.core.sigutils import normalize_signature
 
@@ -91,8 +93,19 @@ def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     wrappers = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     called = numba.njit(pipeline_class=PartCompiler, **wrappers, **options)(function)
     called._insert = lambda *_, **__: None  # keeps Numba from running a wrapper that is not there
+    called.compile = partial(_compile_part, called)
     called._compile_for_args = lambda *_, **__: _for_python(function, **options)  # what Numba calls instead
     return called
+
+
+def _compile_part(called: Any, signature: Any) -> Any:
+    """What Numba does to compile a function that is not kept, but for clocks: each of those that run, one in every
+    function that calls this one, is told of every call of LLVM."""
+    with global_compiler_lock, called._compiling_counter:
+        arguments, result = normalize_signature(signature)
+        if arguments not in called.overloads:
+            called.add_overload(called._compiler.compile(arguments, result))
+        return called.overloads[arguments].entry_point
 
 
 @cache
@@ -234,7 +247,7 @@ class _Cache(FunctionCache):
             try:
                 data = None if index is None else index.load(key)
                 if data is not None:
-                    target_context.refresh()
+                    rtsys.initialize(target_context)  # all that machine code needs; compiling loads far more of Numba
                     return self._impl.rebuild(target_context, data)
             except Exception:  # a damaged pickle may raise anything; saving replaces what is kept
                 continue

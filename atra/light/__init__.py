@@ -5,6 +5,7 @@ from atra.light.lightmaps.charts.atlas import Atlas
 from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.finish.denoise import denoised
 from atra.light.lightmaps.finish.export import save_maps, save_model
+from atra.light.lightmaps.finish.gltf import save_lit_model
 from atra.light.lightmaps.finish.seams import Seams, dilated
 from atra.light.lightmaps.finish.views import clay_view, lit_view
 from atra.light.lightmaps.gather.probes import LightProbes
@@ -63,6 +64,7 @@ __all__ = [
     "lit_view",
     "load_scene",
     "relative_error",
+    "save_lit_model",
     "save_maps",
     "save_model",
     "stops_of",

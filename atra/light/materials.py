@@ -263,6 +263,10 @@ class MetallicRoughness(Material):
         return self.colour
 
     @property
+    def numbers(self) -> tuple[float, bool]:
+        return self.ior, self.is_thin
+
+    @property
     def images(self) -> tuple[Image | None, ...]:
         """Of colour, metal and roughness, normals, emission, transmission."""
         colour = self.colour if isinstance(self.colour, Image) else None

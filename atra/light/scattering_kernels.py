@@ -2,42 +2,48 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from atra.compiled.store import njit
-from atra.light.numbers_kernels import (
-    HALF,
-    ONE,
-    TWO,
-    ZERO,
-    along,
-    around,
-    bits_of,
-    dot,
-    on_sphere,
-    scaled,
-    unit,
-    unit_of,
-)
+from atra.light.numbers_kernels import HALF, ONE, TWO, ZERO, along, around, dot, on_sphere, scaled, unit
+from atra.light.physical_kernels import physical_direction, physical_value
+from atra.light.sampler_kernels import DIRECTION, LOBE, PAIRS, pair_of
 from atra.light.surface_kernels import (
+    BACKS,
+    CUTOFF,
+    EMISSION,
+    HAS_COLOURS,
+    IMAGES,
     KIND,
+    METALLIC,
+    NORMAL_SCALE,
+    OF_COLOUR,
+    OF_EMISSION,
+    OF_METAL,
+    OF_NORMALS,
+    OF_TRANSMISSION,
+    OPACITY,
     PARAMETER,
+    ROUGHNESS,
+    TRANSMISSION,
     VARIANT,
     colour_of,
+    first_uv,
     leaving,
     material_of,
     meet,
     on_side,
-    plain_colour,
     shading_normal,
+    textured,
+    vertex_colour,
+    weights_at,
 )
 
 LAMBERTIAN, METAL, DIELECTRIC, EMISSIVE, PHYSICAL = 0, 1, 2, 3, 4
-"""Kinds of material. PARAMETER: a metal's fuzz, glass's index of refraction. VARIANT: uniform directions (Lambertian),
-rays pass below the surface (metal), Schlick's approximation (glass)."""
-
-DIMENSIONS = 4
-"""Random numbers per bounce."""
+"""Kinds of material. PARAMETER: a metal's fuzz, an index of refraction. VARIANT: uniform directions (Lambertian), rays
+pass below the surface (metal), Schlick's approximation (glass), no thickness (physical)."""
 
 BLACK = ZERO, ZERO, ZERO
 WHITE = ONE, ONE, ONE
@@ -45,51 +51,209 @@ _MINUS_TWO = np.float32(-2.0)
 _PER_PI = np.float32(1.0 / np.pi)
 
 
-@njit(forceinline=True)
+class Matter(NamedTuple):
+    """A `MetallicRoughness` at a point; of other materials, colour alone, and their PARAMETER as `ior`.
+
+    ior: of the far side over the near side. alpha: squared roughness.
+    """
+
+    colour: tuple[np.float32, np.float32, np.float32]
+    metallic: np.float32
+    alpha: np.float32
+    transmission: np.float32
+    ior: np.float32
+    is_thin: bool
+
+
+class Spot(NamedTuple):
+    """Where a path meets a surface: `meet`'s point and normal, the shading normal, kind and number of the material."""
+
+    point: tuple[np.float64, np.float64, np.float64]
+    normal: tuple[np.float32, np.float32, np.float32]
+    shaded: tuple[np.float32, np.float32, np.float32]
+    kind: np.int64
+    material: np.int64
+    is_variant: bool
+    matter: Matter
+
+
+@njit
 def emitted(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-def]
-    """(r, g, b) of an emissive triangle seen by a ray; its back is black."""
-    _, _, is_front = meet(surfaces, prim_id, origin, direction)
-    return plain_colour(surfaces, material_of(surfaces, prim_id)) if is_front else BLACK
+    """(r, g, b) of a triangle that shines, seen by a ray; its back is black."""
+    point, _, is_front = meet(surfaces, prim_id, origin, direction)
+    return emission_at(surfaces, prim_id, point) if is_front else BLACK
+
+
+@njit
+def emission_at(surfaces, prim_id, point):  # type: ignore[no-untyped-def]
+    """(r, g, b) that the front of a triangle emits at a point."""
+    material = material_of(surfaces, prim_id)
+    row = surfaces.materials[material]
+    light = np.float32(row[EMISSION]), np.float32(row[EMISSION + 1]), np.float32(row[EMISSION + 2])
+    if row[IMAGES + OF_EMISSION] < 0.0:
+        return light
+    s, t = first_uv(surfaces, prim_id, weights_at(surfaces, prim_id, point))
+    texel = textured(surfaces, material, OF_EMISSION, prim_id, point, s, t)
+    return light[0] * texel[0], light[1] * texel[1], light[2] * texel[2]
+
+
+@njit
+def opacity_at(surfaces, prim_id, point, is_front, is_seen):  # type: ignore[no-untyped-def]
+    """The share of light that meets a triangle with HOLES at a point; the rest passes. is_seen: by the eye."""
+    row = surfaces.materials[material_of(surfaces, prim_id)]
+    if is_seen and not is_front and row[BACKS] == 0.0:
+        return ZERO
+    cutoff = row[CUTOFF]
+    if cutoff > 1.0:
+        return ONE
+    opacity = np.float32(row[OPACITY])
+    has_image = row[IMAGES + OF_COLOUR] >= 0.0
+    if has_image or row[HAS_COLOURS] != 0.0:
+        weights = weights_at(surfaces, prim_id, point)
+        if has_image:
+            s, t = first_uv(surfaces, prim_id, weights)
+            opacity *= textured(surfaces, material_of(surfaces, prim_id), OF_COLOUR, prim_id, point, s, t)[3]
+        if row[HAS_COLOURS] != 0.0:
+            opacity *= vertex_colour(surfaces, prim_id, weights)[3]
+    if cutoff < 0.0:
+        return opacity
+    return ONE if opacity >= cutoff else ZERO
 
 
 @njit(forceinline=True)
-def scatter(surfaces, prim_id, origin, direction, key, bounce):  # type: ignore[no-untyped-def]
+def spot_of(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-def]
+    """The `Spot` where a ray meets a triangle."""
+    point, normal, is_front = meet(surfaces, prim_id, origin, direction)
+    material = material_of(surfaces, prim_id)
+    row = surfaces.materials[material]
+    kind = np.int64(row[KIND])
+    shaded = shading_normal(surfaces, prim_id, point, normal, is_front, direction)
+    colour = colour_of(surfaces, material, prim_id, point) if kind != DIELECTRIC else WHITE
+    metallic, roughness, transmission = (
+        np.float32(row[METALLIC]),
+        np.float32(row[ROUGHNESS]),
+        np.float32(row[TRANSMISSION]),
+    )
+    ior, is_variant = np.float32(row[PARAMETER]), row[VARIANT] != 0.0
+    if kind == PHYSICAL and len(surfaces.weights) > 0:
+        weights = weights_at(surfaces, prim_id, point)
+        if row[HAS_COLOURS] != 0.0:
+            tint = vertex_colour(surfaces, prim_id, weights)
+            colour = colour[0] * tint[0], colour[1] * tint[1], colour[2] * tint[2]
+        if row[IMAGES + OF_METAL] >= 0.0 or row[IMAGES + OF_NORMALS] >= 0.0 or row[IMAGES + OF_TRANSMISSION] >= 0.0:
+            s, t = first_uv(surfaces, prim_id, weights)
+            texel = textured(surfaces, material, OF_METAL, prim_id, point, s, t)
+            metallic, roughness = metallic * texel[2], roughness * texel[1]
+            transmission *= textured(surfaces, material, OF_TRANSMISSION, prim_id, point, s, t)[0]
+            if row[IMAGES + OF_NORMALS] >= 0.0:
+                texel = textured(surfaces, material, OF_NORMALS, prim_id, point, s, t)
+                bump = _bump(texel, np.float32(row[NORMAL_SCALE]))
+                shaded = _bumped(surfaces, prim_id, shaded, bump, is_front, direction)
+    far = ONE / ior if kind == PHYSICAL and not (is_front or is_variant) else ior
+    matter = Matter(colour, metallic, roughness * roughness, transmission, far, is_variant)
+    return Spot(point, normal, shaded, kind, material, is_variant, matter), is_front
+
+
+@njit(forceinline=True)
+def _bump(texel, scale):  # type: ignore[no-untyped-def]
+    return scale * (TWO * texel[0] - ONE), scale * (TWO * texel[1] - ONE), TWO * texel[2] - ONE
+
+
+@njit(error_model="numpy")
+def _bumped(surfaces, prim_id, shaded, bump, is_front, direction):  # type: ignore[no-untyped-def]
+    """The normal that an image of normals makes of `shaded`, or `shaded` itself where it faces away from the ray.
+
+    The tangent leads along growing u, the bitangent along growing v, within the triangle.
+    """
+    rows, uv = surfaces.weights, surfaces.corners
+    s1, s2 = np.float64(uv[prim_id, 11] - uv[prim_id, 9]), np.float64(uv[prim_id, 13] - uv[prim_id, 9])
+    t1, t2 = np.float64(uv[prim_id, 12] - uv[prim_id, 10]), np.float64(uv[prim_id, 14] - uv[prim_id, 10])
+    along_t = (
+        np.float32(t1 * rows[prim_id, 0] + t2 * rows[prim_id, 4]),
+        np.float32(t1 * rows[prim_id, 1] + t2 * rows[prim_id, 5]),
+        np.float32(t1 * rows[prim_id, 2] + t2 * rows[prim_id, 6]),
+    )
+    turn = ONE if (s1 * t2 - s2 * t1 > 0.0) else -ONE
+    front = scaled(ONE if is_front else -ONE, shaded)
+    tangent = scaled(turn, _cross(along_t, front))
+    squared = dot(tangent, tangent)
+    if not squared > ZERO:
+        return shaded
+    tangent = scaled(ONE / np.sqrt(squared), tangent)
+    bitangent = scaled(turn, _cross(front, tangent))
+    normal = along(along(scaled(bump[2], front), bump[0], tangent), bump[1], bitangent)
+    squared = dot(normal, normal)
+    if not squared > ZERO:
+        return shaded
+    normal = scaled((ONE if is_front else -ONE) / np.sqrt(squared), normal)
+    return normal if dot(normal, direction) < ZERO else shaded
+
+
+@njit(forceinline=True)
+def _cross(a, b):  # type: ignore[no-untyped-def]
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@njit(forceinline=True)
+def _frame(normal):  # type: ignore[no-untyped-def]
+    """Two unit vectors orthogonal to a unit vector and each other.
+
+    Source: T. Duff et al., "Building an orthonormal basis, revisited", 2017.
+    """
+    sign = ONE if normal[2] >= ZERO else -ONE
+    a = -ONE / (sign + normal[2])
+    b = normal[0] * normal[1] * a
+    return (
+        (ONE + sign * normal[0] * normal[0] * a, sign * b, -sign * normal[0]),
+        (b, sign + normal[1] * normal[1] * a, -normal[1]),
+    )
+
+
+@njit(forceinline=True)
+def _local(frame, normal, way):  # type: ignore[no-untyped-def]
+    return dot(frame[0], way), dot(frame[1], way), dot(normal, way)
+
+
+@njit(forceinline=True)
+def scatter(surfaces, spot, is_front, prim_id, direction, key, sample, bounce):  # type: ignore[no-untyped-def]
     """(goes_on, origin, direction, weight, density): the next ray of a path, the (r, g, b) weight of its light, and how
     often its direction is chosen, per solid angle; 0 where no other direction was possible, or nothing is aimed.
 
-    direction: unit vector. key, bounce: select the random numbers. goes_on: False if the path is absorbed.
+    direction: unit vector. key, sample, bounce: select the random numbers. goes_on: False if the path is absorbed.
     """
-    point, normal, is_front = meet(surfaces, prim_id, origin, direction)
-    material = material_of(surfaces, prim_id)
-    kind = surfaces.materials[material, KIND]
-    parameter = np.float32(surfaces.materials[material, PARAMETER])
-    is_variant = surfaces.materials[material, VARIANT] != 0.0
-    shaded = shading_normal(surfaces, prim_id, point, normal, is_front, direction)
-    dimension = np.uint32(bounce * DIMENSIONS)
-    side = ONE
-    if kind == DIELECTRIC:
-        chance = unit_of(bits_of(key, dimension))
-        weight = WHITE
-        onward, passes = _through_glass(direction, shaded, is_front, parameter, is_variant, chance)
+    normal, shaded, kind = spot.normal, spot.shaded, spot.kind
+    u, v = pair_of(key, sample, bounce * PAIRS + DIRECTION)
+    side, weight, density = ONE, spot.matter.colour, ZERO
+    if kind == PHYSICAL:
+        frame = _frame(shaded)
+        out = _local(frame, shaded, scaled(-ONE, direction))
+        lobe, _ = pair_of(key, sample, bounce * PAIRS + LOBE)
+        way, weight, density = physical_direction(spot.matter, out, u, v, lobe)
+        onward = unit(along(along(scaled(way[0], frame[0]), way[1], frame[1]), way[2], shaded))
+        side = ONE if way[2] > ZERO else -ONE
+        if not weight[0] + weight[1] + weight[2] > ZERO or not dot(onward, normal) * side > ZERO:
+            return False, direction, direction, BLACK, ZERO
+    elif kind == DIELECTRIC:
+        onward, passes = _through_glass(direction, shaded, is_front, spot.matter.ior, spot.is_variant, u)
         side = -ONE if passes else ONE
+        onward = on_side(onward, normal, side)
     else:
-        weight = colour_of(surfaces, material, prim_id, point)
-        sphere = on_sphere(unit_of(bits_of(key, dimension)), unit_of(bits_of(key, dimension + np.uint32(1))))
+        sphere = on_sphere(u, v)
         if kind == METAL:
             mirrored = along(direction, _MINUS_TWO * dot(direction, shaded), shaded)
-            onward = unit(along(mirrored, parameter, sphere))
+            onward = unit(along(mirrored, spot.matter.ior, sphere))
             if not dot(onward, shaded) > ZERO:
-                if not is_variant:
-                    return False, origin, direction, BLACK, ZERO
+                if not spot.is_variant:
+                    return False, direction, direction, BLACK, ZERO
                 side = ONE if dot(onward, normal) > ZERO else -ONE
-        elif not is_variant:
+        elif not spot.is_variant:
             onward = around(shaded, sphere)
         else:  # uniform over the hemisphere: density 1 / (2 pi) where the reflectance is cos / pi
             onward = sphere if dot(sphere, shaded) >= ZERO else scaled(-ONE, sphere)
             weight = scaled(TWO * dot(onward, shaded), weight)
-    onward = on_side(onward, normal, side)
-    density = _densities(shaded, normal, onward, is_variant)[1] if kind == LAMBERTIAN else ZERO
-    return True, leaving(surfaces, prim_id, point, scaled(side, normal)), onward, weight, density
+        onward = on_side(onward, normal, side)
+        density = _densities(shaded, normal, onward, spot.is_variant)[1] if kind == LAMBERTIAN else ZERO
+    return True, leaving(surfaces, prim_id, spot.point, scaled(side, normal)), onward, weight, density
 
 
 @njit
@@ -105,20 +269,22 @@ def _densities(shaded, normal, onward, is_uniform):  # type: ignore[no-untyped-d
     return by_cosine, HALF * _PER_PI * count
 
 
-@njit
-def scattered_light(surfaces, prim_id, point, normal, is_front, direction, onward):  # type: ignore[no-untyped-def]
-    """((r, g, b), density): what a surface scatters of light from the unit vector `onward`, on the side of `normal`,
-    per solid angle, and the density with which `scatter` chooses it. 0 for mirrors and glass, whose light only
-    scattering finds.
-
-    point, normal, is_front: of `meet`.
-    """
-    material = material_of(surfaces, prim_id)
-    if surfaces.materials[material, KIND] != LAMBERTIAN:
-        return BLACK, ZERO
-    shaded = shading_normal(surfaces, prim_id, point, normal, is_front, direction)
-    by_cosine, own = _densities(shaded, normal, onward, surfaces.materials[material, VARIANT] != 0.0)
-    return scaled(by_cosine, colour_of(surfaces, material, prim_id, point)), own
+@njit(forceinline=True)
+def scattered_light(spot, direction, onward):  # type: ignore[no-untyped-def]
+    """((r, g, b), density): what a surface scatters of light from the unit vector `onward`, per solid angle, and the
+    density with which `scatter` chooses it. 0 for mirrors and glass, whose light only scattering finds, and for light
+    from the other side of what lets none through."""
+    facing = dot(onward, spot.normal)
+    if spot.kind == LAMBERTIAN and facing > ZERO:
+        by_cosine, own = _densities(spot.shaded, spot.normal, onward, spot.is_variant)
+        return scaled(by_cosine, spot.matter.colour), own
+    if spot.kind == PHYSICAL:
+        frame = _frame(spot.shaded)
+        out = _local(frame, spot.shaded, scaled(-ONE, direction))
+        way = _local(frame, spot.shaded, onward)
+        if way[2] * facing > ZERO:
+            return physical_value(spot.matter, out, way)
+    return BLACK, ZERO
 
 
 @njit(error_model="numpy")

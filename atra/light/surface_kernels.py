@@ -65,7 +65,7 @@ class Surfaces(NamedTuple):
     materials: (M, MATERIAL_WORDS) float64. textures: (N, TEXTURE_WORDS) float64. texels: (T, 4) float32, of all images
     of floats; coded: (T, 4) uint8, of all images of bytes; curves: (2, 256) float32, what a byte stands for, linearly
     and in sRGB. sky: (SKY_WORDS,) float32. panorama: (H, W, 3) float32, row 0 above; +y is up, the middle column looks
-    along -z.
+    along -z. has_holes: whether any triangle has HOLES.
     """
 
     records: NDArray[np.float64]
@@ -80,6 +80,7 @@ class Surfaces(NamedTuple):
     curves: NDArray[np.float32]
     sky: NDArray[np.float32]
     panorama: NDArray[np.float32]
+    has_holes: bool
 
 
 @njit(forceinline=True)

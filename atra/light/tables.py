@@ -36,7 +36,8 @@ def surfaces_of(scene: Scene, sky_power: float, start_off: float | None) -> Surf
         sky,
         panorama,
     )
-    return Surfaces(*(read_only(array) for array in arrays))
+    has_holes = bool((arrays[1] & words.HOLES).any())
+    return Surfaces(*(read_only(array) for array in arrays), has_holes=has_holes)
 
 
 def unit_normals(mesh: Mesh) -> NDArray[np.float64]:
@@ -58,7 +59,7 @@ def _records(scene: Scene, materials: NDArray[np.float64], start_off: float | No
     records[:, 5] = numbers
     plain = np.zeros((len(materials), 4), np.float32)
     plain[:, :3] = materials[:, words.COLOUR : words.COLOUR + 3]
-    plain[:, 3] = materials[:, words.TEXTURE] == words.CONSTANT
+    plain[:, 3] = (materials[:, words.TEXTURE] == words.CONSTANT) & (materials[:, words.HAS_COLOURS] == 0.0)
     records[:, 6:] = plain.view(np.float64)[numbers]
     return records
 

@@ -26,7 +26,7 @@ POINT_BYTES = 32
 """From one projected vertex to the next."""
 
 VERTICES = 8
-"""Vertices that are read at once, the last of a cluster together with what follows them."""
+"""Vertices, and triangles, that are read at once, the last of a cluster together with what follows them."""
 
 _CELLS_BITS = 9
 """Bits of a centre's place along each axis."""
@@ -57,8 +57,9 @@ _CHUNK = 8192
 class Clusters:
     """C clusters of F triangles; cluster c has the places c CLUSTER ... (c + 1) CLUSTER - 1, as far as there are any.
 
-    prim_ids: (F,) uint32, of the triangle in each place. corners: (F,) uint64, 16 bits each: where its cluster's
-    vertices lie that are its corners, in bytes of projected points, and above them its place in the cluster.
+    prim_ids: (F,) uint32, of the triangle in each place. corners: (F,) uint64, VERTICES more behind them, 16 bits
+    each: where its cluster's vertices lie that are its corners, in bytes of projected points, and above them its place
+    in the cluster.
     vertices: (3 N + VERTICES,) float32: of each cluster all x, then all y, then all z. firsts: (C + 1,) int64, how many
     vertices come before each cluster's. boxes: (C, 6) float32, lowest x, y, z, highest x, y, z.
     """
@@ -109,7 +110,7 @@ def clusters_of(mesh: Mesh, pool: WorkerPool) -> Clusters:
     else:
         keys[:] = np.arange(triangles)
     count = -(-triangles // CLUSTER)
-    prim_ids, corners = np.empty(triangles, np.uint32), np.empty(triangles, np.uint64)
+    prim_ids, corners = np.empty(triangles, np.uint32), np.zeros(triangles + VERTICES, np.uint64)[:triangles]
     used, numbers = np.empty(3 * triangles, np.uint32), np.zeros(count + 1, np.int64)
     places = [np.zeros(len(mesh.vertices), np.uint32) for _ in range(pool.threads)]
     pool.run(

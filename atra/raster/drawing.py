@@ -13,6 +13,7 @@ import numpy as np
 
 from atra.all_hits.target_kernels import band_stride
 from atra.compiled.intrinsics import fetch_add
+from atra.compiled.lanes import first_bit
 from atra.compiled.memory import fetch, floats_at, identities_at, integers_at, load, store, stream
 from atra.compiled.store import kernel, njit
 from atra.compiled.vectors import repeated
@@ -24,12 +25,12 @@ from atra.raster.narrow import draw_narrow
 from atra.raster.spans import draw_spans
 from atra.raster.triangles import BATCH, LEFT, LIST_ROOM, RIGHT, list_triangles, project_vertices, set_up
 
-_STALE = 1024
-"""Triangles listed until tiles are looked at again."""
+STALE = 16
+"""Triangles listed, for each row of a band, until tiles are looked at again."""
 
 
 @njit
-def _clear(lanes, nothing, rows, stride, width, band):  # type: ignore[no-untyped-def]
+def clear(lanes, nothing, rows, stride, width, band):  # type: ignore[no-untyped-def]
     """Nothing is drawn yet, and what lies beyond the image is nearest, so that it counts as hidden."""
     none, prim_ids = repeated(np.uint32(MISS), lanes), band + rows * stride * 4
     for place in range(0, rows * stride, lanes):
@@ -41,7 +42,7 @@ def _clear(lanes, nothing, rows, stride, width, band):  # type: ignore[no-untype
 
 
 @njit
-def _finish(lanes, parallel, nothing, band, image):  # type: ignore[no-untyped-def]
+def finish(lanes, parallel, nothing, band, image):  # type: ignore[no-untyped-def]
     """Write the rows of a band to the image, nearness as depth, and leave nothing behind for the next band."""
     zero, one = repeated(np.float32(0.0), lanes), repeated(np.float32(1.0), lanes)
     farthest, none = repeated(nothing, lanes), repeated(np.uint32(MISS), lanes)
@@ -99,9 +100,9 @@ def open_cluster(parallel, eye, clusters, cluster, width, band, workspace):  # t
     for line in range(0, CLUSTER * 4, CACHE_LINE):
         fetch(prim_ids + line)
     vertices, vertex_count = clusters.vertices + firsts[cluster] * 12, firsts[cluster + 1] - firsts[cluster]
-    project_vertices(parallel, vertices, vertex_count, vertex_count, eye, workspace.points)
+    in_front = project_vertices(parallel, vertices, vertex_count, vertex_count, eye, workspace.points)
     triangles = min(CLUSTER, clusters.triangles - start)
-    count = list_triangles(parallel, corners, triangles, workspace.points, width, band, workspace.listed)
+    count = list_triangles(parallel, in_front, corners, triangles, workspace.points, width, band, workspace.listed)
     return count, prim_ids, vertices, vertex_count
 
 
@@ -115,9 +116,10 @@ def _draw_cluster(lanes, half, parallel, eye, clusters, cluster, width, band, wo
         may_be_seen, ordinary = set_up(
             np.bool_(parallel), np.bool_(True), np.bool_(True), width, batch, band, workspace
         )
-        for k in range(min(BATCH, count - batch)):
-            if not (may_be_seen >> k) & 1:
-                continue
+        left = may_be_seen & ((1 << min(BATCH, count - batch)) - 1)
+        while left != 0:  # by the bits that are set: a branch for each triangle would often be mispredicted
+            k = first_bit(left)
+            left &= left - 1
             packed = listed[batch + k]
             prim_id = identities[packed >> 48]
             if not (ordinary >> k) & 1:
@@ -135,37 +137,39 @@ def drawing_kernel(lanes: int, parallel: bool) -> Callable[..., None]:
     half = max(lanes // 2, 4)
 
     @kernel
-    def draw_bands(counter_address, eye, clusters, rectangles, bounds, order, band_rows, image, workspace):  # type: ignore[no-untyped-def]
-        """Draw all bands, until the shared counter runs past the last.
+    def draw_bands(counter_address, eye, clusters, rectangles, bounds, order, band_rows, doubled, image, workspace):  # type: ignore[no-untyped-def]
+        """Draw all bands, until the shared counter runs past the last: `doubled` ones of 2 band_rows, then others.
 
         rectangles, bounds: of `cull_clusters`. order (N,) int64: the clusters to be drawn unless they are hidden, the
         nearest first. image: written completely.
         Whatever the order, a sample gets the nearest triangle, and of several the lowest prim_id.
         """
         stride, nothing = band_stride(image.width), np.float32(-np.inf if parallel else 0.0)
-        _clear(lanes, nothing, band_rows, stride, image.width, workspace.band)
+        most_rows = 2 * band_rows if doubled > 0 else band_rows
+        clear(lanes, nothing, most_rows, stride, image.width, workspace.band)
         for place in range(LIST_ROOM):  # a batch reads beyond its list, and there has to be the corners of a triangle
             integers_at(workspace.listed)[place] = 0
         while True:
             number = fetch_add(counter_address, 1)
-            top = number * band_rows
+            rows = 2 * band_rows if number < doubled else band_rows
+            top = (number + min(number, doubled)) * band_rows
             if top >= image.height:
                 return
             band = Band(
                 workspace.band,
-                workspace.band + band_rows * stride * 4,
+                workspace.band + most_rows * stride * 4,
                 stride,
                 top,
-                min(top + band_rows, image.height) - 1,
+                min(top + rows, image.height) - 1,
             )
-            forget_tiles(nothing, band_rows, image.width, workspace.tiles)
+            forget_tiles(nothing, rows, image.width, workspace.tiles)
             here, count = integers_at(workspace.here), list_clusters(order, rectangles, band, workspace.here)
             listed = 0
             for place in range(count):
                 cluster = here[place]
                 if place + 1 < count:
                     fetch_vertices(clusters, here[place + 1])
-                if listed >= _STALE:
+                if listed >= STALE * rows:
                     find_farthest(band, image.width, workspace.tiles)
                     listed = 0
                 left, right = rectangles[cluster, 0], rectangles[cluster, 1]
@@ -173,6 +177,6 @@ def drawing_kernel(lanes: int, parallel: bool) -> Callable[..., None]:
                 bottom = min(rectangles[cluster, 3], band.bottom) - band.top
                 if not is_hidden(left, right, top, bottom, bounds[cluster], image.width, workspace.tiles):
                     listed += _draw_cluster(lanes, half, parallel, eye, clusters, cluster, image.width, band, workspace)
-            _finish(lanes, parallel, nothing, band, image)
+            finish(lanes, parallel, nothing, band, image)
 
     return draw_bands

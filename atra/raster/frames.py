@@ -27,7 +27,11 @@ from atra.raster.spans import ROWS
 from atra.raster.triangles import BATCH, DOUBLES, FLOATS, LIST_ROOM
 
 _BAND_PIXELS, _BAND_ROWS = 1 << 16, (16, 64)
-"""Pixels of a band, half a megabyte of image; and its least and most rows."""
+"""Pixels of a band, half a megabyte of image; and its least and most rows. The first bands have twice as many rows, as
+each triangle is then in fewer of them; small ones come last, so that no thread waits long for another."""
+
+_DOUBLED = 3 / 8
+"""Share of an image's rows, in bands, that are drawn twice at a time."""
 
 _CLUSTERS_A_THREAD = 4096
 """Fewer are culled in less time than it takes to wake another thread."""
@@ -35,12 +39,14 @@ _CLUSTERS_A_THREAD = 4096
 
 @dataclass(frozen=True, eq=False)
 class Scratch:
-    """A mesh in clusters, and memory of its frames. rectangles, bounds: of `cull_clusters`."""
+    """A mesh in clusters, and memory of its frames. rectangles, bounds: of `cull_clusters`. parts: of the memory of
+    `workspaces`, by what they were asked for."""
 
     clusters: Clusters
     rectangles: NDArray[np.int32]
     bounds: NDArray[np.float32]
     workspaces: list[NDArray[np.uint8]] = field(default_factory=list)
+    parts: dict[tuple[int, ...], list[Workspace]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, mesh: Mesh, pool: WorkerPool) -> Scratch:
@@ -56,6 +62,9 @@ class Scratch:
 
     def workspaces_for(self, threads: int, width: int, band_rows: int, band_bytes: int) -> list[Workspace]:
         """One for each thread; band_bytes: of its image of a band."""
+        key = threads, width, band_rows, band_bytes
+        if key in self.parts:
+            return self.parts[key]
         sizes = (
             band_bytes,
             8 * SUMMANDS,
@@ -72,10 +81,12 @@ class Scratch:
         wanted = sum(parts) + CACHE_LINE
         if len(self.workspaces) != threads or len(self.workspaces[0]) < wanted:
             self.workspaces[:] = [np.empty(wanted, np.uint8) for _ in range(threads)]
+            self.parts.clear()
         made = []
         for memory in self.workspaces:
             start = -(-memory.ctypes.data // CACHE_LINE) * CACHE_LINE
             made.append(Workspace(*accumulate((start, *parts[:-1]))))
+        self.parts[key] = made
         return made
 
     def cull(self, eye: Eye, camera: View, band_rows: int, pool: WorkerPool) -> None:
@@ -88,6 +99,13 @@ class Scratch:
         """The clusters that may be seen, the nearest first."""
         may_be_seen = np.flatnonzero(self.rectangles[:, 2] <= self.rectangles[:, 3])
         return may_be_seen[np.argsort(-self.bounds[may_be_seen])]
+
+
+def bands_of(width: int, height: int) -> tuple[int, int]:
+    """Rows of a band of an image, a power of two; and how many bands have twice as many."""
+    least_rows, most_rows = _BAND_ROWS
+    rows = min(max(1 << (_BAND_PIXELS // width).bit_length() >> 1, least_rows), most_rows)
+    return rows, int(_DOUBLED * (height // rows))
 
 
 def draw_frame(
@@ -103,18 +121,18 @@ def draw_frame(
     depth, prim_id = out
     width, height, parallel = camera.width, camera.height, camera.is_parallel
     viewpoint = Viewpoint.of(mesh, camera, offset)
-    least_rows, most_rows = _BAND_ROWS
-    band_rows = min(max(1 << (_BAND_PIXELS // width).bit_length() >> 1, least_rows), most_rows)  # a power of two
+    band_rows, doubled = bands_of(width, height)
     image = Image(depth.ctypes.data, prim_id.ctypes.data, width, height)
     eye, addresses = viewpoint.eye, scratch.clusters.addresses
     rectangles, bounds = scratch.rectangles, scratch.bounds
     draw_bands: Any = drawing_kernel(lanes, parallel)
     scratch.cull(eye, camera, band_rows, pool)
     order = scratch.order()
-    workspaces = scratch.workspaces_for(pool.threads, width, band_rows, 8 * band_rows * band_stride.py_func(width))
+    most_rows = 2 * band_rows if doubled else band_rows
+    workspaces = scratch.workspaces_for(pool.threads, width, most_rows, 8 * most_rows * band_stride.py_func(width))
 
     def draw(worker: int, counter: int) -> None:
-        draw_bands(counter, eye, addresses, rectangles, bounds, order, band_rows, image, workspaces[worker])
+        draw_bands(counter, eye, addresses, rectangles, bounds, order, band_rows, doubled, image, workspaces[worker])
 
     pool.run(draw)
 
@@ -149,4 +167,4 @@ def compile_drawing(lanes: int, parallel: bool) -> None:
     eye, addresses, image = Eye(0, 0, 0, 0.0), ClusterAddresses(0, 0, 0, 0, 0), Image(0, 0, 0, 0)
     workspace = Workspace(0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
     drawing: Any = drawing_kernel(lanes, parallel)
-    drawing.compile(tuple(map(typeof, (0, eye, addresses, *arrays, 0, image, workspace))))
+    drawing.compile(tuple(map(typeof, (0, eye, addresses, *arrays, 0, 0, image, workspace))))

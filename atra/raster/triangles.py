@@ -4,7 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from atra.compiled.memory import doubles_at, gather, gather_at, integers_at, load, store, store_points
+from atra.compiled.lanes import store_chosen
+from atra.compiled.memory import (
+    doubles_at,
+    gather_at,
+    integers_at,
+    load,
+    places_of,
+    points_of,
+    store,
+    store_points,
+)
 from atra.compiled.store import njit
 from atra.compiled.vectors import (
     bits_of,
@@ -67,15 +77,17 @@ DOUBLES, FLOATS = 3, 16
 
 @njit
 def project_vertices(parallel, vertices, stride, count, eye, points):  # type: ignore[no-untyped-def]
-    """Write `count` vertices, and what follows to the next of VERTICES, to the address `points`, 4 float64 each: x, y
-    in pixels, nearness twice. vertices: address of their x, of float32; those of y and z follow `stride` numbers on.
+    """Write `count` vertices, and what follows to the next of VERTICES, to the address `points`, as of
+    `store_points`: x, y in pixels, nearness. vertices: address of their x, of float32; those of y and z follow `stride`
+    numbers on. Returns whether all `count` are in front of the eye plane.
 
     Nearness is 1 / depth, or -depth where rays are parallel: linear across the image either way, and the larger, the
     nearer. What lies in the eye plane counts as behind it: no ray meets it.
     """
     m, axis, position = doubles_at(eye.to_pixels), doubles_at(eye.depth_axis), doubles_at(eye.position)
     nothing, tiny, one = repeated(0.0, VERTICES), repeated(_NOTHING, VERTICES), repeated(1.0, VERTICES)
-    least = repeated(eye.least_depth, VERTICES)
+    least, farthest = repeated(eye.least_depth, VERTICES), repeated(np.inf, VERTICES)
+    last = farthest
     for vertex in range(0, count, VERTICES):
         place = vertices + vertex * 4
         u = widened(load(place, np.float32(0.0), VERTICES)) - repeated(position[0], VERTICES)
@@ -92,6 +104,9 @@ def project_vertices(parallel, vertices, stride, count, eye, points):  # type: i
             x, y = x * nearness, y * nearness
         x, y = where(size(x) >= tiny, x, nothing), where(size(y) >= tiny, y, nothing)
         store_points(x, y, nearness, points + vertex * POINT_BYTES)
+        farthest, last = smaller(farthest, last), nearness
+    beyond = -1 << (1 + (count - 1) % VERTICES)
+    return bits_of(farthest > nothing) & (bits_of(last > nothing) | beyond) == (1 << VERTICES) - 1
 
 
 @njit(forceinline=True)
@@ -134,15 +149,30 @@ def _may_be_seen(points, packed, last_column, top, bottom):  # type: ignore[no-u
 
 
 @njit
-def list_triangles(parallel, corners, count, points, width, band, listed):  # type: ignore[no-untyped-def]
+def list_triangles(parallel, all_in_front, corners, count, points, width, band, listed):  # type: ignore[no-untyped-def]
     """List those of `count` triangles, by their corners, that may hold a sample of a band; returns how many.
 
-    Nothing branches on what is common: a triangle that is not to be listed is written, and the next one in its place.
+    all_in_front: of `project_vertices`. Places as float32 do: rounding moves none across a sample.
     """
-    triangles, list_ = integers_at(corners), integers_at(listed)
+    place = listed
+    if parallel or all_in_front:
+        zero, last_column = repeated(np.float32(0.0), BATCH), repeated(np.float32(width - 1), BATCH)
+        top, bottom = repeated(np.float32(band.top), BATCH), repeated(np.float32(band.bottom), BATCH)
+        for start in range(0, count, BATCH):
+            here = corners + start * 8
+            x0, y0 = places_of(points, here, 0)
+            x1, y1 = places_of(points, here, 1)
+            x2, y2 = places_of(points, here, 2)
+            left = next_whole(larger(smaller(smaller(x0, x1), x2), zero))
+            right = last_whole(smaller(larger(larger(x0, x1), x2), last_column))
+            first = next_whole(larger(smaller(smaller(y0, y1), y2), top))
+            last = last_whole(smaller(larger(larger(y0, y1), y2), bottom))
+            are_there = (1 << min(BATCH, count - start)) - 1
+            place += store_chosen(bits_of((left <= right) & (first <= last)) & are_there, here, place) * 8
+        return (place - listed) >> 3
+    triangles = integers_at(corners)
     lowest = with_lane(repeated(0.0, 4), 1, float(band.top))
     highest = with_lane(repeated(width - 1.0, 4), 1, float(band.bottom))
-    place = 0
     for k in range(count):
         packed = triangles[k]
         p0 = load(points + (packed & 0xFFFF), 0.0, 4)
@@ -151,13 +181,11 @@ def list_triangles(parallel, corners, count, points, width, band, listed):  # ty
         low, high = smaller(smaller(p0, p1), p2), larger(larger(p0, p1), p2)
         first, last = next_whole(larger(low, lowest)), last_whole(smaller(high, highest))
         is_seen = (bits_of(first <= last) & 3) == 3
-        if parallel:
-            is_seen = is_seen & (lane(low, 2) < 0.0)
-        elif not lane(low, 2) > 0.0:
+        if not lane(low, 2) > 0.0:
             is_seen = _may_be_seen(points, packed, width - 1.0, band.top, band.bottom)
-        list_[place] = packed
-        place += is_seen
-    return place
+        integers_at(place)[0] = packed  # whatever it is: the next one takes its place if it is not to be listed
+        place += 8 * is_seen
+    return (place - listed) >> 3
 
 
 @njit(forceinline=True)
@@ -188,9 +216,9 @@ def set_up(parallel, hides, has_depth, width, number, band, workspace):  # type:
     """
     base, doubles, floats = workspace.points, workspace.doubles, workspace.floats
     listed = workspace.listed + number * 8
-    x0, x1, x2 = gather(base, listed, 0), gather(base, listed, 1), gather(base, listed, 2)
-    y0, y1, y2 = gather(base + 8, listed, 0), gather(base + 8, listed, 1), gather(base + 8, listed, 2)
-    w0, w1, w2 = gather(base + 16, listed, 0), gather(base + 16, listed, 1), gather(base + 16, listed, 2)
+    x0, y0, w0 = points_of(base, listed, 0)
+    x1, y1, w1 = points_of(base, listed, 1)
+    x2, y2, w2 = points_of(base, listed, 2)
     nearest, farthest = larger(larger(w0, w1), w2), smaller(smaller(w0, w1), w2)
     low_x, high_x = smaller(smaller(x0, x1), x2), larger(larger(x0, x1), x2)
     low_y, high_y = smaller(smaller(y0, y1), y2), larger(larger(y0, y1), y2)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -21,16 +22,30 @@ TOY = ["width=64", "height=64", "measure.processes=1", "measure.rounds=3", "meas
 TOY_SWEEP = ["sweep=horizontal", "method.split_x=1,2,3", *TOY]
 
 
-def run(folder, *arguments, scenes=None, **variables):
+def run(folder, *arguments):
     """`python run.py` with these arguments, in a process of its own."""
     environment = {name: value for name, value in os.environ.items() if name != "ATRA_SCENES"}
-    environment |= {"XDG_CACHE_HOME": NO_SCENES.name, "LOCALAPPDATA": NO_SCENES.name, **variables}
+    environment |= {"XDG_CACHE_HOME": NO_SCENES.name, "LOCALAPPDATA": NO_SCENES.name}
     # Matplotlib would build its font cache in that new folder and, on a busy machine, say so.
     environment["MPLCONFIGDIR"] = matplotlib.get_cachedir()
-    if scenes is not None:
-        environment["ATRA_SCENES"] = scenes
     command = [sys.executable, str(ROOT / "run.py"), *arguments]
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=120)
+
+
+@pytest.fixture(scope="module")
+def toy_sweep(tmp_path_factory):
+    """The folder in which the toy sweep was run, and what the command came to."""
+    folder = tmp_path_factory.mktemp("toy")
+    return folder, run_here(folder, *TOY_SWEEP)
+
+
+@pytest.fixture
+def swept(toy_sweep, tmp_path):
+    """The same with a copy of the folder, `tmp_path`."""
+    folder, done = toy_sweep
+    assert done.returncode == 0, done.stderr
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
+    return done
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
@@ -113,9 +128,7 @@ def test_measuring_a_picture_writes_it_and_says_where(tmp_path):
         assert Image.open(tmp_path / path).size == (64, 64)
 
 
-def test_a_sweep_leaves_records_table_and_figure_and_goes_on_where_it_stopped(tmp_path):
-    done = run_here(tmp_path, *TOY_SWEEP)
-    assert done.returncode == 0, done.stderr
+def test_a_sweep_leaves_records_table_and_figure_and_goes_on_where_it_stopped(swept, tmp_path):
     folder = tmp_path / "results" / "horizontal"
     assert sorted(path.name for path in folder.iterdir()) == [
         "command.txt", "figure5.png", "figure5.svg", "figure5_speedup.png", "figure5_speedup.svg",
@@ -130,8 +143,8 @@ def test_a_sweep_leaves_records_table_and_figure_and_goes_on_where_it_stopped(tm
     assert table["error"][2] == table["error"][5]
     assert "does not divide" in table["error"][2]
     assert (table["pixels_wrong"].dropna() == 0).all()
-    assert "does not divide" in done.stdout
-    told = done.stdout.splitlines()[-1]
+    assert "does not divide" in swept.stdout
+    told = swept.stdout.splitlines()[-1]
     assert told.startswith("Figure 5: render time over horizontal splits, culling off and on: ")
     assert Path(tmp_path, told.rpartition(": ")[2]) == folder / "figure5.png"
 
@@ -188,9 +201,7 @@ def test_an_interrupt_while_importing_is_one_line_and_130(tmp_path):
     assert (running.returncode, told) == (130, "run.py: interrupted\n")
 
 
-def test_a_report_is_written_from_the_table_and_without_one_no_claim_holds(tmp_path):
-    done = run_here(tmp_path, *TOY_SWEEP)
-    assert done.returncode == 0, done.stderr
+def test_a_report_is_written_from_the_table_and_without_one_no_claim_holds(swept, tmp_path):
     folder = tmp_path / "results" / "horizontal"
     done = run_here(tmp_path, "report", "sweep=horizontal")
     assert done.returncode == 0, done.stderr
@@ -211,6 +222,6 @@ def test_a_name_that_the_output_s_encoding_lacks_is_shown_escaped(tmp_path):
     folder = tmp_path / "\N{KATAKANA LETTER SI}"
     folder.mkdir()
     (folder / "sponza.ply").touch()
-    done = run(tmp_path, "fetch", "scene=sponza", scenes=str(folder), PYTHONIOENCODING="cp1252")
+    done = run_here(tmp_path, "fetch", "scene=sponza", scenes=str(folder), encoding="cp1252")
     assert done.returncode == 0, done.stderr
     assert r"\u30b7" in done.stdout

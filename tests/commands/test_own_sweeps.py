@@ -15,7 +15,7 @@ from experiments.sweep import GridPoint, run_sweep
 from tests.drawn import make_rows, method_row, time_row
 from tests.harness.test_sweep import Runner, configuration
 
-pytestmark = pytest.mark.uncovered
+pytestmark = [pytest.mark.uncovered, pytest.mark.usefixtures("figures_unsaved")]
 
 
 def sweep(folder, command, *splits):

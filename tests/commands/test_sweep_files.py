@@ -9,7 +9,7 @@ from experiments.methods.peers.open3d_scene import OPEN3D
 from experiments.methods.peers.trimesh_ray import TRIMESH
 from tests.command import ROOT, run_here
 
-pytestmark = pytest.mark.uncovered
+pytestmark = [pytest.mark.uncovered, pytest.mark.usefixtures("figures_as_png")]
 
 TOY = ["scene=cornell_box", "width=32", "height=32", "measure.processes=1", "measure.rounds=3", "measure.warmup=1"]
 FIGURE5 = [
@@ -21,12 +21,13 @@ OVER_SPLITS = {"figure4", "figure4_speedup", *FIGURE5, "figure5_vertical", "figu
 WRONG = () if LLVMPIPE.problem() else ("disagreements_cornell_box_32x32",)
 ASKED = {f"rays_{peer.name}" for peer in (TRIMESH, OPEN3D) if not peer.problem()}
 OTHER_PICTURES = ("split", "tiles", "peers", "samples", "still", "waves", "mitsuba")
+NEEDLESS = ("others", "aligned_others", "solid", "solid_others", "solid_aligned")  # as all reductions are asked for
 IN_PROCESS = ("occupancy", "dark", "packets", "batch", "size", "expansion", "roulette", "environment", "translucency")
 # An image of 32 pixels takes no split of 64: such points are skipped.
 SWEEPS = {
     "smoke": ([], {"figure3", "figure3_differences", *OVER_SPLITS, "figure6", "figure7", "figure7_instancing"}),
-    "build": (["method.split_x=1,4"], {"figure6"}),
-    "memory": (["method.split_x=1,4"], {"figure7", "figure7_instancing"}),
+    "build": (["method.split_x=4"], {"figure6"}),
+    "memory": (["method.split_x=4"], {"figure7", "figure7_instancing"}),
     "scenes": (["scene=cornell_box"], {"figure3", "figure3_differences"}),
     "methods": (["method.split_x=4", "method.split_y=1"], {"methods", "break_even", "moving"}),
     "baselines": (["method.packet_width=4", "method.packet_rows=null"], {"rates"}),
@@ -45,6 +46,15 @@ SWEEPS = {
     "multiframe": (["workload.frames=2", "method.split_x=4"], {"multiframe"}),
     "surface": (["method.split_x=4"], set()),
     "gather": (
+        [
+            "method.split_x=4",
+            "method.packet_width=null",
+            "workload.what=count,layers",
+            *(f"~sweep.grids.gather_{name}" for name in NEEDLESS),
+        ],
+        {"gather", "figure5_gather"},
+    ),
+    "gather-whole": (
         ["method.split_x=4", "method.packet_width=null", "workload.what=count,layers"],
         {"gather", "figure5_gather"},
     ),
@@ -57,7 +67,20 @@ SWEEPS = {
         ],
         {"stages"},
     ),
-    "rays": (["scene=cornell_box", "workload.judged_rays=50", "threads=1", "~sweep.grids.rays_contains"], ASKED),
+    "rays": (
+        [
+            "scene=cornell_box",
+            "workload.ray_batch=incoherent",
+            "workload.judged_rays=50",
+            "threads=1",
+            "~sweep.grids.rays_contains",
+        ],
+        ASKED,
+    ),
+    "rays-batches": (
+        ["scene=cornell_box", "workload.judged_rays=50", "threads=1", "~sweep.grids.rays_contains"],
+        ASKED,
+    ),
     "rays-closed": (
         ["scene=three_holes", "workload.judged_rays=5", "threads=1", "~sweep.grids.rays_questions"],
         ASKED,
@@ -81,7 +104,7 @@ WITH_A_TWIN = {"bake", "bake_denoise", "bake_mitsuba", "bake_rays", "classificat
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "paper"}
 SLOW = {
     "smoke", "methods", "peers", "baselines", "reference_rays", "threads", "growth", "bake_buffers", "bake_adaptive",
-    "bake_culling_map", "classification_smoke",
+    "bake_culling_map", "classification_smoke", "gather-whole", "rays-batches",
 }  # fmt: skip
 """Sweeps of workloads that a quick one has, too."""
 
@@ -109,4 +132,4 @@ def test_a_sweep_runs_and_leaves_its_figures(name, tmp_path):
     assert (table["status"] != "failed").all()
     for wrong in {"pixels_wrong", "rays_wrong", "rays_different"} & set(table):
         assert (table[table["method"] != LLVMPIPE.name][wrong].dropna() == 0).all()
-    assert (folder / "report.html").exists() == (name in {"smoke", "gather"})
+    assert (folder / "report.html").exists() == (sweep_of(name) in {"smoke", "gather"})

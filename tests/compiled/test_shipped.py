@@ -13,14 +13,11 @@ import numba
 import numpy as np
 import pytest
 
-import atra
 from atra.command.compiling import JOBS
 from atra.compiled import progress, store
 from atra.compiled.instruction_sets import VARIABLE, instruction_sets_here
 from tests.compiled.test_kernel_cache import TWO_KINDS, imported, with_another_bit
 from tests.folders import ROOT
-from tests.images import assert_same_bits
-from tests.meshes import cornell_box, cornell_camera
 
 
 @pytest.fixture
@@ -209,8 +206,7 @@ SHIPPED_IMAGE = """
 import sys
 from pathlib import Path
 from atra.compiled import store
-if sys.argv[1] != "none":
-    store.SHIPPED = Path(sys.argv[1])
+store.SHIPPED = Path(sys.argv[1])
 import numba.core.event as event
 compiled = []
 class Compilations(event.Listener):
@@ -234,19 +230,18 @@ def test_shipped_kernels_give_the_image_of_freshly_compiled_ones_and_nothing_is_
         done = subprocess.run([sys.executable, *command], env=variables, capture_output=True, text=True, check=True)
         return done.stdout
 
-    run(
-        "-c",
-        "from atra.command.main import main; raise SystemExit(main())",
-        "compile",
-        "--into",
-        str(tmp_path / "shipped"),
-    )
+    shipped = store.SHIPPED  # CI has compiled them, for a wheel
+    if not shipped.is_dir():
+        shipped = tmp_path / "shipped"
+        command = "from atra.command.main import main; raise SystemExit(main())"
+        run("-c", command, "compile", "--into", str(shipped))
     script = tmp_path / "image.py"
     script.write_text(SHIPPED_IMAGE)
-    assert run(str(script), str(tmp_path / "shipped"), str(tmp_path / "image.npz")) == "0\n"
+    assert run(str(script), str(shipped), str(tmp_path / "shipped.npz")) == "0\n"
     assert not list((tmp_path / "kept").rglob("*.nbc"))
-    with np.load(tmp_path / "image.npz") as image, atra.RasterTracer(cornell_box(), cornell_camera(64, 48)) as tracer:
-        hits = tracer.trace()
-        np.testing.assert_array_equal(image["depth"], hits.depth)
-        np.testing.assert_array_equal(image["prim_id"], hits.prim_id)
-        assert_same_bits(hits, tracer.trace())
+    assert run(str(script), str(tmp_path / "none"), str(tmp_path / "compiled.npz")) != "0\n"
+    assert list((tmp_path / "kept").rglob("*.nbc"))
+    with np.load(tmp_path / "shipped.npz") as one, np.load(tmp_path / "compiled.npz") as other:
+        assert np.isfinite(one["depth"]).any()
+        for name in ("depth", "prim_id"):
+            np.testing.assert_array_equal(one[name], other[name])

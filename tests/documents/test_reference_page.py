@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 
 import pytest
 
@@ -11,6 +12,7 @@ from experiments.reference.page import PAGE, reference
 from experiments.results.table import columns
 
 
+@cache
 def sections():
     _, *parts = re.split(r"^## (.*)$", reference(), flags=re.M)
     return dict(zip(parts[::2], parts[1::2], strict=True))
@@ -21,8 +23,9 @@ def test_the_stored_reference_is_the_one_that_the_code_makes():
 
 
 def test_every_public_name_is_in_the_reference():
+    names = sections()["Public names"]
     for name in atra.__all__:
-        assert f"#### `atra.{name}`\n" in sections()["Public names"]
+        assert f"#### `atra.{name}`\n" in names
 
 
 @pytest.mark.parametrize("section", ["Command line", "Configuration keys", "Table columns"])

@@ -19,6 +19,8 @@ from experiments.results.table import Tables, make_table, make_tables, write_tab
 from experiments.sweep import GridPoint, run_sweep
 from tests.harness.test_sweep import Runner, configuration, measured_elsewhere
 
+pytestmark = pytest.mark.usefixtures("figures_unsaved")
+
 
 def points(folder, *splits):
     return [GridPoint("one", configuration(folder, split_x=split)) for split in splits]

@@ -52,16 +52,27 @@ def source(module):
 CODE = Code(source)
 
 
-def sha256(point, changed=(), change=lambda text: text + "\nCHANGED = 1\n"):
-    """Of the code of a point, where the sources of these modules have been changed."""
-    if not changed:
-        return CODE.sha256(code_roots(point))
-
+@cache
+def changed_code(changed, change):
     def read(module):
         found = source(module)
         return found if found is None or module not in changed else replace(found, text=change(found.text))
 
-    return Code(read).sha256(code_roots(point))
+    return Code(read)
+
+
+def one_more_line(text):
+    return text + "\nCHANGED = 1\n"
+
+
+@cache
+def of_changed_code(point, changed, change):
+    return changed_code(changed, change).sha256(code_roots(point))
+
+
+def sha256(point, changed=(), change=one_more_line):
+    """Of the code of a point, where the sources of these modules have been changed."""
+    return of_changed_code(point, frozenset(changed), change)
 
 
 def of_measure(text):

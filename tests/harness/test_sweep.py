@@ -26,6 +26,8 @@ from experiments.workloads import find_workload
 from scenes.loading import SceneSource
 from tests.harness.processes.test_outcome import POINT
 
+pytestmark = pytest.mark.usefixtures("figures_unsaved")
+
 
 class Runner:
     """Stands in for the worker: remembers the points it was given."""

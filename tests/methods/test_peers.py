@@ -53,7 +53,7 @@ def test_what_atra_itself_needs_can_always_be_used_as_a_peer():
 
 
 def test_a_peer_returns_the_image_of_single_rays(peer):
-    mesh, camera = cornell_box(), cornell_camera(256, 256)
+    mesh, camera = cornell_box(), cornell_camera(64, 96)
     assert_equal_images(peer, trace_peer(peer, mesh, camera), trace_pixels(mesh, camera))
 
 

@@ -142,8 +142,10 @@ def test_changed_code_of_the_package_is_measured_anew(installed, tmp_path):
 
 def test_a_method_file_is_measured_beside_ours_and_in_sweeps(installed, tmp_path):
     (tmp_path / "mine.py").write_text(METHOD.replace("their method", "my method"), encoding="utf-8")
-    done = run(installed, tmp_path, "method_file=mine.py", "sweep=smoke", "scene=cornell_box", "workload=frame", *TOY)
+    sweep = ["sweep=horizontal", "method.split_x=4", "scene=cornell_box"]
+    done = run(installed, tmp_path, "method_file=mine.py", *sweep, *TOY)
     table = read_table(tmp_path / "results" / "toys" / "table.parquet")
     assert table is not None, done.stderr
+    assert {"aligned", "mine"} <= set(table["method"])
     assert list(table[table["method"] == "mine"]["status"]) == ["ok"]
     assert list(table[table["method"] == "mine"]["grids"]) == ["method_file"]

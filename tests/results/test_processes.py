@@ -15,6 +15,8 @@ from experiments.sweep import MOST_REPLACED, GridPoint, run_sweep
 from tests.harness.test_sweep import Runner, configuration
 from tests.results.test_table import MEASURED
 
+pytestmark = pytest.mark.usefixtures("figures_unsaved")
+
 
 def points(folder, *splits, processes=3, **fields):
     measure = MeasureConfiguration(processes=processes)

@@ -19,7 +19,7 @@ from tests.raster.test_raster import PARALLEL
 MESH = random_triangles(300, 0)
 WIDE = atra.Camera(**EYE_AT_ORIGIN, width=75, height=41, fov_y_degrees=150)
 VIEWS = [(MESH, WIDE), (cornell_box(), cornell_camera(75, 41))]
-KINDS = [(1, "pop"), (1, "push"), (8, "push")]
+KINDS = [(1, "pop"), pytest.param(1, "push", marks=pytest.mark.slow), (8, "push")]  # compiled for each
 
 
 def tracer_of(mesh, camera, **options):

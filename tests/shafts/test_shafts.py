@@ -60,7 +60,8 @@ VIEWS = {
 }
 TRAVERSALS_AND_VIEWS = [("pop", "pinhole"), ("push", "parallel")]
 if not HELD:
-    TRAVERSALS_AND_VIEWS += [("pop", "parallel"), ("push", "pinhole")]
+    others = [("pop", "parallel"), ("push", "pinhole")]  # compiled for these tests alone
+    TRAVERSALS_AND_VIEWS += [pytest.param(*one, marks=pytest.mark.slow) for one in others]
 
 
 @pytest.mark.core

@@ -96,7 +96,9 @@ WALLS = (
     *(Wall(f"atra.{room}", (f"atra.{other}",), but=SHARED_BY_METHODS.get((room, other), ()),
            reason=f"methods stand side by side: this one does not know {other}/")
       for room, other in permutations(METHOD_ROOMS, 2)),
-    *(Wall("atra", (f"atra.{wing}",), apart_from=(f"atra.{wing}",), reason="the core knows no wing") for wing in WINGS),
+    *(Wall("atra", (f"atra.{wing}",), apart_from=(f"atra.{wing}", "atra.command.picture"),
+           reason="the core knows no wing") for wing in WINGS),
+    Wall("atra.command.picture", ("atra.shafts", "atra.light.lightmaps"), reason="pictures need no other wing"),
     Wall(LIGHT[0], LIGHT[1:], apart_from=LIGHT[1:], faces=False, reason="scenes do not know what is made of them"),
     Wall(LIGHT[1], LIGHT[2:], reason="pictures know no lightmaps"),
     # Modules of the harness are below "experiments", too.

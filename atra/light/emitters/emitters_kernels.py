@@ -9,25 +9,29 @@ from numpy.typing import NDArray
 
 from atra.compiled.store import float_kernel, njit
 from atra.embree.packets_kernels import INFINITY
-from atra.light.lights_kernels import ALMOST
-from atra.light.numbers_kernels import ONE, ZERO, bits_of, dot, scaled, unit_of
-from atra.light.scattering_kernels import BLACK, scattered_light
-from atra.light.surface_kernels import leaving, material_of, meet, plain_colour, texel_of
+from atra.light.lights_kernels import ALMOST, KIND, SUN, to_lamp, to_sun
+from atra.light.numbers_kernels import ONE, ZERO, along, bits_of, dot, scaled, unit_of
+from atra.light.physical_kernels import luminance
+from atra.light.sampler_kernels import CHOICE, PAIRS, PLACE, pair_of
+from atra.light.scattering_kernels import BLACK, emission_at, scattered_light
+from atra.light.surface_kernels import leaving, meet, texel_of
 
-_DIMENSION = np.uint32(0x40000000)
-"""First random dimension of aiming; those of scattering count from 0."""
-
-_DIMENSIONS = np.uint32(4)
-"""Random numbers per aim."""
+_S1, _S2, _S3, _S4 = (np.float32(step) for step in (0.8566749, 0.7338919, 0.6287067, 0.5385973))
+"""Steps between candidates, which spread them evenly. Source: M. Roberts, "The unreasonable effectiveness of
+quasirandom sequences", 2018."""
 
 
 class Emitters(NamedTuple):
-    """N emissive triangles and a panorama of (H, W) texels, each of which may be absent.
+    """N triangles that shine, a panorama of (H, W) texels, and L lamps: suns, points, spheres and spots; each may be
+    absent.
 
     prim_ids: (N,) uint32. corners: (N, 9) float32: a corner, and the edges to the other two. odds, others: (N,) float32
     and int32, their alias table. densities: (F,) float32, how often a point of each triangle of the mesh is chosen, per
-    area; empty without emissive triangles. sky_odds, sky_others: (H W,), alias table of the texels. sky_densities:
-    (H, W) float32, how often a direction is chosen, per solid angle. sky_share: how often the sky is chosen.
+    area; empty without triangles that shine. sky_odds, sky_others: (H W,), alias table of the texels. sky_densities:
+    (H, W) float32, how often a direction is chosen, per solid angle. lamps: (L, LIGHT_WORDS) float32; lamp_light: (L,
+    3) float32, what a surface that faces them receives, over how often they are chosen. lamp_odds, lamp_others: (L,),
+    alias table. sky_share, lamp_share: how often the sky, and lamps, are chosen. candidates: points of emitters that
+    are weighed for each ray.
     """
 
     prim_ids: NDArray[np.uint32]
@@ -38,7 +42,19 @@ class Emitters(NamedTuple):
     sky_odds: NDArray[np.float32]
     sky_others: NDArray[np.int32]
     sky_densities: NDArray[np.float32]
+    lamps: NDArray[np.float32]
+    lamp_light: NDArray[np.float32]
+    lamp_odds: NDArray[np.float32]
+    lamp_others: NDArray[np.int32]
     sky_share: np.float32
+    lamp_share: np.float32
+    candidates: int
+
+
+@njit(forceinline=True)
+def has_emitters(emitters):  # type: ignore[no-untyped-def]
+    """Whether there is anything to aim at."""
+    return len(emitters.prim_ids) > 0 or len(emitters.sky_densities) > 0 or len(emitters.lamps) > 0
 
 
 @float_kernel
@@ -79,7 +95,7 @@ def _entry(odds, others, chance, second):  # type: ignore[no-untyped-def]
     return entry if second < odds[entry] else np.int64(others[entry])
 
 
-@njit
+@njit(forceinline=True)
 def _to_sky(emitters, panorama, chance, second, u, v):  # type: ignore[no-untyped-def]
     """(direction, density, light) of a texel, and a point within it by u and v."""
     rows, columns = panorama.shape[0], panorama.shape[1]
@@ -92,18 +108,19 @@ def _to_sky(emitters, panorama, chance, second, u, v):  # type: ignore[no-untype
     return direction, emitters.sky_densities[y, x], (panorama[y, x, 0], panorama[y, x, 1], panorama[y, x, 2])
 
 
-@njit
+@njit(forceinline=True, error_model="numpy")
 def _to_triangle(surfaces, emitters, origin, chance, second, u, v):  # type: ignore[no-untyped-def]
     """(direction, distance, density per solid angle, light) of a point of a triangle, whose back has density 0."""
     entry = _entry(emitters.odds, emitters.others, chance, second)
     corners, prim_id = emitters.corners, emitters.prim_ids[entry]
     root = np.sqrt(u)
     b, c = root * (ONE - v), root * v
-    way = (
-        corners[entry, 0] + b * corners[entry, 3] + c * corners[entry, 6] - origin[0],
-        corners[entry, 1] + b * corners[entry, 4] + c * corners[entry, 7] - origin[1],
-        corners[entry, 2] + b * corners[entry, 5] + c * corners[entry, 8] - origin[2],
+    point = (
+        corners[entry, 0] + b * corners[entry, 3] + c * corners[entry, 6],
+        corners[entry, 1] + b * corners[entry, 4] + c * corners[entry, 7],
+        corners[entry, 2] + b * corners[entry, 5] + c * corners[entry, 8],
     )
+    way = along(point, -ONE, origin)
     squared = dot(way, way)
     distance = np.sqrt(squared)
     direction = scaled(ONE / distance, way)
@@ -111,40 +128,87 @@ def _to_triangle(surfaces, emitters, origin, chance, second, u, v):  # type: ign
     normal = np.float32(records[prim_id, 0]), np.float32(records[prim_id, 1]), np.float32(records[prim_id, 2])
     facing = -dot(direction, normal)
     density = emitters.densities[prim_id] * squared / facing if facing > ZERO else ZERO
-    return direction, distance, density, plain_colour(surfaces, material_of(surfaces, prim_id))
+    return direction, distance, density, emission_at(surfaces, prim_id, point)
 
 
-@njit(error_model="numpy")
-def aim(surfaces, emitters, prim_id, origin, direction, key, bounce):  # type: ignore[no-untyped-def]
-    """(length, origin, direction, light): a ray from where a path meets `prim_id` to an emitter, and the (r, g, b) that
-    arrives along the path if nothing is in its way. Length 0: there is none.
+@njit(forceinline=True)
+def _to_lamp(emitters, origin, chance, second, u, v):  # type: ignore[no-untyped-def]
+    """(direction, reach, light over how often it is chosen) of a point of a lamp."""
+    entry = _entry(emitters.lamp_odds, emitters.lamp_others, chance, second)
+    lamp, light = emitters.lamps[entry], emitters.lamp_light
+    if lamp[KIND] == SUN:
+        direction, strength, reach = to_sun(lamp, u, v), ONE, INFINITY
+    else:
+        direction, strength, reach = to_lamp(lamp, origin, u, v)
+    return direction, reach, (strength * light[entry, 0], strength * light[entry, 1], strength * light[entry, 2])
+
+
+@njit(forceinline=True, error_model="numpy")
+def _candidate(surfaces, emitters, spot, direction, origin, chance, second, u, v):  # type: ignore[no-untyped-def]
+    """(length, direction, (r, g, b)): a point of an emitter, and the light that arrives from it along the path, over
+    how often it is chosen, if nothing is in its way.
 
     Light that scattering finds, too, is divided between both by the power heuristic.
     Source: E. Veach and L. J. Guibas, "Optimally combining sampling techniques for Monte Carlo rendering", 1995.
     """
-    point, normal, is_front = meet(surfaces, prim_id, origin, direction)
-    start = leaving(surfaces, prim_id, point, normal)
-    dimension = _DIMENSION + np.uint32(bounce) * _DIMENSIONS
-    chance, second = unit_of(bits_of(key, dimension)), unit_of(bits_of(key, dimension + np.uint32(1)))
-    u, v = unit_of(bits_of(key, dimension + np.uint32(2))), unit_of(bits_of(key, dimension + np.uint32(3)))
-    share = emitters.sky_share
-    length = INFINITY
-    if chance < share:
-        towards, density, light = _to_sky(emitters, surfaces.panorama, chance / share, second, u, v)
+    sky, lamps = emitters.sky_share, emitters.lamp_share
+    length, density = INFINITY, ONE
+    is_lamp = chance < lamps
+    if is_lamp:
+        towards, length, light = _to_lamp(emitters, origin, chance / lamps, second, u, v)
+    elif chance < lamps + sky or len(emitters.prim_ids) == 0:
+        towards, density, light = _to_sky(emitters, surfaces.panorama, (chance - lamps) / sky, second, u, v)
     else:
-        towards, distance, density, light = _to_triangle(
-            surfaces, emitters, start, (chance - share) / (ONE - share), second, u, v
-        )
+        rest = (chance - lamps - sky) / (ONE - lamps - sky)
+        towards, distance, density, light = _to_triangle(surfaces, emitters, origin, rest, second, u, v)
         length = distance * ALMOST
-    if not (density > ZERO and dot(towards, normal) > ZERO):
-        return ZERO, start, towards, BLACK
-    scattered, own = scattered_light(surfaces, prim_id, point, normal, is_front, direction, towards)
-    if not own > ZERO:
-        return ZERO, start, towards, BLACK
-    factor = share_of(density, own) / density
-    return length, start, towards, (
+    if not density > ZERO:
+        return ZERO, towards, BLACK
+    scattered, own = scattered_light(spot, direction, towards)
+    factor = ONE if is_lamp else share_of(density, own) / density
+    return length, towards, (
         factor * scattered[0] * light[0], factor * scattered[1] * light[1], factor * scattered[2] * light[2]
     )  # fmt: skip
+
+
+@njit(forceinline=True, error_model="numpy")
+def aim(surfaces, emitters, spot, prim_id, direction, key, sample, bounce):  # type: ignore[no-untyped-def]
+    """(length, origin, direction, light): a ray from where a path meets `prim_id` to an emitter, and the (r, g, b) that
+    arrives along the path if nothing is in its way. Length 0: there is none.
+
+    Of several candidates, one is chosen by its light.
+    Source: J. Talbot, D. Cline and P. Egbert, "Importance resampling for global illumination", 2005.
+    """
+    chance, second = pair_of(key, sample, bounce * PAIRS + CHOICE)
+    u, v = pair_of(key, sample, bounce * PAIRS + PLACE)
+    left = unit_of(bits_of(key ^ np.uint32(sample), np.uint32(bounce)))
+    origin = leaving(surfaces, prim_id, spot.point, spot.normal)
+    length, towards, light, weight, total = ZERO, direction, BLACK, ZERO, ZERO
+    for _ in range(emitters.candidates):
+        other, way, carried = _candidate(surfaces, emitters, spot, direction, origin, chance, second, u, v)
+        chance, second, u, v = _next(chance, _S1), _next(second, _S2), _next(u, _S3), _next(v, _S4)
+        more = luminance(carried)
+        if not more > ZERO:
+            continue
+        total += more
+        share = more / total
+        if left < share:
+            length, towards, light, weight = other, way, carried, more
+            left /= share
+        else:
+            left = (left - share) / (ONE - share)
+    if not weight > ZERO:
+        return ZERO, origin, towards, BLACK
+    if dot(towards, spot.normal) < ZERO:
+        origin = leaving(surfaces, prim_id, spot.point, scaled(-ONE, spot.normal))
+    return length, origin, towards, scaled(total / (weight * np.float32(emitters.candidates)), light)
+
+
+@njit(forceinline=True)
+def _next(number, step):  # type: ignore[no-untyped-def]
+    """The next of evenly spread numbers in [0, 1)."""
+    moved = number + step
+    return moved - ONE if moved >= ONE else moved
 
 
 @njit(forceinline=True, error_model="numpy")

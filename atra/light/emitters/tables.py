@@ -6,46 +6,82 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.light.emitters.emitters_kernels import Emitters, fill_alias_table
-from atra.light.scene import RenderScene
+from atra.light.lights import Light, SpotLight, Sun, light_row
+from atra.light.lights_kernels import LIGHT_WORDS
+from atra.light.materials import Material, images_of, linear
+from atra.light.scene import Scene
 from atra.light.sky import PanoramaSky
 
 _LUMINANCE = np.array((0.2126, 0.7152, 0.0722))
 """Weights of linear sRGB's channels."""
 
 _LEAST_SHARE = 0.25
-"""Least share of rays for triangles, and for the sky, where both shine: only one of them may reach a room."""
+"""Least share of rays for triangles, for the sky, and for lamps, where several shine: only one may reach a room."""
+
+
+_CANDIDATES, _CANDIDATES_OF_MANY, _MANY = 4, 8, 64
+"""Points of emitters that are weighed for each ray, and those where there are more than so many emitters."""
 
 
 def no_emitters() -> Emitters:
     """Nothing to be aimed at."""
-    return _emitters(np.zeros(0, np.uint32), np.zeros((0, 9)), np.zeros(0), np.zeros(0), np.zeros((0, 0)), 0.0)
+    return _emitters(np.zeros(0, np.uint32), np.zeros((0, 9)), np.zeros(0), np.zeros(0), np.zeros((0, 0)), (), _NOBODY)
 
 
-def emitters_of(scene: RenderScene) -> Emitters:
-    """The emissive triangles of a scene by their power, and its sky, if a panorama, by the radiance of texels. A sky of
-    a gradient is left to scattering, which finds it everywhere."""
+def emitters_of(scene: Scene) -> Emitters:
+    """The triangles of a scene that shine by their power, its lamps by theirs, and its sky, if a panorama, by the
+    radiance of texels. A sky of a gradient is left to scattering, which finds it everywhere."""
     mesh = scene.mesh
-    luminance = np.array([_LUMINANCE @ material.emission for material in scene.materials])[scene.face_materials]
+    luminance = np.array([_LUMINANCE @ _mean_emission(material) for material in scene.materials])[scene.face_materials]
     corners = mesh.vertices[mesh.faces].astype(np.float64)
     edges = corners[:, 1:] - corners[:, :1]
     areas = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     powers = np.pi * areas * luminance
     prim_ids = np.flatnonzero(powers > 0.0).astype(np.uint32)
-    triangles = float(powers[prim_ids].sum())
     texels = _sky_weights(scene)
     radius = 0.5 * np.linalg.norm(np.ptp(mesh.bounds, axis=0))
-    sky = float(texels.sum() * np.pi * radius**2)
-    share = sky / (sky + triangles) if sky > 0.0 else 0.0
-    if triangles > 0.0 and sky > 0.0:
-        share = min(max(share, _LEAST_SHARE), 1.0 - _LEAST_SHARE)
-    densities = np.zeros(mesh.triangle_count if triangles > 0.0 else 0)
-    if triangles > 0.0:
-        densities[prim_ids] = (1.0 - share) * powers[prim_ids] / triangles / areas[prim_ids]
+    lamps = tuple(lamp for lamp in scene.lights if lamp.power * max(lamp.colour) > 0.0)
+    of_lamps = np.array([_lamp_power(lamp, float(radius)) for lamp in lamps])
+    shares = _shares(float(powers.sum()), float(texels.sum() * np.pi * radius**2), float(of_lamps.sum()))
+    densities = np.zeros(mesh.triangle_count if len(prim_ids) else 0)
+    if len(prim_ids):
+        densities[prim_ids] = shares[0] * powers[prim_ids] / powers.sum() / areas[prim_ids]
     shapes = np.concatenate([corners[prim_ids, 0], edges[prim_ids].reshape(-1, 6)], axis=1)
-    return _emitters(prim_ids, shapes, powers[prim_ids], densities, texels, share)
+    return _emitters(prim_ids, shapes, powers[prim_ids], densities, texels, lamps, (shares, of_lamps))
 
 
-def _sky_weights(scene: RenderScene) -> NDArray[np.float64]:
+_NOBODY = (np.zeros(3), np.zeros(0))
+
+
+def _shares(*powers: float) -> NDArray[np.float64]:
+    """How often triangles, the sky and lamps are chosen: by their power, and each that shines by its least share."""
+    given = np.array(powers)
+    shining = given > 0.0
+    rest = 1.0 - _LEAST_SHARE * shining.sum() if shining.sum() > 1 else 1.0
+    return np.asarray(np.where(shining, 1.0 - rest, 0.0) / max(shining.sum(), 1) + rest * given / (given.sum() or 1.0))
+
+
+def _mean_emission(material: Material) -> NDArray[np.float64]:
+    """Radiance of a material, that of its image on average."""
+    emission, image = np.array(material.emission), images_of(material)[3]
+    if image is None or not emission.any():
+        return emission
+    step = max(1, int(max(image.texels.shape[:2]) / 256))
+    mean = linear(image.texels[::step, ::step, :3], image.is_coded).reshape(-1, 3).mean(axis=0)
+    return np.asarray(emission * mean * image.factor[:3])
+
+
+def _lamp_power(lamp: Light, radius: float) -> float:
+    """Light that a lamp sends into a scene of this radius."""
+    strength = np.pi * lamp.power * float(_LUMINANCE @ np.array(lamp.colour))
+    if isinstance(lamp, Sun):
+        return float(strength * np.pi * radius**2)
+    if isinstance(lamp, SpotLight):
+        return float(strength * 2.0 * np.pi * (1.0 - np.cos(np.radians(lamp.outer_degrees))))
+    return float(strength * 4.0 * np.pi)
+
+
+def _sky_weights(scene: Scene) -> NDArray[np.float64]:
     """(H, W): luminance times solid angle of the texels of a panorama; (0, 0) for another sky, or a black one."""
     sky = scene.sky
     if not isinstance(sky, PanoramaSky) or sky.power == 0.0 or not sky.texels.any():
@@ -66,9 +102,16 @@ def _emitters(
     powers: NDArray[np.float64],
     densities: NDArray[np.float64],
     texels: NDArray[np.float64],
-    share: float,
+    lamps: tuple[Light, ...],
+    chances: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> Emitters:
-    sky = texels / texels.sum() * share / _solid_angles(*texels.shape) if texels.size else texels
+    """chances: how often triangles, sky and lamps are chosen, and the powers of lamps."""
+    (_, sky_share, lamp_share), of_lamps = chances
+    sky = texels / texels.sum() * sky_share / _solid_angles(*texels.shape) if texels.size else texels
+    rows = np.array([light_row(lamp) for lamp in lamps], np.float32).reshape(-1, LIGHT_WORDS)
+    light = np.array([np.pi * lamp.power * np.array(lamp.colour) for lamp in lamps]).reshape(-1, 3)
+    chosen = lamp_share * of_lamps[:, None] / max(of_lamps.sum(), 1e-300) if len(lamps) else 1.0
+    count = len(prim_ids) + len(lamps) + 2 * bool(texels.size)
     return Emitters(
         prim_ids,
         corners.astype(np.float32),
@@ -76,7 +119,12 @@ def _emitters(
         densities.astype(np.float32),
         *_alias_table(texels.ravel()),
         sky.astype(np.float32),
-        np.float32(share),
+        rows,
+        np.minimum(light / chosen, 1e30).astype(np.float32),
+        *_alias_table(of_lamps),
+        np.float32(sky_share),
+        np.float32(lamp_share),
+        1 if count < 2 else _CANDIDATES if count <= _MANY else _CANDIDATES_OF_MANY,
     )
 
 

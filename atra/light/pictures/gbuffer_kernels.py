@@ -15,6 +15,7 @@ from atra.light.pictures.path_kernels import TILE, pixel_line, place_of
 from atra.light.surface_kernels import (
     CHECKER,
     GRADIENT,
+    HAS_COLOURS,
     LEAST_SQUARED,
     SCALE,
     SECOND,
@@ -23,6 +24,8 @@ from atra.light.surface_kernels import (
     colour_at,
     material_of,
     sky_colour,
+    vertex_colour,
+    weights_at,
 )
 
 CHUNK = 256
@@ -45,16 +48,18 @@ class Chunk(NamedTuple):
     floats: (_ROWS x STRIDE,) float32, row by row. Three rows each: ORIGIN of rays; shading NORMAL, 0 for a miss;
     COLOUR; SKY, the colour times the sky in the normal's direction, or the sky that the pixel sees; DIRECTION of the
     ray. LENGTH of the ray, 0 = none. LIGHT: what the ray carries, 0 once it is blocked. SEEN: 1, or 0 for a miss. UV:
-    two rows, if vertices have uv. prim_id: (STRIDE,) uint32, 0 for a miss.
+    two rows, if vertices have uv. prim_id: (STRIDE,) uint32, 0 for a miss. free: (2, LANES) float32, scratch for
+    shadows.
     """
 
     floats: NDArray[np.float32]
     prim_id: NDArray[np.uint32]
+    free: NDArray[np.float32]
 
 
 def new_chunk() -> Chunk:
     """An empty chunk."""
-    return Chunk(np.zeros(_ROWS * STRIDE, np.float32), np.zeros(STRIDE, np.uint32))
+    return Chunk(np.zeros(_ROWS * STRIDE, np.float32), np.zeros(STRIDE, np.uint32), np.ones((2, LANES), np.float32))
 
 
 @njit(forceinline=True)
@@ -237,7 +242,13 @@ def _find_colour(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
         return
     prim_id = np.int64(chunk.prim_id[i])
     s, t = floats[UV * STRIDE + i], floats[(UV + 1) * STRIDE + i]
-    colour = colour_at(surfaces, material_of(surfaces, prim_id), prim_id, vector_of(floats, ORIGIN, i), s, t)
+    # Not by `vector_of`: kernels that aim rays compile it for ORIGIN, too, and Numba could not link both.
+    point = floats[ORIGIN * STRIDE + i], floats[(ORIGIN + 1) * STRIDE + i], floats[(ORIGIN + 2) * STRIDE + i]
+    material = material_of(surfaces, prim_id)
+    colour = colour_at(surfaces, material, prim_id, point, s, t)
+    if surfaces.materials[material, HAS_COLOURS] != 0.0:
+        tint = vertex_colour(surfaces, prim_id, weights_at(surfaces, prim_id, point))
+        colour = colour[0] * tint[0], colour[1] * tint[1], colour[2] * tint[2]
     sky = vector_of(floats, SKY, i)
     if surfaces.sky[0] != GRADIENT:
         sky = sky_colour(surfaces, vector_of(floats, NORMAL, i))

@@ -17,7 +17,7 @@ from atra.geometry.view import View
 from atra.hits import Hits
 from atra.light.lights import light_row
 from atra.light.lights_kernels import LIGHT_WORDS
-from atra.light.materials import Lambertian
+from atra.light.materials import Lambertian, Material, MetallicRoughness
 from atra.light.pictures.aiming_kernels import Aim
 from atra.light.pictures.carrying import carried
 from atra.light.pictures.finish.finisher import CENTRE
@@ -51,6 +51,15 @@ def _steps(*primes: int) -> tuple[int, int]:
 _SKY, _LIGHT = _Sequence(_steps(2, 3), 0), _Sequence(_steps(5, 7), 2)
 """No step is a rational multiple of another or of a step of `sub_pixel_offsets`, so all points together are evenly
 spread."""
+
+
+def _plain(material: Material) -> Material:
+    """What is shown of a material: its plain colour, and its holes."""
+    if not isinstance(material, MetallicRoughness):
+        return Lambertian(material.plain)
+    return MetallicRoughness(
+        material.plain, material.opacity, material.alpha, material.cutoff, is_double=material.is_double
+    )
 
 
 class _Kept(NamedTuple):
@@ -97,7 +106,7 @@ class HybridRenderer(Renderer):
     def _tables(self) -> Surfaces:
         rows = [light_row(light) for light in self.scene.lights]
         self._lights = np.array(rows, np.float32).reshape(-1, LIGHT_WORDS)
-        plain = tuple(Lambertian(material.plain) for material in self.scene.materials)
+        plain = tuple(_plain(material) for material in self.scene.materials)
         return surfaces_of(replace(self.scene, materials=plain), 1.0, self.options.start_off)
 
     def _start_film(self) -> None:
@@ -129,7 +138,7 @@ class HybridRenderer(Renderer):
 
     def _same_sums(self, scene: RenderScene) -> bool:
         old = self.scene
-        for name in ("face_materials", "normals", "uv"):
+        for name in ("face_materials", "normals", "uv", "second_uv", "colours"):
             if not np.array_equal(getattr(scene, name), getattr(old, name)):
                 return False
         if scene.materials != old.materials or len(scene.lights) != len(old.lights):

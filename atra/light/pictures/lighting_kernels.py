@@ -28,6 +28,7 @@ from atra.light.pictures.gbuffer_kernels import (
     fetch_ahead,
     find_surfaces,
 )
+from atra.light.pictures.path_kernels import look_through, shadows
 
 SKY_PLANES = LIGHT_PLANES = 4
 """Sums of the sky, and of each light: r, g, b, and the unblocked share."""
@@ -46,9 +47,10 @@ def _address(array):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True)
-def _occlude(width, floats, count, scene, packet):  # type: ignore[no-untyped-def]
-    """Set LIGHT to 0 where a chunk's rays are blocked, in packets of `width`. Pixels keep their lanes, so each has the
-    same neighbours in every chunk."""
+def _occlude(width, chunk, count, surfaces, scene, packet):  # type: ignore[no-untyped-def]
+    """Set LIGHT to 0 where a chunk's rays are blocked, in packets of `width`, and to less where they pass holes. Pixels
+    keep their lanes, so each has the same neighbours in every chunk."""
+    floats = chunk.floats
     field = 4 * width
     rays, valid = _address(packet.floats), _address(packet.valid)
     zero, tiny = repeated(ZERO, width), repeated(SMALLEST_COMPONENT, width)
@@ -67,8 +69,13 @@ def _occlude(width, floats, count, scene, packet):  # type: ignore[no-untyped-de
             store(where(size(direction) >= tiny, direction, zero), rays + (RAY_DIR_X + axis) * field)
         store(length, rays + RAY_TFAR * field)
         store(where(is_traced, every, zero), valid)
-        occluded(width, packet.valid, scene, packet)
         light = load(at + LIGHT * STRIDE * 4, ZERO, width)
+        if surfaces.has_holes:
+            shadows(width, surfaces, scene, packet, chunk.free)
+            store(light * load(_address(chunk.free), ZERO, width), at + LIGHT * STRIDE * 4)
+            store(repeated(START, width), rays + RAY_TNEAR * field)
+            continue
+        occluded(width, packet.valid, scene, packet)
         is_free = load(rays + RAY_TFAR * field, ZERO, width) >= zero
         store(where(is_free, light, zero), at + LIGHT * STRIDE * 4)
 
@@ -134,6 +141,8 @@ def lighting_kernel(width: int) -> Callable[..., int]:
         for start in range(first, first + count, CHUNK):
             some = min(CHUNK, first + count - start)
             fetch_ahead(start + CHUNK, first + count, pixels)
+            if surfaces.has_holes:
+                rays += look_through(width, start, some, pixels, surfaces, query.scene, query.packet)
             find_surfaces(chunk, start, some, pixels, surfaces)
             for i in range(some, some + LANES):  # no rays and no light behind the last pixel
                 floats[LENGTH * STRIDE + i] = floats[LIGHT * STRIDE + i] = ZERO
@@ -147,7 +156,7 @@ def lighting_kernel(width: int) -> Callable[..., int]:
                 clock = _lap(times, _GENERATE, clock)
                 if to_lights.is_traced:
                     rays += there
-                    _occlude(width, floats, some, query.scene, query.packet)
+                    _occlude(width, chunk, some, surfaces, query.scene, query.packet)
                     clock = _lap(times, _SHADOW, clock)
                 own = sums[SKY_PLANES + of_light * LIGHT_PLANES :]
                 is_finite &= _add_light(floats, start, some, COLOUR, share, own, is_first and point == 0)
@@ -159,7 +168,7 @@ def lighting_kernel(width: int) -> Callable[..., int]:
                 clock = _lap(times, _GENERATE, clock)
                 if into_sky.is_traced:
                     rays += there
-                    _occlude(width, floats, some, query.scene, query.packet)
+                    _occlude(width, chunk, some, surfaces, query.scene, query.packet)
                     clock = _lap(times, _OCCLUSION, clock)
                 is_finite &= _add_light(floats, start, some, SKY, share, sums, is_first and point == 0)
                 clock = _lap(times, _ACCUMULATE, clock)

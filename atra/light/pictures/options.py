@@ -60,6 +60,7 @@ class RenderOptions(RayOptions):
 class PathKeywords(RenderKeywords, total=False):
     max_depth: int
     lights: str
+    roulette: int
     order: str
 
 
@@ -78,10 +79,11 @@ class PathOptions(RenderOptions):
     max_depth: int = option(5, "most rays of a path, the primary ray included")
     lights: str = option(
         "aimed",
-        "how emitters are found: aimed = a ray from every diffuse surface is aimed at one, and both ways share its "
-        "light, found = by scattered rays alone",
+        "how emitters are found: aimed = a ray from every surface but mirrors is aimed at one, and both ways share its "
+        "light, found = by scattered rays alone, which never meet lamps without extent",
         choices=("aimed", "found"),
     )
+    roulette: int = option(4, "rays after which a path may end by chance, the likelier the less light it carries")
     order: str = option(
         "depth_first",
         "depth_first = one path after the other, waves = many paths stage by stage, with times of stages",
@@ -91,6 +93,7 @@ class PathOptions(RenderOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_whole("max_depth", self.max_depth, 1, 1 << 20)
+        check_whole("roulette", self.roulette, 1, 1 << 20)
 
 
 class HybridKeywords(RenderKeywords, total=False):

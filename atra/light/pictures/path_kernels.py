@@ -13,12 +13,17 @@ from atra.embree.packets_kernels import (
     INFINITY,
     MISS,
     START,
+    hit_prim_id,
+    intersect,
+    occluded,
     ray_component,
+    set_no_hit,
 )
 from atra.light.emitters.emitters_kernels import found_share, found_sky_share
-from atra.light.numbers_kernels import bits_of, key_of, scaled, unit_of
-from atra.light.scattering_kernels import emitted
-from atra.light.surface_kernels import sky_colour
+from atra.light.numbers_kernels import ONE, ZERO, bits_of, dot, key_of, scaled, unit, unit_of
+from atra.light.sampler_kernels import JITTER, LOBE, PAIRS, pair_of
+from atra.light.scattering_kernels import emitted, opacity_at
+from atra.light.surface_kernels import HOLES, meet, sky_colour
 
 BLOCK = 2048
 """Rays compacted together. Packets stay within a block, which starts at a multiple of BLOCK pixels; so a ray has the
@@ -30,8 +35,15 @@ TILE = 4
 ROW_PADDING = 80
 """Extra columns of a wave; rows a power of two apart would compete for the same cache sets."""
 
-_JITTER = np.uint32(0xFFFFFFFE)
-"""First of two random dimensions of a pixel's own jitter; those of bounces count from 0."""
+MOST_HOLES = 64
+"""Most surfaces that a ray passes as if they were not there; it then ends, dark."""
+
+_SEED = 0x2545F491
+
+_BEYOND = np.float32(1 + 2e-6)
+"""Where a ray starts anew behind a hole, over the distance to it."""
+
+_LEAST_SURVIVAL = np.float32(0.05)
 
 
 class Pixels(NamedTuple):
@@ -40,7 +52,7 @@ class Pixels(NamedTuple):
     lines: (6, 3) float64, world space: origin and direction of pixel (0, 0)'s ray, then their change per pixel to the
     right, then per pixel down. places: (pixels,) uint32, x + y 2^16 of each pixel, in the order of work. jittered:
     whether each pixel has an offset of its own. prim_id: (>= pixels,) uint32, image rows `stride` apart; empty if rays
-    are still to be traced. sample_key: uint32. directions: (3, H, W) float32, world space, of a camera with a lens, in
+    are still to be traced. sample: its number. directions: (3, H, W) float32, world space, of a camera with a lens, in
     place of those of `lines`; (3, 0, 0) without.
     """
 
@@ -49,7 +61,7 @@ class Pixels(NamedTuple):
     jittered: bool
     prim_id: NDArray[np.uint32]
     stride: int
-    sample_key: int
+    sample: int
     directions: NDArray[np.float32]
 
 
@@ -77,9 +89,9 @@ def pixel_line(pixels, pixel):  # type: ignore[no-untyped-def]
         ways = pixels.directions
         return origin, (ways[0, row, column], ways[1, row, column], ways[2, row, column])
     if pixels.jittered:
-        key = key_of(pixel, pixels.sample_key)
-        x += unit_of(bits_of(key, _JITTER))
-        y += unit_of(bits_of(key, _JITTER + np.uint32(1)))
+        across, down = pair_of(key_of(pixel, _SEED), pixels.sample, JITTER)
+        x += across
+        y += down
     return line_at(pixels.lines, x, y)
 
 
@@ -100,11 +112,17 @@ def line_at(lines, x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True)
-def load_ray(packet, width, lane, origin, direction, length):  # type: ignore[no-untyped-def]
+def path_key(pixel):  # type: ignore[no-untyped-def]
+    """What tells the random numbers of a pixel's paths from another's."""
+    return key_of(pixel, _SEED)
+
+
+@njit(forceinline=True)
+def load_ray(packet, width, lane, origin, direction, length, near=START):  # type: ignore[no-untyped-def]
     for axis in range(3):
         packet.floats[(RAY_ORG_X + axis) * width + lane] = origin[axis]
         packet.floats[(RAY_DIR_X + axis) * width + lane] = ray_component(direction[axis])
-    packet.floats[RAY_TNEAR * width + lane] = START
+    packet.floats[RAY_TNEAR * width + lane] = near
     packet.floats[RAY_TFAR * width + lane] = length
 
 
@@ -128,10 +146,131 @@ def add_light(sums, pixel, weight, light):  # type: ignore[no-untyped-def]
     return arrived[0] < INFINITY and arrived[1] < INFINITY and arrived[2] < INFINITY
 
 
-@njit(forceinline=True)
+@njit
 def arriving(surfaces, emitters, prim_id, origin, direction, density):  # type: ignore[no-untyped-def]
-    """(r, g, b) of the sky or an emissive triangle, as far as it is left to scattering."""
+    """(r, g, b) of the sky or a triangle that shines, as far as it is left to scattering."""
     if prim_id == MISS:
         return scaled(found_sky_share(emitters, direction, density), sky_colour(surfaces, direction))
-    share = found_share(surfaces, emitters, prim_id, origin, direction, density)
-    return scaled(share, emitted(surfaces, prim_id, origin, direction))
+    light = emitted(surfaces, prim_id, origin, direction)
+    if not light[0] + light[1] + light[2] > ZERO:
+        return light
+    return scaled(found_share(surfaces, emitters, prim_id, origin, direction, density), light)
+
+
+@njit
+def behind_hole(surfaces, prim_id, origin, direction, is_seen, chance):  # type: ignore[no-untyped-def]
+    """Where a ray starts anew, as a distance from its origin, if it passes a triangle with HOLES; 0 if it meets it.
+
+    is_seen: by the eye. chance: in [0, 1), decides where light passes in part.
+    """
+    opacity, beyond = _hole(surfaces, prim_id, origin, direction, is_seen)
+    return ZERO if chance < opacity else beyond
+
+
+@njit
+def _hole(surfaces, prim_id, origin, direction, is_seen):  # type: ignore[no-untyped-def]
+    """(opacity, distance behind) where a ray meets a triangle with HOLES."""
+    point, _, is_front = meet(surfaces, prim_id, origin, direction)
+    way = np.float32(point[0]) - origin[0], np.float32(point[1]) - origin[1], np.float32(point[2]) - origin[2]
+    beyond = dot(way, direction) * _BEYOND + np.float32(surfaces.records[prim_id, 4])
+    return opacity_at(surfaces, prim_id, point, is_front, is_seen), beyond
+
+
+@njit(forceinline=True, error_model="numpy")
+def survival(weight, key, sample, bounce):  # type: ignore[no-untyped-def]
+    """By what a path's weight grows if it goes on, 0 if it ends here: Russian roulette by its weight."""
+    odds = max(_LEAST_SURVIVAL, max(weight[0], max(weight[1], weight[2])))
+    if odds >= ONE:
+        return ONE
+    return ONE / odds if pair_of(key, sample, bounce * PAIRS + LOBE)[1] < odds else ZERO
+
+
+@njit(forceinline=True)
+def shadows(width, surfaces, scene, packet, free):  # type: ignore[no-untyped-def]
+    """Find the share of light that passes along the valid rays of a packet of `width`, which are not valid afterwards.
+
+    free: (2, width) float32; its first row gets the shares.
+    """
+    floats, valid = packet.floats, packet.valid
+    if not surfaces.has_holes:
+        occluded(width, valid, scene, packet)
+        for lane in range(width):
+            free[0, lane] = ONE if valid[lane] != 0 and floats[RAY_TFAR * width + lane] >= ZERO else ZERO
+        return
+    waiting = 0
+    for lane in range(width):
+        free[0, lane] = ONE if valid[lane] != 0 else ZERO
+        free[1, lane] = floats[RAY_TFAR * width + lane]
+        waiting += 1 if valid[lane] != 0 else 0
+    for _ in range(MOST_HOLES):
+        if waiting == 0:
+            return
+        for lane in range(width):
+            floats[RAY_TFAR * width + lane] = free[1, lane]
+            set_no_hit(packet, width, lane)
+        intersect(width, valid, scene, packet)
+        for lane in range(width):
+            if valid[lane] == 0:
+                continue
+            prim_id = hit_prim_id(packet, width, lane)
+            opacity, beyond = ZERO, ZERO
+            if prim_id != MISS:
+                opacity = ONE
+                if surfaces.flags[prim_id] & HOLES:
+                    origin, direction = _ray_of(packet, width, lane)
+                    opacity, beyond = _hole(surfaces, prim_id, origin, direction, False)
+            free[0, lane] *= ONE - opacity
+            floats[RAY_TNEAR * width + lane] = beyond
+            if prim_id == MISS or free[0, lane] == ZERO or beyond >= free[1, lane]:
+                valid[lane] = 0
+                waiting -= 1
+    for lane in range(width):
+        free[0, lane] = ZERO if valid[lane] != 0 else free[0, lane]
+
+
+@njit(forceinline=True)
+def look_through(width, first, count, pixels, surfaces, scene, packet):  # type: ignore[no-untyped-def]
+    """Put what pixels see behind triangles with HOLES into `prim_id` of `pixels`. Returns the number of rays,
+    traced by packets of `width`."""
+    rays = 0
+    for pixel in range(first, first + count):
+        prim_id = seen_by(pixels, pixel)
+        if prim_id == MISS or not surfaces.flags[prim_id] & HOLES:
+            continue
+        origin, direction = pixel_line(pixels, pixel)
+        direction = unit(direction)
+        for passed in range(MOST_HOLES):
+            if prim_id == MISS or not surfaces.flags[prim_id] & HOLES:
+                break
+            chance = unit_of(bits_of(path_key(pixel) ^ np.uint32(pixels.sample), np.uint32(MOST_HOLES + passed)))
+            near = behind_hole(surfaces, prim_id, origin, direction, True, chance)
+            if not near > ZERO:
+                break
+            for lane in range(width):
+                packet.valid[lane] = -1 if lane == 0 else 0
+            load_ray(packet, width, 0, origin, direction, INFINITY, near)
+            set_no_hit(packet, width, 0)
+            intersect(width, packet.valid, scene, packet)
+            prim_id = hit_prim_id(packet, width, 0)
+            rays += 1
+        x, y = place_of(pixels, pixel)
+        pixels.prim_id[y * pixels.stride + x] = prim_id
+    return rays
+
+
+@njit(forceinline=True)
+def _ray_of(packet, width, lane):  # type: ignore[no-untyped-def]
+    """(origin, direction) of a ray in a packet."""
+    floats = packet.floats
+    return (
+        (
+            floats[RAY_ORG_X * width + lane],
+            floats[(RAY_ORG_X + 1) * width + lane],
+            floats[(RAY_ORG_X + 2) * width + lane],
+        ),
+        (
+            floats[RAY_DIR_X * width + lane],
+            floats[(RAY_DIR_X + 1) * width + lane],
+            floats[(RAY_DIR_X + 2) * width + lane],
+        ),
+    )

@@ -13,9 +13,6 @@ from atra.light.pictures.film import Film
 from atra.light.pictures.path_kernels import Pixels
 from atra.tracing.lens_rays import world_directions
 
-_GOLDEN = 0x9E3779B9
-"""Odd, so that 2^32 samples have different keys; those of neighbouring samples are far apart."""
-
 _NOTHING = np.zeros(0, np.uint32)
 
 NO_DIRECTIONS = np.zeros((3, 0, 0), np.float32)
@@ -58,12 +55,11 @@ def pixels_of(
 ) -> Pixels:
     """The next sample of all pixels, at this sub-pixel offset. hits: what they see there; None: unknown, and each pixel
     has an offset of its own. directions: of `Pixels`."""
-    key = film.samples * _GOLDEN & 0xFFFFFFFF
     if hits is None:
-        return Pixels(_lines(camera, (0.0, 0.0)), film.places, True, _NOTHING, 0, key, NO_DIRECTIONS)
+        return Pixels(_lines(camera, (0.0, 0.0)), film.places, True, _NOTHING, 0, film.samples, NO_DIRECTIONS)
     stride, (height, width) = hits.prim_id.strides[0] // 4, hits.prim_id.shape
     prim_ids = np.lib.stride_tricks.as_strided(hits.prim_id, ((height - 1) * stride + width,), (4,))
-    return Pixels(_lines(camera, offset), film.places, False, prim_ids, stride, key, directions)
+    return Pixels(_lines(camera, offset), film.places, False, prim_ids, stride, film.samples, directions)
 
 
 def _lines(camera: View, offset: tuple[float, float]) -> NDArray[np.float64]:

@@ -131,6 +131,14 @@ def _primitive(
     return Primitive(vertices, faces, normals, uv, second, colours, material)
 
 
+def triangles_of(given: Any, numbers: Numbers) -> tuple[NDArray[np.int64], bool]:
+    """(F, 3) int64, vertices of a primitive's triangles; and whether it has no normals, so that each corner of the
+    scene has a vertex of its own."""
+    count = len(numbers.floats(given["attributes"]["POSITION"], 3))
+    corners = numbers.whole(given["indices"]) if "indices" in given else np.arange(count)
+    return _triangles(given.get("mode", _TRIANGLES), corners), "NORMAL" not in given["attributes"]
+
+
 def _rows(
     numbers: Numbers, attributes: Any, name: str, size: int, count: int, left_out: dict[str, None]
 ) -> NDArray[np.float64] | None:

@@ -74,8 +74,6 @@ class Materials:
         volume = more.get("KHR_materials_volume", {})
         if "attenuationDistance" in volume or "thicknessTexture" in volume:
             self._left_out["attenuation of KHR_materials_volume"] = None
-        if "occlusionTexture" in given:
-            self._left_out["occlusionTexture (paths find occlusion themselves)"] = None
         return MetallicRoughness(
             colour=(red, green, blue) if colour is None else colour,
             opacity=opacity,
@@ -119,7 +117,7 @@ class Materials:
             is_coded,
             second_uv=uv == 1,
             placement=placement_of(moved),
-            wrap=(_WRAPS.get(sampler.get("wrapS"), "repeat"), _WRAPS.get(sampler.get("wrapT"), "repeat")),
+            wrap=(_WRAPS.get(sampler.get("wrapS", 0), "repeat"), _WRAPS.get(sampler.get("wrapT", 0), "repeat")),
             is_nearest=sampler.get("magFilter") == _NEAREST,
         )
 

@@ -62,6 +62,10 @@ class Numbers:
             found = np.maximum(found / np.iinfo(rows.dtype).max, -1.0)
         return found
 
+    def rows(self, number: Any) -> tuple[Any, NDArray[Any]]:
+        """An accessor, and its (N, size) numbers as they are stored."""
+        return self._rows(number)
+
     def whole(self, number: Any) -> NDArray[np.int64]:
         """(N,) int64 of an accessor of indices."""
         _, rows = self._rows(number)

@@ -77,7 +77,7 @@ def _joined(parts: list[Any], known: dict[str, MetallicRoughness]) -> dict[str, 
         name = str(getattr(getattr(part.visual, "material", None), "name", ""))
         found = getattr(part.visual, "uv", None)
         has_uv = found is not None and len(found) == len(part.vertices)
-        made = known.get(name, MetallicRoughness(colour=0.7))
+        made = known.get(name, MetallicRoughness((0.7, 0.7, 0.7)))
         materials.setdefault(f"{name}{has_uv}", made if has_uv else _without_images(made))
         numbers.append(np.full(len(part.faces), list(materials).index(f"{name}{has_uv}")))
         vertices.append(part.vertices)
@@ -87,13 +87,13 @@ def _joined(parts: list[Any], known: dict[str, MetallicRoughness]) -> dict[str, 
         normals.append(_normals(part))
         named.append(ScenePart(name, -1, -1, -1, at, len(part.faces), first, len(part.vertices)))
         first, at = first + len(part.vertices), at + len(part.faces)
-    smooth = None if any(one is None for one in normals) else np.concatenate(normals)  # type: ignore[arg-type]
+    smooth = [one for one in normals if one is not None]
     return {
         "mesh": Mesh(np.concatenate(vertices), np.concatenate(faces)),
         "materials": tuple(materials.values()),
         "face_materials": np.concatenate(numbers),
         "uv": np.concatenate(uv),
-        "normals": smooth,
+        "normals": np.concatenate(smooth) if len(smooth) == len(parts) else None,
         "parts": tuple(named),
     }
 

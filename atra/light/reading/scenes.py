@@ -33,7 +33,7 @@ def load_scene(path: str | Path, *, memory_per_byte: float | None = None, **othe
         raise InputError(f"{path} is no file, expected a scene")
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
-        return Scene(load_mesh(path, memory_per_byte=memory_per_byte), [Lambertian(0.7)], **others)
+        return Scene(load_mesh(path, memory_per_byte=memory_per_byte), [Lambertian((0.7, 0.7, 0.7))], **others)
     try:
         fields = reader(path, memory_per_byte)
         scene = Scene(**(fields | others))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from atra.compiled.memory import doubles_at, floats_at, gather, integers_at, load, store
+from atra.compiled.memory import doubles_at, floats_at, integers_at, load, points_of, store
 from atra.compiled.store import njit
 from atra.compiled.vectors import (
     bits_of,
@@ -82,9 +82,9 @@ def set_up(side, margin, number, workspace):  # type: ignore[no-untyped-def]
     projected corners. The plane of others is found by `plane_through`."""
     base, doubles, floats = workspace.points, workspace.doubles, workspace.floats
     listed = workspace.listed + number * 8
-    x0, x1, x2 = gather(base, listed, 0), gather(base, listed, 1), gather(base, listed, 2)
-    y0, y1, y2 = gather(base + 8, listed, 0), gather(base + 8, listed, 1), gather(base + 8, listed, 2)
-    w0, w1, w2 = gather(base + 16, listed, 0), gather(base + 16, listed, 1), gather(base + 16, listed, 2)
+    x0, y0, w0 = points_of(base, listed, 0)
+    x1, y1, w1 = points_of(base, listed, 1)
+    x2, y2, w2 = points_of(base, listed, 2)
     nearest, farthest = larger(larger(w0, w1), w2), smaller(smaller(w0, w1), w2)
     zero, one, wider = repeated(0.0, BATCH), repeated(1.0, BATCH), repeated(margin, BATCH)
     end, in_front = repeated(side - 1.0, BATCH), farthest > zero

@@ -11,7 +11,17 @@ import numpy as np
 from atra.compiled.threads import resolve_threads
 from atra.errors import InputError
 from atra.geometry.view import unit_vector
-from atra.light import Dielectric, Emissive, GradientSky, Lambertian, Metal, RenderScene, Sun
+from atra.light import (
+    Dielectric,
+    Emissive,
+    GradientSky,
+    Lambertian,
+    Metal,
+    MetallicRoughness,
+    PanoramaSky,
+    Scene,
+    Sun,
+)
 from atra.light.materials import Material
 from experiments.methods.peers.mitsuba_scene import INSTALL_LLVM, OLDEST_LLVM
 
@@ -55,21 +65,28 @@ def material_of(material: Material) -> dict[str, Any]:
             return {"type": "twosided", "bsdf": conductor}
         case Dielectric(fresnel="exact"):
             return {"type": "dielectric", "int_ior": material.ior, "ext_ior": 1.0}
+        case MetallicRoughness(metallic=1.0, colour=(1.0, 1.0, 1.0), metallic_roughness=None, normals=None):
+            conductor = {"type": "roughconductor", "material": "none", "distribution": "ggx"}
+            return {"type": "twosided", "bsdf": conductor | {"alpha": max(material.roughness**2, 1e-3)}}
         case Emissive():
             return {"type": "diffuse", "reflectance": _rgb((0, 0, 0))}
     raise InputError(f"Mitsuba 3 has no plain material for {material!r:.100}")
 
 
-def parts_of(mi: Any, scene: RenderScene) -> dict[str, Any]:
+def parts_of(mi: Any, scene: Scene) -> dict[str, Any]:
     """The triangles, lamps and sky of a scene, in Mitsuba's variant of the moment; `load_dict` makes a scene of them.
 
-    Raises InputError for what Mitsuba would show otherwise: anything but flat triangles and a sky of one colour.
+    Raises InputError for what Mitsuba would show otherwise: normals between corners, a sky of two colours.
     """
     sky = scene.sky
-    if not isinstance(sky, GradientSky) or sky.below != sky.above or scene.normals is not None:
+    is_gradient = isinstance(sky, GradientSky) and sky.below != sky.above
+    if is_gradient or scene.normals is not None:
         raise InputError("Mitsuba 3 is handed flat triangles under a sky of one colour, expected a scene without more")
     parts: dict[str, Any] = {"type": "scene"}
-    if any(sky.above):
+    if isinstance(sky, PanoramaSky):  # its middle column looks the other way
+        turned = np.roll(sky.power * sky.texels, sky.texels.shape[1] // 2, axis=1)
+        parts["sky"] = {"type": "envmap", "bitmap": mi.Bitmap(np.ascontiguousarray(turned, np.float32))}
+    elif any(sky.above):
         parts["sky"] = {"type": "constant", "radiance": _rgb([sky.power * channel for channel in sky.above])}
     for number, material in enumerate(scene.materials):
         faces = scene.mesh.faces[scene.face_materials == number]

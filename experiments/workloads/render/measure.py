@@ -111,7 +111,7 @@ def measure(point: Point) -> Measured:
         own = tracers[OWN]
         scene = options.under_sky(lit(point.scene, own.mesh, point.camera))
         if options.mitsuba is not Rival.none:
-            scene = replace(scene, sky=constant_sky(0.8))
+            scene = replace(scene, sky=constant_sky(0.8), lights=())
         primaries = Primaries(tracers)
         renderer = make_renderer(point, scene, own.camera, primaries)
         stack.enter_context(renderer)
@@ -145,10 +145,11 @@ _PATHS_AT_ONCE = 1 << 22
 """A wavefront of them is kept in memory."""
 
 
-def mitsuba_scene(mi: Any, scene: RenderScene, camera: Camera, max_depth: int) -> Any:
-    """A scene, in Mitsuba's variant of the moment. Raises InputError as `parts_of` does."""
+def mitsuba_scene(mi: Any, scene: RenderScene, camera: Camera, max_depth: int, roulette: int = 10_000) -> Any:
+    """A scene, in Mitsuba's variant of the moment. roulette: rays after which a path may end by chance. Raises
+    InputError as `parts_of` does."""
     return mi.load_dict(parts_of(mi, scene) | {
-        "integrator": {"type": "path", "max_depth": max_depth, "rr_depth": 10_000},
+        "integrator": {"type": "path", "max_depth": max_depth, "rr_depth": roulette},
         "camera": {
             "type": "perspective", "fov": camera.fov_y_degrees, "fov_axis": "y", "near_clip": 1e-3,
             "to_world": mi.ScalarTransform4f().look_at(origin=camera.eye, target=camera.target, up=camera.up),
@@ -164,8 +165,8 @@ def mitsuba_scene(mi: Any, scene: RenderScene, camera: Camera, max_depth: int) -
 class MitsubaPicture:
     """Pictures by Mitsuba's `path` integrator, a few million paths at a time.
 
-    It aims at the sky and at lamps from every surface, which path tracing here does not, so each of its samples takes
-    more rays and has less noise. Scene and camera as for `mitsuba_scene`, threads as for tracers.
+    It aims at a sky of one colour, too, which path tracing here leaves to scattering. Scene and camera as for
+    `mitsuba_scene`, threads as for tracers.
     Raises InputError where Mitsuba, or what its variant needs, is missing.
     """
 

@@ -216,7 +216,7 @@ def test_samples_added_in_parts_are_those_added_at_once(kind):
         assert (parts.image == whole.image).all()
 
 
-def test_the_error_falls_with_the_square_root_of_the_samples():
+def test_the_error_falls_at_least_with_the_square_root_of_the_samples():
     camera = replace(BUSY_CAMERA, width=32, height=32)
     scene = busy()
     truth = batches(scene, camera, 1, 1024, jitter="off").mean(axis=0)
@@ -226,7 +226,7 @@ def test_the_error_falls_with_the_square_root_of_the_samples():
         pictures = batches(scene, camera, 64 // samples * 2, samples, jitter="off")
         errors.append(np.sqrt(((pictures - truth) ** 2).mean()))
     slope = np.polyfit(np.log([4, 16, 64]), np.log(errors), 1)[0]
-    assert -0.6 < slope <= -0.45
+    assert -0.75 < slope <= -0.45
 
 
 def test_samples_and_dimensions_are_uncorrelated_and_even():

@@ -3,66 +3,94 @@
 from __future__ import annotations
 
 from atra.compiled.store import float_kernel, njit
-from atra.embree.layout import RAY_TFAR
-from atra.embree.packets_kernels import (
-    INFINITY,
-    MISS,
-    hit_prim_id,
-    intersect,
-    occluded,
-    set_no_hit,
+from atra.embree.packets_kernels import INFINITY, MISS, START, hit_prim_id, intersect, set_no_hit
+from atra.light.emitters.emitters_kernels import aim, has_emitters
+from atra.light.numbers_kernels import ZERO, bits_of, scaled, unit, unit_of
+from atra.light.pictures.path_kernels import (
+    MOST_HOLES,
+    add_light,
+    arriving,
+    behind_hole,
+    load_ray,
+    path_key,
+    pixel_line,
+    seen_by,
+    shadows,
+    survival,
 )
-from atra.light.emitters.emitters_kernels import aim
-from atra.light.numbers_kernels import ZERO, key_of, unit
-from atra.light.pictures.path_kernels import add_light, arriving, load_ray, pixel_line, seen_by
-from atra.light.scattering_kernels import WHITE, scatter
+from atra.light.scattering_kernels import WHITE, scatter, spot_of
+from atra.light.surface_kernels import ENDS, HOLES, SHINES
 
 
 @njit(forceinline=True)
-def _prim_id_of_ray(scene, packet, origin, direction):  # type: ignore[no-untyped-def]
-    """What one ray hits, by a packet of 1."""
-    load_ray(packet, 1, 0, origin, direction, INFINITY)
+def _prim_id_of_ray(scene, packet, origin, direction, near):  # type: ignore[no-untyped-def]
+    """What one ray hits beyond a distance, by a packet of 1."""
+    load_ray(packet, 1, 0, origin, direction, INFINITY, near)
+    packet.valid[0] = -1
     set_no_hit(packet, 1, 0)
     intersect(1, packet.valid, scene, packet)
     return hit_prim_id(packet, 1, 0)
 
 
 @float_kernel
-def follow_depth_first(first, count, pixels, scene, packet, surfaces, emitters, sums, max_depth):  # type: ignore[no-untyped-def]
+def follow_depth_first(first, count, pixels, scene, packet, surfaces, emitters, sums, free, max_depth, roulette):  # type: ignore[no-untyped-def]
     """All stages for one path after the other, with a packet of 1; the alternative to waves. Arguments as for the
-    stages.
+    stages. free: (2, 1) float32, scratch.
 
     Returns the number of rays traced, -1 if light was not finite.
     """
     is_finite, rays = True, 0
-    is_aimed = len(emitters.prim_ids) > 0 or len(emitters.sky_densities) > 0
+    is_aimed, sample = has_emitters(emitters), pixels.sample
     for pixel in range(first, first + count):
-        key = key_of(pixel, pixels.sample_key)
+        key = path_key(pixel)
         origin, direction = pixel_line(pixels, pixel)
         direction = unit(direction)
-        weight, density = WHITE, ZERO
-        for bounce in range(max_depth):
-            if bounce == 0 and len(pixels.prim_id) > 0:
+        weight, density, near = WHITE, ZERO, START
+        bounce = passed = 0
+        is_known = len(pixels.prim_id) > 0
+        while True:
+            if is_known:
                 prim_id = seen_by(pixels, pixel)
+                is_known = False
             else:
                 rays += 1
-                prim_id = _prim_id_of_ray(scene, packet, origin, direction)
-            if prim_id == MISS or surfaces.flags[prim_id] != 0:
+                prim_id = _prim_id_of_ray(scene, packet, origin, direction, near)
+            flags = surfaces.flags[prim_id] if prim_id != MISS else ENDS | SHINES
+            if flags & HOLES:
+                chance = unit_of(bits_of(key ^ sample, MOST_HOLES + passed))
+                beyond = behind_hole(surfaces, prim_id, origin, direction, bounce == 0, chance)
+                if beyond > ZERO:
+                    near = beyond
+                    passed += 1
+                    if passed == MOST_HOLES:
+                        break
+                    continue
+            if flags & SHINES:
                 light = arriving(surfaces, emitters, prim_id, origin, direction, density)
                 is_finite &= add_light(sums, pixel, weight, light)
+            if flags & ENDS or bounce == max_depth - 1:
                 break
-            if bounce == max_depth - 1:
-                break
+            spot, is_front = spot_of(surfaces, prim_id, origin, direction)
             if is_aimed:
-                length, start, towards, light = aim(surfaces, emitters, prim_id, origin, direction, key, bounce)
+                length, start, towards, light = aim(surfaces, emitters, spot, prim_id, direction, key, sample, bounce)
                 if length > ZERO:
                     rays += 1
                     load_ray(packet, 1, 0, start, towards, length)
-                    occluded(1, packet.valid, scene, packet)
-                    if packet.floats[RAY_TFAR] >= ZERO:
-                        is_finite &= add_light(sums, pixel, weight, light)
-            goes_on, origin, direction, factor, density = scatter(surfaces, prim_id, origin, direction, key, bounce)
+                    packet.valid[0] = -1
+                    shadows(1, surfaces, scene, packet, free)
+                    if free[0, 0] > ZERO:
+                        is_finite &= add_light(sums, pixel, weight, scaled(free[0, 0], light))
+            goes_on, origin, direction, factor, density = scatter(
+                surfaces, spot, is_front, prim_id, direction, key, sample, bounce
+            )
             if not goes_on:
                 break
             weight = weight[0] * factor[0], weight[1] * factor[1], weight[2] * factor[2]
+            if bounce >= roulette:
+                factor = survival(weight, key, sample, bounce)
+                if factor == ZERO:
+                    break
+                weight = scaled(factor, weight)
+            near = START
+            bounce += 1
     return rays if is_finite else -1

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import count as count_from
 from typing import Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.geometry.view import View
+from atra.light.emitters.emitters_kernels import has_emitters
 from atra.light.emitters.tables import emitters_of, no_emitters
 from atra.light.laps import Laps
 from atra.light.pictures.hybrid import albedo_of
@@ -25,7 +27,7 @@ from atra.light.pictures.paths.waves_kernels import (
     trace_kernel,
 )
 from atra.light.pictures.renderer import Primary, Renderer
-from atra.light.scene import RenderScene
+from atra.light.scene import Scene
 from atra.light.surface_kernels import Surfaces
 from atra.light.tables import surfaces_of
 from atra.rays.scene import Query
@@ -39,10 +41,12 @@ class PathRenderer(Renderer):
             renderer.add(64)
             renderer.save("picture.png")
 
-    Each sample traces one path per pixel. It ends at the sky, at an `Emissive` surface, or dark after `max_depth` rays.
-    From every diffuse surface another ray is aimed at an emitter (option `lights`). Random numbers are hashes of pixel,
-    sample and bounce. Arguments: see `Renderer`; options: see `PathOptions`. Stages: primary and depth_first; for waves
-    primary, generate, trace, compact (which also sums up ended paths), connect and shade.
+    Each sample traces one path per pixel. It ends at the sky, at an `Emissive` surface, dark after `max_depth` rays, or
+    by chance where little of its light is left (option `roulette`). From every surface but mirrors another ray is aimed
+    at an emitter (option `lights`): a triangle that shines, a panorama, or one of the scene's lights. Random numbers
+    are Sobol' points, scrambled for each pixel and bounce. Arguments: see `Renderer`; options: see `PathOptions`.
+    Stages: primary and depth_first; for waves primary, generate, trace, compact (which also sums up light), connect and
+    shade.
     """
 
     options_type = PathOptions
@@ -52,12 +56,12 @@ class PathRenderer(Renderer):
 
     @lists_options(PathOptions)
     def __init__(
-        self, scene: RenderScene, camera: View, primary: Primary | None = None, **options: Unpack[PathKeywords]
+        self, scene: Scene, camera: View, primary: Primary | None = None, **options: Unpack[PathKeywords]
     ) -> None:
         super().__init__(scene, camera, primary, options)
 
     @lists_options(PathOptions, as_changes=True)
-    def update(self, scene: RenderScene | None = None, **changes: Unpack[PathKeywords]) -> None:
+    def update(self, scene: Scene | None = None, **changes: Unpack[PathKeywords]) -> None:
         self._update(scene, changes)
 
     def _ray_options(self) -> RayOptions:
@@ -68,7 +72,7 @@ class PathRenderer(Renderer):
         self._emitters = emitters_of(self.scene) if self.options.lights == "aimed" else no_emitters()
         return surfaces_of(self.scene, self.scene.sky.power, self.options.start_off)
 
-    def _same_sums(self, scene: RenderScene) -> bool:
+    def _same_sums(self, scene: Scene) -> bool:
         return scene is self.scene
 
     def _start_film(self) -> None:
@@ -85,8 +89,9 @@ class PathRenderer(Renderer):
         surfaces, emitters, options = self._surfaces, self._emitters, self.options
         lap = Laps(stages)
         if options.order == "depth_first":
-            arguments = pixels, query.scene, query.packet, surfaces, emitters, self._film.sums, options.max_depth
-            rays = follow_depth_first(first, count, *arguments)
+            free = np.empty((2, 1), np.float32)
+            arguments = pixels, query.scene, query.packet, surfaces, emitters, self._film.sums, free
+            rays = follow_depth_first(first, count, *arguments, options.max_depth, options.roulette)
             lap("depth_first")
             return None if rays < 0 else rays
         paths = self._waves[query.worker]
@@ -94,25 +99,25 @@ class PathRenderer(Renderer):
             paths = self._waves[query.worker] = _new_paths(options.wave_rays // BLOCK)
         width = self.rays.packet_width
         trace, connect = trace_kernel(width), connect_kernel(width)
-        lights = np.empty((3, width), np.float32)
-        has_emitters = bool(len(emitters.prim_ids) or len(emitters.sky_densities))
+        lights, free = np.empty((3, width), np.float32), np.empty((2, width), np.float32)
+        is_aimed, sample = has_emitters(emitters), pixels.sample
         generate(paths, first, count, pixels)
         lap("generate")
         is_finite, rays = True, 0
-        for bounce in range(options.max_depth):
-            if bounce > 0 or len(pixels.prim_id) == 0:
+        for step in count_from(0):
+            if step > 0 or len(pixels.prim_id) == 0:
                 rays += trace(paths, query.scene, query.packet)
                 lap("trace")
-            is_finite &= compact(paths, surfaces, emitters, self._film.sums, bounce == options.max_depth - 1)
+            is_finite &= compact(paths, surfaces, emitters, self._film.sums, sample, step, options.max_depth)
             lap("compact")
             if not paths.counts.any():
                 break
-            if has_emitters:
-                scene, packet, key = query.scene, query.packet, pixels.sample_key
-                aimed = connect(paths, surfaces, emitters, scene, packet, lights, key, bounce, self._film.sums)
+            if is_aimed:
+                scene, packet = query.scene, query.packet
+                aimed = connect(paths, surfaces, emitters, scene, packet, lights, free, sample, self._film.sums)
                 rays, is_finite = rays + max(aimed, 0), is_finite and aimed >= 0
                 lap("connect")
-            shade(paths, surfaces, pixels.sample_key, bounce)
+            shade(paths, surfaces, sample, options.roulette)
             lap("shade")
         return rays if is_finite else None
 
@@ -123,5 +128,7 @@ def _new_paths(blocks: int) -> Paths:
         np.empty((PATH_ROWS, rays + ROW_PADDING), np.float32),
         np.empty(rays, np.uint32),
         np.empty(rays, np.int32),
+        np.empty(rays, np.int32),
+        np.empty(rays, np.bool_),
         np.zeros(blocks, np.int64),
     )

@@ -1,0 +1,146 @@
+"""`atra render MESH -o picture.png`: a picture in full light, by path tracing."""
+
+from __future__ import annotations
+
+import sys
+from argparse import ArgumentParser, Namespace
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from atra.errors import InputError, printable
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+
+if TYPE_CHECKING:  # a wing of the library, loaded where a picture is asked for
+    from atra.light import Progress, Scene
+    from atra.light.pictures.renderer import Renderer
+
+SAMPLES, BOUNCES = 64, 8
+"""Defaults: samples without another limit, and most rays of a path."""
+
+CamerasOf = Callable[[Mesh, Mapping[str, View]], dict[str, View]]
+
+_Tell = Callable[["Progress", "int | None"], None]
+
+_LIMITS = ("samples", "error", "minutes")
+
+_BLACK = np.zeros((1, 1, 3))
+
+
+def add_picture(parser: ArgumentParser) -> None:
+    """Add the arguments of `run_picture`."""
+    group = parser.add_argument_group("pictures in full light, in place of planes")
+    group.add_argument("-o", "--output", type=Path, metavar="FILE", help="picture.png (sRGB) or .exr (linear, layers)")
+    group.add_argument("--samples", type=int, help=f"most samples of a pixel (default: {SAMPLES})")
+    group.add_argument("--error", type=float, metavar="PERCENT", help="stop at this estimated error of the luminance")
+    group.add_argument("--minutes", type=float, help="stop after so many minutes")
+    group.add_argument("--exposure", default="auto", metavar="STOPS", help="of a PNG: stops, or auto (the default)")
+    group.add_argument(
+        "--tone", default="neutral", choices=("none", "neutral", "agx"), help="tone map of a PNG (default: neutral)"
+    )
+    group.add_argument("--denoise", action="store_true", help="remove noise by Open Image Denoise")
+    group.add_argument("--sky", type=Path, metavar="FILE", help="an EXR or HDR panorama that lights the scene")
+    group.add_argument("--bounces", type=int, default=BOUNCES, help=f"most rays of a path (default: {BOUNCES})")
+
+
+def wants_picture(given: Namespace) -> bool:
+    """Whether a picture is asked for. Raises InputError where planes are, too."""
+    asked = [f"--{name}" for name in ("output", *_LIMITS) if getattr(given, name) is not None]
+    if asked and given.planes is not None:
+        raise InputError(f"{asked[0]} makes a picture and --planes makes planes; give one of them")
+    return bool(asked)
+
+
+def load_lit(path: Path, sky: Path | None = None, memory_per_byte: float | None = None) -> Scene:
+    """The scene of a file: with lights of its own it stands in the dark, without them under a neutral sky.
+
+    sky: a panorama in place of either. Raises InputError as `load_scene` and `PanoramaSky.load` do.
+    """
+    from atra.light import GradientSky, PanoramaSky, constant_sky, load_scene
+
+    scene = load_scene(path, memory_per_byte=memory_per_byte)
+    if sky is not None:
+        return replace(scene, sky=PanoramaSky.load(sky))
+    neutral = GradientSky((0.45, 0.45, 0.45), (1.1, 1.1, 1.1))
+    return replace(scene, sky=constant_sky(0.0) if scene.lights else neutral)
+
+
+def load_with_cameras(given: Namespace) -> tuple[Mesh, dict[str, View]]:
+    """The mesh and the cameras of a file. Raises InputError as `load_scene`."""
+    from atra.light import load_scene
+
+    scene = load_scene(given.mesh, memory_per_byte=given.memory_per_byte)
+    return scene.mesh, dict(scene.cameras)
+
+
+def run_picture(given: Namespace, cameras_of: CamerasOf) -> int:
+    """Make a picture of each camera, resuming what was interrupted; returns 0.
+
+    cameras_of: the cameras for a mesh and those of its file. Raises InputError, before any work, for what no picture
+    can be made of; MemoryBudgetError, StorageError.
+    """
+    from atra.light import PathRenderer, stops_of
+    from atra.light.pictures.files import check_picture_path
+
+    output = given.output or Path(f"{given.mesh.stem}.png")
+    check_picture_path(output)
+    stops_of(_BLACK, given.exposure)
+    scene = load_lit(given.mesh, given.sky, given.memory_per_byte)
+    cameras = cameras_of(scene.mesh, dict(scene.cameras))
+    print(f"{printable(str(given.mesh))}: {scene.mesh.triangle_count:,} triangles", file=sys.stderr)
+    for stem, camera in cameras.items():
+        path = output if len(cameras) == 1 else output.with_name(f"{output.stem}_{stem}{output.suffix}")
+        with PathRenderer(scene, camera, max_depth=given.bounces, threads=given.threads) as renderer:
+            _expose(renderer, given, path)
+            renderer.save(path, exposure=given.exposure, tone=given.tone, denoise=given.denoise)
+        print(f"written: {printable(str(path))}", flush=True)
+    return 0
+
+
+def _expose(renderer: Renderer, given: Namespace, path: Path) -> None:
+    """All samples, with a line on stderr; an interruption says how to go on."""
+    from atra.light import accumulate
+
+    state = path.with_name(f"{path.name}.state")
+    error = None if given.error is None else given.error / 100.0
+    has_limit = any(getattr(given, name) is not None for name in _LIMITS)
+    samples = given.samples if has_limit else SAMPLES
+    if state.exists():
+        print(f"atra: goes on with {printable(str(state))}", file=sys.stderr)
+    with _line() as tell:
+        try:
+            for step in accumulate(renderer, samples, error=error, minutes=given.minutes, state=state):
+                tell(step, samples)
+        except KeyboardInterrupt:
+            if state.exists():
+                print(f"\natra: the same command goes on from {printable(str(state))}", file=sys.stderr)
+            raise
+
+
+@contextmanager
+def _line() -> Iterator[_Tell]:
+    """Tells of steps: one line that changes on a terminal, elsewhere a line when their number has doubled."""
+    is_terminal = sys.stderr.isatty()
+
+    def tell(step: Progress, samples: int | None) -> None:
+        if is_terminal or step.is_done or step.samples & (step.samples - 1) == 0:
+            print(say_progress(step, samples), end="\r" if is_terminal else "\n", file=sys.stderr, flush=True)
+
+    yield tell
+    if is_terminal:
+        print(file=sys.stderr)
+
+
+def say_progress(step: Progress, samples: int | None) -> str:
+    """A line of how far a picture is. samples: the most it is to have; None: any number."""
+    of = "" if samples is None else f" of {samples}"
+    error = "" if step.error is None else f", error about {step.error:.1%}"
+    left = f", {step.elapsed_s:.0f} s" if step.is_done else ""
+    if step.left_s:
+        left = f", about {step.left_s:.0f} s left" if step.left_s < 120 else f", about {step.left_s / 60:.0f} min left"
+    return f"{step.samples}{of} samples{error}{left}".ljust(60)

@@ -1,0 +1,197 @@
+"""A lightmap put into the glTF that was baked: everything in the file stays, and each material gets the map."""
+
+from __future__ import annotations
+
+import json
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.errors import InputError
+from atra.files.meshes.claims import gltf_tree
+from atra.files.paths import write_atomically
+from atra.files.reading import read_regular_file
+from atra.light.lightmaps.charts.atlas import Atlas
+from atra.light.lightmaps.finish.export import exposure_of, finished
+from atra.light.lightmaps.finish.seams import Seams
+from atra.light.lightmaps.maps import Lightmap
+from atra.light.pictures.files import exr_of_channels, png_of
+from atra.light.reading.folder import Folder
+from atra.light.reading.gltf import triangles_of
+from atra.light.reading.gltf_numbers import Numbers
+from atra.light.scene import Scene, ScenePart
+
+_EXTENSION = "MOZ_lightmap"
+_JSON, _BINARY = 0x4E4F534A, 0x004E4942
+_ARRAY, _ELEMENTS = 34962, 34963
+_LINEAR, _CLAMP = 9729, 33071
+_MIME = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".webp": "image/webp"}
+_PAGE = Path(__file__).with_name("page.html")
+
+
+def save_lit_model(lightmap: Lightmap, scene: Scene, source: Path | str, path: Path | str) -> list[Path]:
+    """Write the glTF or GLB `source` again, with its light: `path` (.glb), each map of the atlas as linear .exr and as
+    .png, and `path` with .html, a page that shows it by three.js. Returns the files.
+
+    Nodes, names, instances, materials, textures, cameras and lamps stay. The map's coordinates are TEXCOORD_1, or the
+    next set if a material uses that; vertices on seams are doubled. Materials name the map by MOZ_lightmap, with its
+    `intensity` (white of the PNG; a map is irradiance over pi), and its texture the EXR by `extras.exr`. An image that
+    lay beside the file is put into it.
+    scene: of `load_scene(source)`, whose mesh was baked. Raises InputError for another suffix or mesh, and for meshes
+    placed by EXT_mesh_gpu_instancing; StorageError.
+    """
+    source, path = Path(source), Path(path)
+    if path.suffix.lower() != ".glb":
+        raise InputError(f"a model is to be written to {str(path)!r}, expected a name that ends in .glb")
+    if lightmap.texels.mesh is not scene.mesh or not scene.parts:
+        raise InputError("the lightmap is of another mesh, expected that of a scene which load_scene read from a glTF")
+    model = _Model(source)
+    atlas, exposure = lightmap.texels.atlas, exposure_of(lightmap)
+    image = finished(lightmap, lightmap.combined, Seams.of(scene.mesh, atlas))
+    files: dict[Path, bytes] = {}
+    textures = []
+    for number, part in enumerate(np.split(image, atlas.maps)):
+        stem = f"{path.stem}_light{f'_{number}' if atlas.maps > 1 else ''}"
+        files[path.with_name(f"{stem}.exr")] = exr_of_channels({one: part[..., k] for k, one in enumerate("RGB")})
+        files[path.with_name(f"{stem}.png")] = png = png_of(exposure * part)
+        textures.append(model.add_texture(png, stem))
+    model.light(scene, atlas, textures, 1.0 / exposure)
+    files[path] = model.encoded()
+    page = _PAGE.read_text(encoding="utf-8").replace("MODEL.glb", path.name)
+    files[path.with_suffix(".html")] = page.encode()
+    for name, content in files.items():
+        write_atomically(name, content)
+    return list(files)
+
+
+class _Model:
+    """The tree and the bytes of a glTF that grows."""
+
+    def __init__(self, source: Path) -> None:
+        content, suffix = read_regular_file(source), source.suffix.lower().lstrip(".")
+        folder = Folder(source)
+        self.tree: Any = deepcopy(gltf_tree(content, suffix))
+        self._numbers = Numbers(self.tree, content, suffix, folder)
+        self._bytes = bytearray()
+        self._views: list[Any] = []
+        for number, view in enumerate(self.tree.get("bufferViews", [])):
+            kept = {name: view[name] for name in ("byteStride", "target", "name") if name in view}
+            self._add_view(self._numbers.view(number), **kept)
+        for image in self.tree.get("images", []):
+            uri = image.get("uri")
+            if uri is not None and not uri.startswith("data:"):
+                image["bufferView"] = self._add_view(folder.read(image.pop("uri")))
+                image["mimeType"] = _MIME.get(Path(uri).suffix.lower(), "image/png")
+
+    def _add_view(self, content: bytes, **fields: Any) -> int:
+        self._bytes += b"\0" * (-len(self._bytes) % 4)
+        self._views.append({"buffer": 0, "byteOffset": len(self._bytes), "byteLength": len(content), **fields})
+        self._bytes += content
+        return len(self._views) - 1
+
+    def _add(self, kind: str, entry: Any) -> int:
+        self.tree.setdefault(kind, []).append(entry)
+        return len(self.tree[kind]) - 1
+
+    def add_texture(self, png: bytes, name: str) -> int:
+        """A texture of the map; returns its number."""
+        image = self._add("images", {"name": name, "mimeType": "image/png", "bufferView": self._add_view(png)})
+        sampler = {"magFilter": _LINEAR, "minFilter": _LINEAR, "wrapS": _CLAMP, "wrapT": _CLAMP}
+        texture = {"name": name, "source": image, "sampler": self._add("samplers", sampler)}
+        return self._add("textures", texture | {"extras": {"exr": f"{name}.exr"}})
+
+    def light(self, scene: Scene, atlas: Atlas, textures: list[int], intensity: float) -> None:
+        """Give each placed mesh coordinates on the map, and each material its texture."""
+        channel = 1 + ('"texCoord": 1' in json.dumps(self.tree.get("materials", [])))
+        placed: dict[int, list[Any]] = {}
+        seen: set[tuple[int, int]] = set()
+        materials: dict[tuple[int | None, int], int] = {}
+        for part in scene.parts:
+            if (part.node, part.primitive) in seen:
+                raise InputError(f"node {part.name!r} places a mesh many times; save it as nodes, one for each")
+            seen.add((part.node, part.primitive))
+            of_part = placed.setdefault(part.node, [])
+            for number, texture in enumerate(textures):
+                primitive = self._lit(part, scene, atlas, number, channel)
+                if primitive is None:
+                    continue
+                key = primitive.get("material"), number
+                if key not in materials:
+                    map_of = {"index": texture, "texCoord": channel, "intensity": intensity}
+                    materials[key] = self._lit_material(key[0], map_of)
+                primitive["material"] = materials[key]
+                of_part.append(primitive)
+        for node, primitives in placed.items():
+            given = self.tree["nodes"][node]
+            old = self.tree["meshes"][given["mesh"]]
+            rest = [one for k, one in enumerate(old["primitives"]) if (node, k) not in seen]  # points and lines
+            given["mesh"] = self._add("meshes", {**old, "primitives": primitives + rest})
+        self.tree["extensionsUsed"] = sorted({*self.tree.get("extensionsUsed", ()), _EXTENSION})
+
+    def _lit(self, part: ScenePart, scene: Scene, atlas: Atlas, number: int, channel: int) -> Any:
+        """The primitive's triangles that lie on a map; None without any. Triangles without a place are on the first."""
+        own = slice(part.first_face, part.first_face + part.faces)
+        given = deepcopy(self.tree["meshes"][part.mesh]["primitives"][part.primitive])
+        faces, is_flat = triangles_of(given, self._numbers)
+        local = scene.mesh.faces[own].astype(np.int64) - part.first_vertex
+        uv = atlas.uv[own] / (atlas.width, atlas.map_height)
+        uv[..., 1] -= number
+        expected = np.arange(faces.size).reshape(-1, 3) if is_flat else faces
+        if not np.array_equal(local, expected):  # a mirrored node turns the triangles of the scene
+            uv = uv[:, ::-1]
+        on_map = np.where(np.isfinite(uv).all(axis=(1, 2)), atlas.map_of[own], 0) == number
+        if not on_map.any():
+            return None
+        places = np.clip(np.nan_to_num(uv[on_map].reshape(-1, 2)), 0.0, 1.0).astype(np.float32)
+        corners = faces[on_map].ravel()
+        keys = np.column_stack([corners, places.view(np.int32)])
+        _, first, corner = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+        vertices = corners[first]
+        for attributes in (given["attributes"], *given.get("targets", ())):
+            for name, accessor in attributes.items():
+                attributes[name] = self._add_rows(*self._numbers.rows(accessor), vertices)
+        given["attributes"][f"TEXCOORD_{channel}"] = self._add_rows({}, places[first])
+        given["indices"] = self._add_rows({}, corner.reshape(-1, 1).astype(np.uint32), target=_ELEMENTS)
+        given["mode"] = 4
+        return given
+
+    def _add_rows(
+        self, accessor: Any, rows: NDArray[Any], chosen: NDArray[np.int64] | None = None, target: int = _ARRAY
+    ) -> int:
+        """An accessor of (chosen) rows that has the fields of `accessor` otherwise."""
+        rows = np.ascontiguousarray(rows if chosen is None else rows[chosen])
+        size, item = rows.shape[1], rows.dtype.itemsize
+        made = {name: accessor[name] for name in ("normalized", "name") if name in accessor}
+        made |= {
+            "count": len(rows),
+            "type": "SCALAR" if size == 1 else f"VEC{size}",
+            "componentType": _KINDS[rows.dtype.str],
+        }
+        if target == _ARRAY:
+            made |= {"min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist()}
+        padded = np.zeros((len(rows), -(-size * item // 4) * 4), np.uint8)
+        padded[:, : size * item] = rows.view(np.uint8).reshape(len(rows), -1)
+        fields = {"target": target} | ({"byteStride": padded.shape[1]} if target == _ARRAY else {})
+        return self._add("accessors", made | {"bufferView": self._add_view(padded.tobytes(), **fields)})
+
+    def _lit_material(self, number: int | None, map_of: Any) -> int:
+        material: Any = {} if number is None else deepcopy(self.tree["materials"][number])
+        material.setdefault("extensions", {})[_EXTENSION] = map_of
+        return self._add("materials", material)
+
+    def encoded(self) -> bytes:
+        """The file, a GLB."""
+        self.tree["bufferViews"] = self._views
+        self.tree["buffers"] = [{"byteLength": len(self._bytes)}]
+        text = json.dumps(self.tree, separators=(",", ":")).encode()
+        chunks = b""
+        for kind, content, blank in ((_JSON, text, b" "), (_BINARY, bytes(self._bytes), b"\0")):
+            content += blank * (-len(content) % 4)
+            chunks += len(content).to_bytes(4, "little") + kind.to_bytes(4, "little") + content
+        return b"glTF" + (2).to_bytes(4, "little") + (12 + len(chunks)).to_bytes(4, "little") + chunks
+
+
+_KINDS = {"|i1": 5120, "|u1": 5121, "<i2": 5122, "<u2": 5123, "<u4": 5125, "<f4": 5126}

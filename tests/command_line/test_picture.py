@@ -1,0 +1,90 @@
+"""`atra render MESH -o picture.png`: a picture of a file with its materials, from wherever it is asked for."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+import atra
+from atra.command.main import main
+from atra.geometry.camera import Camera
+from tests.meshes import cornell_box
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The working directory, with `model.glb`: a red box."""
+    monkeypatch.chdir(tmp_path)
+    mesh = cornell_box()
+    red = trimesh.visual.material.PBRMaterial(baseColorFactor=[255, 0, 0, 255], metallicFactor=0.0)
+    visual = trimesh.visual.TextureVisuals(uv=np.zeros((len(mesh.vertices), 2)), material=red)
+    trimesh.Trimesh(mesh.vertices, mesh.faces, visual=visual, process=False).export(tmp_path / "model.glb")
+    return tmp_path
+
+
+def render(monkeypatch, *arguments):
+    monkeypatch.setattr(sys, "argv", ["atra", "render", "model.glb", "--size", "24", "16", *arguments])
+    return main()
+
+
+def test_a_model_becomes_a_picture_in_its_colours(folder, monkeypatch, capsys):
+    assert render(monkeypatch, "--samples", "2", "-o", "out/picture.png") == 0
+    picture = np.asarray(Image.open(folder / "out" / "picture.png")).astype(int)
+    assert picture.shape == (16, 24, 3)
+    middle = picture[8, 12]
+    assert middle[0] > 2 * middle[1]
+    told = capsys.readouterr()
+    assert told.out == f"written: {Path('out', 'picture.png')}\n"
+    assert "2 of 2 samples" in told.err
+    assert [path.name for path in (folder / "out").iterdir()] == ["picture.png"], "a state is left"
+
+
+def test_samples_alone_make_a_picture_and_planes_alone_none(folder, monkeypatch):
+    assert render(monkeypatch, "--samples", "1") == 0
+    assert (folder / "model.png").exists()
+    assert render(monkeypatch, "--planes", "depth") == 0
+    assert (folder / "model_views" / "model.npz").exists()
+
+
+@pytest.mark.parametrize(("side", "eye"), [
+    ("front", (0, 0, 1)), ("back", (0, 0, -1)), ("left", (-1, 0, 0)), ("right", (1, 0, 0)), ("top", (0, 1, 0)),
+    ("bottom", (0, -1, 0)),
+])  # fmt: skip
+def test_sides_of_a_model_are_cameras_by_name(folder, monkeypatch, side, eye):
+    seen = []
+    monkeypatch.setattr("atra.command.render.render_views", lambda mesh, cameras, threads: seen.append(cameras) or [])
+    assert render(monkeypatch, "--camera", side) == 0
+    (camera,) = seen[0].values()
+    mesh = atra.load_mesh("model.glb")
+    away = np.subtract(camera.eye, mesh.bounds.mean(axis=0))
+    np.testing.assert_allclose(away / np.linalg.norm(away), eye, atol=1e-6)
+    assert (camera.width, camera.height) == (24, 16)
+
+
+def test_a_camera_of_the_file_is_taken_by_its_name(folder, monkeypatch):
+    seen = []
+    own = {"desk": Camera((0, 0, 9), (0, 0, 0), width=8, height=8)}
+    monkeypatch.setattr("atra.command.render.load_with_cameras", lambda given: (atra.load_mesh(given.mesh), own))
+    monkeypatch.setattr("atra.command.render.render_views", lambda mesh, cameras, threads: seen.append(cameras) or [])
+    assert render(monkeypatch, "--camera", "desk") == 0
+    assert seen[0]["desk"].eye == (0, 0, 9)
+    assert seen[0]["desk"].width == 24
+
+
+@pytest.mark.parametrize(("arguments", "told"), [
+    (("--camera", "table"), "the camera is 'table', expected a file, one of front, back, "),
+    (("-o", "a.jpg"), "expected a name that ends in .png or .exr"),
+    (("-o", "a.png", "--planes", "depth"), "--output makes a picture and --planes makes planes"),
+    (("-o", "a.png", "--exposure", "bright"), "exposure is 'bright', expected auto or a number of stops"),
+    (("--samples", "0"), "samples is 0"),
+    (("--samples", "1", "--sky", "none.exr"), "none.exr"),
+])  # fmt: skip
+def test_what_makes_no_picture_is_refused_in_one_line(folder, monkeypatch, capsys, arguments, told):
+    assert render(monkeypatch, *arguments) == 2
+    error = capsys.readouterr().err.splitlines()[-1]
+    assert error.startswith("atra: ")
+    assert told in error
+    assert not list(folder.glob("*.png"))

@@ -1,0 +1,163 @@
+"""A glTF with its lightmap: nothing of the file is lost, and a browser shows what we show."""
+
+import functools
+import http.server
+import os
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+from scipy.ndimage import minimum_filter
+
+import atra
+from atra import light
+from atra.errors import InputError
+from atra.files.meshes.claims import gltf_tree
+from atra.light import Atlas, Baker, BakeScene, save_lit_model
+from atra.light.lightmaps.finish.export import finished
+from atra.light.lightmaps.finish.seams import Seams
+from atra.light.lightmaps.finish.views import looked_up
+from atra.light.pictures.files import png_of
+from tests.browser import chromium
+
+LAMP = {"type": "point", "intensity": 30.0, "name": "lamp"}
+
+
+@pytest.fixture
+def source(tmp_path):
+    """`room.glb`: a textured floor, and two instances of a textured box, one of them mirrored; a lamp."""
+    texels = (np.indices((8, 8)).sum(0) % 2 * 100 + 100).astype(np.uint8)
+    image = Image.fromarray(np.stack([texels, texels // 2, texels // 3], -1)).resize((64, 64), 0)
+    made = []
+    for shape, colour in ((trimesh.creation.box((4, 0.2, 4)), 255), (trimesh.creation.box((1, 1, 1)), 180)):
+        corners = trimesh.Trimesh(shape.triangles.reshape(-1, 3), np.arange(len(shape.faces) * 3).reshape(-1, 3))
+        material = trimesh.visual.material.PBRMaterial(
+            name=f"paint {colour}", baseColorTexture=image, baseColorFactor=[colour, colour, 255, 255],
+            metallicFactor=0.0, roughnessFactor=0.9,
+        )  # fmt: skip
+        uv = corners.vertices[:, [0, 2]] * 0.4 + 0.2
+        corners.visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
+        made.append(corners)
+    scene = trimesh.Scene()
+    scene.add_geometry(made[0], node_name="the floor", geom_name="floor")
+    for name, x, mirror in (("left", -0.9, 1), ("right", 0.9, -1)):
+        place = np.diag([mirror, 1.0, 1.0, 1.0])
+        place[:3, 3] = x, 0.65, 0.0
+        if name == "left":
+            scene.add_geometry(made[1], node_name=name, geom_name="box", transform=place)
+        else:
+            scene.graph.update(frame_to=name, geometry="box", matrix=place)
+
+    def with_lamp(tree):
+        tree["extensionsUsed"] = ["KHR_lights_punctual"]
+        tree["extensions"] = {"KHR_lights_punctual": {"lights": [LAMP]}}
+        tree["nodes"].append({
+            "name": "lamp", "translation": [0.3, 3, 1.5], "extensions": {"KHR_lights_punctual": {"light": 0}},
+        })  # fmt: skip
+        tree["nodes"][0].setdefault("children", []).append(len(tree["nodes"]) - 1)
+
+    path = tmp_path / "room.glb"
+    path.write_bytes(scene.export(file_type="glb", include_normals=True, tree_postprocessor=with_lamp))
+    return path
+
+
+def baked(source, path, samples=16, size=128):
+    scene = light.load_scene(source, sky=light.constant_sky(0.5))
+    with Baker(BakeScene.of(scene), Atlas.unwrap(scene.mesh, size), threads=1) as baker:
+        while baker.advance(samples):
+            ...
+        lightmap = baker.maps
+    return scene, lightmap, save_lit_model(lightmap, scene, source, path)
+
+
+def tree_of(path):
+    return gltf_tree(path.read_bytes(), "glb")
+
+
+def test_all_of_the_file_is_kept_and_each_material_has_the_map(source, tmp_path):
+    scene, lightmap, files = baked(source, tmp_path / "lit.glb")
+    assert [path.name for path in files] == ["lit_light.exr", "lit_light.png", "lit.glb", "lit.html"]
+    before, after = tree_of(source), tree_of(tmp_path / "lit.glb")
+    same = ("name", "children", "matrix", "translation", "extensions", "camera")
+    assert [{key: node.get(key) for key in same} for node in after["nodes"]] == [
+        {key: node.get(key) for key in same} for node in before["nodes"]
+    ]
+    assert after["extensions"] == before["extensions"]
+    with pytest.warns(UserWarning, match="not used: MOZ_lightmap"):
+        read = light.load_scene(tmp_path / "lit.glb")
+    assert [part.name for part in read.parts] == [part.name for part in scene.parts]
+    assert len(read.lights) == 1
+    corners = [one.mesh.vertices[one.mesh.faces] for one in (scene, read)]
+    np.testing.assert_allclose(*corners, atol=1e-6)
+    uv = [one.uv[one.mesh.faces] for one in (scene, read)]
+    np.testing.assert_allclose(*uv, atol=1e-6)
+    for part in read.parts:
+        given = after["meshes"][part.mesh]["primitives"][part.primitive]
+        material = after["materials"][given["material"]]
+        assert material["extensions"]["MOZ_lightmap"]["texCoord"] == 1
+        assert "baseColorTexture" in material["pbrMetallicRoughness"]
+        assert {"TEXCOORD_0", "TEXCOORD_1", "NORMAL"} <= given["attributes"].keys()
+    # The scene reads TEXCOORD_1 bottom up, and the atlas counts texels from the top.
+    known = np.isfinite(lightmap.texels.atlas.uv).all(axis=(1, 2))
+    places = read.second_uv[read.mesh.faces]
+    places = np.stack([places[..., 0], 1.0 - places[..., 1]], axis=-1) * 128
+    np.testing.assert_allclose(places[known], lightmap.texels.atlas.uv[known], atol=1e-3)
+
+
+def test_what_was_not_baked_is_refused(source, tmp_path):
+    scene, lightmap, _ = baked(source, tmp_path / "lit.glb", samples=1)
+    with pytest.raises(InputError, match=r"expected a name that ends in \.glb"):
+        save_lit_model(lightmap, scene, source, tmp_path / "lit.gltf")
+    with pytest.raises(InputError, match="of another mesh"):
+        save_lit_model(lightmap, light.load_scene(source), source, tmp_path / "other.glb")
+
+
+@pytest.mark.slow
+def test_three_js_shows_what_we_show(source, tmp_path):
+    """Needs three.js: ATRA_THREE names the folder of its npm package."""
+    three = os.environ.get("ATRA_THREE")
+    if three is None:
+        pytest.skip("no three.js: npm install three, and ATRA_THREE=node_modules/three")
+    scene, lightmap, _ = baked(source, tmp_path / "lit.glb", samples=64, size=256)
+    size, eye, target = 400, (1.5, 2.5, 3.5), (0.0, 0.3, 0.0)
+    camera = atra.Camera(eye, target, fov_y_degrees=45.0, width=size, height=size)
+    with light.HybridRenderer(scene, camera, threads=1) as renderer:
+        hits, albedo = renderer.tracer.trace((0.5, 0.5)), renderer.layers().albedo
+    atlas = lightmap.texels.atlas
+    expected = albedo * looked_up(hits, atlas, finished(lightmap, lightmap.combined, Seams.of(scene.mesh, atlas)))
+    (tmp_path / "ours.png").write_bytes(png_of(expected))
+    handler = functools.partial(http.server.SimpleHTTPRequestHandler, directory=tmp_path)
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        for exr in (True, False):
+            if not exr:
+                (tmp_path / "lit_light.exr").unlink()
+            with chromium("--use-angle=swiftshader", "--enable-unsafe-swiftshader") as browser:
+                tab = browser.new_page(viewport={"width": size, "height": size})
+                tab.route("https://cdn.jsdelivr.net/**", functools.partial(answer, Path(three)))
+                tab.goto(f"http://127.0.0.1:{server.server_port}/lit.html")
+                tab.wait_for_function("window.isReady", timeout=60_000)
+                shot = tmp_path / f"three_{'exr' if exr else 'png'}.png"
+                tab.evaluate(
+                    "([eye, target]) => { camera.position.set(...eye); controls.target.set(...target); "
+                    "controls.update(); draw() }",
+                    [eye, target],
+                )
+                tab.screenshot(path=shot)
+            shown = linear(np.asarray(Image.open(shot).convert("RGB")))
+            seen = minimum_filter(hits.hit, 3)  # a browser blends pixels of the silhouette with the background
+            assert shown[seen].mean() == pytest.approx(np.minimum(expected, 1.0)[seen].mean(), rel=0.02), exr
+        server.shutdown()
+
+
+def answer(three, route):
+    path = three / route.request.url.split("three@")[1].partition("/")[2]
+    route.fulfill(path=path, content_type="text/javascript", headers={"Access-Control-Allow-Origin": "*"})
+
+
+def linear(levels):
+    coded = levels / 255.0
+    return np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)

@@ -1,0 +1,224 @@
+"""Scenes from glTF and OBJ: what they keep, what they name as left out, and what is refused."""
+
+import base64
+import io
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from atra import InputError, light
+from atra.light.reading.folder import MOST_SIDE, read_image
+from atra.light.reading.gltf_materials import placement_of
+
+CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+
+
+def png(array, mode=None):
+    held = io.BytesIO()
+    Image.fromarray(array, mode).save(held, "png")
+    return held.getvalue()
+
+
+def uri(content):
+    return "data:application/octet-stream;base64," + base64.b64encode(content).decode()
+
+
+def tree(**changes):
+    """A triangle with normals, texture coordinates, and a material; bytes lie in the file."""
+    uv = np.array([[0, 0], [1, 0], [0, 1]], np.float32)
+    parts = [
+        CORNERS.tobytes(),
+        np.tile([0, 0, 1], (3, 1)).astype(np.float32).tobytes(),
+        uv.tobytes(),
+        np.array([[255, 0, 0, 128]] * 3, np.uint8).tobytes(),
+    ]
+    starts = np.cumsum([0, *map(len, parts)])
+    made = {
+        "asset": {"version": "2.0"},
+        "buffers": [{"byteLength": int(starts[-1]), "uri": uri(b"".join(parts))}],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": int(a), "byteLength": len(p)} for a, p in zip(starts[:-1], parts, strict=True)
+        ],
+        "accessors": [
+            {"bufferView": k, "componentType": kind, "type": of, "count": 3, **more}
+            for k, (kind, of, more) in enumerate(
+                [(5126, "VEC3", {}), (5126, "VEC3", {}), (5126, "VEC2", {}), (5121, "VEC4", {"normalized": True})]
+            )
+        ],
+        "meshes": [{"primitives": [{
+            "attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2, "COLOR_0": 3}, "material": 0}]}],
+        "materials": [{"name": "paint", "pbrMetallicRoughness": {
+            "baseColorFactor": [0.5, 0.25, 1, 0.5], "metallicFactor": 0.3}}],
+        "nodes": [{"mesh": 0, "name": "leaf"}],
+        "scenes": [{"nodes": [0]}],
+    }  # fmt: skip
+    return made | changes
+
+
+def read(tmp_path, given, **options):
+    path = tmp_path / "model.gltf"
+    path.write_text(json.dumps(given))
+    return light.load_scene(path, **options)
+
+
+@pytest.mark.filterwarnings("ignore:.*not used")
+def test_a_material_is_what_the_file_says(tmp_path):
+    given = tree()
+    given["images"] = [{"uri": uri(png(np.full((2, 2, 4), 200, np.uint8)))}]
+    given["samplers"] = [{"wrapS": 33071, "wrapT": 33648, "magFilter": 9728}]
+    given["textures"] = [{"source": 0, "sampler": 0}]
+    given["materials"][0] |= {
+        "alphaMode": "MASK", "alphaCutoff": 0.25, "doubleSided": True, "emissiveFactor": [1, 0.5, 0],
+        "normalTexture": {"index": 0, "scale": 0.5},
+        "extensions": {
+            "KHR_materials_emissive_strength": {"emissiveStrength": 1e9},
+            "KHR_materials_ior": {"ior": 1.33}, "KHR_materials_transmission": {"transmissionFactor": 0.7},
+            "KHR_materials_volume": {"thicknessFactor": 1.0}, "KHR_materials_clearcoat": {},
+        },
+    }  # fmt: skip
+    given["materials"][0]["pbrMetallicRoughness"] |= {"roughnessFactor": 0.6, "baseColorTexture": {"index": 0}}
+    scene = read(tmp_path, given)
+    (made,) = scene.materials
+    assert (made.metallic, made.roughness, made.alpha, made.cutoff) == (0.3, 0.6, "mask", 0.25)
+    assert (made.ior, made.transmission, made.is_thin, made.is_double) == (1.33, 0.7, False, True)
+    assert made.emission == (1e9, 5e8, 0.0)
+    assert made.opacity == 0.5
+    assert made.name == "paint"
+    assert made.colour.factor == (0.5, 0.25, 1.0, 1.0)
+    assert made.colour.wrap == ("clamp", "mirror")
+    assert made.colour.is_nearest
+    assert made.colour.is_coded
+    assert not made.normals.is_coded
+    assert made.normals.texels is made.normals.texels
+    assert made.normal_scale == 0.5
+    assert scene.left_out == ("KHR_materials_clearcoat",)
+    np.testing.assert_allclose(scene.colours, np.tile([1, 0, 0, 128 / 255], (3, 1)), atol=1e-6)
+    np.testing.assert_array_equal(scene.uv, [[0, 1], [1, 1], [0, 0]])  # v grows upwards here
+
+
+def test_a_texture_s_transform_turns_scales_and_moves_as_its_extension_says(tmp_path):
+    rows = placement_of({"offset": [0.5, 0.25], "rotation": np.pi / 2, "scale": [2, 3]})
+    u, v = 0.3, 0.9  # of the file, where v grows downwards
+    ours = np.array(rows) @ [u, 1 - v, 1]
+    np.testing.assert_allclose(ours, [0.5 + 3 * v, 1 - (0.25 - 2 * u)], atol=1e-12)
+
+
+def test_nodes_place_instances_cameras_and_lights(tmp_path):
+    given = tree(
+        nodes=[
+            {"children": [1, 2, 3, 4], "translation": [0, 0, 5], "scale": [-2, 2, 2]},
+            {"mesh": 0, "name": "one"},
+            {"mesh": 0, "rotation": [0, 0, 1, 0]},
+            {"camera": 0, "name": "front"},
+            {"extensions": {"KHR_lights_punctual": {"light": 0}}},
+            {"extensions": {"KHR_lights_punctual": {"light": 1}}},
+        ],
+        scenes=[{"nodes": [0, 5]}],
+        cameras=[{"type": "perspective", "perspective": {"yfov": 0.5, "aspectRatio": 2.0}}],
+        extensionsUsed=["KHR_lights_punctual"],
+        extensions={"KHR_lights_punctual": {"lights": [
+            {"type": "spot", "intensity": 10 * np.pi, "spot": {"outerConeAngle": 0.5}},
+            {"type": "point", "intensity": -1.0},
+        ]}},
+    )  # fmt: skip
+    with pytest.warns(UserWarning, match="intensity is not above 0"):
+        scene = read(tmp_path, given)
+    np.testing.assert_allclose(scene.mesh.vertices[:3], CORNERS * [-2, 2, 2] + [0, 0, 5])
+    np.testing.assert_allclose(scene.mesh.vertices[3:], CORNERS * [2, -2, 2] + [0, 0, 5], atol=1e-6)
+    corners = scene.mesh.vertices[scene.mesh.faces]
+    facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (facing[:, 2] > 0).all()  # mirrored triangles still show their fronts
+    (spot,) = scene.lights
+    assert isinstance(spot, light.SpotLight)
+    assert spot.power == pytest.approx(10.0)
+    assert scene.cameras["front"].width == 1440
+    assert scene.cameras["front"].eye == (0.0, 0.0, 5.0)
+    assert [part.node for part in scene.parts] == [1, 2]
+    assert scene.parts[1].first_face == 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "requires the extension"),
+        ({"nodes": [{"children": [1]}, {"children": [0], "mesh": 0}]}, "its own ancestor"),
+        ({"buffers": [{"byteLength": 3, "uri": "../other.bin"}]}, "outside its folder"),
+        ({"buffers": [{"byteLength": 3, "uri": "https://example.org/a.bin"}]}, "outside its folder"),
+        ({"nodes": [{"mesh": 7}]}, "names meshes 7"),
+        ({"nodes": [{"mesh": 0, "scale": [1e999, 1, 1]}]}, "not finite|no JSON"),
+        ({"meshes": [{"primitives": [{"attributes": {"POSITION": 9}}]}]}, "names accessors 9"),
+    ],
+)
+def test_what_cannot_be_trusted_is_refused_by_name(tmp_path, changes, reason):
+    (tmp_path.parent / "other.bin").write_bytes(b"abc")
+    with pytest.raises(InputError, match=reason):
+        read(tmp_path, tree(**changes))
+
+
+def test_an_image_outside_the_folder_is_refused_and_one_that_is_missing_is_named(tmp_path):
+    given = tree(textures=[{"source": 0}], images=[{"uri": "../secret.png"}])
+    given["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0}
+    with pytest.raises(InputError, match="outside its folder"):
+        read(tmp_path, given)
+    with pytest.warns(UserWarning, match="image 0"):
+        scene = read(tmp_path, given | {"images": [{"uri": "missing.png"}]})
+    assert scene.materials[0].colour == (0.5, 0.25, 1.0)
+
+
+def test_coordinates_that_are_missing_or_nan_cost_the_texture_alone(tmp_path):
+    given = tree(textures=[{"source": 0}], images=[{"uri": uri(png(np.zeros((1, 1, 3), np.uint8)))}])
+    given["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0}
+    del given["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"]
+    with pytest.warns(UserWarning, match="without texture coordinates"):
+        assert read(tmp_path, given).materials[0].colour == (0.5, 0.25, 1.0)
+    broken = tree()
+    broken["buffers"][0]["uri"] = uri(
+        base64.b64decode(broken["buffers"][0]["uri"].partition(",")[2])[:72] + np.full(6, np.nan, np.float32).tobytes()
+        + b"\xff" * 12
+    )  # fmt: skip
+    with pytest.warns(UserWarning, match="TEXCOORD_0 that is not finite"):
+        assert np.isfinite(read(tmp_path, broken).uv).all()
+
+
+@pytest.mark.parametrize("kind", ["16 bits", "palette", "grey", "odd"])
+def test_images_of_every_kind_become_eight_bits(kind):
+    arrays = {"16 bits": np.full((3, 5), 32896, np.uint16), "grey": np.full((3, 5), 128, np.uint8),
+              "odd": np.full((3, 5, 3), 128, np.uint8)}  # fmt: skip
+    if kind == "palette":
+        held = io.BytesIO()
+        Image.fromarray(np.full((3, 5, 3), 128, np.uint8)).quantize(4).save(held, "png")
+        content = held.getvalue()
+    else:
+        content = png(arrays[kind])
+    texels = read_image(content, True)
+    assert texels.shape == (3, 5, 3)
+    assert texels.dtype == np.uint8
+    assert np.abs(texels.astype(int) - 128).max() <= 1
+
+
+def test_a_long_image_is_made_smaller_in_linear_light():
+    stripes = np.zeros((2, 2 * MOST_SIDE, 3), np.uint8)
+    stripes[:, ::2] = 255
+    texels = read_image(png(stripes), True)
+    assert texels.shape == (1, MOST_SIDE, 3)
+    assert (texels == 188).all()  # half the light, coded
+
+
+def test_an_obj_s_materials_come_with_their_colours_textures_and_opacity(tmp_path):
+    (tmp_path / "wood.png").write_bytes(png(np.full((2, 2, 3), 100, np.uint8)))
+    (tmp_path / "m.mtl").write_text(
+        "newmtl wood\nKd 0.5 0.5 0.5\nmap_Kd wood.png\nPr 0.3\nnewmtl lamp\nKe 4 3 2\nKd 0 0 0\nbump x.png\n"
+    )
+    (tmp_path / "m.obj").write_text(
+        "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n"
+        "usemtl wood\nf 1/1 2/2 3/3\nusemtl lamp\nf 2/1 4/2 3/3\n"
+    )
+    with pytest.warns(UserWarning, match="bump of MTL"):
+        scene = light.load_scene(tmp_path / "m.obj")
+    assert scene.mesh.triangle_count == 2
+    named = {one.name: one for one in scene.materials}
+    assert named["lamp"].emission == (4.0, 3.0, 2.0)
+    assert named["wood"].roughness == 0.3
+    assert named["wood"].colour.factor == (0.5, 0.5, 0.5, 1.0)
