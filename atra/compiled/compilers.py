@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+from collections.abc import Callable
 from hashlib import sha256
 from typing import Any, ClassVar
 
@@ -94,6 +95,15 @@ class _Typing:
         return self._found[key]
 
 
+def _with_room(call: Callable[[], Any]) -> Any:
+    return call()
+
+
+# Python keeps frames in pieces of memory that it asks the system for, and gives back, whenever calls cross the end of
+# one, which a compiler does all the time. A frame that claims a large stack puts all above it into one piece.
+_with_room.__code__ = _with_room.__code__.replace(co_stacksize=(1 << 17) + 100)
+
+
 class _Compiler(Compiler):
     """Numba's compiler, while which no garbage is collected: that takes a fifth of the time and finds hardly any."""
 
@@ -113,7 +123,7 @@ class _Compiler(Compiler):
         was_on = gc.isenabled()
         gc.disable()
         try:
-            return super()._compile_core()
+            return _with_room(super()._compile_core)
         finally:
             if was_on:
                 gc.enable()
