@@ -26,8 +26,8 @@ METHODS = ("raster", "pixel", "bvh", "classified", "tiles", "visible_first", "al
 
 WITH_CELLS = ("tiles", "visible_first", "aligned", "instanced")
 
-GATHERING = ("raster", "pixel", "aligned", "instanced")
-"""Methods that find all hits along a ray."""
+GATHERING = ("raster", "pixel", "aligned")
+"""Methods whose price of all hits along a ray is known."""
 
 PINHOLE_ALONE = ("tiles", "visible_first")
 

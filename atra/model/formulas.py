@@ -158,14 +158,24 @@ def fit(terms: NDArray[np.float64], measured: NDArray[np.float64], steps: int = 
 
 
 def _least_squares(rows: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Least squares over numbers of at least 0, coordinate by coordinate."""
+    """Least squares over numbers of at least 0. Source: C. Lawson, R. Hanson, "Solving least squares problems", 1974,
+    chapter 23."""
     square, target = rows.T @ rows, rows.T @ wanted
     square[np.diag_indices_from(square)] += 1e-9
-    found = np.zeros(len(target))
-    for _ in range(500):
-        before = found.copy()
-        for k in range(len(found)):
-            found[k] = max(0.0, found[k] + (target[k] - square[k] @ found) / square[k, k])
-        if np.abs(found - before).max() < 1e-7 * found.max(initial=1e-9):
+    found, free = np.zeros(len(target)), np.zeros(len(target), np.bool_)
+    for _ in range(3 * len(target)):
+        slope = np.where(free, 0.0, target - square @ found)
+        if slope.max(initial=0.0) <= 1e-9 * np.abs(target).max(initial=1.0):
             break
+        free[slope.argmax()] = True
+        while free.any():
+            trial = np.zeros_like(found)
+            trial[free] = np.linalg.solve(square[np.ix_(free, free)], target[free])
+            below = free & (trial <= 0.0)
+            if not below.any():
+                found = trial
+                break
+            step = (found[below] / (found[below] - trial[below])).min()
+            found = found + step * (trial - found)
+            free &= found > 1e-12
     return found

@@ -138,7 +138,7 @@ def apart(mesh: Mesh, prim_ids: NDArray[np.integer]) -> Mesh:
     return Mesh(vertices, np.arange(len(vertices), dtype=np.uint32).reshape(-1, 3))
 
 
-def _spread(order: NDArray[np.int64], most: int) -> NDArray[np.int64]:
+def _spread(order: NDArray[np.integer], most: int) -> NDArray[np.integer]:
     """At most so many of an array, evenly spread along it."""
     if len(order) <= most:
         return order

@@ -175,7 +175,8 @@ def main() -> None:
         points.to_parquet(given.kept / "figure5.parquet", index=False)
     draw_predictions(table, given.images / "law.png")
     draw_map(map_points(table), given.images / "law_map.png")
-    draw_figure5(pd.read_parquet(given.kept / "figure5.parquet"), given.images / "figure5_predicted.png")
+    if (given.kept / "figure5.parquet").exists():
+        draw_figure5(pd.read_parquet(given.kept / "figure5.parquet"), given.images / "figure5_predicted.png")
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ import subprocess
 import sys
 from argparse import ArgumentParser
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from statistics import median
 from time import monotonic, perf_counter, thread_time
@@ -156,12 +157,7 @@ def measure_view(name: str, view: str, path: Path) -> None:
                     if want == "count" and slow_count:
                         continue
                     begin = perf_counter()
-                    timed = take_turns(
-                        lambda out, call=call, tracer=tracer: call(tracer, out),
-                        lambda out, call=call: call(packets, out),
-                        outs,
-                        want,
-                    )
+                    timed = take_turns(partial(call, tracer), partial(call, packets), outs, want)
                     slow_count |= want == "count" and perf_counter() - begin > SLOW_COUNT_S
                     counters = tracer.counters
                     bytes_ = counters.get("embree_bytes", 0) + counters.get("bvh_bytes", 0)
@@ -189,10 +185,10 @@ def take_turns(
     own: Callable[[Any], Any], packets: Callable[[Any], Any], outs: dict[str, Any], want: str
 ) -> dict[str, Any]:
     """Frames of both, one after the other."""
+    pairs: list[tuple[float, float]] = []
     out = own(None)
     if outs[want] is None:
         outs[want] = packets(None)
-    pairs = []
     begin = perf_counter()
     while len(pairs) < LEAST_ROUNDS or (len(pairs) < MOST_ROUNDS and perf_counter() - begin < ENOUGH_S):
         start = thread_time()
@@ -222,7 +218,8 @@ def main() -> None:
         return given.folder / f"{isa}-{name}-{view}.csv"
 
     if given.one:
-        measure_view(*given.one, path_of(*given.one))
+        scene, seen_as = given.one
+        measure_view(scene, seen_as, path_of(scene, seen_as))
         return
     end = monotonic() + given.seconds
     for name, view in VIEWS:
