@@ -38,8 +38,8 @@ def surfaces_of(scene: Scene, sky_power: float, start_off: float | None) -> Surf
         sky,
         panorama,
     )
-    has_holes = bool((arrays[1] & words.HOLES).any())
-    return Surfaces(*(read_only(array) for array in arrays), has_holes=has_holes)
+    tables: list[Any] = [*map(read_only, arrays), bool((flags & words.HOLES).any())]
+    return Surfaces(*tables)
 
 
 def unit_normals(mesh: Mesh) -> NDArray[np.float64]:
