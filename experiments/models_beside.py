@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from atra.geometry.camera import Camera
 from atra.light import Image, MetallicRoughness, PathRenderer, Scene, Sun, constant_sky, load_scene
-from atra.light.materials import linear
 from atra.light.pictures.files import srgb_of
+from atra.light.textures import linear
 from experiments.equal_error import block_difference
 from experiments.methods.peers.mitsuba_light import load_mitsuba, suns_of
 

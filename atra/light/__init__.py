@@ -14,7 +14,7 @@ from atra.light.lightmaps.options import BakeOptions
 from atra.light.lightmaps.progressive import ProgressiveBake
 from atra.light.lightmaps.surface import BakeScene, Surface
 from atra.light.lights import PointLight, SphereLight, SpotLight, Sun
-from atra.light.materials import Checker, Dielectric, Emissive, Image, Lambertian, Metal, MetallicRoughness
+from atra.light.materials import Dielectric, Emissive, Lambertian, Metal, MetallicRoughness
 from atra.light.pictures.finish.accumulate import Progress, accumulate
 from atra.light.pictures.finish.tone import stops_of, toned
 from atra.light.pictures.hybrid import HybridRenderer
@@ -23,6 +23,7 @@ from atra.light.pictures.paths.renderer import PathRenderer
 from atra.light.reading.scenes import load_scene
 from atra.light.scene import RenderScene, Scene, ScenePart
 from atra.light.sky import GradientSky, PanoramaSky, constant_sky
+from atra.light.textures import Checker, Image
 
 __all__ = [
     "Atlas",

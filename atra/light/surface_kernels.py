@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.compiled.store import njit
-from atra.light.numbers_kernels import HALF, ONE, ZERO, along, dot, scaled, unit
+from atra.light.numbers_kernels import HALF, ONE, ZERO, dot, scaled
 
 RECORD_WORDS = 8
 """float64 numbers of a triangle, a cache line: unit normal (3), plane's n . p, offset of rays that leave it, material;
@@ -21,7 +21,7 @@ METALLIC, ROUGHNESS, EMISSION, NORMAL_SCALE, TRANSMISSION, OPACITY, CUTOFF, IMAG
     11, 12, 13, 16, 17, 18, 19, 20, 25, 26,
 )  # fmt: skip
 MATERIAL_WORDS = 27
-"""float64 numbers of a material. KIND: see `atra.light.scattering_kernels`, also for PARAMETER and VARIANT. COLOUR,
+"""float64 numbers of a material. KIND: see `scattering.spots_kernels`, also for PARAMETER and VARIANT. COLOUR,
 SECOND, EMISSION: three each. CUTOFF: of a mask; below 0, opacity is a share of light; above 1, all is opaque. IMAGES:
 rows of `textures`, those of `MetallicRoughness.images` (5), -1 = none. HAS_COLOURS: whether those of vertices count.
 BACKS: whether the eye sees them."""
@@ -297,13 +297,3 @@ def texel_of(rows, columns, direction):  # type: ignore[no-untyped-def]
     t = np.arccos(height) / np.pi
     s = 0.5 + np.arctan2(np.float64(direction[0]), -np.float64(direction[2])) / (2.0 * np.pi)
     return min(np.int64(t * rows), rows - 1), min(np.int64(s * columns), columns - 1)
-
-
-@njit
-def on_side(direction, normal, wanted):  # type: ignore[no-untyped-def]
-    """A direction, mirrored at the triangle's plane if it is not on the `wanted` side (1 or -1) of its normal. Shading
-    normals may scatter light through a surface; dropping it would darken rims."""
-    across = dot(direction, normal)
-    if across * wanted >= ZERO:
-        return direction
-    return unit(along(direction, np.float32(-2.0) * across, normal))

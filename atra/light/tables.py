@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from atra.geometry.mesh import Mesh
 from atra.hits import read_only
 from atra.light import surface_kernels as words
-from atra.light.materials import CURVES, WRAPS, Checker, Emissive, Image, Material, MetallicRoughness, images_of
+from atra.light.materials import Emissive, Material, MetallicRoughness, images_of
 from atra.light.scene import Scene
 from atra.light.sky import GradientSky, Sky
 from atra.light.surface_kernels import Surfaces
+from atra.light.textures import CURVES, WRAPS, Checker, Image
 
 START_OFF = 2.0**-20
 """Default offset of rays from a triangle, as a fraction of its largest coordinate: sixteen roundings of float32."""
@@ -27,17 +28,18 @@ def surfaces_of(scene: Scene, sky_power: float, start_off: float | None) -> Surf
     materials, images = _materials(scene)
     sky, panorama = sky_tables(scene.sky, sky_power)
     numbers = np.asarray(scene.face_materials)
+    flags = _flags(scene)[numbers]
     arrays = (
         _records(scene, materials, start_off),
-        _flags(scene)[numbers],
+        flags,
         *_corners(scene),
         materials,
         *images,
         sky,
         panorama,
     )
-    has_holes = bool((arrays[1] & words.HOLES).any())
-    return Surfaces(*(read_only(array) for array in arrays), has_holes=has_holes)
+    tables: list[Any] = [*map(read_only, arrays), bool((flags & words.HOLES).any())]
+    return Surfaces(*tables)
 
 
 def unit_normals(mesh: Mesh) -> NDArray[np.float64]:

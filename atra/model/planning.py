@@ -120,10 +120,10 @@ class Plan:
 
     def __str__(self) -> str:
         """A table of all choices, and how sure the first is."""
-        lines = [f"{'':34}{'build':>10}{'a frame':>12}{'in all':>12}{'memory':>12}"]
+        lines = [f"{'':46}{'build':>10}{'a frame':>12}{'in all':>12}{'memory':>12}"]
         for one in self.considered:
             lines.append(
-                f"{one.choice!s:34}{one.build_s * 1e3:7.1f} ms{one.frame_time_s * 1e3:9.2f} ms"
+                f"{one.choice!s:46}{one.build_s * 1e3:7.1f} ms{one.frame_time_s * 1e3:9.2f} ms"
                 f"{one.total_s(self.frames) * 1e3:9.1f} ms{one.bytes / 2**20:8.1f} MiB"
             )
         other = self.runner_up

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from time import perf_counter
-from typing import Any, NamedTuple, Unpack
+from typing import Any, Literal, NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -71,12 +71,12 @@ class RayScene(AllHitsScene):
     exact: `intersect` and `occluded` lose no ray at a corner either, unless it lies all but in the plane of a triangle:
     Embree is given triangles a little larger, and hits near edges are decided without rounding. The first batch also
     builds the tree of `all_hits`, and `robust` has no effect.
-    touches: with `exact`, whether a ray that meets an outline in an edge or corner alone hits there, as Embree has it;
-    else it does as a ray near by does, as in `all_hits`.
+    A ray that meets an outline in an edge or corner alone then does as a ray near by does, as in `all_hits`; with
+    exact="touches" it hits there, as Embree has it.
     Triangles are the mesh's `traced_faces`, as for the tracers, and `prim_id` counts them as the mesh does. Where
     several are equally far, `intersect` stores whichever Embree finds: there is no rule for ties. `all_hits`, `count`,
     `gather` and `contains` decide without rounding, by a tree of their own.
-    Raises InputError for options as `RayOptions` does, for `touches` without `exact`, for faces of another shape or
+    Raises InputError for options as `RayOptions` does, for another `exact`, for faces of another shape or
     type, and for a mesh smaller than 1e-9 or farther than 1e11 from the world's origin, where float32 would lose
     triangles.
 
@@ -91,14 +91,13 @@ class RayScene(AllHitsScene):
         *,
         transforms: ArrayLike | None = None,
         faces: NDArray[np.bool_] | None = None,
-        exact: bool = False,
-        touches: bool = False,
+        exact: bool | Literal["touches"] = False,
         **options: Unpack[PacketKeywords],
     ) -> None:
         self.options = RayOptions.of(type(self).__name__, options)
-        self.exact, self.touches = bool(exact), bool(touches)
-        if touches and not exact:
-            raise InputError("touches is True, expected exact=True with it: Embree decides otherwise")
+        if exact not in (False, True, "touches"):
+            raise InputError(f'exact is {exact!r}, expected False, True or "touches"')
+        self.exact, self._touches = bool(exact), exact == "touches"
         super().__init__(mesh, transforms, faces, resolve_threads(self.options.threads))
         self.packet_width = resolve_packet_width(self.options.packet_width)
         self._order = RayOrder(self._pool)
@@ -206,7 +205,7 @@ class RayScene(AllHitsScene):
         """Write what rays in doubt hit, as `Crossings.nearest`; returns their numbers."""
         numbers = np.flatnonzero(is_doubtful)
         if len(numbers):
-            self.crossings.nearest(rays, numbers, self.touches, t, prim_id)
+            self.crossings.nearest(rays, numbers, self._touches, t, prim_id)
         return numbers
 
     def _run(

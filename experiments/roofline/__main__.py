@@ -118,7 +118,7 @@ def _measured(scene: Any, size: int, frames: int) -> Iterator[dict[str, Any]]:
     )
     ms[stages.DOUBTS] = hot_ms[stages.DOUBTS] = counts[stages.DOUBTS] * per_row / 999 * tick_ms
     for name, place, of in (("culling of clusters", 2, "clusters"), ("order of clusters", 3, "clusters seen")):
-        least = 1e3 * min(run[place] for run in timed)
+        least = 1e3 * min(float(run[place]) for run in timed)
         count = scratch.clusters.count
         yield _row(name, of, count, least, np.nan, (24 if place == 2 else 12, 20 if place == 2 else 8), np.nan)
     for stage, name in enumerate(stages.STAGES):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -62,7 +62,7 @@ def plain_weekend() -> Shown:
     return shown, Camera(**WEEKEND_CAMERA, width=144, height=96)
 
 
-def _on_a_floor(parts: list[Part], materials: list[object], sky: object) -> Scene:
+def _on_a_floor(parts: list[Part], materials: Sequence[object], sky: object) -> Scene:
     floor = quad((-6, 0, 6), (6, 0, 6), (6, 0, -6), (-6, 0, -6))
     whole = [floor, *parts]
     numbers = np.repeat(np.arange(len(whole)), [part.triangle_count for part in whole])
@@ -108,7 +108,7 @@ def thousand_lamps() -> Shown:
     floor = quad((-6, 0, 6), (6, 0, 6), (6, 0, -6), (-6, 0, -6))
     grey = [floor, *balls]
     counts = [sum(part.triangle_count for part in grey), *(part.triangle_count for part in lamps)]
-    numbers = np.repeat(1 + np.arange(len(lamps) + 1) % 8, counts)
+    numbers = np.repeat(1 + np.arange(len(lamps) + 1) % 8, counts).astype(np.int32)
     numbers[: counts[0]] = 0
     colours = 20.0 + 60.0 * np.random.Generator(np.random.PCG64(8)).random((8, 3))
     materials = [Lambertian((0.6, 0.6, 0.6)), *(Emissive(tuple(one.tolist())) for one in colours)]

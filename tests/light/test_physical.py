@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from atra.compiled.store import float_kernel
-from atra.light.physical_kernels import physical_direction, physical_value
-from atra.light.scattering_kernels import Matter
+from atra.light.scattering.physical_kernels import physical_direction, physical_value
+from atra.light.scattering.spots_kernels import Matter
 
 F = np.float32
 

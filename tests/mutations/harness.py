@@ -37,11 +37,11 @@ HARNESS = (
     ),
     Mutation(
         "decided_by_value",
-        "experiments/results/statistics.py",
-        "if value.low > limit:",
-        "if value.value > limit:",
+        "experiments/results/verdicts.py",
+        "    low, high = ends_of(known)\n        if",
+        "    low = high = float(getattr(known, 'value', known))\n        if",
         "a claim holds although its interval contains the limit",
-        ("tests/results/test_estimates.py::test_a_limit_inside_the_interval_is_left_open",),
+        ("tests/results/test_verdicts.py::test_a_number_is_inside_its_bounds_by_its_whole_interval",),
     ),
     Mutation(
         "milliseconds",

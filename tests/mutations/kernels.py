@@ -122,8 +122,8 @@ KERNELS = (
     Mutation(
         "bvh_split",
         "atra/trees/building.py",
-        "_grow(side, bins[k - 1])",
-        "_grow(side, bins[k])",
+        "widen(side, bins[k - 1])",
+        "widen(side, bins[k])",
         "the first half of a split is weighed by the box of the next bin",
         ("tests/bvh/test_bvh.py::test_boxes_tell_apart_as_well_as_those_of_embrees_builder",),
     ),

@@ -123,14 +123,14 @@ def test_degenerate_triangles_are_missed():
         assert not scene.intersect(rays).hit.any()
 
 
-def test_rays_that_meet_an_outline_in_an_edge_or_a_corner_hit_it_if_touches_says_so():
+def test_rays_that_meet_an_outline_in_an_edge_or_a_corner_hit_it_if_exact_says_touches():
     mesh = box((0, 0, 0), (1, 1, 1))
     places = np.stack(np.meshgrid(*2 * [(-0.5, 0.0, 0.25, 1.0, 1.5)]), axis=-1).reshape(-1, 2)
     origins, down = np.insert(places, 2, 3.0, axis=1), np.tile((0.0, 0.0, -1.0), (len(places), 1))
     within = ((places >= 0) & (places <= 1)).all(axis=1)
     inside = ((places > 0) & (places < 1)).all(axis=1)
     for threads in (1, 2):
-        with atra.RayScene(mesh, exact=True, touches=True, threads=threads) as scene:
+        with atra.RayScene(mesh, exact="touches", threads=threads) as scene:
             np.testing.assert_array_equal(scene.occluded(origins, down), within)
             np.testing.assert_array_equal(scene.intersect(origins, down).t, np.where(within, 2.0, np.inf))
         with atra.RayScene(mesh, exact=True, threads=threads) as scene:
@@ -138,5 +138,5 @@ def test_rays_that_meet_an_outline_in_an_edge_or_a_corner_hit_it_if_touches_says
             assert hit[inside].all()
             assert 0 < hit[within & ~inside].sum() < (within & ~inside).sum()
             np.testing.assert_array_equal(hit, scene.count(origins, down) > 0)
-    with pytest.raises(atra.InputError, match="touches is True, expected exact=True"):
-        atra.RayScene(mesh, touches=True)
+    with pytest.raises(atra.InputError, match="exact is 'corners', expected False, True"):
+        atra.RayScene(mesh, exact="corners")

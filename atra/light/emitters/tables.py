@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 from atra.light.emitters.emitters_kernels import Emitters, fill_alias_table
 from atra.light.lights import Light, SpotLight, Sun, light_row
 from atra.light.lights_kernels import LIGHT_WORDS
-from atra.light.materials import Material, images_of, linear
+from atra.light.materials import Material, images_of
 from atra.light.scene import Scene
 from atra.light.sky import PanoramaSky
+from atra.light.textures import linear
 
 _LUMINANCE = np.array((0.2126, 0.7152, 0.0722))
 """Weights of linear sRGB's channels."""

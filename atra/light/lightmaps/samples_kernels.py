@@ -20,7 +20,7 @@ from atra.light.lightmaps.gather.tables_kernels import (
     WEIGHT,
 )
 from atra.light.numbers_kernels import ZERO, bits_of, key_of, mixed, set_vector, unit_of
-from atra.light.scattering_kernels import WHITE
+from atra.light.scattering.spots_kernels import WHITE
 
 _GOLDEN = np.uint32(0x9E3779B9)
 

@@ -12,9 +12,10 @@ from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.light.checks import checked_rows, set_fields
 from atra.light.lights import Light, check_light
-from atra.light.materials import Checker, Emissive, Image, Texture
+from atra.light.materials import Emissive
 from atra.light.scene import RenderScene
 from atra.light.sky import Sky, constant_sky
+from atra.light.textures import Checker, Image, Texture
 
 ALBEDO = 0.7
 """Default albedo of triangles without a material."""

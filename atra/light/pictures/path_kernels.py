@@ -21,8 +21,8 @@ from atra.embree.packets_kernels import (
 )
 from atra.light.emitters.emitters_kernels import found_share, found_sky_share
 from atra.light.numbers_kernels import ONE, ZERO, bits_of, dot, key_of, scaled, unit, unit_of
-from atra.light.sampler_kernels import JITTER, LOBE, PAIRS, pair_of
-from atra.light.scattering_kernels import emitted, opacity_at
+from atra.light.scattering.sampler_kernels import JITTER, LOBE, PAIRS, pair_of
+from atra.light.scattering.spots_kernels import emitted, opacity_at
 from atra.light.surface_kernels import HOLES, meet, sky_colour
 
 BLOCK = 2048

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.files.reading import read_regular_file
-from atra.light.materials import CURVES
+from atra.light.textures import CURVES
 
 MOST_SIDE = 4096
 """Larger images are made smaller when they are read."""

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
-from atra.light.materials import Image, Lambertian
+from atra.light.materials import Lambertian
+from atra.light.textures import Image
 
 
 def fields_of(loaded: Any) -> dict[str, Any]:

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.files.saving import check_package
-from atra.light.materials import Image, MetallicRoughness
+from atra.light.materials import MetallicRoughness
 from atra.light.reading.folder import Folder, OutsideError, read_image
 from atra.light.reading.gltf_numbers import Numbers, entry
+from atra.light.textures import Image
 
 EXTENSIONS = {
     "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_transmission", "KHR_texture_transform",

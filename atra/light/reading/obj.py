@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.files.reading import Allowance, read_regular_file
 from atra.geometry.mesh import Mesh
-from atra.light.materials import Image, MetallicRoughness
+from atra.light.materials import MetallicRoughness
 from atra.light.reading.folder import Folder, OutsideError, read_image
 from atra.light.scene import ScenePart
+from atra.light.textures import Image
 
 _BYTES_PER_LINE = 1000
 """Peak memory for a line, as trimesh reads it."""
@@ -25,7 +26,7 @@ _MOST_MATERIALS = 100_000
 
 def read_obj(path: Path, memory_per_byte: float | None) -> dict[str, Any]:
     """Fields of `atra.light.Scene`. Raises InputError, and other errors for damage."""
-    import trimesh
+    from trimesh.exchange.obj import load_obj
 
     content, folder = read_regular_file(path), Folder(path)
     left_out: dict[str, None] = {}
@@ -42,11 +43,8 @@ def read_obj(path: Path, memory_per_byte: float | None) -> dict[str, Any]:
             except InputError as error:
                 left_out[f"material file {name!r:.60}, because {error}"] = None
     known = materials_of("\n".join(texts.values()), folder, left_out)
-    loaded = trimesh.load_scene(
-        io.BytesIO(content), file_type="obj", resolver=_Texts(texts), process=False, maintain_order=True,
-        group_material=True, skip_materials=False,
-    )  # fmt: skip
-    parts = [part for part in loaded.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)]
+    loaded = load_obj(io.BytesIO(content), resolver=_Texts(texts), maintain_order=True)["geometry"]
+    parts = [part for part in loaded.values() if len(part.get("faces", ()))]
     if not parts:
         raise InputError("it has no triangles")
     return _joined(parts, known) | {"left_out": tuple(left_out)}
@@ -69,24 +67,25 @@ class _Texts:
         return self.get(name)
 
 
-def _joined(parts: list[Any], known: dict[str, MetallicRoughness]) -> dict[str, Any]:
+def _joined(parts: list[dict[str, Any]], known: dict[str, MetallicRoughness]) -> dict[str, Any]:
     vertices, faces, uv, normals, numbers, named = [], [], [], [], [], []
     materials: dict[str, MetallicRoughness] = {}
     first = at = 0
     for part in parts:
-        name = str(getattr(getattr(part.visual, "material", None), "name", ""))
-        found = getattr(part.visual, "uv", None)
-        has_uv = found is not None and len(found) == len(part.vertices)
+        visual, corners, triangles = part.get("visual"), np.asarray(part["vertices"]), np.asarray(part["faces"])
+        name = str(getattr(getattr(visual, "material", None), "name", ""))
+        found = getattr(visual, "uv", None)
+        has_uv = found is not None and len(found) == len(corners)
         made = known.get(name, MetallicRoughness((0.7, 0.7, 0.7)))
         materials.setdefault(f"{name}{has_uv}", made if has_uv else _without_images(made))
-        numbers.append(np.full(len(part.faces), list(materials).index(f"{name}{has_uv}")))
-        vertices.append(part.vertices)
-        faces.append(part.faces + first)
-        rows = np.asarray(found)[:, :2] if has_uv else np.zeros((len(part.vertices), 2))
+        numbers.append(np.full(len(triangles), list(materials).index(f"{name}{has_uv}")))
+        vertices.append(corners)
+        faces.append(triangles + first)
+        rows = np.asarray(found)[:, :2] if has_uv else np.zeros((len(corners), 2))
         uv.append(np.where(np.abs(rows) <= 1e6, rows, 0.0))
         normals.append(_normals(part))
-        named.append(ScenePart(name, -1, -1, -1, at, len(part.faces), first, len(part.vertices)))
-        first, at = first + len(part.vertices), at + len(part.faces)
+        named.append(ScenePart(name, -1, -1, -1, at, len(triangles), first, len(corners)))
+        first, at = first + len(corners), at + len(triangles)
     smooth = [one for one in normals if one is not None]
     return {
         "mesh": Mesh(np.concatenate(vertices), np.concatenate(faces)),
@@ -98,11 +97,11 @@ def _joined(parts: list[Any], known: dict[str, MetallicRoughness]) -> dict[str, 
     }
 
 
-def _normals(part: Any) -> NDArray[np.float64] | None:
+def _normals(part: dict[str, Any]) -> NDArray[np.float64] | None:
     """(V, 3) that the file states, None where it does not."""
-    if "vertex_normals" not in part._cache.cache:
+    if "vertex_normals" not in part:
         return None
-    normals = np.asarray(part.vertex_normals, np.float64)
+    normals = np.asarray(part["vertex_normals"], np.float64)
     return normals if (np.linalg.norm(normals, axis=1) > 1e-3).all() else None
 
 

@@ -86,7 +86,7 @@ def test_a_kind_of_material_is_known_to_two_files(kind):
     words = re.compile(rf"\b({kind.__name__}|{kind.__name__.upper()})\b")
     code = {path: re.sub(r'""".*?"""', "", path.read_text(), flags=re.DOTALL) for path in (root / "atra").rglob("*.py")}
     known = {path.relative_to(root).as_posix() for path, text in code.items() if words.search(text)}
-    assert known == {"atra/light/materials.py", "atra/light/scattering_kernels.py", "atra/light/__init__.py"}
+    assert known == {"atra/light/materials.py", "atra/light/scattering/spots_kernels.py", "atra/light/__init__.py"}
 
 
 def test_a_picture_needs_a_sample_and_a_number_of_them():

@@ -18,7 +18,7 @@ from atra.light.lightmaps.gather.tables_kernels import (
 )
 from atra.light.lightmaps.samples_kernels import sample_key
 from atra.light.numbers_kernels import ZERO, bits_of, mixed, on_sphere, set_vector, unit_of, vector
-from atra.light.scattering_kernels import WHITE
+from atra.light.scattering.spots_kernels import WHITE
 
 _STEPS = np.uint32(3242174889), np.uint32(2447445414)
 """Steps of the R2 sequence, times 2^32. Source: M. Roberts, "The unreasonable effectiveness of quasirandom

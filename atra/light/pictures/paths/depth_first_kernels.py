@@ -18,7 +18,7 @@ from atra.light.pictures.path_kernels import (
     shadows,
     survival,
 )
-from atra.light.scattering_kernels import WHITE, scatter, spot_of
+from atra.light.scattering.spots_kernels import WHITE, scatter, spot_of
 from atra.light.surface_kernels import ENDS, HOLES, SHINES
 
 

@@ -8,8 +8,9 @@ import numpy as np
 
 from atra.compiled.store import njit
 from atra.light.numbers_kernels import HALF, ONE, TWO, ZERO, along, around, dot, on_sphere, scaled, unit
-from atra.light.physical_kernels import physical_direction, physical_value
-from atra.light.sampler_kernels import DIRECTION, LOBE, PAIRS, pair_of
+from atra.light.scattering.bending_kernels import on_side, through_glass
+from atra.light.scattering.physical_kernels import physical_direction, physical_value
+from atra.light.scattering.sampler_kernels import DIRECTION, LOBE, PAIRS, pair_of
 from atra.light.surface_kernels import (
     BACKS,
     CUTOFF,
@@ -34,7 +35,6 @@ from atra.light.surface_kernels import (
     leaving,
     material_of,
     meet,
-    on_side,
     shading_normal,
     textured,
     vertex_colour,
@@ -234,7 +234,7 @@ def scatter(surfaces, spot, is_front, prim_id, direction, key, sample, bounce): 
         if not weight[0] + weight[1] + weight[2] > ZERO or not dot(onward, normal) * side > ZERO:
             return False, direction, direction, BLACK, ZERO
     elif kind == DIELECTRIC:
-        onward, passes = _through_glass(direction, shaded, is_front, spot.matter.ior, spot.is_variant, u)
+        onward, passes = through_glass(direction, shaded, is_front, spot.matter.ior, spot.is_variant, u)
         side = -ONE if passes else ONE
         onward = on_side(onward, normal, side)
     else:
@@ -285,31 +285,3 @@ def scattered_light(spot, direction, onward):  # type: ignore[no-untyped-def]
         if way[2] * facing > ZERO:
             return physical_value(spot.matter, out, way)
     return BLACK, ZERO
-
-
-@njit(error_model="numpy")
-def _through_glass(direction, normal, is_front, ior, is_schlick, chance):  # type: ignore[no-untyped-def]
-    """(direction, passes): refracted, or reflected with the probability of Fresnel's equations.
-
-    Source: Fresnel's equations for unpolarised light; C. Schlick, "An inexpensive BRDF model", 1994.
-    """
-    ratio = ONE / ior if is_front else ior
-    cosine = min(ONE, -dot(direction, normal))
-    inside = ONE - ratio * ratio * (ONE - cosine * cosine)
-    mirrored = unit(along(direction, TWO * cosine, normal))
-    if inside <= ZERO:
-        return mirrored, False
-    refracted_cosine = np.sqrt(inside)
-    if is_schlick:
-        least = (ONE - ior) / (ONE + ior)
-        least *= least
-        rest = ONE - cosine
-        square = rest * rest
-        reflectance = least + (ONE - least) * square * square * rest
-    else:
-        across = (ratio * cosine - refracted_cosine) / (ratio * cosine + refracted_cosine)
-        within = (cosine - ratio * refracted_cosine) / (cosine + ratio * refracted_cosine)
-        reflectance = (across * across + within * within) / TWO
-    if chance < reflectance:
-        return mirrored, False
-    return unit(along(scaled(ratio, direction), ratio * cosine - refracted_cosine, normal)), True
