@@ -35,7 +35,7 @@ def planned(method="raster", scene=None, **options):
 @pytest.mark.parametrize(("options", "stages"), [
     ({}, {"primary", "surfaces", "generate", "shadow", "occlusion", "accumulate", "other"}),
     ({"frame": Kind.path}, {"primary", "depth_first", "other"}),
-    ({"frame": Kind.path, "order": "waves"}, {"primary", "generate", "trace", "compact", "shade", "other"}),
+    ({"frame": Kind.path, "order": "waves"}, {"primary", "generate", "trace", "compact", "connect", "shade", "other"}),
 ])  # fmt: skip
 def test_a_point_has_pictures_by_each_primary_visibility_and_their_stages(options, stages):
     found = measure_point(planned(**options).point)
@@ -45,7 +45,7 @@ def test_a_point_has_pictures_by_each_primary_visibility_and_their_stages(option
     assert set(found.results["stages"]) == stages
     assert stages <= set(STAGES)
     assert found.results["pixels_wrong"] == found.results["pixels_unlike"] == 0
-    assert 2 * WIDTH * HEIGHT < found.results["rays"] <= 2 * WIDTH * HEIGHT * (5 if "frame" in options else 3)
+    assert 2 * WIDTH * HEIGHT < found.results["rays"] <= 2 * WIDTH * HEIGHT * (9 if "frame" in options else 3)
     own = np.array(found.samples["own"])
     assert (np.array(found.samples["own_primary"]) < own).all()
 

@@ -58,7 +58,7 @@ def book():
     scene = weekend(segments=8)
     plain = [light.Lambertian((0.5, 0.6, 0.5)), *scene.materials[1:]]
     plain = [light.Metal(one.colour) if isinstance(one, light.Metal) else one for one in plain]
-    shown = replace(scene, materials=plain, sky=light.constant_sky((0.6, 0.7, 1.0)), normals=None, uv=None)
+    shown = replace(scene, materials=plain, sky=light.constant_sky((0.6, 0.7, 1.0)), normals=None, uv=None, lights=())
     return shown, atra.Camera(**WEEKEND_CAMERA, width=48, height=32)
 
 

@@ -161,7 +161,10 @@ def test_stages_are_named_and_sum_to_the_call():
     scene = light.RenderScene(MESH, lights=[light.Sun((0, -1, 0))])
     for kind, stages in (
         (light.PathRenderer, {"primary", "depth_first", "other"}),
-        (partial(light.PathRenderer, order="waves"), {"primary", "generate", "trace", "compact", "shade", "other"}),
+        (
+            partial(light.PathRenderer, order="waves"),
+            {"primary", "generate", "trace", "compact", "connect", "shade", "other"},
+        ),
         (light.HybridRenderer, {"primary", "surfaces", "generate", "shadow", "occlusion", "accumulate", "other"}),
     ):
         with kind(scene, down(64), threads=2) as renderer:

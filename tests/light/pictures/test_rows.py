@@ -8,7 +8,7 @@ import pytest
 
 import atra
 from atra import light as render
-from atra.light import materials
+from atra.light import textures
 from atra.light.pictures.carrying import carried
 from atra.light.pictures.files import srgb_of
 from atra.light.pictures.film import Film
@@ -85,7 +85,7 @@ def test_an_image_of_any_size_is_the_part_of_a_larger_one():
 RESTARTS = {
     "jitter": "off", "wave_rays": 4096, "shadow_rays": 2, "shadow_length": 3.0, "shadow_directions": "shifted",
     "occlusion_rays": 2, "occlusion_length": 3.0, "occlusion": "cosine", "occlusion_directions": "shared",
-    "most_kept": 4, "max_depth": 3,
+    "most_kept": 4, "max_depth": 3, "roulette": 2,
 }  # fmt: skip
 STAYS = {"most_samples": 100}
 REFUSED = {name for kind in (render.HybridOptions, render.PathOptions) for name in kind.built_with}
@@ -149,8 +149,8 @@ MAKERS = {
     render.Sun: ("direction", "angle_degrees", "colour", "power"),
     render.PointLight: ("position", "colour", "power"), render.SphereLight: ("position", "radius", "colour", "power"),
     render.RenderScene: ("mesh", "materials", "face_materials", "lights", "sky", "normals", "uv"),
-    render.HybridOptions: tuple(RESTARTS.keys() - {"max_depth"}) + ("start_off", "most_samples"),
-    render.PathOptions: ("jitter", "wave_rays", "max_depth", "order", "start_off", "most_samples"),
+    render.HybridOptions: tuple(RESTARTS.keys() - {"max_depth", "roulette"}) + ("start_off", "most_samples"),
+    render.PathOptions: ("jitter", "wave_rays", "max_depth", "roulette", "order", "start_off", "most_samples"),
 }  # fmt: skip
 USUAL = {
     render.Checker: {"first": 0.1, "second": 0.2}, render.Image: {"texels": np.zeros((1, 1, 3))},
@@ -173,7 +173,7 @@ def test_whatever_is_handed_in_is_taken_or_refused_by_name(kind):
 
 
 def test_a_texture_that_is_too_large_is_refused(monkeypatch):
-    monkeypatch.setattr(materials, "MOST_TEXELS", 5)
+    monkeypatch.setattr(textures, "MOST_TEXELS", 5)
     render.Image(np.zeros((1, 5, 3)))
     with pytest.raises(atra.InputError, match="make it smaller"):
         render.Image(np.zeros((2, 3, 3)))
