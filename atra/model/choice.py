@@ -78,20 +78,27 @@ class Choice:
             return choose_packet_shape(self.packet_width, split)
         return SQUAREST_SHAPE[self.packet_width]
 
-    def tracer(self, mesh: Mesh, camera: View, **options: Any) -> Tracer:
-        """The tracer, neither planned nor built. options: threads, ties; memory_budget_bytes for methods with cells.
+    def tracer(
+        self,
+        mesh: Mesh,
+        camera: View,
+        *,
+        threads: int | None = None,
+        ties: str = "lowest",
+        memory_budget_bytes: int | None = None,
+    ) -> Tracer:
+        """The tracer, not yet built. threads, ties: as for tracers. memory_budget_bytes: of methods with cells.
 
         Raises InputError as its constructor does, and for classified rays, which `atra.shafts` makes.
         """
-        if self.method not in WITH_CELLS:
-            options.pop("memory_budget_bytes", None)
+        options: dict[str, Any] = {"threads": threads, "ties": ties}
         if self.method == "raster":
             return RasterTracer(mesh, camera, **options)
         if self.method == "pixel":
             return PixelTracer(mesh, camera, packet_width=self.packet_width, **options)
         if self.method == "bvh":
             return BvhTracer(mesh, camera, packet_width=self.packet_width, **options)
-        options["packet_width"] = self.packet_width
+        options |= {"packet_width": self.packet_width, "memory_budget_bytes": memory_budget_bytes}
         if self.method == "tiles":
             return TiledTracer(mesh, camera, self.split, **options)
         if self.method == "visible_first":

@@ -67,9 +67,9 @@ def say_point(row: Row) -> str:
 
 
 def best_of() -> tuple[str, ...]:
-    """The options of methods of which a figure shows the best, packets apart."""
+    """The options of methods of which a figure shows the best; packets and versions of programs are told apart."""
     names = (name for method in METHODS for name in plain_options(method.options()))
-    return tuple(dict.fromkeys(name for name in names if not name.startswith("packet_")))
+    return tuple(dict.fromkeys(name for name in names if not name.startswith(("packet_", "program_"))))
 
 
 def _known(row: Row) -> dict[str, Any]:

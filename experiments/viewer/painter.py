@@ -126,8 +126,7 @@ class Painter:
     def _scene_of(self, settings: Settings) -> RenderScene:
         """The scene in this light; the same value for the same light, which renderers take for no change."""
         red, green, blue = (channel / 255.0 for channel in settings.sun_colour)
-        power = settings.sun_power if settings.renderer == "hybrid" else 0.0  # paths know no sun
-        sun = Sun(settings.sun_direction, settings.sun_cone, (red, green, blue), power)
+        sun = Sun(settings.sun_direction, settings.sun_cone, (red, green, blue), settings.sun_power)
         light = sun, settings.sky_power
         if self._lit[0] != light:
             sky = replace(self._scene.sky, power=settings.sky_power)

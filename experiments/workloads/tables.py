@@ -50,7 +50,7 @@ def best_rows_by(
 ) -> Iterator[tuple[str, pd.Series, pd.DataFrame]]:
     """The words, the best row and all rows of each scene, words (of each row) and value of the column."""
     told = pd.Series([", ".join(one) for one in words], index=rows.index, dtype="object")
-    for (_, said, _), some in rows.groupby(["scene", told, column], sort=False):
+    for (_, said, _), some in rows.groupby(["scene", told, column], sort=False, dropna=False):
         yield said, best_rows(some).iloc[0], some
 
 
@@ -71,8 +71,9 @@ def best_split_table(rows: pd.DataFrame, unlike: str) -> Table:
         "best split of each scene, and speed-up over single rays and packets", "scene, method", headings
     )
     for kind, row, some in best_by_kind(rows):
+        width = "" if pd.isna(row["packet_width"]) else str(row["packet_width"])
         table.add_row(
-            plain(row["scene"], kind), str(row["packet_width"]), grid_of(row), say_ms(row["render_time_s"]),
+            plain(row["scene"], kind), width, grid_of(row), say_ms(row["render_time_s"]),
             *times(row, "speedup", "speedup_vs_packets"), str(some[unlike].sum()),
         )  # fmt: skip
     return table

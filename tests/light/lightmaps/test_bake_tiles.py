@@ -12,9 +12,10 @@ from atra.light import Atlas, Texels
 from atra.light.lightmaps.charts.atlas import UNMAPPED
 from atra.light.lightmaps.sun.tiles import Tiles
 from experiments.drawing.figure import draw_figure
-from experiments.results.claims import DOES_NOT_HOLD, HOLDS, UNDECIDED, NotMeasuredError
-from experiments.workloads.bake_rays import Use, undecided
-from experiments.workloads.bake_rays.shown import FIGURES, judge_ratio
+from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, judge_all
+from experiments.results.table import frame_of
+from experiments.workloads.bake_rays import undecided
+from experiments.workloads.bake_rays.shown import CLAIMS, FIGURES
 from tests.baked import cube, sheet
 from tests.meshes import joined
 
@@ -167,17 +168,26 @@ def rows(*intervals, scene="cornell_box"):
     )  # fmt: skip
 
 
-def test_a_prediction_is_judged_by_whole_intervals():
-    def verdict(table, gains=True):
-        return judge_ratio(table, Use.sun, lambda rows: rows["positions"] >= 16, gains).verdict
+def processes(*values, scene="cornell_box", use="sun", positions=16):
+    return frame_of([
+        {"workload": "bake_rays", "status": "ok", "method": "aligned", "use": use, "scene": scene,
+         "positions": positions, "point_id": f"{scene}{use}", "process": number, "packets_over_aligned": value}
+        for number, value in enumerate(values)
+    ])  # fmt: skip
 
-    for nothing in (None, rows((1.1, 1.2)).assign(use="sky")):
-        with pytest.raises(NotMeasuredError):
-            verdict(nothing)
-    assert verdict(rows((1.1, 1.2), (1.01, 3.0))) == HOLDS
-    assert verdict(rows((1.1, 1.2), (0.9, 3.0))) == UNDECIDED
-    assert verdict(rows((1.1, 1.2), (0.5, 0.9))) == DOES_NOT_HOLD
-    assert verdict(rows((0.5, 0.9)), gains=False) == HOLDS
+
+def test_a_prediction_is_judged_by_whole_intervals_of_its_own_use_and_scene():
+    def verdict(name, *tables):
+        (judged,) = (one for one in judge_all(CLAIMS, pd.concat(tables)) if one.id == name)
+        return judged.verdict
+
+    box, deep = "sun-gains-in-the-box", "sun-gains-nothing-in-deep-scenes"
+    for few in ({"use": "sky"}, {"positions": 4}, {"scene": "sponza"}):
+        assert verdict(box, processes(1.1, 1.15, 1.2, **few)) == NOT_MEASURED
+    assert verdict(box, processes(1.1, 1.15, 1.2)) == HOLDS
+    assert verdict(box, processes(0.5, 1.0, 3.0)) == UNDECIDED
+    assert verdict(box, processes(0.5, 0.52, 0.54)) == DOES_NOT_HOLD
+    assert verdict(deep, processes(1.1, 1.15, 1.2), processes(0.5, 0.52, 0.54, scene="sponza")) == HOLDS
 
 
 def test_the_figure_shows_every_use_at_all_its_points(tmp_path):
