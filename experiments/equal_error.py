@@ -54,7 +54,7 @@ class Found:
 
 
 def relative_error(pictures: Floats) -> float:
-    """Of one of (K, H, W, 3) independent pictures."""
+    """Relative error of one picture, from (K, H, W, 3) independent pictures."""
     mean = pictures.mean(axis=0)
     spread = ((pictures - mean) ** 2).sum(axis=0) / (len(pictures) - 1)
     return float(np.sqrt((spread / np.maximum(mean, _FLOOR * mean.mean()) ** 2).mean()))
@@ -77,7 +77,7 @@ def _measured(make: Callable[[int], Iterator[Floats]]) -> Found:
 
 
 def ours(shown: Shown, threads: int) -> Found:
-    """Of `PathRenderer`."""
+    """What `PathRenderer` takes and finds."""
     scene, camera = shown
     with PathRenderer(scene, camera, threads=threads, max_depth=DEPTH, roulette=ROULETTE, jitter="pixel") as renderer:
         renderer.add(1)  # compiles and builds
@@ -95,7 +95,7 @@ def ours(shown: Shown, threads: int) -> Found:
 
 
 def mitsuba(shown: Shown, threads: int, variant: str) -> Found:
-    """Of Mitsuba's `path` integrator."""
+    """What Mitsuba's `path` integrator takes and finds."""
     mi, _ = load_mitsuba(variant, f"variant={variant}", threads)
     loaded = mitsuba_scene(mi, *shown, DEPTH, roulette=ROULETTE + 1)
     seeds = iter(range(1 << 30))

@@ -194,7 +194,7 @@ class MetallicRoughness(Material):
 
     @property
     def images(self) -> tuple[Image | None, ...]:
-        """Of colour, metal and roughness, normals, emission, transmission."""
+        """The images of colour, metal and roughness, normals, emission and transmission; None where there is none."""
         colour = self.colour if isinstance(self.colour, Image) else None
         return colour, self.metallic_roughness, self.normals, self.emission_image, self.transmission_image
 

@@ -23,7 +23,7 @@ WANTS = ("nearest", "count", "thickness", "transmittance", "layers")
 """What is wanted of each pixel: the nearest hit, or one of `atra.all_hits.reductions`, which cost about the same."""
 
 MOST = 1 << 53
-"""Of frames: up to there floats count without gaps."""
+"""Largest number of frames; up to there floats count without gaps."""
 
 UNSURE = 0.3
 """A margin below this is within the model's error in one of ten cases or more (docs/model.md)."""

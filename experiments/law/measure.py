@@ -57,7 +57,7 @@ VIEWS = (
 LEAST_ROUNDS, MOST_ROUNDS, ENOUGH_S = 3, 7, 0.2
 
 MANY_TRIANGLES, FEW_CASES = 2_000_000, ("raster", "pixel", "visible_first 128", "aligned 64 1", "aligned 128 128")
-"""Scenes from so many triangles on, of which only these are measured, as building each takes seconds."""
+"""Scenes with at least so many triangles have only these cases, since each build takes seconds."""
 
 MOST_COPIES = 6_000_000
 

@@ -143,7 +143,7 @@ _UNMEASURED = "No table can judge it."
 
 
 def _no_number(why: str) -> dict[str, Judge]:
-    """Of a sentence that no table can judge."""
+    """The judge of a sentence that no table can judge."""
 
     def judge(evidence: Any) -> Judgement:
         raise NotMeasuredError(why)

@@ -37,7 +37,7 @@ class Pool:
 
     @classmethod
     def of(cls, points: Iterable[Sequence[float]]) -> Self | None:
-        """Of the values of points, one a process; None where no point has two."""
+        """The pool of the values of points, one value per process; None where no point has two."""
         logs = [np.log(values) for values in points if len(values) > 1 and min(values) > 0]
         freedom = sum(len(one) - 1 for one in logs)
         return cls(float(sum(one.var() * len(one) for one in logs)) / freedom, freedom) if freedom else None

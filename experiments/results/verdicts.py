@@ -140,7 +140,7 @@ def known_values(processes: pd.DataFrame, values: ArrayLike, pool: Pool | None =
 
 
 def ratio_of(one: Known | None, other: Known | None) -> Estimate | None:
-    """Of two points that share no process; None where one of them is not known."""
+    """Ratio of the values of two points that share no process; None where one of them is not known."""
     found = [exact(known) if isinstance(known, float) else known for known in (one, other)]
     return found[0].over(found[1]) if isinstance(found[0], Estimate) and isinstance(found[1], Estimate) else None
 

@@ -71,7 +71,7 @@ def of_changed_code(point, changed, change):
 
 
 def sha256(point, changed=(), change=one_more_line):
-    """Of the code of a point, where the sources of these modules have been changed."""
+    """Identity of the code of a point whose modules have these changed sources."""
     return of_changed_code(point, frozenset(changed), change)
 
 

@@ -66,7 +66,7 @@ def rest_of_the_law(kept):
 
 
 def _alignment(kept, want):
-    """Of each view: gain of the best aligned packets over packets per pixel, measured and predicted, and its row."""
+    """For each view, gains of the best aligned packets over packets per pixel, measured and predicted, and the row."""
     rows = kept.points[(kept.points["instruction_set"] == "avx512") & (kept.points["want"] == want)]
     rows = rows[rows["packet_width"] == 16]
     for (scene, view), of in rows.groupby(["scene", "view"]):
