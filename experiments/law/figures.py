@@ -16,7 +16,6 @@ import pandas as pd
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.colors import TwoSlopeNorm
-from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 import atra
@@ -106,19 +105,23 @@ def _label(axis: Axes, points: pd.DataFrame) -> None:
     to_points = 72.0 / axis.figure.dpi
     for (x, y), one in zip(dots, points.itertuples(), strict=True):
         own = one.view == "own"
-        said = axis.annotate(
-            str(one.scene).replace("_", " ") + ("" if own else f", {one.view}"), (one.before, one.below + one.met),
-            xytext=(0, 0), textcoords="offset points", fontsize=7.5, color=BLACK if own else GREY,
-            fontweight="bold" if one.scene in PAPER and own else "normal",
-            arrowprops={"arrowstyle": "-", "linewidth": 0.4, "color": GREY, "shrinkA": 0, "shrinkB": 4},
-        )  # fmt: skip
-        size = Text.get_window_extent(said)
+        words = str(one.scene).replace("_", " ") + ("" if own else f", {one.view}")
+        style = {"fontsize": 7.5, "color": BLACK if own else GREY,
+                 "fontweight": "bold" if one.scene in PAPER and own else "normal"}  # fmt: skip
+        measured = axis.text(one.before, one.below + one.met, words, **style)  # type: ignore[arg-type]
+        size = measured.get_window_extent()
+        measured.remove()
         for right, up in around:
             left, low = x + right - size.width * (right < 0), y + up - size.height / 2
             box = Bbox.from_bounds(left - 1, low - 1, size.width + 2, size.height + 2)
             inside = axis.bbox.contains(box.x0, box.y0) and axis.bbox.contains(box.x1, box.y1)
             if inside and not any(box.overlaps(other) for other in taken):
-                said.set_position(((left - x) * to_points, (low - y) * to_points))
+                axis.annotate(
+                    words, (one.before, one.below + one.met), textcoords="offset points",
+                    xytext=((left - x) * to_points, (low - y) * to_points),
+                    arrowprops={"arrowstyle": "-", "linewidth": 0.4, "color": GREY, "shrinkA": 0, "shrinkB": 4,
+                                "relpos": (float(right < 0), 0.5)}, **style,
+                )  # fmt: skip
                 taken.append(box)
                 break
 
