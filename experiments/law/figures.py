@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from argparse import ArgumentParser
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -106,9 +107,9 @@ def _label(axis: Axes, points: pd.DataFrame) -> None:
     for (x, y), one in zip(dots, points.itertuples(), strict=True):
         own = one.view == "own"
         words = str(one.scene).replace("_", " ") + ("" if own else f", {one.view}")
-        style = {"fontsize": 7.5, "color": BLACK if own else GREY,
+        style: dict[str, Any] = {"fontsize": 7.5, "color": BLACK if own else GREY,
                  "fontweight": "bold" if one.scene in PAPER and own else "normal"}  # fmt: skip
-        measured = axis.text(one.before, one.below + one.met, words, **style)  # type: ignore[arg-type]
+        measured = axis.text(one.before, one.below + one.met, words, **style)
         size = measured.get_window_extent()
         measured.remove()
         for right, up in around:
