@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.embree import layout
+from atra.embree.building import building
 from atra.embree.library import Library, device_options, load_library
 from atra.errors import EmbreeError
 
@@ -40,6 +41,7 @@ class EmbreeDevice:
         self._flags = compact * layout.SCENE_FLAG_COMPACT | robust * layout.SCENE_FLAG_ROBUST
         self._flags |= filter_in_arguments * layout.SCENE_FLAG_FILTER_IN_ARGUMENTS
         self._byte_count = np.zeros(1, np.int64)
+        self._threads = threads
         api = self._library.functions
         self._device = api.rtcNewDevice(device_options(threads))
         if not self._device:
@@ -102,6 +104,11 @@ class EmbreeDevice:
             self._call("rtcAttachGeometryByID", scene, geometry, inst_id)
         finally:
             self._library.functions.rtcReleaseGeometry(geometry)
+
+    def _build(self, scene: int) -> None:
+        """Build the BVH of a scene, or build it anew after a change."""
+        with building(self._library, self._threads):
+            self._call("rtcCommitScene", scene)
 
     def _call(self, name: str, *arguments: object) -> int:
         result = getattr(self._library.functions, name)(*arguments)

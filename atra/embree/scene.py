@@ -45,12 +45,12 @@ class EmbreeScene(EmbreeDevice):
             scene = self._new_scene()
             if len(faces):
                 self._add_triangles(scene, vertices, faces, filter_address=filter_address, user_data=user_data)
-            self._call("rtcCommitScene", scene)
+            self._build(scene)
             if transforms is not None:
                 triangles, scene = scene, self._new_scene()
                 for inst_id, transform in enumerate(transforms):
                     self._add_instance(scene, triangles, transform, inst_id)
-                self._call("rtcCommitScene", scene)
+                self._build(scene)
         except BaseException:
             self.close()
             raise
@@ -82,7 +82,7 @@ class EmbreeScenes(EmbreeDevice):
             for k in np.nonzero(np.diff(starts))[0]:
                 self._handles[k] = scene = self._new_scene()
                 self._add_triangles(scene, vertices, faces[starts[k] : starts[k + 1]])
-                self._call("rtcCommitScene", scene)
+                self._build(scene)
         except BaseException:
             self.close()
             raise

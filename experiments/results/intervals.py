@@ -31,13 +31,14 @@ def with_intervals(points: pd.DataFrame, processes: pd.DataFrame) -> pd.DataFram
     points = points.assign(**{f"{stem}{end}": float("nan") for stem, _ in missing for end in ("", "_low", "_high")})
     measured = processes[processes["status"].eq("ok").fillna(False).astype(bool)]
     at = {name: place for place, name in enumerate(points["point_id"])}
-    for _, rows in measured.groupby("workload", sort=False):
-        for stem, unit in [*stems, *missing]:
-            source = f"{stem.removesuffix(REST)}{unit}"
-            if source not in rows or f"{stem}_high{unit}" not in points:
-                continue
-            known = rows[rows[source].notna()]
-            groups = {name: one.astype(float).tolist() for name, one in known.groupby("point_id", sort=False)[source]}
+    for stem, unit in [*stems, *missing]:
+        source = f"{stem.removesuffix(REST)}{unit}"
+        if source not in measured or f"{stem}_high{unit}" not in points:
+            continue
+        # Rows of a table have hundreds of columns; picking rows is quick once there are three.
+        known = measured[["workload", "point_id", source]].dropna(subset=[source])
+        for _, rows in known.groupby("workload", sort=False):
+            groups = {name: one.astype(float).tolist() for name, one in rows.groupby("point_id", sort=False)[source]}
             pool = Pool.of(groups.values())
             for name, values in groups.items():
                 if name in at:
