@@ -166,9 +166,10 @@ def _count(
     packets = len(corners) * RAYS / np.prod(shapes, axis=1)
     if len(order):
         few = _spread(order, MOST_IN_TREE)
-        sample = apart(mesh, few)
+        is_whole = len(few) == len(order)
+        sample = mesh if is_whole else apart(mesh, few)
         _, points = project_vertices(sample, camera, pool)
-        vertices, faces = points.astype(np.float32), sample.faces
+        vertices, faces = points.astype(np.float32), mesh.faces[few] if is_whole else sample.faces
         bounds = np.empty((len(faces), 6), np.float32)
         pool.run(lambda _, counter: bound_triangles(counter, vertices, faces, bounds))
         count = len(faces)
@@ -190,10 +191,10 @@ def _rays(camera: View, corners: NDArray[np.int64]) -> NDArray[np.float32]:
     """(B, 6, RAYS) float32: origins and directions of blocks of rays in ray space."""
     rays = np.zeros((len(corners), 6, SIDE, SIDE), np.float32)
     first = 0 if camera.is_parallel else 3
-    for block, (x, y) in enumerate(corners):
-        columns, rows = camera.plane.columns(x + np.arange(SIDE), 0.5), camera.plane.rows(y + np.arange(SIDE), 0.5)
-        across, down = ray_grid(camera, columns, rows)
-        rays[block, first : first + 3] = across[:, None, :] + down[:, :, None]
+    x, y = ((corners[:, axis, None] + np.arange(SIDE)).ravel() for axis in (0, 1))
+    across, down = ray_grid(camera, camera.plane.columns(x, 0.5), camera.plane.rows(y, 0.5))
+    across, down = (one.reshape(3, len(corners), SIDE).transpose(1, 0, 2) for one in (across, down))
+    rays[:, first : first + 3] = across[:, :, None, :] + down[:, :, :, None]
     if camera.is_parallel:
         rays[:, 3:] = np.asarray(camera.axes[2], np.float32)[:, None, None]
     return rays.reshape(len(corners), 6, RAYS)
@@ -222,7 +223,9 @@ def _edges(depth: NDArray[np.float32]) -> float:
     height, width = (pixels - pixels % 4 for pixels in depth.shape)
     if not (height and width):
         return 0.0
-    tiles = depth[:height, :width].reshape(height // 4, 4, width // 4, 4)
-    near, far = tiles.min(axis=(1, 3)), tiles.max(axis=(1, 3))
+    rows = depth[:height, :width].reshape(height // 4, 4, width)  # rows first, as these are contiguous
+    low, high = rows.min(axis=1), rows.max(axis=1)
+    near = np.minimum.reduce([low[:, k::4] for k in range(4)])
+    far = np.maximum.reduce([high[:, k::4] for k in range(4)])
     with np.errstate(invalid="ignore"):
         return float(np.mean((far > near * (1 + BROKEN)) & np.isfinite(near)))

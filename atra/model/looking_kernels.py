@@ -24,33 +24,53 @@ _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 _BITS = (1 << np.arange(SIDE)).astype(np.int32)
 
 
-@njit
-def _bits(number):  # type: ignore[no-untyped-def]
-    number -= (number >> 1) & 0x5555
-    number = (number & 0x3333) + ((number >> 2) & 0x3333)
-    number = (number + (number >> 4)) & 0x0F0F
-    return (number + (number >> 8)) & 0x1F
+_ROWS_A_WORD = 4
+
+_SHIFT_ROW, _SHIFT_ROWS = np.uint64(SIDE), np.uint64(2 * SIDE)
 
 
 @njit
-def _packets_that_meet(masks, width, height):  # type: ignore[no-untyped-def]
-    """Packets of width x height rays of which at least one bit is set. masks: (SIDE,) int64, a bit a ray."""
-    if width == 1:
-        firsts = (1 << SIDE) - 1
-    elif width == 2:
-        firsts = 0x5555
-    elif width == 4:
-        firsts = 0x1111
-    else:
-        firsts = 0x0101 if width == 8 else 1
-    count = 0
-    for row in range(0, SIDE, height):
-        met = 0
-        for other in range(row, row + height):
-            met |= masks[other]
+def _bits(word):  # type: ignore[no-untyped-def]
+    word -= (word >> np.uint64(1)) & np.uint64(0x5555555555555555)
+    word = (word & np.uint64(0x3333333333333333)) + ((word >> np.uint64(2)) & np.uint64(0x3333333333333333))
+    word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
+    return np.int64((word * np.uint64(0x0101010101010101)) >> np.uint64(56))
+
+
+@njit
+def _pack(masks, words):  # type: ignore[no-untyped-def]
+    """Four rows of 16 bits to a word."""
+    for k in range(_ROWS_A_WORD):
+        words[k] = np.uint64(0)
+        for row in range(_ROWS_A_WORD):
+            words[k] |= np.uint64(masks[_ROWS_A_WORD * k + row]) << np.uint64(SIDE * row)
+
+
+@njit
+def _first_bits(width, height):  # type: ignore[no-untyped-def]
+    """A word with the first bit of each packet."""
+    word = np.uint64(0)
+    for row in range(0, _ROWS_A_WORD, min(height, _ROWS_A_WORD)):
+        for column in range(0, SIDE, width):
+            word |= np.uint64(1) << np.uint64(SIDE * row + column)
+    return word
+
+
+@njit
+def _packets_that_meet(words, width, height, firsts):  # type: ignore[no-untyped-def]
+    """Packets of width x height rays of which at least one bit is set. words: (4,) uint64, a bit a ray."""
+    count, together = 0, max(height // _ROWS_A_WORD, 1)
+    for first in range(0, _ROWS_A_WORD, together):
+        met = words[first]
+        for other in range(first + 1, first + together):
+            met |= words[other]
+        if height > 1:
+            met |= met >> _SHIFT_ROW
+        if height > 2:
+            met |= met >> _SHIFT_ROWS
         step = 1
         while step < width:
-            met |= met >> step
+            met |= met >> np.uint64(step)
             step *= 2
         count += _bits(met & firsts)
     return count
@@ -128,6 +148,11 @@ def count_along_rays(vertices, faces, draft, rays, ways, depths, shapes, boxes, 
     active, counts = np.empty((LEVELS + 1, blocks), np.int64), np.zeros(LEVELS + 1, np.int64)
     masks, front, hits, seen = (np.zeros((blocks, SIDE), np.int64), np.zeros((blocks, SIDE), np.int64),
                                 np.zeros(SIDE, np.int64), np.zeros(SIDE, np.int64))  # fmt: skip
+    all_words, front_words = np.empty((2, blocks, _ROWS_A_WORD), np.uint64)
+    hit_words, seen_words = np.empty((2, _ROWS_A_WORD), np.uint64)
+    firsts = np.empty(kinds, np.uint64)
+    for kind in range(kinds):
+        firsts[kind] = _first_bits(shapes[kind, 0], shapes[kind, 1])
     enters, leaves = np.empty(RAYS, np.float32), np.empty(RAYS, np.float32)
     for block in range(blocks):
         active[0, block] = block
@@ -149,10 +174,12 @@ def count_along_rays(vertices, faces, draft, rays, ways, depths, shapes, boxes, 
             if _enter(draft.boxes[node], ways[block], depths[block], enters, leaves, masks[block], front[block]):
                 active[level + 1, number] = block
                 number += 1
+                _pack(masks[block], all_words[block])
+                _pack(front[block], front_words[block])
                 for kind in range(kinds):
                     width, height = shapes[kind, 0], shapes[kind, 1]
-                    boxes[kind, 0, level] += _packets_that_meet(masks[block], width, height)
-                    boxes[kind, 1, level] += _packets_that_meet(front[block], width, height)
+                    boxes[kind, 0, level] += _packets_that_meet(all_words[block], width, height, firsts[kind])
+                    boxes[kind, 1, level] += _packets_that_meet(front_words[block], width, height, firsts[kind])
         counts[level + 1] = number
         if number == 0:
             continue
@@ -167,15 +194,18 @@ def count_along_rays(vertices, faces, draft, rays, ways, depths, shapes, boxes, 
             block = active[level + 1, k]
             for kind in range(kinds):
                 width, height = shapes[kind, 0], shapes[kind, 1]
-                tested[kind, 0] += (end - start) * _packets_that_meet(masks[block], width, height)
-                tested[kind, 1] += (end - start) * _packets_that_meet(front[block], width, height)
+                count = end - start
+                tested[kind, 0] += count * _packets_that_meet(all_words[block], width, height, firsts[kind])
+                tested[kind, 1] += count * _packets_that_meet(front_words[block], width, height, firsts[kind])
             for place in range(start, end):
                 face = faces[draft.order[place]]
                 _hit(
                     vertices[face[0]], vertices[face[1]], vertices[face[2]], rays[block], depths[block], masks[block],
                     hits, seen,
                 )  # fmt: skip
+                _pack(hits, hit_words)
+                _pack(seen, seen_words)
                 for kind in range(kinds):
                     width, height = shapes[kind, 0], shapes[kind, 1]
-                    met[kind, 0] += _packets_that_meet(hits, width, height)
-                    met[kind, 1] += _packets_that_meet(seen, width, height)
+                    met[kind, 0] += _packets_that_meet(hit_words, width, height, firsts[kind])
+                    met[kind, 1] += _packets_that_meet(seen_words, width, height, firsts[kind])

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
 
@@ -78,12 +79,9 @@ def finish_split_axes(axis: Axes, splits: Iterable[int], axis_name: str, quantit
         axis.set_ylim(low / 1.25, high * 1.1)
         axis.set_yticks(_ticks(*axis.get_ylim()))
     else:
-        axis.set_yticks([])
         say_nothing_measured(axis)
-    axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
-    axis.set_xlabel(_SPLITS[axis_name])
-    axis.set_ylabel(quantity)
-    tidy_axis(axis)
+    write_plainly(axis.yaxis)
+    label_axes(axis, _SPLITS[axis_name], quantity)
 
 
 def place_counts(axis: Axes, counts: Iterable[int], margin: float) -> list[int]:
@@ -124,7 +122,21 @@ def tidy_axis(
         spine.set_visible(side in frame)
 
 
+def label_axes(axis: Axes, abscissa: str, ordinate: str) -> None:
+    """Both quantities, and a light grid."""
+    axis.set_xlabel(abscissa)
+    axis.set_ylabel(ordinate)
+    tidy_axis(axis)
+
+
+def write_plainly(axis: Axis) -> None:
+    """Numbers of a logarithmic axis without powers of ten."""
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
+
+
 def say_nothing_measured(axis: Axes) -> None:
+    """In words, in the middle of a panel without data, which has no ordinates."""
+    axis.set_yticks([])
     axis.text(0.5, 0.5, "nothing measured", transform=axis.transAxes, ha="center", va="center", color=GREY)
 
 

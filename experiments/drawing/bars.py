@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import isfinite
 
@@ -30,8 +30,12 @@ def panel_height(bars: int) -> float:
     return 1.3 + 0.42 * max(bars, 2)
 
 
-def draw_bars(axis: Axes, bars: Sequence[Bar]) -> None:
-    """Horizontal bars from the top down with whiskers over their intervals; one without a value is its text."""
+def draw_bars(axis: Axes, bars: Sequence[Bar], quantity: str, draw_lines: Callable[[], float] = lambda: 0.0) -> None:
+    """Horizontal bars from zero, from the top down, with whiskers over their intervals; one without a value is its
+    text.
+
+    quantity: along the abscissa. draw_lines: draws upright lines, and returns where the farthest of them ends.
+    """
     for place, bar in enumerate(bars):
         shown = isfinite(bar.value) and bar.value > 0
         if shown:
@@ -39,8 +43,16 @@ def draw_bars(axis: Axes, bars: Sequence[Bar]) -> None:
             axis.barh(place + 0.2, bar.value, height=0.36, color=bar.color, alpha=alpha, zorder=2, label=bar.label)
             axis.plot([bar.low, bar.high], [place + 0.2] * 2, color=BLACK, linewidth=1.1, zorder=3, label="_bars")
         _write_bar(axis, place, bar.label, bar.text, BLACK if shown else GREY)
+    ends = [end for bar in bars for end in (bar.value, bar.high) if isfinite(end)]
+    _finish(axis, len(bars), max([*ends, draw_lines()]), quantity)
+
+
+def _finish(axis: Axes, bars: int, longest: float, quantity: str) -> None:
     axis.set_yticks([])
-    axis.set_ylim(max(len(bars), 1) - 0.5, -0.5)
+    axis.set_ylim(max(bars, 1) - 0.5, -0.5)
+    axis.set_xlim(0, 1.04 * longest or 1)
+    axis.set_xlabel(quantity)
+    tidy_axis(axis, "x", frame=("bottom",))
 
 
 def _write_bar(axis: Axes, place: int, label: str, text: str, color: str) -> None:
@@ -53,14 +65,6 @@ def _write_bar(axis: Axes, place: int, label: str, text: str, color: str) -> Non
         )  # fmt: skip
 
 
-def finish_bar_axes(axis: Axes, bars: Sequence[Bar], quantity: str, furthest: float = 0.0) -> None:
-    """Abscissa from zero with room for the longest bar and for a line at `furthest`."""
-    ends = [end for bar in bars for end in (bar.value, bar.high) if isfinite(end)]
-    axis.set_xlim(0, 1.04 * max([*ends, furthest]) or 1)
-    axis.set_xlabel(quantity)
-    tidy_axis(axis, "x", frame=("bottom",))
-
-
 @dataclass(frozen=True)
 class Stack:
     """A bar of parts, one after the other in units of the axis, NaN where there is none. text: beside the label."""
@@ -70,7 +74,7 @@ class Stack:
     text: str
 
 
-def draw_stacks(axis: Axes, stacks: Sequence[Stack], names: Sequence[str]) -> None:
+def draw_stacks(axis: Axes, stacks: Sequence[Stack], names: Sequence[str], quantity: str) -> None:
     """Horizontal stacked bars from the top down, from zero; names: of their parts, for a legend."""
     longest = 0.0
     for place, stack in enumerate(stacks):
@@ -84,6 +88,4 @@ def draw_stacks(axis: Axes, stacks: Sequence[Stack], names: Sequence[str]) -> No
                 end += part
         longest = max(longest, end)
         _write_bar(axis, place, stack.label, stack.text, BLACK)
-    axis.set_yticks([])
-    axis.set_ylim(max(len(stacks), 1) - 0.5, -0.5)
-    axis.set_xlim(0, 1.04 * longest or 1)
+    _finish(axis, len(stacks), longest, quantity)

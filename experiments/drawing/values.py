@@ -25,9 +25,15 @@ def only_measured(table: pd.DataFrame, values: NDArray[np.float64]) -> NDArray[n
     return np.where(table["status"].eq("ok").fillna(False).to_numpy(bool), values, np.nan)
 
 
-def interval_ms(table: pd.DataFrame, stem: str) -> tuple[NDArray[np.float64], ...]:
-    """A time and the ends of its interval as milliseconds."""
-    return tuple(numbers(table, f"{stem}{end}_s") * MILLISECONDS for end in ("", "_low", "_high"))
+def interval(table: pd.DataFrame, name: str, factor: float = 1.0) -> tuple[NDArray[np.float64], ...]:
+    """A quantity and the ends of its interval. name: of the columns, with {} before the unit, "render_time{}_s"."""
+    return tuple(numbers(table, name.format(end)) * factor for end in ("", "_low", "_high"))
+
+
+def row_interval(row: pd.Series, name: str, factor: float = 1.0) -> tuple[float, float, float]:
+    """The same of one row."""
+    value, low, high = (float(one[0]) for one in interval(row.to_frame().T, name, factor))
+    return value, low, high
 
 
 def varies(table: pd.DataFrame, name: str) -> bool:

@@ -10,12 +10,14 @@ from __future__ import annotations
 
 from argparse import ArgumentParser
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.colors import TwoSlopeNorm
+from matplotlib.transforms import Bbox
 
 import atra
 from atra.model.choice import Choice
@@ -82,13 +84,6 @@ def draw_map(points: pd.DataFrame, path: Path) -> None:
         points["before"], points["below"] + points["met"], c=np.log2(points["gain"]), cmap="RdBu",
         norm=TwoSlopeNorm(0.0, -limit, limit), s=70, edgecolors=BLACK, linewidths=0.7, zorder=3,
     )  # fmt: skip
-    for one in points.itertuples():
-        own = one.view == "own"
-        axis.annotate(
-            one.scene.replace("_", " ") + ("" if own else f", {one.view}"), (one.before, one.below + one.met),
-            xytext=(6, 3), textcoords="offset points", fontsize=7.5,
-            fontweight="bold" if one.scene in PAPER and own else "normal", color=BLACK if own else GREY,
-        )  # fmt: skip
     axis.set_xscale("log")
     axis.set_yscale("log")
     axis.set_xlabel("work of a packet per pixel: boxes entered up to what it sees")
@@ -98,7 +93,38 @@ def draw_map(points: pd.DataFrame, path: Path) -> None:
     ticks = ticks[np.abs(np.log2(ticks)) <= limit]
     bar.set_ticks(np.log2(ticks), labels=[f"{one:g}" for one in ticks])
     bar.set_label("best aligned packets, times as fast as packets per pixel, measured")
+    figure.tight_layout()
+    _label(axis, points)
     _save(figure, path)
+
+
+def _label(axis: Axes, points: pd.DataFrame) -> None:
+    """Name every view at the nearest place around its point that no other label or point takes."""
+    dots = axis.transData.transform(np.stack([points["before"], points["below"] + points["met"]], axis=1))
+    taken = [Bbox.from_extents(x - 6, y - 6, x + 6, y + 6) for x, y in dots]
+    around = [(r * np.cos(turn), r * np.sin(turn)) for r in range(9, 160, 6) for turn in np.arange(0, 2 * np.pi, 0.26)]
+    to_points = 72.0 / axis.figure.dpi
+    for (x, y), one in zip(dots, points.itertuples(), strict=True):
+        own = one.view == "own"
+        words = str(one.scene).replace("_", " ") + ("" if own else f", {one.view}")
+        style: dict[str, Any] = {"fontsize": 7.5, "color": BLACK if own else GREY,
+                 "fontweight": "bold" if one.scene in PAPER and own else "normal"}  # fmt: skip
+        measured = axis.text(one.before, one.below + one.met, words, **style)
+        size = measured.get_window_extent()
+        measured.remove()
+        for right, up in around:
+            left, low = x + right - size.width * (right < 0), y + up - size.height / 2
+            box = Bbox.from_bounds(left - 1, low - 1, size.width + 2, size.height + 2)
+            inside = axis.bbox.contains(box.x0, box.y0) and axis.bbox.contains(box.x1, box.y1)
+            if inside and not any(box.overlaps(other) for other in taken):
+                axis.annotate(
+                    words, (one.before, one.below + one.met), textcoords="offset points",
+                    xytext=((left - x) * to_points, (low - y) * to_points),
+                    arrowprops={"arrowstyle": "-", "linewidth": 0.4, "color": GREY, "shrinkA": 0, "shrinkB": 4,
+                                "relpos": (float(right < 0), 0.5)}, **style,
+                )  # fmt: skip
+                taken.append(box)
+                break
 
 
 def figure5_points(measured: Path, paper: Path) -> pd.DataFrame:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import pandas as pd
 
@@ -41,6 +41,8 @@ USED_COLUMNS: tuple[str, ...] = (
     "baseline_depth_error_max", "point_id",
 )  # fmt: skip
 
+
+T = TypeVar("T")
 
 Row = Mapping[str, Any]
 """One row of the table; a missing value is None."""
@@ -144,14 +146,27 @@ class SceneRows:
 
         options: those of `speedups`.
         """
-        found: dict[int, Sample] = {}
-        missing: dict[int, str] = {}
-        for split in SPLITS:
-            try:
-                found[split] = self.speedups((split, 1), **options)
-            except NotMeasuredError as error:
-                missing[split] = str(error)
-        return found, missing
+        return measured_at(SPLITS, lambda split: self.speedups((split, 1), **options))
+
+
+def measured_at(splits: Sequence[int], read: Callable[[int], T]) -> tuple[dict[int, T], dict[int, str]]:
+    """What is read at each number of splits, and why it was not measured at the others."""
+    found: dict[int, T] = {}
+    missing: dict[int, str] = {}
+    for split in splits:
+        try:
+            found[split] = read(split)
+        except NotMeasuredError as error:
+            missing[split] = str(error)
+    return found, missing
+
+
+def measured_at_some(splits: Sequence[int], read: Callable[[int], T]) -> dict[int, T]:
+    """The same; raises NotMeasuredError, with the first reason, where nothing was measured."""
+    found, missing = measured_at(splits, read)
+    if not found:
+        raise NotMeasuredError(next(iter(missing.values())))
+    return found
 
 
 def estimate(sample: Sample) -> Estimate:

@@ -12,6 +12,8 @@ from experiments.paper.evidence import (
     Row,
     SceneRows,
     estimate,
+    measured_at,
+    measured_at_some,
     read_number,
 )
 from experiments.paper.judging import SceneJudge
@@ -98,29 +100,25 @@ def memory_little_affected(most_splits: int) -> SceneJudge:
         worst = max(embree, key=lambda splits: embree[splits])
         process = f"process {_growth(start)} to {_growth(_memory(scene, most_splits))} at {most_splits}"
         value = f"{embree[worst]:.2f} at {worst} splits; {process}"
-        too_much = [
-            f"{ratio:.2f} times at {splits} splits" for splits, ratio in embree.items() if ratio > LITTLE_EFFECT
-        ]
-        return Outcome(not too_much, value, None, too_much[0] if too_much else None)
+        return _counted(
+            value,
+            [f"{ratio:.2f} times at {splits} splits" for splits, ratio in embree.items() if ratio > LITTLE_EFFECT],
+        )
 
     return judge
 
 
 def culling_saves_memory(scene: SceneRows) -> Outcome:
     """Embree's bytes of frames with culling over those without, at every split from 2 on measured of both."""
-    ratios, reason = {}, ""
-    for splits in SPLITS[1:]:
-        try:
-            on, off = (_embree(scene.row(FRAME.name, (splits, 1), culling=c, packet_width=1)) for c in (True, False))
-        except NotMeasuredError as error:
-            reason = reason or str(error)
-        else:
-            ratios[splits] = on / off
-    if not ratios:
-        raise NotMeasuredError(reason)
+
+    def on_over_off(splits: int) -> float:
+        on, off = (_embree(scene.row(FRAME.name, (splits, 1), culling=c, packet_width=1)) for c in (True, False))
+        return on / off
+
+    ratios = measured_at_some(SPLITS[1:], on_over_off)
     most = max(ratios)
     more = [f"{ratio:.2f} times the bytes at {splits} splits" for splits, ratio in ratios.items() if ratio >= 1]
-    return Outcome(not more, f"{ratios[most]:.2g} at {most:,} splits", None, more[0] if more else None)
+    return _counted(f"{ratios[most]:.2g} at {most:,} splits", more)
 
 
 def any_divisor_works(scene: SceneRows) -> Outcome:
@@ -130,7 +128,7 @@ def any_divisor_works(scene: SceneRows) -> Outcome:
         rows = scene.processes(FRAME.name, (splits, 1), culling=True, packet_width=1)
         wrong[splits] = max(int(read_number(row, "pixels_wrong")) for row in rows)
     bad = [f"{count:,} pixels wrong at {splits} splits" for splits, count in wrong.items() if count]
-    return Outcome(not bad, f"{sum(wrong.values())} wrong at 1 to {SPLITS[-1]:,} splits", None, bad[0] if bad else None)
+    return _counted(f"{sum(wrong.values())} wrong at 1 to {SPLITS[-1]:,} splits", bad)
 
 
 def instancing_lowers_memory(culling: bool) -> SceneJudge:
@@ -140,25 +138,17 @@ def instancing_lowers_memory(culling: bool) -> SceneJudge:
     """
 
     def judge(scene: SceneRows) -> Outcome:
-        bytes_ratios: dict[int, float] = {}
-        speed_ratios: list[Estimate] = []
-        reason = ""
-        for splits in SPLITS[1:]:
-            try:
-                instanced = _embree(_memory(scene, splits, culling=False, geometry="instanced"))
-                bytes_ratios[splits] = instanced / _embree(_memory(scene, splits, culling=culling))
-            except NotMeasuredError as error:
-                reason = reason or str(error)
-            with suppress(NotMeasuredError):
-                speed_ratios.append(
-                    _speed(scene, splits, culling=culling).over(
-                        _speed(scene, splits, culling=False, geometry="instanced")
-                    )
-                )
-        if not bytes_ratios:
-            raise NotMeasuredError(reason)
+        def of_bytes(splits: int) -> float:
+            instanced = _embree(_memory(scene, splits, culling=False, geometry="instanced"))
+            return instanced / _embree(_memory(scene, splits, culling=culling))
+
+        def of_speed(splits: int) -> Estimate:
+            instanced = _speed(scene, splits, culling=False, geometry="instanced")
+            return _speed(scene, splits, culling=culling).over(instanced)
+
+        bytes_ratios, (speed_ratios, _) = measured_at_some(SPLITS[1:], of_bytes), measured_at(SPLITS[1:], of_speed)
         most = max(bytes_ratios)
-        cost = geometric_mean(speed_ratios) if speed_ratios else None
+        cost = geometric_mean(list(speed_ratios.values())) if speed_ratios else None
         price = "frame time not measured" if cost is None else f"frame time x {cost.value:.2f}, mean over splits"
         value = f"bytes x {bytes_ratios[most]:.3g} at {most:,} splits, {price}"
         more = [f"bytes x {ratio:.3g} at {splits:,} splits" for splits, ratio in bytes_ratios.items() if ratio >= 1]
@@ -184,16 +174,17 @@ def image_without_error(scene: SceneRows) -> Outcome:
     return Outcome(False, value, None, f"{wrong:,} wrong pixels in {wrong_in:,} of {len(images):,} images")
 
 
-def _up_to(most_splits: int) -> list[int]:
-    return [splits for splits in SPLITS if 1 < splits <= most_splits]
+def _counted(value: str, against: list[str]) -> Outcome:
+    """What is counted holds where nothing speaks against it; the first that does is told."""
+    return Outcome(not against, value, None, against[0] if against else None)
 
 
 def _is_measured(scene: SceneRows, splits: int) -> bool:
-    try:
-        _build(scene, splits)
-    except NotMeasuredError:
-        return False
-    return True
+    return bool(measured_at([splits], lambda one: _build(scene, one))[0])
+
+
+def _up_to(most_splits: int) -> list[int]:
+    return [splits for splits in SPLITS if 1 < splits <= most_splits]
 
 
 def _build(scene: SceneRows, splits: int, column: str = "build_over_plain") -> Estimate:

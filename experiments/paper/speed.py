@@ -12,6 +12,8 @@ from experiments.paper.evidence import (
     SceneRows,
     best,
     estimate,
+    measured_at,
+    measured_at_some,
     read_number,
 )
 from experiments.paper.readings import NEAREST, Reading, best_gain, over_start
@@ -82,18 +84,14 @@ def horizontal_slightly_better(scene: SceneRows) -> Outcome:
 
 def culling_accelerates(scene: SceneRows, workload: str = FRAME.name) -> Outcome:
     """Culling on over culling off, at every number of horizontal splits from 2 on that was measured of both."""
-    ratios, reason = {}, ""
-    for splits in SPLITS[1:]:
-        try:
-            with_it, without = (
-                estimate(scene.speedups((splits, 1), culling=culling, workload=workload)) for culling in (True, False)
-            )
-        except NotMeasuredError as error:
-            reason = reason or str(error)
-            continue
-        ratios[splits] = with_it.over(without)
-    if not ratios:
-        raise NotMeasuredError(reason)
+
+    def gain(splits: int) -> Estimate:
+        with_it, without = (
+            estimate(scene.speedups((splits, 1), culling=culling, workload=workload)) for culling in (True, False)
+        )
+        return with_it.over(without)
+
+    ratios = measured_at_some(SPLITS[1:], gain)
     mean = geometric_mean(list(ratios.values()))
     return _gain(mean, _spell(mean, ratios), f"with culling {mean} times as fast")
 
@@ -217,22 +215,19 @@ def larger_scenes_gain_less(scenes: Mapping[str, SceneRows], reading: Reading) -
 
 def time_follows_cost_model(scene: SceneRows, workload: str = FRAME.name) -> Outcome:
     """The exponent of time over log(N_p) N_r on the single-ray points without culling (paper, section 3.2)."""
-    model, time, missing = [], [], []
-    for splits in SPLITS:
-        try:
-            speedup = estimate(scene.speedups((splits, 1), culling=False, workload=workload))
-            row = scene.row(workload, (splits, 1), culling=False, packet_width=1)
-            triangles = read_number(row, "triangles_traced")
-            rays = read_number(row, "width") * read_number(row, "height") / splits
-        except NotMeasuredError as error:
-            missing.append(str(error))
-            continue
-        model.append(math.log(triangles) * rays)
-        time.append(1 / speedup.value)
-    if len(time) < FEWEST_FITTED:
-        raise NotMeasuredError(f"{len(time)} points, {FEWEST_FITTED} are needed; {missing[0]}")
+
+    def model_and_time(splits: int) -> tuple[float, float]:
+        speedup = estimate(scene.speedups((splits, 1), culling=False, workload=workload))
+        row = scene.row(workload, (splits, 1), culling=False, packet_width=1)
+        rays = read_number(row, "width") * read_number(row, "height") / splits
+        return math.log(read_number(row, "triangles_traced")) * rays, 1 / speedup.value
+
+    found, missing = measured_at(SPLITS, model_and_time)
+    if len(found) < FEWEST_FITTED:
+        raise NotMeasuredError(f"{len(found)} points, {FEWEST_FITTED} are needed; {next(iter(missing.values()))}")
+    model, time = zip(*found.values(), strict=True)
     fit = fit_exponent(model, time)
-    value = f"exponent {fit.exponent.value:.2f}, R2 {fit.r_squared:.2f}, {len(time)} points"
+    value = f"exponent {fit.exponent.value:.2f}, R2 {fit.r_squared:.2f}, {len(found)} points"
     state = MODEL_EXPONENT.decide(fit.exponent)
     if state is False:
         below = "below 1: however few the rays, they must find the hits of all cells"

@@ -14,11 +14,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from experiments.drawing.axes import draw_baseline, draw_series, finish_split_axes
-from experiments.drawing.bars import Bar, draw_bars, finish_bar_axes
+from experiments.drawing.bars import Bar
 from experiments.drawing.missing import Missing, absent_points, mark_missing, without_value
-from experiments.drawing.pages import write_lines, write_notes
+from experiments.drawing.pages import write_lines
 from experiments.drawing.style import DASH_DOTTED, GREY, TIMES
-from experiments.drawing.values import MILLISECONDS, column, drawable, interval_ms, numbers, only_measured, say_number
+from experiments.drawing.values import MILLISECONDS, column, drawable, interval, numbers, only_measured, say_number
 from experiments.methods import METHODS
 from experiments.methods.naming import (
     COPIED_OFF,
@@ -32,7 +32,7 @@ from experiments.methods.naming import (
 from experiments.methods.pixel import PIXEL
 from experiments.workloads import series
 from experiments.workloads.baselines import TIME_BASELINES
-from experiments.workloads.panels import bars_height, make_panels, panels_figure
+from experiments.workloads.panels import Bars, Panel, bars_figure, make_panels, panels_figure
 
 ALL_HITS = f"1 {TIMES} 1, culling off: all hits"
 """The paper's other possible baseline: the method with nothing to align."""
@@ -46,9 +46,6 @@ _RING: dict[str, Any] = {
     "markersize": 13, "markerfacecolor": "none", "markeredgewidth": 1.8, "zorder": 4, "label": "_best",
 }  # fmt: skip
 """Marks the best split; its numbers stand below the panel, where they hide no line."""
-
-Drawn = Callable[[pd.DataFrame], tuple[NDArray[np.float64], ...]]
-"""Rows -> the values that are drawn and both ends of their intervals, (N,) float64 each, NaN where missing."""
 
 
 def draw_split_times(table: pd.DataFrame, columns: int = 2, axis_name: str = "split_x") -> Figure:
@@ -77,10 +74,8 @@ def draw_times(axis: Axes, rows: pd.DataFrame, axis_name: str) -> None:
     """Milliseconds a frame of one panel's aligned rows, each form of the geometry a line, with the baselines."""
     for label, (name, style) in TIME_BASELINES.items():
         draw_baseline(axis, numbers(rows, name) * MILLISECONDS, style, label)
-    _draw_forms(
-        axis, rows, axis_name, lambda points: interval_ms(points, "render_time"),
-        lambda best: _say_best_time(best, axis_name), _unmeasured_baselines(rows),
-    )  # fmt: skip
+    say_best = partial(_say_best_time, axis_name=axis_name)
+    _draw_forms(axis, rows, axis_name, ("render_time{}_s", MILLISECONDS), say_best, _unmeasured_baselines(rows))
     finish_split_axes(axis, rows[axis_name], axis_name, "time of a frame in ms")
 
 
@@ -95,10 +90,8 @@ def draw_ratios(axis: Axes, rows: pd.DataFrame, axis_name: str) -> None:
         over = "".join(f"; over all hits {best[ratio] / height:.2f}{TIMES}" for height in start)
         return f"{_say_best_time(best, axis_name)}, {best[ratio]:.2f}{TIMES}{over}"
 
-    _draw_forms(
-        axis, rows, axis_name, lambda points: tuple(numbers(points, f"{ratio}{end}") for end in ("", "_low", "_high")),
-        say_best, [*([] if len(start) else [f"{ALL_HITS}: not measured"]), *_unmeasured_baselines(rows)],
-    )  # fmt: skip
+    notes = [*([] if len(start) else [f"{ALL_HITS}: not measured"]), *_unmeasured_baselines(rows)]
+    _draw_forms(axis, rows, axis_name, (ratio + "{}", 1.0), say_best, notes)
     finish_split_axes(axis, rows[axis_name], axis_name, f"speed-up over {series.say_baseline(ratio)}")
 
 
@@ -123,17 +116,20 @@ def _unmeasured_baselines(rows: pd.DataFrame) -> list[str]:
 
 
 def _draw_forms(
-    axis: Axes, rows: pd.DataFrame, axis_name: str, read: Drawn, say_best: Callable[[pd.Series], str],
+    axis: Axes, rows: pd.DataFrame, axis_name: str, drawn: tuple[str, float], say_best: Callable[[pd.Series], str],
     notes: Sequence[str],
 ) -> None:  # fmt: skip
-    """A line for each form, a ring around its best split, and below the panel what is best and what is missing."""
+    """A line for each form, a ring around its best split, and below the panel what is best and what is missing.
+
+    drawn: the columns and the factor of `interval`.
+    """
     missing: list[Missing] = []
     lines = []
     forms = aligned_forms(rows)
     for form, points in forms.items():
         style, short = FORM_STYLES[form], form.removeprefix("aligned, ")
-        value, *interval = (only_measured(points, values) for values in read(points))
-        draw_series(axis, numbers(points, axis_name), value, style, interval, form)
+        value, *ends = (only_measured(points, values) for values in interval(points, *drawn))
+        draw_series(axis, numbers(points, axis_name), value, style, ends, form)
         missing += without_value(points, value, axis_name, short, style["color"])
         missing += absent_points(points, set(rows[axis_name].dropna()), axis_name, short, style["color"])
         # A single one is no choice.
@@ -153,13 +149,11 @@ def draw_methods_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     """
     rows = table[table["method"].isin([method.name for method in METHODS if method.is_ours])]
     panels = make_panels(rows, (*best_of(), "packet_width"))
-    return panels_figure(
-        panels, _draw_panel, columns, rows, "right of a label: time of a frame, packets / method and its interval",
-        legend=list(TIME_BASELINES), height=bars_height(panels, series.count_series),
-    )  # fmt: skip
+    foot = "right of a label: time of a frame, packets / method and its interval"
+    return over_packets_figure(panels, _methods, columns, rows, foot, count=series.count_series)
 
 
-def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
+def _methods(rows: pd.DataFrame) -> Bars:
     bars, notes = [], []
     lines = {1, None, *column(rows, "packets_width").dropna()}
     for one in series.best_points(rows):
@@ -168,7 +162,7 @@ def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
         else:
             notes += one.notes()
             bars.append(ratio_bar(one, faint=one.packet_width == 1) if len(one.best) else _without_value(one))
-    draw_ratio_bars(axis, rows, bars, notes)
+    return bars, notes
 
 
 def _without_value(one: series.BestPoint) -> Bar:
@@ -180,13 +174,17 @@ def ratio_bar(one: series.BestPoint, faint: bool = False) -> Bar:
     """The ratio over packets of a series that has a best point."""
     row = one.best.iloc[0]
     text = f"{say_number(row['render_time_s'] * MILLISECONDS)} ms, {series.say_ratio(row)}"
-    value, low, high = (float(numbers(one.best, f"{series.OVER_PACKETS}{end}")[0]) for end in ("", "_low", "_high"))
+    value, low, high = (float(end[0]) for end in interval(one.best, series.OVER_PACKETS + "{}"))
     return Bar(one.label, value, low, high, one.color, text, faint)
 
 
-def draw_ratio_bars(axis: Axes, rows: pd.DataFrame, bars: Sequence[Bar], notes: Sequence[str]) -> None:
-    """A panel of ratios over packets, with lines where both baselines of its rows lie, and notes below."""
-    draw_bars(axis, bars)
-    furthest = series.draw_ratio_baselines(axis, rows, series.OVER_PACKETS, upright=True)
-    finish_bar_axes(axis, bars, f"speed-up over {series.say_baseline(series.OVER_PACKETS)}", furthest)
-    write_notes(axis, notes)
+def over_packets_figure(
+    panels: Sequence[Panel], read: Callable[[pd.DataFrame], Bars], columns: int, rows: pd.DataFrame, *foot: str,
+    count: Callable[[pd.DataFrame], int],
+) -> Figure:  # fmt: skip
+    """`bars_figure` of ratios over packets, with lines where both baselines of a panel's rows lie."""
+    return bars_figure(
+        panels, read, f"speed-up over {series.say_baseline(series.OVER_PACKETS)}", columns, rows, *foot,
+        draw_lines=partial(series.draw_ratio_baselines, ratio=series.OVER_PACKETS, upright=True),
+        legend=list(TIME_BASELINES), count=count,
+    )  # fmt: skip

@@ -9,9 +9,10 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.drawing.bars import panel_height
+from experiments.drawing.bars import Bar, draw_bars, panel_height
 from experiments.drawing.figure import FigureKind, of_table
-from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot
+from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot, write_notes
+from experiments.drawing.style import BLACK
 from experiments.drawing.values import column, varies
 from experiments.harness.point import Workload
 from experiments.results.settings import say_setting, settings_that_vary
@@ -60,9 +61,19 @@ def make_panels(table: pd.DataFrame, shown: Collection[str]) -> list[Panel]:
     return panels
 
 
-def bars_height(panels: Sequence[Panel], count: Callable[[pd.DataFrame], int]) -> float:
+def bars_height(panels: Sequence[Panel], count: Callable[[pd.DataFrame], int] = len) -> float:
     """Inches that suit the panel with the most bars. count: rows -> bars."""
     return panel_height(max((count(panel.rows) for panel in panels), default=0))
+
+
+Bars = tuple[Sequence[Bar], Sequence[str]]
+"""What a panel of bars shows: bars from the top down, and lines of text below them."""
+
+
+def draw_one(axis: Axes, rows: pd.DataFrame) -> float:
+    """A line where a ratio is 1; returns 1."""
+    axis.axvline(1.0, color=BLACK, linewidth=1.0, zorder=1)
+    return 1.0
 
 
 def draw_panels(
@@ -86,6 +97,24 @@ def panels_figure(
         add_legend(figure, axes, legend)
     write_foot(figure, rows, *foot, mark=mark)
     return figure
+
+
+def bars_figure(
+    panels: Sequence[Panel], read: Callable[[pd.DataFrame], Bars], quantity: str, columns: int, rows: pd.DataFrame,
+    *foot: str, draw_lines: Callable[[Axes, pd.DataFrame], float] = lambda axis, rows: 0.0,
+    legend: Sequence[str] | None = None, count: Callable[[pd.DataFrame], int] = len,
+) -> Figure:  # fmt: skip
+    """`panels_figure` of bars. read: a panel's rows -> what it shows. quantity: along the abscissa.
+
+    draw_lines: draws upright lines into a panel, and returns where the farthest of them ends. count: rows -> bars.
+    """
+
+    def draw(axis: Axes, of_panel: pd.DataFrame) -> None:
+        bars, notes = read(of_panel)
+        draw_bars(axis, bars, quantity, lambda: draw_lines(axis, of_panel))
+        write_notes(axis, notes)
+
+    return panels_figure(panels, draw, columns, rows, *foot, legend=legend, height=bars_height(panels, count))
 
 
 def workload_figure(

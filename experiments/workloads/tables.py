@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import pandas as pd
 from rich import box
@@ -79,14 +79,26 @@ def best_split_table(rows: pd.DataFrame, unlike: str) -> Table:
     return table
 
 
-def points_table(title: str, rows: pd.DataFrame, columns: Mapping[str, tuple[str, str]]) -> Table:
+Cell = Callable[[pd.Series], str]
+"""A row -> what stands in one of its cells."""
+
+
+def cell(name: str, form: str = "{:.2f}x", factor: float = 1.0) -> Cell:
+    """The number in a column of the table times a factor, in a format; a missing one stays blank."""
+    return lambda row: "" if pd.isna(row[name]) else form.format(row[name] if factor == 1.0 else row[name] * factor)
+
+
+def points_table(
+    title: str, rows: pd.DataFrame, columns: Mapping[str, Cell], first: str = "point",
+    words: Callable[[pd.Series], Sequence[object]] = lambda row: (), shown: Sequence[str] = (),
+) -> Table:  # fmt: skip
     """A line for every point: what tells it apart, and some of its numbers.
 
-    columns: heading -> the column of `rows` and the format of its numbers; a missing one stays blank.
+    columns: heading -> its cells. words: of a row, after its scene. shown: settings that words or columns tell.
     """
-    table = narrow_table(title, "point", list(columns))
-    varying = settings_that_vary(rows)
+    table = narrow_table(title, first, list(columns))
+    varying = settings_that_vary(rows, shown)
     for _, row in rows.iterrows():
-        numbers = [form.format(row[name]) if pd.notna(row[name]) else "" for name, form in columns.values()]
-        table.add_row(plain(row["scene"], *varying_words(row, varying)), *numbers)
+        name = plain(row["scene"], *words(row), *varying_words(row, varying))
+        table.add_row(name, *(say(row) for say in columns.values()))
     return table

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping
 from time import perf_counter
 from typing import Any, ClassVar, Protocol
 
@@ -14,9 +13,8 @@ from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
-from atra.tracing.budgets import check_image_memory
-from atra.tracing.lifetime import TracerLifetime
 from experiments.harness.method import Tracing
+from experiments.methods.one_view import OneViewTracer
 from experiments.methods.outside.guards import ClockGuard, ThreadGuard, checked_images, mesh_digest
 
 _PIXEL_CENTRE = (0.5, 0.5)
@@ -45,7 +43,7 @@ class ForeignMethod(Protocol):
     def close(self) -> None: ...
 
 
-class OutsideTracer(TracerLifetime[Hits]):
+class OutsideTracer(OneViewTracer):
     """A foreign method as a tracer. Nothing of it runs before `build`, so planning a sweep meets none of its faults.
 
     frame_time_s: seconds of the last frame, without the checks of what it returned. packet_width, embree_bytes: 0, as
@@ -61,30 +59,6 @@ class OutsideTracer(TracerLifetime[Hits]):
         self._own: Any = None
         self.frame_time_s = 0.0
         self._show(mesh, camera)
-
-    def _show(self, mesh: Mesh, camera: View) -> None:
-        check_image_memory(camera.height, camera.width)
-        self.mesh, self.camera = mesh, camera
-
-    @property
-    def triangle_count(self) -> int:
-        """Triangles of the mesh."""
-        return self.mesh.triangle_count
-
-    @property
-    def embree_bytes(self) -> int:
-        """0: nobody tells."""
-        return 0
-
-    @property
-    def counters(self) -> Mapping[str, float]:
-        """Triangles traced; see `atra.Tracer`."""
-        return {"triangles_traced": self.triangle_count}
-
-    @property
-    def views(self) -> tuple[tuple[Mesh, View], ...]:
-        """The one mesh and camera."""
-        return ((self.mesh, self.camera),)
 
     def _plan(self) -> float:
         return 0.0

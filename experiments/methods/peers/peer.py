@@ -25,20 +25,19 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import from_eye_space
 from atra.geometry.view import View, check_offset
 from atra.hits import Hits
-from atra.tracing.budgets import check_image_memory
-from atra.tracing.lifetime import TracerLifetime
 from atra.tracing.rays import image_ray_grid
 from experiments.drawing.style import PURPLE
 from experiments.harness.environment import package_version
 from experiments.harness.method import Method, Style, Tracing, always_available
 from experiments.harness.options import NoOptions
+from experiments.methods.one_view import OneViewTracer
 from experiments.methods.peers.availability import package_problem
 from experiments.methods.peers.questions import Answering, Question
 
 _PIXEL_CENTRE = (0.5, 0.5)
 
 
-class PeerTracer(TracerLifetime[Hits]):
+class PeerTracer(OneViewTracer):
     """A foreign tracer that offers what `atra.Tracer` asks for.
 
     `build` makes the rays through the pixel centres, hands over the triangles and has the BVH built, also where the
@@ -60,8 +59,7 @@ class PeerTracer(TracerLifetime[Hits]):
         self._show(mesh, camera)
 
     def _show(self, mesh: Mesh, camera: View) -> None:
-        check_image_memory(camera.height, camera.width)
-        self.mesh, self.camera = mesh, camera
+        super()._show(mesh, camera)
         self._rays_offset: tuple[float, float] | None = None
 
     def _look(self, camera: View) -> bool:
@@ -79,26 +77,6 @@ class PeerTracer(TracerLifetime[Hits]):
     @abstractmethod
     def _cast(self, scene: Any, rays: Any) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
         """Depth and prim_id as in `Hits`, of H W values each in the order of the rows; any shape."""
-
-    @property
-    def triangle_count(self) -> int:
-        """Triangles in the peer's scene: the mesh's."""
-        return self.mesh.triangle_count
-
-    @property
-    def embree_bytes(self) -> int:
-        """0: no peer tells what its Embree holds."""
-        return 0
-
-    @property
-    def counters(self) -> Mapping[str, float]:
-        """Triangles traced; see `atra.Tracer`."""
-        return {"triangles_traced": self.triangle_count}
-
-    @property
-    def views(self) -> tuple[tuple[Mesh, View], ...]:
-        """The one mesh and camera."""
-        return ((self.mesh, self.camera),)
 
     def _plan(self) -> float:
         start = perf_counter()

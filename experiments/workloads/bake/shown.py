@@ -9,28 +9,27 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import NullFormatter
 from rich.table import Table
 
-from experiments.drawing.axes import say_nothing_measured, tidy_axis
-from experiments.drawing.bars import Bar, Stack, draw_bars, draw_stacks, finish_bar_axes
-from experiments.drawing.pages import add_legend, write_foot
+from experiments.drawing.axes import label_axes, say_nothing_measured, write_plainly
+from experiments.drawing.bars import Bar, Stack, draw_stacks
 from experiments.drawing.style import BLUE, DASHED, GREY, ORANGE, SKY, VERMILLION
-from experiments.drawing.values import MILLISECONDS, column, numbers, say_number
+from experiments.drawing.values import MILLISECONDS, column, numbers, row_interval, say_number
 from experiments.workloads.bake import BAKE, STAGES, THRESHOLDS, Against
 from experiments.workloads.bake.claims import CLAIMS as CLAIMS
-from experiments.workloads.panels import DrawPanel, bars_height, draw_panels, make_panels, workload_figure
-from experiments.workloads.tables import points_table
+from experiments.workloads.panels import Bars, bars_figure, bars_height, make_panels, panels_figure, workload_figure
+from experiments.workloads.tables import cell, points_table
 
 CLAIMS_FILE = "bake_claims"
 
 _COLUMNS = {
-    "rays/s": ("rays_per_s", "{:.3g}"),
-    "lanes\nused": ("lane_utilisation", "{:.0%}"),
-    "vs\nother": ("speedup_vs_other", "{:.2f}x"),
-    "time to\nerror": ("quality_vs_other", "{:.2f}x"),
-    "seen\nsooner": ("view_speedup", "{:.2f}x"),
-    "whole\nmap": ("whole_map_cost", "{:.2f}x"),
+    "rays/s": cell("rays_per_s", "{:.3g}"),
+    "lanes\nused": cell("lane_utilisation", "{:.0%}"),
+    "vs\nother": cell("speedup_vs_other"),
+    "time to\nerror": cell("quality_vs_other"),
+    "seen\nsooner": cell("view_speedup"),
+    "whole\nmap": cell("whole_map_cost"),
 }
 
 
@@ -67,20 +66,23 @@ def _by_compaction(rows: pd.DataFrame) -> pd.DataFrame:
     return rows if rows["compaction"].nunique() > 1 else rows[:0]
 
 
-def _write_foot(figure: Figure, rows: pd.DataFrame, *lines: str) -> None:
-    """A foot with the size of the maps in place of that of the view's image."""
+def _without_image(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows without the size of the view's image, which no lightmap has."""
+    return rows.assign(width=pd.NA, height=pd.NA)
+
+
+def _sizes(rows: pd.DataFrame) -> list[str]:
+    """A line for the foot with the sizes of the maps."""
     sizes = " or ".join(f"{size:,}" for size in sorted(column(rows, "size").dropna().unique()))
-    about = [f"maps of {sizes} texels a side, before room is added"] if sizes else []
-    write_foot(figure, rows.assign(width=pd.NA, height=pd.NA), *about, *lines)
+    return [f"maps of {sizes} texels a side, before room is added"] if sizes else []
 
 
 def draw_convergence(rows: pd.DataFrame, columns: int) -> Figure:
     """A panel a scene, both axes logarithmic: the error over the time until it is reached."""
     panels = make_panels(rows, ("against", "compaction"))
-    figure, axes = draw_panels(panels, _draw_errors, columns)
-    add_legend(figure, axes, list(_LINES))
-    _write_foot(figure, rows, "an error is the root mean square over the mean, by the variance of samples")
-    return figure
+    foot = "an error is the root mean square over the mean, by the variance of samples"
+    shown = _without_image(rows)
+    return panels_figure(panels, _draw_errors, columns, shown, *_sizes(rows), foot, legend=list(_LINES))
 
 
 def _draw_errors(axis: Axes, rows: pd.DataFrame) -> None:
@@ -95,26 +97,23 @@ def _draw_errors(axis: Axes, rows: pd.DataFrame) -> None:
     axis.set_yscale("log")
     axis.set_yticks(THRESHOLDS, [f"{limit} %" for limit in THRESHOLDS])
     axis.yaxis.set_minor_formatter(NullFormatter())
-    axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
-    axis.set_xlabel("seconds")
-    axis.set_ylabel("error of the light")
-    tidy_axis(axis)
+    write_plainly(axis.xaxis)
+    label_axes(axis, "seconds", "error of the light")
     if not axis.lines:
         say_nothing_measured(axis)
 
 
 def draw_stages(rows: pd.DataFrame, columns: int) -> Figure:
     """A panel a scene: milliseconds of a round, a bar for each occupancy and compaction, its parts the stages."""
-    figure, axes = _bars(rows, columns, _draw_stages, "right of a label: time of a round")
-    add_legend(figure, axes, STAGES)
-    return figure
+    panels = make_panels(rows, _SETTINGS)
+    return panels_figure(
+        panels, _draw_stages, columns, _without_image(rows), *_sizes(rows), "right of a label: time of a round", _FULL,
+        legend=STAGES, height=bars_height(panels),
+    )  # fmt: skip
 
 
-def _bars(rows: pd.DataFrame, columns: int, draw: DrawPanel, foot: str) -> tuple[Figure, list[Axes]]:
-    panels = make_panels(rows, ("compaction", "occupancy", "against"))
-    figure, axes = draw_panels(panels, draw, columns, bars_height(panels, len))
-    _write_foot(figure, rows, foot, "a map is no fuller than its charts can be packed")
-    return figure, axes
+_SETTINGS = ("compaction", "occupancy", "against")
+_FULL = "a map is no fuller than its charts can be packed"
 
 
 def _label(row: pd.Series) -> str:
@@ -132,27 +131,23 @@ def _draw_stages(axis: Axes, rows: pd.DataFrame) -> None:
     for _, row in _ordered(rows).iterrows():
         parts = tuple(float(row[f"{stage}_s"]) * MILLISECONDS for stage in STAGES)
         stacks.append(Stack(_label(row), parts, f"{say_number(sum(parts))} ms"))
-    draw_stacks(axis, stacks, STAGES)
-    axis.set_xlabel("ms of a round")
-    tidy_axis(axis, "x", frame=("bottom",))
+    draw_stacks(axis, stacks, STAGES, "ms of a round")
 
 
 def draw_rays(rows: pd.DataFrame, columns: int) -> Figure:
     """A panel a scene: millions of rays in a second, with intervals, a bar for each occupancy and compaction."""
     foot = "right of a label: rays/s, and of the lanes of all stages that trace, those with a ray"
-    return _bars(rows, columns, _draw_rays, foot)[0]
+    panels, shown = make_panels(rows, _SETTINGS), _without_image(rows)
+    return bars_figure(panels, _rays, "million rays/s", columns, shown, *_sizes(rows), foot, _FULL)
 
 
-def _draw_rays(axis: Axes, rows: pd.DataFrame) -> None:
+def _rays(rows: pd.DataFrame) -> Bars:
     bars = []
     for _, row in _ordered(rows).iterrows():
-        value, low, high = (
-            float(pd.to_numeric(row[f"rays_per_s{end}"], errors="coerce")) * _MEGA for end in ("", "_low", "_high")
-        )
+        value, low, high = row_interval(row, "rays_per_s{}", _MEGA)
         text = f"{say_number(value)} million/s, lanes {float(row['lane_utilisation']):.0%}"
         bars.append(Bar(_label(row), value, low, high, _COLOURS[row["compaction"]], text))
-    draw_bars(axis, bars)
-    finish_bar_axes(axis, bars, "million rays/s")
+    return bars, ()
 
 
 FIGURES = (

@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from experiments.drawing.bars import Bar, draw_bars, finish_bar_axes
-from experiments.drawing.style import BLACK, BLUE, GREEN, ORANGE, TIMES
-from experiments.drawing.values import column, say_number
+from experiments.drawing.bars import Bar
+from experiments.drawing.style import BLUE, GREEN, ORANGE, TIMES
+from experiments.drawing.values import MILLISECONDS, column, row_interval, say_number
 from experiments.results.claims import Claim, Judge
 from experiments.results.verdicts import Bounds, Which, ratio_judge
 from experiments.workloads.bake_rays import BAKE_RAYS, Use
-from experiments.workloads.panels import bars_height, make_panels, panels_figure, workload_figure
-from experiments.workloads.tables import points_table
+from experiments.workloads.panels import Bars, bars_figure, draw_one, make_panels, workload_figure
+from experiments.workloads.tables import cell, points_table
 
 _BOX = "cornell_box"
 _FEW = 16
@@ -63,17 +62,16 @@ CLAIMS = tuple(
 
 
 _COLUMNS = {
-    "aligned\nms": ("aligned_time_ms", "{:,.1f}"),
-    "vs\nsingle": ("single_over_aligned", "{:.2f}x"),
-    "vs\npackets": ("packets_over_aligned", "{:.2f}x"),
-    "other\nrays": ("rays_different", "{}"),
+    "aligned\nms": cell("aligned_time_s", "{:,.1f}", MILLISECONDS),
+    "vs\nsingle": cell("single_over_aligned"),
+    "vs\npackets": cell("packets_over_aligned"),
+    "other\nrays": cell("rays_different", "{}"),
 }
 
 
 def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
     """A line a point. rows: measured, of this workload."""
-    milliseconds = rows.assign(aligned_time_ms=rows["aligned_time_s"] * 1e3)
-    yield points_table("aligned rays of a bake, plan and build included", milliseconds, _COLUMNS)
+    yield points_table("aligned rays of a bake, plan and build included", rows, _COLUMNS)
 
 
 _COLOURS = {Use.sun.value: ORANGE, Use.sky.value: BLUE, Use.bundle.value: GREEN}
@@ -89,22 +87,19 @@ def draw_alignment(rows: pd.DataFrame, columns: int) -> Figure:
     panels = make_panels(rows, _SETTINGS)
     rows = rows.assign(width=pd.NA, height=pd.NA)  # no image is shown
     foot = "right of a label: aligned rays' time, plan and build included, and packets / aligned"
-    return panels_figure(panels, _draw_ratios, columns, rows, foot, height=bars_height(panels, len))
+    quantity = "coherent packets / aligned rays"
+    return bars_figure(panels, _ratios, quantity, columns, rows, foot, draw_lines=draw_one)
 
 
-def _draw_ratios(axis: Axes, rows: pd.DataFrame) -> None:
+def _ratios(rows: pd.DataFrame) -> Bars:
     place = rows["use"].map({use: number for number, use in enumerate(_COLOURS)})
     ordered = rows[rows["status"].eq("ok")].assign(_place=place).sort_values(["_place", *_SETTINGS[1:]], kind="stable")
     bars = []
     for _, row in ordered.iterrows():
-        value, low, high = (
-            float(pd.to_numeric(row[f"packets_over_aligned{end}"], errors="coerce")) for end in ("", "_low", "_high")
-        )
+        value, low, high = row_interval(row, "packets_over_aligned{}")
         text = f"{say_number(1e3 * float(row['aligned_time_s']))} ms, {value:.2g}{TIMES}"
         bars.append(Bar(_label(row), value, low, high, _COLOURS[row["use"]], text))
-    draw_bars(axis, bars)
-    axis.axvline(1.0, color=BLACK, linewidth=1.0, zorder=1)
-    finish_bar_axes(axis, bars, "coherent packets / aligned rays", 1.0)
+    return bars, ()
 
 
 def _label(row: pd.Series) -> str:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from experiments.drawing.axes import draw_baseline, draw_series, finish_split_axes
 from experiments.drawing.missing import Missing, mark_missing, missing_points, undrawable_points
 from experiments.drawing.style import BLACK, BLUE, DASHED, GREEN, PURPLE, VERMILLION
-from experiments.drawing.values import MILLISECONDS, interval_ms, numbers
+from experiments.drawing.values import MILLISECONDS, interval, numbers
 from experiments.methods.naming import (
     COPIED_OFF,
     COPIED_ON,
@@ -23,12 +23,12 @@ from experiments.methods.naming import (
 from experiments.workloads.build import BUILD
 from experiments.workloads.panels import make_panels, panels_figure, workload_figure
 
-# Label -> form of the geometry, stem of the columns, line. The paper's own form, culling on, comes first.
+# Label -> form of the geometry, columns, line. The paper's own form, culling on, comes first.
 _SERIES: dict[str, tuple[str, str, dict[str, Any]]] = {
-    "BVH build, culling on": (COPIED_ON, "build_time", {"color": BLUE, "marker": "o"}),
-    "plan (culling and shear), culling on": (COPIED_ON, "plan_time", {"color": GREEN, "marker": "D"}),
-    "BVH build, instanced": (INSTANCED, "build_time", {"color": PURPLE, "marker": "^"}),
-    "BVH build, culling off": (COPIED_OFF, "build_time", {"color": VERMILLION, "marker": "s"}),
+    "BVH build, culling on": (COPIED_ON, "build_time{}_s", {"color": BLUE, "marker": "o"}),
+    "plan (culling and shear), culling on": (COPIED_ON, "plan_time{}_s", {"color": GREEN, "marker": "D"}),
+    "BVH build, instanced": (INSTANCED, "build_time{}_s", {"color": PURPLE, "marker": "^"}),
+    "BVH build, culling off": (COPIED_OFF, "build_time{}_s", {"color": VERMILLION, "marker": "s"}),
 }
 _BASELINE = "BVH build for per-pixel rays"
 
@@ -52,8 +52,8 @@ def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
         if form not in forms:
             continue
         points = forms[form]
-        time_ms, *interval = interval_ms(points, stem)
-        draw_series(axis, numbers(points, "split_x"), time_ms, style, interval, label)
+        time_ms, *ends = interval(points, stem, MILLISECONDS)
+        draw_series(axis, numbers(points, "split_x"), time_ms, style, ends, label)
         missing += undrawable_points(points, time_ms, "split_x", label, style["color"])
         # A form skipped once is said once, not for each of its series.
         if form not in marked:

@@ -88,17 +88,6 @@ def _mean_of_all(rows: pd.DataFrame, name: str, bounds: Bounds) -> Judgement | N
     return on_cases([("mean", Outcome(state, f"{mean.value:.2f}", mean, None if state else _OTHER_SCENES))])
 
 
-def fewer_steps(rows: pd.DataFrame) -> Judgement | None:
-    """Geometric mean of steps_ratio."""
-    rows = usual(rows)
-    return _mean_of_all(rows, "steps_ratio", Bounds(high=0.58))
-
-
-def less_time(rows: pd.DataFrame) -> Judgement | None:
-    """Geometric mean of speedup_vs_bvh."""
-    return _mean_of_all(rows, "speedup_vs_bvh", Bounds(low=1.18))
-
-
 def _on_every(rows: pd.DataFrame, values: Any, holds: Any, why: str) -> Judgement | None:
     """Whether a condition holds at every point, by what is counted; None without points."""
     cases = [
@@ -110,11 +99,42 @@ def _on_every(rows: pd.DataFrame, values: Any, holds: Any, why: str) -> Judgemen
     return on_cases(cases) if cases else None
 
 
-def less_traffic(rows: pd.DataFrame) -> Judgement | None:
-    """bytes_touched below those from the root."""
-    rows = _of_points(usual(rows))
-    ratio = numbers(rows, "bytes_touched") / numbers(rows, "plain_bytes_touched")
-    return _on_every(rows, ratio, ratio < 1, "rays read more")
+Numbers = Callable[[pd.DataFrame], NDArray[np.float64]]
+
+
+def _at_each(
+    value: Numbers, bounds: Bounds, why: str, *, secondary: bool = False, **changes: object
+) -> Callable[[pd.DataFrame], Judgement | None]:
+    """Judges a count of every point with default options, but for these. secondary: no primary rays."""
+
+    def check(rows: pd.DataFrame) -> Judgement | None:
+        rows = _of_points(usual(rows, **changes))
+        rows = rows[rows["ray_kind"].ne(KINDS[0])] if secondary else rows
+        found = value(rows)
+        return _on_every(rows, found, (found >= bounds.low) & (found <= bounds.high), why)
+
+    return check
+
+
+def _over(name: str, other: str) -> Numbers:
+    return lambda rows: numbers(rows, name) / numbers(rows, other)
+
+
+def _saved(rows: pd.DataFrame) -> NDArray[np.float64]:
+    """Share of the bytes of lists that is saved by storing equal ones once."""
+    whole = 4 * numbers(rows, "shafts_built") * (1 + numbers(rows, "list_length_mean"))
+    return np.asarray(1 - numbers(rows, "list_bytes") / whole)
+
+
+_BELOW_ONE = Bounds(high=float(np.nextafter(1.0, 0.0)))
+
+less_traffic = _at_each(_over("bytes_touched", "plain_bytes_touched"), _BELOW_ONE, "rays read more")
+dedup_saves = _at_each(_saved, Bounds(0.1, 0.8), "outside on some scene")
+much_lower = _at_each(_over("entry_height_mean", "root_height"), Bounds(high=0.5), "higher on some scene")
+occupied_serves = _at_each(
+    lambda rows: numbers(rows, "rays_from_root"), Bounds(0, 0), "some start from the root",
+    secondary=True, shaft_subset="occupied",
+)  # fmt: skip
 
 
 def half_is_best(table: pd.DataFrame) -> Judgement | None:
@@ -145,22 +165,6 @@ def high_nears_root(table: pd.DataFrame) -> Judgement | None:
     return on_cases([("all points", Outcome(holds, value, None, None if holds else "not on these scenes"))])
 
 
-def dedup_saves(table: pd.DataFrame) -> Judgement | None:
-    """Bytes of lists saved by storing equal ones once, between 10 and 80 %."""
-    rows = _of_points(usual(table))
-    whole = 4 * numbers(rows, "shafts_built") * (1 + numbers(rows, "list_length_mean"))
-    saved = 1 - numbers(rows, "list_bytes") / whole
-    return _on_every(rows, saved, (saved >= 0.1) & (saved <= 0.8), "outside on some scene")
-
-
-def occupied_serves(table: pd.DataFrame) -> Judgement | None:
-    """No secondary ray starts from the root with lists for occupied voxels alone."""
-    rows = _of_points(usual(table, shaft_subset="occupied"))
-    rows = rows[rows["ray_kind"].ne(KINDS[0])]
-    count = numbers(rows, "rays_from_root")
-    return _on_every(rows, count, count == 0, "some start from the root")
-
-
 def occlusion_helps(table: pd.DataFrame) -> Judgement | None:
     """Fewer entries and steps than with probabilities that no hit ends."""
     pairs = _pairs(usual(table), usual(table, shaft_occlusion=False))
@@ -175,13 +179,6 @@ def subset_is_efficient(table: pd.DataFrame) -> Judgement | None:
     share = numbers(pairs, "list_bytes") / numbers(pairs, "list_bytes_other")
     steps = pairs["steps_ratio"] <= 1.05 * pairs["steps_ratio_other"]
     return _on_every(pairs, share, steps & (share <= 0.5), "more bytes or steps")
-
-
-def much_lower(table: pd.DataFrame) -> Judgement | None:
-    """Height of the entries, at most half that of the root."""
-    rows = _of_points(usual(table))
-    height = numbers(rows, "entry_height_mean") / numbers(rows, "root_height")
-    return _on_every(rows, height, height <= 0.5, "higher on some scene")
 
 
 def _bytes_of_lists(rows: pd.DataFrame) -> NDArray[np.float64]:
@@ -241,11 +238,13 @@ CLAIMS = (
     ),
     _claim(
         "fewer-steps", "abstract", "On average 42 % fewer traversal steps.", "0.58",
-        f"{_USUAL} Geometric mean of steps over those from the root, at most 0.58.", fewer_steps,
+        f"{_USUAL} Geometric mean of steps over those from the root, at most 0.58.",
+        partial(_mean_of_all, name="steps_ratio", bounds=Bounds(high=0.58)),
     ),
     _claim(
         "less-time", "abstract", "On average about 15 % less time.", "1.18",
-        f"{_USUAL} Geometric mean of the time from the root over ours, at least 1.18.", less_time,
+        f"{_USUAL} Geometric mean of the time from the root over ours, at least 1.18.",
+        partial(_mean_of_all, name="speedup_vs_bvh", bounds=Bounds(low=1.18)),
     ),
     _claim(
         "less-traffic", "lists", "Less memory is read.", "less",

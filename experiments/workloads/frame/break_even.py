@@ -11,10 +11,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
-from experiments.drawing.axes import mark_place, say_nothing_measured, tidy_axis
+from experiments.drawing.axes import label_axes, mark_place, say_nothing_measured, write_plainly
 from experiments.drawing.pages import write_notes, write_table
 from experiments.drawing.style import DOTTED, GREEN, TIMES
 from experiments.drawing.values import MILLISECONDS, column, say_number
@@ -211,13 +210,10 @@ def _draw_lines(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Cost]]
     for place, (even, time_s, color) in enumerate(sorted(rings)):
         mark_place(axis, (even, time_s), f"frame {even:,}", place, color, to_the_left=even**2 > LAST_FRAME)
     axis.set_xlim(0.9, LAST_FRAME * 1.05)
-    for one in (axis.xaxis, axis.yaxis):
-        one.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
-    axis.set_xlabel("frames of one view")
-    axis.set_ylabel("time in s, plan and build included")
-    tidy_axis(axis)
+    write_plainly(axis.xaxis)
+    write_plainly(axis.yaxis)
+    label_axes(axis, "frames of one view", "time in s, plan and build included")
     if not entries:
-        axis.set_yticks([])
         say_nothing_measured(axis)
 
 

@@ -10,13 +10,13 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
-from experiments.drawing.axes import draw_series, mark_place, say_nothing_measured, tidy_axis
+from experiments.drawing.axes import draw_series, label_axes, mark_place, say_nothing_measured, write_plainly
 from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot, write_notes, write_table
 from experiments.drawing.style import BLACK, DOTTED, GREY, TIMES
-from experiments.drawing.values import MEBIBYTES, MILLISECONDS, drawable, numbers, say_number, varies
+from experiments.drawing.values import MEBIBYTES, MILLISECONDS, drawable, interval, numbers, say_number, varies
 from experiments.methods import METHODS, find_method
 from experiments.methods.naming import best_of, say_series
 from experiments.results.settings import say_setting, settings_that_vary
@@ -102,7 +102,7 @@ def growths(panel: Panel) -> Iterator[Growth]:
         order = np.argsort(sizes, kind="stable")
         best, sizes = best.iloc[order], sizes[order]
         if len(best):
-            time_s, low_s, high_s = (numbers(best, f"render_time{end}_s") for end in ("", "_low", "_high"))
+            time_s, low_s, high_s = interval(best, "render_time{}_s")
             prepared_s = np.nan_to_num(numbers(best, "plan_time_s")) + numbers(best, "build_time_s")
             over = numbers(best, OVER_PACKETS)
             yield Growth(method, width, sizes, time_s, low_s, high_s, over, prepared_s, _bytes(best, method))
@@ -279,10 +279,7 @@ def _finish(axis: Axes, panel: Panel, drawn: list[Growth]) -> None:
     if least:
         # Where nearly nothing is prepared, the table below says so.
         axis.set_ylim(bottom=min(least) * MILLISECONDS / _ROOM)
-    axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
-    axis.set_xlabel(panel.unit)
-    axis.set_ylabel("ms")
-    tidy_axis(axis)
+    write_plainly(axis.yaxis)
+    label_axes(axis, panel.unit, "ms")
     if not drawn:
-        axis.set_yticks([])
         say_nothing_measured(axis)

@@ -6,16 +6,14 @@ from math import isfinite
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from experiments.drawing.bars import Bar, draw_bars, finish_bar_axes
-from experiments.drawing.pages import write_notes
+from experiments.drawing.bars import Bar
 from experiments.drawing.values import numbers, say_number
 from experiments.methods.naming import best_of
 from experiments.workloads.frame.break_even import time_rows
-from experiments.workloads.panels import bars_height, make_panels, panels_figure
+from experiments.workloads.panels import Bars, bars_figure, make_panels
 from experiments.workloads.series import BestPoint, best_points, best_rows, say_ratio, say_unmeasured, say_wrong
 
 
@@ -27,9 +25,11 @@ def draw_peers_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     """
     rows = time_rows(table)
     panels = [panel for panel in make_panels(rows, (*best_of(), "packet_width")) if len(best_rows(panel.rows))]
-    foot = "right of a label: the rate, packets / this and its interval", *_say_missing(rows)
-    height = bars_height(panels, lambda rows: len(_make_bars(rows)))
-    return panels_figure(panels, _draw_panel, columns, rows, *foot, height=height)
+    return bars_figure(
+        panels, _make_bars, "million rays a second", columns, rows,
+        "right of a label: the rate, packets / this and its interval", *_say_missing(rows),
+        count=lambda rows: len(_make_bars(rows)[0]),
+    )  # fmt: skip
 
 
 def rays_per_s(rows: pd.DataFrame, name: str = "render_time_s") -> NDArray[np.float64]:
@@ -39,16 +39,11 @@ def rays_per_s(rows: pd.DataFrame, name: str = "render_time_s") -> NDArray[np.fl
         return pixels / numbers(rows, name) / 1e6
 
 
-def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
-    bars = _make_bars(rows)
-    draw_bars(axis, bars)
-    finish_bar_axes(axis, bars, "million rays a second")
-    write_notes(axis, [line for one in best_points(rows) for line in say_wrong(one.best, one.name)])
-
-
-def _make_bars(rows: pd.DataFrame) -> list[Bar]:
-    bars = [_bar(one) for one in best_points(rows) if len(one.best)]
-    return sorted(bars, key=lambda bar: bar.value if isfinite(bar.value) else 0.0, reverse=True)
+def _make_bars(rows: pd.DataFrame) -> Bars:
+    found = list(best_points(rows))
+    bars = [_bar(one) for one in found if len(one.best)]
+    ordered = sorted(bars, key=lambda bar: bar.value if isfinite(bar.value) else 0.0, reverse=True)
+    return ordered, [line for one in found for line in say_wrong(one.best, one.name)]
 
 
 def _bar(one: BestPoint) -> Bar:

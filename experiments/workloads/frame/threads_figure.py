@@ -12,10 +12,10 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from matplotlib.transforms import offset_copy
 from numpy.typing import NDArray
 
-from experiments.drawing.axes import place_counts, say_nothing_measured, tidy_axis
+from experiments.drawing.axes import label_axes, place_counts, say_nothing_measured
 from experiments.drawing.pages import add_legend, write_foot, write_lines, write_notes
 from experiments.drawing.style import BLACK, DOTTED, TIMES
-from experiments.drawing.values import column, drawable, numbers
+from experiments.drawing.values import column, drawable, interval, numbers
 from experiments.methods.naming import best_of, say_series, say_split
 from experiments.workloads.frame.break_even import time_rows
 from experiments.workloads.panels import draw_panels, make_panels
@@ -65,7 +65,7 @@ def scaling_of(rows: pd.DataFrame) -> Scaling | None:
         same = values.isna() if pd.isna(value) else values.eq(value).fillna(False)
         chosen = chosen[same.astype(bool)]
     chosen = chosen[chosen["threads"].notna()].sort_values("threads", kind="stable").drop_duplicates("threads")
-    time_s, low_s, high_s = (numbers(chosen, f"render_time{end}_s") for end in ("", "_low", "_high"))
+    time_s, low_s, high_s = interval(chosen, "render_time{}_s")
     # One thread over itself is 1 whatever its spread.
     low, high = low_s[0] / high_s, high_s[0] / low_s
     low[0] = high[0] = 1.0
@@ -120,9 +120,7 @@ def _finish(axis: Axes, series: list[Scaling]) -> None:
     axis.yaxis.set_minor_formatter(NullFormatter())
     axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
     axis.minorticks_off()
-    axis.set_xlabel("threads")
-    axis.set_ylabel("speed-up over one thread")
-    tidy_axis(axis)
+    label_axes(axis, "threads", "speed-up over one thread")
     if not series:
         say_nothing_measured(axis)
 

@@ -7,7 +7,6 @@ from math import nan
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.table import Table
 
@@ -15,10 +14,9 @@ from experiments.drawing.bars import Bar
 from experiments.drawing.style import GREEN
 from experiments.drawing.values import MILLISECONDS, numbers, say_number
 from experiments.methods.naming import best_of, say_split
-from experiments.workloads.baselines import TIME_BASELINES
-from experiments.workloads.frame_figures import draw_ratio_bars, ratio_bar
+from experiments.workloads.frame_figures import over_packets_figure, ratio_bar
 from experiments.workloads.moving import MOVING
-from experiments.workloads.panels import bars_height, make_panels, panels_figure, workload_figure
+from experiments.workloads.panels import Bars, make_panels, workload_figure
 from experiments.workloads.resources import say_ms
 from experiments.workloads.series import best_points, best_rows, count_series
 from experiments.workloads.tables import best_by_kind, plain, times
@@ -49,18 +47,17 @@ def draw_moving_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     lines are single rays and the fastest packets per pixel, which pay for it, too. The packets of the last bar do not.
     """
     panels = make_panels(table, (*best_of(), "packet_width"))
-    return panels_figure(
-        panels, _draw_panel, columns, table,
+    return over_packets_figure(
+        panels, _bars, columns, table,
         "right of a label: time of a frame from another eye, packets / method and its interval",
-        "packets that keep a BVH of the world are not as exact",
-        legend=list(TIME_BASELINES), height=bars_height(panels, lambda rows: count_series(rows) + 1),
+        "packets that keep a BVH of the world are not as exact", count=lambda rows: count_series(rows) + 1,
     )  # fmt: skip
 
 
-def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
+def _bars(rows: pd.DataFrame) -> Bars:
     found = list(best_points(rows))
     bars = [ratio_bar(one) for one in found if len(one.best)] + _kept_bars(best_rows(rows))
-    draw_ratio_bars(axis, rows, bars, [line for one in found for line in one.notes()])
+    return bars, [line for one in found for line in one.notes()]
 
 
 def _kept_bars(rows: pd.DataFrame) -> list[Bar]:

@@ -14,16 +14,16 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from rich.table import Table
 
-from experiments.drawing.axes import draw_baseline, draw_series, place_counts, say_nothing_measured, tidy_axis
-from experiments.drawing.bars import Bar, draw_bars, finish_bar_axes, panel_height
+from experiments.drawing.axes import draw_baseline, draw_series, label_axes, place_counts, say_nothing_measured
+from experiments.drawing.bars import Bar
 from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot, write_notes, write_table
 from experiments.drawing.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, TIMES, VERMILLION
-from experiments.drawing.values import MEBIBYTES, MILLISECONDS, column, drawable, interval_ms, numbers, say_number
+from experiments.drawing.values import MEBIBYTES, MILLISECONDS, column, drawable, interval, numbers, say_number
 from experiments.methods.naming import best_of, say_split
 from experiments.results.settings import settings_that_vary
 from experiments.workloads.baselines import TIME_BASELINES
 from experiments.workloads.multiframe import MULTIFRAME, Motion
-from experiments.workloads.panels import make_panels, panels_figure, workload_figure
+from experiments.workloads.panels import Bars, bars_figure, make_panels, workload_figure
 from experiments.workloads.resources import say_ms
 from experiments.workloads.series import OVER_PACKETS, choosing, say_ratio, say_unmeasured, say_wrong
 from experiments.workloads.tables import best_rows_by, grid_of, narrow_table, plain, times, varying_words
@@ -52,33 +52,33 @@ def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """A way to trace several frames. time, over: stems of the columns of its time, and of the speed-up of all frames
-    together over it ("" for that way itself)."""
+    """A way to trace several frames. time: columns of its time, with {} for an interval's end. over: beginning of
+    those of the speed-up of all frames together over it, "" for that way itself."""
 
     label: str
     time: str
     over: str
     style: dict[str, Any]
 
-    def times_s(self, rows: pd.DataFrame, end: str = "") -> NDArray[np.float64]:
-        """(N,) float64 seconds of all frames, NaN where missing; end: "_low" and so on."""
-        return numbers(rows, f"{self.time}{end}_s")
+    def times_s(self, rows: pd.DataFrame) -> NDArray[np.float64]:
+        """(N,) float64 seconds of all frames, NaN where missing."""
+        return numbers(rows, self.time.format(""))
 
 
-TOGETHER = Way("all frames together", "render_time", "", {"color": BLUE, "marker": "o"})
+TOGETHER = Way("all frames together", "render_time{}_s", "", {"color": BLUE, "marker": "o"})
 SEPARATE_FRAMES = Way(
-    "aligned, frame by frame", "separate_render_time", "speedup_vs_separate", {"color": ORANGE, "marker": "s"}
+    "aligned, frame by frame", "separate_render_time{}_s", "speedup_vs_separate", {"color": ORANGE, "marker": "s"}
 )
 VISIBLE_FRAMES = Way(
-    "visible-first, frame by frame", "visible_first_render_time", "speedup_vs_visible_first",
+    "visible-first, frame by frame", "visible_first_render_time{}_s", "speedup_vs_visible_first",
     {"color": VERMILLION, "marker": "D"},
 )  # fmt: skip
 RASTER_FRAMES = Way(
-    "rasteriser, frame by frame", "rasteriser_render_time", "speedup_vs_rasteriser", {"color": BLACK, "marker": "*"}
+    "rasteriser, frame by frame", "rasteriser_render_time{}_s", "speedup_vs_rasteriser", {"color": BLACK, "marker": "*"}
 )
 PACKETS = Way(
     "fastest packets per pixel, frame by frame",
-    "packets_render_time",
+    "packets_render_time{}_s",
     "speedup_vs_packets",
     {"color": GREEN, "marker": "v"},
 )
@@ -123,21 +123,24 @@ def draw_stereo_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
         "right of a label: the time, and over both together at that split: packets (first bar), each eye (the others); "
         "without plan and build"
     )
-    height = panel_height(len(_LABELS))
-    return panels_figure(panels, _draw_panel, columns, table, foot, legend=list(TIME_BASELINES), height=height)
+    return bars_figure(
+        panels, _bars, "time of both images in ms", columns, table, foot,
+        draw_lines=_draw_baselines, legend=list(TIME_BASELINES), count=lambda rows: len(_LABELS),
+    )  # fmt: skip
 
 
-def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
+def _bars(rows: pd.DataFrame) -> Bars:
     bars = [_make_bar(rows, way, label) for way, label in _LABELS.items()]
-    draw_bars(axis, bars)
-    furthest = max(
+    return bars, [*say_wrong(rows, ""), *say_unmeasured(rows, TOGETHER.label)]
+
+
+def _draw_baselines(axis: Axes, rows: pd.DataFrame) -> float:
+    if all(best_place(rows, way) is None for way in _LABELS):
+        say_nothing_measured(axis)
+    return max(
         draw_baseline(axis, numbers(rows, name) * MILLISECONDS, style, label, upright=True)
         for label, (name, style) in TIME_BASELINES.items()
     )
-    finish_bar_axes(axis, bars, "time of both images in ms", furthest)
-    if all(bar.value != bar.value for bar in bars):
-        say_nothing_measured(axis)
-    write_notes(axis, [*say_wrong(rows, ""), *say_unmeasured(rows, TOGETHER.label)])
 
 
 def _make_bar(rows: pd.DataFrame, way: Way, label: str) -> Bar:
@@ -145,7 +148,7 @@ def _make_bar(rows: pd.DataFrame, way: Way, label: str) -> Bar:
     if place is None:
         return Bar(label, nan, nan, nan, way.style["color"], "not measured")
     row = rows.iloc[place]
-    value, low, high = (float(ends[place]) for ends in interval_ms(rows, way.time))
+    value, low, high = (float(end[place]) for end in interval(rows, way.time, MILLISECONDS))
     ratio = say_ratio(row) if way is TOGETHER else say_speedup(row, way)
     split = "" if way is RASTER_FRAMES else say_split(row)
     name = ", ".join(filter(None, [label, split]))
@@ -205,8 +208,8 @@ def _draw_times(axis: Axes, rows: pd.DataFrame) -> None:
     for way in WAYS:
         best = _best_rows(rows, way)
         frames = numbers(best, "frames")
-        middle, low, high = (way.times_s(best, end) * MILLISECONDS / frames for end in ("", "_low", "_high"))
-        draw_series(axis, frames, middle, way.style, (low, high), way.label)
+        middle, *ends = (times / frames for times in interval(best, way.time, MILLISECONDS))
+        draw_series(axis, frames, middle, way.style, ends, way.label)
     _finish(axis, rows, "time per frame in ms")
     entries = [
         (GREY, f"{row['frames']} frames, {say_split(row)}", [say_speedup(row, way) or "-" for way in WAYS[1:]])
@@ -231,11 +234,8 @@ def _finish(axis: Axes, rows: pd.DataFrame, quantity: str) -> None:
     if any(drawable(np.asarray(line.get_ydata(), np.float64)).any() for line in axis.get_lines()):
         axis.set_ylim(0, 1.08 * axis.dataLim.y1)
     else:
-        axis.set_yticks([])
         say_nothing_measured(axis)
-    axis.set_xlabel("frames")
-    axis.set_ylabel(quantity)
-    tidy_axis(axis)
+    label_axes(axis, "frames", quantity)
 
 
 def _of_eyes(rows: pd.DataFrame) -> pd.DataFrame:

@@ -29,6 +29,7 @@ from experiments.methods.peers.questions import Asked, Question
 from experiments.methods.peers.trimesh_ray import TRIMESH
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, over, series
+from experiments.workloads.batches import camera_rays, random_rays
 from experiments.workloads.rays.judging import judged, sample_of, truth_of
 from experiments.workloads.rounds import load_mesh, measured, timed_rounds
 
@@ -132,29 +133,15 @@ def measure(point: Point) -> Measured:
 def _given(asked: RaysOptions, mesh: Mesh, camera: Camera) -> tuple[NDArray[np.float32], ...]:
     """Origins and directions, or points alone: (N, 3) float32 each."""
     count = camera.width * camera.height
-    random = np.random.default_rng(1)
-    low, high = mesh.bounds
-    anywhere = random.uniform(low, high, (count, 3)).astype(np.float32)
     if asked.question is Question.contains:
-        return (anywhere,)
+        return random_rays(mesh, count)[:1]
     match asked.ray_batch:
         case Batch.coherent:
             return camera_rays(camera)
         case Batch.parallel:
             return parallel_rays(mesh, camera.width, camera.height)
         case Batch.incoherent:
-            return anywhere, random.normal(size=(count, 3)).astype(np.float32)
-
-
-def camera_rays(camera: Camera) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Origins and directions, (H W, 3) float32 each, through the centres of all pixels, row after row."""
-    y, x = np.divmod(np.arange(camera.width * camera.height), camera.width)
-    origins, directions = camera.rays(x, y, (0.5, 0.5))
-    axes = np.asarray(camera.axes)
-    return (
-        (origins @ axes + camera.eye).astype(np.float32),
-        np.ascontiguousarray(directions @ axes, np.float32),
-    )
+            return random_rays(mesh, count)
 
 
 _TOWARDS = np.array([0.48, -0.64, 0.6])

@@ -6,23 +6,20 @@ from collections.abc import Iterator
 from functools import partial
 
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from experiments.drawing.bars import Bar, draw_bars, finish_bar_axes
-from experiments.drawing.style import BLACK, BLUE, GREEN, ORANGE, TIMES
-from experiments.drawing.values import say_number
+from experiments.drawing.bars import Bar
+from experiments.drawing.style import BLUE, GREEN, ORANGE, TIMES
+from experiments.drawing.values import MILLISECONDS, row_interval, say_number
 from experiments.harness.method import Method
 from experiments.methods.naming import say_kind
 from experiments.methods.peers.open3d_scene import OPEN3D
 from experiments.methods.peers.questions import Question
 from experiments.methods.peers.trimesh_ray import TRIMESH
-from experiments.results.settings import settings_that_vary
-from experiments.workloads.panels import bars_height, make_panels, panels_figure, workload_figure
+from experiments.workloads.panels import Bars, bars_figure, draw_one, make_panels, workload_figure
 from experiments.workloads.rays import RAYS, Batch
-from experiments.workloads.resources import say_ms
-from experiments.workloads.tables import narrow_table, plain, varying_words
+from experiments.workloads.tables import cell, points_table
 
 _ASKED = ("question", "ray_batch")
 
@@ -30,20 +27,22 @@ _ASKED = ("question", "ray_batch")
 def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
     """A line a point. rows: measured, of this workload."""
     title = "questions of rays: the method, atra.RayScene and its stand-in, and hits lost and extra of those judged"
-    headings = ("this", "atra", "gain", "stand-in", "judged", "lost,\nextra", "atra")
-    table = narrow_table(title, "scene, question, method", headings)
-    varying = settings_that_vary(rows, _ASKED)
-    for _, row in rows.iterrows():
-        table.add_row(
-            plain(row["scene"], _say_question(row), say_kind(row), *varying_words(row, varying)),
-            say_ms(row["answer_time_s"]),
-            say_ms(row["answer_library_time_s"]),
-            *("" if pd.isna(row[name]) else f"{row[name]:.2f}x" for name in ("answer_gain", "stand_in_gain")),
-            f"{row['judged_hits']:,}",
-            *(f"{row[f'{prefix}lost']}, {row[f'{prefix}extra']}" for prefix in ("", "library_")),
-        )
-    yield table
+    yield points_table(title, rows, _COLUMNS, "scene, question, method", _words, _ASKED)
 
+
+def _words(row: pd.Series) -> list[str]:
+    return [_say_question(row), say_kind(row)]
+
+
+_COLUMNS = {
+    "this": cell("answer_time_s", "{:,.1f} ms", MILLISECONDS),
+    "atra": cell("answer_library_time_s", "{:,.1f} ms", MILLISECONDS),
+    "gain": cell("answer_gain"),
+    "stand-in": cell("stand_in_gain"),
+    "judged": cell("judged_hits", "{:,}"),
+    "lost,\nextra": lambda row: f"{row['lost']}, {row['extra']}",
+    "atra\n": lambda row: f"{row['library_lost']}, {row['library_extra']}",
+}
 
 _COLOURS = {Batch.coherent.value: BLUE, Batch.parallel.value: GREEN, Batch.incoherent.value: ORANGE}
 
@@ -58,24 +57,20 @@ def draw(rows: pd.DataFrame, columns: int) -> Figure:
     panels = make_panels(rows, _ASKED)
     rows = rows.assign(width=pd.NA, height=pd.NA)  # no image is shown
     foot = "right of a label: our time, the gain, and hits lost by the other and by us of those judged"
-    return panels_figure(panels, _draw_gains, columns, rows, foot, height=bars_height(panels, len))
+    return bars_figure(panels, _gains, "its time / atra.RayScene's", columns, rows, foot, draw_lines=draw_one)
 
 
-def _draw_gains(axis: Axes, rows: pd.DataFrame) -> None:
+def _gains(rows: pd.DataFrame) -> Bars:
     questions = {one.value: place for place, one in enumerate(Question)}
     batches = {one.value: place for place, one in enumerate(Batch)}
     places = rows["question"].map(questions) * len(batches) + rows["ray_batch"].map(batches)
     bars = []
     for _, row in rows.assign(_place=places).sort_values("_place", kind="stable").iterrows():
-        value, low, high = (
-            float(pd.to_numeric(row[f"answer_gain{end}"], errors="coerce")) for end in ("", "_low", "_high")
-        )
+        value, low, high = row_interval(row, "answer_gain{}")
         text = f"{say_number(1e3 * float(row['answer_library_time_s']))} ms, {value:.2g}{TIMES}"
         text += f", lost {row['lost']} and {row['library_lost']} of {row['judged_hits']:,}"
         bars.append(Bar(_say_question(row), value, low, high, _COLOURS[row["ray_batch"]], text))
-    draw_bars(axis, bars)
-    axis.axvline(1.0, color=BLACK, linewidth=1.0, zorder=1)
-    finish_bar_axes(axis, bars, "its time / atra.RayScene's", 1.0)
+    return bars, ()
 
 
 def _of(rows: pd.DataFrame, method: Method) -> pd.DataFrame:

@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from experiments.drawing.axes import tidy_axis
 from experiments.drawing.bars import Stack, draw_stacks
 from experiments.drawing.pages import write_notes
 from experiments.drawing.values import MILLISECONDS, numbers, say_number
@@ -69,9 +68,7 @@ def draw_stages_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
 
 def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
     found = list(best_points(rows))
-    draw_stacks(axis, [_stack(one) for one in found if len(one.best)], _NAMES)
-    axis.set_xlabel("ms of a sample")
-    tidy_axis(axis, "x", frame=("bottom",))
+    draw_stacks(axis, [_stack(one) for one in found if len(one.best)], _NAMES, "ms of a sample")
     write_notes(axis, [line for one in found for line in one.notes()])
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 from math import cos, pi, radians, sin
 from statistics import median
@@ -28,6 +28,7 @@ from experiments.methods import METHODS
 from experiments.methods.peers.peer import RayPeerTracer
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, over, series
+from experiments.workloads.batches import camera_rays, random_rays
 from experiments.workloads.rounds import load_mesh, measured, timed_rounds
 
 LIBRARY = "library"
@@ -108,23 +109,6 @@ def cameras_around(camera: Camera, mesh: Mesh, count: int) -> tuple[CalibratedCa
         R = np.stack([cos(turn) * right - sin(turn) * forward, down, sin(turn) * right + cos(turn) * forward])
         made.append(Camera.from_opencv(K, R, -R @ eye, camera.width, camera.height))
     return tuple(made)
-
-
-def camera_rays(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """Origins and directions, (H W, 3) float32 each, through the centres of all pixels, row after row."""
-    y, x = np.divmod(np.arange(camera.width * camera.height), camera.width)
-    origins, directions = replace(camera).rays(x, y, (0.5, 0.5))
-    return (
-        (origins @ camera.axes + camera.eye).astype(np.float32),
-        np.ascontiguousarray(directions @ camera.axes, np.float32),
-    )
-
-
-def random_rays(mesh: Mesh, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Origins and directions, (count, 3) float32 each: from anywhere in the mesh's box, every way as likely."""
-    random = np.random.default_rng(1)
-    low, high = mesh.bounds
-    return random.uniform(low, high, (count, 3)).astype(np.float32), random.normal(size=(count, 3)).astype(np.float32)
 
 
 Ids = Iterator[NDArray[np.uint32]]
