@@ -69,11 +69,12 @@ class Clusters:
     vertices: NDArray[np.float32]
     firsts: NDArray[np.int64]
     boxes: NDArray[np.float32]
+    mesh: Mesh
 
     @cached_property
     def addresses(self) -> ClusterAddresses:
         """Where the arrays lie."""
-        arrays = self.prim_ids, self.corners, self.vertices, self.firsts
+        arrays = self.prim_ids, self.corners, self.vertices, self.firsts, self.mesh.vertices, self.mesh.faces
         return ClusterAddresses(len(self.prim_ids), *(array.ctypes.data for array in arrays))
 
     @property
@@ -89,13 +90,15 @@ class Clusters:
 
 
 class ClusterAddresses(NamedTuple):
-    """Arrays of `Clusters` by their addresses, and how many triangles there are."""
+    """Arrays of `Clusters` and of its mesh by their addresses, and how many triangles there are."""
 
     triangles: int
     prim_ids: int
     corners: int
     vertices: int
     firsts: int
+    mesh_vertices: int
+    mesh_faces: int
 
 
 def clusters_of(mesh: Mesh, pool: WorkerPool) -> Clusters:
@@ -121,7 +124,7 @@ def clusters_of(mesh: Mesh, pool: WorkerPool) -> Clusters:
     firsts = np.cumsum(numbers)
     vertices, boxes = np.zeros(3 * int(firsts[-1]) + VERTICES, np.float32), np.empty((count, 6), np.float32)
     pool.run(lambda _, counter: gather_vertices(counter, mesh.vertices, used, firsts, vertices, boxes))
-    return Clusters(prim_ids, corners, vertices, firsts, boxes)
+    return Clusters(prim_ids, corners, vertices, firsts, boxes, mesh)
 
 
 def _sorted(keys: NDArray[np.uint64], pool: WorkerPool) -> NDArray[np.uint64]:

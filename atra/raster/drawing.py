@@ -123,11 +123,13 @@ def _draw_cluster(lanes, half, parallel, eye, clusters, cluster, width, band, wo
             packed = listed[batch + k]
             prim_id = identities[packed >> 48]
             if not (ordinary >> k) & 1:
-                draw_spans(lanes, parallel, eye, vertices, vertex_count, prim_id, packed, width, band, workspace)
+                draw_spans(
+                    lanes, parallel, eye, clusters, vertices, vertex_count, prim_id, packed, width, band, workspace
+                )
             elif floats[RIGHT * BATCH + k] - floats[LEFT * BATCH + k] < half:
-                draw_narrow(half, parallel, prim_id, packed, k, band, workspace)
+                draw_narrow(half, parallel, eye, clusters, prim_id, packed, k, band, workspace)
             else:
-                draw_narrow(lanes, parallel, prim_id, packed, k, band, workspace)
+                draw_narrow(lanes, parallel, eye, clusters, prim_id, packed, k, band, workspace)
     return count
 
 

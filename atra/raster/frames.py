@@ -164,7 +164,7 @@ def _smallest(parallel: bool) -> tuple[Mesh, View]:
 def compile_drawing(lanes: int, parallel: bool) -> None:
     """Have the kernel compiled that draws, which takes longer than any other."""
     arrays = np.empty((0, 4), np.int32), np.empty(0, np.float32), np.empty(0, np.int64)
-    eye, addresses, image = Eye(0, 0, 0, 0.0), ClusterAddresses(0, 0, 0, 0, 0), Image(0, 0, 0, 0)
+    eye, addresses, image = Eye(0, 0, 0, 0.0), ClusterAddresses(0, 0, 0, 0, 0, 0, 0), Image(0, 0, 0, 0)
     workspace = Workspace(0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
     drawing: Any = drawing_kernel(lanes, parallel)
     drawing.compile(tuple(map(typeof, (0, eye, addresses, *arrays, 0, 0, image, workspace))))

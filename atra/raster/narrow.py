@@ -8,7 +8,7 @@ from atra.compiled.memory import doubles_at, floats_at, load, store_where
 from atra.compiled.store import njit
 from atra.compiled.vectors import bits_of, counted, mask_of, rarely, repeated, smaller
 from atra.exact.edges_kernels import side
-from atra.raster.image import without_lower
+from atra.raster.nearer import UNSURE, without_farther
 from atra.raster.triangles import (
     BATCH,
     CAP,
@@ -55,11 +55,11 @@ def decided(points, packed, left, top, lanes, nx, exact):  # type: ignore[no-unt
 
 
 @njit(forceinline=True)
-def draw_narrow(lanes, parallel, prim_id, packed, k, band, workspace):  # type: ignore[no-untyped-def]
+def draw_narrow(lanes, parallel, eye, clusters, prim_id, packed, k, band, workspace):  # type: ignore[no-untyped-def]
     """Draw an ordinary triangle, the k-th of its batch and with these corners, with vectors of `lanes`.
 
-    Where a sum is within its rounding of 0, `side` decides; where a sample has the same nearness already, the lower
-    prim_id stays. Nothing is drawn nearer than the nearest corner, whatever rounding makes of the plane.
+    Where a sum is within its rounding of 0, `side` decides; where a sample is about as near already, `without_farther`.
+    Nothing is drawn nearer than the nearest corner, whatever rounding makes of the plane.
     """
     values, doubles = floats_at(workspace.floats + k * 4), doubles_at(workspace.doubles + k * 8)
     left, right = int(values[LEFT * BATCH]), int(values[RIGHT * BATCH])
@@ -67,6 +67,12 @@ def draw_narrow(lanes, parallel, prim_id, packed, k, band, workspace):  # type: 
     slope_y, rounding = doubles[SLOPE_Y * BATCH], values[ROUNDING * BATCH]
     prim_ids, at_eye = repeated(prim_id, lanes), repeated(np.float32(0.0), lanes)
     surely, hardly = repeated(rounding, lanes), repeated(-rounding, lanes)
+    most = values[CAP * BATCH]
+    if parallel:  # the deepest: a gentle slope adds at most twice the least depth
+        begin = doubles[NEARNESS * BATCH]
+        most = np.float32(max(-begin, -begin - slope_y * (last - first)) - 2.0 * most)
+    unsure = np.float32(UNSURE) * most
+    doubt, less = repeated(unsure, lanes), repeated(-unsure, lanes)
     cap, slope = repeated(values[CAP * BATCH], lanes), repeated(values[SLOPE_X * BATCH], lanes)
     column0 = repeated(values[COLUMN * BATCH], lanes)
     column1 = repeated(values[(COLUMN + 1) * BATCH], lanes)
@@ -85,13 +91,17 @@ def draw_narrow(lanes, parallel, prim_id, packed, k, band, workspace):  # type: 
             inside = smaller(smaller(inside0, inside1), inside2)
             found = smaller(cap, repeated(np.float32(row), lanes) + along)
             old = load(band.nearness + place, np.float32(0.0), lanes)
-            drawn = (inside > hardly) & (found >= old)
+            ahead = found - old
+            drawn = (inside > hardly) & (ahead >= less)
             if parallel:
                 drawn = drawn & (at_eye > found)
-            if rarely(bits_of(drawn & ((inside <= surely) | (found <= old))) != 0):
+            if rarely(bits_of(drawn & ((inside <= surely) | (ahead <= doubt))) != 0):
                 exactly = decided(workspace.points, packed, start, y, lanes, lanes, workspace.exact)
-                same = bits_of(drawn & (found <= old)) & exactly
-                drawn = drawn & mask_of(without_lower(exactly, same, prim_id, band.prim_id + place), lanes)
+                close = bits_of(drawn & (ahead <= doubt)) & exactly
+                exactly = without_farther(
+                    parallel, exactly, close, prim_id, band.prim_id + place, eye, clusters, start, y
+                )
+                drawn = drawn & mask_of(exactly, lanes)
             store_where(drawn, found, band.nearness + place)
             store_where(drawn, prim_ids, band.prim_id + place)
             inside0, inside1, inside2 = inside0 + row0, inside1 + row1, inside2 + row2

@@ -21,14 +21,13 @@ from atra.compiled.vectors import (
     size,
     smaller,
 )
-from atra.exact.edges_kernels import SURELY_NEAREST, UNIT, crossing_error, first_beyond, turn
+from atra.exact.edges_kernels import SURELY_NEAREST, crossing_error, first_beyond, turn
+from atra.exact.intersection import NOISE
 from atra.raster.clusters import POINT_BYTES
 from atra.raster.culling import is_hidden
-from atra.raster.image import GENTLE, SPAN, without_lower
+from atra.raster.image import GENTLE, SPAN
+from atra.raster.nearer import UNSURE, without_farther
 from atra.raster.triangles import corner_at
-
-_VOLUME_ROUNDINGS = 8.0
-"""Roundings, of its summands, that a volume may be off by: 3 differences, 2 products and 3 sums, at most."""
 
 ROWS = 8
 """Rows whose spans are found at once."""
@@ -36,14 +35,16 @@ ROWS = 8
 
 @njit
 def holds_eye(a, b, c):  # type: ignore[no-untyped-def]
-    """Whether the eye lies in the plane of a triangle, to the last digits of float64: then it is seen edge-on.
+    """Whether the eye lies in the plane of a triangle, to the rounding of float64: then no ray hits it, by the rule of
+    `atra.exact.intersection`.
 
     a, b, c: its corners, seen from the eye.
     """
-    (x0, y0, z0), (x1, y1, z1), (x2, y2, z2) = a, b, c
-    volume = x0 * (y1 * z2 - z1 * y2) + y0 * (z1 * x2 - x1 * z2) + z0 * (x1 * y2 - y1 * x2)
-    sizes = abs(x0) * (abs(y1 * z2) + abs(z1 * y2)) + abs(y0) * (abs(z1 * x2) + abs(x1 * z2))
-    return abs(volume) <= _VOLUME_ROUNDINGS * UNIT * (sizes + abs(z0) * (abs(x1 * y2) + abs(y1 * x2)))
+    (x, y, z), (x1, y1, z1), (x2, y2, z2) = a, b, c
+    x1, y1, z1, x2, y2, z2 = x1 - x, y1 - y, z1 - z, x2 - x, y2 - y, z2 - z
+    volume = x * (y1 * z2 - z1 * y2) + y * (z1 * x2 - x1 * z2) + z * (x1 * y2 - y1 * x2)
+    one, other = x1 * x1 + y1 * y1 + z1 * z1, x2 * x2 + y2 * y2 + z2 * z2
+    return abs(volume) <= NOISE * np.sqrt((x * x + y * y + z * z) * one * other)
 
 
 @njit(forceinline=True)
@@ -220,7 +221,7 @@ def nearness_of(parallel, lanes, found, row, start):  # type: ignore[no-untyped-
 
 
 @njit
-def draw_spans(lanes, parallel, eye, vertices, vertex_count, prim_id, packed, width, band, workspace):  # type: ignore[no-untyped-def]
+def draw_spans(lanes, parallel, eye, clusters, vertices, vertex_count, prim_id, packed, width, band, workspace):  # type: ignore[no-untyped-def]
     """Draw a triangle with these corners, of a cluster with the vertices from an address on, with vectors of `lanes`,
     unless what is drawn hides its box."""
     points = workspace.points
@@ -230,32 +231,38 @@ def draw_spans(lanes, parallel, eye, vertices, vertex_count, prim_id, packed, wi
     if parallel or min(w0, w1, w2) > 0.0:
         top, bottom = rows_of(parallel, packed, band, points)
         left, right = int(max(np.ceil(min(x0, x1, x2)), 0.0)), int(min(np.floor(max(x0, x1, x2)), width - 1.0))
-        if is_hidden(
-            left, right, top - band.top, bottom - band.top, np.float32(max(w0, w1, w2)), width, workspace.tiles
-        ):
+        limit = np.float32(max(w0, w1, w2) * (1.0 - UNSURE if parallel else 1.0 + UNSURE))
+        if is_hidden(left, right, top - band.top, bottom - band.top, limit, width, workspace.tiles):
             return
     spans = find_spans(parallel, eye, vertices, vertex_count, packed, width, band, workspace)
     if spans.facing == 0:
         return
     firsts, lasts = doubles_at(workspace.first), doubles_at(workspace.last)
     prim_ids, at_eye = repeated(prim_id, lanes), repeated(np.float32(0.0), lanes)
-    next_columns = repeated(np.float32(lanes), lanes)
+    next_columns, most = repeated(np.float32(lanes), lanes), max(abs(spans.nearest), abs(spans.farthest))
+    doubt, less = repeated(np.float32(UNSURE * most), lanes), repeated(np.float32(-UNSURE * most), lanes)
     for k in range(spans.bottom - spans.top + 1):
         first, last = int(firsts[k]), int(lasts[k])
         row = spans.slope_y * (spans.top + k) + spans.constant
         byte = (spans.top + k - band.top) * band.stride * 4
+        if most == np.inf:  # it reaches behind the eye
+            here = max(abs(row + spans.slope_x * first), abs(row + spans.slope_x * last))
+            doubt, less = repeated(np.float32(UNSURE * here), lanes), repeated(np.float32(-UNSURE * here), lanes)
         before, end = repeated(np.float32(first - 1), lanes), repeated(np.float32(last), lanes)
         columns = counted(np.float32(first // lanes * lanes), lanes)
         for start in range(first // lanes * lanes, last + 1, lanes):
             place = byte + start * 4
             old = load(band.nearness + place, np.float32(0.0), lanes)
             found = nearness_of(parallel, lanes, spans, row, start)
-            drawn = (found >= old) & (columns > before) & (columns <= end)
+            ahead = found - old
+            drawn = (ahead >= less) & (columns > before) & (columns <= end)
             if parallel:
                 drawn = drawn & (at_eye > found)
-            same = bits_of(drawn & (found <= old))
-            if rarely(same != 0):
-                drawn = mask_of(without_lower(bits_of(drawn), same, prim_id, band.prim_id + place), lanes)
+            close = bits_of(drawn & (ahead <= doubt))
+            if rarely(close != 0):
+                bits, row_here, ids = bits_of(drawn), spans.top + k, band.prim_id + place
+                bits = without_farther(parallel, bits, close, prim_id, ids, eye, clusters, start, row_here)
+                drawn = mask_of(bits, lanes)
             store_where(drawn, found, band.nearness + place)
             store_where(drawn, prim_ids, band.prim_id + place)
             columns = columns + next_columns

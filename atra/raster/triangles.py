@@ -35,6 +35,7 @@ from atra.exact.edges_kernels import UNIT
 from atra.raster.clusters import CLUSTER, POINT_BYTES, VERTICES
 from atra.raster.culling import TILE, tile_stride
 from atra.raster.image import GENTLE, NARROW, SPAN
+from atra.raster.nearer import UNSURE
 
 BATCH = 8
 """Triangles set up at once."""
@@ -232,7 +233,8 @@ def set_up(parallel, hides, has_depth, width, number, band, workspace):  # type:
     last = last_whole(larger(smaller(high_y, last_row), first_row))
     may_be_seen = (1 << BATCH) - 1
     if hides:
-        hidden = are_hidden(left, right, first - first_row, last - first_row, nearest, width, workspace.tiles)
+        limit = repeated(1.0 - UNSURE if parallel else 1.0 + UNSURE, BATCH) * nearest
+        hidden = are_hidden(left, right, first - first_row, last - first_row, limit, width, workspace.tiles)
         if not parallel:
             hidden = hidden & (farthest > zero)
         may_be_seen ^= bits_of(hidden)

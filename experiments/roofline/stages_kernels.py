@@ -51,7 +51,9 @@ _TIMES = 4
 
 
 @njit(forceinline=True)
-def _draw_batch(lanes, half, eye, cluster, batch, count, seen, ordinary, width, band, workspace):  # type: ignore[no-untyped-def]
+def _draw_batch(  # type: ignore[no-untyped-def]
+    lanes, half, eye, clusters, cluster, batch, count, seen, ordinary, width, band, workspace
+):  # fmt: skip
     """The drawing of a batch; returns the ticks that spans took. cluster: its vertices, their number, its prim_ids."""
     listed, floats, identities = (
         integers_at(workspace.listed), floats_at(workspace.floats), identities_at(cluster[2]),
@@ -64,12 +66,12 @@ def _draw_batch(lanes, half, eye, cluster, batch, count, seen, ordinary, width, 
         prim_id = identities[packed >> 48]
         if not (ordinary >> k) & 1:
             start = ticks()
-            draw_spans(lanes, False, eye, cluster[0], cluster[1], prim_id, packed, width, band, workspace)
+            draw_spans(lanes, False, eye, clusters, cluster[0], cluster[1], prim_id, packed, width, band, workspace)
             taken += ticks() - start
         elif floats[RIGHT * BATCH + k] - floats[LEFT * BATCH + k] < half:
-            draw_narrow(half, False, prim_id, packed, k, band, workspace)
+            draw_narrow(half, False, eye, clusters, prim_id, packed, k, band, workspace)
         else:
-            draw_narrow(lanes, False, prim_id, packed, k, band, workspace)
+            draw_narrow(lanes, False, eye, clusters, prim_id, packed, k, band, workspace)
     return taken
 
 
@@ -201,13 +203,13 @@ def watched_kernel(lanes: int) -> Callable[..., None]:
                     for _ in range(times):
                         start = ticks()
                         on_spans = _draw_batch(
-                            lanes, half, eye, whose, batch, found, seen, ordinary, width, where, workspace
+                            lanes, half, eye, clusters, whose, batch, found, seen, ordinary, width, where, workspace
                         )
                         spent = ticks() - start
                     took[NARROW] += spent - on_spans
                     took[SPANS] += on_spans
                     if purpose == HOT:
-                        _draw_batch(lanes, half, eye, whose, batch, found, seen, ordinary, width, band, workspace)
+                        _draw_batch(lanes, half, eye, clusters, whose, batch, found, seen, ordinary, width, band, workspace)
             start = ticks()
             finish(lanes, np.bool_(False), nothing, band, image)
             took[OUTPUT] += ticks() - start

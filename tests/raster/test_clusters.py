@@ -7,6 +7,7 @@ import pytest
 
 import atra
 from atra.compiled.threads import WorkerPool
+from atra.exact.intersection import intersect_pixels
 from atra.raster.clusters import CLUSTER, POINT_BYTES, clusters_of
 from tests.images import assert_same_bits, draw
 from tests.meshes import EYE_AT_ORIGIN, beams, boards, cornell_box, joined, quads, random_triangles
@@ -52,7 +53,7 @@ class AllDrawn:
     """The image of a mesh drawn in pieces, none of whose clusters is ever culled, put together afterwards."""
 
     def __init__(self, mesh, camera):
-        self._starts = range(0, mesh.triangle_count, PIECE)
+        self._mesh, self._starts = mesh, range(0, mesh.triangle_count, PIECE)
         self._tracers = [
             atra.RasterTracer(
                 atra.Mesh(mesh.vertices, mesh.faces[start : start + PIECE]), camera, threads=1, ties="any"
@@ -68,7 +69,7 @@ class AllDrawn:
             tracer.look(camera)
 
     def trace(self, offset=(0.5, 0.5)):
-        """Ascending pieces, so that of equal depths the lowest triangle stays."""
+        """Ascending pieces, so that of equal depths the lowest triangle stays; float64 decides between close ones."""
         all_hits = None
         for start, tracer in zip(self._starts, self._tracers, strict=True):
             hits = tracer.trace(offset)
@@ -76,6 +77,14 @@ class AllDrawn:
             if all_hits is None:
                 all_hits = hits
             nearer = hits.depth < all_hits.depth
+            with np.errstate(invalid="ignore"):  # inf - inf
+                close = np.abs(hits.depth - all_hits.depth) <= 2.0**-20 * all_hits.depth
+            y, x = np.nonzero(close & hits.hit & all_hits.hit & (prim_id != all_hits.prim_id))
+            old, new = (
+                intersect_pixels(self._mesh, hits.camera, x, y, ids[y, x], offset).depth
+                for ids in (all_hits.prim_id, prim_id)
+            )
+            nearer[y, x] = new < old * (1.0 - 1e-12)
             all_hits.depth[nearer], all_hits.prim_id[nearer] = hits.depth[nearer], prim_id[nearer]
         return all_hits
 

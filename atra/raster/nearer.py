@@ -1,0 +1,69 @@
+"""Which of two triangles is nearer where float32 cannot tell: their depths in float64, from the corners themselves."""
+
+from __future__ import annotations
+
+from atra.compiled.memory import doubles_at, floats_at, identities_at
+from atra.compiled.store import njit
+from atra.prim_ids import MISS
+
+UNSURE = 2.0**-20
+"""Difference of two stored values of nearness, as a share of them, up to which float64 decides. Each is off by at most
+8 roundings of float32: a gentle slope adds at most 2 times the value along a row."""
+
+_EQUAL = 1e-12
+"""Relative difference up to which float64 values are equal, as SLACK of `atra.exact.brute_force_kernels`."""
+
+
+@njit
+def _plane(parallel, eye, clusters, prim_id):  # type: ignore[no-untyped-def]
+    """A corner of a triangle, homogeneous as its pixel position and depth, and the normal there. Edges are subtracted
+    before anything is rounded."""
+    m, axis, position = doubles_at(eye.to_pixels), doubles_at(eye.depth_axis), doubles_at(eye.position)
+    values, corners = floats_at(clusters.mesh_vertices), identities_at(clusters.mesh_faces + prim_id * 12)
+    v0, v1, v2 = int(corners[0]) * 3, int(corners[1]) * 3, int(corners[2]) * 3
+    x, y, z = float(values[v0]), float(values[v0 + 1]), float(values[v0 + 2])
+    ax, ay, az = values[v1] - x, values[v1 + 1] - y, values[v1 + 2] - z
+    bx, by, bz = values[v2] - x, values[v2 + 1] - y, values[v2 + 2] - z
+    x, y, z = x - position[0], y - position[1], z - position[2]
+    p0, p1 = m[0] * x + m[1] * y + m[2] * z, m[4] * x + m[5] * y + m[6] * z
+    a0, a1 = m[0] * ax + m[1] * ay + m[2] * az, m[4] * ax + m[5] * ay + m[6] * az
+    b0, b1 = m[0] * bx + m[1] * by + m[2] * bz, m[4] * bx + m[5] * by + m[6] * bz
+    p2 = axis[0] * x + axis[1] * y + axis[2] * z
+    a2, b2 = axis[0] * ax + axis[1] * ay + axis[2] * az, axis[0] * bx + axis[1] * by + axis[2] * bz
+    n0, n1, n2 = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
+    if parallel:
+        p0, p1 = p0 + m[3], p1 + m[7]
+    return p0, p1, p2, n0, n1, n2
+
+
+@njit(forceinline=True)
+def _nearness(parallel, plane, i, j):  # type: ignore[no-untyped-def]
+    """Nearness of a plane at sample (i, j)."""
+    p0, p1, p2, n0, n1, n2 = plane
+    if parallel:
+        return (n0 * (i - p0) + n1 * (j - p1)) / n2 - p2 if n2 != 0.0 else 0.0
+    ahead = n0 * p0 + n1 * p1 + n2 * p2
+    return (n0 * i + n1 * j + n2) / ahead if ahead != 0.0 else 0.0
+
+
+@njit
+def without_farther(parallel, bits, close, prim_id, address, eye, clusters, left, row):  # type: ignore[no-untyped-def]
+    """`bits` of the lanes to be drawn without those of `close` where what is stored is nearer, or as near with a lower
+    prim_id. address: of the stored prim_ids, those of the samples (left, row), (left + 1, row) ..."""
+    lane, known = 0, prim_id
+    own = stored = _plane(parallel, eye, clusters, prim_id)
+    while close >> lane != 0:
+        if (close >> lane) & 1:
+            other = identities_at(address)[lane]
+            if other != MISS:
+                i, j = float(left + lane), float(row)
+                if other != known:
+                    known, stored = other, _plane(parallel, eye, clusters, other)
+                theirs = _nearness(parallel, stored, i, j)
+                ahead = _nearness(parallel, own, i, j) - theirs
+                if abs(ahead) <= _EQUAL * abs(theirs):
+                    ahead = 0.0
+                if ahead < 0.0 or (ahead == 0.0 and other < prim_id):
+                    bits &= ~(1 << lane)
+        lane += 1
+    return bits

@@ -1,0 +1,74 @@
+"""Where float32 cannot tell which of two triangles is nearer, the image is that of the oracle all the same."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import atra
+from atra.judge.oracle import examine
+from atra.judge.reference import brute_force
+from tests.images import draw
+from tests.meshes import EYE_AT_ORIGIN, cornell_box, joined, quads
+from tests.raster.random_views import random_view
+
+FOUND = {
+    "cornell_box": (11, 66, 200, 207, 535, 555),
+    "sponza": (183, 233, 280, 300, 330, 333, 348, 356, 526, 900),
+}
+"""Seeds of views, of sponza with parallel rays, in which pixels were wrong."""
+
+
+def wrong_pixels(mesh, camera):
+    hits, reference = draw(mesh, camera, ties="any"), brute_force(mesh, camera)
+    agreement = atra.compare(mesh, camera, hits, reference)
+    return int(examine(mesh, camera, hits, reference, agreement).hits.wrong.sum())
+
+
+@pytest.mark.parametrize("size", [1.0, 0.03])
+@pytest.mark.parametrize(
+    "camera",
+    [
+        atra.Camera(**EYE_AT_ORIGIN, width=48, height=32, fov_y_degrees=60),
+        atra.OrthographicCamera(**EYE_AT_ORIGIN, width=48, height=32, view_height=3.0),
+    ],
+    ids=["pinhole", "parallel"],
+)
+def test_walls_that_cross_within_a_unit_of_float32_are_told_apart(camera, size):
+    """Wide triangles and narrow ones, whichever is drawn first; corners differ in the last digit of float32."""
+    steps = np.arange(-2.0, 2.0, 4.0 * size)
+    one, unit = [], 2.0**-21
+    for x in steps if size < 1.0 else (-2.0,):
+        for y in steps[::8] if size < 1.0 else (-2.0,):
+            w = 4.0 * size
+            one.append([(x, y, 4), (x + w, y, 4), (x + w, y + w, 4), (x, y + w, 4)])
+    other = [[(a, b, c + unit * (k % 2 * 2 - 1)) for k, (a, b, c) in enumerate(quad)] for quad in one]
+    for walls in ((one, other), (other, one)):
+        assert wrong_pixels(joined(*map(quads, walls)), camera) == 0
+
+
+def test_an_eye_on_a_plane_to_the_last_digit_sees_what_the_oracle_sees():
+    mesh = cornell_box()
+    for seed in range(12):
+        random = np.random.default_rng(seed)
+        eye = random.dirichlet(np.ones(3)) @ mesh.triangles(np.array([random.integers(mesh.triangle_count)]))[0]
+        camera = atra.Camera(tuple(eye), tuple(eye + random.normal(size=3)), (0.1, 1, 0.2), 90, 24, 16)
+        assert wrong_pixels(mesh, camera) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.skipif("ATRA_SCENES" not in os.environ, reason="needs the scenes")
+@pytest.mark.parametrize("scene", FOUND)
+def test_views_that_had_wrong_pixels_have_none(scene):
+    folder = Path(os.environ["ATRA_SCENES"])
+    assert scene in json.loads((folder / "cameras.json").read_text())
+    mesh = atra.load_mesh(folder / f"{scene}.ply")
+    for seed in FOUND[scene]:
+        camera = random_view(mesh, seed, True if scene == "sponza" else None)
+        hits = draw(mesh, camera)
+        with atra.PixelTracer(mesh, camera, threads=1) as tracer:
+            reference = tracer.trace()
+        found = examine(mesh, camera, hits, reference, atra.compare(mesh, camera, hits, reference))
+        assert not found.hits.wrong.any()
