@@ -209,7 +209,9 @@ def watched_kernel(lanes: int) -> Callable[..., None]:
                     took[NARROW] += spent - on_spans
                     took[SPANS] += on_spans
                     if purpose == HOT:
-                        _draw_batch(lanes, half, eye, clusters, whose, batch, found, seen, ordinary, width, band, workspace)
+                        _draw_batch(
+                            lanes, half, eye, clusters, whose, batch, found, seen, ordinary, width, band, workspace
+                        )
             start = ticks()
             finish(lanes, np.bool_(False), nothing, band, image)
             took[OUTPUT] += ticks() - start

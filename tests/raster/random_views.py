@@ -1,4 +1,4 @@
-"""`python -m tests.raster.random_views SCENE FIRST COUNT`: the rasteriser in random views of a scene against the oracle.
+"""`python -m tests.raster.random_views SCENE FIRST COUNT`: the rasteriser in random views against the oracle.
 
 Prints the views with wrong pixels, and how many views and wrong pixels there were. ATRA_SCENES: the scenes' folder. The
 oracle examines every pixel in which the rasteriser and packets of rays disagree.
