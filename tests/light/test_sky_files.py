@@ -114,6 +114,7 @@ def test_an_exr_that_holds_no_sky_is_refused(tmp_path):
             light.PanoramaSky.load(path)
 
 
+@pytest.mark.slow  # compiles for long; that the texels are equal to the bit is tested above
 @openexr
 def test_a_sky_of_a_file_lights_a_bake_and_a_picture_as_the_same_texels_do(tmp_path):
     texels = sky()
