@@ -13,7 +13,7 @@ from experiments.drawing.style import BLUE, GREEN, ORANGE, TIMES
 from experiments.drawing.values import MILLISECONDS, column, row_interval, say_number
 from experiments.results.claims import Claim, Judge
 from experiments.results.verdicts import Bounds, Which, ratio_judge
-from experiments.workloads.bake_rays import BAKE_RAYS, Use
+from experiments.workloads.bake_rays import BAKE_RAYS
 from experiments.workloads.panels import Bars, bars_figure, draw_one, make_panels, workload_figure
 from experiments.workloads.tables import cell, points_table
 
@@ -25,9 +25,9 @@ _HOW = (
 )
 
 
-def _judge(use: Use, which: Which, gains: bool) -> Judge:
+def _judge(use: str, which: Which, gains: bool) -> Judge:
     def of_use(rows: pd.DataFrame) -> pd.Series:
-        return column(rows, "use").eq(use.value).fillna(False).astype(bool) & which(rows)
+        return column(rows, "use").eq(use).fillna(False).astype(bool) & which(rows)
 
     return ratio_judge("packets_over_aligned", of_use, Bounds(low=1.0) if gains else Bounds(high=1.0))
 
@@ -43,19 +43,19 @@ CLAIMS = tuple(
     for name, text, use, which, gains in (
         (
             "sun-gains-in-the-box", "Rays to the sun from many positions of each texel, aligned once, gain in the box.",
-            Use.sun, lambda rows: rows["scene"].eq(_BOX) & (rows["positions"] >= _FEW), True,
+            "sun", lambda rows: rows["scene"].eq(_BOX) & (rows["positions"] >= _FEW), True,
         ),
         (
             "sun-gains-nothing-in-deep-scenes", "In deep scenes they do not: nothing stops an aligned ray early.",
-            Use.sun, lambda rows: rows["scene"].ne(_BOX), False,
+            "sun", lambda rows: rows["scene"].ne(_BOX), False,
         ),
         (
             "sky-loses-below-16", "Rays into the sky along shared directions lose with fewer than 16 positions a plan.",
-            Use.sky, lambda rows: rows["positions"] < _FEW, False,
+            "sky", lambda rows: rows["positions"] < _FEW, False,
         ),
         (
             "bundles-gain", "Bundles, all of whose hits are wanted, are traced faster when they are aligned.",
-            Use.bundle, _all, True,
+            "bundle", _all, True,
         ),
     )
 )  # fmt: skip
@@ -74,7 +74,7 @@ def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
     yield points_table("aligned rays of a bake, plan and build included", rows, _COLUMNS)
 
 
-_COLOURS = {Use.sun.value: ORANGE, Use.sky.value: BLUE, Use.bundle.value: GREEN}
+_COLOURS = {"sun": ORANGE, "sky": BLUE, "bundle": GREEN}
 _SETTINGS = ("use", "map_size", "directions", "positions")
 
 
@@ -103,7 +103,7 @@ def _ratios(rows: pd.DataFrame) -> Bars:
 
 
 def _label(row: pd.Series) -> str:
-    ways = "" if row["use"] == Use.sun.value else f", {_counted(row['directions'], 'direction')}"
+    ways = "" if row["use"] == "sun" else f", {_counted(row['directions'], 'direction')}"
     positions = _counted(row["positions"], "position")
     return f"{row['use']}{ways}, {positions}, {row['map_size']}\N{SUPERSCRIPT TWO}"
 

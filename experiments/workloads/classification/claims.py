@@ -25,8 +25,7 @@ from experiments.results.verdicts import (
     ratio_of,
     say,
 )
-
-KINDS = ("primary", "occlusion", "diffuse")
+from experiments.workloads.classification import KINDS
 
 _SPEED = "speedup_vs_bvh"
 _FEWEST_SIZES = 4
