@@ -12,7 +12,7 @@ import numpy as np
 
 from atra.errors import InputError
 from atra.geometry.camera import Camera
-from atra.light import PanoramaSky, RenderScene, Sun
+from atra.light import PanoramaSky, Scene, Sun
 from experiments.harness.configuration import Configuration
 from experiments.harness.method import Tracing
 from experiments.harness.points import camera_fields_of
@@ -63,7 +63,7 @@ def run_view(configuration: Configuration) -> None:
     print("viewer: ended")
 
 
-def light_settings(scene: RenderScene) -> dict[str, Any]:
+def light_settings(scene: Scene) -> dict[str, Any]:
     """Fields of `Settings`: the scene's own first sun, to a degree, and its sky."""
     found: dict[str, Any] = {"sky_power": scene.sky.power}
     for sun in [one for one in scene.lights if isinstance(one, Sun)][:1]:

@@ -15,7 +15,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import compare
-from atra.light import HybridRenderer, PathRenderer, RenderScene, Sun
+from atra.light import HybridRenderer, PathRenderer, Scene, Sun
 from atra.light.pictures.files import srgb_of
 from atra.light.pictures.renderer import Renderer
 from atra.packets.pixel import PixelTracer
@@ -40,9 +40,9 @@ class Painter:
     own; others have their defaults. tracing: holds for all tracers and renderers.
     """
 
-    def __init__(self, scene: RenderScene, chosen: Chosen, tracing: Tracing) -> None:
+    def __init__(self, scene: Scene, chosen: Chosen, tracing: Tracing) -> None:
         self._scene, self._chosen, self._tracing = scene, chosen, tracing
-        self._lit: tuple[object, RenderScene] = (None, scene)
+        self._lit: tuple[object, Scene] = (None, scene)
         self._sketcher: HybridRenderer | None = None
         self._made: tuple[object, Renderer] | None = None
 
@@ -123,7 +123,7 @@ class Painter:
             options = replace(options, **WATERTIGHT)
         return method.make(mesh, view, method.resolve(options, view.width), self._tracing)
 
-    def _scene_of(self, settings: Settings) -> RenderScene:
+    def _scene_of(self, settings: Settings) -> Scene:
         """The scene in this light; the same value for the same light, which renderers take for no change."""
         red, green, blue = (channel / 255.0 for channel in settings.sun_colour)
         sun = Sun(settings.sun_direction, settings.sun_cone, (red, green, blue), settings.sun_power)

@@ -45,9 +45,9 @@ KERNELS = (
     ),
     Mutation(
         "raster_tie_rule",
-        "atra/raster/image.py",
-        "identities_at(address)[lane] < prim_id",
-        "identities_at(address)[lane] > prim_id",
+        "atra/raster/nearer.py",
+        "other < prim_id",
+        "other > prim_id",
         "of triangles at one depth the rasteriser stores the highest",
         (
             "tests/raster/test_clusters.py::test_of_equal_depths_the_lowest_triangle_is_stored_in_whatever_order_they_are_drawn",

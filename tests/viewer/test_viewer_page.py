@@ -29,6 +29,7 @@ from experiments.viewer.page import Page, say_numbers
 from experiments.viewer.request import Settings
 from experiments.viewer.session import REST_S, Frame, Picture
 from tests.browser import chromium
+from tests.command import run_here
 from tests.folders import ROOT
 from tests.viewer.test_viewer_painter import FIRST, made
 
@@ -79,14 +80,12 @@ def test_samples_wait_for_a_page_that_looks(page):
     wait_for(lambda: page.session._samples == 3, "the picture at rest")
 
 
-def test_a_taken_port_is_told_in_one_line_and_not_evaded():
+def test_a_taken_port_is_told_in_one_line_and_not_evaded(tmp_path):
     with socket.socket() as other:
         other.bind((HOST, 0))
         other.listen()
         port = other.getsockname()[1]
-        done = subprocess.run(
-            [sys.executable, "run.py", "view", f"view.port={port}"], cwd=ROOT, capture_output=True, text=True
-        )
+        done = run_here(tmp_path, "view", f"view.port={port}")
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == f"run.py: port {port} is taken; choose another by view.port=..., or 0 for any that is free\n"
 
@@ -130,6 +129,7 @@ def test_the_sky_of_a_file_stands_above_what_is_shown(tmp_path, monkeypatch):
     np.testing.assert_array_equal(shown[0].texels, [[[2.0, 1.0, 0.5]]])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no SIGINT to one process")
 def test_ctrl_c_ends_it_cleanly():
     process = subprocess.Popen(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from atra import MISS, PixelTracer
-from atra.light import GradientSky, HybridRenderer, Lambertian, PanoramaSky, PathRenderer, RenderScene, Sun
+from atra.light import GradientSky, HybridRenderer, Lambertian, PanoramaSky, PathRenderer, Scene, Sun
 from atra.light.pictures.files import srgb_of
 from experiments.drawing.shading import BACKGROUND, DIFFERENCE_COLOURS
 from experiments.harness.configuration import Chosen
@@ -25,7 +25,7 @@ from experiments.viewer.session import Session
 from scenes.built_in import make_scene
 
 BOX = make_scene("cornell_box")
-SCENE = RenderScene(BOX.mesh, [Lambertian((0.7, 0.5, 0.3))])
+SCENE = Scene(BOX.mesh, [Lambertian((0.7, 0.5, 0.3))])
 POSE = Pose((0.0, 0.8, 3.4), (0.0, 0.8, 0.0), (0.0, 1.0, 0.0), 50.0)
 SETTINGS = Settings(side=64, samples=2, occlusion_length=0.5)
 FIRST = Request(POSE, SETTINGS)
@@ -90,11 +90,11 @@ def test_a_picture_is_the_renderer_s_own(painter):
 @pytest.mark.parametrize("direction", [(-0.4, -1.0, 0.3), (0.0, 0.0, 5.0), (1.0, 0.2, -1.0)])
 def test_controls_of_the_sun_begin_with_the_scene_s_own(direction):
     own = Sun(direction, 2.0, (1.0, 0.4, 0.0), 3.0)
-    settings = Settings(**light_settings(RenderScene(BOX.mesh, lights=[own], sky=GradientSky(power=0.3))))
+    settings = Settings(**light_settings(Scene(BOX.mesh, lights=[own], sky=GradientSky(power=0.3))))
     assert np.dot(settings.sun_direction, np.array(direction) / np.linalg.norm(direction)) > np.cos(np.radians(1.0))
     values = settings.sun_cone, settings.sun_power, settings.sun_colour, settings.sky_power
     assert values == (2.0, 3.0, (255, 102, 0), 0.3)
-    assert light_settings(RenderScene(BOX.mesh)) == {"sky_power": 1.0}
+    assert light_settings(Scene(BOX.mesh)) == {"sky_power": 1.0}
 
 
 @pytest.mark.parametrize("method", ["raster", "visible_first"])

@@ -10,7 +10,7 @@ from PIL import Image
 
 from atra.errors import InputError
 from atra.files.saving import encode_exr
-from atra.light import Metal
+from atra.light import Emissive, Metal
 from experiments import cli
 from experiments.harness.processes.worker import measure_point
 from experiments.harness.records import Record
@@ -20,7 +20,7 @@ from experiments.workloads.baselines import PACKETS
 from experiments.workloads.render import RENDER, STAGES, Kind, RenderOptions, Rival, outside_embree
 from experiments.workloads.rounds import expert_packet_widths
 from scenes.built_in import make_scene
-from scenes.lit.lighting import lit
+from scenes.lit.lighting import lit, why_grey
 from tests import points
 
 pytestmark = pytest.mark.uncovered
@@ -117,14 +117,18 @@ def test_what_no_picture_can_have_is_refused(options, message):
 
 def test_a_scene_has_its_own_materials_or_a_sun_that_shines_where_the_camera_looks():
     camera = planned().point.camera
-    shown = lit("weekend", make_scene("weekend").mesh, camera)
-    assert any(isinstance(material, Metal) for material in shown.materials)
-    with pytest.raises(InputError, match="neither subdivide nor copy it"):
-        planned(scene={"name": "weekend", "subdivided": 1})
-    grey = lit("cornell_box", make_scene("cornell_box").mesh, camera)
-    (sun,) = grey.lights
-    assert np.dot(sun.direction, camera.axes[2]) > 0
-    assert sun.direction[1] < 0
+    for name, material in (("weekend", Metal), ("cornell_box", Emissive)):
+        mesh = make_scene(name).mesh
+        assert any(isinstance(one, material) for one in lit(name, mesh, camera).materials)
+        assert why_grey(name, mesh) is None
+    for name, mesh in (("needles", make_scene("needles").mesh), ("weekend", make_scene("cornell_box").mesh)):
+        grey = lit(name, mesh, camera)
+        (sun,) = grey.lights
+        assert len(grey.materials) == 1
+        assert np.dot(sun.direction, camera.axes[2]) > 0
+        assert sun.direction[1] < 0
+    assert "weekend is grey: its materials are for" in why_grey("weekend", mesh)
+    assert why_grey("needles", mesh) is None
 
 
 def run(monkeypatch, *arguments):

@@ -58,7 +58,7 @@ def bake_scene(point: Point, mesh: Mesh) -> BakeScene:
     return replace(scene, lights=lamps(mesh, settings.lamps), sky=sky)
 
 
-def room_of(point: Point, mesh: Mesh) -> light.RenderScene:
+def room_of(point: Point, mesh: Mesh) -> light.Scene:
     """The mesh with light, restricted to what Mitsuba has where that is compared."""
     settings = point.workload_options
     room = settings.under_sky(lit_room(mesh))

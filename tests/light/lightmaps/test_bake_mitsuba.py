@@ -36,7 +36,7 @@ def lit_box():
     colours = [(0.7, 0.7, 0.6), (0.6, 0.1, 0.1), (0.1, 0.5, 0.2), (0.7, 0.6, 0.7), (0.5, 0.5, 0.5)]
     materials = [*(light.Lambertian(colour) for colour in colours), light.Emissive((3.0, 2.5, 2.0))]
     numbers = np.array([1, 2, 0, 5, 3, 0, 4, 4, 4, 4, 4, 4]).repeat(2)
-    return light.RenderScene(mesh, materials, numbers, sky=light.constant_sky(0.0))
+    return light.Scene(mesh, materials, numbers, sky=light.constant_sky(0.0))
 
 
 def of_mitsuba(scene, origins, directions):
@@ -122,7 +122,7 @@ def sunlit():
     """A box above a floor, beneath a sun and a sky."""
     mesh = joined(cube(0.5), quads([floor(3.0, -0.6)]))
     materials, sky = [light.Lambertian((0.6, 0.5, 0.4))], light.GradientSky((0.3, 0.3, 0.3), (0.5, 0.7, 1.0))
-    return light.RenderScene(mesh, materials, lights=[light.Sun((-0.35, -1.0, 0.25), power=3.0)], sky=sky)
+    return light.Scene(mesh, materials, lights=[light.Sun((-0.35, -1.0, 0.25), power=3.0)], sky=sky)
 
 
 @pytest.mark.parametrize("room", [lit_box(), sunlit()], ids=["lamp", "sun"])
