@@ -46,7 +46,7 @@ class Look:
     (shapes, 2), triangles in the leaves entered. met: (shapes, 2), triangles that a packet hits. hit: share of rays
     that hit anything. edges: share of tiles of 4 x 4 pixels across which depth jumps. raster_s: processor seconds of
     the raster frame on one thread. raster_bytes: of its clusters. bvh_bytes: of our own BVH, by that of some clusters.
-    sample: of triangles that rays may hit.
+    sample: of triangles that rays may hit. counted: what was `copied` already.
     """
 
     width: int
@@ -64,14 +64,14 @@ class Look:
     raster_bytes: int
     bvh_bytes: float
     sample: Sample = field(repr=False)
-    _copied: dict[tuple[str, tuple[int, int], bool], Copied] = field(default_factory=dict, repr=False)
+    counted: dict[tuple[str, tuple[int, int], bool], Copied] = field(default_factory=dict, repr=False)
 
     def copied(self, method: str, split: tuple[int, int], culling: bool = True) -> Copied:
         """What a method of `atra.model.choice.METHODS` copies, leaves out and traces again, estimated from a sample."""
         key = method, split, culling
-        if key not in self._copied:
-            self._copied[key] = self._count(method, Split(*split, self.width, self.height), culling)
-        return self._copied[key]
+        if key not in self.counted:
+            self.counted[key] = self._count(method, Split(*split, self.width, self.height), culling)
+        return self.counted[key]
 
     def _count(self, method: str, cells: Split, culling: bool) -> Copied:
         if method == "tiles":
@@ -81,7 +81,7 @@ class Look:
         if method == "aligned":
             return self.sample.aligned(cells, culling)
         if method == "instanced":
-            return self.sample.aligned(cells, False, True)._replace(copies=0.0)
+            return Copied(0.0, *self.sample.aligned(cells, False, True)[1:])
         return Copied(0.0, 0.0, 0.0)
 
     def shape(self, shape: tuple[int, int]) -> int:

@@ -72,7 +72,7 @@ def look_of(told: Any) -> Look:
     return Look(
         shapes=shapes, boxes=counts[0], tested=counts[1][..., 0], met=counts[2][..., 0],
         sample=None,  # type: ignore[arg-type]
-        _copied=copied, **{name: told[name] for name in FIELDS},
+        counted=copied, **{name: told[name] for name in FIELDS},
     )  # fmt: skip
 
 
