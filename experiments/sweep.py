@@ -13,7 +13,7 @@ from typing import Any
 import pandas as pd
 from rich.console import Console
 
-from atra.errors import MemoryBudgetError, RecordError
+from atra.errors import RecordError
 from experiments.commands.program import PROGRAM
 from experiments.harness.configuration import Configuration, check_writable, records_folder
 from experiments.harness.identity import Runner, code_sha256, current_environment, identity, identity_of, measure
@@ -21,6 +21,7 @@ from experiments.harness.options import plain_options
 from experiments.harness.point import Point
 from experiments.harness.points import PlannedPoint, plan_points
 from experiments.harness.processes.launching import run_worker
+from experiments.harness.processes.outcome import MAY_CHANGE
 from experiments.harness.processes.quiet import Waiting
 from experiments.harness.progress import SweepProgress, say
 from experiments.harness.records import Record, exclusive, load_record, read_record, record_path, write_record
@@ -270,9 +271,8 @@ def _plan(grid_points: Sequence[GridPoint], console: Console) -> dict[str, Sweep
         point_identity = identity(planned.point, environment)
         before = points[point_identity].grids if point_identity in points else ()
         grids = tuple(dict.fromkeys([*before, grid_point.grid]))
-        # One that lacks memory now may have been measured when there was more.
-        possible = planned.problem is None or isinstance(planned.problem, MemoryBudgetError)
-        repeated = possible and planned.point.workload.is_timed
+        # One that lacks memory now may have been measured when there was more, and a slow one where it was wanted.
+        repeated = planned.point.workload.is_timed and isinstance(planned.problem, MAY_CHANGE)
         for process in range(grid_point.configuration.measure.processes if repeated else 1):
             of_process = replace(planned, point=replace(planned.point, process=process))
             overrides = (*grid_point.overrides, *(() if process == 0 else (f"measure.process={process}",)))

@@ -81,8 +81,8 @@ class SweepConfiguration:
     of several grids is measured once.
     figures: by name of the figure, the grids it is drawn of; without any, every figure that has something to show.
     stand_ins: a scene that is not on this machine is replaced by its procedural stand-in.
-    report: end with the claims and the HTML page.
-    shuffle_seed: points run in an order shuffled by it, so that drift is no trend.
+    report: end with the claims and the HTML page. shuffle_seed: of the points' order, so that drift is no trend.
+    skip_slower: points predicted to take more than so many times as long as the fastest of their view are skipped.
     """
 
     name: str = "point"
@@ -91,6 +91,7 @@ class SweepConfiguration:
     stand_ins: bool = False
     report: bool = False
     shuffle_seed: int = 1
+    skip_slower: float | None = None
 
 
 @dataclass

@@ -8,6 +8,7 @@ from typing import Any
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
+from atra.model.choice import Choice
 from atra.tracing.options import Options
 from atra.tracing.tracer import Tracer
 from experiments.harness.column import Column
@@ -58,6 +59,7 @@ class Method:
     read from its tracer's `counters`. problem: why it cannot run here, None = it can. version: of a foreign package,
     part of a record's identity. is_ours: a method of atra, no other people's tracer. make_rays: mesh, options and what
     holds for the whole point -> what traces batches of rays that come from no camera; None where the method does not.
+    choice: resolved options -> what the cost model knows the method as; None where it knows nothing of it.
     """
 
     name: str
@@ -74,6 +76,7 @@ class Method:
     version: Callable[[], str | None] = always_available
     is_ours: bool = True
     make_rays: Callable[[Mesh, Any, Tracing], Any] | None = None
+    choice: Callable[[Any], Choice | None] = lambda options: None
 
     def has(self, name: str) -> bool:
         """Whether its options have a field of this name."""

@@ -10,10 +10,11 @@ from atra.alignment import options as library
 from atra.alignment.aligned import AlignedTracer
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
+from atra.model.choice import Choice
 from experiments.drawing.style import BLUE
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Method, Style, Tracing
-from experiments.methods.options import VERIFIED, AlignedCellOptions, options_of, resolve_split, say_robust
+from experiments.methods.options import VERIFIED, AlignedCellOptions, known_as, options_of, resolve_split, say_robust
 
 
 @options_of(library.AlignedOptions)
@@ -39,6 +40,10 @@ def _variant(row: Mapping[str, Any]) -> str:
     return ", ".join([*culled, *place, *say_robust(row)])
 
 
+def _choice(options: AlignedOptions) -> Choice:
+    return known_as("instanced" if options.geometry == "instanced" else "aligned")(options)  # type: ignore[attr-defined]
+
+
 ALIGNED = Method(
     "aligned",
     "aligned",
@@ -52,4 +57,5 @@ ALIGNED = Method(
         Column("triangles_left_out", WHOLE, "triangles left to the second pass, as no copy may show them"),
         VERIFIED,
     ),
+    choice=_choice,
 )

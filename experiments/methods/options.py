@@ -7,6 +7,8 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, TypeVar
 
 from atra.alignment import options as of_alignment
+from atra.embree.scene import resolve_packet_width
+from atra.model.choice import Choice
 from atra.tracing import options as library
 from atra.tracing.options import Choices, option
 from experiments.harness.column import WHOLE, Column
@@ -48,6 +50,16 @@ def options_of(kind: type[Choices], names: Mapping[str, str] | None = None) -> C
         return taking_all(kind, (one.name for one in fields(Tracing)), named, MEASURED)(cls)
 
     return made
+
+
+def known_as(name: str) -> Callable[[Any], Choice]:
+    """What the cost model knows a method as, whose name there is `name`: `Method.choice`."""
+
+    def choice(options: Any) -> Choice:
+        width = resolve_packet_width(getattr(options, "packet_width", 1))
+        return Choice(name, getattr(options, "split", (1, 1)), width, getattr(options, "culling", True))
+
+    return choice
 
 
 def say_robust(row: Mapping[str, Any]) -> list[str]:

@@ -9,6 +9,7 @@ from experiments.drawing.style import BLACK
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Method, Style, Tracing
 from experiments.harness.options import NoOptions
+from experiments.methods.options import known_as
 
 
 def _make(mesh: Mesh, view: View, options: NoOptions, tracing: Tracing) -> RasterTracer:
@@ -23,4 +24,5 @@ RASTER = Method(
     _make,
     __name__,
     counters=(Column("scratch_bytes", WHOLE, "what frames share: projected corners, lists of triangles"),),
+    choice=known_as("raster"),
 )

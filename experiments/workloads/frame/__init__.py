@@ -33,6 +33,7 @@ FRAME = Workload(
     samples=lambda point: frozenset((OWN, SINGLE)),
     needs=(*RESOURCES, *PIXELS, *PREPARATION),
     rays=lambda row: "primary",
+    want="nearest",
     **BESIDE_BASELINES,
 )
 

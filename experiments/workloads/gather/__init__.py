@@ -80,6 +80,7 @@ GATHER = Workload(
     needs=(*RESOURCES, *DIFFERENCES, *PREPARATION),
     **BESIDE_BASELINES,
     problem=_problem,
+    want="count",
 )
 
 
