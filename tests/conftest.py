@@ -36,6 +36,12 @@ def pytest_collection_finish():
     gc.freeze()
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_sessionfinish():
+    """pytest looks for garbage five times before it ends; what is left by then need not be looked at."""
+    gc.freeze()
+
+
 def _with_room(call):
     return call()
 

@@ -32,14 +32,14 @@ def floor_points(camera):
 def sphere(material, sky, smooth=True, segments=24):
     part = outwards(ball(1.0, segments, segments // 2))
     normals = part.vertices if smooth else None
-    return light.RenderScene(part.to_mesh("sphere"), [material], sky=sky, normals=normals)
+    return light.Scene(part.to_mesh("sphere"), [material], sky=sky, normals=normals)
 
 
 def room(material, sky=BLACK):
     """A closed box of two units around the origin, fronts inward."""
     corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
     sides = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
-    return light.RenderScene(quads([[tuple(corners[k]) for k in side] for side in sides]), [material], sky=sky)
+    return light.Scene(quads([[tuple(corners[k]) for k in side] for side in sides]), [material], sky=sky)
 
 
 def hybrid(scene, camera, samples, **options):

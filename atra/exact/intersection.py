@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +13,9 @@ from numpy.typing import NDArray
 from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
+
+Components: TypeAlias = Sequence[NDArray[np.float64]] | NDArray[np.float64]
+"""The x, y and z of vectors, arrays of one shape."""
 
 NOISE = 1e-14
 """Size of a volume, relative to the product of its lengths, up to which it counts as 0: fifty roundings of float64."""
@@ -171,12 +176,12 @@ def volumes_of(
     edge_2: NDArray[np.float64],
 ) -> Volumes:
     """The volumes of rays and triangles; every argument is (N, 3), or (3,) if it is the same for all."""
-    to_origin = origins - corner
-    p = np.cross(directions, edge_2)
-    q = np.cross(to_origin, edge_1)
-    area = _dot(edge_1, edge_1) * _dot(edge_2, edge_2)
-    size, reach = np.sqrt(_dot(directions, directions) * area), np.sqrt(_dot(to_origin, to_origin) * area)
-    return Volumes(_dot(p, edge_1), _dot(edge_2, q), _dot(p, to_origin), _dot(directions, q), size, reach)
+    # As components: numpy's own cross product takes several times as long for the few rays of a small image.
+    o, d, e1, e2 = (np.moveaxis(one, -1, 0) for one in (origins - corner, directions, edge_1, edge_2))
+    p, q = _cross(d, e2), _cross(o, e1)
+    area = _dot(e1, e1) * _dot(e2, e2)
+    size, reach = np.sqrt(_dot(d, d) * area), np.sqrt(_dot(o, o) * area)
+    return Volumes(_dot(p, e1), _dot(e2, q), _dot(p, o), _dot(d, q), size, reach)
 
 
 def divided(volumes: Volumes) -> Intersections:
@@ -191,8 +196,12 @@ def divided(volumes: Volumes) -> Intersections:
     return Intersections(np.where(never, np.inf, depth), u, v, edge_distance)
 
 
-def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
+def _cross(a: Components, b: Components) -> Components:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def _dot(a: Components, b: Components) -> NDArray[np.float64]:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def intersect_rays(

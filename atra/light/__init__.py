@@ -21,7 +21,7 @@ from atra.light.pictures.hybrid import HybridRenderer
 from atra.light.pictures.options import HybridOptions, PathOptions
 from atra.light.pictures.paths.renderer import PathRenderer
 from atra.light.reading.scenes import load_scene
-from atra.light.scene import RenderScene, Scene, ScenePart
+from atra.light.scene import Scene, ScenePart
 from atra.light.sky import GradientSky, PanoramaSky, constant_sky
 from atra.light.textures import Checker, Image
 
@@ -48,7 +48,6 @@ __all__ = [
     "PointLight",
     "Progress",
     "ProgressiveBake",
-    "RenderScene",
     "Scene",
     "ScenePart",
     "Seams",

@@ -118,10 +118,6 @@ class Scene:
                 array.setflags(write=False)
 
 
-RenderScene = Scene
-"""Its earlier name."""
-
-
 def _listed(name: str, given: Any) -> tuple[Any, ...]:
     if isinstance(given, str | bytes) or not isinstance(given, Iterable):
         raise InputError(f"{name} are {given!r:.100}, expected a list of them")

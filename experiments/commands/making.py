@@ -39,7 +39,7 @@ from experiments.harness.progress import say, say_duration
 from experiments.workloads.render import RENDER
 from experiments.workloads.render.measure import make_renderer
 from experiments.workloads.rounds import load_mesh
-from scenes.lit.lighting import lit
+from scenes.lit.lighting import lit, why_grey
 
 
 def picture_arguments(given: Sequence[str]) -> list[str]:
@@ -62,6 +62,8 @@ def run_picture(configuration: Configuration) -> Path:
     mesh = load_mesh(point)
     options = point.workload_options
     scene, samples = options.under_sky(lit(point.scene, mesh, point.camera)), options.samples
+    if (grey := why_grey(point.scene, mesh)) is not None:
+        say(console, grey)
     start = time.monotonic()
     with make_renderer(point, scene, point.camera, make_own(point, mesh)) as renderer:
         with _progress(samples, console) as steps:

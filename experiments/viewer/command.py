@@ -10,17 +10,19 @@ from typing import Any
 
 import numpy as np
 
+from atra.command.picture import load_lit
 from atra.errors import InputError
 from atra.geometry.camera import Camera
-from atra.light import PanoramaSky, RenderScene, Sun
+from atra.light import PanoramaSky, Scene, Sun
 from experiments.harness.configuration import Configuration
 from experiments.harness.method import Tracing
 from experiments.harness.points import camera_fields_of
 from experiments.viewer.page import Page
 from experiments.viewer.painter import Painter
 from experiments.viewer.request import COLUMNS, SPLITS, Pose, Request, Settings
-from scenes.lit.lighting import lit
-from scenes.loading import load_scene
+from scenes.lit.lighting import lit, why_grey
+from scenes.loading import SceneSource, load_scene
+from scenes.scene import Scene as LoadedScene
 
 
 def run_view(configuration: Configuration) -> None:
@@ -38,12 +40,13 @@ def run_view(configuration: Configuration) -> None:
     if split_x not in SPLITS:
         raise InputError(f"method.split_x is {split_x}, expected one of {', '.join(map(str, SPLITS))} in the viewer")
     pose = Pose(camera.eye, camera.target, camera.up, camera.fov_y_degrees)
-    shown = lit(scene.name, scene.mesh, camera)
+    shown = _lit(given, scene, camera)
     if configuration.view.sky is not None:
         shown = replace(shown, sky=PanoramaSky.load(Path(configuration.view.sky).expanduser()))
     settings = Settings(
         method=chosen.name,
         split_x=split_x,
+        frame="path",
         shadow_length=_rounded(2.0 * size),
         occlusion_length=_rounded(0.1 * size),
         **light_settings(shown),
@@ -63,9 +66,18 @@ def run_view(configuration: Configuration) -> None:
     print("viewer: ended")
 
 
-def light_settings(scene: RenderScene) -> dict[str, Any]:
-    """Fields of `Settings`: the scene's own first sun, to a degree, and its sky."""
-    found: dict[str, Any] = {"sky_power": scene.sky.power}
+def _lit(given: Any, scene: LoadedScene, camera: Camera) -> Scene:
+    """The scene in light: a file's own materials and lights, as `atra render` lights them, unless it is enlarged."""
+    if given.source is SceneSource.file and given.subdivided == 0 and given.copies == 1:
+        return load_lit(Path(given.path).expanduser())
+    if (grey := why_grey(scene.name, scene.mesh)) is not None:
+        print(f"viewer: {grey}", flush=True)
+    return lit(scene.name, scene.mesh, camera)
+
+
+def light_settings(scene: Scene) -> dict[str, Any]:
+    """Fields of `Settings`: the scene's own first sun, to a degree, or none, and its sky."""
+    found: dict[str, Any] = {"sky_power": scene.sky.power, "sun_power": 0.0}
     for sun in [one for one in scene.lights if isinstance(one, Sun)][:1]:
         x, y, z = -np.array(sun.direction) / np.linalg.norm(sun.direction)
         red, green, blue = (round(255 * min(channel, 1.0)) for channel in sun.colour)

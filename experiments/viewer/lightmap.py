@@ -35,7 +35,7 @@ class LightmapPage(CameraPage):
         self, bake: ProgressiveBake, scene: BakeScene, atlas: Atlas, target: int, first: Pose, port: int, title: str,
         side: int = 512, threads: int | None = None,
     ) -> None:  # fmt: skip
-        super().__init__(port, title)
+        super().__init__(port, title, float(np.linalg.norm(np.ptp(scene.mesh.bounds, axis=0))))
         self._bake, self._scene, self._atlas, self._target = bake, scene, atlas, target
         self._settings, self._threads = Settings(side=side), threads
         self._changed = threading.Condition()
@@ -47,6 +47,7 @@ class LightmapPage(CameraPage):
         self._drawn_s, self._is_done = 0.0, False
         self._image: NDArray[np.float32] | None = None
         self._numbers = self._server.gui.add_markdown("preparing; a first start compiles kernels")
+        self.add_camera_controls()
         self.follow(first)
 
     def moved(self, pose: Pose) -> None:

@@ -19,16 +19,19 @@ _CAMERA = {
     "type", "wxyz", "position", "fov", "near", "far", "image_height", "image_width", "look_at", "up_direction",
 }  # fmt: skip
 _CONTROL = {"type", "uuid", "updates"}
+_HOLD = {"type", "uuid", "frequency"}
 
 
 class Messages:
-    """What a page may say: where its camera is, and the new value of a control.
+    """What a page may say: where its camera is, the new value of a control, and that a button is held.
 
-    controls: by the control's identifier, whether it can have a value; filled while the page is made.
+    controls: by the control's identifier, whether it can have a value; held: how often a second a held button says so.
+    Both are filled while the page is made.
     """
 
     def __init__(self) -> None:
         self.controls: dict[str, Callable[[Any], bool]] = {}
+        self.held: dict[str, float] = {}
 
     def make_sense(self, raw: object) -> bool:
         """Whether these bytes are a message of the page. Never raises."""
@@ -47,6 +50,9 @@ class Messages:
             return False
         if message.get("type") == "ViewerCameraMessage":
             return message.keys() == _CAMERA and _is_camera(message)
+        if message.get("type") == "GuiButtonHoldMessage" and message.keys() == _HOLD:
+            uuid, often = message["uuid"], message["frequency"]
+            return isinstance(uuid, str) and _is_number(often) and self.held.get(uuid) == often
         if message.get("type") == "GuiUpdateMessage" and message.keys() == _CONTROL:
             uuid, updates = message["uuid"], message["updates"]
             can_have = self.controls.get(uuid) if isinstance(uuid, str) else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -10,13 +11,15 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from atra.errors import InputError
+from atra.light.pictures.files import png_bytes
+from atra.light.pictures.finish.tone import TONES
 from experiments.methods import METHODS, find_method
-from experiments.viewer.camera_page import CameraPage
+from experiments.viewer.camera_page import CameraPage, uuid_of
 from experiments.viewer.request import FRAMES, SHADES, SPLITS, Pose, Request
 from experiments.viewer.session import WAKE_S, Artist, Frame, Session
 
 if TYPE_CHECKING:
-    from viser import GuiEvent
+    from viser import ClientHandle, GuiEvent
 
 _TOLD_S = 0.2
 """Seconds between two updates of the numbers while the camera moves."""
@@ -29,9 +32,10 @@ class Page(CameraPage):
     """
 
     def __init__(self, artist: Artist, first: Request, port: int, title: str, size: float) -> None:
-        super().__init__(port, title)
+        super().__init__(port, title, size)
         self.session = Session(artist, self, first)
         self._told_s = 0.0
+        self._frame: Frame | None = None
         self._moved_s: float | None = None
         self._is_seen = threading.Event()
         self._folders: dict[str, Any] = {}
@@ -52,6 +56,7 @@ class Page(CameraPage):
         """Send a picture: a JPEG while the camera moves, a PNG when it rests."""
         is_still = frame.samples > 0
         self.send(frame.picture.image, is_still)
+        self._frame = frame
         now_s, before_s = monotonic(), self._moved_s
         self._moved_s = None if is_still else now_s
         if is_still or now_s - self._told_s >= _TOLD_S:
@@ -79,16 +84,24 @@ class Page(CameraPage):
             self._choice("frame", "frame", FRAMES)
             self._choice("shade", "shade", SHADES)
             self._slider("samples", "samples", 1, 512, 1)
-            self._slider("side", "side, pixels", 64, 1024, 64)
+            self._slider("side", "side, pixels", 64, 2048, 64)
+            self._slider("exposure", "exposure, stops", -10.0, 10.0, 0.1)
+            self._choice("tone", "tone map", TONES)
+            self.add_button("save picture", self._save_picture)
+        with gui.add_folder("Camera"):
+            self.add_camera_controls()
+            self.add_button("save camera", self._save_camera)
         with gui.add_folder("Primary visibility"):
             method = gui.add_dropdown("method", tuple(labels), initial_value=find_method(now.method).label)
             self._on_update(method, "method", labels.__getitem__)
             self._choice("split_x", "columns of cells", tuple(map(str, SPLITS)), int)
             self._box("jitter", "jitter")
-        with self._folder("hybrid", "Sun"):
+        with self._folder("hybrid", "Hybrid"):
+            self._slider("kept", "samples kept while moving", 0, 64, 1)
             self._slider("shadow_rays", "shadow rays", 0, 8, 1)
             self._slider("shadow_length", "shadow length", 0.01 * size, 2.0 * size, 0.01 * size)
             self._box("shadow_shared", "same for all pixels")
+        with gui.add_folder("Sun"):
             self._slider("sun_cone", "cone, degrees", 0.0, 10.0, 0.05)
             self._slider("sun_heading", "heading", -180.0, 180.0, 1.0)
             self._slider("sun_height", "height", -90.0, 90.0, 1.0)
@@ -104,6 +117,16 @@ class Page(CameraPage):
         with gui.add_folder("Sky"):
             self._slider("sky_power", "power", 0.0, 10.0, 0.05)
         self._show_folders()
+
+    def _save_picture(self, client: ClientHandle) -> None:
+        """What is shown, as the page sees it."""
+        if self._frame is not None:
+            client.send_file_download("picture.png", png_bytes(self._frame.picture.image), save_immediately=True)
+
+    def _save_camera(self, client: ClientHandle) -> None:
+        """As `atra render --camera` reads it."""
+        content = camera_file(self.session.wanted).encode()
+        client.send_file_download("camera.json", content, save_immediately=True)
 
     @contextlib.contextmanager
     def _folder(self, renderer: str, title: str) -> Iterator[None]:
@@ -145,8 +168,15 @@ class Page(CameraPage):
             self.session.want(**{field: read(event.target.value)})
             self._show_folders()
 
-        self._messages.controls[control._impl.uuid] = can_have  # viser has no public name for it
+        self._messages.controls[uuid_of(control)] = can_have
         control.on_update(changed)
+
+
+def camera_file(request: Request) -> str:
+    """A JSON file of the camera."""
+    camera = request.camera
+    fields = ("eye", "target", "up", "fov_y_degrees", "width", "height")
+    return json.dumps({"view": {name: getattr(camera, name) for name in fields}}, indent=2)
 
 
 def say_numbers(frame: Frame, since_s: float | None) -> str:

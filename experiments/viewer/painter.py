@@ -15,8 +15,9 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import compare
-from atra.light import HybridRenderer, PathRenderer, RenderScene, Sun
+from atra.light import HybridRenderer, PathRenderer, Scene, Sun
 from atra.light.pictures.files import srgb_of
+from atra.light.pictures.finish.tone import toned
 from atra.light.pictures.renderer import Renderer
 from atra.packets.pixel import PixelTracer
 from atra.raster.tracer import RasterTracer
@@ -36,18 +37,18 @@ _COLOUR_STEPS = np.array([0x9E3779B1, 0x85EBCA77, 0xC2B2AE3D], np.uint32)
 class Painter:
     """The artist of a `Session`: sketches by the rasteriser, pictures by the renderer and the method asked for.
 
-    scene: its sun is the request's, its sky has the request's power. chosen: a method with options of its
-    own; others have their defaults. tracing: holds for all tracers and renderers.
+    scene: its first sun is the request's, its sky has the request's power; its other lights stay. chosen: a method with
+    options of its own; others have their defaults. tracing: holds for all tracers and renderers.
     """
 
-    def __init__(self, scene: RenderScene, chosen: Chosen, tracing: Tracing) -> None:
+    def __init__(self, scene: Scene, chosen: Chosen, tracing: Tracing) -> None:
         self._scene, self._chosen, self._tracing = scene, chosen, tracing
-        self._lit: tuple[object, RenderScene] = (None, scene)
+        self._lit: tuple[object, Scene] = (None, scene)
         self._sketcher: HybridRenderer | None = None
         self._made: tuple[object, Renderer] | None = None
 
     def sketch(self, request: Request) -> Picture:
-        """One frame of the rasteriser; its picture has no shadows, and those of a path no sun."""
+        """One hybrid frame of the rasteriser, without shadows unless earlier frames lend it their samples."""
         settings, scene = request.settings, self._scene_of(request.settings)
         sketcher = self._sketcher
         if sketcher is None:
@@ -57,8 +58,11 @@ class Painter:
             )
             self._sketcher = sketcher.__enter__()
         start = perf_counter()
-        rays = 1 if settings.shade == "occlusion" else 0
-        sketcher.update(scene, occlusion_rays=rays, occlusion_length=settings.occlusion_length)
+        rays = {"shadow_rays": 0, "occlusion_rays": int(settings.shade == "occlusion")}
+        if settings.kept:
+            rays = {"shadow_rays": settings.shadow_rays, "occlusion_rays": settings.occlusion_rays}
+        lengths = {"shadow_length": settings.shadow_length, "occlusion_length": settings.occlusion_length}
+        sketcher.update(scene, most_kept=settings.kept, **rays, **lengths)  # type: ignore[arg-type]
         sketcher.look(request.camera)
         if settings.shade in OF_HITS:
             hits = sketcher.tracer.trace()
@@ -66,7 +70,7 @@ class Painter:
             image = _coloured(hits, "depth" if settings.shade == "wrong" else settings.shade)
             return Picture(image, {"primary": traced - start, "shade": perf_counter() - traced})
         sketcher.add(1)
-        image = _light(sketcher, settings.shade)
+        image = _light(sketcher, settings)
         stages = {name: seconds for name, seconds in sketcher.stage_s.items() if name != "other"}
         return Picture(image, stages | {"other": perf_counter() - start - sum(stages.values())})
 
@@ -80,7 +84,7 @@ class Painter:
         """What has been added, or what its primary rays hit."""
         renderer, shade = self._renderer(request), request.settings.shade
         if shade not in OF_HITS:
-            return Picture(_light(renderer, shade), renderer.stage_s)
+            return Picture(_light(renderer, request.settings), renderer.stage_s)
         hits = renderer.tracer.trace()
         if shade != "wrong":
             return Picture(_coloured(hits, shade), renderer.stage_s)
@@ -123,14 +127,17 @@ class Painter:
             options = replace(options, **WATERTIGHT)
         return method.make(mesh, view, method.resolve(options, view.width), self._tracing)
 
-    def _scene_of(self, settings: Settings) -> RenderScene:
+    def _scene_of(self, settings: Settings) -> Scene:
         """The scene in this light; the same value for the same light, which renderers take for no change."""
         red, green, blue = (channel / 255.0 for channel in settings.sun_colour)
         sun = Sun(settings.sun_direction, settings.sun_cone, (red, green, blue), settings.sun_power)
         light = sun, settings.sky_power
         if self._lit[0] != light:
             sky = replace(self._scene.sky, power=settings.sky_power)
-            self._lit = light, replace(self._scene, lights=(sun,), sky=sky)
+            own = next((one for one in self._scene.lights if isinstance(one, Sun)), None)
+            others = [one for one in self._scene.lights if one is not own]
+            suns = [sun] if sun.power > 0.0 else []
+            self._lit = light, replace(self._scene, lights=[*suns, *others], sky=sky)
         return self._lit[1]
 
 
@@ -139,16 +146,16 @@ def _options(settings: Settings) -> dict[str, Any]:
     if settings.renderer == "path":
         return options | {"max_depth": settings.max_depth}
     names = ("shadow_rays", "shadow_length", "occlusion_rays", "occlusion_length")
-    chosen = {"occlusion": "cosine" if settings.cosine else "uniform"}
+    chosen: dict[str, Any] = {"occlusion": "cosine" if settings.cosine else "uniform", "most_kept": settings.kept}
     for name, is_shared in (("shadow", settings.shadow_shared), ("occlusion", settings.occlusion_shared)):
         chosen[f"{name}_directions"] = "shared" if is_shared else "shifted"
     return options | chosen | {name: getattr(settings, name) for name in names}
 
 
-def _light(renderer: Renderer, shade: str) -> NDArray[np.uint8]:
-    if shade == "occlusion" and isinstance(renderer, HybridRenderer):
+def _light(renderer: Renderer, settings: Settings) -> NDArray[np.uint8]:
+    if settings.shade == "occlusion" and isinstance(renderer, HybridRenderer):
         return srgb_of(np.broadcast_to(renderer.openness[..., None], (*renderer.openness.shape, 3)))
-    return srgb_of(renderer.image)
+    return srgb_of(toned(renderer.image, settings.exposure, settings.tone))
 
 
 def _coloured(hits: Hits, shade: str) -> NDArray[np.uint8]:

@@ -9,6 +9,7 @@ from math import cos, radians, sin, sqrt
 from atra.errors import InputError
 from atra.geometry.camera import Camera, Vector
 from atra.light.checks import check_one_of, checked_number
+from atra.light.pictures.finish.tone import TONES
 from atra.whole_numbers import is_whole_number
 from experiments.harness.options import check_whole_numbers
 from experiments.methods import find_method
@@ -29,17 +30,21 @@ _WIDEST = 5.0
 
 _WHOLE = {
     "samples": (1, 1 << 20), "side": (1, 4096), "split_x": (2, 64), "shadow_rays": (0, 64), "occlusion_rays": (0, 64),
-    "max_depth": (1, 1 << 20),
+    "max_depth": (1, 1 << 20), "kept": (0, 64),
 }  # fmt: skip
 """Least and most of whole numbers among `Settings`."""
 
 _RANGES = {
     "shadow_length": (0.0, 1e12), "occlusion_length": (0.0, 1e12), "sun_cone": (0.0, 90.0),
     "sun_heading": (-360.0, 360.0), "sun_height": (-360.0, 360.0), "sun_power": (0.0, 1e12), "sky_power": (0.0, 1e12),
+    "exposure": (-16.0, 16.0),
 }  # fmt: skip
 """Least and most of other numbers."""
 
 _LIGHTING = frozenset({"sun_power", "sun_colour", "sky_power"})
+
+_SHOWN = frozenset({"samples", "shade", "frame", "exposure", "tone"})
+"""What changes no light."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +54,9 @@ class Settings:
     frame: "hybrid" or "path". shade: "material", the picture; "normal", "depth", "prim_id", of what is seen;
     "occlusion", the share of the sky; "wrong", pixels that differ from `rtcIntersect1`. samples: of a resting picture.
     side: the picture has about side x side pixels. method, split_x: of primary visibility at rest, and its columns of
-    cells where it has cells. jitter: whether samples go through different points of their pixels.
+    cells where it has cells. jitter: whether samples go through different points of their pixels. exposure: stops.
+    tone: the tone map's name. kept: samples that hybrid pixels keep when the camera moves; 0: none, and moving pictures
+    have no shadows. sun_power: 0 for no sun.
     sun_heading, sun_height: in degrees, where the sun stands, about +y and above the horizon. sun_cone: half the angle
     under which it appears, in degrees. shadow_shared, occlusion_shared: whether rays head the same way from all pixels.
     All others: see `atra.light`'s options, lights and skies.
@@ -77,9 +84,12 @@ class Settings:
     occlusion_shared: bool = False
     cosine: bool = False
     max_depth: int = 5
+    exposure: float = 0.0
+    tone: str = "none"
+    kept: int = 0
 
     def __post_init__(self) -> None:
-        for name, words in (("frame", FRAMES), ("shade", SHADES)):
+        for name, words in (("frame", FRAMES), ("shade", SHADES), ("tone", TONES)):
             check_one_of(name, getattr(self, name), words)
         find_method(self.method)
         check_whole_numbers(self, "", _WHOLE)
@@ -116,8 +126,9 @@ class Settings:
         """Whether samples added with `old` are samples of these: hybrid rendering adds up light apart from its colour
         and power."""
         changed = {one.name for one in fields(self) if getattr(self, one.name) != getattr(old, one.name)}
-        free = {"samples", "shade", "frame"} | (_LIGHTING if self.renderer == FRAMES[0] else frozenset())
-        return self.renderer == old.renderer and changed <= free
+        free = _SHOWN | (_LIGHTING if self.renderer == FRAMES[0] else frozenset())
+        has_sun = self.sun_power > 0.0, old.sun_power > 0.0
+        return self.renderer == old.renderer and changed <= free and has_sun[0] == has_sun[1]
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from atra.errors import InputError
-from atra.light import PanoramaSky, RenderScene
+from atra.light import PanoramaSky, Scene
 from atra.tracing.options import RayOptions, option
 from experiments.harness.options import Settings, settings, taken
 
@@ -42,6 +42,6 @@ class UnderSky(Settings):
         object.__setattr__(self, "sky", str(path))
         object.__setattr__(self, "sky_sha256", found)
 
-    def under_sky(self, scene: RenderScene) -> RenderScene:
+    def under_sky(self, scene: Scene) -> Scene:
         """The scene with that sky, if there is one. Raises InputError for a file that holds none."""
         return scene if self.sky is None else replace(scene, sky=PanoramaSky.load(self.sky))

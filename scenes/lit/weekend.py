@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.light import Checker, Dielectric, GradientSky, Lambertian, Metal, RenderScene, Sun
+from atra.light import Checker, Dielectric, GradientSky, Lambertian, Metal, Scene, Sun
 from scenes.scene import upright_camera
 from scenes.shapes import Part, ball, copies, join, lathe
 
@@ -19,7 +19,7 @@ _FROM_MIDDLE, _CLEARING = (4.0, 0.0), 0.9
 _TRIANGLES = 100
 
 
-def weekend(segments: int = 24) -> RenderScene:
+def weekend(segments: int = 24) -> Scene:
     """A chequered ground, three balls of glass, paint and metal among up to 484 small ones, and 100 loose triangles.
 
     segments: around a small ball; the large ones have four times as many. Smooth normals are the spheres' own. Places
@@ -61,7 +61,7 @@ def weekend(segments: int = 24) -> RenderScene:
         *_small_materials(len(places)),
         *(Lambertian(colour) for colour in ((0.8, 0.2, 0.2), (0.2, 0.6, 0.3), (0.2, 0.3, 0.8))),
     ]
-    return RenderScene(
+    return Scene(
         whole.to_mesh("weekend"), materials, np.concatenate(numbers), (Sun((-0.4, -1.0, 0.3), 0.5),), GradientSky(),
         np.concatenate(normals).astype(np.float32), uv.astype(np.float32),
     )  # fmt: skip

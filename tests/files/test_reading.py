@@ -83,6 +83,7 @@ for path in map(Path, sys.argv[1:]):
 """
 
 
+@pytest.mark.slow
 @openexr
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="bounds the memory of a process as Linux does it")
 def test_small_files_that_claim_much_are_refused_by_their_claim_within_a_gibibyte(tmp_path):

@@ -128,7 +128,7 @@ def test_a_sky_of_a_file_lights_a_bake_and_a_picture_as_the_same_texels_do(tmp_p
     camera = atra.Camera((0, 1, 2), (0, 0, 0), width=16, height=16)
     pictures = []
     for one in (loaded, given):
-        with light.PathRenderer(light.RenderScene(mesh, sky=one), camera, threads=1) as renderer:
+        with light.PathRenderer(light.Scene(mesh, sky=one), camera, threads=1) as renderer:
             renderer.add(1)
             pictures.append(renderer.image)
     np.testing.assert_array_equal(*pictures)

@@ -18,7 +18,7 @@ MOST = 3
 """Samples of a picture, at most."""
 
 LAMPS = tuple(
-    light.RenderScene(MESH, lights=[light.Sun((x, -1, -0.2), power=power)]) for x, power in ((0.1, 1.0), (0.4, 3.0))
+    light.Scene(MESH, lights=[light.Sun((x, -1, -0.2), power=power)]) for x, power in ((0.1, 1.0), (0.4, 3.0))
 )
 RENDERERS = {
     "hybrid": lambda scene, camera, threads: light.HybridRenderer(scene, camera, threads=threads, most_samples=MOST),

@@ -18,10 +18,10 @@ from tests.images import METHODS, PARALLEL, trace
 from tests.meshes import quads
 
 WIDTHS = load_library().native_packet_widths
-each_width = pytest.mark.parametrize("width", WIDTHS)
-each_width_for_parallel_rays = pytest.mark.parametrize(
-    "width", [pytest.param(one, marks=() if one in (WIDTHS[0], WIDTHS[-1]) else pytest.mark.slow) for one in WIDTHS]
-)  # few other tests need these kernels
+each_width = pytest.mark.parametrize(
+    "width", [pytest.param(one, marks=() if one == WIDTHS[-1] else pytest.mark.slow) for one in WIDTHS]
+)
+"""No other fast test needs the kernels of the narrower packets."""
 TINY = (6e-17, 1e-18, 1e-19, 1e-20, 1e-30, 1e-38, 1e-45)
 
 
@@ -85,7 +85,7 @@ def test_a_closed_box_seen_from_inside_along_an_axis_has_no_holes(method, width)
 
 
 @pytest.mark.core
-@each_width_for_parallel_rays
+@each_width
 @pytest.mark.parametrize("component", TINY)
 def test_parallel_rays_along_an_axis_lose_nothing(width, component):
     for target in ((component, -component, 0.0), (-component, 0.0, 0.0)):

@@ -27,7 +27,7 @@ pytestmark = pytest.mark.usefixtures("old_objects_set_aside")
 MESH, CAMERA = cornell_box(), cornell_camera(64, 48)
 RAYS = np.zeros((200, 3)), np.ones((200, 3))
 FRAMES = atra.Alignment.of_frames([CAMERA, CAMERA], atra.Split(16, 1, 64, 48))
-SCENE = light.RenderScene(MESH, lights=[light.Sun((0.1, -1, -0.2))])
+SCENE = light.Scene(MESH, lights=[light.Sun((0.1, -1, -0.2))])
 
 
 def traced(one):

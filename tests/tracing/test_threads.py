@@ -142,29 +142,29 @@ LAMPS = tuple(light.Sun((x, -1, -0.2)) for x in (0.1, 0.4))
 
 
 def picture(camera):
-    with light.HybridRenderer(light.RenderScene(MESH, lights=LAMPS), camera, threads=1) as renderer:
+    with light.HybridRenderer(light.Scene(MESH, lights=LAMPS), camera, threads=1) as renderer:
         renderer.add()
         return renderer.image
 
 
 def test_samples_are_wholly_those_of_the_camera_that_came_last_before_them():
-    with light.HybridRenderer(light.RenderScene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
+    with light.HybridRenderer(light.Scene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
         Interrupted(renderer, lambda: renderer.look(LARGE), lambda: None)
         renderer.add()
         np.testing.assert_array_equal(renderer.image, picture(LARGE))
 
 
 def test_a_light_that_another_thread_takes_away_is_named():
-    with light.HybridRenderer(light.RenderScene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
+    with light.HybridRenderer(light.Scene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
         renderer.add()
-        fewer = light.RenderScene(MESH, lights=LAMPS[:1])
+        fewer = light.Scene(MESH, lights=LAMPS[:1])
         Interrupted(renderer, lambda: renderer.update(scene=fewer))
         with pytest.raises(atra.InputError, match="light is 1, but the scene has 1"):
             renderer.lit(1)
 
 
 def test_a_closed_renderer_changes_no_more_but_hands_out_its_picture():
-    with light.HybridRenderer(light.RenderScene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
+    with light.HybridRenderer(light.Scene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
         renderer.add()
     assert renderer.image.shape == (48, 64, 3)
     for call in (lambda: renderer.look(SMALL), renderer.restart, renderer.add):
@@ -194,10 +194,10 @@ def test_a_map_is_wholly_of_the_scene_that_came_last_before_it_was_asked_for_or_
 
 
 def test_a_picture_that_is_asked_for_is_wholly_that_of_the_camera_that_came_last_before():
-    with light.PathRenderer(light.RenderScene(MESH, lights=LAMPS), LARGE, threads=1) as renderer:
+    with light.PathRenderer(light.Scene(MESH, lights=LAMPS), LARGE, threads=1) as renderer:
         renderer.add()
         expected = renderer.image
-    with light.PathRenderer(light.RenderScene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
+    with light.PathRenderer(light.Scene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
         renderer.add()
         to_large = [lambda: renderer.look(LARGE), renderer.add]
         Interrupted(renderer, lambda: [call() for call in to_large], lambda: renderer.look(SMALL))

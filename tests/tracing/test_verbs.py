@@ -7,7 +7,7 @@ import pytest
 
 import atra
 from atra.bvh.scene import BvhScene
-from atra.light import Baker, BakeScene, HybridRenderer, PathRenderer, PointLight, RenderScene
+from atra.light import Baker, BakeScene, HybridRenderer, PathRenderer, PointLight, Scene
 from atra.shafts.eye import EyeTracer
 from atra.shafts.scene import ShaftScene
 from atra.shafts.tracer import ClassifiedTracer
@@ -115,18 +115,18 @@ LAMP = PointLight((0.0, 1.5, 0.0), power=5.0)
 @pytest.mark.parametrize("kind", [HybridRenderer, PathRenderer])
 def test_a_renderer_takes_another_pose_and_another_camera(kind):
     camera = replace(CAMERA, width=24)
-    with kind(RenderScene(POSED, lights=[LAMP]), camera, threads=1) as new:
+    with kind(Scene(POSED, lights=[LAMP]), camera, threads=1) as new:
         new.add(2)
         expected = new.image
-    one = kind(RenderScene(MESH, lights=[LAMP]), CAMERA, threads=1)
+    one = kind(Scene(MESH, lights=[LAMP]), CAMERA, threads=1)
     one.add()
-    one.update(RenderScene(POSED, lights=[LAMP]))
+    one.update(Scene(POSED, lights=[LAMP]))
     assert one.samples == 0
     one.look(camera)
     one.add(2)
     np.testing.assert_array_equal(one.image, expected)
     with pytest.raises(atra.InputError, match=r"expected .* as before"):
-        one.update(RenderScene(OTHER, lights=[LAMP]))
+        one.update(Scene(OTHER, lights=[LAMP]))
 
 
 def test_a_bake_takes_another_pose_on_the_charts_it_has(monkeypatch):

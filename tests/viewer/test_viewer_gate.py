@@ -123,6 +123,8 @@ BAD = [
     ("samples", 10**9), ("samples", 2.5e300), ("samples", -1), ("side, pixels", 10**6), ("side, pixels", INF),
     ("method", "x"), ("method", []), ("columns of cells", "3"), ("columns of cells", "x"), ("colour", [1, 2]),
     ("colour", [1, 2, 300]), ("colour", [INF, 0, 0]), ("colour", "red"), ("shadow length", 0), ("depth", 10**6),
+    ("exposure, stops", INF), ("tone map", "x"), ("movement", "fly"), ("save picture", 1),
+    ("forward", "x"),
 ]  # fmt: skip
 
 
@@ -149,6 +151,10 @@ def test_malformed_messages_are_ignored(page):
     malformed += [sent({**CAMERA, name: value}) for name in CAMERA if name != "type" for value in (None, "x", [], INF)]
     malformed += [sent({**CAMERA, "position": [0, 0, NAN]}), sent({**CAMERA, "wxyz": [0, 0, 0, 0]}),
                   sent({**CAMERA, "image_height": 0}), sent({**CAMERA, "fov": 4.0})]  # fmt: skip
+    (button,) = (one._impl.uuid for one in controls(page) if one.label == "forward")
+    held = {"type": "GuiButtonHoldMessage", "uuid": button, "frequency": 10.0}
+    assert page._messages.make_sense(sent(held))
+    malformed += [sent({**held, name: value}) for name in ("uuid", "frequency") for value in (None, "x", 1e3, [], NAN)]
     assert not any(map(page._messages.make_sense, malformed))
     assert len(malformed) < gate.MOST_BAD
     with joined(page) as client:

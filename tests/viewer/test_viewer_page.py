@@ -18,6 +18,7 @@ import pytest
 from hydra import compose, initialize_config_dir
 from PIL import Image
 
+from atra.command.cameras import read_cameras
 from atra.errors import InputError
 from experiments.harness.configuration import read_configuration, register_schema
 from experiments.registry import known_kinds
@@ -29,6 +30,7 @@ from experiments.viewer.page import Page, say_numbers
 from experiments.viewer.request import Settings
 from experiments.viewer.session import REST_S, Frame, Picture
 from tests.browser import chromium
+from tests.command import run_here
 from tests.folders import ROOT
 from tests.viewer.test_viewer_painter import FIRST, made
 
@@ -79,14 +81,12 @@ def test_samples_wait_for_a_page_that_looks(page):
     wait_for(lambda: page.session._samples == 3, "the picture at rest")
 
 
-def test_a_taken_port_is_told_in_one_line_and_not_evaded():
+def test_a_taken_port_is_told_in_one_line_and_not_evaded(tmp_path):
     with socket.socket() as other:
         other.bind((HOST, 0))
         other.listen()
         port = other.getsockname()[1]
-        done = subprocess.run(
-            [sys.executable, "run.py", "view", f"view.port={port}"], cwd=ROOT, capture_output=True, text=True
-        )
+        done = run_here(tmp_path, "view", f"view.port={port}")
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == f"run.py: port {port} is taken; choose another by view.port=..., or 0 for any that is free\n"
 
@@ -130,6 +130,7 @@ def test_the_sky_of_a_file_stands_above_what_is_shown(tmp_path, monkeypatch):
     np.testing.assert_array_equal(shown[0].texels, [[[2.0, 1.0, 0.5]]])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no SIGINT to one process")
 def test_ctrl_c_ends_it_cleanly():
     process = subprocess.Popen(
@@ -231,6 +232,61 @@ def test_a_browser_shows_the_picture_moves_the_camera_changes_parameters_and_end
 
 
 @pytest.mark.slow
+def test_walking_turns_the_head_moves_by_keys_and_buttons_and_picture_and_camera_are_saved(page, browser, tmp_path):
+    with browser.new_context(viewport={"width": 640, "height": 400}, accept_downloads=True) as context:
+        tab = context.new_page()
+        tab.set_default_timeout(1e3 * PATIENCE_S)
+        tab.goto(page.address)
+        tab.get_by_text("3 of 3 samples").wait_for()
+
+        def eye():
+            return np.array(page.session.wanted.pose.eye)
+
+        def choose(movement):
+            tab.get_by_label("movement").click()
+            tab.get_by_role("option", name=movement).click()
+
+        wait_for(lambda: page.session.wanted.pose.eye == pytest.approx(FIRST.pose.eye, abs=1e-6), "the scene's view")
+        choose("walk")
+        forward = tab.get_by_role("button", name="forward", exact=True)
+        forward.wait_for()
+        before = page.session.wanted.pose
+        tab.mouse.move(150, 250)
+        tab.mouse.down()
+        tab.mouse.move(210, 250, steps=5)
+        tab.mouse.up()
+        wait_for(lambda: abs(page.session.wanted.pose.target[0] - before.target[0]) > 0.1, "the head to turn")
+        np.testing.assert_allclose(eye(), before.eye, atol=0.02)
+
+        def moves(by, what):
+            start = eye()
+            by()
+            wait_for(lambda: np.linalg.norm(eye() - start) > 0.05, what)
+            assert eye()[1] == pytest.approx(start[1], abs=0.01)
+            ahead = np.subtract(page.session.wanted.pose.target, page.session.wanted.pose.eye)
+            return np.dot(eye() - start, ahead)
+
+        def press():
+            tab.keyboard.down("w")
+            tab.wait_for_timeout(300)
+            tab.keyboard.up("w")
+
+        assert moves(press, "a step by the key") > 0
+        assert moves(lambda: tab.get_by_role("button", name="back", exact=True).click(), "a step back") < 0
+        wait_for(lambda: page._frame is not None and page._frame.samples == 3, "the picture at rest")
+        for name in ("picture", "camera"):
+            with tab.expect_download() as loaded:
+                tab.get_by_role("button", name=f"save {name}").click()
+            loaded.value.save_as(tmp_path / name)
+        np.testing.assert_array_equal(np.asarray(Image.open(tmp_path / "picture")), page._frame.picture.image)
+        (tmp_path / "camera").rename(tmp_path / "camera.json")
+        (camera,) = read_cameras(tmp_path / "camera.json", None, {}).values()
+        assert camera == page.session.wanted.camera
+        choose("orbit")
+        forward.wait_for(state="hidden")
+
+
+@pytest.mark.slow
 def test_controls_are_reached_and_nothing_scrolls_sideways_on_desktop_and_phone(page, browser):
     with browser.new_context(viewport={"width": 400, "height": 800}) as context:
         tab = context.new_page()
@@ -239,7 +295,7 @@ def test_controls_are_reached_and_nothing_scrolls_sideways_on_desktop_and_phone(
         tab.get_by_text("3 of 3 samples").wait_for()
         for width, height in ((400, 800), (1280, 900)):
             tab.set_viewport_size({"width": width, "height": height})
-            for folder in ("Picture", "Primary visibility", "Sun", "Ambient occlusion", "Sky"):
+            for folder in ("Picture", "Camera", "Primary visibility", "Hybrid", "Sun", "Ambient occlusion", "Sky"):
                 assert tab.get_by_text(folder, exact=True).is_visible()
             assert not tab.get_by_text("Paths", exact=True).is_visible()
             assert tab.evaluate("document.documentElement.scrollWidth") <= width

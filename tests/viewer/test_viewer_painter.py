@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from atra import MISS, PixelTracer
-from atra.light import GradientSky, HybridRenderer, Lambertian, PanoramaSky, PathRenderer, RenderScene, Sun
+from atra.light import GradientSky, HybridRenderer, Lambertian, PanoramaSky, PathRenderer, PointLight, Scene, Sun
 from atra.light.pictures.files import srgb_of
+from atra.light.pictures.finish.tone import toned
 from experiments.drawing.shading import BACKGROUND, DIFFERENCE_COLOURS
 from experiments.harness.configuration import Chosen
 from experiments.harness.method import Tracing
@@ -25,7 +26,7 @@ from experiments.viewer.session import Session
 from scenes.built_in import make_scene
 
 BOX = make_scene("cornell_box")
-SCENE = RenderScene(BOX.mesh, [Lambertian((0.7, 0.5, 0.3))])
+SCENE = Scene(BOX.mesh, [Lambertian((0.7, 0.5, 0.3))])
 POSE = Pose((0.0, 0.8, 3.4), (0.0, 0.8, 0.0), (0.0, 1.0, 0.0), 50.0)
 SETTINGS = Settings(side=64, samples=2, occlusion_length=0.5)
 FIRST = Request(POSE, SETTINGS)
@@ -71,6 +72,39 @@ def test_samples_under_a_panorama_accumulate_and_its_power_costs_none():
         assert renderer.samples == 0
 
 
+def test_a_request_changes_the_scene_s_first_sun_and_leaves_its_other_lights():
+    lights = [PointLight((0.0, 1.0, 0.0)), Sun((0.0, -1.0, 0.0)), Sun((1.0, -1.0, 0.0), power=0.5)]
+    one = Painter(replace(SCENE, lights=lights), Chosen(RASTER, NoOptions()), Tracing(threads=1))
+    chosen = one._scene_of(replace(SETTINGS, sun_power=3.0))
+    assert (chosen.lights[0].power, *chosen.lights[1:]) == (3.0, lights[0], lights[2])
+    assert one._scene_of(replace(SETTINGS, sun_power=0.0)).lights == (lights[0], lights[2])
+    dark = with_settings(sun_power=0.0)
+    assert not dark.keeps_samples_of(FIRST)
+    assert not FIRST.keeps_samples_of(dark)
+
+
+def test_exposure_and_tone_are_those_of_saved_pictures_and_cost_no_sample(painter):
+    for frame in ("hybrid", "path"):
+        first = with_settings(frame=frame)
+        shown(painter, first, 2)
+        image = painter._renderer(first).image
+        other = with_settings(frame=frame, exposure=-1.5, tone="agx")
+        assert other.keeps_samples_of(first)
+        assert np.array_equal(painter.show(other).image, srgb_of(toned(image, -1.5, "agx")))
+
+
+def test_while_the_camera_moves_a_sketch_keeps_samples_and_has_shadows_where_that_is_asked(painter):
+    kept, bare = with_settings(kept=8), with_settings()
+    moved = replace(kept, pose=replace(POSE, eye=(0.05, 0.8, 3.4)))
+    first = painter.sketch(kept).image
+    assert not np.array_equal(first, made().sketch(bare).image), "it has no shadow"
+    again, new = painter.sketch(moved).image, made().sketch(moved).image
+    assert not np.array_equal(again, new), "nothing was kept"
+    assert np.abs(again.astype(int) - new).mean() < 10
+    assert shown(painter, kept, 2).shape == shown(painter, moved).shape
+    assert painter._renderer(moved).options.most_kept == 8
+
+
 def single_rays(camera):
     with PixelTracer(BOX.mesh, camera, packet_width=1, threads=1) as tracer:
         return tracer.trace()
@@ -90,11 +124,11 @@ def test_a_picture_is_the_renderer_s_own(painter):
 @pytest.mark.parametrize("direction", [(-0.4, -1.0, 0.3), (0.0, 0.0, 5.0), (1.0, 0.2, -1.0)])
 def test_controls_of_the_sun_begin_with_the_scene_s_own(direction):
     own = Sun(direction, 2.0, (1.0, 0.4, 0.0), 3.0)
-    settings = Settings(**light_settings(RenderScene(BOX.mesh, lights=[own], sky=GradientSky(power=0.3))))
+    settings = Settings(**light_settings(Scene(BOX.mesh, lights=[own], sky=GradientSky(power=0.3))))
     assert np.dot(settings.sun_direction, np.array(direction) / np.linalg.norm(direction)) > np.cos(np.radians(1.0))
     values = settings.sun_cone, settings.sun_power, settings.sun_colour, settings.sky_power
     assert values == (2.0, 3.0, (255, 102, 0), 0.3)
-    assert light_settings(RenderScene(BOX.mesh)) == {"sky_power": 1.0}
+    assert light_settings(Scene(BOX.mesh)) == {"sky_power": 1.0, "sun_power": 0.0}
 
 
 @pytest.mark.parametrize("method", ["raster", "visible_first"])

@@ -10,17 +10,17 @@ from PIL import Image
 
 from atra.errors import InputError
 from atra.files.saving import encode_exr
-from atra.light import Metal
+from atra.light import Emissive, Metal
 from experiments import cli
 from experiments.harness.processes.worker import measure_point
 from experiments.harness.records import Record
 from experiments.methods import find_method
 from experiments.methods.peers.mitsuba_light import check_llvm
 from experiments.workloads.baselines import PACKETS
-from experiments.workloads.render import RENDER, STAGES, Kind, RenderOptions, Rival, outside_embree
+from experiments.workloads.render import RENDER, STAGES, RenderOptions, outside_embree
 from experiments.workloads.rounds import expert_packet_widths
 from scenes.built_in import make_scene
-from scenes.lit.lighting import lit
+from scenes.lit.lighting import lit, why_grey
 from tests import points
 
 pytestmark = pytest.mark.uncovered
@@ -34,8 +34,8 @@ def planned(method="raster", scene=None, **options):
 
 @pytest.mark.parametrize(("options", "stages"), [
     ({}, {"primary", "surfaces", "generate", "shadow", "occlusion", "accumulate", "other"}),
-    ({"frame": Kind.path}, {"primary", "depth_first", "other"}),
-    ({"frame": Kind.path, "order": "waves"}, {"primary", "generate", "trace", "compact", "connect", "shade", "other"}),
+    ({"frame": "path"}, {"primary", "depth_first", "other"}),
+    ({"frame": "path", "order": "waves"}, {"primary", "generate", "trace", "compact", "connect", "shade", "other"}),
 ])  # fmt: skip
 def test_a_point_has_pictures_by_each_primary_visibility_and_their_stages(options, stages):
     found = measure_point(planned(**options).point)
@@ -105,8 +105,8 @@ def test_what_embree_takes_of_paths_followed_one_by_one_is_not_known():
 
 @pytest.mark.parametrize(("options", "message"), [
     ({"samples": 0}, "samples is 0"), ({"occlusion_rays": 65}, "occlusion_rays is 65"),
-    ({"frame": Kind.path, "max_depth": 0}, "max_depth is 0"), ({"occlusion_part": -1.0}, "occlusion_length is -1"),
-    ({"mitsuba": Rival.scalar_rgb}, "expected workload.frame=path"),
+    ({"frame": "path", "max_depth": 0}, "max_depth is 0"), ({"occlusion_part": -1.0}, "occlusion_length is -1"),
+    ({"mitsuba": "scalar_rgb"}, "expected workload.frame=path"),
     ({"sky": "nowhere.exr"}, "nowhere.exr', which cannot be read"), ({"sky_sha256": "ab"}, "without a workload.sky"),
     ({"sky": "run.py", "sky_sha256": "ab"}, "changed since this run began"),
 ])  # fmt: skip
@@ -117,14 +117,18 @@ def test_what_no_picture_can_have_is_refused(options, message):
 
 def test_a_scene_has_its_own_materials_or_a_sun_that_shines_where_the_camera_looks():
     camera = planned().point.camera
-    shown = lit("weekend", make_scene("weekend").mesh, camera)
-    assert any(isinstance(material, Metal) for material in shown.materials)
-    with pytest.raises(InputError, match="neither subdivide nor copy it"):
-        planned(scene={"name": "weekend", "subdivided": 1})
-    grey = lit("cornell_box", make_scene("cornell_box").mesh, camera)
-    (sun,) = grey.lights
-    assert np.dot(sun.direction, camera.axes[2]) > 0
-    assert sun.direction[1] < 0
+    for name, material in (("weekend", Metal), ("cornell_box", Emissive)):
+        mesh = make_scene(name).mesh
+        assert any(isinstance(one, material) for one in lit(name, mesh, camera).materials)
+        assert why_grey(name, mesh) is None
+    for name, mesh in (("needles", make_scene("needles").mesh), ("weekend", make_scene("cornell_box").mesh)):
+        grey = lit(name, mesh, camera)
+        (sun,) = grey.lights
+        assert len(grey.materials) == 1
+        assert np.dot(sun.direction, camera.axes[2]) > 0
+        assert sun.direction[1] < 0
+    assert "weekend is grey: its materials are for" in why_grey("weekend", mesh)
+    assert why_grey("needles", mesh) is None
 
 
 def run(monkeypatch, *arguments):

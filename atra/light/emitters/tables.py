@@ -33,7 +33,7 @@ def emitters_of(scene: Scene) -> Emitters:
     """The triangles of a scene that shine by their power, its lamps by theirs, and its sky, if a panorama, by the
     radiance of texels. A sky of a gradient is left to scattering, which finds it everywhere."""
     mesh = scene.mesh
-    luminance = np.array([_LUMINANCE @ _mean_emission(material) for material in scene.materials])[scene.face_materials]
+    luminance = np.array([_LUMINANCE @ mean_emission(material) for material in scene.materials])[scene.face_materials]
     corners = mesh.vertices[mesh.faces].astype(np.float64)
     edges = corners[:, 1:] - corners[:, :1]
     areas = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
@@ -62,7 +62,7 @@ def _shares(*powers: float) -> NDArray[np.float64]:
     return np.asarray(np.where(shining, 1.0 - rest, 0.0) / max(shining.sum(), 1) + rest * given / (given.sum() or 1.0))
 
 
-def _mean_emission(material: Material) -> NDArray[np.float64]:
+def mean_emission(material: Material) -> NDArray[np.float64]:
     """Radiance of a material, that of its image on average."""
     emission, image = np.array(material.emission), images_of(material)[3]
     if image is None or not emission.any():

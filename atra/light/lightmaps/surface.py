@@ -13,7 +13,7 @@ from atra.geometry.mesh import Mesh
 from atra.light.checks import checked_rows, set_fields
 from atra.light.lights import Light, check_light
 from atra.light.materials import Emissive
-from atra.light.scene import RenderScene
+from atra.light.scene import Scene
 from atra.light.sky import Sky, constant_sky
 from atra.light.textures import Checker, Image, Texture
 
@@ -72,7 +72,7 @@ class Surface:
             raise InputError(f"colours cannot be spread over {shape[0]} faces: {error}") from None
 
     @classmethod
-    def of(cls, scene: RenderScene) -> Surface:
+    def of(cls, scene: Scene) -> Surface:
         """The surface of a scene's materials: Lambertian and metal by their colour, glass as white as possible,
         emitters black and shining; a texture by its colour at the middle of each triangle."""
         albedo = np.zeros((scene.mesh.triangle_count, 3), np.float32)
@@ -115,12 +115,12 @@ class BakeScene:
         set_fields(self, surface=surface, lights=lights)
 
     @classmethod
-    def of(cls, scene: RenderScene) -> BakeScene:
+    def of(cls, scene: Scene) -> BakeScene:
         """The same triangles, materials, lights and sky; shading normals are ignored."""
         return cls(scene.mesh, Surface.of(scene), scene.lights, scene.sky)
 
 
-def _colours(colour: Texture, scene: RenderScene, faces: NDArray[np.int64]) -> NDArray[np.float32]:
+def _colours(colour: Texture, scene: Scene, faces: NDArray[np.int64]) -> NDArray[np.float32]:
     if not isinstance(colour, Checker | Image):
         return np.broadcast_to(np.array(colour, np.float32), (len(faces), 3))
     known = scene.second_uv if isinstance(colour, Image) and colour.second_uv else scene.uv

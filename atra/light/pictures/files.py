@@ -47,10 +47,15 @@ def srgb_of(image: NDArray[np.floating]) -> NDArray[np.uint8]:
 
 def png_of(image: NDArray[np.floating]) -> bytes:
     """(H, W, 3) linear RGB -> a PNG in sRGB."""
+    return png_bytes(srgb_of(image))
+
+
+def png_bytes(levels: NDArray[np.uint8]) -> bytes:
+    """(H, W, 3) 8-bit sRGB -> a PNG."""
     from PIL import Image  # imported here because it is slow to load
 
     buffer = io.BytesIO()
-    Image.fromarray(srgb_of(image), "RGB").save(buffer, format="PNG")
+    Image.fromarray(levels, "RGB").save(buffer, format="PNG")
     return buffer.getvalue()
 
 

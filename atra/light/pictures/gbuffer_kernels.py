@@ -12,6 +12,7 @@ from atra.compiled.store import float_kernel, njit
 from atra.compiled.vectors import bits_of, fused, last_whole, repeated, root, rounded, size, where, widened
 from atra.light.numbers_kernels import HALF, ONE, ZERO, unit
 from atra.light.pictures.path_kernels import TILE, pixel_line, place_of
+from atra.light.scattering.spots_kernels import emission_at
 from atra.light.surface_kernels import (
     CHECKER,
     GRADIENT,
@@ -19,6 +20,7 @@ from atra.light.surface_kernels import (
     LEAST_SQUARED,
     SCALE,
     SECOND,
+    SHINES,
     TEXTURE,
     TINY,
     colour_at,
@@ -254,3 +256,25 @@ def _find_colour(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
         sky = sky_colour(surfaces, vector_of(floats, NORMAL, i))
     set_vector(floats, COLOUR, i, colour)
     set_vector(floats, SKY, i, (colour[0] * sky[0], colour[1] * sky[1], colour[2] * sky[2]))
+
+
+@float_kernel
+def find_emission(chunk, count, surfaces):  # type: ignore[no-untyped-def]
+    """Replace SKY by what surfaces emit to the eye, and LIGHT by 1 where they do, else 0."""
+    floats = chunk.floats
+    for i in range(count):
+        prim_id = np.int64(chunk.prim_id[i])
+        shines = floats[SEEN * STRIDE + i] != ZERO and surfaces.flags[prim_id] & SHINES != 0
+        floats[LIGHT * STRIDE + i] = ONE if shines and _is_front(floats, i, prim_id, surfaces) else ZERO
+        if floats[LIGHT * STRIDE + i] != ZERO:
+            point = floats[ORIGIN * STRIDE + i], floats[(ORIGIN + 1) * STRIDE + i], floats[(ORIGIN + 2) * STRIDE + i]
+            set_vector(floats, SKY, i, emission_at(surfaces, prim_id, point))
+
+
+@njit(forceinline=True)
+def _is_front(floats, i, prim_id, surfaces):  # type: ignore[no-untyped-def]
+    """Whether a pixel sees a triangle's front; normals face the eye."""
+    records, ahead = surfaces.records, 0.0
+    for axis in range(3):
+        ahead += records[prim_id, axis] * floats[(NORMAL + axis) * STRIDE + i]
+    return ahead > 0.0

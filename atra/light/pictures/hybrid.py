@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.geometry.view import View
 from atra.hits import Hits
-from atra.light.lights import light_row
+from atra.light.emitters.panels import Panel, panels_of
+from atra.light.lights import Light, light_row
 from atra.light.lights_kernels import LIGHT_WORDS
-from atra.light.materials import Lambertian, Material, MetallicRoughness
+from atra.light.materials import Emissive, Lambertian, Material, MetallicRoughness
 from atra.light.pictures.aiming_kernels import Aim
 from atra.light.pictures.carrying import carried
 from atra.light.pictures.finish.finisher import CENTRE
@@ -26,7 +27,7 @@ from atra.light.pictures.lighting_kernels import LIGHT_PLANES, SKY_PLANES, STAGE
 from atra.light.pictures.options import HybridKeywords, HybridOptions
 from atra.light.pictures.path_kernels import Pixels
 from atra.light.pictures.renderer import Primary, Renderer, unlike_but_for
-from atra.light.scene import RenderScene
+from atra.light.scene import Scene
 from atra.light.sky import constant_sky
 from atra.light.surface_kernels import Surfaces
 from atra.light.tables import surfaces_of
@@ -53,13 +54,23 @@ _SKY, _LIGHT = _Sequence(_steps(2, 3), 0), _Sequence(_steps(5, 7), 2)
 spread."""
 
 
-def _plain(material: Material) -> Material:
+def _plain(material: Material) -> Lambertian | MetallicRoughness:
     """What is shown of a material: its plain colour, and its holes."""
     if not isinstance(material, MetallicRoughness):
         return Lambertian(material.plain)
     return MetallicRoughness(
         material.plain, material.opacity, material.alpha, material.cutoff, is_double=material.is_double
     )
+
+
+def _shown(material: Material) -> Material:
+    """`_plain` with what it emits."""
+    if isinstance(material, Emissive):
+        return MetallicRoughness((0.0, 0.0, 0.0), emission=material.emission, is_double=True)
+    plain = _plain(material)
+    if not isinstance(material, MetallicRoughness) or not isinstance(plain, MetallicRoughness):
+        return plain
+    return replace(plain, emission=material.emission, emission_image=material.emission_image)
 
 
 class _Kept(NamedTuple):
@@ -78,9 +89,9 @@ class HybridRenderer(Renderer):
             renderer.save("picture.png")
 
     A surface reflects colour x (light x cosine x its unshadowed share, summed over lights, + sky in its normal's
-    direction x the unoccluded share). Materials show their plain colour: glass is white, an emitter as bright as its
-    colour, at most white. Arguments: see `Renderer`; options: see `HybridOptions`. Stages: primary, surfaces, generate,
-    shadow, occlusion, accumulate.
+    direction x the unoccluded share), and shows what it emits. Materials show their plain colour: glass is white.
+    Shining surfaces light others as rectangles or spheres of their area, the eight most powerful. Arguments: see
+    `Renderer`; options: see `HybridOptions`. Stages: primary, surfaces, generate, shadow, occlusion, accumulate.
     """
 
     options_type = HybridOptions
@@ -91,23 +102,35 @@ class HybridRenderer(Renderer):
 
     @lists_options(HybridOptions)
     def __init__(
-        self, scene: RenderScene, camera: View, primary: Primary | None = None, **options: Unpack[HybridKeywords]
+        self, scene: Scene, camera: View, primary: Primary | None = None, **options: Unpack[HybridKeywords]
     ) -> None:
+        self._panels_of: tuple[Scene, list[Panel]] = scene, panels_of(scene)
         super().__init__(scene, camera, primary, options)
 
     @lists_options(HybridOptions, as_changes=True)
-    def update(self, scene: RenderScene | None = None, **changes: Unpack[HybridKeywords]) -> None:
+    def update(self, scene: Scene | None = None, **changes: Unpack[HybridKeywords]) -> None:
         self._update(scene, changes)
 
     @property
     def _planes(self) -> int:
-        return SKY_PLANES + LIGHT_PLANES * len(self.scene.lights)
+        return SKY_PLANES + LIGHT_PLANES * (len(self._lit_by) + bool(self._panels))
+
+    @property
+    def _panels(self) -> list[Panel]:
+        """Lights that stand for what shines."""
+        if self._panels_of[0] is not self.scene:
+            self._panels_of = self.scene, panels_of(self.scene)
+        return self._panels_of[1]
+
+    @property
+    def _lit_by(self) -> list[Light | Panel]:
+        return [*self.scene.lights, *self._panels]
 
     def _tables(self) -> Surfaces:
-        rows = [light_row(light) for light in self.scene.lights]
+        rows = [light.row if isinstance(light, Panel) else light_row(light) for light in self._lit_by]
         self._lights = np.array(rows, np.float32).reshape(-1, LIGHT_WORDS)
-        plain = tuple(_plain(material) for material in self.scene.materials)
-        return surfaces_of(replace(self.scene, materials=plain), 1.0, self.options.start_off)
+        shown = tuple(_shown(material) for material in self.scene.materials)
+        return surfaces_of(replace(self.scene, materials=shown), 1.0, self.options.start_off)
 
     def _start_film(self) -> None:
         super()._start_film()
@@ -136,7 +159,7 @@ class HybridRenderer(Renderer):
             return own
         return (self.samples * own + kept.counts * kept.means[planes]) / (self.samples + kept.counts)
 
-    def _same_sums(self, scene: RenderScene) -> bool:
+    def _same_sums(self, scene: Scene) -> bool:
         old = self.scene
         for name in ("face_materials", "normals", "uv", "second_uv", "colours"):
             if not np.array_equal(getattr(scene, name), getattr(old, name)):
@@ -150,16 +173,24 @@ class HybridRenderer(Renderer):
 
     def _parts(self) -> Iterator[NDArray[np.float64]]:
         yield self.scene.sky.power * self._means(slice(3))
-        for number, light in enumerate(self.scene.lights):
-            first = SKY_PLANES + number * LIGHT_PLANES
-            yield light.power * np.array(light.colour)[:, None] * self._means(slice(first, first + 3))
+        first, shining = SKY_PLANES, []
+        for light in self._lit_by:
+            part = light.power * np.array(light.colour)[:, None] * self._means(slice(first, first + 3))
+            if isinstance(light, Panel):
+                shining.append(part)
+            else:
+                yield part
+            first += LIGHT_PLANES
+        if shining:
+            yield reduce(np.add, shining, self._means(slice(first, first + 3)))
 
     def _mean(self) -> NDArray[np.float64]:
         return reduce(np.add, self._parts())
 
     @property
     def parts(self) -> NDArray[np.float32]:
-        """(1 + lights, H, W, 3) float32: the image split into the sky's light and each light's."""
+        """(N, H, W, 3) float32: the image split into the sky's light, each light's, and, if there are any, that of all
+        surfaces that shine."""
         with self._lock:
             return self._lens_pixels.blackened(np.stack([self._film.as_image(part) for part in self._parts()]))
 
@@ -213,12 +244,13 @@ class HybridRenderer(Renderer):
 
 def albedo_of(renderer: Renderer, samples: int) -> NDArray[np.float32]:
     """(H, W, 3) float32, base colours of what a renderer sees, mean of so many samples; 1 for the sky."""
-    white = replace(renderer.scene, lights=(), sky=constant_sky(1.0))
+    plain = tuple(_plain(material) for material in renderer.scene.materials)
+    white = replace(renderer.scene, materials=plain, lights=(), sky=constant_sky(1.0))
     tracer: Any = _Borrowed(renderer.tracer)
     options: Any = {"threads": renderer.options.threads, "occlusion_rays": 0, "shadow_rays": 0}
-    with HybridRenderer(white, renderer.camera, lambda mesh, view: tracer, **options) as plain:
-        plain.add(samples)
-        return plain.image
+    with HybridRenderer(white, renderer.camera, lambda mesh, view: tracer, **options) as seen:
+        seen.add(samples)
+        return seen.image
 
 
 class _Borrowed:

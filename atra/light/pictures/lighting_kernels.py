@@ -26,6 +26,7 @@ from atra.light.pictures.gbuffer_kernels import (
     SKY,
     STRIDE,
     fetch_ahead,
+    find_emission,
     find_surfaces,
 )
 from atra.light.pictures.path_kernels import look_through, shadows
@@ -133,8 +134,8 @@ def lighting_kernel(width: int) -> Callable[..., int]:
         """Add a sample of `count` pixels from number `first` on, chunk by chunk.
 
         lights: (L, LIGHT_WORDS) float32. to_lights, into_sky: `Aim`. sums: (SKY_PLANES + L LIGHT_PLANES, pixels)
-        float32 of a `Film`. is_first: overwrite the sums. times: (stages,) int64, ticks are added. Returns the number
-        of rays traced, -1 if light was not finite.
+        float32 of a `Film`, and LIGHT_PLANES more for what surfaces emit, if any do. is_first: overwrite the sums.
+        times: (stages,) int64, ticks are added. Returns the number of rays traced, -1 if light was not finite.
         """
         floats, rays, is_finite = chunk.floats, 0, True
         clock = ticks()
@@ -171,6 +172,11 @@ def lighting_kernel(width: int) -> Callable[..., int]:
                     _occlude(width, chunk, some, surfaces, query.scene, query.packet)
                     clock = _lap(times, _OCCLUSION, clock)
                 is_finite &= _add_light(floats, start, some, SKY, share, sums, is_first and point == 0)
+                clock = _lap(times, _ACCUMULATE, clock)
+            if len(sums) > SKY_PLANES + LIGHT_PLANES * len(lights):
+                find_emission(chunk, some, surfaces)
+                own = sums[SKY_PLANES + LIGHT_PLANES * len(lights) :]
+                is_finite &= _add_light(floats, start, some, SKY, ONE, own, is_first)
                 clock = _lap(times, _ACCUMULATE, clock)
         return rays if is_finite else -1
 

@@ -26,7 +26,7 @@ from atra.light.pictures.finish.finisher import CENTRE, Finisher
 from atra.light.pictures.options import RenderKeywords, RenderOptions
 from atra.light.pictures.path_kernels import BLOCK, Pixels
 from atra.light.pictures.pixels import LensPixels, pixels_of
-from atra.light.scene import RenderScene
+from atra.light.scene import Scene
 from atra.light.surface_kernels import Surfaces
 from atra.raster.tracer import RasterTracer
 from atra.rays.scene import Query, RayScene
@@ -43,7 +43,7 @@ _WAVES_A_THREAD = 4
 class Renderer(Finisher):
     """What renderers share: primary visibility, a scene for all other rays, samples, and times of stages.
 
-    scene: see `RenderScene`. camera: of any kind; through a lens all pixels of a sample have one offset, whatever
+    scene: see `Scene`. camera: of any kind; through a lens all pixels of a sample have one offset, whatever
     `jitter` is, and those without a ray are black. primary: makes the tracer of primary visibility from mesh
     and camera; None: the rasteriser. options: fields of `options_type` by name.
 
@@ -57,7 +57,7 @@ class Renderer(Finisher):
     _ray_bytes: ClassVar[int] = 80  # upper limit in a wave
     _sets_sums: ClassVar[bool] = False  # `is_set` of `Film`
 
-    def __init__(self, scene: RenderScene, camera: View, primary: Primary | None, options: Mapping[str, Any]) -> None:
+    def __init__(self, scene: Scene, camera: View, primary: Primary | None, options: Mapping[str, Any]) -> None:
         super().__init__()
         self.options = self.options_type.of(type(self).__name__, options)
         check_range(scene.mesh, camera, takes_lenses=True)
@@ -90,7 +90,7 @@ class Renderer(Finisher):
         """(3, pixels), over all samples."""
 
     @abstractmethod
-    def _same_sums(self, scene: RenderScene) -> bool:
+    def _same_sums(self, scene: Scene) -> bool:
         """Whether samples of `scene` would have the sums of the current one's."""
 
     def _new_film(self) -> Film:
@@ -215,7 +215,7 @@ class Renderer(Finisher):
         self._start_film()
 
     @lists_options(RenderOptions, as_changes=True)
-    def update(self, scene: RenderScene | None = None, **changes: Unpack[RenderKeywords]) -> None:
+    def update(self, scene: Scene | None = None, **changes: Unpack[RenderKeywords]) -> None:
         """Go on with another scene, or with other options.
 
         scene: its mesh may have other vertices, but the same faces. Samples stay where their sums would be the same
@@ -225,7 +225,7 @@ class Renderer(Finisher):
         """
         self._update(scene, changes)
 
-    def _update(self, scene: RenderScene | None, changes: Mapping[str, Any]) -> None:
+    def _update(self, scene: Scene | None, changes: Mapping[str, Any]) -> None:
         with self._lock:
             self._check_open()
             fixed = sorted(self.options.built_with & changes.keys())

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.light import Baker, GradientSky, Lightmap, RenderScene
+from atra.light import Baker, GradientSky, Lightmap, Scene
 from atra.light.lightmaps.batches import new_batch
 from atra.light.lightmaps.gather.tables import tables_of
 from atra.light.lightmaps.gather.tables_kernels import LUMINANCE, NORMAL, ORIGIN
@@ -32,7 +32,7 @@ _ROUNDS = 8
 _NEVER = 1 << 30
 
 
-def with_plain_light(room: RenderScene) -> RenderScene:
+def with_plain_light(room: Scene) -> Scene:
     """The scene in light that both have: a sky of one colour, that at the horizon, and suns without an angle."""
     sky = room.sky
     assert isinstance(sky, GradientSky)
@@ -52,7 +52,7 @@ class MitsubaPaths:
     room: the scene with its light. Raises InputError where Mitsuba cannot be used, and for light that it lacks.
     """
 
-    def __init__(self, room: RenderScene, baker: Baker, samples: int) -> None:
+    def __init__(self, room: Scene, baker: Baker, samples: int) -> None:
         options = baker.options
         mi, self._drjit = load_mitsuba(_VARIANT, "workload.against=mitsuba", options.threads)
         self._mi, self._texels, self._samples, self._rounds = mi, len(baker.texels), samples, 0

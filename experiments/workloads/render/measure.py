@@ -15,14 +15,14 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import compare
-from atra.light import HybridRenderer, PathRenderer, RenderScene, constant_sky
+from atra.light import HybridRenderer, PathRenderer, Scene, constant_sky
 from atra.tracing.tracer import Tracer
 from experiments.harness.point import Measured, Point, make_own
 from experiments.methods.peers.mitsuba_light import load_mitsuba, parts_of
 from experiments.workloads import rounds
 from experiments.workloads.baselines import OWN, SINGLE
 from experiments.workloads.images import counts, depth_errors
-from experiments.workloads.render import MITSUBA, Kind, RenderOptions, Rival, primary
+from experiments.workloads.render import MITSUBA, RenderOptions, primary
 from scenes.lit.lighting import length_of, lit
 
 
@@ -78,10 +78,10 @@ class Pictures:
         return self._primaries.latest, self.renderer.image
 
 
-def make_renderer(point: Point, scene: RenderScene, view: View, tracer: Any) -> HybridRenderer | PathRenderer:
+def make_renderer(point: Point, scene: Scene, view: View, tracer: Any) -> HybridRenderer | PathRenderer:
     """The configured renderer, with this tracer for primary visibility."""
     options = point.workload_options
-    kind = PathRenderer if options.frame is Kind.path else HybridRenderer
+    kind = PathRenderer if options.frame == "path" else HybridRenderer
     given = options.of_library(length_of(scene.mesh, 1.0)) | {
         "threads": point.threads, "build_quality": point.build_quality,
     }  # fmt: skip
@@ -90,7 +90,7 @@ def make_renderer(point: Point, scene: RenderScene, view: View, tracer: Any) -> 
 
 
 def make(point: Point, mesh: Mesh) -> Tracer:
-    """The point's own method. Raises InputError for a scene that cannot be lit, and as the tracers do."""
+    """The point's own method. Raises InputError for a sky that cannot be read, and as the tracers do."""
     point.workload_options.under_sky(lit(point.scene, mesh, point.camera))
     return make_own(point, mesh)
 
@@ -110,14 +110,14 @@ def measure(point: Point) -> Measured:
         tracers, results = rounds.build_with_baselines(point, stack)
         own = tracers[OWN]
         scene = options.under_sky(lit(point.scene, own.mesh, point.camera))
-        if options.mitsuba is not Rival.none:
+        if options.mitsuba != "none":
             scene = replace(scene, sky=constant_sky(0.8), lights=())
         primaries = Primaries(tracers)
         renderer = make_renderer(point, scene, own.camera, primaries)
         stack.enter_context(renderer)
         pictures = Pictures(renderer, primaries, options.samples)
         calls: dict[str, Any] = {name: partial(pictures.make, name) for name in tracers}
-        if options.mitsuba is not Rival.none:
+        if options.mitsuba != "none":
             theirs = MitsubaPicture(scene, point.camera, options, point.threads)
             calls[MITSUBA] = partial(theirs.make, options.samples)
         timed = rounds.timed_rounds(point, calls)
@@ -145,7 +145,7 @@ _PATHS_AT_ONCE = 1 << 22
 """A wavefront of them is kept in memory."""
 
 
-def mitsuba_scene(mi: Any, scene: RenderScene, camera: Camera, max_depth: int, roulette: int = 10_000) -> Any:
+def mitsuba_scene(mi: Any, scene: Scene, camera: Camera, max_depth: int, roulette: int = 10_000) -> Any:
     """A scene, in Mitsuba's variant of the moment. roulette: rays after which a path may end by chance. Raises
     InputError as `parts_of` does."""
     return mi.load_dict(parts_of(mi, scene) | {
@@ -170,8 +170,8 @@ class MitsubaPicture:
     Raises InputError where Mitsuba, or what its variant needs, is missing.
     """
 
-    def __init__(self, scene: RenderScene, camera: Camera, options: RenderOptions, threads: int | None) -> None:
-        variant = options.mitsuba.value
+    def __init__(self, scene: Scene, camera: Camera, options: RenderOptions, threads: int | None) -> None:
+        variant = options.mitsuba
         self._mi, _ = load_mitsuba(variant, f"workload.mitsuba={variant}", threads)
         self._scene = mitsuba_scene(self._mi, scene, camera, options.max_depth)
         self._most = max(1, _PATHS_AT_ONCE // (camera.width * camera.height))

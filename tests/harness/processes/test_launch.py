@@ -131,6 +131,7 @@ def test_the_interrupt_key_does_not_reach_a_worker_on(platform, apart, monkeypat
     assert {name: options[name] for name in ("process_group", "creationflags") if name in options} == apart
 
 
+@pytest.mark.slow
 def test_nobody_waits_for_a_worker_so_long_that_an_interrupt_would_have_to(monkeypatch):
     waits = []
 
@@ -177,6 +178,7 @@ def test_the_worker_of_a_killed_run_does_not_outlive_it(platform):
     wait_until(lambda: ended(left.pid))
 
 
+@pytest.mark.slow
 @POSIX_ONLY
 def test_a_worker_that_may_write_nothing_more_says_so(tmp_path):
     # Past this limit the system refuses to write, as a full disk does, for the result and for words alike.

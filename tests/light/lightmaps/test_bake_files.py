@@ -32,6 +32,7 @@ def alive():
     return [thread.name for thread in threading.enumerate() if thread.name == "atra-bake"]
 
 
+@pytest.mark.slow
 def test_a_snapshot_is_the_bake_that_stopped_there():
     with Baker(SCENE, ATLAS, threads=1, expansion=4) as baker, ProgressiveBake(baker, 64) as bake:
         bake.look(atra.Camera((0, 0, 0), (1, 0.2, 0.1), width=32, height=32))

@@ -13,7 +13,7 @@ from atra.light.lightmaps.charts.unwrap import UNMAPPED
 from atra.light.lightmaps.gather.tables_kernels import LUMINANCE
 from atra.light.tables import unit_normals
 from experiments.methods.peers.mitsuba_light import load_mitsuba, parts_of, suns_of
-from experiments.workloads.bake import BAKE, Against
+from experiments.workloads.bake import BAKE
 from experiments.workloads.bake.mitsuba import MitsubaPaths, with_plain_light
 from experiments.workloads.render.measure import mitsuba_scene
 from scenes.cornell_box import CORNELL_BOX_CAMERA
@@ -36,7 +36,7 @@ def lit_box():
     colours = [(0.7, 0.7, 0.6), (0.6, 0.1, 0.1), (0.1, 0.5, 0.2), (0.7, 0.6, 0.7), (0.5, 0.5, 0.5)]
     materials = [*(light.Lambertian(colour) for colour in colours), light.Emissive((3.0, 2.5, 2.0))]
     numbers = np.array([1, 2, 0, 5, 3, 0, 4, 4, 4, 4, 4, 4]).repeat(2)
-    return light.RenderScene(mesh, materials, numbers, sky=light.constant_sky(0.0))
+    return light.Scene(mesh, materials, numbers, sky=light.constant_sky(0.0))
 
 
 def of_mitsuba(scene, origins, directions):
@@ -122,7 +122,7 @@ def sunlit():
     """A box above a floor, beneath a sun and a sky."""
     mesh = joined(cube(0.5), quads([floor(3.0, -0.6)]))
     materials, sky = [light.Lambertian((0.6, 0.5, 0.4))], light.GradientSky((0.3, 0.3, 0.3), (0.5, 0.7, 1.0))
-    return light.RenderScene(mesh, materials, lights=[light.Sun((-0.35, -1.0, 0.25), power=3.0)], sky=sky)
+    return light.Scene(mesh, materials, lights=[light.Sun((-0.35, -1.0, 0.25), power=3.0)], sky=sky)
 
 
 @pytest.mark.parametrize("room", [lit_box(), sunlit()], ids=["lamp", "sun"])
@@ -144,7 +144,7 @@ def test_paths_that_a_round_is_held_against_find_the_same_light_and_as_many_vert
 
 @xatlas
 def test_a_round_of_a_point_is_held_against_as_many_paths_by_mitsuba():
-    point, found = measured(against=Against.mitsuba, samples=4)
+    point, found = measured(against="mitsuba", samples=4)
     assert set(found.samples) == {"own", "other"} == BAKE.samples(point)
     assert found.results["paths_per_round"] == 4 * found.results["texels"]
     assert {"other_light_ratio", "other_light_error", "best_other_ratio"} <= set(found.results)

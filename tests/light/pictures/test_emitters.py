@@ -24,7 +24,7 @@ def panorama(rows=8, columns=16, sun=400.0):
 def under_a_lamp(half, height):
     """A grey floor, and a square lamp whose front faces down."""
     mesh = quads([floor(), floor(half, height)[::-1]])
-    return light.RenderScene(mesh, [light.Lambertian(0.5), light.Emissive((3.0, 2.0, 1.0))], [0, 0, 1, 1], sky=BLACK)
+    return light.Scene(mesh, [light.Lambertian(0.5), light.Emissive((3.0, 2.0, 1.0))], [0, 0, 1, 1], sky=BLACK)
 
 
 def chosen_shares(odds, others):
@@ -51,10 +51,10 @@ def test_a_floor_is_lit_as_much_as_a_square_lamp_fills_of_its_view(order):
 
 def test_a_lamp_shines_to_its_front_alone_and_is_shadowed():
     turned = quads([floor(), floor(0.5, 2.0)])
-    scene = light.RenderScene(turned, [light.Lambertian(0.5), light.Emissive()], [0, 0, 1, 1], sky=BLACK)
+    scene = light.Scene(turned, [light.Lambertian(0.5), light.Emissive()], [0, 0, 1, 1], sky=BLACK)
     assert (traced(scene, down(4, eye=(0, 1, 0)), 16, max_depth=2) == 0).all()
     screen = quads([floor(), floor(0.5, 2.0)[::-1], floor(1.0, 1.5)])
-    shadowed = light.RenderScene(screen, [light.Lambertian(0.5), light.Emissive()], [0, 0, 1, 1, 0, 0], sky=BLACK)
+    shadowed = light.Scene(screen, [light.Lambertian(0.5), light.Emissive()], [0, 0, 1, 1, 0, 0], sky=BLACK)
     assert (traced(shadowed, down(4, eye=(0, 1, 0), fov=20), 16, max_depth=2) == 0).all()
 
 
@@ -62,7 +62,7 @@ def test_triangles_are_chosen_by_power_and_texels_by_light():
     rng = np.random.default_rng(1)
     mesh = atra.Mesh(rng.random((30, 3)), np.arange(30).reshape(10, 3))
     materials = [light.Lambertian(0.5), light.Emissive((1, 2, 3)), light.Emissive((0, 0, 0)), light.Emissive(9.0)]
-    scene = light.RenderScene(mesh, materials, np.arange(10) % 4, sky=panorama())
+    scene = light.Scene(mesh, materials, np.arange(10) % 4, sky=panorama())
     emitters = emitters_of(scene)
     assert set(emitters.prim_ids) == {1, 3, 5, 7, 9}
     corners = mesh.vertices[mesh.faces].astype(float)
@@ -91,7 +91,7 @@ def smooth_under_a_panorama():
 def lamp_and_panorama():
     corners = [floor(20.0), floor(0.4, 1.5)[::-1], [(-2, 0, -1), (2, 0, -1), (2, 3, -1), (-2, 3, -1)]]
     materials = [light.Lambertian(0.6, "uniform"), light.Emissive(8.0), light.Metal(0.9, 0.2)]
-    scene = light.RenderScene(quads(corners), materials, [0, 0, 1, 1, 2, 2], sky=panorama())
+    scene = light.Scene(quads(corners), materials, [0, 0, 1, 1, 2, 2], sky=panorama())
     return scene, atra.Camera(**upright_camera((1.0, 2.0, 5.0), (0.0, 0.7, 0.0), 40.0), width=12, height=12)
 
 
@@ -114,7 +114,7 @@ def test_paths_and_waves_aim_alike_whatever_the_threads():
 
 
 def test_without_emitters_nothing_is_aimed_and_the_rays_are_the_same():
-    scene = light.RenderScene(quads([floor()]), [light.Lambertian(0.5)])
+    scene = light.Scene(quads([floor()]), [light.Lambertian(0.5)])
     with (
         light.PathRenderer(scene, down(8), threads=1) as aimed,
         light.PathRenderer(scene, down(8), threads=1, lights="found") as found,

@@ -11,6 +11,8 @@ import trimesh
 
 import atra
 from atra import light as render
+from atra.light.emitters.panels import MOST_PANELS, panels_of
+from atra.light.lights_kernels import KIND, PANEL, PLACE, SIZE, SPHERE
 from tests.meshes import quads
 from tests.shown import BLACK, down, floor, floor_points, hybrid, room, sphere, traced
 
@@ -20,7 +22,7 @@ GREY = render.Lambertian((0.5, 0.25, 1.0))
 def with_screen(light, height=1.0):
     """A floor, and over the half x < 0 a screen that casts a straight edge along z; seen from between the two."""
     screen = [(-50, height, 50), (0, height, 50), (0, height, -50), (-50, height, -50)]
-    return render.RenderScene(quads([floor(), screen]), [GREY], lights=[light], sky=BLACK)
+    return render.Scene(quads([floor(), screen]), [GREY], lights=[light], sky=BLACK)
 
 
 BELOW = down(48, eye=(-0.2, 0.9, 0), fov=70)
@@ -64,7 +66,7 @@ def test_the_sun_s_penumbra_is_the_share_of_its_disc_beside_the_edge(directions)
 def test_a_pixel_is_colour_times_light_and_sky_as_by_hand(samples):
     sun = render.Sun((1.0, -2.0, 0.5), 0.0, colour=(1.0, 0.5, 0.25), power=3.0)
     sky = render.GradientSky((0.1, 0.2, 0.3), (0.5, 0.7, 1.0), power=2.0)
-    scene = render.RenderScene(quads([floor()]), [GREY], lights=[sun], sky=sky)
+    scene = render.Scene(quads([floor()]), [GREY], lights=[sun], sky=sky)
     cosine = 2.0 / np.sqrt(1 + 4 + 0.25)
     expected = np.array(GREY.colour) * (cosine * 3.0 * np.array(sun.colour) + 2.0 * np.array(sky.above))
     renderer = hybrid(scene, down(4), samples, most_samples=None)
@@ -77,7 +79,7 @@ def test_light_falls_off_with_the_square_of_the_distance_and_the_cosine():
     points = floor_points(down(8))
     to_light = np.array(point.position) - points
     expected = 5.0 * to_light[..., 1] / np.linalg.norm(to_light, axis=-1) ** 3
-    one = render.RenderScene(quads([floor()]), [render.Lambertian(1.0)], lights=[point], sky=BLACK)
+    one = render.Scene(quads([floor()]), [render.Lambertian(1.0)], lights=[point], sky=BLACK)
     np.testing.assert_allclose(hybrid(one, down(8), 1).image[..., 0], expected, rtol=1e-4)
     # A sphere wholly above the horizon gives a floor exactly as much as a point in its middle.
     large = replace(one, lights=[render.SphereLight(point.position, 0.8, power=5.0)])
@@ -92,7 +94,7 @@ def test_light_falls_off_with_the_square_of_the_distance_and_the_cosine():
 ])  # fmt: skip
 def test_beside_a_wall_the_share_of_the_hemisphere_is_free_that_its_distance_says(occlusion, free, directions):
     wall = [(0, 0, 50), (0, 50, 50), (0, 50, -50), (0, 0, -50)]
-    scene = render.RenderScene(quads([floor(), wall]), [GREY], sky=render.constant_sky(1.0))
+    scene = render.Scene(quads([floor(), wall]), [GREY], sky=render.constant_sky(1.0))
     camera = down(16, eye=(1.3, 3, 0))
     options = {"occlusion_length": 2.0, "occlusion": occlusion, "occlusion_directions": directions}
     openness = hybrid(scene, camera, 512, **options).openness
@@ -115,7 +117,7 @@ def test_beneath_a_dome_the_share_of_its_opening_is_free(occlusion, free):
         for high, low in pairwise(rims)
         for k in range(96)
     ]  # fmt: skip
-    scene = render.RenderScene(quads([floor(2.0), *sides]), [GREY], sky=render.constant_sky(1.0))
+    scene = render.Scene(quads([floor(2.0), *sides]), [GREY], sky=render.constant_sky(1.0))
     middle = down(4, eye=(0, 0.5, 0), fov=1)
     openness = hybrid(scene, middle, 512, occlusion=occlusion, occlusion_length=np.inf).openness
     np.testing.assert_allclose(openness, free(angle), atol=0.015)
@@ -133,7 +135,7 @@ def test_nothing_leaks_into_a_closed_room_and_nothing_shadows_itself_outside():
     assert outside.openness.min() == 1
     far = atra.Mesh(ball.mesh.vertices + np.float32(3000), ball.mesh.faces)
     camera = atra.Camera((3000, 3001, 3003), (3000, 3000, 3000), fov_y_degrees=45, width=64, height=64)
-    assert hybrid(render.RenderScene(far, [GREY], sky=ball.sky), camera, 32).openness.min() > 0.99
+    assert hybrid(render.Scene(far, [GREY], sky=ball.sky), camera, 32).openness.min() > 0.99
 
 
 def test_a_triangulated_sphere_has_the_normals_of_a_sphere():
@@ -152,7 +154,7 @@ def test_a_triangulated_sphere_has_the_normals_of_a_sphere():
 
 def test_samples_stay_where_only_strengths_change_and_go_where_anything_else_does():
     sun, sky = render.Sun((0.3, -1, 0.2), 1.0), render.GradientSky()
-    scene = render.RenderScene(quads([floor()]), [GREY, render.Metal()], lights=[sun], sky=sky)
+    scene = render.Scene(quads([floor()]), [GREY, render.Metal()], lights=[sun], sky=sky)
     changed = {
         "sky power": {"scene": replace(scene, sky=replace(sky, power=2.0))},
         "light power": {"scene": replace(scene, lights=[replace(sun, power=0.5)])},
@@ -199,10 +201,10 @@ def test_a_texture_lies_where_uv_says():
     u, v = 0.5 + points[..., 0] / 2, 0.5 - points[..., 2] / 2
     plain = {"sky": render.constant_sky(1.0), "uv": uv}
     checker = render.Checker((1, 0, 0), (0, 0, 1), 4.0)
-    image = hybrid(render.RenderScene(mesh, [render.Lambertian(checker)], **plain), camera, 1, occlusion_rays=0).image
+    image = hybrid(render.Scene(mesh, [render.Lambertian(checker)], **plain), camera, 1, occlusion_rays=0).image
     np.testing.assert_array_equal(image[..., 0] == 1, (np.floor(4 * u) + np.floor(4 * v)) % 2 == 0)
     texels = np.random.default_rng(1).random((8, 8, 3), np.float32)
-    textured = render.RenderScene(mesh, [render.Lambertian(render.Image(texels))], **plain)
+    textured = render.Scene(mesh, [render.Lambertian(render.Image(texels))], **plain)
     np.testing.assert_allclose(hybrid(textured, camera, 1, occlusion_rays=0).image, texels, atol=1e-4)
 
 
@@ -220,7 +222,7 @@ def test_a_gltf_file_s_base_colours_and_textures_are_seen():
     )  # fmt: skip
     file = trimesh.Scene({"painted": painted, "plain": plain}).export(file_type="glb")
     loaded = trimesh.load(io.BytesIO(file), file_type="glb")
-    scene = render.RenderScene.from_trimesh(loaded, sky=render.constant_sky(1.0))
+    scene = render.Scene.from_trimesh(loaded, sky=render.constant_sky(1.0))
     coded = texels / 255.0
     linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4) * (1.0, 1.0, 0.2)
     height = 1 / np.tan(np.radians(20))
@@ -228,13 +230,47 @@ def test_a_gltf_file_s_base_colours_and_textures_are_seen():
     np.testing.assert_allclose(shown[0], linear, atol=1e-4)
     np.testing.assert_allclose(shown[1], np.broadcast_to((1.0, 1.0, 0.2), (8, 8, 3)), rtol=1e-6)
     with pytest.raises(atra.InputError, match=r"loaded is \[\], expected a trimesh"):
-        render.RenderScene.from_trimesh([])
+        render.Scene.from_trimesh([])
 
 
 def test_a_panorama_is_seen_where_its_texels_point():
     texels = np.random.default_rng(2).random((8, 16, 3), np.float32)
-    scene = render.RenderScene(quads([floor(0.001, height=-50)]), [GREY], sky=render.PanoramaSky(texels, power=2.0))
+    scene = render.Scene(quads([floor(0.001, height=-50)]), [GREY], sky=render.PanoramaSky(texels, power=2.0))
     for target, row, column in (((1, 0.3, 0), 3, 12), ((0, -0.3, -1.0), 4, 8), ((-1, 0.3, 0.1), 3, 3)):
         camera = atra.Camera((0, 0, 0), target, fov_y_degrees=1, width=1, height=1)
         np.testing.assert_allclose(hybrid(scene, camera, 1).image[0, 0], 2 * texels[row, column], rtol=1e-6)
         np.testing.assert_allclose(traced(scene, camera, 1)[0, 0], 2 * texels[row, column], rtol=1e-6)
+
+
+def direct(scene, camera, samples):
+    """Hybrid, and by paths that meet a surface and an emitter."""
+    with render.PathRenderer(scene, camera, threads=1, max_depth=2) as path:
+        path.add(samples)
+        return hybrid(scene, camera, samples, shadow_directions="shifted"), path.image
+
+
+def test_a_shining_rectangle_is_seen_and_lights_the_floor_as_paths_find():
+    lamp = [(0.3, 1.5, -0.7), (1.2, 1.5, -0.7), (1.2, 1.8, 0.9), (0.3, 1.8, 0.9)]
+    materials = [GREY, render.Emissive((5.0, 3.0, 1.0))]
+    scene = render.Scene(quads([floor(4.0), lamp]), materials, [0, 0, 1, 1], sky=BLACK)
+    below = down(16, eye=(0, 4, 0), fov=60)  # sees the lamp's back, which is black
+    renderer, expected = direct(scene, below, 256)
+    np.testing.assert_allclose(renderer.image.mean(axis=(0, 1)), expected.mean(axis=(0, 1)), rtol=0.02)
+    assert renderer.parts.shape == (2, 16, 16, 3)
+    up = atra.Camera((0.7, 0.2, 0.1), (0.75, 1.65, 0.1), (0, 0, 1), 10, 8, 8)
+    np.testing.assert_allclose(hybrid(scene, up, 1).image, np.broadcast_to((5.0, 3.0, 1.0), (8, 8, 3)), rtol=1e-5)
+    half = replace(scene, materials=[GREY, render.MetallicRoughness(0.0, emission=(2.5, 1.5, 0.5), is_double=True)])
+    np.testing.assert_allclose(hybrid(half, up, 1).image, np.broadcast_to((2.5, 1.5, 0.5), (8, 8, 3)), rtol=1e-5)
+
+
+def test_a_shining_ball_lights_as_a_sphere_and_connected_triangles_are_one_light():
+    ball = sphere(render.Emissive((4.0, 4.0, 4.0)), BLACK, segments=8)
+    (panel,) = panels_of(replace(ball, mesh=ball.mesh))
+    assert panel.row[KIND] == SPHERE
+    two = quads([floor(0.2, 2.0)[::-1], [(x + 3, y, z) for x, y, z in floor(0.1, 2.0)[::-1]]])
+    lamps = panels_of(render.Scene(two, [render.Emissive((1.0, 1.0, 1.0))], sky=BLACK))
+    assert [lamp.row[KIND] for lamp in lamps] == [PANEL, PANEL]
+    np.testing.assert_allclose([lamp.row[PLACE:SIZE] for lamp in lamps], [(0, 2, 0), (3, 2, 0)], atol=1e-6)
+    np.testing.assert_allclose([lamp.colour[0] for lamp in lamps], [0.16 / np.pi, 0.04 / np.pi], rtol=1e-6)
+    many = quads([[(x + 3 * i, y, z) for x, y, z in floor(0.1, 2.0)] for i in range(MOST_PANELS + 3)])
+    assert len(panels_of(render.Scene(many, [render.Emissive()], sky=BLACK))) == MOST_PANELS

@@ -13,7 +13,7 @@ RENDERERS = (light.HybridRenderer, light.PathRenderer)
 
 
 def picture(kind, camera, samples=2, primary=None, **options):
-    with kind(light.RenderScene(cornell_box()), camera, primary, threads=1, **options) as renderer:
+    with kind(light.Scene(cornell_box()), camera, primary, threads=1, **options) as renderer:
         renderer.add(samples)
         return renderer.image
 
@@ -48,7 +48,7 @@ def test_pixels_without_a_ray_are_black(kind):
 
 def test_a_moved_camera_with_a_lens_keeps_what_it_saw():
     camera = lens_camera(atra.OpenCVLens(k1=-0.2), PLACED)
-    scene = light.RenderScene(cornell_box())
+    scene = light.Scene(cornell_box())
     with light.HybridRenderer(scene, camera, threads=1, most_kept=8) as renderer:
         renderer.add(8)
         before = renderer.image

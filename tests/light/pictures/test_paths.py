@@ -35,7 +35,7 @@ def test_no_shading_normal_sends_light_into_a_ball(material):
 @pytest.mark.parametrize("directions", ["cosine", "uniform"])
 def test_a_white_floor_sees_the_sky_by_the_cosine(directions):
     sky = light.GradientSky((0, 0, 0), (1, 1, 1))  # (1 + y) / 2, where the mean of y, by the cosine, is 2 / 3
-    scene = light.RenderScene(quads([floor()]), [light.Lambertian(1.0, directions)], sky=sky)
+    scene = light.Scene(quads([floor()]), [light.Lambertian(1.0, directions)], sky=sky)
     assert abs(traced(scene, down(8), 256, max_depth=2).mean() - 5 / 6) < 0.01
 
 
@@ -57,14 +57,14 @@ def test_a_lamp_shines_to_its_front_alone_and_what_it_does_not_reach_is_dark():
 
 
 def test_the_depth_counts_rays():
-    scene = light.RenderScene(quads([floor()]), [light.Lambertian(0.5)], sky=WHITE_SKY)
+    scene = light.Scene(quads([floor()]), [light.Lambertian(0.5)], sky=WHITE_SKY)
     assert (traced(scene, down(4), 2, max_depth=1) == 0).all()
     np.testing.assert_allclose(traced(scene, down(4), 2, max_depth=2), 0.5)
 
 
 def test_a_mirror_shows_the_sky_where_the_mirrored_ray_points():
     sky = light.GradientSky((0.0, 0.25, 1.0), (1.0, 0.5, 0.0))
-    scene = light.RenderScene(quads([floor()]), [light.Metal((0.5, 1.0, 0.25))], sky=sky)
+    scene = light.Scene(quads([floor()]), [light.Metal((0.5, 1.0, 0.25))], sky=sky)
     camera = down(16, fov=90)
     image = traced(scene, camera, 1, max_depth=2)
     y, x = np.mgrid[:16, :16]
@@ -77,7 +77,7 @@ def test_a_mirror_shows_the_sky_where_the_mirrored_ray_points():
 def test_two_mirrors_in_a_row_multiply():
     wall = [(0, 0, 50), (0, 50, 50), (0, 50, -50), (0, 0, -50)]
     mirrors = [light.Metal((0.5, 1.0, 0.75)), light.Metal((0.25, 0.5, 1.0))]
-    scene = light.RenderScene(quads([floor(), wall]), mirrors, [0, 0, 1, 1], sky=WHITE_SKY)
+    scene = light.Scene(quads([floor(), wall]), mirrors, [0, 0, 1, 1], sky=WHITE_SKY)
     camera = atra.OrthographicCamera((3, 2, 0), (1, 0, 0), (0, 0, 1), 0.5, 4, 4)
     for order in ("depth_first", "waves"):
         image = traced(scene, camera, 1, order=order)  # to the floor, the wall and the sky
@@ -98,7 +98,7 @@ def test_a_slab_of_glass_passes_what_fresnel_s_equations_leave(degrees):
     slab = [floor(30, 0.0), [*reversed(floor(30, -0.5))]]
     lamp = floor(200, -2.0)
     mesh = quads([*slab, lamp])
-    scene = light.RenderScene(mesh, [light.Dielectric(1.5), light.Emissive()], [0, 0, 0, 0, 1, 1], sky=BLACK)
+    scene = light.Scene(mesh, [light.Dielectric(1.5), light.Emissive()], [0, 0, 0, 0, 1, 1], sky=BLACK)
     tilt = np.radians(degrees)
     camera = atra.OrthographicCamera((0, 4, 0), (4 * np.tan(tilt), 0, 0), (0, 0, -1), 0.5, 8, 8)
     r = reflectance(np.cos(tilt), 1.5, "exact")
@@ -114,7 +114,7 @@ def test_one_surface_of_glass_mirrors_what_fresnel_or_schlick_says():
         sky = light.GradientSky((0, 0, 0), (0, 0, 0))
         glass = light.Dielectric(1.5, fresnel)
         mesh = quads([floor(), floor(200, 30.0)[::-1]])
-        scene = light.RenderScene(mesh, [glass, light.Emissive()], [0, 0, 1, 1], sky=sky)
+        scene = light.Scene(mesh, [glass, light.Emissive()], [0, 0, 1, 1], sky=sky)
         for degrees in (0.0, 70.0):
             tilt = np.radians(degrees)
             camera = atra.OrthographicCamera((0, 1, 0), (np.tan(tilt), 0, 0), (0, 0, -1), 0.2, 8, 8)
@@ -124,7 +124,7 @@ def test_one_surface_of_glass_mirrors_what_fresnel_or_schlick_says():
 
 
 def test_fuzz_absorbs_what_falls_below_the_surface_and_blurs_the_rest():
-    scene = light.RenderScene(quads([floor()]), [light.Metal(1.0, 0.9)], sky=WHITE_SKY)
+    scene = light.Scene(quads([floor()]), [light.Metal(1.0, 0.9)], sky=WHITE_SKY)
     straight = traced(scene, down(8, fov=5), 64)
     np.testing.assert_allclose(straight, 1.0)  # a sphere of 0.9 around the tip of the normal lies above the surface
     grazing = atra.OrthographicCamera((0, 1, 0), (40, 0, 0), (0, 0, -1), 0.001, 8, 8)
@@ -136,7 +136,7 @@ def test_fuzz_below_the_surface_passes_where_it_is_told_to():
     metal = light.Metal(1.0, 0.9, below="passes")
     halves = light.GradientSky((0.0, 0.0, 0.0), (2.0, 2.0, 2.0))  # 1 + y
     for sky, expected in ((WHITE_SKY, 1.0), (halves, 1.0)):  # heights of a sphere about 0 cancel each other
-        scene = light.RenderScene(quads([floor()]), [metal], sky=sky)
+        scene = light.Scene(quads([floor()]), [metal], sky=sky)
         grazing = atra.OrthographicCamera((0, 1, 0), (40, 0, 0), (0, 0, -1), 0.001, 8, 8)
         image = traced(scene, grazing, 64, max_depth=2)
         assert abs(image.mean() - expected) < (1e-5 if sky is WHITE_SKY else 0.05)
@@ -151,7 +151,7 @@ def busy(count=300):
         light.Lambertian((0.8, 0.6, 0.4)), light.Metal((0.9, 0.8, 0.7), 0.2), light.Dielectric(1.5),
         light.Emissive((3.0, 2.0, 1.0)), light.Lambertian((0.2, 0.4, 0.9), "uniform"),
     ]  # fmt: skip
-    return light.RenderScene(mesh, materials, np.arange(count) % 5, lights=[light.Sun((0.3, -1, 0.2), 2.0)])
+    return light.Scene(mesh, materials, np.arange(count) % 5, lights=[light.Sun((0.3, -1, 0.2), 2.0)])
 
 
 WAVES = partial(light.PathRenderer, order="waves")

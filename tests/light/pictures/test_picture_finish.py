@@ -88,7 +88,7 @@ def test_layers_hold_base_colours_and_normals_of_what_is_seen(tmp_path):
 
 def test_normals_are_those_that_surfaces_are_shaded_with():
     tilted = np.array([(0.6, 0.8, 0.0)] * 8, np.float32)
-    smooth = light.RenderScene(quads([floor(0.5), floor(0.5, 0.5)]), normals=tilted)
+    smooth = light.Scene(quads([floor(0.5), floor(0.5, 0.5)]), normals=tilted)
     with light.PathRenderer(smooth, down(32), threads=1) as renderer:
         normals = renderer.layers().normals
     seen = np.linalg.norm(normals, axis=2) > 0.99

@@ -37,7 +37,7 @@ def cornell():
     ]  # fmt: skip
     numbers = np.zeros(mesh.triangle_count, int)
     numbers[6:8], numbers[8:10], numbers[10:12], numbers[24:] = 1, 2, 3, 4
-    return light.RenderScene(mesh, materials, numbers, sky=light.constant_sky((0.2, 0.3, 0.4))), cornell_camera(32, 32)
+    return light.Scene(mesh, materials, numbers, sky=light.constant_sky((0.2, 0.3, 0.4))), cornell_camera(32, 32)
 
 
 def three_balls():
@@ -49,7 +49,7 @@ def three_balls():
         light.Lambertian((0.5, 0.6, 0.3)), light.Lambertian((0.4, 0.2, 0.1)), light.Dielectric(1.5),
         light.Metal((0.7, 0.6, 0.5)),
     ]  # fmt: skip
-    scene = light.RenderScene(mesh, materials, numbers, sky=light.constant_sky((0.5, 0.7, 1.0)))
+    scene = light.Scene(mesh, materials, numbers, sky=light.constant_sky((0.5, 0.7, 1.0)))
     return scene, atra.Camera((3, 2.5, 6), (0, 0.8, 0), fov_y_degrees=40, width=48, height=32)
 
 
@@ -68,7 +68,7 @@ def hall():
     heights = mesh.vertices[mesh.faces][:, :, 1].mean(axis=1)
     is_high = heights > 0.55 * heights.max()
     materials = [light.Lambertian((0.7, 0.6, 0.5)), light.Emissive((1.0, 0.9, 0.8))]
-    scene = light.RenderScene(mesh, materials, is_high.astype(int), sky=light.constant_sky(0.0))
+    scene = light.Scene(mesh, materials, is_high.astype(int), sky=light.constant_sky(0.0))
     return scene, atra.Camera(**ATRIUM_CAMERA, width=32, height=24)
 
 

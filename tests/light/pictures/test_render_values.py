@@ -45,18 +45,18 @@ WRONG = [
     (lambda: light.PointLight((0, NAN, 0)), "position of PointLight"),
     (lambda: light.SphereLight((0, 1, 0), 0.0), "radius of SphereLight is 0.0"),
     (lambda: light.SphereLight((0, 1, 0), 1.0, power=-2), "power of SphereLight is -2"),
-    (lambda: light.RenderScene(None), "mesh is None"),
-    (lambda: light.RenderScene(MESH, []), "no materials"),
-    (lambda: light.RenderScene(MESH, ["grey"]), "material 0 is 'grey'"),
-    (lambda: light.RenderScene(MESH, face_materials=[0]), r"face_materials is int64 of \(1,\), expected .* \(2,\)"),
-    (lambda: light.RenderScene(MESH, face_materials=[0, 1]), "face 1 is made of material 1, but there are 1"),
-    (lambda: light.RenderScene(MESH, face_materials=[0.0, 0.0]), "face_materials is float64"),
-    (lambda: light.RenderScene(MESH, lights=[MESH]), "a light is Mesh"),
-    (lambda: light.RenderScene(MESH, sky="blue"), "sky is 'blue'"),
-    (lambda: light.RenderScene(MESH, normals=np.zeros((8, 3))), "normal has shape"),
-    (lambda: light.RenderScene(MESH, normals=[(0, 1, 0)] * 3 + [(0, 0, 0)]), "normal of vertex 3 is zero"),
-    (lambda: light.RenderScene(MESH, normals=[(0, 1, 0)] * 3 + [(0, NAN, 0)]), "normal of vertex 3"),
-    (lambda: light.RenderScene(MESH, [light.Lambertian(light.Checker(1, 0))]), "material 0 has a texture, exp"),
+    (lambda: light.Scene(None), "mesh is None"),
+    (lambda: light.Scene(MESH, []), "no materials"),
+    (lambda: light.Scene(MESH, ["grey"]), "material 0 is 'grey'"),
+    (lambda: light.Scene(MESH, face_materials=[0]), r"face_materials is int64 of \(1,\), expected .* \(2,\)"),
+    (lambda: light.Scene(MESH, face_materials=[0, 1]), "face 1 is made of material 1, but there are 1"),
+    (lambda: light.Scene(MESH, face_materials=[0.0, 0.0]), "face_materials is float64"),
+    (lambda: light.Scene(MESH, lights=[MESH]), "a light is Mesh"),
+    (lambda: light.Scene(MESH, sky="blue"), "sky is 'blue'"),
+    (lambda: light.Scene(MESH, normals=np.zeros((8, 3))), "normal has shape"),
+    (lambda: light.Scene(MESH, normals=[(0, 1, 0)] * 3 + [(0, 0, 0)]), "normal of vertex 3 is zero"),
+    (lambda: light.Scene(MESH, normals=[(0, 1, 0)] * 3 + [(0, NAN, 0)]), "normal of vertex 3"),
+    (lambda: light.Scene(MESH, [light.Lambertian(light.Checker(1, 0))]), "material 0 has a texture, exp"),
     (lambda: light.PathOptions(max_depth=0), "max_depth is 0"),
     (lambda: light.PathOptions(order="sideways"), "order is 'sideways'"),
     (lambda: light.PathOptions(jitter="none"), "jitter is 'none', expected one of shared, off, pixel"),
@@ -90,7 +90,7 @@ def test_a_kind_of_material_is_known_to_two_files(kind):
 
 
 def test_a_picture_needs_a_sample_and_a_number_of_them():
-    scene = light.RenderScene(MESH, lights=[light.Sun((0, -1, 0))])
+    scene = light.Scene(MESH, lights=[light.Sun((0, -1, 0))])
     with light.HybridRenderer(scene, down(4), threads=1) as renderer:
         for look in (lambda: renderer.image, lambda: renderer.openness, renderer.lit, lambda: renderer.save("a.png")):
             with pytest.raises(atra.InputError, match="no sample yet"):
@@ -110,7 +110,7 @@ def test_light_beyond_all_numbers_is_reported_with_its_pixel_and_leaves_nothing_
     camera = atra.Camera((0, 0, 0), (0, 0, -1), fov_y_degrees=40, width=4, height=2)
     texels = np.full((1, 360, 3), 0.5)
     texels[0, 188:193] = 3e38  # what the pixels of the third column see
-    scene = light.RenderScene(quads([floor(0.001, height=-50)]), sky=light.PanoramaSky(texels))
+    scene = light.Scene(quads([floor(0.001, height=-50)]), sky=light.PanoramaSky(texels))
     brighter = replace(scene, sky=light.PanoramaSky(texels, power=2.0))
     for order in ("waves", "depth_first"):
         with light.PathRenderer(brighter, camera, threads=1, order=order) as renderer:
@@ -123,7 +123,7 @@ def test_light_beyond_all_numbers_is_reported_with_its_pixel_and_leaves_nothing_
 
 
 def test_an_interrupted_sample_leaves_no_torn_picture(monkeypatch):
-    scene = light.RenderScene(MESH)
+    scene = light.Scene(MESH)
     with light.PathRenderer(scene, down(4), threads=1, order="waves") as renderer:
         renderer.add(2)
         expected = renderer.image
@@ -141,7 +141,7 @@ def test_an_interrupted_sample_leaves_no_torn_picture(monkeypatch):
 
 
 def test_a_picture_can_be_stopped_between_waves_and_then_starts_anew():
-    with light.PathRenderer(light.RenderScene(MESH), down(64), threads=1, wave_rays=2048) as renderer:
+    with light.PathRenderer(light.Scene(MESH), down(64), threads=1, wave_rays=2048) as renderer:
         renderer.add(2)
         expected = renderer.image
         answers = iter([False, False, False, True])  # two waves a sample: stopped within the second
@@ -154,11 +154,11 @@ def test_a_picture_can_be_stopped_between_waves_and_then_starts_anew():
 def test_sums_that_would_not_fit_are_refused_before_they_are_made(monkeypatch):
     monkeypatch.setattr("psutil.virtual_memory", lambda: SimpleNamespace(available=20 << 20))
     with pytest.raises(atra.MemoryBudgetError, match="sums of 1,048,576 pixels and waves"):
-        light.PathRenderer(light.RenderScene(MESH), down(1024), threads=1)
+        light.PathRenderer(light.Scene(MESH), down(1024), threads=1)
 
 
 def test_stages_are_named_and_sum_to_the_call():
-    scene = light.RenderScene(MESH, lights=[light.Sun((0, -1, 0))])
+    scene = light.Scene(MESH, lights=[light.Sun((0, -1, 0))])
     for kind, stages in (
         (light.PathRenderer, {"primary", "depth_first", "other"}),
         (
@@ -182,7 +182,7 @@ def test_a_png_is_srgb():
 
 
 def test_pictures_are_written_as_their_names_say(tmp_path):
-    scene = light.RenderScene(quads([floor(0.5)]), [light.Lambertian((0.25, 0.5, 0.75))], sky=light.constant_sky(1.0))
+    scene = light.Scene(quads([floor(0.5)]), [light.Lambertian((0.25, 0.5, 0.75))], sky=light.constant_sky(1.0))
     camera = down(16, height=12)
     with light.PathRenderer(scene, camera, threads=1) as renderer:
         renderer.add(2)
@@ -206,7 +206,7 @@ def test_pictures_are_written_as_their_names_say(tmp_path):
 
 def test_without_openexr_an_exr_is_refused_saying_what_to_install(monkeypatch, tmp_path):
     monkeypatch.setitem(__import__("sys").modules, "OpenEXR", None)
-    with light.PathRenderer(light.RenderScene(MESH), down(4), threads=1) as renderer:
+    with light.PathRenderer(light.Scene(MESH), down(4), threads=1) as renderer:
         renderer.add(1)
         with pytest.raises(atra.InputError, match="pip install OpenEXR"):
             renderer.save(tmp_path / "a.exr")

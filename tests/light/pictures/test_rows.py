@@ -22,7 +22,7 @@ FLOOR = quads([floor()])
 def test_each_sample_of_a_light_counts_by_its_own_cosine():
     angle = 40.0
     sun = render.Sun((0, -1, 0), angle)
-    scene = render.RenderScene(FLOOR, [render.Lambertian(1.0)], lights=[sun], sky=BLACK)
+    scene = render.Scene(FLOOR, [render.Lambertian(1.0)], lights=[sun], sky=BLACK)
     image = hybrid(scene, down(4), 512, shadow_directions="shifted").image
     radius = np.tan(np.radians(angle))  # points of a disc at distance 1: the mean of 1 / sqrt(1 + r^2)
     expected = 2.0 * (np.sqrt(1.0 + radius**2) - 1.0) / radius**2
@@ -43,7 +43,7 @@ def test_light_is_shown_by_the_nearest_level_of_srgb(kind):
 
 @pytest.mark.parametrize(("given", "kept"), [(None, 40), (33, 33), (1, 1)])
 def test_no_more_samples_are_added_than_a_picture_is_to_have(given, kept):
-    scene = render.RenderScene(FLOOR, [GREY])
+    scene = render.Scene(FLOOR, [GREY])
     with render.HybridRenderer(scene, down(4), threads=1, most_samples=given) as renderer:
         for _ in range(4):
             renderer.add(10)
@@ -97,7 +97,7 @@ REFUSED = {name for kind in (render.HybridOptions, render.PathOptions) for name 
 def test_every_option_restarts_or_stays_or_is_refused_as_the_table_says(kind, options):
     names = {field.name for field in fields(options)}
     assert names <= RESTARTS.keys() | STAYS.keys() | REFUSED
-    scene = render.RenderScene(FLOOR, [GREY], lights=[render.Sun((0, -1, 0))])
+    scene = render.Scene(FLOOR, [GREY], lights=[render.Sun((0, -1, 0))])
     with kind(scene, down(4), threads=1) as renderer:
         for name, value in (RESTARTS | STAYS).items():
             if name in names:
@@ -148,7 +148,7 @@ MAKERS = {
     render.Image: ("texels",), render.GradientSky: ("below", "above", "power"), render.PanoramaSky: ("texels", "power"),
     render.Sun: ("direction", "angle_degrees", "colour", "power"),
     render.PointLight: ("position", "colour", "power"), render.SphereLight: ("position", "radius", "colour", "power"),
-    render.RenderScene: ("mesh", "materials", "face_materials", "lights", "sky", "normals", "uv"),
+    render.Scene: ("mesh", "materials", "face_materials", "lights", "sky", "normals", "uv"),
     render.HybridOptions: tuple(RESTARTS.keys() - {"max_depth", "roulette"}) + ("start_off", "most_samples"),
     render.PathOptions: ("jitter", "wave_rays", "max_depth", "roulette", "order", "start_off", "most_samples"),
 }  # fmt: skip
@@ -156,7 +156,7 @@ USUAL = {
     render.Checker: {"first": 0.1, "second": 0.2}, render.Image: {"texels": np.zeros((1, 1, 3))},
     render.PanoramaSky: {"texels": np.zeros((1, 1, 3))}, render.Sun: {"direction": (0, -1, 0)},
     render.PointLight: {"position": (0, 1, 0)}, render.SphereLight: {"position": (0, 1, 0), "radius": 1.0},
-    render.RenderScene: {"mesh": FLOOR},
+    render.Scene: {"mesh": FLOOR},
 }  # fmt: skip
 
 
@@ -182,7 +182,7 @@ def test_a_texture_that_is_too_large_is_refused(monkeypatch):
 def test_the_error_of_hybrid_pictures_falls_faster_than_the_square_root_of_the_samples():
     """The points of rays are spread evenly, so that more is gained than by chance."""
     wall = [(0, 0, 50), (0, 50, 50), (0, 50, -50), (0, 0, -50)]
-    scene = render.RenderScene(
+    scene = render.Scene(
         quads([floor(), wall]), [GREY], lights=[render.Sun((1.0, -1.0, 0.0), 10.0)], sky=render.constant_sky(1.0)
     )
     numbers, errors = [4, 16, 64, 256], []
@@ -207,7 +207,7 @@ def lit_steps():
         ]
     pole = [(-0.6, 0, 0), (-0.5, 0, 0), (-0.5, 1.5, 0), (-0.6, 1.5, 0)]
     light = {"lights": [render.Sun((0.7, -1.0, 0.4), 1.0)], "sky": render.constant_sky(0.5)}
-    return render.RenderScene(quads([*steps, pole]), [GREY], **light)
+    return render.Scene(quads([*steps, pole]), [GREY], **light)
 
 
 STEPS_CAMERA = atra.Camera((-3, 2.5, 4), (0.2, 0.4, 0), fov_y_degrees=35, width=96, height=64)

@@ -24,7 +24,7 @@ from atra.light.pictures.finish.fingerprint import fingerprint
 from atra.light.pictures.finish.normals import shading_normals
 from atra.light.pictures.finish.tone import stops_of, toned
 from atra.light.pictures.options import RenderOptions
-from atra.light.scene import RenderScene
+from atra.light.scene import Scene
 from atra.tracing.lifetime import Lifetime
 from atra.tracing.tracer import Tracer
 
@@ -49,7 +49,7 @@ class Layers:
 class Finisher(Lifetime):
     """The base of `Renderer`: what is done with the samples it has taken."""
 
-    scene: RenderScene
+    scene: Scene
     camera: View
     options: RenderOptions
     _film: Film

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.hits import Hits
-from atra.light.scene import RenderScene
+from atra.light.scene import Scene
 
 
-def shading_normals(hits: Hits, scene: RenderScene) -> NDArray[np.float32]:
+def shading_normals(hits: Hits, scene: Scene) -> NDArray[np.float32]:
     """(H, W, 3) float32, unit normals of the scene at the hits, facing the eye; 0 = a miss. A scene without normals has
     those of its triangles."""
     normals = eye_normals(hits)
