@@ -6,7 +6,7 @@ import numpy as np
 
 from atra.compiled.memory import doubles_at, floats_at, load, store_where
 from atra.compiled.store import njit
-from atra.compiled.vectors import bits_of, counted, mask_of, rarely, repeated, size, smaller
+from atra.compiled.vectors import bits_of, counted, mask_of, repeated, size, smaller
 from atra.exact.edges_kernels import side
 from atra.raster.nearer import FEW, nearness_along, without_farther
 from atra.raster.triangles import (
