@@ -19,6 +19,7 @@ from atra.compiled.threads import WorkerPool
 from atra.geometry.mesh import Mesh
 from atra.geometry.projection import project_vertices
 from atra.geometry.ray_space import padded_vertices, unseen_from
+from atra.geometry.split import Split
 from atra.geometry.view import View
 from atra.tracing.budgets import check_image_size, check_memory_budget
 from atra.tracing.geometry import AlignedGeometry, LeftOut
@@ -30,6 +31,14 @@ DEPTH_SLACK = 1e-4
 SEEN_SLACK = 1e-3
 """Relative margin behind the probe's depth within which copies are kept. It exceeds DEPTH_SLACK, or the surfaces that
 the probe saw would fail their own test."""
+
+
+PROBE_STEP = 4
+"""The default probe traces a ray every PROBE_STEP pixels, across and down, along the borders of tiles."""
+
+TILE_WIDTHS, TILE_HEIGHT = (4, 8), 4
+"""Tile sizes in pixels: the resolution of the visibility estimate. Tiles hold whole packets; they are no wider than
+narrow cells, because a copy is kept in every cell that its tile meets."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +57,25 @@ class Tiles:
         return -(-self.height // self.tile_height), -(-self.width // self.tile_width)
 
 
+def tiles_of(split: Split) -> Tiles:
+    """The tiles of an image with these cells."""
+    return Tiles(TILE_WIDTHS[split.cell_width > TILE_WIDTHS[0]], TILE_HEIGHT, split.width, split.height)
+
+
+def probed_depth(depth: NDArray[np.float32], tiles: Tiles) -> NDArray[np.float64]:
+    """(tile rows, tile columns) float64, the second farthest of each tile's corners; of two squares in a tile, the
+    farther.
+
+    A single far corner does not count: keeping all that lies before it costs more than checking a few packets. depth:
+    float32, what rays every `PROBE_STEP` pixels along the borders of tiles see.
+    """
+    upper, lower = (pick(depth[:-1], depth[1:]) for pick in (np.maximum, np.minimum))
+    second = np.maximum(np.minimum(upper[:, :-1], upper[:, 1:]), np.maximum(lower[:, :-1], lower[:, 1:]))
+    rows, columns = tiles.shape
+    steps = second.reshape(rows, tiles.tile_height // PROBE_STEP, columns, tiles.tile_width // PROBE_STEP)
+    return steps.max(axis=(1, 3)).astype(np.float64)
+
+
 @dataclass(frozen=True, eq=False)
 class VisiblePlan:
     """The geometry of the first pass, and a bound on the rest.
@@ -60,26 +88,32 @@ class VisiblePlan:
     nearest_hidden: NDArray[np.float32]
 
 
-def plan_visible_geometry(
+@dataclass(frozen=True, eq=False)
+class VisibleCopies:
+    """Copies that are kept. counts: (F,) int64, cells that keep each triangle. nearest_hidden: as of `VisiblePlan`.
+    raster, first_cell, last_cell: as `atra.alignment.visibility_kernels` takes them."""
+
+    counts: NDArray[np.int64]
+    nearest_hidden: NDArray[np.float32]
+    raster: tuple[NDArray[np.float64], int, int, int, int]
+    first_cell: NDArray[np.int64]
+    last_cell: NDArray[np.int64]
+
+
+def visible_copies(
     mesh: Mesh,
     alignment: Alignment,
     tiles: Tiles,
     probed: tuple[NDArray[np.uint8], NDArray[np.float64]],
-    options: CellOptions,
-    *,
-    row_stride: int,
+    points: tuple[NDArray[np.float64], NDArray[np.float64]],
     pool: WorkerPool,
-) -> VisiblePlan:
-    """Shear a copy of every triangle for the cells in which a probe says it may be visible.
+) -> VisibleCopies:
+    """Count the copies of every triangle for the cells in which a probe says it may be visible.
 
-    alignment: the cells of one image. probed: (F,) uint8, non-zero = keep the triangle in every cell it meets; and
-    (tile rows, tile columns), keep what may be nearer than this (inf: everything, 0: nothing). A wrong probe costs
-    time, never a hit. row_stride: pixels from one image row to the next. Raises MemoryBudgetError before allocating the
-    copies.
+    points: from `project_vertices`, for the camera of the alignment; others as for `plan_visible_geometry`.
     """
     split, (camera,), (seen, seen_depth) = alignment.split, alignment.cameras, probed
-    check_image_size(split.height, row_stride)
-    points_pixels, points_ray = project_vertices(mesh, camera, pool)
+    points_pixels, points_ray = points
     roundings = roundings_of_copies(mesh, alignment, pool, points_pixels, points_ray, points_ray)
     with np.errstate(divide="ignore"):
         wanted = (1.0 - SEEN_SLACK) / seen_depth
@@ -101,10 +135,32 @@ def plan_visible_geometry(
 
     pool.run(count)
     counts[unseen_from(camera, mesh)] = 0
-    nearest_hidden = _nearest(hidden)
+    return VisibleCopies(counts, _nearest(hidden), raster, first_cell, last_cell)
 
+
+def plan_visible_geometry(
+    mesh: Mesh,
+    alignment: Alignment,
+    tiles: Tiles,
+    probed: tuple[NDArray[np.uint8], NDArray[np.float64]],
+    options: CellOptions,
+    *,
+    row_stride: int,
+    pool: WorkerPool,
+) -> VisiblePlan:
+    """Shear a copy of every triangle for the cells in which a probe says it may be visible.
+
+    alignment: the cells of one image. probed: (F,) uint8, non-zero = keep the triangle in every cell it meets; and
+    (tile rows, tile columns), keep what may be nearer than this (inf: everything, 0: nothing). A wrong probe costs
+    time, never a hit. row_stride: pixels from one image row to the next. Raises MemoryBudgetError before allocating the
+    copies.
+    """
+    split, (camera,), (seen, _) = alignment.split, alignment.cameras, probed
+    check_image_size(split.height, row_stride)
+    points = points_pixels, points_ray = project_vertices(mesh, camera, pool)
+    kept = visible_copies(mesh, alignment, tiles, probed, points, pool)
     starts = np.zeros(mesh.triangle_count + 1, np.int64)
-    np.cumsum(counts, out=starts[1:])
+    np.cumsum(kept.counts, out=starts[1:])
     copies = int(starts[-1])
     check_memory_budget(copies, split.cell_count, options)
     vertices = padded_vertices(3 * copies)
@@ -112,13 +168,14 @@ def plan_visible_geometry(
 
     def fill(_: int, counter: int) -> None:
         fill_visible(
-            counter, points_pixels, points_ray, mesh.traced_faces, seen, *raster, split.cell_width, split.cell_height,
-            first_cell, last_cell, *alignment.shears, row_stride, starts, vertices, records,
+            counter, points_pixels, points_ray, mesh.traced_faces, seen, *kept.raster, split.cell_width,
+            split.cell_height, kept.first_cell, kept.last_cell, *alignment.shears, row_stride, starts, vertices,
+            records,
         )  # fmt: skip
 
     pool.run(fill)
     faces = np.arange(3 * copies, dtype=np.uint32).reshape(copies, 3)
-    return VisiblePlan(AlignedGeometry(vertices, faces, records), nearest_hidden)
+    return VisiblePlan(AlignedGeometry(vertices, faces, records), kept.nearest_hidden)
 
 
 def nearest_in_tiles(mesh: Mesh, camera: View, tiles: Tiles, left_out: LeftOut) -> NDArray[np.float32]:

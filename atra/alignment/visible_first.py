@@ -13,7 +13,7 @@ from atra.alignment.alignment import Alignment
 from atra.alignment.options import ReferenceRayKeywords, ReferenceRayOptions
 from atra.alignment.reference_rays import ReferenceRayTracer
 from atra.alignment.second_pass import SecondPass
-from atra.alignment.visibility import Tiles, plan_visible_geometry
+from atra.alignment.visibility import PROBE_STEP, plan_visible_geometry, probed_depth, tiles_of
 from atra.embree.callbacks_kernels import memory_monitor, nearest_hit_filter
 from atra.embree.packets_kernels import Image, RayGrid
 from atra.embree.scene import EmbreeScene
@@ -30,16 +30,9 @@ from atra.tracing.lifetime import in_turn
 from atra.tracing.options import lists_options
 from atra.tracing.rays import SQUAREST_SHAPE, check_pinhole, pixel_tiles, ray_grid
 
-PROBE_STEP = 4
-"""The default probe traces a ray every PROBE_STEP pixels, across and down, along the borders of tiles."""
-
 WHOLE_BUILD_QUALITY = "low"
 """Build quality of the whole mesh's BVH, which is also compact. Only the probe and a few packets use it, so build time
 and size matter more than tracing speed."""
-
-TILE_WIDTHS, TILE_HEIGHT = (4, 8), 4
-"""Tile sizes in pixels: the resolution of the visibility estimate. Tiles hold whole packets; they are no wider than
-narrow cells, because a copy is kept in every cell that its tile meets."""
 
 
 class VisibleFirstTracer(ReferenceRayTracer[Hits], ImageTracer):
@@ -84,8 +77,7 @@ class VisibleFirstTracer(ReferenceRayTracer[Hits], ImageTracer):
                 f"expected {(camera.height, camera.width)} (height, width)"
             )
         self._align((mesh,), Alignment.of_cells(camera, self.split.of(camera)))
-        tile_width = TILE_WIDTHS[0] if self.split.cell_width <= TILE_WIDTHS[0] else TILE_WIDTHS[1]
-        self.tiles = Tiles(tile_width, TILE_HEIGHT, camera.width, camera.height)
+        self.tiles = tiles_of(self.split)
 
     def _plan(self) -> float:
         return super()._plan() - self._whole_build_time_s
@@ -128,16 +120,15 @@ class VisibleFirstTracer(ReferenceRayTracer[Hits], ImageTracer):
     def _probe_depth(self) -> NDArray[np.float64]:
         """Trace the default probe: the visible depth of each tile, from rays on its border.
 
-        Neighbouring tiles share rays, and an outline that crosses a tile probably separates two of its corners. A
-        single far corner does not count: keeping all that lies before it costs more than checking a few packets.
+        Neighbouring tiles share rays, and an outline that crosses a tile probably separates two of its corners.
         """
         camera = self.camera
         assert self._whole is not None
         scene = self._whole.address
         shape = SQUAREST_SHAPE[self.packet_width]
         tile_rows, tile_columns = self.tiles.shape
-        steps_x, steps_y = self.tiles.tile_width // PROBE_STEP, self.tiles.tile_height // PROBE_STEP
-        width, height = tile_columns * steps_x + 1, tile_rows * steps_y + 1
+        width = tile_columns * (self.tiles.tile_width // PROBE_STEP) + 1
+        height = tile_rows * (self.tiles.tile_height // PROBE_STEP) + 1
 
         def positions(count: int, packet: int, pixels: int) -> NDArray[np.integer]:
             return np.minimum(np.arange(count + -count % packet) * PROBE_STEP, pixels)
@@ -151,11 +142,7 @@ class VisibleFirstTracer(ReferenceRayTracer[Hits], ImageTracer):
             kernel(counter, scene, self._workspaces[worker].packet, rays, tiles, image)
 
         self._pool.run(work)
-        upper, lower = (pick(image.depth[:-1], image.depth[1:]) for pick in (np.maximum, np.minimum))
-        depth = np.maximum(
-            np.minimum(upper[:, :-1], upper[:, 1:]), np.maximum(lower[:, :-1], lower[:, 1:])
-        )  # the second farthest of four corners
-        return depth.reshape(tile_rows, steps_y, tile_columns, steps_x).max(axis=(1, 3)).astype(np.float64)
+        return probed_depth(image.depth, self.tiles)
 
     def _farthest_in_tiles(self, depth: NDArray[np.float32]) -> NDArray[np.float64]:
         """The farthest depth in each tile of an image."""

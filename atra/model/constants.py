@@ -12,7 +12,7 @@ from atra.files.paths import write_atomically
 from atra.model.defaults import DEFAULTS
 from atra.model.formulas import Constants
 
-FORMAT = 1
+FORMAT = 2
 """Version of the file."""
 
 

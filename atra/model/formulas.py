@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.model.choice import Choice
+from atra.model.copying import Copied
 from atra.model.looking import Look
 
 Constants = Mapping[str, Sequence[float]]
@@ -23,23 +24,25 @@ NANO = 1e-9
 WHOLE, SEEN = 0, 1
 
 IN_CACHE = 3e4
-"""Copies that a cache holds with their boxes, some five megabytes."""
+"""Boxes and triangles that a cache holds, some three megabytes."""
 
 
 class Counts:
     """What a choice meets on a view, for a frame of all pixels.
 
-    packets: groups of rays as wide as a packet over the whole image. shot: those of the reference cell, or all. upper,
-    lower: boxes that packets enter, in the levels that all cells share and in those below; tested, met: triangles.
+    packets: groups of rays as wide as a packet over the whole image. shot: those of the reference cell, or all; row:
+    those of a row of it. upper, lower: boxes that packets enter, in the levels that all cells share and in those below;
+    tested, met: triangles. shape: of packets, in place of the choice's own.
     """
 
-    def __init__(self, look: Look, choice: Choice, part: int) -> None:
-        shape = choice.packet_shape(look.width, look.height)
+    def __init__(self, look: Look, choice: Choice, part: int, shape: tuple[int, int] | None = None) -> None:
+        shape = shape or choice.packet_shape(look.width, look.height)
         kind = look.shape(shape)
         cell = look.width // choice.split[0], look.height // choice.split[1]
-        inside = (-(-cell[0] // shape[0])) * (-(-cell[1] // shape[1]))
+        row = -(-cell[0] // shape[0])
+        inside = row * -(-cell[1] // shape[1])
         self.packets = float(inside * choice.cells)
-        self.shot = float(inside)
+        self.shot, self.row = float(inside), float(row)
         boxes = look.boxes[kind, part]
         shared = log2(choice.cells)
         above = np.clip(shared - np.arange(len(boxes)), 0.0, 1.0)
@@ -69,14 +72,28 @@ def _tiles(look: Look, choice: Choice, part: int) -> list[float]:
 
 
 def _aligned(look: Look, choice: Choice, part: int) -> list[float]:
-    """For each packet shot: itself, shared boxes. For each packet of every cell: boxes of its own, triangles tested and
-    hit. For each copy: itself, as it is read once a frame."""
-    counts = Counts(look, choice, WHOLE)
+    """For each packet shot: itself and the shared boxes. For each packet of every cell: boxes of its own, triangles
+    tested and hit. For each copy: itself, as it is read once a frame. Then triangles hit beyond the cache, and what
+    packets meet that the second pass traces again."""
+    along = SEEN if choice.method == "visible_first" else WHOLE
+    counts, copied = Counts(look, choice, along), _copied(look, choice)
     n = counts.packets
     return [
-        counts.shot, counts.shot * counts.upper, n * counts.lower, n * counts.tested, n * counts.met,
-        copies(look, choice),
+        counts.shot * (1.0 + counts.upper), n * counts.lower, n * counts.tested, n * counts.met, copied.copies,
+        n * counts.met * _beyond_cache(look, choice, along),
+        n * copied.again * (counts.upper + counts.lower + counts.tested),
     ]  # fmt: skip
+
+
+def _beyond_cache(look: Look, choice: Choice, along: int) -> float:
+    """The share of what a row of packets meets, in all cells, that is out of the cache when the next row needs it.
+
+    Rays side by side meet the same boxes, so a row meets no more than flat packets as wide as it.
+    """
+    shapes = choice.packet_shape(look.width, look.height), look.shapes[1]
+    rows = [one.row * (one.lower + one.tested) for one in (Counts(look, choice, along, shape) for shape in shapes)]
+    met = min(_copied(look, choice).copies, choice.cells * min(rows))
+    return max(0.0, 1.0 - IN_CACHE / met) if met > 0.0 else 0.0
 
 
 def _instanced(look: Look, choice: Choice, part: int) -> list[float]:
@@ -84,19 +101,6 @@ def _instanced(look: Look, choice: Choice, part: int) -> list[float]:
     counts = Counts(look, choice, WHOLE)
     n = counts.packets
     return [n, n * (counts.upper + counts.lower), n * counts.tested, n * counts.met]
-
-
-def _visible_first(look: Look, choice: Choice, part: int) -> list[float]:
-    """The aligned pass up to what is seen, over boxes that are out of the cache as often as copies are doubled beyond
-    it; then tiles that show an edge, packet by packet."""
-    counts = Counts(look, choice, SEEN)
-    n = counts.packets
-    kept = copies(look, choice)
-    again = n * look.edges * (counts.upper + counts.lower + counts.tested)
-    return [
-        counts.shot, counts.shot * counts.upper, n * counts.lower, n * counts.tested, n * counts.met, kept, again,
-        n * counts.lower * log2(1.0 + kept / IN_CACHE),
-    ]  # fmt: skip
 
 
 def _raster(look: Look, choice: Choice, part: int) -> list[float]:
@@ -111,7 +115,7 @@ _FORMULAS: dict[str, Callable[[Look, Choice, int], list[float]]] = {
     "bvh": _ray_by_ray,
     "classified": _ray_by_ray,
     "tiles": _tiles,
-    "visible_first": _visible_first,
+    "visible_first": _aligned,
     "aligned": _aligned,
     "instanced": _instanced,
 }
@@ -127,19 +131,21 @@ def frame_terms(look: Look, choice: Choice, want: str) -> NDArray[np.float64]:
 
 def build_terms(look: Look, choice: Choice) -> NDArray[np.float64]:
     """Counts of plan and build: once, triangles, copies, cells."""
-    return np.array([1.0, look.triangles, copies(look, choice), choice.cells])
+    return np.array([1.0, look.triangles, _copied(look, choice).copies, choice.cells])
 
 
 def byte_terms(look: Look, choice: Choice) -> NDArray[np.float64]:
-    """Counts of memory, as `build_terms`; the rasteriser's is what the look made."""
-    return np.array([1.0, look.triangles, copies(look, choice), choice.cells])
+    """Counts of memory: once, triangles, vertices, copies, triangles left out, cells, bytes of our own BVH; 0 for what
+    a method does not keep. The rasteriser's is what the look made."""
+    copied, own = _copied(look, choice), choice.method in ("bvh", "classified")
+    vertices = look.vertices if choice.method in ("pixel", "tiles", "instanced") else 0
+    return np.array([
+        1.0, look.triangles, vertices, copied.copies, copied.left_out, choice.cells, look.bvh_bytes if own else 0.0
+    ])  # fmt: skip
 
 
-def copies(look: Look, choice: Choice) -> float:
-    """Triangles that Embree is given for the cells; 0 for methods without copies."""
-    if choice.method in ("aligned", "tiles"):
-        return look.copies(choice.split, choice.culling)
-    return look.copies(choice.split, visible=True) if choice.method == "visible_first" else 0.0
+def _copied(look: Look, choice: Choice) -> Copied:
+    return look.copied(choice.method, choice.split, choice.culling)
 
 
 def fit(terms: NDArray[np.float64], measured: NDArray[np.float64], steps: int = 12) -> NDArray[np.float64]:

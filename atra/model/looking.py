@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from time import thread_time
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +11,11 @@ from numpy.typing import NDArray
 from atra.compiled.instruction_sets import native_lanes
 from atra.compiled.threads import WorkerPool
 from atra.geometry.mesh import Mesh
-from atra.geometry.projection import count_kept, project_vertices
+from atra.geometry.projection import project_vertices
 from atra.geometry.ray_space import check_range, unseen_from
 from atra.geometry.split import Split
 from atra.geometry.view import View
+from atra.model.copying import Copied, Sample, apart, bytes_of_clusters, spread
 from atra.model.looking_kernels import LEVELS, RAYS, SIDE, count_along_rays
 from atra.raster.frames import Scratch, compile_kernels, draw_frame
 from atra.tracing.images import outputs
@@ -26,8 +26,8 @@ from atra.trees.building import Draft, bound_triangles
 STRATA = 8
 """Blocks of sampled rays along each side of the image."""
 
-MOST_IN_TREE, MOST_COPIED = 1 << 18, 1 << 15
-"""Largest samples of triangles: for the tree, and for counting copies."""
+MOST_IN_TREE = 1 << 18
+"""Largest sample of triangles for the tree."""
 
 SMALLEST_COMPONENT = np.float32(1e-18)
 """Smaller components of directions count as this, as 0 has no reciprocal."""
@@ -37,47 +37,22 @@ BROKEN = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Sample:
-    """Some of `total` triangles, each with corners of its own, and those projected; None of none."""
-
-    total: int
-    mesh: Mesh | None
-    points_pixels: NDArray[np.float64]
-
-    @classmethod
-    def of(cls, mesh: Mesh, prim_ids: NDArray[np.integer], camera: View, pool: WorkerPool) -> Self:
-        """A sample of the triangles named."""
-        few = apart(mesh, _spread(prim_ids, MOST_COPIED)) if len(prim_ids) else None
-        points = np.empty((0, 3)) if few is None else project_vertices(few, camera, pool)[0]
-        return cls(len(prim_ids), few, points)
-
-    def copies(self, cells: Split) -> float:
-        """Copies of all triangles for the cells that they meet."""
-        if self.mesh is None:
-            return 0.0
-        pool = WorkerPool(1)
-        cell = cells.nx, cells.ny, cells.cell_width, cells.cell_height
-        kept = count_kept(pool, self.points_pixels, self.mesh, True, cell)
-        pool.close()
-        return float(kept.sum()) * self.total / self.mesh.triangle_count
-
-
-@dataclass(frozen=True, eq=False)
 class Look:
     """What the model knows of a mesh and a view.
 
-    width, height: of the image, pixels. triangles: of the mesh. in_view: triangles in clusters that the view may show.
+    width, height: of the image, pixels. triangles, vertices: of the mesh.
     shapes: (columns, rows) of packets. boxes: (shapes, 2, LEVELS) float64, boxes of each level of a binary SAH tree
     that a packet of that shape enters, on average over the sample: along the whole ray, and up to what it sees. tested:
     (shapes, 2), triangles in the leaves entered. met: (shapes, 2), triangles that a packet hits. hit: share of rays
     that hit anything. edges: share of tiles of 4 x 4 pixels across which depth jumps. raster_s: processor seconds of
-    the raster frame on one thread. raster_bytes: of its clusters. samples: of all triangles, and of those seen.
+    the raster frame on one thread. raster_bytes: of its clusters. bvh_bytes: of our own BVH, by that of some clusters.
+    sample: of triangles that rays may hit. counted: what was `copied` already.
     """
 
     width: int
     height: int
     triangles: int
-    in_view: int
+    vertices: int
     is_parallel: bool
     shapes: tuple[tuple[int, int], ...]
     boxes: NDArray[np.float64]
@@ -87,14 +62,27 @@ class Look:
     edges: float
     raster_s: float
     raster_bytes: int
-    samples: tuple[Sample, Sample] = field(repr=False)
+    bvh_bytes: float
+    sample: Sample = field(repr=False)
+    counted: dict[tuple[str, tuple[int, int], bool], Copied] = field(default_factory=dict, repr=False)
 
-    def copies(self, split: tuple[int, int], culling: bool = True, visible: bool = False) -> float:
-        """Copies of triangles over all cells of a split, estimated from a sample; visible: of those seen alone."""
-        cells = Split(*split, self.width, self.height)
-        if not culling:
-            return float(self.triangles * cells.cell_count)
-        return self.samples[visible].copies(cells)
+    def copied(self, method: str, split: tuple[int, int], culling: bool = True) -> Copied:
+        """What a method of `atra.model.choice.METHODS` copies, leaves out and traces again, estimated from a sample."""
+        key = method, split, culling
+        if key not in self.counted:
+            self.counted[key] = self._count(method, Split(*split, self.width, self.height), culling)
+        return self.counted[key]
+
+    def _count(self, method: str, cells: Split, culling: bool) -> Copied:
+        if method == "tiles":
+            return Copied(self.sample.in_cells(cells), 0.0, 0.0)
+        if method == "visible_first":
+            return self.sample.visible(cells)
+        if method == "aligned":
+            return self.sample.aligned(cells, culling)
+        if method == "instanced":
+            return Copied(0.0, *self.sample.aligned(cells, False, True)[1:])
+        return Copied(0.0, 0.0, 0.0)
 
     def shape(self, shape: tuple[int, int]) -> int:
         """The place of a shape in `shapes`."""
@@ -121,28 +109,13 @@ def look_at(mesh: Mesh, camera: View) -> Look:
     order = order[kept[order]]
     corners, depths = _sampled_pixels(camera, images[0])
     counted = _count(mesh, camera, order, corners, depths, shapes, pool)
-    in_view = min(len(scratch.order()) * 128, mesh.triangle_count)
-    is_seen = np.zeros(mesh.triangle_count + 1, np.bool_)
-    is_seen[np.minimum(images[1], mesh.triangle_count)] = True  # the last one is a miss
-    samples = (Sample.of(mesh, order, camera, pool), Sample.of(mesh, np.flatnonzero(is_seen[:-1]), camera, pool))
+    bvh_bytes = bytes_of_clusters(mesh, scratch.clusters.prim_ids, pool)
+    sample = Sample.of(mesh, order, camera, images[0], pool)
     pool.close()
     return Look(
-        camera.width, camera.height, mesh.triangle_count, in_view, camera.is_parallel, shapes, *counted,
-        float(np.isfinite(images[0]).mean()), _edges(images[0]), min(frames_s), scratch.bytes, samples,
+        camera.width, camera.height, mesh.triangle_count, len(mesh.vertices), camera.is_parallel, shapes, *counted,
+        float(np.isfinite(images[0]).mean()), _edges(images[0]), min(frames_s), scratch.bytes, bvh_bytes, sample,
     )  # fmt: skip
-
-
-def apart(mesh: Mesh, prim_ids: NDArray[np.integer]) -> Mesh:
-    """A mesh of the triangles named, each with corners of its own."""
-    vertices = mesh.vertices[mesh.faces[prim_ids]].reshape(-1, 3)
-    return Mesh(vertices, np.arange(len(vertices), dtype=np.uint32).reshape(-1, 3))
-
-
-def _spread(order: NDArray[np.integer], most: int) -> NDArray[np.integer]:
-    """At most so many of an array, evenly spread along it."""
-    if len(order) <= most:
-        return order
-    return order[np.linspace(0, len(order), most, endpoint=False).astype(np.int64)]
 
 
 def _sampled_pixels(camera: View, depth: NDArray[np.float32]) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
@@ -165,7 +138,7 @@ def _count(
     boxes, tested, met = np.zeros((len(shapes), 2, LEVELS), np.int64), *np.zeros((2, len(shapes), 2), np.int64)
     packets = len(corners) * RAYS / np.prod(shapes, axis=1)
     if len(order):
-        few = _spread(order, MOST_IN_TREE)
+        few = spread(order, MOST_IN_TREE)
         is_whole = len(few) == len(order)
         sample = mesh if is_whole else apart(mesh, few)
         _, points = project_vertices(sample, camera, pool)

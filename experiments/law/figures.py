@@ -1,9 +1,9 @@
 """Figures of the law: predicted over measured, the map of where alignment pays, and figure 5 with predicted curves.
 
-    python -m experiments.law.figures reports/reference/law docs/images
+    python -m experiments.law.figures reports/reference/law docs/images --figure5
 
-Figure 5 needs the paper's scenes (ATRA_SCENES) and reports/reference/paper once; what it shows is kept as
-figure5.parquet.
+Figure 5 needs the paper's scenes (ATRA_SCENES) and reports/reference/paper once, when --figure5 predicts it anew; what
+it shows is kept as figure5.parquet.
 """
 
 from __future__ import annotations
@@ -127,10 +127,10 @@ def _label(axis: Axes, points: pd.DataFrame) -> None:
                 break
 
 
-def figure5_points(measured: Path, paper: Path) -> pd.DataFrame:
+def figure5_points(kept_law: Path, paper: Path) -> pd.DataFrame:
     """Times of the kept figure 5, and what the model says: constants fitted here without the scene, times one factor a
     packet width, the median over the three other scenes."""
-    law = gather(measured)
+    law = gather(kept_law)
     law = law[law["instruction_set"] == ISA]
     kept = pd.read_parquet(paper / "table.parquet")
     kept = kept[(kept["workload"] == "frame") & (kept["method"] == "aligned") & (kept["status"] == "ok")
@@ -193,11 +193,11 @@ def main() -> None:
     parser = ArgumentParser(description=__doc__)
     parser.add_argument("kept", type=Path)
     parser.add_argument("images", type=Path)
-    parser.add_argument("--measured", type=Path, help="folder of experiments.law.measure, to predict figure 5 anew")
+    parser.add_argument("--figure5", action="store_true", help="look at the paper's scenes and predict figure 5 anew")
     given = parser.parse_args()
     table = pd.read_parquet(given.kept / "table.parquet")
-    if given.measured:
-        points = figure5_points(given.measured, given.kept.parent / "paper")
+    if given.figure5:
+        points = figure5_points(given.kept, given.kept.parent / "paper")
         points.to_parquet(given.kept / "figure5.parquet", index=False)
     draw_predictions(table, given.images / "law.png")
     draw_map(map_points(table), given.images / "law_map.png")

@@ -1,54 +1,31 @@
 """The table of the law: what was measured beside what the model says with constants fitted without that scene.
 
-    python -m experiments.law.predict FOLDER TABLE
+    python -m experiments.law.predict reports/reference/law
 
-FOLDER is that of `experiments.law.measure`. Looks at every view first where that was not done (ATRA_ISA as there); a
-run without ATRA_ISA then fits and writes the table, says how the targets are met, and prints the constants of all
-scenes.
+fits and writes table.parquet from measured.parquet and looks.parquet there, what methods and looks were measured to be
+(`experiments.law.keep`); says how the targets are met, and prints the constants of all scenes.
 """
 
 from __future__ import annotations
 
 import json
-import os
 from argparse import ArgumentParser
 from pathlib import Path
-from time import thread_time
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from atra.model.choice import Choice
-from atra.model.formulas import (
-    NANO,
-    SEEN,
-    WHOLE,
-    Counts,
-    build_terms,
-    byte_terms,
-    copies,
-    family,
-    fit,
-    frame_terms,
-)
-from atra.model.looking import Look, look_at
-from experiments.law.measure import VIEWS, mesh_and_camera
-
-
-def choice_of(row: Any) -> Choice:
-    """The choice of a measured row."""
-    method = "instanced" if row["geometry"] == "instanced" else str(row["method"])
-    culling = not (method in ("aligned", "instanced") and str(row["culling"]) == "False")
-    return Choice(method, (int(row["split_x"]), int(row["split_y"])), int(row["packet_width"]), culling)
-
+from atra.model.formulas import NANO, SEEN, WHOLE, Counts, build_terms, byte_terms, family, fit, frame_terms
+from atra.model.looking import Look
+from experiments.law.keep import choice_of, kept_looks
 
 COUNTERS = ("packets", "upper", "lower", "tested", "met")
 """Packets of the whole image, and for one of them boxes in the levels that cells share and below, triangles tested and
 triangles hit."""
 
 
-def counters_of(look: Look, choice: Choice, want: str) -> list[float | None]:
+def counters_of(look: Look, choice: Any, want: str) -> list[float | None]:
     """`COUNTERS` of a frame: along the whole ray for aligned rays and all hits, else up to what is seen."""
     if choice.method == "raster":
         return [None] * len(COUNTERS)
@@ -57,51 +34,34 @@ def counters_of(look: Look, choice: Choice, want: str) -> list[float | None]:
     return [getattr(counts, name) for name in COUNTERS]
 
 
-def look_at_view(measured: Path, looked: Path) -> None:
-    """Write the counts of all rows of a measured view, in the order of its file."""
-    rows = pd.read_csv(measured, keep_default_na=False)
-    scene, view = str(rows["scene"][0]), str(rows["view"][0])
-    mesh, camera = mesh_and_camera(scene, view)
-    look_at(mesh, camera)  # loads kernels
-    start = thread_time()
-    look = look_at(mesh, camera)
-    told: dict[str, Any] = {"look_s": thread_time() - start, "raster_s": look.raster_s, "rows": []}
-    told |= {"edges": look.edges, "hit": look.hit, "met": look.met.tolist(), "tested": look.tested.tolist(),
-             "boxes": look.boxes.tolist(), "raster_bytes": look.raster_bytes, "shapes": look.shapes}  # fmt: skip
-    for row in rows.to_dict("records"):
-        choice = choice_of(row)
-        told["rows"].append({
-            "frame": frame_terms(look, choice, str(row["want"])).tolist(),
-            "build": build_terms(look, choice).tolist(), "bytes": byte_terms(look, choice).tolist(),
-            "copies": copies(look, choice), "counters": counters_of(look, choice, str(row["want"])),
-        })  # fmt: skip
-    looked.write_text(json.dumps(told), encoding="utf-8")
-
-
 def gather(folder: Path) -> pd.DataFrame:
     """All measured rows, with their counts."""
-    tables = []
-    for looked in sorted(folder.glob("*.json")):
-        rows = pd.read_csv(looked.with_suffix(".csv"), keep_default_na=False)
-        told = json.loads(looked.read_text())
-        for name in ("frame", "build", "bytes"):
-            rows[f"{name}_terms"] = [np.array(one[name]) for one in told["rows"]]
-        rows["predicted_copies"] = [one["copies"] for one in told["rows"]]
-        for k, name in enumerate(COUNTERS):
-            rows[name] = [one["counters"][k] for one in told["rows"]]
-        rows["look_s"], rows["raster_s"], rows["raster_bytes"] = told["look_s"], told["raster_s"], told["raster_bytes"]
-        # One and the same packets beside every method: their median says how fast the machine was.
-        for want in ("nearest", "count"):
-            of = rows["want"] == want
-            rows.loc[of, "measured_time_s"] = rows.loc[of, "packets_time_s"].median() / rows.loc[of, "over_packets"]
-        tables.append(rows)
-    table = pd.concat(tables, ignore_index=True)
-    choices = [choice_of(row) for row in table.to_dict("records")]
-    table["choice"] = choices
+    table = pd.read_parquet(folder / "measured.parquet")
+    looks = kept_looks(folder / "looks.parquet")
+    rows = table.to_dict("records")
+    table["choice"] = choices = [choice_of(row) for row in rows]
+    seen = [looks[row["instruction_set"], row["scene"], row["view"]] for row in rows]
     table["method"] = [one.method for one in choices]
     table["family"] = [family(one, want) for one, want in zip(choices, table["want"], strict=True)]
+    known = list(zip(seen, choices, table["want"], strict=True))
+    table["frame_terms"] = [frame_terms(one.look, choice, want) for one, choice, want in known]
+    table["build_terms"] = [build_terms(one.look, choice) for one, choice, _ in known]
+    table["bytes_terms"] = [byte_terms(one.look, choice) for one, choice, _ in known]
+    counted = [one.look.copied(choice.method, choice.split, choice.culling) for one, choice, _ in known]
+    table["predicted_copies"] = [one.copies for one in counted]
+    table["predicted_again"] = [one.again for one in counted]
+    counters = [counters_of(one.look, choice, want) for one, choice, want in known]
+    for k, name in enumerate(COUNTERS):
+        table[name] = [one[k] for one in counters]
+    table["raster_bytes"] = [one.look.raster_bytes for one in seen]
+    table["raster_s"] = [one.look.raster_s for one in seen]
+    for name in ("look_s", "plan_s", "frame_s"):
+        table[name] = [getattr(one, name) for one in seen]
+    # One and the same packets beside every method: their median says how fast the machine was.
+    for _, of in table.groupby(["instruction_set", "scene", "view", "want"]):
+        table.loc[of.index, "measured_time_s"] = of["packets_time_s"].median() / of["over_packets"]
     table["measured_build_s"] = table["plan_time_s"] + table["build_time_s"]
-    table["measured_bytes"] = pd.to_numeric(table["bytes"], errors="coerce")
+    table["measured_bytes"] = table["bytes"]
     return table
 
 
@@ -174,8 +134,11 @@ def report(table: pd.DataFrame) -> str:
                 told = ", ".join(f"{name} {value:.2f}" for name, value in found.items())
                 lines.append(f"  {want} without {without}: {told}")
         looks = rows.drop_duplicates(["scene", "view"])
-        ratio = looks["look_s"] / looks["raster_s"]
-        lines.append(f"  a look takes {ratio.median():.0f} raster frames in the median, {ratio.max():.0f} at most")
+        for name in ("look", "plan"):
+            ratio = looks[f"{name}_s"] / looks["frame_s"]
+            lines.append(
+                f"  a {name} takes {ratio.median():.0f} raster frames in the median, {ratio.max():.0f} at most"
+            )
     return "\n".join(lines)
 
 
@@ -200,30 +163,23 @@ def choices_of(rows: pd.DataFrame, want: str, without: tuple[str, ...] = ()) -> 
 COLUMNS = (
     "instruction_set", "scene", "view", "triangles", "width", "height", "method", "packet_width", "culling", "split_x",
     "split_y", "want", "family", "measured_time_s", "predicted_time_s", "measured_build_s", "predicted_build_s",
-    "predicted_bytes", "measured_bytes", "copies", "predicted_copies", *COUNTERS, "look_s", "raster_s", "rounds",
+    "predicted_bytes", "measured_bytes", "copies", "predicted_copies", "predicted_again",
+    *COUNTERS, "look_s", "plan_s", "frame_s", "raster_s", "rounds",
 )  # fmt: skip
 
 
 def main() -> None:
-    """Look, or fit and report."""
+    """Fit, report, and write the table."""
     parser = ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("table", type=Path)
     given = parser.parse_args()
-    isa = os.environ.get("ATRA_ISA")
-    if isa:
-        for scene, view in VIEWS:
-            measured = given.folder / f"{isa}-{scene}-{view}.csv"
-            if measured.exists() and not measured.with_suffix(".json").exists():
-                look_at_view(measured, measured.with_suffix(".json"))
-        return
     table = gather(given.folder)
     judged = leave_one_out(table)
     print(report(judged))
-    judged[list(COLUMNS)].to_parquet(given.table, index=False)
+    judged[list(COLUMNS)].to_parquet(given.folder / "table.parquet", index=False)
     for isa, rows in table.groupby("instruction_set"):
         rounded = {name: [float(f"{one:.3g}") for one in values] for name, values in constants_of(rows).items()}
-        (given.folder / f"constants-{isa}.txt").write_text(json.dumps(rounded, indent=1), encoding="utf-8")
+        print(isa, json.dumps(rounded, indent=1))
 
 
 if __name__ == "__main__":

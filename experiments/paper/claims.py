@@ -1,125 +1,19 @@
-"""The paper's claims, in our own words. Numbers the paper does not give are our reading and say so in `how`."""
+"""The paper's claims: what judges each; claims.toml says what they are."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from functools import partial
+from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
-from experiments.paper import speed
+from experiments.paper import resources, speed
 from experiments.paper.evidence import Evidence
-from experiments.paper.further_claims import OTHERS, RESOURCES
-from experiments.paper.judging import on_every_scene, on_paper_scene, on_some_scene
-from experiments.paper.readings import EVERY_HIT, NEAREST, readings_of
-from experiments.paper.wording import (
-    CHOSEN,
-    DECIDED,
-    OUR_READING,
-    REACHES,
-    SINGLE_RAYS,
-    alike,
-    alone,
-    each,
-)
-from experiments.results.claims import Claim, JudgedClaim, judge_all
-
-_ORDERING = (
-    Claim(
-        "one-axis-beats-both",
-        "§4, Fig. 4",
-        "The image renders faster when only one axis is split than when both are.",
-        "one axis faster",
-        f"{SINGLE_RAYS}Culling on. The fastest of N x 1 and 1 x N over the fastest of N x M, N and M from 2 to 16. "
-        f"{CHOSEN}{DECIDED}",
-        alone(on_every_scene(speed.one_axis_beats_both)),
-    ),
-    Claim(
-        "one-axis-beats-both-of-as-many-cells",
-        "§4, Fig. 4",
-        "Cut into the same number of cells, the image renders faster when only one axis is split than when both are.",
-        "one axis faster",
-        f"{SINGLE_RAYS}Culling on. At 4, 8 and 16 cells: fastest split of one axis over fastest split of both, above "
-        f"1 = one axis faster; value: geometric mean (each count). {CHOSEN}{DECIDED}Fails also when the whole "
-        "interval at one count is below 1. The paper does not compare as many cells.",
-        alone(on_every_scene(speed.one_axis_beats_both_of_as_many_cells)),
-        inferred=True,
-    ),
-    Claim(
-        "axes-differ-little",
-        "§4, Fig. 4",
-        "It matters little whether the splits are horizontal or vertical.",
-        "little difference",
-        f"{SINGLE_RAYS}Culling on. N x 1 over 1 x N for N = 2, 4, 8, 16, above 1 = horizontal faster; value: "
-        f"geometric mean (each N). {OUR_READING}little = within a factor of {speed.LITTLE:g}. Holds "
-        "on a scene when the mean's whole interval lies within it, fails when that of one N lies outside.",
-        alone(on_every_scene(speed.axes_differ_little)),
-    ),
-    Claim(
-        "horizontal-slightly-better",
-        "§4, Fig. 4",
-        "Of the two axes, horizontal splits come out slightly ahead.",
-        "horizontal slightly faster",
-        f"{SINGLE_RAYS}Culling on. N x 1 over 1 x N for N = 2, 4, 8, 16; value: geometric mean (each N). {DECIDED}",
-        alone(on_every_scene(speed.horizontal_slightly_better)),
-    ),
-    Claim(
-        "culling-accelerates",
-        "§3.4",
-        "Culling what a cell cannot see accelerates rendering further.",
-        "faster with culling",
-        f"{SINGLE_RAYS}Culling on over off at every number of horizontal splits from 2 on that was measured of both; "
-        f"value: geometric mean (each N). {DECIDED}",
-        alike(on_every_scene, speed.culling_accelerates),
-    ),
-    Claim(
-        "culling-off-slows-again",
-        "§4, Fig. 5",
-        "Without culling there is a best number of splits; more of them make rendering slower again.",
-        "a minimum of time inside the range on every scene",
-        f"{SINGLE_RAYS}Culling off, 1 to 1,024 horizontal splits. Fastest split over the baseline, and over the "
-        f"largest split. {CHOSEN}{DECIDED}Both must hold. The interval is the second one's.",
-        each(on_every_scene, speed.too_many_splits_slow_down),
-    ),
-    Claim(
-        "culling-off-falls-below-start",
-        "§4, Fig. 5",
-        "Without culling, too many splits are on some scenes slower than no split at all.",
-        "slower than at the start on some scenes",
-        f"{SINGLE_RAYS}Culling off. The baseline over the largest split. {DECIDED}One scene is enough to hold; all "
-        "four must fail for the claim to fail.",
-        each(on_some_scene, speed.too_many_splits_fall_below_start),
-    ),
-    Claim(
-        "culling-off-few-splits-gain",
-        "§4, Fig. 5",
-        "Without culling, a few splits render faster than none on every scene.",
-        "faster everywhere at first",
-        f"{SINGLE_RAYS}Culling off. Fastest of 2, 4 and 8 horizontal splits (our reading of a few) over the baseline. "
-        f"{CHOSEN}{DECIDED}",
-        each(on_every_scene, speed.few_splits_gain),
-    ),
-    Claim(
-        "culling-on-keeps-gaining",
-        "§4, Fig. 5",
-        "With culling, the more splits the faster, up to the 1,024 that were tried.",
-        "time falls over the whole range",
-        f"{SINGLE_RAYS}Culling on, 1 to 1,024 horizontal splits. {CHOSEN}Holds on a scene when 1,024 splits are "
-        "faster than the baseline and no split is slower than one with fewer cells by more than a factor of "
-        f"{speed.LARGEST_LOSS:g} (our reading), each by its whole interval; fails when either is wrong by its whole "
-        "interval. Value and interval: 1,024 splits over the baseline.",
-        each(on_every_scene, speed.more_splits_faster),
-    ),
-    Claim(
-        "nearest-alone-may-lose",
-        "§5",
-        "Where only the nearest hit is wanted, the method can be slower than tracing each ray by itself, which stops "
-        "early.",
-        "can be slower",
-        "Single rays, culling on: rtcIntersect1 over the best of 1 to 1,024 horizontal splits; value: the reverse. "
-        f"{CHOSEN}{DECIDED}One scene is enough to hold.",
-        {NEAREST.name: on_some_scene(speed.nearest_alone_may_lose)},
-    ),
-)
+from experiments.paper.judging import on_every_scene, on_paper_scene, on_paper_scenes, on_some_scene
+from experiments.paper.readings import EVERY_HIT, NEAREST, READINGS, readings_of
+from experiments.results.claims import Judge, JudgedClaim, Judgement, NotMeasuredError, judge_all, read_claims
 
 BEST_SPEEDUPS = {"cornell_box": 7.50, "mitsuba": 2.94, "fireplace_room": 1.85, "sponza": 1.71}
 """What the paper reports of aligned single rays at the best split."""
@@ -130,21 +24,75 @@ def best_speedup_id(scene: str) -> str:
     return f"best-speedup-{scene}"
 
 
-_SPEEDUPS = tuple(
-    Claim(
-        best_speedup_id(scene),
-        "§4, Fig. 5",
-        f"Best speed-up on {scene}, aligned single rays against single rays.",
-        f"{value:.2f}",
-        "Culling on, 1 to 1,024 horizontal splits, 1,024 x 1,024 pixels, the scene itself and no stand-in: the largest "
-        f"ratio of the baseline to ours. {CHOSEN}{REACHES}",
-        each(partial(on_paper_scene, scene), speed.best_speedup_reaches(value)),
-    )
-    for scene, value in BEST_SPEEDUPS.items()
-)
+def _alone(judge: Judge) -> dict[str, Judge]:
+    """Nothing that the paper leaves open matters."""
+    return {"": judge}
 
-CLAIMS: tuple[Claim, ...] = (*_SPEEDUPS, *_ORDERING, *RESOURCES, *OTHERS)
-"""All claims: the best speed-ups, figures 4 and 5, then figures 6 and 7 and the rest."""
+
+def _alike(on_scenes: Callable[[Any], Judge], judge: Callable[..., Any]) -> dict[str, Judge]:
+    """The baseline does not matter, but whether the nearest hit is wanted or every one."""
+    return {"": on_scenes(judge), EVERY_HIT.name: on_scenes(partial(judge, workload=EVERY_HIT.workload))}
+
+
+def _each(on_scenes: Callable[[Any], Judge], judge: Callable[..., Any]) -> dict[str, Judge]:
+    """Under each reading of the paper's baseline."""
+    return {reading.name: on_scenes(partial(judge, reading=reading)) for reading in READINGS}
+
+
+def _no_number(why: str) -> dict[str, Judge]:
+    """A sentence that no table can judge."""
+
+    def judge(evidence: Any) -> Judgement:
+        raise NotMeasuredError(why)
+
+    return _alone(judge)
+
+
+_JUDGES: Mapping[str, Mapping[str, Judge]] = {
+    **{
+        best_speedup_id(scene): _each(partial(on_paper_scene, scene), speed.best_speedup_reaches(value))
+        for scene, value in BEST_SPEEDUPS.items()
+    },
+    "one-axis-beats-both": _alone(on_every_scene(speed.one_axis_beats_both)),
+    "one-axis-beats-both-of-as-many-cells": _alone(on_every_scene(speed.one_axis_beats_both_of_as_many_cells)),
+    "axes-differ-little": _alone(on_every_scene(speed.axes_differ_little)),
+    "horizontal-slightly-better": _alone(on_every_scene(speed.horizontal_slightly_better)),
+    "culling-accelerates": _alike(on_every_scene, speed.culling_accelerates),
+    "culling-off-slows-again": _each(on_every_scene, speed.too_many_splits_slow_down),
+    "culling-off-falls-below-start": _each(on_some_scene, speed.too_many_splits_fall_below_start),
+    "culling-off-few-splits-gain": _each(on_every_scene, speed.few_splits_gain),
+    "culling-on-keeps-gaining": _each(on_every_scene, speed.more_splits_faster),
+    "nearest-alone-may-lose": {NEAREST.name: on_some_scene(speed.nearest_alone_may_lose)},
+    "build-little-affected-to-16": _alone(on_every_scene(resources.build_little_affected(16))),
+    "build-little-affected-to-64": _alone(on_some_scene(resources.build_little_affected(64))),
+    "memory-little-affected-to-16": _alone(on_every_scene(resources.memory_little_affected(16))),
+    "memory-little-affected-to-64": _alone(on_some_scene(resources.memory_little_affected(64))),
+    "build-grows": _alone(on_every_scene(resources.build_grows)),
+    "overlap-lowers-quality": _alone(on_every_scene(resources.overlap_lowers_quality)),
+    "memory-grows": _alone(on_every_scene(resources.memory_grows)),
+    "image-without-error": _alone(on_every_scene(resources.image_without_error)),
+    "cost-model": _alike(on_every_scene, speed.time_follows_cost_model),
+    "instancing-lowers-memory": _alone(on_every_scene(resources.instancing_lowers_memory(culling=True))),
+    "instancing-lowers-memory-culling-off": _alone(on_every_scene(resources.instancing_lowers_memory(culling=False))),
+    "larger-scenes-gain-less": _each(on_paper_scenes, speed.larger_scenes_gain_less),
+    "culling-saves-memory": _alone(on_every_scene(resources.culling_saves_memory)),
+    "any-divisor-works": _alone(on_every_scene(resources.any_divisor_works)),
+    "easy-to-implement": _no_number(
+        "how easy it is, no table says; ours is atra/alignment, beside a filter function of Embree"
+    ),
+    "no-early-end": _no_number(
+        "this follows from the method: a ray serves a pixel of every cell, and each may see a farther hit"
+    ),
+    "stereo-and-frames": _no_number(
+        "a proposal without a number; sweep=stereo and sweep=multiframe say what it brings"
+    ),
+}
+
+CLAIMS = read_claims(
+    Path(__file__).with_suffix(".toml"), _JUDGES,
+    best=BEST_SPEEDUPS, little=speed.LITTLE, largest_loss=speed.LARGEST_LOSS, little_effect=resources.LITTLE_EFFECT,
+    exponent=speed.MODEL_EXPONENT, r_squared=speed.MODEL_R_SQUARED,
+)  # fmt: skip
 
 
 def judge_claims(processes: pd.DataFrame | None) -> tuple[JudgedClaim, ...]:

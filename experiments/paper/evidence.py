@@ -15,7 +15,7 @@ from experiments.results.claims import NotMeasuredError
 from experiments.results.statistics import Estimate, Pool, best_of
 from experiments.workloads.build import BUILD
 from experiments.workloads.frame import FRAME
-from experiments.workloads.gather import GATHER, What
+from experiments.workloads.gather import GATHER
 from experiments.workloads.memory import MEMORY
 from experiments.workloads.multiframe import MULTIFRAME
 
@@ -239,7 +239,7 @@ def _rows(table: pd.DataFrame) -> list[Row]:
 
 def _is_compared(row: Row) -> bool:
     """The paper's figures are of one frame; of all hits they are counted, so that what else is gathered is left out."""
-    return row["workload"] != MULTIFRAME.name and (row["workload"] != GATHER.name or row["what"] == What.count.value)
+    return row["workload"] != MULTIFRAME.name and (row["workload"] != GATHER.name or row["what"] == "count")
 
 
 def _is_paper_scene(row: Row, name: str) -> bool:

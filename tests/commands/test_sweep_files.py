@@ -74,15 +74,18 @@ SWEEPS = {
             "workload.judged_rays=50",
             "threads=1",
             "~sweep.grids.rays_contains",
+            "~sweep.grids.rays_numbers",
         ],
         ASKED,
     ),
     "rays-batches": (
-        ["scene=cornell_box", "workload.judged_rays=50", "threads=1", "~sweep.grids.rays_contains"],
+        ["scene=cornell_box", "workload.judged_rays=50", "threads=1"]
+        + [f"~sweep.grids.rays_{name}" for name in ("contains", "numbers")],
         ASKED,
     ),
     "rays-closed": (
-        ["scene=three_holes", "workload.judged_rays=5", "threads=1", "~sweep.grids.rays_questions"],
+        ["scene=three_holes", "workload.judged_rays=5", "threads=1"]
+        + [f"~sweep.grids.rays_{name}" for name in ("questions", "numbers")],
         ASKED,
     ),
     "views": (["scene.copies=1", "workload.views=2", "width=32", "height=32"], set()),

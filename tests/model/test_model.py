@@ -66,9 +66,33 @@ def test_walls_one_behind_the_other_are_entered_by_every_ray_and_seen_once():
 def test_copies_are_those_that_alignment_plans(split):
     mesh, view = cornell_box(), cornell_camera(64, 64)
     with atra.AlignedTracer(mesh, view, split) as tracer:
-        assert look_at(mesh, view).copies(split) == pytest.approx(
-            tracer.triangle_count, rel=0.05
-        )  # it leaves out thin ones
+        tracer.build()
+        copied = look_at(mesh, view).copied("aligned", split)
+        assert copied.copies == tracer.triangle_count
+        assert copied.left_out == tracer.counters["triangles_left_out"]
+
+
+@pytest.mark.parametrize("split", [(1, 1), (16, 1), (8, 8)])
+def test_copies_after_a_probe_are_nearly_those_that_visible_first_tracing_plans(split):
+    mesh, view = cornell_box(), cornell_camera(64, 64)
+    with atra.VisibleFirstTracer(mesh, view, split) as tracer:  # its probe looks through other points of the pixels
+        copied = look_at(mesh, view).copied("visible_first", split)
+        assert copied.copies == pytest.approx(tracer.triangle_count - mesh.triangle_count, rel=0.15)
+    assert copied.copies < look_at(mesh, view).copied("aligned", split).copies
+
+
+def test_what_a_wall_hides_is_neither_copied_nor_traced_again():
+    near, both = (look_at(quads(walls), camera(32)) for walls in ([wall(1.0)], [wall(1.0), wall(4.0)]))
+    assert both.copied("visible_first", (4, 4)) == near.copied("visible_first", (4, 4))
+    assert both.copied("aligned", (4, 4)).copies > near.copied("aligned", (4, 4)).copies >= 16
+    assert both.copied("visible_first", (4, 4)).again == 0.0
+
+
+def test_bytes_of_a_bvh_are_known_from_some_of_its_clusters():
+    mesh = random_triangles(5000, 8, size=0.05)
+    with atra.BvhTracer(mesh, camera()) as tracer:
+        tracer.build()
+        assert look_at(mesh, camera()).bvh_bytes == pytest.approx(tracer.counters["bvh_bytes"], rel=0.05)
 
 
 def test_a_sample_of_triangles_tells_of_all_of_them(monkeypatch):
@@ -76,9 +100,10 @@ def test_a_sample_of_triangles_tells_of_all_of_them(monkeypatch):
     mesh, view = atra.Mesh(around.vertices + np.float32([0, 0, 6]), around.faces), camera(64)  # none near the eye
     all_of_them = look_at(mesh, view)
     monkeypatch.setattr("atra.model.looking.MOST_IN_TREE", 2500)
-    monkeypatch.setattr("atra.model.looking.MOST_COPIED", 2500)
+    monkeypatch.setattr("atra.model.copying.MOST_COPIED", 2500)
     sampled = look_at(mesh, view)
-    assert sampled.copies((8, 8)) == pytest.approx(all_of_them.copies((8, 8)), rel=0.1)
+    copies = [one.copied("aligned", (8, 8)).copies for one in (sampled, all_of_them)]
+    assert copies[0] == pytest.approx(copies[1], rel=0.1)
     assert sampled.met[0, 0] == pytest.approx(all_of_them.met[0, 0], rel=0.3)
     assert sampled.boxes[0, 0].sum() == pytest.approx(all_of_them.boxes[0, 0].sum(), rel=0.5)
 
@@ -101,6 +126,16 @@ def test_cells_share_as_many_levels_as_halve_their_number_to_one():
     assert counts.upper == pytest.approx(boxes[:4].sum())
     assert counts.lower == pytest.approx(boxes[4:].sum())
     assert counts.shot * 16 == counts.packets
+
+
+def test_what_a_row_of_packets_meets_again_is_out_of_a_cache_that_is_smaller(monkeypatch):
+    look = look_at(random_triangles(2000, 4), camera(64))
+    choice = Choice("aligned", (16, 1), WIDEST)
+    counts = Counts(look, choice, 0)
+    assert frame_terms(look, choice, "nearest")[5] == 0.0
+    a_row = min(look.copied("aligned", (16, 1)).copies, counts.row * 16 * (counts.lower + counts.tested))
+    monkeypatch.setattr("atra.model.formulas.IN_CACHE", a_row / 4)
+    assert 0.7 * counts.packets * counts.met < frame_terms(look, choice, "nearest")[5] < counts.packets * counts.met
 
 
 def test_fitting_finds_the_constants_that_made_the_times():

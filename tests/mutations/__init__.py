@@ -10,12 +10,21 @@ mutation; --folder keeps the unchanged copy with its compiled kernels for the ne
 mutation was caught, 1 if one was not, and 2 if nothing could be judged: an entry does not fit the code, or its tests
 fail without it.
 
-Who moves code moves the entries below along: `old` is text that occurs in its file exactly once (--list checks that),
-`caught_by` the tests. A mutation that no test catches any more is a test that is missing.
+The entries stand in kernels.toml, library.toml and harness.toml. Who moves code moves them along: `old` is text that
+occurs in its file exactly once (--list checks that), `caught_by` the tests. A mutation that no test catches any more is
+a test that is missing.
 """
 
-from tests.mutations.harness import HARNESS
-from tests.mutations.kernels import KERNELS
-from tests.mutations.library import LIBRARY
+import tomllib
+from pathlib import Path
 
-MUTATIONS = (*KERNELS, *LIBRARY, *HARNESS)
+from tests.mutations.mutation import Mutation
+
+
+def _read(name):
+    path = Path(__file__).with_name(f"{name}.toml")
+    for one in tomllib.loads(path.read_text(encoding="utf-8"))["mutations"]:
+        yield Mutation(**one | {"caught_by": tuple(one["caught_by"])})
+
+
+MUTATIONS = tuple(mutation for name in ("kernels", "library", "harness") for mutation in _read(name))

@@ -8,6 +8,7 @@ from functools import cache
 import pytest
 from rich.console import Console
 
+from atra.tracing.options import types_of
 from experiments.harness.configuration import Chosen
 from experiments.harness.identity import measure
 from experiments.harness.point import Point
@@ -31,8 +32,24 @@ OTHERWISE_TOLD = {"scene", "triangles", "method", "workload", "scene_source", "s
 OPTIONS = {"options", "workload_options"}
 EFFORT = {"process", "rounds", "warmup", "frame_budget_s", "time_limit_s", "memory_budget_gib"}
 
-# Two values of each setting, as a record's configuration holds them, and the second one in words.
-VALUES = {
+OF_OPTIONS = {one.name: (one, kind.options) for kind in (*WORKLOADS, *METHODS) for one in fields(kind.options)}
+
+
+def two_values(name):
+    """Two values of an option, as a record's configuration holds them, and the second one in words."""
+    field, options = OF_OPTIONS[name]
+    hint, null, words = str(types_of(options)[name]), field.metadata.get("null"), name.replace("_", " ")
+    if name.endswith("_sha256"):
+        return "ab" * 32, "cd" * 32, f"{words.removesuffix(' sha256')} cdcdcdcd"
+    if "bool" in hint:
+        return False, True, f"{words} on"
+    kinds = {"int": (1, 8), "float": (0.25, 0.5), "str": ("one", "two")}
+    first, second = (field.metadata.get("choices") or next(kinds[kind] for kind in kinds if kind in hint))[:2]
+    return (first, second, f"{words} {second}") if null is None else (first, None, f"{words} {null}")
+
+
+# The same of settings that are no options, and where the words are others.
+VALUES = {name: two_values(name) for name in OF_OPTIONS if name not in ("offsets", "geometry")} | {
     "subdivided": (0, 1, "subdivided 1"),
     "copies": (1, 4, "copies 4"),
     "mesh_sha256": ("ab" * 32, "cd" * 32, "mesh cdcdcdcd"),
@@ -44,84 +61,10 @@ VALUES = {
     "width": (8, 16, "width 16"),
     "height": (4, 8, "height 8"),
     "offsets": ([[0.5, 0.5]], [[0.5, 0.5], [0.0, 1.0]], "offsets [[0.5, 0.5], [0.0, 1.0]]"),
-    "sample_rays": (0, 7, "sample rays 7"),
-    "motion": ("turn", "walk", "motion walk"),
-    "frames": (2, 4, "frames 4"),
-    "what": ("count", "layers", "what layers"),
-    "layers": (4, 8, "layers 8"),
-    "factor": (0.25, 0.5, "factor 0.5"),
-    "frame": ("hybrid", "path", "frame path"),
-    "samples": (4, 16, "samples 16"),
-    "jitter": ("off", "shared", "jitter shared"),
-    "shadow_rays": (0, 1, "shadow rays 1"),
-    "occlusion_rays": (1, 2, "occlusion rays 2"),
-    "occlusion_part": (0.1, 0.5, "occlusion part 0.5"),
-    "occlusion_directions": ("shared", "shifted", "occlusion directions shifted"),
-    "max_depth": (4, 5, "max depth 5"),
-    "order": ("depth_first", "waves", "order waves"),
-    "mitsuba": ("none", "scalar_rgb", "mitsuba scalar_rgb"),
-    "job": ("camera_rays", "random_rays", "job random_rays"),
-    "views": (10, 20, "views 20"),
-    "size": (256, 512, "size 512"),
-    "occupancy": (0.5, None, "occupancy any"),
-    "final_samples": (256, 512, "final samples 512"),
-    "bounces": (2, 4, "bounces 4"),
-    "roulette_from": (2, None, "roulette from never"),
-    "albedo": (0.5, None, "albedo own"),
-    "panorama": (False, True, "panorama on"),
-    "environment": ("mis", "bsdf", "environment bsdf"),
-    "lamps": (0, 16, "lamps 16"),
-    "compaction": ("none", "texels", "compaction texels"),
-    "priority": (False, True, "priority on"),
-    "packets": (1, None, "packets widest"),
-    "lights": ("uniform", "grid", "lights grid"),
-    "adaptive": (False, True, "adaptive on"),
-    "sky": ("dawn.exr", None, "sky own"),
-    "sky_sha256": ("ab" * 32, "cd" * 32, "sky cdcdcdcd"),
-    "batch_rays": (4096, 8192, "batch rays 8192"),
-    "expansion": (4, 16, "expansion 16"),
-    "denoise": (False, True, "denoise on"),
-    "robust_rays": (False, True, "robust rays on"),
-    "against": ("nothing", "roulette", "against roulette"),
-    "use": ("sun", "sky", "use sky"),
-    "positions": (4, 16, "positions 16"),
-    "directions": (1, 8, "directions 8"),
-    "map_size": (256, 512, "map size 512"),
-    "least_texels": (1, 16, "least texels 16"),
-    "tile_size": (16, 32, "tile size 32"),
     "geometry": ("copied", "instanced", "instanced geometry"),
-    "culling": (False, True, "culling on"),
-    "split_x": (1, 2, "split x 2"),
-    "split_y": (1, 2, "split y 2"),
-    "packet_width": (1, 8, "packet width 8"),
-    "packet_rows": (2, None, "packet rows automatic"),
-    "reference": ("first_cell", "off_axis", "reference off_axis"),
-    "coherent": (False, True, "coherent on"),
-    "compact": (False, True, "compact on"),
-    "robust": (False, True, "robust on"),
-    "tile_order": ("blocks", "rows", "tile order rows"),
-    "own_build_quality": ("low", "same", "own build quality same"),
     "threads": (1, 2, "threads 2"),
     "build_quality": ("high", "low", "low build quality"),
     "ties": ("any", "lowest", "ties lowest"),
-    "question": ("all", "closest", "question closest"),
-    "ray_batch": ("coherent", "parallel", "ray batch parallel"),
-    "judged_rays": (10, 20, "judged rays 20"),
-    "ray_kind": ("diffuse", "primary", "ray kind primary"),
-    "traversal": ("push", "pop", "traversal pop"),
-    "ray_order": ("image", "shaft", "ray order shaft"),
-    "shaft_cells": (None, 8, "shaft cells 8"),
-    "shaft_directions": (4, 8, "shaft directions 8"),
-    "shaft_memory": (1.0, 2.0, "shaft memory 2.0"),
-    "shaft_probability": (0.5, 0.25, "shaft probability 0.25"),
-    "shaft_rays": (20, 5, "shaft rays 5"),
-    "shaft_list": (31, 7, "shaft list 7"),
-    "shaft_subset": ("complete", "hits", "shaft subset hits"),
-    "shaft_share": (0.9, 0.5, "shaft share 0.5"),
-    "shaft_empty": ("miss", "root", "shaft empty root"),
-    "command": ("./one", "./two --fast", "command ./two --fast"),
-    "program_sha256": ("ab" * 32, "cd" * 32, "program cdcdcdcd"),
-    "shaft_occlusion": (True, False, "shaft occlusion off"),
 }
 BESIDE = ("separate", "visible_first", "rasteriser", *(f"{name}_primary" for name in MEASURED.samples))
 """Series that workloads have of their own."""

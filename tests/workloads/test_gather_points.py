@@ -9,7 +9,7 @@ import atra
 from atra.errors import InputError
 from experiments.harness.method import Tracing
 from experiments.methods import find_method
-from experiments.workloads.gather import CLOSED, GatherOptions, What, differences
+from experiments.workloads.gather import CLOSED, GatherOptions, differences
 from experiments.workloads.rounds import own_and_baselines, shrunk, warm_up
 from tests.meshes import cornell_box, cornell_camera
 from tests.points import planned
@@ -54,9 +54,9 @@ def test_a_peer_counts_the_hits_of_open_space_and_gathers_nothing_else(name):
 
 def test_what_no_ray_could_gather_is_refused_before_anything_is_measured():
     with pytest.raises(InputError, match="k is 0"):
-        GatherOptions(What.layers, layers=0)
+        GatherOptions("layers", layers=0)
     with pytest.raises(InputError, match="transmittance is 2"):
-        GatherOptions(What.transmittance, factor=2.0)
+        GatherOptions("transmittance", factor=2.0)
 
 
 def test_a_warm_up_has_something_that_no_copy_shows_and_leaves_few_samples_in_doubt():

@@ -6,9 +6,13 @@ import pytest
 
 import atra
 from atra.model.choice import Choice
+from atra.model.formulas import byte_terms, frame_terms
+from atra.model.looking import look_at
+from experiments.law.keep import choice_of, kept_looks, look_of, told_of
 from experiments.law.measure import VIEWS, cases
-from experiments.law.predict import choice_of, choices_of, errors_of, leave_one_out
+from experiments.law.predict import choices_of, errors_of, gather, leave_one_out
 from tests.meshes import cornell_box, cornell_camera
+from tests.quotations.quotation import REFERENCE
 
 
 def row(scene, method, measured_s, predicted_s=1.0, **fields):
@@ -54,3 +58,23 @@ def test_at_least_thirty_views_are_measured_and_every_case_has_a_tracer():
     assert {type(one) for one in made} >= {atra.RasterTracer, atra.PixelTracer, atra.BvhTracer, atra.AlignedTracer}
     for tracer in made:
         tracer.close()
+
+
+def test_what_is_kept_of_a_look_says_as_much_as_the_look():
+    look = look_at(cornell_box(), cornell_camera(64, 64))
+    choices = [Choice("aligned", (8, 1)), Choice("visible_first", (8, 8)), Choice("bvh")]
+    kept = look_of(told_of(look, choices))
+    for choice in choices:
+        assert frame_terms(kept, choice, "nearest").tolist() == frame_terms(look, choice, "nearest").tolist()
+        assert byte_terms(kept, choice).tolist() == byte_terms(look, choice).tolist()
+
+
+def test_the_kept_predictions_follow_from_the_kept_measurements():
+    table = pd.read_parquet(REFERENCE / "law" / "table.parquet")
+    looks = kept_looks(REFERENCE / "law" / "looks.parquet")
+    assert len(looks) == len(table.drop_duplicates(["instruction_set", "scene", "view"]))
+    rows = gather(REFERENCE / "law")
+    rows = rows[(rows["method"] == "pixel") & (rows["instruction_set"] == "avx2")]
+    judged = leave_one_out(rows)
+    for name in ("predicted_time_s", "predicted_bytes", "predicted_build_s"):
+        assert judged[name].to_numpy() == pytest.approx(table.loc[judged.index, name].to_numpy(), rel=1e-6)

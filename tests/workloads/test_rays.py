@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import atra
-from experiments.methods.peers.questions import Question
 from experiments.workloads.rays import parallel_rays
 from experiments.workloads.rays.judging import judged, sample_of, truth_of
 from tests.closed_meshes import box
@@ -41,10 +40,9 @@ def rays():
 )
 def test_lost_and_extra_hits_are_counted(rays, question, answer, lost, extra):
     mesh, origins, directions = rays
-    asked = Question(question)
-    truth = truth_of(asked, mesh, origins, directions)
+    truth = truth_of(question, mesh, origins, directions)
     given = tuple(map(np.array, answer)) if isinstance(answer, tuple) else np.array(answer)
-    assert judged(asked, given, np.arange(4), truth, mesh, (origins, directions)) == (lost, extra)
+    assert judged(question, given, np.arange(4), truth, mesh, (origins, directions)) == (lost, extra)
     assert truth.hits == (5 if question in ("count", "all") else 3)
 
 
@@ -52,18 +50,18 @@ def test_only_sampled_rays_are_judged(rays):
     mesh, origins, directions = rays
     sample = np.array([1, 3])
     some = origins[sample], directions[sample]
-    truth = truth_of(Question.all, mesh, *some)
+    truth = truth_of("all", mesh, *some)
     answer = np.array([0, 1, 3]), np.array([0, 1, 0])  # of ray 0 nothing is known, ray 1 lacks one, ray 3 has none
-    assert judged(Question.all, answer, sample, truth, mesh, some) == (1, 1)
+    assert judged("all", answer, sample, truth, mesh, some) == (1, 1)
     assert list(sample_of(5, 9)) == [0, 1, 2, 3, 4]
 
 
 def test_points_are_judged_by_parity():
     points = np.array([(0, 0, 0), (0.5, 0.5, 0.5), (3, 0, 0)], np.float32)
-    truth = truth_of(Question.contains, box(), points)
+    truth = truth_of("contains", box(), points)
     assert truth.hits == 2
     answer = np.array([True, False, True])
-    assert judged(Question.contains, answer, np.arange(3), truth, box(), (points,)) == (1, 1)
+    assert judged("contains", answer, np.arange(3), truth, box(), (points,)) == (1, 1)
 
 
 def test_parallel_rays_cover_the_mesh_from_beside_it():

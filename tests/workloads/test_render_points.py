@@ -17,7 +17,7 @@ from experiments.harness.records import Record
 from experiments.methods import find_method
 from experiments.methods.peers.mitsuba_light import check_llvm
 from experiments.workloads.baselines import PACKETS
-from experiments.workloads.render import RENDER, STAGES, Kind, RenderOptions, Rival, outside_embree
+from experiments.workloads.render import RENDER, STAGES, RenderOptions, outside_embree
 from experiments.workloads.rounds import expert_packet_widths
 from scenes.built_in import make_scene
 from scenes.lit.lighting import lit, why_grey
@@ -34,8 +34,8 @@ def planned(method="raster", scene=None, **options):
 
 @pytest.mark.parametrize(("options", "stages"), [
     ({}, {"primary", "surfaces", "generate", "shadow", "occlusion", "accumulate", "other"}),
-    ({"frame": Kind.path}, {"primary", "depth_first", "other"}),
-    ({"frame": Kind.path, "order": "waves"}, {"primary", "generate", "trace", "compact", "connect", "shade", "other"}),
+    ({"frame": "path"}, {"primary", "depth_first", "other"}),
+    ({"frame": "path", "order": "waves"}, {"primary", "generate", "trace", "compact", "connect", "shade", "other"}),
 ])  # fmt: skip
 def test_a_point_has_pictures_by_each_primary_visibility_and_their_stages(options, stages):
     found = measure_point(planned(**options).point)
@@ -105,8 +105,8 @@ def test_what_embree_takes_of_paths_followed_one_by_one_is_not_known():
 
 @pytest.mark.parametrize(("options", "message"), [
     ({"samples": 0}, "samples is 0"), ({"occlusion_rays": 65}, "occlusion_rays is 65"),
-    ({"frame": Kind.path, "max_depth": 0}, "max_depth is 0"), ({"occlusion_part": -1.0}, "occlusion_length is -1"),
-    ({"mitsuba": Rival.scalar_rgb}, "expected workload.frame=path"),
+    ({"frame": "path", "max_depth": 0}, "max_depth is 0"), ({"occlusion_part": -1.0}, "occlusion_length is -1"),
+    ({"mitsuba": "scalar_rgb"}, "expected workload.frame=path"),
     ({"sky": "nowhere.exr"}, "nowhere.exr', which cannot be read"), ({"sky_sha256": "ab"}, "without a workload.sky"),
     ({"sky": "run.py", "sky_sha256": "ab"}, "changed since this run began"),
 ])  # fmt: skip

@@ -14,7 +14,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from experiments.methods.peers.availability import reinstall
 from experiments.methods.peers.peer import RayPeerTracer, peer_method
-from experiments.methods.peers.questions import Answering, Asked, Question
+from experiments.methods.peers.questions import Answering, Asked
 
 _FIRST_PYTHON_WITHOUT_WHEEL = (3, 15)  # of Open3D 0.20
 
@@ -48,7 +48,7 @@ class Open3DTracer(RayPeerTracer):
         counted: NDArray[np.integer] = scene.count_intersections(rays, nthreads=self.threads).numpy()
         return counted
 
-    def _answers(self, scene: Any) -> Mapping[Question, Answering]:
+    def _answers(self, scene: Any) -> Mapping[str, Answering]:
         threads = {"nthreads": self.threads}
 
         def rays(origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Any:
@@ -59,11 +59,11 @@ class Open3DTracer(RayPeerTracer):
             return found["ray_ids"].numpy(), found["primitive_ids"].numpy()
 
         return {
-            Question.closest: lambda *given: scene.cast_rays(rays(*given), **threads)["primitive_ids"].numpy(),
-            Question.any: lambda *given: scene.test_occlusions(rays(*given), **threads).numpy(),
-            Question.count: lambda *given: scene.count_intersections(rays(*given), **threads).numpy(),
-            Question.all: all_hits,
-            Question.contains: lambda points: scene.compute_occupancy(self._tensor(points), **threads).numpy() > 0.5,
+            "closest": lambda *given: scene.cast_rays(rays(*given), **threads)["primitive_ids"].numpy(),
+            "any": lambda *given: scene.test_occlusions(rays(*given), **threads).numpy(),
+            "count": lambda *given: scene.count_intersections(rays(*given), **threads).numpy(),
+            "all": all_hits,
+            "contains": lambda points: scene.compute_occupancy(self._tensor(points), **threads).numpy() > 0.5,
         }
 
     def _tensor(self, array: NDArray[Any]) -> Any:

@@ -32,7 +32,7 @@ from experiments.harness.method import Method, Style, Tracing, always_available
 from experiments.harness.options import NoOptions
 from experiments.methods.one_view import OneViewTracer
 from experiments.methods.peers.availability import package_problem
-from experiments.methods.peers.questions import Answering, Question
+from experiments.methods.peers.questions import Answering
 
 _PIXEL_CENTRE = (0.5, 0.5)
 
@@ -151,21 +151,21 @@ class RayPeerTracer(PeerTracer):
         with self._in_use():
             return self._cast(self._scene, rays)
 
-    def answer_to(self, question: Question) -> Answering:
+    def answer_to(self, question: str) -> Answering:
         """The peer's own function for a question, from plain arrays to plain arrays. Raises InputError where it has
         none, ClosedError after `close`."""
         with self._in_use():
             found = self._answers(self._scene).get(question)
         if found is None:
-            raise InputError(f"{type(self).__name__} has no answer to workload.question={question.value}")
+            raise InputError(f"{type(self).__name__} has no answer to workload.question={question}")
         return found
 
-    def answer_of_stand_in(self, question: Question, make: Callable[..., Any]) -> Answering | None:
+    def answer_of_stand_in(self, question: str, make: Callable[..., Any]) -> Answering | None:
         """The same of a class that stands in for the peer's, which `make` makes of the peer's mesh; None where none
         can."""
         return None
 
-    def _answers(self, scene: Any) -> Mapping[Question, Answering]:
+    def _answers(self, scene: Any) -> Mapping[str, Answering]:
         """Its answers to the questions it has functions for."""
         return {}
 

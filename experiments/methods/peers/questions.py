@@ -3,22 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from enum import Enum
 from typing import Any
 
 from numpy.typing import NDArray
 
-
-class Question(Enum):
-    """closest: the first triangle that each ray hits. any: whether it hits any. count: how many. all: which ones.
-    contains: whether points lie inside."""
-
-    closest = "closest"
-    any = "any"
-    count = "count"
-    all = "all"
-    contains = "contains"
-
+QUESTIONS = ("closest", "any", "count", "all", "contains")
+"""closest: the first triangle that each ray hits. any: whether it hits any. count: how many. all: which ones.
+contains: whether points lie inside."""
 
 Asked = NDArray[Any] | tuple[NDArray[Any], NDArray[Any]]
 """closest: (N,) integers, -1 or `MISS` for none. any, contains: (N,) bool. count: (N,) integers. all: (M,) integers

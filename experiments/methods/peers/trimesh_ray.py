@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from atra.compiled.store import keep_on_disk
 from atra.embree.library import wheel_problem
 from experiments.methods.peers.peer import Answer, BlockwiseTracer, RayArrays, peer_method
-from experiments.methods.peers.questions import Answering, Asked, Question
+from experiments.methods.peers.questions import Answering, Asked
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,10 +92,10 @@ class TrimeshTracer(BlockwiseTracer):
 
         return np.concatenate(list(self._each_block(measure, rays)))
 
-    def _answers(self, scene: Any) -> Mapping[Question, Answering]:
+    def _answers(self, scene: Any) -> Mapping[str, Answering]:
         return _answers(scene)
 
-    def answer_of_stand_in(self, question: Question, make: Callable[..., Any]) -> Answering | None:
+    def answer_of_stand_in(self, question: str, make: Callable[..., Any]) -> Answering | None:
         """That of `make(trimesh.Trimesh, threads=...)`."""
         return _answers(make(self._trimesh(), threads=self.threads))[question]
 
@@ -105,7 +105,7 @@ class TrimeshTracer(BlockwiseTracer):
         return _plane_depths(prim_id, origins, directions, self._planes.normals, self._planes.distances)
 
 
-def _answers(ray: Any) -> Mapping[Question, Answering]:
+def _answers(ray: Any) -> Mapping[str, Answering]:
     """ray: a trimesh mesh's, or what stands in for it. Each answer is one call, which traces in one thread."""
 
     def count(*rays: NDArray[Any]) -> NDArray[np.int64]:
@@ -116,11 +116,11 @@ def _answers(ray: Any) -> Mapping[Question, Answering]:
         return of_ray, hit
 
     return {
-        Question.closest: lambda *rays: ray.intersects_first(*rays),
-        Question.any: lambda *rays: ray.intersects_any(*rays),
-        Question.count: count,
-        Question.all: all_hits,
-        Question.contains: lambda points: ray.contains_points(points),
+        "closest": lambda *rays: ray.intersects_first(*rays),
+        "any": lambda *rays: ray.intersects_any(*rays),
+        "count": count,
+        "all": all_hits,
+        "contains": lambda points: ray.contains_points(points),
     }
 
 

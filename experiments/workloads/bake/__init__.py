@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from enum import Enum
 from statistics import median
 from typing import Any
 
@@ -35,19 +34,11 @@ FULLEST = 0.7
 """Share of texels that are lit in the map that emptier ones are compared with."""
 
 
-class Against(Enum):
-    """What a round is compared with: nothing; less compaction; the fullest map; no expansion; no roulette; no sampling
-    of the sky; code for translucent faces; uniform choice of lights; as many paths by Mitsuba 3."""
-
-    nothing = "nothing"
-    compaction = "compaction"
-    occupancy = "occupancy"
-    expansion = "expansion"
-    roulette = "roulette"
-    environment = "environment"
-    translucency = "translucency"
-    lights = "lights"
-    mitsuba = "mitsuba"
+AGAINST = (
+    "nothing", "compaction", "occupancy", "expansion", "roulette", "environment", "translucency", "lights", "mitsuba",
+)  # fmt: skip
+"""What a round is compared with: nothing; less compaction; the fullest map; no expansion; no roulette; no sampling of
+the sky; code for translucent faces; uniform choice of lights; as many paths by Mitsuba 3."""
 
 
 @settings
@@ -74,7 +65,7 @@ class BakeSettings(UnderSky):
     batch_rays = taken(BakeOptions)
     expansion = taken(BakeOptions)
     denoise: bool = option(False, "whether the finished map is denoised")
-    against: Against = option(Against.nothing, "what a round is held against in the same rounds")
+    against: str = option("nothing", "what a round is held against in the same rounds", choices=AGAINST)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -84,7 +75,7 @@ class BakeSettings(UnderSky):
             share = getattr(self, name)
             if share is not None and not 0.0 < share <= most:
                 raise InputError(f"workload.{name} is {share}, expected a number above 0 and at most {most}, or null")
-        if self.against is Against.mitsuba:
+        if self.against == "mitsuba":
             light = {"sky": self.sky, "albedo": self.albedo, "panorama": self.panorama, "lamps": self.lamps or None}
             for name, value in (light | {"priority": self.priority}).items():
                 if value not in (None, False):
@@ -111,15 +102,15 @@ class BakeSettings(UnderSky):
     def other(self) -> dict[str, Any] | None:
         """Options that differ in the bake it is compared with; None if that is no bake of ours."""
         less = {"texels": "none", "bounces": "texels"}
-        nothing = self.against is Against.compaction and self.compaction not in less
-        if nothing or self.against in (Against.nothing, Against.mitsuba):
+        nothing = self.against == "compaction" and self.compaction not in less
+        if nothing or self.against in ("nothing", "mitsuba"):
             return None
-        changes: dict[Against, dict[str, Any]] = {
-            Against.compaction: {"compaction": less.get(self.compaction)},
-            Against.expansion: {"expansion": 1},
-            Against.roulette: {"roulette_from": None},
-            Against.environment: {"environment": "bsdf"},
-            Against.lights: {"lights": "uniform"},
+        changes: dict[str, dict[str, Any]] = {
+            "compaction": {"compaction": less.get(self.compaction)},
+            "expansion": {"expansion": 1},
+            "roulette": {"roulette_from": None},
+            "environment": {"environment": "bsdf"},
+            "lights": {"lights": "uniform"},
         }
         return changes.get(self.against, {})
 
@@ -143,7 +134,7 @@ def _rays_per_s(name: str = OWN, rays: str = "rays_per_round") -> Series:
 
 def _of_view(point: Point) -> frozenset[str]:
     settings = point.workload_options
-    is_held = settings.other is not None or settings.against is Against.mitsuba
+    is_held = settings.other is not None or settings.against == "mitsuba"
     others = {OTHER} if is_held else {WHOLE_MAP, WITHOUT_VIEW} if settings.priority else set()
     return frozenset({OWN, *others})
 

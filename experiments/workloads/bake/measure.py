@@ -25,7 +25,6 @@ from experiments.workloads.bake import (
     TRACING,
     WHOLE_MAP,
     WITHOUT_VIEW,
-    Against,
 )
 from experiments.workloads.bake.mitsuba import MitsubaPaths, adaptive_bias, with_plain_light
 from experiments.workloads.baselines import OWN
@@ -62,7 +61,7 @@ def room_of(point: Point, mesh: Mesh) -> light.Scene:
     """The mesh with light, restricted to what Mitsuba has where that is compared."""
     settings = point.workload_options
     room = settings.under_sky(lit_room(mesh))
-    return with_plain_light(room) if settings.against is Against.mitsuba else room
+    return with_plain_light(room) if settings.against == "mitsuba" else room
 
 
 def lamps(mesh: Mesh, count: int) -> tuple[light.PointLight, ...]:
@@ -130,9 +129,9 @@ def measure(point: Point) -> Measured:
         results: dict[str, Any] = {"atlas_s": perf_counter() - start}
         bakers = {OWN: own}
         if settings.other is not None:
-            full = settings.against is Against.occupancy
+            full = settings.against == "occupancy"
             bakers[OTHER] = baker(
-                _see_through(scene) if settings.against is Against.translucency else scene,
+                _see_through(scene) if settings.against == "translucency" else scene,
                 emptier(mesh, atlas, FULLEST) if full else atlas,
                 seed=1,
                 **settings.other,
@@ -150,7 +149,7 @@ def measure(point: Point) -> Measured:
                 bakers[OTHER].visible = own.visible
         counted = {name: Counted(one) for name, one in bakers.items()}
         calls, theirs = _calls(bakers, settings.samples), None
-        if settings.against is Against.mitsuba:
+        if settings.against == "mitsuba":
             theirs = MitsubaPaths(room_of(point, mesh), own, settings.samples)
             calls[OTHER] = theirs.add
         timed = timed_rounds(point, calls)
@@ -162,7 +161,7 @@ def measure(point: Point) -> Measured:
             at_best = median(timed.samples[OTHER]) - theirs.coherent_cost_s()
             results |= theirs.against(own.maps) | {"best_other_ratio": at_best / median(timed.samples[OWN])}
         rows = bakers.get(WITHOUT_VIEW, own)
-        if settings.against is not Against.translucency and len(bakers) > 1:
+        if settings.against != "translucency" and len(bakers) > 1:
             pair = (bakers[WHOLE_MAP], rows) if WHOLE_MAP in bakers else (own, bakers[OTHER])
             results["error_over_forecast"] = _error_over_forecast(*pair)
         if own.visible is not None:

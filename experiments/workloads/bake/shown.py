@@ -16,7 +16,7 @@ from experiments.drawing.axes import label_axes, say_nothing_measured, write_pla
 from experiments.drawing.bars import Bar, Stack, draw_stacks
 from experiments.drawing.style import BLUE, DASHED, GREY, ORANGE, SKY, VERMILLION
 from experiments.drawing.values import MILLISECONDS, column, numbers, row_interval, say_number
-from experiments.workloads.bake import BAKE, STAGES, THRESHOLDS, Against
+from experiments.workloads.bake import BAKE, STAGES, THRESHOLDS
 from experiments.workloads.bake.claims import CLAIMS as CLAIMS
 from experiments.workloads.panels import Bars, bars_figure, bars_height, make_panels, panels_figure, workload_figure
 from experiments.workloads.tables import cell, points_table
@@ -51,18 +51,18 @@ _LINES: dict[str, tuple[str, str | None, dict[str, Any]]] = {
 """Lines of errors over time: kind of column, the column it is multiplied by, and style, the widest first."""
 
 
-def _measured(rows: pd.DataFrame, *against: Against) -> pd.DataFrame:
-    wanted = column(rows, "against").isin([one.value for one in against]) & column(rows, "albedo").eq("own")
+def _measured(rows: pd.DataFrame, against: str) -> pd.DataFrame:
+    wanted = column(rows, "against").eq(against) & column(rows, "albedo").eq("own")
     return rows[wanted.fillna(False).astype(bool)]
 
 
 def _with_a_view(rows: pd.DataFrame) -> pd.DataFrame:
-    rows = _measured(rows, Against.nothing)
+    rows = _measured(rows, "nothing")
     return rows[column(rows, "compaction").eq("bounces") & column(rows, "priority").eq(True)]
 
 
 def _by_compaction(rows: pd.DataFrame) -> pd.DataFrame:
-    rows = _measured(rows, Against.compaction)
+    rows = _measured(rows, "compaction")
     return rows if rows["compaction"].nunique() > 1 else rows[:0]
 
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from dataclasses import dataclass
-from enum import Enum
 from functools import partial
 from statistics import median
 from time import perf_counter
@@ -22,7 +20,7 @@ from atra.light.lightmaps.sun.tiles import Tiles
 from atra.rays.rays import Rays
 from atra.tracing.options import option
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.options import check_whole_numbers
+from experiments.harness.options import Settings, check_whole_numbers, settings
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
 from experiments.results.statistics import statistics_columns
@@ -37,20 +35,17 @@ CELLS = 128
 """Largest number of cells side by side in a bundle's image."""
 
 
-class Use(Enum):
-    """sun: rays of one direction from texels. sky: rays of several directions, each planned and built anew. bundle: all
-    hits of parallel rays across the whole scene."""
-
-    sun = "sun"
-    sky = "sky"
-    bundle = "bundle"
+USES = ("sun", "sky", "bundle")
+"""sun: rays of one direction from texels. sky: rays of several directions, each planned and built anew. bundle: all
+hits of parallel rays across the whole scene."""
 
 
-@dataclass(frozen=True)
-class BakeRaysSettings:
+@settings
+class BakeRaysSettings(Settings):
     """Raises InputError for values that no bake could use."""
 
-    use: Use = option(Use.sun, "what rays are for: sun, sky or bundle")
+    section = "workload"
+    use: str = option("sun", "what rays are for: sun, sky or bundle", choices=USES)
     positions: int = option(16, "sub-texel positions that rays of a direction start from")
     directions: int = option(1, "directions of a round, where the use is not the sun")
     map_size: int = option(512, "texels along a side of the map, and rays of a bundle")
@@ -58,6 +53,7 @@ class BakeRaysSettings:
     least_texels: int = option(16, "of a tile; rays of smaller ones are not asked for")
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         most = {"positions": 12, "directions": 12, "map_size": 13, "tile_size": 10, "least_texels": 20}
         check_whole_numbers(self, "workload.", {name: (1, 1 << bits) for name, bits in most.items()})
 
@@ -105,7 +101,7 @@ _MOST_DOUBTS = 100
 def measure(point: Point) -> Measured:
     """Time a round of rays. Raises InputError and MemoryBudgetError as tracers and `Atlas` do."""
     mesh = load_mesh(point)
-    make = _measure_bundles if point.workload_options.use is Use.bundle else _measure_tiles
+    make = _measure_bundles if point.workload_options.use == "bundle" else _measure_tiles
     with ExitStack() as stack:
         return make(point, mesh, stack)
 
@@ -113,7 +109,7 @@ def measure(point: Point) -> Measured:
 def directions_of(point: Point) -> NDArray[np.float64]:
     """(D, 3) unit vectors, the same at every call: the sun, or anywhere."""
     settings = point.workload_options
-    if settings.use is Use.sun:
+    if settings.use == "sun":
         return (_SUN / np.linalg.norm(_SUN))[None]
     found = np.random.Generator(np.random.PCG64(1)).normal(size=(settings.directions, 3))
     return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pandas as pd
 from matplotlib.figure import Figure
@@ -11,23 +12,19 @@ from rich.table import Table
 from experiments.drawing.bars import Bar
 from experiments.drawing.style import BLUE, GREEN, ORANGE, TIMES
 from experiments.drawing.values import MILLISECONDS, column, row_interval, say_number
-from experiments.results.claims import Claim, Judge
+from experiments.results.claims import Judge, read_claims
 from experiments.results.verdicts import Bounds, Which, ratio_judge
-from experiments.workloads.bake_rays import BAKE_RAYS, Use
+from experiments.workloads.bake_rays import BAKE_RAYS
 from experiments.workloads.panels import Bars, bars_figure, draw_one, make_panels, workload_figure
 from experiments.workloads.tables import cell, points_table
 
 _BOX = "cornell_box"
 _FEW = 16
-_HOW = (
-    "Coherent packets over aligned rays, plan and build included, in the same rounds; its 95 % interval over "
-    "processes. Above 1: aligned rays are faster."
-)
 
 
-def _judge(use: Use, which: Which, gains: bool) -> Judge:
+def _judge(use: str, which: Which, gains: bool) -> Judge:
     def of_use(rows: pd.DataFrame) -> pd.Series:
-        return column(rows, "use").eq(use.value).fillna(False).astype(bool) & which(rows)
+        return column(rows, "use").eq(use).fillna(False).astype(bool) & which(rows)
 
     return ratio_judge("packets_over_aligned", of_use, Bounds(low=1.0) if gains else Bounds(high=1.0))
 
@@ -38,27 +35,14 @@ def _all(rows: pd.DataFrame) -> pd.Series:
 
 CLAIMS_FILE = "predictions/claims"
 
-CLAIMS = tuple(
-    Claim(name, "predictions", text, "", _HOW, {"": _judge(use, which, gains)})
-    for name, text, use, which, gains in (
-        (
-            "sun-gains-in-the-box", "Rays to the sun from many positions of each texel, aligned once, gain in the box.",
-            Use.sun, lambda rows: rows["scene"].eq(_BOX) & (rows["positions"] >= _FEW), True,
-        ),
-        (
-            "sun-gains-nothing-in-deep-scenes", "In deep scenes they do not: nothing stops an aligned ray early.",
-            Use.sun, lambda rows: rows["scene"].ne(_BOX), False,
-        ),
-        (
-            "sky-loses-below-16", "Rays into the sky along shared directions lose with fewer than 16 positions a plan.",
-            Use.sky, lambda rows: rows["positions"] < _FEW, False,
-        ),
-        (
-            "bundles-gain", "Bundles, all of whose hits are wanted, are traced faster when they are aligned.",
-            Use.bundle, _all, True,
-        ),
-    )
-)  # fmt: skip
+_JUDGES = {
+    "sun-gains-in-the-box": _judge("sun", lambda rows: rows["scene"].eq(_BOX) & (rows["positions"] >= _FEW), True),
+    "sun-gains-nothing-in-deep-scenes": _judge("sun", lambda rows: rows["scene"].ne(_BOX), False),
+    "sky-loses-below-16": _judge("sky", lambda rows: rows["positions"] < _FEW, False),
+    "bundles-gain": _judge("bundle", _all, True),
+}
+
+CLAIMS = read_claims(Path(__file__).with_name("claims.toml"), {name: {"": judge} for name, judge in _JUDGES.items()})
 
 
 _COLUMNS = {
@@ -74,7 +58,7 @@ def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
     yield points_table("aligned rays of a bake, plan and build included", rows, _COLUMNS)
 
 
-_COLOURS = {Use.sun.value: ORANGE, Use.sky.value: BLUE, Use.bundle.value: GREEN}
+_COLOURS = {"sun": ORANGE, "sky": BLUE, "bundle": GREEN}
 _SETTINGS = ("use", "map_size", "directions", "positions")
 
 
@@ -103,7 +87,7 @@ def _ratios(rows: pd.DataFrame) -> Bars:
 
 
 def _label(row: pd.Series) -> str:
-    ways = "" if row["use"] == Use.sun.value else f", {_counted(row['directions'], 'direction')}"
+    ways = "" if row["use"] == "sun" else f", {_counted(row['directions'], 'direction')}"
     positions = _counted(row["positions"], "position")
     return f"{row['use']}{ways}, {positions}, {row['map_size']}\N{SUPERSCRIPT TWO}"
 

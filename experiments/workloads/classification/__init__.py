@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
-from enum import Enum
 from statistics import median
 from typing import Any
 
@@ -25,6 +23,7 @@ from atra.tracing.options import option
 from atra.trees.layout import BLOCK_BYTES, NODE_BYTES
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.environment import peak_rss_bytes, reset_peak_rss, rss_bytes
+from experiments.harness.options import Settings, settings
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
 from experiments.methods import METHODS
@@ -54,19 +53,16 @@ PLAIN_COUNTED = tuple(f"plain_{name}" for name in COUNTED[:3])
 _COUNTS = _OWN_COUNTS | {plain: f"{name} from the root" for plain, name in zip(PLAIN_COUNTED, COUNTED, strict=False)}
 
 
-class Kind(Enum):
-    """What rays there are (`atra.rays.ray_sets`)."""
-
-    primary = "primary"
-    occlusion = "occlusion"
-    diffuse = "diffuse"
+KINDS = ("primary", "occlusion", "diffuse")
+"""What rays there are (`atra.rays.ray_sets`)."""
 
 
-@dataclass(frozen=True)
-class RayOptions:
+@settings
+class RayOptions(Settings):
     """Which rays are traced."""
 
-    ray_kind: Kind = option(Kind.primary, "primary, occlusion or diffuse")
+    section = "workload"
+    ray_kind: str = option("primary", "primary, occlusion or diffuse", choices=KINDS)
 
 
 def _headline(record: Record) -> str:
@@ -158,12 +154,12 @@ def make(point: Point, mesh: Mesh) -> BvhScene:
 def measure(point: Point) -> Measured:
     """Build, count and time. Raises InputError and MemoryBudgetError as the scenes do."""
     kind = point.workload_options.ray_kind
-    any_hit = kind is Kind.occlusion
+    any_hit = kind == "occlusion"
     _warm_up(point, any_hit)
     results: dict[str, Any] = {"rss_start_bytes": rss_bytes()}
     mesh = load_mesh(point)
     with RasterTracer(mesh, point.camera, threads=point.threads, ties="any") as raster:
-        rays = ray_set(kind.value, mesh, point.camera, raster.trace())
+        rays = ray_set(kind, mesh, point.camera, raster.trace())
     reset_peak_rss()
     results["rss_mesh_bytes"] = rss_bytes()
     with ExitStack() as stack:

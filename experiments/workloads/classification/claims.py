@@ -1,9 +1,10 @@
-"""What Hendrich et al. 2019 claim of ray classification, in our own words, and what a table says of it."""
+"""What judges the claims on ray classification; claims.toml says what is claimed."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from experiments.drawing.values import numbers
 from experiments.methods.classified import CLASSIFIED, ClassifiedOptions
-from experiments.results.claims import UNDECIDED, Claim, Judge, Judgement, NotMeasuredError
+from experiments.results.claims import UNDECIDED, Judgement, NotMeasuredError, read_claims
 from experiments.results.statistics import Estimate, geometric_mean
 from experiments.results.verdicts import (
     Bounds,
@@ -25,14 +26,11 @@ from experiments.results.verdicts import (
     ratio_of,
     say,
 )
-
-KINDS = ("primary", "occlusion", "diffuse")
+from experiments.workloads.classification import KINDS
 
 _SPEED = "speedup_vs_bvh"
 _FEWEST_SIZES = 4
 _OTHER_SCENES = "The paper's average is over scenes that are not here."
-_POP = "Nodes tested when popped, complete shafts within the memory of the BVH, single rays"
-_SECTIONS = {"abstract": "abstract", "lists": "§3", "memory": "§4"}
 
 
 def usual_value(name: str) -> object:
@@ -224,73 +222,23 @@ def _pairs(rows: pd.DataFrame, others: pd.DataFrame) -> pd.DataFrame:
     return rows.drop_duplicates(keys).merge(others.drop_duplicates(keys), on=keys, suffixes=("", "_other"))
 
 
-def _claim(id: str, section: str, text: str, paper: str, how: str, check: Callable[..., Judgement | None]) -> Claim:
-    judges: Mapping[str, Judge] = {"": partial(_judge, check)}
-    return Claim(id, _SECTIONS[section], text, paper, how, judges)
+_JUDGES: Mapping[str, Callable[[pd.DataFrame], Judgement | None]] = {
+    "same-hits": same_hits,
+    "fewer-steps": partial(_mean_of_all, name="steps_ratio", bounds=Bounds(high=0.58)),
+    "less-time": partial(_mean_of_all, name="speedup_vs_bvh", bounds=Bounds(low=1.18)),
+    "less-traffic": less_traffic,
+    "half-is-best": half_is_best,
+    "extremes-lose": high_nears_root,
+    "equal-lists": dedup_saves,
+    "occupied-serves-secondary": occupied_serves,
+    "occlusion-helps": occlusion_helps,
+    "subset-is-efficient": subset_is_efficient,
+    "grows-with-shafts": partial(grows_with_resolution, size=_bytes_of_lists),
+    "built-shaft-by-shaft": partial(grows_with_resolution, size=_time_of_lists),
+    "lower-subtrees": much_lower,
+    "occupied-as-fast": occupied_as_fast,
+}
 
-
-_USUAL = f"{_POP}; primary rays, occlusion and one diffuse bounce."
-
-CLAIMS = (
-    _claim(
-        "same-hits", "lists", "Rays hit what they hit from the root.", "exact",
-        "All points: none wrong, at most one in a million differs.", same_hits,
-    ),
-    _claim(
-        "fewer-steps", "abstract", "On average 42 % fewer traversal steps.", "0.58",
-        f"{_USUAL} Geometric mean of steps over those from the root, at most 0.58.",
-        partial(_mean_of_all, name="steps_ratio", bounds=Bounds(high=0.58)),
-    ),
-    _claim(
-        "less-time", "abstract", "On average about 15 % less time.", "1.18",
-        f"{_USUAL} Geometric mean of the time from the root over ours, at least 1.18.",
-        partial(_mean_of_all, name="speedup_vs_bvh", bounds=Bounds(low=1.18)),
-    ),
-    _claim(
-        "less-traffic", "lists", "Less memory is read.", "less",
-        f"{_USUAL} Bytes of nodes, blocks and lists over those from the root, below 1 on every scene.", less_traffic,
-    ),
-    _claim(
-        "half-is-best", "lists", "Nodes are best opened from a probability of one half on.", "0.5",
-        f"{_USUAL} Fewest steps at 0.5, within 2 %, on every scene.", half_is_best,
-    ),
-    _claim(
-        "extremes-lose", "lists", "Low probabilities may take more steps than the root; high ones come near it.",
-        "more, and near 1", f"{_USUAL} The lowest exceeds 1 on some scene, the highest 0.9.", high_nears_root,
-    ),
-    _claim(
-        "equal-lists", "memory", "Storing equal lists once saves 10 to 80 %.", "10 to 80 %",
-        f"{_USUAL} Bytes saved, inside on every scene.", dedup_saves,
-    ),
-    _claim(
-        "occupied-serves-secondary", "memory", "Voxels with triangles serve all rays that start on them.", "all",
-        "Lists for occupied voxels alone: no secondary ray starts from the root.", occupied_serves,
-    ),
-    _claim(
-        "occlusion-helps", "lists", "Probabilities should know what hides a node.", "fewer",
-        "Sampled rays end at their hits or not: fewer entries and steps, on every scene.", occlusion_helps,
-    ),
-    _claim(
-        "subset-is-efficient", "memory", "Lists for the most used shafts alone serve nearly as well.", "efficient",
-        "Sampled shafts: half the bytes and at most 1.05 times the steps of all.", subset_is_efficient,
-    ),
-    _claim(
-        "grows-with-shafts", "memory", "Memory grows as the number of shafts.", "O(s^3 d^2 k)",
-        "Exponent of bytes, equal lists counted each, over shafts, 0.9 to 1.1.",
-        partial(grows_with_resolution, size=_bytes_of_lists),
-    ),
-    _claim(
-        "built-shaft-by-shaft", "memory", "The time to build lists grows as the number of shafts.",
-        "O(s^3 d^2 k log n)", "Exponent of the time to build them over shafts, 0.9 to 1.1; n is not varied.",
-        partial(grows_with_resolution, size=_time_of_lists),
-    ),
-    _claim(
-        "lower-subtrees", "lists", "Entries are the roots of much lower subtrees.", "much lower",
-        f"{_USUAL} Height of entries, at most half the root's (our reading).", much_lower,
-    ),
-    _claim(
-        "occupied-as-fast", "memory", "Lists for occupied voxels alone are as fast.", "as fast",
-        "Secondary rays: time within 1.05 of that with all lists (our reading).", occupied_as_fast,
-    ),
-)  # fmt: skip
-"""Quaternary trees, which the paper has too, are not judged."""
+CLAIMS = read_claims(
+    Path(__file__).with_suffix(".toml"), {name: {"": partial(_judge, check)} for name, check in _JUDGES.items()}
+)

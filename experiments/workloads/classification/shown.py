@@ -15,7 +15,7 @@ from experiments.drawing.style import BLUE, DASHED, DOTTED, GREY, ORANGE, VERMIL
 from experiments.drawing.values import numbers, say_number
 from experiments.methods.naming import best_of, say_kind
 from experiments.results.settings import settings_that_vary
-from experiments.workloads.classification import CLASSIFICATION, Kind
+from experiments.workloads.classification import CLASSIFICATION
 from experiments.workloads.classification.claims import CLAIMS as CLAIMS
 from experiments.workloads.classification.claims import usual
 from experiments.workloads.panels import make_panels, panels_figure, workload_figure
@@ -45,9 +45,9 @@ def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
 
 
 _STYLES = {
-    Kind.primary.value: (BLUE, "o", "solid"),
-    Kind.occlusion.value: (ORANGE, "s", DASHED),
-    Kind.diffuse.value: (VERMILLION, "^", DOTTED),
+    "primary": (BLUE, "o", "solid"),
+    "occlusion": (ORANGE, "s", DASHED),
+    "diffuse": (VERMILLION, "^", DOTTED),
 }
 """Colour, marker and dash of each kind of rays."""
 

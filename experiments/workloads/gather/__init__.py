@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from dataclasses import dataclass
-from enum import Enum
 from typing import Any
 
 import numpy as np
@@ -14,6 +12,7 @@ from atra import Count, Layers, Thickness, Transmittance
 from atra.all_hits.reductions import Reduction
 from atra.tracing.options import option
 from experiments.harness.column import WHOLE, Column
+from experiments.harness.options import Settings, settings
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
 from experiments.workloads import rounds
@@ -23,34 +22,31 @@ from experiments.workloads.resources import PREPARATION, PREPARATION_COLUMNS, RE
 DIFFERENCES = ("hits_in_all", "hits_missing", "hits_too_many", "pixels_different")
 
 
-class What(Enum):
-    """What is made of all hits (`atra.all_hits.reductions`)."""
-
-    count = "count"
-    thickness = "thickness"
-    transmittance = "transmittance"
-    layers = "layers"
+WHAT = ("count", "thickness", "transmittance", "layers")
+"""What is made of all hits (`atra.all_hits.reductions`)."""
 
 
-@dataclass(frozen=True)
-class GatherOptions:
+@settings
+class GatherOptions(Settings):
     """Raises InputError for values that no ray could use."""
 
-    what: What = option(What.count, "what is gathered: count, thickness, transmittance or layers")
+    section = "workload"
+    what: str = option("count", "what is gathered: count, thickness, transmittance or layers", choices=WHAT)
     layers: int = option(8, "the nearest hits that are kept, where layers are gathered")
     factor: float = option(0.5, "what each triangle lets through, where transmittance is gathered")
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         self.reduction  # noqa: B018  # refuses what cannot be gathered
 
     @property
     def reduction(self) -> Reduction[Any]:
         """The library's value for it."""
-        if self.what is What.count:
+        if self.what == "count":
             return Count()
-        if self.what is What.thickness:
+        if self.what == "thickness":
             return Thickness()
-        return Transmittance(self.factor) if self.what is What.transmittance else Layers(self.layers)
+        return Transmittance(self.factor) if self.what == "transmittance" else Layers(self.layers)
 
 
 def _headline(record: Record) -> str:
@@ -61,9 +57,9 @@ def _headline(record: Record) -> str:
 
 def _problem(point: Point) -> str | None:
     what = point.workload_options.what
-    if point.method.is_ours or what in (What.count, What.thickness):
+    if point.method.is_ours or what in ("count", "thickness"):
         return None
-    return f"method={point.method.name} with workload.what={what.value}, expected count or thickness: theirs do no more"
+    return f"method={point.method.name} with workload.what={what}, expected count or thickness: theirs do no more"
 
 
 GATHER = Workload(

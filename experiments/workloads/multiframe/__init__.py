@@ -21,7 +21,7 @@ from atra.tracing.lifetime import Lifetime
 from atra.tracing.options import option
 from atra.tracing.tracer import Tracer
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.options import NoOptions
+from experiments.harness.options import NoOptions, Settings, settings
 from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
 from experiments.methods.aligned import ALIGNED
@@ -32,24 +32,28 @@ from experiments.results.statistics import Series, statistics_columns
 from experiments.workloads import rounds
 from experiments.workloads.baselines import BESIDE_BASELINES, OWN, PACKETS, SINGLE, TIME_COLUMNS, over_own, series
 from experiments.workloads.images import IMAGE_COLUMNS, PIXELS, counts, depth_errors
-from experiments.workloads.multiframe.motion import Motion, make_together
+from experiments.workloads.multiframe.motion import MOTIONS, make_together
 from experiments.workloads.resources import PREPARATION, RESOURCE_COLUMNS, RESOURCES
 
 SEPARATE, SEPARATE_VISIBLE, SEPARATE_RASTER = "separate", "visible_first", "rasteriser"
 """Names in the samples: one aligned tracer a frame, one visible-first tracer a frame, and one rasteriser a frame."""
 
 
-@dataclass(frozen=True)
-class MultiframeOptions:
+@settings
+class MultiframeOptions(Settings):
     """Raises InputError for fewer than two frames, and for two eyes of any other number."""
 
+    section = "workload"
     frames: int = option(2, "images traced together; times, bytes and pixels are of all of them")
-    motion: Motion = option(Motion.eyes, "how they differ: eyes, walk (the camera moves) or turn (the mesh turns)")
+    motion: str = option(
+        "eyes", "how they differ: eyes, walk (the camera moves) or turn (the mesh turns)", choices=MOTIONS
+    )
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.frames < 2:
             raise InputError(f"workload.frames is {self.frames}, expected at least 2")
-        if self.motion is Motion.eyes and self.frames != 2:
+        if self.motion == "eyes" and self.frames != 2:
             raise InputError(
                 f"workload.frames is {self.frames} with workload.motion=eyes, expected 2: one for each eye"
             )

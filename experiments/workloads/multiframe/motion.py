@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from enum import Enum
 from math import cos, radians, sin
 
 import numpy as np
@@ -25,16 +24,11 @@ STEP, STEP_TURN_DEGREES, STEP_ZOOM = 1 / 400, 0.5, 1.005
 MESH_TURN_DEGREES = -0.5
 """Turn that a frame adds to the mesh; clockwise seen from above."""
 
-
-class Motion(Enum):
-    """How the frames of a point differ (`frames_of`)."""
-
-    eyes = "eyes"
-    walk = "walk"
-    turn = "turn"
+MOTIONS = ("eyes", "walk", "turn")
+"""How the frames of a point differ (`frames_of`)."""
 
 
-def frames_of(camera: Camera, mesh: Mesh, frames: int, motion: Motion) -> tuple[tuple[Camera, ...], tuple[Mesh, ...]]:
+def frames_of(camera: Camera, mesh: Mesh, frames: int, motion: str) -> tuple[tuple[Camera, ...], tuple[Mesh, ...]]:
     """The camera and the mesh of every frame; the same arguments give the same frames.
 
     eyes: two parallel cameras, half of EYE_DISTANCE to the left and to the right of `camera`. walk: the camera steps
@@ -46,10 +40,10 @@ def frames_of(camera: Camera, mesh: Mesh, frames: int, motion: Motion) -> tuple[
     """
     if frames < 1:
         raise InputError(f"frames is {frames}, expected at least 1")
-    if motion is Motion.turn:
+    if motion == "turn":
         return (camera,) * frames, tuple(_turned(mesh, camera, frame) for frame in range(frames))
     size = float(np.linalg.norm(mesh.bounds[1] - mesh.bounds[0]))
-    if motion is Motion.walk:
+    if motion == "walk":
         return tuple(_walked(camera, size * STEP, frame) for frame in range(frames)), (mesh,) * frames
     if frames != 2:
         raise InputError(f"frames is {frames} with motion=eyes, expected 2: one for each eye")
@@ -101,7 +95,7 @@ def make_together(point: Point, mesh: Mesh, camera: Camera) -> FramesTracer:
     split_x, split_y = point.options.split
     of_frame = Split(split_x, split_y, width=camera.width, height=camera.height)
     reference = point.options.reference
-    if asked.motion is Motion.eyes:
+    if asked.motion == "eyes":
         alignment = Alignment.of_eyes(cameras[0], cameras[1], of_frame, reference)
     else:
         alignment = Alignment.of_frames(cameras, of_frame, reference)

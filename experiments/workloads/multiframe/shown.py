@@ -22,7 +22,7 @@ from experiments.drawing.values import MEBIBYTES, MILLISECONDS, column, drawable
 from experiments.methods.naming import best_of, say_split
 from experiments.results.settings import settings_that_vary
 from experiments.workloads.baselines import TIME_BASELINES
-from experiments.workloads.multiframe import MULTIFRAME, Motion
+from experiments.workloads.multiframe import MULTIFRAME
 from experiments.workloads.panels import Bars, bars_figure, make_panels, workload_figure
 from experiments.workloads.resources import say_ms
 from experiments.workloads.series import OVER_PACKETS, choosing, say_ratio, say_unmeasured, say_wrong
@@ -239,7 +239,7 @@ def _finish(axis: Axes, rows: pd.DataFrame, quantity: str) -> None:
 
 
 def _of_eyes(rows: pd.DataFrame) -> pd.DataFrame:
-    return _of_motion(rows, Motion.eyes.value)
+    return _of_motion(rows, "eyes")
 
 
 FIGURES = (

@@ -5,8 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
-from enum import Enum
 from statistics import median
 from typing import Any
 
@@ -20,12 +18,12 @@ from atra.geometry.mesh import Mesh
 from atra.rays.scene import RayScene
 from atra.tracing.options import option
 from experiments.harness.column import WHOLE, Column
-from experiments.harness.options import check_whole_numbers
+from experiments.harness.options import Settings, check_whole_numbers, settings
 from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
 from experiments.methods import METHODS
 from experiments.methods.peers.peer import RayPeerTracer
-from experiments.methods.peers.questions import Asked, Question
+from experiments.methods.peers.questions import QUESTIONS, Asked
 from experiments.methods.peers.trimesh_ray import TRIMESH
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, over, series
@@ -37,24 +35,24 @@ LIBRARY, STAND_IN = "library", "stand_in"
 """Names in the samples: `atra.RayScene`, and atra's stand-in for the method's own class, where there is one."""
 
 
-class Batch(Enum):
-    """coherent: of the point's camera, a ray for each pixel. parallel: from a grid beside the mesh, as many, in one
-    direction. incoherent: as many, from anywhere in the mesh's box, every way as likely."""
-
-    coherent = "coherent"
-    parallel = "parallel"
-    incoherent = "incoherent"
+BATCHES = ("coherent", "parallel", "incoherent")
+"""coherent: of the point's camera, a ray for each pixel. parallel: from a grid beside the mesh, as many, in one
+direction. incoherent: as many, from anywhere in the mesh's box, every way as likely."""
 
 
-@dataclass(frozen=True)
-class RaysOptions:
+@settings
+class RaysOptions(Settings):
     """Raises InputError for a negative number of judged rays."""
 
-    question: Question = option(Question.closest, "what is asked of rays: closest, any, count, all, or contains")
-    ray_batch: Batch = option(Batch.coherent, "coherent, parallel or incoherent rays; contains asks of random points")
+    section = "workload"
+    question: str = option("closest", "what is asked of rays: closest, any, count, all, or contains", choices=QUESTIONS)
+    ray_batch: str = option(
+        "coherent", "coherent, parallel or incoherent rays; contains asks of random points", choices=BATCHES
+    )
     judged_rays: int = option(1000, "rays, or points, whose answers are judged by a test with every triangle")
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_whole_numbers(self, "workload.", {"judged_rays": (0, None)})
 
 
@@ -133,15 +131,11 @@ def measure(point: Point) -> Measured:
 def _given(asked: RaysOptions, mesh: Mesh, camera: Camera) -> tuple[NDArray[np.float32], ...]:
     """Origins and directions, or points alone: (N, 3) float32 each."""
     count = camera.width * camera.height
-    if asked.question is Question.contains:
+    if asked.question == "contains":
         return random_rays(mesh, count)[:1]
-    match asked.ray_batch:
-        case Batch.coherent:
-            return camera_rays(camera)
-        case Batch.parallel:
-            return parallel_rays(mesh, camera.width, camera.height)
-        case Batch.incoherent:
-            return random_rays(mesh, count)
+    if asked.ray_batch == "parallel":
+        return parallel_rays(mesh, camera.width, camera.height)
+    return camera_rays(camera) if asked.ray_batch == "coherent" else random_rays(mesh, count)
 
 
 _TOWARDS = np.array([0.48, -0.64, 0.6])
@@ -161,7 +155,7 @@ def parallel_rays(mesh: Mesh, columns: int, rows: int) -> tuple[NDArray[np.float
 
 
 def _calls(
-    point: Point, mesh: Mesh, question: Question, given: tuple[NDArray[np.float32], ...], stack: ExitStack
+    point: Point, mesh: Mesh, question: str, given: tuple[NDArray[np.float32], ...], stack: ExitStack
 ) -> Mapping[str, Callable[[], Asked]]:
     own = stack.enter_context(make_own(point, mesh))
     if not isinstance(own, RayPeerTracer):
@@ -183,10 +177,10 @@ def _all_hits(scene: RayScene, origins: NDArray[Any], directions: NDArray[Any]) 
     return found.ray_ids, found.prim_id
 
 
-_ANSWERS: Mapping[Question, Callable[..., Asked]] = {
-    Question.closest: lambda scene, *rays: scene.intersect(*rays).prim_id,
-    Question.any: lambda scene, *rays: scene.occluded(*rays),
-    Question.count: lambda scene, *rays: scene.count(*rays),
-    Question.all: _all_hits,
-    Question.contains: lambda scene, points: scene.contains(points),
+_ANSWERS: Mapping[str, Callable[..., Asked]] = {
+    "closest": lambda scene, *rays: scene.intersect(*rays).prim_id,
+    "any": lambda scene, *rays: scene.occluded(*rays),
+    "count": lambda scene, *rays: scene.count(*rays),
+    "all": _all_hits,
+    "contains": lambda scene, points: scene.contains(points),
 }

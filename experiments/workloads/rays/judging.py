@@ -11,7 +11,7 @@ from atra.exact.intersection import intersect_rays
 from atra.exact.lines_kernels import PARTS
 from atra.geometry.mesh import Mesh
 from atra.prim_ids import MISS
-from experiments.methods.peers.questions import Asked, Question
+from experiments.methods.peers.questions import Asked
 from experiments.workloads.rays.judging_kernels import cross_every_triangle
 
 _AS_NEAR = 1e-5
@@ -43,7 +43,7 @@ def sample_of(count: int, judged: int) -> NDArray[np.int64]:
 
 
 def truth_of(
-    question: Question, mesh: Mesh, origins: NDArray[np.float32], directions: NDArray[np.float32] | None = None
+    question: str, mesh: Mesh, origins: NDArray[np.float32], directions: NDArray[np.float32] | None = None
 ) -> Truth:
     """All crossings of rays, (N, 3) each, or of a ray from each point."""
     if directions is None:
@@ -59,17 +59,17 @@ def truth_of(
     counts = np.array([len(one) for one in of_rays], np.int64)
     ray_ids, found = np.repeat(np.arange(len(origins)), counts), np.concatenate([*of_rays, np.empty(0, np.int64)])
     match question:
-        case Question.count | Question.all:
+        case "count" | "all":
             hits = int(counts.sum())
-        case Question.contains:
+        case "contains":
             hits = int((counts % 2).sum())
-        case Question.closest | Question.any:
+        case "closest" | "any":
             hits = int((counts > 0).sum())
     return Truth(ray_ids, found, nearest, hits)
 
 
 def judged(
-    question: Question,
+    question: str,
     answer: Asked,
     sample: NDArray[np.int64],
     truth: Truth,
@@ -85,17 +85,17 @@ def judged(
         return _lost_pairs(answer, sample, truth, mesh.triangle_count)
     some = np.asarray(answer)[sample]
     match question:
-        case Question.closest:
+        case "closest":
             found = _distances(some.astype(np.int64).astype(np.uint32), mesh, *rays)
             slack = _AS_NEAR * np.where(np.isfinite(truth.nearest), np.abs(truth.nearest), 0.0)
             return int((found > truth.nearest + slack).sum()), int((found < truth.nearest - slack).sum())
-        case Question.any:
+        case "any":
             missing = (truth.counts > 0).astype(np.int64) - some
-        case Question.contains:
+        case "contains":
             missing = truth.counts % 2 - some
-        case Question.count:
+        case "count":
             missing = truth.counts - some.astype(np.int64)
-        case Question.all:
+        case "all":
             raise TypeError(f"the answer is {answer!r:.100}, expected the rays and the triangles of all hits")
     return int(missing[missing > 0].sum()), int(-missing[missing < 0].sum())
 

@@ -15,10 +15,10 @@ from experiments.drawing.values import MILLISECONDS, row_interval, say_number
 from experiments.harness.method import Method
 from experiments.methods.naming import say_kind
 from experiments.methods.peers.open3d_scene import OPEN3D
-from experiments.methods.peers.questions import Question
+from experiments.methods.peers.questions import QUESTIONS
 from experiments.methods.peers.trimesh_ray import TRIMESH
 from experiments.workloads.panels import Bars, bars_figure, draw_one, make_panels, workload_figure
-from experiments.workloads.rays import RAYS, Batch
+from experiments.workloads.rays import BATCHES, RAYS
 from experiments.workloads.tables import cell, points_table
 
 _ASKED = ("question", "ray_batch")
@@ -44,12 +44,12 @@ _COLUMNS = {
     "atra\n": lambda row: f"{row['library_lost']}, {row['library_extra']}",
 }
 
-_COLOURS = {Batch.coherent.value: BLUE, Batch.parallel.value: GREEN, Batch.incoherent.value: ORANGE}
+_COLOURS = {"coherent": BLUE, "parallel": GREEN, "incoherent": ORANGE}
 
 
 def _say_question(row: pd.Series) -> str:
     asked = row["question"]
-    return "contains, points" if asked == Question.contains.value else f"{asked}, {row['ray_batch']}"
+    return "contains, points" if asked == "contains" else f"{asked}, {row['ray_batch']}"
 
 
 def draw(rows: pd.DataFrame, columns: int) -> Figure:
@@ -61,9 +61,7 @@ def draw(rows: pd.DataFrame, columns: int) -> Figure:
 
 
 def _gains(rows: pd.DataFrame) -> Bars:
-    questions = {one.value: place for place, one in enumerate(Question)}
-    batches = {one.value: place for place, one in enumerate(Batch)}
-    places = rows["question"].map(questions) * len(batches) + rows["ray_batch"].map(batches)
+    places = rows["question"].map(QUESTIONS.index) * len(BATCHES) + rows["ray_batch"].map(BATCHES.index)
     bars = []
     for _, row in rows.assign(_place=places).sort_values("_place", kind="stable").iterrows():
         value, low, high = row_interval(row, "answer_gain{}")

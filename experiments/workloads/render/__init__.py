@@ -4,7 +4,6 @@ same with single rays and packets in its place, round by round."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from enum import Enum
 from math import ceil
 from typing import Any
 
@@ -57,26 +56,15 @@ MITSUBA = "mitsuba"
 """Name in the samples: the same picture by Mitsuba 3."""
 
 
-class Kind(Enum):
-    """How a picture is made (`atra.light`)."""
-
-    hybrid = "hybrid"
-    path = "path"
-
-
-class Rival(Enum):
-    """Variants of Mitsuba 3: scalar_rgb = ray by ray; llvm_ad_rgb = compiled for vectors, by a libLLVM new enough."""
-
-    none = "none"
-    scalar_rgb = "scalar_rgb"
-    llvm_ad_rgb = "llvm_ad_rgb"
+RIVALS = ("none", "scalar_rgb", "llvm_ad_rgb")
+"""Variants of Mitsuba 3: scalar_rgb = ray by ray; llvm_ad_rgb = compiled for vectors, by a libLLVM new enough."""
 
 
 @settings
 class RenderOptions(UnderSky):
     """Raises InputError for values that no picture can have."""
 
-    frame: Kind = option(Kind.hybrid, "how a picture is made: hybrid or path")
+    frame: str = option("hybrid", "how a picture is made: hybrid or path", choices=("hybrid", "path"))
     samples: int = option(16, "samples of each pixel of a picture")
     jitter = taken(HybridOptions)
     shadow_rays = taken(HybridOptions)
@@ -86,21 +74,23 @@ class RenderOptions(UnderSky):
     max_depth = taken(PathOptions)
     lights = taken(PathOptions)
     order = taken(PathOptions)
-    mitsuba: Rival = option(Rival.none, "path: Mitsuba 3's variant that makes the same picture in every round")
+    mitsuba: str = option(
+        "none", "path: Mitsuba 3's variant that makes the same picture in every round", choices=RIVALS
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_whole_numbers(self, "workload.", {"samples": (1, None)})
         self.of_library(1.0)
-        if self.mitsuba is not Rival.none and self.frame is not Kind.path:
+        if self.mitsuba != "none" and self.frame != "path":
             raise InputError("workload.mitsuba is set with workload.frame=hybrid, expected workload.frame=path")
-        if self.mitsuba is not Rival.none and self.sky is not None:
+        if self.mitsuba != "none" and self.sky is not None:
             raise InputError("workload.mitsuba is set with workload.sky, whose sky has one colour")
 
     def of_library(self, diagonal: float) -> dict[str, Any]:
         """The renderer's own options, checked. diagonal: of the scene's box."""
         of_both = {"jitter": self.jitter, "robust": self.robust_rays}
-        if self.frame is Kind.path:
+        if self.frame == "path":
             of_paths = of_both | {"max_depth": self.max_depth, "lights": self.lights, "order": self.order}
             PathOptions(**of_paths)
             return of_paths
@@ -181,7 +171,7 @@ def _headline(record: Record) -> str:
 
 
 def _samples(point: Point) -> frozenset[str]:
-    beside = set() if point.workload_options.mitsuba is Rival.none else {MITSUBA}
+    beside = set() if point.workload_options.mitsuba == "none" else {MITSUBA}
     return frozenset({OWN, SINGLE, primary(OWN), primary(SINGLE)} | beside)
 
 

@@ -22,7 +22,7 @@ from experiments.methods.peers.mitsuba_light import load_mitsuba, parts_of
 from experiments.workloads import rounds
 from experiments.workloads.baselines import OWN, SINGLE
 from experiments.workloads.images import counts, depth_errors
-from experiments.workloads.render import MITSUBA, Kind, RenderOptions, Rival, primary
+from experiments.workloads.render import MITSUBA, RenderOptions, primary
 from scenes.lit.lighting import length_of, lit
 
 
@@ -81,7 +81,7 @@ class Pictures:
 def make_renderer(point: Point, scene: Scene, view: View, tracer: Any) -> HybridRenderer | PathRenderer:
     """The configured renderer, with this tracer for primary visibility."""
     options = point.workload_options
-    kind = PathRenderer if options.frame is Kind.path else HybridRenderer
+    kind = PathRenderer if options.frame == "path" else HybridRenderer
     given = options.of_library(length_of(scene.mesh, 1.0)) | {
         "threads": point.threads, "build_quality": point.build_quality,
     }  # fmt: skip
@@ -110,14 +110,14 @@ def measure(point: Point) -> Measured:
         tracers, results = rounds.build_with_baselines(point, stack)
         own = tracers[OWN]
         scene = options.under_sky(lit(point.scene, own.mesh, point.camera))
-        if options.mitsuba is not Rival.none:
+        if options.mitsuba != "none":
             scene = replace(scene, sky=constant_sky(0.8), lights=())
         primaries = Primaries(tracers)
         renderer = make_renderer(point, scene, own.camera, primaries)
         stack.enter_context(renderer)
         pictures = Pictures(renderer, primaries, options.samples)
         calls: dict[str, Any] = {name: partial(pictures.make, name) for name in tracers}
-        if options.mitsuba is not Rival.none:
+        if options.mitsuba != "none":
             theirs = MitsubaPicture(scene, point.camera, options, point.threads)
             calls[MITSUBA] = partial(theirs.make, options.samples)
         timed = rounds.timed_rounds(point, calls)
@@ -171,7 +171,7 @@ class MitsubaPicture:
     """
 
     def __init__(self, scene: Scene, camera: Camera, options: RenderOptions, threads: int | None) -> None:
-        variant = options.mitsuba.value
+        variant = options.mitsuba
         self._mi, _ = load_mitsuba(variant, f"workload.mitsuba={variant}", threads)
         self._scene = mitsuba_scene(self._mi, scene, camera, options.max_depth)
         self._most = max(1, _PATHS_AT_ONCE // (camera.width * camera.height))

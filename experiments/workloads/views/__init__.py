@@ -5,8 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
-from enum import Enum
 from math import cos, pi, radians, sin
 from statistics import median
 from typing import Any
@@ -21,7 +19,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.tracing.options import option
 from experiments.harness.column import REAL, Column
-from experiments.harness.options import check_whole_numbers
+from experiments.harness.options import Settings, check_whole_numbers, settings
 from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
 from experiments.methods import METHODS
@@ -35,23 +33,21 @@ LIBRARY = "library"
 """Name in the samples of `atra.render_views` or `atra.RayScene.intersect`."""
 
 
-class Job(Enum):
-    """views: all images of cameras around the point's, with all that is built for them. camera_rays, random_rays: one
-    call with as many rays as the image has pixels, of the camera or random in the mesh; building is not counted."""
-
-    views = "views"
-    camera_rays = "camera_rays"
-    random_rays = "random_rays"
+JOBS = ("views", "camera_rays", "random_rays")
+"""views: all images of cameras around the point's, with all that is built for them. camera_rays, random_rays: one
+call with as many rays as the image has pixels, of the camera or random in the mesh; building is not counted."""
 
 
-@dataclass(frozen=True)
-class ViewsOptions:
+@settings
+class ViewsOptions(Settings):
     """Raises InputError for no views."""
 
-    job: Job = option(Job.views, "what is asked for: views, camera_rays or random_rays")
+    section = "workload"
+    job: str = option("views", "what is asked for: views, camera_rays or random_rays", choices=JOBS)
     views: int = option(20, "cameras, where views are asked for")
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_whole_numbers(self, "workload.", {"views": (1, None)})
 
 
@@ -66,12 +62,10 @@ def _headline(record: Record) -> str:
 
 def _problem(point: Point) -> str | None:
     job = point.workload_options.job
-    if job is Job.views or not point.method.is_ours:
+    if job == "views" or not point.method.is_ours:
         return None
     others = ", ".join(method.name for method in METHODS if not method.is_ours)
-    return (
-        f"method={point.method.name} with workload.job={job.value}, expected a tracer of others beside ours: {others}"
-    )
+    return f"method={point.method.name} with workload.job={job}, expected a tracer of others beside ours: {others}"
 
 
 VIEWS = Workload(
@@ -119,7 +113,7 @@ def measure(point: Point) -> Measured:
     MemoryBudgetError as the tracers do, and InputError for a tracer that takes no rays."""
     mesh = load_mesh(point)
     with ExitStack() as stack:
-        if point.workload_options.job is Job.views:
+        if point.workload_options.job == "views":
             own, library = _of_views(point, mesh)
         else:
             own, library = _of_rays(point, mesh, stack)
@@ -150,7 +144,7 @@ def _of_views(point: Point, mesh: Mesh) -> tuple[Callable[[], Ids], Callable[[],
 
 def _of_rays(point: Point, mesh: Mesh, stack: ExitStack) -> tuple[Callable[[], Ids], Callable[[], Ids]]:
     """The rays lie in memory, in the form that each takes them in."""
-    if point.workload_options.job is Job.camera_rays:
+    if point.workload_options.job == "camera_rays":
         origins, directions = camera_rays(point.camera)
     else:
         origins, directions = random_rays(mesh, point.camera.width * point.camera.height)

@@ -13,7 +13,7 @@ from atra.light.lightmaps.charts.unwrap import UNMAPPED
 from atra.light.lightmaps.gather.tables_kernels import LUMINANCE
 from atra.light.tables import unit_normals
 from experiments.methods.peers.mitsuba_light import load_mitsuba, parts_of, suns_of
-from experiments.workloads.bake import BAKE, Against
+from experiments.workloads.bake import BAKE
 from experiments.workloads.bake.mitsuba import MitsubaPaths, with_plain_light
 from experiments.workloads.render.measure import mitsuba_scene
 from scenes.cornell_box import CORNELL_BOX_CAMERA
@@ -144,7 +144,7 @@ def test_paths_that_a_round_is_held_against_find_the_same_light_and_as_many_vert
 
 @xatlas
 def test_a_round_of_a_point_is_held_against_as_many_paths_by_mitsuba():
-    point, found = measured(against=Against.mitsuba, samples=4)
+    point, found = measured(against="mitsuba", samples=4)
     assert set(found.samples) == {"own", "other"} == BAKE.samples(point)
     assert found.results["paths_per_round"] == 4 * found.results["texels"]
     assert {"other_light_ratio", "other_light_error", "best_other_ratio"} <= set(found.results)

@@ -17,8 +17,8 @@ from experiments.harness.records import Record
 from experiments.paper.evidence import NotMeasuredError, collect_scenes
 from experiments.results.table import make_table, make_tables
 from experiments.results.terminal import print_sweep, say_label, say_outcome
-from experiments.workloads.multiframe import Motion, MultiframeOptions, SeparateFrames
-from experiments.workloads.multiframe.motion import make_together
+from experiments.workloads.multiframe import MultiframeOptions, SeparateFrames
+from experiments.workloads.multiframe.motion import MOTIONS, make_together
 from experiments.workloads.rounds import expert_packet_widths, make_single
 from scenes.loading import SceneSource, load_scene
 from tests.points import configured
@@ -34,7 +34,7 @@ SAMPLES = {
 }  # fmt: skip
 
 
-def configuration(frames=2, motion=Motion.walk, method="aligned", **options):
+def configuration(frames=2, motion="walk", method="aligned", **options):
     """options: of the method, by default 4 cells; one frame is a point of the workload that knows no others."""
     asked = ("frame", {}) if frames == 1 else ("multiframe", {"frames": frames, "motion": motion})
     return configured(method, asked[0], asked=asked[1], options=options)
@@ -60,8 +60,8 @@ def frames_record(**fields):
 
 
 @pytest.mark.parametrize(("frames", "motion", "expected"), [
-    (1, Motion.walk, "frames is 1, expected at least 2"),
-    (3, Motion.eyes, "frames is 3 with .*motion=eyes, expected 2"),
+    (1, "walk", "frames is 1, expected at least 2"),
+    (3, "eyes", "frames is 3 with .*motion=eyes, expected 2"),
 ])  # fmt: skip
 def test_several_frames_are_at_least_two_and_eyes_are_two(frames, motion, expected):
     with pytest.raises(InputError, match=expected):
@@ -76,7 +76,7 @@ def test_what_knows_one_frame_only_is_a_problem_of_that_point(method):
 
 def test_the_memory_budget_counts_the_copies_of_every_frame():
     def copied(frames):
-        one = configuration(frames, Motion.turn, culling=False)
+        one = configuration(frames, "turn", culling=False)
         one.measure.memory_budget_gib = 0.001
         planned_point, _ = plan_points([one, configuration()])
         return planned_point
@@ -85,10 +85,10 @@ def test_the_memory_budget_counts_the_copies_of_every_frame():
     assert "17,792 triangle copies over 16 cells" in str(copied(4).problem)
 
 
-@pytest.mark.parametrize(("frames", "motion"), [(2, Motion.eyes), (3, Motion.walk), (3, Motion.turn)])
+@pytest.mark.parametrize(("frames", "motion"), [(2, "eyes"), (3, "walk"), (3, "turn")])
 def test_a_time_has_samples_of_every_way_and_judges_every_pixel_of_every_frame(frames, motion):
     one = point(frames=frames, motion=motion)
-    assert f"multiframe, frames {frames}, motion {motion.value}" in say_label(one)
+    assert f"multiframe, frames {frames}, motion {motion}" in say_label(one)
     outcome = measure_point(one)
     ways = {"own", "rtcIntersect1", "separate", "visible_first", "rasteriser", *PACKETS_HERE}
     assert {name: len(values) for name, values in outcome.samples.items()} == dict.fromkeys(ways, 3)
@@ -102,7 +102,7 @@ def test_a_memory_is_of_all_frames():
     assert four["triangles_traced"] > 1.5 * two["triangles_traced"]
 
 
-@pytest.mark.parametrize("motion", list(Motion))
+@pytest.mark.parametrize("motion", MOTIONS)
 def test_frame_by_frame_is_traced_with_each_frame_s_own_camera_and_mesh(motion):
     one = point(motion=motion)
     mesh = load_scene(SceneSource.procedural, "cornell_box", None).mesh
