@@ -61,7 +61,6 @@ KINDS = ("primary", "occlusion", "diffuse")
 class RayOptions(Settings):
     """Which rays are traced."""
 
-    section = "workload"
     ray_kind: str = option("primary", "primary, occlusion or diffuse", choices=KINDS)
 
 
