@@ -62,7 +62,6 @@ KINDS = ("primary", "occlusion", "diffuse")
 class RayOptions(Settings):
     """Which rays are traced."""
 
-    section = "workload"
     ray_kind: str = option(
         "primary",
         "primary, occlusion or diffuse; or all rays of paths that scatter (bounce), or are aimed at lights (shadow)",
