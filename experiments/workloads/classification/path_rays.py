@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
-from atra.geometry.view import View
 from atra.light import PathRenderer
 from atra.rays.rays import RayHits, Rays
 from atra.rays.scene import RayScene
@@ -18,7 +18,7 @@ PATH_KINDS = ("bounce", "shadow")
 """Rays of paths after the first: those that surfaces scatter, and those aimed at lights."""
 
 
-def path_rays(kind: str, name: str, mesh: Mesh, camera: View, threads: int | None) -> Rays:
+def path_rays(kind: str, name: str, mesh: Mesh, camera: Camera, threads: int | None) -> Rays:
     """All rays of one of `PATH_KINDS` in one sample of the scene called `name` in its light; the same for everyone.
 
     Those of the first bounce come first, in the order of pixels, then those of the second.

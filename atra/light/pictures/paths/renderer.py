@@ -117,6 +117,7 @@ class PathRenderer(Renderer):
         paths = self._waves[query.worker]
         if paths is None:
             paths = self._waves[query.worker] = _new_paths(options.wave_rays // BLOCK)
+        assert surfaces is not None
         tracing = self.rays if isinstance(self.rays, Batches) else Packets(query, self.rays.packet_width)
         is_aimed, sample = has_emitters(emitters), pixels.sample
         generate(paths, first, count, pixels)

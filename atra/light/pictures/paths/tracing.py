@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.embree.packets_kernels import INFINITY, START
+from atra.embree.packets_kernels import START
 from atra.geometry.mesh import Mesh
 from atra.light.emitters.emitters_kernels import Emitters
 from atra.light.pictures.path_kernels import BLOCK
@@ -102,7 +102,7 @@ class Batches:
         """As `Packets.trace`."""
         chosen = _going(paths)
         floats = paths.floats[:, chosen]
-        rays = Rays(floats[ORIGIN : ORIGIN + 3].T, floats[DIRECTION : DIRECTION + 3].T, floats[NEAR], INFINITY)
+        rays = Rays(floats[ORIGIN : ORIGIN + 3].T, floats[DIRECTION : DIRECTION + 3].T, floats[NEAR])
         paths.prim_id[chosen] = self.scene.intersect(self.scene.prepare(rays)).prim_id
         return len(chosen)
 
@@ -114,7 +114,8 @@ class Batches:
         there = aimed[AIM_LENGTH] > 0.0
         chosen, aimed = chosen[there], aimed[:, there]
         origins, directions = (aimed[first : first + 3].T for first in (AIM_ORIGIN, AIM_DIRECTION))
-        is_free = ~self.scene.occluded(self.scene.prepare(Rays(origins, directions, START, aimed[AIM_LENGTH])))
+        near = np.full(len(chosen), START)
+        is_free = ~self.scene.occluded(self.scene.prepare(Rays(origins, directions, near, aimed[AIM_LENGTH])))
         is_finite = add_aimed(paths, chosen[is_free], np.ascontiguousarray(aimed[:, is_free]), sums)
         return len(chosen) if is_finite else -1
 
