@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from atra.compiled.memory import doubles_at, floats_at, identities_at
 from atra.compiled.store import njit
+from atra.exact.brute_force_kernels import SLACK
 from atra.prim_ids import MISS
 
 UNSURE = 2.0**-20
@@ -12,9 +13,6 @@ UNSURE = 2.0**-20
 
 FEW = 8
 """Lanes of vectors of samples that are decided: all drawing kernels share the code."""
-
-_EQUAL = 1e-12
-"""Relative difference up to which float64 values are equal, as SLACK of `atra.exact.brute_force_kernels`."""
 
 
 @njit
@@ -68,7 +66,7 @@ def without_farther(parallel, bits, close, prim_id, own, known, stored, address,
                     known, stored = other, nearness_along(parallel, eye, clusters, other, row)
                 theirs = stored[0] * (left + lane) + stored[1]
                 ahead = own[0] * (left + lane) + own[1] - theirs
-                if abs(ahead) <= _EQUAL * abs(theirs):
+                if abs(ahead) <= SLACK * abs(theirs):
                     ahead = 0.0
                 if ahead < 0.0 or (ahead == 0.0 and other < prim_id):
                     bits &= ~(1 << lane)
