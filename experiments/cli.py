@@ -12,17 +12,16 @@ import os
 import signal
 import sys
 import traceback
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from experiments.commands.program import PROGRAM
 
 # What takes time to import is imported in functions: Ctrl-C may come before that is done.
 if TYPE_CHECKING:
     from omegaconf import DictConfig
-
-    from experiments.harness.configuration import Configuration
 
 _CONFIGURATION = str(Path(__file__).resolve().parents[1] / "conf")
 _ACTIONS = {
@@ -60,7 +59,7 @@ def main() -> int:
         # A name that the encoding lacks, as one of Windows' does, is shown escaped, as on stderr; it is no failure.
         sys.stdout.reconfigure(errors="backslashreplace")
     if sys.argv[1:2] and sys.argv[1] in _PLAIN:
-        return _run_plain(_PLAIN[sys.argv[1]], sys.argv[2:])
+        return _exit_code(lambda: _function(_PLAIN[sys.argv[1]])(sys.argv[2:]))
     # Hydra then raises its errors instead of printing them at length; they are shown below, shortened.
     os.environ["HYDRA_FULL_ERROR"] = "1"
 
@@ -88,26 +87,24 @@ def main() -> int:
     register_schema(known_kinds())
     register_sweeper()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
+
+    def run() -> None:
         if signal.getsignal(signal.SIGINT) is _leave:
             signal.signal(signal.SIGINT, signal.default_int_handler)
         hydra.main(config_path=_CONFIGURATION, config_name="config", version_base="1.3")(_run)()
-    except (AtraError, HydraException, OmegaConfBaseException) as error:
-        return _refuse(error)
-    except KeyboardInterrupt:
-        print(f"{PROGRAM}: interrupted", file=sys.stderr)
-        return 130
-    return 0
+
+    return _exit_code(run, HydraException, OmegaConfBaseException)
 
 
-def _run_plain(where: str, arguments: list[str]) -> int:
-    """Run a verb of `_PLAIN`."""
+def _exit_code(run: Callable[[], object], *refused: type[Exception]) -> int:
+    """Run something, and say in a line why it was refused or that it was interrupted. refused: what is raised beside
+    errors of atra where the input cannot be used."""
     from atra.errors import AtraError
 
-    module, _, function = where.partition(":")
+    known: tuple[type[Exception], ...] = (AtraError, *refused)
     try:
-        getattr(import_module(module), function)(arguments)
-    except AtraError as error:
+        run()
+    except known as error:
         return _refuse(error)
     except KeyboardInterrupt:
         print(f"{PROGRAM}: interrupted", file=sys.stderr)
@@ -137,14 +134,16 @@ def _run(composed: DictConfig) -> None:
         return
     # SystemExit passes through Hydra silently; any other exception is announced by Hydra first.
     try:
-        _act(read_configuration(composed, known_kinds()))
+        configuration = read_configuration(composed, known_kinds())
+        _function(_ACTIONS[configuration.action.value])(configuration)
     except (AtraError, OmegaConfBaseException) as error:
         raise SystemExit(_refuse(error)) from error
 
 
-def _act(configuration: Configuration) -> None:
-    module, _, function = _ACTIONS[configuration.action.value].partition(":")
-    getattr(import_module(module), function)(configuration)
+def _function(where: str) -> Any:
+    """What a text such as "package.module:function" names, imported now."""
+    module, _, function = where.partition(":")
+    return getattr(import_module(module), function)
 
 
 def _refuse(error: Exception) -> int:

@@ -95,7 +95,7 @@ def run_picture(given: Namespace, cameras_of: CamerasOf) -> int:
     print(f"{printable(str(given.mesh))}: {scene.mesh.triangle_count:,} triangles", file=sys.stderr)
     for stem, camera in cameras.items():
         path = output if len(cameras) == 1 else output.with_name(f"{output.stem}_{stem}{output.suffix}")
-        with PathRenderer(scene, camera, max_depth=given.bounces, threads=given.threads) as renderer:
+        with PathRenderer(scene, camera, max_depth=given.bounces, threads=given.threads, jitter="pixel") as renderer:
             _expose(renderer, given, path)
             renderer.save(path, exposure=given.exposure, tone=given.tone, denoise=given.denoise)
         print(f"written: {printable(str(path))}", flush=True)

@@ -232,6 +232,14 @@ def stream(typingctx: Any, vector: Any, address: Any) -> Any:
     return types.void(vector, types.int64), emitting(emit)
 
 
+class _VolatileStore(ir.instructions.StoreInstr):
+    """A store that LLVM does not make a masked one of; llvmlite has no word for it."""
+
+    def descr(self, buf: list[str]) -> None:
+        super().descr(buf)
+        buf[-1] = buf[-1].replace("store ", "store volatile ", 1)
+
+
 def store_lanes(builder: ir.IRBuilder, bits: ir.Value, value: ir.Value, address: ir.Value) -> None:
     """Emit the store of the lanes whose bit is set, numbers of 4 bytes, at an address of any alignment."""
     pointer = _pointer(builder, address, value.type)
@@ -243,7 +251,7 @@ def store_lanes(builder: ir.IRBuilder, bits: ir.Value, value: ir.Value, address:
         old = load_aligned(builder, address, value.type, 4)
         stored = builder.store(builder.select(bits, value, old), pointer)
         stored.align = 4
-        stored.volatile = True  # or LLVM makes a masked store of it
+        stored.__class__ = _VolatileStore
 
 
 @intrinsic

@@ -116,6 +116,7 @@ _operator(operator.or_, Mask, ir.IRBuilder.or_)
 _comparison(operator.gt, ">")
 _comparison(operator.ge, ">=")
 _comparison(operator.le, "<=")
+_operator(operator.ne, Vector, lambda builder, a, b: packed(builder, builder.icmp_unsigned("!=", a, b)), True)
 
 
 def _between(compare: str) -> Any:

@@ -16,12 +16,12 @@ from atra.compiled.intrinsics import fetch_add
 from atra.compiled.lanes import first_bit
 from atra.compiled.memory import fetch, floats_at, identities_at, integers_at, load, store, stream
 from atra.compiled.store import kernel, njit
-from atra.compiled.vectors import repeated
+from atra.compiled.vectors import rarely, repeated
 from atra.prim_ids import MISS
 from atra.raster.clusters import CLUSTER
 from atra.raster.culling import find_farthest, forget_tiles, is_hidden
 from atra.raster.image import CACHE_LINE, Band
-from atra.raster.narrow import draw_narrow
+from atra.raster.narrow import decide_narrow, draw_narrow
 from atra.raster.spans import draw_spans
 from atra.raster.triangles import BATCH, LEFT, LIST_ROOM, RIGHT, list_triangles, project_vertices, set_up
 
@@ -126,10 +126,13 @@ def _draw_cluster(lanes, half, parallel, eye, clusters, cluster, width, band, wo
                 draw_spans(
                     lanes, parallel, eye, clusters, vertices, vertex_count, prim_id, packed, width, band, workspace
                 )
-            elif floats[RIGHT * BATCH + k] - floats[LEFT * BATCH + k] < half:
-                draw_narrow(half, parallel, eye, clusters, prim_id, packed, k, band, workspace)
+                continue
+            if floats[RIGHT * BATCH + k] - floats[LEFT * BATCH + k] < half:
+                in_doubt = draw_narrow(half, parallel, False, eye, clusters, prim_id, packed, k, band, workspace)
             else:
-                draw_narrow(lanes, parallel, eye, clusters, prim_id, packed, k, band, workspace)
+                in_doubt = draw_narrow(lanes, parallel, False, eye, clusters, prim_id, packed, k, band, workspace)
+            if rarely(in_doubt):
+                decide_narrow(parallel, eye, clusters, prim_id, packed, k, band, workspace)
     return count
 
 

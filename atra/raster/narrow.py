@@ -6,9 +6,9 @@ import numpy as np
 
 from atra.compiled.memory import doubles_at, floats_at, load, store_where
 from atra.compiled.store import njit
-from atra.compiled.vectors import bits_of, counted, mask_of, rarely, repeated, smaller
+from atra.compiled.vectors import bits_of, counted, mask_of, repeated, size, smaller
 from atra.exact.edges_kernels import side
-from atra.raster.nearer import UNSURE, without_farther
+from atra.raster.nearer import FEW, nearness_along, without_farther
 from atra.raster.triangles import (
     BATCH,
     CAP,
@@ -55,24 +55,18 @@ def decided(points, packed, left, top, lanes, nx, exact):  # type: ignore[no-unt
 
 
 @njit(forceinline=True)
-def draw_narrow(lanes, parallel, eye, clusters, prim_id, packed, k, band, workspace):  # type: ignore[no-untyped-def]
-    """Draw an ordinary triangle, the k-th of its batch and with these corners, with vectors of `lanes`.
+def draw_narrow(lanes, parallel, exactly, eye, clusters, prim_id, packed, k, band, workspace):  # type: ignore[no-untyped-def]
+    """Draw of an ordinary triangle, the k-th of its batch and with these corners, what lies surely in it and surely
+    before what is drawn, with vectors of `lanes`; returns whether other samples are in doubt. exactly: draw those, too.
 
-    Where a sum is within its rounding of 0, `side` decides; where a sample is about as near already, `without_farther`.
-    Nothing is drawn nearer than the nearest corner, whatever rounding makes of the plane.
+    A sample is as sure as the least of how far inside it lies and how far before what is drawn, which `set_up` measures
+    in one unit. Nothing is drawn nearer than the nearest corner, whatever rounding makes of the plane.
     """
     values, doubles = floats_at(workspace.floats + k * 4), doubles_at(workspace.doubles + k * 8)
     left, right = int(values[LEFT * BATCH]), int(values[RIGHT * BATCH])
     first, last = int(values[FIRST * BATCH]), int(values[LAST * BATCH])
-    slope_y, rounding = doubles[SLOPE_Y * BATCH], values[ROUNDING * BATCH]
+    slope_y, doubt = doubles[SLOPE_Y * BATCH], repeated(values[ROUNDING * BATCH], lanes)
     prim_ids, at_eye = repeated(prim_id, lanes), repeated(np.float32(0.0), lanes)
-    surely, hardly = repeated(rounding, lanes), repeated(-rounding, lanes)
-    most = values[CAP * BATCH]
-    if parallel:  # the deepest: a gentle slope adds at most twice the least depth
-        begin = doubles[NEARNESS * BATCH]
-        most = np.float32(max(-begin, -begin - slope_y * (last - first)) - 2.0 * most)
-    unsure = np.float32(UNSURE) * most
-    doubt, less = repeated(unsure, lanes), repeated(-unsure, lanes)
     cap, slope = repeated(values[CAP * BATCH], lanes), repeated(values[SLOPE_X * BATCH], lanes)
     column0 = repeated(values[COLUMN * BATCH], lanes)
     column1 = repeated(values[(COLUMN + 1) * BATCH], lanes)
@@ -80,6 +74,7 @@ def draw_narrow(lanes, parallel, eye, clusters, prim_id, packed, k, band, worksp
     row0 = repeated(values[ROW * BATCH], lanes)
     row1 = repeated(values[(ROW + 1) * BATCH], lanes)
     row2 = repeated(values[(ROW + 2) * BATCH], lanes)
+    least = repeated(np.float32(np.inf), lanes)
     for start in range(left, right + 1, lanes):
         columns = counted(np.float32(start - left), lanes)
         inside0 = repeated(values[INSIDE * BATCH], lanes) + columns * column0
@@ -88,22 +83,38 @@ def draw_narrow(lanes, parallel, eye, clusters, prim_id, packed, k, band, worksp
         along = columns * slope
         place, row = ((first - band.top) * band.stride + start) * 4, doubles[NEARNESS * BATCH]
         for y in range(first, last + 1):
-            inside = smaller(smaller(inside0, inside1), inside2)
             found = smaller(cap, repeated(np.float32(row), lanes) + along)
             old = load(band.nearness + place, np.float32(0.0), lanes)
-            ahead = found - old
-            drawn = (inside > hardly) & (ahead >= less)
+            sure = smaller(smaller(smaller(inside0, inside1), inside2), found - old)
             if parallel:
-                drawn = drawn & (at_eye > found)
-            if rarely(bits_of(drawn & ((inside <= surely) | (ahead <= doubt))) != 0):
-                exactly = decided(workspace.points, packed, start, y, lanes, lanes, workspace.exact)
-                close = bits_of(drawn & (ahead <= doubt)) & exactly
-                exactly = without_farther(
-                    parallel, exactly, close, prim_id, band.prim_id + place, eye, clusters, start, y
-                )
-                drawn = drawn & mask_of(exactly, lanes)
-            store_where(drawn, found, band.nearness + place)
-            store_where(drawn, prim_ids, band.prim_id + place)
+                sure = smaller(sure, at_eye - found)
+            unsure = size(sure)
+            if exactly:
+                ids = band.prim_id + place
+                others = load(ids, np.uint32(0), lanes) != prim_ids
+                bits = bits_of(others & (unsure <= doubt))
+                if bits != 0:
+                    bits &= decided(workspace.points, packed, start, y, lanes, lanes, workspace.exact)
+                    if parallel:
+                        bits &= bits_of(at_eye > found)
+                    own, close = nearness_along(parallel, eye, clusters, prim_id, y), bits_of(found - old <= doubt)
+                    bits, _, _ = without_farther(
+                        parallel, bits, bits & close, prim_id, own, prim_id, own, ids, eye, clusters, start, y
+                    )
+                    store_where(mask_of(bits, lanes), found, band.nearness + place)
+                    store_where(mask_of(bits, lanes), prim_ids, ids)
+            else:
+                store_where(sure > doubt, found, band.nearness + place)
+                store_where(sure > doubt, prim_ids, band.prim_id + place)
+                least = smaller(least, unsure)
             inside0, inside1, inside2 = inside0 + row0, inside1 + row1, inside2 + row2
             place += band.stride * 4
             row += slope_y
+    return bits_of(least <= doubt) != 0
+
+
+@njit
+def decide_narrow(parallel, eye, clusters, prim_id, packed, k, band, workspace):  # type: ignore[no-untyped-def]
+    """Draw the samples that `draw_narrow` left in doubt: `side` decides what lies inside, `without_farther` what is
+    nearer. Among its rows, a call of these would have vectors kept in memory."""
+    draw_narrow(FEW, parallel, True, eye, clusters, prim_id, packed, k, band, workspace)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from atra.compiled.memory import doubles_at, floats_at, identities_at
 from atra.compiled.store import njit
+from atra.exact.brute_force_kernels import SLACK
 from atra.prim_ids import MISS
 
 UNSURE = 2.0**-20
 """Difference of two stored values of nearness, as a share of them, up to which float64 decides. Each is off by at most
 8 roundings of float32: a gentle slope adds at most 2 times the value along a row."""
 
-_EQUAL = 1e-12
-"""Relative difference up to which float64 values are equal, as SLACK of `atra.exact.brute_force_kernels`."""
+FEW = 8
+"""Lanes of vectors of samples that are decided: all drawing kernels share the code."""
 
 
 @njit
@@ -36,34 +37,38 @@ def _plane(parallel, eye, clusters, prim_id):  # type: ignore[no-untyped-def]
     return p0, p1, p2, n0, n1, n2
 
 
-@njit(forceinline=True)
-def _nearness(parallel, plane, i, j):  # type: ignore[no-untyped-def]
-    """Nearness of a plane at sample (i, j)."""
-    p0, p1, p2, n0, n1, n2 = plane
-    if parallel:
-        return (n0 * (i - p0) + n1 * (j - p1)) / n2 - p2 if n2 != 0.0 else 0.0
-    ahead = n0 * p0 + n1 * p1 + n2 * p2
-    return (n0 * i + n1 * j + n2) / ahead if ahead != 0.0 else 0.0
-
-
 @njit
-def without_farther(parallel, bits, close, prim_id, address, eye, clusters, left, row):  # type: ignore[no-untyped-def]
+def nearness_along(parallel, eye, clusters, prim_id, row):  # type: ignore[no-untyped-def]
+    """Nearness on the plane of a triangle in a row of samples: what each column adds, and that in column 0."""
+    p0, p1, p2, n0, n1, n2 = _plane(parallel, eye, clusters, prim_id)
+    if parallel:
+        inverse = 1.0 / n2 if n2 != 0.0 else 0.0
+        return n0 * inverse, (n1 * (row - p1) - n0 * p0) * inverse - (p2 if n2 != 0.0 else 0.0)
+    ahead = n0 * p0 + n1 * p1 + n2 * p2
+    inverse = 1.0 / ahead if ahead != 0.0 else 0.0
+    return n0 * inverse, (n1 * row + n2) * inverse
+
+
+@njit(forceinline=True)
+def without_farther(parallel, bits, close, prim_id, own, known, stored, address, eye, clusters, left, row):  # type: ignore[no-untyped-def]
     """`bits` of the lanes to be drawn without those of `close` where what is stored is nearer, or as near with a lower
-    prim_id. address: of the stored prim_ids, those of the samples (left, row), (left + 1, row) ..."""
-    lane, known = 0, prim_id
-    own = stored = _plane(parallel, eye, clusters, prim_id)
+    prim_id; and a prim_id with its `nearness_along` the row.
+
+    own: `nearness_along` of the triangle that is drawn. known, stored: what was returned before for this row, at first
+    prim_id and own. address: of the stored prim_ids, those of the samples (left, row), (left + 1, row) ...
+    """
+    lane = 0
     while close >> lane != 0:
         if (close >> lane) & 1:
             other = identities_at(address)[lane]
             if other != MISS:
-                i, j = float(left + lane), float(row)
                 if other != known:
-                    known, stored = other, _plane(parallel, eye, clusters, other)
-                theirs = _nearness(parallel, stored, i, j)
-                ahead = _nearness(parallel, own, i, j) - theirs
-                if abs(ahead) <= _EQUAL * abs(theirs):
+                    known, stored = other, nearness_along(parallel, eye, clusters, other, row)
+                theirs = stored[0] * (left + lane) + stored[1]
+                ahead = own[0] * (left + lane) + own[1] - theirs
+                if abs(ahead) <= SLACK * abs(theirs):
                     ahead = 0.0
                 if ahead < 0.0 or (ahead == 0.0 and other < prim_id):
                     bits &= ~(1 << lane)
         lane += 1
-    return bits
+    return bits, known, stored

@@ -20,13 +20,14 @@ from atra.compiled.vectors import (
     rounded,
     size,
     smaller,
+    where,
 )
 from atra.exact.edges_kernels import SURELY_NEAREST, crossing_error, first_beyond, turn
 from atra.exact.intersection import NOISE
 from atra.raster.clusters import POINT_BYTES
 from atra.raster.culling import is_hidden
 from atra.raster.image import GENTLE, SPAN
-from atra.raster.nearer import UNSURE, without_farther
+from atra.raster.nearer import FEW, UNSURE, nearness_along, without_farther
 from atra.raster.triangles import corner_at
 
 ROWS = 8
@@ -220,6 +221,54 @@ def nearness_of(parallel, lanes, found, row, start):  # type: ignore[no-untyped-
     return rounded(smaller(larger(wide, repeated(found.farthest, lanes)), repeated(found.nearest, lanes)))
 
 
+@njit(forceinline=True)
+def _draw_row(lanes, parallel, prim_ids, doubt, spans, row, y, first, last, band):  # type: ignore[no-untyped-def]
+    """Draw the row y of a triangle, from `first` to `last`, where it is surely nearer than what is drawn; returns
+    whether a sample is in doubt. doubt: difference of nearness up to which it is. row: nearness in column 0."""
+    zero, nowhere = repeated(np.float32(0.0), lanes), repeated(np.float32(-np.inf), lanes)
+    before, end = repeated(np.float32(first - 1), lanes), repeated(np.float32(last), lanes)
+    columns, next_columns = counted(np.float32(first // lanes * lanes), lanes), repeated(np.float32(lanes), lanes)
+    byte, least = (y - band.top) * band.stride * 4, repeated(np.float32(np.inf), lanes)
+    for start in range(first // lanes * lanes, last + 1, lanes):
+        place = byte + start * 4
+        found = nearness_of(parallel, lanes, spans, row, start)
+        ahead = found - load(band.nearness + place, np.float32(0.0), lanes)
+        if parallel:  # nothing is drawn that is not before the eye
+            ahead = smaller(ahead, zero - found)
+        ahead = where((columns > before) & (columns <= end), ahead, nowhere)
+        store_where(ahead > doubt, found, band.nearness + place)
+        store_where(ahead > doubt, prim_ids, band.prim_id + place)
+        least = smaller(least, size(ahead))
+        columns = columns + next_columns
+    return bits_of(least <= doubt) != 0
+
+
+@njit
+def _decide_row(lanes, parallel, eye, clusters, prim_id, unsure, spans, row, y, first, last, band):  # type: ignore[no-untyped-def]
+    """Draw the samples that `_draw_row` left in doubt. unsure: its doubt. Among its vectors, a call of what decides
+    would have them kept in memory."""
+    doubt, less, at_eye = repeated(unsure, lanes), repeated(-unsure, lanes), repeated(np.float32(0.0), lanes)
+    prim_ids, byte = repeated(prim_id, lanes), (y - band.top) * band.stride * 4
+    before, end = repeated(np.float32(first - 1), lanes), repeated(np.float32(last), lanes)
+    own = stored = nearness_along(parallel, eye, clusters, prim_id, y)
+    known = prim_id
+    for start in range(first // lanes * lanes, last + 1, lanes):
+        place, columns = byte + start * 4, counted(np.float32(start), lanes)
+        found, ids = nearness_of(parallel, lanes, spans, row, start), band.prim_id + place
+        ahead = found - load(band.nearness + place, np.float32(0.0), lanes)
+        left = (load(ids, np.uint32(0), lanes) != prim_ids) & (columns > before) & (columns <= end) & (ahead >= less)
+        if parallel:
+            left = left & (at_eye > found)
+        bits = bits_of(left)
+        if bits != 0:
+            close = bits & bits_of(ahead <= doubt)
+            bits, known, stored = without_farther(
+                parallel, bits, close, prim_id, own, known, stored, ids, eye, clusters, start, y
+            )
+            store_where(mask_of(bits, lanes), found, band.nearness + place)
+            store_where(mask_of(bits, lanes), prim_ids, ids)
+
+
 @njit
 def draw_spans(lanes, parallel, eye, clusters, vertices, vertex_count, prim_id, packed, width, band, workspace):  # type: ignore[no-untyped-def]
     """Draw a triangle with these corners, of a cluster with the vertices from an address on, with vectors of `lanes`,
@@ -238,31 +287,14 @@ def draw_spans(lanes, parallel, eye, clusters, vertices, vertex_count, prim_id, 
     if spans.facing == 0:
         return
     firsts, lasts = doubles_at(workspace.first), doubles_at(workspace.last)
-    prim_ids, at_eye = repeated(prim_id, lanes), repeated(np.float32(0.0), lanes)
-    next_columns, most = repeated(np.float32(lanes), lanes), max(abs(spans.nearest), abs(spans.farthest))
-    doubt, less = repeated(np.float32(UNSURE * most), lanes), repeated(np.float32(-UNSURE * most), lanes)
+    most = max(abs(spans.nearest), abs(spans.farthest))
+    prim_ids, unsure = repeated(prim_id, lanes), np.float32(UNSURE * most)
+    doubt = repeated(unsure, lanes)
     for k in range(spans.bottom - spans.top + 1):
-        first, last = int(firsts[k]), int(lasts[k])
-        row = spans.slope_y * (spans.top + k) + spans.constant
-        byte = (spans.top + k - band.top) * band.stride * 4
+        y, first, last = spans.top + k, int(firsts[k]), int(lasts[k])
+        row = spans.slope_y * y + spans.constant
         if most == np.inf:  # it reaches behind the eye
-            here = max(abs(row + spans.slope_x * first), abs(row + spans.slope_x * last))
-            doubt, less = repeated(np.float32(UNSURE * here), lanes), repeated(np.float32(-UNSURE * here), lanes)
-        before, end = repeated(np.float32(first - 1), lanes), repeated(np.float32(last), lanes)
-        columns = counted(np.float32(first // lanes * lanes), lanes)
-        for start in range(first // lanes * lanes, last + 1, lanes):
-            place = byte + start * 4
-            old = load(band.nearness + place, np.float32(0.0), lanes)
-            found = nearness_of(parallel, lanes, spans, row, start)
-            ahead = found - old
-            drawn = (ahead >= less) & (columns > before) & (columns <= end)
-            if parallel:
-                drawn = drawn & (at_eye > found)
-            close = bits_of(drawn & (ahead <= doubt))
-            if rarely(close != 0):
-                bits, row_here, ids = bits_of(drawn), spans.top + k, band.prim_id + place
-                bits = without_farther(parallel, bits, close, prim_id, ids, eye, clusters, start, row_here)
-                drawn = mask_of(bits, lanes)
-            store_where(drawn, found, band.nearness + place)
-            store_where(drawn, prim_ids, band.prim_id + place)
-            columns = columns + next_columns
+            unsure = np.float32(UNSURE * max(abs(row + spans.slope_x * first), abs(row + spans.slope_x * last)))
+            doubt = repeated(unsure, lanes)
+        if rarely(_draw_row(lanes, parallel, prim_ids, doubt, spans, row, y, first, last, band)):
+            _decide_row(FEW, parallel, eye, clusters, prim_id, unsure, spans, row, y, first, last, band)

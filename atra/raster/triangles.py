@@ -61,6 +61,10 @@ _ROUNDINGS = 10
 BLOCK_ROWS = 2
 """Rows that may be drawn at once, a divisor of those of a band: the first may lie above a triangle, the last below."""
 
+_ASIDE = 5.0
+"""Times the least depth that a row of parallel rays may begin deeper than the deepest corner: a gentle slope adds twice
+that along a row, and as much from the row's samples to its begin."""
+
 LIST_ROOM = CLUSTER + BATCH
 """Triangles of a list, `Clusters.corners` of each: a cluster's, and a batch more."""
 
@@ -70,8 +74,8 @@ row."""
 
 LEFT, RIGHT, FIRST, LAST, SLOPE_X, CAP, ROUNDING, INSIDE, ROW, COLUMN = 0, 1, 2, 3, 4, 5, 6, 7, 10, 13
 """Places of what is float32: first and last column, first and last row, nearness from column to column and that of the
-nearest corner, what sums may be wrong by, and for each edge how far inside of it the first sample lies, and what the
-next row and the next column add to that."""
+nearest corner, up to what sums and differences of nearness are in doubt, and for each edge how far inside of it the
+first sample lies, and what the next row and the next column add to that, in units that make both doubts equal."""
 
 DOUBLES, FLOATS = 3, 16
 
@@ -267,14 +271,20 @@ def set_up(parallel, hides, has_depth, width, number, band, workspace):  # type:
         )
         store(slope_y, doubles + SLOPE_Y * BATCH * 8)
         store_rounded(slope_x, floats, SLOPE_X)
-    facing = signed_like(one, area)
     roundings = (last - first + repeated(float(_ROUNDINGS), BATCH)) * repeated(_UNIT32, BATCH)
+    unit, doubt = one, roundings * largest + repeated(_SMALLEST, BATCH)
+    if has_depth:
+        deepest = repeated(_ASIDE, BATCH) * least - farthest if parallel else nearest
+        ordinary = ordinary & (deepest > repeated(_SMALLEST, BATCH))
+        unsure = repeated(UNSURE, BATCH) * deepest
+        unit, doubt = unsure / doubt, unsure
+    facing = signed_like(unit, area)
     store_rounded(left, floats, LEFT)
     store_rounded(right, floats, RIGHT)
     store_rounded(first, floats, FIRST)
     store_rounded(last, floats, LAST)
     store_rounded(nearest, floats, CAP)
-    store_rounded(roundings * largest + repeated(_SMALLEST, BATCH), floats, ROUNDING)
+    store_rounded(doubt, floats, ROUNDING)
     dx0, dx1, dx2 = facing * dx0, facing * dx1, facing * dx2
     dy0, dy1, dy2 = facing * dy0, facing * dy1, facing * dy2
     store_rounded(dx0 * (first - y1) - dy0 * (left - x1), floats, INSIDE)

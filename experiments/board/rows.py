@@ -13,7 +13,7 @@ import pandas as pd
 from atra.errors import InputError, printable
 from experiments.drawing.style import TIMES
 from experiments.methods import find_method
-from experiments.methods.naming import best_of, say_point
+from experiments.methods.naming import best_of, is_missing, say_point
 from experiments.results.settings import settings
 from experiments.workloads import find_workload
 from experiments.workloads.baselines import PACKETS
@@ -71,7 +71,7 @@ def _best_of_each(table: pd.DataFrame, keys: list[str]) -> Iterator[Mapping[str,
 
 
 def _row(row: Mapping[str, Any]) -> BoardRow:
-    known = {name: value for name, value in row.items() if not _missing(value)}
+    known = {name: value for name, value in row.items() if not is_missing(value)}
     measured = known if row["status"] == "ok" else {}
     frame_s = measured.get(_TIME)
     widest = [measured[name] for name in (f"{one}_{_TIME}" for one in PACKETS.values()) if name in measured][-1:]
@@ -90,10 +90,6 @@ def _row(row: Mapping[str, Any]) -> BoardRow:
         build_s=float(sum(parts)) if parts else None, wrong=sum(wrong) if wrong else None,
         doubts=measured.get("doubts"), status=str(row["status"]), error=known.get("error"),
     )  # fmt: skip
-
-
-def _missing(value: Any) -> bool:
-    return not isinstance(value, list | tuple) and bool(pd.isna(value))
 
 
 def _whole(value: Any) -> int | None:

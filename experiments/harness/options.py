@@ -26,17 +26,28 @@ from experiments.harness.column import default_of
 Type = TypeVar("Type", bound=type)
 
 
+def whole(default: Any, help: str, least: int, most: int | None = None) -> Any:
+    """An option that is a whole number from the least to the most that it may be, None = any, or null where its type
+    allows that."""
+    made = option(default, help)
+    return field(default=default, metadata={**made.metadata, "range": (least, most)})
+
+
 class Settings:
     """Options of a method or of a workload, some of which may be taken from the library (`taken`, `taking_all`).
 
     section: where they stand on the command line. Raises InputError, naming a field as it is written there, for a value
-    that is none of its choices. The fields taken from the library are unknown to type checkers, which let all pass.
+    that is none of its choices or outside its range. The fields taken from the library are unknown to type checkers,
+    which let all pass.
     """
 
-    section: ClassVar[str]
+    section: ClassVar[str] = "workload"
 
     def __post_init__(self) -> None:
         check_choices(self, f"{self.section}.", "null")
+        ranges = {name: one.metadata.get("range") for name, one in self.__dataclass_fields__.items()}
+        given = {name: one for name, one in ranges.items() if one and getattr(self, name) is not None}
+        check_whole_numbers(self, f"{self.section}.", given)
 
     if TYPE_CHECKING:
         __dataclass_fields__: ClassVar[dict[str, Any]]
@@ -58,7 +69,7 @@ def taken(kind: type[Choices], name: str = "", **changes: Any) -> Any:
     return _Taken(kind, name, changes)
 
 
-@dataclass_transform(frozen_default=True, field_specifiers=(option,))
+@dataclass_transform(frozen_default=True, field_specifiers=(option, whole))
 def settings(cls: Type) -> Type:
     """A frozen dataclass, in which `name = taken(...)` is a field, too."""
     annotations, values = dict(cls.__annotations__), dict(vars(cls))
@@ -184,7 +195,7 @@ def say_options(group: str, named: Named) -> str:
     for one in fields(named.options):
         told = one.metadata
         choices = ", ".join(map(str, told.get("choices", ())))
-        beside = [f"one of {choices}"] * bool(choices) + [told["unit"]] * bool(told.get("unit"))
+        beside = [f"one of {choices}"] * bool(choices) + [told.get("unit", "")] * bool(told.get("unit"))
         lines.append("; ".join([f"{group}.{one.name}: {told.get('help', '')}", *beside]))
     return "\n".join(lines) or f"{group}={named.name} has none"
 

@@ -73,10 +73,11 @@ def best_of() -> tuple[str, ...]:
 
 
 def _known(row: Row) -> dict[str, Any]:
-    return {str(name): value for name, value in row.items() if not _missing(value)}
+    return {str(name): value for name, value in row.items() if not is_missing(value)}
 
 
-def _missing(value: Any) -> bool:
+def is_missing(value: Any) -> bool:
+    """Whether a value of a row is that of a column that was not measured."""
     return not isinstance(value, list | tuple) and bool(pd.isna(value))
 
 

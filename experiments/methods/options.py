@@ -10,10 +10,10 @@ from atra.alignment import options as of_alignment
 from atra.embree.scene import resolve_packet_width
 from atra.model.choice import Choice
 from atra.tracing import options as library
-from atra.tracing.options import Choices, option
+from atra.tracing.options import Choices
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Tracing
-from experiments.harness.options import Settings, Type, check_whole_numbers, taking_all
+from experiments.harness.options import Settings, Type, taking_all, whole
 
 WATERTIGHT = {"robust": True}
 """Options for pictures that are shown and not measured."""
@@ -79,13 +79,8 @@ class SplitOptions(MethodOptions):
     """split_x: None = the largest power of two up to 128 that divides the width. Raises InputError for values no image
     could use."""
 
-    split_x: int | None = option(None, "columns of cells")
-    split_y: int = option(1, "rows of cells")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        given = {name: (1, None) for name in ("split_x", "split_y") if getattr(self, name) is not None}
-        check_whole_numbers(self, "method.", given)
+    split_x: int | None = whole(None, "columns of cells", 1)
+    split_y: int = whole(1, "rows of cells", 1)
 
     @property
     def split(self) -> tuple[int, int]:

@@ -20,6 +20,7 @@ from experiments.paper.conclusion import SceneGains, conclude, scene_gains
 from experiments.paper.evidence import NotMeasuredError
 from experiments.paper.readings import readings_of
 from experiments.report import facts
+from experiments.report.load_figure import draw_load
 from experiments.results.canary import BAND
 from experiments.results.claims import (
     DOES_NOT_HOLD,
@@ -94,6 +95,7 @@ def render_report(contents: ReportContents) -> str:
         processes=facts.count_processes(table),
         band=BAND,
         load=facts.load_in_short(contents.processes),
+        load_figure=draw_load(contents.processes),
         statuses=table["status"].value_counts().to_dict(),
         doubts=facts.count_doubts(table),
         claims=claims,

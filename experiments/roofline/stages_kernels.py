@@ -11,12 +11,12 @@ from atra.all_hits.target_kernels import band_stride
 from atra.compiled.intrinsics import fetch_add, ticks
 from atra.compiled.memory import floats_at, identities_at, integers_at, stream
 from atra.compiled.store import kernel, njit
-from atra.compiled.vectors import repeated
+from atra.compiled.vectors import rarely, repeated
 from atra.raster.clusters import CLUSTER
 from atra.raster.culling import find_farthest, forget_tiles, is_hidden
 from atra.raster.drawing import STALE, clear, fetch_vertices, finish, list_clusters
 from atra.raster.image import Band
-from atra.raster.narrow import decided, draw_narrow
+from atra.raster.narrow import decide_narrow, decided, draw_narrow
 from atra.raster.spans import draw_spans
 from atra.raster.triangles import (
     BATCH,
@@ -68,10 +68,13 @@ def _draw_batch(  # type: ignore[no-untyped-def]
             start = ticks()
             draw_spans(lanes, False, eye, clusters, cluster[0], cluster[1], prim_id, packed, width, band, workspace)
             taken += ticks() - start
-        elif floats[RIGHT * BATCH + k] - floats[LEFT * BATCH + k] < half:
-            draw_narrow(half, False, eye, clusters, prim_id, packed, k, band, workspace)
+            continue
+        if floats[RIGHT * BATCH + k] - floats[LEFT * BATCH + k] < half:
+            in_doubt = draw_narrow(half, False, False, eye, clusters, prim_id, packed, k, band, workspace)
         else:
-            draw_narrow(lanes, False, eye, clusters, prim_id, packed, k, band, workspace)
+            in_doubt = draw_narrow(lanes, False, False, eye, clusters, prim_id, packed, k, band, workspace)
+        if rarely(in_doubt):
+            decide_narrow(False, eye, clusters, prim_id, packed, k, band, workspace)
     return taken
 
 

@@ -20,7 +20,7 @@ from experiments.harness.points import camera_fields_of
 from experiments.viewer.page import Page
 from experiments.viewer.painter import Painter
 from experiments.viewer.request import COLUMNS, SPLITS, Pose, Request, Settings
-from scenes.lit.lighting import lit, why_grey
+from scenes.lit.lighting import WITH_MATERIALS, lit, why_grey
 from scenes.loading import SceneSource, load_scene
 from scenes.scene import Scene as LoadedScene
 
@@ -46,7 +46,7 @@ def run_view(configuration: Configuration) -> None:
     settings = Settings(
         method=chosen.name,
         split_x=split_x,
-        frame="path",
+        frame="path" if _has_own_light(given, scene) else "hybrid",
         shadow_length=_rounded(2.0 * size),
         occlusion_length=_rounded(0.1 * size),
         **light_settings(shown),
@@ -64,6 +64,11 @@ def run_view(configuration: Configuration) -> None:
         print(f"viewer: {page.address} shows {scene.name}; Ctrl-C ends it", flush=True)
         page.run()
     print("viewer: ended")
+
+
+def _has_own_light(given: Any, scene: LoadedScene) -> bool:
+    """Whether paths show it as it is meant: grey scenes may be closed rooms, black inside."""
+    return given.source is SceneSource.file or (scene.name in WITH_MATERIALS and not why_grey(scene.name, scene.mesh))
 
 
 def _lit(given: Any, scene: LoadedScene, camera: Camera) -> Scene:

@@ -24,8 +24,6 @@ class UnderSky(Settings):
     sky_sha256: str | None = option(None, "hash of that file, which is found and not set", null="own")
     robust_rays = taken(RayOptions, "robust")
 
-    section = "workload"
-
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.sky is None:

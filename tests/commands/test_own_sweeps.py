@@ -8,11 +8,10 @@ from rich.console import Console
 
 from experiments import cli
 from experiments.harness.progress import SweepProgress
-from experiments.report.writing import figure_kinds
 from experiments.results.table import Tables, read_tables
 from experiments.results.terminal import print_point, print_sweep
 from experiments.sweep import GridPoint, run_sweep
-from tests.drawn import make_rows, method_row, time_row
+from tests.drawn import make_rows, method_row
 from tests.harness.test_sweep import Runner, configuration
 
 pytestmark = [pytest.mark.uncovered, pytest.mark.usefixtures("figures_unsaved")]
@@ -57,19 +56,6 @@ def test_a_grid_may_ask_for_a_setting_that_is_left_to_the_machine(monkeypatch):
     cli.main()
     widths = {(one.grid, one.configuration.method.options.packet_width) for one in asked if "shape" in one.grid}
     assert widths == {("baselines_shape", None), ("baselines_shape_of_8", 8)}
-
-
-@pytest.mark.parametrize(("rows", "figures"), [
-    ([method_row("pixel", scene="a"), method_row("pixel", scene="b")], ["rates"]),
-    ([method_row("pixel", packet_width=8), method_row("pixel", packet_width=16)], ["rates"]),
-    ([time_row(8, 0.01, view="own"), time_row(8, 0.02, view="above")], ["rates"]),
-    ([time_row(8, 0.01, width=512), time_row(8, 0.02, width=1024)], ["growth"]),
-    ([time_row(8, 0.01), time_row(16, 0.02)], ["figure5", "figure5_speedup"]),
-    ([method_row("pixel"), method_row("visible_first")], ["methods", "break_even"]),
-])  # fmt: skip
-def test_a_sweep_that_no_other_figure_fits_draws_its_rates(rows, figures):
-    table = make_rows(*rows)
-    assert [kind.name for kind in figure_kinds() if len(kind.rows(table))] == figures
 
 
 def test_tables_fit_80_columns_and_nothing_in_them_is_cut(tmp_path):

@@ -94,6 +94,7 @@ SWEEPS = {
         [f"~sweep.grids.classification_{name}" for name in ("packets", "eye")],
         {"classification_probability", "classification_shafts"},
     ),
+    "paths": ([], set()),
     "bake_smoke": (
         [f"~sweep.grids.bake_{name}" for name in IN_PROCESS],
         {"bake_convergence", "bake_stages", "bake_rays"},
@@ -107,7 +108,7 @@ WITH_A_TWIN = {"bake", "bake_denoise", "bake_mitsuba", "bake_rays", "classificat
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "paper"}
 SLOW = {
     "smoke", "methods", "peers", "baselines", "reference_rays", "threads", "growth", "bake_buffers", "bake_adaptive",
-    "bake_culling_map", "classification_smoke", "gather-whole", "rays-batches",
+    "bake_culling_map", "classification_smoke", "paths", "gather-whole", "rays-batches",
 }  # fmt: skip
 """Sweeps of workloads that a quick one has, too."""
 

@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from llvmlite import ir
 from numba import njit
 
+from atra.compiled import memory
 from atra.compiled.lanes import store_chosen
 from atra.compiled.memory import (
     columns_of,
@@ -92,3 +94,11 @@ def test_chosen_numbers_are_stored_one_after_another(bits):
     chosen = numbers[[k for k in range(8) if bits >> k & 1]]
     assert count == len(chosen)
     np.testing.assert_array_equal(out[:count], chosen)
+
+
+def test_without_mask_registers_lanes_are_stored_by_a_store_that_llvm_makes_no_masked_one_of(monkeypatch):
+    monkeypatch.setattr(memory, "HAS_MASK_REGISTERS", False)
+    kinds = ir.VectorType(ir.IntType(1), 8), ir.VectorType(ir.IntType(32), 8), ir.IntType(64)
+    function = ir.Function(ir.Module(), ir.FunctionType(ir.VoidType(), kinds), "f")
+    memory.store_lanes(ir.IRBuilder(function.append_basic_block()), *function.args)
+    assert "store volatile <8 x i32>" in str(function)

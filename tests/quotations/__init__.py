@@ -75,6 +75,7 @@ QUOTED = {
             classification.classified_rays, classification.memory_of_shafts, classification.packets_from_lists,
             classification.eyes_that_move, classification.verdicts_on_shafts,
         ],
+        "paths": [classification.rays_of_paths],
         "bake": [bake.means_of_a_bake, bake.verdicts_on_lightmaps],
         "bake_denoise": [bake.finished_maps, bake.verdicts_on_finishing],
         "bake_buffers": [bake.verdicts_on_buffers],

@@ -5,6 +5,7 @@ import pandas as pd
 from experiments.methods.bvh import BVH
 from experiments.methods.classified import CLASSIFIED
 from experiments.workloads.classification.claims import KINDS, usual
+from experiments.workloads.classification.path_rays import PATH_KINDS
 from tests.quotations.quotation import SCENES, digits, each_scene, interval, line, milliseconds, number, of, table_row
 
 _WIDTHS = {1: "single rays", 8: "packets of 8"}
@@ -28,6 +29,25 @@ def classified_rays(kept):
             ratio = number(pop, "steps_ratio")
             yield table_row(f"`{scene}`, {kind}", ratio, interval(pop, "speedup_vs_bvh"), *of_pushed)
     assert set(rays["rays_wrong"].dropna()) == {0}
+
+
+def rays_of_paths(kept):
+    """Scene and kind, rays, steps over those from the root; memory read over that from the root; the time from the root
+    over ours, and that of rtcIntersect1 or rtcOccluded1; lists over the BVH."""
+    rays = of(kept.points, method=CLASSIFIED.name)
+    for scene in SCENES:
+        for kind in (KINDS[0], *PATH_KINDS):
+            row = of(rays, scene=scene, ray_kind=kind).iloc[0]
+            yield table_row(
+                f"`{scene}`, {kind}",
+                f"{int(row['rays_traced']):,}",
+                number(row, "steps_ratio"),
+                digits(row["bytes_touched"] / row["plain_bytes_touched"]),
+                number(row, "speedup_vs_bvh"),
+                number(row, "speedup"),
+                digits((row["lookup_bytes"] + row["list_bytes"]) / row["bvh_bytes"]),
+            )
+    assert set(kept.points["rays_different"]) == {0}
 
 
 def memory_of_shafts(kept):

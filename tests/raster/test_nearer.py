@@ -58,6 +58,14 @@ def test_an_eye_on_a_plane_to_the_last_digit_sees_what_the_oracle_sees():
         assert wrong_pixels(mesh, camera) == 0
 
 
+def test_parallel_rays_see_what_lies_before_the_eye_by_less_than_a_unit_of_its_farthest_corner():
+    mesh = atra.Mesh([(-4, -4, -4), (4, -4, 4), (4, 4, 4), (-4, 4, -4)], [[0, 1, 2], [0, 2, 3]])
+    for shift in (1e-6, -1e-6):
+        eye = atra.OrthographicCamera((0, 0, -shift), (0, 0, 1), (0, 1, 0), view_height=8.0, width=33, height=32)
+        assert wrong_pixels(mesh, eye) == 0
+        assert draw(mesh, eye).hit[:, 16].all() == (shift > 0)
+
+
 @pytest.mark.slow
 @pytest.mark.skipif("ATRA_SCENES" not in os.environ, reason="needs the scenes")
 @pytest.mark.parametrize("scene", FOUND)

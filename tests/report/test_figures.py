@@ -153,6 +153,11 @@ INSTANCED = memory_row(2, 100, 102, 102, culling=False, geometry="instanced")
     ([time_row(2, 0.01), time_row(2, 0.01, method="tiles")], ["methods", "break_even"]),
     ([time_row(2, 0.01), time_row(1, 0.01, method="embreex")], ["methods", "break_even", "peers"]),
     ([time_row(2, 0.01), time_row(2, 0.01, threads=2)], ["threads"]),
+    ([time_row(8, 0.01, width=512), time_row(8, 0.02, width=1024)], ["growth"]),
+    # What no other figure fits.
+    ([method_row("pixel", scene="a"), method_row("pixel", scene="b")], ["rates"]),
+    ([method_row("pixel", packet_width=8), method_row("pixel", packet_width=16)], ["rates"]),
+    ([time_row(8, 0.01, view="own"), time_row(8, 0.02, view="above")], ["rates"]),
     ([time_row(2, 0.01)], []),
     ([skipped(row) for row in SPLITS], []),
     ([], []),

@@ -10,6 +10,7 @@ import pytest
 from experiments.paper.claims import judge_claims
 from experiments.report import write_report
 from experiments.report.facts import count_doubts, missing_points, workload_tables
+from experiments.report.load_figure import draw_load
 from experiments.report.page import render_report
 from experiments.results.canary import BAND
 from experiments.results.claims import NOT_MEASURED
@@ -30,6 +31,15 @@ def full_page():
     processes = scaled(agreeing_table(), 0.5, workload="frame", packet_width=1, scene="sponza")
     points = processes[processes["process"].fillna(0) == 0]
     return render_report(small_contents(table=points, processes=processes, claims=judge_claims(processes)))
+
+
+def test_the_page_shows_when_each_process_measured_and_how_busy_the_machine_was(page):
+    said = 'alt="load: When each process measured, and the part of the cores that others took meanwhile."'
+    assert said not in page
+    processes = small_table().assign(others_share=[0.0, 0.5, *[None] * 6], stolen_share=0.25)
+    assert render_report(small_contents(processes=processes)).count(said) == 2  # wide and narrow
+    shown = draw_load(processes)
+    assert shown.point_ids == set(processes["point_id"][:2])  # those that tell
 
 
 class _Page(HTMLParser):

@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
+from atra.geometry.sampling import sub_pixel_offsets
 from atra.light.checks import checked_rows, set_fields
 from atra.light.lights import Light, check_light
-from atra.light.materials import Emissive
+from atra.light.materials import Emissive, images_of
 from atra.light.scene import Scene
 from atra.light.sky import Sky, constant_sky
 from atra.light.textures import Checker, Image, Texture
@@ -22,6 +23,9 @@ ALBEDO = 0.7
 
 LARGEST_ALBEDO = 0.999
 """Largest albedo; with 1, light would bounce forever."""
+
+_LOOKUPS, _FEWEST, _MOST = 1 << 18, 16, 1024
+"""Texels that are looked up for a material; least and most of them for a triangle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +78,7 @@ class Surface:
     @classmethod
     def of(cls, scene: Scene) -> Surface:
         """The surface of a scene's materials: Lambertian and metal by their colour, glass as white as possible,
-        emitters black and shining; a texture by its colour at the middle of each triangle."""
+        emitters black and shining; each triangle by the mean of its textures over it."""
         albedo = np.zeros((scene.mesh.triangle_count, 3), np.float32)
         emission = np.zeros_like(albedo)
         numbers = np.asarray(scene.face_materials)
@@ -82,6 +86,9 @@ class Surface:
             faces = np.flatnonzero(numbers == number)
             if any(material.emission):
                 emission[faces] = material.emission
+                image = images_of(material)[3]
+                if image is not None:
+                    emission[faces] *= _colours(image, scene, faces)
             if not isinstance(material, Emissive):
                 albedo[faces] = np.minimum(_colours(material.plain, scene, faces), LARGEST_ALBEDO)
         return cls(albedo, emission)
@@ -121,13 +128,23 @@ class BakeScene:
 
 
 def _colours(colour: Texture, scene: Scene, faces: NDArray[np.int64]) -> NDArray[np.float32]:
+    """(N, 3) means over triangles."""
     if not isinstance(colour, Checker | Image):
         return np.broadcast_to(np.array(colour, np.float32), (len(faces), 3))
     known = scene.second_uv if isinstance(colour, Image) and colour.second_uv else scene.uv
     assert known is not None
-    uv = known[scene.mesh.faces[faces]].astype(np.float64).mean(axis=1)
-    if isinstance(colour, Checker):
-        u, v = uv.T
-        odd = (np.floor(u * colour.scale) + np.floor(v * colour.scale)) % 2
-        return np.where(odd[:, None] == 1, colour.second, colour.first).astype(np.float32)
-    return colour.at(uv)[:, :3]
+    a, b, c = known[scene.mesh.faces[faces]].astype(np.float64).transpose(1, 0, 2)
+    points = sub_pixel_offsets(int(np.clip(_LOOKUPS // max(len(faces), 1), _FEWEST, _MOST))).tolist()
+    total = np.zeros((len(faces), 3))
+    for x, y in points:
+        v, w = (x, y) if x + y <= 1.0 else (1.0 - x, 1.0 - y)
+        total += _colours_at(colour, a + v * (b - a) + w * (c - a))
+    return (total / len(points)).astype(np.float32)
+
+
+def _colours_at(colour: Checker | Image, uv: NDArray[np.float64]) -> NDArray[np.float32]:
+    if isinstance(colour, Image):
+        return colour.at(uv)[:, :3]
+    u, v = uv.T
+    odd = (np.floor(u * colour.scale) + np.floor(v * colour.scale)) % 2
+    return np.where(odd[:, None] == 1, colour.second, colour.first).astype(np.float32)

@@ -61,13 +61,17 @@ class Renderer(Finisher):
         super().__init__()
         self.options = self.options_type.of(type(self).__name__, options)
         check_range(scene.mesh, camera, takes_lenses=True)
-        self.rays = RayScene(scene.mesh, **self._ray_options().keywords())
+        self.rays = self._new_rays(scene.mesh)
         make_tracer = primary or partial(RasterTracer, threads=self.options.threads)
         self.scene, self.camera = scene, camera
         self._tracer = make_tracer(scene.mesh, camera)
         self._surfaces: Surfaces | None = None
         self._film = self._new_film()
         self._start_film()
+
+    def _new_rays(self, mesh: Mesh) -> Any:
+        """A `RayScene`, or what a renderer takes in its place."""
+        return RayScene(mesh, **self._ray_options().keywords())
 
     def _ray_options(self) -> RayOptions:
         return RayOptions.part_of(self.options)

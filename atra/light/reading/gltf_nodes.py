@@ -81,7 +81,8 @@ def _transform(number: int, node: Any) -> NDArray[np.float64]:
             [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
             [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
         ]
-        matrix[:3, :3] *= np.asarray(node.get("scale", (1, 1, 1)), np.float64).reshape(3)
+        with np.errstate(invalid="ignore"):  # what is not finite is refused below
+            matrix[:3, :3] *= np.asarray(node.get("scale", (1, 1, 1)), np.float64).reshape(3)
         matrix[:3, 3] = np.asarray(node.get("translation", (0, 0, 0)), np.float64).reshape(3)
     if not np.isfinite(matrix).all():
         raise InputError(f"node {number} has a transform that is not finite")

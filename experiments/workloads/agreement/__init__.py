@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from contextlib import ExitStack
-from dataclasses import dataclass
 from enum import IntEnum
 from math import isfinite
 from typing import Any
@@ -20,7 +19,7 @@ from atra.judge.oracle import Correctness, Examination, examine, sample_pixels
 from atra.prim_ids import MISS
 from atra.tracing.options import option
 from experiments.harness.column import WHOLE, Column
-from experiments.harness.options import check_whole_numbers
+from experiments.harness.options import Settings, settings, whole
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
 from experiments.workloads.images import IMAGE_COLUMNS, PIXELS, counts, depth_errors, say_holes
@@ -30,19 +29,19 @@ from experiments.workloads.rounds import build_own, make_single, measured
 Offset = tuple[float, float]
 
 
-@dataclass(frozen=True)
-class AgreementOptions:
+@settings
+class AgreementOptions(Settings):
     """Raises InputError for values no image could use."""
 
     offsets: list[list[float]] = option(((0.5, 0.5),), "sub-pixel positions of the images that are compared")  # type: ignore[assignment]
-    sample_rays: int = option(1000, "rays of each image that are tested with every triangle")
+    sample_rays: int = whole(1000, "rays of each image that are tested with every triangle", 0)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not self.offsets:
             raise InputError("workload.offsets is empty, expected at least one sub-pixel position such as [0.5,0.5]")
         for offset in self.offsets:
             check_offset(tuple(offset), "workload.offsets")  # type: ignore[arg-type]
-        check_whole_numbers(self, "workload.", {"sample_rays": (0, None)})
 
 
 def _headline(record: Record) -> str:

@@ -11,7 +11,7 @@ from atra.errors import InputError
 from atra.light import BakeOptions
 from atra.tracing.options import option
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.options import check_whole_numbers, settings, taken
+from experiments.harness.options import settings, taken, whole
 from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
 from experiments.results.statistics import Series, statistics_columns
@@ -45,18 +45,18 @@ the sky; code for translucent faces; uniform choice of lights; as many paths by 
 class BakeSettings(UnderSky):
     """Raises InputError for values that no bake could use."""
 
-    size: int = option(512, "texels along a side of the map, before a lower occupancy makes it larger")
+    size: int = whole(512, "texels along a side of the map, before a lower occupancy makes it larger", 8, 1 << 14)
     occupancy: float | None = option(
         None, "share of the map that is lit, by empty rows; null: what xatlas makes", null="any"
     )
-    samples: int = option(16, "of a texel, in a round")
-    final_samples: int = option(512, "samples of a finished map, which nobody waits for")
+    samples: int = whole(16, "of a texel, in a round", 1, 1 << 20)
+    final_samples: int = whole(512, "samples of a finished map, which nobody waits for", 1, 1 << 20)
     bounces = taken(BakeOptions)
     roulette_from = taken(BakeOptions)
     albedo: float | None = option(None, "of all faces; null: the scene's own", null="own")
     panorama: bool = option(False, "whether the sky is a panorama with a sun in it, and the only light")
     environment = taken(BakeOptions)
-    lamps: int = option(0, "point lights all over the scene, in place of its own; 0: its own")
+    lamps: int = whole(0, "point lights all over the scene, in place of its own; 0: its own", 0, 1 << 16)
     compaction = taken(BakeOptions)
     priority: bool = option(False, "whether texels that the view shows come first")
     lights = taken(BakeOptions)
@@ -69,8 +69,6 @@ class BakeSettings(UnderSky):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        ranges = {"size": (8, 1 << 14), "samples": (1, 1 << 20), "final_samples": (1, 1 << 20), "lamps": (0, 1 << 16)}
-        check_whole_numbers(self, "workload.", ranges)
         for name, most in (("occupancy", 0.95), ("albedo", 0.999)):
             share = getattr(self, name)
             if share is not None and not 0.0 < share <= most:

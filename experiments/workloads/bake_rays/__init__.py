@@ -20,7 +20,7 @@ from atra.light.lightmaps.sun.tiles import Tiles
 from atra.rays.rays import Rays
 from atra.tracing.options import option
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.options import Settings, check_whole_numbers, settings
+from experiments.harness.options import Settings, settings, whole
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
 from experiments.results.statistics import statistics_columns
@@ -42,20 +42,14 @@ hits of parallel rays across the whole scene."""
 
 @settings
 class BakeRaysSettings(Settings):
-    """Raises InputError for values that no bake could use."""
+    """Which rays share their directions."""
 
-    section = "workload"
     use: str = option("sun", "what rays are for: sun, sky or bundle", choices=USES)
-    positions: int = option(16, "sub-texel positions that rays of a direction start from")
-    directions: int = option(1, "directions of a round, where the use is not the sun")
-    map_size: int = option(512, "texels along a side of the map, and rays of a bundle")
-    tile_size: int = option(8, "texels along a side of a tile")
-    least_texels: int = option(16, "of a tile; rays of smaller ones are not asked for")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        most = {"positions": 12, "directions": 12, "map_size": 13, "tile_size": 10, "least_texels": 20}
-        check_whole_numbers(self, "workload.", {name: (1, 1 << bits) for name, bits in most.items()})
+    positions: int = whole(16, "sub-texel positions that rays of a direction start from", 1, 1 << 12)
+    directions: int = whole(1, "directions of a round, where the use is not the sun", 1, 1 << 12)
+    map_size: int = whole(512, "texels along a side of the map, and rays of a bundle", 1, 1 << 13)
+    tile_size: int = whole(8, "texels along a side of a tile", 1, 1 << 10)
+    least_texels: int = whole(16, "of a tile; rays of smaller ones are not asked for", 1, 1 << 20)
 
 
 def _headline(record: Record) -> str:

@@ -29,6 +29,7 @@ from experiments.harness.records import Record
 from experiments.methods import METHODS
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE, fastest, over_own, series, single_over_packets
+from experiments.workloads.classification.path_rays import PATH_KINDS, path_rays
 from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms
 from experiments.workloads.rounds import expert_packet_widths, load_mesh, measured, timed_rounds
 
@@ -61,8 +62,11 @@ KINDS = ("primary", "occlusion", "diffuse")
 class RayOptions(Settings):
     """Which rays are traced."""
 
-    section = "workload"
-    ray_kind: str = option("primary", "primary, occlusion or diffuse", choices=KINDS)
+    ray_kind: str = option(
+        "primary",
+        "primary, occlusion or diffuse; or all rays of paths that scatter (bounce), or are aimed at lights (shadow)",
+        choices=(*KINDS, *PATH_KINDS),
+    )
 
 
 def _headline(record: Record) -> str:
@@ -154,12 +158,11 @@ def make(point: Point, mesh: Mesh) -> BvhScene:
 def measure(point: Point) -> Measured:
     """Build, count and time. Raises InputError and MemoryBudgetError as the scenes do."""
     kind = point.workload_options.ray_kind
-    any_hit = kind == "occlusion"
+    any_hit = kind in ("occlusion", "shadow")
     _warm_up(point, any_hit)
     results: dict[str, Any] = {"rss_start_bytes": rss_bytes()}
     mesh = load_mesh(point)
-    with RasterTracer(mesh, point.camera, threads=point.threads, ties="any") as raster:
-        rays = ray_set(kind, mesh, point.camera, raster.trace())
+    rays = _rays_of(point, mesh)
     reset_peak_rss()
     results["rss_mesh_bytes"] = rss_bytes()
     with ExitStack() as stack:
@@ -194,6 +197,14 @@ def measure(point: Point) -> Measured:
             results["rays_wrong"] = wrong(own.intersect(prepared), scenes[SINGLE].intersect(rays))
         timed = timed_rounds(point, calls)
     return measured(results, timed)
+
+
+def _rays_of(point: Point, mesh: Mesh) -> Rays:
+    kind = point.workload_options.ray_kind
+    if kind in PATH_KINDS:
+        return path_rays(kind, point.scene, mesh, point.camera, point.threads)
+    with RasterTracer(mesh, point.camera, threads=point.threads, ties="any") as raster:
+        return ray_set(kind, mesh, point.camera, raster.trace())
 
 
 def _query(scene: Any, rays: Any, any_hit: bool) -> Callable[[], Any]:

@@ -30,7 +30,6 @@ WHAT = ("count", "thickness", "transmittance", "layers")
 class GatherOptions(Settings):
     """Raises InputError for values that no ray could use."""
 
-    section = "workload"
     what: str = option("count", "what is gathered: count, thickness, transmittance or layers", choices=WHAT)
     layers: int = option(8, "the nearest hits that are kept, where layers are gathered")
     factor: float = option(0.5, "what each triangle lets through, where transmittance is gathered")

@@ -43,7 +43,6 @@ SEPARATE, SEPARATE_VISIBLE, SEPARATE_RASTER = "separate", "visible_first", "rast
 class MultiframeOptions(Settings):
     """Raises InputError for fewer than two frames, and for two eyes of any other number."""
 
-    section = "workload"
     frames: int = option(2, "images traced together; times, bytes and pixels are of all of them")
     motion: str = option(
         "eyes", "how they differ: eyes, walk (the camera moves) or turn (the mesh turns)", choices=MOTIONS

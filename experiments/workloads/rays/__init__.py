@@ -18,7 +18,7 @@ from atra.geometry.mesh import Mesh
 from atra.rays.scene import RayScene
 from atra.tracing.options import option
 from experiments.harness.column import WHOLE, Column
-from experiments.harness.options import Settings, check_whole_numbers, settings
+from experiments.harness.options import Settings, settings, whole
 from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
 from experiments.methods import METHODS
@@ -42,18 +42,13 @@ direction. incoherent: as many, from anywhere in the mesh's box, every way as li
 
 @settings
 class RaysOptions(Settings):
-    """Raises InputError for a negative number of judged rays."""
+    """What is asked of which rays."""
 
-    section = "workload"
     question: str = option("closest", "what is asked of rays: closest, any, count, all, or contains", choices=QUESTIONS)
     ray_batch: str = option(
         "coherent", "coherent, parallel or incoherent rays; contains asks of random points", choices=BATCHES
     )
-    judged_rays: int = option(1000, "rays, or points, whose answers are judged by a test with every triangle")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_whole_numbers(self, "workload.", {"judged_rays": (0, None)})
+    judged_rays: int = whole(1000, "rays, or points, whose answers are judged by a test with every triangle", 0)
 
 
 _own, _library, _stand_in = series(OWN), series(LIBRARY), series(STAND_IN)

@@ -14,7 +14,7 @@ from atra.light import HybridOptions, PathOptions
 from atra.tracing.options import option
 from atra.whole_numbers import is_whole_number as is_whole_number
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.options import check_whole_numbers, settings, taken
+from experiments.harness.options import settings, taken, whole
 from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
 from experiments.results.statistics import statistics_columns
@@ -65,7 +65,7 @@ class RenderOptions(UnderSky):
     """Raises InputError for values that no picture can have."""
 
     frame: str = option("hybrid", "how a picture is made: hybrid or path", choices=("hybrid", "path"))
-    samples: int = option(16, "samples of each pixel of a picture")
+    samples: int = whole(16, "samples of each pixel of a picture", 1)
     jitter = taken(HybridOptions)
     shadow_rays = taken(HybridOptions)
     occlusion_rays = taken(HybridOptions)
@@ -80,7 +80,6 @@ class RenderOptions(UnderSky):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_whole_numbers(self, "workload.", {"samples": (1, None)})
         self.of_library(1.0)
         if self.mitsuba != "none" and self.frame != "path":
             raise InputError("workload.mitsuba is set with workload.frame=hybrid, expected workload.frame=path")

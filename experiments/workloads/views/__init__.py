@@ -19,7 +19,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.tracing.options import option
 from experiments.harness.column import REAL, Column
-from experiments.harness.options import Settings, check_whole_numbers, settings
+from experiments.harness.options import Settings, settings, whole
 from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
 from experiments.methods import METHODS
@@ -40,15 +40,10 @@ call with as many rays as the image has pixels, of the camera or random in the m
 
 @settings
 class ViewsOptions(Settings):
-    """Raises InputError for no views."""
+    """What is asked for."""
 
-    section = "workload"
     job: str = option("views", "what is asked for: views, camera_rays or random_rays", choices=JOBS)
-    views: int = option(20, "cameras, where views are asked for")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_whole_numbers(self, "workload.", {"views": (1, None)})
+    views: int = whole(20, "cameras, where views are asked for", 1)
 
 
 _own, _library = series(OWN), series(LIBRARY)

@@ -280,3 +280,19 @@ def test_what_no_light_could_be_is_refused_with_its_value():
         baked(LIT, sheet(BOX, 6), 0)
     with pytest.raises(InputError, match="the atlas has 2 triangles"):
         baked(LIT, Atlas.of_uv(np.zeros((2, 3, 2)), 8, 8), 1)
+
+
+def test_a_textured_triangle_reflects_and_emits_the_mean_of_its_images():
+    texels = np.zeros((32, 32, 3), np.float32)
+    texels[:, 24:] = 0.8, 0.4, 0.2  # at u above 3 / 4
+    image = render.Image(texels)
+    corners = [(-1, 0, 1), (1, 0, 1), (1, 0, -1), (-1, 0, -1)]
+    materials = [render.MetallicRoughness(image, emission=(4.0, 4.0, 4.0), emission_image=image)]
+    scene = render.Scene(quads([corners]), materials, uv=[(0, 0), (1, 0), (1, 1), (0, 1)], lights=[])
+    surface = Surface.of(scene)
+    shares = np.array([7.0, 1.0]) / 16  # of both triangles, of which the first has the corner (1, 0)
+    np.testing.assert_allclose(surface.albedo, shares[:, None] * (0.8, 0.4, 0.2), atol=0.01)
+    np.testing.assert_allclose(surface.emission, 4.0 * shares[:, None] * (0.8, 0.4, 0.2), atol=0.04)
+    checker = render.Lambertian(render.Checker((1, 0, 0), (0, 0, 1), 8.0))
+    checked = Surface.of(render.Scene(quads([corners]), [checker], uv=scene.uv))
+    np.testing.assert_allclose(checked.albedo, np.broadcast_to((0.5, 0, 0.5), (2, 3)), atol=0.03)

@@ -8,8 +8,11 @@ import pytest
 
 import atra
 from atra import light
+from atra.bvh.scene import BvhScene
 from atra.light import numbers_kernels
-from tests.meshes import quads, random_triangles
+from atra.shafts.scene import ShaftScene
+from scenes.lit.rooms import lit_cornell_box
+from tests.meshes import cornell_camera, quads, random_triangles
 from tests.shown import BLACK, batches, down, floor, room, sphere, traced
 
 WHITE_SKY = light.constant_sky(1.0)
@@ -251,3 +254,30 @@ def test_the_circle_is_one():
     found = np.array([numbers_kernels.circle(turn) for turn in turns])
     expected = np.stack([np.cos(2 * np.pi * turns.astype(float)), np.sin(2 * np.pi * turns.astype(float))], 1)
     np.testing.assert_allclose(found, expected, atol=4e-7)
+
+
+def through(make, scene=None, **options):
+    """The picture of the box, or of another scene, and what `rays` of the renderer it took."""
+    box = scene or lit_cornell_box()
+    options = {"order": "waves", "jitter": "pixel", "threads": 1} | options
+    with light.PathRenderer(box, cornell_camera(24, 18), rays=make, **options) as renderer:
+        renderer.add(2)
+        return renderer.image, renderer.ray_count
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("make", [BvhScene, ShaftScene, atra.RayScene])
+def test_whatever_traces_the_rays_of_paths_the_picture_has_the_same_bits(make):
+    for options in ({}, {"wave_rays": 2048, "jitter": "shared"}, {"lights": "found", "max_depth": 3}):
+        (image, rays), (expected, own) = through(partial(make, threads=1), **options), through(None, **options)
+        np.testing.assert_array_equal(image, expected)
+        assert rays == own
+    holes = [light.MetallicRoughness(0.5, 0.5, "blend"), *lit_cornell_box().materials[1:]]
+    if make is not atra.RayScene:
+        with pytest.raises(atra.InputError, match=f"{make.__name__} traces no scene with holes, expected a RayScene"):
+            through(partial(make, threads=1), replace(lit_cornell_box(), materials=holes))
+
+
+def test_what_traces_batches_needs_waves():
+    with pytest.raises(atra.InputError, match=r"order is 'depth_first' with rays given, expected 'waves'"):
+        through(BvhScene, order="depth_first")

@@ -23,8 +23,11 @@ from atra.light.pictures.renderer import Renderer
 SAVE_S = 30.0
 """Seconds between two states on the disk."""
 
-_CHECKS = 4
-"""Checks of the error each time the number of samples doubles; their places do not depend on time."""
+_DOUBLINGS = 4
+"""Changes of the picture that tell of its error."""
+
+_LEAST_LEFT, _MOST_LEFT = 1.0 / 3.0, 0.5
+"""Least and most share of the squared error that a doubling of samples leaves. Most: that of independent samples."""
 
 
 @dataclass(frozen=True)
@@ -54,28 +57,28 @@ def accumulate(
 ) -> Iterator[Progress]:
     """Add samples until the first of the limits is reached; yields after each sample.
 
-    samples: at most so many. error: relative, such as 0.01; told by the difference of two parts of the samples, which
-    knows nothing of light that no sample found. minutes: of rendering. state: a file that keeps the samples, written
-    every `save_every_s` seconds and removed at the end; where it exists, the picture goes on from it, equal to the bit
-    to one that was never interrupted. Raises InputError without a limit, for limits that make no sense, and for a state
-    of another scene, camera or option; StorageError.
+    samples: at most so many. error: relative, such as 0.01; told by how the picture changes while samples double,
+    which knows nothing of light that no sample found, and little of bright edges without `jitter="pixel"`. minutes: of
+    rendering. state: a file that keeps the samples, written every `save_every_s` seconds and removed at the end; where
+    it exists, the picture goes on from it, equal to the bit to one that was never interrupted. Raises InputError
+    without a limit, for limits that make no sense, and for a state of another scene, camera or option; StorageError.
     """
     _check(samples, error, minutes)
     path = None if state is None else Path(state)
-    halves, before_s = _Halves(), 0.0
+    octaves, before_s = _Octaves(), 0.0
     if path is not None and path.exists():
-        before_s = _resume(path, renderer, halves)
+        before_s = _resume(path, renderer, octaves)
     start = saved = monotonic()
 
     def progress() -> Progress:
         elapsed_s, count = before_s + monotonic() - start, renderer.samples
         reached = (
             (samples is not None and count >= samples)
-            or (error is not None and halves.error is not None and halves.error <= error)
+            or (error is not None and octaves.error is not None and octaves.error <= error)
             or (minutes is not None and elapsed_s >= 60.0 * minutes)
         )
-        left_s = 0.0 if reached else _left_s(count, halves.error, elapsed_s, samples, error, minutes)
-        return Progress(count, halves.error, elapsed_s, left_s, reached)
+        left_s = 0.0 if reached else _left_s(count, octaves.error, elapsed_s, samples, error, minutes)
+        return Progress(count, octaves.error, elapsed_s, left_s, reached)
 
     latest = progress()
     while not latest.is_done:
@@ -83,9 +86,9 @@ def accumulate(
         renderer.add(1)
         if renderer.samples == earlier:  # the renderer's own option `most_samples`
             break
-        halves.look(renderer)
+        octaves.look(renderer)
         if path is not None and monotonic() - saved >= save_every_s:
-            _save(path, renderer, halves, before_s + monotonic() - start)
+            _save(path, renderer, octaves, before_s + monotonic() - start)
             saved = monotonic()
         latest = progress()
         yield latest
@@ -115,62 +118,69 @@ def _left_s(
     return None if left == inf else left
 
 
-class _Halves:
-    """The error by the difference of two parts of the samples: those before a power of two, and those after.
+class _Octaves:
+    """The error by how much the picture has changed each time the number of samples doubled.
 
-    error: relative, of the mean of all. count, luminance: samples of the earlier part, and their mean.
+    Scrambled Sobol' points make the second half of samples correct the first, so a doubling changes the picture by more
+    than the error that is left. If it leaves the share r of the error, e, the change is e sqrt(1 / r^2 - 1), and r is
+    how changes fall from one doubling to the next. The mean of two changes steadies both. Between two doublings the
+    error is taken to fall with the square root of the number of samples.
+
+    changes: relative, of the last doublings. count, luminance: samples at the last of them, and their picture.
     """
 
     def __init__(self) -> None:
-        self.error: float | None = None
+        self.changes: list[float] = []
         self.count, self.luminance = 0, np.zeros((0, 0))
-        self._next: tuple[int, NDArray[np.float64]] | None = None
+        self._samples = 0
 
     def look(self, renderer: Renderer) -> None:
         """Count the samples that the renderer has now."""
-        count = renderer.samples
-        octave = 1 << (count.bit_length() - 1)
-        if count % max(1, octave // _CHECKS):
+        count = self._samples = renderer.samples
+        if count & (count - 1):
             return
         now = renderer.image.astype(np.float64) @ np.array(LUMINANCE)
-        if self._next is not None and count == 2 * self._next[0]:
-            (self.count, self.luminance), self._next = self._next, None
-        if self.count:
-            # For parts of m and n - m samples the mean's variance is the squared difference times m (n - m) / n^2.
-            rest = (count * now - self.count * self.luminance) / (count - self.count)
-            share = self.count * (count - self.count) / count**2
+        if self.count and count == 2 * self.count:
             mean = float(now.mean())
-            spread = float(((rest - self.luminance) ** 2).mean() * share)
-            self.error = spread**0.5 / mean if mean > 0.0 else 0.0
-        if count == octave:
-            self._next = count, now
+            change = float(((now - self.luminance) ** 2).mean()) ** 0.5
+            self.changes = [*self.changes, change / mean if mean > 0.0 else 0.0][-_DOUBLINGS:]
+        self.count, self.luminance = count, now
+
+    @property
+    def error(self) -> float | None:
+        """Relative, of all samples; None before there are two."""
+        if not self.changes:
+            return None
+        *earlier, first, last = [0.0, 0.0, 0.0, *self.changes][-_DOUBLINGS:]
+        squared = _MOST_LEFT
+        if earlier[0] > 0.0 and earlier[1] > 0.0:
+            squared = min(max((first * last / (earlier[0] * earlier[1])) ** 0.5, _LEAST_LEFT), _MOST_LEFT)
+        change = (first * last) ** 0.5 * squared**0.25 if first > 0.0 else last
+        return change * (squared / (1.0 - squared) * self.count / self._samples) ** 0.5
 
     @property
     def state(self) -> dict[str, NDArray[Any]]:
-        count, luminance = self._next or (0, np.zeros((0, 0)))
-        error = np.array(np.nan if self.error is None else self.error)
-        parts = {"half": np.array(self.count), "half_light": self.luminance, "next": np.array(count)}
-        return parts | {"next_light": luminance, "error": error}
+        counts = np.array([self.count, self._samples])
+        return {"octave": counts, "octave_light": self.luminance, "changes": np.array(self.changes)}
 
     def restore(self, state: Any) -> None:
-        self.count, self.luminance = int(state["half"]), state["half_light"]
-        self._next = (int(state["next"]), state["next_light"]) if int(state["next"]) else None
-        self.error = None if np.isnan(state["error"]) else float(state["error"])
+        self.count, self._samples = state["octave"].tolist()
+        self.luminance, self.changes = state["octave_light"], state["changes"].tolist()
 
 
-def _save(path: Path, renderer: Renderer, halves: _Halves, elapsed_s: float) -> None:
+def _save(path: Path, renderer: Renderer, octaves: _Octaves, elapsed_s: float) -> None:
     content = io.BytesIO()
-    np.savez(content, elapsed_s=elapsed_s, **renderer.state, **halves.state)  # type: ignore[arg-type]
+    np.savez(content, elapsed_s=elapsed_s, **renderer.state, **octaves.state)  # type: ignore[arg-type]
     write_atomically(path, content.getvalue())
 
 
-def _resume(path: Path, renderer: Renderer, halves: _Halves) -> float:
+def _resume(path: Path, renderer: Renderer, octaves: _Octaves) -> float:
     """Returns the seconds that the samples took."""
     try:
         with np.load(path, allow_pickle=False) as found:
             state = dict(found)
         renderer.restore(state)
-        halves.restore(state)
+        octaves.restore(state)
         return float(state["elapsed_s"])
     except InputError as error:
         raise InputError(f"{path} cannot be resumed: {error}; remove it to start anew") from None

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import count as count_from
-from typing import Unpack
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.errors import InputError
+from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.light.emitters.emitters_kernels import has_emitters
 from atra.light.emitters.tables import emitters_of, no_emitters
@@ -17,20 +19,19 @@ from atra.light.pictures.hybrid import albedo_of
 from atra.light.pictures.options import PathKeywords, PathOptions
 from atra.light.pictures.path_kernels import BLOCK, ROW_PADDING, Pixels
 from atra.light.pictures.paths.depth_first_kernels import follow_depth_first
+from atra.light.pictures.paths.tracing import Batches, MakeScene, Packets
 from atra.light.pictures.paths.waves_kernels import (
     PATH_ROWS,
     Paths,
     compact,
-    connect_kernel,
     generate,
     shade,
-    trace_kernel,
 )
 from atra.light.pictures.renderer import Primary, Renderer
 from atra.light.scene import Scene
 from atra.light.surface_kernels import Surfaces
 from atra.light.tables import surfaces_of
-from atra.rays.scene import Query
+from atra.rays.scene import Query, RayScene
 from atra.tracing.options import RayOptions, lists_options
 
 
@@ -44,7 +45,9 @@ class PathRenderer(Renderer):
     Each sample traces one path per pixel. It ends at the sky, at an `Emissive` surface, dark after `max_depth` rays, or
     by chance where little of its light is left (option `roulette`). From every surface but mirrors another ray is aimed
     at an emitter (option `lights`): a triangle that shines, a panorama, or one of the scene's lights. Random numbers
-    are Sobol' points, scrambled for each pixel and bounce. Arguments: see `Renderer`; options: see `PathOptions`.
+    are Sobol' points, scrambled for each pixel and bounce. rays: makes what traces rays, of
+    the mesh, for `order="waves"`: a `RayScene`, as without it, or what takes a wave as one batch: `BvhScene`, or
+    `ShaftScene`, without surfaces that have holes. Other arguments: see `Renderer`; options: see `PathOptions`.
     Stages: primary and depth_first; for waves primary, generate, trace, compact (which also sums up light), connect and
     shade.
     """
@@ -56,9 +59,23 @@ class PathRenderer(Renderer):
 
     @lists_options(PathOptions)
     def __init__(
-        self, scene: Scene, camera: View, primary: Primary | None = None, **options: Unpack[PathKeywords]
+        self,
+        scene: Scene,
+        camera: View,
+        primary: Primary | None = None,
+        rays: MakeScene | None = None,
+        **options: Unpack[PathKeywords],
     ) -> None:
+        self._make_scene = rays
         super().__init__(scene, camera, primary, options)
+
+    def _new_rays(self, mesh: Mesh) -> Any:
+        if self._make_scene is None:
+            return super()._new_rays(mesh)
+        if self.options.order != "waves":
+            raise InputError(f"order is {self.options.order!r} with rays given, expected 'waves'")
+        made = self._make_scene(mesh)
+        return made if isinstance(made, RayScene) else Batches(made)
 
     @lists_options(PathOptions, as_changes=True)
     def update(self, scene: Scene | None = None, **changes: Unpack[PathKeywords]) -> None:
@@ -70,7 +87,10 @@ class PathRenderer(Renderer):
 
     def _tables(self) -> Surfaces:
         self._emitters = emitters_of(self.scene) if self.options.lights == "aimed" else no_emitters()
-        return surfaces_of(self.scene, self.scene.sky.power, self.options.start_off)
+        surfaces = surfaces_of(self.scene, self.scene.sky.power, self.options.start_off)
+        if surfaces.has_holes and isinstance(self.rays, Batches):
+            raise InputError(f"{type(self.rays.scene).__name__} traces no scene with holes, expected a RayScene")
+        return surfaces
 
     def _same_sums(self, scene: Scene) -> bool:
         return scene is self.scene
@@ -97,24 +117,22 @@ class PathRenderer(Renderer):
         paths = self._waves[query.worker]
         if paths is None:
             paths = self._waves[query.worker] = _new_paths(options.wave_rays // BLOCK)
-        width = self.rays.packet_width
-        trace, connect = trace_kernel(width), connect_kernel(width)
-        lights, free = np.empty((3, width), np.float32), np.empty((2, width), np.float32)
+        assert surfaces is not None
+        tracing = self.rays if isinstance(self.rays, Batches) else Packets(query, self.rays.packet_width)
         is_aimed, sample = has_emitters(emitters), pixels.sample
         generate(paths, first, count, pixels)
         lap("generate")
         is_finite, rays = True, 0
         for step in count_from(0):
             if step > 0 or len(pixels.prim_id) == 0:
-                rays += trace(paths, query.scene, query.packet)
+                rays += tracing.trace(paths)
                 lap("trace")
             is_finite &= compact(paths, surfaces, emitters, self._film.sums, sample, step, options.max_depth)
             lap("compact")
             if not paths.counts.any():
                 break
             if is_aimed:
-                scene, packet = query.scene, query.packet
-                aimed = connect(paths, surfaces, emitters, scene, packet, lights, free, sample, self._film.sums)
+                aimed = tracing.connect(paths, surfaces, emitters, sample, self._film.sums)
                 rays, is_finite = rays + max(aimed, 0), is_finite and aimed >= 0
                 lap("connect")
             shade(paths, surfaces, sample, options.roulette)
