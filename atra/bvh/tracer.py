@@ -15,7 +15,7 @@ from atra.bvh.options import BvhKeywords, BvhOptions
 from atra.bvh.starts import NO_LISTS, NO_SHAFTS, Shafts
 from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.embree.packets_kernels import Image, RayGrid
-from atra.exact.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
+from atra.exact.ties import TieTiles, coplanar_overlaps, lowest_of_ties, tie_tiles
 from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range, from_eye_space, ray_axes, unseen_from
@@ -64,7 +64,7 @@ class BvhTracer(TracerLifetime[Hits]):
         check_range(mesh, camera, self._takes_lenses)
         check_image_memory(camera.height, camera.width)
         self.mesh, self.camera = mesh, camera
-        self._tie_tiles: NDArray[np.bool_] | None = None
+        self._tie_tiles: TieTiles | None = None
         self._tiles = pixel_tiles(camera.width, camera.height)
 
     def _look(self, camera: View) -> bool:
@@ -96,7 +96,7 @@ class BvhTracer(TracerLifetime[Hits]):
     def _plan_ties(self) -> None:
         if self.options.ties == "lowest":
             tiles = tie_tiles(self.mesh, self.camera)
-            self._tie_tiles = tiles if tiles.any() else None
+            self._tie_tiles = tiles if tiles.any else None
 
     def _build(self) -> float:
         start = perf_counter()

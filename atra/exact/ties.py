@@ -8,6 +8,7 @@ and the tiles of the image that may show them once per view; pixels there are de
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from atra.compiled.threads import WorkerPool
 from atra.errors import MemoryBudgetError
+from atra.exact.settling_kernels import MANY, settle_ties
 from atra.exact.ties_kernels import (
     PLANE_NUMBER_ROUNDING,
     PLANE_TOLERANCE,
@@ -23,7 +25,6 @@ from atra.exact.ties_kernels import (
     mark_ties,
     number_places,
     number_planes,
-    settle_ties,
 )
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
@@ -32,6 +33,9 @@ from atra.geometry.view import View
 
 TIE_TOLERANCE = 1e-9
 """Relative difference up to which two float64 depths are equal."""
+
+MOST_LISTED = 1 << 22
+"""Places in the lists of tiles at most; with more, pixels are tested against all partners."""
 
 MOST_PAIRS = 1 << 24
 """Upper limit of a mesh's overlapping pairs, equal triangles not counted; more would take too long."""
@@ -56,6 +60,36 @@ class CoplanarOverlaps:
     partners: NDArray[np.uint32]
     concerned: NDArray[np.uint32]
     pairs: NDArray[np.uint32]
+
+    @cached_property
+    def crowd(self) -> NDArray[np.int64]:
+        """(C,) int64, ascending, indices into `concerned`: the partners of triangles that have more than MANY."""
+        with_many = np.bincount(self.pairs[:, 0], minlength=len(self.concerned)) > MANY
+        return np.unique(self.pairs[with_many[self.pairs[:, 0]], 1]).astype(np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class TieTiles:
+    """Where a view may show ties.
+
+    marked: (tile rows, tile columns) bool, the tiles that may show one. firsts: (tiles + 1,) int64, and listed: (N,)
+    uint32: the partners of triangles with more than MANY that tile t may show are listed[firsts[t]:firsts[t + 1]],
+    ascending. firsts is empty if nothing is listed.
+    """
+
+    marked: NDArray[np.bool_]
+    firsts: NDArray[np.int64]
+    listed: NDArray[np.uint32]
+
+    @classmethod
+    def of(cls, marked: NDArray[np.bool_]) -> TieTiles:
+        """Without lists."""
+        return cls(marked, np.empty(0, np.int64), np.empty(0, np.uint32))
+
+    @property
+    def any(self) -> bool:
+        """Whether a tie may be visible at all."""
+        return bool(self.marked.any())
 
 
 _found: WeakKeyDictionary[Mesh, CoplanarOverlaps] = WeakKeyDictionary()
@@ -132,8 +166,8 @@ def _plane_runs(mesh: Mesh) -> tuple[NDArray[np.integer], NDArray[np.integer]]:
     return order[shared], run[shared]
 
 
-def tie_tiles(mesh: Mesh, camera: View) -> NDArray[np.bool_]:
-    """The tiles of the image in which a tie may be visible, (ceil(H / TILE), ceil(W / TILE)), at any sub-pixel offset.
+def tie_tiles(mesh: Mesh, camera: View) -> TieTiles:
+    """The tiles of the image in which a tie may be visible, at any sub-pixel offset.
 
     A pair can tie only where its triangles' bounding rectangles on the image overlap. A triangle that reaches behind
     the eye may be anywhere.
@@ -141,22 +175,38 @@ def tie_tiles(mesh: Mesh, camera: View) -> NDArray[np.bool_]:
     overlaps = coplanar_overlaps(mesh)
     rows, columns = -(-camera.height // TILE), -(-camera.width // TILE)
     if not len(overlaps.pairs):
-        return np.zeros((rows, columns), np.bool_)
+        return TieTiles.of(np.zeros((rows, columns), np.bool_))
     if camera.lens is not None:  # straight edges are bent, and bounding rectangles with them
-        return np.ones((rows, columns), np.bool_)
+        return TieTiles.of(np.ones((rows, columns), np.bool_))
     size, boxes = np.array([camera.width, camera.height], np.float64), np.empty((len(overlaps.concerned), 4), np.int64)
     marks = np.zeros((rows + 1, columns + 1), np.int64)
     mark_ties(
         mesh.vertices, mesh.faces, overlaps.concerned, overlaps.pairs,
         np.array(camera.eye), camera.to_pixels, size, boxes, marks,
     )  # fmt: skip
-    return np.asarray(np.cumsum(np.cumsum(marks, axis=0), axis=1)[:-1, :-1] > 0)
+    marked = np.asarray(np.cumsum(np.cumsum(marks, axis=0), axis=1)[:-1, :-1] > 0)
+    return _listed(marked, overlaps.concerned[overlaps.crowd], boxes[overlaps.crowd])
+
+
+def _listed(marked: NDArray[np.bool_], prim_ids: NDArray[np.uint32], boxes: NDArray[np.int64]) -> TieTiles:
+    """List the triangles that marked tiles may show. boxes: (N, 4), first and last column and row of tiles."""
+    wide, high = boxes[:, 1] - boxes[:, 0] + 1, boxes[:, 3] - boxes[:, 2] + 1
+    counts = np.maximum(wide, 0) * np.maximum(high, 0)
+    if not 0 < counts.sum() <= MOST_LISTED:
+        return TieTiles.of(marked)
+    which = np.repeat(np.arange(len(boxes)), counts)
+    down, right = np.divmod(np.arange(len(which)) - (np.cumsum(counts) - counts)[which], wide[which])
+    tiles = (boxes[which, 2] + down) * marked.shape[1] + boxes[which, 0] + right
+    seen = marked.reshape(-1)[tiles]
+    tiles, which = tiles[seen], which[seen]
+    firsts = np.concatenate([[0], np.cumsum(np.bincount(tiles, minlength=marked.size))]).astype(np.int64)
+    return TieTiles(marked, firsts, prim_ids[which[np.argsort(tiles, kind="stable")]])
 
 
 def lowest_of_ties(
     mesh: Mesh,
     camera: View,
-    tiles: NDArray[np.bool_],
+    tiles: TieTiles,
     offset: tuple[float, float],
     prim_id: NDArray[np.uint32],
     pool: WorkerPool,
@@ -178,8 +228,8 @@ def lowest_of_ties(
 
     def work(_: int, counter: int) -> None:
         settle_ties(
-            counter, tiles, overlaps.may_tie, overlaps.twins, overlaps.starts, overlaps.partners,
-            mesh.vertices, mesh.faces, *rays, TIE_TOLERANCE, prim_id,
+            counter, tiles.marked, overlaps.may_tie, overlaps.twins, overlaps.starts, overlaps.partners,
+            tiles.firsts, tiles.listed, mesh.vertices, mesh.faces, *rays, TIE_TOLERANCE, prim_id,
         )  # fmt: skip
 
     pool.run(work)

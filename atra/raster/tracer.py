@@ -13,7 +13,7 @@ from atra.all_hits.reductions import Reduction
 from atra.compiled.beside import compile_beside
 from atra.compiled.instruction_sets import native_lanes
 from atra.compiled.threads import WorkerPool, resolve_threads
-from atra.exact.ties import coplanar_overlaps, lowest_of_ties, tie_tiles
+from atra.exact.ties import TieTiles, coplanar_overlaps, lowest_of_ties, tie_tiles
 from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range
@@ -61,7 +61,7 @@ class RasterTracer(Gathering):
             check_image_memory(camera.height, camera.width)
             self._pixels_checked = pixels
         self.mesh, self.camera = mesh, camera
-        self._tie_tiles: NDArray[np.bool_] | None = None  # where to look for ties; found when first needed
+        self._tie_tiles: TieTiles | None = None  # where to look for ties; found when first needed
 
     def _look(self, camera: View) -> bool:
         self._show(self.mesh, camera)
@@ -92,7 +92,7 @@ class RasterTracer(Gathering):
             self._find_ties()
         return perf_counter() - start
 
-    def _find_ties(self) -> NDArray[np.bool_]:
+    def _find_ties(self) -> TieTiles:
         if self._tie_tiles is None:
             self._tie_tiles = tie_tiles(self.mesh, self.camera)
         return self._tie_tiles
@@ -116,7 +116,7 @@ class RasterTracer(Gathering):
         depth, prim_id = images
         if self.options.ties == "lowest":
             tiles = self._find_ties()
-            if tiles.any():
+            if tiles.any:
                 lowest_of_ties(self.mesh, camera, tiles, offset, prim_id, self._pool, directions)
         return Hits(depth, prim_id, offset, self.mesh, camera, self.threads)
 

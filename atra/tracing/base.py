@@ -17,7 +17,7 @@ from atra.embree.callbacks_kernels import memory_monitor
 from atra.embree.device import EmbreeDevice
 from atra.embree.scene import EmbreeScene, resolve_packet_width
 from atra.embree.workspace import Workspace, check_widths
-from atra.exact.ties import compile_kernels, coplanar_overlaps, lowest_of_ties, tie_tiles
+from atra.exact.ties import TieTiles, compile_kernels, coplanar_overlaps, lowest_of_ties, tie_tiles
 from atra.exact.ties_kernels import find_overlaps
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range, ray_axes
@@ -52,7 +52,7 @@ class EmbreeTracer(TracerLifetime[Result]):
         self.threads = resolve_threads(self.options.threads)
         self._geometry: AlignedGeometry | None = None
         self._scene: EmbreeDevice | None = None
-        self._tie_tiles: list[NDArray[np.bool_] | None] = []  # of each image: where to look for ties, if anywhere
+        self._tie_tiles: list[TieTiles | None] = []  # of each image: where to look for ties, if anywhere
         self._pool = WorkerPool(self.threads)
 
     def _show_views(self, views: Views) -> None:
@@ -100,7 +100,7 @@ class EmbreeTracer(TracerLifetime[Result]):
     def _plan_ties(self) -> None:
         if self.options.ties == "lowest":
             tiles = [tie_tiles(mesh, camera) for mesh, camera in self.views]
-            self._tie_tiles = [of_image if of_image.any() else None for of_image in tiles]
+            self._tie_tiles = [of_image if of_image.any else None for of_image in tiles]
 
     def _settle_ties(self, offset: tuple[float, float], prim_id: NDArray[np.uint32]) -> None:
         """prim_id: (rows, W), image below image."""

@@ -15,6 +15,7 @@ from atra.compiled.threads import WorkerPool
 from atra.embree.library import load_library
 from atra.exact import ties
 from atra.judge.reference import brute_force
+from atra.prim_ids import MISS
 from experiments.harness.point import make_own
 from experiments.methods import find_method
 from experiments.results.terminal import say_label
@@ -174,7 +175,7 @@ def test_equally_deep_depends_on_the_distance_of_the_eye(distance, winners):
 def test_neighbours_that_share_an_edge_or_a_corner_do_not_overlap(mesh):
     assert not pairs_of(mesh)
     assert not ties.coplanar_overlaps(mesh).may_tie.any()
-    assert not ties.tie_tiles(mesh, camera_before(mesh)).any()
+    assert not ties.tie_tiles(mesh, camera_before(mesh)).any
 
 
 def test_triangles_without_area_overlap_nothing_and_a_mesh_may_hold_nothing_else():
@@ -254,21 +255,39 @@ def test_every_tie_lies_in_a_tile_that_is_looked_at(seed):
     camera = atra.Camera(**EYE_AT_ORIGIN, width=120, height=70, fov_y_degrees=[20, 60, 90, 150][seed])
     pool = WorkerPool(1)
     tiles = ties.tie_tiles(mesh, camera)
-    assert tiles.shape == (5, 8)
+    assert tiles.marked.shape == (5, 8)
+    everywhere_looked_at = ties.TieTiles.of(np.ones_like(tiles.marked))
     for offset in [(0.0, 0.0), (0.999999, 0.999999)]:
         traced = trace("pixels", mesh, camera, offset=offset, ties="any").prim_id
         everywhere, looked_at = traced.copy(), traced.copy()
-        ties.lowest_of_ties(mesh, camera, np.ones_like(tiles), offset, everywhere, pool)
+        ties.lowest_of_ties(mesh, camera, everywhere_looked_at, offset, everywhere, pool)
         ties.lowest_of_ties(mesh, camera, tiles, offset, looked_at, pool)
         assert (everywhere != traced).any()
         np.testing.assert_array_equal(looked_at, everywhere)
+
+
+def test_a_floor_below_many_boxes_is_tested_against_those_of_its_tile_only_and_ties_as_against_all():
+    """Boxes' bottoms lie in the floor's plane and come before it in number; some reach behind the eye."""
+    squares = [[(x, -1, z), (x + 0.2, -1, z), (x + 0.2, -1, z + 0.2), (x, -1, z + 0.2)]
+               for x in np.arange(-3, 3, 0.3) for z in np.arange(-1, 6, 0.3)]  # fmt: skip
+    mesh = joined(quads(squares), quads([[(-9, -1, -9), (9, -1, -9), (9, -1, 9), (-9, -1, 9)]]))
+    camera = atra.Camera(**EYE_AT_ORIGIN, width=120, height=70, fov_y_degrees=80)
+    tiles = ties.tie_tiles(mesh, camera)
+    assert len(tiles.listed)
+    assert np.diff(tiles.firsts).max() < len(squares)
+    floor = np.where(trace("pixels", mesh, camera, ties="any").hit, 2 * len(squares), MISS).astype(np.uint32)
+    listed, all_tested, pool = floor.copy(), floor.copy(), WorkerPool(1)
+    ties.lowest_of_ties(mesh, camera, tiles, (0.5, 0.5), listed, pool)
+    ties.lowest_of_ties(mesh, camera, ties.TieTiles.of(tiles.marked), (0.5, 0.5), all_tested, pool)
+    assert len(np.unique(listed)) > 20
+    np.testing.assert_array_equal(listed, all_tested)
 
 
 def test_a_tie_that_reaches_the_plane_of_the_eye_may_be_anywhere_and_one_behind_it_nowhere():
     for z, everywhere in (([0, 4, 4], True), ([-1, 4, 4], True), ([-1, -4, -4], False)):
         corners = [(x, y, depth) for x, y, depth in zip((-1, 1, 1), (-1, -1, 1), z, strict=True)]
         mesh = atra.Mesh(corners, [[0, 1, 2], [1, 2, 0]])
-        tiles = ties.tie_tiles(mesh, atra.Camera(**EYE_AT_ORIGIN, width=100, height=70))
+        tiles = ties.tie_tiles(mesh, atra.Camera(**EYE_AT_ORIGIN, width=100, height=70)).marked
         assert tiles.shape == (5, 7)
         assert tiles.all() if everywhere else not tiles.any()
 
@@ -276,7 +295,7 @@ def test_a_tie_that_reaches_the_plane_of_the_eye_may_be_anywhere_and_one_behind_
 def test_a_small_decal_makes_only_its_own_tiles_worth_a_look():
     mesh = joined(quads([rectangle(-0.1, 0.1, -0.1, 0.1, place=facing)]), quads([FACING_WALL]))
     camera = atra.Camera(**EYE_AT_ORIGIN, width=160, height=160)
-    assert 1 <= ties.tie_tiles(mesh, camera).sum() <= 4
+    assert 1 <= ties.tie_tiles(mesh, camera).marked.sum() <= 4
 
 
 @pytest.mark.parametrize("rule", ["lowest", "any"])
