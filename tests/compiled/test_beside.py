@@ -12,7 +12,7 @@ import pytest
 import atra
 from atra.compiled import beside, store
 from atra.compiled.instruction_sets import native_lanes
-from atra.exact import ties_kernels
+from atra.exact import settling_kernels, ties_kernels
 from atra.raster import clusters, culling
 from atra.raster.drawing import drawing_kernel
 from atra.raster.frames import compile_drawing, compile_other_kernels
@@ -87,7 +87,7 @@ def test_where_no_process_can_be_started_this_one_goes_on(unkept: object, monkey
 
 KERNELS = [
     kernel
-    for room in (clusters, culling, ties_kernels)
+    for room in (clusters, culling, settling_kernels, ties_kernels)
     for kernel in vars(room).values()
     if hasattr(kernel, "overloads") and kernel._cache.cache_path
 ]

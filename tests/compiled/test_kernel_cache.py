@@ -17,7 +17,7 @@ from atra.alignment import aligned_kernels, culling_kernels, visibility_kernels
 from atra.all_hits.taking_kernels import LAYERS
 from atra.compiled import intrinsics, store, vectors
 from atra.embree import layout
-from atra.exact import brute_force_kernels, edges_kernels, surface_kernels, ties_kernels
+from atra.exact import brute_force_kernels, edges_kernels, settling_kernels, surface_kernels, ties_kernels
 from atra.geometry import projection_kernels
 from atra.light.pictures import lighting_kernels, path_kernels
 from atra.light.pictures.paths import waves_kernels
@@ -40,6 +40,7 @@ KERNELS = {
             projection_kernels,
             culling_kernels,
             ties_kernels,
+            settling_kernels,
             tiles_kernels,
             pixel_kernels,
             visibility_kernels,
