@@ -36,8 +36,8 @@ def hits_lost_by_others(kept):
     """Of all judged hits those lost, by each peer and by us."""
     for peer, name in _PEERS.items():
         rows = of(kept.points, method=peer)
-        lost = rows["lost"].sum()
-        yield f"of {rows['judged_hits'].sum():,} judged hits {name} lost {lost:,}, `RayScene` {rows['library_lost'].sum():,}"
+        judged, lost, ours = (f"{rows[column].sum():,}" for column in ("judged_hits", "lost", "library_lost"))
+        yield f"of {judged} judged hits {name} lost {lost}, `RayScene` {ours}"
 
 
 def nanoseconds_a_ray(kept):
