@@ -18,12 +18,23 @@ from numba.core.untyped_passes import InlineClosureLikes, IRProcessing
 from atra.compiled.intrinsics import greatest, least
 
 
-class _KernelCode(JITCodeLibrary):
+class _Code(JITCodeLibrary):
+    """Code that calls no kernel. Of one that is kept, nothing but names could be linked."""
+
+    def add_linking_library(self, library: Any) -> None:
+        if getattr(library, "is_kernel", False):
+            raise TypeError("compiled code calls a kernel; make what kernels call with njit or float_part")
+        super().add_linking_library(library)
+
+
+class _KernelCode(_Code):
     """Code in which copies of other functions have names of their own.
 
     Of functions with one name the first that a process loads is called everywhere. One that has compiled them by
     themselves would call those, optimised in another way than the copies that it keeps, which tests would then miss.
     """
+
+    is_kernel = True
 
     def serialize_using_object_code(self) -> Any:
         """Machine code, and a module that has no more than the names in it. Numba keeps all bitcode, which is several
@@ -138,7 +149,7 @@ class KernelCompiler(_Compiler):
         super().__init__(typing, target, code, *rest)
 
 
-class _PartCode(JITCodeLibrary):
+class _PartCode(_Code):
     """Code that only becomes part of kernels, and is optimised with them: alone it never becomes machine code."""
 
     def _optimize_final_module(self) -> None:

@@ -39,6 +39,8 @@ SHIPPED = _PACKAGE / "compiled" / "shipped"
 
 INTO_VARIABLE = "ATRA_COMPILE_INTO"
 """Names a folder to keep compiled kernels in, in folders by room, where all are compiled to be shipped."""
+_AS_IN_C = {"error_model": "numpy", "_nrt": False}
+
 _IMPORT = re.compile(rb"^ *(?:from|import) +(atra(?:\.\w+)*)", re.MULTILINE)
 
 
@@ -81,8 +83,12 @@ def kernel(function: Callable[..., Any]) -> Any:
 def float_kernel(function: Callable[..., Any]) -> Any:
     """As `kernel`, for loops that shall be as fast as C's: a division by zero gives inf or NaN, and nothing counts who
     refers to an array, which takes two calls wherever one gets a name. Such a kernel can make no arrays."""
-    options = {"nogil": True, "error_model": "numpy", "_nrt": False, "pipeline_class": KernelCompiler}
-    return keep_on_disk(numba.njit(**options)(function))
+    return keep_on_disk(numba.njit(nogil=True, pipeline_class=KernelCompiler, **_AS_IN_C)(function))
+
+
+def float_part(function: Callable[..., Any]) -> Any:
+    """As `float_kernel`, for a function that kernels call."""
+    return njit(function, **_AS_IN_C)
 
 
 def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
@@ -178,7 +184,9 @@ class _Sealed(CompileResultCacheImpl):
         digest, code = reduced_data
         if sha256(code).digest() != digest:
             raise ValueError("damaged")
-        return super().rebuild(target_context, pickle.loads(code))
+        found = super().rebuild(target_context, pickle.loads(code))
+        found.library.is_kernel = True
+        return found
 
 
 class _Index(IndexDataCacheFile):

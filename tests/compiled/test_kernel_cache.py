@@ -221,6 +221,30 @@ def test_damaged_files_are_compiled_anew_and_replaced(suffix, damaged, two_kinds
     assert last.read_from_disk() == (1, 1)
 
 
+CALLING = """
+from atra.compiled.store import kernel
+
+@kernel
+def inner(number):
+    return number + 1
+
+@kernel
+def outer(number):
+    return inner(number) + 1
+"""
+
+
+@pytest.mark.parametrize("is_kept", [False, True])
+def test_a_kernel_that_calls_another_is_refused(is_kept, tmp_path):
+    """Of one that is kept, only names are left: what calls it would run into nothing."""
+    path = tmp_path / "calling.py"
+    path.write_text(CALLING)
+    if is_kept:
+        assert imported(path).inner(1) == 2
+    with pytest.raises(TypeError, match="compiled code calls a kernel; make what kernels call with njit"):
+        imported(path).outer(1)
+
+
 TWO_VARIANTS = """
 from atra.compiled.store import kernel
 

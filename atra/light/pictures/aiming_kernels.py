@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.compiled.store import float_kernel, njit
+from atra.compiled.store import float_part, njit
 from atra.light.lights_kernels import KIND, SUN, to_lamp, to_sun
 from atra.light.numbers_kernels import ONE, ZERO, around, bits_of, dot, key_of, on_sphere, scaled, unit_of
 from atra.light.pictures.gbuffer_kernels import (
@@ -71,7 +71,7 @@ def _set_open(floats, i, direction, length):  # type: ignore[no-untyped-def]
     return 1 if is_seen else 0
 
 
-@float_kernel
+@float_part
 def aim_at_light(floats, first, count, light, aim, number):  # type: ignore[no-untyped-def]
     """Aim a ray from each pixel's surface at a point of the light, (LIGHT_WORDS,) float32. Returns how many may
     arrive."""
@@ -109,7 +109,7 @@ def _into_sky(normal, direction, is_cosine):  # type: ignore[no-untyped-def]
     return scaled(ONE if dot(direction, normal) >= ZERO else -ONE, direction)
 
 
-@float_kernel
+@float_part
 def aim_into_sky(floats, first, count, is_cosine, aim, number):  # type: ignore[no-untyped-def]
     """Aim a ray from each pixel's surface into its hemisphere. Returns the number of rays."""
     rays = 0

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.compiled.memory import columns_of, fetch, gather_at, halves, load, low_and_high, store
-from atra.compiled.store import float_kernel, njit
+from atra.compiled.store import float_part, njit
 from atra.compiled.vectors import bits_of, fused, last_whole, repeated, root, rounded, size, where, widened
 from atra.light.numbers_kernels import HALF, ONE, ZERO, unit
 from atra.light.pictures.path_kernels import TILE, pixel_line, place_of
@@ -72,7 +72,7 @@ def fetch_ahead(first, end, pixels):  # type: ignore[no-untyped-def]
         fetch(np.int64(pixels.prim_id.ctypes.data) + 4 * (y * pixels.stride + x))
 
 
-@float_kernel
+@float_part
 def find_surfaces(chunk, first, count, pixels, surfaces):  # type: ignore[no-untyped-def]
     """Fill the chunk with what `count` pixels from number `first` on see, by the prim_ids of `pixels`."""
     for i in range(0, count, _LANES):
@@ -244,8 +244,7 @@ def _find_colour(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
         return
     prim_id = np.int64(chunk.prim_id[i])
     s, t = floats[UV * STRIDE + i], floats[(UV + 1) * STRIDE + i]
-    # Not by `vector_of`: kernels that aim rays compile it for ORIGIN, too, and Numba could not link both.
-    point = floats[ORIGIN * STRIDE + i], floats[(ORIGIN + 1) * STRIDE + i], floats[(ORIGIN + 2) * STRIDE + i]
+    point = vector_of(floats, ORIGIN, i)
     material = material_of(surfaces, prim_id)
     colour = colour_at(surfaces, material, prim_id, point, s, t)
     if surfaces.materials[material, HAS_COLOURS] != 0.0:
@@ -258,7 +257,7 @@ def _find_colour(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
     set_vector(floats, SKY, i, (colour[0] * sky[0], colour[1] * sky[1], colour[2] * sky[2]))
 
 
-@float_kernel
+@float_part
 def find_emission(chunk, count, surfaces):  # type: ignore[no-untyped-def]
     """Replace SKY by what surfaces emit to the eye, and LIGHT by 1 where they do, else 0."""
     floats = chunk.floats
@@ -267,8 +266,7 @@ def find_emission(chunk, count, surfaces):  # type: ignore[no-untyped-def]
         shines = floats[SEEN * STRIDE + i] != ZERO and surfaces.flags[prim_id] & SHINES != 0
         floats[LIGHT * STRIDE + i] = ONE if shines and _is_front(floats, i, prim_id, surfaces) else ZERO
         if floats[LIGHT * STRIDE + i] != ZERO:
-            point = floats[ORIGIN * STRIDE + i], floats[(ORIGIN + 1) * STRIDE + i], floats[(ORIGIN + 2) * STRIDE + i]
-            set_vector(floats, SKY, i, emission_at(surfaces, prim_id, point))
+            set_vector(floats, SKY, i, emission_at(surfaces, prim_id, vector_of(floats, ORIGIN, i)))
 
 
 @njit(forceinline=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from atra.compiled.intrinsics import ticks
 from atra.compiled.memory import load, store, stream
-from atra.compiled.store import float_kernel, njit
+from atra.compiled.store import float_kernel, float_part, njit
 from atra.compiled.vectors import bits_of, repeated, size, where
 from atra.embree.layout import FLAG_COHERENT, RAY_DIR_X, RAY_ORG_X, RAY_TFAR, RAY_TNEAR
 from atra.embree.packets_kernels import SMALLEST_COMPONENT, START, occluded
@@ -90,7 +90,7 @@ def _put(numbers, address, is_first):  # type: ignore[no-untyped-def]
         store(load(address, ZERO, LANES) + numbers, address)
 
 
-@float_kernel
+@float_part
 def _add_light(floats, first, count, row, share, sums, is_first):  # type: ignore[no-untyped-def]
     """Add `share` of the light that arrived, times the colour in `row` and the next two, to four rows of sums.
 
