@@ -18,6 +18,7 @@ from atra.model.constants import Machine, instruction_set
 from atra.model.defaults import DEFAULTS
 from atra.model.formulas import Constants, family
 from atra.model.looking import look_at
+from atra.model.making import tracer_of
 from atra.model.planning import forecast
 
 SIZE = 256
@@ -59,7 +60,7 @@ def calibrate(say: Callable[[str], None] = lambda line: None) -> Constants:
 def _timed(mesh: Mesh, camera: Camera, choice: Choice, want: str) -> tuple[float, float]:
     """Seconds of plan and build, and of a frame."""
     out: Any = None
-    with choice.tracer(mesh, camera, threads=1, ties="any") as tracer:
+    with tracer_of(choice, mesh, camera, threads=1, ties="any") as tracer:
         tracer.build()  # again, as the first loads kernels
         frames_s = []
         for _ in range(FRAMES + 1):

@@ -3,22 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
-from atra.alignment.aligned import AlignedTracer
 from atra.alignment.reference_rays import choose_packet_shape
-from atra.alignment.visible_first import VisibleFirstTracer
-from atra.bvh.tracer import BvhTracer
 from atra.errors import InputError
-from atra.geometry.mesh import Mesh
 from atra.geometry.split import Split
 from atra.geometry.view import View
-from atra.packets.pixel import PixelTracer
-from atra.packets.tiles import TiledTracer
-from atra.raster.tracer import RasterTracer
 from atra.tracing.options import native_packet_widths
 from atra.tracing.rays import SQUAREST_SHAPE
-from atra.tracing.tracer import Tracer
 from atra.whole_numbers import is_whole_number
 
 METHODS = ("raster", "pixel", "bvh", "classified", "tiles", "visible_first", "aligned", "instanced")
@@ -77,37 +68,6 @@ class Choice:
         if self.method in ("aligned", "instanced", "visible_first"):
             return choose_packet_shape(self.packet_width, split)
         return SQUAREST_SHAPE[self.packet_width]
-
-    def tracer(
-        self,
-        mesh: Mesh,
-        camera: View,
-        *,
-        threads: int | None = None,
-        ties: str = "lowest",
-        memory_budget_bytes: int | None = None,
-    ) -> Tracer:
-        """The tracer, not yet built. threads, ties: as for tracers. memory_budget_bytes: of methods with cells.
-
-        Raises InputError as its constructor does, and for classified rays, which `atra.shafts` makes.
-        """
-        options: dict[str, Any] = {"threads": threads, "ties": ties}
-        if self.method == "raster":
-            return RasterTracer(mesh, camera, **options)
-        if self.method == "pixel":
-            return PixelTracer(mesh, camera, packet_width=self.packet_width, **options)
-        if self.method == "bvh":
-            return BvhTracer(mesh, camera, packet_width=self.packet_width, **options)
-        options |= {"packet_width": self.packet_width, "memory_budget_bytes": memory_budget_bytes}
-        if self.method == "tiles":
-            return TiledTracer(mesh, camera, self.split, **options)
-        if self.method == "visible_first":
-            return VisibleFirstTracer(mesh, camera, self.split, **options)  # type: ignore[arg-type]
-        if self.method == "aligned":
-            return AlignedTracer(mesh, camera, self.split, culling=self.culling, **options)
-        if self.method == "instanced":
-            return AlignedTracer(mesh, camera, self.split, geometry="instanced", culling=False, **options)
-        raise InputError(f"method is {self.method!r}, which the core does not make; see atra.shafts.tracer")
 
     def __str__(self) -> str:
         words = [self.method]

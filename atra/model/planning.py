@@ -15,6 +15,7 @@ from atra.model.choice import Choice, candidates
 from atra.model.constants import Machine, machine
 from atra.model.formulas import NANO, build_terms, byte_terms, family, frame_terms
 from atra.model.looking import Look, look_at
+from atra.model.making import tracer_of
 from atra.tracing.options import check_ties
 from atra.tracing.tracer import Tracer
 from atra.whole_numbers import is_whole_number
@@ -110,8 +111,8 @@ class Plan:
                 f"{camera.height}; plan again for this camera"
             )
         ties = self.ties if ties is None else ties
-        return self.choice.tracer(
-            mesh, camera, threads=self.threads, ties=ties, memory_budget_bytes=memory_budget_bytes
+        return tracer_of(
+            self.choice, mesh, camera, threads=self.threads, ties=ties, memory_budget_bytes=memory_budget_bytes
         )
 
     def __repr__(self) -> str:
