@@ -33,7 +33,9 @@ with atra.PixelTracer(mesh, atra.Camera((0, 0, 3), (0, 0, 0), width=8, height=8)
 @pytest.fixture
 def packages(tmp_path):
     """A folder with the package `atra` as pip would install it, no kernel compiled."""
-    shutil.copytree(ROOT / "atra", tmp_path / "packages" / "atra", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(
+        ROOT / "atra", tmp_path / "packages" / "atra", ignore=shutil.ignore_patterns("__pycache__", "shipped")
+    )
     return tmp_path / "packages"
 
 
