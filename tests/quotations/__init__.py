@@ -20,11 +20,12 @@ from tests.quotations import (
     methods,
     paper,
     pictures,
+    rays,
 )
 from tests.quotations.quotation import Quotation
 
 QUOTED = {
-    "README.md": {"methods": [methods.frames_of_each_method]},
+    "README.md": {"methods": [methods.frames_of_each_method], "rays": [rays.closest_hit_over_trimesh]},
     "docs/methods.md": {
         "methods": [glance.still_and_moving],
         "gather": [glance.counting_in_short],
@@ -35,13 +36,14 @@ QUOTED = {
         "instruction_sets": [glance.narrower_vectors],
         "baselines": [glance.tuned_packets],
         "threads": [glance.second_thread],
-        "views": [glance.views_and_rays],
+        "views": [glance.twenty_views_in_short],
         "stereo": [glance.eyes_in_short],
         "surface": [glance.surfaces_in_short],
         "bake_mitsuba": [glance.mitsuba_in_short],
         "bake_mitsuba_zen5": [glance.mitsuba_before_in_short],
         "bake_rays": [glance.sun_in_the_box],
     },
+    "docs/rays.md": {"rays": [rays.rays_in_short]},
     "docs/cameras.md": {"lenses": [lenses.through_lenses]},
     "docs/paper.md": {
         "paper": [paper.measured_points, paper.best_gains],
@@ -62,6 +64,7 @@ QUOTED = {
         "peers": [methods.other_tracers],
         "threads": [methods.two_threads],
         "views": [methods.twenty_views, methods.million_rays],
+        "rays": [rays.rays_beside_others, rays.hits_lost_by_others, rays.nanoseconds_a_ray],
         "gather": [
             gathering.counting, gathering.over_counting, gathering.counts_of_others, gathering.solids,
             gathering.gains_where_every_hit_is_wanted, gathering.verdicts_where_every_hit_is_wanted,
