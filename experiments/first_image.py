@@ -42,6 +42,9 @@ def answered(name):
     here = now()
     told[name] = here[0] - last[0], here[1] - last[1]
     last = here
+def built(tracer):  # of itself a tracer of an older version does not
+    tracer.build()
+    return tracer
 import atra
 answered("import")
 import numpy as np
@@ -53,14 +56,14 @@ camera = atra.Camera((2, 3, 4), (0, 0, 0), width=256, height=256)
 tracer = None
 for name in sys.argv[1].split(","):
     if name == "raster":
-        tracer = atra.RasterTracer(mesh, camera)
+        tracer = built(atra.RasterTracer(mesh, camera))
         tracer.trace()
     elif name == "aligned":
-        atra.AlignedTracer(mesh, camera, (4, 1)).trace()
+        built(atra.AlignedTracer(mesh, camera, (4, 1))).trace()
     elif name == "packets":
-        atra.PixelTracer(mesh, camera).trace()
+        built(atra.PixelTracer(mesh, camera)).trace()
     elif name == "rays":
-        atra.RayScene(mesh).intersect(np.full((1000, 3), 3.0, np.float32), np.full((1000, 3), -1.0, np.float32))
+        built(atra.RayScene(mesh)).intersect(np.full((1000, 3), 3.0, np.float32), np.full((1000, 3), -1.0, np.float32))
     elif name == "count":
         tracer.gather(atra.Count())
     elif name == "layers":
