@@ -80,11 +80,10 @@ address_at = _number_at(types.int64, _I64)
 
 @intrinsic
 def add_at(typingctx: Any, address: Any, value: Any) -> Any:
-    """Add to the float64 at an address."""
+    """Add to the float64 at an address, atomically."""
 
     def emit(builder: ir.IRBuilder, address: ir.Value, value: ir.Value) -> None:
-        pointer = pointer_at(builder, address, _F64.as_pointer())
-        builder.store(builder.fadd(builder.load(pointer), value), pointer)
+        builder.atomic_rmw("fadd", pointer_at(builder, address, _F64.as_pointer()), value, "monotonic")
 
     return types.void(types.int64, types.float64), emitting(emit)
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.embree import layout
+from atra.embree.building import building
 from atra.embree.callbacks_kernels import COST_WORDS, builder_callbacks, fill_boxes
 from atra.embree.device import EmbreeDevice
 
@@ -72,7 +73,6 @@ def bvh_cost(
     root_area = fill_boxes(vertices, faces, boxes)
     cost = np.zeros(COST_WORDS, np.float64)
     create_node, set_node_children, set_node_bounds, create_leaf = builder_callbacks()
-    # One thread: the callbacks add up without locks.
     with _Builder(build_quality=build_quality) as builder:
         builder.build(
             BuildArguments(
@@ -103,6 +103,7 @@ class _Builder(EmbreeDevice):
     def build(self, arguments: BuildArguments) -> None:
         arguments.bvh = bvh = self._call("rtcNewBVH", self._device)
         try:
-            self._call("rtcBuildBVH", ctypes.byref(arguments))
+            with building(self._library, self._threads):
+                self._call("rtcBuildBVH", ctypes.byref(arguments))
         finally:
             self._call("rtcReleaseBVH", bvh)

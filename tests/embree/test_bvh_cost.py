@@ -44,3 +44,13 @@ def test_a_tracer_tells_the_cost_of_what_it_gave_to_embree_and_none_of_instances
     with AlignedTracer(mesh, camera, (4, 1), culling=False, geometry="instanced") as instanced:
         assert instanced.bvh_cost() is None
     assert PixelTracer(mesh, camera).bvh_cost() is None
+
+
+def test_no_node_is_lost_while_another_device_lets_embree_use_two_threads():
+    mesh = random_triangles(2000, 0)
+    camera = Camera((0, 0, 9), (0, 0, 0), width=8, height=8)
+    with PixelTracer(mesh, camera, threads=2):
+        costs = [bvh_cost(mesh.vertices, mesh.faces, children=2) for _ in range(20)]
+    for cost in costs:
+        assert cost.boxes_entered == pytest.approx(costs[0].boxes_entered, rel=1e-12)
+        assert cost.triangles_tested == pytest.approx(costs[0].triangles_tested, rel=1e-12)
