@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from atra.compiled.store import njit
-from atra.light.numbers_kernels import ONE, TWO, ZERO, along, circle, dot, scaled, unit
+from atra.light.numbers_kernels import ONE, TWO, ZERO, along, circle, cross, dot, scaled, unit
 
 SUN, POINT, SPHERE, SPOT, PANEL = 0, 1, 2, 3, 4
 KIND, PLACE, SIZE, ACROSS, UP = 0, 1, 4, 5, 8
@@ -57,7 +57,7 @@ def to_lamp(light, origin, u, v):  # type: ignore[no-untyped-def]
         sine = np.sqrt(max(ZERO, ONE - cosine * cosine))
         x, y = circle(v)
         side = _across(direction)
-        other = _cross(direction, side)
+        other = cross(direction, side)
         direction = along(along(scaled(cosine, direction), sine * x, side), sine * y, other)
         reach = (distance - radius) * ALMOST
     elif light[KIND] == SPOT:
@@ -65,16 +65,11 @@ def to_lamp(light, origin, u, v):  # type: ignore[no-untyped-def]
         strength *= _in_cone(cosine, light[UP], light[UP + 1])
     elif light[KIND] == PANEL:
         across, up = _sides(light)
-        front = _cross(across, up)
+        front = cross(across, up)
         quarter = np.sqrt(dot(front, front))
         facing = max(ZERO, -dot(direction, scaled(ONE / quarter, front)))
         strength = facing / max(squared, NEAREST * quarter)
     return direction, strength, reach
-
-
-@njit(forceinline=True)
-def _cross(a, b):  # type: ignore[no-untyped-def]
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @njit(forceinline=True)

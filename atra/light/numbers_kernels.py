@@ -88,6 +88,11 @@ def dot(a, b):  # type: ignore[no-untyped-def]
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
+@njit(forceinline=True)
+def cross(a, b):  # type: ignore[no-untyped-def]
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
 @njit
 def along(a, length, b):  # type: ignore[no-untyped-def]
     """a + length b."""

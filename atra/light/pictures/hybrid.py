@@ -104,7 +104,7 @@ class HybridRenderer(Renderer):
     def __init__(
         self, scene: Scene, camera: View, primary: Primary | None = None, **options: Unpack[HybridKeywords]
     ) -> None:
-        self._panels_of: tuple[Scene, list[Panel]] = scene, panels_of(scene)
+        self._panels_of: tuple[Scene | None, list[Panel]] = None, []
         super().__init__(scene, camera, primary, options)
 
     @lists_options(HybridOptions, as_changes=True)
@@ -117,7 +117,7 @@ class HybridRenderer(Renderer):
 
     @property
     def _panels(self) -> list[Panel]:
-        """Lights that stand for what shines."""
+        """Lights that stand for the scene's shining surfaces."""
         if self._panels_of[0] is not self.scene:
             self._panels_of = self.scene, panels_of(self.scene)
         return self._panels_of[1]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from atra.compiled.store import njit
-from atra.light.numbers_kernels import HALF, ONE, TWO, ZERO, along, around, dot, on_sphere, scaled, unit
+from atra.light.numbers_kernels import HALF, ONE, TWO, ZERO, along, around, cross, dot, on_sphere, scaled, unit
 from atra.light.scattering.bending_kernels import on_side, through_glass
 from atra.light.scattering.physical_kernels import physical_direction, physical_value
 from atra.light.scattering.sampler_kernels import DIRECTION, LOBE, PAIRS, pair_of
@@ -175,23 +175,18 @@ def _bumped(surfaces, prim_id, shaded, bump, is_front, direction):  # type: igno
     )
     turn = ONE if (s1 * t2 - s2 * t1 > 0.0) else -ONE
     front = scaled(ONE if is_front else -ONE, shaded)
-    tangent = scaled(turn, _cross(along_t, front))
+    tangent = scaled(turn, cross(along_t, front))
     squared = dot(tangent, tangent)
     if not squared > ZERO:
         return shaded
     tangent = scaled(ONE / np.sqrt(squared), tangent)
-    bitangent = scaled(turn, _cross(front, tangent))
+    bitangent = scaled(turn, cross(front, tangent))
     normal = along(along(scaled(bump[2], front), bump[0], tangent), bump[1], bitangent)
     squared = dot(normal, normal)
     if not squared > ZERO:
         return shaded
     normal = scaled((ONE if is_front else -ONE) / np.sqrt(squared), normal)
     return normal if dot(normal, direction) < ZERO else shaded
-
-
-@njit(forceinline=True)
-def _cross(a, b):  # type: ignore[no-untyped-def]
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @njit(forceinline=True)

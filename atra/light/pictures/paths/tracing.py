@@ -82,7 +82,7 @@ class Batches:
 
     @property
     def build_time_s(self) -> float:
-        """Of the scene."""
+        """Seconds that the scene took to build."""
         return self.scene.build_time_s
 
     def build(self) -> None:
