@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple, Self
@@ -42,7 +43,8 @@ class Copied(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """Some of `total` triangles, each with corners of its own, and those projected; `mesh` is None of none.
+    """Some of `total` triangles, each with corners of its own, and these corners projected. mesh: None where there are
+    no triangles.
 
     depth: (H, W) float32, what each pixel of the view sees.
     """
@@ -67,18 +69,22 @@ class Sample:
 
     def in_cells(self, cells: Split) -> float:
         """Copies of all triangles for the cells that they meet."""
-        return 0.0 if self.mesh is None else float(self._kept(self.mesh, cells).sum()) * self.times
+        if self.mesh is None:
+            return 0.0
+        with closing(WorkerPool(1)) as pool:
+            return float(self._kept(self.mesh, cells, True, pool).sum()) * self.times
 
     def aligned(self, cells: Split, culling: bool = True, is_instanced: bool = False) -> Copied:
         """What aligned tracing copies for its cells, leaves out and traces again."""
         if self.mesh is None:
             return Copied(0.0, 0.0, 0.0)
-        pool, alignment = WorkerPool(1), Alignment.of_cells(self.camera, cells)
-        roundings = image_roundings(
-            self.mesh, self.camera, alignment, pool, self.points, is_instanced=is_instanced, in_every_cell=not culling
-        )
-        pool.close()
-        kept = self._kept(self.mesh, cells, culling)
+        alignment = Alignment.of_cells(self.camera, cells)
+        with closing(WorkerPool(1)) as pool:
+            roundings = image_roundings(
+                self.mesh, self.camera, alignment, pool, self.points,
+                is_instanced=is_instanced, in_every_cell=not culling,
+            )  # fmt: skip
+            kept = self._kept(self.mesh, cells, culling, pool)
         kept[roundings.left_out] = 0
         left_out = LeftOut.of(roundings.left_out, roundings.depth_error, self.points[0])
         again = 0.0
@@ -91,21 +97,16 @@ class Sample:
         """What visible-first tracing copies after its probe, and traces again."""
         if self.mesh is None:
             return Copied(0.0, 0.0, 0.0)
-        pool, tiles = WorkerPool(1), tiles_of(cells)
-        counted = visible_copies(
-            self.mesh, Alignment.of_cells(self.camera, cells), tiles,
-            (np.zeros(self.mesh.triangle_count, np.uint8), self._probed(tiles)), self.points, pool,
-        )  # fmt: skip
-        pool.close()
+        tiles = tiles_of(cells)
+        probed = np.zeros(self.mesh.triangle_count, np.uint8), self._probed(tiles)
+        with closing(WorkerPool(1)) as pool:
+            alignment = Alignment.of_cells(self.camera, cells)
+            counted = visible_copies(self.mesh, alignment, tiles, probed, self.points, pool)
         return Copied(float(counted.counts.sum()) * self.times, 0.0, self._again(tiles, counted.nearest_hidden))
 
-    def _kept(self, mesh: Mesh, cells: Split, culling: bool = True) -> NDArray[np.int64]:
-        pool = WorkerPool(1)
-        kept = count_kept(
-            pool, self.points[0], mesh, culling, (cells.nx, cells.ny, cells.cell_width, cells.cell_height)
-        )
-        pool.close()
-        return kept
+    def _kept(self, mesh: Mesh, cells: Split, culling: bool, pool: WorkerPool) -> NDArray[np.int64]:
+        cell = cells.nx, cells.ny, cells.cell_width, cells.cell_height
+        return count_kept(pool, self.points[0], mesh, culling, cell)
 
     def _probed(self, tiles: Tiles) -> NDArray[np.float64]:
         """What a probe through the image's own pixels finds."""

@@ -32,9 +32,6 @@ MOST_IN_TREE = 1 << 18
 SMALLEST_COMPONENT = np.float32(1e-18)
 """Smaller components of directions count as this, as 0 has no reciprocal."""
 
-BROKEN = 0.05
-"""Share of the depth by which what a tile of 4 x 4 pixels sees must differ for the tile to show an edge."""
-
 
 @dataclass(frozen=True, eq=False)
 class Look:
@@ -44,9 +41,9 @@ class Look:
     shapes: (columns, rows) of packets. boxes: (shapes, 2, LEVELS) float64, boxes of each level of a binary SAH tree
     that a packet of that shape enters, on average over the sample: along the whole ray, and up to what it sees. tested:
     (shapes, 2), triangles in the leaves entered. met: (shapes, 2), triangles that a packet hits. hit: share of rays
-    that hit anything. edges: share of tiles of 4 x 4 pixels across which depth jumps. raster_s: processor seconds of
-    the raster frame on one thread. raster_bytes: of its clusters. bvh_bytes: of our own BVH, by that of some clusters.
-    sample: of triangles that rays may hit. counted: what was `copied` already.
+    that hit anything. raster_s: processor seconds of the raster frame on one thread. raster_bytes: of its clusters.
+    bvh_bytes: of our own BVH, by that of some clusters. sample: of triangles that rays may hit. counted: what was
+    `copied` already.
     """
 
     width: int
@@ -59,7 +56,6 @@ class Look:
     tested: NDArray[np.float64]
     met: NDArray[np.float64]
     hit: float
-    edges: float
     raster_s: float
     raster_bytes: int
     bvh_bytes: float
@@ -114,7 +110,7 @@ def look_at(mesh: Mesh, camera: View) -> Look:
     pool.close()
     return Look(
         camera.width, camera.height, mesh.triangle_count, len(mesh.vertices), camera.is_parallel, shapes, *counted,
-        float(np.isfinite(images[0]).mean()), _edges(images[0]), min(frames_s), scratch.bytes, bvh_bytes, sample,
+        float(np.isfinite(images[0]).mean()), min(frames_s), scratch.bytes, bvh_bytes, sample,
     )  # fmt: skip
 
 
@@ -189,16 +185,3 @@ def _whole(
     tail = boxes[..., last + 1 : LEVELS - extra]
     whole[..., last + 1 + extra :] = tail * (growth**extra)[..., None]
     return whole, tested * growth**extra, met * times
-
-
-def _edges(depth: NDArray[np.float32]) -> float:
-    """The share of tiles of 4 x 4 pixels across which depth jumps, or of which only a part hits anything."""
-    height, width = (pixels - pixels % 4 for pixels in depth.shape)
-    if not (height and width):
-        return 0.0
-    rows = depth[:height, :width].reshape(height // 4, 4, width)  # rows first, as these are contiguous
-    low, high = rows.min(axis=1), rows.max(axis=1)
-    near = np.minimum.reduce([low[:, k::4] for k in range(4)])
-    far = np.maximum.reduce([high[:, k::4] for k in range(4)])
-    with np.errstate(invalid="ignore"):
-        return float(np.mean((far > near * (1 + BROKEN)) & np.isfinite(near)))

@@ -27,7 +27,7 @@ from experiments.law.measure import VIEWS, mesh_and_camera
 
 COUNTS = ("boxes", "tested", "met")
 
-FIELDS = ("width", "height", "triangles", "vertices", "is_parallel", "hit", "edges", "raster_s", "raster_bytes",
+FIELDS = ("width", "height", "triangles", "vertices", "is_parallel", "hit", "raster_s", "raster_bytes",
           "bvh_bytes")  # fmt: skip
 
 
