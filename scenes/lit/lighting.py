@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -27,8 +28,8 @@ def lit(name: str, mesh: Mesh, camera: Camera) -> Scene:
     Weekend" and a sun behind the camera's left shoulder, 60 degrees high or so: that reaches into rooms through where
     they are looked into.
     """
-    made = WITH_MATERIALS.get(name)
-    if made is not None and (own := made()).mesh.triangle_count == mesh.triangle_count:
+    own = _with_materials(name)
+    if own is not None and own.mesh.triangle_count == mesh.triangle_count:
         return replace(own, mesh=mesh)
     right, down, forward = camera.axes
     x, y, z = (down + _FORWARD * forward + _RIGHT * right).tolist()
@@ -37,10 +38,18 @@ def lit(name: str, mesh: Mesh, camera: Camera) -> Scene:
 
 def why_grey(name: str, mesh: Mesh) -> str | None:
     """One line for people, where a scene's materials do not fit the mesh, such as one that was subdivided or copied."""
-    made = WITH_MATERIALS.get(name)
-    if made is None or (count := made().mesh.triangle_count) == mesh.triangle_count:
+    own = _with_materials(name)
+    if own is None or own.mesh.triangle_count == mesh.triangle_count:
         return None
+    count = own.mesh.triangle_count
     return f"{name} is grey: its materials are for {count:,} triangles, and the mesh has {mesh.triangle_count:,}"
+
+
+@cache
+def _with_materials(name: str) -> Scene | None:
+    """The scene of `WITH_MATERIALS`, made once; None for other names."""
+    made = WITH_MATERIALS.get(name)
+    return None if made is None else made()
 
 
 def length_of(mesh: Mesh, part: float) -> float:
