@@ -19,7 +19,7 @@ from atra.compiled.intrinsics import greatest, least
 
 
 class _Code(JITCodeLibrary):
-    """Code that calls no kernel. Of one that is kept, nothing but names could be linked."""
+    """Code that calls no kernel: of a kernel that is kept on disk, only the names of its symbols could be linked."""
 
     def add_linking_library(self, library: Any) -> None:
         if getattr(library, "is_kernel", False):

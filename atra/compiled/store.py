@@ -39,7 +39,9 @@ SHIPPED = _PACKAGE / "compiled" / "shipped"
 
 INTO_VARIABLE = "ATRA_COMPILE_INTO"
 """Names a folder to keep compiled kernels in, in folders by room, where all are compiled to be shipped."""
+
 _AS_IN_C = {"error_model": "numpy", "_nrt": False}
+"""Numba's options for division as in C, and for no counting of references."""
 
 _IMPORT = re.compile(rb"^ *(?:from|import) +(atra(?:\.\w+)*)", re.MULTILINE)
 

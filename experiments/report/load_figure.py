@@ -19,11 +19,14 @@ _SERIES = ((_OTHERS, "others_share", "o", BLUE), (_STOLEN, "stolen_share", "x", 
 
 
 def draw_load(processes: pd.DataFrame) -> DrawnFigure | None:
-    """A dot for each process that tells both; None where none does. processes: as `make_tables` makes them."""
+    """A dot for each process whose time and load are known; None without any. processes: as of `make_tables`."""
     if not {"measured_at", "others_share"} <= set(processes):
         return None
-    rows = processes[_moments(processes).notna() & processes["others_share"].notna()]
-    return next(draw_figure(_LOAD, rows, Path()), None) if len(rows) else None
+    return next(draw_figure(_LOAD, _LOAD.rows(processes), Path()), None)
+
+
+def _known(processes: pd.DataFrame) -> pd.DataFrame:
+    return processes[_moments(processes).notna() & processes["others_share"].notna()]
 
 
 def _moments(processes: pd.DataFrame) -> pd.Series:
@@ -51,6 +54,6 @@ def _draw(rows: pd.DataFrame, columns: int) -> Figure:
 _LOAD = FigureKind(
     "load",
     "When each process measured, and the part of the cores that others took meanwhile.",
-    rows=lambda processes: processes,
+    rows=_known,
     draw=of_table(_draw),
 )

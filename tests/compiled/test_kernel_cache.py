@@ -236,7 +236,7 @@ def outer(number):
 
 @pytest.mark.parametrize("is_kept", [False, True])
 def test_a_kernel_that_calls_another_is_refused(is_kept, tmp_path):
-    """Of one that is kept, only names are left: what calls it would run into nothing."""
+    """A kernel that is kept on disk leaves only the names of its symbols to code that would call it."""
     path = tmp_path / "calling.py"
     path.write_text(CALLING)
     if is_kept:

@@ -12,15 +12,7 @@ import pytest
 
 from tests.folders import ROOT
 
-MAY_MOUNT = (
-    shutil.which("unshare") is not None
-    and subprocess.run(["unshare", "-m", "mount", "-t", "tmpfs", "none", "/mnt"], capture_output=True).returncode == 0
-)
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.uncovered,
-    pytest.mark.skipif(not MAY_MOUNT, reason="needs a system that lets this process mount folders of its own"),
-]
+pytestmark = [pytest.mark.slow, pytest.mark.uncovered]
 
 TRACE = """
 import atra, numpy
@@ -28,6 +20,13 @@ mesh = atra.Mesh(numpy.float32([[-1, -1, 0], [1, -1, 0], [0, 1, 0]]), numpy.uint
 with atra.PixelTracer(mesh, atra.Camera((0, 0, 3), (0, 0, 0), width=8, height=8)) as tracer:
     print(tracer.trace().prim_id[4, 4], atra.__file__)
 """
+
+
+@pytest.fixture(scope="module", autouse=True)
+def may_mount():
+    mount = ["unshare", "-m", "mount", "-t", "tmpfs", "none", "/mnt"]
+    if shutil.which("unshare") is None or subprocess.run(mount, capture_output=True).returncode != 0:
+        pytest.skip("needs a system that lets this process mount folders of its own")
 
 
 @pytest.fixture

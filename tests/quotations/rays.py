@@ -28,7 +28,7 @@ def _cells(rows):
 
 
 def hits_lost_by_others(kept):
-    """Of all judged hits of rays those lost, by each peer and by us."""
+    """A sentence a peer: how many of the judged hits it lost, and how many `RayScene` lost."""
     for peer, name in _PEERS.items():
         rows = of(kept.points, method=peer)
         judged, lost, ours = (f"{rows[column].sum():,}" for column in ("judged_hits", "lost", "library_lost"))

@@ -55,14 +55,16 @@ class Unpromising(InputError):
         )
 
 
-MAY_CHANGE = (type(None), MemoryBudgetError, Unpromising)
-"""Problems, none among them, with which a point may be measured in another run."""
+_FLAGS = {LACKED_MEMORY: MemoryBudgetError, UNPROMISING: Unpromising}
+"""Results that a record has where another run may measure the point, and the problem that each tells of."""
+
+MAY_CHANGE = (type(None), *_FLAGS.values())
+"""Types of `PlannedPoint.problem` with which another run may measure the point: no problem, or one of these."""
 
 
 def skipped(problem: AtraError) -> Outcome:
     """The outcome of a point that cannot be measured, with the reason."""
-    flags = {LACKED_MEMORY: MemoryBudgetError, UNPROMISING: Unpromising}
-    results = {name: True for name, kind in flags.items() if isinstance(problem, kind)}
+    results = {name: True for name, kind in _FLAGS.items() if isinstance(problem, kind)}
     return Outcome("skipped", str(problem), on_purpose=True, results=results)
 
 

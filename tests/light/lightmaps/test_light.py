@@ -290,7 +290,8 @@ def test_a_textured_triangle_reflects_and_emits_the_mean_of_its_images():
     materials = [render.MetallicRoughness(image, emission=(4.0, 4.0, 4.0), emission_image=image)]
     scene = render.Scene(quads([corners]), materials, uv=[(0, 0), (1, 0), (1, 1), (0, 1)], lights=[])
     surface = Surface.of(scene)
-    shares = np.array([7.0, 1.0]) / 16  # of both triangles, of which the first has the corner (1, 0)
+    # The coloured strip covers 7 / 16 of the first triangle, which has the corner (1, 0), and 1 / 16 of the second.
+    shares = np.array([7.0, 1.0]) / 16
     np.testing.assert_allclose(surface.albedo, shares[:, None] * (0.8, 0.4, 0.2), atol=0.01)
     np.testing.assert_allclose(surface.emission, 4.0 * shares[:, None] * (0.8, 0.4, 0.2), atol=0.04)
     checker = render.Lambertian(render.Checker((1, 0, 0), (0, 0, 1), 8.0))
