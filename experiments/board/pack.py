@@ -25,6 +25,7 @@ from experiments.commands.program import COMMAND
 from experiments.drawing.values import column
 from experiments.harness.environment import STABLE_FIELDS
 from experiments.harness.records import load_record
+from experiments.results.intervals import with_intervals
 from experiments.results.table import read_table
 
 FORMAT = 1
@@ -77,7 +78,9 @@ def packed(folder: Path) -> bytes:
     table = read_table(folder / "table.parquet")
     if table is None:
         raise InputError(f"{folder} holds no table.parquet; {_USAGE}")
-    members = {_ROWS: json.dumps(plain_rows(board_rows(table)), allow_nan=False).encode()}
+    processes = read_table(folder / "processes.parquet")
+    whole = table if processes is None else with_intervals(table, processes)
+    members = {_ROWS: json.dumps(plain_rows(board_rows(whole)), allow_nan=False).encode()}
     members |= {name: (folder / name).read_bytes() for name in _TABLES if (folder / name).exists()}
     times = column(table, "measured_at").dropna()
     about = {

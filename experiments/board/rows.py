@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass, fields
 from math import isfinite
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from atra.errors import InputError, printable
@@ -17,9 +16,10 @@ from experiments.methods.naming import best_of, is_missing, say_point
 from experiments.results.settings import settings
 from experiments.workloads import find_workload
 from experiments.workloads.baselines import PACKETS
-from experiments.workloads.series import OVER_PACKETS, choosing
+from experiments.workloads.series import OVER_PACKETS, best_rows
 
 _TIME = "render_time_s"
+_FASTEST_PACKETS = "packets_render_time_s"
 _WRONG = ("pixels_wrong", "rays_wrong")
 _LONGEST_TEXT = 300
 
@@ -29,7 +29,8 @@ class BoardRow:
     """A method at its best options, on one scene and kind of ray.
 
     rays: their kind. name: method and options in words. ratio: time of the widest packets per ray over this, in the
-    same processes, with its 95 % interval; None where there are no packets. frame_s: one image or batch. build_s: plan
+    same rounds, with its 95 % interval; None where there are no packets. It is that of tables and figures, which is
+    over the fastest packets, times what the widest take longer. frame_s: one image or batch. build_s: plan
     and build. wrong: pixels or rays. error: why it was not measured.
     """
 
@@ -62,12 +63,13 @@ def board_rows(table: pd.DataFrame) -> list[BoardRow]:
 
 
 def _best_of_each(table: pd.DataFrame, keys: list[str]) -> Iterator[Mapping[str, Any]]:
-    """The row with the best ratio to packets in each group of rows alike in `keys`; its first if none was measured."""
+    """The best split in each group of rows alike in `keys`, as tables and figures choose and report it; of a group
+    without a ratio, a row that was measured, or else its first."""
     for _, rows in table.groupby(keys, dropna=False, sort=False):
-        chosen = choosing(rows, OVER_PACKETS)
-        ok = rows["status"].eq("ok").fillna(False).to_numpy(bool)
-        place = int(np.argmax(np.where(ok, np.nan_to_num(chosen, nan=-1.0), -2.0)))
-        yield rows.iloc[place].to_dict()
+        best = best_rows(rows)
+        measured = rows[rows["status"].eq("ok").fillna(False).astype(bool)]
+        chosen = next(one for one in (best, measured.head(1), rows.head(1)) if len(one))
+        yield from (row.to_dict() for _, row in chosen.iterrows())
 
 
 def _row(row: Mapping[str, Any]) -> BoardRow:
@@ -75,10 +77,9 @@ def _row(row: Mapping[str, Any]) -> BoardRow:
     measured = known if row["status"] == "ok" else {}
     frame_s = measured.get(_TIME)
     widest = [measured[name] for name in (f"{one}_{_TIME}" for one in PACKETS.values()) if name in measured][-1:]
-    ratio = float(widest[0] / frame_s) if widest and frame_s else measured.get(OVER_PACKETS)
-    scale = ratio / measured[OVER_PACKETS] if ratio and measured.get(OVER_PACKETS) else None
-    ends = [measured.get(f"{OVER_PACKETS}_{end}") for end in ("low", "high")]
-    low, high = (None if one is None or scale is None else float(one * scale) for one in ends)
+    slower = widest[0] / measured[_FASTEST_PACKETS] if widest and _FASTEST_PACKETS in measured else 1.0
+    over = [measured.get(f"{OVER_PACKETS}{end}") for end in ("", "_low", "_high")]
+    ratio, low, high = (None if one is None else float(one * slower) for one in over)
     parts = [measured[name] for name in ("plan_time_s", "build_time_s") if name in measured]
     wrong = [int(measured[name]) for name in _WRONG if name in measured]
     method, workload = find_method(str(row["method"])), find_workload(str(row["workload"]))

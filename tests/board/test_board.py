@@ -12,8 +12,10 @@ from experiments.board.command import board_page, run_board
 from experiments.board.pack import Pack, packed, read_pack, run_pack
 from experiments.board.rows import BoardRow, board_rows
 from experiments.drawing.style import TIMES
+from experiments.results.intervals import with_intervals
 from experiments.results.table import read_table
 from tests.drawn import make_rows, method_row
+from tests.folders import ROOT
 
 pytestmark = pytest.mark.uncovered
 
@@ -59,7 +61,8 @@ def test_a_sweep_is_packed_into_the_same_bytes_and_read_back(tmp_path, capsys):
     assert path.read_bytes() == packed(METHODS)
     pack = read_pack(path)
     assert (pack.name, pack.machine_name) == ("methods", "AMD EPYC")
-    assert list(pack.rows) == board_rows(read_table(METHODS / "table.parquet"))
+    tables = [read_table(METHODS / f"{name}.parquet") for name in ("table", "processes")]
+    assert list(pack.rows) == board_rows(with_intervals(*tables))
     with zipfile.ZipFile(path) as archive:
         assert archive.read("table.parquet") == (METHODS / "table.parquet").read_bytes()
 
@@ -67,12 +70,34 @@ def test_a_sweep_is_packed_into_the_same_bytes_and_read_back(tmp_path, capsys):
 def test_the_ratio_is_over_the_widest_packets_and_the_best_split_is_shown():
     pixel = method_row("pixel")
     rows = board_rows(make_rows(
-        pixel | {"render_time_s": 0.02, "packets_8_render_time_s": 0.01, "packets_16_render_time_s": 0.03},
+        pixel | {"packets_render_time_s": 0.01, "packets_8_render_time_s": 0.01, "packets_16_render_time_s": 0.03},
         method_row("aligned", 8, ratio=1.5), method_row("aligned", 16, ratio=2.5),
     ))  # fmt: skip
-    assert [row.ratio for row in rows if row.method == "one ray per pixel"] == [1.5]
+    (packets,) = [row for row in rows if row.method == "one ray per pixel"]
+    assert (packets.ratio, packets.low, packets.high) == pytest.approx((6.0, 5.25, 6.75))  # 2.0 [1.75, 2.25] by 3
     (aligned,) = [row for row in rows if row.method == "aligned"]
     assert f"16 {TIMES}" in aligned.name
+
+
+def test_the_best_split_is_chosen_by_one_half_of_the_processes_and_reported_by_the_other():
+    rest = {f"speedup_vs_packets_rest{end}": value for end, value in (("", 1.2), ("_low", 1.1), ("_high", 1.3))}
+    (row,) = board_rows(make_rows(
+        method_row("aligned", 8, ratio=2.5, speedup_vs_packets_half=1.5),
+        method_row("aligned", 16, ratio=1.5, speedup_vs_packets_half=2.5) | rest,
+    ))  # fmt: skip
+    assert f"16 {TIMES}" in row.name
+    assert (row.ratio, row.low, row.high) == (1.2, 1.1, 1.3)
+
+
+def test_the_stored_board_has_the_ratios_of_the_readme(tmp_path):
+    path = tmp_path / "methods.atra"
+    path.write_bytes(packed(METHODS))
+    shown = {f"{row.ratio:.2f} [{row.low:.2f}, {row.high:.2f}]" for row in read_pack(path).rows if row.rays == "primary"}
+    lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
+    cells = [line.split(" | ") for line in lines if line.startswith("| `") and "[" in line and "packets" not in line]
+    ours = {cell.strip(" |") for line in cells for cell in line if "." in cell and "[" in cell}
+    assert len(ours) == 12
+    assert ours <= shown
 
 
 def test_a_method_that_failed_is_a_row_with_its_reason():
