@@ -16,7 +16,7 @@ from experiments.methods.naming import best_of, is_missing, say_point
 from experiments.results.settings import settings
 from experiments.workloads import find_workload
 from experiments.workloads.baselines import PACKETS
-from experiments.workloads.series import OVER_PACKETS, best_rows
+from experiments.workloads.series import OVER_PACKETS, OVER_SINGLE, POINTS, best_rows
 
 _TIME = "render_time_s"
 _FASTEST_PACKETS = "packets_render_time_s"
@@ -65,11 +65,16 @@ def board_rows(table: pd.DataFrame) -> list[BoardRow]:
 def _best_of_each(table: pd.DataFrame, keys: list[str]) -> Iterator[Mapping[str, Any]]:
     """The best split in each group of rows alike in `keys`, as tables and figures choose and report it; of a group
     without a ratio, a row that was measured, or else its first."""
-    for _, rows in table.groupby(keys, dropna=False, sort=False):
+    whole = table.to_dict("records")
+    # Groups of few columns: pandas would take seconds to copy all of them for every group.
+    ratios = [name for name in table if name.startswith((OVER_SINGLE, OVER_PACKETS))]
+    few = table[[name for name in dict.fromkeys([*keys, *POINTS, "status", *ratios]) if name in table]]
+    for _, rows in few.reset_index(drop=True).groupby(keys, dropna=False, sort=False):
         best = best_rows(rows)
         measured = rows[rows["status"].eq("ok").fillna(False).astype(bool)]
-        chosen = next(one for one in (best, measured.head(1), rows.head(1)) if len(one))
-        yield from (row.to_dict() for _, row in chosen.iterrows())
+        chosen = next(one for one in (best, measured[:1], rows[:1]) if len(one))
+        for place, reported in zip(chosen.index, chosen[ratios].to_dict("records"), strict=True):
+            yield whole[place] | reported
 
 
 def _row(row: Mapping[str, Any]) -> BoardRow:

@@ -8,6 +8,7 @@ import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,6 +26,10 @@ from scenes.built_in import BUILT_IN
 from scenes.generated import FAMILIES
 from scenes.loading import SceneSource, load_scene
 from scenes.scene import Scene
+from scenes.views import VIEWS, view_fields
+
+if TYPE_CHECKING:
+    from atra.bvh.scene import BvhScene
 
 SIZES = {"small": 64, "middle": 256, "large": 1024}
 """Pixels along each side of the image that the rays are of."""
@@ -39,7 +44,10 @@ nearby; one bounce; side by side along one direction; and from anywhere to anywh
 _COUNTED = 1 << 14
 """Rays of a batch, about, whose boxes are counted."""
 
-_USAGE = f"expected: {COMMAND} rays cornell_box terrain_100000 [size=small,middle,large] [output=FOLDER]"
+_USAGE = (
+    f"expected: {COMMAND} rays cornell_box terrain_100000 [size=small,middle,large] [output=FOLDER] [files=false]; "
+    "with files=false only the tables of digests and difficulty are written"
+)
 
 
 @dataclass(frozen=True)
@@ -61,27 +69,55 @@ class RayFile:
         return f"{self.scene}_{self.kind}_{self.size}.npz"
 
 
+@dataclass(frozen=True)
+class ViewOfScene:
+    """A view of a scene, one of `scenes.views.VIEWS`, as an image of 256 x 256 pixels.
+
+    sha256: of its primary rays. hit: share of pixels that see a triangle. crossed, boxes: as of RayFile, primary rays.
+    """
+
+    scene: str
+    triangles: int
+    mesh_sha256: str
+    view: str
+    sha256: str
+    hit: float
+    crossed: float
+    boxes: float
+
+
 def run_rays(arguments: Sequence[str]) -> list[Path]:
-    """Write a file for each scene, kind and size, and a list of them, into a folder. Raises InputError for no scene, an
-    unknown one, and an unknown size."""
+    """Write a file for each scene, kind and size, a list of them, and a list of the scenes' views, into a folder.
+    Raises InputError for no scene, an unknown one, and an unknown size."""
+    from atra.bvh.scene import BvhScene
+
     options = dict(one.split("=", 1) for one in arguments if "=" in one)
     names = [one for one in arguments if "=" not in one]
     sizes = options.pop("size", ",".join(SIZES)).split(",")
     folder = Path(options.pop("output", "rays"))
-    if not names or options or not set(sizes) <= SIZES.keys():
+    keeps = options.pop("files", "true")
+    if not names or options or not set(sizes) <= SIZES.keys() or keeps not in ("true", "false"):
         raise InputError(_USAGE)
     folder.mkdir(parents=True, exist_ok=True)
-    paths, listed = [], []
+    paths: list[Path] = []
+    files: list[RayFile] = []
+    views: list[ViewOfScene] = []
     for name in names:
-        for size in sizes:
-            for one, rays in ray_files(scene_of(name), size):
-                paths.append(folder / one.name)
-                write_atomically(paths[-1], as_bytes(rays))
-                listed.append(one)
-                print(f"{one.name}: {one.rays:,} rays, {one.boxes:.1f} boxes a ray, sha256 {one.sha256[:16]}")
-    write_atomically(folder / "rays.csv", table_of(listed))
-    print(f"written: {folder / 'rays.csv'}")
-    return [*paths, folder / "rays.csv"]
+        scene = scene_of(name)
+        with BvhScene(scene.mesh) as bvh:
+            for size in sizes:
+                for one, rays in ray_files(scene, size, bvh):
+                    if keeps == "true":
+                        paths.append(folder / one.name)
+                        write_atomically(paths[-1], as_bytes(rays))
+                    files.append(one)
+                    print(f"{one.name}: {one.rays:,} rays, {one.boxes:.1f} boxes a ray, sha256 {one.sha256[:16]}")
+            views += [view_of(scene, view, bvh) for view in VIEWS]
+    tables = {folder / "rays.csv": table_of(files), folder / "views.csv": table_of(views)}
+    for path, content in tables.items():
+        write_atomically(path, content)
+        print(f"written: {path}")
+    return [*paths, *tables]
 
 
 def scene_of(name: str) -> Scene:
@@ -93,24 +129,44 @@ def scene_of(name: str) -> Scene:
     return load_scene(SceneSource.directory, name, None)
 
 
-def ray_files(scene: Scene, size: str) -> Iterator[tuple[RayFile, Rays]]:
-    """All kinds of one size."""
-    from atra.bvh.scene import BvhScene
+def ray_files(scene: Scene, size: str, bvh: BvhScene) -> Iterator[tuple[RayFile, Rays]]:
+    """All kinds of one size. bvh: of the scene."""
+    mesh, side = scene.mesh, SIZES[size]
+    with RasterTracer(mesh, Camera(**scene.camera, width=side, height=side)) as tracer:
+        hits = tracer.trace()
+        crossed = _crossed(tracer)
+    for kind in KINDS:
+        rays = rays_of(kind, mesh, hits)
+        boxes = _boxes(bvh, rays, kind in ("shadow", "ambient"))
+        yield RayFile(scene.name, mesh.triangle_count, kind, size, len(rays), digest_of(rays), crossed, boxes), rays
+
+
+def view_of(scene: Scene, view: str, bvh: BvhScene) -> ViewOfScene:
+    """What is known of one of VIEWS. bvh: of the scene."""
+    mesh, side = scene.mesh, SIZES["middle"]
+    with RasterTracer(mesh, Camera(**view_fields(mesh, scene.camera, view), width=side, height=side)) as tracer:
+        hits = tracer.trace()
+        crossed = _crossed(tracer)
+    rays = rays_of("primary", mesh, hits)
+    share = float(hits.hit.mean())
+    boxes = _boxes(bvh, rays, False)
+    return ViewOfScene(
+        scene.name, mesh.triangle_count, scene.mesh_sha256, view, digest_of(rays), share, crossed, boxes
+    )
+
+
+def _crossed(tracer: RasterTracer) -> float:
+    """Triangles along a ray of the image, on average: depth complexity."""
+    return float(tracer.gather(Count()).count.mean())
+
+
+def _boxes(bvh: BvhScene, rays: Rays, any_hit: bool) -> float:
+    """Boxes that a ray enters, on average over about `_COUNTED` of them."""
     from atra.bvh.single import BOXES
 
-    mesh, side = scene.mesh, SIZES[size]
-    camera = Camera(**scene.camera, width=side, height=side)
-    with RasterTracer(mesh, camera) as tracer:
-        hits = tracer.trace()
-        crossed = float(tracer.gather(Count()).count.mean())
-    with BvhScene(mesh) as bvh:
-        for kind in KINDS:
-            rays = rays_of(kind, mesh, hits)
-            some = _every(rays, max(1, len(rays) // _COUNTED))
-            _, counts = bvh.count(bvh.prepare(some), kind in ("shadow", "ambient"))
-            boxes = float(counts[BOXES]) / max(len(some), 1)
-            digest = digest_of(rays)
-            yield RayFile(scene.name, mesh.triangle_count, kind, size, len(rays), digest, crossed, boxes), rays
+    some = _every(rays, max(1, len(rays) // _COUNTED))
+    _, counts = bvh.count(bvh.prepare(some), any_hit)
+    return float(counts[BOXES]) / max(len(some), 1)
 
 
 def rays_of(kind: str, mesh: Mesh, hits: Hits) -> Rays:
@@ -163,12 +219,12 @@ def as_bytes(rays: Rays) -> bytes:
     return buffer.getvalue()
 
 
-def table_of(files: Sequence[RayFile]) -> bytes:
-    """A line a file, as comma-separated values."""
+def table_of(rows: Sequence[RayFile] | Sequence[ViewOfScene]) -> bytes:
+    """A line a row, as comma-separated values. rows: at least one."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(RayFile.__dataclass_fields__)
-    for one in files:
+    writer.writerow(vars(rows[0]))
+    for one in rows:
         told = (f"{value:.4g}" if isinstance(value, float) else value for value in vars(one).values())
         writer.writerow(told)
     return text.getvalue().encode()

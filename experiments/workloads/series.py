@@ -27,7 +27,7 @@ OVER_SINGLE, OVER_PACKETS = "speedup", "speedup_vs_packets"
 
 _BASELINES = dict(zip((OVER_SINGLE, OVER_PACKETS), TIME_BASELINES, strict=True))
 
-_POINTS = ("scene", "mesh_sha256", "width", "height", "method", "packet_width", "threads", "build_quality")
+POINTS = ("scene", "mesh_sha256", "width", "height", "method", "packet_width", "threads", "build_quality")
 """Columns whose values tell groups of rows apart; each group has a best row."""
 
 
@@ -60,7 +60,7 @@ def best_rows(rows: pd.DataFrame) -> pd.DataFrame:
     ratios = np.where(single, choosing(rows, OVER_SINGLE), choosing(rows, OVER_PACKETS))
     known = rows["status"].eq("ok").fillna(False).to_numpy(bool) & np.isfinite(ratios)
     ordered = [place for place in np.argsort(-ratios, kind="stable") if known[place]]
-    keys = [name for name in _POINTS if name in rows]
+    keys = [name for name in POINTS if name in rows]
     first = ~rows.iloc[ordered].duplicated(keys).to_numpy(bool)
     chosen = rows.iloc[np.sort(np.array(ordered, np.intp)[first])]
     return chosen if len(chosen) == len(rows) else _as_reported(chosen)

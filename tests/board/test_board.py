@@ -42,6 +42,12 @@ ROW = BoardRow(
 )
 
 
+@pytest.fixture(scope="module")
+def content():
+    """The stored sweep, packed."""
+    return packed(METHODS)
+
+
 def rewritten(content, **members):
     """The same archive with other members."""
     buffer = io.BytesIO()
@@ -55,10 +61,10 @@ def page_of(*rows, **machine):
     return board_page([Pack("toys", machine or {"cpu": "a cpu"}, ("then", "now"), rows, "abcd")])
 
 
-def test_a_sweep_is_packed_into_the_same_bytes_and_read_back(tmp_path, capsys):
+def test_a_sweep_is_packed_into_the_same_bytes_and_read_back(tmp_path, content):
     path = tmp_path / "methods.atra"
     run_pack([str(METHODS), f"output={path}"])
-    assert path.read_bytes() == packed(METHODS)
+    assert path.read_bytes() == content
     pack = read_pack(path)
     assert (pack.name, pack.machine_name) == ("methods", "AMD EPYC")
     tables = [read_table(METHODS / f"{name}.parquet") for name in ("table", "processes")]
@@ -89,10 +95,11 @@ def test_the_best_split_is_chosen_by_one_half_of_the_processes_and_reported_by_t
     assert (row.ratio, row.low, row.high) == (1.2, 1.1, 1.3)
 
 
-def test_the_stored_board_has_the_ratios_of_the_readme(tmp_path):
+def test_the_stored_board_has_the_ratios_of_the_readme(tmp_path, content):
     path = tmp_path / "methods.atra"
-    path.write_bytes(packed(METHODS))
-    shown = {f"{row.ratio:.2f} [{row.low:.2f}, {row.high:.2f}]" for row in read_pack(path).rows if row.rays == "primary"}
+    path.write_bytes(content)
+    rows = [row for row in read_pack(path).rows if row.rays == "primary"]
+    shown = {f"{row.ratio:.2f} [{row.low:.2f}, {row.high:.2f}]" for row in rows}
     lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
     cells = [line.split(" | ") for line in lines if line.startswith("| `") and "[" in line and "packets" not in line]
     ours = {cell.strip(" |") for line in cells for cell in line if "." in cell and "[" in cell}
@@ -115,24 +122,23 @@ def test_nothing_in_a_strangers_file_reaches_the_page_as_markup():
     assert page.count("<script>") == 1
 
 
-@pytest.mark.parametrize(("member", "content", "reason"), [
+@pytest.mark.parametrize(("member", "damaged", "reason"), [
     ("rows", b"[]", "does not have its digest"),
     ("atra", b"{}", "its format is not 1"),
     ("atra", b"not json", "cannot be read"),
     ("atra", b" " * (2 << 20), "larger than 1,048,576 bytes"),
 ])  # fmt: skip
-def test_a_damaged_file_is_refused(tmp_path, member, content, reason):
+def test_a_damaged_file_is_refused(tmp_path, content, member, damaged, reason):
     path = tmp_path / "methods.atra"
-    path.write_bytes(rewritten(packed(METHODS), **{member: content}))
+    path.write_bytes(rewritten(content, **{member: damaged}))
     with pytest.raises(InputError, match=reason):
         read_pack(path)
 
 
 @pytest.mark.parametrize("change", [{"ratio": "2"}, {"wrong": True}, {"more": 1}, {"scene": None}, {"frame_s": 1e999}])
-def test_rows_of_other_fields_and_types_are_refused(tmp_path, change):
+def test_rows_of_other_fields_and_types_are_refused(tmp_path, content, change):
     from hashlib import sha256
 
-    content = packed(METHODS)
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         rows, about = json.loads(archive.read("rows.json")), json.loads(archive.read("atra.json"))
     told = json.dumps([rows[0] | change]).encode()
