@@ -278,14 +278,17 @@ def test_walking_turns_the_head_moves_by_keys_and_buttons_and_picture_and_camera
         steps(press, 1.0, "a step by the key")
         steps(tab.get_by_role("button", name="back", exact=True).click, -1.0, "a step back")
         wait_for(lambda: page._frame is not None and page._frame.samples == 3, "the picture at rest")
-        for name in ("picture", "camera"):
-            with tab.expect_download() as loaded:
-                tab.get_by_role("button", name=f"save {name}").click()
-            loaded.value.save_as(tmp_path / name)
-        np.testing.assert_array_equal(np.asarray(Image.open(tmp_path / "picture")), page._frame.picture.image)
-        (tmp_path / "camera").rename(tmp_path / "camera.json")
-        (camera,) = read_cameras(tmp_path / "camera.json", None, {}).values()
-        assert camera == page.session.wanted.camera
+
+        def saves_what_is_shown():
+            for name in ("picture.png", "camera.json"):
+                with tab.expect_download() as loaded:
+                    tab.get_by_role("button", name=f"save {name.partition('.')[0]}").click()
+                loaded.value.save_as(tmp_path / name)
+            (camera,) = read_cameras(tmp_path / "camera.json", None, {}).values()
+            picture = np.asarray(Image.open(tmp_path / "picture.png"))
+            return camera == page.session.wanted.camera and np.array_equal(picture, page._frame.picture.image)
+
+        wait_for(saves_what_is_shown, "picture and camera as they are shown")
         choose("orbit")
         forward.wait_for(state="hidden")
 
