@@ -92,8 +92,8 @@ def without_farther(parallel, bits, close, prim_id, own, known, stored, address,
 def without_farther_of_lens(bits, close, prim_id, address, numbers, mesh, left, row, places, down_places):  # type: ignore[no-untyped-def]
     """As `without_farther`, through a lens, with few arguments: every call of what calls it passes them on.
 
-    numbers: address of those of an `Eye`. mesh: `Corners`. Samples lie beside whole numbers, by what is stored, float32,
-    from the addresses places and down_places on.
+    numbers: address of those of an `Eye`. mesh: `Corners`. places, down_places: addresses of float32, by which samples
+    lie beside whole numbers.
     """
     lane, eye = 0, eye_at(numbers, 0.0)
     while close >> lane != 0:
