@@ -91,7 +91,7 @@ SWEEPS = {
     "views": (["scene.copies=1", "workload.views=2", "width=32", "height=32"], set()),
     "classification_smoke": ([], {"classification_probability", "classification_shafts", "moving"}),
     "classification_smoke-single_rays": (
-        [f"~sweep.grids.classification_{name}" for name in ("packets", "eye")],
+        ["method.traversal=pop", *(f"~sweep.grids.classification_{name}" for name in ("packets", "eye"))],
         {"classification_probability", "classification_shafts"},
     ),
     "paths": ([], set()),
