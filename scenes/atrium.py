@@ -47,19 +47,28 @@ def atrium() -> Mesh:
     Depth complexity from its own camera, square image: a ray of a 32 x 32 grid crosses 6.4 triangles on average
     (the paper's scene, in our estimate of its view: 7.7).
     """
+    return planted_court().to_mesh("atrium")
+
+
+def planted_court() -> Part:
+    """The triangles of `atrium`, with what they are made of: keys of `scenes.lit.interiors.COURT`."""
     bays, corners = _bay_frames()
     built = join(
         [
             _hull(),
             _colonnade(),
-            *(_along(part, bays) for part in (_arches(), _balustrade(), _vault(), _aisle_wall(), _ornaments())),
+            _along(_arches().made_of("stone"), bays),
+            _along(_balustrade().made_of("marble"), bays),
+            _along(_vault().made_of("plaster"), bays),
+            _along(_aisle_wall(), bays),
+            _along(_ornaments(), bays),
             _along(_curtain(), bays[: 2 * _BAYS]),
             _along(_pot(), bays[: 2 * _BAYS]),
-            _along(_corner_vault(), corners),
+            _along(_corner_vault().made_of("plaster"), corners),
             _lamps(),
         ]
     )
-    return join([built, _ivy(_TRIANGLES - built.triangle_count)]).to_mesh("atrium")
+    return join([built, _ivy(_TRIANGLES - built.triangle_count).made_of("leaf")])
 
 
 def _bay_frames() -> tuple[list[tuple[float, float, float]], list[tuple[float, float, float]]]:
@@ -106,10 +115,13 @@ def _hull() -> Part:
     for y in (0.0, 0.3):
         low, high = 12.8 + y, ridge + y
         facade += [
-            quad((-x - 9, low, side * eaves), (x + 9, low, side * eaves), (x + 9, high, 0), (-x - 9, high, 0))
+            quad((-x - 9, low, side * eaves), (x + 9, low, side * eaves), (x + 9, high, 0), (-x - 9, high, 0)).made_of(
+                "glass"
+            )
             for side in (-1, 1)
         ]
-    return join([floor, cellar, *outer, *facade, *slabs, ceiling, beams, ribs, *upper])
+    glazing = [ceiling.made_of("glass"), join([beams, ribs]).made_of("iron")]
+    return join([floor.made_of("floor"), cellar, *outer, *facade, *slabs, *glazing, *upper]).made_of("plaster")
 
 
 def _colonnade() -> Part:
@@ -118,7 +130,8 @@ def _colonnade() -> Part:
     feet = [(x, 0.0, side * _HALF_WIDTH) for x in along for side in (-1, 1)]
     feet += [(side * _HALF_LENGTH, 0.0, z) for z in across for side in (-1, 1)]
     above = [(x, _FLOOR_2, z) for x, _, z in feet]
-    return join([copies(_column(0.38, _SPRING_1), feet), copies(_column(0.28, _SPRING_2 - _FLOOR_2), above)])
+    below, upper = copies(_column(0.38, _SPRING_1), feet), copies(_column(0.28, _SPRING_2 - _FLOOR_2), above)
+    return join([below, upper]).made_of("marble")
 
 
 def _column(radius: float, height: float) -> Part:
@@ -198,7 +211,8 @@ def _aisle_wall() -> Part:
     bars = [box(0.05, 1.9, 0.05).moved(x, 6.9, z + 0.1) for x in np.linspace(-0.6, 0.6, 5)]
     sill = [box(1.6, 0.12, 0.3).moved(0, 6.78, z + 0.15), box(1.6, 0.15, 0.2).moved(0, 8.8, z + 0.1)]
     slats = copies(box(0.5, 0.015, 0.06), [(x, y, z + 0.1) for x in (-1.1, 1.1) for y in np.linspace(6.95, 8.7, 9)])
-    return join([pilasters, head, *door, *bars, *sill, slats])
+    wood = join([*bars, *sill, slats]).made_of("shutter")
+    return join([join([pilasters, head]).made_of("stone"), join(door).made_of("door"), wood])
 
 
 def _ornaments() -> Part:
@@ -209,7 +223,8 @@ def _ornaments() -> Part:
     boss = join([ball(0.2, 16, 10).scaled(1.0, 1.3, 0.7), ring(0.24, 0.04, 20, 6).turned(0.0, lean=90.0)])
     lantern_knots = [(0, -0.5), (0.06, -0.45), (0.2, -0.3), (0.16, 0), (0.04, 0.1), (0.015, 0.2), (0.015, 0.75)]
     lantern = lathe(smooth_profile(lantern_knots, 14), 14)
-    return join([roses, boss.moved(y=_SPRING_1 + 1.75, z=0.33), lantern.moved(y=4.6, z=-_AISLE / 2)])
+    stone = join([roses, boss.moved(y=_SPRING_1 + 1.75, z=0.33)]).made_of("marble")
+    return join([stone, lantern.made_of("lantern").moved(y=4.6, z=-_AISLE / 2)])
 
 
 def _curtain() -> Part:
@@ -217,7 +232,7 @@ def _curtain() -> Part:
     sheet = cloth(1.75, 3.5, 40, 30, 6.0, 0.1).moved(-1.6, 0.25, -0.1)
     banner = cloth(0.9, 1.7, 16, 14, 1.5, 0.05).moved(-0.45, 4.2, 0.5)
     rod = tube([(x, 3.78, -0.1) for x in np.linspace(-1.6, 1.6, 4)], 0.03, 8, (0.0, 1.0, 0.0))
-    return join([sheet, banner, rod])
+    return join([sheet.made_of("curtain"), banner.made_of("banner"), rod.made_of("iron")])
 
 
 def _pot() -> Part:
@@ -226,7 +241,8 @@ def _pot() -> Part:
     turn, rise = 360.0 * spread(40, 0), spread(40, 1)
     at = np.stack([0.08 * np.sin(np.radians(turn)), 0.55 + 0.5 * rise, 0.08 * np.cos(np.radians(turn))], 1)
     bush = copies(leaf(0.5, 0.13, 5, 0.6), at, frames(turn, -40.0 * rise, 0.7 + 0.5 * spread(40, 2)))
-    return join([lathe(smooth_profile(knots, 16), 20), bush]).moved(_BAY / 2, 0.0, 0.95)
+    pot = lathe(smooth_profile(knots, 16), 20).made_of("clay")
+    return join([pot, bush.made_of("leaf")]).moved(_BAY / 2, 0.0, 0.95)
 
 
 def _lamps() -> Part:
@@ -240,7 +256,8 @@ def _lamps() -> Part:
     stays = [tube([(0.34 * c, 0, 0.34 * s), (0.17 * c, 0.2, 0.17 * s), (0, 0.4, 0)], 0.01, 5, (-s, 0, c))
              for c, s in ((1.0, 0.0), (-0.5, 0.866025), (-0.5, -0.866025))]  # fmt: skip
     globe = ball(0.15, 16, 10).moved(y=-0.12)
-    return copies(join([bowl, chain, *stays, globe]), [(x, 6.1, 0.0) for x in (-8.0, -4.0, 0.0, 4.0, 8.0, 12.0)])
+    lamp = join([join([bowl, chain, *stays]).made_of("brass"), globe.made_of("globe")])
+    return copies(lamp, [(x, 6.1, 0.0) for x in (-8.0, -4.0, 0.0, 4.0, 8.0, 12.0)])
 
 
 def _ivy(leaves: int) -> Part:

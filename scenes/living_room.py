@@ -41,31 +41,34 @@ def living_room() -> Mesh:
     Depth complexity from its own camera, square image: a ray of a 32 x 32 grid crosses 2.9 triangles on average
     (the paper's scene, in Bitterli's view of it: 1.6, as its furniture has fewer sides that nobody sees).
     """
-    furnished = join(
-        [
-            _walls(),
-            _window(),
-            _curtains(),
-            _fireplace(),
-            _pictures(),
-            _shelves(),
-            _sofa().turned(90.0).moved(-2.2, 0.0, 0.1),
-            _armchair().turned(-60.0).moved(0.95, 0.0, -0.25),
-            _table().moved(_RUG[0], 0.0, _RUG[1]),
-            _plant(150).moved(-2.25, 0.0, -1.7),
-            _plant(110).scaled(0.6, 0.6, 0.6).moved(2.25, 0.0, -1.75),
-            _floor_lamp().moved(-2.35, 0.0, 1.65),
-            _pendant().moved(_RUG[0], 0.0, _RUG[1]),
-        ]
-    )
-    return join([furnished, _rug(_TRIANGLES - furnished.triangle_count)]).to_mesh("living_room")
+    return furnished_room().to_mesh("living_room")
+
+
+def furnished_room() -> Part:
+    """The triangles of `living_room`, with what they are made of: keys of `scenes.lit.interiors.ROOM`."""
+    furnished = join([
+        _walls(),
+        _window(),
+        _curtains(),
+        _fireplace(),
+        _pictures(),
+        _shelves(),
+        _sofa().turned(90.0).moved(-2.2, 0.0, 0.1),
+        _armchair().turned(-60.0).moved(0.95, 0.0, -0.25),
+        _table().moved(_RUG[0], 0.0, _RUG[1]),
+        _plant(150).moved(-2.25, 0.0, -1.7),
+        _plant(110).scaled(0.6, 0.6, 0.6).moved(2.25, 0.0, -1.75),
+        _floor_lamp().moved(-2.35, 0.0, 1.65),
+        _pendant().moved(_RUG[0], 0.0, _RUG[1]),
+    ])  # fmt: skip
+    return join([furnished, _rug(_TRIANGLES - furnished.triangle_count)])
 
 
 def _walls() -> Part:
     x, y, z, w = _X, _Y, _Z, _WINDOW_Z
     whole = [
-        quad((-x, 0, z), (x, 0, z), (x, 0, -z), (-x, 0, -z)),
-        quad((-x, y, -z), (x, y, -z), (x, y, z), (-x, y, z)),
+        quad((-x, 0, z), (x, 0, z), (x, 0, -z), (-x, 0, -z)).made_of("floor"),
+        quad((-x, y, -z), (x, y, -z), (x, y, z), (-x, y, z)).made_of("white"),
         quad((-x, 0, -z), (x, 0, -z), (x, y, -z), (-x, y, -z)),
         quad((x, 0, z), (-x, 0, z), (-x, y, z), (x, y, z)),
         quad((x, 0, -z), (x, 0, z), (x, y, z), (x, y, -z)),
@@ -83,7 +86,7 @@ def _walls() -> Part:
         box(2 * x, 0.08, 0.06).moved(y=y - 0.08, z=-z + 0.03),
         box(0.06, 0.08, 2 * z).moved(-x + 0.03, y - 0.08),
     ]
-    return join([*whole, *pierced, *skirting])
+    return join([join([*whole, *pierced]).made_of("wall"), join(skirting).made_of("white")])
 
 
 def _window() -> Part:
@@ -91,7 +94,7 @@ def _window() -> Part:
     height, w = _LINTEL - _SILL, _WINDOW_Z
     bars = [box(0.04, height, 0.04).moved(z=at) for at in np.linspace(-w, w, 5)]
     rungs = [box(0.04, 0.04, 2 * w).moved(y=at) for at in np.linspace(0.0, height - 0.04, 4)]
-    pane = quad((-0.15, 0, w), (-0.15, 0, -w), (-0.15, height, -w), (-0.15, height, w))
+    pane = quad((-0.15, 0, w), (-0.15, 0, -w), (-0.15, height, -w), (-0.15, height, w)).made_of("pane")
     reveal = [
         quad((0, 0, w), (0, 0, -w), (-0.15, 0, -w), (-0.15, 0, w)),
         quad((0, height, w), (0, height, -w), (-0.15, height, -w), (-0.15, height, w)),
@@ -99,7 +102,7 @@ def _window() -> Part:
         quad((0, 0, -w), (-0.15, 0, -w), (-0.15, height, -w), (0, height, -w)),
     ]
     sill = box(0.22, 0.04, 2 * w + 0.2).moved(0.08, -0.04)
-    return join([*bars, *rungs, pane, *reveal, sill]).moved(-_X, _SILL)
+    return join([*bars, *rungs, pane, *reveal, sill]).made_of("white").moved(-_X, _SILL)
 
 
 def _curtains() -> Part:
@@ -109,7 +112,7 @@ def _curtains() -> Part:
     rod = tube([(-_X + 0.16, 2.46, z) for z in np.linspace(-1.75, 1.75, 5)], 0.015, 12, (0.0, 1.0, 0.0))
     hoop = Part(ring(0.026, 0.005, 16, 6).vertices[:, [0, 2, 1]], ring(0.026, 0.005, 16, 6).faces)
     hoops = [(-_X + 0.16, 2.436, z0 - step) for _, _, z0 in at for step in np.linspace(0.03, 0.59, 8)]
-    return join([copies(sheet, at), rod, copies(hoop, hoops)])
+    return join([copies(sheet, at).made_of("curtain"), join([rod, copies(hoop, hoops)]).made_of("brass")])
 
 
 def _fireplace() -> Part:
@@ -125,16 +128,15 @@ def _fireplace() -> Part:
     laid = Part((log.vertices - (0, 0.25, 0))[:, [1, 0, 2]], log.faces)
     turn = np.array([0.0, 12.0, -15.0, 30.0, -28.0])
     places = [(0, 0.11, 0.0), (0.02, 0.11, 0.13), (-0.02, 0.21, 0.06), (0, 0.3, 0.02), (0.04, 0.3, 0.1)]
-    logs = copies(laid, places, frames(turn))
-    vases = copies(
-        _vase(24, 22), [(x, 1.32, 0.12) for x in (-0.75, -0.6, 0.62, 0.77)], frames(0, 0, [0.8, 0.5, 0.6, 1])
-    )
+    logs = copies(laid, places, frames(turn)).made_of("log")
+    vase_at = [(x, 1.32, 0.12) for x in (-0.75, -0.6, 0.62, 0.77)]
+    vases = copies(_vase(24, 22).made_of("blue"), vase_at, frames(0, 0, [0.8, 0.5, 0.6, 1]))
     clock = [box(0.3, 0.04, 0.14), cushion(0.22, 0.26, 0.1, 8, 0.25).moved(y=0.04), ring(0.07, 0.01, 32, 8)]
     clock[2] = clock[2].turned(0.0, lean=90.0).moved(y=0.18, z=0.06)
     candles = copies(lathe([(0.02, 0), (0.02, 0.2), (0.0, 0.21)], 16), [(x, 1.32, 0.16) for x in (-0.35, -0.27, 0.32)])
-    return join([*breast, *mantel, hearth, columns, logs, vases, join(clock).moved(y=1.32, z=0.1), candles]).moved(
-        -0.75, 0.0, -_Z + 0.2
-    )
+    things = [logs, vases, join(clock).moved(y=1.32, z=0.1).made_of("brass"), candles.made_of("wax")]
+    stone = [join(breast).made_of("brick"), join(mantel).made_of("walnut"), hearth.made_of("slate")]
+    return join([*stone, columns.made_of("white"), *things]).moved(-0.75, 0.0, -_Z + 0.2)
 
 
 def _open_backed(x: float, y: float, z: float) -> Part:
@@ -149,7 +151,8 @@ def _pictures() -> Part:
     def framed(width: float, height: float) -> list[Part]:
         bars = [box(width, 0.05, 0.04).moved(y=y) for y in (0.0, height - 0.05)]
         posts = [box(0.05, height, 0.04).moved(x) for x in (-width / 2 + 0.025, width / 2 - 0.025)]
-        return [*bars, *posts, box(width - 0.05, height - 0.05, 0.01).moved(y=0.025)]
+        canvas = box(width - 0.05, height - 0.05, 0.01).moved(y=0.025).made_of("canvas")
+        return [join([*bars, *posts]).made_of("walnut"), canvas]
 
     over_mantel = join(framed(0.9, 0.75)).moved(-0.75, 1.62, -_Z + 0.33)
     beside = [join(framed(0.42, 0.55)).moved(-2.1, y, -_Z + 0.03) for y in (1.2, 1.85)]
@@ -177,7 +180,7 @@ def _shelves() -> Part:
                 things.append(_things(row).moved(left + room / 2, y))
             else:
                 books.append(_books(room, 7 * row + half).moved(left, y, -0.02))
-    return join([*case, *books, *things]).moved(1.35, 0.0, -_Z + depth / 2 + 0.02)
+    return join([join(case).made_of("oak"), *books, *things]).moved(1.35, 0.0, -_Z + depth / 2 + 0.02)
 
 
 def _books(room: float, first: int) -> Part:
@@ -191,7 +194,8 @@ def _books(room: float, first: int) -> Part:
     book = cushion(0.96, 1.0, 1.0, 3, 0.06).moved(x=0.5)
     keep = left + thick < room
     at = np.stack([left, np.zeros(count), np.zeros(count)], 1)
-    return copies(book, at[keep], scale[keep])
+    colours = np.array(["green", "red", "wax", "blue", "walnut"])[(np.arange(count) * 7 + first) % 5]
+    return copies(book, at[keep], scale[keep]).made_of(np.repeat(colours[keep], book.triangle_count))
 
 
 def _things(row: int) -> Part:
@@ -200,10 +204,10 @@ def _things(row: int) -> Part:
     bowl = lathe(smooth_profile(bowl_knots, 18), 28)
     turn = np.arange(5) * 72.0
     fruit = [(0.055 * np.cos(np.radians(t)), 0.06, 0.055 * np.sin(np.radians(t))) for t in turn] + [(0, 0.1, 0)]
-    dish = join([bowl, copies(ball(0.034, 20, 10), fruit)])
+    dish = join([bowl.made_of("porcelain"), copies(ball(0.034, 20, 10), fruit).made_of("fruit")])
     vases = copies(_vase(28, 24), [(-0.3, 0, 0), (-0.12, 0, 0.03)], frames(0, 0, [1.1 + 0.1 * (row % 3), 0.7]))
     standing_ring = ring(0.09, 0.02, 36, 14).turned(35.0, lean=90.0).moved(0.36, 0.11)
-    return join([dish.moved(0.13, 0, 0.02), vases, standing_ring])
+    return join([dish.moved(0.13, 0, 0.02), vases.made_of("blue"), standing_ring.made_of("brass")])
 
 
 def _sofa() -> Part:
@@ -216,8 +220,8 @@ def _sofa() -> Part:
     loose_at = [(-0.75, 0.44, -0.02), (-0.42, 0.44, 0.0), (0.5, 0.44, 0.0), (0.8, 0.44, -0.03)]
     loose = copies(cushion(0.4, 0.4, 0.15, 11, 0.4), loose_at, frames([15, -10, 20, -15], [-22, -28, -25, -20]))
     body = [box(2.0, 0.2, 0.85).moved(y=0.08), cushion(2.2, 0.72, 0.16, 8, 0.1).moved(y=0.08, z=-0.42)]
-    foot = lathe([(0.02, 0), (0.035, 0.08)], 12)
-    return join([seats, backs, arms, loose, *body, copies(foot, [(x, 0, z) for x in (-1, 1) for z in (-0.35, 0.35)])])
+    foot = copies(lathe([(0.02, 0), (0.035, 0.08)], 12), [(x, 0, z) for x in (-1, 1) for z in (-0.35, 0.35)])
+    return join([seats, backs, arms, loose.made_of("mustard"), *body, foot.made_of("walnut")]).made_of("linen")
 
 
 def _armchair() -> Part:
@@ -225,7 +229,7 @@ def _armchair() -> Part:
     back = cushion(0.66, 0.62, 0.2, 12, 0.2).turned(0.0, lean=-12.0).moved(y=0.3, z=-0.32)
     arms = copies(cushion(0.16, 0.52, 0.76, 11, 0.15), [(-0.4, 0.08, 0), (0.4, 0.08, 0)])
     feet = copies(lathe([(0.02, 0), (0.03, 0.12)], 12), [(x, 0, z) for x in (-0.36, 0.36) for z in (-0.3, 0.3)])
-    return join([seat, back, arms, box(0.7, 0.16, 0.68).moved(y=0.1), feet])
+    return join([seat, back, arms, box(0.7, 0.16, 0.68).moved(y=0.1), feet.made_of("walnut")]).made_of("leather")
 
 
 def _table() -> Part:
@@ -244,28 +248,28 @@ def _table() -> Part:
     teapot = join([lathe(smooth_profile(pot_knots, 36), 40), spout, grip]).turned(30.0).moved(0.05, 0.44, 0.03)
     dish = join([_things(1)]).scaled(0.95, 0.95, 0.95).moved(-0.35, 0.44, -0.12)
     books = copies(box(0.26, 0.025, 0.18), [(0.3, 0.44 + 0.026 * i, -0.08) for i in range(3)], frames([5, 14, -6]))
-    return join([*top, legs, cups, teapot, dish, books])
+    china = join([cups, teapot]).made_of("porcelain")
+    return join([join([*top, legs]).made_of("walnut"), china, dish, books.made_of("red")])
 
 
 def _plant(leaves: int) -> Part:
     """A pot with `leaves` arching leaves of 28 triangles on stems."""
     pot_knots = [(0, 0), (0.15, 0), (0.19, 0.3), (0.21, 0.32), (0.21, 0.36), (0.18, 0.36), (0.17, 0.32), (0, 0.32)]
     pot = lathe(smooth_profile(pot_knots, 26), 36)
-    turn = 360.0 * spread(leaves, 0)
-    rise = spread(leaves, 1)
+    turn, rise = 360.0 * spread(leaves, 0), spread(leaves, 1)
     place = np.radians(turn)
     out = 0.04 + 0.13 * spread(leaves, 2)
     at = np.stack([out * np.sin(place), 0.36 + 1.0 * rise**0.8, out * np.cos(place)], 1)
     foliage = copies(leaf(0.5, 0.11, 8, 0.75), at, frames(turn, -35.0 * rise + 10.0, 0.75 + 0.4 * spread(leaves, 3)))
     stem = tube([(0, y, 0.02 * np.sin(4 * y)) for y in np.linspace(0.3, 1.38, 9)], 0.012, 8, (1.0, 0.0, 0.0))
     stems = copies(stem, [(0.05 * np.cos(a), 0, 0.05 * np.sin(a)) for a in np.arange(5) * 1.2566])
-    return join([pot, foliage, stems])
+    return join([pot.made_of("clay"), foliage.made_of("leaf"), stems.made_of("leaf")])
 
 
 def _floor_lamp() -> Part:
     foot = lathe([(0, 0), (0.16, 0), (0.16, 0.02), (0.02, 0.05), (0.012, 0.1), (0.012, 1.5), (0, 1.5)], 24)
     shade = lathe([(0.22, 1.35), (0.14, 1.68), (0.135, 1.68), (0.215, 1.35)], 48)
-    return join([foot, shade, ball(0.05, 20, 12).moved(y=1.52)])
+    return join([foot.made_of("brass"), shade.made_of("shade"), ball(0.05, 20, 12).moved(y=1.52).made_of("bulb")])
 
 
 def _pendant() -> Part:
@@ -277,6 +281,7 @@ def _pendant() -> Part:
         np.stack([0.22 - 0.2 * np.cos(turn), 2.08 - 0.09 * np.sin(turn), 0 * turn], 1), 0.008, 10, (0.0, 0.0, 1.0)
     )
     cup = lathe([(0, 2.08), (0.035, 2.1), (0.04, 2.12), (0.012, 2.12), (0.012, 2.21), (0, 2.22)], 16).moved(x=0.42)
+    cup = cup.made_of(np.repeat(["brass", "wax", "flame"], [cup.triangle_count - 48, 32, 16]))
     eight = np.arange(8) * 45.0
     arms = copies(join([arm, cup]), np.zeros((8, 3)), frames(eight))
     t = np.linspace(0.0, 1.0, 15)[:-1]
@@ -284,7 +289,8 @@ def _pendant() -> Part:
     here, there = (0.42 * np.stack([np.cos(a), 0 * a, np.sin(a)], 1) for a in (corner, corner + np.pi / 4))
     beads = here[:, None] * (1 - t)[:, None] + there[:, None] * t[:, None]
     beads[..., 1] = 2.09 - 0.32 * t * (1 - t)
-    return join([hub, arms, copies(ball(0.011, 8, 5), beads.reshape(-1, 3))])
+    strings = copies(ball(0.011, 8, 5), beads.reshape(-1, 3)).made_of("porcelain")
+    return join([join([hub, arms]).made_of("brass"), strings])
 
 
 def _rug(triangles: int) -> Part:
@@ -294,4 +300,6 @@ def _rug(triangles: int) -> Part:
     count = triangles - flat.triangle_count
     across, along = (2 * spread(count, 0) - 1) * half_x, (2 * spread(count, 2) - 1) * half_z
     feet = np.stack([x + across, np.full(count, 0.01), z + along], 1)
-    return join([flat, blades(feet, 0.014, 0.022 + 0.012 * spread(count, 1))])
+    tufts = blades(feet, 0.014, 0.022 + 0.012 * spread(count, 1))
+    edge = np.minimum(half_x - np.abs(across), half_z - np.abs(along))
+    return join([flat.made_of("wool"), tufts.made_of(np.where((edge > 0.07) & (edge < 0.13), "red", "wool"))])

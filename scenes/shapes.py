@@ -25,11 +25,13 @@ _IRRATIONALS = tuple(float(np.sqrt(prime)) for prime in (5, 2, 3, 7, 11, 13))
 class Part:
     """A piece of a scene.
 
-    vertices: (V, 3) float64, metres, y up. faces: (F, 3) int64 indices into them.
+    vertices: (V, 3) float64, metres, y up. faces: (F, 3) int64 indices into them. stuff: (F,) words, what each
+    triangle is made of; "" where nothing is said, and None where nothing is said at all.
     """
 
     vertices: Floats
     faces: NDArray[np.int64]
+    stuff: NDArray[np.str_] | None = None
 
     @property
     def triangle_count(self) -> int:
@@ -42,15 +44,20 @@ class Part:
 
     def moved(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Part:
         """The part, shifted by metres along each axis."""
-        return Part(self.vertices + (x, y, z), self.faces)
+        return Part(self.vertices + (x, y, z), self.faces, self.stuff)
 
     def scaled(self, x: float = 1.0, y: float = 1.0, z: float = 1.0) -> Part:
         """The part, stretched from the origin; (-1, 1, 1) mirrors it."""
-        return Part(self.vertices * (x, y, z), self.faces)
+        return Part(self.vertices * (x, y, z), self.faces, self.stuff)
 
     def turned(self, degrees: float, lean: float = 0.0) -> Part:
         """The part, leant about the x axis by `lean`, then turned about the y axis by `degrees`."""
-        return Part(self.vertices @ frames([degrees], [lean])[0].T, self.faces)
+        return Part(self.vertices @ frames([degrees], [lean])[0].T, self.faces, self.stuff)
+
+    def made_of(self, stuff: str | NDArray[np.str_]) -> Part:
+        """The part, made of that where nothing is said yet. stuff: one word, or (F,) of them."""
+        given = np.broadcast_to(np.asarray(stuff), len(self.faces))
+        return Part(self.vertices, self.faces, given if self.stuff is None else np.where(self.stuff, self.stuff, given))
 
 
 def join(parts: Iterable[Part]) -> Part:
@@ -60,7 +67,12 @@ def join(parts: Iterable[Part]) -> Part:
     return Part(
         np.concatenate([part.vertices for part in listed]),
         np.concatenate([part.faces + start for part, start in zip(listed, first_vertex, strict=True)]),
+        None if all(part.stuff is None for part in listed) else np.concatenate([_stuff_of(part) for part in listed]),
     )
+
+
+def _stuff_of(part: Part) -> NDArray[np.str_]:
+    return np.full(len(part.faces), "") if part.stuff is None else part.stuff
 
 
 def spread(count: int, channel: int = 0) -> Floats:
@@ -81,7 +93,8 @@ def copies(part: Part, at: ArrayLike, matrices: Floats | None = None) -> Part:
     places = np.asarray(at, np.float64)
     placed = part.vertices[None] if matrices is None else part.vertices[None] @ np.swapaxes(matrices, 1, 2)
     faces = part.faces[None] + (np.arange(len(places)) * len(part.vertices))[:, None, None]
-    return Part((placed + places[:, None]).reshape(-1, 3), faces.reshape(-1, 3))
+    stuff = None if part.stuff is None else np.tile(part.stuff, len(places))
+    return Part((placed + places[:, None]).reshape(-1, 3), faces.reshape(-1, 3), stuff)
 
 
 def surface(points: ArrayLike, closed: bool = False) -> Part:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ _CACHE_LINE_BYTES = 64
 
 def aligned_empty(shape: tuple[int, ...], kind: type[np.generic]) -> NDArray[Any]:
     """An uninitialised array that shares its memory with nothing else."""
-    size = int(np.prod(shape)) * np.dtype(kind).itemsize
+    size = prod(shape) * np.dtype(kind).itemsize
     return aligned_part(np.empty(size + _CACHE_LINE_BYTES, np.uint8), shape, kind)
 
 

@@ -37,11 +37,12 @@ def _dot(ax, ay, az, bx, by, bz):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def nearest_triangles(counter_address, origins, directions, corners, edges_1, edges_2, depth, prim_id):  # type: ignore[no-untyped-def]
+def nearest_triangles(counter_address, origins, directions, corners, edges_1, edges_2, eye_square, depth, prim_id):  # type: ignore[no-untyped-def]
     """Find the nearest triangle of every ray; threads share blocks of rays.
 
     origins, directions: (3, N) float64. corners, edges_1, edges_2: (F, 3) float64, first corner and the edges leaving
-    it, in the rays' space. depth: (N,) float64 and prim_id: (N,) uint32 are written completely, inf and MISS = no hit.
+    it, in the rays' space. eye_square: squared length of what was subtracted from all positions. depth: (N,) float64
+    and prim_id: (N,) uint32 are written completely, inf and MISS = no hit.
     """
     count = directions.shape[1]
     ox, oy, oz = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
@@ -85,7 +86,8 @@ def nearest_triangles(counter_address, origins, directions, corners, edges_1, ed
                 tx, ty, tz = ox[i] - cx, oy[i] - cy, oz[i] - cz
                 qx, qy, qz = _cross(tx, ty, tz, ax, ay, az)
                 ahead = _dot(bx, by, bz, qx, qy, qz)
-                if abs(ahead) <= _NOISE * np.sqrt(_dot(tx, ty, tz, tx, ty, tz) * area[0] * area[1]):
+                reach = _dot(tx, ty, tz, tx, ty, tz) + eye_square
+                if abs(ahead) <= _NOISE * np.sqrt(reach * area[0] * area[1]):
                     continue
                 u = _dot(px, py, pz, tx, ty, tz) / determinant
                 v = _dot(dx[i], dy[i], dz[i], qx, qy, qz) / determinant

@@ -30,7 +30,7 @@ class Intersections:
     edge_distance: (N,) float64, min(u, v, 1 - u - v): negative beside the triangle; -inf = never hit.
 
     A ray *never hits* a triangle without area, nor one whose plane is parallel to the ray, behind its origin, or
-    contains its origin to the rounding of float64.
+    contains its origin to the rounding of float64: of distances in the triangle, and of the eye's own coordinates.
     """
 
     depth: NDArray[np.float64]
@@ -47,7 +47,8 @@ class Volumes:
     facing: d . n, zero for a triangle edge-on.
     ahead: (c - o) . n; the depth is ahead / facing.
     u, v: the barycentric weights of the second and third corner are u / facing and v / facing.
-    size, reach: |d| |e1| |e2| and |c - o| |e1| |e2|, to which the rounding of `facing` and of `ahead` is relative.
+    size, reach: |d| |e1| |e2| and |(c - o, eye)| |e1| |e2|, to which the rounding of `facing` and of `ahead` is
+    relative: the eye's coordinates were rounded before they were subtracted.
 
     Source: T. Möller, B. Trumbore, "Fast, minimum storage ray/triangle intersection", J. Graphics Tools 2(1), 1997.
     """
@@ -130,7 +131,8 @@ class Pairs:
 
     @cached_property
     def volumes(self) -> Volumes:
-        return volumes_of(*self.rays, *triangles_in_camera_space(self.mesh, self.camera, self.prim_id))
+        corner, edge_1, edge_2 = triangles_in_camera_space(self.mesh, self.camera, self.prim_id)
+        return volumes_of(*self.rays, corner, edge_1, edge_2, self.camera.eye)
 
     @cached_property
     def intersections(self) -> Intersections:
@@ -174,13 +176,15 @@ def volumes_of(
     corner: NDArray[np.float64],
     edge_1: NDArray[np.float64],
     edge_2: NDArray[np.float64],
+    eye: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> Volumes:
-    """The volumes of rays and triangles; every argument is (N, 3), or (3,) if it is the same for all."""
+    """The volumes of rays and triangles; every argument is (N, 3), or (3,) if it is the same for all. eye: what was
+    subtracted from all positions."""
     # As components: numpy's own cross product takes several times as long for the few rays of a small image.
     o, d, e1, e2 = (np.moveaxis(one, -1, 0) for one in (origins - corner, directions, edge_1, edge_2))
     p, q = _cross(d, e2), _cross(o, e1)
     area = _dot(e1, e1) * _dot(e2, e2)
-    size, reach = np.sqrt(_dot(d, d) * area), np.sqrt(_dot(o, o) * area)
+    size, reach = np.sqrt(_dot(d, d) * area), np.sqrt((_dot(o, o) + np.dot(eye, eye)) * area)
     return Volumes(_dot(p, e1), _dot(e2, q), _dot(p, o), _dot(d, q), size, reach)
 
 

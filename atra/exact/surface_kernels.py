@@ -91,7 +91,7 @@ def _along_row(eye, axes, is_parallel, triangle, row):  # type: ignore[no-untype
     cx, cy, cz = _turned(axes, (corner[0] - eye[0], corner[1] - eye[1], corner[2] - eye[2]))
     e1, e2 = _turned(axes, e1), _turned(axes, e2)
     normal = _cross(e2, e1)
-    noise = _NOISE * _NOISE * _dot(e1, e1) * _dot(e2, e2)
+    noise, eye_square = _NOISE * _NOISE * _dot(e1, e1) * _dot(e2, e2), _dot(eye, eye)
     if is_parallel:
         down = row - cy
         return (
@@ -101,7 +101,7 @@ def _along_row(eye, axes, is_parallel, triangle, row):  # type: ignore[no-untype
             (e1[1], -e1[0] * down),
             (-normal[0], normal[2] * cz - normal[1] * down),
             (0.0, noise),
-            (noise, noise * (down * down + cz * cz)),
+            (noise, noise * (down * down + cz * cz + eye_square)),
         )
     to_origin = -cx, -cy, -cz
     u, v = _cross(e2, to_origin), _cross(to_origin, e1)
@@ -112,7 +112,7 @@ def _along_row(eye, axes, is_parallel, triangle, row):  # type: ignore[no-untype
         (v[0], v[1] * row + v[2]),
         (0.0, _dot(e2, v)),
         (noise, noise * (row * row + 1.0)),
-        (0.0, noise * _dot(to_origin, to_origin)),
+        (0.0, noise * (_dot(to_origin, to_origin) + eye_square)),
     )
 
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
 from atra.geometry.image_plane import ImagePlane
-from atra.geometry.numbers import Vector, as_vector
+from atra.geometry.numbers import Vector, as_vector, cross
 
 AXES = ("opengl", "opencv")
 """Axes of camera space: X right, Y up, Z backward (OpenGL, Blender, NeRF); X right, Y down, Z forward (OpenCV)."""
@@ -22,6 +22,9 @@ FARTHEST_EYE = 1e300
 
 ROTATION_TOLERANCE = 1e-4
 """Largest error of R R^T that a rotation matrix R may have, since files keep few digits."""
+
+_ROUNDING = 2.0**-51
+"""Error of R R^T up to which R is the nearest rotation already, but for rounding."""
 
 
 def image_plane_of(K: ArrayLike) -> ImagePlane:
@@ -92,8 +95,10 @@ def rotation_of(name: str, given: ArrayLike, hint: str = "") -> NDArray[np.float
             f"{name} is no rotation: R R^T is up to {off:.3g} from the unit matrix, expected at most "
             f"{ROTATION_TOLERANCE:g}{hint}"
         )
-    if np.linalg.det(matrix) < 0.0:
+    if cross(matrix[0], matrix[1]) @ matrix[2] < 0.0:
         raise InputError(f"{name} is a reflection (determinant -1), expected a rotation; is an axis inverted?")
+    if off <= _ROUNDING:  # it is the nearest already
+        return matrix
     left, _, right = np.linalg.svd(matrix)
     return np.asarray(left @ right)
 

@@ -41,11 +41,11 @@ def is_closed_around(pairs: Pairs, limit: NDArray[np.float64]) -> NDArray[np.boo
     hit = np.zeros((len(closed), DIRECTIONS + 1), np.bool_)
     for first in range(0, len(rows), step):
         row, prim_id = rows[first : first + step], neighbours[first : first + step]
-        geometry = [part[:, None] for part in triangles_in_camera_space(pairs.mesh, pairs.camera, prim_id)]
+        corner, *edges = (part[:, None] for part in triangles_in_camera_space(pairs.mesh, pairs.camera, prim_id))
         origins, directions = (part[row][:, None] + 0.0 * moves[row] for part in pairs.rays)
         moved = origins if pairs.camera.is_parallel else directions
         moved += moves[row]
-        found = divided(volumes_of(origins, directions, *geometry))
+        found = divided(volumes_of(origins, directions, corner, edges[0], edges[1], pairs.camera.eye))
         np.logical_or.at(hit, row, (found.edge_distance >= _INSIDE) & (found.depth < limit[row, None]))
     return np.asarray(hit.all(axis=1))
 

@@ -130,9 +130,10 @@ def nearest_hits(
     origins, directions = (np.ascontiguousarray(part.T) for part in camera.rays(x, y, offset))
     geometry = triangles_in_camera_space(mesh, camera, np.arange(mesh.triangle_count))
     depth, prim_id = np.empty(len(x)), np.empty(len(x), np.uint32)
-    pool = WorkerPool(resolve_threads(threads))
+    pool, eye_square = WorkerPool(resolve_threads(threads)), float(np.dot(camera.eye, camera.eye))
+    rest = origins, directions, *geometry, eye_square, depth, prim_id
     try:
-        pool.run(lambda _, counter: nearest_triangles(counter, origins, directions, *geometry, depth, prim_id))
+        pool.run(lambda _, counter: nearest_triangles(counter, *rest))
     finally:
         pool.close()
     edge_distance = _met(Pairs(mesh, camera, x, y, prim_id, offset))[1]

@@ -26,7 +26,7 @@ def brute_force(mesh: Mesh, camera: View, offset: tuple[float, float] = (0.5, 0.
     depth = np.full(len(x), np.inf)
     prim_id = np.full(len(x), MISS, np.uint32)
     for i in range(mesh.triangle_count):
-        found = divided(volumes_of(origins, directions, corner[i], edge_1[i], edge_2[i]))
+        found = divided(volumes_of(origins, directions, corner[i], edge_1[i], edge_2[i], camera.eye))
         inside = (found.edge_distance >= -SLACK) & (found.depth > 0.0)
         nearer = inside & (found.depth < depth * (1.0 - SLACK))
         depth[nearer] = found.depth[nearer]

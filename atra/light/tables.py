@@ -42,10 +42,14 @@ def surfaces_of(scene: Scene, sky_power: float, start_off: float | None) -> Surf
     return Surfaces(*tables)
 
 
+def area_vectors(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(F, 3) float64 normals of triangles, as long as their areas. corners: (F, 3, 3)."""
+    return np.asarray(0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+
+
 def unit_normals(mesh: Mesh) -> NDArray[np.float64]:
     """(F, 3) float64 unit normals of triangles; 0 for those without area."""
-    corners = [mesh.vertices[mesh.faces[:, corner]].astype(np.float64) for corner in range(3)]
-    normals = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    normals = 2.0 * area_vectors(mesh.vertices[mesh.faces].astype(np.float64))
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     return np.asarray(normals / np.where(length > 0.0, length, 1.0))
 

@@ -28,24 +28,25 @@ from atra.raster.clusters import POINT_BYTES
 from atra.raster.culling import is_hidden
 from atra.raster.image import GENTLE, SPAN
 from atra.raster.nearer import FEW, UNSURE, nearness_along, without_farther
-from atra.raster.triangles import corner_at
+from atra.raster.triangles import NEAR_AND_FAR, corner_at
 
 ROWS = 8
 """Rows whose spans are found at once."""
 
 
 @njit
-def holds_eye(a, b, c):  # type: ignore[no-untyped-def]
+def holds_eye(eye, a, b, c):  # type: ignore[no-untyped-def]
     """Whether the eye lies in the plane of a triangle, to the rounding of float64: then no ray hits it, by the rule of
     `atra.exact.intersection`.
 
-    a, b, c: its corners, seen from the eye.
+    eye: its position. a, b, c: the corners, seen from it.
     """
     (x, y, z), (x1, y1, z1), (x2, y2, z2) = a, b, c
     x1, y1, z1, x2, y2, z2 = x1 - x, y1 - y, z1 - z, x2 - x, y2 - y, z2 - z
     volume = x * (y1 * z2 - z1 * y2) + y * (z1 * x2 - x1 * z2) + z * (x1 * y2 - y1 * x2)
     one, other = x1 * x1 + y1 * y1 + z1 * z1, x2 * x2 + y2 * y2 + z2 * z2
-    return abs(volume) <= NOISE * np.sqrt((x * x + y * y + z * z) * one * other)
+    reach = x * x + y * y + z * z + eye[0] * eye[0] + eye[1] * eye[1] + eye[2] * eye[2]
+    return abs(volume) <= NOISE * np.sqrt(reach * one * other)
 
 
 @njit(forceinline=True)
@@ -181,9 +182,9 @@ def find_spans(parallel, eye, vertices, vertex_count, packed, width, band, works
         b = from_eye(eye, vertices, vertex_count, packed, 1)
         c = from_eye(eye, vertices, vertex_count, packed, 2)
         slope_x, slope_y, constant = pinhole_plane(doubles_at(eye.to_pixels), a, b, c)
+        if nearest > NEAR_AND_FAR * farthest and (nearest < 0.0 or holds_eye(doubles_at(eye.position), a, b, c)):
+            facing = 0
         if farthest < 0.0:
-            if nearest < 0.0 or holds_eye(a, b, c):
-                facing = 0
             nearest, farthest = np.inf, np.inf
             for w in (w0, w1, w2):
                 farthest = min(farthest, w if w > 0.0 else np.inf)

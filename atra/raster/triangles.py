@@ -53,7 +53,7 @@ _SURE = 4.0 * UNIT
 
 NEAR_AND_FAR = 1e3
 """Times that the nearest corner is as near as the farthest, up to which the plane through the three projected corners
-is known well enough. Beyond, it is computed from the corners in space."""
+is known well enough, and cannot hold the eye. Beyond, it is computed from the corners in space."""
 
 _ROUNDINGS = 10
 """Roundings of the sum that says how far inside a sample lies; each row adds one."""
@@ -257,15 +257,13 @@ def set_up(parallel, hides, has_depth, width, number, band, workspace):  # type:
         & (size(area) > repeated(_SURE, BATCH) * (size(one_way) + size(other_way)))
     )
     if not parallel:
-        ordinary = ordinary & (farthest > zero)
+        ordinary = ordinary & (repeated(NEAR_AND_FAR, BATCH) * farthest >= nearest) & (farthest > zero)
     if has_depth:
         inverse, nearer1, nearer2 = one / area, w1 - w0, w2 - w0
         slope_x = zero - (nearer2 * dy2 + nearer1 * dy1) * inverse
         slope_y = (nearer2 * dx2 + nearer1 * dx1) * inverse
         least = zero - nearest if parallel else farthest
         ordinary = ordinary & (repeated(GENTLE, BATCH) * least >= size(slope_x) * repeated(float(NARROW), BATCH))
-        if not parallel:
-            ordinary = ordinary & (repeated(NEAR_AND_FAR, BATCH) * farthest >= nearest)
         store(
             w0 + slope_x * (left - x0) + slope_y * (top - y0) + slope_y * (first - top), doubles + NEARNESS * BATCH * 8
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from argparse import ArgumentParser
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, fields
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from atra.command.picture import add_picture
 from atra.files.paths import write_atomically
 from atra.hits import Hits
 from atra.light import (
@@ -29,8 +31,10 @@ from atra.light import (
     save_maps,
     save_model,
 )
+from atra.light.checks import check_one_of
 from atra.light.lightmaps.finish.export import exposure_of, finished
 from atra.light.pictures.files import check_picture_path, png_of
+from atra.light.pictures.finish.tone import TONES, check_exposure
 from experiments.commands.messages import tell_restriction
 from experiments.harness.configuration import Configuration, check_writable
 from experiments.harness.point import Point, make_own
@@ -44,9 +48,22 @@ from scenes.lit.lighting import lit, why_grey
 
 def picture_arguments(given: Sequence[str]) -> list[str]:
     """Arguments of the verb as those of a configuration: fields of the workload may be set without its name before
-    them."""
+    them, and a picture by paths may be asked for by the options that `atra render` has for files."""
     own = {one.name for one in fields(RENDER.options)}
-    return [f"workload.{one}" if one.partition("=")[0] in own else one for one in given]
+    parser = ArgumentParser("atra render scene=NAME", add_help=False, allow_abbrev=False)
+    add_picture(parser)
+    asked, rest = parser.parse_known_args(list(given))
+    plain = [f"workload.{one}" if one.partition("=")[0] in own else one for one in rest]
+    if len(rest) == len(given):
+        return plain
+    if asked.error is not None or asked.minutes is not None:
+        parser.error("--error and --minutes are for files; give --samples")
+    values = {
+        "output": asked.output, "workload.samples": asked.samples, "workload.sky": asked.sky,
+        "workload.frame": "path", "workload.max_depth": asked.bounces,
+        "view.exposure": asked.exposure, "view.tone": asked.tone, "view.denoise": asked.denoise,
+    }  # fmt: skip
+    return [*(f"{name}={value}" for name, value in values.items() if value is not None), *plain]
 
 
 def run_picture(configuration: Configuration) -> Path:
@@ -55,8 +72,10 @@ def run_picture(configuration: Configuration) -> Path:
     Raises InputError before any work for what no picture can be made of, for a name that ends in neither .png nor .exr,
     and where nothing can be written; MemoryBudgetError, StorageError.
     """
-    path = Path(configuration.output or "picture.png")
+    path, shown = Path(configuration.output or "picture.png"), configuration.view
     check_picture_path(path)
+    check_exposure(shown.exposure)
+    check_one_of("view.tone", shown.tone, TONES)
     check_writable(path.absolute().parent)
     point, console = plan_point(configuration).point, Console(stderr=True)
     mesh = load_mesh(point)
@@ -69,7 +88,7 @@ def run_picture(configuration: Configuration) -> Path:
         with _progress(samples, console) as steps:
             for _ in steps:
                 renderer.add(1)
-        renderer.save(path)
+        renderer.save(path, exposure=shown.exposure, tone=shown.tone, denoise=shown.denoise)
     taken = say_duration(time.monotonic() - start)
     say(console, f"{point.scene}: {samples} samples of {point.width} x {point.height} pixels in {taken}")
     print(f"written: {path}")

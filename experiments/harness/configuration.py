@@ -32,11 +32,9 @@ from scenes.loading import SceneSource
 
 
 class Action(Enum):
-    """What a run does; `python run.py fetch ...` is short for action=fetch, and so on.
-
-    measure = points and sweeps; fetch = download a scene; report = write figures, claims and page of a sweep anew;
-    doctor = say what this machine has and lacks; view = show a scene on a page of the browser; render = make one
-    picture; bake = make a lightmap.
+    """What a run does; `python run.py fetch ...` is short for action=fetch, and so on. measure = points and sweeps;
+    fetch = download a scene; report = write figures, claims and page of a sweep anew; doctor = say what this machine
+    has and lacks; view = show a scene on a page of the browser; render = make one picture; bake = make a lightmap.
     """
 
     measure = "measure"
@@ -74,9 +72,7 @@ class SceneConfiguration:
 
 @dataclass
 class SweepConfiguration:
-    """What a sweep measures and what it makes of it.
-
-    name: folder below results_dir for table, figures and report.
+    """What a sweep measures and what it makes of it. name: folder below results_dir for table, figures and report.
     grids: by name, the values to sweep, written as on the command line; every grid is crossed out in full, and a point
     of several grids is measured once.
     figures: by name of the figure, the grids it is drawn of; without any, every figure that has something to show.
@@ -123,11 +119,15 @@ class MeasureConfiguration:
 
 @dataclass
 class ViewConfiguration:
-    """The viewer. port: of its page on this machine; 0 = any that is free. sky: an EXR or Radiance HDR all around, in
-    place of the scene's own sky; a bake's and a picture's is `workload.sky`."""
+    """The viewer, and how pictures are shown. port: of its page on this machine; 0 = any that is free. sky: an EXR or
+    Radiance HDR in place of the scene's own sky; a bake's and a picture's is `workload.sky`. exposure: of a PNG, stops
+    or auto. tone: its tone map. denoise: by Open Image Denoise, in the viewer at rest."""
 
     port: int = 8080
     sky: str | None = None
+    exposure: str = "0.0"
+    tone: str = "none"
+    denoise: bool = False
 
 
 @dataclass

@@ -49,6 +49,8 @@ def run_view(configuration: Configuration) -> None:
         frame="path" if _has_own_light(given, scene) else "hybrid",
         shadow_length=_rounded(2.0 * size),
         occlusion_length=_rounded(0.1 * size),
+        tone=configuration.view.tone,
+        denoise=configuration.view.denoise,
         **light_settings(shown),
     )
     first = Request(pose, settings)

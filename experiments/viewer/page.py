@@ -87,6 +87,7 @@ class Page(CameraPage):
             self._slider("side", "side, pixels", 64, 2048, 64)
             self._slider("exposure", "exposure, stops", -10.0, 10.0, 0.1)
             self._choice("tone", "tone map", TONES)
+            self._box("denoise", "denoise at rest")
             self.add_button("save picture", self._save_picture)
         with gui.add_folder("Camera"):
             self.add_camera_controls()

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.errors import AtraError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
@@ -46,6 +47,7 @@ class Painter:
         self._lit: tuple[object, Scene] = (None, scene)
         self._sketcher: HybridRenderer | None = None
         self._made: tuple[object, Renderer] | None = None
+        self._denoised: tuple[Request, NDArray[np.float32]] | None = None
 
     def sketch(self, request: Request) -> Picture:
         """One hybrid frame of the rasteriser, without shadows unless earlier frames lend it their samples."""
@@ -77,12 +79,15 @@ class Painter:
     def add(self, request: Request, stop: Callable[[], bool]) -> bool:
         """One more sample; False, with none left, when stopped."""
         renderer = self._renderer(request)
+        self._denoised = None
         renderer.add(1, stop)
         return renderer.samples > 0
 
     def show(self, request: Request) -> Picture:
         """What has been added, or what its primary rays hit."""
         renderer, shade = self._renderer(request), request.settings.shade
+        if shade == "material" and request.settings.denoise and renderer.samples >= request.settings.enough:
+            return self._without_noise(renderer, request)
         if shade not in OF_HITS:
             return Picture(_light(renderer, request.settings), renderer.stage_s)
         hits = renderer.tracer.trace()
@@ -91,6 +96,19 @@ class Painter:
         with PixelTracer(hits.mesh, request.camera, packet_width=1, **self._tracing.ours | WATERTIGHT) as single:
             agreement = compare(hits.mesh, request.camera, hits, single.trace())
         return Picture(mark_verdicts(agreement.verdict), renderer.stage_s, f"against `rtcIntersect1`: {agreement}")
+
+    def _without_noise(self, renderer: Renderer, request: Request) -> Picture:
+        """The picture denoised, once for all exposures and tone maps; where that cannot be done, with its noise and a
+        note of why."""
+        settings, start = request.settings, perf_counter()
+        light = replace(request, settings=replace(settings, exposure=0.0, tone="none"))
+        if self._denoised is None or self._denoised[0] != light:
+            try:
+                self._denoised = light, renderer.denoised()
+            except AtraError as error:
+                return Picture(_light(renderer, settings), renderer.stage_s, str(error))
+        image = srgb_of(toned(self._denoised[1], settings.exposure, settings.tone))
+        return Picture(image, renderer.stage_s | {"denoise": perf_counter() - start})
 
     def close(self) -> None:
         """Let go of all that was built."""

@@ -43,7 +43,7 @@ _RANGES = {
 
 _LIGHTING = frozenset({"sun_power", "sun_colour", "sky_power"})
 
-_SHOWN = frozenset({"samples", "shade", "frame", "exposure", "tone"})
+_SHOWN = frozenset({"samples", "shade", "frame", "exposure", "tone", "denoise"})
 """What changes no light."""
 
 
@@ -55,7 +55,8 @@ class Settings:
     "occlusion", the share of the sky; "wrong", pixels that differ from `rtcIntersect1`. samples: of a resting picture.
     side: the picture has about side x side pixels. method, split_x: of primary visibility at rest, and its columns of
     cells where it has cells. jitter: whether samples go through different points of their pixels. exposure: stops.
-    tone: the tone map's name. kept: samples that hybrid pixels keep when the camera moves; 0: none, and moving pictures
+    tone: the tone map's name. denoise: whether a picture with all its samples is shown without its noise.
+    kept: samples that hybrid pixels keep when the camera moves; 0: none, and moving pictures
     have no shadows. sun_power: 0 for no sun.
     sun_heading, sun_height: in degrees, where the sun stands, about +y and above the horizon. sun_cone: half the angle
     under which it appears, in degrees. shadow_shared, occlusion_shared: whether rays head the same way from all pixels.
@@ -86,6 +87,7 @@ class Settings:
     max_depth: int = 5
     exposure: float = 0.0
     tone: str = "none"
+    denoise: bool = False
     kept: int = 0
 
     def __post_init__(self) -> None:
@@ -97,7 +99,7 @@ class Settings:
             raise InputError(f"split_x is {self.split_x}, expected one of {', '.join(map(str, SPLITS))}")
         for name, (least, most) in _RANGES.items():
             checked_number(name, getattr(self, name), least, most)
-        for name in ("jitter", "shadow_shared", "occlusion_shared", "cosine"):
+        for name in ("jitter", "shadow_shared", "occlusion_shared", "cosine", "denoise"):
             if not isinstance(getattr(self, name), bool):
                 raise InputError(f"{name} is {getattr(self, name)!r}, expected True or False")
         colour = self.sun_colour

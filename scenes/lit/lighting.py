@@ -11,10 +11,16 @@ import numpy as np
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
 from atra.light import GradientSky, Lambertian, Scene, Sun
+from scenes.lit.interiors import lit_atrium, lit_living_room
 from scenes.lit.rooms import lit_cornell_box
 from scenes.lit.weekend import weekend
 
-WITH_MATERIALS: dict[str, Callable[[], Scene]] = {"cornell_box": lit_cornell_box, "weekend": weekend}
+WITH_MATERIALS: dict[str, Callable[[], Scene]] = {
+    "cornell_box": lit_cornell_box,
+    "weekend": weekend,
+    "living_room": lit_living_room,
+    "atrium": lit_atrium,
+}
 """Built-in scenes that have materials of their own, by name."""
 
 _GREY = Lambertian((0.7, 0.7, 0.7))

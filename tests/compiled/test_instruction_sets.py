@@ -65,7 +65,7 @@ def test_embree_and_numba_are_held_to(name):
             "print(load_library().native_packet_widths)\n"
             "z = np.zeros((3, 1)); t = np.zeros((1, 3)); counter = np.zeros(1, np.int64)\n"
             "nearest_triangles._cache.disable()\n"
-            "nearest_triangles(counter.ctypes.data, z, z, t, t, t, np.zeros(1), np.zeros(1, np.uint32))\n"
+            "nearest_triangles(counter.ctypes.data, z, z, t, t, t, 0.0, np.zeros(1), np.zeros(1, np.uint32))\n"
             "(assembly,) = nearest_triangles.inspect_asm().values()\n"
             "print('%k1' in assembly, '%ymm' in assembly, '%xmm' in assembly)",
         ],

@@ -58,6 +58,19 @@ def test_an_eye_on_a_plane_to_the_last_digit_sees_what_the_oracle_sees():
         assert wrong_pixels(mesh, camera) == 0
 
 
+def test_an_eye_on_an_edge_or_a_corner_to_its_last_digit_sees_what_the_oracle_sees():
+    """Triangles far smaller than the eye's coordinates: the eye is rounded by more than their own size says."""
+    random = np.random.default_rng(5)
+    for seed in range(40):
+        fan = (np.array([1.0, 0.75, 0.44]) + random.normal(size=(3, 3)) * 1e-3).astype(np.float32).astype(float)
+        weights = (random.random(), 0.0) if seed % 2 else (1.0, 0.0)
+        eye = fan[0] + weights[0] * (fan[1] - fan[0]) + random.integers(-1, 2, 3) * (seed % 4 == 0) * 2.0**-52
+        corners = np.roll(fan, seed, axis=0)
+        mesh = joined(atra.Mesh(corners, [[0, 1, 2]]), cornell_box())
+        camera = atra.Camera(tuple(eye), tuple(fan[2] + random.normal(size=3) * 2e-4), (0.1, 1, 0.2), 90, 24, 16)
+        assert wrong_pixels(mesh, camera) == 0, seed
+
+
 def test_parallel_rays_see_what_lies_before_the_eye_by_less_than_a_unit_of_its_farthest_corner():
     mesh = atra.Mesh([(-4, -4, -4), (4, -4, 4), (4, 4, 4), (-4, 4, -4)], [[0, 1, 2], [0, 2, 3]])
     for shift in (1e-6, -1e-6):

@@ -60,7 +60,7 @@ def nearest_in_float64(mesh, rays):
     a, b, c = np.moveaxis(mesh.triangles(np.arange(mesh.triangle_count)), 1, 0)
     t, prim_id, counter = np.empty(len(rays)), np.empty(len(rays), np.uint32), np.zeros(1, np.int64)
     parts = (origins + start[:, None] * directions).T, directions.T, a, b - a, c - a
-    nearest_triangles(counter.ctypes.data, *map(np.ascontiguousarray, parts), t, prim_id)
+    nearest_triangles(counter.ctypes.data, *map(np.ascontiguousarray, parts), 0.0, t, prim_id)
     prim_id[t + start > rays.tfar] = atra.MISS
     return t + start, prim_id
 

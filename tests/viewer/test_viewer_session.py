@@ -18,11 +18,11 @@ OTHER = {
     "jitter": False, "shadow_rays": 2, "shadow_length": 1.5, "shadow_shared": False, "sun_cone": 1.0,
     "sun_heading": 10.0, "sun_height": 20.0, "sun_power": 2.0, "sun_colour": (255, 0, 0), "sky_power": 2.0,
     "occlusion_rays": 3, "occlusion_length": 1.0, "occlusion_shared": True, "cosine": True, "max_depth": 2,
-    "exposure": 1.5, "tone": "agx", "kept": 8,
+    "exposure": 1.5, "tone": "agx", "denoise": True, "kept": 8,
 }  # fmt: skip
 """Another value of every parameter."""
 
-KEEP_SAMPLES = {"shade", "samples", "sun_power", "sun_colour", "sky_power", "exposure", "tone"}
+KEEP_SAMPLES = {"shade", "samples", "sun_power", "sun_colour", "sky_power", "exposure", "tone", "denoise"}
 """Of hybrid rendering: what costs no sample."""
 
 

@@ -10,8 +10,10 @@ from PIL import Image
 
 from atra.errors import InputError
 from atra.files.saving import encode_exr
-from atra.light import Emissive, Metal
+from atra.geometry.camera import Camera
+from atra.light import Emissive, Metal, PathRenderer
 from experiments import cli
+from experiments.commands.making import picture_arguments
 from experiments.harness.processes.worker import measure_point
 from experiments.harness.records import Record
 from experiments.methods import find_method
@@ -19,8 +21,9 @@ from experiments.methods.peers.mitsuba_light import check_llvm
 from experiments.workloads.baselines import PACKETS
 from experiments.workloads.render import RENDER, STAGES, RenderOptions, outside_embree
 from experiments.workloads.rounds import expert_packet_widths
-from scenes.built_in import make_scene
-from scenes.lit.lighting import lit, why_grey
+from scenes.built_in import BUILT_IN, make_scene
+from scenes.lit.interiors import lit_atrium, lit_living_room
+from scenes.lit.lighting import WITH_MATERIALS, lit, why_grey
 from tests import points
 
 pytestmark = pytest.mark.uncovered
@@ -129,6 +132,40 @@ def test_a_scene_has_its_own_materials_or_a_sun_that_shines_where_the_camera_loo
         assert sun.direction[1] < 0
     assert "weekend is grey: its materials are for" in why_grey("weekend", mesh)
     assert why_grey("needles", mesh) is None
+
+
+def test_an_interior_has_lamps_a_sun_and_an_opening_for_it():
+    for name, make in (("living_room", lit_living_room), ("atrium", lit_atrium)):
+        assert WITH_MATERIALS[name] is make
+        scene = make()
+        made_of = [scene.materials[number] for number in np.unique(scene.face_materials)]
+        assert sum(max(one.emission) > 1.0 for one in made_of) >= 2
+        assert any(getattr(one, "opacity", 1.0) == 0.0 for one in made_of)
+        assert scene.lights[0].power > 1.0 < scene.sky.power * max(scene.sky.above)
+        assert len(made_of) == len(scene.materials)
+
+
+def test_a_built_in_scene_takes_the_options_that_files_take(capsys):
+    asked = picture_arguments(["scene=living_room", "--samples", "4", "-o", "a.png", "--exposure", "-1", "threads=1"])
+    said = dict(one.split("=") for one in asked)
+    assert said | {"scene": "living_room", "threads": "1", "output": "a.png", "workload.samples": "4"} == said
+    assert (said["workload.frame"], said["view.exposure"], said["view.tone"]) == ("path", "-1", "neutral")
+    assert picture_arguments(["scene=weekend", "samples=4"]) == ["scene=weekend", "workload.samples=4"]
+    with pytest.raises(SystemExit, match="2"):
+        picture_arguments(["scene=living_room", "--error", "1"])
+    assert "--error and --minutes are for files" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["living_room", "atrium"])
+def test_an_interior_by_paths_is_lit_in_every_block_of_the_picture(name):
+    mesh = make_scene(name).mesh
+    camera = Camera(**BUILT_IN[name].camera, width=32, height=32)
+    with PathRenderer(lit(name, mesh, camera), camera, max_depth=8, threads=1) as renderer:
+        renderer.add(16)
+        blocks = renderer.image.reshape(8, 4, 8, 4, 3).mean(axis=(1, 3, 4))
+    assert blocks.min() > 0.005
+    assert 0.05 < np.median(blocks) < 1.0
 
 
 def run(monkeypatch, *arguments):

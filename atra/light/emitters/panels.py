@@ -11,6 +11,7 @@ from atra.light.checks import Colour
 from atra.light.emitters.tables import mean_emission
 from atra.light.lights_kernels import ACROSS, KIND, LIGHT_WORDS, PANEL, PLACE, SIZE, SPHERE, UP
 from atra.light.scene import Scene
+from atra.light.tables import area_vectors
 
 MOST_PANELS = 8
 """Shining bodies that are asked for light, those of the greatest power."""
@@ -38,7 +39,7 @@ def panels_of(scene: Scene) -> list[Panel]:
     if not len(shining):
         return []
     corners = scene.mesh.vertices[scene.mesh.faces[shining]].astype(np.float64)
-    fronts = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    fronts = area_vectors(corners)
     areas = np.linalg.norm(fronts, axis=1)
     body = _bodies(corners, np.asarray(scene.face_materials)[shining])
     powers = np.bincount(body, areas * radiance[shining].max(axis=1))

@@ -11,6 +11,7 @@ from atra.light.lights_kernels import LIGHT_WORDS
 from atra.light.materials import Material, images_of
 from atra.light.scene import Scene
 from atra.light.sky import PanoramaSky
+from atra.light.tables import area_vectors
 from atra.light.textures import linear
 
 _LUMINANCE = np.array((0.2126, 0.7152, 0.0722))
@@ -36,7 +37,7 @@ def emitters_of(scene: Scene) -> Emitters:
     luminance = np.array([_LUMINANCE @ mean_emission(material) for material in scene.materials])[scene.face_materials]
     corners = mesh.vertices[mesh.faces].astype(np.float64)
     edges = corners[:, 1:] - corners[:, :1]
-    areas = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    areas = np.linalg.norm(area_vectors(corners), axis=1)
     powers = np.pi * areas * luminance
     prim_ids = np.flatnonzero(powers > 0.0).astype(np.uint32)
     texels = _sky_weights(scene)

@@ -16,7 +16,7 @@ from atra.geometry.view import View
 from atra.raster.clusters import POINT_BYTES, VERTICES
 from atra.raster.image import Viewpoint
 from atra.raster.spans import holds_eye, homogeneous
-from atra.raster.triangles import project_vertices
+from atra.raster.triangles import NEAR_AND_FAR, project_vertices
 
 _CHUNK = 512 * VERTICES
 """Vertices a thread takes at a time."""
@@ -69,7 +69,7 @@ def _from_eye(view, vertex):  # type: ignore[no-untyped-def]
 @njit
 def _holds_eye(view, v0, v1, v2):  # type: ignore[no-untyped-def]
     """Whether the eye lies in the plane of a triangle, to the last digits of float64: then it is seen edge-on."""
-    return holds_eye(_from_eye(view, v0), _from_eye(view, v1), _from_eye(view, v2))
+    return holds_eye(view.eye, _from_eye(view, v0), _from_eye(view, v1), _from_eye(view, v2))
 
 
 @njit
@@ -82,9 +82,8 @@ def facing_of(parallel, view, points, v0, v1, v2, exact):  # type: ignore[no-unt
     facing = turn(x0, y0, x1, y1, x2, y2, exact)
     if parallel:
         return facing if min(w0, w1, w2) < 0.0 else 0
-    if min(w0, w1, w2) > 0.0:
-        return facing
-    if max(w0, w1, w2) < 0.0 or _holds_eye(view, v0, v1, v2):
+    nearest, farthest = max(w0, w1, w2), min(w0, w1, w2)
+    if nearest > NEAR_AND_FAR * farthest and (nearest < 0.0 or _holds_eye(view, v0, v1, v2)):
         return 0
     for w in (w0, w1, w2):
         if w < 0.0:

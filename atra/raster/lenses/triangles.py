@@ -161,9 +161,9 @@ def plane_through(eye, vertices, vertex_count, packed, k, margin, workspace):  #
     along, down, constant = pinhole_plane(doubles_at(eye.to_pixels), a, b, c)
     doubles[CONSTANT * BATCH], doubles[ALONG * BATCH], doubles[DOWN * BATCH] = constant, along, down
     nearest, farthest = floats[NEAREST * BATCH], floats[FARTHEST * BATCH]
+    if nearest > NEAR_AND_FAR * farthest and holds_eye(doubles_at(eye.position), a, b, c):
+        return False, False
     if farthest < 0.0:
-        if holds_eye(a, b, c):
-            return False, False
         nearest, farthest = np.float32(np.inf), np.float32(np.inf)
         for corner in range(3):
             w = np.float32(corner_at(workspace.points, packed, corner)[2])

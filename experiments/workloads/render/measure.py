@@ -15,7 +15,8 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import compare
-from atra.light import HybridRenderer, PathRenderer, Scene, constant_sky
+from atra.light import HybridRenderer, Lambertian, MetallicRoughness, PathRenderer, Scene, constant_sky
+from atra.light.materials import Material
 from atra.tracing.tracer import Tracer
 from experiments.harness.point import Measured, Point, make_own
 from experiments.methods.peers.mitsuba_light import load_mitsuba, parts_of
@@ -111,7 +112,7 @@ def measure(point: Point) -> Measured:
         own = tracers[OWN]
         scene = options.under_sky(lit(point.scene, own.mesh, point.camera))
         if options.mitsuba != "none":
-            scene = replace(scene, sky=constant_sky(0.8), lights=())
+            scene = replace(scene, sky=constant_sky(0.8), lights=(), materials=[*map(_plain, scene.materials)])
         primaries = Primaries(tracers)
         renderer = make_renderer(point, scene, own.camera, primaries)
         stack.enter_context(renderer)
@@ -139,6 +140,11 @@ def measure(point: Point) -> Measured:
     for name, of_rounds in stages.items():
         made.samples[primary(name)] = [one["primary"] for one in of_rounds]
     return made
+
+
+def _plain(material: Material) -> Material:
+    """Paint in place of glTF's material, which Mitsuba's plain materials are not."""
+    return Lambertian(material.plain) if isinstance(material, MetallicRoughness) else material
 
 
 _PATHS_AT_ONCE = 1 << 22
