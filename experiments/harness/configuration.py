@@ -32,9 +32,11 @@ from scenes.loading import SceneSource
 
 
 class Action(Enum):
-    """What a run does; `python run.py fetch ...` is short for action=fetch, and so on. measure = points and sweeps;
-    fetch = download a scene; report = write figures, claims and page of a sweep anew; doctor = say what this machine
-    has and lacks; view = show a scene on a page of the browser; render = make one picture; bake = make a lightmap.
+    """What a run does; `python run.py fetch ...` is short for action=fetch, and so on.
+
+    measure = points and sweeps; fetch = download a scene; report = write figures, claims and page of a sweep anew;
+    doctor = say what this machine has and lacks; view = show a scene on a page of the browser; render = make one
+    picture; bake = make a lightmap.
     """
 
     measure = "measure"
@@ -92,14 +94,12 @@ class SweepConfiguration:
 
 @dataclass
 class MeasureConfiguration:
-    """How a point is measured.
-
-    processes: how many processes, one after another and spread over the sweep, measure each timed point. One process
-    has its memory laid out in one way and meets one mood of the machine, so intervals are of processes.
-    process: which of them a launched job is; a sweep sets it.
+    """How a point is measured. processes: how many processes, one after another and spread over the sweep, measure
+    each timed point. One process has its memory laid out in one way and meets one mood of the machine, so intervals
+    are of processes. process: which of them a launched job is; a sweep sets it.
     rounds, warmup: rounds of a process that count and rounds before them.
-    frame_budget_s: no further round starts past this many seconds of work, but three always run.
-    time_limit_s: a worker still running after this long is stopped and its point fails.
+    frame_budget_s: no further round starts past this many seconds of work, but three always run. time_limit_s: a
+    worker still running after this long is stopped and its point fails.
     memory_budget_gib: a point that would need more is skipped, and tried again by the next run; null = three quarters
     of the memory that is free.
     quiet_limit_s: how long a sweep waits in all while others use more than 5 % of a core. quiet_only: whether it then
@@ -121,7 +121,7 @@ class MeasureConfiguration:
 class ViewConfiguration:
     """The viewer, and how pictures are shown. port: of its page on this machine; 0 = any that is free. sky: an EXR or
     Radiance HDR in place of the scene's own sky; a bake's and a picture's is `workload.sky`. exposure: of a PNG, stops
-    or auto. tone: its tone map. denoise: by Open Image Denoise, in the viewer at rest."""
+    or auto. tone: the tone map. denoise: whether Open Image Denoise removes the noise, in the viewer at rest."""
 
     port: int = 8080
     sky: str | None = None
