@@ -4,10 +4,8 @@ import gc
 import os
 import signal
 import sys
-from functools import partial
 
 import pytest
-from _pytest import runner
 
 # A shell ignores the interrupt key for what it starts in the background, and children inherit that; the tests that
 # interrupt a sweep would wait for ever.
@@ -40,22 +38,6 @@ def pytest_collection_finish():
 def pytest_sessionfinish():
     """pytest looks for garbage five times before it ends; what is left by then need not be looked at."""
     gc.freeze()
-
-
-def _with_room(call):
-    return call()
-
-
-# The interpreter maps memory for its frames in pieces of 16 KiB, and gives a piece back when the frame at its beginning
-# returns. A function called in a loop at such a border costs a page each time, which took a sixth of compiling. This
-# frame claims a mebibyte, and what it calls has the rest of a piece twice as large.
-_with_room.__code__ = _with_room.__code__.replace(co_stacksize=2**17 + 1)
-
-
-@pytest.hookimpl(specname="pytest_runtest_protocol", tryfirst=True)
-def run_with_room_for_frames(item, nextitem):
-    """In place of pytest's own, which this calls."""
-    return _with_room(partial(runner.pytest_runtest_protocol, item, nextitem))
 
 
 @pytest.fixture

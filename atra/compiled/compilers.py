@@ -12,8 +12,24 @@ from numba.core import ir, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.compiler_machinery import FunctionPass, register_pass
-from numba.core.typed_passes import NativeLowering, NopythonRewrites
-from numba.core.untyped_passes import InlineClosureLikes, IRProcessing
+from numba.core.typed_passes import (
+    AnnotateTypes,
+    DumpParforDiagnostics,
+    InlineOverloads,
+    NativeLowering,
+    NopythonRewrites,
+)
+from numba.core.untyped_passes import (
+    FindLiterallyCalls,
+    InlineClosureLikes,
+    InlineInlinables,
+    IRProcessing,
+    LiteralPropagationSubPipelinePass,
+    LiteralUnroll,
+    MakeFunctionToJitFunction,
+    RewriteDynamicRaises,
+    WithLifting,
+)
 
 from atra.compiled.intrinsics import greatest, least
 
@@ -58,8 +74,16 @@ def _is_own(symbol: Any) -> bool:
     return not symbol.is_declaration and symbol.linkage not in (Linkage.internal, Linkage.private)
 
 
-_NOT_NEEDED = {InlineClosureLikes, NopythonRewrites}
-"""Passes for nested functions and for arithmetic with whole arrays. Kernels have neither."""
+_NOT_NEEDED = {
+    *(InlineClosureLikes, MakeFunctionToJitFunction, InlineInlinables, InlineOverloads),
+    *(NopythonRewrites, DumpParforDiagnostics),
+    *(FindLiterallyCalls, LiteralUnroll, LiteralPropagationSubPipelinePass),
+    *(WithLifting, RewriteDynamicRaises),
+    AnnotateTypes,
+}
+"""Passes for nested functions and those that Numba itself inlines, for arithmetic with whole arrays, for `literally`,
+`literal_unroll` and `isinstance`, for `with` and `raise`: kernels have none of these. The last one writes each
+function's text with the types of all variables, for people, which is then kept beside the machine code."""
 
 
 @register_pass(mutates_CFG=False, analysis_only=False)
@@ -127,6 +151,8 @@ class _Compiler(Compiler):
         for pipeline in pipelines:
             pipeline.passes = [one for one in pipeline.passes if one[0] not in _NOT_NEEDED]
             pipeline.add_pass_after(_OwnExtremes, IRProcessing)
+            # Otherwise Numba works out after each pass when variables end, which lowering alone asks, and works out.
+            pipeline._ENFORCING = False
             pipeline.finalize()
         return pipelines
 

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.all_hits.target_kernels import LINE
-from atra.compiled.memory import identities_at
 from atra.compiled.store import njit
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
@@ -64,6 +63,12 @@ class Eye(NamedTuple):
     to_pixels: int
     depth_axis: int
     least_depth: float
+
+
+@njit(forceinline=True)
+def eye_at(numbers, least_depth):  # type: ignore[no-untyped-def]
+    """The `Eye` whose numbers, position, to_pixels and depth_axis, follow one another from an address on."""
+    return Eye(numbers, numbers + 3 * 8, numbers + 15 * 8, least_depth)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,14 +127,3 @@ class Workspace(NamedTuple):
     floats: int
     tiles: int
     here: int
-
-
-@njit
-def without_lower(bits, same, prim_id, address):  # type: ignore[no-untyped-def]
-    """`bits` of the lanes to be drawn without those of `same` where a lower prim_id, from the address on, is stored."""
-    lane = 0
-    while same >> lane != 0:
-        if (same >> lane) & 1 and identities_at(address)[lane] < prim_id:
-            bits &= ~(1 << lane)
-        lane += 1
-    return bits

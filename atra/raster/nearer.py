@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from atra.compiled.memory import doubles_at, floats_at, identities_at
 from atra.compiled.store import njit
 from atra.exact.brute_force_kernels import SLACK
 from atra.prim_ids import MISS
+from atra.raster.image import eye_at
 
 UNSURE = 2.0**-20
 """Difference of two stored values of nearness, as a share of them, up to which float64 decides. Each is off by at most
@@ -13,6 +16,13 @@ UNSURE = 2.0**-20
 
 FEW = 8
 """Lanes of vectors of samples that are decided: all drawing kernels share the code."""
+
+
+class Corners(NamedTuple):
+    """Of a mesh, as of `ClusterAddresses`, what `nearness_along` takes."""
+
+    mesh_vertices: int
+    mesh_faces: int
 
 
 @njit
@@ -50,6 +60,13 @@ def nearness_along(parallel, eye, clusters, prim_id, row):  # type: ignore[no-un
 
 
 @njit(forceinline=True)
+def _is_behind(own, theirs, prim_id, other):  # type: ignore[no-untyped-def]
+    """Whether of two nearnesses the other triangle's is the larger, or the same and its prim_id is the lower."""
+    ahead = own - theirs
+    return other < prim_id if abs(ahead) <= SLACK * abs(theirs) else ahead < 0.0
+
+
+@njit(forceinline=True)
 def without_farther(parallel, bits, close, prim_id, own, known, stored, address, eye, clusters, left, row):  # type: ignore[no-untyped-def]
     """`bits` of the lanes to be drawn without those of `close` where what is stored is nearer, or as near with a lower
     prim_id; and a prim_id with its `nearness_along` the row.
@@ -65,10 +82,27 @@ def without_farther(parallel, bits, close, prim_id, own, known, stored, address,
                 if other != known:
                     known, stored = other, nearness_along(parallel, eye, clusters, other, row)
                 theirs = stored[0] * (left + lane) + stored[1]
-                ahead = own[0] * (left + lane) + own[1] - theirs
-                if abs(ahead) <= SLACK * abs(theirs):
-                    ahead = 0.0
-                if ahead < 0.0 or (ahead == 0.0 and other < prim_id):
+                if _is_behind(own[0] * (left + lane) + own[1], theirs, prim_id, other):
                     bits &= ~(1 << lane)
         lane += 1
     return bits, known, stored
+
+
+@njit
+def without_farther_of_lens(bits, close, prim_id, address, numbers, mesh, left, row, places, down_places):  # type: ignore[no-untyped-def]
+    """As `without_farther`, through a lens, with few arguments: every call of what calls it passes them on.
+
+    numbers: address of those of an `Eye`. mesh: `Corners`. places, down_places: addresses of float32, by which samples
+    lie beside whole numbers.
+    """
+    lane, eye = 0, eye_at(numbers, 0.0)
+    while close >> lane != 0:
+        other = identities_at(address)[lane]
+        if (close >> lane) & 1 and other != MISS:
+            i, j = left + lane + float(floats_at(places)[lane]), row + float(floats_at(down_places)[lane])
+            own = nearness_along(False, eye, mesh, prim_id, j)
+            theirs = nearness_along(False, eye, mesh, other, j)
+            if _is_behind(own[0] * i + own[1], theirs[0] * i + theirs[1], prim_id, other):
+                bits &= ~(1 << lane)
+        lane += 1
+    return bits

@@ -265,7 +265,8 @@ def workload_rows(table: pd.DataFrame, *names: str) -> pd.DataFrame:
     """The rows of the named workloads, measured or not, in the columns in which such rows may have values."""
     # Picked rows are copied column by column, and most columns are of other workloads.
     known = columns([find_workload(name) for name in names])
-    return table.loc[table["workload"].isin(names).astype(bool), [name for name in table if name in known]]
+    rows, is_theirs = table[[name for name in table if name in known]], table["workload"].isin(names).to_numpy(bool)
+    return rows if is_theirs.all() else rows[is_theirs] if is_theirs.any() else rows.iloc[:0]
 
 
 def _row(records: Sequence[Record]) -> dict[str, Any]:

@@ -32,6 +32,9 @@ OTHERS = {
     "narrow vectors": lambda mesh, camera: atra.RasterTracer(mesh, camera, lanes=4, threads=2),
 }
 
+SLOW_TO_COMPILE = {"narrow vectors": pytest.mark.slow}
+"""Methods whose kernels few tests need."""
+
 
 def gathered(method, mesh, camera, what, offset=(0.5, 0.5)):
     with method(mesh, camera) as tracer:
@@ -74,7 +77,10 @@ def test_rays_through_corners_and_along_edges_meet_each_surface_once(mesh, metho
     np.testing.assert_array_equal(count, expected)
 
 
-@pytest.mark.parametrize("method", (METHODS | OTHERS).values(), ids=METHODS | OTHERS)
+@pytest.mark.parametrize(
+    "method",
+    [pytest.param(make, id=name, marks=SLOW_TO_COMPILE.get(name, ())) for name, make in (METHODS | OTHERS).items()],
+)
 def test_rays_through_the_corners_of_a_pinhole_view_meet_each_surface_once(method):
     camera = atra.Camera((0, 0, 4), (0, 0, 0), fov_y_degrees=2 * np.degrees(np.arctan(0.5)), width=32, height=32)
     assert_counts_are_exact(method, joined(box(), sphere(1)), camera, (0.0, 0.0))
@@ -87,17 +93,17 @@ CAMERAS = {
 }
 
 
-def of_every_camera(methods, slow):
+def of_every_camera(methods, slow=None):
     """Cases of cameras and methods. slow: the method whose kernel for parallel rays is compiled for this test alone."""
 
     def case(camera, method):
-        marks = pytest.mark.slow if (camera, method) == ("parallel", slow) else ()
+        marks = pytest.mark.slow if (camera, method) == ("parallel", slow) else SLOW_TO_COMPILE.get(method, ())
         return pytest.param(CAMERAS[camera], methods[method], id=f"{camera}-{method}", marks=marks)
 
     return pytest.mark.parametrize(("camera", "method"), [case(*one) for one in product(CAMERAS, methods)])
 
 
-@of_every_camera(METHODS | OTHERS, slow="narrow vectors")
+@of_every_camera(METHODS | OTHERS)
 def test_counts_are_exact_whatever_lies_behind_around_and_through_the_eye(camera, method):
     for seed, mesh in enumerate(
         (random_triangles(60, 1), random_triangles(900, 2, 0.1), beams(3), boards(tilted=True))
@@ -126,12 +132,19 @@ def test_transmittance_is_the_product_of_the_factors(camera, method):
     )
 
 
-@pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
-def test_the_thickness_of_a_box_is_its_depth_and_of_a_sphere_its_chord(method):
+@pytest.mark.parametrize(
+    "method",
+    [pytest.param(METHODS[name], id=name, marks=pytest.mark.slow if name == "raster" else ()) for name in METHODS],
+)
+def test_the_thickness_of_a_box_along_parallel_rays_is_its_depth(method):
     found = gathered(method, box(), EIGHTHS, atra.Thickness(), (0.5, 0.5))
     expected = np.zeros((32, 32))
     expected[8:24, 8:24] = 2.0
     np.testing.assert_allclose(found.thickness, expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
+def test_the_thickness_of_a_sphere_is_its_chord(method):
     camera = atra.Camera((0, 0, 3), (0, 0, 0), width=64, height=48, fov_y_degrees=50)
     seen = gathered(method, sphere(5), camera, atra.Thickness())
     direction = camera.rays(np.arange(64), np.arange(48)[:, None])[1]

@@ -15,7 +15,8 @@ from tests.images import HELD, assert_equal_images, assert_same_bits
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 from tests.raster.test_raster import PARALLEL
 
-KINDS = [(1, "push"), (1, "pop"), (8, "push"), (8, "pop")]
+QUICK = [(1, "push"), (1, "pop"), (8, "push")]
+KINDS = [*QUICK, pytest.param(8, "pop", marks=pytest.mark.slow)]  # compiled for each
 
 
 def built(mesh, threads=1):
@@ -160,7 +161,7 @@ def test_what_is_counted_is_traced_as_what_is_timed(packet_width, traversal):
 
 def test_a_mesh_without_area_is_hit_nowhere():
     mesh = atra.Mesh(np.array([(0, 0, 1), (1, 0, 1), (2, 0, 1)]), np.array([[0, 1, 2]]))
-    for packet_width, traversal in KINDS:
+    for packet_width, traversal in QUICK:
         hits = trace(mesh, atra.Camera(**EYE_AT_ORIGIN, width=8, height=8, fov_y_degrees=60),
                      packet_width=packet_width, traversal=traversal)  # fmt: skip
         assert not hits.hit.any()

@@ -9,7 +9,7 @@ from experiments.methods.peers.open3d_scene import OPEN3D
 from experiments.methods.peers.trimesh_ray import TRIMESH
 from tests.command import ROOT, run_here
 
-pytestmark = [pytest.mark.uncovered, pytest.mark.usefixtures("figures_as_png")]
+pytestmark = [pytest.mark.uncovered, pytest.mark.usefixtures("figures_unsaved")]
 
 TOY = ["scene=cornell_box", "width=32", "height=32", "measure.processes=1", "measure.rounds=3", "measure.warmup=1"]
 FIGURE5 = [
@@ -91,7 +91,7 @@ SWEEPS = {
     "views": (["scene.copies=1", "workload.views=2", "width=32", "height=32"], set()),
     "classification_smoke": ([], {"classification_probability", "classification_shafts", "moving"}),
     "classification_smoke-single_rays": (
-        [f"~sweep.grids.classification_{name}" for name in ("packets", "eye")],
+        ["method.traversal=pop", *(f"~sweep.grids.classification_{name}" for name in ("packets", "eye"))],
         {"classification_probability", "classification_shafts"},
     ),
     "paths": ([], set()),

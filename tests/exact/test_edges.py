@@ -9,7 +9,7 @@ import atra
 from atra.exact.edges_kernels import SUMMANDS, first_beyond, side, turn
 from tests.images import draw
 from tests.meshes import EYE_AT_ORIGIN
-from tests.raster.test_raster import every_width
+from tests.raster.test_raster import every_width_the_native_quick
 
 ROOM = np.empty(SUMMANDS)
 
@@ -155,7 +155,7 @@ def assert_covered_once(mesh, camera, **options):
 
 
 @pytest.mark.core
-@every_width
+@every_width_the_native_quick
 @pytest.mark.parametrize("pixels_apart", [1, 2, 5, 40])
 def test_rays_through_corners_and_edges_meet_exactly_one_of_their_triangles(pixels_apart, lanes):
     size = 2 + 80 // pixels_apart

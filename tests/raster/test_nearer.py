@@ -11,6 +11,7 @@ import atra
 from atra.judge.oracle import examine
 from atra.judge.reference import brute_force
 from tests.images import draw
+from tests.lenses import lens_camera
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, joined, quads
 from tests.raster.random_views import random_view
 
@@ -33,8 +34,10 @@ def wrong_pixels(mesh, camera):
     [
         atra.Camera(**EYE_AT_ORIGIN, width=48, height=32, fov_y_degrees=60),
         atra.OrthographicCamera(**EYE_AT_ORIGIN, width=48, height=32, view_height=3.0),
+        lens_camera(atra.OpenCVLens(k1=-0.3, k2=0.08), atra.Camera(**EYE_AT_ORIGIN), 48, 32),
+        lens_camera(atra.EquirectangularLens(), atra.Camera(**EYE_AT_ORIGIN), 48, 32),
     ],
-    ids=["pinhole", "parallel"],
+    ids=["pinhole", "parallel", "barrel", "panorama"],
 )
 def test_walls_that_cross_within_a_unit_of_float32_are_told_apart(camera, size):
     """Wide triangles and narrow ones, whichever is drawn first; corners differ in the last digit of float32."""

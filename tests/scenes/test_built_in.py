@@ -41,11 +41,8 @@ def test_no_ray_of_a_stand_ins_camera_leaves_through_a_hole_and_detail_fills_par
     assert len(np.unique(hits.prim_id)) > 1000
 
 
-@pytest.mark.parametrize(("name", "stated"), [
-    ("material_ball", 2.5),
-    pytest.param("living_room", 2.9, marks=pytest.mark.slow),
-    pytest.param("atrium", 6.4, marks=pytest.mark.slow),
-])  # fmt: skip
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "stated"), [("material_ball", 2.5), ("living_room", 2.9), ("atrium", 6.4)])
 def test_the_depth_complexity_is_the_one_the_docstring_states(name, stated, meshes):
     assert f"crosses {stated} triangles" in BUILT_IN[name].make.__doc__
     camera = Camera(**BUILT_IN[name].camera, width=32, height=32)

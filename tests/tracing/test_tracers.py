@@ -39,7 +39,9 @@ def cornell_reference(width, height, offset=(0.5, 0.5)):
 
 each_method = pytest.mark.parametrize("method", METHODS)
 each_method_of_cells = pytest.mark.parametrize("method", CELLS)
-each_width = pytest.mark.parametrize("width", WIDTHS)
+each_width = pytest.mark.parametrize(  # compiled for each
+    "width", [pytest.param(one, marks=() if one in (WIDTHS[0], WIDTHS[-1]) else pytest.mark.slow) for one in WIDTHS]
+)
 each_kind = pytest.mark.parametrize("method", ["pixels", "aligned", "visible_first", "tiles", "frames"])
 
 

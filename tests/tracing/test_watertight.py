@@ -55,7 +55,9 @@ def test_no_camera_ray_leaves_a_closed_mesh(method):
     assert lost(method, FEW, one_view) == 0
 
 
-@each_method
+@pytest.mark.parametrize(
+    "method", [*IMAGES, *(pytest.param(one, marks=pytest.mark.slow if one == "classified" else ()) for one in OTHERS)]
+)
 def test_in_the_fast_setting_rays_do_leave_closed_meshes(method):
     assert lost(method, FEW, one_view, robust=False) > 0
 

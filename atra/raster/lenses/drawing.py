@@ -30,7 +30,7 @@ from atra.prim_ids import MISS
 from atra.raster.clusters import CLUSTER
 from atra.raster.culling import TILE, find_farthest, forget_tiles, is_hidden
 from atra.raster.drawing import fetch_vertices
-from atra.raster.image import CACHE_LINE, SPAN, Band, Eye, without_lower
+from atra.raster.image import CACHE_LINE, SPAN, Band, eye_at
 from atra.raster.lenses.culling import meets, place_cluster
 from atra.raster.lenses.planes import REGION
 from atra.raster.lenses.triangles import (
@@ -46,12 +46,14 @@ from atra.raster.lenses.triangles import (
     NEAREST,
     RIGHT,
     ROW,
+    UNSURE_OF_LENS,
     decided,
     doubt_of,
     list_near,
     plane_through,
     set_up,
 )
+from atra.raster.nearer import Corners, without_farther_of_lens
 from atra.raster.triangles import BATCH, LIST_ROOM, project_vertices
 
 _STALE = 256
@@ -122,11 +124,11 @@ def _limits(values, edge, slack):  # type: ignore[no-untyped-def]
 
 
 @njit
-def _draw(lanes, k, prim_id, packed, is_gentle, side, margin, places, band, workspace):  # type: ignore[no-untyped-def]
+def _draw(lanes, numbers, mesh, k, prim_id, packed, is_gentle, side, margin, places, band, workspace):  # type: ignore[no-untyped-def]
     """Draw the k-th triangle of a batch, with these corners, with vectors of `lanes`.
 
-    Where a sum is within its rounding of 0, `decided` decides; where a sample has the same nearness already, the lower
-    prim_id stays. Nothing is drawn nearer than the nearest corner, whatever rounding makes of the plane.
+    Where a sum is within its rounding of 0, `decided` decides; where what is drawn is as near but for float32's
+    rounding, `without_farther_of_lens`. Nothing is drawn nearer than the nearest corner, whatever rounding makes of it.
     """
     values, doubles = floats_at(workspace.floats + k * 4), doubles_at(workspace.doubles + k * 8)
     left, right = int(values[LEFT * BATCH]), int(values[RIGHT * BATCH])
@@ -142,7 +144,10 @@ def _draw(lanes, k, prim_id, packed, is_gentle, side, margin, places, band, work
     row1 = repeated(values[(ROW + 1) * BATCH], lanes)
     row2 = repeated(values[(ROW + 2) * BATCH], lanes)
     nearest, farthest = values[NEAREST * BATCH], values[FARTHEST * BATCH]
-    if max(right - left, last - first) > TILE and is_hidden(left, right, first, last, nearest, side, workspace.tiles):
+    limit = np.float32(nearest * (1.0 + UNSURE_OF_LENS))
+    above = repeated(np.float32(1.0 + UNSURE_OF_LENS), lanes)
+    below = repeated(np.float32(1.0 - UNSURE_OF_LENS), lanes)
+    if max(right - left, last - first) > TILE and is_hidden(left, right, first, last, limit, side, workspace.tiles):
         return
     prim_ids, doubt = repeated(prim_id, lanes), doubt_of(side, margin)
     surely, hardly = repeated(doubt, lanes), repeated(-doubt, lanes)
@@ -166,7 +171,7 @@ def _draw(lanes, k, prim_id, packed, is_gentle, side, margin, places, band, work
                 (y * band.stride + start) * 4,
             )
             here = nearness + along * base
-            ahead = counted(np.float32(start - base), lanes)
+            steps = counted(np.float32(start - base), lanes)
             right_by = load(places + byte, np.float32(0.0), lanes)
             down_by = load(places + plane + byte, np.float32(0.0), lanes)
             i, j = counted(np.float32(start), lanes) + right_by, repeated(row, lanes) + down_by
@@ -175,18 +180,24 @@ def _draw(lanes, k, prim_id, packed, is_gentle, side, margin, places, band, work
                 (inside2 + i * column2) + j * row2,
             )
             if is_gentle:
-                plain = repeated(np.float32(here), lanes) + (ahead + right_by) * repeated(np.float32(along), lanes)
+                plain = repeated(np.float32(here), lanes) + (steps + right_by) * repeated(np.float32(along), lanes)
                 found = smaller(repeated(nearest, lanes), plain + down_by * repeated(np.float32(down), lanes))
             else:
                 wide = (counted(float(start - base), lanes) + widened(right_by)) * repeated(along, lanes)
                 wide = size(repeated(here, lanes) + wide + widened(down_by) * repeated(down, lanes))
                 found = smaller(larger(rounded(wide), repeated(farthest, lanes)), repeated(nearest, lanes))
             old = load(band.nearness + byte, np.float32(0.0), lanes)
-            drawn = (inside > hardly) & (found >= old)
-            if rarely(bits_of(drawn & ((inside <= surely) | (found <= old))) != 0):
+            drawn = (inside > hardly) & (found * above >= old)
+            close = found * below <= old
+            if rarely(bits_of(drawn & ((inside <= surely) | close)) != 0):
                 exactly = decided(workspace.points, packed, places + byte, places + plane + byte, start, y, lanes)
-                same = bits_of(drawn & (found <= old)) & exactly
-                drawn = drawn & mask_of(without_lower(exactly, same, prim_id, band.prim_id + byte), lanes)
+                doubts = bits_of(drawn & close) & exactly
+                if doubts != 0:
+                    exactly = without_farther_of_lens(
+                        exactly, doubts, prim_id, band.prim_id + byte, numbers, mesh, start, y,
+                        places + byte, places + plane + byte,
+                    )  # fmt: skip
+                drawn = drawn & mask_of(exactly, lanes)
             store_where(drawn, found, band.nearness + byte)
             store_where(drawn, prim_ids, band.prim_id + byte)
         nearness, row = nearness + down, row + np.float32(1.0)
@@ -204,6 +215,7 @@ def _draw_cluster(lanes, eye, clusters, cluster, side, margin, places, band, wor
     triangles = min(CLUSTER, clusters.triangles - start)
     count = list_near(corners, triangles, workspace.points, side, margin, workspace.listed)
     listed, identities = integers_at(workspace.listed), identities_at(prim_ids)
+    mesh = Corners(clusters.mesh_vertices, clusters.mesh_faces)
     for batch in range(0, count, BATCH):
         may_be_seen, ordinary = set_up(side, margin, batch, workspace)
         for k in range(min(BATCH, count - batch)):
@@ -213,7 +225,8 @@ def _draw_cluster(lanes, eye, clusters, cluster, side, margin, places, band, wor
             if not (ordinary >> k) & 1:
                 is_seen, is_gentle = plane_through(eye, vertices, vertex_count, packed, k, margin, workspace)
             if is_seen:
-                _draw(lanes, k, identities[packed >> 48], packed, is_gentle, side, margin, places, band, workspace)
+                prim_id = identities[packed >> 48]
+                _draw(lanes, eye.position, mesh, k, prim_id, packed, is_gentle, side, margin, places, band, workspace)
     return count
 
 
@@ -224,7 +237,7 @@ def _draw_tile(  # type: ignore[no-untyped-def]
     """Draw one tile; count: places in `balls` listed in the workspace."""
     side, stride = tiles.side, band_stride(tiles.side)
     numbers = tiles.eyes + tile * _EYE_NUMBERS * 8
-    eye = Eye(numbers, numbers + 3 * 8, numbers + 15 * 8, tiles.least_depth)
+    eye = eye_at(numbers, tiles.least_depth)
     places = tiles.places + tile * 3 * side * stride * 4
     band = Band(workspace.band, workspace.band + side * stride * 4, stride, 0, side - 1)
     _clear(lanes, side, stride, places, workspace.band)

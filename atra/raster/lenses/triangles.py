@@ -20,6 +20,7 @@ from atra.compiled.vectors import (
     with_lane,
 )
 from atra.raster.image import GENTLE, SPAN
+from atra.raster.nearer import UNSURE
 from atra.raster.spans import from_eye, holds_eye, pinhole_plane
 from atra.raster.triangles import BATCH, NEAR_AND_FAR, are_hidden, corner_at, store_rounded
 
@@ -31,6 +32,9 @@ LEFT, RIGHT, FIRST, LAST, NEAREST, FARTHEST, INSIDE, COLUMN, ROW = 0, 1, 2, 3, 4
 """Places of what is float32: first and last column, first and last row, nearness of the nearest and the farthest
 corner, and for each edge how far inside of it column 0 of row 0 lies, and what the next column and row add to that. The
 last two sum up to 1 in size."""
+
+UNSURE_OF_LENS = 2.0 * UNSURE
+"""As UNSURE: samples beside whole numbers add as many roundings, those of what a row and a column add."""
 
 _UNIT32 = 2.0**-24
 
@@ -97,7 +101,8 @@ def set_up(side, margin, number, workspace):  # type: ignore[no-untyped-def]
     dx0, dy0, dx1, dy1, dx2, dy2 = x2 - x1, y2 - y1, x0 - x2, y0 - y2, x1 - x0, y1 - y0
     area = dy2 * dx1 - dx2 * dy1
     may_be_seen = bits_of((right >= left) & (last >= first) & (size(area) > zero))
-    may_be_seen &= ~bits_of(in_front & are_hidden(left, right, first, last, nearest, side, workspace.tiles))
+    limit = nearest * repeated(1.0 + UNSURE_OF_LENS, BATCH)
+    may_be_seen &= ~bits_of(in_front & are_hidden(left, right, first, last, limit, side, workspace.tiles))
     if may_be_seen == 0:
         return 0, 0
     facing = signed_like(one, area)
