@@ -33,6 +33,9 @@ def take_method_files(arguments: Sequence[str]) -> list[str]:
     except ValueError as error:
         raise InputError(f"method_file {given[-1]}: {error}; call its option something else") from None
     kept = [one for one in arguments if not one.startswith("method_file=")]
+    place = next(place for place, one in enumerate(arguments) if one.startswith("method_file="))
     whole = os.pathsep.join(os.path.abspath(os.path.expanduser(path)) for path in given[-1].split(os.pathsep))
     chosen = any(one.startswith(("method=", "sweep=")) for one in kept)
-    return [*kept, f"method_file='{whole}'", *([] if chosen else [f"method={methods[0].name}"])]
+    told = [f"method_file='{whole}'", *([] if chosen else [f"method={methods[0].name}"])]
+    # Where it stood: after a flag such as --help, Hydra takes no more fields.
+    return [*kept[:place], *told, *kept[place:]]

@@ -38,6 +38,7 @@ def test_an_option_of_the_file_is_set_on_the_command_line_and_an_unknown_one_is_
     toy = ["method_file=mine.py", "width=16", "height=16", "measure.rounds=3"]
     assert run_here(tmp_path, *toy, "method.rows=3").returncode == 0
     assert "method.rows: " in run_here(tmp_path, "--help", *toy).stdout
+    assert "method.rows: " in run_here(tmp_path, *toy, "--help").stdout
     done = run_here(tmp_path, *toy, "method.columns=3")
     assert done.returncode == 2
     assert "expected rows" in done.stderr
