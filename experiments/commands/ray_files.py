@@ -150,9 +150,7 @@ def view_of(scene: Scene, view: str, bvh: BvhScene) -> ViewOfScene:
     rays = rays_of("primary", mesh, hits)
     share = float(hits.hit.mean())
     boxes = _boxes(bvh, rays, False)
-    return ViewOfScene(
-        scene.name, mesh.triangle_count, scene.mesh_sha256, view, digest_of(rays), share, crossed, boxes
-    )
+    return ViewOfScene(scene.name, mesh.triangle_count, scene.mesh_sha256, view, digest_of(rays), share, crossed, boxes)
 
 
 def _crossed(tracer: RasterTracer) -> float:

@@ -70,8 +70,10 @@ def test_every_scene_whose_rays_are_kept_has_all_its_views():
     assert len({(row["scene"], row["view"]) for row in views}) == len(VIEWS) * len({row["scene"] for row in views})
 
 
-@pytest.mark.parametrize("arguments", [[], ["size=small"], ["cornell_box", "size=huge"], ["cornell_box", "kind=all"],
-    ["cornell_box", "files=some"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [[], ["size=small"], ["cornell_box", "size=huge"], ["cornell_box", "kind=all"], ["cornell_box", "files=some"]],
+)
 def test_other_arguments_are_refused(arguments):
     with pytest.raises(InputError, match="expected: "):
         run_rays(arguments)
