@@ -16,6 +16,10 @@ os.environ.setdefault("ATRA_QUIET", "1")
 os.environ.setdefault("ATRA_COMPILE_BESIDE", "0")  # all cores have work already
 os.environ["ATRA_QUIET_LIMIT_S"] = "0"  # their sweeps measure nothing that anybody believes
 
+# Hundreds of processes read the same modules. Containers often forbid Python to keep them compiled.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+
 # Numba compiles for minutes in all, a sixth of them spent on looking for garbage among what is needed anyway.
 gc.freeze()
 gc.set_threshold(100_000, 50, 50)
