@@ -19,7 +19,7 @@ FEW = 8
 
 
 class Corners(NamedTuple):
-    """Of a mesh, as of `ClusterAddresses`, what `nearness_along` takes."""
+    """Addresses of a mesh's vertices and faces, all that `nearness_along` reads; named as in `ClusterAddresses`."""
 
     mesh_vertices: int
     mesh_faces: int
