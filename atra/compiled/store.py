@@ -220,7 +220,7 @@ class _Cache(FunctionCache):
         super().__init__(function)
         source, into = Path(inspect.getfile(function)), os.environ.get(INTO_VARIABLE)
         base, stamp = self._impl.filename_base, source_stamp(source)
-        room = source.resolve().parent.relative_to(_PACKAGE) if source.is_relative_to(_PACKAGE) else Path()
+        room = source.parent.relative_to(_PACKAGE) if source.is_relative_to(_PACKAGE) else Path()
         if into:
             self._cache_path = str(Path(into) / room)
         self._shipped = None if into or not SHIPPED.is_dir() else _Index(str(SHIPPED / room), base, stamp)

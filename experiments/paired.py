@@ -1,0 +1,183 @@
+"""This version against another clone, frame by frame in turns; adds rows to a table and prints the ratios.
+
+    python -m experiments.paired OTHER TABLE.csv --processes 5 --threads 1 2
+    ATRA_ISA=avx2 python -m experiments.paired OTHER TABLE.csv --processes 5
+
+OTHER: a folder with the other version and an environment of its own (`OTHER/.venv`). Every process measures one scene
+in one of the versions; the versions take turns. Each method builds what it needs, traces a frame that does not count,
+and then the frames that do. Rays have Embree's fast setting, as in the tables. A digest says whether images are equal.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from argparse import ArgumentParser
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from experiments.harness.environment import read_environment
+from experiments.results.statistics import FEWEST_PROCESSES, Estimate
+from scenes.loading import SceneSource, load_scene
+
+COLUMNS = (
+    "scene", "triangles", "what", "threads", "instruction_set", "version", "process", "least_ms", "median_ms", "frames",
+    "digest", "size", "processor", "commit",
+)  # fmt: skip
+
+ASKED = ("image", "count", "packets", "packets_count", "aligned", "visible_first", "tiles")
+"""What a process measures: the rasteriser's image and its number of hits, and the methods that shoot rays."""
+
+_PROCESS = """
+import hashlib, json, sys
+from time import perf_counter
+import numpy as np
+import atra
+given = json.loads(sys.argv[1])
+kept = np.load(given["scene"])
+mesh = atra.Mesh(kept["vertices"], kept["faces"])
+camera = atra.Camera(**given["camera"], width=given["size"], height=given["size"])
+def made(kind, **options):
+    try:
+        return kind(mesh, camera, threads=given["threads"], robust=False, **options)
+    except TypeError:  # the rasteriser and older versions have no such option
+        return kind(mesh, camera, threads=given["threads"], **options)
+makers = {
+    "image": lambda: made(atra.RasterTracer), "count": lambda: made(atra.RasterTracer),
+    "packets": lambda: made(atra.PixelTracer), "packets_count": lambda: made(atra.PixelTracer),
+    "aligned": lambda: made(atra.AlignedTracer, split=(256, 1)),
+    "visible_first": lambda: made(atra.VisibleFirstTracer, split=(256, 1)),
+    "tiles": lambda: made(atra.TiledTracer, split=(16, 16)),
+}
+told = {}
+for what in given["asked"]:
+    tracer = makers[what]()
+    tracer.build()
+    if what.endswith("count"):
+        answer = lambda: tracer.gather(atra.Count())
+        arrays = lambda found: [found.count if hasattr(found, "count") else found]
+    else:
+        out = tracer.trace()
+        answer = lambda: tracer.trace(out=out)
+        arrays = lambda found: [found.depth, found.prim_id]
+    found = answer()
+    taken_ms = []
+    for _ in range(given["frames"]):
+        start = perf_counter()
+        found = answer()
+        taken_ms.append(1e3 * (perf_counter() - start))
+    digest = hashlib.sha256()
+    for array in arrays(found):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    told[what] = taken_ms, digest.hexdigest()[:16]
+    tracer.close()
+print(json.dumps(told))
+"""
+
+
+def main() -> None:
+    """Measure what the arguments say, add it to the table, and print the table's ratios."""
+    parser = ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("other", type=Path, help="folder of the other version")
+    parser.add_argument("table", type=Path)
+    parser.add_argument("--scenes", nargs="*", default=["cornell_box", "mitsuba", "fireplace_room", "sponza"])
+    parser.add_argument("--source", default="directory", help="of the scenes, see `scenes.loading.SceneSource`")
+    parser.add_argument("--asked", nargs="*", default=ASKED, choices=ASKED)
+    parser.add_argument("--threads", nargs="*", type=int, default=[1])
+    parser.add_argument("--processes", type=int, default=5)
+    parser.add_argument("--frames", type=int, default=11)
+    parser.add_argument("--size", type=int, default=1024)
+    given = parser.parse_args()
+    if given.processes < FEWEST_PROCESSES:
+        parser.error(
+            f"--processes is {given.processes}, expected at least {FEWEST_PROCESSES}, so that ratios have intervals"
+        )
+    given.table.parent.mkdir(parents=True, exist_ok=True)
+    is_new = not given.table.exists()
+    with given.table.open("a", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        if is_new:
+            writer.writeheader()
+        for row in _measured(given):
+            writer.writerow(row)
+            file.flush()
+    print(ratios(pd.read_csv(given.table, dtype={"digest": str})).to_string(index=False))
+
+
+def _measured(given: Any) -> Iterator[dict[str, Any]]:
+    here = Path(__file__).resolve().parents[1]
+    python = "Scripts/python.exe" if os.name == "nt" else "bin/python"
+    versions = {"other": (given.other, str(given.other.resolve() / ".venv" / python)), "this": (here, sys.executable)}
+    commits = {name: _commit(folder) for name, (folder, _) in versions.items()}
+    same = {"instruction_set": os.environ.get("ATRA_ISA", "native"), "frames": given.frames, "size": given.size}
+    same["processor"] = read_environment().cpu
+    with TemporaryDirectory() as folder:
+        for name in given.scenes:
+            scene = load_scene(SceneSource(given.source), name, None)
+            kept = Path(folder, f"{name.replace('/', '_')}.npz")
+            np.savez(kept, vertices=scene.mesh.vertices, faces=scene.mesh.faces)
+            asked = {"scene": str(kept), "camera": scene.camera, "asked": given.asked, "frames": given.frames}
+            asked["size"] = given.size
+            same |= {"scene": name, "triangles": scene.mesh.triangle_count}
+            for process in range(given.processes):
+                for threads in given.threads:
+                    order = ["other", "this"] if process % 2 else ["this", "other"]
+                    for version in order:
+                        source, runner = versions[version]
+                        told = _told(runner, source, folder, {**asked, "threads": threads})
+                        for what, (taken_ms, digest) in told.items():
+                            times = {
+                                "least_ms": f"{min(taken_ms):.4f}",
+                                "median_ms": f"{float(np.median(taken_ms)):.4f}",
+                            }
+                            yield {
+                                **same, **times, "what": what, "threads": threads, "version": version,
+                                "process": process, "digest": digest, "commit": commits[version],
+                            }  # fmt: skip
+
+
+def _told(python: str, source: Path, folder: str, asked: dict[str, Any]) -> dict[str, Any]:
+    """What one process of a version prints. Exits with its error if it fails."""
+    environment = os.environ | {"PYTHONPATH": str(source.resolve()), "ATRA_QUIET": "1"}
+    run = subprocess.run(
+        [python, "-c", _PROCESS, json.dumps(asked)], cwd=folder, env=environment, capture_output=True, text=True
+    )
+    if run.returncode:
+        raise SystemExit(f"the version in {source} failed: {run.stderr[-2000:]}")
+    return dict(json.loads(run.stdout))
+
+
+def _commit(folder: Path) -> str:
+    told = subprocess.run(["git", "-C", str(folder), "rev-parse", "--short=12", "HEAD"], capture_output=True, text=True)
+    return told.stdout.strip()
+
+
+def ratios(rows: pd.DataFrame) -> pd.DataFrame:
+    """How many times as fast this version is, by what was asked: mean ratio of the medians of the processes that took
+    turns, with its 95 % interval; the ratio of the least times; and whether all images are equal."""
+    keys, found = ["instruction_set", "threads", "what", "scene"], []
+    for key, group in rows.groupby(keys, sort=True):
+        paired = group.pivot_table(index="process", columns="version", values=["median_ms", "least_ms"])
+        if paired.shape[1] < 4:
+            continue
+        estimate = Estimate.of(list(paired["median_ms", "other"] / paired["median_ms", "this"]))
+        least = paired["least_ms"].min()
+        found.append({
+            **dict(zip(keys, key, strict=True)), "this_ms": round(least["this"], 3),
+            "ratio": f"{estimate.value:.3f} [{estimate.low:.3f}, {estimate.high:.3f}]",
+            "ratio_of_least": round(least["other"] / least["this"], 3),
+            "same": "yes" if group["digest"].nunique() == 1 else "no",
+        })  # fmt: skip
+    return pd.DataFrame(found)
+
+
+if __name__ == "__main__":
+    main()
