@@ -24,11 +24,10 @@ from atra.compat.bop import Renderer
 from atra.geometry.lenses.models import Lens
 from experiments.harness.environment import read_environment
 from experiments.methods.peers.llvmpipe import opengl_context
+from scenes.directory import PAPER_SCENES
 from scenes.loading import SceneSource, load_scene
 
 COLUMNS = ("frame", "lens", "method", "width", "height", "threads", "run", "ms", "commit", "processor", "cores")
-
-SCENES = ("cornell_box", "mitsuba", "fireplace_room", "sponza")
 
 LENSES: dict[str, tuple[Lens, float]] = {
     "barrel": (atra.OpenCVLens(k1=-0.25, k2=0.05, p1=0.002, p2=-0.001), 0.9),
@@ -70,7 +69,7 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--size", type=int, default=1024, help="width and height of images through lenses")
     parser.add_argument("--source", default="directory", help="of the scenes, see `scenes.loading.SceneSource`")
-    parser.add_argument("--scenes", nargs="*", default=SCENES)
+    parser.add_argument("--scenes", nargs="*", default=PAPER_SCENES)
     parser.add_argument("--lenses", nargs="*", choices=LENSES, default=tuple(LENSES))
     parser.add_argument("--no-bop", action="store_true", help="only lenses")
     given = parser.parse_args()

@@ -26,6 +26,7 @@ import pandas as pd
 
 from experiments.harness.environment import read_environment
 from experiments.results.statistics import FEWEST_PROCESSES, Estimate
+from scenes.directory import PAPER_SCENES
 from scenes.loading import SceneSource, load_scene
 
 COLUMNS = (
@@ -88,7 +89,7 @@ def main() -> None:
     parser = ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("other", type=Path, help="folder of the other version")
     parser.add_argument("table", type=Path)
-    parser.add_argument("--scenes", nargs="*", default=["cornell_box", "mitsuba", "fireplace_room", "sponza"])
+    parser.add_argument("--scenes", nargs="*", default=PAPER_SCENES)
     parser.add_argument("--source", default="directory", help="of the scenes, see `scenes.loading.SceneSource`")
     parser.add_argument("--asked", nargs="*", default=ASKED, choices=ASKED)
     parser.add_argument("--threads", nargs="*", type=int, default=[1])

@@ -20,6 +20,9 @@ from scenes.scene import Scene, camera_fields
 SCENES_VARIABLE = "ATRA_SCENES"
 CAMERAS_FILE = "cameras.json"
 
+PAPER_SCENES = ("cornell_box", "mitsuba", "fireplace_room", "sponza")
+"""The scenes of the paper, in its order."""
+
 # From the front, a little right and above: shows three sides of a box and looks along no coordinate plane.
 _DEFAULT_DIRECTION = (0.5, 0.4, 1.0)
 _DEFAULT_FOV_Y_DEGREES = 45.0

@@ -9,7 +9,6 @@ from scenes.directory import SCENES_VARIABLE, default_cache
 
 ROOT = Path(__file__).resolve().parents[1]
 
-PAPER_SCENES = ("cornell_box", "mitsuba", "fireplace_room", "sponza")
 NEEDS_SCENES = pytest.mark.skipif(not os.environ.get(SCENES_VARIABLE), reason=f"{SCENES_VARIABLE} is not set")
 
 HOME_VARIABLES = ("HOME", "XDG_CACHE_HOME", "LOCALAPPDATA")

@@ -10,12 +10,11 @@ import numpy as np
 
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import kernel, njit
+from atra.exact.intersection import NOISE
 from atra.prim_ids import MISS
 
 SLACK = 1e-12
 """Tolerance of `inside` and of `equally deep`, as in `atra.judge.reference`."""
-
-_NOISE = 1e-14  # NOISE of `atra.exact.intersection`
 
 _NEAR = 1e-9
 """Tolerance of the test without divisions, a share of the determinant; larger than SLACK, so that it loses no hit."""
@@ -81,13 +80,13 @@ def nearest_triangles(counter_address, origins, directions, corners, edges_1, ed
                 px, py, pz = _cross(dx[i], dy[i], dz[i], bx, by, bz)
                 determinant = _dot(px, py, pz, ax, ay, az)
                 size = np.sqrt(_dot(dx[i], dy[i], dz[i], dx[i], dy[i], dz[i]) * area[0] * area[1])
-                if abs(determinant) <= _NOISE * size:
+                if abs(determinant) <= NOISE * size:
                     continue
                 tx, ty, tz = ox[i] - cx, oy[i] - cy, oz[i] - cz
                 qx, qy, qz = _cross(tx, ty, tz, ax, ay, az)
                 ahead = _dot(bx, by, bz, qx, qy, qz)
                 reach = _dot(tx, ty, tz, tx, ty, tz) + eye_square
-                if abs(ahead) <= _NOISE * np.sqrt(reach * area[0] * area[1]):
+                if abs(ahead) <= NOISE * np.sqrt(reach * area[0] * area[1]):
                     continue
                 u = _dot(px, py, pz, tx, ty, tz) / determinant
                 v = _dot(dx[i], dy[i], dz[i], qx, qy, qz) / determinant

@@ -6,13 +6,12 @@ import numpy as np
 
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import kernel, njit
+from atra.exact.brute_force_kernels import SLACK
+from atra.exact.intersection import NOISE
 from atra.exact.ties_kernels import TILE
 
 MANY = 16
 """Partners of a triangle up to which a pixel is tested against all of them, in whichever tile they are."""
-
-_PARALLEL, _ROUNDING = 1e-14, 1e-12
-"""Tolerances of parallel, as NOISE of `atra.exact.intersection`, and of inside, as in `atra.judge.reference`."""
 
 
 @njit(forceinline=True)
@@ -28,14 +27,14 @@ def _intersect(vertices, faces, triangle, ox, oy, oz, dx, dy, dz):  # type: igno
     px, py, pz = dy * bz - dz * by, dz * bx - dx * bz, dx * by - dy * bx
     determinant = px * ax + py * ay + pz * az
     size = (dx * dx + dy * dy + dz * dz) * (ax * ax + ay * ay + az * az) * (bx * bx + by * by + bz * bz)
-    if determinant * determinant <= _PARALLEL * _PARALLEL * size:
+    if determinant * determinant <= NOISE * NOISE * size:
         return np.inf, False
     sx, sy, sz = ox - x, oy - y, oz - z
     qx, qy, qz = sy * az - sz * ay, sz * ax - sx * az, sx * ay - sy * ax
     u = (px * sx + py * sy + pz * sz) / determinant
     v = (dx * qx + dy * qy + dz * qz) / determinant
     depth = (bx * qx + by * qy + bz * qz) / determinant
-    return depth, min(u, v, 1.0 - u - v) >= -_ROUNDING
+    return depth, min(u, v, 1.0 - u - v) >= -SLACK
 
 
 @njit(forceinline=True)

@@ -31,9 +31,8 @@ from atra.raster.image import Image, Viewpoint
 from experiments.harness.environment import read_environment
 from experiments.roofline import stages_kernels as stages
 from experiments.roofline.figure import draw_stages
+from scenes.directory import PAPER_SCENES
 from scenes.loading import SceneSource, load_scene
-
-SCENES = ("cornell_box", "mitsuba", "fireplace_room", "sponza")
 
 COLUMNS = (
     "scene", "instruction_set", "lanes", "stage", "of", "count", "ms", "hot_ms", "read_mb", "written_mb", "idle_lanes",
@@ -57,7 +56,7 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=40)
     parser.add_argument("--size", type=int, default=1024)
     parser.add_argument("--source", default="directory", help="of the scenes, see `scenes.loading.SceneSource`")
-    parser.add_argument("--scenes", nargs="*", default=SCENES)
+    parser.add_argument("--scenes", nargs="*", default=PAPER_SCENES)
     given = parser.parse_args()
     given.folder.mkdir(parents=True, exist_ok=True)
     table, machine = given.folder / "table.csv", read_environment()

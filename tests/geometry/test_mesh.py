@@ -13,7 +13,8 @@ import trimesh
 from atra.errors import InputError
 from atra.files.meshes.loading import load_mesh
 from atra.geometry.mesh import Mesh
-from tests.folders import NEEDS_SCENES, PAPER_SCENES
+from scenes.directory import PAPER_SCENES
+from tests.folders import NEEDS_SCENES
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
 TWO_FACES = np.array([[0, 1, 2], [0, 2, 3]])

@@ -7,8 +7,9 @@ import atra
 from atra.judge.oracle import examine, nearest_hits
 from atra.judge.reference import brute_force
 from atra.shafts.eye import EyeTracer
+from scenes.directory import PAPER_SCENES
 from scenes.loading import SceneSource, load_scene
-from tests.folders import NEEDS_SCENES, PAPER_SCENES
+from tests.folders import NEEDS_SCENES
 from tests.images import CELLS, assert_equal_images, assert_no_pixel_wrong, make_tracer
 from tests.lenses import lens_camera, random_lens
 from tests.meshes import cornell_box, cornell_camera, quads

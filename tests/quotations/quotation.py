@@ -15,11 +15,11 @@ import pandas as pd
 from experiments.results.intervals import with_intervals
 from experiments.results.table import rename_workloads
 from experiments.workloads.series import best_rows
+from scenes.directory import PAPER_SCENES as SCENES
 from tests.folders import ROOT
 
 REFERENCE = ROOT / "reports" / "reference"
 TIMES = "\N{MULTIPLICATION SIGN}"
-SCENES = ("cornell_box", "mitsuba", "fireplace_room", "sponza")
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,7 @@ from experiments.workloads.bake.mitsuba import adaptive_bias
 from experiments.workloads.bake.shown import CLAIMS_FILE, FIGURES
 from experiments.workloads.bake_rays.shown import CLAIMS as PREDICTIONS
 from scenes.built_in import make_scene
+from scenes.directory import PAPER_SCENES
 from tests.baked import cube, sheet
 from tests.points import planned
 from tests.quotations import QUOTED, bake
@@ -168,9 +169,6 @@ def test_ratios_are_of_rounds_of_rays_and_of_variance_times_time():
     assert value(record({"own": [1.0] * 3}, rays_per_round=100), "quality_vs_other") is None
 
 
-SCENES = ("cornell_box", "mitsuba", "fireplace_room", "sponza")
-
-
 def table(*rows):
     """Rows of all scenes with these values, as a sweep's table holds them."""
     usual = {"workload": BAKE.name, "method": "raster", "status": "ok", "grids": "bake", "albedo": "own",
@@ -179,7 +177,7 @@ def table(*rows):
     every = [
         usual | {"scene": scene, "point_id": f"{place:03d}{number}"}
         | {name: one[number] if isinstance(one, tuple) else one for name, one in row.items()}
-        for place, row in enumerate(rows) for number, scene in enumerate(SCENES)
+        for place, row in enumerate(rows) for number, scene in enumerate(PAPER_SCENES)
     ]  # fmt: skip
     return frame_of(every)
 
@@ -297,7 +295,7 @@ def drawn_rows():
 
 def test_figures_show_errors_over_time_stages_and_rays(tmp_path):
     rows = drawn_rows()
-    rows = rows[rows["scene"].isin(SCENES[:2])]
+    rows = rows[rows["scene"].isin(PAPER_SCENES[:2])]
     for kind in FIGURES:
         chosen = kind.rows(rows)
         (figure,) = draw_figure(kind, chosen, tmp_path)
