@@ -19,7 +19,7 @@ from atra.geometry.camera import Camera
 from atra.light import Image, MetallicRoughness, PathRenderer, Scene, Sun, constant_sky, load_scene
 from atra.light.pictures.files import srgb_of
 from atra.light.textures import linear
-from experiments.equal_error import block_differences
+from experiments.equal_error.measure import block_differences
 from experiments.methods.peers.mitsuba_light import load_mitsuba, suns_of
 
 _SIDE, _DEPTH = 256, 6

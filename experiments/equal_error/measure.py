@@ -1,4 +1,4 @@
-"""Time to equal error of path tracing, ours and Mitsuba 3's: `python -m experiments.equal_error FOLDER`.
+"""Time to equal error of path tracing, ours and Mitsuba 3's.
 
 Both follow paths of the same depth through the same triangles and materials, in pictures without denoising. The error
 of a picture of N samples is estimated from the spread of several such pictures: the root of the mean over pixels of
@@ -9,15 +9,12 @@ largest difference.
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from atra.light import PathRenderer
@@ -31,6 +28,12 @@ SIZES = (8, 32)
 
 PICTURES = 5
 """Pictures of each size."""
+
+ERRORS = (0.05, 0.01)
+"""Relative errors to which the time is found."""
+
+OURS, BEFORE, MITSUBA = "ours", "ours, lights met by chance", ("scalar_rgb", "llvm_ad_rgb")
+"""Renderers: this one, the same without rays aimed at lights, and Mitsuba's variants."""
 
 BLOCK = 16
 _FLOOR = 0.02
@@ -76,10 +79,11 @@ def _measured(make: Callable[[int], Iterator[Floats]]) -> Found:
     return Found(seconds, errors, np.tensordot(weights / weights.sum(), np.array(means), 1))
 
 
-def ours(shown: Shown, threads: int) -> Found:
-    """What `PathRenderer` takes and finds."""
+def ours(shown: Shown, threads: int, lights: str = "aimed") -> Found:
+    """What `PathRenderer` takes and finds. lights: as its option."""
     scene, camera = shown
-    with PathRenderer(scene, camera, threads=threads, max_depth=DEPTH, roulette=ROULETTE, jitter="pixel") as renderer:
+    options: Any = {"threads": threads, "max_depth": DEPTH, "roulette": ROULETTE, "jitter": "pixel", "lights": lights}
+    with PathRenderer(scene, camera, **options) as renderer:
         renderer.add(1)  # compiles and builds
 
         def make(size: int) -> Iterator[Floats]:
@@ -120,44 +124,24 @@ def block_differences(one: Floats, other: Floats) -> Floats:
     return np.asarray(np.abs(a - b) / np.maximum(b, 0.1 * b.mean()))
 
 
-def measure(name: str, threads: int, variants: list[str]) -> dict[str, Any]:
-    """A row of the table."""
+def measure(name: str, threads: int, others: Iterable[str]) -> Iterator[dict[str, Any]]:
+    """A row of the table for each renderer of a scene: this one, as it was before it aimed at lights, and Mitsuba's
+    variants."""
     shown = SCENES[name]()
     own = ours(shown, threads)
-    row: dict[str, Any] = {"scene": name, "threads": threads}
-    for error in (0.05, 0.01):
-        row[f"ours_s_{error:.0%}"] = own.time_to(error)
+    yield _row(name, threads, OURS, own, own)
+    for other in others:
+        found = ours(shown, threads, lights="found") if other == BEFORE else mitsuba(shown, threads, other)
+        yield _row(name, threads, other, found, own)
+
+
+def _row(name: str, threads: int, renderer: str, found: Found, own: Found) -> dict[str, Any]:
+    row: dict[str, Any] = {"scene": name, "threads": threads, "renderer": renderer}
+    for error in ERRORS:
+        row[f"time_to_{error:.0%}_s"] = found.time_to(error)
+    row["times_of_ours"] = found.time_to(ERRORS[0]) / own.time_to(ERRORS[0])
     for size in SIZES:
-        row[f"ours_error_{size}"], row[f"ours_s_{size}"] = own.errors[size], own.seconds[size]
-    for variant in variants:
-        theirs = mitsuba(shown, threads, variant)
-        for error in (0.05, 0.01):
-            row[f"{variant}_s_{error:.0%}"] = theirs.time_to(error)
-            row[f"over_{variant}_{error:.0%}"] = own.time_to(error) / theirs.time_to(error)
-        for size in SIZES:
-            row[f"{variant}_error_{size}"], row[f"{variant}_s_{size}"] = theirs.errors[size], theirs.seconds[size]
-        row[f"{variant}_mean_ratio"] = float(own.mean.mean() / theirs.mean.mean())
-        apart = block_differences(own.mean, theirs.mean)
-        row[f"{variant}_blocks_apart"], row[f"{variant}_most_apart"] = float(np.median(apart)), float(apart.max())
-    return row
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--scene", action="append", choices=list(SCENES))
-    parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--variant", action="append", choices=["scalar_rgb", "llvm_ad_rgb"])
-    given = parser.parse_args()
-    given.folder.mkdir(parents=True, exist_ok=True)
-    path = given.folder / f"threads_{given.threads}.csv"
-    rows = pd.read_csv(path).to_dict("records") if path.exists() else []
-    for name in given.scene or SCENES:
-        row = measure(name, given.threads, given.variant or ["scalar_rgb", "llvm_ad_rgb"])
-        rows = [one for one in rows if one["scene"] != name] + [row]
-        pd.DataFrame(rows).to_csv(path, index=False, float_format="%.4g")
-        print({key: value if isinstance(value, str) else round(value, 4) for key, value in row.items()}, flush=True)
-
-
-if __name__ == "__main__":
-    main()
+        row[f"error_of_{size}"], row[f"time_of_{size}_s"] = found.errors[size], found.seconds[size]
+    apart = block_differences(own.mean, found.mean)
+    row["mean_of_ours"] = float(own.mean.mean() / found.mean.mean())
+    return row | {"blocks_apart": float(np.median(apart)), "most_apart": float(apart.max())}
