@@ -76,7 +76,7 @@ class Baker(Lifetime):
         what = f"sums of a map of {atlas.width} x {atlas.height} texels and rays in flight"
         check_needed_bytes(needed, None, what, "use a smaller map, or fewer batch_rays")
         self._texels = Texels.of(self.scene.mesh, atlas)
-        self._tables = tables_of(self.scene, self._texels, self.options)
+        self._tables, self._paint = tables_of(self.scene, self._texels, self.options), self.scene.paint
         self._restart()
         return perf_counter() - start
 
@@ -122,12 +122,12 @@ class Baker(Lifetime):
                 if self._is_built:
                     self.build()
                 return
-            tables = tables_of(scene, self.texels, self.options)
+            tables, paint = tables_of(scene, self.texels, self.options), scene.paint
             if not self.shadow_scenes.serve(scene):
                 shadow_scenes = ShadowScenes(scene, self._ray_options)
                 self.shadow_scenes.close()
                 self.shadow_scenes = shadow_scenes
-            self.scene, self._tables = scene, tables
+            self.scene, self._tables, self._paint = scene, tables, paint
             self._restart()
 
     def look(self, camera: View | None, tracer: Tracer[Hits] | None = None) -> None:
@@ -257,7 +257,7 @@ class Baker(Lifetime):
 
     def _stages(self, query: Query, works: list[Work]) -> Stages:
         kind = self.rays_scene.packet_width, self.shadow_scenes.addresses(query.scene)
-        return Stages(self._tables, self.options, kind, query, works[query.worker])
+        return Stages(self._tables, self._paint, self.options, kind, query, works[query.worker])
 
     def _order(self, wanted: NDArray[np.bool_]) -> NDArray[np.int32]:
         """Numbers of wanted texels, neighbours together; with compaction "none", those of the whole map in rows, -1

@@ -14,6 +14,7 @@ from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.gather.lights_kernels import aim, aim_at_sun, plane_of
 from atra.light.lightmaps.gather.tables_kernels import KIND, PATH_ROWS, RESULTS, SUN, Batch, Tables
 from atra.light.lightmaps.options import BakeOptions
+from atra.light.lightmaps.paint_kernels import Paint
 from atra.light.lightmaps.samples_kernels import gather, generate
 from atra.light.lightmaps.shadows_kernels import shine_kernel
 from atra.light.pictures.path_kernels import ROW_PADDING
@@ -41,13 +42,14 @@ class Work:
 class Stages:
     """The stages that all batches of a thread pass.
 
-    kind: packet width, and RTCScenes of what blocks light and of panes (0 = none).
+    paint: of `BakeScene`. kind: packet width, and RTCScenes of what blocks light and of panes (0 = none).
     """
 
     def __init__(
-        self, tables: Tables, options: BakeOptions, kind: tuple[int, tuple[int, int]], query: Query, work: Work
-    ) -> None:
-        self._tables, self._options, self._query, self._work = tables, options, query, work
+        self, tables: Tables, paint: Paint | None, options: BakeOptions, kind: tuple[int, tuple[int, int]],
+        query: Query, work: Work,
+    ) -> None:  # fmt: skip
+        self._tables, self._paint, self._options, self._query, self._work = tables, paint, options, query, work
         width, self._shadows = kind
         has_panes = self._shadows[1] != 0
         self._trace, self._shine = trace_kernel(width, has_panes), shine_kernel(width, has_panes)
@@ -63,12 +65,12 @@ class Stages:
             aim(batch, count, tables, which, vertex)
         self.lap("aim")
         plane = plane_of(vertex, int(tables.lights[max(which, 0), KIND]))
-        self._work.traced(self._shine(batch, count, plane, tables, self._shadows, query.packet), count)
+        self._work.traced(self._shine(batch, count, plane, tables, self._paint, self._shadows, query.packet), count)
         self.lap("shadow")
 
     def follow(self, batch: Batch, count: int) -> None:
         """Follow paths whose first directions are set to their ends."""
-        tables, options, query = self._tables, self._options, self._query
+        tables, paint, options, query = self._tables, self._paint, self._options, self._query
         roulette_from = _NEVER if options.roulette_from is None else options.roulette_from
         for vertex in range(options.bounces + 1):
             if vertex:
@@ -76,9 +78,9 @@ class Stages:
                     self.light(batch, count, -1, vertex)
                 scatter(batch, count, vertex)
                 self.lap("scatter")
-            self._work.traced(self._trace(batch, count, tables, vertex, query.scene, query.packet), count)
+            self._work.traced(self._trace(batch, count, tables, paint, vertex, query.scene, query.packet), count)
             self.lap("trace")
-            going = shade(batch, count, tables, vertex, vertex == options.bounces, roulette_from)
+            going = shade(batch, count, tables, paint, vertex, vertex == options.bounces, roulette_from)
             self.lap("shade")
             if going == 0:
                 break

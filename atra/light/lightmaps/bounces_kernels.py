@@ -24,6 +24,7 @@ from atra.light.lightmaps.gather.tables_kernels import (
     SKY,
     WEIGHT,
 )
+from atra.light.lightmaps.paint_kernels import albedo_met, opacity_met
 from atra.light.lightmaps.samples_kernels import AHEAD, LARGE, fetch_row
 from atra.light.numbers_kernels import ONE, ZERO, around, bits_of, mixed, on_sphere, scaled, set_vector, unit_of, vector
 from atra.light.pictures.path_kernels import load_rays
@@ -46,12 +47,13 @@ def scatter(batch, count, vertex):  # type: ignore[no-untyped-def]
 
 
 @njit
-def _passes(tables, key, prim_id, vertex):  # type: ignore[no-untyped-def]
+def _passes(tables, paint, batch, i, prim_id, vertex):  # type: ignore[no-untyped-def]
     """Whether a ray passes what it hits: a pane, if a hash of both says so."""
     if prim_id == MISS or tables.pane_bits[prim_id >> 3] >> np.uint8(prim_id & 7) & 1 == 0:
         return False
-    number = unit_of(bits_of(np.uint32(key ^ mixed(np.uint32(prim_id))), np.uint32(vertex)))
-    return number >= tables.opacity[prim_id]
+    number = unit_of(bits_of(np.uint32(batch.key[i] ^ mixed(np.uint32(prim_id))), np.uint32(vertex)))
+    origin, direction = vector(batch.floats, ORIGIN, i), vector(batch.floats, DIRECTION, i)
+    return number >= opacity_met(tables, paint, prim_id, origin, direction)
 
 
 @cache
@@ -60,7 +62,7 @@ def trace_kernel(width: int, see_through: bool) -> Callable[..., int]:
     panes."""
 
     @float_kernel
-    def trace(batch, count, tables, vertex, scene, packet):  # type: ignore[no-untyped-def]
+    def trace(batch, count, tables, paint, vertex, scene, packet):  # type: ignore[no-untyped-def]
         """Find what all paths hit and how far away. Returns the number of rays traced."""
         traced = 0
         for first in range(0, count, width):
@@ -85,7 +87,7 @@ def trace_kernel(width: int, see_through: bool) -> Callable[..., int]:
                         continue
                     i = first + lane
                     prim_id, distance = hit_prim_id(packet, width, lane), hit_distance(packet, width, lane)
-                    if see_through and _passes(tables, batch.key[i], prim_id, vertex):
+                    if see_through and _passes(tables, paint, batch, i, prim_id, vertex):
                         for channel in range(3):
                             batch.floats[WEIGHT + channel, i] *= tables.tint[prim_id, channel]
                         packet.floats[RAY_TNEAR * width + lane] = distance + np.float32(tables.offset)
@@ -109,10 +111,10 @@ def _selected(tables, floats, path, vertex, light):  # type: ignore[no-untyped-d
 
 
 @float_kernel
-def shade(batch, count, tables, vertex, is_last, roulette_from):  # type: ignore[no-untyped-def]
+def shade(batch, count, tables, paint, vertex, is_last, roulette_from):  # type: ignore[no-untyped-def]
     """Add the light of what paths hit; move them to their next vertex or end them. Returns how many continue.
 
-    is_last: none continues. roulette_from: bounces after which Russian roulette ends weak paths.
+    paint: as for `albedo_met`. is_last: none continues. roulette_from: bounces after which Russian roulette ends weak paths.
     """
     floats, planes = batch.floats, tables.planes
     aims_at_emitters, aims_at_sky = len(tables.emitters) > 0, tables.sky_by != GIVES_BSDF
@@ -160,11 +162,8 @@ def shade(batch, count, tables, vertex, is_last, roulette_from):  # type: ignore
                 batch.results[slot, plane + channel] += weight[channel] * (share * tables.emission[prim_id, channel])
         if is_last:
             continue
-        red, green, blue = (
-            weight[0] * tables.albedo[prim_id, 0],
-            weight[1] * tables.albedo[prim_id, 1],
-            weight[2] * tables.albedo[prim_id, 2],
-        )
+        albedo = albedo_met(tables, paint, prim_id, vector(floats, ORIGIN, i), direction)
+        red, green, blue = weight[0] * albedo[0], weight[1] * albedo[1], weight[2] * albedo[2]
         most = max(red, green, blue)
         if not most > ZERO:
             continue

@@ -19,7 +19,8 @@ from atra.embree.packets_kernels import (
     set_no_hit,
 )
 from atra.light.lightmaps.gather.tables_kernels import CARRIED, DIRECTION, LENGTH, ORIGIN
-from atra.light.numbers_kernels import ONE, ZERO
+from atra.light.lightmaps.paint_kernels import opacity_met
+from atra.light.numbers_kernels import ONE, ZERO, vector
 from atra.light.pictures.path_kernels import load_rays
 
 _LESS, _MORE = np.float32(1 - 1e-6), np.float32(1 + 1e-6)
@@ -32,7 +33,7 @@ def shine_kernel(width: int, see_through: bool) -> Callable[..., int]:
     panes."""
 
     @float_kernel
-    def shine(batch, count, plane, tables, scenes, packet):  # type: ignore[no-untyped-def]
+    def shine(batch, count, plane, tables, paint, scenes, packet):  # type: ignore[no-untyped-def]
         """Add what unblocked rays carry to the results from `plane` on. Returns the number of rays traced.
 
         scenes: addresses of opaque faces and of panes.
@@ -58,7 +59,7 @@ def shine_kernel(width: int, see_through: bool) -> Callable[..., int]:
                     batch.floats[LENGTH, first + lane] = ZERO
                     packet.valid[lane] = 0
             if see_through:
-                _filter_light(batch, first, lanes, width, tables, panes, packet)
+                _filter_light(batch, first, lanes, width, tables, paint, panes, packet)
             for lane in range(lanes):
                 i = first + lane
                 if batch.floats[LENGTH, i] > ZERO:
@@ -87,7 +88,7 @@ def _may_meet(box, floats, i):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True)
-def _filter_light(batch, first, lanes, width, tables, panes, packet):  # type: ignore[no-untyped-def]
+def _filter_light(batch, first, lanes, width, tables, paint, panes, packet):  # type: ignore[no-untyped-def]
     """Multiply the carried light of valid rays by what each pane on their way lets pass."""
     left = 0
     for lane in range(width):
@@ -108,7 +109,8 @@ def _filter_light(batch, first, lanes, width, tables, panes, packet):  # type: i
             prim_id = hit_prim_id(packet, width, lane)
             if prim_id == MISS:
                 continue
-            share = ONE - tables.opacity[prim_id]
+            origin, direction = vector(batch.floats, ORIGIN, i), vector(batch.floats, DIRECTION, i)
+            share = ONE - opacity_met(tables, paint, prim_id, origin, direction)
             for channel in range(3):
                 batch.floats[CARRIED + channel, i] *= share * tables.tint[prim_id, channel]
             near = hit_distance(packet, width, lane) + np.float32(tables.offset)

@@ -4,28 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
-from atra.geometry.sampling import sub_pixel_offsets
 from atra.light.checks import checked_rows, set_fields
+from atra.light.lightmaps.paint import by_place, means_of, paint_of, plain_opacity
+from atra.light.lightmaps.paint_kernels import LARGEST_ALBEDO, OPACITY, Paint, look_up
 from atra.light.lights import Light, check_light
-from atra.light.materials import Emissive, images_of
+from atra.light.materials import Emissive, Material
 from atra.light.scene import Scene
 from atra.light.sky import Sky, constant_sky
-from atra.light.textures import Checker, Image, Texture
+from atra.light.textures import Checker, Image
 
 ALBEDO = 0.7
 """Default albedo of triangles without a material."""
-
-LARGEST_ALBEDO = 0.999
-"""Largest albedo; with 1, light would bounce forever."""
-
-_LOOKUPS, _FEWEST, _MOST = 1 << 18, 16, 1024
-"""Texels that are looked up for a material; least and most of them for a triangle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,14 +30,17 @@ class Surface:
 
     albedo: (F, 3) float32, linear RGB in [0, 0.999]. emission: (F, 3) float32, radiance of the front. opacity: (F,)
     float32 in [0, 1], the share of light that a triangle stops and reflects; None: 1. tint: (F, 3) float32 in [0, 1],
-    factor on the light that passes straight through; None: 1. Raises InputError for shapes that do not fit, and naming
-    the first face with a number outside, or that emits and is not opaque.
+    factor on the light that passes straight through; None: 1. scene: of the same faces; where the colour or opacity of
+    its materials varies within a triangle, by textures or colours of vertices, light meets that of the place, and
+    `albedo` and `opacity` are means; None: nothing varies. Raises InputError for shapes that do not fit, and naming the
+    first face with a number outside, or that emits and is not opaque.
     """
 
     albedo: NDArray[np.float32]
     emission: NDArray[np.float32]
     opacity: NDArray[np.float32] | None = None
     tint: NDArray[np.float32] | None = None
+    scene: Scene | None = None
 
     def __post_init__(self) -> None:
         faces = len(np.atleast_1d(self.albedo))
@@ -57,12 +56,15 @@ class Surface:
         if wrong.any():
             face = int(np.argmax(wrong))
             raise InputError(f"face {face} shines, but its opacity is {self.opacity[face]:g}, expected 1")
+        if self.scene is not None and self.scene.mesh.triangle_count != faces:
+            raise InputError(f"the scene has {self.scene.mesh.triangle_count} faces, but the albedo has {faces}")
 
     @property
     def panes(self) -> NDArray[np.bool_]:
-        """(F,) bool: triangles that light passes."""
+        """(F,) bool: triangles that light passes, or passes in places."""
         assert self.opacity is not None
-        return self.opacity < 1.0
+        panes = self.opacity < 1.0
+        return panes if self.scene is None else panes | (by_place(self.scene) & OPACITY != 0)
 
     @classmethod
     def plain(cls, mesh: Mesh, albedo: ArrayLike = ALBEDO, emission: ArrayLike = 0.0) -> Surface:
@@ -78,20 +80,16 @@ class Surface:
     @classmethod
     def of(cls, scene: Scene) -> Surface:
         """The surface of a scene's materials: Lambertian and metal by their colour, glass as white as possible,
-        emitters black and shining; each triangle by the mean of its textures over it."""
-        albedo = np.zeros((scene.mesh.triangle_count, 3), np.float32)
-        emission = np.zeros_like(albedo)
+        emitters black and shining. Textures and colours of vertices count by place, images of emission by their mean
+        over each triangle. A mask has holes; blended surfaces that do not shine let the rest of the light on."""
         numbers = np.asarray(scene.face_materials)
-        for number, material in enumerate(scene.materials):
-            faces = np.flatnonzero(numbers == number)
-            if any(material.emission):
-                emission[faces] = material.emission
-                image = images_of(material)[3]
-                if image is not None:
-                    emission[faces] *= _colours(image, scene, faces)
-            if not isinstance(material, Emissive):
-                albedo[faces] = np.minimum(_colours(material.plain, scene, faces), LARGEST_ALBEDO)
-        return cls(albedo, emission)
+        albedo = np.array([_plain_albedo(one) for one in scene.materials], np.float32)[numbers]
+        emission = np.array([one.emission for one in scene.materials], np.float32)[numbers]
+        opacity = np.array([plain_opacity(one) for one in scene.materials], np.float32)[numbers]
+        if not by_place(scene).any():
+            return cls(albedo, emission, opacity)
+        means_of(scene, albedo, emission, opacity)
+        return cls(albedo, emission, np.minimum(opacity, np.float32(1.0)), scene=scene)
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,25 +124,25 @@ class BakeScene:
         """The same triangles, materials, lights and sky; shading normals are ignored."""
         return cls(scene.mesh, Surface.of(scene), scene.lights, scene.sky)
 
+    @cached_property
+    def paint(self) -> Paint | None:
+        """Tables of what varies within triangles; None where nothing does. Raises InputError where the surface's scene
+        has another number of vertices."""
+        assert self.surface is not None
+        return None if self.surface.scene is None else paint_of(self.surface.scene, self.mesh)
 
-def _colours(colour: Texture, scene: Scene, faces: NDArray[np.int64]) -> NDArray[np.float32]:
-    """(N, 3) means over triangles."""
-    if not isinstance(colour, Checker | Image):
-        return np.broadcast_to(np.array(colour, np.float32), (len(faces), 3))
-    known = scene.second_uv if isinstance(colour, Image) and colour.second_uv else scene.uv
-    assert known is not None
-    a, b, c = known[scene.mesh.faces[faces]].astype(np.float64).transpose(1, 0, 2)
-    points = sub_pixel_offsets(int(np.clip(_LOOKUPS // max(len(faces), 1), _FEWEST, _MOST))).tolist()
-    total = np.zeros((len(faces), 3))
-    for x, y in points:
-        v, w = (x, y) if x + y <= 1.0 else (1.0 - x, 1.0 - y)
-        total += _colours_at(colour, a + v * (b - a) + w * (c - a))
-    return (total / len(points)).astype(np.float32)
+    def albedo_at(self, prim_id: NDArray[np.uint32], points: NDArray[np.floating]) -> NDArray[np.float32]:
+        """(N, 3) float32: albedo of triangles (N,) at points (N, 3) of theirs."""
+        assert self.surface is not None
+        albedo = self.surface.albedo[prim_id]
+        if self.paint is not None:
+            look_up(self.paint, prim_id, np.ascontiguousarray(points, np.float64), albedo)
+        return albedo
 
 
-def _colours_at(colour: Checker | Image, uv: NDArray[np.float64]) -> NDArray[np.float32]:
-    if isinstance(colour, Image):
-        return colour.at(uv)[:, :3]
-    u, v = uv.T
-    odd = (np.floor(u * colour.scale) + np.floor(v * colour.scale)) % 2
-    return np.where(odd[:, None] == 1, colour.second, colour.first).astype(np.float32)
+def _plain_albedo(material: Material) -> tuple[float, ...]:
+    """Of a material of one colour; of others it is looked up."""
+    colour = material.plain
+    if isinstance(material, Emissive) or isinstance(colour, Checker | Image):
+        return 0.0, 0.0, 0.0
+    return tuple(min(np.float32(one), np.float32(LARGEST_ALBEDO)) for one in colour)

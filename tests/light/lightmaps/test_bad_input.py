@@ -56,7 +56,7 @@ def first_hits(packet_width):
         trace = trace_kernel(packet_width, False)
 
         def work(query):
-            assert trace(batch, RAYS, tables, 0, query.scene, query.packet) == RAYS
+            assert trace(batch, RAYS, tables, None, 0, query.scene, query.packet) == RAYS
 
         baker.rays_scene.run(work)
     origins, ways = (batch.floats[first : first + 3, :RAYS].T.astype(float) for first in (ORIGIN, DIRECTION))

@@ -31,7 +31,8 @@ def lit_view(hits: Hits, scene: BakeScene, atlas: Atlas, image: NDArray[np.float
     assert scene.surface is not None
     seen = hits.prim_id[hits.hit]
     view = looked_up(hits, atlas, image)
-    view[hits.hit] = scene.surface.albedo[seen] * view[hits.hit] + scene.surface.emission[seen]
+    albedo = scene.albedo_at(seen, hits.points[hits.hit])
+    view[hits.hit] = albedo * view[hits.hit] + scene.surface.emission[seen]
     return view
 
 
