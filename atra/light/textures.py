@@ -69,16 +69,6 @@ class Image:
             check_one_of("wrap of an image", wrap, WRAPS)
         set_fields(self, texels=texels, factor=factor, placement=(first, second))
 
-    def at(self, uv: NDArray[np.floating]) -> NDArray[np.float32]:
-        """(N, 4) float32, linear RGB and opacity at (N, 2) uv of vertices, of the nearest texels."""
-        one = np.column_stack([uv, np.ones(len(uv))]).astype(np.float64) @ np.array(self.placement).T
-        rows, columns, channels = self.texels.shape
-        x = _numbers_of(one[:, 0], columns, self.wrap[0])
-        y = _numbers_of(1.0 - one[:, 1], rows, self.wrap[1])
-        found = np.ones((len(uv), 4), np.float32)
-        found[:, :channels] = linear(self.texels[y, x], self.is_coded)
-        return found * np.array(self.factor, np.float32)
-
 
 Texture = Colour | Checker | Image
 """A colour is linear RGB, or one number for a grey."""
@@ -92,14 +82,3 @@ def linear(texels: NDArray[Any], is_coded: bool) -> NDArray[np.float32]:
     if is_coded:
         found[..., :3] = CURVES[1][texels[..., :3]]
     return found
-
-
-def _numbers_of(places: NDArray[np.float64], count: int, wrap: str) -> NDArray[np.int64]:
-    """Numbers of the texels of an axis at places in [0, 1] and beyond."""
-    if wrap == "clamp":
-        places = np.clip(places, 0.0, 1.0)
-    elif wrap == "mirror":
-        places = 1.0 - np.abs(places % 2.0 - 1.0)
-    else:
-        places = places % 1.0
-    return np.minimum((places * count).astype(np.int64), count - 1)

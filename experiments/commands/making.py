@@ -155,7 +155,9 @@ def run_bake(configuration: Configuration) -> Path:
     folder = Path(configuration.output or Path(configuration.results_dir) / point.workload.name / point.scene)
     check_writable(folder)
     settings, mesh = point.workload_options, load_mesh(point)
-    scene = room.bake_scene(point, mesh)
+    scene, console = room.bake_scene(point, mesh), Console(stderr=True)
+    if settings.materials == "own" and (grey := why_grey(point.scene, mesh)) is not None:
+        say(console, grey)
     with make_own(point, mesh, point.camera) as tracer:
         views = Views(tracer.trace(), scene)
     print(f"charts of {mesh!r}")
@@ -185,7 +187,7 @@ def run_bake(configuration: Configuration) -> Path:
     written = save_maps(lightmap, folder, visible=visible) + views.save(folder, exposure_of(lightmap))
     for path in [*written, save_model(lightmap, scene, folder / "scene.glb")]:
         print(f"written: {path}")
-    tell_restriction(point.scene, Console(stderr=True))
+    tell_restriction(point.scene, console)
     return folder
 
 

@@ -257,7 +257,7 @@ class Baker(Lifetime):
 
     def _stages(self, query: Query, works: list[Work]) -> Stages:
         kind = self.rays_scene.packet_width, self.shadow_scenes.addresses(query.scene)
-        return Stages(self._tables, self._paint, self.options, kind, query, works[query.worker])
+        return Stages((self._tables, self._paint), self.options, kind, query, works[query.worker])
 
     def _order(self, wanted: NDArray[np.bool_]) -> NDArray[np.int32]:
         """Numbers of wanted texels, neighbours together; with compaction "none", those of the whole map in rows, -1

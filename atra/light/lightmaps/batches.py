@@ -42,14 +42,16 @@ class Work:
 class Stages:
     """The stages that all batches of a thread pass.
 
-    paint: of `BakeScene`. kind: packet width, and RTCScenes of what blocks light and of panes (0 = none).
+    scene: its tables, and `BakeScene.paint`. kind: packet width, and RTCScenes of what blocks light and of panes (0 =
+    none).
     """
 
     def __init__(
-        self, tables: Tables, paint: Paint | None, options: BakeOptions, kind: tuple[int, tuple[int, int]],
+        self, scene: tuple[Tables, Paint | None], options: BakeOptions, kind: tuple[int, tuple[int, int]],
         query: Query, work: Work,
     ) -> None:  # fmt: skip
-        self._tables, self._paint, self._options, self._query, self._work = tables, paint, options, query, work
+        self._tables, self._paint = scene
+        self._options, self._query, self._work = options, query, work
         width, self._shadows = kind
         has_panes = self._shadows[1] != 0
         self._trace, self._shine = trace_kernel(width, has_panes), shine_kernel(width, has_panes)

@@ -114,7 +114,8 @@ def _selected(tables, floats, path, vertex, light):  # type: ignore[no-untyped-d
 def shade(batch, count, tables, paint, vertex, is_last, roulette_from):  # type: ignore[no-untyped-def]
     """Add the light of what paths hit; move them to their next vertex or end them. Returns how many continue.
 
-    paint: as for `albedo_met`. is_last: none continues. roulette_from: bounces after which Russian roulette ends weak paths.
+    paint: as for `albedo_met`. is_last: none continues. roulette_from: bounces after which Russian roulette ends weak
+    paths.
     """
     floats, planes = batch.floats, tables.planes
     aims_at_emitters, aims_at_sky = len(tables.emitters) > 0, tables.sky_by != GIVES_BSDF

@@ -48,7 +48,7 @@ def means_of(
 ) -> None:
     """Put means over triangles into the rows, (F, 3), (F, 3) and (F,), of those within which these vary."""
     paint = paint_of(scene, scene.mesh)
-    count = int(np.clip(_LOOKUPS // max(np.count_nonzero(paint.by_place), 1), _FEWEST, _MOST))
+    count = int(np.clip(_LOOKUPS // max(int(np.count_nonzero(paint.by_place)), 1), _FEWEST, _MOST))
     places = np.asarray(sub_pixel_offsets(count), np.float64)
     weights = np.where(places.sum(axis=1, keepdims=True) <= 1.0, places, 1.0 - places)
     corners = scene.mesh.vertices[scene.mesh.faces].astype(np.float64)

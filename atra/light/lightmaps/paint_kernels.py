@@ -42,19 +42,17 @@ def _albedo_at(surfaces, prim_id, point):  # type: ignore[no-untyped-def]
 @njit(forceinline=True)
 def albedo_met(tables, paint, prim_id, origin, direction):  # type: ignore[no-untyped-def]
     """(r, g, b) float32 where a ray meets a triangle. paint: a `Paint`, or None, for which no code is compiled."""
-    if paint is not None:
-        if paint.by_place[prim_id] & COLOUR != 0:
-            return _albedo_at(paint.surfaces, prim_id, meet(paint.surfaces, prim_id, origin, direction)[0])
+    if paint is not None and paint.by_place[prim_id] & COLOUR != 0:
+        return _albedo_at(paint.surfaces, prim_id, meet(paint.surfaces, prim_id, origin, direction)[0])
     return tables.albedo[prim_id, 0], tables.albedo[prim_id, 1], tables.albedo[prim_id, 2]
 
 
 @njit(forceinline=True)
 def opacity_met(tables, paint, prim_id, origin, direction):  # type: ignore[no-untyped-def]
     """The share of light that a triangle stops where a ray meets it. paint: as for `albedo_met`."""
-    if paint is not None:
-        if paint.by_place[prim_id] & OPACITY != 0:
-            point, _, is_front = meet(paint.surfaces, prim_id, origin, direction)
-            return opacity_at(paint.surfaces, prim_id, point, is_front, False)
+    if paint is not None and paint.by_place[prim_id] & OPACITY != 0:
+        point, _, is_front = meet(paint.surfaces, prim_id, origin, direction)
+        return opacity_at(paint.surfaces, prim_id, point, is_front, False)
     return tables.opacity[prim_id]
 
 

@@ -145,4 +145,4 @@ def _plain_albedo(material: Material) -> tuple[float, ...]:
     colour = material.plain
     if isinstance(material, Emissive) or isinstance(colour, Checker | Image):
         return 0.0, 0.0, 0.0
-    return tuple(min(np.float32(one), np.float32(LARGEST_ALBEDO)) for one in colour)
+    return tuple(min(one, LARGEST_ALBEDO) for one in colour)

@@ -53,6 +53,12 @@ class BakeSettings(UnderSky):
     final_samples: int = whole(512, "samples of a finished map, which nobody waits for", 1, 1 << 20)
     bounces = taken(BakeOptions)
     roulette_from = taken(BakeOptions)
+    materials: str = option(
+        "plain",
+        "surfaces and lights: plain = of measurements: grey, a sun and a sky, but for the built-in box; own = as "
+        "`atra render` shows the scene",
+        choices=("plain", "own"),
+    )
     albedo: float | None = option(None, "of all faces; null: the scene's own", null="own")
     panorama: bool = option(False, "whether the sky is a panorama with a sun in it, and the only light")
     environment = taken(BakeOptions)
@@ -75,6 +81,7 @@ class BakeSettings(UnderSky):
                 raise InputError(f"workload.{name} is {share}, expected a number above 0 and at most {most}, or null")
         if self.against == "mitsuba":
             light = {"sky": self.sky, "albedo": self.albedo, "panorama": self.panorama, "lamps": self.lamps or None}
+            light["materials"] = None if self.materials == "plain" else self.materials
             for name, value in (light | {"priority": self.priority}).items():
                 if value not in (None, False):
                     raise InputError(

@@ -14,7 +14,7 @@ import numpy as np
 
 from atra import light
 from atra.geometry.mesh import Mesh
-from atra.light import Atlas, Baker, BakeScene, Lightmap, Seams, Surface, Texels, denoised, dilated
+from atra.light import Atlas, Baker, BakeScene, Lightmap, Seams, Texels, denoised, dilated
 from experiments.harness.point import Measured, Point, make_own
 from experiments.workloads.bake import (
     FULLEST,
@@ -30,6 +30,7 @@ from experiments.workloads.bake.mitsuba import MitsubaPaths, adaptive_bias, with
 from experiments.workloads.baselines import OWN
 from experiments.workloads.rounds import load_mesh, measured, timed_rounds
 from scenes.directory import default_cache
+from scenes.lit.lighting import lit
 from scenes.lit.rooms import lit_room
 
 _NEARLY = 0.999
@@ -48,19 +49,20 @@ def bake_scene(point: Point, mesh: Mesh) -> BakeScene:
     scene = BakeScene.of(room_of(point, mesh))
     surface, own_light = scene.surface, not (settings.panorama or settings.lamps)
     assert surface is not None
-    if settings.albedo is not None or not own_light:
-        albedo = surface.albedo if settings.albedo is None else settings.albedo
-        scene = replace(scene, surface=Surface.plain(mesh, albedo, surface.emission if own_light else 0.0))
+    if settings.albedo is not None:
+        surface = replace(surface, albedo=np.full_like(surface.albedo, settings.albedo), scene=None)
     if own_light:
-        return scene
+        return replace(scene, surface=surface)
+    scene = replace(scene, surface=replace(surface, emission=np.zeros_like(surface.emission)))
     sky = panorama() if settings.panorama else light.constant_sky(0.0)
     return replace(scene, lights=lamps(mesh, settings.lamps), sky=sky)
 
 
 def room_of(point: Point, mesh: Mesh) -> light.Scene:
-    """The mesh with light, restricted to what Mitsuba has where that is compared."""
+    """The mesh with its materials and light, restricted to what Mitsuba has where that is compared."""
     settings = point.workload_options
-    room = settings.under_sky(lit_room(mesh))
+    is_own = settings.materials == "own"
+    room = settings.under_sky(lit(point.scene, mesh, point.camera) if is_own else lit_room(mesh))
     return with_plain_light(room) if settings.against == "mitsuba" else room
 
 
