@@ -19,6 +19,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.projection import count_kept, project_vertices
 from atra.geometry.split import Split
 from atra.geometry.view import View
+from atra.packets.tiles_kernels import list_cells
 from atra.tracing.geometry import LeftOut
 from atra.trees.bvh import bvh_of
 
@@ -28,17 +29,23 @@ MOST_COPIED = 1 << 15
 CLUSTER, MOST_CLUSTERS = 128, 16
 """Triangles that lie together, and how many such groups tell how full the leaves of a BVH are."""
 
+SMALLEST_SCENE = 4
+"""Triangles up to which a BVH of Embree is one leaf, in one block of its allocator."""
+
 VERIFIED = 4
 """Side of the tiles of pixels whose second pass is judged as one packet's."""
 
 
 class Copied(NamedTuple):
     """Estimates. copies: of triangles over all cells. left_out: triangles that float32 cannot shear. again: share of
-    packets that a second pass traces through what the first left out."""
+    packets that a second pass traces through what the first left out. occupied: cells that hold a triangle; crowded:
+    copies in cells of more than `SMALLEST_SCENE`; both are 0 for methods whose cells share one scene."""
 
     copies: float
     left_out: float
     again: float
+    occupied: float = 0.0
+    crowded: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +74,18 @@ class Sample:
         """How many triangles each one stands for."""
         return 0.0 if self.mesh is None else self.total / self.mesh.triangle_count
 
-    def in_cells(self, cells: Split) -> float:
-        """Copies of all triangles for the cells that they meet."""
+    def in_cells(self, cells: Split) -> Copied:
+        """Copies of all triangles for the cells that they meet, each of which is a scene of its own."""
         if self.mesh is None:
-            return 0.0
+            return Copied(0.0, 0.0, 0.0)
+        mesh, size = self.mesh, (cells.nx, cells.ny, cells.cell_width, cells.cell_height)
         with closing(WorkerPool(1)) as pool:
-            return float(self._kept(self.mesh, cells, True, pool).sum()) * self.times
+            starts = np.concatenate([[0], np.cumsum(self._kept(mesh, cells, True, pool))])
+            met = np.empty(int(starts[-1]), np.int64)
+            pool.run(lambda _, counter: list_cells(counter, self.points[0], mesh.faces, *size, starts, met))
+        filled = np.bincount(met, minlength=cells.cell_count) * self.times
+        crowded = filled[filled > SMALLEST_SCENE].sum()
+        return Copied(float(filled.sum()), 0.0, 0.0, float(np.count_nonzero(filled)), float(crowded))
 
     def aligned(self, cells: Split, culling: bool = True, is_instanced: bool = False) -> Copied:
         """What aligned tracing copies for its cells, leaves out and traces again."""

@@ -1,4 +1,4 @@
-"""The law: time, preparation and memory of a method as sums of counts times constants.
+"""The law: time and preparation of a method as sums of counts times constants; `atra.model.memory` has its bytes.
 
 A constant is the time, or the bytes, of one thing that is counted. Methods that do the same work share a formula, not
 its constants. Derivation: docs/model.md.
@@ -25,6 +25,10 @@ WHOLE, SEEN = 0, 1
 
 IN_CACHE = 3e4
 """Boxes and triangles that a cache holds, some three megabytes."""
+
+
+STEPS = 12
+"""Weighted least squares of a fit."""
 
 
 class Counts:
@@ -134,32 +138,25 @@ def build_terms(look: Look, choice: Choice) -> NDArray[np.float64]:
     return np.array([1.0, look.triangles, _copied(look, choice).copies, choice.cells])
 
 
-def byte_terms(look: Look, choice: Choice) -> NDArray[np.float64]:
-    """Counts of memory: once, triangles, vertices, copies, triangles left out, cells, bytes of our own BVH; 0 for what
-    a method does not keep. The rasteriser's is what the look made."""
-    copied, own = _copied(look, choice), choice.method in ("bvh", "classified")
-    vertices = look.vertices if choice.method in ("pixel", "tiles", "instanced") else 0
-    return np.array([
-        1.0, look.triangles, vertices, copied.copies, copied.left_out, choice.cells, look.bvh_bytes if own else 0.0
-    ])  # fmt: skip
-
-
 def _copied(look: Look, choice: Choice) -> Copied:
     return look.copied(choice.method, choice.split, choice.culling)
 
 
-def fit(terms: NDArray[np.float64], measured: NDArray[np.float64], steps: int = 12) -> NDArray[np.float64]:
+def fit(
+    terms: NDArray[np.float64], measured: NDArray[np.float64], known: NDArray[np.float64] | float = 0.0
+) -> NDArray[np.float64]:
     """Constants, none below 0, with which sums of terms come nearest to what was measured, by relative errors.
 
-    terms: (N, K), measured: (N,). Outliers count by their size, not its square: least squares, weighted anew.
+    terms: (N, K), measured: (N,). known: (N,), what is part of it without a constant. Outliers count by their size, not
+    its square: least squares, weighted anew.
     """
-    rows = terms / measured[:, None]
+    rows, wanted = terms / measured[:, None], 1.0 - known / measured
     scale = np.maximum(np.abs(rows).max(axis=0), 1e-300)
     rows = rows / scale
     weights, constants = np.ones(len(rows)), np.zeros(rows.shape[1])
-    for _ in range(steps):
-        constants = _least_squares(rows * weights[:, None], weights)
-        weights = 1.0 / np.sqrt(np.maximum(np.abs(rows @ constants - 1.0), 0.02))
+    for _ in range(STEPS):
+        constants = _least_squares(rows * weights[:, None], wanted * weights)
+        weights = 1.0 / np.sqrt(np.maximum(np.abs(rows @ constants - wanted), 0.02))
     return constants / scale
 
 

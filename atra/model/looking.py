@@ -71,13 +71,13 @@ class Look:
 
     def _count(self, method: str, cells: Split, culling: bool) -> Copied:
         if method == "tiles":
-            return Copied(self.sample.in_cells(cells), 0.0, 0.0)
+            return self.sample.in_cells(cells)
         if method == "visible_first":
             return self.sample.visible(cells)
         if method == "aligned":
             return self.sample.aligned(cells, culling)
         if method == "instanced":
-            return Copied(0.0, *self.sample.aligned(cells, False, True)[1:])
+            return self.sample.aligned(cells, False, True)._replace(copies=0.0)
         return Copied(0.0, 0.0, 0.0)
 
     def shape(self, shape: tuple[int, int]) -> int:

@@ -13,9 +13,10 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.model.choice import Choice, candidates
 from atra.model.constants import Machine, machine
-from atra.model.formulas import NANO, build_terms, byte_terms, family, frame_terms
+from atra.model.formulas import NANO, build_terms, family, frame_terms
 from atra.model.looking import Look, look_at
 from atra.model.making import tracer_of
+from atra.model.memory import array_bytes, byte_terms
 from atra.tracing.options import check_ties
 from atra.tracing.tracer import Tracer
 from atra.whole_numbers import is_whole_number
@@ -179,10 +180,9 @@ def forecast(look: Look, choice: Choice, want: str, known: Machine) -> Forecast:
     def of(name: str, terms: np.ndarray) -> float:
         return float(np.dot(terms, constants[name]))
 
-    kept = look.raster_bytes if choice.method == "raster" else of(f"{choice.method}|bytes", byte_terms(look, choice))
     return Forecast(
         choice,
         of(f"{choice.method}|build", build_terms(look, choice)) * NANO,
         max(of(family(choice, want), frame_terms(look, choice, want)) * NANO, NANO),
-        kept,
+        array_bytes(look, choice) + of(f"{choice.method}|bytes", byte_terms(look, choice)),
     )

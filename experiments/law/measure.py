@@ -67,6 +67,9 @@ SLOW_COUNT_S = 6.0
 SLOW_BUILD_S = 1.0
 """A faster build is timed a second time, when all its kernels are loaded."""
 
+KEPT = ("embree_bytes", "bvh_bytes", "scratch_bytes", "list_bytes", "lookup_bytes")
+"""Counters that are bytes."""
+
 Case = tuple[str, dict[str, Any], Callable[[], Any]]
 
 
@@ -120,6 +123,16 @@ def mesh_and_camera(name: str, view: str) -> tuple[atra.Mesh, atra.Camera]:
     return scene.mesh, atra.Camera(**view_fields(scene.mesh, scene.camera, view), width=SIZE, height=SIZE)
 
 
+def memory_of(tracer: Any) -> int:
+    """Bytes that a built tracer keeps: what Embree holds by its own account, our own BVH, lists and look-up of shafts,
+    the rasteriser's clusters, and the arrays of every scene."""
+    scenes = [getattr(tracer, "_whole", None), *(one.scene for one in getattr(tracer, "_second_passes", ()) if one)]
+    arrays = [one for scene in scenes if scene is not None for kept in scene._kept[1:] for one in kept]
+    geometry = getattr(tracer, "_geometry", None)
+    arrays += [getattr(geometry, one, None) for one in ("vertices", "faces", "records", "transforms")]
+    return int(sum(tracer.counters.get(one, 0) for one in KEPT) + sum(one.nbytes for one in arrays if one is not None))
+
+
 def measure_view(name: str, view: str, path: Path) -> None:
     """Write the rows of a view."""
     mesh, camera = mesh_and_camera(name, view)
@@ -146,9 +159,6 @@ def measure_view(name: str, view: str, path: Path) -> None:
                     tracer.build()
                 built = tracer.plan_time_s, tracer.build_time_s
                 counters = tracer.counters
-                geometry = getattr(tracer, "_geometry", None)
-                own = sum(int(getattr(geometry, one).nbytes) for one in ("vertices", "faces", "records")
-                          if geometry is not None and getattr(geometry, one, None) is not None)  # fmt: skip
                 for want, call in WANTS.items():
                     if want == "count" and (
                         split not in _COUNTS.get(method, ()) or (method == "aligned" and not told["culling"])
@@ -160,13 +170,11 @@ def measure_view(name: str, view: str, path: Path) -> None:
                     timed = take_turns(partial(call, tracer), partial(call, packets), outs, want)
                     slow_count |= want == "count" and perf_counter() - begin > SLOW_COUNT_S
                     counters = tracer.counters
-                    bytes_ = counters.get("embree_bytes", 0) + counters.get("bvh_bytes", 0)
-                    bytes_ += counters.get("scratch_bytes", 0) + counters.get("list_bytes", 0)
                     rows.append({
                         "instruction_set": isa, "scene": name, "view": view, "triangles": mesh.triangle_count,
                         "width": SIZE, "height": SIZE, "method": method, "geometry": "", "culling": "", "split_x": 1,
                         "split_y": 1, "want": want, **told, **timed, "plan_time_s": built[0], "build_time_s": built[1],
-                        "bytes": bytes_ + own if want == "nearest" else "", "copies": counters["triangles_traced"],
+                        "bytes": memory_of(tracer) if want == "nearest" else "", "copies": counters["triangles_traced"],
                     })  # fmt: skip
             except (AtraError, MemoryError) as error:
                 print(f"{name} {view} {method} {told}: {error}", file=sys.stderr)

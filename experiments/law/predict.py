@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from atra.model.formulas import NANO, SEEN, WHOLE, Counts, build_terms, byte_terms, family, fit, frame_terms
+from atra.model.formulas import NANO, SEEN, WHOLE, Counts, build_terms, family, fit, frame_terms
 from atra.model.looking import Look
+from atra.model.memory import array_bytes, byte_terms
 from experiments.law.keep import choice_of, kept_looks
 
 COUNTERS = ("packets", "upper", "lower", "tested", "met")
@@ -46,6 +47,7 @@ def gather(folder: Path) -> pd.DataFrame:
     known = list(zip(seen, choices, table["want"], strict=True))
     table["frame_terms"] = [frame_terms(one.look, choice, want) for one, choice, want in known]
     table["build_terms"] = [build_terms(one.look, choice) for one, choice, _ in known]
+    table["array_bytes"] = [array_bytes(one.look, choice) for one, choice, _ in known]
     table["bytes_terms"] = [byte_terms(one.look, choice) for one, choice, _ in known]
     counted = [one.look.copied(choice.method, choice.split, choice.culling) for one, choice, _ in known]
     table["predicted_copies"] = [one.copies for one in counted]
@@ -53,7 +55,6 @@ def gather(folder: Path) -> pd.DataFrame:
     counters = [counters_of(one.look, choice, want) for one, choice, want in known]
     for k, name in enumerate(COUNTERS):
         table[name] = [one[k] for one in counters]
-    table["raster_bytes"] = [one.look.raster_bytes for one in seen]
     table["raster_s"] = [one.look.raster_s for one in seen]
     for name in ("look_s", "plan_s", "frame_s"):
         table[name] = [getattr(one, name) for one in seen]
@@ -74,8 +75,8 @@ def constants_of(rows: pd.DataFrame) -> dict[str, list[float]]:
     for name, of in nearest.groupby("method"):
         builds = fit(np.stack(list(of["build_terms"])), of["measured_build_s"].to_numpy())
         found[f"{name}|build"] = (builds / NANO).tolist()
-        if name != "raster":
-            found[f"{name}|bytes"] = fit(np.stack(list(of["bytes_terms"])), of["measured_bytes"].to_numpy()).tolist()
+        terms, arrays = np.stack(list(of["bytes_terms"])), of["array_bytes"].to_numpy()
+        found[f"{name}|bytes"] = fit(terms, of["measured_bytes"].to_numpy(), arrays).tolist()
     return found
 
 
@@ -91,10 +92,9 @@ def predict(rows: pd.DataFrame, constants: dict[str, list[float]]) -> pd.DataFra
         for one, name in zip(rows["build_terms"], rows["method"], strict=True)
     ]
     found["predicted_bytes"] = [
-        float(row["raster_bytes"]) if row["method"] == "raster"
-        else float(np.dot(row["bytes_terms"], constants[f"{row['method']}|bytes"]))
-        for row in rows.to_dict("records")
-    ]  # fmt: skip
+        arrays + float(np.dot(one, constants[f"{name}|bytes"]))
+        for one, arrays, name in zip(rows["bytes_terms"], rows["array_bytes"], rows["method"], strict=True)
+    ]
     return found
 
 

@@ -13,8 +13,11 @@ from atra.model.constants import constants_path, keep, machine
 from atra.model.defaults import DEFAULTS
 from atra.model.formulas import Counts, build_terms, family, fit, frame_terms
 from atra.model.looking import _whole, look_at
+from atra.model.making import tracer_of
+from atra.model.memory import array_bytes, byte_terms
 from atra.model.planning import Forecast, Plan, forecast
 from atra.tracing.options import native_packet_widths
+from experiments.law.measure import memory_of
 from tests.images import assert_no_pixel_wrong, trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 
@@ -161,6 +164,31 @@ def test_every_choice_of_every_set_has_constants_and_at_most_eight():
                     continue
                 assert len(constants[family(choice, want)]) == len(frame_terms(look, choice, want))
                 assert len(constants[f"{choice.method}|build"]) == len(build_terms(look, choice))
+                assert len(constants[f"{choice.method}|bytes"]) == len(byte_terms(look, choice))
+
+
+# Memory
+
+
+@pytest.mark.parametrize("choice", [
+    Choice("pixel", packet_width=WIDEST), Choice("tiles", (4, 4), WIDEST), Choice("visible_first", (8, 8), WIDEST),
+    Choice("aligned", (8, 8), WIDEST), Choice("instanced", (8, 1), WIDEST, False),
+], ids=str)  # fmt: skip
+def test_bytes_of_arrays_are_those_that_the_tracer_keeps(choice):
+    mesh, view = cornell_box(), cornell_camera(64, 64)
+    with tracer_of(choice, mesh, view, threads=1, ties="any") as tracer:
+        tracer.build()
+        arrays = memory_of(tracer) - tracer.counters["embree_bytes"]
+        assert array_bytes(look_at(mesh, view), choice) == pytest.approx(arrays, rel=0.05)
+
+
+def test_cells_without_a_triangle_are_no_scenes_and_full_ones_are_counted_by_their_triangles():
+    copied = look_at(quads([wall(1.0, 0.2), wall(1.0, 0.1)]), camera(64)).copied("tiles", (8, 8))
+    assert 0 < copied.occupied < 64
+    assert copied.crowded == 0.0
+    many = look_at(random_triangles(2000, 2), camera(64)).copied("tiles", (2, 2))
+    assert many.occupied == 4
+    assert many.crowded == many.copies > 100
 
 
 # Plans

@@ -6,8 +6,9 @@ import pytest
 
 import atra
 from atra.model.choice import Choice
-from atra.model.formulas import byte_terms, frame_terms
+from atra.model.formulas import frame_terms
 from atra.model.looking import look_at
+from atra.model.memory import array_bytes, byte_terms
 from experiments.law.keep import choice_of, kept_looks, look_of, told_of
 from experiments.law.measure import VIEWS, cases
 from experiments.law.predict import choices_of, errors_of, gather, leave_one_out
@@ -36,7 +37,7 @@ def test_a_choice_is_judged_by_what_it_takes_over_the_fastest():
 
 def test_a_scene_has_no_part_in_the_constants_it_is_judged_by():
     terms = {"frame_terms": np.ones(1), "build_terms": np.ones(1), "bytes_terms": np.ones(1)}
-    more = {**terms, "family": "pixel|nearest", "measured_build_s": 1.0, "measured_bytes": 1.0, "raster_bytes": 0}
+    more = {**terms, "family": "pixel|nearest", "measured_build_s": 1.0, "measured_bytes": 1.0, "array_bytes": 0.0}
     rows = pd.DataFrame([row(scene, "pixel", time, **more) for scene, time in (("a", 1.0), ("a", 1.0), ("b", 3.0))])
     judged = leave_one_out(rows.drop(columns="predicted_time_s"))
     assert judged["predicted_time_s"].tolist() == pytest.approx([3.0, 3.0, 1.0], rel=1e-3)
@@ -62,11 +63,12 @@ def test_at_least_thirty_views_are_measured_and_every_case_has_a_tracer():
 
 def test_what_is_kept_of_a_look_says_as_much_as_the_look():
     look = look_at(cornell_box(), cornell_camera(64, 64))
-    choices = [Choice("aligned", (8, 1)), Choice("visible_first", (8, 8)), Choice("bvh")]
+    choices = [Choice("aligned", (8, 1)), Choice("visible_first", (8, 8)), Choice("tiles", (8, 8)), Choice("bvh")]
     kept = look_of(told_of(look, choices))
     for choice in choices:
         assert frame_terms(kept, choice, "nearest").tolist() == frame_terms(look, choice, "nearest").tolist()
         assert byte_terms(kept, choice).tolist() == byte_terms(look, choice).tolist()
+        assert array_bytes(kept, choice) == array_bytes(look, choice)
 
 
 def test_the_kept_predictions_follow_from_the_kept_measurements():
