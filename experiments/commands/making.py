@@ -32,9 +32,9 @@ from atra.light import (
     save_model,
 )
 from atra.light.checks import check_one_of
-from atra.light.lightmaps.finish.export import exposure_of, finished
+from atra.light.lightmaps.finish.export import finished
 from atra.light.pictures.files import check_picture_path, png_of
-from atra.light.pictures.finish.tone import TONES, check_exposure
+from atra.light.pictures.finish.tone import AUTO, TONES, check_exposure, stops_of, toned
 from experiments.commands.messages import tell_restriction
 from experiments.harness.configuration import Configuration, check_writable
 from experiments.harness.point import Point, make_own
@@ -117,6 +117,9 @@ def _progress(samples: int, console: Console) -> Iterator[Iterator[int]]:
         yield steps()
 
 
+TONE = "neutral"
+"""Tone map of the views of a bake."""
+
 SHOWN = (1, 16, 256)
 """Samples after which the view is kept to be looked at, beside that of the finished map."""
 
@@ -134,9 +137,10 @@ class Views:
         image = finished(lightmap, lightmap.combined, seams)
         self.pictures[name] = lit_view(self.hits, self.scene, lightmap.texels.atlas, image)
 
-    def save(self, folder: Path, exposure: float) -> list[Path]:
-        """Write each as PNG, in one exposure, and one in clay."""
-        files = {name: exposure * picture for name, picture in self.pictures.items()}
+    def save(self, folder: Path) -> list[Path]:
+        """Write each as PNG, in the exposure that suits the last, and one in clay."""
+        stops = stops_of(list(self.pictures.values())[-1], AUTO)
+        files = {name: toned(picture, stops, TONE) for name, picture in self.pictures.items()}
         files["view_clay"] = clay_view(self.hits)
         for name, picture in files.items():
             write_atomically(folder / f"{name}.png", png_of(picture))
@@ -184,7 +188,7 @@ def run_bake(configuration: Configuration) -> Path:
     if settings.denoise:
         lightmap = denoised(lightmap, point.threads)
     views.keep("view", lightmap, Seams.of(mesh, lightmap.texels.atlas))
-    written = save_maps(lightmap, folder, visible=visible) + views.save(folder, exposure_of(lightmap))
+    written = save_maps(lightmap, folder, visible=visible) + views.save(folder)
     for path in [*written, save_model(lightmap, scene, folder / "scene.glb")]:
         print(f"written: {path}")
     tell_restriction(point.scene, console)

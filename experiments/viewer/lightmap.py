@@ -46,6 +46,7 @@ class LightmapPage(CameraPage):
         self._drawn: Lightmap | None = None
         self._drawn_s, self._is_done = 0.0, False
         self._image: NDArray[np.float32] | None = None
+        self._exposure = 1.0
         self._numbers = self._server.gui.add_markdown("preparing; a first start compiles kernels")
         self.add_camera_controls()
         self.follow(first)
@@ -99,13 +100,16 @@ class LightmapPage(CameraPage):
     def _show(self, hits: Hits, is_still: bool) -> None:
         lightmap = self._bake.snapshot()
         if lightmap is not None and lightmap is not self._drawn and lightmap.valid.any():
-            self._image = exposure_of(lightmap) * finished(lightmap, lightmap.combined)
+            self._image, self._exposure = finished(lightmap, lightmap.combined), exposure_of(lightmap)
             self._drawn = lightmap
         if self._drawn is not None:
             self._is_done = self._bake.wait(0.0)
             done = self._bake.share_done, self._is_done
             self._numbers.content = say_progress(self._drawn.samples, self._target, *done, self._bake.seen)
-        view = clay_view(hits) if self._image is None else lit_view(hits, self._scene, self._atlas, self._image)
+        if self._image is None:
+            view = clay_view(hits)
+        else:
+            view = self._exposure * lit_view(hits, self._scene, self._atlas, self._image)
         self.send(srgb_of(view), is_still)
         self._drawn_s = monotonic()
 

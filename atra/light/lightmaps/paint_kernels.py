@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.compiled.store import float_kernel, njit
+from atra.embree.packets_kernels import INFINITY
 from atra.light.numbers_kernels import ZERO
 from atra.light.scattering.spots_kernels import emission_at, opacity_at
 from atra.light.surface_kernels import HAS_COLOURS, Surfaces, colour_of, material_of, meet, vertex_colour, weights_at
@@ -57,12 +58,18 @@ def opacity_met(tables, paint, prim_id, origin, direction):  # type: ignore[no-u
 
 
 @float_kernel
-def look_up(paint, prim_id, points, albedo):  # type: ignore[no-untyped-def]
-    """Put colours at (N, 3) float64 points of triangles into (N, 3) float32 `albedo`, where they vary."""
+def look_up(paint, prim_id, points, albedo, opacity):  # type: ignore[no-untyped-def]
+    """Put what varies at (N, 3) float64 points of triangles into (N, 3) and (N,) float32. Points that are not finite
+    keep what is there."""
+    surfaces = paint.surfaces
     for i in range(len(prim_id)):
-        if paint.by_place[prim_id[i]] & COLOUR != 0:
-            point = points[i, 0], points[i, 1], points[i, 2]
-            albedo[i, 0], albedo[i, 1], albedo[i, 2] = _albedo_at(paint.surfaces, prim_id[i], point)
+        face, point = prim_id[i], (points[i, 0], points[i, 1], points[i, 2])
+        if not abs(point[0]) + abs(point[1]) + abs(point[2]) < INFINITY:
+            continue
+        if paint.by_place[face] & COLOUR != 0:
+            albedo[i, 0], albedo[i, 1], albedo[i, 2] = _albedo_at(surfaces, face, point)
+        if paint.by_place[face] & OPACITY != 0:
+            opacity[i] = opacity_at(surfaces, face, point, True, False)
 
 
 @float_kernel

@@ -131,13 +131,17 @@ class BakeScene:
         assert self.surface is not None
         return None if self.surface.scene is None else paint_of(self.surface.scene, self.mesh)
 
-    def albedo_at(self, prim_id: NDArray[np.uint32], points: NDArray[np.floating]) -> NDArray[np.float32]:
-        """(N, 3) float32: albedo of triangles (N,) at points (N, 3) of theirs."""
+    def surface_at(
+        self, prim_id: NDArray[np.uint32], points: NDArray[np.floating]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Albedo (N, 3) and opacity (N,), float32, of triangles (N,) at points (N, 3) of theirs; where a point is not
+        finite, their means."""
         assert self.surface is not None
-        albedo = self.surface.albedo[prim_id]
+        assert self.surface.opacity is not None
+        albedo, opacity = self.surface.albedo[prim_id], self.surface.opacity[prim_id]
         if self.paint is not None:
-            look_up(self.paint, prim_id, np.ascontiguousarray(points, np.float64), albedo)
-        return albedo
+            look_up(self.paint, prim_id, np.ascontiguousarray(points, np.float64), albedo, opacity)
+        return albedo, opacity
 
 
 def _plain_albedo(material: Material) -> tuple[float, ...]:

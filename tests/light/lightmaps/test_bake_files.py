@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import trimesh
+from hydra import compose, initialize_config_dir
 from PIL import Image
 
 import atra
@@ -17,9 +18,16 @@ from atra.light import Baker, BakeScene, ProgressiveBake, Surface, save_maps, sa
 from atra.light.lightmaps.maps import LIGHTS
 from examples import bake
 from experiments.commands import making
+from experiments.harness.configuration import register_schema
+from experiments.registry import known_kinds
+from experiments.sweeper import register_sweeper
+from experiments.workloads.bake.measure import bake_scene
+from experiments.workloads.rounds import load_mesh
+from scenes.lit.lighting import lit
 from tests.baked import baked, cube, sheet
 from tests.commands.test_command_line import run
-from tests.points import configured
+from tests.folders import ROOT
+from tests.points import configured, planned
 
 BOX = cube(inwards=True)
 COLOURS = np.repeat([(0.7, 0.6, 0.5), (0.2, 0.4, 0.1)], 6, axis=0)
@@ -97,6 +105,43 @@ def test_a_model_opens_elsewhere_with_its_map_and_colours(tmp_path):
     assert all(word in json for word in ("KHR_materials_unlit", "MOZ_lightmap", "TEXCOORD_1"))
     with pytest.raises(InputError, match=r"ends in \.glb"):
         save_model(lightmap, SCENE, tmp_path / "scene.obj")
+
+
+def test_panes_of_a_model_are_a_mesh_of_their_own_that_blends(tmp_path):
+    surface = replace(SCENE.surface, opacity=np.repeat([1.0, 0.4], [8, 4]).astype(np.float32))
+    scene = replace(SCENE, surface=surface)
+    path = save_model(baked(scene, ATLAS, 1), scene, tmp_path / "scene.glb")
+    found = trimesh.load(path).geometry
+    assert {name: len(one.faces) for name, one in found.items()} == {"scene": 8, "panes": 4}
+    for name, mode, opacity in (("scene", "OPAQUE", 255), ("panes", "BLEND", 102)):
+        assert (found[name].visual.material.alphaMode or "OPAQUE") == mode
+        colours = found[name].visual.vertex_attributes["color"]
+        assert (colours[:, 3] == opacity).all() if colours.shape[1] == 4 else opacity == 255
+
+
+def test_the_verb_bakes_a_scene_in_its_own_materials_and_measurements_in_plain_ones():
+    register_schema(known_kinds())
+    register_sweeper()
+    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
+        assert compose("config", ["+verb=bake"]).workload.materials == "own"
+        for path in (ROOT / "conf" / "sweep").glob("bake*.yaml"):
+            workload = compose("config", [f"sweep={path.stem}"]).workload
+            assert workload.get("materials", "plain") == "plain", path
+    room = {"name": "living_room"}
+    own, plain = (planned("raster", "bake", scene=room, asked=asked).point for asked in ({"materials": "own"}, {}))
+    mesh = load_mesh(own)
+    shown = lit("living_room", mesh, own.camera)
+    colours = Surface.of(shown)
+    scene = bake_scene(own, mesh)
+    for name in ("albedo", "emission", "opacity"):
+        np.testing.assert_array_equal(getattr(scene.surface, name), getattr(colours, name))
+    assert scene.surface.panes.any()
+    assert (scene.lights, scene.sky) == (shown.lights, shown.sky)
+    grey = bake_scene(plain, mesh)
+    np.testing.assert_array_equal(grey.surface.albedo, np.full_like(colours.albedo, 0.7))
+    assert not grey.surface.emission.any()
+    dark = replace(own, workload_options=replace(own.workload_options, albedo=0.25))
+    np.testing.assert_array_equal(bake_scene(dark, mesh).surface.albedo, np.full_like(colours.albedo, 0.25))
 
 
 @pytest.mark.skipif(importlib.util.find_spec("xatlas") is None, reason="xatlas is not installed (extra `bake`)")

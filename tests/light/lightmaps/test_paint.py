@@ -118,6 +118,34 @@ def test_a_view_shows_the_texture_at_the_place_that_it_sees():
         np.testing.assert_allclose(shown[there], np.broadcast_to(colour, (there.sum(), 3)), atol=1e-6)
 
 
+@pytest.mark.parametrize("sky", [
+    light.GradientSky((0.1, 0.2, 0.3), (0.4, 0.5, 0.6), 2.0), light.PanoramaSky(np.float32([[[0.1, 0.2, 0.3]]]), 2.0),
+], ids=["gradient", "panorama"])  # fmt: skip
+def test_a_view_shows_what_is_behind_panes_and_the_sky_through_the_last(sky):
+    """The camera looks down at two panes, one with a hole on the right, above half a floor."""
+    half = [(x, y, min(z, 0)) for x, y, z in floor(1.0)]
+    tinted = [(x, 0.5, z) for x, _, z in floor(1.0)]
+    holed = [(x, 1.0, z) for x, _, z in floor(1.0)]
+    mesh = quads([half, tinted, holed])
+    materials = [
+        light.Lambertian(RED), light.MetallicRoughness((0.5, 0.5, 0.5), opacity=0.25, alpha="blend"),
+        light.MetallicRoughness(halves((0.0, 0.0, 0.6, 1.0), (0.0, 0.0, 0.0, 0.0)), alpha="mask"),
+    ]  # fmt: skip
+    scene = BakeScene.of(light.Scene(mesh, materials, np.repeat([0, 1, 2], 2), sky=sky, uv=[*UV, *UV, *UV]))
+    camera = atra.Camera((0.0, 1000.0, 0.0), (0, 0, 0), (0, 0, -1), 0.1, 32, 32)  # hardly any perspective
+    atlas = sheet(mesh, 8)
+    shown = lit_view(draw(mesh, camera), scene, atlas, np.ones((atlas.height, atlas.width, 3), np.float32))
+    far, near = slice(2, 14), slice(18, 30)  # rows above the floor, and of the sky below
+    left, right = far, near
+    below = 2 * np.float32(sky.below) if isinstance(sky, light.GradientSky) else 2 * sky.texels[0, 0]
+    for rows, columns, expected in (
+        (slice(2, 30), left, (0.0, 0.0, 0.6)), (far, right, 0.25 * 0.5 + 0.75 * np.float32(RED)),
+        (near, right, 0.25 * 0.5 + 0.75 * below),
+    ):  # fmt: skip
+        got = shown[rows, columns]
+        np.testing.assert_allclose(got, np.broadcast_to(np.float32(expected), got.shape), atol=1e-4)
+
+
 def test_colours_of_vertices_multiply_a_texture_between_the_corners():
     scene = on_a_floor(light.MetallicRoughness(halves((1, 1, 1), (0.5, 0.5, 0.5))))
     colours = np.ones((8, 4))
@@ -126,7 +154,7 @@ def test_colours_of_vertices_multiply_a_texture_between_the_corners():
     x = np.array([-0.9, -0.2, 0.4, 0.8])
     faces = np.array([2, 3, 2, 3], np.uint32)
     points = np.stack([x, np.zeros(4), np.where(faces == 2, 1, -1) * 0.95 * np.abs(x)], axis=1)
-    found = painted.albedo_at(faces, points)
+    found, _ = painted.surface_at(faces, points)
     part = np.where(x < 0, 1.0, 0.5)
     np.testing.assert_allclose(found[:, 0], (x + 1) / 2 * part, atol=1e-6)
     np.testing.assert_allclose(found[:, 1], np.minimum(part, 0.999), atol=1e-6)
@@ -144,7 +172,7 @@ def test_a_mesh_that_moves_takes_its_textures_along_and_another_is_refused():
         baker.add(32)
         np.testing.assert_array_equal(baker.maps.combined, baked(moved, atlas, 32).combined)
     points = np.array([[0.4, 0, 0], [0.6, 0, 0]])
-    np.testing.assert_allclose(moved.albedo_at(np.uint32([3, 2]), points), [RED, GREEN], atol=1e-6)
+    np.testing.assert_allclose(moved.surface_at(np.uint32([3, 2]), points)[0], [RED, GREEN], atol=1e-6)
     apart = atra.Mesh(scene.mesh.vertices[scene.mesh.faces].reshape(-1, 3), np.arange(12).reshape(-1, 3))
     with pytest.raises(InputError, match=r"uv has shape \(8, 2\), expected \(12, 2\)"):
         baked(replace(scene, mesh=apart), atlas, 1)

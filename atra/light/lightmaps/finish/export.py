@@ -77,8 +77,9 @@ def _parts(atlas: Atlas, image: NDArray[Any]) -> list[tuple[str, NDArray[Any]]]:
 def save_model(lightmap: Lightmap, scene: BakeScene, path: Path, *, stitch: bool = True) -> Path:
     """Write the mesh as binary glTF with its light, which viewers show unshaded (KHR_materials_unlit).
 
-    The map is the base colour, by TEXCOORD_0 and an equal TEXCOORD_1, and also a MOZ_lightmap; the albedo is the colour
-    of vertices. Several maps get a mesh each. Raises InputError for another suffix, StorageError.
+    The map is the base colour, by TEXCOORD_0 and an equal TEXCOORD_1, and also a MOZ_lightmap; albedo and opacity are
+    the colour of vertices. Several maps get a mesh each, and panes one of their own that blends. Raises InputError for
+    another suffix, StorageError.
     """
     if path.suffix.lower() != ".glb":
         raise InputError(f"a model is to be written to {str(path)!r}, expected a name that ends in .glb")
@@ -89,11 +90,13 @@ def save_model(lightmap: Lightmap, scene: BakeScene, path: Path, *, stitch: bool
     exposure = exposure_of(lightmap)
     image = srgb_of(exposure * finished(lightmap, lightmap.combined, seams))
     mapped = np.isfinite(atlas.uv).all(axis=(1, 2))
-    models = {}
+    assert scene.surface is not None
+    models, panes = {}, scene.surface.panes
     for number, (tail, part) in enumerate(_parts(atlas, image)):
-        faces = np.flatnonzero(mapped & (atlas.map_of == number))
-        if len(faces):
-            models[f"scene{tail}"] = _lit_mesh(scene, atlas, faces, part)
+        for name, kind in (("scene", ~panes), ("panes", panes)):
+            faces = np.flatnonzero(mapped & kind & (atlas.map_of == number))
+            if len(faces):
+                models[f"{name}{tail}"] = _lit_mesh(scene, atlas, faces, part)
     content = trimesh.Scene(models).export(
         file_type="glb", tree_postprocessor=lambda tree: _mark_as_lightmap(tree, 1.0 / exposure)
     )
@@ -106,15 +109,17 @@ def _lit_mesh(scene: BakeScene, atlas: Atlas, faces: NDArray[np.int64], image: N
     import trimesh
     from PIL import Image
 
-    assert scene.surface is not None
+    surface = scene.surface
+    assert surface is not None
+    assert surface.opacity is not None
     corners = scene.mesh.vertices[scene.mesh.faces[faces]].reshape(-1, 3)
     uv = atlas.uv[faces].reshape(-1, 2) / (atlas.width, atlas.map_height)
     uv[:, 1] = 1.0 + atlas.map_of[faces[0]] - uv[:, 1]
-    whole = np.clip(np.rint(255.0 * scene.surface.albedo[faces]), 0, 255).astype(np.uint8)
-    colours = np.repeat(np.column_stack([whole, np.full(len(whole), 255, np.uint8)]), 3, axis=0)
+    whole = np.column_stack([surface.albedo[faces], surface.opacity[faces]])
+    colours = np.repeat(np.clip(np.rint(255.0 * whole), 0, 255).astype(np.uint8), 3, axis=0)
     material = trimesh.visual.material.PBRMaterial(
         name="lightmap", baseColorTexture=Image.fromarray(image, "RGB"), metallicFactor=0.0, roughnessFactor=1.0,
-        doubleSided=True,
+        doubleSided=True, alphaMode="BLEND" if surface.panes[faces[0]] else "OPAQUE",
     )  # fmt: skip
     visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
     visual.vertex_attributes["color"] = colours
