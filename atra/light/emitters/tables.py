@@ -21,8 +21,9 @@ _LEAST_SHARE = 0.25
 """Least share of rays for triangles, for the sky, and for lamps, where several shine: only one may reach a room."""
 
 
-_CANDIDATES, _CANDIDATES_OF_MANY, _MANY = 4, 8, 64
-"""Points of emitters that are weighed for each ray, and those where there are more than so many emitters."""
+_MOST_CANDIDATES = 5
+_PANORAMA_COUNTS = 4
+"""How many emitters a panorama counts as."""
 
 
 def no_emitters() -> Emitters:
@@ -113,7 +114,7 @@ def _emitters(
     rows = np.array([light_row(lamp) for lamp in lamps], np.float32).reshape(-1, LIGHT_WORDS)
     light = np.array([np.pi * lamp.power * np.array(lamp.colour) for lamp in lamps]).reshape(-1, 3)
     chosen = lamp_share * of_lamps[:, None] / max(of_lamps.sum(), 1e-300) if len(lamps) else 1.0
-    count = len(prim_ids) + len(lamps) + 2 * bool(texels.size)
+    count = len(prim_ids) + len(lamps) + _PANORAMA_COUNTS * bool(texels.size)
     return Emitters(
         prim_ids,
         corners.astype(np.float32),
@@ -126,8 +127,13 @@ def _emitters(
         *_alias_table(of_lamps),
         np.float32(sky_share),
         np.float32(lamp_share),
-        1 if count < 2 else _CANDIDATES if count <= _MANY else _CANDIDATES_OF_MANY,
+        _candidates(count),
     )
+
+
+def _candidates(emitters: int) -> int:
+    """Points of emitters that are weighed for each ray. The points of one lamp are alike, and weighing takes time."""
+    return min(max(1, emitters.bit_length() - 1), _MOST_CANDIDATES)
 
 
 def _alias_table(weights: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.int32]]:

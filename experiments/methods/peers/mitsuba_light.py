@@ -25,6 +25,9 @@ from atra.light import (
 from atra.light.materials import Material
 from experiments.methods.peers.mitsuba_scene import INSTALL_LLVM, OLDEST_LLVM
 
+_FINE_ROWS = 256
+"""Rows of a panorama for Mitsuba, at least."""
+
 
 def check_llvm(version: tuple[int, ...], setting: str) -> None:
     """Raises InputError for a libLLVM that ends the process when it compiles Mitsuba's path integrator for AVX-512.
@@ -85,6 +88,9 @@ def parts_of(mi: Any, scene: Scene) -> dict[str, Any]:
     parts: dict[str, Any] = {"type": "scene"}
     if isinstance(sky, PanoramaSky):  # its middle column looks the other way
         turned = np.roll(sky.power * sky.texels, sky.texels.shape[1] // 2, axis=1)
+        # Mitsuba blends the texels, whose colours end at their borders here: finer ones blend in less of the sky.
+        finer = -(-_FINE_ROWS // len(turned))
+        turned = turned.repeat(finer, axis=0).repeat(finer, axis=1)
         parts["sky"] = {"type": "envmap", "bitmap": mi.Bitmap(np.ascontiguousarray(turned, np.float32))}
     elif any(sky.above):
         parts["sky"] = {"type": "constant", "radiance": _rgb([sky.power * channel for channel in sky.above])}
