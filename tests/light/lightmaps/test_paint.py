@@ -146,6 +146,21 @@ def test_a_view_shows_what_is_behind_panes_and_the_sky_through_the_last(sky):
         np.testing.assert_allclose(got, np.broadcast_to(np.float32(expected), got.shape), atol=1e-4)
 
 
+def test_a_view_shows_the_sky_where_there_is_nothing_else():
+    sky = light.GradientSky((0.1, 0.2, 0.3), (0.4, 0.5, 0.6), 2.0)
+    mesh = quads([floor(1.0)])
+    atlas = sheet(mesh, 4)
+    camera = atra.Camera((0, 1, 3), (0, 1, 0), fov_y_degrees=60, width=32, height=24)
+    hits = draw(mesh, camera)
+    shown = lit_view(hits, BakeScene(mesh, sky=sky), atlas, np.zeros((atlas.height, atlas.width, 3), np.float32))
+    ways = camera.rays_world()[1]
+    part = (0.5 + 0.5 * ways[..., 1:2] / np.linalg.norm(ways, axis=2, keepdims=True))[~hits.hit]
+    expected = 2.0 * ((1.0 - part) * sky.below + part * np.array(sky.above))
+    np.testing.assert_allclose(shown[~hits.hit], expected, atol=1e-5)
+    assert 0.05 < hits.hit.mean() < 0.9
+    assert shown[hits.hit].max() == 0.0
+
+
 def test_colours_of_vertices_multiply_a_texture_between_the_corners():
     scene = on_a_floor(light.MetallicRoughness(halves((1, 1, 1), (0.5, 0.5, 0.5))))
     colours = np.ones((8, 4))

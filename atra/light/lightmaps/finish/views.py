@@ -40,18 +40,20 @@ def _on_map(
 
 def lit_view(hits: Hits, scene: BakeScene, atlas: Atlas, image: NDArray[np.float32]) -> NDArray[np.float32]:
     """(H, W, 3) float32, linear RGB: the view of the hits, lit by an (h, w, 3) map alone; emitting faces show their
-    emission, and panes what is behind them, be it the sky."""
+    emission, panes what is behind them, and rays that leave the scene its sky."""
     assert scene.surface is not None
     hit = hits.hit
     seen, points = hits.prim_id[hit], hits.points[hit]
     light, opacity = _shown(scene, seen, points, _on_map(seen, hits.u[hit], hits.v[hit], atlas, image))
     behind = scene.surface.panes[seen] & (opacity < 1.0) & np.isfinite(points).all(axis=1)
+    ways = hits.camera.rays_world(hits.offset)[1]
     if behind.any():
-        share, ways = opacity[behind, None], hits.camera.rays_world(hits.offset)[1][hit][behind]
-        beyond = _through(scene, atlas, image, points[behind], ways)
+        share, beyond = opacity[behind, None], _through(scene, atlas, image, points[behind], ways[hit][behind])
         light[behind] = share * light[behind] + (1.0 - share) * scene.surface.tint[seen[behind]] * beyond  # type: ignore[index]
     view = np.zeros((*hit.shape, 3), np.float32)
     view[hit] = light
+    out = ~hit & np.isfinite(ways).all(axis=2)
+    view[out] = _sky_along(scene.sky, ways[out])
     return view
 
 
@@ -70,14 +72,13 @@ def _through(
     """(N, 3) float32: what rays that go on from points on panes show."""
     surface, off = scene.surface, start_off(scene.mesh)
     assert surface is not None
-    ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
     shown, passed = np.zeros((len(points), 3), np.float32), np.ones((len(points), 3), np.float32)
     left = np.arange(len(points))
     with RayScene(scene.mesh) as rays_scene:
         for _ in range(MOST_HOLES):
             if not len(left):
                 break
-            found = rays_scene.intersect(points, ways[left], tnear=off)
+            found = rays_scene.intersect(points, ways[left], tnear=off / np.linalg.norm(ways[left], axis=1))
             out = left[~found.hit]
             shown[out] += passed[out] * _sky_along(scene.sky, ways[out])
             hit = found.hit & np.isfinite(found.u)
@@ -92,7 +93,8 @@ def _through(
 
 
 def _sky_along(sky: Sky, ways: NDArray[np.float64]) -> NDArray[np.float32]:
-    """(N, 3) float32: radiance of the sky along unit vectors."""
+    """(N, 3) float32: radiance of the sky along vectors of any length."""
+    ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
     colours = np.zeros((len(ways), 3), np.float32)
     look_into_sky(SkyTables(*map(read_only, sky_tables(sky, sky.power))), ways.astype(np.float32), colours)
     return colours
