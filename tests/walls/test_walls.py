@@ -263,6 +263,10 @@ def test_a_folder_is_not_too_full(folder):
     assert len([path for path in folder.glob("*.py") if path.name != "__init__.py"]) <= MOST_FILES
 
 
+NAMED_TUPLE = ("_replace", "_asdict", "_fields")
+"""Public in spite of their underscore."""
+
+
 def private_names(path):
     """Names with an underscore that a file takes from other modules or from objects that are not its own `self`."""
     for node in ast.walk(tree(path)):
@@ -270,7 +274,8 @@ def private_names(path):
             yield from (name.name for name in node.names if name.name.startswith("_"))
         elif isinstance(node, ast.Attribute) and node.attr.startswith("_") and not node.attr.endswith("__"):
             owner = node.value.func if isinstance(node.value, ast.Call) else node.value
-            if not (isinstance(owner, ast.Name) and owner.id in ("self", "cls", "super")):
+            own = isinstance(owner, ast.Name) and owner.id in ("self", "cls", "super")
+            if not own and node.attr not in NAMED_TUPLE:
                 yield node.attr
 
 
