@@ -48,6 +48,11 @@ class Quotation:
     def folder(self) -> Path:
         return REFERENCE / self.sweep
 
+    @property
+    def is_kept(self) -> bool:
+        """Whether there is a table."""
+        return any((self.folder / name).exists() for name in ("table.parquet", "table.csv"))
+
     def rows_and_phrases(self) -> tuple[list[str], list[str]]:
         return _said(self)
 
@@ -66,6 +71,8 @@ def kept_in(folder: Path) -> Kept:
         rename_workloads(pd.read_parquet(path)) if path.exists() else pd.DataFrame()
         for path in (folder / "table.parquet", folder / "processes.parquet")
     )
+    if points.empty and (folder / "table.csv").exists():
+        points = pd.read_csv(folder / "table.csv")
     if len(processes):
         points = with_intervals(points, processes)
     claims = folder / "claims.json"
