@@ -14,7 +14,7 @@ from typing import Any
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from scenes.atrium import ATRIUM_CAMERA, atrium
-from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
+from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box, cornell_box_boxes, cornell_box_walls
 from scenes.lit.weekend import WEEKEND_CAMERA, weekend
 from scenes.living_room import LIVING_ROOM_CAMERA, living_room
 from scenes.material_ball import MATERIAL_BALL_CAMERA, material_ball
@@ -33,6 +33,8 @@ class BuiltIn:
 
 BUILT_IN = {
     "cornell_box": BuiltIn(cornell_box, CORNELL_BOX_CAMERA),
+    "cornell_box_walls": BuiltIn(cornell_box_walls, CORNELL_BOX_CAMERA),
+    "cornell_box_boxes": BuiltIn(cornell_box_boxes, CORNELL_BOX_CAMERA),
     "needles": BuiltIn(needles, NEEDLES_CAMERA),
     "three_holes": BuiltIn(three_holes, THREE_HOLES_CAMERA),
     "weekend": BuiltIn(lambda: weekend().mesh, WEEKEND_CAMERA),

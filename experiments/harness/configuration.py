@@ -102,6 +102,8 @@ class MeasureConfiguration:
     worker still running after this long is stopped and its point fails.
     memory_budget_gib: a point that would need more is skipped, and tried again by the next run; null = three quarters
     of the memory that is free.
+    instruction_set: the one that Embree and Numba are held to, as by ATRA_ISA: sse4.2, avx, avx2 or avx512; null = that
+    of the run.
     quiet_limit_s: how long a sweep waits in all while others use more than 5 % of a core. quiet_only: whether it then
     ends, to be gone on with later; otherwise its times bear doubts.
     """
@@ -113,6 +115,7 @@ class MeasureConfiguration:
     frame_budget_s: float = 10.0
     time_limit_s: float = 1200.0
     memory_budget_gib: float | None = None
+    instruction_set: str | None = None
     quiet_limit_s: float = 60.0
     quiet_only: bool = False
 

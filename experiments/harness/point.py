@@ -29,6 +29,7 @@ class Point:
 
     `triangles` and `mesh_sha256` describe the mesh as traced. process: which of the processes that measure the same.
     memory_budget_gib: None = a share of what is free when it is traced, which is no part of the point.
+    instruction_set: that its process is held to, by Embree's name; None = that of the run.
     options, workload_options: of the types that the method and the workload name; all else are plain JSON values.
     """
 
@@ -59,6 +60,7 @@ class Point:
     process: int = 0
     subdivided: int = 0
     copies: int = 1
+    instruction_set: str | None = None
 
     def configuration(self) -> dict[str, Any]:
         """All fields as plain values: method and workload by name, their options in the sections `method_options` and

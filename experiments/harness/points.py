@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from atra.compiled.instruction_sets import instruction_sets_here
 from atra.errors import AtraError, InputError, MemoryBudgetError, printable
 from atra.geometry.mesh import Mesh
 from atra.model.constants import machine
@@ -146,6 +147,9 @@ def _problem(point: Point, mesh: Mesh) -> AtraError | None:
     problem = point.workload.problem(point)
     if problem is not None:
         return InputError(problem)
+    if point.instruction_set not in (None, *instruction_sets_here()):
+        here = ", ".join(instruction_sets_here()) or "none here"
+        return InputError(f"measure.instruction_set is {point.instruction_set!r}, expected one of {here}, or null")
     try:
         point.workload.make(point, mesh).close()  # the constructor checks everything; nothing is built
     except (InputError, MemoryBudgetError) as error:

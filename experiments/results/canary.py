@@ -21,7 +21,7 @@ FEWEST = 5
 _ALIKE = (
     "mesh_sha256",
     *("eye", "target", "up", "fov_y_degrees", "width", "height"),
-    *("workload", "workload_options", "threads", "build_quality", "ties"),
+    *("workload", "workload_options", "threads", "build_quality", "ties", "instruction_set"),
 )
 """Settings that the canary depends on."""
 

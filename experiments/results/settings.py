@@ -14,7 +14,7 @@ from experiments.methods import METHODS
 from experiments.workloads import WORKLOADS
 
 _FIRST = ("subdivided", "copies", "mesh_sha256", "view", "eye", "target", "up", "fov_y_degrees", "width", "height")
-_LAST = ("threads", "build_quality", "ties")
+_LAST = ("threads", "build_quality", "ties", "instruction_set")
 
 NUMBER = re.compile(r"\d+(?:[.,]\d+)*")
 
@@ -51,6 +51,8 @@ def say_setting(name: str, value: Any) -> str:
         return f"{name.replace('_', ' ')} {'on' if value else 'off'}"
     if name == "geometry":
         return f"{value} geometry"
+    if name == "instruction_set":
+        return "every instruction set" if value == "none" else f"instructions up to {value}"
     if name == "build_quality":
         return f"{value} build quality"
     if name.endswith("_sha256"):

@@ -1,5 +1,6 @@
 """What the pages quote of sweep=paper."""
 
+from experiments.paper.candidates import candidates
 from experiments.paper.conclusion import scene_gains
 from tests.quotations.quotation import SCENES, TIMES, digits, of, table_row
 
@@ -26,6 +27,12 @@ def best_gains(kept):
         paper = "" if one.paper is None else f"{one.paper:.2f}"
         over_packets = _say(next(iter(one.packets.values()))) if one.packets else "none"
         yield table_row(f"`{one.scene}`", paper, *map(_say, one.single.values()), over_packets)
+
+
+def candidates_for_the_gain(kept):
+    """A candidate a row: gains over the nearest hit and over all hits, and whether one is as large as the paper's."""
+    for one in candidates(kept.processes):
+        yield table_row(one.name, *("" if gain is None else gain for gain in (one.nearest, one.all_hits)), one.reaches)
 
 
 def claim_text(claim):

@@ -9,7 +9,7 @@ from atra.judge.reference import brute_force
 from atra.packets.pixel import PixelTracer
 from scenes import shapes
 from scenes.built_in import BUILT_IN
-from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
+from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box, cornell_box_boxes, cornell_box_walls
 from scenes.manifest import read_manifest
 
 STAND_INS = [name for name, made in BUILT_IN.items() if made.stands_for]
@@ -63,6 +63,22 @@ def crossings(mesh, camera):
         inside = (sides > 0).all(axis=0) | (sides < 0).all(axis=0)
         counts.append(np.count_nonzero(volume[inside] * sides[0, inside] > 0))
     return np.array(counts)
+
+
+@pytest.mark.parametrize(("make", "of_boxes"), [(cornell_box_walls, 24), (cornell_box_boxes, 1100)])
+def test_other_layouts_of_the_box_have_as_many_triangles_in_the_same_room_and_no_hole(make, of_boxes):
+    mesh, plain = make(), cornell_box()
+    assert mesh.triangle_count == plain.triangle_count
+    assert np.allclose(mesh.bounds, plain.bounds)
+    corners = mesh.triangles(np.arange(mesh.triangle_count)).astype(np.float64)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = 0.5 * np.linalg.norm(normals, axis=1)
+    first = mesh.triangle_count - of_boxes
+    room, boxes = area[:first].sum(), area[first:].sum()
+    assert room == pytest.approx(2 * 4 + 3 * 2 * 1.59 + 0.48**2, rel=1e-6)
+    assert boxes == pytest.approx(4 * 0.56**2 + 4 * 0.56 * (0.6 + 1.1), rel=1e-6)
+    volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))[first:].sum() / 6
+    assert volume == pytest.approx(0.56**2 * (0.6 + 1.1), rel=1e-6)  # closed, and normals point outwards
 
 
 def test_the_box_and_the_sphere_stand_on_the_floor_inside_the_room_and_apart():

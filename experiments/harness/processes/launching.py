@@ -15,6 +15,7 @@ from typing import Any
 
 import psutil
 
+from atra.compiled.instruction_sets import VARIABLE
 from atra.errors import printable
 from experiments.harness.point import Point
 from experiments.harness.processes.outcome import Outcome
@@ -54,7 +55,7 @@ def _run_in(folder: Path, point: Point, command: Sequence[str]) -> Outcome:
     with output_path.open("wb") as output:
         process = subprocess.Popen(
             list(command), stdin=subprocess.PIPE, stdout=output, stderr=subprocess.STDOUT,
-            env=project_environment() | _thread_limits(point), **_apart_from_the_interrupt_key(),
+            env=project_environment() | _thread_limits(point) | _vectors(point), **_apart_from_the_interrupt_key(),
         )  # fmt: skip
         try:
             assert process.stdin is not None
@@ -138,6 +139,11 @@ def _thread_limits(point: Point) -> dict[str, str]:
     if point.threads is None:
         return {}
     return {f"{name}_NUM_THREADS": str(point.threads) for name in ("OPENBLAS", "MKL", "OMP")}
+
+
+def _vectors(point: Point) -> dict[str, str]:
+    """The instruction set is read once, when `atra` is imported."""
+    return {} if point.instruction_set is None else {VARIABLE: point.instruction_set}
 
 
 def stop_children() -> None:

@@ -16,6 +16,7 @@ from atra.errors import InputError
 from atra.exact.intersection import intersect_rays
 from atra.geometry.mesh import Mesh
 from atra.light import Atlas, Texels
+from atra.light.lightmaps.sun.rays import TileRays
 from atra.light.lightmaps.sun.tiles import Tiles
 from atra.rays.rays import Rays
 from atra.tracing.options import option
@@ -50,6 +51,7 @@ class BakeRaysSettings(Settings):
     map_size: int = whole(512, "texels along a side of the map, and rays of a bundle", 1, 1 << 13)
     tile_size: int = whole(8, "texels along a side of a tile", 1, 1 << 10)
     least_texels: int = whole(16, "of a tile; rays of smaller ones are not asked for", 1, 1 << 20)
+    shortcut: bool = option(True, "rays of tiles, or parts of them, that one triangle shadows are not traced")
 
 
 def _headline(record: Record) -> str:
@@ -68,6 +70,7 @@ BAKE_RAYS = Workload(
         *statistics_columns("single_over_aligned{}", "rays one by one / aligned", over_own(series(ONE_BY_ONE))),
         *statistics_columns("packets_over_aligned{}", "coherent packets / aligned", over_own(series(TOGETHER))),
         Column("prepare_s", REAL, "of a round of aligned rays: plan and build"),
+        Column("triangles_aligned", WHOLE, "copies of triangles for all tiles and directions"),
         Column("aligned_texel_share", REAL, "of all texels that are lit, those in such tiles of flat charts"),
         Column("tiles", WHOLE, "of flat charts"),
         Column("rays_compared", WHOLE, "of which visibility, or the number of hits, was compared"),
@@ -110,29 +113,42 @@ def directions_of(point: Point) -> NDArray[np.float64]:
 
 
 class AlignedTiles:
-    """Rays of directions from tiles; every direction is planned and built when it is its turn."""
+    """Rays of directions from tiles; every direction is planned and built when it is its turn.
+
+    prepare_s: plan and build of all of them. triangles: copies made for all of them."""
 
     def __init__(self, point: Point, tiles: Tiles) -> None:
         self._tiles = tiles
         # A BVH of copies serves only one direction, which does not repay a better build.
         self._options: dict[str, Any] = {"threads": point.threads, "build_quality": "low"}
+        self._shortcut = point.workload_options.shortcut
         self._rooms: dict[int, NDArray[np.bool_]] = {}
-        self.prepare_s = 0.0
+        self.prepare_s, self.triangles = 0.0, 0
 
     def trace(
         self, directions: NDArray[np.float64], offsets: NDArray[np.float64], keep: bool = False
     ) -> list[NDArray[np.bool_]]:
         """With `keep`, whether rays hit something: (R,) bool for each direction, positions of a texel side by side."""
-        kept, self.prepare_s = [], 0.0
+        kept, self.prepare_s, self.triangles = [], 0.0, 0
         for number, direction in enumerate(directions):
             start = perf_counter()
             facing = self._tiles.facing(direction)
-            with self._tiles.towards(facing, direction, **self._options) as rays:
+            with self._towards(facing, direction) as rays:
                 self.prepare_s += perf_counter() - start
+                self.triangles += rays.triangle_count
                 self._rooms[number] = met = rays.trace(offsets, out=self._rooms.get(number))
             if keep:
                 kept.append(met[self._tiles.texel[facing] >= 0].ravel())
         return kept
+
+    def _towards(self, facing: NDArray[np.int64], direction: NDArray[np.float64]) -> TileRays:
+        """Rays of these tiles. Without the shortcut none of them starts surely before a triangle, so that none covers
+        a part of a tile; whether one does is still asked."""
+        if self._shortcut:
+            return self._tiles.towards(facing, direction, **self._options)
+        prisms = self._tiles.prisms(facing, direction)
+        never = prisms._replace(off=np.full_like(prisms.off, np.inf))
+        return TileRays(self._tiles.tree, never, self._tiles.size, **self._options)
 
 
 def undecided(mesh: Mesh, rays: Rays, numbers: NDArray[np.int64]) -> int:
@@ -200,6 +216,7 @@ def _measure_tiles(point: Point, mesh: Mesh, stack: ExitStack) -> Measured:
     timed = timed_rounds(point, calls)
     results = {
         "prepare_s": median(prepared),
+        "triangles_aligned": own.triangles,
         "aligned_texel_share": tiles.texel_share,
         "tiles": len(tiles),
         "rays_compared": sum(map(len, batches)),

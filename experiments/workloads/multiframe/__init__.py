@@ -21,7 +21,7 @@ from atra.tracing.lifetime import Lifetime
 from atra.tracing.options import option
 from atra.tracing.tracer import Tracer
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.options import NoOptions, Settings, settings
+from experiments.harness.options import Settings, settings
 from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
 from experiments.methods.aligned import ALIGNED
@@ -180,7 +180,7 @@ def separate_makers(point: Point) -> dict[str, Make]:
     return {
         SEPARATE: lambda mesh, view: make_own(point, mesh, view),
         SEPARATE_VISIBLE: lambda mesh, view: VISIBLE_FIRST.make(mesh, view, visible, point.tracing),
-        SEPARATE_RASTER: lambda mesh, view: RASTER.make(mesh, view, NoOptions(), point.tracing),
+        SEPARATE_RASTER: lambda mesh, view: RASTER.make(mesh, view, RASTER.options(), point.tracing),
     }
 
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 import psutil
 import pytest
 
+from atra.compiled.instruction_sets import VARIABLE
 from experiments.harness.processes.launching import run_worker
 from experiments.harness.processes.worker import CANNOT_WRITE, Job
 from experiments.registry import known_kinds
@@ -52,6 +53,16 @@ def test_the_point_reaches_the_worker_the_outcome_comes_back_and_no_temporary_fi
     outcome = run_worker(POINT, worker(told + "json.dump(told, open(job['result_path'], 'w')); print('noise')"))
     assert outcome == replace(GOOD, results=GOOD.results | {"width": POINT.width})
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("of_point", "reached"), [(None, "of the run"), ("avx", "avx")])
+def test_a_worker_is_held_to_the_instruction_set_of_its_point_or_else_to_that_of_the_run(
+    of_point, reached, monkeypatch
+):
+    monkeypatch.setenv(VARIABLE, "of the run")
+    told = f"told = json.loads({GOOD.to_json()!r}); told['results']['set'] = os.environ[{VARIABLE!r}]\n"
+    command = worker(told + "json.dump(told, open(job['result_path'], 'w'))")
+    assert run_worker(replace(POINT, instruction_set=of_point), command).results["set"] == reached
 
 
 @pytest.mark.parametrize(("command", "reason"), [

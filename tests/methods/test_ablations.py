@@ -1,0 +1,61 @@
+"""What is switched off to show what it gains changes no answer, and is really off."""
+
+import numpy as np
+import pytest
+
+from atra.compiled.threads import WorkerPool
+from atra.geometry.camera import Camera
+from atra.light import Atlas, Texels
+from atra.light.lightmaps.sun.tiles import Tiles
+from atra.raster.frames import Scratch, bands_of
+from atra.raster.image import Viewpoint
+from experiments.harness.method import Tracing
+from experiments.methods.raster import CLUSTERS, RASTER, RasterOptions, WithoutClusters, WithoutOcclusion
+from experiments.workloads.bake_rays import AlignedTiles, directions_of
+from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
+from tests.points import planned
+
+SIZE = 72, 48
+CAMERA = Camera(**CORNELL_BOX_CAMERA, width=SIZE[0], height=SIZE[1])
+
+
+def image(**options):
+    mesh, camera = cornell_box(), CAMERA
+    with RASTER.make(mesh, camera, RasterOptions(**options), Tracing(1)) as tracer:
+        return tracer.trace()
+
+
+@pytest.mark.parametrize("options", [*({"left_out": one} for one in CLUSTERS[1:]), {"lanes": 4}])
+def test_the_rasteriser_draws_the_same_without_occlusion_without_clusters_and_with_few_lanes(options):
+    usual, other = image(), image(**options)
+    assert usual.hit.sum() > 100
+    assert np.array_equal(usual.prim_id, other.prim_id)
+    assert np.array_equal(usual.depth, other.depth)
+
+
+@pytest.mark.parametrize(("kind", "hides", "culls"), [
+    (Scratch, True, True), (WithoutOcclusion, False, True), (WithoutClusters, False, False),
+])  # fmt: skip
+def test_without_occlusion_nothing_counts_as_hidden_and_without_clusters_every_band_draws_all(kind, hides, culls):
+    mesh, camera, pool = cornell_box(), CAMERA, WorkerPool(1)
+    scratch = kind.of(mesh, pool)
+    scratch.cull(Viewpoint.of(mesh, camera, (0.5, 0.5)).eye, camera, bands_of(*SIZE)[0], pool)
+    order = scratch.order()
+    pool.close()
+    assert bool(np.isfinite(scratch.bounds[order]).any()) == hides
+    whole = (scratch.rectangles == (0, SIZE[0] - 1, 0, SIZE[1] - 1)).all(axis=1)
+    assert bool(whole.all()) != culls
+    assert len(order) == scratch.clusters.count or culls
+
+
+def test_without_the_shortcut_more_triangles_are_copied_and_every_ray_sees_the_same():
+    asked = {"map_size": 64, "tile_size": 8}
+    points = [planned("raster", "bake_rays", asked=asked | {"shortcut": how}).point for how in (True, False)]
+    mesh = cornell_box()
+    tiles = Tiles.of(Texels.of(mesh, Atlas.unwrap(mesh, 64)), 8, 16)
+    direction, offsets = directions_of(points[0]), np.array([(0.5, 0.5), (0.25, 0.75)])
+    with_it, without = (AlignedTiles(point, tiles) for point in points)
+    (one,), (other,) = (rays.trace(direction, offsets, keep=True) for rays in (with_it, without))
+    assert one.any()
+    assert np.array_equal(one, other)
+    assert without.triangles > with_it.triangles
