@@ -271,6 +271,7 @@ class RasterOptions(ThreadOptions, TieOptions):
         None,
         "pixels drawn at once; null = as many as this machine's widest vectors hold; no image differs",
         choices=LANES,
+        null="native",
     )
 
 

@@ -97,15 +97,12 @@ class MeasureConfiguration:
     """How a point is measured. processes: how many processes, one after another and spread over the sweep, measure
     each timed point. One process has its memory laid out in one way and meets one mood of the machine, so intervals
     are of processes. process: which of them a launched job is; a sweep sets it.
-    rounds, warmup: rounds of a process that count and rounds before them.
-    frame_budget_s: no further round starts past this many seconds of work, but three always run. time_limit_s: a
-    worker still running after this long is stopped and its point fails.
-    memory_budget_gib: a point that would need more is skipped, and tried again by the next run; null = three quarters
-    of the memory that is free.
-    instruction_set: the one that Embree and Numba are held to, as by ATRA_ISA: sse4.2, avx, avx2 or avx512; null = that
-    of the run.
-    quiet_limit_s: how long a sweep waits in all while others use more than 5 % of a core. quiet_only: whether it then
-    ends, to be gone on with later; otherwise its times bear doubts.
+    rounds, warmup: rounds of a process that count and rounds before them. frame_budget_s: no further round starts past
+    this many seconds of work, but three always run. time_limit_s: a worker that runs longer is stopped and fails.
+    memory_budget_gib: points that need more are skipped until the next run; null = three quarters of what is free.
+    instruction_set: what Embree and Numba are held to, as by ATRA_ISA; null = as the run.
+    quiet_limit_s: how long a sweep waits in all while others use more than 5 % of a core. quiet_only: whether it ends
+    then; otherwise its times bear doubts.
     """
 
     processes: int = 3

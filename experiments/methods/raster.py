@@ -68,7 +68,7 @@ def _variant(row: Mapping[str, Any]) -> str:
     """Whatever is not as it is by default."""
     said = {"outside": "without occlusion", "none": "without clusters"}.get(str(row.get("left_out")))
     lanes = row.get("lanes")
-    return ", ".join(filter(None, [said, None if lanes is None else f"{int(lanes)} lanes"]))
+    return ", ".join(filter(None, [said, None if lanes in (None, "native") else f"{lanes} lanes"]))
 
 
 def _choice(options: RasterOptions) -> Choice | None:

@@ -41,14 +41,9 @@ def _of_all(values: Sequence[str]) -> str:
 
 
 def _told(name: str, record: Record) -> str:
-    """What the environment says of the machine or of software, as text."""
-    value = record.environment.get(name)
+    """What the point, or else the environment, says of the machine or of software, as text."""
+    value = record.configuration.get(name) or record.environment.get(name)
     return " ".join(map(str, value)) if isinstance(value, list) else "none" if value is None else str(value)
-
-
-def _held_to(record: Record) -> str:
-    """The instruction set of the point, or else of the run."""
-    return str(record.configuration.get("instruction_set") or _told("instruction_set", record))
 
 
 def _field(name: str, dtype: str, help: str) -> Column:
@@ -93,12 +88,10 @@ _OUTCOME_COLUMNS = (
     Column("stolen_share", REAL, "of these cores, what other machines on the same hardware took", over=max),
     Column("load_average", REAL, "load of the machine before the point", lambda record: _load(record), max),
     Column("cpu", TEXT, "processor", lambda record: record.environment.get("cpu")),
-    Column(
-        "instruction_set", TEXT, "the one that Embree and Numba were held to; none = all there are", _held_to, _of_all
-    ),
     *(
         Column(name, TEXT, help, partial(_told, name), _of_all)
         for name, help in (
+            ("instruction_set", "the one that Embree and Numba were held to; none = all there are"),
             ("cpu_extensions", "instruction sets of the processor"),
             ("affinity", "cores it could run on"),
             ("git_commit", "commit of the project"),

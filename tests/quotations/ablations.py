@@ -24,7 +24,7 @@ def worth_of_parts(kept):
     fast = _ALIGNED | {"packet_width": frames.widest, "reference": "off_axis"}
     yield frames.ratio("fast ÷ robust, aligned packets", fast | {"robust": False}, fast | {"robust": True})
     yield frames.over_packets("robust packets per pixel", method="pixel", robust=True)
-    narrow = {lanes: {"method": "raster", "left_out": "hidden", "lanes": lanes} for lanes in (4, 8)}
+    narrow = {lanes: {"method": "raster", "left_out": "hidden", "lanes": str(lanes)} for lanes in (4, 8)}
     for label, without in (
         ("rasteriser ÷ without occlusion", {"method": "raster", "left_out": "outside"}),
         ("rasteriser ÷ without clusters", {"method": "raster", "left_out": "none"}),
@@ -66,7 +66,7 @@ class _Frames:
         """Over packets in the same rounds. Lanes that are not named are the machine's."""
         rows = of(self._processes, scene=scene, **values)
         if values["method"] == "raster" and "lanes" not in values:
-            rows = rows[rows["lanes"].isna()]
+            rows = rows[rows["lanes"].eq("native")]
         assert rows["point_id"].nunique() == 1, (scene, values)
         return Estimate.of(rows["speedup_vs_packets"].astype(float).tolist())
 

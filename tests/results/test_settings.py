@@ -65,6 +65,7 @@ VALUES = {name: two_values(name) for name in OF_OPTIONS if name not in ("offsets
     "threads": (1, 2, "threads 2"),
     "build_quality": ("high", "low", "low build quality"),
     "ties": ("any", "lowest", "ties lowest"),
+    "instruction_set": ("avx2", "sse4.2", "instructions up to sse4.2"),
 }
 BESIDE = ("separate", "visible_first", "rasteriser", *(f"{name}_primary" for name in MEASURED.samples))
 """Series that workloads have of their own."""
