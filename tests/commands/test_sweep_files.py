@@ -32,6 +32,15 @@ SWEEPS = {
     "methods": (["method.split_x=4", "method.split_y=1"], {"methods", "break_even", "moving"}),
     "baselines": (["method.packet_width=4", "method.packet_rows=null"], {"rates"}),
     "reference_rays": (["method.split_x=4", "method.culling=true"], set(FIGURE5)),
+    "ablations": (
+        ["method.split_x=4", "method.split_y=1", "method.reference=off_axis", "~sweep.grids.ablations_sun"],
+        {"methods"},
+    ),
+    "cornell_candidates": (
+        ["method.split_x=1,4"]
+        + [f"~sweep.grids.{name}{hits}" for name in ("threads", "inside", "farther") for hits in ("", "_all_hits")],
+        {"figure5_speedup"},
+    ),
     "threads": ([], {"threads"}),
     "peers": ([], {"peers", "agreement", *WRONG}),
     "growth": (
@@ -108,7 +117,8 @@ WITH_A_TWIN = {"bake", "bake_denoise", "bake_mitsuba", "bake_rays", "classificat
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "paper"}
 SLOW = {
     "smoke", "methods", "peers", "baselines", "reference_rays", "threads", "growth", "bake_buffers", "bake_adaptive",
-    "bake_culling_map", "classification_smoke", "paths", "gather-whole", "rays-batches",
+    "bake_culling_map", "classification_smoke", "paths", "gather-whole", "rays-batches", "ablations",
+    "cornell_candidates",
 }  # fmt: skip
 """Sweeps of workloads that a quick one has, too."""
 
