@@ -26,7 +26,7 @@ from atra.trees.bvh import bvh_of
 MOST_COPIED = 1 << 15
 """Largest sample of triangles for counting copies."""
 
-CLUSTER, MOST_CLUSTERS = 128, 16
+CLUSTER, MOST_CLUSTERS = 128, 8
 """Triangles that lie together, and how many such groups tell how full the leaves of a BVH are."""
 
 SMALLEST_SCENE = 4

@@ -69,10 +69,13 @@ def _ray_by_ray(look: Look, choice: Choice, part: int) -> list[float]:
 
 
 def _tiles(look: Look, choice: Choice, part: int) -> list[float]:
-    """For each packet: itself, boxes below the cells' own roots, triangles tested and hit; and each cell."""
+    """For each packet: itself, boxes in the levels above the cells' own roots and below, triangles hit; and for each
+    cell and each copy: itself, as it is read once a frame. What is tested has no price of its own: its constant was 0.
+    """
     counts = Counts(look, choice, SEEN)
     n = counts.packets
-    return [n, n * counts.upper, n * counts.lower, n * counts.tested, n * counts.met, float(choice.cells)]
+    copies = _copied(look, choice).copies
+    return [n, n * counts.upper, n * counts.lower, n * counts.met, float(choice.cells), copies]
 
 
 def _aligned(look: Look, choice: Choice, part: int) -> list[float]:

@@ -104,7 +104,7 @@ def new_scratch():  # type: ignore[no-untyped-def]
 
 
 @njit
-def _fill_bins(draft, start, end, scratch):  # type: ignore[no-untyped-def]
+def fill_bins(draft, start, end, scratch):  # type: ignore[no-untyped-def]
     low, high, scale = scratch.middles[0], scratch.middles[1], scratch.middles[2]
     low[:], high[:], scale[:] = _INFINITY, -_INFINITY, 0
     for place in range(start, end):
@@ -135,7 +135,7 @@ def _cost(box, triangles):  # type: ignore[no-untyped-def]
 
 
 @njit
-def _cheapest(scratch):  # type: ignore[no-untyped-def]
+def cheapest_split(scratch):  # type: ignore[no-untyped-def]
     """(axis, first bin of the second half) of the cheapest split; axis -1 if all centres coincide."""
     side, costs = scratch.side, scratch.costs
     best, best_axis, best_bin = np.inf, -1, 0
@@ -163,8 +163,8 @@ def _cheapest(scratch):  # type: ignore[no-untyped-def]
 @njit
 def split_node(draft, node, start, end, scratch):  # type: ignore[no-untyped-def]
     """Split the node over positions [start, end); returns where its second half starts."""
-    _fill_bins(draft, start, end, scratch)
-    axis, first_bin = _cheapest(scratch)
+    fill_bins(draft, start, end, scratch)
+    axis, first_bin = cheapest_split(scratch)
     order, triangles = draft.order, draft.triangles
     if axis < 0:  # all centres coincide: split anywhere
         axis, middle = 0, (start + end) // 2

@@ -133,6 +133,10 @@ def report(table: pd.DataFrame) -> str:
                 found = choices_of(rows, want, without)
                 told = ", ".join(f"{name} {value:.2f}" for name, value in found.items())
                 lines.append(f"  {want} without {without}: {told}")
+            lines += ["  fastest method down, chosen one across:", *_indented(confusion_of(rows, want, ("raster",)))]
+        lines += ["  residuals of frames, nearest hit, log:", *_indented(residuals_of(rows).round(2))]
+        known = ", ".join(f"{name} {value:.2f}" for name, value in named_if_known(rows).items())
+        lines.append(f"  named, rasteriser apart, if this part of the residuals were known: {known}")
         looks = rows.drop_duplicates(["scene", "view"])
         for name in ("look", "plan"):
             ratio = looks[f"{name}_s"] / looks["frame_s"]
@@ -158,6 +162,44 @@ def choices_of(rows: pd.DataFrame, want: str, without: tuple[str, ...] = ()) -> 
         "visible_first": fastest.count("visible_first") / len(named),
         "median": float(np.median(regrets)), "decile": float(np.quantile(regrets, 0.9)),
     }  # fmt: skip
+
+
+def confusion_of(rows: pd.DataFrame, want: str, without: tuple[str, ...] = ()) -> pd.DataFrame:
+    """Numbers of views by their fastest method (down) and the one that is chosen (across)."""
+    rows = rows[(rows["want"] == want) & ~rows["method"].isin(without)]
+    views = [of for _, of in rows.groupby(["scene", "view"])]
+    fastest = [of.loc[of["measured_time_s"].idxmin(), "method"] for of in views]
+    chosen = [of.loc[of["predicted_time_s"].idxmin(), "method"] for of in views]
+    return pd.crosstab(pd.Series(fastest, name="fastest"), pd.Series(chosen, name="chosen"))
+
+
+def _parted(rows: pd.DataFrame) -> pd.DataFrame:
+    """Frames of the nearest hit, the rasteriser's apart, with `of_all`, the log of predicted over measured, and its
+    means: `of_view`, of a family in a view; `of_split`, of what remains, of a family's split in all views."""
+    rows = rows[(rows["want"] == "nearest") & (rows["method"] != "raster")]
+    rows = rows.assign(of_all=np.log(rows["predicted_time_s"] / rows["measured_time_s"]))
+    rows = rows.assign(of_view=rows.groupby(["family", "scene", "view"])["of_all"].transform("mean"))
+    rest = rows.assign(rest=rows["of_all"] - rows["of_view"])
+    return rest.assign(of_split=rest.groupby(["family", "split_x", "split_y"])["rest"].transform("mean"))
+
+
+def residuals_of(rows: pd.DataFrame) -> pd.DataFrame:
+    """For each family the standard deviation of its residuals: all, of means of views, of what remains."""
+    grouped = _parted(rows).groupby("family")
+    return pd.DataFrame({name: grouped[name].std() for name in ("of_all", "of_view", "rest")})
+
+
+def named_if_known(rows: pd.DataFrame) -> dict[str, float]:
+    """The share of views whose fastest method is named, rasteriser apart, were a part of the residuals taken away."""
+    rows, found = _parted(rows), {}
+    for name in ("of_view", "of_split"):
+        known = rows.assign(predicted_time_s=rows["predicted_time_s"] * np.exp(-rows[name]))
+        found[name] = choices_of(known, "nearest")["named"]
+    return found
+
+
+def _indented(table: pd.DataFrame) -> list[str]:
+    return [f"    {line}" for line in table.to_string().splitlines()]
 
 
 COLUMNS = (

@@ -4,7 +4,7 @@ import numpy as np
 
 from atra.model.defaults import DEFAULTS
 from atra.model.formulas import IN_CACHE
-from experiments.law.predict import choices_of, errors_of
+from experiments.law.predict import choices_of, errors_of, named_if_known
 from tests.quotations.quotation import TIMES, digits, table_row
 
 SETS = ("avx512", "avx2")
@@ -64,6 +64,8 @@ def rest_of_the_law(kept):
     yield table_row("bytes: median error, and rows within 10 %", *within)
     said = (f"{percent(one.median())}, {percent(one.quantile(0.9))}" for one in builds)
     yield table_row("plan and build: median error, and nine of ten", *said)
+    known = (percent(named_if_known(rows)["of_view"]) for rows in by_set)
+    yield table_row("named, rasteriser apart, were mean errors in views known", *known)
     frames = [[(one[name] / one["frame_s"]).median() for name in ("look_s", "plan_s")] for one in views]
     yield table_row("raster frames of a look, and of a plan, median", *(f"{one:.0f}, {two:.0f}" for one, two in frames))
 
