@@ -90,6 +90,15 @@ def test_what_a_wall_hides_is_neither_copied_nor_traced_again():
     assert both.copied("visible_first", (4, 4)).again == 0.0
 
 
+@pytest.mark.parametrize("far", [0.0, 1000.0])
+def test_many_triangles_in_one_place_are_looked_at_beside_one_far_away(far):
+    corners = np.tile(np.array([[-1, -1, 2], [3, -1, 2], [-1, 3, 2]], np.float32), (1500, 1))
+    corners[-3:, 2] += far
+    look = look_at(atra.Mesh(corners, np.arange(4500).reshape(-1, 3)), camera(16))
+    assert look.met[0, 0] == pytest.approx((1500 - (far > 0)) * look.hit, rel=0.01)
+    assert look.met[0, 0] <= look.tested[0, 0] < 1.05 * look.met[0, 0]
+
+
 def test_bytes_of_a_bvh_are_known_from_some_of_its_clusters():
     mesh = random_triangles(5000, 8, size=0.05)
     with atra.BvhTracer(mesh, camera()) as tracer:
