@@ -2,6 +2,7 @@
 
 import platform
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -12,6 +13,8 @@ from atra.judge.reference import brute_force
 from experiments.harness.method import Tracing
 from experiments.methods import METHODS, find_method
 from experiments.methods.peers import embreex_run, llvmpipe
+from experiments.methods.peers.peer import PEER_COLUMNS
+from experiments.methods.peers.pixel_rays import block_order
 from tests.images import trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 
@@ -107,6 +110,39 @@ def test_a_peer_has_the_account_of_a_tracer(peer):
         assert (tracer.mesh, tracer.camera, tracer.threads) == (mesh, camera, 2)
         assert (tracer.triangle_count, tracer.embree_bytes) == (mesh.triangle_count, 0)
         assert tracer.build_time_s > 0 <= tracer.plan_time_s
+
+
+@pytest.fixture
+def library(peer):
+    """A peer that is called in this process."""
+    if peer.counters != PEER_COLUMNS:
+        pytest.skip(f"{peer.name} is a program of its own")
+    return peer
+
+
+def test_the_table_says_of_a_peer_what_was_called_in_which_version_and_how_exact_it_is(library):
+    with make_peer(library, cornell_box(), cornell_camera(16, 16)) as tracer:
+        told = [tracer.counters[one.name] for one in library.counters]
+    assert told[0] == library.version()
+    assert all(told)
+
+
+def test_what_is_timed_of_a_peer_is_its_own_query_alone(library, monkeypatch):
+    with make_peer(library, cornell_box(), cornell_camera(16, 16)) as tracer:
+        in_rows = tracer._in_rows
+        monkeypatch.setattr(tracer, "_in_rows", lambda values: (time.sleep(0.05), in_rows(values))[1])
+        start = time.perf_counter()
+        tracer.trace()
+        assert 0 < tracer.frame_time_s < time.perf_counter() - start - 0.09
+
+
+def test_rays_come_block_by_block_each_once_and_blocks_at_the_border_are_smaller():
+    order = block_order(20, 11)
+    assert sorted(order) == list(range(220))
+    x, y = order % 20, order // 20
+    assert np.ptp(x[:64]) == np.ptp(y[:64]) == 7
+    assert (x[128:160].min(), x[128:160].max(), y[128:160].max()) == (16, 19, 7)
+    assert (np.diff(y // 8 * 3 + x // 8) >= 0).all()
 
 
 def test_misuse_is_an_error_and_closing_twice_is_not(peer):

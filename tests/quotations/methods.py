@@ -89,6 +89,16 @@ def tracers_over_single_rays(table, methods):
         yield table_row(find_method(method).label, *cells, f"{int(found['pixels_wrong'].sum()):,}")
 
 
+def what_was_called(kept):
+    """Another tracer a row: its version, what of it was called, and how exact that is."""
+    rows = of(kept.points, workload="frame")
+    for method in rows["method"].unique():
+        told = rows[rows["method"].eq(method)].iloc[0]
+        if not pd.isna(told["peer_interface"]):
+            names = ("peer_version", "peer_interface", "peer_setting", "instruction_set")
+            yield table_row(find_method(method).label, *(told[name] for name in names))
+
+
 def other_instruction_sets(kept):
     """The rasteriser over the packets that are native there; the width of packets tells the sets apart."""
     for width, name in ((8, "AVX2, packets of 8"), (4, "SSE4.2, packets of 4")):

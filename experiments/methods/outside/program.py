@@ -43,7 +43,7 @@ from experiments.harness.entry_points import digest_of_files
 from experiments.harness.method import Method, Style, Tracing
 from experiments.methods.outside.guards import Images
 from experiments.methods.outside.tracer import OutsideTracer
-from experiments.methods.peers.peer import world_directions
+from experiments.methods.peers.pixel_rays import world_directions
 
 VERSION = 1
 """Version of the protocol."""

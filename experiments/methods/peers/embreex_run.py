@@ -19,6 +19,10 @@ class EmbreexTracer(BlockwiseTracer):
     built by every core.
     """
 
+    package = "embreex"
+    interface = "EmbreeScene.run(output=True), single rays"
+    setting = "robust, its default"
+
     def _build_scene(self) -> Any:
         scene = import_module("embreex.rtcore_scene").EmbreeScene()
         import_module("embreex.mesh_construction").TriangleMesh(
@@ -42,4 +46,4 @@ def _check() -> str | None:
     return None
 
 
-EMBREEX = peer_method("embreex", "embreex", "embreex", _check, EmbreexTracer, wheel_problem)
+EMBREEX = peer_method("embreex", "embreex", _check, EmbreexTracer, wheel_problem)

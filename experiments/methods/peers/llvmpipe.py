@@ -72,6 +72,9 @@ class LlvmpipeTracer(PeerTracer):
     `LP_NUM_THREADS` says how many threads draw: with one it is the calling one. Mesa reads it when a context is made.
     """
 
+    package = "moderngl"
+    interface = "OpenGL 4.5 by moderngl: draw, read back"
+    setting = "corners rounded to 1/256 pixel"
     packet_width = 0
 
     def _rays_through(self, offset: tuple[float, float]) -> NDArray[np.float64]:
@@ -162,4 +165,4 @@ def _check() -> str | None:
     return None
 
 
-LLVMPIPE = peer_method("llvmpipe", "llvmpipe", "moderngl", _check, LlvmpipeTracer)
+LLVMPIPE = peer_method("llvmpipe", "llvmpipe", _check, LlvmpipeTracer)

@@ -35,6 +35,9 @@ class MitsubaTracer(RayPeerTracer):
     has one pool of threads per process; every build and frame sets its size if another tracer changed it.
     """
 
+    package = "mitsuba"
+    interface = "Scene.ray_intersect_preliminary(coherent=True), llvm_ad_mono"
+    setting = "fast, its default"
     packet_width = 0
 
     def __init__(self, mesh: Mesh, camera: View, threads: int | None = None) -> None:
@@ -98,4 +101,4 @@ def _check() -> str | None:
     return None
 
 
-MITSUBA3 = peer_method("mitsuba3", "Mitsuba 3", "mitsuba", _check, MitsubaTracer)
+MITSUBA3 = peer_method("mitsuba3", "Mitsuba 3", _check, MitsubaTracer)

@@ -26,6 +26,10 @@ class Open3DTracer(RayPeerTracer):
     and triangle. What it returns needs no conversion: its miss has depth inf and the id 0xFFFFFFFF.
     """
 
+    package = "open3d"
+    interface = "RaycastingScene.cast_rays, single rays"
+    setting = "robust, no other"
+
     def __init__(self, mesh: Mesh, camera: View, threads: int | None = None) -> None:
         super().__init__(mesh, camera, threads)
         self._open3d = import_module("open3d")
@@ -83,4 +87,4 @@ def _no_wheel() -> str | None:
     return f"it has no wheel for Python {here}, use Python {newest} or older"
 
 
-OPEN3D = peer_method("open3d", "Open3D", "open3d", _check, Open3DTracer, _no_wheel)
+OPEN3D = peer_method("open3d", "Open3D", _check, Open3DTracer, _no_wheel)

@@ -1,7 +1,8 @@
 """Other people's tracers behind the `Tracer` protocol: their lifetime, their timing and their rays.
 
 Ray tracers run on an Embree of their own: `embreex` and `trimesh` on the one `atra` loads, too, Mitsuba 3 and Open3D on
-copies in their wheels. They get the rays of `PixelTracer` ready made, in the order of the image's rows.
+copies in their wheels. They get the rays of `PixelTracer` ready made, in blocks of pixels, as neighbours meet the same
+triangles; putting the answers back into the image's rows is not part of their time.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
 from time import perf_counter
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,19 +23,25 @@ from atra.all_hits.results import Counts, Thicknesses
 from atra.compiled.threads import resolve_threads
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
-from atra.geometry.ray_space import from_eye_space
 from atra.geometry.view import View, check_offset
 from atra.hits import Hits
-from atra.tracing.rays import image_ray_grid
 from experiments.drawing.style import PURPLE
+from experiments.harness.column import TEXT, Column
 from experiments.harness.environment import package_version
 from experiments.harness.method import Method, Style, Tracing, always_available
 from experiments.harness.options import NoOptions
 from experiments.methods.one_view import OneViewTracer
 from experiments.methods.peers.availability import package_problem
+from experiments.methods.peers.pixel_rays import block_order, world_directions
 from experiments.methods.peers.questions import Answering
 
 _PIXEL_CENTRE = (0.5, 0.5)
+
+PEER_COLUMNS = (
+    Column("peer_version", TEXT, "version of the other tracer"),
+    Column("peer_interface", TEXT, "what of it was called"),
+    Column("peer_setting", TEXT, "how exact its hits are: Embree's robust or fast setting, or what it rounds"),
+)
 
 
 class PeerTracer(OneViewTracer):
@@ -47,15 +54,21 @@ class PeerTracer(OneViewTracer):
 
     packet_width: rays per query of Embree, 0 where the peer decides and does not tell. embree_bytes: 0, no peer tells.
     threads: None takes every core; how many build the BVH is up to the peer.
+    frame_time_s: of the last frame, the peer's own query and conversion alone.
+    package, interface, setting: what is imported, what is called, and how exact it is, in words.
     """
 
     packet_width = 1
+    package: ClassVar[str]
+    interface: ClassVar[str]
+    setting: ClassVar[str]
 
     def __init__(self, mesh: Mesh, camera: View, threads: int | None = None) -> None:
         super().__init__()
         self.threads = resolve_threads(threads)
         self._rays: Any = None
         self._scene: Any = None
+        self.frame_time_s: float | None = None
         self._show(mesh, camera)
 
     def _show(self, mesh: Mesh, camera: View) -> None:
@@ -65,6 +78,16 @@ class PeerTracer(OneViewTracer):
     def _look(self, camera: View) -> bool:
         self._show(self.mesh, camera)
         return True
+
+    @property
+    def counters(self) -> Mapping[str, Any]:
+        """Triangles traced, and what is measured, in words."""
+        told = package_version(self.package) or "unknown", self.interface, self.setting
+        return {**super().counters, **dict(zip((one.name for one in PEER_COLUMNS), told, strict=True))}
+
+    def _in_rows(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Answers, one for each pixel, as an image."""
+        return values.reshape(self.camera.height, self.camera.width)
 
     @abstractmethod
     def _rays_through(self, offset: tuple[float, float]) -> Any:
@@ -76,7 +99,7 @@ class PeerTracer(OneViewTracer):
 
     @abstractmethod
     def _cast(self, scene: Any, rays: Any) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-        """Depth and prim_id as in `Hits`, of H W values each in the order of the rows; any shape."""
+        """Depth and prim_id as in `Hits`, of H W values each in the order of the rays; any shape."""
 
     def _plan(self) -> float:
         start = perf_counter()
@@ -94,9 +117,11 @@ class PeerTracer(OneViewTracer):
         result holds without a copy."""
         if self._rays_offset != tuple(offset):
             self._prepare_rays(offset)
-        depth, prim_id = self._cast(self._scene, self._rays)
-        shape = (self.camera.height, self.camera.width)
-        return Hits(depth.reshape(shape), prim_id.reshape(shape), offset, self.mesh, self.camera, self.threads)
+        start = perf_counter()
+        answers = self._cast(self._scene, self._rays)
+        self.frame_time_s = perf_counter() - start
+        depth, prim_id = map(self._in_rows, answers)
+        return Hits(depth, prim_id, offset, self.mesh, self.camera, self.threads)
 
     def gather(
         self, what: Reduction[Gathered], offset: tuple[float, float] = _PIXEL_CENTRE, out: Gathered | None = None
@@ -119,10 +144,10 @@ class PeerTracer(OneViewTracer):
             find: Any = self._count if isinstance(what, Count) else self._thickness
             found = find(self._scene, self._rays)
             found = found.astype(next(iter(what.planes().values())).kind, copy=False)
-            return what.result(found.reshape(self.camera.height, self.camera.width), offset, self.mesh, self.camera)
+            return what.result(self._in_rows(found), offset, self.mesh, self.camera)
 
     def _count(self, scene: Any, rays: Any) -> NDArray[np.integer]:
-        """Hits of each of the H W rays in the order of the rows."""
+        """Hits of each of the H W rays in their order."""
         raise InputError(f"{type(self).__name__} cannot count hits; use method=trimesh or method=open3d")
 
     def _thickness(self, scene: Any, rays: Any) -> NDArray[np.floating]:
@@ -139,6 +164,8 @@ class PeerTracer(OneViewTracer):
 
 class RayPeerTracer(PeerTracer):
     """A foreign ray tracer, given rays ready made. The world is the peer's, the eye its rays' origin."""
+
+    _blocks: tuple[tuple[int, int], NDArray[np.int64]] | None = None
 
     @abstractmethod
     def make_rays(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Any:
@@ -170,34 +197,30 @@ class RayPeerTracer(PeerTracer):
         return {}
 
     def _rays_through(self, offset: tuple[float, float]) -> Any:
-        return self.make_rays(np.asarray(self.camera.eye, np.float32)[None], world_directions(self.camera, offset))
+        size = self.camera.width, self.camera.height
+        if self._blocks is None or self._blocks[0] != size:
+            self._blocks = size, block_order(*size)
+        directions = world_directions(self.camera, offset)[self._blocks[1]]
+        return self.make_rays(np.asarray(self.camera.eye, np.float32)[None], directions)
 
-
-def world_directions(camera: View, offset: tuple[float, float]) -> NDArray[np.float32]:
-    """(H W, 3) float32, directions of the rays of `PixelTracer` in the order of the rows, world space; lengths make
-    their t the depth."""
-    column_rays, row_rays = image_ray_grid(camera, offset)
-    # Summed in float32 as the kernels of atra do, so that the rays are the same bit by bit.
-    directions = column_rays[:, None, :] + row_rays[:, :, None]
-    # A peer sees the mesh in the world's axes; ray space has the camera's where the view is narrow.
-    to_ray_space = from_eye_space(camera)
-    if not np.array_equal(to_ray_space, np.eye(3)):
-        directions = np.tensordot(to_ray_space.T, directions, 1).astype(np.float32)
-    return np.ascontiguousarray(directions.reshape(3, -1).T)
+    def _in_rows(self, values: NDArray[Any]) -> NDArray[Any]:
+        assert self._blocks is not None
+        image = np.empty(values.size, values.dtype)
+        image[self._blocks[1]] = values.reshape(-1)
+        return super()._in_rows(image)
 
 
 def peer_method(
     name: str,
     label: str,
-    package: str,
     check: Callable[[], str | None],
     tracer: type[PeerTracer],
     no_wheel: Callable[[], str | None] = always_available,
 ) -> Method:
-    """The method that measures a peer. package: what is imported. check, no_wheel: as of `package_problem`."""
+    """The method that measures a peer. check, no_wheel: as of `package_problem`."""
 
     def problem() -> str | None:
-        return package_problem(package, check, no_wheel)
+        return package_problem(tracer.package, check, no_wheel)
 
     def make(mesh: Mesh, view: View, options: NoOptions, tracing: Tracing) -> PeerTracer:
         obstacle = problem()
@@ -213,7 +236,8 @@ def peer_method(
         make,
         tracer.__module__,
         problem=problem,
-        version=lambda: package_version(package),
+        counters=PEER_COLUMNS,
+        version=lambda: package_version(tracer.package),
         is_ours=False,
     )
 

@@ -36,6 +36,9 @@ class TrimeshTracer(BlockwiseTracer):
     OPENBLAS_NUM_THREADS was set before numpy was imported.
     """
 
+    package = "trimesh"
+    interface = "ray.intersects_first on embreex, single rays"
+    setting = "robust, its default"
     _planes: _Planes
 
     def _plan(self) -> float:
@@ -148,4 +151,4 @@ def _check() -> str | None:
     return None
 
 
-TRIMESH = peer_method("trimesh", "trimesh", "trimesh", _check, TrimeshTracer)
+TRIMESH = peer_method("trimesh", "trimesh", _check, TrimeshTracer)
