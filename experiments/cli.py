@@ -41,7 +41,8 @@ _PLAIN = {
     "board": "experiments.board.command:run_board",
     "rays": "experiments.commands.ray_files:run_rays",
 }
-"""Verbs with arguments of their own in place of fields of a configuration -> what takes these and returns None."""
+"""Verbs with arguments of their own in place of fields of a configuration -> what takes these. `--help` shows USAGE
+and the docstring of its module."""
 
 
 def main() -> int:
@@ -59,7 +60,12 @@ def main() -> int:
         # A name that the encoding lacks, as one of Windows' does, is shown escaped, as on stderr; it is no failure.
         sys.stdout.reconfigure(errors="backslashreplace")
     if sys.argv[1:2] and sys.argv[1] in _PLAIN:
-        return _exit_code(lambda: _function(_PLAIN[sys.argv[1]])(sys.argv[2:]))
+        where = _PLAIN[sys.argv[1]]
+        if {"-h", "--help"} & set(sys.argv[2:]):
+            module = import_module(where.partition(":")[0])
+            print(f"usage: {module.USAGE}\n\n{module.__doc__}".rstrip())
+            return 0
+        return _exit_code(lambda: _function(where)(sys.argv[2:]))
     # Hydra then raises its errors instead of printing them at length; they are shown below, shortened.
     os.environ["HYDRA_FULL_ERROR"] = "1"
 

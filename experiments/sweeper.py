@@ -74,8 +74,8 @@ class PointsSweeper(BasicSweeper):
         parser = OverridesParser.create(config_loader=self._loader)
         compose = _Composer(self.config, self._loader, parser)
         jobs: list[tuple[str, list[str]]] = []
-        outside = self._methods_of_files(arguments)
-        for grid, values in (dict(self.config.sweep.grids or {"points": {}}) | outside).items():
+        grids = dict(self.config.sweep.grids or {"points": {}}) | self._methods_of_files(arguments)
+        for grid, values in grids.items():
             # The later of two overrides of one key wins.
             given = [*self._parse_config(), *(f"{key}={_written(value)}" for key, value in values.items()), *arguments]
             (of_grid,) = self.split_arguments(parser.parse_overrides(given), max_batch_size=None)
@@ -83,9 +83,6 @@ class PointsSweeper(BasicSweeper):
         asked = {argument.partition("=")[0] for argument in arguments}
         kept = self._where_they_fit([job for _, job in jobs], asked)
         points = [GridPoint(grid, compose(job), tuple(job)) for (grid, _), job in zip(jobs, kept, strict=True)]
-        for point in points:
-            for grids in point.configuration.sweep.figures.values():
-                grids += [one for one in outside if one not in grids]
         command = " ".join([COMMAND, *self.config.hydra.overrides.task, *self.config.hydra.overrides.hydra])
         launcher = self.config.hydra.launcher._target_
         if launcher == _LAUNCHER_HERE:
@@ -98,8 +95,10 @@ class PointsSweeper(BasicSweeper):
         assert self.config is not None
         if not self.config.method_file or any(one.startswith("method=") for one in arguments):
             return {}
+        from experiments.report.writing import GRID_OF_FILES
+
         return {
-            "method_file": {
+            GRID_OF_FILES: {
                 "method": ",".join(
                     Path(one).stem.replace("-", "_") for one in self.config.method_file.split(os.pathsep)
                 )

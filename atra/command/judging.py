@@ -25,9 +25,10 @@ examples:
   atra judge depth.png --png-scale 0.001 --mesh model.ply --camera cameras.json --view front
   atra judge mine.npz --against theirs.npz --mesh model.ply --camera cameras.json --picture where.png
 
-The image holds depths, along the view axis or along the ray, and may name a triangle in each pixel. Its convention
-(rows, columns, pixel centres, kind of depth) is found out and printed. Exit code: 0 if nothing is wrong, 1 if a pixel
-is wrong or a hole, 2 if the input cannot be used.
+The image holds depths, along the view axis or along the ray, and may name a triangle in each pixel. In a .npz these
+are the arrays depth and prim_id, in a .exr such channels. The convention (rows, columns, pixel centres, kind of depth)
+is found out and printed. Exit code: 0 if nothing is wrong, 1 if a pixel is wrong or a hole, 2 if the input cannot be
+used. The harness writes built-in scenes as meshes with cameras: atra rays cornell_box
 """
 
 
@@ -99,7 +100,8 @@ def _said(found: ForeignJudgement, view: str, given: Namespace) -> str:
     ]  # fmt: skip
     if given.picture is not None:
         lines.append(f"picture     {printable(str(given.picture))}: tied blue, edge yellow, wrong red, hole magenta")
-    return "\n".join((*lines, "nothing is wrong" if found.is_right else f"{agreement.pixels_wrong} pixels are wrong"))
+    wrong = "1 pixel is wrong" if agreement.pixels_wrong == 1 else f"{agreement.pixels_wrong:,} pixels are wrong"
+    return "\n".join((*lines, "nothing is wrong" if found.is_right else wrong))
 
 
 def _view(given: Namespace) -> tuple[str, View]:

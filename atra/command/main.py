@@ -35,6 +35,10 @@ with the harness, in a clone of atra's repository where `pip install -e '.[harne
   atra view scene=atrium         walk through a scene in the browser
   atra render scene=sponza samples=64 output=picture.exr   make a picture
   atra bake scene=cornell_box    make a lightmap
+  atra new-method mine           write mine.py, a method to change; measured with method_file=mine.py
+  atra pack results/horizontal   make one file of a sweep
+  atra board one.atra two.atra   make one page of several such files
+  atra rays cornell_box          write rays, triangles and cameras for other programs
   atra measure --help            every field
 """
 

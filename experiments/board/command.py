@@ -10,19 +10,18 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from atra.errors import InputError
 from atra.files.paths import write_atomically
 from experiments.board.pack import Pack, read_pack
-from experiments.commands.program import COMMAND
+from experiments.commands.program import COMMAND, split_options
 
-_USAGE = f"expected: {COMMAND} board one.atra other.atra [output=board.html]"
+USAGE = f"{COMMAND} board one.atra other.atra [output=board.html]"
 
 
 def run_board(arguments: Sequence[str]) -> Path:
     """Write the page and say where it is. Raises InputError for no file, and for one that is no packed sweep."""
-    paths = [Path(one) for one in arguments if not one.startswith("output=")]
-    outputs = [one.partition("=")[2] for one in arguments if one.startswith("output=")]
-    if not paths:
-        raise InputError(_USAGE)
-    path = Path(outputs[-1] if outputs else "board.html")
-    write_atomically(path, board_page([read_pack(one) for one in paths]).encode())
+    options, names = split_options(arguments, ("output",))
+    if not names:
+        raise InputError(f"expected: {USAGE}")
+    path = Path(options.get("output", "board.html"))
+    write_atomically(path, board_page([read_pack(Path(one)) for one in names]).encode())
     print(f"written: {path}")
     return path
 

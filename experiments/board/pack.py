@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,10 +22,11 @@ import atra
 from atra.errors import InputError, RecordError, printable
 from atra.files.paths import write_atomically
 from experiments.board.rows import BoardRow, board_rows, plain_rows, read_row
-from experiments.commands.program import COMMAND
+from experiments.commands.program import COMMAND, split_options
 from experiments.drawing.values import column
 from experiments.harness.environment import STABLE_FIELDS
 from experiments.harness.records import load_record
+from experiments.methods import use_method_file
 from experiments.results.intervals import with_intervals
 from experiments.results.table import read_table
 
@@ -36,8 +38,11 @@ _TABLES = ("table.parquet", "processes.parquet")
 _LARGEST_BYTES = {_ABOUT: 1 << 20, _ROWS: 1 << 25, **dict.fromkeys(_TABLES, 1 << 28)}
 """What a member may unpack to."""
 
+UNKNOWN = "unknown"
+"""What a field of the machine is that has no value; of the instruction set: all that the machine has were used."""
+
 _DATE = (1980, 1, 1, 0, 0, 0)
-_USAGE = f"expected: {COMMAND} pack results/methods [output=methods.atra]"
+USAGE = f"{COMMAND} pack results/methods [output=methods.atra] [method_file=mine.py]"
 
 
 @dataclass(frozen=True)
@@ -56,17 +61,19 @@ class Pack:
         """Processor and instruction set."""
         told = [str(self.machine.get("cpu") or "unknown processor")]
         chosen = self.machine.get("instruction_set")
-        return ", ".join([*told, *([str(chosen)] if chosen else [])])
+        return ", ".join([*told, *([str(chosen)] if chosen and chosen != UNKNOWN else [])])
 
 
 def run_pack(arguments: Sequence[str]) -> Path:
-    """Write the file and say where it is. Raises InputError for a folder without a sweep's table."""
-    folders = [one for one in arguments if not one.startswith("output=")]
-    outputs = [one.partition("=")[2] for one in arguments if one.startswith("output=")]
+    """Write the file and say where it is. Raises InputError for a folder without a sweep's table, and for a table with
+    a method of a file that is not given."""
+    options, folders = split_options(arguments, ("output", "method_file"))
     if len(folders) != 1:
-        raise InputError(_USAGE)
+        raise InputError(f"expected: {USAGE}")
+    for file in filter(None, options.get("method_file", "").split(os.pathsep)):
+        use_method_file(file)
     folder = Path(folders[0])
-    path = Path(outputs[-1] if outputs else f"{folder.resolve().name}.atra")
+    path = Path(options.get("output", f"{folder.resolve().name}.atra"))
     write_atomically(path, packed(folder))
     print(f"written: {path}, {path.stat().st_size:,} bytes")
     print(f"next: {COMMAND} board {path}")
@@ -77,7 +84,7 @@ def packed(folder: Path) -> bytes:
     """The content of the file for a sweep's folder. Raises InputError where that has no table."""
     table = read_table(folder / "table.parquet")
     if table is None:
-        raise InputError(f"{folder} holds no table.parquet; {_USAGE}")
+        raise InputError(f"{folder} holds no table.parquet; expected: {USAGE}")
     processes = read_table(folder / "processes.parquet")
     whole = table if processes is None else with_intervals(table, processes)
     members = {_ROWS: json.dumps(plain_rows(board_rows(whole)), allow_nan=False).encode()}
@@ -141,5 +148,5 @@ def _member(archive: zipfile.ZipFile, name: str) -> bytes:
 
 
 def _short(value: Any) -> str:
-    told = ", ".join(map(str, value)) if isinstance(value, list) else "unknown" if value is None else str(value)
+    told = ", ".join(map(str, value)) if isinstance(value, list) else UNKNOWN if value is None else str(value)
     return printable(told)[:300]

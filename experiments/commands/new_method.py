@@ -10,7 +10,7 @@ from atra.errors import InputError, StorageError
 from experiments.commands.program import COMMAND
 from experiments.methods import METHODS
 
-_USAGE = f"expected: {COMMAND} new-method mine"
+USAGE = f"{COMMAND} new-method mine"
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
@@ -19,10 +19,12 @@ def run_new_method(arguments: Sequence[str]) -> Path:
     """Write the file into this folder and say what to do next; returns its path. Raises InputError for a name that is
     taken or no name, and for a file that is there."""
     if len(arguments) != 1:
-        raise InputError(_USAGE)
+        raise InputError(f"expected: {USAGE}")
     name = arguments[0].removesuffix(".py")
     if not _NAME.fullmatch(name) or name in {one.name for one in METHODS}:
-        raise InputError(f"a method cannot be called {name!r}, expected small letters that no method has; {_USAGE}")
+        raise InputError(
+            f"a method cannot be called {name!r}, expected small letters that no method has; expected: {USAGE}"
+        )
     path = Path(f"{name}.py")
     template = Path(__file__).with_name("new_method_template.txt").read_text(encoding="utf-8")
     try:
@@ -33,6 +35,9 @@ def run_new_method(arguments: Sequence[str]) -> Path:
     except OSError as error:
         raise StorageError(f"{path} cannot be written: {error}") from None
     print(f"written: {path}")
-    print(f"next: {COMMAND} method_file={path} scene=cornell_box width=256 height=256")
-    print(f"test: python -m pytest {path}")
+    print(f"test: python {path}")
+    print(f"measure: {COMMAND} method_file={path} scene=cornell_box width=256 height=256")
+    print(
+        f"beside ours, with figures: {COMMAND} sweep=methods method_file={path} scene=cornell_box width=256 height=256"
+    )
     return path

@@ -1,11 +1,15 @@
-"""`atra rays SCENE`: files of rays for other programs, with digests, and how difficult the scene is for them."""
+"""`atra rays SCENE`: files of rays for other programs, with digests, and how difficult the scene is for them.
+
+SCENE.ply has the triangles, SCENE.json the scene's own view at each size. An image of it is judged by:
+atra judge image.npz --mesh rays/SCENE.ply --camera rays/SCENE.json --view middle
+"""
 
 from __future__ import annotations
 
 import csv
 import hashlib
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,7 +25,8 @@ from atra.hits import Hits
 from atra.raster.tracer import RasterTracer
 from atra.rays.ray_sets import SHORTEST, ray_set
 from atra.rays.rays import Rays
-from experiments.commands.program import COMMAND
+from experiments.commands.program import COMMAND, split_options
+from experiments.commands.scene_files import cameras_of, ply_of
 from scenes.built_in import BUILT_IN
 from scenes.generated import FAMILIES
 from scenes.loading import SceneSource, load_scene
@@ -44,8 +49,8 @@ nearby; one bounce; side by side along one direction; and from anywhere to anywh
 _COUNTED = 1 << 14
 """Rays of a batch, about, whose boxes are counted."""
 
-_USAGE = (
-    f"expected: {COMMAND} rays cornell_box terrain_100000 [size=small,middle,large] [output=FOLDER] [files=false]; "
+USAGE = (
+    f"{COMMAND} rays cornell_box terrain_100000 [size=small,middle,large] [output=FOLDER] [files=false]; "
     "with files=false only the tables of digests and difficulty are written"
 )
 
@@ -87,23 +92,30 @@ class ViewOfScene:
 
 
 def run_rays(arguments: Sequence[str]) -> list[Path]:
-    """Write a file for each scene, kind and size, a list of them, and a list of the scenes' views, into a folder.
+    """Write a file for each scene, kind and size, the scenes' triangles and own views, a list of the files of rays,
+    and a list of the scenes' views, into a folder.
     Raises InputError for no scene, an unknown one, and an unknown size."""
     from atra.bvh.scene import BvhScene
 
-    options = dict(one.split("=", 1) for one in arguments if "=" in one)
-    names = [one for one in arguments if "=" not in one]
-    sizes = options.pop("size", ",".join(SIZES)).split(",")
-    folder = Path(options.pop("output", "rays"))
-    keeps = options.pop("files", "true")
-    if not names or options or not set(sizes) <= SIZES.keys() or keeps not in ("true", "false"):
-        raise InputError(_USAGE)
+    options, names = split_options(arguments, ("size", "output", "files"))
+    sizes = options.get("size", ",".join(SIZES)).split(",")
+    folder = Path(options.get("output", "rays"))
+    keeps = options.get("files", "true")
+    is_odd = any("=" in one for one in names) or keeps not in ("true", "false")
+    if not names or is_odd or not set(sizes) <= SIZES.keys():
+        raise InputError(f"expected: {USAGE}")
     folder.mkdir(parents=True, exist_ok=True)
     paths: list[Path] = []
     files: list[RayFile] = []
     views: list[ViewOfScene] = []
     for name in names:
         scene = scene_of(name)
+        if keeps == "true":
+            whole = {f"{scene.name}.ply": ply_of(scene.mesh), f"{scene.name}.json": cameras_of(scene, _chosen(sizes))}
+            for file, content in whole.items():
+                write_atomically(folder / file, content)
+                paths.append(folder / file)
+                print(f"{file}: {len(content):,} bytes")
         with BvhScene(scene.mesh) as bvh:
             for size in sizes:
                 for one, rays in ray_files(scene, size, bvh):
@@ -118,6 +130,10 @@ def run_rays(arguments: Sequence[str]) -> list[Path]:
         write_atomically(path, content)
         print(f"written: {path}")
     return [*paths, *tables]
+
+
+def _chosen(sizes: Sequence[str]) -> Mapping[str, int]:
+    return {size: SIZES[size] for size in sizes}
 
 
 def scene_of(name: str) -> Scene:

@@ -23,6 +23,12 @@ def stand_in_note(stands_for: str | None) -> str:
 _CHARACTERS_PER_INCH = 13.5
 """Characters of small text that fit an inch."""
 
+_FOOT_SHARE = 0.35
+"""Share of a figure's height that its foot may take before the figure grows."""
+
+_LINE_HEIGHT = 1.2
+"""Distance of lines of text over their size."""
+
 _BELOW, _LINE = 36.0, 11.5
 """Points from the lower edge of a panel to what is written below its axis, and from line to line there."""
 
@@ -102,10 +108,14 @@ def write_notes(axis: Axes, notes: Sequence[str], above: int = 0, characters: in
 
 
 def write_foot(figure: Figure, rows: pd.DataFrame, *lines: str, mark: str = "") -> None:
-    """`describe_measurement` below all panels, and lines of the figure's own under it."""
+    """`describe_measurement` below all panels, and lines of the figure's own under it. Where these are many, the figure
+    grows by what they take, so that the panels keep their height."""
     width = int(figure.get_figwidth() * _CHARACTERS_PER_INCH)
     said = filter(None, [*describe_measurement(rows, mark).splitlines(), *lines])
-    figure.supxlabel("\n".join(fill(line, width) for line in said), fontsize=SMALL, color=GREY)
+    text = "\n".join(fill(line, width) for line in said)
+    figure.supxlabel(text, fontsize=SMALL, color=GREY)
+    inches = (text.count("\n") + 1) * SMALL * _LINE_HEIGHT / 72
+    figure.set_figheight(figure.get_figheight() + max(0.0, inches - _FOOT_SHARE * figure.get_figheight()))
 
 
 def describe_measurement(table: pd.DataFrame, mark: str = "") -> str:

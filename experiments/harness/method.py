@@ -57,8 +57,10 @@ class Method:
     variant: a row's options -> what distinguishes it but split and packets, in words, or "". words: width of the
     packets -> the name of such a series, where it is not "<label>, packets of <width>". counters: columns of its own,
     read from its tracer's `counters`. problem: why it cannot run here, None = it can. version: of a foreign package,
-    part of a record's identity. is_ours: a method of atra, no other people's tracer. make_rays: mesh, options and what
-    holds for the whole point -> what traces batches of rays that come from no camera; None where the method does not.
+    part of a record's identity. is_ours: a method of atra, no other people's tracer. is_peer: a tracer of other
+    people that is installed beside atra, such as trimesh; methods of a file are neither. make_rays: mesh, options and
+    what holds for the whole point -> what traces batches of rays that come from no camera; None where the method does
+    not.
     choice: resolved options -> what the cost model knows the method as; None where it knows nothing of it.
     """
 
@@ -75,6 +77,7 @@ class Method:
     problem: Callable[[], str | None] = always_available
     version: Callable[[], str | None] = always_available
     is_ours: bool = True
+    is_peer: bool = False
     make_rays: Callable[[Mesh, Any, Tracing], Any] | None = None
     choice: Callable[[Any], Choice | None] = lambda options: None
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 
+from atra.errors import InputError
 from experiments.harness.method import Method
 from experiments.harness.options import find_named
 from experiments.methods.aligned import ALIGNED
@@ -47,7 +48,10 @@ METHODS: list[Method] = [*_OWN, *outside_methods(_TAKEN)]
 
 def find_method(name: str) -> Method:
     """The method called `name`. Raises InputError, naming those there are, for any other name."""
-    return find_named("method", METHODS, name)
+    try:
+        return find_named("method", METHODS, name)
+    except InputError as error:
+        raise InputError(f"{error}; for a method of your own, give its method_file=, too") from None
 
 
 def use_method_file(path: str) -> Method:

@@ -35,6 +35,9 @@ from experiments.results.table import (
 from experiments.workloads import WORKLOADS
 from experiments.workloads.picture.files import read_pictures
 
+GRID_OF_FILES = "method_file"
+"""The grid of the methods of files that a sweep measures beside its own; every figure of it draws them, too."""
+
 _COMMAND_FILE = "command.txt"
 """Keeps what the user ran, for a report written later."""
 
@@ -220,7 +223,7 @@ def draw_figures(
     for kind in figure_kinds():
         if grids and kind.name not in grids:
             continue
-        rows = _of_grids(table, grids[kind.name]) if grids else kind.rows(table)
+        rows = _of_grids(table, (*grids[kind.name], GRID_OF_FILES)) if grids else kind.rows(table)
         if len(rows):
             yield from draw_figure(kind, rows, records)
 

@@ -145,9 +145,9 @@ def draw_methods_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     """One panel a scene (and a value of any other setting that varies); ratios within rounds, from zero.
 
     A bar is a method and packet width at its best split, its whisker the interval. Single rays and the fastest packets
-    per pixel, measured again with every point, are the two lines. Peers are left out.
+    per pixel, measured again with every point, are the two lines. Peers are left out; methods of a file are not.
     """
-    rows = table[table["method"].isin([method.name for method in METHODS if method.is_ours])]
+    rows = table[table["method"].isin([method.name for method in METHODS if not method.is_peer])]
     panels = make_panels(rows, (*best_of(), "packet_width"))
     foot = "right of a label: time of a frame, packets / method and its interval"
     return over_packets_figure(panels, _methods, columns, rows, foot, count=series.count_series)

@@ -7,10 +7,12 @@ import zipfile
 import pytest
 
 from atra.errors import InputError
+from experiments import methods
 from experiments.board.__main__ import REPORTS, STORED, stored_board
 from experiments.board.command import board_page, run_board
-from experiments.board.pack import Pack, packed, read_pack, run_pack
+from experiments.board.pack import UNKNOWN, Pack, packed, read_pack, run_pack
 from experiments.board.rows import BoardRow, board_rows
+from experiments.commands.new_method import run_new_method
 from experiments.drawing.style import TIMES
 from experiments.results.intervals import with_intervals
 from experiments.results.table import read_table
@@ -71,6 +73,29 @@ def test_a_sweep_is_packed_into_the_same_bytes_and_read_back(tmp_path, content):
     assert list(pack.rows) == board_rows(with_intervals(*tables))
     with zipfile.ZipFile(path) as archive:
         assert archive.read("table.parquet") == (METHODS / "table.parquet").read_bytes()
+
+
+def test_a_sweep_of_a_method_of_ones_own_is_packed_with_its_file(tmp_path, monkeypatch):
+    monkeypatch.setenv(methods.METHOD_FILES, "")
+    monkeypatch.chdir(tmp_path)
+    run_new_method(["own"])
+    table = make_rows(method_row("embreex"), method_row("aligned", 2)).replace({"method": {"embreex": "own"}})
+    table.to_parquet(tmp_path / "table.parquet", index=False)
+    with pytest.raises(InputError, match=r"unknown method 'own'.* give its method_file="):
+        run_pack([str(tmp_path), "output=own.atra"])
+    before = methods.METHODS[:]
+    try:
+        run_pack([str(tmp_path), "output=own.atra", "method_file=own.py"])
+    finally:
+        methods.METHODS[:] = before
+    assert [(row.name, row.is_ours) for row in read_pack(tmp_path / "own.atra").rows if "own" in row.name] == [
+        ("own", False)
+    ]
+
+
+def test_a_machine_that_held_nothing_back_is_called_by_its_processor_alone():
+    assert Pack("toys", {"cpu": "a cpu", "instruction_set": UNKNOWN}, ("", ""), (), "abcd").machine_name == "a cpu"
+    assert Pack("toys", {"cpu": "a cpu", "instruction_set": "avx2"}, ("", ""), (), "").machine_name == "a cpu, avx2"
 
 
 def test_the_ratio_is_over_the_widest_packets_and_the_best_split_is_shown():

@@ -79,7 +79,7 @@ def test_a_wrong_pixel_is_told_counted_and_drawn(hits, monkeypatch, capsys):
     assert judge(monkeypatch, "image.npy", "--picture", "where.png") == 1
     said = capsys.readouterr().out
     assert "(30, 20) wrong: the image shows triangle" in said
-    assert said.splitlines()[-1] == "1 pixels are wrong"
+    assert said.splitlines()[-1] == "1 pixel is wrong"
     picture = np.asarray(Image.open("where.png"))
     assert picture.shape == (36, 48, 3)
     assert (picture == (230, 30, 30)).all(axis=-1).sum() == 1

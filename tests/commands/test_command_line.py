@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -13,6 +14,7 @@ import pandas as pd
 import pytest
 from PIL import Image
 
+from experiments.cli import main
 from experiments.workloads.rounds import expert_packet_widths
 from tests.command import NO_SCENES, ROOT, run_here
 
@@ -97,6 +99,17 @@ def test_bad_input_gets_one_line_and_exit_code_2_before_any_work(tmp_path, argum
     assert message in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("verb", ["new-method", "pack", "board", "rays"])
+def test_help_of_a_verb_without_a_configuration_says_how_it_is_called_and_makes_nothing(
+    tmp_path, verb, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["run.py", verb, "--help"])
+    assert main() == 0
+    assert re.match(rf"usage: \S+.* {verb} .*\n\n`atra {verb} ", capsys.readouterr().out)
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_debug_switch_shows_the_traceback(tmp_path):

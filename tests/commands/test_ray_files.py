@@ -5,8 +5,11 @@ import csv
 import numpy as np
 import pytest
 
+from atra.command.cameras import read_cameras
 from atra.errors import InputError
-from experiments.commands.ray_files import KINDS, digest_of, run_rays
+from atra.files.meshes.loading import load_mesh
+from atra.geometry.camera import Camera
+from experiments.commands.ray_files import KINDS, SIZES, digest_of, run_rays, scene_of
 from scenes.generated import FAMILIES, generated_scene
 from scenes.views import VIEWS
 from tests.folders import ROOT
@@ -20,7 +23,7 @@ def rows_of(path):
 
 
 def test_files_of_a_scene_have_the_digests_that_are_kept(tmp_path):
-    *paths, table, _ = run_rays(["cornell_box", "size=small", f"output={tmp_path}"])
+    _, _, *paths, table, _ = run_rays(["cornell_box", "size=small", f"output={tmp_path}"])
     assert [path.name for path in paths] == [f"cornell_box_{kind}_small.npz" for kind in KINDS]
     kept = {(row["scene"], row["kind"], row["size"]): row for row in csv.DictReader(KEPT.open(encoding="utf-8"))}
     for row in csv.DictReader(table.open(encoding="utf-8")):
@@ -30,6 +33,16 @@ def test_files_of_a_scene_have_the_digests_that_are_kept(tmp_path):
     lamp = rays["origins"] + rays["directions"]
     assert np.ptp(lamp, axis=0).max() < 1e-5
     assert len(set(map(tuple, np.load(paths[KINDS.index("parallel")])["directions"]))) == 1
+
+
+def test_triangles_and_views_are_written_so_that_an_image_of_them_can_be_judged(tmp_path):
+    mesh_file, camera_file, *_ = run_rays(["needles_1000", "size=small,middle", f"output={tmp_path}"])
+    scene = scene_of("needles_1000")
+    mesh, cameras = load_mesh(mesh_file), read_cameras(camera_file, None, {})
+    assert np.array_equal(mesh.vertices, scene.mesh.vertices)
+    assert np.array_equal(mesh.faces, scene.mesh.faces)
+    assert cameras == {size: Camera(**scene.camera, width=SIZES[size], height=SIZES[size]) for size in cameras}
+    assert list(cameras) == ["small", "middle"]
 
 
 def test_the_list_that_is_kept_has_every_kind_and_size_of_built_in_and_generated_scenes():

@@ -13,7 +13,7 @@ from experiments.drawing.pages import describe_measurement
 from experiments.drawing.style import PANEL_INCHES, SMALL, TIMES
 from experiments.harness.configuration import Configuration, SweepConfiguration
 from experiments.paper.figures import draw_instancing_figure
-from experiments.report.writing import draw_figures
+from experiments.report.writing import GRID_OF_FILES, draw_figures
 from experiments.sweep import GridPoint, run_sweep
 from experiments.workloads.build.shown import draw_build_figure
 from experiments.workloads.frame.break_even import draw_break_even_figure
@@ -171,6 +171,22 @@ def test_a_sweep_that_names_figures_draws_these_of_the_points_of_their_grids_alo
     rows = [row | {"grids": "horizontal"} for row in SPLITS] + [build_row(1, 0.1, 0.2, grids="build")]
     assert drawn_names(*rows, grids={"figure5": ["horizontal"], "figure7": ["memory"]}) == ["figure5"]
     assert drawn_names(*rows, grids={"figure6": ["build", "none"]}) == ["figure6"]
+
+
+def test_the_methods_of_files_stand_in_every_figure_of_their_sweep():
+    rows = [time_row(split, 0.1, grids=grid) for split, grid in ((1, "one"), (2, GRID_OF_FILES), (4, "other"))]
+    (figure,) = draw_figures(table := make_rows(*rows), Path(), {"figure5": ["one"]})
+    assert figure.point_ids == set(table["point_id"][:2])
+
+
+def test_a_long_foot_makes_the_figure_grow_and_touches_no_panel():
+    reasons = [skipped(method_row(name), "a reason " * 12) for name in ("tiles", "raster", "visible_first", "pixel")]
+    figure = draw_peers_figure(make_rows(method_row("aligned", 2), *reasons))
+    figure.canvas.draw()
+    foot = figure._supxlabel.get_window_extent()
+    assert foot.y0 >= 0
+    assert foot.y1 <= figure.axes[0].get_tightbbox().y0
+    assert figure.get_figheight() > draw_peers_figure(make_rows(method_row("aligned", 2))).get_figheight()
 
 
 def test_a_figure_of_one_packet_width_holds_the_points_of_that_width():

@@ -1,7 +1,10 @@
 """The figures that compare methods draw what the table says, on tables small enough to read."""
 
 import numpy as np
+import pytest
 
+from experiments import methods
+from experiments.commands.new_method import run_new_method
 from experiments.drawing.style import TIMES
 from experiments.drawing.values import say_number
 from experiments.workloads.frame.break_even import draw_break_even_figure
@@ -31,6 +34,22 @@ def test_the_methods_figure_draws_the_ratio_at_the_best_split_its_interval_the_t
     assert f"20.0 ms, 2.50{TIMES} [1.75, 2.25]" in words(figure)
     assert set(line(axis, "rtcIntersect1 per pixel")) == {0.5}
     assert set(line(axis, "fastest packets per pixel")) == {1}
+
+
+@pytest.mark.parametrize("draw", [draw_methods_figure, draw_break_even_figure])
+def test_a_method_of_a_file_stands_beside_ours_where_peers_do_not(draw, tmp_path, monkeypatch):
+    monkeypatch.setenv(methods.METHOD_FILES, "")
+    monkeypatch.chdir(tmp_path)
+    run_new_method(["theirs"])
+    before = methods.METHODS[:]
+    try:
+        methods.use_method_file("theirs.py")
+        figure = draw(make_rows(method_row("theirs"), method_row("embreex"), method_row("aligned", 2), PIXEL))
+    finally:
+        methods.METHODS[:] = before
+    said = words(figure) + "".join(text.get_text() for one in figure.legends for text in one.get_texts())
+    assert "theirs" in said
+    assert "embreex" not in said
 
 
 def test_a_method_without_a_time_keeps_its_place_and_its_reason():

@@ -127,7 +127,8 @@ def method_of(name: str, kind: Any, version: str, number: int, taken: Collection
         return OutsideTracer(kind, mesh, view, options, tracing)
 
     def variant(row: Any) -> str:
-        return ", ".join(f"{one.name} {row[one.name]}" for one in fields(options) if row.get(one.name) != one.default)
+        known = {one.name: row[one.name] for one in fields(options) if row.get(one.name, one.default) != one.default}
+        return ", ".join(f"{name} {value}" for name, value in known.items())
 
     return Method(
         name, label, _style(number), options, make, OutsideTracer.__module__, variant=variant,

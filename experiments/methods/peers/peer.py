@@ -239,6 +239,7 @@ def peer_method(
         counters=PEER_COLUMNS,
         version=lambda: package_version(tracer.package),
         is_ours=False,
+        is_peer=True,
     )
 
 

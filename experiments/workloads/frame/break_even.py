@@ -152,8 +152,8 @@ def draw_break_even_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
 
 
 def _prepared() -> list[str]:
-    """Methods of ours but the baseline."""
-    return [method.name for method in METHODS if method.is_ours and method.name != PIXEL.name]
+    """All methods but peers and the baseline."""
+    return [method.name for method in METHODS if not method.is_peer and method.name != PIXEL.name]
 
 
 def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
