@@ -99,7 +99,7 @@ def run_rays(arguments: Sequence[str]) -> list[Path]:
 
     options, names = split_options(arguments, ("size", "output", "files"))
     sizes = options.get("size", ",".join(SIZES)).split(",")
-    folder = Path(options.get("output", "rays"))
+    folder = Path(options.pop("output", "rays"))
     keeps = options.get("files", "true")
     is_odd = any("=" in one for one in names) or keeps not in ("true", "false")
     if not names or is_odd or not set(sizes) <= SIZES.keys():
