@@ -306,6 +306,17 @@ def test_figures_show_errors_over_time_stages_and_rays(tmp_path):
         (tmp_path / f"{kind.name}.png").write_bytes(figure.png)
 
 
+def test_rays_to_the_sun_without_their_shortcut_are_no_part_of_a_claim():
+    one = {"workload": "bake_rays", "method": "raster", "scene": "cornell_box", "use": "sun", "positions": 16}
+    rows = [
+        one | {"status": "ok", "point_id": str(how), "shortcut": how, "packets_over_aligned": ratio * by}
+        for how, ratio in ((True, 2.0), (False, 0.5))
+        for by in (0.99, 1.0, 1.01)
+    ]
+    verdicts = {claim.id: claim.verdict for claim in judge_all(PREDICTIONS, frame_of(rows))}
+    assert verdicts["sun-gains-in-the-box"] == HOLDS
+
+
 def test_pages_have_a_verdict_on_every_claim_from_one_sweep():
     makers = [make for sweeps in QUOTED.values() for every in sweeps.values() for make in every]
     makers = [make for make in makers if make.__module__ == bake.__name__ and make.__name__.startswith("verdicts_on_")]

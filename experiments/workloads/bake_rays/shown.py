@@ -24,7 +24,8 @@ _FEW = 16
 
 def _judge(use: str, which: Which, gains: bool) -> Judge:
     def of_use(rows: pd.DataFrame) -> pd.Series:
-        return column(rows, "use").eq(use).fillna(False).astype(bool) & which(rows)
+        without = column(rows, "shortcut").eq(False).fillna(False).astype(bool)  # what that gains is no claim
+        return column(rows, "use").eq(use).fillna(False).astype(bool) & ~without & which(rows)
 
     return ratio_judge("packets_over_aligned", of_use, Bounds(low=1.0) if gains else Bounds(high=1.0))
 
