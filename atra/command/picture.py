@@ -43,7 +43,7 @@ def add_picture(parser: ArgumentParser) -> None:
     group.add_argument(
         "--tone", default="neutral", choices=("none", "neutral", "agx"), help="tone map of a PNG (default: neutral)"
     )
-    group.add_argument("--denoise", action="store_true", help="remove noise by Open Image Denoise")
+    group.add_argument("--denoise", action="store_true", help="remove noise by Open Image Denoise (extra denoise)")
     group.add_argument("--sky", type=Path, metavar="FILE", help="an EXR or HDR panorama that lights the scene")
     group.add_argument("--bounces", type=int, default=BOUNCES, help=f"most rays of a path (default: {BOUNCES})")
 
@@ -85,11 +85,15 @@ def run_picture(given: Namespace, cameras_of: CamerasOf) -> int:
     can be made of; MemoryBudgetError, StorageError.
     """
     from atra.light import PathRenderer, stops_of
+    from atra.light.oidn import Denoiser
     from atra.light.pictures.files import check_picture_path
 
     output = given.output or Path(f"{given.mesh.stem}.png")
     check_picture_path(output)
     stops_of(_BLACK, given.exposure)
+    if given.denoise:
+        with Denoiser(given.threads):  # its package is missed now rather than after all samples
+            pass
     scene = load_lit(given.mesh, given.sky, given.memory_per_byte)
     cameras = cameras_of(scene.mesh, dict(scene.cameras))
     print(f"{printable(str(given.mesh))}: {scene.mesh.triangle_count:,} triangles", file=sys.stderr)

@@ -88,3 +88,11 @@ def test_what_makes_no_picture_is_refused_in_one_line(folder, monkeypatch, capsy
     assert error.startswith("atra: ")
     assert told in error
     assert not list(folder.glob("*.png"))
+
+
+def test_a_missing_denoiser_is_told_before_any_sample_is_taken(folder, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "pyoidn", None)
+    assert render(monkeypatch, "--samples", "2", "--denoise") == 2
+    error = capsys.readouterr().err
+    assert "denoising needs the package pyoidn" in error
+    assert "samples" not in error
