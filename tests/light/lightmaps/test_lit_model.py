@@ -113,6 +113,8 @@ def test_what_was_not_baked_is_refused(source, tmp_path):
         save_lit_model(lightmap, scene, source, tmp_path / "lit.gltf")
     with pytest.raises(InputError, match="of another mesh"):
         save_lit_model(lightmap, light.load_scene(source), source, tmp_path / "other.glb")
+    with pytest.raises(InputError, match="scene is a BakeScene, expected the Scene that load_scene read"):
+        save_lit_model(lightmap, BakeScene.of(scene), source, tmp_path / "other.glb")
 
 
 @pytest.mark.slow

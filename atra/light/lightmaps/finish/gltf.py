@@ -46,6 +46,8 @@ def save_lit_model(lightmap: Lightmap, scene: Scene, source: Path | str, path: P
     source, path = Path(source), Path(path)
     if path.suffix.lower() != ".glb":
         raise InputError(f"a model is to be written to {str(path)!r}, expected a name that ends in .glb")
+    if not isinstance(scene, Scene):
+        raise InputError(f"scene is a {type(scene).__name__}, expected the Scene that load_scene read from a glTF")
     if lightmap.texels.mesh is not scene.mesh or not scene.parts:
         raise InputError("the lightmap is of another mesh, expected that of a scene which load_scene read from a glTF")
     model = _Model(source)
