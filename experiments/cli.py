@@ -78,6 +78,7 @@ def main() -> int:
     from omegaconf.errors import OmegaConfBaseException
 
     from atra.errors import AtraError
+    from experiments.commands.model_files import take_model_file
     from experiments.harness.configuration import Action, register_schema
     from experiments.registry import known_kinds, take_method_files
     from experiments.sweeper import register_sweeper
@@ -87,7 +88,7 @@ def main() -> int:
 
         sys.argv[2:] = picture_arguments(sys.argv[2:])
     try:
-        sys.argv[1:] = take_method_files(sys.argv[1:])
+        sys.argv[1:] = take_method_files(take_model_file(sys.argv[1:]))
     except AtraError as error:
         return _refuse(error)
     register_schema(known_kinds())
