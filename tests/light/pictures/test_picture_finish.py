@@ -205,3 +205,18 @@ def test_killed_while_it_renders_a_picture_goes_on_to_the_same_file(tmp_path):
     assert np.all(np.diff(firsts) > 0), firsts
     start(tmp_path / "b.state", tmp_path / "resumed.exr").communicate()
     assert (tmp_path / "resumed.exr").read_bytes() == (tmp_path / "whole.exr").read_bytes()
+
+
+def test_the_time_left_knows_nothing_of_the_first_sample_which_compiles(monkeypatch):
+    clock = [0.0]
+    monkeypatch.setattr("atra.light.pictures.finish.accumulate.monotonic", lambda: clock[0])
+
+    class Slow:
+        samples, image = 0, np.ones((2, 2, 3), np.float32)
+
+        def add(self, count):
+            clock[0] += 2.0 if self.samples else 60.0
+            self.samples += count
+
+    left = [step.left_s for step in light.accumulate(Slow(), 5)]
+    assert left == [None, 6.0, 4.0, 2.0, 0.0]

@@ -69,6 +69,7 @@ def accumulate(
     if path is not None and path.exists():
         before_s = _resume(path, renderer, octaves)
     start = saved = monotonic()
+    pace_s: float | None = None
 
     def progress() -> Progress:
         elapsed_s, count = before_s + monotonic() - start, renderer.samples
@@ -77,10 +78,10 @@ def accumulate(
             or (error is not None and octaves.error is not None and octaves.error <= error)
             or (minutes is not None and elapsed_s >= 60.0 * minutes)
         )
-        left_s = 0.0 if reached else _left_s(count, octaves.error, elapsed_s, samples, error, minutes)
+        left_s = 0.0 if reached else _left_s(count, octaves.error, elapsed_s, pace_s, samples, error, minutes)
         return Progress(count, octaves.error, elapsed_s, left_s, reached)
 
-    latest = progress()
+    latest, warm, warm_s = progress(), 0, start
     while not latest.is_done:
         earlier = renderer.samples
         renderer.add(1)
@@ -90,6 +91,10 @@ def accumulate(
         if path is not None and monotonic() - saved >= save_every_s:
             _save(path, renderer, octaves, before_s + monotonic() - start)
             saved = monotonic()
+        if not warm:  # the first sample of a run may have compiled kernels, which tells nothing of the others
+            warm, warm_s = renderer.samples, monotonic()
+        else:
+            pace_s = (monotonic() - warm_s) / (renderer.samples - warm)
         latest = progress()
         yield latest
     if path is not None:
@@ -107,14 +112,23 @@ def _check(samples: int | None, error: float | None, minutes: float | None) -> N
 
 
 def _left_s(
-    count: int, reached: float | None, elapsed_s: float, samples: int | None, error: float | None, minutes: float | None
+    count: int,
+    reached: float | None,
+    elapsed_s: float,
+    pace_s: float | None,
+    samples: int | None,
+    error: float | None,
+    minutes: float | None,
 ) -> float | None:
-    """Seconds until the first limit; errors fall with the square root of the number of samples."""
+    """Seconds until the first limit; errors fall with the square root of the number of samples.
+
+    pace_s: seconds that a sample takes; None: not known yet.
+    """
     left = inf if minutes is None else 60.0 * minutes - elapsed_s
-    if count and samples is not None:
-        left = min(left, elapsed_s / count * (samples - count))
-    if count and error is not None and reached is not None:
-        left = min(left, elapsed_s * max(0.0, (reached / error) ** 2 - 1.0))
+    if pace_s is not None and samples is not None:
+        left = min(left, pace_s * (samples - count))
+    if pace_s is not None and error is not None and reached is not None:
+        left = min(left, pace_s * count * max(0.0, (reached / error) ** 2 - 1.0))
     return None if left == inf else left
 
 
