@@ -4,13 +4,16 @@ import shlex
 import shutil
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 
 from atra.errors import AtraError, ClockError, InputError
 from atra.prim_ids import MISS
-from experiments.methods.outside.guards import ClockGuard, checked_images
+from experiments.methods.outside.guards import ClockGuard, checked_images, delays_s
 from tests.folders import ROOT
 from tests.points import measured, planned
 
@@ -122,3 +125,29 @@ def test_a_clock_may_leave_out_handing_over_but_not_the_tracing():
     assert guard.frame_time_s(0.5, 0.4) == 0.4  # one that was disturbed
     with pytest.raises(ClockError, match=r"never waited less than 0\.03"):
         guard.frame_time_s(0.030, 0.001)
+
+
+def test_a_clock_need_not_tell_of_waiting_for_a_core():
+    guard = ClockGuard(rays=1)
+    assert [guard.frame_time_s(0.030, 0.001, delayed_s=0.028) for _ in range(5)] == [0.001] * 5
+    with pytest.raises(ClockError, match=r"never waited less than 0\.0"):
+        guard.frame_time_s(0.012, 0.0001, delayed_s=0.010)
+
+
+@pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="this system does not tell of delays")
+def test_a_process_that_shares_its_core_is_delayed():
+    code = "import os\nos.sched_setaffinity(0, {min(os.sched_getaffinity(0))})\nprint(flush=True)\nwhile True: pass"
+    rivals = [subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE) for _ in range(2)]
+    try:
+        for rival in rivals:
+            rival.stdout.readline()
+        processes = [psutil.Process(rival.pid) for rival in rivals]
+        before_s, end_s = delays_s(processes), time.monotonic() + 60.0
+        while delays_s(processes) - before_s < 0.1:  # each runs for half of the time
+            assert time.monotonic() < end_s
+            time.sleep(0.01)
+    finally:
+        for rival in rivals:
+            rival.kill()
+            rival.communicate()
+    assert delays_s([]) == 0.0

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 from zlib import crc32
 
@@ -82,14 +83,15 @@ class ClockGuard:
         self._waited: list[float] = []
         self._told: list[float] = []
 
-    def frame_time_s(self, waited_s: float, told: Any) -> float:
-        """The seconds of a frame. told: None = the method has no clock. Raises ClockError for a time that is no
-        positive number, longer than the wait, or so short that the rest of the wait cannot be explained."""
+    def frame_time_s(self, waited_s: float, told: Any, delayed_s: float = 0.0) -> float:
+        """The seconds of a frame. told: None = the method has no clock. delayed_s: as of `delays_s`, part of the wait.
+        Raises ClockError for a time that is no positive number, longer than the wait, or so short that the rest of the
+        wait cannot be explained."""
         if told is None:
             return waited_s
         if isinstance(told, bool) or not isinstance(told, int | float) or not 0.0 < told <= waited_s:
             raise ClockError(f"the method says that a frame took {told!r} s; the harness waited {waited_s:.3g} s")
-        self._waited.append(waited_s)
+        self._waited.append(waited_s - delayed_s)
         self._told.append(float(told))
         least = _LEAST_SHARE * (min(self._waited) - self._allowed_s)
         if len(self._told) >= _FRAMES_TO_JUDGE and min(self._told) < least:
@@ -98,6 +100,16 @@ class ClockGuard:
                 f"{min(self._waited):.3g} s"
             )
         return float(told)
+
+
+def delays_s(processes: Iterable[psutil.Process]) -> float:
+    """Seconds for which the main threads of processes could run but had no core, since they began; 0 where the system
+    does not tell."""
+    nanoseconds = 0
+    for process in processes:
+        with suppress(OSError, IndexError, ValueError):
+            nanoseconds += int(Path(f"/proc/{process.pid}/schedstat").read_text(encoding="ascii").split()[1])
+    return 1e-9 * nanoseconds
 
 
 class ThreadGuard:

@@ -15,7 +15,7 @@ from atra.geometry.view import View
 from atra.hits import Hits
 from experiments.harness.method import Tracing
 from experiments.methods.one_view import OneViewTracer
-from experiments.methods.outside.guards import ClockGuard, ThreadGuard, checked_images, mesh_digest
+from experiments.methods.outside.guards import ClockGuard, ThreadGuard, checked_images, delays_s, mesh_digest
 
 _PIXEL_CENTRE = (0.5, 0.5)
 _MESH_CHECKS = 3
@@ -85,12 +85,15 @@ class OutsideTracer(OneViewTracer):
         given = () if tuple(offset) == _PIXEL_CENTRE else (offset,)
         if given and not inspect.signature(self._own.trace).parameters:
             raise InputError(f"{self._kind.__name__}.trace takes no offset, so it traces pixel centres alone")
+        processes = self._processes()
+        before_s = delays_s(processes)
         self._guard.begin()
         start = perf_counter()
         found = self._own.trace(*given)
         waited_s = perf_counter() - start
         self._guard.end()
-        self.frame_time_s = self._clock.frame_time_s(waited_s, getattr(self._own, "time_s", None))
+        delayed_s = delays_s(processes) - before_s
+        self.frame_time_s = self._clock.frame_time_s(waited_s, getattr(self._own, "time_s", None), delayed_s)
         self._frames += 1
         if self._frames <= _MESH_CHECKS:
             self._check_mesh()
