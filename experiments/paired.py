@@ -1,7 +1,7 @@
 """This version against another clone, frame by frame in turns; adds rows to a table and prints the ratios.
 
-    python -m experiments.paired OTHER TABLE.csv --processes 5 --threads 1 2
-    ATRA_ISA=avx2 python -m experiments.paired OTHER TABLE.csv --processes 5
+    python -m experiments.paired OTHER TABLE.parquet --processes 5 --threads 1 2
+    ATRA_ISA=avx2 python -m experiments.paired OTHER TABLE.parquet --processes 5
 
 OTHER: a folder with the other version and an environment of its own (`OTHER/.venv`). Every process measures one scene
 in one of the versions; the versions take turns. Each method builds what it needs, traces a frame that does not count,
@@ -10,7 +10,6 @@ and then the frames that do. Rays have Embree's fast setting, as in the tables. 
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import subprocess
@@ -34,8 +33,9 @@ COLUMNS = (
     "digest", "size", "processor", "commit",
 )  # fmt: skip
 
-ASKED = ("image", "count", "packets", "packets_count", "aligned", "visible_first", "tiles")
-"""What a process measures: the rasteriser's image and its number of hits, and the methods that shoot rays."""
+ASKED = ("image", "views", "count", "packets", "packets_count", "aligned", "visible_first", "tiles")
+"""What a process measures: the rasteriser's image, its image from another place in every frame and its number of hits,
+and the methods that shoot rays."""
 
 _PROCESS = """
 import hashlib, json, sys
@@ -52,7 +52,8 @@ def made(kind, **options):
     except TypeError:  # the rasteriser and older versions have no such option
         return kind(mesh, camera, threads=given["threads"], **options)
 makers = {
-    "image": lambda: made(atra.RasterTracer), "count": lambda: made(atra.RasterTracer),
+    "image": lambda: made(atra.RasterTracer), "views": lambda: made(atra.RasterTracer),
+    "count": lambda: made(atra.RasterTracer),
     "packets": lambda: made(atra.PixelTracer), "packets_count": lambda: made(atra.PixelTracer),
     "aligned": lambda: made(atra.AlignedTracer, split=(256, 1)),
     "visible_first": lambda: made(atra.VisibleFirstTracer, split=(256, 1)),
@@ -68,6 +69,13 @@ for what in given["asked"]:
     else:
         out = tracer.trace()
         answer = lambda: tracer.trace(out=out)
+        if what == "views":
+            places = iter(np.linspace(0.0, 0.1, given["frames"] + 1))
+            to_target = np.subtract(given["camera"]["target"], given["camera"]["eye"])
+            def answer():
+                eye = tuple(given["camera"]["eye"] + next(places) * to_target)
+                tracer.look(atra.Camera(**{**given["camera"], "eye": eye}, width=given["size"], height=given["size"]))
+                return tracer.trace(out=out)
         arrays = lambda found: [found.depth, found.prim_id]
     found = answer()
     taken_ms = []
@@ -102,18 +110,15 @@ def main() -> None:
             f"--processes is {given.processes}, expected at least {FEWEST_PROCESSES}, so that ratios have intervals"
         )
     given.table.parent.mkdir(parents=True, exist_ok=True)
-    is_new = not given.table.exists()
-    with given.table.open("a", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        if is_new:
-            writer.writeheader()
-        for row in _measured(given):
-            writer.writerow(row)
-            file.flush()
-    print(ratios(pd.read_csv(given.table, dtype={"digest": str})).to_string(index=False))
+    rows = pd.read_parquet(given.table) if given.table.exists() else pd.DataFrame(columns=COLUMNS)
+    for measured in _measured(given):
+        rows = pd.concat([rows, pd.DataFrame(measured)], ignore_index=True)
+        rows.to_parquet(given.table, index=False)
+    print(ratios(rows).to_string(index=False))
 
 
-def _measured(given: Any) -> Iterator[dict[str, Any]]:
+def _measured(given: Any) -> Iterator[list[dict[str, Any]]]:
+    """The rows of each process."""
     here = Path(__file__).resolve().parents[1]
     python = "Scripts/python.exe" if os.name == "nt" else "bin/python"
     versions = {"other": (given.other, str(given.other.resolve() / ".venv" / python)), "this": (here, sys.executable)}
@@ -134,15 +139,14 @@ def _measured(given: Any) -> Iterator[dict[str, Any]]:
                     for version in order:
                         source, runner = versions[version]
                         told = _told(runner, source, folder, {**asked, "threads": threads})
-                        for what, (taken_ms, digest) in told.items():
-                            times = {
-                                "least_ms": f"{min(taken_ms):.4f}",
-                                "median_ms": f"{float(np.median(taken_ms)):.4f}",
+                        what_is_same = {**same, "threads": threads, "version": version, "process": process}
+                        yield [
+                            {
+                                **what_is_same, "what": what, "digest": digest, "commit": commits[version],
+                                "least_ms": min(taken_ms), "median_ms": float(np.median(taken_ms)),
                             }
-                            yield {
-                                **same, **times, "what": what, "threads": threads, "version": version,
-                                "process": process, "digest": digest, "commit": commits[version],
-                            }  # fmt: skip
+                            for what, (taken_ms, digest) in told.items()
+                        ]  # fmt: skip
 
 
 def _told(python: str, source: Path, folder: str, asked: dict[str, Any]) -> dict[str, Any]:

@@ -179,15 +179,15 @@ def _with(rows: pd.DataFrame, values: Mapping[str, Any]) -> pd.DataFrame:
 
 def _without_the_flag(rows: pd.DataFrame, pixels: pd.DataFrame, usual: pd.DataFrame) -> Iterator[Candidate]:
     """Rays per pixel that Embree is not told to be alike: single ones, of which it makes nothing, and packets."""
-    name = "the flag that rays are alike, left out per pixel"
+    name = "per pixel without the flag that rays are alike"
     alone = _speeds(_with(pixels, {"coherent": False}), _over_single)
     if alone:
-        yield Candidate(f"{name}: single rays", _gains(usual, _over_single, alone)[0], None)
+        yield Candidate(f"single rays {name}", _gains(usual, _over_single, alone)[0], None)
     wide = rows[rows["packet_width"].gt(1).fillna(False)]
     packets = _speeds(_with(wide[wide["method"].eq(PIXEL.name)], {"coherent": False}), _over_packets)
     if packets:
         aligned = wide[wide["method"].eq(ALIGNED.name)]
-        yield Candidate(f"{name}: packets under aligned packets", _gains(aligned, _over_packets, packets)[0], None)
+        yield Candidate(f"packets {name}, aligned packets with it", _gains(aligned, _over_packets, packets)[0], None)
 
 
 def _over_packets(rows: pd.DataFrame) -> Any:

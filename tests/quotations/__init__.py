@@ -9,6 +9,7 @@ tests/documents/test_documents.py looks for each of them. reports/reference/tabl
 """
 
 from tests.quotations import (
+    ablations,
     agreement,
     bake,
     classification,
@@ -18,6 +19,7 @@ from tests.quotations import (
     law,
     lenses,
     methods,
+    paired,
     paper,
     pictures,
     rays,
@@ -47,6 +49,8 @@ QUOTED = {
     "docs/cameras.md": {"lenses": [lenses.through_lenses]},
     "docs/paper.md": {
         "paper": [paper.measured_points, paper.best_gains],
+        "cornell_candidates": [paper.candidates_in_short],
+        "ablations": [ablations.sun_in_short],
         "law": [law.where_alignment_pays, law.best_axes, law.seven_and_a_half],
     },
     "docs/model.md": {"law": [law.errors_in_short, law.choices_in_short, law.rest_of_the_law]},
@@ -62,7 +66,10 @@ QUOTED = {
         "instruction_sets": [methods.other_instruction_sets],
         "baselines": [methods.best_packets],
         "peers": [methods.other_tracers],
+        "ablations": [ablations.worth_of_parts, ablations.worth_of_the_shortcut],
+        "cornell_candidates": [paper.candidates_for_the_gain],
         "threads": [methods.two_threads],
+        "paired": [paired.this_and_before],
         "views": [methods.twenty_views, methods.million_rays],
         "rays": [rays.rays_beside_others, rays.hits_lost_by_others, rays.nanoseconds_a_ray],
         "gather": [
@@ -74,6 +81,7 @@ QUOTED = {
         "stereo": [methods.two_eyes],
         "surface": [methods.surfaces],
         "frame": [pictures.whole_pictures],
+        "equal_error": [pictures.equal_error],
         "classification": [
             classification.classified_rays, classification.memory_of_shafts, classification.packets_from_lists,
             classification.eyes_that_move, classification.verdicts_on_shafts,

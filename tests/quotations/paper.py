@@ -1,6 +1,6 @@
 """What the pages quote of sweep=paper."""
 
-from experiments.paper.candidates import candidates
+from experiments.paper.candidates import ASKED_FOR, candidates
 from experiments.paper.conclusion import scene_gains
 from tests.quotations.quotation import SCENES, TIMES, digits, of, table_row
 
@@ -33,6 +33,18 @@ def candidates_for_the_gain(kept):
     """A candidate a row: gains over the nearest hit and over all hits, and whether one is as large as the paper's."""
     for one in candidates(kept.processes):
         yield table_row(one.name, *("" if gain is None else gain for gain in (one.nearest, one.all_hits)), one.reaches)
+
+
+def candidates_in_short(kept):
+    """The largest gain of an eye far away, and of all other candidates for single rays; whether packets reach 7.50."""
+    largest = {
+        one.name: max(gain.estimate.value for gain in (one.nearest, one.all_hits) if gain is not None)
+        for one in candidates(kept.processes)
+    }
+    far = largest.pop("eye at 0, 0.8, 6")
+    packets = largest.pop(next(name for name in largest if "packets" in name))
+    yield f"reach {digits(max(largest.values()), 2)}, an eye far away {digits(far, 2)}"
+    yield "Aligned packets reach it" if packets >= ASKED_FOR else "Nor do aligned packets reach it"
 
 
 def claim_text(claim):

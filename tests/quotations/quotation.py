@@ -51,7 +51,7 @@ class Quotation:
     @property
     def is_kept(self) -> bool:
         """Whether there is a table."""
-        return any((self.folder / name).exists() for name in ("table.parquet", "table.csv"))
+        return (self.folder / "table.parquet").exists()
 
     def rows_and_phrases(self) -> tuple[list[str], list[str]]:
         return _said(self)
@@ -71,8 +71,6 @@ def kept_in(folder: Path) -> Kept:
         rename_workloads(pd.read_parquet(path)) if path.exists() else pd.DataFrame()
         for path in (folder / "table.parquet", folder / "processes.parquet")
     )
-    if points.empty and (folder / "table.csv").exists():
-        points = pd.read_csv(folder / "table.csv")
     if len(processes):
         points = with_intervals(points, processes)
     claims = folder / "claims.json"
