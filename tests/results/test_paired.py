@@ -61,15 +61,8 @@ def test_a_clone_beside_itself_draws_the_same_images(tmp_path):
     (other / ".venv" / "bin" / "python").write_text(f'#!/bin/sh\nexec "{sys.executable}" "$@"\n')
     (other / ".venv" / "bin" / "python").chmod(0o755)
     (other / "atra").symlink_to(CLONE / "atra")
-    command = [
-        sys.executable,
-        "-m",
-        "experiments.paired",
-        str(other),
-        str(tmp_path / "table.parquet"),
-        "--processes",
-        "3",
-    ]
+    table = tmp_path / "table.parquet"
+    command = [sys.executable, "-m", "experiments.paired", str(other), str(table), "--processes", "3"]
     chosen = ["--scenes", "cornell_box", "--source", "procedural", "--asked", "image", "packets", "--size", "64"]
     told = subprocess.run([*command, *chosen, "--frames", "2"], cwd=CLONE, capture_output=True, text=True, check=True)
     rows = pd.read_parquet(table)
