@@ -83,10 +83,10 @@ def swept(toy_sweep, tmp_path):
     (["sweep=horizontal", "method.split_x=0"], "method.split_x is 0, expected a whole number of at least 1"),
     (["workload=multiframe", "workload.frames=1"], "workload.frames is 1, expected at least 2"),
     (["workload=multiframe", "method=pixel"], "workload=multiframe with method=pixel, which traces one frame; use"),
-    (["scene=nowhere"], "unknown scene 'nowhere', expected one of atrium, cornell_box, file, fireplace_room"),
+    (["scene=nowhere"], "unknown scene 'nowhere', expected one of atrium, cornell_box, cornell_box_boxes,"),
     (
         ["sweep=horizontal", "scene=cornell_box,nowhere"],
-        "unknown scene 'nowhere', expected one of atrium, cornell_box, file",
+        "unknown scene 'nowhere', expected one of atrium, cornell_box, cornell_box_boxes,",
     ),
     (["sweep=horizontal", "scene=cornell_box,sponza"], "ATRA_SCENES is not set"),
     (["scene=file", "scene.path=nothing.ply"], "nothing.ply does not exist"),

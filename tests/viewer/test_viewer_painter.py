@@ -18,7 +18,6 @@ from atra.light.pictures.finish.tone import toned
 from experiments.drawing.shading import BACKGROUND, DIFFERENCE_COLOURS
 from experiments.harness.configuration import Chosen
 from experiments.harness.method import Tracing
-from experiments.harness.options import NoOptions
 from experiments.methods.raster import RASTER
 from experiments.viewer import painter as painter_room
 from experiments.viewer.command import light_settings
@@ -35,7 +34,7 @@ FIRST = Request(POSE, SETTINGS)
 
 
 def made():
-    return Painter(SCENE, Chosen(RASTER, NoOptions()), Tracing(threads=1))
+    return Painter(SCENE, Chosen(RASTER, RASTER.options()), Tracing(threads=1))
 
 
 def never():
@@ -61,7 +60,7 @@ def shown(painter, request, samples=1):
 
 def test_samples_under_a_panorama_accumulate_and_its_power_costs_none():
     texels = np.random.default_rng(1).random((4, 8, 3)).astype(np.float32)
-    one = Painter(replace(SCENE, sky=PanoramaSky(texels)), Chosen(RASTER, NoOptions()), Tracing(threads=1))
+    one = Painter(replace(SCENE, sky=PanoramaSky(texels)), Chosen(RASTER, RASTER.options()), Tracing(threads=1))
     brighter = with_settings(sky_power=2.0)
     with contextlib.closing(one):
         first = shown(one, FIRST, 2)
@@ -76,7 +75,7 @@ def test_samples_under_a_panorama_accumulate_and_its_power_costs_none():
 
 def test_a_request_changes_the_scene_s_first_sun_and_leaves_its_other_lights():
     lights = [PointLight((0.0, 1.0, 0.0)), Sun((0.0, -1.0, 0.0)), Sun((1.0, -1.0, 0.0), power=0.5)]
-    one = Painter(replace(SCENE, lights=lights), Chosen(RASTER, NoOptions()), Tracing(threads=1))
+    one = Painter(replace(SCENE, lights=lights), Chosen(RASTER, RASTER.options()), Tracing(threads=1))
     chosen = one._scene_of(replace(SETTINGS, sun_power=3.0))
     assert (chosen.lights[0].power, *chosen.lights[1:]) == (3.0, lights[0], lights[2])
     assert one._scene_of(replace(SETTINGS, sun_power=0.0)).lights == (lights[0], lights[2])
