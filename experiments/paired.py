@@ -28,11 +28,6 @@ from experiments.results.statistics import FEWEST_PROCESSES, Estimate
 from scenes.directory import PAPER_SCENES
 from scenes.loading import SceneSource, load_scene
 
-COLUMNS = (
-    "scene", "triangles", "what", "threads", "instruction_set", "version", "process", "least_ms", "median_ms", "frames",
-    "digest", "size", "processor", "commit",
-)  # fmt: skip
-
 ASKED = ("image", "views", "count", "packets", "packets_count", "aligned", "visible_first", "tiles")
 """What a process measures: the rasteriser's image, its image from another place in every frame and its number of hits,
 and the methods that shoot rays."""
@@ -110,7 +105,7 @@ def main() -> None:
             f"--processes is {given.processes}, expected at least {FEWEST_PROCESSES}, so that ratios have intervals"
         )
     given.table.parent.mkdir(parents=True, exist_ok=True)
-    rows = pd.read_parquet(given.table) if given.table.exists() else pd.DataFrame(columns=COLUMNS)
+    rows = pd.read_parquet(given.table) if given.table.exists() else pd.DataFrame()
     for measured in _measured(given):
         rows = pd.concat([rows, pd.DataFrame(measured)], ignore_index=True)
         rows.to_parquet(given.table, index=False)

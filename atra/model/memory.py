@@ -37,7 +37,11 @@ def array_bytes(look: Look, choice: Choice) -> float:
         return VERTEX * look.vertices + (FACE + RECORD) * copied.copies
     if choice.method == "instanced":
         return mesh + (RECORD + TRANSFORM) * choice.cells + again
-    return COPY * copied.copies + (mesh if choice.method == "visible_first" else again)
+    if choice.method == "visible_first":
+        return COPY * copied.copies + mesh
+    if choice.method == "aligned":
+        return COPY * copied.copies + again
+    raise ValueError(f"method is {choice.method!r}, of which no arrays are known")
 
 
 def byte_terms(look: Look, choice: Choice) -> NDArray[np.float64]:

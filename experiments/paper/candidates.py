@@ -178,7 +178,7 @@ def _with(rows: pd.DataFrame, values: Mapping[str, Any]) -> pd.DataFrame:
 
 
 def _without_the_flag(rows: pd.DataFrame, pixels: pd.DataFrame, usual: pd.DataFrame) -> Iterator[Candidate]:
-    """Rays per pixel that Embree is not told to be alike: single ones, of which it makes nothing, and packets."""
+    """Gains over rays per pixel without Embree's flag that rays are alike: over single rays, and over packets."""
     name = "per pixel without the flag that rays are alike"
     alone = _speeds(_with(pixels, {"coherent": False}), _over_single)
     if alone:

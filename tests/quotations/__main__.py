@@ -16,7 +16,7 @@ for folder in folders():
         if not check:
             path.write_text(as_text(verdicts), encoding="utf-8")
 for quotation in QUOTATIONS:
-    if not quotation.is_kept:
+    if not (quotation.folder / "table.parquet").exists():
         print(f"\n{quotation.page}: no table of sweep={quotation.sweep} is kept, so {quotation.name} stays as it is")
         continue
     rows, phrases = quotation.rows_and_phrases()

@@ -48,11 +48,6 @@ class Quotation:
     def folder(self) -> Path:
         return REFERENCE / self.sweep
 
-    @property
-    def is_kept(self) -> bool:
-        """Whether there is a table."""
-        return (self.folder / "table.parquet").exists()
-
     def rows_and_phrases(self) -> tuple[list[str], list[str]]:
         return _said(self)
 

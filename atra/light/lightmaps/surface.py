@@ -145,7 +145,7 @@ class BakeScene:
 
 
 def _plain_albedo(material: Material) -> tuple[float, ...]:
-    """Of a material of one colour; of others it is looked up."""
+    """(3,) albedo of a material of one colour; black for others, whose colours are looked up by place."""
     colour = material.plain
     if isinstance(material, Emissive) or isinstance(colour, Checker | Image):
         return 0.0, 0.0, 0.0
