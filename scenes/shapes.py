@@ -130,7 +130,7 @@ def box(x: float, y: float, z: float) -> Part:
 
 
 def lathe(profile: ArrayLike, segments: int) -> Part:
-    """A profile (P, 2) of radius and height, turned about the y axis.
+    """A profile (P, 2) of radius and height, turned about the y axis; fronts are outside.
 
     2 * segments * (P - 1) triangles, less `segments` for each end on the axis.
     """
@@ -139,7 +139,9 @@ def lathe(profile: ArrayLike, segments: int) -> Part:
     grid = np.stack(
         np.broadcast_arrays(radius[:, None] * np.cos(turn), height[:, None], radius[:, None] * np.sin(turn)), -1
     )
-    return surface(grid, closed=True)
+    turned = surface(grid, closed=True)
+    rises = ((radius[1:] + radius[:-1]) ** 2 * np.diff(height)).sum() > 0.0  # the volume that it goes round
+    return Part(turned.vertices, turned.faces[:, ::-1]) if rises else turned
 
 
 def smooth_profile(knots: ArrayLike, count: int) -> Floats:
