@@ -101,9 +101,15 @@ def run_picture(given: Namespace, cameras_of: CamerasOf) -> int:
         path = output if len(cameras) == 1 else output.with_name(f"{output.stem}_{stem}{output.suffix}")
         with PathRenderer(scene, camera, max_depth=given.bounces, threads=given.threads, jitter="pixel") as renderer:
             _expose(renderer, given, path)
-            renderer.save(path, exposure=given.exposure, tone=given.tone, denoise=given.denoise)
-        print(f"written: {printable(str(path))}", flush=True)
+            stops = renderer.save(path, exposure=given.exposure, tone=given.tone, denoise=given.denoise)
+        print(say_written(path, stops), flush=True)
     return 0
+
+
+def say_written(path: Path, stops: float | None) -> str:
+    """A line that names the file, and the exposure of a PNG."""
+    exposure = "" if stops is None else f", exposure {stops:+.2f} stops"
+    return f"written: {printable(str(path))}{exposure}"
 
 
 def _expose(renderer: Renderer, given: Namespace, path: Path) -> None:

@@ -125,8 +125,8 @@ class ViewConfiguration:
 
     port: int = 8080
     sky: str | None = None
-    exposure: str = "0.0"
-    tone: str = "none"
+    exposure: str = "auto"
+    tone: str = "neutral"
     denoise: bool = False
 
 

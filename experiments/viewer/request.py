@@ -86,7 +86,7 @@ class Settings:
     cosine: bool = False
     max_depth: int = 5
     exposure: float = 0.0
-    tone: str = "none"
+    tone: str = "neutral"
     denoise: bool = False
     kept: int = 0
 

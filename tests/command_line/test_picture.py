@@ -37,7 +37,8 @@ def test_a_model_becomes_a_picture_in_its_colours(folder, monkeypatch, capsys):
     red, green, blue = picture[4:12, 8:16].mean(axis=(0, 1))
     assert red > 1.1 * max(green, blue)
     told = capsys.readouterr()
-    assert told.out == f"written: {Path('out', 'picture.png')}\n"
+    assert told.out.startswith(f"written: {Path('out', 'picture.png')}, exposure ")
+    assert told.out.endswith(" stops\n")
     assert "2 of 2 samples" in told.err
     assert [path.name for path in (folder / "out").iterdir()] == ["picture.png"], "a state is left"
 

@@ -115,9 +115,9 @@ def test_a_picture_is_denoised_once_when_it_has_its_last_sample(painter, monkeyp
     assert np.array_equal(image, painter._renderer(denoised).image)
     assert albedo.shape == normals.shape == image.shape
     assert np.ptp(normals) > 1.0
-    assert np.array_equal(quiet, srgb_of(image / 2))
+    assert np.array_equal(quiet, srgb_of(toned(image / 2, tone=plain.settings.tone)))
     brighter = painter.show(with_settings(denoise=True, exposure=1.0)).image
-    assert np.array_equal(brighter, srgb_of(image))
+    assert np.array_equal(brighter, srgb_of(toned(image, tone=plain.settings.tone)))
     assert len(FakeDenoiser.given) == 1
     painter.show(with_settings(denoise=True, sky_power=2.0))
     assert len(FakeDenoiser.given) == 2
@@ -171,7 +171,9 @@ def test_a_picture_is_the_renderer_s_own(painter):
     ):
         with kind(scene, request.camera, threads=1, **options) as renderer:
             renderer.add(2)
-            assert np.array_equal(shown(painter, request, 2), srgb_of(renderer.image))
+            assert np.array_equal(
+                shown(painter, request, 2), srgb_of(toned(renderer.image, tone=request.settings.tone))
+            )
 
 
 @pytest.mark.parametrize("direction", [(-0.4, -1.0, 0.3), (0.0, 0.0, 5.0), (1.0, 0.2, -1.0)])

@@ -181,7 +181,7 @@ def test_one_picture_is_written_with_its_progress(tmp_path, monkeypatch, capsys)
     monkeypatch.chdir(tmp_path)
     assert run(monkeypatch, "samples=5", "output=new/a.png") == 0
     told = capsys.readouterr()
-    assert told.out == f"written: {Path('new', 'a.png')}\n"
+    assert told.out.startswith(f"written: {Path('new', 'a.png')}, exposure ")
     assert "[4/5] samples, about" in told.err
     picture = np.asarray(Image.open(tmp_path / "new" / "a.png"))
     assert picture.shape == (HEIGHT, WIDTH, 3)

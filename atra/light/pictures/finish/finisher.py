@@ -109,8 +109,11 @@ class Finisher(Lifetime):
             image, seen = self.image, layers or self.layers()
             return denoiser.picture(image, seen.albedo, seen.normals)
 
-    def save(self, path: Path | str, *, exposure: float | str = 0.0, tone: str = "none", denoise: bool = False) -> None:
-        """Write the picture: `.png` in 8-bit sRGB, or `.exr` in 32-bit linear RGB with layers (`files.exr_of`).
+    def save(
+        self, path: Path | str, *, exposure: float | str = 0.0, tone: str = "none", denoise: bool = False
+    ) -> float | None:
+        """Write the picture: `.png` in 8-bit sRGB, or `.exr` in 32-bit linear RGB with layers (`files.exr_of`); returns
+        the exposure of a PNG in stops.
 
         exposure: stops, or "auto". tone: see `tone.TONES`. An EXR has neither. denoise: see `denoised`. Raises
         InputError for another suffix or value, without samples, and without the packages it needs; StorageError.
@@ -118,8 +121,8 @@ class Finisher(Lifetime):
         path = Path(path)
         check_picture_path(path)
         with self._lock:
-            image = raw = self.image
-            is_exr = path.suffix.lower() == ".exr"
+            image, stops = self.image, None
+            raw, is_exr = image, path.suffix.lower() == ".exr"
             layers = self.layers() if is_exr or denoise else None
             if denoise:
                 image = self.denoised(layers)
@@ -128,5 +131,7 @@ class Finisher(Lifetime):
                     hits = self._tracer.trace(CENTRE)
                 content = exr_of(image, hits, layers.albedo, self._film.samples, raw if denoise else None)
             else:
-                content = png_of(toned(image, stops_of(image, exposure), tone))
+                stops = stops_of(image, exposure)
+                content = png_of(toned(image, stops, tone))
             write_atomically(path, content)
+        return stops
