@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from atra.command.picture import add_picture
+from atra.command.picture import add_picture, load_lit, say_written
 from atra.files.paths import write_atomically
 from atra.hits import Hits
 from atra.light import (
@@ -24,10 +24,12 @@ from atra.light import (
     BakeScene,
     Lightmap,
     ProgressiveBake,
+    Scene,
     Seams,
     clay_view,
     denoised,
     lit_view,
+    save_lit_model,
     save_maps,
     save_model,
 )
@@ -88,10 +90,10 @@ def run_picture(configuration: Configuration) -> Path:
         with _progress(samples, console) as steps:
             for _ in steps:
                 renderer.add(1)
-        renderer.save(path, exposure=shown.exposure, tone=shown.tone, denoise=shown.denoise)
+        stops = renderer.save(path, exposure=shown.exposure, tone=shown.tone, denoise=shown.denoise)
     taken = say_duration(time.monotonic() - start)
     say(console, f"{point.scene}: {samples} samples of {point.width} x {point.height} pixels in {taken}")
-    print(f"written: {path}")
+    print(say_written(path, stops))
     tell_restriction(point.scene, console)
     return path
 
@@ -147,6 +149,18 @@ class Views:
         return [folder / f"{name}.png" for name in files]
 
 
+def own_scene(point: Point) -> Scene | None:
+    """The scene of a bake's glTF file, with its materials, nodes and lamps; None for other files, for other light than
+    its own, and where triangles are subdivided or copied."""
+    settings, path = point.workload_options, Path(point.scene_path or "")
+    if point.subdivided or point.copies > 1:
+        return None
+    changes_light = settings.panorama or settings.lamps or settings.albedo is not None
+    if settings.materials != "own" or changes_light or path.suffix.lower() not in (".glb", ".gltf"):
+        return None
+    return settings.under_sky(load_lit(path))  # type: ignore[no-any-return]
+
+
 def run_bake(configuration: Configuration) -> Path:
     """Bake `workload.final_samples` samples, what the view shows first, and write maps, views and model; returns the
     folder.
@@ -158,8 +172,9 @@ def run_bake(configuration: Configuration) -> Path:
     room: Any = point.workload.part("measure")
     folder = Path(configuration.output or Path(configuration.results_dir) / point.workload.name / point.scene)
     check_writable(folder)
-    settings, mesh = point.workload_options, load_mesh(point)
-    scene, console = room.bake_scene(point, mesh), Console(stderr=True)
+    settings, console, own = point.workload_options, Console(stderr=True), own_scene(point)
+    mesh = load_mesh(point) if own is None else own.mesh
+    scene = room.bake_scene(point, mesh) if own is None else BakeScene.of(own)
     if settings.materials == "own" and (grey := why_grey(point.scene, mesh)) is not None:
         say(console, grey)
     with make_own(point, mesh, point.camera) as tracer:
@@ -189,7 +204,10 @@ def run_bake(configuration: Configuration) -> Path:
         lightmap = denoised(lightmap, point.threads)
     views.keep("view", lightmap, Seams.of(mesh, lightmap.texels.atlas))
     written = save_maps(lightmap, folder, visible=visible) + views.save(folder)
-    for path in [*written, save_model(lightmap, scene, folder / "scene.glb")]:
+    written.append(save_model(lightmap, scene, folder / "scene.glb"))
+    if own is not None:
+        written += save_lit_model(lightmap, own, str(point.scene_path), folder / "lit.glb")
+    for path in written:
         print(f"written: {path}")
     tell_restriction(point.scene, console)
     return folder

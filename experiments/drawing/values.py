@@ -51,3 +51,8 @@ def say_number(value: float) -> str:
     if value == 0:
         return "0"
     return f"{value:,.0f}" if value >= 99.95 else f"{value:#.3g}".rstrip(".")
+
+
+def say_things(count: int, thing: str) -> str:
+    """`count` of a thing, such as "1 pixel" or "1,200 pixels"."""
+    return f"{count:,} {thing}" + "s" * (count != 1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import Any
 
+from experiments.drawing.values import say_things
 from experiments.methods.aligned import ALIGNED
 from experiments.paper.evidence import (
     SPLITS,
@@ -127,7 +128,11 @@ def any_divisor_works(scene: SceneRows) -> Outcome:
     for splits in SPLITS:
         rows = scene.processes(FRAME.name, (splits, 1), culling=True, packet_width=1)
         wrong[splits] = max(int(read_number(row, "pixels_wrong")) for row in rows)
-    bad = [f"{count:,} pixels wrong at {splits} splits" for splits, count in wrong.items() if count]
+    bad = [
+        f"{say_things(count, 'pixel')} wrong at {say_things(splits, 'split')}"
+        for splits, count in wrong.items()
+        if count
+    ]
     return _counted(f"{sum(wrong.values())} wrong at 1 to {SPLITS[-1]:,} splits", bad)
 
 

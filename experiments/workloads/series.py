@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from experiments.drawing.axes import draw_baseline
 from experiments.drawing.missing import missing_points
 from experiments.drawing.style import BLACK, DASHED, GREY, TIMES
-from experiments.drawing.values import column, numbers
+from experiments.drawing.values import column, numbers, say_things
 from experiments.methods import METHODS, find_method
 from experiments.methods.naming import say_series, say_split
 from experiments.methods.pixel import PIXEL
@@ -163,7 +163,8 @@ def say_wrong(rows: pd.DataFrame, name: str) -> list[str]:
     """A line for each row with pixels that are wrong."""
     wrong = rows[column(rows, "pixels_wrong").gt(0).fillna(False).astype(bool)]
     return [
-        f"{', '.join(filter(None, [name, say_split(row)]))}: {row['pixels_wrong']:,} pixels wrong{say_holes(row)}"
+        f"{', '.join(filter(None, [name, say_split(row)]))}: "
+        f"{say_things(row['pixels_wrong'], 'pixel')} wrong{say_holes(row)}"
         for _, row in wrong.iterrows()
     ]
 

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from experiments.drawing.bars import Bar
 from experiments.drawing.style import BLUE, GREEN, ORANGE, TIMES
-from experiments.drawing.values import MILLISECONDS, column, row_interval, say_number
+from experiments.drawing.values import MILLISECONDS, column, row_interval, say_number, say_things
 from experiments.results.claims import Judge, read_claims
 from experiments.results.verdicts import Bounds, Which, ratio_judge
 from experiments.workloads.bake_rays import BAKE_RAYS
@@ -88,13 +88,9 @@ def _ratios(rows: pd.DataFrame) -> Bars:
 
 
 def _label(row: pd.Series) -> str:
-    ways = "" if row["use"] == "sun" else f", {_counted(row['directions'], 'direction')}"
-    positions = _counted(row["positions"], "position")
+    ways = "" if row["use"] == "sun" else f", {say_things(row['directions'], 'direction')}"
+    positions = say_things(row["positions"], "position")
     return f"{row['use']}{ways}, {positions}, {row['map_size']}\N{SUPERSCRIPT TWO}"
-
-
-def _counted(count: int, thing: str) -> str:
-    return f"{count} {thing}" + "s" * (count != 1)
 
 
 FIGURES = (

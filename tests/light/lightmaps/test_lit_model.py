@@ -22,6 +22,7 @@ from atra.light.lightmaps.finish.seams import Seams
 from atra.light.lightmaps.finish.views import looked_up
 from atra.light.pictures.files import png_of
 from tests.browser import chromium
+from tests.command import run_here
 
 LAMP = {"type": "point", "intensity": 30.0, "name": "lamp"}
 
@@ -163,3 +164,17 @@ def answer(three, route):
 def linear(levels):
     coded = levels / 255.0
     return np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
+
+
+def test_the_command_bakes_a_gltf_into_a_model_that_keeps_its_materials_and_a_page(source, tmp_path):
+    told = run_here(
+        tmp_path, "bake", str(source), "output=out", "workload.size=48", "workload.final_samples=2", "width=16",
+        "height=16",
+    )  # fmt: skip
+    assert told.returncode == 0, told.stderr
+    assert {"scene.glb", "lit.glb", "lit.html", "lit_light.exr"} <= {one.name for one in (tmp_path / "out").iterdir()}
+    tree, before = (gltf_tree(one.read_bytes(), "glb") for one in (tmp_path / "out" / "lit.glb", source))
+    assert {one["name"] for one in tree["materials"]} == {one["name"] for one in before["materials"]}
+    shown = [tree["meshes"][node["mesh"]] for node in tree["nodes"] if "mesh" in node]
+    assert len(shown) == 3
+    assert all("TEXCOORD_1" in one["attributes"] for mesh in shown for one in mesh["primitives"])
