@@ -56,7 +56,6 @@ def in_all(kept):
     )
     yield ", ".join(f"{name} {errors[name]}" for name in names if name != "mitsuba")
     yield f"On mitsuba it is {errors['mitsuba']}"
-    yield f"Sponza's ties are {by_scene.loc['sponza', 'pixels_tied']:.0f}"
 
 
 def of_the_rasteriser(kept):

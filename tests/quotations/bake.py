@@ -80,11 +80,6 @@ def paths_beside_mitsuba(kept):
             yield _row(kept, f"{ours}: paths/s over {theirs}", column, against="mitsuba", packets=packets)
 
 
-def paths_beside_mitsuba_before(kept):
-    """The same of an earlier version, on another machine."""
-    return paths_beside_mitsuba(kept)
-
-
 def bias_of_adaptive(kept):
     """How far the mean light of adaptive maps is off, with its standard error, and what they leave out and save."""
     found = [of(kept.points, scene=scene, adaptive=True).iloc[0] for scene in SCENES]

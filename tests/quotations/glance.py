@@ -91,10 +91,6 @@ def mitsuba_in_short(kept):
     yield f"{_over_mitsuba(kept)} times as many paths a second as Mitsuba 3 at its best"
 
 
-def mitsuba_before_in_short(kept):
-    yield f"an earlier version had {_over_mitsuba(kept)} times"
-
-
 def _over_mitsuba(kept):
     return span(of(kept.points, against="mitsuba")["speedup_vs_best_other"])
 

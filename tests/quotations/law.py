@@ -5,6 +5,7 @@ import numpy as np
 from atra.model.defaults import DEFAULTS
 from atra.model.formulas import IN_CACHE
 from experiments.law.predict import choices_of, errors_of, named_if_known
+from experiments.law.tiles import WAYS, fastest
 from tests.quotations.quotation import TIMES, digits, table_row
 
 SETS = ("avx512", "avx2")
@@ -116,3 +117,16 @@ def seven_and_a_half(kept):
     )  # fmt: skip
     per_ray = single["measured_time_s"] / pixels * 1e9
     yield table_row(*map(digits, (*parts, sum(parts), per_ray, per_ray / 7.5)))
+
+
+def rays_of_tiles(kept):
+    """For each way to trace rays to the sun the errors of its time, and how often it is the fastest, and named."""
+    rows = kept.points
+    for way in WAYS:
+        errors = (rows[f"predicted_{way}_s"] / rows[f"measured_{way}_s"] - 1).abs()
+        is_fastest = fastest(rows, "measured") == way
+        named = is_fastest & (fastest(rows, "predicted") == way)
+        yield table_row(
+            f"{way} rays" if way != "packets" else way, percent(errors.median()), percent(errors.quantile(0.9)),
+            f"{is_fastest.sum()} of {len(rows)}", int(named.sum()),
+        )  # fmt: skip

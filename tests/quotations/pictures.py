@@ -59,3 +59,11 @@ def equal_error(kept):
         theirs = [times[name] for name in MITSUBA if name in times]
         apart = [rows.loc[name, "blocks_apart"] for name in MITSUBA if name in times]
         yield table_row(scene, threads, *shown, digits(times[OURS] / min(theirs)), f"{100 * min(apart):.1f} %")
+
+
+def converged_blocks(kept):
+    """A scene a row: samples, blocks, and how far apart the means of ours and Mitsuba's are."""
+    for row in kept.points.to_dict("records"):
+        shares = (f"{100 * row[name]:.2f} %" for name in ("median_apart", "noise", "most_apart"))
+        within = f"{100 * row['within_goal']:.0f} %"
+        yield table_row(row["scene"], f"{row['samples']:,}", row["blocks"], *shares, within, row["surely_apart"])

@@ -127,13 +127,15 @@ class MitsubaPaths:
         return (median(taken[True]) - median(taken[False])) * self._texels * self._samples / count
 
     def against(self, lightmap: Lightmap) -> dict[str, float]:
-        """Mean light of all texels here over that of a map, and the standard error of that."""
+        """Mean light of all texels here over that of a map, and the standard error of that; and the ratio of what a
+        sample's light varies by, relative to the mean."""
         taken = self._rounds * self._samples
         mean, square = (np.array(total, np.float64) / taken for total in self._sums)
         variance = np.maximum(square - mean**2, 0.0) * taken / (taken - 1)
         ours = mean_and_error(lightmap.luminance, lightmap.variance, lightmap.samples)
         ratio, error = ratio_and_error(mean_and_error(mean, variance, taken), ours)
-        return {"other_light_ratio": ratio, "other_light_error": error}
+        varies = float(variance.mean()) / max(float(lightmap.variance.mean()), np.finfo(float).tiny) / ratio**2
+        return {"other_light_ratio": ratio, "other_light_error": error, "variance_ratio": varies}
 
 
 def starts(baker: Baker, samples: int, number: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
