@@ -30,6 +30,7 @@ SWEEPS = {
     "memory": (["method.split_x=4"], {"figure7", "figure7_instancing"}),
     "scenes": (["scene=cornell_box"], {"figure3", "figure3_differences"}),
     "methods": (["method.split_x=4", "method.split_y=1"], {"methods", "break_even", "moving"}),
+    "methods_families": (["method.split_x=4", "method.split_y=1"], {"methods"}),
     "baselines": (["method.packet_width=4", "method.packet_rows=null"], {"rates"}),
     "reference_rays": (["method.split_x=4", "method.culling=true"], set(FIGURE5)),
     "ablations": (
@@ -116,7 +117,7 @@ SWEEPS = {
 WITH_A_TWIN = {"bake", "bake_denoise", "bake_mitsuba", "bake_rays", "classification"}
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "paper"}
 SLOW = {
-    "smoke", "methods", "peers", "baselines", "reference_rays", "threads", "growth", "bake_buffers", "bake_adaptive",
+    "smoke", "methods", "methods_families", "peers", "baselines", "reference_rays", "threads", "growth", "bake_buffers", "bake_adaptive",
     "bake_culling_map", "classification_smoke", "paths", "gather-whole", "rays-batches", "ablations",
     "cornell_candidates",
 }  # fmt: skip

@@ -66,7 +66,7 @@ def methods_in_detail(kept):
 
 def families(kept):
     """A scene made by code a row: triangles, packets in ms, and over packets each method at its best split."""
-    table = of(kept.points, workload="frame", width=512)
+    table = of(kept.points)
     for scene in sorted(table["scene"].unique()):
         found = [best(table, scene=scene, method=name) for name in ("aligned", "visible_first", "tiles", "raster")]
         cells = [interval(row, "speedup_vs_packets") for row in found]
