@@ -117,9 +117,9 @@ SWEEPS = {
 WITH_A_TWIN = {"bake", "bake_denoise", "bake_mitsuba", "bake_rays", "classification"}
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "paper"}
 SLOW = {
-    "smoke", "methods", "methods_families", "peers", "baselines", "reference_rays", "threads", "growth", "bake_buffers", "bake_adaptive",
-    "bake_culling_map", "classification_smoke", "paths", "gather-whole", "rays-batches", "ablations",
-    "cornell_candidates",
+    "smoke", "methods", "methods_families", "peers", "baselines", "reference_rays", "threads", "growth",
+    "bake_buffers", "bake_adaptive", "bake_culling_map", "classification_smoke", "paths", "gather-whole",
+    "rays-batches", "ablations", "cornell_candidates",
 }  # fmt: skip
 """Sweeps of workloads that a quick one has, too."""
 
