@@ -85,7 +85,7 @@ BAKE_RAYS = Workload(
 )  # fmt: skip
 
 
-_SUN = np.array((0.35, 1.0, -0.25))
+SUN = np.array((0.35, 1.0, -0.25))
 """Direction to the sun of `scenes.lit.rooms`."""
 
 _RIM = 1e-6
@@ -107,7 +107,7 @@ def directions_of(point: Point) -> NDArray[np.float64]:
     """(D, 3) unit vectors, the same at every call: the sun, or anywhere."""
     settings = point.workload_options
     if settings.use == "sun":
-        return (_SUN / np.linalg.norm(_SUN))[None]
+        return (SUN / np.linalg.norm(SUN))[None]
     found = np.random.Generator(np.random.PCG64(1)).normal(size=(settings.directions, 3))
     return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
 

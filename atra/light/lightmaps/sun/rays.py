@@ -21,7 +21,7 @@ from atra.tracing.budgets import EMBREE_BYTES_PER_COPY, PLAN_BYTES_PER_COPY, che
 from atra.tracing.lifetime import Lifetime
 from atra.tracing.options import PacketKeywords, PacketOptions, lists_options
 
-_SHAPES = {1: (1, 1), 2: (2, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4)}
+SHAPES = {1: (1, 1), 2: (2, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4)}
 """Texels of a packet across and down, by their number."""
 
 _COPIES = 1 << 22
@@ -144,12 +144,15 @@ class TileRays(Lifetime):
             self._scene.close()
 
 
+def positions_together(width: int, positions: int) -> int:
+    """Positions of a texel that share a packet of `width` rays: a power of two."""
+    return 1 << (min(width, positions).bit_length() - 1)
+
+
 def shots_of(size: int, positions: NDArray[np.float64], width: int) -> Shots:
     """The rays of a tile in packets of `width`, with as many positions of a texel in one packet as fit."""
-    together = 1
-    while 2 * together <= min(width, len(positions)):
-        together *= 2
-    across, down = _SHAPES[width // together]
+    together = positions_together(width, len(positions))
+    across, down = SHAPES[width // together]
     y, x = np.mgrid[:size, :size]
     columns = -(-size // across)
     block, texel = y // down * columns + x // across, y % down * across + x % across
