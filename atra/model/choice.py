@@ -17,7 +17,7 @@ METHODS = ("raster", "pixel", "bvh", "classified", "tiles", "visible_first", "al
 
 WITH_CELLS = ("tiles", "visible_first", "aligned", "instanced")
 
-GATHERING = ("raster", "pixel", "aligned")
+GATHERING = ("raster", "pixel", "aligned", "instanced")
 """Methods whose price of all hits along a ray is known."""
 
 PINHOLE_ALONE = ("tiles", "visible_first")

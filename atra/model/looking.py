@@ -16,7 +16,8 @@ from atra.geometry.ray_space import check_range, unseen_from
 from atra.geometry.split import Split
 from atra.geometry.view import View
 from atra.model.copying import Copied, Sample, apart, bytes_of_clusters, spread
-from atra.model.looking_kernels import LEVELS, RAYS, SIDE, count_along_rays
+from atra.model.counting_kernels import RAYS, SIDE
+from atra.model.looking_kernels import LEVELS, count_along_rays
 from atra.raster.frames import Scratch, compile_kernels, draw_frame
 from atra.tracing.images import outputs
 from atra.tracing.options import native_packet_widths
@@ -131,29 +132,44 @@ def _count(
     shapes: tuple[tuple[int, int], ...], pool: WorkerPool,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
     """boxes, tested and met of `Look`."""
-    boxes, tested, met = np.zeros((len(shapes), 2, LEVELS), np.int64), *np.zeros((2, len(shapes), 2), np.int64)
-    packets = len(corners) * RAYS / np.prod(shapes, axis=1)
     if len(order):
         few = spread(order, MOST_IN_TREE)
         is_whole = len(few) == len(order)
         sample = mesh if is_whole else apart(mesh, few)
         _, points = project_vertices(sample, camera, pool)
-        vertices, faces = points.astype(np.float32), mesh.faces[few] if is_whole else sample.faces
-        bounds = np.empty((len(faces), 6), np.float32)
-        pool.run(lambda _, counter: bound_triangles(counter, vertices, faces, bounds))
-        count = len(faces)
-        draft = Draft(
-            np.empty((2 * count, 6), np.float32), np.empty((2 * count, 3), np.int32), bounds,
-            np.arange(count, dtype=np.int32),
-        )  # fmt: skip
-        rays = _rays(camera, corners)
-        ways = rays.copy()
-        size = np.maximum(np.abs(rays[:, 3:]), SMALLEST_COMPONENT)
-        ways[:, 3:] = np.copysign(np.float32(1.0) / size, rays[:, 3:])
-        count_along_rays(vertices, faces, draft, rays, ways, depths, np.array(shapes), boxes, tested, met)
-        return _whole(len(order) / count, boxes / packets[:, None, None], tested / packets[:, None],
-                      met / packets[:, None], count)  # fmt: skip
-    return boxes.astype(np.float64), tested.astype(np.float64), met.astype(np.float64)
+        faces = mesh.faces[few] if is_whole else sample.faces
+        return means_along(points, faces, len(order), _rays(camera, corners), depths, shapes, pool)
+    return np.zeros((len(shapes), 2, LEVELS)), np.zeros((len(shapes), 2)), np.zeros((len(shapes), 2))
+
+
+def means_along(
+    points: NDArray[np.floating], faces: NDArray[np.integer], total: int, rays: NDArray[np.float32],
+    depths: NDArray[np.float32], shapes: tuple[tuple[int, int], ...], pool: WorkerPool,
+    nearest: NDArray[np.float32] | None = None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
+    """What a packet of each shape meets on average: boxes, tested and met as in `Look`.
+
+    points: (V, 3). faces: (F, 3), at least one, spread over `total` triangles. rays: (B, 6, RAYS) float32, origins and
+    directions of blocks of SIDE x SIDE rays, row by row. depths: (B, RAYS), what each ray sees. nearest: (B, RAYS),
+    lowered to the depth of each ray's first hit; None = not asked for.
+    """
+    vertices, count = points.astype(np.float32), len(faces)
+    bounds = np.empty((count, 6), np.float32)
+    pool.run(lambda _, counter: bound_triangles(counter, vertices, faces, bounds))
+    draft = Draft(
+        np.empty((2 * count, 6), np.float32), np.empty((2 * count, 3), np.int32), bounds,
+        np.arange(count, dtype=np.int32),
+    )  # fmt: skip
+    ways = rays.copy()
+    size = np.maximum(np.abs(rays[:, 3:]), SMALLEST_COMPONENT)
+    ways[:, 3:] = np.copysign(np.float32(1.0) / size, rays[:, 3:])
+    boxes, tested, met = np.zeros((len(shapes), 2, LEVELS), np.int64), *np.zeros((2, len(shapes), 2), np.int64)
+    firsts = np.empty((0, RAYS), np.float32) if nearest is None else nearest
+    count_along_rays(vertices, faces, draft, rays, ways, depths, np.array(shapes), boxes, tested, met, firsts)
+    packets = len(rays) * RAYS / np.prod(shapes, axis=1)
+    return _whole(
+        total / count, boxes / packets[:, None, None], tested / packets[:, None], met / packets[:, None], count
+    )
 
 
 def _rays(camera: View, corners: NDArray[np.int64]) -> NDArray[np.float32]:

@@ -5,13 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from atra.compiled.store import float_part, kernel, njit
+from atra.model.counting_kernels import RAYS, ROWS_A_WORD, SIDE, add_packets, first_bits
 from atra.trees.building import Draft, cheapest_split, fill_bins, new_scratch, widen
 from atra.trees.layout import BLOCK, DEEPEST
-
-SIDE = 16
-"""Pixels along the side of a block of sampled rays; a row of them is the bits of one number."""
-
-RAYS = SIDE * SIDE
 
 LEVELS = DEEPEST + 1
 
@@ -22,49 +18,6 @@ _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 
 
 _BITS = (1 << np.arange(SIDE)).astype(np.int32)
-
-
-_ROWS_A_WORD = 4
-
-_SHIFT_ROW, _SHIFT_ROWS = np.uint64(SIDE), np.uint64(2 * SIDE)
-
-
-@float_part
-def _bits(word):  # type: ignore[no-untyped-def]
-    word -= (word >> np.uint64(1)) & np.uint64(0x5555555555555555)
-    word = (word & np.uint64(0x3333333333333333)) + ((word >> np.uint64(2)) & np.uint64(0x3333333333333333))
-    word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
-    return np.int64((word * np.uint64(0x0101010101010101)) >> np.uint64(56))
-
-
-@njit
-def _first_bits(width, height):  # type: ignore[no-untyped-def]
-    """A word with the first bit of each packet."""
-    word = np.uint64(0)
-    for row in range(0, _ROWS_A_WORD, min(height, _ROWS_A_WORD)):
-        for column in range(0, SIDE, width):
-            word |= np.uint64(1) << np.uint64(SIDE * row + column)
-    return word
-
-
-@float_part
-def _packets_that_meet(words, width, height, firsts):  # type: ignore[no-untyped-def]
-    """Packets of width x height rays of which at least one bit is set. words: (4,) uint64, a bit a ray."""
-    count, together = 0, max(height // _ROWS_A_WORD, 1)
-    for first in range(0, _ROWS_A_WORD, together):
-        met = words[first]
-        for other in range(first + 1, first + together):
-            met |= words[other]
-        if height > 1:
-            met |= met >> _SHIFT_ROW
-        if height > 2:
-            met |= met >> _SHIFT_ROWS
-        step = 1
-        while step < width:
-            met |= met >> np.uint64(step)
-            step *= 2
-        count += _bits(met & firsts)
-    return count
 
 
 @float_part
@@ -134,18 +87,22 @@ def _hit(corners, rays, depths, block, level, masks, hits, front):  # type: igno
 
 
 @float_part
-def _add_packets(masks, place, words, shapes, firsts, part, times, counts):  # type: ignore[no-untyped-def]
-    """Add `times` the packets of each shape in which a bit of masks[place], (SIDE,), is set to counts[:, part]."""
-    any_word = np.uint64(0)
-    for k in range(_ROWS_A_WORD):
-        word = np.uint64(0)
-        for row in range(_ROWS_A_WORD):
-            word |= np.uint64(masks[place, _ROWS_A_WORD * k + row]) << np.uint64(SIDE * row)
-        words[k] = word
-        any_word |= word
-    if any_word:
-        for kind in range(len(shapes)):
-            counts[kind, part] += times * _packets_that_meet(words, shapes[kind, 0], shapes[kind, 1], firsts[kind])
+def _keep_nearest(corners, rays, block, hits, nearest):  # type: ignore[no-untyped-def]
+    """Lower nearest[block], (RAYS,), to the depth at which rays hit a triangle, where that is less.
+
+    corners, hits: as in `_hit`.
+    """
+    e0, e1, e2 = corners[1, 0] - corners[0, 0], corners[1, 1] - corners[0, 1], corners[1, 2] - corners[0, 2]
+    f0, f1, f2 = corners[2, 0] - corners[0, 0], corners[2, 1] - corners[0, 1], corners[2, 2] - corners[0, 2]
+    n0, n1, n2 = e1 * f2 - e2 * f1, e2 * f0 - e0 * f2, e0 * f1 - e1 * f0
+    for ray in range(RAYS):
+        if hits[0, ray // SIDE] & _BITS[ray % SIDE]:
+            t0, t1, t2 = (
+                corners[0, 0] - rays[block, 0, ray], corners[0, 1] - rays[block, 1, ray],
+                corners[0, 2] - rays[block, 2, ray],
+            )  # fmt: skip
+            along = n0 * rays[block, 3, ray] + n1 * rays[block, 4, ray] + n2 * rays[block, 5, ray]
+            nearest[block, ray] = min(nearest[block, ray], (n0 * t0 + n1 * t1 + n2 * t2) / along)
 
 
 SMALL = 256
@@ -225,14 +182,15 @@ def _split(draft, start, end, picked, sides, scratch):  # type: ignore[no-untype
 
 
 @kernel
-def count_along_rays(vertices, faces, draft, rays, ways, depths, shapes, boxes, tested, met):  # type: ignore[no-untyped-def]
+def count_along_rays(vertices, faces, draft, rays, ways, depths, shapes, boxes, tested, met, nearest):  # type: ignore[no-untyped-def]
     """Add up what packets of sampled rays meet.
 
     vertices: (V, 3) float32, faces: (F, 3), draft: `atra.trees.building.Draft`, not yet split. rays: (B, 6, RAYS)
     float32, origins and directions of B blocks, row by row of pixels; ways: the same with reciprocals of directions.
     depths: (B, RAYS) float32, what each ray sees. shapes: (N, 2) int64, columns and rows of packets. Written, the
     second index along the whole ray, and up to what is seen: boxes (N, 2, LEVELS) int64, boxes of each level that a
-    packet enters; tested (N, 2), triangles in leaves that it enters; met (N, 2), triangles that it hits.
+    packet enters; tested (N, 2), triangles in leaves that it enters; met (N, 2), triangles that it hits; nearest: (B,
+    RAYS) float32, lowered to the depth of each ray's first hit, or (0, RAYS).
     """
     blocks, kinds = len(rays), len(shapes)
     scratch, picked, sides = new_scratch(), np.empty(MOST_BINNED, np.int32), np.empty((2, 6), np.float32)
@@ -241,13 +199,13 @@ def count_along_rays(vertices, faces, draft, rays, ways, depths, shapes, boxes, 
     masks, front = np.empty((LEVELS + 1, blocks, SIDE), np.int32), np.empty((blocks, SIDE), np.int32)
     hits, seen = np.empty((1, SIDE), np.int32), np.empty((1, SIDE), np.int32)
     words, entered, corners = (
-        np.empty(_ROWS_A_WORD, np.uint64),
+        np.empty(ROWS_A_WORD, np.uint64),
         np.zeros((kinds, 2), np.int64),
         np.empty((3, 3), np.float32),
     )
     firsts = np.empty(kinds, np.uint64)
     for kind in range(kinds):
-        firsts[kind] = _first_bits(shapes[kind, 0], shapes[kind, 1])
+        firsts[kind] = first_bits(shapes[kind, 0], shapes[kind, 1])
     for block in range(blocks):
         active[0, block] = block
     counts[0] = blocks
@@ -270,8 +228,8 @@ def count_along_rays(vertices, faces, draft, rays, ways, depths, shapes, boxes, 
             if _enter(draft.boxes, node, ways, depths, block, level, masks, front):
                 active[level + 1, number] = block
                 number += 1
-                _add_packets(masks[level + 1], block, words, shapes, firsts, 0, 1, entered)
-                _add_packets(front, block, words, shapes, firsts, 1, 1, entered)
+                add_packets(masks[level + 1], block, words, shapes, firsts, 0, 1, entered)
+                add_packets(front, block, words, shapes, firsts, 1, 1, entered)
         counts[level + 1] = number
         if number == 0:
             continue
@@ -294,5 +252,7 @@ def count_along_rays(vertices, faces, draft, rays, ways, depths, shapes, boxes, 
                     corners[corner, axis] = vertices[faces[draft.order[place], corner], axis]
             for k in range(number):
                 if _hit(corners, rays, depths, active[level + 1, k], level + 1, masks, hits, seen):
-                    _add_packets(hits, 0, words, shapes, firsts, 0, 1, met)
-                    _add_packets(seen, 0, words, shapes, firsts, 1, 1, met)
+                    add_packets(hits, 0, words, shapes, firsts, 0, 1, met)
+                    add_packets(seen, 0, words, shapes, firsts, 1, 1, met)
+                    if len(nearest):
+                        _keep_nearest(corners, rays, active[level + 1, k], hits, nearest)

@@ -28,6 +28,7 @@ from atra.shafts.tracer import ClassifiedTracer
 from atra.tracing.options import native_packet_widths
 from scenes.generated import FAMILIES
 from scenes.loading import SceneSource, load_scene, scene_is_available
+from scenes.scene import Scene
 from scenes.views import view_fields
 
 COLUMNS = (
@@ -111,16 +112,23 @@ _COUNTS = {
     "raster": ((1, 1),),
     "pixel": ((1, 1),),
     "aligned": ((8, 1), (64, 1), (256, 1), (64, 64), (128, 128)),
+    "instanced": ((16, 1),),
 }
+"""Splits at which all hits are measured, too."""
 
 
 def mesh_and_camera(name: str, view: str) -> tuple[atra.Mesh, atra.Camera]:
     """What a view of a scene shows. Raises InputError for one that is not on this machine."""
+    scene = scene_named(name)
+    return scene.mesh, atra.Camera(**view_fields(scene.mesh, scene.camera, view), width=SIZE, height=SIZE)
+
+
+def scene_named(name: str) -> Scene:
+    """A scene of the paper, a built-in or a generated one. Raises InputError for one that is not on this machine."""
     family = name.rpartition("_")[0]
     made = SceneSource.generated if family in FAMILIES else SceneSource.procedural
     source = made if scene_is_available(made, name) and name not in _PAPER else SceneSource.directory
-    scene = load_scene(source, name, None)
-    return scene.mesh, atra.Camera(**view_fields(scene.mesh, scene.camera, view), width=SIZE, height=SIZE)
+    return load_scene(source, name, None)
 
 
 def memory_of(tracer: Any) -> int:
@@ -160,9 +168,8 @@ def measure_view(name: str, view: str, path: Path) -> None:
                 built = tracer.plan_time_s, tracer.build_time_s
                 counters = tracer.counters
                 for want, call in WANTS.items():
-                    if want == "count" and (
-                        split not in _COUNTS.get(method, ()) or (method == "aligned" and not told["culling"])
-                    ):
+                    kind = "instanced" if told.get("geometry") == "instanced" else method
+                    if want == "count" and (split not in _COUNTS.get(kind, ()) or is_whole):
                         continue
                     if want == "count" and slow_count:
                         continue

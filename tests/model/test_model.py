@@ -240,7 +240,7 @@ def test_constants_of_another_machine_are_told(tmp_path, monkeypatch):
 
 def test_only_choices_that_find_all_hits_are_considered_for_a_count():
     plan = atra.plan(cornell_box(), cornell_camera(64, 64), want="count")
-    assert {one.choice.method for one in plan.considered} == {"raster", "pixel", "aligned"}
+    assert {one.choice.method for one in plan.considered} == {"raster", "pixel", "aligned", "instanced"}
 
 
 @pytest.mark.parametrize("choice", candidates(camera(64)), ids=str)
