@@ -28,9 +28,10 @@ from experiments.results.statistics import FEWEST_PROCESSES, Estimate
 from scenes.directory import PAPER_SCENES
 from scenes.loading import SceneSource, load_scene
 
-ASKED = ("image", "views", "count", "packets", "packets_count", "aligned", "visible_first", "tiles")
-"""What a process measures: the rasteriser's image, its image from another place in every frame and its number of hits,
-and the methods that shoot rays."""
+ASKED = ("image", "views", "count", "packets", "packets_count", "aligned", "visible_first", "tiles", "hybrid")
+"""What a process measures: the rasteriser's image, its image from another place in every frame and its number of hits;
+the methods that shoot rays; and a sample of a hybrid picture of 1280 x 720 pixels with a sun, whose surfaces have
+textures, or are grey in versions that had no materials of glTF."""
 
 _PROCESS = """
 import hashlib, json, sys
@@ -54,11 +55,27 @@ makers = {
     "visible_first": lambda: made(atra.VisibleFirstTracer, split=(256, 1)),
     "tiles": lambda: made(atra.TiledTracer, split=(16, 16)),
 }
+def hybrid():
+    camera = atra.Camera(**given["camera"], width=1280, height=720)
+    try:
+        from atra import light
+    except ImportError:
+        from atra import render
+        scene = render.RenderScene(mesh, lights=(render.Sun((-0.5, -1.0, -0.6)),))
+        return render.HybridRenderer(scene, camera, threads=given["threads"])
+    texels = np.random.default_rng(1).integers(0, 256, (2, 1024, 1024, 3), np.uint8)
+    texels[1, :, :, 2] = 255
+    material = light.MetallicRoughness(light.Image(texels[0], is_coded=True), normals=light.Image(texels[1]))
+    uv = (mesh.vertices[:, :2] + mesh.vertices[:, 2:]).astype(np.float32)
+    scene = light.Scene(mesh, (material,), lights=(light.Sun((-0.5, -1.0, -0.6)),), uv=uv)
+    return light.HybridRenderer(scene, camera, threads=given["threads"], robust=False)
 told = {}
 for what in given["asked"]:
-    tracer = makers[what]()
+    tracer = hybrid() if what == "hybrid" else makers[what]()
     tracer.build()
-    if what.endswith("count"):
+    if what == "hybrid":
+        answer, arrays = lambda: tracer.add(1), lambda _: []  # pictures are unlike each other
+    elif what.endswith("count"):
         answer = lambda: tracer.gather(atra.Count())
         arrays = lambda found: [found.count if hasattr(found, "count") else found]
     else:

@@ -112,15 +112,16 @@ def mitsuba(shown: Shown, threads: int, variant: str) -> Found:
     return _measured(make)
 
 
+def block_means(image: Floats) -> Floats:
+    """Means of blocks of BLOCK x BLOCK pixels, over colours too. image: (H, W, 3)."""
+    rows, columns = image.shape[0] // BLOCK, image.shape[1] // BLOCK
+    cut = image[: rows * BLOCK, : columns * BLOCK].reshape(rows, BLOCK, columns, BLOCK, 3)
+    return np.asarray(cut.mean(axis=(1, 3, 4)))
+
+
 def block_differences(one: Floats, other: Floats) -> Floats:
     """Differences of means of blocks, over the larger of the block's mean and a tenth of the picture's."""
-
-    def blocks(image: Floats) -> Floats:
-        rows, columns = image.shape[0] // BLOCK, image.shape[1] // BLOCK
-        cut = image[: rows * BLOCK, : columns * BLOCK].reshape(rows, BLOCK, columns, BLOCK, 3)
-        return np.asarray(cut.mean(axis=(1, 3, 4)))
-
-    a, b = blocks(one), blocks(other)
+    a, b = block_means(one), block_means(other)
     return np.asarray(np.abs(a - b) / np.maximum(b, 0.1 * b.mean()))
 
 
