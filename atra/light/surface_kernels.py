@@ -167,9 +167,15 @@ def colour_of(surfaces, material, prim_id, point):  # type: ignore[no-untyped-de
 @njit
 def colour_at(surfaces, material, prim_id, point, s, t):  # type: ignore[no-untyped-def]
     """`colour_of` where uv is (s, t)."""
+    return colour_at_inlined(surfaces, material, prim_id, point, s, t)
+
+
+@njit(forceinline=True)
+def colour_at_inlined(surfaces, material, prim_id, point, s, t):  # type: ignore[no-untyped-def]
+    """`colour_at`, for a caller with many points: handing `surfaces` over takes longer than the look-up."""
     rows = surfaces.materials
     if rows[material, TEXTURE] == IMAGE:
-        texel = textured(surfaces, material, OF_COLOUR, prim_id, point, s, t)
+        texel = _textured(surfaces, material, OF_COLOUR, prim_id, point, s, t)
         return texel[0], texel[1], texel[2]
     if rows[material, TEXTURE] == CHECKER:
         scale = rows[material, SCALE]
@@ -216,6 +222,11 @@ def vertex_colour(surfaces, prim_id, weights):  # type: ignore[no-untyped-def]
 @njit
 def textured(surfaces, material, which, prim_id, point, s, t):  # type: ignore[no-untyped-def]
     """Four channels, float32, of one of a material's images at a point whose first uv is (s, t); 1 without it."""
+    return _textured(surfaces, material, which, prim_id, point, s, t)
+
+
+@njit(forceinline=True)
+def _textured(surfaces, material, which, prim_id, point, s, t):  # type: ignore[no-untyped-def]
     number = np.int64(surfaces.materials[material, IMAGES + which])
     if number < 0:
         return ONE, ONE, ONE, ONE

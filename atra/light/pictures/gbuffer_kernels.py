@@ -23,7 +23,7 @@ from atra.light.surface_kernels import (
     SHINES,
     TEXTURE,
     TINY,
-    colour_at,
+    colour_at_inlined,
     material_of,
     sky_colour,
     vertex_colour,
@@ -234,7 +234,7 @@ def set_vector(floats, row, i, vector):  # type: ignore[no-untyped-def]
     floats[row * STRIDE + i], floats[(row + 1) * STRIDE + i], floats[(row + 2) * STRIDE + i] = vector
 
 
-@njit
+@njit(forceinline=True)
 def _find_colour(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-def]
     """A pixel's colour, if it is textured, and its share of the sky."""
     floats = chunk.floats
@@ -246,7 +246,7 @@ def _find_colour(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
     s, t = floats[UV * STRIDE + i], floats[(UV + 1) * STRIDE + i]
     point = vector_of(floats, ORIGIN, i)
     material = material_of(surfaces, prim_id)
-    colour = colour_at(surfaces, material, prim_id, point, s, t)
+    colour = colour_at_inlined(surfaces, material, prim_id, point, s, t)
     if surfaces.materials[material, HAS_COLOURS] != 0.0:
         tint = vertex_colour(surfaces, prim_id, weights_at(surfaces, prim_id, point))
         colour = colour[0] * tint[0], colour[1] * tint[1], colour[2] * tint[2]
