@@ -117,3 +117,12 @@ def around(normal, direction):  # type: ignore[no-untyped-def]
     """
     moved = along(normal, ONE, direction)
     return unit(moved) if dot(moved, moved) > np.float32(1e-6) else normal
+
+
+@njit(forceinline=True)
+def texel_of(rows, columns, direction):  # type: ignore[no-untyped-def]
+    """(y, x) of the texel of a panorama that a unit vector points to."""
+    height = max(-1.0, min(1.0, np.float64(direction[1])))
+    t = np.arccos(height) / np.pi
+    s = 0.5 + np.arctan2(np.float64(direction[0]), -np.float64(direction[2])) / (2.0 * np.pi)
+    return min(np.int64(t * rows), rows - 1), min(np.int64(s * columns), columns - 1)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.compiled.store import njit
-from atra.light.numbers_kernels import HALF, ONE, ZERO, dot, scaled
+from atra.light.numbers_kernels import HALF, ONE, ZERO, dot, scaled, texel_of
 
 RECORD_WORDS = 8
 """float64 numbers of a triangle, a cache line: unit normal (3), plane's n . p, offset of rays that leave it, material;
@@ -299,12 +299,3 @@ def sky_colour(surfaces, direction):  # type: ignore[no-untyped-def]
         return (below * sky[1] + above * sky[4], below * sky[2] + above * sky[5], below * sky[3] + above * sky[6])
     y, x = texel_of(surfaces.panorama.shape[0], surfaces.panorama.shape[1], direction)
     return surfaces.panorama[y, x, 0], surfaces.panorama[y, x, 1], surfaces.panorama[y, x, 2]
-
-
-@njit(forceinline=True)
-def texel_of(rows, columns, direction):  # type: ignore[no-untyped-def]
-    """(y, x) of the texel of a panorama that a unit vector points to."""
-    height = max(-1.0, min(1.0, np.float64(direction[1])))
-    t = np.arccos(height) / np.pi
-    s = 0.5 + np.arctan2(np.float64(direction[0]), -np.float64(direction[2])) / (2.0 * np.pi)
-    return min(np.int64(t * rows), rows - 1), min(np.int64(s * columns), columns - 1)

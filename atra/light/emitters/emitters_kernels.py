@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from atra.compiled.store import float_kernel, njit
 from atra.embree.packets_kernels import INFINITY
 from atra.light.lights_kernels import ALMOST, KIND, SUN, to_lamp, to_sun
-from atra.light.numbers_kernels import ONE, ZERO, along, bits_of, dot, scaled, unit_of
+from atra.light.numbers_kernels import ONE, ZERO, along, bits_of, dot, scaled, texel_of, unit_of
 from atra.light.scattering.physical_kernels import luminance
 from atra.light.scattering.sampler_kernels import CHOICE, PAIRS, PLACE, pair_of
 from atra.light.scattering.spots_kernels import BLACK, emission_at, scattered_light
-from atra.light.surface_kernels import leaving, meet, texel_of
+from atra.light.surface_kernels import leaving, meet
 
 _S1, _S2, _S3, _S4 = (np.float32(step) for step in (0.8566749, 0.7338919, 0.6287067, 0.5385973))
 """Steps between candidates, which spread them evenly. Source: M. Roberts, "The unreasonable effectiveness of
