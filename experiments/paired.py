@@ -54,6 +54,7 @@ makers = {
     "aligned": lambda: made(atra.AlignedTracer, split=(256, 1)),
     "visible_first": lambda: made(atra.VisibleFirstTracer, split=(256, 1)),
     "tiles": lambda: made(atra.TiledTracer, split=(16, 16)),
+    "hybrid": lambda: hybrid(),
 }
 def hybrid():
     camera = atra.Camera(**given["camera"], width=1280, height=720)
@@ -71,7 +72,7 @@ def hybrid():
     return light.HybridRenderer(scene, camera, threads=given["threads"], robust=False)
 told = {}
 for what in given["asked"]:
-    tracer = hybrid() if what == "hybrid" else makers[what]()
+    tracer = makers[what]()
     tracer.build()
     if what == "hybrid":
         answer, arrays = lambda: tracer.add(1), lambda _: []  # pictures are unlike each other

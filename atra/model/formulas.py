@@ -31,6 +31,12 @@ STEPS = 12
 """Weighted least squares of a fit."""
 
 
+def above_and_below(boxes: NDArray[np.float64], cells: int) -> tuple[float, float]:
+    """Boxes in the upper levels, which all cells share, and in those below. boxes: (LEVELS,)."""
+    above = np.clip(log2(cells) - np.arange(len(boxes)), 0.0, 1.0)
+    return float((above * boxes).sum()), float(((1.0 - above) * boxes).sum())
+
+
 class Counts:
     """What a choice meets on a view, for a frame of all pixels.
 
@@ -47,10 +53,7 @@ class Counts:
         inside = row * -(-cell[1] // shape[1])
         self.packets = float(inside * choice.cells)
         self.shot, self.row = float(inside), float(row)
-        boxes = look.boxes[kind, part]
-        shared = log2(choice.cells)
-        above = np.clip(shared - np.arange(len(boxes)), 0.0, 1.0)
-        self.upper, self.lower = float((above * boxes).sum()), float(((1.0 - above) * boxes).sum())
+        self.upper, self.lower = above_and_below(look.boxes[kind, part], choice.cells)
         self.tested, self.met = float(look.tested[kind, part]), float(look.met[kind, part])
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +18,8 @@ import numpy as np
 import pandas as pd
 
 from atra.light import PathRenderer
-from experiments.equal_error.measure import DEPTH, ROULETTE, Floats, block_means
+from experiments.equal_error.measure import DEPTH, ROULETTE, Floats, block_means, mitsuba_renderer, pictures_of
 from experiments.harness.environment import read_environment
-from experiments.methods.peers.mitsuba_light import load_mitsuba
-from experiments.workloads.render.measure import mitsuba_scene
 from scenes.lit.equal_error import SCENES, Shown
 
 BATCHES = 16
@@ -37,23 +36,16 @@ VARIANT = "llvm_ad_rgb"
 def _ours(shown: Shown, size: int, threads: int) -> Iterator[Floats]:
     scene, camera = shown
     with PathRenderer(scene, camera, threads=threads, max_depth=DEPTH, roulette=ROULETTE, jitter="pixel") as renderer:
-        before: Any = 0.0
-        for number in range(1, BATCHES + 1):
-            renderer.add(size)
-            so_far = renderer.image.astype(np.float64) * number
-            yield so_far - before
-            before = so_far
+        yield from islice(pictures_of(renderer, size), BATCHES)
 
 
 def _mitsuba(shown: Shown, size: int, threads: int) -> Iterator[Floats]:
-    mi, _ = load_mitsuba(VARIANT, f"variant={VARIANT}", threads)
-    loaded = mitsuba_scene(mi, *shown, DEPTH, roulette=ROULETTE + 1)
-    for seed in range(BATCHES):
-        yield np.array(mi.render(loaded, spp=size, seed=seed), np.float64)
+    render = mitsuba_renderer(shown, threads, VARIANT)
+    return (render(size, seed) for seed in range(BATCHES))
 
 
 def _mean_and_error(pictures: Iterator[Floats]) -> tuple[Floats, Floats]:
-    """Of each block, the mean and its standard error."""
+    """Mean and standard error of each block."""
     batches = np.array([block_means(picture) for picture in pictures])
     return batches.mean(axis=0), batches.std(axis=0, ddof=1) / np.sqrt(BATCHES)
 

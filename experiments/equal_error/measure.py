@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import count
 from time import perf_counter
 from typing import Any
 
@@ -88,28 +89,38 @@ def ours(shown: Shown, threads: int, lights: str = "aimed") -> Found:
 
         def make(size: int) -> Iterator[Floats]:
             renderer.restart()
-            before: Any = 0.0
-            for number in range(1, PICTURES + 1):
-                renderer.add(size)
-                so_far = renderer.image.astype(np.float64) * number
-                yield so_far - before
-                before = so_far
+            return pictures_of(renderer, size)
 
         return _measured(make)
 
 
+def pictures_of(renderer: PathRenderer, size: int) -> Iterator[Floats]:
+    """Independent pictures of `size` samples each, by a renderer without samples, as many as are asked for."""
+    before: Any = 0.0
+    for number in count(1):
+        renderer.add(size)
+        so_far = renderer.image.astype(np.float64) * number
+        yield so_far - before
+        before = so_far
+
+
 def mitsuba(shown: Shown, threads: int, variant: str) -> Found:
     """What Mitsuba's `path` integrator takes and finds."""
-    mi, _ = load_mitsuba(variant, f"variant={variant}", threads)
-    loaded = mitsuba_scene(mi, *shown, DEPTH, roulette=ROULETTE + 1)
-    seeds = iter(range(1 << 30))
+    render, seeds = mitsuba_renderer(shown, threads, variant), count()
 
     def make(size: int) -> Iterator[Floats]:
-        np.array(mi.render(loaded, spp=size, seed=next(seeds)))  # compiles for this size
+        render(size, next(seeds))  # compiles for this size
         while True:
-            yield np.array(mi.render(loaded, spp=size, seed=next(seeds)), np.float64)
+            yield render(size, next(seeds))
 
     return _measured(make)
+
+
+def mitsuba_renderer(shown: Shown, threads: int, variant: str) -> Callable[[int, int], Floats]:
+    """A call that makes a picture by Mitsuba's `path` integrator. Its arguments: samples, seed."""
+    mi, _ = load_mitsuba(variant, f"variant={variant}", threads)
+    loaded = mitsuba_scene(mi, *shown, DEPTH, roulette=ROULETTE + 1)
+    return lambda size, seed: np.array(mi.render(loaded, spp=size, seed=seed), np.float64)
 
 
 def block_means(image: Floats) -> Floats:

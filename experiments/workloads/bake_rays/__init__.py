@@ -17,7 +17,7 @@ from atra.exact.intersection import intersect_rays
 from atra.geometry.mesh import Mesh
 from atra.light import Atlas, Texels
 from atra.light.lightmaps.sun.rays import TileRays
-from atra.light.lightmaps.sun.tiles import Tiles
+from atra.light.lightmaps.sun.tiles import Tiles, without_shortcut
 from atra.rays.rays import Rays
 from atra.tracing.options import option
 from experiments.harness.column import REAL, WHOLE, Column
@@ -142,13 +142,11 @@ class AlignedTiles:
         return kept
 
     def _towards(self, facing: NDArray[np.int64], direction: NDArray[np.float64]) -> TileRays:
-        """Rays of these tiles. Without the shortcut none of them starts surely before a triangle, so that none covers
-        a part of a tile; whether one does is still asked."""
+        """Rays of these tiles. Without the shortcut no triangle covers part of one; whether one does is still asked."""
         if self._shortcut:
             return self._tiles.towards(facing, direction, **self._options)
-        prisms = self._tiles.prisms(facing, direction)
-        never = prisms._replace(off=np.full_like(prisms.off, np.inf))
-        return TileRays(self._tiles.tree, never, self._tiles.size, **self._options)
+        prisms = without_shortcut(self._tiles.prisms(facing, direction))
+        return TileRays(self._tiles.tree, prisms, self._tiles.size, **self._options)
 
 
 def undecided(mesh: Mesh, rays: Rays, numbers: NDArray[np.int64]) -> int:

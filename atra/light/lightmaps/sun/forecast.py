@@ -6,7 +6,6 @@ Derivation: docs/model.md.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import log2
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ from atra.light.lightmaps.sun.looking import TileLook, look_at_tiles
 from atra.light.lightmaps.sun.rays import SHAPES, positions_together
 from atra.light.lightmaps.sun.tiles import Tiles
 from atra.model.counting_kernels import SIDE
-from atra.model.formulas import NANO, SEEN, WHOLE
+from atra.model.formulas import NANO, SEEN, WHOLE, above_and_below
 from atra.tracing.options import native_packet_widths
 
 CONSTANTS = {
@@ -30,7 +29,8 @@ CONSTANTS = {
 
 
 class _Met(NamedTuple):
-    """Of a packet, on average: boxes in the levels that all tiles share, and below; triangles tested and hit."""
+    """What a packet meets on average. upper, lower: boxes, in the levels that all tiles share and below. tested, met:
+    triangles."""
 
     upper: float
     lower: float
@@ -40,9 +40,7 @@ class _Met(NamedTuple):
 
 def _met_by(look: TileLook, across: int, down: int, part: int) -> _Met:
     kind = look.shape_of(across, down)
-    boxes = look.boxes[kind, part]
-    above = np.clip(log2(max(look.tiles, 1)) - np.arange(len(boxes)), 0.0, 1.0)
-    upper, lower = float((above * boxes).sum()), float(((1.0 - above) * boxes).sum())
+    upper, lower = above_and_below(look.boxes[kind, part], max(look.tiles, 1))
     return _Met(upper, lower, float(look.tested[kind, part]), float(look.met[kind, part]))
 
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.compiled.threads import WorkerPool
 from atra.geometry.view import unit_vector
-from atra.light.lightmaps.sun.tiles import Tiles
+from atra.light.lightmaps.sun.tiles import Tiles, without_shortcut
 from atra.light.lightmaps.sun.tiles_kernels import SIDE as BLOCKS
 from atra.light.lightmaps.sun.tiles_kernels import find_triangles
 from atra.model.copying import spread
@@ -33,8 +33,8 @@ class TileLook:
 
     tiles: those that face the direction. size: texels along a side of one. texels: those that are lit, in all of these
     tiles. boxes, tested, met: means over packets of each of `shapes`, as in `atra.model.looking.Look`; a shape is
-    columns and rows of rays, of which SIDE lie along a side of a tile. copies: of triangles for all tiles. open_share:
-    of a tile, what no single triangle covers.
+    columns and rows of rays, of which SIDE lie along a side of a tile. copies: triangles copied for all tiles.
+    open_share: share of a tile's area that no single triangle covers.
     """
 
     tiles: int
@@ -82,7 +82,7 @@ def _copied(tiles: Tiles, some: NDArray[np.int64], way: NDArray[np.float64], sho
     """Copies for these tiles, and the share of their blocks that no triangle covers."""
     prisms, faces = tiles.prisms(some, way), len(tiles.tree.faces)
     if not shortcut:
-        prisms = prisms._replace(off=np.full_like(prisms.off, np.inf))
+        prisms = without_shortcut(prisms)
     total, starts, counts = np.zeros(1, np.int64), *np.empty((2, len(some)), np.int64)
     covered, kept = np.empty(len(some), np.uint64), np.empty(0, np.uint32)
     found = np.empty(faces, np.uint32), np.empty(faces, np.uint64)

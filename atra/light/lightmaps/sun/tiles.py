@@ -147,6 +147,11 @@ class Tiles:
         return origins.astype(np.float32), np.broadcast_to(way.astype(np.float32), origins.shape)
 
 
+def without_shortcut(prisms: Prisms) -> Prisms:
+    """The same prisms, of which no triangle covers a part: no ray starts surely before one."""
+    return prisms._replace(off=np.full_like(prisms.off, np.inf))
+
+
 def _planes(texels: Texels, charts: NDArray[np.int32]) -> NDArray[np.float64]:
     """(C, 3, 3): maps of texel positions (x, y, 1) to world points; NaN for charts that are not flat."""
     planes = np.full((len(charts), 3, 3), np.nan)
