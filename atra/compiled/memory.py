@@ -280,13 +280,14 @@ integers_at, identities_at = _numbers_at(types.int64), _numbers_at(types.uint32)
 """Numbers from an address on, indexed like an array but without Numba's reference counting."""
 
 
+def emit_fetch(builder: ir.IRBuilder, address: ir.Value) -> None:
+    """Emit the prefetch of the cache line at an address."""
+    pointer = _pointer(builder, address, ir.IntType(8))
+    kind = ir.FunctionType(ir.VoidType(), [pointer.type, _I32, _I32, _I32])
+    builder.call(declared(builder, "llvm.prefetch.p0", kind), [pointer, _I32(0), _I32(3), _I32(1)])
+
+
 @intrinsic
 def fetch(typingctx: Any, address: Any) -> Any:
     """Prefetch the cache line at an address."""
-
-    def emit(builder: ir.IRBuilder, address: ir.Value) -> None:
-        pointer = _pointer(builder, address, ir.IntType(8))
-        kind = ir.FunctionType(ir.VoidType(), [pointer.type, _I32, _I32, _I32])
-        builder.call(declared(builder, "llvm.prefetch.p0", kind), [pointer, _I32(0), _I32(3), _I32(1)])
-
-    return types.void(types.int64), emitting(emit)
+    return types.void(types.int64), emitting(emit_fetch)

@@ -9,17 +9,16 @@ from numpy.typing import NDArray
 
 from atra.compiled.memory import columns_of, fetch, gather_at, halves, load, low_and_high, store
 from atra.compiled.store import float_part, njit
-from atra.compiled.vectors import bits_of, fused, last_whole, repeated, root, rounded, size, where, widened
+from atra.compiled.vectors import bits_of, fused, repeated, root, rounded, size, where, widened
 from atra.light.numbers_kernels import HALF, ONE, ZERO, unit
 from atra.light.pictures.path_kernels import TILE, pixel_line, place_of
 from atra.light.scattering.spots_kernels import emission_at
+from atra.light.scattering.texels_kernels import checkered, colours_at, fetch_texels, packed_image, places_in
 from atra.light.surface_kernels import (
     CHECKER,
     GRADIENT,
     HAS_COLOURS,
     LEAST_SQUARED,
-    SCALE,
-    SECOND,
     SHINES,
     TEXTURE,
     TINY,
@@ -78,11 +77,14 @@ def find_surfaces(chunk, first, count, pixels, surfaces):  # type: ignore[no-unt
     for i in range(0, count, _LANES):
         _look_up(chunk, i, first + i, pixels)
     for i in range(0, count, _LANES):
-        left = _find_places(chunk, i, first + i, pixels, surfaces)
+        _find_places(chunk, i, first + i, pixels, surfaces)
+    for i in range(0, count, _LANES):
+        textured = _find_images(chunk, i, surfaces)
+        left = textured if surfaces.sky[0] == GRADIENT else (1 << _LANES) - 1
         if left:
             for k in range(min(_LANES, count - i)):
                 if left >> k & 1:
-                    _find_colour(chunk, i + k, first + i + k, pixels, surfaces)
+                    _find_colour(chunk, i + k, first + i + k, textured >> k & 1, pixels, surfaces)
 
 
 @njit(forceinline=True)
@@ -120,10 +122,8 @@ def _look_up(chunk, i, pixel, pixels):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _find_places(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-def]
-    """`meet`, `leaving`, colours and sky for `_LANES` pixels at once.
-
-    Points are found in float64: float32 could push them through a surface. Returns the bits of pixels whose colours
-    need more work; under a gradient sky, their SKY is the sky's alone.
+    """`meet`, `leaving`, colours and a gradient sky for `_LANES` pixels at once, in float64: float32 could push points
+    through a surface. Where LIGHT is 1, colours are unknown, and SKY is the sky's alone; LENGTH has their materials.
     """
     address, row = np.int64(chunk.floats.ctypes.data) + 4 * i, 4 * STRIDE
     numbers = np.int64(chunk.prim_id.ctypes.data) + 4 * i
@@ -161,16 +161,26 @@ def _find_places(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
     red, green = halves(colours)
     blue, is_plain = halves(more)
     textured = seen & (none >= is_plain)
-    if bits_of(textured):
+    left = bits_of(textured)
+    while left:
         k = 0
-        while not bits_of(textured) >> k & 1:
+        while not left >> k & 1:
             k += 1
         material = material_of(surfaces, np.int64(chunk.prim_id[i + k]))
+        number = repeated(np.float64(material), _LANES)
+        own = textured & (materials >= number) & (number >= materials)
+        left &= ~bits_of(own)
         if surfaces.materials[material, TEXTURE] == CHECKER:
-            number = repeated(np.float64(material), _LANES)
-            own = textured & (materials >= number) & (number >= materials)
-            red, green, blue = _checkered(own, red, green, blue, u, v, material, surfaces)
+            red, green, blue = checkered(own, red, green, blue, u, v, material, surfaces)
             textured = textured & ((materials > number) | (number > materials))
+        else:
+            image = packed_image(surfaces, material)
+            if image >= 0:
+                x, y = places_in(surfaces, image, u, v)
+                own = own & (x >= zero) & (y >= zero)
+                fetch_texels(surfaces, image, where(own, x, zero), where(own, y, zero))
+    store(where(textured, one, none), address + LIGHT * row)
+    store(rounded(materials), address + LENGTH * row)
     store(red, address + COLOUR * row)
     store(green, address + (COLOUR + 1) * row)
     store(blue, address + (COLOUR + 2) * row)
@@ -178,29 +188,44 @@ def _find_places(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
     if is_seen != (1 << _LANES) - 1:
         height = where(seen, height, rounded(dy / root(_dot(dx, dy, dz, dx, dy, dz))))
         red, green, blue = where(seen, red, one), where(seen, green, one), where(seen, blue, one)
-    left = bits_of(textured)
-    if left:
-        red, green, blue = where(textured, one, red), where(textured, one, green), where(textured, one, blue)
+    red, green, blue = where(textured, one, red), where(textured, one, green), where(textured, one, blue)
     store(red * _gradient(sky, 0, height), address + SKY * row)
     store(green * _gradient(sky, 1, height), address + (SKY + 1) * row)
     store(blue * _gradient(sky, 2, height), address + (SKY + 2) * row)
-    if sky[0] != GRADIENT:
-        return (1 << _LANES) - 1
-    return left
 
 
 @njit(forceinline=True)
-def _checkered(own, red, green, blue, u, v, material, surfaces):  # type: ignore[no-untyped-def]
-    """`colour_at` for the `own` pixels of a checker among `_LANES`; others keep their colours."""
-    row = surfaces.materials[material]
-    scale = repeated(row[SCALE], _LANES)
-    cell = repeated(0.5, _LANES) * (last_whole(widened(u) * scale) + last_whole(widened(v) * scale))
-    is_odd = own & (rounded(cell - last_whole(cell)) > repeated(ZERO, _LANES))
-    return (
-        where(is_odd, repeated(np.float32(row[SECOND]), _LANES), red),
-        where(is_odd, repeated(np.float32(row[SECOND + 1]), _LANES), green),
-        where(is_odd, repeated(np.float32(row[SECOND + 2]), _LANES), blue),
-    )
+def _find_images(chunk, i, surfaces):  # type: ignore[no-untyped-def]
+    """Colours and sky of those of `_LANES` pixels that see images; the bits of pixels whose colours are unknown."""
+    address, row = np.int64(chunk.floats.ctypes.data) + 4 * i, 4 * STRIDE
+    zero = repeated(0.0, _LANES)
+    textured = load(address + LIGHT * row, ZERO, _LANES) > repeated(ZERO, _LANES)
+    left = todo = bits_of(textured)
+    if not left:
+        return left
+    materials = load(address + LENGTH * row, ZERO, _LANES)
+    u, v = load(address + UV * row, ZERO, _LANES), load(address + (UV + 1) * row, ZERO, _LANES)
+    while todo:
+        k = 0
+        while not todo >> k & 1:
+            k += 1
+        material = material_of(surfaces, np.int64(chunk.prim_id[i + k]))
+        number = repeated(np.float32(material), _LANES)
+        own = textured & (materials >= number) & (number >= materials)
+        todo &= ~bits_of(own)
+        image = packed_image(surfaces, material)
+        if image >= 0:
+            x, y = places_in(surfaces, image, u, v)
+            own = own & (x >= zero) & (y >= zero)
+            colour = colours_at(surfaces, image, where(own, x, zero), where(own, y, zero))
+            for channel in range(3):
+                at = address + (COLOUR + channel) * row
+                store(where(own, colour[channel], load(at, ZERO, _LANES)), at)
+                at = address + (SKY + channel) * row
+                sky = load(at, ZERO, _LANES)
+                store(where(own, colour[channel] * sky, sky), at)
+            left &= ~bits_of(own)
+    return left
 
 
 @njit(forceinline=True)
@@ -235,25 +260,25 @@ def set_vector(floats, row, i, vector):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True)
-def _find_colour(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-def]
-    """A pixel's colour, if it is textured, and its share of the sky."""
+def _find_colour(chunk, i, pixel, is_textured, pixels, surfaces):  # type: ignore[no-untyped-def]
+    """A pixel's colour, if it is textured and still unknown, and its share of the sky."""
     floats = chunk.floats
     if floats[SEEN * STRIDE + i] == ZERO:
         _, direction = pixel_line(pixels, pixel)
         set_vector(floats, SKY, i, sky_colour(surfaces, unit(direction)))
         return
-    prim_id = np.int64(chunk.prim_id[i])
-    s, t = floats[UV * STRIDE + i], floats[(UV + 1) * STRIDE + i]
-    point = vector_of(floats, ORIGIN, i)
-    material = material_of(surfaces, prim_id)
-    colour = colour_at_inlined(surfaces, material, prim_id, point, s, t)
-    if surfaces.materials[material, HAS_COLOURS] != 0.0:
-        tint = vertex_colour(surfaces, prim_id, weights_at(surfaces, prim_id, point))
-        colour = colour[0] * tint[0], colour[1] * tint[1], colour[2] * tint[2]
-    sky = vector_of(floats, SKY, i)
+    if is_textured:
+        prim_id, point = np.int64(chunk.prim_id[i]), vector_of(floats, ORIGIN, i)
+        s, t = floats[UV * STRIDE + i], floats[(UV + 1) * STRIDE + i]
+        material = material_of(surfaces, prim_id)
+        colour = colour_at_inlined(surfaces, material, prim_id, point, s, t)
+        if surfaces.materials[material, HAS_COLOURS] != 0.0:
+            tint = vertex_colour(surfaces, prim_id, weights_at(surfaces, prim_id, point))
+            colour = colour[0] * tint[0], colour[1] * tint[1], colour[2] * tint[2]
+        set_vector(floats, COLOUR, i, colour)
+    colour, sky = vector_of(floats, COLOUR, i), vector_of(floats, SKY, i)
     if surfaces.sky[0] != GRADIENT:
         sky = sky_colour(surfaces, vector_of(floats, NORMAL, i))
-    set_vector(floats, COLOUR, i, colour)
     set_vector(floats, SKY, i, (colour[0] * sky[0], colour[1] * sky[1], colour[2] * sky[2]))
 
 

@@ -208,6 +208,32 @@ def test_a_texture_lies_where_uv_says():
     np.testing.assert_allclose(hybrid(textured, camera, 1, occlusion_rays=0).image, texels, atol=1e-4)
 
 
+@pytest.mark.parametrize("sky", ["gradient", "panorama"])
+def test_images_looked_up_for_eight_pixels_at_once_have_the_colours_of_one_pixel_at_a_time(sky):
+    draw = np.random.default_rng(5)
+    ball = trimesh.creation.icosphere(2)
+    uv = (2.3 * ball.vertices[:, :2] - 1.7 * ball.vertices[:, 2:]).astype(np.float32)
+    wraps = [("repeat", "mirror"), ("mirror", "clamp"), ("clamp", "repeat"), ("repeat", "repeat")]
+    images = [
+        render.Image(
+            draw.integers(0, 256, (rows, columns, 4), np.uint8), is_coded=columns != 5, wrap=wrap,
+            factor=(0.9, 0.8, 0.7, 0.6), placement=((1.5, 0.1, 0.3), (-0.2, 0.8, 7.0)),
+        )
+        for wrap, rows, columns in zip(wraps, (7, 1, 16, 33), (5, 8, 16, 1), strict=True)
+    ]  # fmt: skip
+    numbers = draw.integers(0, len(images) + 1, len(ball.faces))
+    skies = {"gradient": render.GradientSky(), "panorama": render.PanoramaSky(draw.random((8, 16, 3), np.float32))}
+    camera = atra.Camera((0, 1, 2.5), (0, 0, 0), fov_y_degrees=50, width=67, height=53)
+    pictures = []
+    for second in (False, True):  # those of second uv are looked up one by one, at points rounded to float32
+        kinds = [render.MetallicRoughness(replace(image, second_uv=second)) for image in images]
+        kinds.append(render.MetallicRoughness((0.2, 0.4, 0.6)))
+        scene = render.Scene(atra.Mesh(ball.vertices, ball.faces), kinds, numbers, uv=uv, second_uv=uv, sky=skies[sky])
+        pictures.append(hybrid(scene, camera, 2).image)
+    assert len(np.unique(pictures[0].reshape(-1, 3), axis=0)) > 1000
+    np.testing.assert_allclose(pictures[0], pictures[1], atol=5e-5)
+
+
 def test_a_gltf_file_s_base_colours_and_textures_are_seen():
     mesh, texels = quads([floor(1.0)]), np.random.default_rng(3).integers(0, 256, (8, 8, 3), np.uint8)
     uv = mesh.vertices[:, [0, 2]] * [0.5, -0.5] + 0.5
