@@ -20,7 +20,7 @@ from atra.light.lightmaps.shadows_kernels import shine_kernel
 from atra.light.pictures.path_kernels import ROW_PADDING
 from atra.rays.scene import Query
 
-BATCH_BYTES = 4 * (PATH_ROWS + 4 + RESULTS) + 1
+BATCH_BYTES = 4 * (PATH_ROWS + 6 + RESULTS) + 1
 """Memory per ray in flight."""
 
 _NEVER = 1 << 30
@@ -110,8 +110,10 @@ def new_batch(rays: int) -> Batch:
         np.empty(rays, np.uint32),
         np.empty(rays, np.float32),
         np.empty(rays, np.uint32),
-        np.empty(rays, np.int32),
+        np.arange(rays, dtype=np.int32),
         np.zeros(rays, np.int8),
+        np.zeros(rays, np.uint32),
+        np.zeros(rays, np.uint32),
         np.empty((rays, RESULTS), np.float32),
     )
 

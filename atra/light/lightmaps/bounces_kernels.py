@@ -25,25 +25,24 @@ from atra.light.lightmaps.gather.tables_kernels import (
     WEIGHT,
 )
 from atra.light.lightmaps.paint_kernels import albedo_met, opacity_met
-from atra.light.lightmaps.samples_kernels import AHEAD, LARGE, fetch_row
+from atra.light.lightmaps.samples_kernels import AHEAD, LARGE, PLACE, fetch_row
 from atra.light.numbers_kernels import ONE, ZERO, around, bits_of, mixed, on_sphere, scaled, set_vector, unit_of, vector
 from atra.light.pictures.path_kernels import load_rays
+from atra.light.scattering.sampler_kernels import pair_of
 from atra.light.surface_kernels import sky_colour
 
-_OF_TEXEL, _OF_BOUNCE = 2, 3
-"""Random dimensions: two for the point in a texel; then per bounce two for the direction and one for Russian
-roulette."""
+_DIRECTIONS = PLACE + 1
+"""The pair of evenly spread numbers for the direction at a path's first vertex; those of the next vertices follow."""
 
 
 @float_kernel
 def scatter(batch, count, vertex):  # type: ignore[no-untyped-def]
-    """Choose a cosine-distributed direction for each path."""
-    first = np.uint32(_OF_TEXEL + _OF_BOUNCE * vertex)
+    """Choose a cosine-distributed direction for each path; those of a texel's samples are spread evenly."""
     for i in range(count):
         if batch.alive[i] != 0:
-            key = batch.key[i]
-            sphere = on_sphere(unit_of(bits_of(key, first)), unit_of(bits_of(key, first + np.uint32(1))))
-            set_vector(batch.floats, DIRECTION, i, around(vector(batch.floats, NORMAL, i), sphere))
+            slot = batch.slot[i]
+            u, v = pair_of(batch.sequence[slot], batch.sample[slot], _DIRECTIONS + vertex)
+            set_vector(batch.floats, DIRECTION, i, around(vector(batch.floats, NORMAL, i), on_sphere(u, v)))
 
 
 @njit
@@ -169,8 +168,7 @@ def shade(batch, count, tables, paint, vertex, is_last, roulette_from):  # type:
         if not most > ZERO:
             continue
         if vertex + 1 >= roulette_from and most < ONE:
-            dimension = np.uint32(_OF_TEXEL + _OF_BOUNCE * vertex + 2)
-            if unit_of(bits_of(batch.key[i], dimension)) >= most:
+            if unit_of(bits_of(batch.key[i], np.uint32(vertex))) >= most:
                 continue
             red, green, blue = red / most, green / most, blue / most
         side = 1.0 if is_front else -1.0

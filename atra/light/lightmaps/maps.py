@@ -26,7 +26,8 @@ class Lightmap:
     texels: the N lit texels. samples: (N,) int32. direct: (N, 3) float32, from lights and emitting faces. indirect: (N,
     3) float32, after bounces. environment: (N, 3) float32, straight from the sky. openness: (N,) float32,
     cosine-weighted share of rays that hit nothing near by. backs: (N,) float32, share of rays that hit back faces.
-    variance: (N,) float32, of the luminance of one sample.
+    variance: (N,) float32, of the luminance of one sample. Samples of a texel are spread evenly, so that their mean
+    varies by less than this over their number.
     """
 
     texels: Texels

@@ -19,10 +19,14 @@ from atra.light.lightmaps.gather.tables_kernels import (
     SQUARE,
     WEIGHT,
 )
-from atra.light.numbers_kernels import ZERO, bits_of, key_of, mixed, set_vector, unit_of
+from atra.light.numbers_kernels import ZERO, key_of, mixed, set_vector
+from atra.light.scattering.sampler_kernels import pair_of
 from atra.light.scattering.spots_kernels import WHITE
 
 _GOLDEN = np.uint32(0x9E3779B9)
+
+PLACE = 0
+"""The pair of evenly spread numbers for the place in a texel."""
 
 AHEAD = 16
 """Faces are prefetched this many texels ahead, their corners half as many."""
@@ -38,6 +42,12 @@ _INSET = 2.0
 def sample_key(number, sample, seed):  # type: ignore[no-untyped-def]
     """A uint32 key for a sample of a texel or probe."""
     return key_of(np.uint32(number), mixed(np.uint32(np.uint32(sample) * _GOLDEN + seed)))
+
+
+@njit
+def sequence_key(number, seed):  # type: ignore[no-untyped-def]
+    """A uint32 key for the evenly spread numbers of all samples of a texel or probe."""
+    return key_of(np.uint32(number), mixed(np.uint32(seed)))
 
 
 @njit(forceinline=True)
@@ -90,13 +100,13 @@ def generate(batch, order, first, texels, expansion, samples, prim_of, tables): 
         slopes = slopes_of(edges)
         nx, ny, nz = planes[face, 0], planes[face, 1], planes[face, 2]
         normal = np.float32(nx), np.float32(ny), np.float32(nz)
-        sample = samples[texel]
+        sample, sequence = samples[texel], sequence_key(place, tables.seed)
         for e in range(expansion):
             i = start + np.uint64(e)
-            key = sample_key(place, sample + e, tables.seed)
-            batch.key[i] = key
-            x = column + np.float64(unit_of(bits_of(key, np.uint32(0))))
-            y = row + np.float64(unit_of(bits_of(key, np.uint32(1))))
+            batch.key[i] = sample_key(place, sample + e, tables.seed)
+            batch.sequence[i], batch.sample[i] = sequence, sample + e
+            x, y = pair_of(sequence, sample + e, PLACE)
+            x, y = column + np.float64(x), row + np.float64(y)
             v, w = weights_at(edges, slopes, x, y)
             point = point_at(corners, v, w, _INSET * offset)
             batch.floats[ORIGIN, i] = np.float32(point[0] + offset * nx)

@@ -126,15 +126,21 @@ class MitsubaPaths:
                 seconds.append(perf_counter() - start)
         return (median(taken[True]) - median(taken[False])) * self._texels * self._samples / count
 
-    def against(self, lightmap: Lightmap) -> dict[str, float]:
-        """Mean light of all texels here over that of a map, and the standard error of that; and the ratio of what a
-        sample's light varies by, relative to the mean."""
+    def against(self, lightmap: Lightmap, again: Lightmap) -> dict[str, float]:
+        """Mean light of all texels here over that of a map, and the standard error of that; and the ratio of squared
+        errors, relative to the mean, after as many samples as the map has.
+
+        again: the same map by other random numbers. Samples here are independent; ours are spread evenly, so that only
+        two maps tell their error.
+        """
         taken = self._rounds * self._samples
         mean, square = (np.array(total, np.float64) / taken for total in self._sums)
         variance = np.maximum(square - mean**2, 0.0) * taken / (taken - 1)
         ours = mean_and_error(lightmap.luminance, lightmap.variance, lightmap.samples)
         ratio, error = ratio_and_error(mean_and_error(mean, variance, taken), ours)
-        varies = float(variance.mean()) / max(float(lightmap.variance.mean()), np.finfo(float).tiny) / ratio**2
+        squared = float(((lightmap.luminance - again.luminance).astype(np.float64) ** 2).mean()) / 2
+        theirs = float(variance.mean()) / float(lightmap.samples.max()) / ratio**2
+        varies = theirs / max(squared, np.finfo(float).tiny)
         return {"other_light_ratio": ratio, "other_light_error": error, "variance_ratio": varies}
 
 

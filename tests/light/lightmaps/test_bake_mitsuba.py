@@ -137,7 +137,7 @@ def test_paths_that_a_round_is_held_against_find_the_same_light_and_as_many_vert
         for _ in range(15):
             theirs.add()
         baker.add(256)
-        found = theirs.against(baker.maps)
+        found = theirs.against(baker.maps, baker.maps)
     assert abs(found["other_light_ratio"] - 1) < 4 * found["other_light_error"]
     assert found["other_light_error"] < 0.01
 

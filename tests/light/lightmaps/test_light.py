@@ -137,7 +137,7 @@ def test_many_lights_after_a_bounce_are_chosen_without_bias():
 
 def panes(*opacities, tints=None):
     """A floor beneath sheets of these opacities, one above the other, far wider than it."""
-    mesh = joined(PLATE, *(quads([floor(50.0, 0.5 + 0.2 * k)]) for k in range(len(opacities))))
+    mesh = joined(PLATE, *(quads([floor(500.0, 0.5 + 0.2 * k)]) for k in range(len(opacities))))
     opacity = np.repeat([1.0, *opacities], 2)
     tint = np.ones((len(opacity), 3)) if tints is None else np.repeat([(1, 1, 1), *tints], 2, axis=0)
     plain = Surface.plain(mesh, 0.0)

@@ -53,7 +53,7 @@ def test_rays_to_a_sun_are_the_same_from_vectors_of_paths_as_one_by_one(vertex):
         batch.floats[NORMAL : NORMAL + 3, :rays] = normals / np.linalg.norm(normals, axis=0)
         batch.floats[NORMAL : NORMAL + 3, 500:520] = 0.0
         batch.floats[WEIGHT : WEIGHT + 3, :rays] = random.random((3, rays))
-        batch.key[:], batch.alive[:] = np.arange(rays), random.random(rays) < 0.7
+        batch.sequence[:], batch.alive[:] = np.arange(rays), random.random(rays) < 0.7
         light = tables if aim_all is aim else tuple(tables.lights[which])
         aim_all(batch, rays, light, which, vertex)
         lit = batch.floats[LENGTH, :rays] > 0.0
@@ -64,6 +64,16 @@ def test_rays_to_a_sun_are_the_same_from_vectors_of_paths_as_one_by_one(vertex):
     for one_by_one, by_vectors in zip(found[0], found[1], strict=True):
         np.testing.assert_array_equal(by_vectors, one_by_one)
     assert not np.array_equal(found[2][1], found[0][1])
+
+
+def test_samples_of_a_texel_are_spread_evenly_so_that_maps_lie_nearer_to_each_other_than_random_samples_would():
+    scene = BakeScene(OPEN, Surface.plain(OPEN, 0.7), [render.Sun((0.3, -1, 0.2), 20.0)], render.GradientSky())
+    one, other = (baked(scene, sheet(OPEN, 8), 64, seed=seed) for seed in (1, 2))
+    for name in ("environment", "direct", "indirect"):
+        apart = one.light(name).mean(axis=1) - other.light(name).mean(axis=1)
+        assert np.abs(apart.mean()) < 4 * apart.std() / np.sqrt(len(apart)), name
+    random = np.sqrt((standard_error(one) ** 2 + standard_error(other) ** 2).mean())
+    assert 0.0 < np.sqrt(((one.luminance - other.luminance) ** 2).mean()) < 0.8 * random
 
 
 def test_texels_side_by_side_in_a_batch_lie_near_each_other_in_space():

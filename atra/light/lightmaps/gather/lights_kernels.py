@@ -27,12 +27,13 @@ from atra.light.lightmaps.gather.tables_kernels import (
     choose,
 )
 from atra.light.lights_kernels import ALMOST, to_lamp, to_sun
-from atra.light.numbers_kernels import ONE, ZERO, along, bits_of, circle, dot, scaled, set_vector, unit_of, vector
+from atra.light.numbers_kernels import ONE, ZERO, along, circle, dot, scaled, set_vector, vector
+from atra.light.scattering.sampler_kernels import pair_of
 from atra.light.surface_kernels import sky_colour
 
 PI, QUARTER = np.float32(np.pi), np.float32(0.25)
-LIGHTS_OF_A_VERTEX, DIMENSIONS = 1 << 20, 4
-"""Random dimensions of rays to lights lie beyond those of paths."""
+_LIGHTS_OF_A_VERTEX, _PAIRS = 1 << 20, 2
+"""Pairs of evenly spread numbers of rays to lights lie beyond those of paths: two for each, and for a random one."""
 
 _NONE = ZERO, ZERO, ZERO
 
@@ -136,10 +137,10 @@ def emitter_share(tables, face, away, cosine, squared, selected):  # type: ignor
 def aim_at_sun(batch, count, light, which, vertex):  # type: ignore[no-untyped-def]
     """As `aim`, to light `which`, a sun; without branches, so that it vectorises. light: its words."""
     floats = batch.floats
-    first = np.uint32((vertex + 1) * LIGHTS_OF_A_VERTEX + DIMENSIONS * which)
+    first = np.uint32((vertex + 1) * _LIGHTS_OF_A_VERTEX + _PAIRS * which)
     for i in range(count):
-        key = batch.key[i]
-        u, v = unit_of(bits_of(key, first + np.uint32(1))), unit_of(bits_of(key, first + np.uint32(2)))
+        slot = batch.slot[i]
+        u, v = pair_of(batch.sequence[slot], batch.sample[slot], first + np.uint32(1))
         direction = to_sun(light, u, v)
         strength = max(ZERO, cosine_at(vector(floats, NORMAL, i), direction))
         red = strength * light[COLOUR] * floats[WEIGHT, i]
@@ -162,15 +163,16 @@ def aim(batch, count, tables, given, vertex):  # type: ignore[no-untyped-def]
         floats[LENGTH, i] = ZERO
         if batch.alive[i] == 0:
             continue
-        key, row, selected = batch.key[i], given, ONE
+        row, selected, slot = given, ONE, batch.slot[i]
+        sequence, sample = batch.sequence[slot], batch.sample[slot]
         origin, normal = vector(floats, ORIGIN, i), vector(floats, NORMAL, i)
-        first = np.uint32((vertex + 1) * LIGHTS_OF_A_VERTEX)
+        first = np.uint32((vertex + 1) * _LIGHTS_OF_A_VERTEX)
+        if given >= 0:
+            first += np.uint32(_PAIRS * given)
+        chance, choice = pair_of(sequence, sample, first)
+        u, v = pair_of(sequence, sample, first + np.uint32(1))
         if given < 0:
-            row, selected = chosen(tables, cell_of(tables, origin), unit_of(bits_of(key, first)))
-        else:
-            first += np.uint32(DIMENSIONS * given)
-        u, v = unit_of(bits_of(key, first + np.uint32(1))), unit_of(bits_of(key, first + np.uint32(2)))
-        chance = unit_of(bits_of(key, first + np.uint32(3)))
+            row, selected = chosen(tables, cell_of(tables, origin), choice)
         kind = tables.lights[row, KIND]
         if kind == EMITTERS:
             direction, carried, reach = _to_emitter(tables, origin, normal, u, v, chance, selected)

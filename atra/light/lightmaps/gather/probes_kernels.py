@@ -16,7 +16,7 @@ from atra.light.lightmaps.gather.tables_kernels import (
     RESULTS,
     WEIGHT,
 )
-from atra.light.lightmaps.samples_kernels import sample_key
+from atra.light.lightmaps.samples_kernels import sample_key, sequence_key
 from atra.light.numbers_kernels import ZERO, bits_of, mixed, on_sphere, set_vector, unit_of, vector
 from atra.light.scattering.spots_kernels import WHITE
 
@@ -49,6 +49,7 @@ def generate_probes(batch, points, first, probes, sample, samples, tables):  # t
             for one in range(RESULTS):
                 batch.results[i, one] = ZERO
             batch.key[i] = sample_key(first + k, sample + e, tables.seed)
+            batch.sequence[i], batch.sample[i] = sequence_key(first + k, tables.seed), sample + e
             place = points[first + k, 0], points[first + k, 1], points[first + k, 2]
             set_vector(batch.floats, ORIGIN, i, place)
             set_vector(batch.floats, NORMAL, i, _NOWHERE)

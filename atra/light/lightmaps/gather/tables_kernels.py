@@ -87,7 +87,8 @@ class Batch(NamedTuple):
     floats: (PATH_ROWS, > N) float32: origin, unit normal (0 for probes), unit direction, weight (r, g, b) of arriving
     light, and of a ray to a light what it carries (r, g, b) and its length, 0 = none. prim_id: (N,) uint32, hits.
     distance: (N,) float32, to them. key: (N,) uint32, of random numbers. slot: (N,) int32, the sample of a ray. alive:
-    (N,) int8, 0 = an idle lane. results: (N, RESULTS) float32.
+    (N,) int8, 0 = an idle lane. By slot: sequence, (N,) uint32, a texel's or probe's key of evenly spread numbers;
+    sample: (N,) uint32, the number of a sample in it; results: (N, RESULTS) float32.
     """
 
     floats: NDArray[np.float32]
@@ -96,6 +97,8 @@ class Batch(NamedTuple):
     key: NDArray[np.uint32]
     slot: NDArray[np.int32]
     alive: NDArray[np.int8]
+    sequence: NDArray[np.uint32]
+    sample: NDArray[np.uint32]
     results: NDArray[np.float32]
 
 
