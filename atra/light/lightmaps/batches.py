@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.light.laps import Laps
-from atra.light.lightmaps.bounces_kernels import compact, scatter, shade, trace_kernel
+from atra.light.lightmaps.bounces_kernels import compact, end_weak, scatter, shade, trace_kernel
 from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.gather.lights_kernels import aim, aim_at_sun, plane_of
 from atra.light.lightmaps.gather.tables_kernels import KIND, PATH_ROWS, RESULTS, SUN, Batch, Tables
@@ -78,17 +78,29 @@ class Stages:
             if vertex:
                 if len(tables.lights):
                     self.light(batch, count, -1, vertex)
+                if vertex >= roulette_from:
+                    going = end_weak(batch, count, vertex)
+                    self.lap("scatter")
+                    if going == 0:
+                        break
+                    count = self._compacted(batch, count)
                 scatter(batch, count, vertex)
                 self.lap("scatter")
             self._work.traced(self._trace(batch, count, tables, paint, vertex, query.scene, query.packet), count)
             self.lap("trace")
-            going = shade(batch, count, tables, paint, vertex, vertex == options.bounces, roulette_from)
+            going = shade(batch, count, tables, paint, vertex, vertex == options.bounces)
             self.lap("shade")
             if going == 0:
                 break
-            if options.compaction == "bounces":
-                count = compact(batch, count)
-                self.lap("compact")
+            count = self._compacted(batch, count)
+
+    def _compacted(self, batch: Batch, count: int) -> int:
+        """Move the paths that continue to the front, if lanes are to be full; returns how many lanes there are."""
+        if self._options.compaction != "bounces":
+            return count
+        going: int = compact(batch, count)
+        self.lap("compact")
+        return going
 
 
 class Job(NamedTuple):

@@ -38,10 +38,10 @@ _DIRECTIONS = PLACE + 1
 @float_kernel
 def scatter(batch, count, vertex):  # type: ignore[no-untyped-def]
     """Choose a cosine-distributed direction for each path; those of a texel's samples are spread evenly."""
+    pair = np.uint32(_DIRECTIONS + vertex)
     for i in range(count):
         if batch.alive[i] != 0:
-            slot = batch.slot[i]
-            u, v = pair_of(batch.sequence[slot], batch.sample[slot], _DIRECTIONS + vertex)
+            u, v = pair_of(batch.sequence[i], batch.sample[i], pair)
             set_vector(batch.floats, DIRECTION, i, around(vector(batch.floats, NORMAL, i), on_sphere(u, v)))
 
 
@@ -110,11 +110,10 @@ def _selected(tables, floats, path, vertex, light):  # type: ignore[no-untyped-d
 
 
 @float_kernel
-def shade(batch, count, tables, paint, vertex, is_last, roulette_from):  # type: ignore[no-untyped-def]
+def shade(batch, count, tables, paint, vertex, is_last):  # type: ignore[no-untyped-def]
     """Add the light of what paths hit; move them to their next vertex or end them. Returns how many continue.
 
-    paint: as for `albedo_met`. is_last: none continues. roulette_from: bounces after which Russian roulette ends weak
-    paths.
+    paint: as for `albedo_met`. is_last: none continues.
     """
     floats, planes = batch.floats, tables.planes
     aims_at_emitters, aims_at_sky = len(tables.emitters) > 0, tables.sky_by != GIVES_BSDF
@@ -164,13 +163,8 @@ def shade(batch, count, tables, paint, vertex, is_last, roulette_from):  # type:
             continue
         albedo = albedo_met(tables, paint, prim_id, vector(floats, ORIGIN, i), direction)
         red, green, blue = weight[0] * albedo[0], weight[1] * albedo[1], weight[2] * albedo[2]
-        most = max(red, green, blue)
-        if not most > ZERO:
+        if not max(red, green, blue) > ZERO:
             continue
-        if vertex + 1 >= roulette_from and most < ONE:
-            if unit_of(bits_of(batch.key[i], np.uint32(vertex))) >= most:
-                continue
-            red, green, blue = red / most, green / most, blue / most
         side = 1.0 if is_front else -1.0
         ox, oy, oz = (
             np.float64(floats[ORIGIN, i]),
@@ -191,6 +185,24 @@ def shade(batch, count, tables, paint, vertex, is_last, roulette_from):  # type:
 
 
 @float_kernel
+def end_weak(batch, count, vertex):  # type: ignore[no-untyped-def]
+    """Russian roulette: end a path by the share of light that it has lost. Returns how many continue.
+
+    It comes after rays to lights: those from the last vertex of a path count in full, too.
+    """
+    floats, going = batch.floats, 0
+    for i in range(count):
+        red, green, blue = vector(floats, WEIGHT, i)
+        most = max(red, green, blue)
+        if batch.alive[i] != 0 and most < ONE:
+            goes_on = unit_of(bits_of(batch.key[i], np.uint32(vertex))) < most
+            batch.alive[i] = 1 if goes_on else 0
+            set_vector(floats, WEIGHT, i, (red / most, green / most, blue / most))
+        going += batch.alive[i]
+    return going
+
+
+@float_kernel
 def compact(batch, count):  # type: ignore[no-untyped-def]
     """Move the paths that continue to the front, in order; returns their number. Directions and carried light are not
     kept, as the next stages write them."""
@@ -201,5 +213,6 @@ def compact(batch, count):  # type: ignore[no-untyped-def]
                 for row in (ORIGIN, NORMAL, WEIGHT):
                     set_vector(floats, row, kept, vector(floats, row, i))
                 batch.key[kept], batch.slot[kept], batch.alive[kept] = batch.key[i], batch.slot[i], 1
+                batch.sequence[kept], batch.sample[kept] = batch.sequence[i], batch.sample[i]
             kept += 1
     return kept

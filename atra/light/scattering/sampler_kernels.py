@@ -37,11 +37,15 @@ def pair_of(key, sample, pair):  # type: ignore[no-untyped-def]
 @njit(forceinline=True)
 def _reversed(bits):  # type: ignore[no-untyped-def]
     bits = np.uint32((bits << np.uint32(16)) | (bits >> np.uint32(16)))
-    for shift, mask in ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)):
-        bits = np.uint32(
-            ((bits & np.uint32(mask)) << np.uint32(shift)) | ((bits >> np.uint32(shift)) & np.uint32(mask))
-        )
-    return bits
+    bits = _swapped(bits, np.uint32(8), np.uint32(0x00FF00FF))
+    bits = _swapped(bits, np.uint32(4), np.uint32(0x0F0F0F0F))
+    bits = _swapped(bits, np.uint32(2), np.uint32(0x33333333))
+    return _swapped(bits, np.uint32(1), np.uint32(0x55555555))
+
+
+@njit(forceinline=True)
+def _swapped(bits, shift, mask):  # type: ignore[no-untyped-def]
+    return np.uint32(((bits & mask) << shift) | ((bits >> shift) & mask))
 
 
 @njit(forceinline=True)
@@ -57,6 +61,13 @@ def _scrambled(bits, seed):  # type: ignore[no-untyped-def]
 @njit(forceinline=True)
 def _second(index):  # type: ignore[no-untyped-def]
     """The second coordinate of Sobol's point of a number, its bits reversed: Pascal's triangle modulo 2."""
-    for shift, mask in ((1, 0xAAAAAAAA), (2, 0xCCCCCCCC), (4, 0xF0F0F0F0), (8, 0xFF00FF00), (16, 0xFFFF0000)):
-        index = np.uint32(index ^ ((index & np.uint32(mask)) >> np.uint32(shift)))
-    return index
+    index = _folded(index, np.uint32(1), np.uint32(0xAAAAAAAA))
+    index = _folded(index, np.uint32(2), np.uint32(0xCCCCCCCC))
+    index = _folded(index, np.uint32(4), np.uint32(0xF0F0F0F0))
+    index = _folded(index, np.uint32(8), np.uint32(0xFF00FF00))
+    return _folded(index, np.uint32(16), np.uint32(0xFFFF0000))
+
+
+@njit(forceinline=True)
+def _folded(index, shift, mask):  # type: ignore[no-untyped-def]
+    return np.uint32(index ^ ((index & mask) >> shift))

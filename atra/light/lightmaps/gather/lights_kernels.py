@@ -139,8 +139,7 @@ def aim_at_sun(batch, count, light, which, vertex):  # type: ignore[no-untyped-d
     floats = batch.floats
     first = np.uint32((vertex + 1) * _LIGHTS_OF_A_VERTEX + _PAIRS * which)
     for i in range(count):
-        slot = batch.slot[i]
-        u, v = pair_of(batch.sequence[slot], batch.sample[slot], first + np.uint32(1))
+        u, v = pair_of(batch.sequence[i], batch.sample[i], first + np.uint32(1))
         direction = to_sun(light, u, v)
         strength = max(ZERO, cosine_at(vector(floats, NORMAL, i), direction))
         red = strength * light[COLOUR] * floats[WEIGHT, i]
@@ -163,8 +162,7 @@ def aim(batch, count, tables, given, vertex):  # type: ignore[no-untyped-def]
         floats[LENGTH, i] = ZERO
         if batch.alive[i] == 0:
             continue
-        row, selected, slot = given, ONE, batch.slot[i]
-        sequence, sample = batch.sequence[slot], batch.sample[slot]
+        row, selected, sequence, sample = given, ONE, batch.sequence[i], batch.sample[i]
         origin, normal = vector(floats, ORIGIN, i), vector(floats, NORMAL, i)
         first = np.uint32((vertex + 1) * _LIGHTS_OF_A_VERTEX)
         if given >= 0:

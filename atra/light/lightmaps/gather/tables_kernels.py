@@ -87,8 +87,8 @@ class Batch(NamedTuple):
     floats: (PATH_ROWS, > N) float32: origin, unit normal (0 for probes), unit direction, weight (r, g, b) of arriving
     light, and of a ray to a light what it carries (r, g, b) and its length, 0 = none. prim_id: (N,) uint32, hits.
     distance: (N,) float32, to them. key: (N,) uint32, of random numbers. slot: (N,) int32, the sample of a ray. alive:
-    (N,) int8, 0 = an idle lane. By slot: sequence, (N,) uint32, a texel's or probe's key of evenly spread numbers;
-    sample: (N,) uint32, the number of a sample in it; results: (N, RESULTS) float32.
+    (N,) int8, 0 = an idle lane. sequence: (N,) uint32, a texel's or probe's key of evenly spread numbers. sample: (N,)
+    uint32, the number of the sample in it. results: (N, RESULTS) float32, by slot.
     """
 
     floats: NDArray[np.float32]
