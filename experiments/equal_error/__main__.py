@@ -14,7 +14,7 @@ from pathlib import Path
 import pandas as pd
 
 from experiments.equal_error.figure import draw_errors
-from experiments.equal_error.measure import BEFORE, MITSUBA, measure
+from experiments.equal_error.measure import BEFORE, FAST, MITSUBA, measure
 from experiments.harness.environment import read_environment
 from scenes.lit.equal_error import SCENES
 
@@ -27,14 +27,14 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--scene", action="append", choices=list(SCENES))
     parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--renderer", action="append", choices=[BEFORE, *MITSUBA])
+    parser.add_argument("--renderer", action="append", choices=[FAST, BEFORE, *MITSUBA])
     given = parser.parse_args()
     given.folder.mkdir(parents=True, exist_ok=True)
     path, machine = given.folder / "table.parquet", read_environment()
     same = {"processor": machine.cpu, "cores": machine.logical_cores, "commit": machine.git_commit}
     table = pd.read_parquet(path) if path.exists() else pd.DataFrame()
     for name in given.scene or SCENES:
-        rows = [{**row, **same} for row in measure(name, given.threads, given.renderer or [BEFORE, *MITSUBA])]
+        rows = [{**row, **same} for row in measure(name, given.threads, given.renderer or [FAST, BEFORE, *MITSUBA])]
         table = pd.concat([table, pd.DataFrame(rows)]).drop_duplicates(_KEY, keep="last", ignore_index=True)
         table.to_parquet(path, index=False)
         print(pd.DataFrame(rows).round(4).drop(columns=list(same)).to_string(index=False), flush=True)

@@ -10,10 +10,11 @@ import pandas as pd
 
 from experiments.drawing.axes import tidy_axis
 from experiments.drawing.style import BLACK, BLUE, DASHED, GREY, ORANGE, SKY, SMALL
-from experiments.equal_error.measure import BEFORE, ERRORS, OURS, SIZES
+from experiments.equal_error.measure import BEFORE, ERRORS, FAST, OURS, SIZES
 
 _LOOKS = {
     OURS: (ORANGE, "-", "o"),
+    FAST: (ORANGE, DASHED, "D"),
     BEFORE: (GREY, DASHED, "s"),
     "scalar_rgb": (SKY, "-", "^"),
     "llvm_ad_rgb": (BLUE, "-", "v"),

@@ -9,7 +9,8 @@ largest difference.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import count
 from time import perf_counter
@@ -33,8 +34,12 @@ PICTURES = 5
 ERRORS = (0.05, 0.01)
 """Relative errors to which the time is found."""
 
-OURS, BEFORE, MITSUBA = "ours", "ours, lights met by chance", ("scalar_rgb", "llvm_ad_rgb")
-"""Renderers: this one, the same without rays aimed at lights, and Mitsuba's variants."""
+OURS, FAST, BEFORE = "ours", "ours, as Mitsuba sets Embree", "ours, lights met by chance"
+MITSUBA = "scalar_rgb", "llvm_ad_rgb"
+"""Renderers: this one; the same with Embree's fast setting and hierarchy of high quality, which Mitsuba uses; the same
+without rays aimed at lights; and Mitsuba's variants."""
+
+_OPTIONS: dict[str, dict[str, Any]] = {FAST: {"robust": False, "build_quality": "high"}, BEFORE: {"lights": "found"}}
 
 BLOCK = 16
 _FLOOR = 0.02
@@ -64,34 +69,47 @@ def relative_error(pictures: Floats) -> float:
     return float(np.sqrt((spread / np.maximum(mean, _FLOOR * mean.mean()) ** 2).mean()))
 
 
-def _measured(make: Callable[[int], Iterator[Floats]]) -> Found:
-    seconds, errors, means = {}, {}, []
+Maker = Callable[[int], Iterator[Floats]]
+"""Independent pictures of so many samples each."""
+
+
+def measured(makers: Mapping[str, Maker]) -> dict[str, Found]:
+    """What each renderer takes and finds; pictures are made in turns, so that what slows the machine slows all."""
+    seconds: dict[str, dict[int, float]] = {name: {} for name in makers}
+    errors: dict[str, dict[int, float]] = {name: {} for name in makers}
+    means: dict[str, list[Floats]] = {name: [] for name in makers}
     for size in SIZES:
-        taken, pictures = [], []
-        maker = make(size)
+        series = {name: make(size) for name, make in makers.items()}
+        taken: dict[str, list[float]] = {name: [] for name in makers}
+        pictures: dict[str, list[Floats]] = {name: [] for name in makers}
         for _ in range(PICTURES):
-            start = perf_counter()
-            pictures.append(next(maker))
-            taken.append(perf_counter() - start)
-        seconds[size] = float(np.median(taken))
-        errors[size] = relative_error(np.array(pictures))
-        means.append(np.mean(pictures, axis=0))
-    weights = np.array(SIZES, float)
-    return Found(seconds, errors, np.tensordot(weights / weights.sum(), np.array(means), 1))
+            for name, one in series.items():
+                start = perf_counter()
+                pictures[name].append(next(one))
+                taken[name].append(perf_counter() - start)
+        for name in makers:
+            seconds[name][size] = float(np.median(taken[name]))
+            errors[name][size] = relative_error(np.array(pictures[name]))
+            means[name].append(np.mean(pictures[name], axis=0))
+    weights = np.array(SIZES, float) / sum(SIZES)
+    return {
+        name: Found(seconds[name], errors[name], np.tensordot(weights, np.array(means[name]), 1)) for name in makers
+    }
 
 
-def ours(shown: Shown, threads: int, lights: str = "aimed") -> Found:
-    """What `PathRenderer` takes and finds. lights: as its option."""
+@contextmanager
+def ours(shown: Shown, threads: int, **options: Any) -> Iterator[Maker]:
+    """Pictures by `PathRenderer`, which has compiled and built what it needs. options: of it."""
     scene, camera = shown
-    options: Any = {"threads": threads, "max_depth": DEPTH, "roulette": ROULETTE, "jitter": "pixel", "lights": lights}
-    with PathRenderer(scene, camera, **options) as renderer:
-        renderer.add(1)  # compiles and builds
+    same: Any = {"threads": threads, "max_depth": DEPTH, "roulette": ROULETTE, "jitter": "pixel"}
+    with PathRenderer(scene, camera, **same | options) as renderer:
+        renderer.add(1)
 
         def make(size: int) -> Iterator[Floats]:
             renderer.restart()
             return pictures_of(renderer, size)
 
-        return _measured(make)
+        yield make
 
 
 def pictures_of(renderer: PathRenderer, size: int) -> Iterator[Floats]:
@@ -104,23 +122,32 @@ def pictures_of(renderer: PathRenderer, size: int) -> Iterator[Floats]:
         before = so_far
 
 
-def mitsuba(shown: Shown, threads: int, variant: str) -> Found:
-    """What Mitsuba's `path` integrator takes and finds."""
+def mitsuba(shown: Shown, threads: int, variant: str) -> Maker:
+    """Pictures by Mitsuba's `path` integrator, compiled for each size before the first."""
     render, seeds = mitsuba_renderer(shown, threads, variant), count()
 
     def make(size: int) -> Iterator[Floats]:
-        render(size, next(seeds))  # compiles for this size
-        while True:
-            yield render(size, next(seeds))
+        render(size, next(seeds))
 
-    return _measured(make)
+        def pictures() -> Iterator[Floats]:
+            while True:
+                yield render(size, next(seeds))
+
+        return pictures()
+
+    return make
 
 
 def mitsuba_renderer(shown: Shown, threads: int, variant: str) -> Callable[[int, int], Floats]:
     """A call that makes a picture by Mitsuba's `path` integrator. Its arguments: samples, seed."""
     mi, _ = load_mitsuba(variant, f"variant={variant}", threads)
     loaded = mitsuba_scene(mi, *shown, DEPTH, roulette=ROULETTE + 1)
-    return lambda size, seed: np.array(mi.render(loaded, spp=size, seed=seed), np.float64)
+
+    def render(size: int, seed: int) -> Floats:
+        mi.set_variant(variant)  # of several that take turns
+        return np.array(mi.render(loaded, spp=size, seed=seed), np.float64)
+
+    return render
 
 
 def block_means(image: Floats) -> Floats:
@@ -137,14 +164,18 @@ def block_differences(one: Floats, other: Floats) -> Floats:
 
 
 def measure(name: str, threads: int, others: Iterable[str]) -> Iterator[dict[str, Any]]:
-    """A row of the table for each renderer of a scene: this one, as it was before it aimed at lights, and Mitsuba's
-    variants."""
+    """A row of the table for each renderer of a scene: this one, and the others."""
     shown = SCENES[name]()
-    own = ours(shown, threads)
-    yield _row(name, threads, OURS, own, own)
-    for other in others:
-        found = ours(shown, threads, lights="found") if other == BEFORE else mitsuba(shown, threads, other)
-        yield _row(name, threads, other, found, own)
+    with ExitStack() as stack:
+        makers = {OURS: stack.enter_context(ours(shown, threads))}
+        for other in others:
+            if other in MITSUBA:
+                makers[other] = mitsuba(shown, threads, other)
+            else:
+                makers[other] = stack.enter_context(ours(shown, threads, **_OPTIONS[other]))
+        found = measured(makers)
+    for renderer, one in found.items():
+        yield _row(name, threads, renderer, one, found[OURS])
 
 
 def _row(name: str, threads: int, renderer: str, found: Found, own: Found) -> dict[str, Any]:

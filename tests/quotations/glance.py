@@ -87,12 +87,11 @@ def pictures_in_short(kept):
 
 
 def mitsuba_in_short(kept):
-    """Paths a second of lightmaps beside Mitsuba's best, rays one by one and in packets."""
-    yield f"{_over_mitsuba(kept)} times as many paths a second as Mitsuba 3 at its best"
-
-
-def _over_mitsuba(kept):
-    return span(of(kept.points, against="mitsuba")["speedup_vs_best_other"])
+    """Paths a second of lightmaps beside Mitsuba's best, and time to an error where no lamp shines; with its settings."""
+    same = of(kept.points, against="mitsuba", robust_rays=False)
+    yield f"{span(same['speedup_vs_best_other'])} times as many paths a second as Mitsuba 3 at its best"
+    sunlit = same[same["scene"].ne("cornell_box")]
+    yield f"its error {span(sunlit['quality_vs_other'])} times as soon"
 
 
 def sun_in_the_box(kept):

@@ -6,7 +6,16 @@ import pandas as pd
 import pytest
 
 from experiments.equal_error import figure
-from experiments.equal_error.measure import BEFORE, MITSUBA, OURS, Found, block_differences, relative_error
+from experiments.equal_error.measure import (
+    BEFORE,
+    FAST,
+    MITSUBA,
+    OURS,
+    Found,
+    block_differences,
+    measured,
+    relative_error,
+)
 
 
 def test_the_error_of_a_picture_is_its_relative_noise():
@@ -29,6 +38,25 @@ def test_half_the_error_takes_four_times_as_long():
     assert found.time_to(0.05) == pytest.approx(16.0)
 
 
+def test_renderers_take_turns_and_keep_their_own_pictures():
+    made = []
+
+    def maker(name, value):
+        def make(size):
+            while True:
+                made.append((name, size))
+                yield np.full((2, 2, 3), value)
+
+        return make
+
+    found = measured({"one": maker("one", 1.0), "other": maker("other", 2.0)})
+    assert made == [(name, size) for size in (8, 32) for _ in range(5) for name in ("one", "other")]
+    assert {name: one.mean.tolist() for name, one in found.items()} == {
+        "one": np.ones((2, 2, 3)).tolist(), "other": np.full((2, 2, 3), 2.0).tolist()
+    }  # fmt: skip
+    assert set(found["one"].errors.values()) == {0.0}
+
+
 def test_blocks_that_differ_say_by_how_much():
     one, other = np.ones((32, 32, 3)), np.ones((32, 32, 3))
     one[:16, :16] = 1.1
@@ -37,7 +65,7 @@ def test_blocks_that_differ_say_by_how_much():
 
 def test_the_figure_has_a_panel_for_each_scene_and_marks_for_each_renderer(tmp_path, monkeypatch):
     row = {"threads": 1, "error_of_8": 0.2, "error_of_32": 0.1, "time_of_8_s": 1.0, "time_of_32_s": 4.0}
-    renderers = OURS, BEFORE, *MITSUBA
+    renderers = OURS, FAST, BEFORE, *MITSUBA
     rows = [{**row, "scene": scene, "renderer": one} for scene in ("lamp", "window") for one in renderers]
     rows += [{**rows[0], "threads": 2, "scene": "another"}]
     drawn = []

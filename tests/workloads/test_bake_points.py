@@ -247,6 +247,10 @@ def test_paths_beside_mitsuba_count_in_one_thread_and_where_both_find_the_same_l
     assert verdict("target-mitsuba", table(good, slower)) == UNDECIDED  # of all points of a scene
     assert verdict("target-mitsuba", table(good | {"other_light_error": (0.003, 0.003, 0.003, 0.002)})) == UNDECIDED
     assert verdict("target-mitsuba", table(good | {"threads": 2})) == NOT_MEASURED
+    for ends, expected in (((2.1, 2.4), HOLDS), ((1.8, 1.9), DOES_NOT_HOLD), ((1.9, 2.1), UNDECIDED)):
+        fast = good | {"robust_rays": False} | ratio("quality_vs_other", *[ends] * 4)
+        assert verdict("target-mitsuba-error", table(fast)) == expected
+    assert verdict("target-mitsuba-error", table(fast | {"robust_rays": True})) == NOT_MEASURED
 
 
 def test_the_search_for_what_a_view_shows_is_judged_where_both_methods_searched():

@@ -109,7 +109,12 @@ _JUDGES: Mapping[str, Judge] = {
     "target-whole-map": ratio_judge("whole_map_cost", _view, Bounds(high=1.05)),
     "target-denoised": _counted(lambda rows: numbers(rows, "denoised_ratio"), _denoised, Bounds(high=1.0)),
     "target-seams": _counted(lambda rows: numbers(rows, "seam_step_ratio"), _denoised, Bounds(high=0.25)),
-    "target-mitsuba": partial(judge_mitsuba, which=_against("mitsuba", threads=1)),
+    "target-mitsuba": partial(
+        judge_mitsuba, which=_against("mitsuba", threads=1), ratio="speedup_vs_best_other", least=1.0
+    ),
+    "target-mitsuba-error": partial(
+        judge_mitsuba, which=_against("mitsuba", threads=1, robust_rays=False), ratio="quality_vs_other", least=2.0
+    ),
 }  # fmt: skip
 
 CLAIMS = read_claims(Path(__file__).with_suffix(".toml"), {name: {"": judge} for name, judge in _JUDGES.items()})

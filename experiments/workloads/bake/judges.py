@@ -27,9 +27,10 @@ _DEVIATIONS = 4.0
 """Standard errors between the light of two that find the same."""
 
 
-def judge_mitsuba(processes: pd.DataFrame | None, which: Which) -> Judgement:
-    """By points in one thread; undecided where any of them finds other light than Mitsuba."""
-    judged = ratio_judge("speedup_vs_best_other", which, Bounds(low=1.0))(processes)
+def judge_mitsuba(processes: pd.DataFrame | None, which: Which, ratio: str, least: float) -> Judgement:
+    """By points in one thread, a ratio that is at least `least`; undecided where any of them finds other light than
+    Mitsuba."""
+    judged = ratio_judge(ratio, which, Bounds(low=least))(processes)
     rows = measured_rows(processes, which)
     off, error = numbers(rows, "other_light_ratio") - 1.0, numbers(rows, "other_light_error")
     other = rows["scene"][~(abs(off) <= _DEVIATIONS * error)].unique()
