@@ -12,6 +12,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
+from importlib import import_module
 from itertools import count
 from time import perf_counter
 from typing import Any
@@ -69,8 +71,8 @@ def relative_error(pictures: Floats) -> float:
     return float(np.sqrt((spread / np.maximum(mean, _FLOOR * mean.mean()) ** 2).mean()))
 
 
-Maker = Callable[[int], Iterator[Floats]]
-"""Independent pictures of so many samples each."""
+Maker = Callable[[int], Iterator[Callable[[], Floats]]]
+"""Calls that make independent pictures of so many samples each. What comes before a call is not timed."""
 
 
 def measured(makers: Mapping[str, Maker]) -> dict[str, Found]:
@@ -84,8 +86,8 @@ def measured(makers: Mapping[str, Maker]) -> dict[str, Found]:
         pictures: dict[str, list[Floats]] = {name: [] for name in makers}
         for _ in range(PICTURES):
             for name, one in series.items():
-                start = perf_counter()
-                pictures[name].append(next(one))
+                make_picture, start = next(one), perf_counter()
+                pictures[name].append(make_picture())
                 taken[name].append(perf_counter() - start)
         for name in makers:
             seconds[name][size] = float(np.median(taken[name]))
@@ -105,9 +107,11 @@ def ours(shown: Shown, threads: int, **options: Any) -> Iterator[Maker]:
     with PathRenderer(scene, camera, **same | options) as renderer:
         renderer.add(1)
 
-        def make(size: int) -> Iterator[Floats]:
+        def make(size: int) -> Iterator[Callable[[], Floats]]:
             renderer.restart()
-            return pictures_of(renderer, size)
+            pictures = pictures_of(renderer, size)
+            while True:
+                yield partial(next, pictures)
 
         yield make
 
@@ -123,17 +127,19 @@ def pictures_of(renderer: PathRenderer, size: int) -> Iterator[Floats]:
 
 
 def mitsuba(shown: Shown, threads: int, variant: str) -> Maker:
-    """Pictures by Mitsuba's `path` integrator, compiled for each size before the first."""
+    """Pictures by Mitsuba's `path` integrator, which has compiled what each size needs.
+
+    Another variant ran before; it takes a tenth of a second to change it.
+    """
     render, seeds = mitsuba_renderer(shown, threads, variant), count()
+    mi = import_module("mitsuba")
 
-    def make(size: int) -> Iterator[Floats]:
+    def make(size: int) -> Iterator[Callable[[], Floats]]:
+        mi.set_variant(variant)
         render(size, next(seeds))
-
-        def pictures() -> Iterator[Floats]:
-            while True:
-                yield render(size, next(seeds))
-
-        return pictures()
+        while True:
+            mi.set_variant(variant)
+            yield partial(render, size, next(seeds))
 
     return make
 
@@ -143,11 +149,7 @@ def mitsuba_renderer(shown: Shown, threads: int, variant: str) -> Callable[[int,
     mi, _ = load_mitsuba(variant, f"variant={variant}", threads)
     loaded = mitsuba_scene(mi, *shown, DEPTH, roulette=ROULETTE + 1)
 
-    def render(size: int, seed: int) -> Floats:
-        mi.set_variant(variant)  # of several that take turns
-        return np.array(mi.render(loaded, spp=size, seed=seed), np.float64)
-
-    return render
+    return lambda size, seed: np.array(mi.render(loaded, spp=size, seed=seed), np.float64)
 
 
 def block_means(image: Floats) -> Floats:

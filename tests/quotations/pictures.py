@@ -50,8 +50,8 @@ def whole_pictures(kept):
 
 
 def equal_error(kept):
-    """Seconds to a relative error of 5 %, by scene and number of threads: ours, with Mitsuba's settings of Embree, before
-    lights were aimed at, and Mitsuba's two variants; then how many times ours with either settings is the faster
+    """Seconds to a relative error of 5 %, by scene and number of threads: ours, with Mitsuba's settings of Embree,
+    before lights were aimed at, and Mitsuba's two variants; then how many times ours with either settings is the faster
     variant's time, and the means of blocks."""
     for (scene, threads), found in kept.points.groupby(["scene", "threads"], sort=False):
         rows = found.set_index("renderer")

@@ -45,7 +45,7 @@ def test_renderers_take_turns_and_keep_their_own_pictures():
         def make(size):
             while True:
                 made.append((name, size))
-                yield np.full((2, 2, 3), value)
+                yield lambda: np.full((2, 2, 3), value)
 
         return make
 
