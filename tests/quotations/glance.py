@@ -87,7 +87,7 @@ def pictures_in_short(kept):
 
 
 def mitsuba_in_short(kept):
-    """Paths a second of lightmaps beside Mitsuba's best, with its settings, and time to an error where no lamp shines."""
+    """Paths a second of lightmaps beside Mitsuba's best, with its settings; and its time to an error, without lamps."""
     same = of(kept.points, against="mitsuba", robust_rays=False)
     yield f"{span(same['speedup_vs_best_other'])} times as many paths a second as Mitsuba 3 at its best"
     sunlit = same[same["scene"].ne("cornell_box")]
