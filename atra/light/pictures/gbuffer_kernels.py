@@ -163,10 +163,7 @@ def _find_places(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
     textured = seen & (none >= is_plain)
     left = bits_of(textured)
     while left:
-        k = 0
-        while not left >> k & 1:
-            k += 1
-        material = material_of(surfaces, np.int64(chunk.prim_id[i + k]))
+        material = _first_material(chunk, i, left, surfaces)
         number = repeated(np.float64(material), _LANES)
         own = textured & (materials >= number) & (number >= materials)
         left &= ~bits_of(own)
@@ -195,10 +192,18 @@ def _find_places(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
 
 
 @njit(forceinline=True)
+def _first_material(chunk, i, lanes, surfaces):  # type: ignore[no-untyped-def]
+    """The material that the first of those pixels sees whose bits are set, at least one."""
+    k = 0
+    while not lanes >> k & 1:
+        k += 1
+    return material_of(surfaces, np.int64(chunk.prim_id[i + k]))
+
+
+@njit(forceinline=True)
 def _find_images(chunk, i, surfaces):  # type: ignore[no-untyped-def]
     """Colours and sky of those of `_LANES` pixels that see images; the bits of pixels whose colours are unknown."""
-    address, row = np.int64(chunk.floats.ctypes.data) + 4 * i, 4 * STRIDE
-    zero = repeated(0.0, _LANES)
+    address, row, zero = np.int64(chunk.floats.ctypes.data) + 4 * i, 4 * STRIDE, repeated(0.0, _LANES)
     textured = load(address + LIGHT * row, ZERO, _LANES) > repeated(ZERO, _LANES)
     left = todo = bits_of(textured)
     if not left:
@@ -206,10 +211,7 @@ def _find_images(chunk, i, surfaces):  # type: ignore[no-untyped-def]
     materials = load(address + LENGTH * row, ZERO, _LANES)
     u, v = load(address + UV * row, ZERO, _LANES), load(address + (UV + 1) * row, ZERO, _LANES)
     while todo:
-        k = 0
-        while not todo >> k & 1:
-            k += 1
-        material = material_of(surfaces, np.int64(chunk.prim_id[i + k]))
+        material = _first_material(chunk, i, todo, surfaces)
         number = repeated(np.float32(material), _LANES)
         own = textured & (materials >= number) & (number >= materials)
         todo &= ~bits_of(own)
