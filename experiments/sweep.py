@@ -26,7 +26,8 @@ from experiments.harness.processes.quiet import Waiting
 from experiments.harness.progress import SweepProgress, say
 from experiments.harness.records import Record, exclusive, load_record, read_record, record_path, write_record
 from experiments.report.writing import check_figures, choose_folder, tell_whose_tables_are_replaced, write_results
-from experiments.results.canary import BAND, strays
+from experiments.results.doubts import was_quiet
+from experiments.results.replacing import WHY, as_replacement, to_replace
 from experiments.results.table import make_tables
 from experiments.results.terminal import print_sweep, results_console, say_label, say_outcome
 from scenes.loading import replace_missing_scenes
@@ -52,9 +53,6 @@ class SweepPoint:
 
 _LAST = ("packet_width", "culling", "frames", "split_y", "split_x")
 """Settings by which the rows of a method are ordered last, as numbers."""
-
-MOST_REPLACED = 3
-"""How often a process that strays is replaced by a new one."""
 
 Launch = Callable[[Sequence[Sequence[str]]], Sequence[str | None]]
 """Measures points elsewhere, each given by its overrides. When it returns, their records are in the records folder; it
@@ -125,7 +123,7 @@ def _finish(sweep: _Sweep, first: Configuration, folder: Path, command: str, int
 @dataclass
 class _Sweep:
     """Points of a sweep by identity. folder: of the records. run, launch, at_once: as of `run_sweep`. quiet: waits
-    for a quiet machine. done: the records so far, by identity."""
+    for a quiet machine. done: the records so far, by identity. is_quiet: whether the last process was not disturbed."""
 
     points: dict[str, SweepPoint]
     folder: Path
@@ -135,6 +133,7 @@ class _Sweep:
     at_once: int
     quiet: Waiting
     done: dict[str, Record] = field(default_factory=dict)
+    is_quiet: bool = False
 
     def begin(self, results: Path, shuffle_seed: int) -> list[str]:
         """Take over what was finished before, record what cannot be measured, and return what is left to do."""
@@ -176,29 +175,23 @@ class _Sweep:
                     progress.end(label, told, self._kind(name))
 
     def measure_again(self) -> None:
-        """Replace what the machine was out of its usual state for (`experiments.results.canary`) by new processes."""
-        for _ in range(MOST_REPLACED):
-            out = strays(list(self.done.values()))
-            tries = {name: int(one.results.get("measured_again") or 0) for name, one in self.done.items()}
-            names = [name for name, one in self.done.items() if one.point_id in out and tries[name] < MOST_REPLACED]
-            if not names:
-                return
-            why = f"rtcIntersect1 over packets strayed by over {BAND:.0%}"
-            say(self.console, f"{len(names)} processes are measured again: {why}")
-            for name in names:
+        """Replace processes that strayed or were disturbed by new ones."""
+        while before := {name: self.done[name] for name in to_replace(self.done)}:
+            say(self.console, f"{len(before)} processes are measured again: {WHY}")
+            for name in before:
                 record_path(self.folder, name).unlink(missing_ok=True)  # a job that finds a record does not measure
-            self.measure(names)
-            for name in names:
-                one = self.done[name]
-                self._keep(name, replace(one, results=one.results | {"measured_again": tries[name] + 1}))
+            self.measure(list(before))
+            for name, earlier in before.items():
+                self._keep(name, as_replacement(self.done[name], earlier))
 
     def _measure_batch(self, batch: Sequence[str]) -> list[str]:
         """Measure points together; returns what came of each, in words."""
         if self.launch is None:
             for name in batch:
-                if self._point(name).workload.is_timed:
+                if self._point(name).workload.is_timed and not self.is_quiet:
                     self.quiet.for_quiet()
                 self._keep(name, measure(self.points[name].planned, self.run))
+                self.is_quiet = was_quiet(self.done[name])
             return [say_outcome(self.done[name]) for name in batch]
         try:
             problems = self.launch([self.points[name].overrides for name in batch])

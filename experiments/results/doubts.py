@@ -20,29 +20,52 @@ def cores_of(record: Record) -> int | None:
 
 def doubts_of(record: Record) -> str | None:
     """Reasons to distrust the times of a point, None without any."""
-    judged = find_workload(record.configuration["workload"]).judged
-    if record.status != "ok" or judged is None:
+    own = _judged(record)
+    if own is None:
         return None
-    own = np.asarray(record.samples[judged], np.float64)
+    doubts = passing_doubts(record)
+    if min(own) < 1e-3:
+        doubts.append("shortest sample is below 1 ms")
+    asked = record.configuration.get("rounds")
+    if asked is not None and len(own) < asked:
+        doubts.append(f"{len(own)} of {asked} rounds")
+    cores, threads = cores_of(record), record.results.get("threads")
+    if cores and threads and threads > cores:
+        doubts.append(f"{threads} threads on {cores} cores")
+    return "; ".join(doubts) or None
+
+
+def passing_doubts(record: Record) -> list[str]:
+    """Those of `doubts_of` that came from a disturbance, so that another process may be without them."""
+    own = _judged(record)
+    if own is None:
+        return []
     doubts = []
-    q1, median, q3 = np.quantile(own, [0.25, 0.5, 0.75])
+    q1, median, q3 = np.quantile(np.asarray(own, np.float64), [0.25, 0.5, 0.75])
     if q3 - q1 >= 0.1 * median:
         doubts.append(f"spread is {(q3 - q1) / median:.0%} of the median")
-    if own.min() < 1e-3:
-        doubts.append("shortest sample is below 1 ms")
     longest = max(max(values) / np.median(values) for values in record.samples.values())
     if longest > _OUT_OF_PROPORTION:
         doubts.append(f"longest sample is {longest:,.0f} times the median")
     shortest = max(np.median(values) / min(values) for values in record.samples.values())
     if shortest > _OUT_OF_PROPORTION:
         doubts.append(f"median is {shortest:,.0f} times the shortest sample")
-    asked = record.configuration.get("rounds")
-    if asked is not None and len(own) < asked:
-        doubts.append(f"{len(own)} of {asked} rounds")
-    taken = sum(record.results.get(name) or 0.0 for name in ("others_share", "stolen_share"))
+    taken = _taken_share(record)
     if taken > BUSY_SHARE:
         doubts.append(f"others took {taken:.0%} of its cores")
-    cores, threads = cores_of(record), record.results.get("threads")
-    if cores and threads and threads > cores:
-        doubts.append(f"{threads} threads on {cores} cores")
-    return "; ".join(doubts) or None
+    return doubts
+
+
+def was_quiet(record: Record) -> bool:
+    """Whether nobody else took cores while the point was measured, as far as it was told."""
+    return record.results.get("others_share") is not None and _taken_share(record) <= BUSY_SHARE
+
+
+def _taken_share(record: Record) -> float:
+    return sum(record.results.get(name) or 0.0 for name in ("others_share", "stolen_share"))
+
+
+def _judged(record: Record) -> list[float] | None:
+    """The samples by which a record is judged, None where there are none."""
+    judged = find_workload(record.configuration["workload"]).judged
+    return None if record.status != "ok" or judged is None else record.samples[judged]

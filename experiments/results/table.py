@@ -81,7 +81,7 @@ _OUTCOME_COLUMNS = (
     Column("error", TEXT, "why, when not ok", lambda record: record.error, _first),
     Column("processes", WHOLE, "processes that measured it", lambda record: 1, sum),
     Column("processes_left_out", WHOLE, "processes left out, the machine not being as it mostly was"),
-    Column("processes_replaced", WHOLE, "processes that strayed and were measured anew", lambda record: None),
+    Column("processes_replaced", WHOLE, "processes measured anew: strayed or disturbed", lambda record: None),
     Column("rounds", WHOLE, "rounds that ran in every process", over=min),
     Column("doubts", TEXT, "what makes the times less trustworthy", doubts_of, partial(max, key=len)),
     Column("others_share", REAL, "of the cores it may use, what other processes took during the rounds", over=max),

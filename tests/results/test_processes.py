@@ -10,8 +10,9 @@ from atra.errors import InputError
 from experiments.harness.configuration import MeasureConfiguration, check_configuration
 from experiments.harness.records import Record
 from experiments.results.canary import BAND, strays
+from experiments.results.replacing import MOST_REPLACED
 from experiments.results.table import make_tables
-from experiments.sweep import MOST_REPLACED, GridPoint, run_sweep
+from experiments.sweep import GridPoint, run_sweep
 from tests.harness.test_sweep import Runner, configuration
 from tests.results.test_table import MEASURED
 
@@ -118,3 +119,19 @@ def test_what_strays_is_replaced_at_the_end_three_times_at_most(tmp_path):
     again = Bumpy()
     run_sweep(points(tmp_path, 1, 2), run=again)
     assert again.points == []
+
+
+def test_a_disturbed_process_is_replaced_until_one_is_steady(tmp_path):
+    class Disturbed(Runner):
+        def __call__(self, point):
+            outcome = super().__call__(point)
+            first = not any(one == point for one in self.points[:-1])
+            unsteady = first and point.process == 1 and point.options.split_x == 2
+            samples = outcome.samples | {"own": [0.05, 0.1, 0.2]} if unsteady else outcome.samples
+            return replace(outcome, samples=samples)
+
+    runner = Disturbed()
+    table = run_sweep(points(tmp_path, 1, 2), run=runner)
+    assert [(point.options.split_x, point.process) for point in runner.points[6:]] == [(2, 1)]
+    assert list(table["processes_replaced"]) == [0, 1]
+    assert list(table["doubts"]) == ["3 of 5 rounds"] * 2  # of no disturbance
