@@ -33,6 +33,19 @@ def worth_of_parts(kept):
         yield frames.ratio(label, _HIDDEN, without)
 
 
+def our_reference_rays(kept):
+    """A setting a row: speed with our reference rays over speed with those of the first cell."""
+    frames = _Frames(kept)
+    for culling, split in ((False, 16), (True, 16), (True, 128)):
+        for label, width in (("single rays", 1), ("packets", frames.widest)):
+            one = {"method": "aligned", "culling": culling, "split_x": split, "packet_width": width}
+            if culling or width == 1:
+                yield frames.ratio(
+                    f"{label}, {split} {TIMES} 1{'' if culling else ', culling off'}",
+                    one | {"reference": "off_axis"}, one | {"reference": "first_cell"},
+                )  # fmt: skip
+
+
 def worth_of_the_shortcut(kept):
     """Rays to the sun, aligned: over packets with the shortcut and without it, and the one over the other."""
     rows = of(kept.processes, workload="bake_rays")

@@ -71,6 +71,12 @@ def eyes_in_short(kept):
     yield f"{span(row['speedup_vs_separate'] for row in best_of_each(kept.points))} times as fast as each eye by itself"
 
 
+def frames_in_short(kept):
+    """Eight frames from one set of rays, whatever moves."""
+    gains = span(of(kept.points, frames=8)["speedup_vs_separate"])
+    yield f"eight frames {gains} times"
+
+
 def surfaces_in_short(kept):
     yield f"takes {span(kept.points['surface_over_frame'])} times as long"
 

@@ -133,8 +133,22 @@ def gains_of_two_threads(table, method):
 
 def two_eyes(kept):
     for row in best_of_each(kept.points):
-        gains = (interval(row, f"speedup_vs_{name}") for name in ("separate", "visible_first", "packets"))
-        yield table_row(f"`{row['scene']}`, {split_of(row)}", milliseconds(row["render_time_s"]), *gains)
+        yield table_row(f"`{row['scene']}`, {split_of(row)}", milliseconds(row["render_time_s"]), *_over_others(row))
+
+
+def several_frames(kept):
+    """A scene, a motion and a number of frames a row: together, over each other way to make them."""
+    for scene in SCENES:
+        for _, row in (
+            of(kept.points, scene=scene).sort_values(["motion", "frames"], ascending=[False, True]).iterrows()
+        ):
+            cells = (f"`{scene}`", f"{row['motion']}, {row['frames']}", milliseconds(row["render_time_s"]))
+            yield table_row(*cells, *_over_others(row))
+
+
+def _over_others(row):
+    others = ("separate", "visible_first", "packets", "rasteriser")
+    return [interval(row, f"speedup_vs_{name}") for name in others]
 
 
 def moving_cameras(kept):
