@@ -1,7 +1,9 @@
-"""Which processes are replaced by new ones: those that strayed, and those that were disturbed."""
+"""Which processes are replaced by new ones: those that strayed, and of points with several, those disturbed."""
 
 from __future__ import annotations
 
+import json
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -12,16 +14,21 @@ from experiments.results.doubts import passing_doubts
 MOST_REPLACED = 3
 """How often a process is replaced by a new one."""
 
+FEWEST_PROCESSES = 5
+"""A point with fewer is a quick look, which should not take twice as long: what was disturbed there stays, with its
+doubt."""
+
 WHY = f"disturbed, or rtcIntersect1 over packets strayed by over {BAND:.0%}"
 
 
 def to_replace(records: Mapping[str, Record]) -> list[str]:
     """Names of the records that a new process should replace."""
-    out = strays(list(records.values()))
+    out, processes = strays(list(records.values())), Counter(map(_point, records.values()))
     return [
         name
         for name, one in records.items()
-        if _replaced(one) < MOST_REPLACED and (one.point_id in out or passing_doubts(one))
+        if _replaced(one) < MOST_REPLACED
+        and (one.point_id in out or (processes[_point(one)] >= FEWEST_PROCESSES and passing_doubts(one)))
     ]
 
 
@@ -32,3 +39,10 @@ def as_replacement(record: Record, before: Record) -> Record:
 
 def _replaced(record: Record) -> int:
     return int(record.results.get("measured_again") or 0)
+
+
+def _point(record: Record) -> str:
+    """What the processes of one point have in common."""
+    return json.dumps(
+        {name: value for name, value in record.configuration.items() if name != "process"}, sort_keys=True
+    )

@@ -121,17 +121,27 @@ def test_what_strays_is_replaced_at_the_end_three_times_at_most(tmp_path):
     assert again.points == []
 
 
-def test_a_disturbed_process_is_replaced_until_one_is_steady(tmp_path):
-    class Disturbed(Runner):
-        def __call__(self, point):
-            outcome = super().__call__(point)
-            first = not any(one == point for one in self.points[:-1])
-            unsteady = first and point.process == 1 and point.options.split_x == 2
-            samples = outcome.samples | {"own": [0.05, 0.1, 0.2]} if unsteady else outcome.samples
-            return replace(outcome, samples=samples)
+class Disturbed(Runner):
+    """One process scatters the first time it runs."""
 
+    def __call__(self, point):
+        outcome = super().__call__(point)
+        first = not any(one == point for one in self.points[:-1])
+        unsteady = first and point.process == 1 and point.options.split_x == 2
+        samples = outcome.samples | {"own": [0.05, 0.1, 0.2]} if unsteady else outcome.samples
+        return replace(outcome, samples=samples)
+
+
+def test_a_disturbed_process_is_replaced_until_one_is_steady(tmp_path):
     runner = Disturbed()
-    table = run_sweep(points(tmp_path, 1, 2), run=runner)
-    assert [(point.options.split_x, point.process) for point in runner.points[6:]] == [(2, 1)]
+    table = run_sweep(points(tmp_path, 1, 2, processes=5), run=runner)
+    assert [(point.options.split_x, point.process) for point in runner.points[10:]] == [(2, 1)]
     assert list(table["processes_replaced"]) == [0, 1]
     assert list(table["doubts"]) == ["3 of 5 rounds"] * 2  # of no disturbance
+
+
+def test_a_quick_look_with_few_processes_keeps_what_was_disturbed_and_its_doubt(tmp_path):
+    runner = Disturbed()
+    table = run_sweep(points(tmp_path, 1, 2, processes=4), run=runner)
+    assert len(runner.points) == 8
+    assert "spread is" in table["doubts"][1]
