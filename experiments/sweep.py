@@ -27,7 +27,7 @@ from experiments.harness.progress import SweepProgress, say
 from experiments.harness.records import Record, exclusive, load_record, read_record, record_path, write_record
 from experiments.report.writing import check_figures, choose_folder, tell_whose_tables_are_replaced, write_results
 from experiments.results.doubts import was_quiet
-from experiments.results.replacing import WHY, as_replacement, to_replace
+from experiments.results.processes import WHY, as_replacement, to_replace
 from experiments.results.table import make_tables
 from experiments.results.terminal import print_sweep, results_console, say_label, say_outcome
 from scenes.loading import replace_missing_scenes

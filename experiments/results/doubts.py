@@ -41,7 +41,7 @@ def passing_doubts(record: Record) -> list[str]:
     if own is None:
         return []
     doubts = []
-    q1, median, q3 = np.quantile(np.asarray(own, np.float64), [0.25, 0.5, 0.75])
+    q1, median, q3 = np.quantile(own, [0.25, 0.5, 0.75])
     if q3 - q1 >= 0.1 * median:
         doubts.append(f"spread is {(q3 - q1) / median:.0%} of the median")
     longest = max(max(values) / np.median(values) for values in record.samples.values())

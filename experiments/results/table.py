@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
@@ -24,6 +23,7 @@ from experiments.results.canary import BAND, strays
 from experiments.results.doubts import doubts_of
 from experiments.results.intervals import with_intervals
 from experiments.results.people import columns_for_people
+from experiments.results.processes import by_point, is_replacement
 from experiments.workloads import WORKLOADS, find_workload
 from scenes.built_in import BUILT_IN
 
@@ -154,11 +154,14 @@ def make_tables(records: Sequence[Record], grids: Mapping[str, Sequence[str]] | 
     check_one_environment(records)
     out = strays(records)
     points, processes = [], []
-    for of_point in _by_point(records):
+    for of_point in by_point(records):
         first = of_point[0].point_id
         known = {"point_id": first, "grids": ",".join((grids or {}).get(first, ())) or None}
         kept = [record for record in of_point if record.point_id not in out]
-        left_out = {"processes_left_out": len(of_point) - len(kept), "processes_replaced": _replaced(of_point)}
+        left_out = {
+            "processes_left_out": len(of_point) - len(kept),
+            "processes_replaced": sum(map(is_replacement, of_point)),
+        }
         points.append(_row(kept or of_point) | known | left_out | {"process": None} | ({} if kept else _UNSTEADY))
         processes += [_row([record]) | known | (_UNSTEADY if record.point_id in out else {}) for record in of_point]
     of_processes = frame_of(processes)
@@ -168,15 +171,6 @@ def make_tables(records: Sequence[Record], grids: Mapping[str, Sequence[str]] | 
 def make_table(records: Sequence[Record], grids: Mapping[str, Sequence[str]] | None = None) -> pd.DataFrame:
     """`make_tables`, the points alone."""
     return make_tables(records, grids).points
-
-
-def _by_point(records: Sequence[Record]) -> list[list[Record]]:
-    """Records that differ in their process alone together, by its number."""
-    points: dict[str, list[Record]] = {}
-    for record in records:
-        alike = {name: value for name, value in record.configuration.items() if name != "process"}
-        points.setdefault(json.dumps(alike, sort_keys=True), []).append(record)
-    return [sorted(of_point, key=lambda record: record.configuration.get("process", 0)) for of_point in points.values()]
 
 
 def frame_of(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
@@ -289,10 +283,6 @@ def _stands_for(record: Record) -> str | None:
         return None
     stand_in = BUILT_IN.get(str(record.configuration.get("scene")))
     return stand_in.stands_for if stand_in else None
-
-
-def _replaced(records: Sequence[Record]) -> int:
-    return sum(bool(record.results.get("measured_again")) for record in records)
 
 
 def _load(record: Record) -> float | None:

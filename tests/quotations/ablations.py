@@ -15,12 +15,9 @@ def worth_of_parts(kept):
     yield frames.over_packets("culled tiles without alignment", method="tiles")
     yield frames.over_packets(f"visible-first, 1 {TIMES} 1", method="visible_first", split_x=1)
     yield frames.best_over_packets("visible-first, best split", method="visible_first")
-    for label, width in (("single rays", 1), ("packets", frames.widest)):
+    for width in (1, frames.widest):
         one = _ALIGNED | {"packet_width": width, "robust": False}
-        yield frames.ratio(
-            f"our reference rays ÷ the first cell's, {label}",
-            one | {"reference": "off_axis"}, one | {"reference": "first_cell"},
-        )  # fmt: skip
+        yield frames.over_first_cell(f"our reference rays ÷ the first cell's, {_rays(width)}", one)
     fast = _ALIGNED | {"packet_width": frames.widest, "reference": "off_axis"}
     yield frames.ratio("fast ÷ robust, aligned packets", fast | {"robust": False}, fast | {"robust": True})
     yield frames.over_packets("robust packets per pixel", method="pixel", robust=True)
@@ -36,14 +33,13 @@ def worth_of_parts(kept):
 def our_reference_rays(kept):
     """A setting a row: speed with our reference rays over speed with those of the first cell."""
     frames = _Frames(kept)
-    for culling, split in ((False, 16), (True, 16), (True, 128)):
-        for label, width in (("single rays", 1), ("packets", frames.widest)):
-            one = {"method": "aligned", "culling": culling, "split_x": split, "packet_width": width}
-            if culling or width == 1:
-                yield frames.ratio(
-                    f"{label}, {split} {TIMES} 1{'' if culling else ', culling off'}",
-                    one | {"reference": "off_axis"}, one | {"reference": "first_cell"},
-                )  # fmt: skip
+    for culling, split, width in (
+        (False, 16, 1),
+        *((True, split, width) for split in (16, 128) for width in (1, frames.widest)),
+    ):
+        label = f"{_rays(width)}, {split} {TIMES} 1{'' if culling else ', culling off'}"
+        one = {"method": "aligned", "culling": culling, "split_x": split, "packet_width": width}
+        yield frames.over_first_cell(label, one)
 
 
 def worth_of_the_shortcut(kept):
@@ -75,6 +71,10 @@ class _Frames:
     def ratio(self, label, one, other):
         return table_row(label, *(_say(self._speed(scene, one).over(self._speed(scene, other))) for scene in SCENES))
 
+    def over_first_cell(self, label, values):
+        """Speed with our reference rays over speed with those of the first cell."""
+        return self.ratio(label, values | {"reference": "off_axis"}, values | {"reference": "first_cell"})
+
     def _speed(self, scene, values):
         """Over packets in the same rounds. Lanes that are not named are the machine's."""
         rows = of(self._processes, scene=scene, **values)
@@ -82,6 +82,10 @@ class _Frames:
             rows = rows[rows["lanes"].eq("native")]
         assert rows["point_id"].nunique() == 1, (scene, values)
         return Estimate.of(rows["speedup_vs_packets"].astype(float).tolist())
+
+
+def _rays(width):
+    return "single rays" if width == 1 else "packets"
 
 
 def _say(estimate):

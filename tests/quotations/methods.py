@@ -139,9 +139,8 @@ def two_eyes(kept):
 def several_frames(kept):
     """A scene, a motion and a number of frames a row: together, over each other way to make them."""
     for scene in SCENES:
-        for _, row in (
-            of(kept.points, scene=scene).sort_values(["motion", "frames"], ascending=[False, True]).iterrows()
-        ):
+        rows = of(kept.points, scene=scene).sort_values(["motion", "frames"], ascending=[False, True])
+        for _, row in rows.iterrows():
             cells = (f"`{scene}`", f"{row['motion']}, {row['frames']}", milliseconds(row["render_time_s"]))
             yield table_row(*cells, *_over_others(row))
 

@@ -10,7 +10,7 @@ from atra.errors import InputError
 from experiments.harness.configuration import MeasureConfiguration, check_configuration
 from experiments.harness.records import Record
 from experiments.results.canary import BAND, strays
-from experiments.results.replacing import MOST_REPLACED
+from experiments.results.processes import MOST_REPLACED
 from experiments.results.table import make_tables
 from experiments.sweep import GridPoint, run_sweep
 from tests.harness.test_sweep import Runner, configuration

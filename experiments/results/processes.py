@@ -1,0 +1,56 @@
+"""The processes that measured a point, and which of them are replaced by new ones."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+from experiments.harness.records import Record
+from experiments.results.canary import BAND, strays
+from experiments.results.doubts import passing_doubts
+
+MOST_REPLACED = 3
+"""How often a process is replaced by a new one."""
+
+FEWEST_PROCESSES = 5
+"""A point with fewer is a quick look, which should not take twice as long: what was disturbed there stays, with its
+doubt."""
+
+WHY = f"disturbed, or rtcIntersect1 over packets strayed by over {BAND:.0%}"
+
+_TIMES = "measured_again"
+"""Name of the result that tells how many processes a record has replaced."""
+
+
+def by_point(records: Iterable[Record]) -> list[list[Record]]:
+    """Records that differ in their process alone together, by its number."""
+    points: dict[str, list[Record]] = {}
+    for record in records:
+        alike = {name: value for name, value in record.configuration.items() if name != "process"}
+        points.setdefault(json.dumps(alike, sort_keys=True), []).append(record)
+    return [sorted(of_point, key=lambda record: record.configuration.get("process", 0)) for of_point in points.values()]
+
+
+def to_replace(records: Mapping[str, Record]) -> list[str]:
+    """Names of the records that a new process should replace: those that strayed, and, of points with
+    `FEWEST_PROCESSES` or more, those that were disturbed."""
+    out = strays(list(records.values()))
+    for of_point in by_point(records.values()):
+        if len(of_point) >= FEWEST_PROCESSES:
+            out.update(one.point_id for one in of_point if passing_doubts(one))
+    return [name for name, one in records.items() if one.point_id in out and _times(one) < MOST_REPLACED]
+
+
+def as_replacement(record: Record, before: Record) -> Record:
+    """A record that tells how many it has replaced, of which `before` is the last."""
+    return replace(record, results=record.results | {_TIMES: _times(before) + 1})
+
+
+def is_replacement(record: Record) -> bool:
+    """Whether the process of a record has replaced another."""
+    return _times(record) > 0
+
+
+def _times(record: Record) -> int:
+    return int(record.results.get(_TIMES) or 0)
