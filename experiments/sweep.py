@@ -123,7 +123,7 @@ def _finish(sweep: _Sweep, first: Configuration, folder: Path, command: str, int
 @dataclass
 class _Sweep:
     """Points of a sweep by identity. folder: of the records. run, launch, at_once: as of `run_sweep`. quiet: waits
-    for a quiet machine. done: the records so far, by identity. is_quiet: whether the last process was not disturbed."""
+    for a quiet machine. done: the records so far, by identity. is_quiet: whether the machine was so of late."""
 
     points: dict[str, SweepPoint]
     folder: Path

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from experiments.harness.environment import BUSY_SHARE
+from experiments.harness.processes.quiet import Busy
 from experiments.harness.records import Record
 from experiments.workloads import find_workload
 
@@ -50,19 +51,18 @@ def passing_doubts(record: Record) -> list[str]:
     shortest = max(np.median(values) / min(values) for values in record.samples.values())
     if shortest > _OUT_OF_PROPORTION:
         doubts.append(f"median is {shortest:,.0f} times the shortest sample")
-    taken = _taken_share(record)
+    taken = sum(record.results.get(name) or 0.0 for name in ("others_share", "stolen_share"))
     if taken > BUSY_SHARE:
         doubts.append(f"others took {taken:.0%} of its cores")
     return doubts
 
 
 def was_quiet(record: Record) -> bool:
-    """Whether nobody else took cores while the point was measured, as far as it was told."""
-    return record.results.get("others_share") is not None and _taken_share(record) <= BUSY_SHARE
-
-
-def _taken_share(record: Record) -> float:
-    return sum(record.results.get(name) or 0.0 for name in ("others_share", "stolen_share"))
+    """Whether the machine was quiet while the point was measured; False where nobody knows."""
+    others, cores = record.results.get("others_share"), cores_of(record)
+    if others is None or cores is None:
+        return False
+    return Busy(others * cores, (record.results.get("stolen_share") or 0.0) * cores).is_quiet
 
 
 def _judged(record: Record) -> list[float] | None:
