@@ -8,7 +8,8 @@ from atra.alignment.aligned import SECOND_PASS_TILE
 from atra.alignment.rounding import roundings_of_copies
 from atra.alignment.visibility import Tiles, nearest_in_tiles
 from atra.compiled.threads import WorkerPool
-from atra.exact.intersection import intersect_pixels
+from atra.exact.intersection import Pairs, intersect_pixels
+from atra.exact.rounding import Rounding
 from atra.exact.rounding_kernels import COPY_MULTIPLE, INSTANCE_MULTIPLE, MOST_ROUNDINGS
 from atra.geometry.projection import project_vertices
 from scenes.special import NEEDLES_CAMERA, needles
@@ -35,6 +36,15 @@ def left_out(mesh, camera, split, admitted=COPY_MULTIPLE):
     return roundings_of_copies(mesh, alignment, pool, points[0], points[1], points[1], admitted).left_out
 
 
+def depth_error_over_bound(mesh, camera, hits):
+    """The largest error of a depth, in units of what rounding may cause for its ray and its triangle."""
+    y, x = np.nonzero(hits.hit)
+    pairs = Pairs(mesh, camera, x, y, hits.prim_id[y, x], hits.offset)
+    bound, volumes, depth = Rounding.of(pairs), pairs.volumes, hits.depth[y, x].astype(np.float64)
+    off = np.abs(depth * volumes.facing - volumes.ahead)
+    return float((off / (bound.ahead + depth * bound.facing)).max())
+
+
 @pytest.mark.core
 @each_sheared
 @pytest.mark.parametrize("seed", range(6))
@@ -42,10 +52,10 @@ def test_needles_around_the_eye_have_no_wrong_pixel_and_depths_as_exact_as_those
     for fov in (60.0, 90.0, 120.0, 150.0):
         mesh, camera = beams(seed), needle_camera(seed, fov)
         hits = trace(method, mesh, camera, ((8, 1), (16, 16), (1, 8), (64, 1))[seed % 4])
-        found = assert_no_pixel_wrong(mesh, camera, hits, trace_pixels(mesh, camera))
-        single = found.reference_depth_errors.largest
-        # Edge-on needles decide both maxima, and few pixels see them: 21 times with AVX2 on Cascade Lake, else below 4.
-        assert found.depth_errors.largest <= 32 * max(single, 16 * 2**-24)
+        single = trace_pixels(mesh, camera)
+        assert_no_pixel_wrong(mesh, camera, hits, single)
+        # Not relative to the depth: which pixel meets a needle edge-on depends on the instruction set.
+        assert depth_error_over_bound(mesh, camera, hits) <= min(0.25, 3 * depth_error_over_bound(mesh, camera, single))
 
 
 @pytest.mark.core
