@@ -69,6 +69,7 @@ QUOTED = {
         "peers": [methods.other_tracers],
         "ablations": [ablations.worth_of_parts, ablations.worth_of_the_shortcut],
         "cornell_candidates": [paper.candidates_for_the_gain],
+        "older_embree": [paper.an_older_embree],
         "threads": [methods.two_threads],
         "paired": [paired.this_and_before, paired.small_triangles_before],
         "views": [methods.twenty_views, methods.million_rays],
