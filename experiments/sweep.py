@@ -140,10 +140,11 @@ class _Sweep:
         finished, warn = 0, _warn_on(self.console)
         for name, one in self.points.items():
             earlier = read_record(self.folder, name, warn)
-            if earlier is not None and earlier.finished:
+            possible = one.planned.problem is None  # now; it may have been skipped for want of a library
+            if earlier is not None and earlier.finished and not (possible and earlier.status == "skipped"):
                 self.done[name] = earlier
                 finished += 1
-            elif one.planned.problem is not None:
+            elif not possible:
                 self._keep(name, measure(one.planned))
         to_do = [name for name in self.points if name not in self.done]
         random.Random(shuffle_seed).shuffle(to_do)

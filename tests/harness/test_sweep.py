@@ -21,6 +21,7 @@ from experiments.harness.processes.outcome import Outcome
 from experiments.harness.records import point_id, write_record
 from experiments.methods.aligned import ALIGNED, AlignedOptions
 from experiments.methods.peers.embreex_run import EMBREEX
+from experiments.methods.pixel import PIXEL, PixelOptions
 from experiments.sweep import GridPoint, run_sweep
 from experiments.workloads import find_workload
 from scenes.loading import SceneSource
@@ -109,6 +110,24 @@ def test_a_point_that_lacked_memory_is_tried_again_when_more_is_free_and_not_giv
     assert sweep(10 * 2**20) == (["skipped"], 0)
     assert sweep(2**34) == (["ok"], 3)
     assert sweep(10 * 2**20) == (["ok"], 0)
+
+
+def test_a_point_skipped_for_want_of_a_library_is_measured_when_the_library_is_there(tmp_path):
+    def refuse(*given):
+        raise InputError("cannot load it")
+
+    def sweep(is_there):
+        method = ALIGNED if is_there else replace(ALIGNED, make=refuse)
+        # Another point can be measured, or the sweep is refused.
+        chosen = Chosen(method, AlignedOptions(4)), Chosen(PIXEL, PixelOptions())
+        points = [configuration(tmp_path, method=one) for one in chosen]
+        runner = Runner()
+        table = run_sweep([GridPoint("a", one) for one in points], run=runner)
+        return dict(zip(table["method"], table["status"], strict=True)), [one.method.name for one in runner.points]
+
+    assert sweep(False) == ({"aligned": "skipped", "pixel": "ok"}, ["pixel"])
+    assert sweep(False) == ({"aligned": "skipped", "pixel": "ok"}, [])
+    assert sweep(True) == ({"aligned": "ok", "pixel": "ok"}, ["aligned"])
 
 
 def test_the_memory_budget_is_a_share_of_what_is_free_or_what_is_said(monkeypatch):
