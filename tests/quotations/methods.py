@@ -91,17 +91,14 @@ def best_packets(kept):
 
 
 def other_tracers(kept):
-    """Over rtcIntersect1 in the same rounds, and wrong pixels."""
+    """Over rtcIntersect1 in the same rounds, and wrong pixels but the holes that rtcIntersect1 leaves."""
     table = of(kept.points, workload="frame")
-    return tracers_over_single_rays(table, table["method"].unique())
-
-
-def tracers_over_single_rays(table, methods):
-    for method in methods:
+    for method in table["method"].unique():
         found = of(table, method=method)
         of_scenes = [of(found, scene=scene) for scene in SCENES]
         cells = ("not measured" if one.empty else digits(one["speedup"].item()) for one in of_scenes)
-        yield table_row(find_method(method).label, *cells, f"{int(found['pixels_wrong'].sum()):,}")
+        wrong = found["pixels_wrong"].sum() - found["baseline_pixels_hole"].sum()
+        yield table_row(find_method(method).label, *cells, f"{int(wrong):,}")
 
 
 def what_was_called(kept):
@@ -110,8 +107,9 @@ def what_was_called(kept):
     for method in rows["method"].unique():
         told = rows[rows["method"].eq(method)].iloc[0]
         if not pd.isna(told["peer_interface"]):
-            names = ("peer_version", "peer_interface", "peer_setting", "instruction_set")
-            yield table_row(find_method(method).label, *(told[name] for name in names))
+            names = ("peer_version", "peer_interface", "peer_setting")
+            held = "all there are" if told["instruction_set"] == "none" else told["instruction_set"]
+            yield table_row(find_method(method).label, *(told[name] for name in names), held)
 
 
 def other_instruction_sets(kept):
