@@ -85,15 +85,14 @@ def run_picture(given: Namespace, cameras_of: CamerasOf) -> int:
     can be made of; MemoryBudgetError, StorageError.
     """
     from atra.light import PathRenderer, stops_of
-    from atra.light.oidn import Denoiser
+    from atra.light.oidn import check_denoiser
     from atra.light.pictures.files import check_picture_path
 
     output = given.output or Path(f"{given.mesh.stem}.png")
     check_picture_path(output)
     stops_of(_BLACK, given.exposure)
     if given.denoise:
-        with Denoiser(given.threads):  # its package is missed now rather than after all samples
-            pass
+        check_denoiser()  # now rather than after all samples
     scene = load_lit(given.mesh, given.sky, given.memory_per_byte)
     cameras = cameras_of(scene.mesh, dict(scene.cameras))
     print(f"{printable(str(given.mesh))}: {scene.mesh.triangle_count:,} triangles", file=sys.stderr)

@@ -67,3 +67,9 @@ class Denoiser:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._device.__exit__(kind, error, trace)
+
+
+def check_denoiser() -> None:
+    """Raise InputError without the package pyoidn: to be called before work whose result is to be denoised."""
+    with Denoiser(1):
+        pass

@@ -35,6 +35,7 @@ from atra.light import (
 )
 from atra.light.checks import check_one_of
 from atra.light.lightmaps.finish.export import finished
+from atra.light.oidn import check_denoiser
 from atra.light.pictures.files import check_picture_path, png_of
 from atra.light.pictures.finish.tone import AUTO, TONES, check_exposure, stops_of, toned
 from experiments.commands.messages import tell_restriction
@@ -78,6 +79,8 @@ def run_picture(configuration: Configuration) -> Path:
     check_picture_path(path)
     check_exposure(shown.exposure)
     check_one_of("view.tone", shown.tone, TONES)
+    if shown.denoise:
+        check_denoiser()
     check_writable(path.absolute().parent)
     point, console = plan_point(configuration).point, Console(stderr=True)
     mesh = load_mesh(point)

@@ -147,6 +147,12 @@ def test_finishing_is_measured_against_a_map_of_other_random_numbers():
     assert found.results["denoise_s"] > 0
 
 
+def test_a_map_that_cannot_be_denoised_is_refused_before_it_is_baked(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyoidn", None)
+    with pytest.raises(InputError, match="denoising needs the package pyoidn"):
+        planned("raster", "bake", (32, 32), asked={"denoise": True})
+
+
 def record(samples, **results):
     return Record("0", "ok", None, {"workload": BAKE.name}, {}, {}, samples, results)
 

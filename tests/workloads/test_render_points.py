@@ -200,12 +200,14 @@ def test_one_picture_is_written_with_its_progress(tmp_path, monkeypatch, capsys)
     (["scene=nowhere"], "unknown scene 'nowhere'"),
     (["frame=film"], "frame"),
     (["output=run.py/a.png"], "results cannot be written to"),
+    (["view.denoise=true"], "denoising needs the package pyoidn"),
 ])  # fmt: skip
 def test_what_cannot_be_made_is_one_line_before_any_work(
     arguments, message, tmp_path, monkeypatch,
     capsys,
 ):  # fmt: skip
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "pyoidn", None)
     (tmp_path / "run.py").touch()
     assert run(monkeypatch, *arguments) == 2
     told = capsys.readouterr()

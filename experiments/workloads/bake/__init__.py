@@ -9,6 +9,7 @@ import numpy as np
 
 from atra.errors import InputError
 from atra.light import BakeOptions
+from atra.light.oidn import check_denoiser
 from atra.tracing.options import option
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.options import settings, taken, whole
@@ -129,6 +130,16 @@ def _headline(record: Record) -> str:
     )
 
 
+def _problem(point: Point) -> str | None:
+    """Why the finished map cannot be denoised, where it is to be."""
+    try:
+        if point.workload_options.denoise:
+            check_denoiser()
+    except InputError as error:
+        return str(error)
+    return None
+
+
 def _rays_per_s(name: str = OWN, rays: str = "rays_per_round") -> Series:
     def read(record: Record) -> Any:
         taken, count = series(name)(record), record.results.get(rays)
@@ -214,4 +225,5 @@ BAKE = Workload(
     samples=_of_view,
     judged=OWN,
     needs=("rays_per_round", "lane_utilisation", "buffer_bytes", "texels"),
+    problem=_problem,
 )  # fmt: skip
