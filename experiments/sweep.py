@@ -139,12 +139,11 @@ class _Sweep:
         """Take over what was finished before, record what cannot be measured, and return what is left to do."""
         finished, warn = 0, _warn_on(self.console)
         for name, one in self.points.items():
-            earlier = read_record(self.folder, name, warn)
-            possible = one.planned.problem is None  # now; it may have been skipped for want of a library
-            if earlier is not None and earlier.finished and not (possible and earlier.status == "skipped"):
+            earlier = _still_true(read_record(self.folder, name, warn), one.planned)
+            if earlier is not None:
                 self.done[name] = earlier
                 finished += 1
-            elif not possible:
+            elif one.planned.problem is not None:
                 self._keep(name, measure(one.planned))
         to_do = [name for name in self.points if name not in self.done]
         random.Random(shuffle_seed).shuffle(to_do)
@@ -248,8 +247,7 @@ def measure_launched(configuration: Configuration) -> None:
     (planned,) = plan_points([configuration])
     folder = records_folder(configuration)
     check_writable(folder)
-    earlier = read_record(folder, identity(planned.point, current_environment()))
-    if earlier is None or not earlier.finished:
+    if _still_true(read_record(folder, identity(planned.point, current_environment())), planned) is None:
         write_record(folder, measure(planned))
 
 
@@ -272,6 +270,13 @@ def _plan(grid_points: Sequence[GridPoint], console: Console) -> dict[str, Sweep
             overrides = (*grid_point.overrides, *(() if process == 0 else (f"measure.process={process}",)))
             points[identity(of_process.point, environment)] = SweepPoint(of_process, grids, overrides)
     return points
+
+
+def _still_true(record: Record | None, planned: PlannedPoint) -> Record | None:
+    """The record if measuring the point again would tell nothing new; a point that was skipped may be possible now."""
+    if record is None or not record.finished or (record.status == "skipped" and planned.problem is None):
+        return None
+    return record
 
 
 def _key(configuration: Mapping[str, Any]) -> str:

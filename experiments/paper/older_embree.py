@@ -31,6 +31,7 @@ from atra.alignment.culling import plan_aligned_geometry
 from atra.alignment.options import FramesOptions
 from atra.alignment.reference_rays import reference_rays
 from atra.alignment.visibility import Tiles, nearest_in_tiles
+from atra.compiled.aligned_memory import aligned_empty
 from atra.compiled.intrinsics import address_at, float_at, uint32_at
 from atra.compiled.memory import store
 from atra.compiled.store import callback
@@ -194,19 +195,14 @@ class _Embree3:
         return int(scene)
 
 
-def _aligned_to(count: int, kind: Any) -> NDArray[Any]:
-    """Zeros that begin at a multiple of 64 bytes."""
-    space = np.zeros(count + 64, kind)
-    return space[-(space.ctypes.data // space.itemsize) % (64 // space.itemsize) :][:count]
-
-
 def measure(path: str, rounds: int) -> dict[str, Any]:
     """Medians of the rounds: seconds of a frame, by what traced it, and ratios within a round of each baseline over
     each split; and the pixels wrong in all aligned images."""
     scene = BUILT_IN["cornell_box"]
     mesh, camera = scene.make(), Camera(**scene.camera, width=_WIDTH, height=_WIDTH)
     embree, pool = _Embree3(path), WorkerPool(1)
-    ray, context = _aligned_to(24, np.float32), _aligned_to(_CONTEXT_WORDS, np.int64)
+    ray, context = aligned_empty((24,), np.float32), aligned_empty((_CONTEXT_WORDS,), np.int64)
+    ray[:], context[:] = 0.0, 0
     context.view(np.int32)[0], context.view(np.uint32)[4] = 1, MISS  # coherent, as the tracers' are; no instance
     whole = Split.of_image((1, 1), camera)
     pixels = reference_rays(Alignment.of_cells(camera, whole), (0.5, 0.5))

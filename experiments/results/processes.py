@@ -13,9 +13,9 @@ from experiments.results.doubts import passing_doubts
 MOST_REPLACED = 3
 """How often a process is replaced by a new one."""
 
-FEWEST_PROCESSES = 5
-"""A point with fewer is a quick look, which should not take twice as long: what was disturbed there stays, with its
-doubt."""
+FEWEST_IN_EARNEST = 5
+"""A point with fewer processes is a quick look, which should not take twice as long: what was disturbed there stays,
+with its doubt."""
 
 WHY = f"disturbed, or rtcIntersect1 over packets strayed by over {BAND:.0%}"
 
@@ -34,16 +34,16 @@ def by_point(records: Iterable[Record]) -> list[list[Record]]:
 
 def to_replace(records: Mapping[str, Record]) -> list[str]:
     """Names of the records that a new process should replace: those that strayed, and, of points with
-    `FEWEST_PROCESSES` or more, those that were disturbed."""
+    `FEWEST_IN_EARNEST` processes or more, those that were disturbed."""
     out = strays(list(records.values()))
     for of_point in by_point(records.values()):
-        if len(of_point) >= FEWEST_PROCESSES:
+        if len(of_point) >= FEWEST_IN_EARNEST:
             out.update(one.point_id for one in of_point if passing_doubts(one))
     return [name for name, one in records.items() if one.point_id in out and _times(one) < MOST_REPLACED]
 
 
 def as_replacement(record: Record, before: Record) -> Record:
-    """A record that tells how many it has replaced, of which `before` is the last."""
+    """The record with the number of processes it has replaced: that of `before`, which it replaces, and one more."""
     return replace(record, results=record.results | {_TIMES: _times(before) + 1})
 
 

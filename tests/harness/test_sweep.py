@@ -13,6 +13,7 @@ from experiments.harness.configuration import (
     MeasureConfiguration,
     SceneConfiguration,
     SweepConfiguration,
+    records_folder,
 )
 from experiments.harness.identity import current_environment, identity, identity_of, measure
 from experiments.harness.options import NoOptions
@@ -22,7 +23,7 @@ from experiments.harness.records import point_id, write_record
 from experiments.methods.aligned import ALIGNED, AlignedOptions
 from experiments.methods.peers.embreex_run import EMBREEX
 from experiments.methods.pixel import PIXEL, PixelOptions
-from experiments.sweep import GridPoint, run_sweep
+from experiments.sweep import GridPoint, measure_launched, run_sweep
 from experiments.workloads import find_workload
 from scenes.loading import SceneSource
 from tests.harness.processes.test_outcome import POINT
@@ -128,6 +129,16 @@ def test_a_point_skipped_for_want_of_a_library_is_measured_when_the_library_is_t
     assert sweep(False) == ({"aligned": "skipped", "pixel": "ok"}, ["pixel"])
     assert sweep(False) == ({"aligned": "skipped", "pixel": "ok"}, [])
     assert sweep(True) == ({"aligned": "ok", "pixel": "ok"}, ["aligned"])
+
+
+def test_a_launched_job_measures_a_point_that_was_skipped_before(tmp_path, monkeypatch):
+    one, runner = configuration(tmp_path), Runner()
+    (planned,) = plan_points([one])
+    write_record(records_folder(one), measure(replace(planned, problem=InputError("cannot load it"))))
+    monkeypatch.setattr("experiments.sweep.measure", lambda planned: measure(planned, runner))
+    for _ in range(2):
+        measure_launched(one)
+    assert len(runner.points) == 1
 
 
 def test_the_memory_budget_is_a_share_of_what_is_free_or_what_is_said(monkeypatch):

@@ -1,9 +1,8 @@
 """What the pages quote of sweep=paper."""
 
-from experiments.paper.candidates import ASKED_FOR, candidates
+from experiments.paper.candidates import ASKED_FOR, Candidate, Gain, candidates
 from experiments.paper.conclusion import scene_gains
 from experiments.paper.older_embree import gains
-from experiments.results.verdicts import Bounds
 from tests.quotations.quotation import SCENES, TIMES, digits, of, table_row
 
 
@@ -33,19 +32,18 @@ def best_gains(kept):
 
 def candidates_for_the_gain(kept):
     """A candidate a row: gains over the nearest hit and over all hits, and whether one is as large as the paper's."""
-    for one in candidates(kept.processes):
-        yield table_row(one.name, *("" if gain is None else gain for gain in (one.nearest, one.all_hits)), one.reaches)
+    return map(_candidate_row, candidates(kept.processes))
 
 
 def an_older_embree(kept):
     """The gains of the candidates by an older Embree, over both baselines."""
     assert not kept.points["pixels_wrong"].any()
-    found = gains(kept.points)
-    cells = (f"{gain} ({split_x:,} {TIMES} 1)" for split_x, gain in found.values())
-    reaches = {True: "yes", False: "no", None: "undecided"}
-    verdicts = [Bounds(low=ASKED_FOR).decide(gain) for _, gain in found.values()]
-    said = reaches[True if True in verdicts else None if None in verdicts else False]
-    yield table_row(f"Embree {kept.points['embree_version'].iloc[0]}", *cells, said)
+    found = (Gain(f"{split_x:,} {TIMES} 1", gain) for split_x, gain in gains(kept.points).values())
+    yield _candidate_row(Candidate(f"Embree {kept.points['embree_version'].iloc[0]}", *found))
+
+
+def _candidate_row(one):
+    return table_row(one.name, *("" if gain is None else gain for gain in (one.nearest, one.all_hits)), one.reaches)
 
 
 def candidates_in_short(kept):
