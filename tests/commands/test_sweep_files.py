@@ -22,7 +22,7 @@ WRONG = () if LLVMPIPE.problem() else ("disagreements_cornell_box_32x32",)
 ASKED = {f"rays_{peer.name}" for peer in (TRIMESH, OPEN3D) if not peer.problem()}
 OTHER_PICTURES = ("split", "still", "waves", "mitsuba")
 NEEDLESS = ("others", "aligned_others", "solid", "solid_others", "solid_aligned")  # as all reductions are asked for
-IN_PROCESS = ("occupancy", "dark", "packets", "batch", "size", "expansion", "roulette", "environment", "translucency")
+IN_PROCESS = ("occupancy", "dark", "packets", "expansion", "roulette", "environment", "translucency")
 # An image of 32 pixels takes no split of 64: such points are skipped.
 SWEEPS = {
     "smoke": ([], {"figure3", "figure3_differences", *OVER_SPLITS, "figure6", "figure7", "figure7_instancing"}),
