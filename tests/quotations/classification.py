@@ -72,7 +72,7 @@ def packets_from_lists(kept):
     batches that pay for all preparation. Last, the packets whose lists are those of their rays over Embree's."""
     rays = of(kept.points, workload="classification", method=CLASSIFIED.name, ray_order="shaft")
     for width, words in _WIDTHS.items():
-        for subset in ("none", "complete", "sampled", "hits"):
+        for subset in ("none", "complete", "hits"):
             rows = each_scene(rays, packet_width=width, shaft_subset=subset)
             cells = (f"{number(row, 'speedup_vs_bvh')}, {_batches(row)}" for row in rows)
             yield table_row(words, subset, *cells)
