@@ -55,7 +55,7 @@ QUOTED = {
         "law": [law.where_alignment_pays, law.best_axes, law.seven_and_a_half],
     },
     "docs/model.md": {"law": [law.errors_in_short, law.choices_in_short, law.rest_of_the_law]},
-    "docs/not_helpful.md": {"bake_rays": [glance.light_bundles]},
+    "docs/not_helpful.md": {"light_bundles": [glance.light_bundles]},
     "docs/trust.md": {
         "agreement": [agreement.by_kind, agreement.in_all],
         "agreement_raster": [agreement.of_the_rasteriser],

@@ -121,7 +121,7 @@ def sun_in_the_box(kept):
 
 def light_bundles(kept):
     """How much sooner than paths bundles that carry light reach an error of 5 %."""
-    rows = kept.points[kept.points["use"].eq("light")].set_index("scene")
+    rows = kept.points.set_index("scene")
 
     def say(row):
         reached = not pd.isna(row["bundle_directions_to_rmse_5"])
