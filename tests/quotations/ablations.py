@@ -2,7 +2,7 @@
 
 from experiments.results.statistics import Estimate, Pool
 from experiments.workloads.series import best_rows
-from tests.quotations.quotation import SCENES, TIMES, digits, interval, of, table_row
+from tests.quotations.quotation import SCENES, TIMES, digits, estimate, interval, of, table_row
 
 _ALIGNED = {"method": "aligned", "split_x": 128}
 _HIDDEN = {"method": "raster", "left_out": "hidden"}
@@ -81,7 +81,7 @@ class _Frames:
         if values["method"] == "raster" and "lanes" not in values:
             rows = rows[rows["lanes"].eq("native")]
         assert rows["point_id"].nunique() == 1, (scene, values)
-        return Estimate.of(rows["speedup_vs_packets"].astype(float).tolist())
+        return estimate(rows, "speedup_vs_packets")
 
 
 def _rays(width):

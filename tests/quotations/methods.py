@@ -3,7 +3,6 @@
 import pandas as pd
 
 from experiments.methods import find_method
-from experiments.results.statistics import Estimate
 from experiments.workloads.frame.break_even import baseline_costs, break_even_interval, cost_of
 from experiments.workloads.frame.shown import best_baselines
 from tests.quotations.quotation import (
@@ -13,6 +12,7 @@ from tests.quotations.quotation import (
     best_of_each,
     digits,
     each_scene,
+    estimate,
     interval,
     line,
     milliseconds,
@@ -168,7 +168,7 @@ def price_of_robust(kept):
     """A frame in Embree's robust setting over one in its fast setting: time, each against packets of its own rounds."""
 
     def speed(**values):
-        return Estimate.of(of(kept.processes, **values)["speedup_vs_packets"].astype(float).tolist())
+        return estimate(kept.processes, "speedup_vs_packets", **values)
 
     for label, point in ROBUST.items():
         fast, robust = ([speed(scene=scene, robust=how, **point) for scene in SCENES] for how in (False, True))

@@ -2,9 +2,9 @@
 
 from experiments.equal_error.measure import BEFORE, FAST, MITSUBA, OURS
 from experiments.methods.peers.llvmpipe import LLVMPIPE
-from experiments.results.statistics import Estimate
-from tests.quotations.quotation import SCENES, digits, interval, milliseconds, of, table_row
+from tests.quotations.quotation import SCENES, digits, estimate, interval, milliseconds, of, table_row
 
+_ALL_SCENES = (*SCENES, "weekend")
 _PLAIN = {
     "method": "raster", "frame": "hybrid", "samples": 1, "jitter": "shared", "order": "depth_first", "mitsuba": "none",
 }  # fmt: skip
@@ -41,26 +41,25 @@ def whole_pictures(kept):
     Embree's fast setting slip through between triangles; the rasteriser's never do."""
     for label, other, quote in _QUANTITIES:
         given = _PLAIN | other
-        scenes = (*SCENES, "weekend") if given["mitsuba"] == "none" else SCENES
+        scenes = _ALL_SCENES if given["mitsuba"] == "none" else SCENES
         found = [of(kept.points, scene=scene, **given) for scene in scenes]
         assert all(len(of_scene) == 1 for of_scene in found), f"not one row each of {given}"
         cells = [quote(of_scene.iloc[0]) for of_scene in found]
-        yield table_row(label, *cells, *["not asked"] * (len(SCENES) + 1 - len(cells)))
-    own = kept.points[kept.points["method"] != LLVMPIPE.name]
-    waves = (_time_of_waves(kept.processes, scene) for scene in (*SCENES, "weekend"))
+        yield table_row(label, *cells, *["not asked"] * (len(_ALL_SCENES) - len(cells)))
+    waves = (_time_of_waves(kept.processes, scene) for scene in _ALL_SCENES)
     yield table_row("paths in waves over depth first: time", *waves)
+    own = kept.points[kept.points["method"] != LLVMPIPE.name]
     holes = own["pixels_hole"] + own["baseline_pixels_hole"]
     assert set(own["pixels_unlike"]) == set(own["pixels_wrong"] - holes) == {0}
     assert set(of(own, method=_PLAIN["method"])["pixels_hole"]) == {0}
 
 
 def _time_of_waves(processes, scene):
-    """Of a sample of paths, over the same depth first."""
-    times = (
-        of(processes, scene=scene, **_PLAIN | {"frame": "path", "order": order})["render_time_s"].astype(float)
-        for order in ("waves", "depth_first")
+    """Time of a path-traced sample in waves over its time depth first. The two share no process."""
+    paths = _PLAIN | {"frame": "path", "scene": scene}
+    waves, depth_first = (
+        estimate(processes, "render_time_s", **paths | {"order": order}) for order in ("waves", "depth_first")
     )
-    waves, depth_first = (Estimate.of(one.tolist()) for one in times)
     return waves.over(depth_first)
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import pandas as pd
 
 from experiments.results.intervals import with_intervals
+from experiments.results.statistics import Estimate
 from experiments.results.table import rename_workloads
 from experiments.workloads.series import best_rows
 from scenes.directory import PAPER_SCENES as SCENES
@@ -124,6 +125,11 @@ def of(table: pd.DataFrame, **values: Any) -> pd.DataFrame:
     for name, value in values.items():
         chosen &= table[name].eq(value)
     return table[chosen.fillna(False).astype(bool)]
+
+
+def estimate(processes: pd.DataFrame, column: str, **values: Any) -> Estimate:
+    """Of a column, over the processes with these values."""
+    return Estimate.of(of(processes, **values)[column].astype(float).tolist())
 
 
 def best(table: pd.DataFrame, **values: Any) -> pd.Series:
