@@ -147,6 +147,14 @@ def test_finishing_is_measured_against_a_map_of_other_random_numbers():
     assert found.results["denoise_s"] > 0
 
 
+@xatlas
+def test_a_map_that_is_not_denoised_has_at_least_twice_the_error_of_four_times_the_samples(monkeypatch):
+    monkeypatch.setattr("experiments.workloads.bake.check_denoiser", lambda: None)
+    monkeypatch.setattr("experiments.workloads.bake.finishing.denoised", lambda lightmap, threads: lightmap)
+    _, found = measured(denoise=True, final_samples=16)
+    assert 1.9 < found.results["denoised_ratio"] < 6.0  # 2 for independent samples, 4 for evenly spread ones
+
+
 def test_a_map_that_cannot_be_denoised_is_refused_before_it_is_baked(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyoidn", None)
     with pytest.raises(InputError, match="denoising needs the package pyoidn"):

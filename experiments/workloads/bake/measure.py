@@ -14,7 +14,7 @@ import numpy as np
 
 from atra import light
 from atra.geometry.mesh import Mesh
-from atra.light import Atlas, Baker, BakeScene, Lightmap, Seams, Texels, denoised, dilated
+from atra.light import Atlas, Baker, BakeScene, Lightmap, Texels
 from experiments.harness.point import Measured, Point, make_own
 from experiments.workloads.bake import (
     FULLEST,
@@ -26,6 +26,7 @@ from experiments.workloads.bake import (
     WHOLE_MAP,
     WITHOUT_VIEW,
 )
+from experiments.workloads.bake.finishing import fill, finishing
 from experiments.workloads.bake.mitsuba import MitsubaPaths, adaptive_bias, with_plain_light
 from experiments.workloads.baselines import OWN
 from experiments.workloads.rounds import load_mesh, measured, timed_rounds
@@ -35,9 +36,6 @@ from scenes.lit.rooms import lit_room
 
 _NEARLY = 0.999
 """Opacity of the one face that makes a scene translucent."""
-
-_REFERENCE = 4
-"""Samples of the raw map that a denoised one is compared with, as a multiple of its own."""
 
 _SUN = 400.0
 """Radiance of the panorama's sun; its sky has 1."""
@@ -175,7 +173,8 @@ def measure(point: Point) -> Measured:
             taken = timed.samples.get(WITHOUT_VIEW, timed.samples[OWN])
             results |= _times_to("", rows.maps, every, taken, settings.samples)
         if settings.denoise:
-            results |= _finishing(own, baker(seed=2), settings.final_samples)
+            pair = baker(seed=1, threads=None), baker(seed=2, threads=None)  # any number finds the same
+            results |= finishing(*pair, settings.final_samples, own.rays_scene.threads)
         if settings.adaptive:
             pair = baker(seed=3), baker(seed=4, adaptive=False)
             results |= adaptive_bias(*pair, settings.final_samples)
@@ -212,9 +211,7 @@ def add_visible(baker: Baker, samples: int) -> None:
 
 def add_whole(baker: Baker, samples: int) -> None:
     """So many samples more of all texels, of seen ones first."""
-    target = int(baker.samples.max()) + samples
-    while baker.advance(target):
-        pass
+    fill(baker, int(baker.samples.max()) + samples)
 
 
 def _told(own: Counted, rounds: int, samples: int) -> dict[str, Any]:
@@ -274,27 +271,3 @@ def _times_to(kind: str, lightmap: Lightmap, which: Any, taken: tuple[float, ...
     if one is None:
         return {}
     return {f"{kind}time_to_rmse_{limit}_s": one / (limit / 100) ** 2 * sample_s for limit in THRESHOLDS}
-
-
-def _finishing(baker: Baker, reference: Baker, samples: int) -> dict[str, float | None]:
-    """What denoising and stitching gain on a map of so many samples."""
-    while baker.advance(samples):
-        pass
-    raw = baker.maps
-    start = perf_counter()
-    clean = denoised(raw, baker.rays_scene.threads)
-    denoise_s = perf_counter() - start
-    while reference.advance(_REFERENCE * samples):
-        pass
-    known = reference.maps
-    used = raw.valid & known.valid
-    noise = float((known.variance[used] / known.samples[used]).mean())  # of the reference; of so many samples of any
-    square = float(((clean.luminance[used] - known.luminance[used]) ** 2).mean()) - noise
-    seams = Seams.of(raw.texels.mesh, raw.texels.atlas)
-    image = dilated(raw.texels, raw.combined, raw.valid)
-    before = seams.step(image)
-    return {
-        "denoise_s": denoise_s,
-        "denoised_ratio": sqrt(max(square, 0.0) / noise) if noise > 0.0 else None,
-        "seam_step_ratio": seams.step(seams.stitched(image)) / before if before > 0.0 else None,
-    }
