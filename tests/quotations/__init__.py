@@ -61,9 +61,8 @@ QUOTED = {
         "agreement_raster": [agreement.of_the_rasteriser],
     },
     "reports/reference/tables.md": {
-        "methods": [methods.methods_in_detail, methods.moving_cameras],
+        "methods": [methods.methods_in_detail, methods.moving_cameras, methods.price_of_robust],
         "methods_families": [methods.families],
-        "robust": [methods.price_of_robust],
         "growth": [growth.growth_of_methods],
         "instruction_sets": [methods.other_instruction_sets],
         "baselines": [methods.best_packets],

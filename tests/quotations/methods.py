@@ -157,10 +157,10 @@ def moving_cameras(kept):
 
 
 ROBUST = {
-    "packets of 16": {"method": "pixel", "packet_width": 16},
-    "single rays": {"method": "pixel", "packet_width": 1},
-    f"aligned, 256 {TIMES} 1": {"method": "aligned", "split_x": 256},
-    f"visible-first, 256 {TIMES} 1": {"method": "visible_first", "split_x": 256},
+    "packets of 16": {"method": "pixel", "packet_width": 16, "own_build_quality": "same"},
+    "single rays": {"method": "pixel", "packet_width": 1, "own_build_quality": "same"},
+    f"aligned, 256 {TIMES} 1": {"method": "aligned", "split_x": 256, "split_y": 1},
+    f"visible-first, 256 {TIMES} 1": {"method": "visible_first", "split_x": 256, "split_y": 1},
 }
 
 
@@ -168,7 +168,7 @@ def price_of_robust(kept):
     """A frame in Embree's robust setting over one in its fast setting: time, each against packets of its own rounds."""
 
     def speed(**values):
-        return estimate(kept.processes, "speedup_vs_packets", **values)
+        return estimate(kept.processes, "speedup_vs_packets", workload="frame", **values)
 
     for label, point in ROBUST.items():
         fast, robust = ([speed(scene=scene, robust=how, **point) for scene in SCENES] for how in (False, True))
