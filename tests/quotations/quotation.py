@@ -128,7 +128,7 @@ def of(table: pd.DataFrame, **values: Any) -> pd.DataFrame:
 
 
 def estimate(processes: pd.DataFrame, column: str, **values: Any) -> Estimate:
-    """Of a column, over the processes with these values."""
+    """The mean of a column with its error, over the processes that have these values."""
     return Estimate.of(of(processes, **values)[column].astype(float).tolist())
 
 

@@ -2,7 +2,9 @@
 
 from math import sqrt
 from time import perf_counter
-from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from atra.light import Baker, Lightmap, Seams, denoised, dilated
 
@@ -25,8 +27,8 @@ def finishing(baker: Baker, other: Baker, samples: int, threads: int) -> dict[st
         fill(one, _REFERENCE * samples)
     own, known = baker.maps, other.maps
     used = raw.valid & own.valid & known.valid
-    noise = _squared_difference(own, known, used) / 2.0
-    square = _squared_difference(clean, known, used) - noise
+    noise = float(squared_differences(own, known)[used].mean()) / 2.0
+    square = float(squared_differences(clean, known)[used].mean()) - noise
     seams = Seams.of(raw.texels.mesh, raw.texels.atlas)
     image = dilated(raw.texels, raw.combined, raw.valid)
     before = seams.step(image)
@@ -43,5 +45,6 @@ def fill(baker: Baker, samples: int) -> None:
         pass
 
 
-def _squared_difference(one: Lightmap, other: Lightmap, used: Any) -> float:
-    return float(((one.luminance[used] - other.luminance[used]) ** 2).mean())
+def squared_differences(one: Lightmap, other: Lightmap) -> NDArray[np.float64]:
+    """(N,) squares of the differences in luminance between two maps of the same N texels."""
+    return (one.luminance - other.luminance).astype(np.float64) ** 2

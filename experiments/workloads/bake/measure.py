@@ -26,7 +26,7 @@ from experiments.workloads.bake import (
     WHOLE_MAP,
     WITHOUT_VIEW,
 )
-from experiments.workloads.bake.finishing import fill, finishing
+from experiments.workloads.bake.finishing import fill, finishing, squared_differences
 from experiments.workloads.bake.mitsuba import MitsubaPaths, adaptive_bias, with_plain_light
 from experiments.workloads.baselines import OWN
 from experiments.workloads.rounds import load_mesh, measured, timed_rounds
@@ -173,7 +173,7 @@ def measure(point: Point) -> Measured:
             taken = timed.samples.get(WITHOUT_VIEW, timed.samples[OWN])
             results |= _times_to("", rows.maps, every, taken, settings.samples)
         if settings.denoise:
-            pair = baker(seed=1, threads=None), baker(seed=2, threads=None)  # any number finds the same
+            pair = baker(seed=1, threads=None), baker(seed=2, threads=None)  # maps do not depend on threads
             results |= finishing(*pair, settings.final_samples, own.rays_scene.threads)
         if settings.adaptive:
             pair = baker(seed=3), baker(seed=4, adaptive=False)
@@ -260,7 +260,7 @@ def _error_over_forecast(one: Baker, other: Baker) -> float | None:
     for lightmap in maps:
         used &= lightmap.samples == lightmap.samples.max()
     forecast = sum(float((lightmap.variance[used] / lightmap.samples[used]).sum()) for lightmap in maps)
-    square = float(((maps[0].luminance[used] - maps[1].luminance[used]) ** 2).sum())
+    square = float(squared_differences(*maps)[used].sum())
     return sqrt(square / forecast) if forecast > 0.0 else None
 
 

@@ -16,6 +16,7 @@ from atra.light.lightmaps.gather.tables import tables_of
 from atra.light.lightmaps.gather.tables_kernels import LUMINANCE, NORMAL, ORIGIN
 from atra.light.lightmaps.samples_kernels import generate
 from experiments.methods.peers.mitsuba_light import load_mitsuba, parts_of, suns_of
+from experiments.workloads.bake.finishing import squared_differences
 
 _VARIANT = "llvm_ad_rgb"
 """The variant for CPUs and three colours that takes rays from anywhere, compiled for vectors."""
@@ -138,7 +139,7 @@ class MitsubaPaths:
         variance = np.maximum(square - mean**2, 0.0) * taken / (taken - 1)
         ours = mean_and_error(lightmap.luminance, lightmap.variance, lightmap.samples)
         ratio, error = ratio_and_error(mean_and_error(mean, variance, taken), ours)
-        squared = float(((lightmap.luminance - again.luminance).astype(np.float64) ** 2).mean()) / 2
+        squared = float(squared_differences(lightmap, again).mean()) / 2
         theirs = float(variance.mean()) / float(lightmap.samples.max()) / ratio**2
         varies = theirs / max(squared, np.finfo(float).tiny)
         return {"other_light_ratio": ratio, "other_light_error": error, "variance_ratio": varies}
