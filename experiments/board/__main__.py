@@ -11,7 +11,7 @@ from experiments.board.pack import packed, read_pack
 
 REPORTS = Path(__file__).resolve().parents[2] / "reports"
 
-STORED = ("methods", "peers", "robust", "classification")
+STORED = ("methods", "peers", "classification")
 """Tables below reports/reference that time rays beside packets, each of one machine."""
 
 
