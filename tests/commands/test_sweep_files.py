@@ -83,19 +83,18 @@ SWEEPS = {
             "workload.ray_batch=incoherent",
             "workload.judged_rays=50",
             "threads=1",
-            "~sweep.grids.rays_contains",
-            "~sweep.grids.rays_numbers",
+            *(f"~sweep.grids.rays_{name}" for name in ("contains", "contains_threads", "numbers")),
         ],
         ASKED,
     ),
     "rays-batches": (
         ["scene=cornell_box", "workload.judged_rays=50", "threads=1"]
-        + [f"~sweep.grids.rays_{name}" for name in ("contains", "numbers")],
+        + [f"~sweep.grids.rays_{name}" for name in ("contains", "contains_threads", "numbers")],
         ASKED,
     ),
     "rays-closed": (
         ["scene=three_holes", "workload.judged_rays=5", "threads=1"]
-        + [f"~sweep.grids.rays_{name}" for name in ("questions", "numbers")],
+        + [f"~sweep.grids.rays_{name}" for name in ("questions", "questions_threads", "numbers")],
         ASKED,
     ),
     "views": (["scene.copies=1", "workload.views=2", "width=32", "height=32"], set()),
