@@ -7,13 +7,15 @@ _PEERS = {"trimesh": "trimesh with embreex", "open3d": "Open3D"}
 _SCENES = ("sponza", "three_holes")
 _THREADS = (1, 2)
 _BATCHES = ("coherent", "incoherent")
+_ASKED = ("rays_questions", "rays_questions_threads")
+_INSIDE = ("rays_contains", "rays_contains_threads")
 _QUESTIONS = {"closest": "closest hit", "any": "any hit", "all": "all hits"}
 
 
 def rays_beside_others(kept):
-    """A question and a kind of rays a row; a scene, a peer and a number of threads a column: the peer's time over
-    ours."""
-    asked, inside = rows_of(kept.points, "rays_questions"), rows_of(kept.points, "rays_contains")
+    """A question and a kind of rays a row; a scene and a peer a column: the peer's time over ours, for each number of
+    threads that was measured."""
+    asked, inside = rows_of(kept.points, *_ASKED), rows_of(kept.points, *_INSIDE)
     for question, label in _QUESTIONS.items():
         for batch in _BATCHES:
             yield table_row(f"{label}, {batch}", *_cells(of(asked, question=question, ray_batch=batch)))
@@ -46,14 +48,14 @@ def rays_in_short(kept):
     """The closest hit, all hits and points inside over both peers, whatever the rays, the scene and the threads."""
     rows = of(kept.points)
     for question, words in (("closest", "the closest hit"), ("all", "all hits")):
-        asked = of(rows_of(rows, "rays_questions"), question=question)
+        asked = of(rows_of(rows, *_ASKED), question=question)
         gains = (
             f"{span(of(asked, method=peer)['answer_gain'])} times as fast as {name}" for peer, name in _PEERS.items()
         )
         yield f"{words} {' and '.join(gains)}"
-    yield f"what lies inside {span(rows_of(rows, 'rays_contains')['answer_gain'])} times"
+    yield f"what lies inside {span(rows_of(rows, *_INSIDE)['answer_gain'])} times"
 
 
 def closest_hit_over_trimesh(kept):
-    rows = of(rows_of(kept.points, "rays_questions"), question="closest", method="trimesh")
+    rows = of(rows_of(kept.points, *_ASKED), question="closest", method="trimesh")
     yield f"the closest hit {span(rows['answer_gain'])} times as fast as trimesh with embreex"
