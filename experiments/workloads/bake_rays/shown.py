@@ -19,6 +19,7 @@ from experiments.workloads.panels import Bars, bars_figure, draw_one, make_panel
 from experiments.workloads.tables import cell, points_table
 
 _BOX = "cornell_box"
+_DEEP = ("fireplace_room", "sponza", "living_room", "atrium")
 _FEW = 16
 
 
@@ -38,7 +39,7 @@ CLAIMS_FILE = "predictions/claims"
 
 _JUDGES = {
     "sun-gains-in-the-box": _judge("sun", lambda rows: rows["scene"].eq(_BOX) & (rows["positions"] >= _FEW), True),
-    "sun-gains-nothing-in-deep-scenes": _judge("sun", lambda rows: rows["scene"].ne(_BOX), False),
+    "sun-gains-nothing-in-deep-scenes": _judge("sun", lambda rows: rows["scene"].isin(_DEEP), False),
     "sky-loses-below-16": _judge("sky", lambda rows: rows["positions"] < _FEW, False),
     "bundles-gain": _judge("bundle", _all, True),
 }
