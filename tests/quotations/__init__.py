@@ -63,7 +63,7 @@ QUOTED = {
     "reports/reference/tables.md": {
         "methods": [methods.methods_in_detail, methods.moving_cameras, methods.price_of_robust],
         "methods_families": [methods.families],
-        "growth": [growth.growth_of_methods],
+        "growth": [growth.growth_of_methods, growth.holes_at_edges],
         "instruction_sets": [methods.other_instruction_sets],
         "baselines": [methods.best_packets],
         "peers": [methods.other_tracers, methods.what_was_called],

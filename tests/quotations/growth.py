@@ -2,7 +2,7 @@
 
 from experiments.workloads.frame.exponents import exponents
 from experiments.workloads.frame.growth import growth_panels, growths
-from tests.quotations.quotation import digits, table_row
+from tests.quotations.quotation import digits, of, table_row
 
 _WORDS = {"subdivided": "subdivided", "copies": "copies as one mesh", "pixels": "larger images"}
 _METHODS = ("pixel", "visible_first", "raster")
@@ -34,3 +34,11 @@ def both_ends_of_the_rasteriser(kept, *scenes):
 
 def _both_ends(one):
     return f"{digits(one.over_packets[0])} to {digits(one.over_packets[-1])}"
+
+
+def holes_at_edges(kept):
+    """The most holes that an image of each method has; those of single rays are counted in the same images."""
+    points = kept.points
+    most = [of(points, method=method)["pixels_hole"].max() for method in ("raster", "visible_first")]
+    raster, visible_first, single = (f"{count:.0f}" for count in (*most, points["baseline_pixels_hole"].max()))
+    yield f"The most holes in one image: rasteriser {raster}, visible-first {visible_first}, single rays {single}."

@@ -8,14 +8,13 @@ _SCENES = ("sponza", "three_holes")
 _THREADS = (1, 2)
 _BATCHES = ("coherent", "incoherent")
 _ASKED = ("rays_questions", "rays_questions_threads")
-_INSIDE = ("rays_contains", "rays_contains_threads")
 _QUESTIONS = {"closest": "closest hit", "any": "any hit", "all": "all hits"}
 
 
 def rays_beside_others(kept):
     """A question and a kind of rays a row; a scene and a peer a column: the peer's time over ours, for each number of
     threads that was measured."""
-    asked, inside = rows_of(kept.points, *_ASKED), rows_of(kept.points, *_INSIDE)
+    asked, inside = rows_of(kept.points, *_ASKED), of(kept.points, question="contains")
     for question, label in _QUESTIONS.items():
         for batch in _BATCHES:
             yield table_row(f"{label}, {batch}", *_cells(of(asked, question=question, ray_batch=batch)))
@@ -53,7 +52,7 @@ def rays_in_short(kept):
             f"{span(of(asked, method=peer)['answer_gain'])} times as fast as {name}" for peer, name in _PEERS.items()
         )
         yield f"{words} {' and '.join(gains)}"
-    yield f"what lies inside {span(rows_of(rows, *_INSIDE)['answer_gain'])} times"
+    yield f"what lies inside {span(of(rows, question='contains')['answer_gain'])} times"
 
 
 def closest_hit_over_trimesh(kept):
