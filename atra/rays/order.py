@@ -32,7 +32,7 @@ NEAR_BY = 1 / 64
 """Rays whose origins lie nearer than this share of the mesh's size may be traced together."""
 
 _SAMPLES, _NEIGHBOURS = 64, 16
-"""Places in a batch, and rays at each, that show whether it has an order already."""
+"""Places in a batch, and rays at each, that show whether neighbours are alike."""
 
 _BOX_SAMPLES = 1024
 
@@ -47,9 +47,12 @@ def is_large(rays: Rays, mesh: Mesh) -> bool:
     return len(rays) >= FEWEST_RAYS and mesh.triangle_count >= FEWEST_TRIANGLES
 
 
-def has_order_already(rays: Rays, near_by: np.float32) -> bool:
-    """Whether neighbours start and head alike at most places of a batch."""
-    places = np.linspace(0, len(rays) - _NEIGHBOURS, _SAMPLES).astype(int)[:, None] + np.arange(_NEIGHBOURS)
+def are_alike(rays: Rays, near_by: np.float32) -> bool:
+    """Whether neighbours start and head alike at most places of a batch; an empty one counts as alike."""
+    if len(rays) == 0:
+        return True
+    neighbours = min(_NEIGHBOURS, len(rays))
+    places = np.linspace(0, len(rays) - neighbours, _SAMPLES).astype(int)[:, None] + np.arange(neighbours)
     starts, ways = rays.origins[places], rays.directions[places]
     sizes = np.abs(ways[:, :1]).max(axis=2, keepdims=True)
     moved, turned = np.abs(starts - starts[:, :1]), np.abs(ways - ways[:, :1])

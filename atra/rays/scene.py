@@ -20,7 +20,7 @@ from atra.prim_ids import MISS
 from atra.rays.all_hits.scene import AllHitsScene
 from atra.rays.enlarged import enlarged
 from atra.rays.enlarged_kernels import DOUBT, NOWHERE, Doubts, doubt_filter
-from atra.rays.order import Numbers, RayOrder, has_order_already, is_large, near_by_of
+from atra.rays.order import Numbers, RayOrder, are_alike, is_large, near_by_of
 from atra.rays.rays import RayHits, Rays, rays_of
 from atra.rays.rays_kernels import (
     ALWAYS,
@@ -101,7 +101,11 @@ class RayScene(AllHitsScene):
         super().__init__(mesh, transforms, faces, resolve_threads(self.options.threads))
         self.packet_width = resolve_packet_width(self.options.packet_width)
         self._order = RayOrder(self._pool)
-        self._workspaces = [Workspace(self.packet_width, coherent=False) for _ in range(self.threads)]
+        self._width_unlike = 1 if self.options.packet_width is None else self.packet_width
+        self._workspaces = {
+            width: [Workspace(width, coherent=False) for _ in range(self.threads)]
+            for width in {self.packet_width, self._width_unlike}
+        }
         self._scene: EmbreeScene | None = None
         self._rims, self._doubts = np.empty(0, np.float32), _NO_DOUBTS
 
@@ -150,8 +154,9 @@ class RayScene(AllHitsScene):
         leading shape results keep.
         coherent: whether neighbours in the batch start and head alike, as camera rays and those to the sun do, and are
         taken through the tree together: packets are then traced up to twice as fast, but others take two to three times
-        as long. None: where they are found to, packet by packet; and many rays at a large mesh, unless they have an
-        order, are put in one in which rays near by follow each other. The hits are as right either way.
+        as long. None: a sample of the batch tells. Where most are alike, each packet is looked at. Where they are not,
+        rays are traced one by one, unless `packet_width` is given; and many at a large mesh are put in an order in
+        which rays near by follow each other. The hits are as right either way.
         out: an earlier result of as many rays whose arrays are to be overwritten, which saves allocating them; it must
         not be read any more.
         Raises InputError for rays that `atra.Rays` refuses and an `out` that does not fit, ClosedError after `close`.
@@ -164,9 +169,8 @@ class RayScene(AllHitsScene):
             raise InputError("out has one memory for t and prim_id: pass a result of `intersect`")
         with self._in_use():
             flat = t.reshape(-1), prim_id.reshape(-1)
-            exact = self.exact
-            self._run(closest_hit_kernel(self.packet_width, exact), coherent, rays, *flat)
-            if exact:
+            self._run(closest_hit_kernel, coherent, rays, *flat)
+            if self.exact:
                 self._decide(flat[1] == DOUBT, rays, *flat)
             if self.geometries.count == 1:
                 return RayHits(t, prim_id, rays, self.mesh)
@@ -190,10 +194,10 @@ class RayScene(AllHitsScene):
         """
         rays, shape = rays_of(origins, directions, tnear, tfar)
         found = np.empty(shape, np.bool_) if out is None else _checked_out("out", out, np.bool_, shape)
-        answers, exact = found.reshape(-1).view(np.uint8), self.exact
+        answers = found.reshape(-1).view(np.uint8)
         with self._in_use():
-            self._run(occlusion_kernel(self.packet_width, exact), coherent, rays, answers, filters=exact)
-            if exact:
+            self._run(occlusion_kernel, coherent, rays, answers, filters=self.exact)
+            if self.exact:
                 triangles = np.empty(len(rays), np.uint32)
                 numbers = self._decide(answers == UNDECIDED, rays, np.empty(0, np.float32), triangles)
                 answers[numbers] = triangles[numbers] != MISS
@@ -210,16 +214,18 @@ class RayScene(AllHitsScene):
 
     def _run(
         self,
-        kernel: Callable[..., None],
+        kernel_of: Callable[[int, bool], Callable[..., None]],
         coherent: bool | None,
         rays: Rays,
         *outputs: NDArray[Any],
         filters: bool = False,
     ) -> None:
         with self._in_use():
-            together = WHERE_ALIKE if coherent is None else ALWAYS if coherent else NEVER
             near_by = near_by_of(self.mesh)
-            has_order = coherent is not None or not is_large(rays, self.mesh) or has_order_already(rays, near_by)
+            alike = are_alike(rays, near_by) if coherent is None else coherent
+            together = WHERE_ALIKE if coherent is None else ALWAYS if coherent else NEVER
+            width = self.packet_width if alike else self._width_unlike
+            kernel = kernel_of(width, self.exact)
 
             def trace(given: Numbers, *answers: NDArray[Any]) -> None:
                 origins, directions, tnear, tfar = given
@@ -230,10 +236,10 @@ class RayScene(AllHitsScene):
                 def work(query: Query) -> None:
                     kernel(query.counter, query.scene, query.packet, query.flags, placed, self._doubts, *answers)
 
-                self._shoot(work, bool(coherent), filters)
+                self._shoot(work, width, bool(coherent), filters)
 
             numbers = rays.origins, rays.directions, rays.tnear, rays.tfar
-            if has_order:
+            if alike or coherent is not None or not is_large(rays, self.mesh):
                 trace(numbers, *outputs)
                 return
             for start in range(0, len(rays), ORDERED):
@@ -251,19 +257,19 @@ class RayScene(AllHitsScene):
         ClosedError after `close`.
         """
         _ = self.address
-        self._shoot(work, coherent)
+        self._shoot(work, self.packet_width, coherent)
 
-    def _shoot(self, work: Callable[[Query], None], coherent: bool, filters: bool = False) -> None:
-        """As `run`. filters: whether hits in doubt are rejected."""
+    def _shoot(self, work: Callable[[Query], None], width: int, coherent: bool, filters: bool = False) -> None:
+        """As `run`, in packets of `width`. filters: whether hits in doubt are rejected."""
         with self._in_use():
-            scene = self._scene.address  # type: ignore[union-attr]
-            for workspace in self._workspaces:
+            scene, workspaces = self._scene.address, self._workspaces[width]  # type: ignore[union-attr]
+            for workspace in workspaces:
                 workspace.set_coherent(coherent)
                 if self.exact:
-                    workspace.gather_with(doubt_filter(self.packet_width) if filters else 0, self._doubts.rims)
-            own = [(workspace.packet, workspace.flags) for workspace in self._workspaces]
+                    workspace.gather_with(doubt_filter(width) if filters else 0, self._doubts.rims)
+            own = [(workspace.packet, workspace.flags) for workspace in workspaces]
             self._pool.run(lambda worker, counter: work(Query(worker, counter, scene, *own[worker])))
-            check_widths(self._workspaces)
+            check_widths(workspaces)
 
     @property
     def address(self) -> int:

@@ -17,7 +17,7 @@ from atra.embree.library import load_library
 from atra.exact.brute_force_kernels import nearest_triangles
 from atra.exact.intersection import intersect_rays
 from atra.rays.order import FEWEST_RAYS, RayOrder, box_of
-from atra.rays.rays_kernels import CELLS, CHUNK, SORTED_CHUNK
+from atra.rays.rays_kernels import CELLS, CHUNK, SORTED_CHUNK, closest_hit_kernel
 from tests.images import assert_no_pixel_wrong, assert_same_bits, trace
 from tests.meshes import EYE_AT_ORIGIN, boards, cornell_box, cornell_camera, quads, random_triangles
 from tests.packets.test_axis_near_views import closed_box
@@ -517,10 +517,31 @@ def test_packets_of_rays_that_are_alike_go_together_and_others_do_not(width):
     origins = np.broadcast_to(camera.eye, directions.shape)
     with atra.RayScene(mesh, packet_width=width, threads=1) as scene:
         found = scene.intersect(origins, directions)
-        assert scene._workspaces[0].flags[0] == FLAG_COHERENT
+        assert scene._workspaces[width][0].flags[0] == FLAG_COHERENT
         assert_same_bits_of_rays(found, scene.intersect(origins, directions, coherent=True))
         scene.intersect(random_rays(64, 1, mesh))
-        assert scene._workspaces[0].flags[0] == (FLAG_COHERENT if width == 1 else 0)
+        assert scene._workspaces[width][0].flags[0] == (FLAG_COHERENT if width == 1 else 0)
+
+
+@each_width
+def test_rays_that_are_not_alike_are_traced_one_by_one_unless_a_width_is_given(width, monkeypatch):
+    mesh, widths = cornell_box(), []
+    alike = camera_rays(cornell_camera(256, 256).crop(0, 100, 256, 16))
+    others = random_rays(256, 1, mesh)
+
+    def kernel_of(width, exact):
+        widths.append(width)
+        return closest_hit_kernel(width, exact)
+
+    monkeypatch.setattr(atra.rays.scene, "closest_hit_kernel", kernel_of)
+    for given in (None, width):
+        with atra.RayScene(mesh, packet_width=given, threads=1) as scene:
+            for rays in (alike, others):
+                scene.intersect(rays)
+                scene.intersect(rays, coherent=True)
+                scene.intersect(rays, coherent=False)
+    widest = WIDTHS[-1]
+    assert widths == [widest, widest, 1, 1, widest, 1] + [width] * 6
 
 
 def test_the_first_batch_builds_a_scene_that_is_not_built_and_none_builds_a_closed_one():
