@@ -230,8 +230,8 @@ class PixelOptions(Options):
 
 @dataclass(frozen=True)
 class RayOptions(PacketOptions):
-    """Options of `RayScene`: those of `PacketOptions`. Without a `packet_width`, only rays that are alike go in packets,
-    and others are traced one by one, which is faster.
+    """Options of `RayScene`: those of `PacketOptions`. Without a `packet_width`, only rays that are alike go in
+    packets, and others are traced one by one, which is faster.
 
     With `robust=False` rays also slip past meshes far from the world's origin, where float32 is coarse: of 200,000 rays
     in a closed box that lies a hundred times its size away 2 are lost, at a thousand times 43.
