@@ -1,4 +1,4 @@
-"""Whether a batch of rays is worth putting in order, and what counts as near."""
+"""An order of rays in which those that start near each other and head the same way follow each other."""
 
 from __future__ import annotations
 
@@ -9,10 +9,7 @@ from numpy.typing import NDArray
 
 from atra.compiled.aligned_memory import aligned_empty
 from atra.compiled.threads import WorkerPool
-from atra.geometry.mesh import Mesh
-from atra.rays.rays import Rays
-from atra.rays.rays_kernels import (
-    ALIKE_DIRECTIONS,
+from atra.rays.order_kernels import (
     BUCKETS,
     CELLS,
     RECORD,
@@ -25,39 +22,7 @@ from atra.rays.rays_kernels import (
 Numbers = tuple[NDArray[np.float32], ...]
 """The arrays of a batch of rays: origins, directions, tnear, tfar."""
 
-FEWEST_RAYS, FEWEST_TRIANGLES = 1 << 14, 1 << 17
-"""Smallest batch and smallest mesh whose rays are put in order; smaller ones fit the cache anyway."""
-
-NEAR_BY = 1 / 64
-"""Rays whose origins lie nearer than this share of the mesh's size may be traced together."""
-
-_SAMPLES, _NEIGHBOURS = 64, 16
-"""Places in a batch, and rays at each, that show whether neighbours are alike."""
-
 _BOX_SAMPLES = 1024
-
-
-def near_by_of(mesh: Mesh) -> np.float32:
-    """The distance up to which origins of rays are near each other, in scene units."""
-    return np.float32(NEAR_BY * float((mesh.bounds[1] - mesh.bounds[0]).max()))
-
-
-def is_large(rays: Rays, mesh: Mesh) -> bool:
-    """Whether putting the rays in order can pay."""
-    return len(rays) >= FEWEST_RAYS and mesh.triangle_count >= FEWEST_TRIANGLES
-
-
-def are_alike(rays: Rays, near_by: np.float32) -> bool:
-    """Whether neighbours start and head alike at most places of a batch; an empty one counts as alike."""
-    if len(rays) == 0:
-        return True
-    neighbours = min(_NEIGHBOURS, len(rays))
-    places = np.linspace(0, len(rays) - neighbours, _SAMPLES).astype(int)[:, None] + np.arange(neighbours)
-    starts, ways = rays.origins[places], rays.directions[places]
-    sizes = np.abs(ways[:, :1]).max(axis=2, keepdims=True)
-    moved, turned = np.abs(starts - starts[:, :1]), np.abs(ways - ways[:, :1])
-    alike = (moved <= near_by) & (turned <= ALIKE_DIRECTIONS * sizes)
-    return bool(alike.all(axis=(1, 2)).mean() > 0.5)
 
 
 def box_of(origins: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -20,17 +20,10 @@ from atra.prim_ids import MISS
 from atra.rays.all_hits.scene import AllHitsScene
 from atra.rays.enlarged import enlarged
 from atra.rays.enlarged_kernels import DOUBT, NOWHERE, Doubts, doubt_filter
-from atra.rays.order import Numbers, RayOrder, are_alike, is_large, near_by_of
+from atra.rays.order import Numbers, RayOrder
+from atra.rays.plan import plan_of
 from atra.rays.rays import RayHits, Rays, rays_of
-from atra.rays.rays_kernels import (
-    ALWAYS,
-    NEVER,
-    UNDECIDED,
-    WHERE_ALIKE,
-    RaysInMemory,
-    closest_hit_kernel,
-    occlusion_kernel,
-)
+from atra.rays.rays_kernels import UNDECIDED, closest_hit_kernel, occlusion_kernel
 from atra.tracing.options import PacketKeywords, RayOptions, lists_options
 
 ORDERED = 1 << 20
@@ -221,25 +214,19 @@ class RayScene(AllHitsScene):
         filters: bool = False,
     ) -> None:
         with self._in_use():
-            near_by = near_by_of(self.mesh)
-            alike = are_alike(rays, near_by) if coherent is None else coherent
-            together = WHERE_ALIKE if coherent is None else ALWAYS if coherent else NEVER
-            width = self.packet_width if alike else self._width_unlike
-            kernel = kernel_of(width, self.exact)
+            numbers = rays.origins, rays.directions, rays.tnear, rays.tfar
+            plan = plan_of(numbers, self.mesh, coherent, self.packet_width, self._width_unlike)
+            kernel = kernel_of(plan.width, self.exact)
 
             def trace(given: Numbers, *answers: NDArray[Any]) -> None:
-                origins, directions, tnear, tfar = given
-                starts = origins.ctypes.data, directions.ctypes.data, origins.strides[0]
-                ends = tnear.ctypes.data, tfar.ctypes.data, tnear.strides[0]
-                placed = RaysInMemory(*starts, *ends, together, near_by)
+                placed = plan.placed(given)
 
                 def work(query: Query) -> None:
                     kernel(query.counter, query.scene, query.packet, query.flags, placed, self._doubts, *answers)
 
-                self._shoot(work, width, bool(coherent), filters)
+                self._shoot(work, plan.width, bool(coherent), filters)
 
-            numbers = rays.origins, rays.directions, rays.tnear, rays.tfar
-            if alike or coherent is not None or not is_large(rays, self.mesh):
+            if not plan.in_order:
                 trace(numbers, *outputs)
                 return
             for start in range(0, len(rays), ORDERED):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import atra
-import atra.rays.order
+import atra.rays.plan
 import atra.rays.scene
 from atra.compiled.instruction_sets import chosen_instruction_set, cpu_features
 from atra.compiled.threads import WorkerPool
@@ -16,8 +16,10 @@ from atra.embree.layout import FLAG_COHERENT
 from atra.embree.library import load_library
 from atra.exact.brute_force_kernels import nearest_triangles
 from atra.exact.intersection import intersect_rays
-from atra.rays.order import FEWEST_RAYS, RayOrder, box_of
-from atra.rays.rays_kernels import CELLS, CHUNK, SORTED_CHUNK, closest_hit_kernel
+from atra.rays.order import RayOrder, box_of
+from atra.rays.order_kernels import CELLS, SORTED_CHUNK
+from atra.rays.plan import FEWEST_RAYS, plan_of
+from atra.rays.rays_kernels import CHUNK, closest_hit_kernel
 from tests.images import assert_no_pixel_wrong, assert_same_bits, trace
 from tests.meshes import EYE_AT_ORIGIN, boards, cornell_box, cornell_camera, quads, random_triangles
 from tests.packets.test_axis_near_views import closed_box
@@ -465,7 +467,7 @@ def assert_same_bits_of_rays(found, expected):
 
 @each_width
 def test_the_order_that_a_large_batch_is_traced_in_changes_no_bit(width, monkeypatch):
-    monkeypatch.setattr(atra.rays.order, "FEWEST_TRIANGLES", 1)
+    monkeypatch.setattr(atra.rays.plan, "FEWEST_TRIANGLES", 1)
     monkeypatch.setattr(atra.rays.scene, "ORDERED", FEWEST_RAYS - 700)  # in two parts, the second of 777
     mesh, ordered = MESHES["many small"], []
     order = RayOrder.ordered
@@ -542,6 +544,19 @@ def test_rays_that_are_not_alike_are_traced_one_by_one_unless_a_width_is_given(w
                 scene.intersect(rays, coherent=False)
     widest = WIDTHS[-1]
     assert widths == [widest, widest, 1, 1, widest, 1] + [width] * 6
+
+
+def test_no_sample_is_looked_at_where_it_would_change_nothing(monkeypatch):
+    looked_at = []
+    monkeypatch.setattr(atra.rays.plan, "places_alike", lambda *_: looked_at.append(1) or 0)
+    mesh = cornell_box()
+    rays = random_rays(256, 1, mesh)
+    numbers = rays.origins, rays.directions, rays.tnear, rays.tfar
+    for coherent, widths in ((None, (4, 4)), (True, (4, 1)), (False, (4, 1))):
+        assert plan_of(numbers, mesh, coherent, *widths).width == (1 if coherent is False else 4)
+    assert looked_at == []
+    assert plan_of(numbers, mesh, None, 4, 1).width == 1
+    assert looked_at == [1]
 
 
 def test_the_first_batch_builds_a_scene_that_is_not_built_and_none_builds_a_closed_one():
