@@ -30,6 +30,7 @@ SWEEPS = {
     "memory": (["method.split_x=4"], {"figure7", "figure7_instancing"}),
     "scenes": (["scene=cornell_box"], {"figure3", "figure3_differences"}),
     "methods": (["method.split_x=4", "method.split_y=1"], {"methods", "break_even", "moving"}),
+    "instruction_sets": (["method.split_x=4", "method.split_y=1"], {"methods", "break_even", "moving"}),
     "methods_families": (["method.split_x=4", "method.split_y=1"], {"methods"}),
     "baselines": (["method.packet_width=4", "method.packet_rows=null"], {"rates"}),
     "reference_rays": (["method.split_x=4", "method.culling=true"], set(FIGURE5)),
