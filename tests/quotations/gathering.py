@@ -4,7 +4,7 @@ import pandas as pd
 
 from experiments.methods import find_method
 from experiments.paper.readings import EVERY_HIT
-from experiments.results.statistics import FEWEST_PROCESSES, Estimate
+from experiments.results.statistics import Estimate
 from tests.quotations import paper
 from tests.quotations.quotation import (
     SCENES,
@@ -61,12 +61,15 @@ def over_counting(kept):
 
 
 def _over_count(kept, what, column, **values):
+    packets = of(in_packets(kept.points), layers=8, **values)
+    asked, counted = (of(packets, what=one).iloc[0] for one in (what, "count"))
+    return _over(kept, column, asked, counted)
+
+
+def _over(kept, column, one, other):
     """The ratio of two points, which share no process."""
-    packets = of(in_packets(kept.processes), layers=8, **values)
-    times = [of(packets, what=one)[column].tolist() for one in (what, "count")]
-    if min(map(len, times)) < FEWEST_PROCESSES:
-        return "too few processes"
-    ratio = Estimate.of(times[0]).over(Estimate.of(times[1]))
+    values = [of(kept.processes, point_id=row["point_id"])[column].tolist() for row in (one, other)]
+    ratio = Estimate.of(values[0]).over(Estimate.of(values[1]))
     return f"{digits(ratio.value)} [{digits(ratio.low)}, {digits(ratio.high)}]"
 
 
@@ -77,7 +80,9 @@ def counts_of_others(kept):
         raster = best(kept.points, scene=scene, method="raster", what="count")
         for method in ("trimesh", "open3d"):
             for _, theirs in of(kept.points, scene=scene, method=method, what="count").iloc[:1].iterrows():
-                gains = digits(1.0 / theirs["speedup_vs_packets"]), digits(raster["speedup"] / theirs["speedup"])
+                ends = (1.0 / theirs[f"speedup_vs_packets{end}"] for end in ("", "_high", "_low"))
+                packets, low, high = map(digits, ends)
+                gains = f"{packets} [{low}, {high}]", _over(kept, "speedup", raster, theirs)
                 hits = (f"{theirs[name]:,}" for name in ("hits_in_all", "hits_missing", "hits_too_many"))
                 yield table_row(f"`{scene}`, {find_method(method).label}", *gains, *hits)
 
@@ -91,9 +96,11 @@ def solids(kept):
         counted = best(packets, method=method, what="count")
         same = {} if pd.isna(counted["split_x"]) else {"split_x": counted["split_x"]}
         solid = best(packets, method=method, what="thickness", **same)
-        gains = (digits(row["speedup"] / theirs[row["what"]]["speedup"]) for row in (counted, solid))
+        gains = (
+            "1" if method == "trimesh" else _over(kept, "speedup", row, theirs[row["what"]]) for row in (counted, solid)
+        )
         times = (milliseconds(row["render_time_s"]) for row in (counted, solid))
-        ratio = digits(solid["render_time_s"] / counted["render_time_s"])
+        ratio = _over(kept, "render_time_s", solid, counted)
         label = "packets" if method == "pixel" else find_method(method).label
         yield table_row(label, *times, ratio, *gains, f"{solid['pixels_different']:,}")
 

@@ -103,7 +103,7 @@ def interval(row: pd.Series, name: str) -> str:
 
 
 def split_of(row: pd.Series) -> str:
-    return f"{row['split_x']:,} {TIMES} {row['split_y']:,}"
+    return f"{int(row['split_x']):,} {TIMES} {int(row['split_y']):,}"
 
 
 def milliseconds(seconds: float) -> str:
