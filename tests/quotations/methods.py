@@ -29,9 +29,7 @@ def _frame(number):
     return "never" if number is None else f"{number:,}"
 
 
-def frames_of_each_method(kept):
-    """Scene, triangles, packets in ms, and over packets: aligned, visible-first, from which frame on, raster."""
-    table = of(kept.points, workload="frame")
+def _gains_of_each_method(table):
     for scene in SCENES:
         raster, visible_first, aligned = (best(table, scene=scene, method=name) for name in COMPARED)
         cost, packets = cost_of(visible_first), baseline_costs(of(table, scene=scene))
@@ -46,6 +44,12 @@ def frames_of_each_method(kept):
             middle if first == last else f"{middle} [{first}, {last}]",
             interval(raster, "speedup_vs_packets"),
         )
+
+
+def frames_of_each_method(kept):
+    """Scene, triangles, packets in ms, and over packets: aligned, visible-first, from which frame on, raster."""
+    table = of(kept.points, workload="frame")
+    yield from _gains_of_each_method(table)
     images = table[table["pixels_equal"].notna()]
     assert (images["pixels_wrong"] == images["pixels_hole"] + images["baseline_pixels_hole"]).all()
     assert not of(images, method="raster")["pixels_hole"].any()
@@ -113,10 +117,15 @@ def what_was_called(kept):
 
 
 def other_instruction_sets(kept):
-    """The rasteriser over the packets that are native there; the width of packets tells the sets apart."""
-    for width, name in ((8, "AVX2, packets of 8"), (4, "SSE4.2, packets of 4")):
-        chosen = best_of_each(of(kept.points, packets_width=width), method="raster")
+    """The rasteriser over the packets that are native there."""
+    for held, name in (("avx2", "AVX2, packets of 8"), ("sse4.2", "SSE4.2, packets of 4")):
+        chosen = best_of_each(of(kept.points, workload="frame", instruction_set=held), method="raster")
         yield line(name, chosen, "speedup_vs_packets", interval)
+
+
+def frames_with_avx2(kept):
+    """As `frames_of_each_method`."""
+    yield from _gains_of_each_method(of(kept.points, workload="frame", instruction_set="avx2"))
 
 
 def two_threads(kept):
