@@ -136,7 +136,9 @@ def describe_measurement(table: pd.DataFrame, mark: str = "") -> str:
     doubtful = int(column(measured, "doubts").notna().sum())
     doubts = f"{doubtful} of {len(measured)} points carry doubts (see table)" if doubtful else ""
     first = ", ".join(filter(None, [size, threads, packets, fastest, repeats]))
-    second = ", ".join(filter(None, [cpus, date, _say_setting(measured), mark, doubts]))
+    held = " and ".join(sorted(set(column(measured, "instruction_set").dropna()) - {"none"}))
+    machine = [cpus, f"held to {held}" if held else "", date]
+    second = ", ".join(filter(None, [*machine, _say_setting(measured), mark, doubts]))
     return "\n".join(filter(None, [first, second]))
 
 

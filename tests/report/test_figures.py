@@ -288,4 +288,6 @@ def test_the_foot_says_only_what_the_table_tells():
     said = describe_measurement(rows, "mark")
     assert "of each the median of 3 to 9 rounds; bars: 95 % confidence intervals over processes" in said
     assert said.endswith("some cpu, 2000-01-01, mark, 1 of 2 points carry doubts (see table)")
+    held = describe_measurement(rows.assign(instruction_set=["avx2", "none"]))
+    assert "some cpu, held to avx2, 2000-01-01" in held
     assert describe_measurement(rows.iloc[:0]) == ""
