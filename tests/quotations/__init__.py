@@ -64,7 +64,7 @@ QUOTED = {
         "methods": [methods.methods_in_detail, methods.moving_cameras, methods.price_of_robust],
         "methods_families": [methods.families],
         "growth": [growth.growth_of_methods, growth.holes_at_edges],
-        "instruction_sets": [methods.other_instruction_sets, methods.frames_with_avx2],
+        "instruction_sets": [methods.other_instruction_sets, methods.frames_with_avx2, rays.rays_with_avx2],
         "baselines": [methods.best_packets],
         "peers": [methods.other_tracers, methods.what_was_called],
         "ablations": [ablations.worth_of_parts, ablations.worth_of_the_shortcut],

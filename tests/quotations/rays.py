@@ -58,3 +58,10 @@ def rays_in_short(kept):
 def closest_hit_over_trimesh(kept):
     rows = of(rows_of(kept.points, *_ASKED), question="closest", method="trimesh")
     yield f"the closest hit {span(rows['answer_gain'])} times as fast as trimesh with embreex"
+
+
+def rays_with_avx2(kept):
+    """Closest hits over trimesh with embreex: a scene a row, coherent and incoherent."""
+    for scene in _SCENES:
+        rows = of(kept.points, workload="rays", scene=scene)
+        yield table_row(f"`{scene}`", *(digits(of(rows, ray_batch=batch)["answer_gain"].item()) for batch in _BATCHES))
