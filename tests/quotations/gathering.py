@@ -4,7 +4,6 @@ import pandas as pd
 
 from experiments.methods import find_method
 from experiments.paper.readings import EVERY_HIT
-from experiments.results.statistics import Estimate
 from tests.quotations import paper
 from tests.quotations.quotation import (
     SCENES,
@@ -12,6 +11,7 @@ from tests.quotations.quotation import (
     best,
     best_of_each,
     digits,
+    estimate,
     interval,
     line,
     milliseconds,
@@ -68,8 +68,8 @@ def _over_count(kept, what, column, **values):
 
 def _over(kept, column, one, other):
     """The ratio of two points, which share no process."""
-    values = [of(kept.processes, point_id=row["point_id"])[column].tolist() for row in (one, other)]
-    ratio = Estimate.of(values[0]).over(Estimate.of(values[1]))
+    above, below = (estimate(kept.processes, column, point_id=row["point_id"]) for row in (one, other))
+    ratio = above.over(below)
     return f"{digits(ratio.value)} [{digits(ratio.low)}, {digits(ratio.high)}]"
 
 

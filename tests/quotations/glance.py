@@ -6,7 +6,7 @@ from experiments.methods import find_method
 from experiments.workloads.frame.shown import best_baselines
 from tests.quotations.gathering import in_packets
 from tests.quotations.growth import both_ends_of_the_rasteriser
-from tests.quotations.methods import COMPARED, gains_of_two_threads
+from tests.quotations.methods import COMPARED, gains_of_two_threads, rasteriser_held_to
 from tests.quotations.quotation import SCENES, best_of_each, digits, each_scene, line, of, span, table_row
 
 
@@ -24,8 +24,7 @@ def growth_in_words(kept):
 
 def narrower_vectors(kept):
     """How far ahead of packets the rasteriser is with AVX2 and with SSE4.2."""
-    held = (of(kept.points, workload="frame", instruction_set=name) for name in ("avx2", "sse4.2"))
-    narrow = (best_of_each(points, method="raster") for points in held)
+    narrow = (rasteriser_held_to(kept, name) for name in ("avx2", "sse4.2"))
     avx2, sse = (span(row["speedup_vs_packets"] for row in rows) for rows in narrow)
     yield f"{avx2} times as fast as packets with AVX2 and {sse} times with SSE4.2"
 
