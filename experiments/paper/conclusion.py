@@ -107,6 +107,22 @@ def _gain(*asked: Any) -> Gain:
     return Gain(found, found.missing)
 
 
+def where_packets_stand(gains: Sequence[SceneGains]) -> list[str]:
+    """A sentence for each kind of packets per pixel: the scenes where aligned packets are ahead of them, level with
+    them or behind them. Only a whole interval above or below 1 decides."""
+    told = []
+    for words in (words for words, reading, _ in PACKETS_OVER if not reading.gathers):
+        scenes: dict[str, list[str]] = {"ahead": [], "level": [], "behind": []}
+        for one in gains:
+            if words in one.packets and (best := one.packets[words].best) is not None:
+                gain = best.gain
+                scenes["ahead" if gain.low > 1 else "behind" if gain.high < 1 else "level"].append(one.scene)
+        said = "; ".join(f"{place} on {_list(names)}" for place, names in scenes.items() if names)
+        if said:
+            told.append(f"Aligned packets beside {words}: {said}.")
+    return told
+
+
 _SAID = {
     HOLDS: ("holds", "hold"),
     ONE_READING: ("holds under one reading of its baseline only", "hold under one reading of its baseline only"),

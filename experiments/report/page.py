@@ -16,7 +16,7 @@ from markupsafe import Markup
 from atra.errors import printable
 from atra.files.paths import write_atomically
 from experiments.drawing.figure import DrawnFigure
-from experiments.paper.conclusion import SceneGains, conclude, scene_gains
+from experiments.paper.conclusion import SceneGains, conclude, scene_gains, where_packets_stand
 from experiments.paper.evidence import NotMeasuredError
 from experiments.paper.readings import readings_of
 from experiments.report import facts
@@ -89,6 +89,7 @@ def render_report(contents: ReportContents) -> str:
         no_gains=no_gains,
         readings=readings_of(contents.processes),
         one_reading=ONE_READING,
+        packets_stand=where_packets_stand(gains),
         packets_over=list(dict.fromkeys(words for one in gains for words in one.packets)),
         stand_ins=replaced,
         compared=facts.compared_images(table),

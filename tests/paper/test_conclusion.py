@@ -3,7 +3,7 @@
 import pytest
 
 from experiments.paper.claims import judge_claims
-from experiments.paper.conclusion import conclude, scene_gains
+from experiments.paper.conclusion import conclude, scene_gains, where_packets_stand
 from experiments.paper.evidence import NotMeasuredError
 from experiments.report.facts import stand_ins
 from tests.paper_table import BEST, agreeing_table, scaled, skipped
@@ -33,6 +33,17 @@ def test_gains_are_the_best_of_each_scene_beside_the_paper_s_and_packets_stand_a
     values = [found.best.gain.value for found in (*sponza.single.values(), *sponza.packets.values()) if found.best]
     assert values == pytest.approx([factor * BEST["sponza"] for factor in (0.5, 1, 1, 1, 2)], rel=0.005)
     assert (sponza.packet_width, sponza.single["all hits"].best.splits) == (8, 1024)
+
+
+def test_aligned_packets_are_ahead_or_behind_only_where_the_whole_interval_is(agreeing):
+    noise = agreeing["process"].map({0: 0.8, 1: 1.25, 2: 1.0, 3: 0.8, 4: 1.25}) / BEST["mitsuba"]
+    factor = noise.where(agreeing["scene"] == "mitsuba", agreeing["scene"].map({"sponza": 0.1}).fillna(1.0))
+    table = agreeing.assign(speedup_vs_packets=agreeing["speedup_vs_packets"] * factor)
+    assert where_packets_stand(scene_gains(table)) == [
+        "Aligned packets beside packets per pixel, nearest hit: ahead on cornell_box and fireplace_room; level on "
+        "mitsuba; behind on sponza."
+    ]
+    assert where_packets_stand(()) == []
 
 
 def test_gains_where_every_hit_is_wanted_are_over_what_gathers_the_same(agreeing):

@@ -11,6 +11,7 @@ tests/documents/test_documents.py looks for each of them. reports/reference/tabl
 from tests.quotations import (
     ablations,
     agreement,
+    alignment,
     bake,
     classification,
     gathering,
@@ -27,10 +28,12 @@ from tests.quotations import (
 from tests.quotations.quotation import Quotation
 
 QUOTED = {
-    "README.md": {"methods": [methods.frames_of_each_method], "rays": [rays.closest_hit_over_trimesh]},
+    "README.md": {
+        "methods": [alignment.where_alignment_stands, methods.frames_of_each_method],
+        "rays": [rays.closest_hit_over_trimesh],
+    },
     "docs/methods.md": {
         "methods": [glance.still_and_moving],
-        "gather": [glance.counting_in_short],
         "frame": [glance.pictures_in_short],
         "classification": [classification.own_bvh],
         "paper": [glance.instances_in_short],
@@ -44,15 +47,15 @@ QUOTED = {
         "multiframe": [glance.frames_in_short],
         "surface": [glance.surfaces_in_short],
         "bake_mitsuba": [glance.mitsuba_in_short],
-        "bake_rays": [glance.sun_in_the_box],
     },
     "docs/rays.md": {"rays": [rays.rays_in_short]},
     "docs/cameras.md": {"lenses": [lenses.through_lenses]},
     "docs/paper.md": {
+        "methods": [alignment.where_alignment_stands],
         "paper": [paper.measured_points, paper.best_gains],
         "cornell_candidates": [paper.candidates_in_short],
         "ablations": [ablations.sun_in_short],
-        "law": [law.where_alignment_pays, law.best_axes, law.seven_and_a_half],
+        "law": [law.seven_and_a_half],
     },
     "docs/model.md": {"law": [law.errors_in_short, law.choices_in_short, law.rest_of_the_law]},
     "docs/not_helpful.md": {"light_bundles": [glance.light_bundles]},
@@ -78,7 +81,7 @@ QUOTED = {
             gathering.counting, gathering.over_counting, gathering.counts_of_others, gathering.solids,
             gathering.gains_where_every_hit_is_wanted, gathering.verdicts_where_every_hit_is_wanted,
         ],
-        "law": [law.errors_of_methods, law.choices_of_methods],
+        "law": [law.errors_of_methods, law.choices_of_methods, law.where_alignment_pays, law.best_axes],
         "law_tiles": [law.rays_of_tiles],
         "paper": [paper.instances, paper.verdicts],
         "stereo": [methods.two_eyes],

@@ -4,18 +4,19 @@ import pandas as pd
 
 from experiments.methods import find_method
 from experiments.workloads.frame.shown import best_baselines
-from tests.quotations.gathering import in_packets
 from tests.quotations.growth import both_ends_of_the_rasteriser
 from tests.quotations.methods import COMPARED, gains_of_two_threads, rasteriser_held_to
-from tests.quotations.quotation import SCENES, best_of_each, digits, each_scene, line, of, span, table_row
+from tests.quotations.quotation import SCENES, best_of_each, digits, each_scene, of, span, table_row
 
 
 def still_and_moving(kept):
     """Speed over packets of each method at its best split, with a still camera and with another eye in every frame."""
     for name in COMPARED:
-        for workload, words in (("frame", "camera still"), ("moving", "another eye in every frame")):
-            chosen = best_of_each(of(kept.points, workload=workload), method=name)
-            yield line(f"{find_method(name).label}, {words}", chosen, "speedup_vs_packets")
+        still, moving = (
+            span(row["speedup_vs_packets"] for row in best_of_each(of(kept.points, workload=workload), method=name))
+            for workload in ("frame", "moving")
+        )
+        yield f"{find_method(name).label} {still} times ({moving})"
 
 
 def growth_in_words(kept):
@@ -59,13 +60,6 @@ def twenty_views_in_short(kept):
         yield f"{span(of(kept.points, method=method, job='views')['library_gain'])} times as fast as {name}"
 
 
-def counting_in_short(kept):
-    """Counting all hits: speed over packets that count the same."""
-    for method, label in (("raster", "rasteriser"), ("aligned", "aligned packets")):
-        chosen = best_of_each(in_packets(kept.points), method=method, what="count")
-        yield line(f"{label}, counting", chosen, "speedup_vs_packets")
-
-
 def instances_in_short(kept):
     """Embree's bytes of Sponza at 64 x 1: copied, with culling and without, and as instances."""
     table = of(kept.points, workload="frame", method="aligned", scene="sponza", split_x=64, split_y=1)
@@ -94,13 +88,15 @@ def surfaces_in_short(kept):
 
 def pictures_in_short(kept):
     """Whole pictures over the same pictures with packets for primary visibility, and beside Mitsuba 3."""
-    for label, frame, mitsuba, column in (
-        ("hybrid pictures", "hybrid", "none", "speedup_vs_packets"),
-        ("path-traced pictures", "path", "none", "speedup_vs_packets"),
-        ("path-traced samples, over Mitsuba 3's", "path", "llvm_ad_rgb", "samples_vs_mitsuba"),
-    ):
+
+    def gains(column, **values):
         plain = {"method": "raster", "samples": 1, "jitter": "shared", "order": "depth_first"}
-        yield line(label, each_scene(kept.points, frame=frame, mitsuba=mitsuba, **plain), column)
+        return span(row[column] for row in each_scene(kept.points, **plain, **values))
+
+    yield f"hybrid pictures {gains('speedup_vs_packets', frame='hybrid', mitsuba='none')} times"
+    yield f"path-traced ones {gains('speedup_vs_packets', frame='path', mitsuba='none')} times"
+    samples = gains("samples_vs_mitsuba", frame="path", mitsuba="llvm_ad_rgb")
+    yield f"{samples} times as many samples a second as Mitsuba 3"
 
 
 def mitsuba_in_short(kept):
@@ -109,14 +105,6 @@ def mitsuba_in_short(kept):
     yield f"{span(same['speedup_vs_best_other'])} times as many paths a second as Mitsuba 3 at its best"
     sunlit = same[same["scene"].ne("cornell_box")]
     yield f"its error {span(sunlit['quality_vs_other'])} times as soon"
-
-
-def sun_in_the_box(kept):
-    """Rays from texels to the sun: packets over aligned rays."""
-    sun = of(kept.points, use="sun")
-    box = sun[sun["scene"].eq("cornell_box") & sun["positions"].ge(16)]
-    inside, deep = (span(rows["packets_over_aligned"]) for rows in (box, sun[sun["scene"].ne("cornell_box")]))
-    yield f"{inside} times as fast as packets in the Cornell box, and {deep} times in deep scenes"
 
 
 def light_bundles(kept):

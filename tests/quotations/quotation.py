@@ -163,6 +163,7 @@ def line(
 
 
 def span(values: Iterable[float]) -> str:
-    """ "1.22 to 1.98"."""
+    """ "1.22 to 1.98", or "0.98" where both ends are written alike."""
     known = [value for value in values if not pd.isna(value)]
-    return f"{digits(min(known))} to {digits(max(known))}"
+    low, high = digits(min(known)), digits(max(known))
+    return low if low == high else f"{low} to {high}"

@@ -1,0 +1,60 @@
+"""Where alignment is fastest, where it gains over packets alone, and where it loses: one table of several sweeps."""
+
+from tests.quotations.gathering import in_packets
+from tests.quotations.quotation import REFERENCE, best, kept_in, of, span, table_row
+
+_FASTEST, _AHEAD, _LEVEL, _BEHIND = "fastest", "ahead of packets only", "level with packets", "behind packets"
+_TO_THE_SUN = "from texels to the sun"
+_FEW_POSITIONS = 16
+"""With fewer positions in a texel than these, planning for a direction of the sun takes longer than it saves."""
+
+
+def where_alignment_stands(kept):
+    """Rays and scenes a row: how many times as fast as packets aligned packets are at their best split, and the
+    rasteriser. Scenes go by the interval of the former: above one, around it, below it. kept: that of sweep=methods."""
+    every = _gains_of_scenes(of(in_packets(_kept("gather").points), what="count"))
+    tables = (of(one.points, workload="frame") for one in (kept, _kept("methods_families")))
+    nearest = _largest_first(gains for table in tables for gains in _gains_of_scenes(table))
+    sun = of(_kept("bake_rays").points, use="sun")
+    in_the_box = sun["scene"].eq("cornell_box")
+    yield _rays_to_the_sun(_FASTEST, sun[in_the_box & sun["positions"].ge(_FEW_POSITIONS)])
+    for place in (_AHEAD, _LEVEL, _BEHIND):
+        for rays, found in (("all hits", every), ("nearest hit", nearest)):
+            there = [both for both in found if _place(both[0]) == place]
+            if there:
+                yield _row(place, rays, there)
+    yield _rays_to_the_sun(_BEHIND, sun[~in_the_box])
+
+
+def _kept(sweep):
+    return kept_in(REFERENCE / sweep)
+
+
+def _gains_of_scenes(table):
+    """For each scene that has both, the best row of aligned packets, and that of the rasteriser, which is faster."""
+    scenes = [scene for scene in table["scene"].unique() if len(of(table, scene=scene, method="aligned"))]
+    found = [tuple(best(table, scene=scene, method=name) for name in ("aligned", "raster")) for scene in scenes]
+    assert all(aligned["speedup_vs_packets"] < raster["speedup_vs_packets"] for aligned, raster in found)
+    return _largest_first(found)
+
+
+def _largest_first(found):
+    return sorted(found, key=lambda both: -both[0]["speedup_vs_packets"])
+
+
+def _place(aligned):
+    low, high = (aligned[f"speedup_vs_packets_{end}"] for end in ("low", "high"))
+    return _AHEAD if low > 1 else _BEHIND if high < 1 else _LEVEL
+
+
+def _row(place, rays, found):
+    gains = (span(row["speedup_vs_packets"] for row in rows) for rows in zip(*found, strict=True))
+    return table_row(place, rays, _scenes(aligned["scene"] for aligned, _ in found), *gains)
+
+
+def _rays_to_the_sun(place, rows):
+    return table_row(place, _TO_THE_SUN, _scenes(rows["scene"].unique()), span(rows["packets_over_aligned"]), "")
+
+
+def _scenes(names):
+    return ", ".join(f"`{name}`" for name in names)
