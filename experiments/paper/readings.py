@@ -43,7 +43,7 @@ PACKETS_OVER = (
     ("packets that gather all hits", ALL_HITS, False),
     ("single rays that gather all hits", ALL_HITS, True),
     ("packets per pixel that gather, every hit wanted", _PER_PIXEL, False),
-    ("packets at 1 x 1 that gather, every hit wanted", EVERY_HIT, False),
+    ("packets at 1 \N{MULTIPLICATION SIGN} 1 that gather, every hit wanted", EVERY_HIT, False),
 )
 """What the gains of packets are over: in words, the reading, and whether it is over single rays."""
 
