@@ -37,8 +37,8 @@ USED_COLUMNS: tuple[str, ...] = (
     "scene", "stands_for", "triangles", "triangles_traced", "workload", "what", "method", "geometry", "culling",
     "packet_width", "split_x", "split_y", *_SETTINGS, "status", "error", "cpu", "speedup", "speedup_vs_packets",
     "plan_time_s", "build_time_s", "build_over_plain", "plan_and_build_over_plain", "boxes_entered", "embree_bytes",
-    "rss_mesh_bytes", "rss_bytes", "pixels_tied", "pixels_edge", "pixels_wrong", "depth_error_max",
-    "baseline_depth_error_max", "point_id",
+    "rss_mesh_bytes", "rss_bytes", "pixels_tied", "pixels_edge", "pixels_wrong", "pixels_hole",
+    "baseline_pixels_hole", "depth_error_max", "baseline_depth_error_max", "point_id",
 )  # fmt: skip
 
 

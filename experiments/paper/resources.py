@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -124,15 +125,14 @@ def culling_saves_memory(scene: SceneRows) -> Outcome:
 
 def any_divisor_works(scene: SceneRows) -> Outcome:
     """Wrong pixels at every number of horizontal splits that divides an image of 1,024 pixels, culling on."""
-    wrong = {}
+    wrong, bad = {}, []
     for splits in SPLITS:
         rows = scene.processes(FRAME.name, (splits, 1), culling=True, packet_width=1)
-        wrong[splits] = max(int(read_number(row, "pixels_wrong")) for row in rows)
-    bad = [
-        f"{say_things(count, 'pixel')} wrong at {say_things(splits, 'split')}"
-        for splits, count in wrong.items()
-        if count
-    ]
+        found = max(rows, key=lambda row: int(read_number(row, "pixels_wrong")))
+        wrong[splits] = int(found["pixels_wrong"])
+        if wrong[splits]:
+            said = f"{say_things(wrong[splits], 'pixel')} wrong at {say_things(splits, 'split')}"
+            bad.append(said + _of_them_holes([found]))
     return _counted(f"{sum(wrong.values())} wrong at 1 to {SPLITS[-1]:,} splits", bad)
 
 
@@ -176,7 +176,15 @@ def image_without_error(scene: SceneRows) -> Outcome:
     if wrong == 0:
         return Outcome(True, value)
     wrong_in = sum(row["pixels_wrong"] > 0 for row in images)
-    return Outcome(False, value, None, f"{wrong:,} wrong pixels in {wrong_in:,} of {len(images):,} images")
+    told = f"{wrong:,} wrong pixels in {wrong_in:,} of {len(images):,} images"
+    return Outcome(False, value, None, told + _of_them_holes(images))
+
+
+def _of_them_holes(images: Sequence[Row]) -> str:
+    """How many wrong pixels are rays that slip through between two triangles; "" where none is."""
+    own, single = (sum(int(row[name] or 0) for row in images) for name in ("pixels_hole", "baseline_pixels_hole"))
+    said = [f"{count:,} of {rays}" for count, rays in ((own, "aligned rays"), (single, "rtcIntersect1")) if count]
+    return f" (holes between triangles: {', '.join(said)})" if said else ""
 
 
 def _counted(value: str, against: list[str]) -> Outcome:

@@ -172,6 +172,16 @@ def test_a_missing_column_leaves_its_claims_not_measured_and_the_others_as_they_
         assert all(re.search(concerned[column], claim_id) for claim_id, _ in changed)
 
 
+def test_holes_are_wrong_pixels_and_are_told_with_whose_rays_they_are(agreeing):
+    chosen = where(agreeing, **SINGLE, split_x=2, split_y=1, culling=True)
+    counts = {"pixels_wrong": 3, "pixels_hole": 1, "baseline_pixels_hole": 2}
+    table = agreeing.assign(**{name: chosen.astype("int64") * count for name, count in counts.items()})
+    found = finding(table, "any-divisor-works")
+    assert found.verdict == "does not hold"
+    assert "3 pixels wrong at 2 splits (holes between triangles: 1 of aligned rays, 2 of rtcIntersect1)" in found.why
+    assert "(holes between triangles: " in finding(table, "image-without-error").why
+
+
 def test_a_missing_scene_leaves_a_claim_not_measured_unless_another_scene_refutes_it(agreeing):
     without = agreeing[~where(agreeing, scene="mitsuba")]
     assert "sponza: 1.04" in not_measured(without, "one-axis-beats-both", "mitsuba").value
