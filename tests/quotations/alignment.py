@@ -4,9 +4,8 @@ from tests.quotations.gathering import in_packets
 from tests.quotations.quotation import REFERENCE, best, kept_in, of, span, table_row
 
 _FASTEST, _AHEAD, _LEVEL, _BEHIND = "fastest", "ahead of packets only", "level with packets", "behind packets"
-_TO_THE_SUN = "from texels to the sun"
-_FEW_POSITIONS = 16
-"""With fewer positions in a texel than these, planning for a direction of the sun takes longer than it saves."""
+_ENOUGH_POSITIONS = 16
+"""With fewer positions in a texel, to plan for a direction of the sun may take longer than it saves."""
 
 
 def where_alignment_stands(kept):
@@ -17,13 +16,15 @@ def where_alignment_stands(kept):
     nearest = _largest_first(gains for table in tables for gains in _gains_of_scenes(table))
     sun = of(_kept("bake_rays").points, use="sun")
     in_the_box = sun["scene"].eq("cornell_box")
-    yield _rays_to_the_sun(_FASTEST, sun[in_the_box & sun["positions"].ge(_FEW_POSITIONS)])
+    yield _to_the_sun(
+        _FASTEST, f", {_ENOUGH_POSITIONS} or more a texel", sun[in_the_box & sun["positions"].ge(_ENOUGH_POSITIONS)]
+    )
     for place in (_AHEAD, _LEVEL, _BEHIND):
         for rays, found in (("all hits", every), ("nearest hit", nearest)):
             there = [both for both in found if _place(both[0]) == place]
             if there:
                 yield _row(place, rays, there)
-    yield _rays_to_the_sun(_BEHIND, sun[~in_the_box])
+    yield _to_the_sun(_BEHIND, "", sun[~in_the_box])
 
 
 def _kept(sweep):
@@ -52,8 +53,9 @@ def _row(place, rays, found):
     return table_row(place, rays, _scenes(aligned["scene"] for aligned, _ in found), *gains)
 
 
-def _rays_to_the_sun(place, rows):
-    return table_row(place, _TO_THE_SUN, _scenes(rows["scene"].unique()), span(rows["packets_over_aligned"]), "")
+def _to_the_sun(place, rays, rows):
+    scenes = _scenes(rows["scene"].unique())
+    return table_row(place, f"to the sun{rays}", scenes, span(rows["packets_over_aligned"]), "")
 
 
 def _scenes(names):

@@ -10,7 +10,7 @@ def measured_points(kept):
     table = kept.points
     measured, skipped = (int(table["status"].eq(status).sum()) for status in ("ok", "skipped"))
     yield f"{len(table)} points, {measured} measured, {skipped} skipped"
-    yield f"{len(kept.processes):,} processes"
+    yield f"{len(of(kept.processes)):,} processes"
     yield f"{int(table['processes_left_out'].sum())} of them left out"
     (cpu,) = table["cpu"].dropna().unique()
     yield str(cpu)
