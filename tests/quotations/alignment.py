@@ -16,15 +16,16 @@ def where_alignment_stands(kept):
     nearest = _largest_first(gains for table in tables for gains in _gains_of_scenes(table))
     sun = of(_kept("bake_rays").points, use="sun")
     in_the_box = sun["scene"].eq("cornell_box")
-    yield _to_the_sun(
-        _FASTEST, f", {_ENOUGH_POSITIONS} or more a texel", sun[in_the_box & sun["positions"].ge(_ENOUGH_POSITIONS)]
-    )
+    many, deep = sun[in_the_box & sun["positions"].ge(_ENOUGH_POSITIONS)], sun[~in_the_box]
+    others = ("packets_over_aligned", "single_over_aligned")
+    assert all((many[f"{other}_low"] > 1).all() for other in others) and (deep["packets_over_aligned_high"] < 1).all()
+    yield _to_the_sun(_FASTEST, f", {_ENOUGH_POSITIONS} or more a texel", many)
     for place in (_AHEAD, _LEVEL, _BEHIND):
         for rays, found in (("all hits", every), ("nearest hit", nearest)):
             there = [both for both in found if _place(both[0]) == place]
             if there:
                 yield _row(place, rays, there)
-    yield _to_the_sun(_BEHIND, "", sun[~in_the_box])
+    yield _to_the_sun(_BEHIND, "", deep)
 
 
 def _kept(sweep):
