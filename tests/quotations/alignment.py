@@ -18,7 +18,8 @@ def where_alignment_stands(kept):
     in_the_box = sun["scene"].eq("cornell_box")
     many, deep = sun[in_the_box & sun["positions"].ge(_ENOUGH_POSITIONS)], sun[~in_the_box]
     others = ("packets_over_aligned", "single_over_aligned")
-    assert all((many[f"{other}_low"] > 1).all() for other in others) and (deep["packets_over_aligned_high"] < 1).all()
+    assert all((many[f"{other}_low"] > 1).all() for other in others)
+    assert (deep["packets_over_aligned_high"] < 1).all()
     yield _to_the_sun(_FASTEST, f", {_ENOUGH_POSITIONS} or more a texel", many)
     for place in (_AHEAD, _LEVEL, _BEHIND):
         for rays, found in (("all hits", every), ("nearest hit", nearest)):
