@@ -23,6 +23,7 @@ from experiments.results.claims import (
     by_claim,
     verdict_on,
 )
+from experiments.results.verdicts import decide_greater
 
 
 @dataclass(frozen=True)
@@ -107,17 +108,19 @@ def _gain(*asked: Any) -> Gain:
     return Gain(found, found.missing)
 
 
+_STANDS = {True: "ahead", None: "level", False: "behind"}
+
+
 def where_packets_stand(gains: Sequence[SceneGains]) -> list[str]:
     """A sentence for each kind of packets per pixel: the scenes where aligned packets are ahead of them, level with
-    them or behind them. Only a whole interval above or below 1 decides."""
+    them or behind them, by the one rule of verdict."""
     told = []
     for words in (words for words, reading, _ in PACKETS_OVER if not reading.gathers):
-        scenes: dict[str, list[str]] = {"ahead": [], "level": [], "behind": []}
+        decided: dict[bool | None, list[str]] = {ahead: [] for ahead in _STANDS}
         for one in gains:
             if words in one.packets and (best := one.packets[words].best) is not None:
-                gain = best.gain
-                scenes["ahead" if gain.low > 1 else "behind" if gain.high < 1 else "level"].append(one.scene)
-        said = "; ".join(f"{place} on {_list(names)}" for place, names in scenes.items() if names)
+                decided[decide_greater(best.gain)].append(one.scene)
+        said = "; ".join(f"{_STANDS[ahead]} on {_list(names)}" for ahead, names in decided.items() if names)
         if said:
             told.append(f"Aligned packets beside {words}: {said}.")
     return told

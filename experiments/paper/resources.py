@@ -125,15 +125,20 @@ def culling_saves_memory(scene: SceneRows) -> Outcome:
 
 def any_divisor_works(scene: SceneRows) -> Outcome:
     """Wrong pixels at every number of horizontal splits that divides an image of 1,024 pixels, culling on."""
-    wrong, bad = {}, []
-    for splits in SPLITS:
-        rows = scene.processes(FRAME.name, (splits, 1), culling=True, packet_width=1)
-        found = max(rows, key=lambda row: int(read_number(row, "pixels_wrong")))
-        wrong[splits] = int(found["pixels_wrong"])
-        if wrong[splits]:
-            said = f"{say_things(wrong[splits], 'pixel')} wrong at {say_things(splits, 'split')}"
-            bad.append(said + _of_them_holes([found]))
-    return _counted(f"{sum(wrong.values())} wrong at 1 to {SPLITS[-1]:,} splits", bad)
+    worst = {
+        splits: max(scene.processes(FRAME.name, (splits, 1), culling=True, packet_width=1), key=_wrong)
+        for splits in SPLITS
+    }
+    bad = [
+        f"{say_things(_wrong(row), 'pixel')} wrong at {say_things(splits, 'split')}{_of_them_holes([row])}"
+        for splits, row in worst.items()
+        if _wrong(row)
+    ]
+    return _counted(f"{sum(map(_wrong, worst.values()))} wrong at 1 to {SPLITS[-1]:,} splits", bad)
+
+
+def _wrong(row: Row) -> int:
+    return int(read_number(row, "pixels_wrong"))
 
 
 def instancing_lowers_memory(culling: bool) -> SceneJudge:

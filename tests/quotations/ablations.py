@@ -2,7 +2,7 @@
 
 from experiments.results.statistics import Estimate, Pool
 from experiments.workloads.series import best_rows
-from tests.quotations.quotation import SCENES, TIMES, digits, estimate, interval, of, table_row
+from tests.quotations.quotation import SCENES, TIMES, estimate, interval, of, say, table_row
 
 _ALIGNED = {"method": "aligned", "split_x": 128}
 _HIDDEN = {"method": "raster", "left_out": "hidden"}
@@ -51,7 +51,7 @@ def worth_of_the_shortcut(kept):
         )
         pool = Pool.of([with_it, without])
         one, other = Estimate.of(with_it, pool), Estimate.of(without, pool)
-        yield table_row(f"`{scene}`", _say(one), _say(other), _say(one.over(other)))
+        yield table_row(f"`{scene}`", say(one), say(other), say(one.over(other)))
 
 
 class _Frames:
@@ -62,14 +62,14 @@ class _Frames:
         self.widest = int(self._points["packet_width"].max())
 
     def over_packets(self, label, **values):
-        return table_row(label, *(_say(self._speed(scene, values)) for scene in SCENES))
+        return table_row(label, *(say(self._speed(scene, values)) for scene in SCENES))
 
     def best_over_packets(self, label, **values):
         found = [best_rows(of(self._points, scene=scene, **values)) for scene in SCENES]
         return table_row(label, *(interval(rows.iloc[0], "speedup_vs_packets") for rows in found))
 
     def ratio(self, label, one, other):
-        return table_row(label, *(_say(self._speed(scene, one).over(self._speed(scene, other))) for scene in SCENES))
+        return table_row(label, *(say(self._speed(scene, one).over(self._speed(scene, other))) for scene in SCENES))
 
     def over_first_cell(self, label, values):
         """Speed with our reference rays over speed with those of the first cell."""
@@ -86,10 +86,6 @@ class _Frames:
 
 def _rays(width):
     return "single rays" if width == 1 else "packets"
-
-
-def _say(estimate):
-    return f"{digits(estimate.value)} [{digits(estimate.low)}, {digits(estimate.high)}]"
 
 
 def sun_in_short(kept):

@@ -1,5 +1,7 @@
 """Where alignment is fastest, where it gains over packets alone, and where it loses: one table of several sweeps."""
 
+from experiments.results.statistics import Interval
+from experiments.results.verdicts import decide_greater
 from tests.quotations.gathering import in_packets
 from tests.quotations.quotation import REFERENCE, best, kept_in, of, span, table_row
 
@@ -17,9 +19,8 @@ def where_alignment_stands(kept):
     sun = of(_kept("bake_rays").points, use="sun")
     in_the_box = sun["scene"].eq("cornell_box")
     many, deep = sun[in_the_box & sun["positions"].ge(_ENOUGH_POSITIONS)], sun[~in_the_box]
-    others = ("packets_over_aligned", "single_over_aligned")
-    assert all((many[f"{other}_low"] > 1).all() for other in others)
-    assert (deep["packets_over_aligned_high"] < 1).all()
+    assert _places(many, "packets_over_aligned") == _places(many, "single_over_aligned") == {_AHEAD}
+    assert _places(deep, "packets_over_aligned") == {_BEHIND}
     yield _to_the_sun(_FASTEST, f", {_ENOUGH_POSITIONS} or more a texel", many)
     for place in (_AHEAD, _LEVEL, _BEHIND):
         for rays, found in (("all hits", every), ("nearest hit", nearest)):
@@ -45,9 +46,13 @@ def _largest_first(found):
     return sorted(found, key=lambda both: -both[0]["speedup_vs_packets"])
 
 
-def _place(aligned):
-    low, high = (aligned[f"speedup_vs_packets_{end}"] for end in ("low", "high"))
-    return _AHEAD if low > 1 else _BEHIND if high < 1 else _LEVEL
+def _places(rows, column):
+    return {_place(row, column) for _, row in rows.iterrows()}
+
+
+def _place(aligned, column="speedup_vs_packets"):
+    gain = Interval(*(aligned[f"{column}{end}"] for end in ("", "_low", "_high")))
+    return {True: _AHEAD, None: _LEVEL, False: _BEHIND}[decide_greater(gain)]
 
 
 def _row(place, rays, found):

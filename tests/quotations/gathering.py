@@ -16,6 +16,7 @@ from tests.quotations.quotation import (
     line,
     milliseconds,
     of,
+    say,
     split_of,
     table_row,
 )  # fmt: skip
@@ -69,8 +70,7 @@ def _over_count(kept, what, column, **values):
 def _over(kept, column, one, other):
     """The ratio of two points, which share no process."""
     above, below = (estimate(kept.processes, column, point_id=row["point_id"]) for row in (one, other))
-    ratio = above.over(below)
-    return f"{digits(ratio.value)} [{digits(ratio.low)}, {digits(ratio.high)}]"
+    return say(above.over(below))
 
 
 def counts_of_others(kept):

@@ -102,6 +102,11 @@ def interval(row: pd.Series, name: str) -> str:
     return f"{digits(row[name])} [{digits(row[f'{name}_low'])}, {digits(row[f'{name}_high'])}]"
 
 
+def say(estimate: Estimate) -> str:
+    """ "2.40 [2.39, 2.46]"."""
+    return f"{digits(estimate.value)} [{digits(estimate.low)}, {digits(estimate.high)}]"
+
+
 def split_of(row: pd.Series) -> str:
     return f"{int(row['split_x']):,} {TIMES} {int(row['split_y']):,}"
 
