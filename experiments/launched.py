@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from atra.errors import RecordError
-from experiments.harness.configuration import Configuration, check_writable, records_folder
+from experiments.harness.configuration import Configuration, records_folder
 from experiments.harness.identity import current_environment, identity, identity_of, measure
 from experiments.harness.point import Point
 from experiments.harness.points import PlannedPoint, plan_points
-from experiments.harness.records import Record, load_record, read_record, write_record
+from experiments.harness.records import Record, check_writable, load_record, read_record, write_record
 from experiments.results.terminal import say_outcome
 from scenes.loading import replace_missing_scenes
 

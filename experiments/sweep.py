@@ -4,55 +4,34 @@ from __future__ import annotations
 
 import random
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import groupby
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 from rich.console import Console
 
 from experiments.commands.program import PROGRAM
-from experiments.harness.configuration import Configuration, check_writable, records_folder
-from experiments.harness.identity import Runner, code_sha256, current_environment, identity, measure
-from experiments.harness.options import plain_options
+from experiments.harness.configuration import Configuration, records_folder
+from experiments.harness.identity import Runner, code_sha256, measure
 from experiments.harness.point import Point
-from experiments.harness.points import PlannedPoint, plan_points
 from experiments.harness.processes.launching import run_worker
-from experiments.harness.processes.outcome import MAY_CHANGE
 from experiments.harness.processes.quiet import Waiting
-from experiments.harness.progress import SweepProgress, say
-from experiments.harness.records import Record, exclusive, read_record, record_path, write_record
+from experiments.harness.progress import SweepProgress, say, say_roughly
+from experiments.harness.records import Record, check_writable, exclusive, read_record, record_path, write_record
 from experiments.launched import Launch, key, measure_batch, still_true
 from experiments.report.writing import check_figures, choose_folder, tell_whose_tables_are_replaced, write_results
+from experiments.results.best_so_far import best_splits
 from experiments.results.doubts import was_quiet
 from experiments.results.processes import WHY, as_replacement, to_replace
-from experiments.results.table import make_tables
+from experiments.results.table import Tables, make_tables
 from experiments.results.terminal import print_sweep, results_console, say_label, say_outcome
-from scenes.loading import replace_missing_scenes
+from experiments.sweep_points import GridPoint, SweepPoint, in_order, plan_sweep
 
-
-@dataclass(frozen=True)
-class GridPoint:
-    """configuration: one point of the grid called `grid`. overrides: what composes it, as on the command line."""
-
-    grid: str
-    configuration: Configuration
-    overrides: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class SweepPoint:
-    """A point of a sweep in one of its processes, the grids it is part of, and what composes it."""
-
-    planned: PlannedPoint
-    grids: tuple[str, ...]
-    overrides: tuple[str, ...]
-
-
-_LAST = ("packet_width", "culling", "frames", "split_y", "split_x")
-"""Settings by which the rows of a method are ordered last, as numbers."""
+_PROCESS_S = 3.0
+"""Seconds that a process is expected to take before any is measured: its start and some frames of a million pixels."""
 
 
 def run_sweep(
@@ -67,8 +46,9 @@ def run_sweep(
 
     Timed points are measured in `measure.processes` processes each. Finished ones (measured before, by this or another
     sweep, on a machine and software like this) are taken from their records; of the others each point has its first
-    process before any has its second, in an order shuffled by `sweep.shuffle_seed`. Those in which the machine was not
-    as it mostly was are replaced by new ones in the end. The table has one row a point, scene by scene, and holds this
+    process before any has its second, in an order shuffled by `sweep.shuffle_seed`. Measured here, table and figures
+    are written after each such pass. Processes in which the machine was not as it mostly was are replaced by new ones
+    in the end, each `sweep.repeats` times at most. The table has one row a point, scene by scene, and holds this
     sweep's points only. An interrupt stops the running worker, and table and figures are made of what is done.
     command: what the user ran, for the report. launch: where the points are measured, None = here, one by one;
     at_once: how many it is given at a time.
@@ -78,7 +58,7 @@ def run_sweep(
     console = Console(stderr=True)
     first = grid_points[0].configuration
     check_figures(first.sweep.figures, tuple(dict.fromkeys(one.grid for one in grid_points)))
-    points = _plan(grid_points, console)
+    points = plan_sweep(grid_points, console)
     folder, records = choose_folder(first, points, command, console), records_folder(first)
     check_writable(folder)
     check_writable(records)
@@ -86,25 +66,42 @@ def run_sweep(
     sweep = _Sweep(points, records, console, run, launch, at_once, quiet)
     with exclusive(Path(first.results_dir), records, folder):
         to_do = sweep.begin(folder, first.sweep.shuffle_seed)
+        passes = sweep.passes(to_do)
+        sweep.say_what_is_ahead(passes, first.sweep.repeats)
         interrupted = False
         try:
-            sweep.measure(to_do)
-            sweep.measure_again()
+            for number in sweep.measure_passes(passes):
+                _write_so_far(sweep, first, command, number)
+            sweep.measure_again(first.sweep.repeats)
         except KeyboardInterrupt:
             interrupted = True
         return _finish(sweep, first, folder, command, interrupted)
 
 
-def _finish(sweep: _Sweep, first: Configuration, folder: Path, command: str, interrupted: bool) -> pd.DataFrame:
+def _tables(sweep: _Sweep) -> Tables:
+    """The tables of what is done."""
     points, done = sweep.points, sweep.done
-    names = _in_order(points, done)
-    tables = make_tables([done[name] for name in names], {done[name].point_id: points[name].grids for name in names})
+    names = in_order(points, done)
+    return make_tables([done[name] for name in names], {done[name].point_id: points[name].grids for name in names})
+
+
+def _write_so_far(sweep: _Sweep, first: Configuration, command: str, processes: int) -> None:
+    """Table and figures of the passes that are done; claims and page wait for the end, as they need every process."""
+    so_far = replace(first, sweep=replace(first.sweep, report=False))
+    open_first = write_results(so_far, _tables(sweep), command)
+    if open_first is not None:
+        each = "one process" if processes == 1 else f"{processes} processes"
+        say(sweep.console, f"figure so far, {each} a point: {open_first}")
+
+
+def _finish(sweep: _Sweep, first: Configuration, folder: Path, command: str, interrupted: bool) -> pd.DataFrame:
+    tables = _tables(sweep)
     table = tables.points
     open_first = write_results(first, tables, command)
     print_sweep(tables, folder, results_console())
     if open_first is not None:
         say(results_console(), open_first)
-    left = len(points) - len(done)
+    left = len(sweep.points) - len(sweep.done)
     if interrupted:
         print(f"{PROGRAM}: interrupted; {left} points left, the same command goes on from here", file=sys.stderr)
         raise SystemExit(130)
@@ -160,31 +157,72 @@ class _Sweep:
             tell_whose_tables_are_replaced(results, self.folder, self.console, code)
         return to_do
 
-    def measure(self, names: Sequence[str]) -> None:
-        """Measure points; an interrupt leaves those that are done."""
-        with SweepProgress(len(names), self.console) as progress:
-            for start in range(0, len(names), self.at_once):
-                batch = names[start : start + self.at_once]
-                labels = [say_label(point) for point in map(self._point, batch)]
-                progress.begin(labels[0] if len(batch) == 1 else f"{labels[0]} and {len(batch) - 1} more")
-                for name, label, told in zip(batch, labels, self._measure_batch(batch), strict=True):
-                    progress.end(label, told, self._kind(name))
+    def passes(self, names: Sequence[str]) -> list[list[str]]:
+        """The processes to do, the first of every point before the second of any. A launcher gets all in one pass, as
+        it need not wait for the end of one before the next."""
+        if self.launch is not None:
+            return [list(names)] if names else []
+        return [list(of_pass) for _, of_pass in groupby(names, lambda name: self._point(name).process)]
 
-    def measure_again(self) -> None:
-        """Replace processes that strayed or were disturbed by new ones."""
-        while before := {name: self.done[name] for name in to_replace(self.done)}:
-            say(self.console, f"{len(before)} processes are measured again: {WHY}")
+    def say_what_is_ahead(self, passes: Sequence[Sequence[str]], repeats: int) -> None:
+        """One line before the first process: when there is something to see, and when all is done."""
+        if self.launch is not None or not passes:
+            return
+        first, every = _PROCESS_S * len(passes[0]), _PROCESS_S * sum(map(len, passes))
+        words = [f"first look in about {say_roughly(first)}"] if len(passes) > 1 else []
+        words.append(f"all in about {say_roughly(every)} at {_PROCESS_S:g} s a process")
+        repeated = f"; up to {repeats} repeat{'s' * (repeats != 1)} if disturbed" if repeats else ""
+        say(self.console, f"{', '.join(words)}{repeated}; Ctrl-C keeps all")
+
+    def measure_passes(self, passes: Sequence[Sequence[str]]) -> Iterator[int]:
+        """Measure pass by pass. Yields the number of processes that each point has had after each pass but the last."""
+        with SweepProgress(sum(map(len, passes)), self.console) as progress:
+            for number, names in enumerate(passes, 1):
+                is_first_look = number == 1 and len(passes) > 1
+                if is_first_look and self.quiet.tell_who_disturbs():
+                    self.is_quiet = True
+                self._measure(names, progress, waits=not is_first_look)
+                if number < len(passes):
+                    yield self._point(names[0]).process + 1
+
+    def measure_again(self, repeats: int) -> None:
+        """Replace processes that strayed or were disturbed by new ones, each `repeats` times at most."""
+        number = 0
+        while before := {name: self.done[name] for name in to_replace(self.done, repeats)}:
+            number += 1
+            say(
+                self.console,
+                f"{_processes(before, 'is', 'are')} measured again, repeat {number} of at most {repeats}: {WHY}; "
+                "Ctrl-C keeps all",
+            )
             for name in before:
                 record_path(self.folder, name).unlink(missing_ok=True)  # a job that finds a record does not measure
-            self.measure(list(before))
+            with SweepProgress(len(before), self.console) as progress:
+                self._measure(list(before), progress)
             for name, earlier in before.items():
                 self._keep(name, as_replacement(self.done[name], earlier))
+        left = to_replace(self.done)
+        if left:
+            labels = dict.fromkeys(say_label(self._point(name)) for name in left)
+            say(
+                self.console, f"{_processes(left, 'remains', 'remain')} disturbed, of these points: {'; '.join(labels)}"
+            )
 
-    def _measure_batch(self, batch: Sequence[str]) -> list[str]:
+    def _measure(self, names: Sequence[str], progress: SweepProgress, waits: bool = True) -> None:
+        """Measure processes; an interrupt leaves those that are done. waits: for a quiet machine."""
+        for start in range(0, len(names), self.at_once):
+            batch = names[start : start + self.at_once]
+            labels = [say_label(point) for point in map(self._point, batch)]
+            progress.begin(labels[0] if len(batch) == 1 else f"{labels[0]} and {len(batch) - 1} more")
+            for name, label, told in zip(batch, labels, self._measure_batch(batch, waits), strict=True):
+                progress.end(label, told, self._kind(name))
+            progress.show_best(best_splits(self.done.values()))
+
+    def _measure_batch(self, batch: Sequence[str], waits: bool) -> list[str]:
         """Measure points together; returns what came of each, in words."""
         if self.launch is None:
             for name in batch:
-                if self._point(name).workload.is_timed and not self.is_quiet:
+                if waits and self._point(name).workload.is_timed and not self.is_quiet:
                     self.quiet.for_quiet()
                 self._keep(name, measure(self.points[name].planned, self.run))
                 self.is_quiet = was_quiet(self.done[name])
@@ -208,42 +246,10 @@ class _Sweep:
         self.done[name] = record
 
 
-def _plan(grid_points: Sequence[GridPoint], console: Console) -> dict[str, SweepPoint]:
-    """Points by identity, each once."""
-    configurations = [one.configuration for one in grid_points]
-    if configurations[0].sweep.stand_ins:
-        for note in replace_missing_scenes([configuration.scene for configuration in configurations]):
-            say(console, note)
-    environment = current_environment()
-    points: dict[str, SweepPoint] = {}
-    for grid_point, planned in zip(grid_points, plan_points(configurations), strict=True):
-        point_identity = identity(planned.point, environment)
-        before = points[point_identity].grids if point_identity in points else ()
-        grids = tuple(dict.fromkeys([*before, grid_point.grid]))
-        # One that lacks memory now may have been measured when there was more, and a slow one where it was wanted.
-        repeated = planned.point.workload.is_timed and isinstance(planned.problem, MAY_CHANGE)
-        for process in range(grid_point.configuration.measure.processes if repeated else 1):
-            of_process = replace(planned, point=replace(planned.point, process=process))
-            overrides = (*grid_point.overrides, *(() if process == 0 else (f"measure.process={process}",)))
-            points[identity(of_process.point, environment)] = SweepPoint(of_process, grids, overrides)
-    return points
-
-
 def _warn_on(console: Console) -> Callable[[str], None]:
     return lambda text: say(console, f"warning: {text}")
 
 
-def _in_order(points: dict[str, SweepPoint], done: dict[str, Record]) -> list[str]:
-    """Identities of the points done: scenes in the order given, each by what was measured, with rising settings."""
-    scenes = list(dict.fromkeys(one.planned.point.scene for one in points.values()))
-    workloads = list(dict.fromkeys(one.planned.point.workload.name for one in points.values()))
-
-    def rank(name: str) -> tuple[Any, ...]:
-        point = points[name].planned.point
-        options = {**plain_options(point.workload_options), **plain_options(point.options)}
-        # Splits rise last; what is left open comes before any value.
-        others = sorted((key, (value is not None, str(value))) for key, value in options.items() if key not in _LAST)
-        splits = [options.get(key) or 0 for key in _LAST]
-        return scenes.index(point.scene), workloads.index(point.workload.name), point.method.name, others, splits
-
-    return sorted((name for name in points if name in done), key=rank)
+def _processes(some: Collection[str], one: str, several: str) -> str:
+    """How many processes, with the verb that follows."""
+    return f"1 process {one}" if len(some) == 1 else f"{len(some)} processes {several}"

@@ -18,8 +18,9 @@ from atra.command.doctor import (
 from atra.compiled.threads import resolve_threads
 from atra.embree.library import embree_version
 from atra.errors import InputError
-from experiments.harness.configuration import Configuration, check_writable
+from experiments.harness.configuration import Configuration
 from experiments.harness.environment import BUSY_LOAD, Environment, read_environment
+from experiments.harness.records import check_writable
 from experiments.methods import METHODS
 from scenes.built_in import BUILT_IN
 from scenes.directory import SCENES_VARIABLE, meshes_of, scene_folders

@@ -39,10 +39,11 @@ from atra.light.oidn import check_denoiser
 from atra.light.pictures.files import check_picture_path, png_of
 from atra.light.pictures.finish.tone import AUTO, TONES, check_exposure, stops_of, toned
 from experiments.commands.messages import tell_restriction
-from experiments.harness.configuration import Configuration, check_writable
+from experiments.harness.configuration import Configuration
 from experiments.harness.point import Point, make_own
 from experiments.harness.points import plan_point
 from experiments.harness.progress import say, say_duration
+from experiments.harness.records import check_writable
 from experiments.workloads.render import RENDER
 from experiments.workloads.render.measure import make_renderer
 from experiments.workloads.rounds import load_mesh

@@ -9,11 +9,11 @@ from rich.console import Console
 
 from atra.errors import InputError, printable
 from experiments.commands.program import PROGRAM
-from experiments.harness.configuration import Configuration, check_writable, records_folder
+from experiments.harness.configuration import Configuration, records_folder
 from experiments.harness.identity import measure
 from experiments.harness.points import plan_point
 from experiments.harness.progress import SweepProgress
-from experiments.harness.records import Record, exclusive, write_record
+from experiments.harness.records import Record, check_writable, exclusive, write_record
 from experiments.results.table import make_table
 from experiments.results.terminal import print_point, results_console, say_label, say_outcome
 

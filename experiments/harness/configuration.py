@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from difflib import get_close_matches
@@ -80,6 +79,7 @@ class SweepConfiguration:
     figures: by name of the figure, the grids it is drawn of; without any, every figure that has something to show.
     stand_ins: a scene that is not on this machine is replaced by its procedural stand-in.
     report: end with the claims and the HTML page. shuffle_seed: of the points' order, so that drift is no trend.
+    repeats: how often a disturbed process is measured again, at most.
     skip_slower: points predicted to take more than so many times as long as the fastest of their view are skipped.
     """
 
@@ -89,6 +89,7 @@ class SweepConfiguration:
     stand_ins: bool = False
     report: bool = False
     shuffle_seed: int = 1
+    repeats: int = 3
     skip_slower: float | None = None
 
 
@@ -101,8 +102,8 @@ class MeasureConfiguration:
     this many seconds of work, but three always run. time_limit_s: a worker that runs longer is stopped and fails.
     memory_budget_gib: points that need more are skipped until the next run; null = three quarters of what is free.
     instruction_set: what Embree and Numba are held to, as by ATRA_ISA; null = as the run.
-    quiet_limit_s: how long a sweep waits in all while others use more than 5 % of a core. quiet_only: whether it ends
-    then; otherwise its times bear doubts.
+    quiet_limit_s: how long a sweep waits in all while others use more than 5 % of a core, after the first look.
+    quiet_only: whether it waits for that, too, and ends when the time is up; otherwise its times bear doubts.
     """
 
     processes: int = 3
@@ -253,6 +254,7 @@ def check_configuration(configuration: Configuration) -> None:
     scene, sweep, measure = configuration.scene, configuration.sweep, configuration.measure
     for section, path, ranges in (
         (configuration, "", {"width": (1, None), "height": (1, None)}),
+        (sweep, "sweep.", {"repeats": (0, None)}),
         (scene, "scene.", {"subdivided": (0, None), "copies": (1, None)}),
         (measure, "measure.", {"processes": (1, None), "process": (0, None), "rounds": (1, None), "warmup": (0, None)}),
         (configuration.view, "view.", {"port": (0, 65535)}),
@@ -291,15 +293,3 @@ def results_folder(configuration: Configuration) -> Path:
 def records_folder(configuration: Configuration) -> Path:
     """`<results_dir>/records`, shared by all sweeps: what one has measured, no other measures again."""
     return Path(configuration.results_dir) / "records"
-
-
-def check_writable(folder: Path) -> None:
-    """Make `folder` if it is missing; raises InputError if nothing can be written there."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        raise InputError(
-            f"results cannot be written to {folder}: {error.strerror}; choose another results_dir"
-        ) from None

@@ -3,17 +3,29 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.text import Text
 
 from atra.errors import printable
 
 _ENOUGH = 3
 """Fewest points whose mean time predicts the rest."""
+
+
+class _Bar(Progress):
+    """A bar with lines below it."""
+
+    below = ""
+
+    def get_renderables(self) -> Iterator[RenderableType]:
+        yield from super().get_renderables()
+        if self.below:
+            yield Text(self.below, no_wrap=True, overflow="ellipsis")
 
 
 class SweepProgress:
@@ -30,7 +42,8 @@ class SweepProgress:
         self._begun_s = clock()
         self._kinds: set[str] = set()
         self._typical_s: list[float] = []
-        self._bar = Progress(
+        self._best: tuple[str, ...] = ()
+        self._bar = _Bar(
             SpinnerColumn(),
             BarColumn(bar_width=24),
             MofNCompleteColumn(),
@@ -74,6 +87,17 @@ class SweepProgress:
         left = "" if self._console.is_terminal else f" ({self._left()})"
         say(self._console, f"{count} {label}: {outcome}{left}")
 
+    def show_best(self, lines: Sequence[str]) -> None:
+        """The best of what was measured so far: below the bar on a terminal, elsewhere a line whenever it changes."""
+        told, self._best = self._best, tuple(lines)
+        if self._console.is_terminal:
+            self._bar.below = "\n".join(f"best so far, {printable(one)}" for one in lines)
+            self._bar.refresh()
+        else:
+            for one in lines:
+                if one not in told:
+                    say(self._console, f"best so far, {one}")
+
     def _left(self) -> str:
         remaining = self._total - self._done
         if remaining == 0:
@@ -91,6 +115,13 @@ def say_duration(seconds: float) -> str:
     if hours:
         return f"{hours} h {minutes:02d} min"
     return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
+
+
+def say_roughly(seconds: float) -> str:
+    """A duration that is only known roughly: tens of seconds, then minutes, then tenths of an hour."""
+    if seconds < 100:
+        return f"{max(10, 10 * round(seconds / 10))} s"
+    return f"{round(seconds / 60)} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
 
 
 def say(console: Console, text: str) -> None:

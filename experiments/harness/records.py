@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -117,6 +118,18 @@ def read_record(folder: Path, identity: str, warn: Callable[[str], object] = war
         os.replace(path, aside)
         warn(f"{str(error).partition('; start its sweep')[0]}; kept as {aside.name}, measuring the point again")
         return None
+
+
+def check_writable(folder: Path) -> None:
+    """Make `folder` if it is missing; raises InputError if nothing can be written there."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise InputError(
+            f"results cannot be written to {folder}: {error.strerror}; choose another results_dir"
+        ) from None
 
 
 @contextmanager

@@ -18,7 +18,7 @@ three, as `sweep=paper` has, by two thirds of that. Within the band, noise is le
 FEWEST = 5
 """Fewest records of one scene and view whose median is used."""
 
-_ALIKE = (
+ALIKE = (
     "mesh_sha256",
     *("eye", "target", "up", "fov_y_degrees", "width", "height"),
     *("workload", "workload_options", "threads", "build_quality", "ties", "instruction_set"),
@@ -32,7 +32,7 @@ def strays(records: Sequence[Record]) -> set[str]:
     for record in records:
         value = canary(record)
         if value is not None:
-            key = json.dumps([record.configuration.get(name) for name in _ALIKE], sort_keys=True)
+            key = json.dumps([record.configuration.get(name) for name in ALIKE], sort_keys=True)
             alike.setdefault(key, {})[record.point_id] = math.log(value)
     out: set[str] = set()
     for group in alike.values():

@@ -5,13 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from math import inf
 
 from experiments.harness.records import Record
 from experiments.results.canary import BAND, strays
 from experiments.results.doubts import passing_doubts
-
-MOST_REPLACED = 3
-"""How often a process is replaced by a new one."""
 
 FEWEST_IN_EARNEST = 5
 """A point with fewer processes is a quick look, which should not take twice as long: what was disturbed there stays,
@@ -32,14 +30,15 @@ def by_point(records: Iterable[Record]) -> list[list[Record]]:
     return [sorted(of_point, key=lambda record: record.configuration.get("process", 0)) for of_point in points.values()]
 
 
-def to_replace(records: Mapping[str, Record]) -> list[str]:
+def to_replace(records: Mapping[str, Record], repeats: float = inf) -> list[str]:
     """Names of the records that a new process should replace: those that strayed, and, of points with
-    `FEWEST_IN_EARNEST` processes or more, those that were disturbed."""
+    `FEWEST_IN_EARNEST` processes or more, those that were disturbed. Records that have replaced so many others as
+    `repeats` are left out."""
     out = strays(list(records.values()))
     for of_point in by_point(records.values()):
         if len(of_point) >= FEWEST_IN_EARNEST:
             out.update(one.point_id for one in of_point if passing_doubts(one))
-    return [name for name, one in records.items() if one.point_id in out and _times(one) < MOST_REPLACED]
+    return [name for name, one in records.items() if one.point_id in out and _times(one) < repeats]
 
 
 def as_replacement(record: Record, before: Record) -> Record:

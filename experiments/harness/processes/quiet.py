@@ -101,6 +101,16 @@ class Waiting:
         self.spent_s += self.clock() - start if told else 0.0
         return True
 
+    def tell_who_disturbs(self) -> bool:
+        """Look once and say who uses the cores, without waiting. Whether the machine is quiet; where quiet is needed,
+        as `for_quiet`."""
+        if self.needed or self.limit_s <= 0:
+            return self.for_quiet()
+        busy = self.look()
+        if not busy.is_quiet:
+            self.tell(f"the machine is not quiet: {busy}; measuring goes on, and the table flags what was disturbed")
+        return busy.is_quiet
+
     def _given_up(self) -> bool:
         if self.needed and self.limit_s > 0:
             raise InputError("the machine is not quiet; the same command goes on from here")

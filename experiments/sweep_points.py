@@ -1,0 +1,80 @@
+"""The points of a sweep: planned from its grids, each once, and put in the order of the table."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from rich.console import Console
+
+from experiments.harness.configuration import Configuration
+from experiments.harness.identity import current_environment, identity
+from experiments.harness.options import plain_options
+from experiments.harness.points import PlannedPoint, plan_points
+from experiments.harness.processes.outcome import MAY_CHANGE
+from experiments.harness.progress import say
+from scenes.loading import replace_missing_scenes
+
+_LAST = ("packet_width", "culling", "frames", "split_y", "split_x")
+"""Settings by which the rows of a method are ordered last, as numbers."""
+
+
+@dataclass(frozen=True)
+class GridPoint:
+    """configuration: one point of the grid called `grid`. overrides: what composes it, as on the command line."""
+
+    grid: str
+    configuration: Configuration
+    overrides: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class SweepPoint:
+    """A point of a sweep in one of its processes, the grids it is part of, and what composes it."""
+
+    planned: PlannedPoint
+    grids: tuple[str, ...]
+    overrides: tuple[str, ...]
+
+
+def plan_sweep(grid_points: Sequence[GridPoint], console: Console) -> dict[str, SweepPoint]:
+    """Points by identity, each once."""
+    configurations = [one.configuration for one in grid_points]
+    if configurations[0].sweep.stand_ins:
+        for note in replace_missing_scenes([configuration.scene for configuration in configurations]):
+            say(console, note)
+    environment = current_environment()
+    points: dict[str, SweepPoint] = {}
+    for grid_point, planned in zip(grid_points, plan_points(configurations), strict=True):
+        point_identity = identity(planned.point, environment)
+        before = points[point_identity].grids if point_identity in points else ()
+        grids = tuple(dict.fromkeys([*before, grid_point.grid]))
+        # One that lacks memory now may have been measured when there was more, and a slow one where it was wanted.
+        repeated = planned.point.workload.is_timed and isinstance(planned.problem, MAY_CHANGE)
+        for process in range(grid_point.configuration.measure.processes if repeated else 1):
+            of_process = replace(planned, point=replace(planned.point, process=process))
+            overrides = (*grid_point.overrides, *(() if process == 0 else (f"measure.process={process}",)))
+            points[identity(of_process.point, environment)] = SweepPoint(of_process, grids, overrides)
+    return points
+
+
+def _processes(some: Collection[str], one: str, several: str) -> str:
+    """How many processes, with the verb that follows."""
+    return f"1 process {one}" if len(some) == 1 else f"{len(some)} processes {several}"
+
+
+def in_order(points: dict[str, SweepPoint], done: Collection[str]) -> list[str]:
+    """Identities of the points done: scenes in the order given, each by what was measured, with rising settings."""
+    scenes = list(dict.fromkeys(one.planned.point.scene for one in points.values()))
+    workloads = list(dict.fromkeys(one.planned.point.workload.name for one in points.values()))
+
+    def rank(name: str) -> tuple[Any, ...]:
+        point = points[name].planned.point
+        options = {**plain_options(point.workload_options), **plain_options(point.options)}
+        # Splits rise last; what is left open comes before any value.
+        others = sorted((key, (value is not None, str(value))) for key, value in options.items() if key not in _LAST)
+        splits = [options.get(key) or 0 for key in _LAST]
+        return scenes.index(point.scene), workloads.index(point.workload.name), point.method.name, others, splits
+
+    return sorted((name for name in points if name in done), key=rank)
