@@ -28,7 +28,7 @@ class Point:
     """One point to measure: the worker needs nothing else, and the record's identity is a hash of it and of its code.
 
     `triangles` and `mesh_sha256` describe the mesh as traced. process: which of the processes that measure the same.
-    memory_budget_gib: None = a share of what is free when it is traced, which is no part of the point.
+    time_limit_s, memory_budget_gib: limits, no part of the identity; None = a share of what is free when it is traced.
     instruction_set: that its process is held to, by Embree's name; None = that of the run.
     options, workload_options: of the types that the method and the workload name; all else are plain JSON values.
     """

@@ -18,7 +18,7 @@ from experiments.harness.configuration import Configuration, records_folder, res
 from experiments.harness.environment import describe_difference
 from experiments.harness.identity import current_environment
 from experiments.harness.progress import say
-from experiments.harness.records import Record, exclusive, load_record
+from experiments.harness.records import LIMITS, Record, exclusive, load_record
 from experiments.paper.claims import judge_claims
 from experiments.paper.figures import FIGURES as PAPER_FIGURES
 from experiments.report import ReportContents, write_report
@@ -46,14 +46,14 @@ def choose_folder(configuration: Configuration, points: Collection[str], command
     """The sweep's folder: that of its name, or where that holds another sweep's table, one with a number behind the
     name, which `configuration.sweep.name` then has, too.
 
-    points: identities of all that the sweep measures. A table is this sweep's if the same command made it, or if it
-    holds none but these.
+    points: identities of all that the sweep measures. A table is this sweep's if the same command made it, with
+    whatever limits, or if it holds none but these.
     """
     name = configuration.sweep.name
     for number in count(2):
         folder = results_folder(configuration)
         tables = _readable_tables(folder, console)
-        if tables is None or _command_of(folder) == command or set(tables.points["point_id"]) <= set(points):
+        if tables is None or _is_same(_command_of(folder), command) or set(tables.points["point_id"]) <= set(points):
             return folder
         configuration.sweep.name = f"{name}_{number}"
         say(
@@ -106,6 +106,13 @@ def _command_of(folder: Path) -> str:
     """What the user ran, "" where nobody knows."""
     path = folder / _COMMAND_FILE
     return path.read_text(encoding="utf-8").strip() if path.exists() else ""
+
+
+def _is_same(command: str, other: str) -> bool:
+    """Whether two commands are one but for limits, which one raises to get the points that they stopped."""
+    limits = tuple(f"measure.{name}=" for name in LIMITS)
+    first, second = ([word for word in one.split() if not word.startswith(limits)] for one in (command, other))
+    return first == second
 
 
 def _write_what_follows(

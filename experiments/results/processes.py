@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
-from experiments.harness.records import Record
+from experiments.harness.records import Record, without_limits
 from experiments.results.canary import BAND, strays
 from experiments.results.doubts import passing_doubts
 
@@ -24,10 +24,10 @@ _TIMES = "measured_again"
 
 
 def by_point(records: Iterable[Record]) -> list[list[Record]]:
-    """Records that differ in their process alone together, by its number."""
+    """Records that differ in their process alone, or in their limits, together, by the number of the process."""
     points: dict[str, list[Record]] = {}
     for record in records:
-        alike = {name: value for name, value in record.configuration.items() if name != "process"}
+        alike = {name: value for name, value in without_limits(record.configuration).items() if name != "process"}
         points.setdefault(json.dumps(alike, sort_keys=True), []).append(record)
     return [sorted(of_point, key=lambda record: record.configuration.get("process", 0)) for of_point in points.values()]
 

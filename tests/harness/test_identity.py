@@ -170,6 +170,15 @@ def test_the_identity_of_a_point_follows_its_code(identities_with):
     assert after[1] == before[1]
 
 
+def test_limits_are_no_part_of_a_point():
+    environment = current_environment()
+    others = [replace(POINT, time_limit_s=9.0), replace(POINT, memory_budget_gib=9.0)]
+    others.append(replace(POINT, memory_budget_gib=None))
+    assert {identity(one, environment) for one in others} == {identity(POINT, environment)}
+    for name, value in (("rounds", 9), ("warmup", 9), ("frame_budget_s", 9.0), ("process", 9), ("width", 9)):
+        assert identity(replace(POINT, **{name: value}), environment) != identity(POINT, environment)
+
+
 def all_modules(package):
     paths = (ROOT / package.replace(".", "/")).rglob("*.py")
     return {".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__") for path in paths}

@@ -1,12 +1,13 @@
 """Sweeps as a whole, with a runner that measures nothing: what is measured, what is shared, what is refused."""
 
+from contextlib import suppress
 from dataclasses import replace
 
 import psutil
 import pytest
 from psutil import virtual_memory
 
-from atra.errors import InputError
+from atra.errors import InputError, MemoryBudgetError
 from experiments.harness.configuration import (
     Chosen,
     Configuration,
@@ -18,11 +19,12 @@ from experiments.harness.configuration import (
 from experiments.harness.identity import current_environment, identity, identity_of, measure
 from experiments.harness.options import NoOptions
 from experiments.harness.points import plan_points
-from experiments.harness.processes.outcome import Outcome
+from experiments.harness.processes.outcome import Outcome, skipped
 from experiments.harness.records import point_id, write_record
 from experiments.methods.aligned import ALIGNED, AlignedOptions
 from experiments.methods.peers.embreex_run import EMBREEX
 from experiments.methods.pixel import PIXEL, PixelOptions
+from experiments.results.table import make_tables, read_table, write_tables
 from experiments.sweep import GridPoint, measure_launched, run_sweep
 from experiments.workloads import find_workload
 from scenes.loading import SceneSource
@@ -111,6 +113,66 @@ def test_a_point_that_lacked_memory_is_tried_again_when_more_is_free_and_not_giv
     assert sweep(10 * 2**20) == (["skipped"], 0)
     assert sweep(2**34) == (["ok"], 3)
     assert sweep(10 * 2**20) == (["ok"], 0)
+
+
+class Limited(Runner):
+    """A worker that is stopped at a time limit below 60 s where it has two columns of cells, and lacks memory below
+    2 GiB where it has four."""
+
+    def __call__(self, point):
+        found = super().__call__(point)
+        if point.options.split_x == 2 and point.time_limit_s < 60:
+            return Outcome("failed", f"stopped after the time limit of {point.time_limit_s:g} s")
+        if point.options.split_x == 4 and point.memory_budget_gib < 2:
+            return skipped(MemoryBudgetError("needs 2 GiB"))
+        return found
+
+
+def test_a_larger_limit_is_for_the_points_that_the_smaller_one_stopped_and_the_sweep_stays_where_it_is(tmp_path):
+    def sweep(time_limit_s, memory_budget_gib):
+        points = [GridPoint("a", configuration(tmp_path, split_x=split)) for split in (1, 2, 4)]
+        for one in points:
+            one.configuration.measure.time_limit_s = time_limit_s
+            one.configuration.measure.memory_budget_gib = memory_budget_gib
+        command = f"run.py sweep=one measure.time_limit_s={time_limit_s} measure.memory_budget_gib={memory_budget_gib}"
+        runner = Limited()
+        with suppress(SystemExit):
+            run_sweep(points, command=command, run=runner)
+        statuses = list(read_table(tmp_path / "one" / "table.parquet")["status"])
+        return statuses, sorted(point.options.split_x for point in runner.points)
+
+    assert sweep(10.0, 1.0) == (["ok", "failed", "skipped"], [1, 2, 4])
+    assert sweep(100.0, 1.0) == (["ok", "ok", "skipped"], [2, 4])
+    assert sweep(100.0, 4.0) == (["ok", "ok", "ok"], [4])
+    assert sweep(10.0, 1.0) == (["ok", "ok", "ok"], [])
+    assert sorted(path.name for path in tmp_path.iterdir() if path.is_dir()) == ["one", "records"]
+
+
+def test_processes_of_a_point_that_were_measured_with_other_limits_are_of_one_row(tmp_path):
+    points = [GridPoint("a", configuration(tmp_path))]
+    points[0].configuration.measure.processes = 3
+
+    class StoppedOnce(Runner):
+        def __call__(self, point):
+            found = super().__call__(point)
+            return found if point.process != 1 or point.time_limit_s > 10 else Outcome("failed", "stopped")
+
+    points[0].configuration.measure.time_limit_s = 10.0
+    with pytest.raises(SystemExit):
+        run_sweep(points, run=StoppedOnce())
+    points[0].configuration.measure.time_limit_s = 100.0
+    again = StoppedOnce()
+    assert list(run_sweep(points, run=again)["processes"]) == [3]
+    assert [point.process for point in again.points] == [1]
+
+
+def test_a_table_of_other_code_is_replaced_though_a_limit_of_its_command_is_another(tmp_path):
+    (planned,) = plan_points([configuration(tmp_path)])
+    write_tables(tmp_path / "one", make_tables([measured_elsewhere(planned, code_sha256="another")]))
+    (tmp_path / "one" / "command.txt").write_text("run.py measure.time_limit_s=10 sweep=one\n")
+    one = configuration(tmp_path)
+    run_sweep([GridPoint("a", one)], command="run.py sweep=one measure.time_limit_s=20", run=Runner())
+    assert one.sweep.name == "one"
 
 
 def test_a_point_skipped_for_want_of_a_library_is_measured_when_the_library_is_there(tmp_path):
