@@ -277,7 +277,7 @@ def check_configuration(configuration: Configuration) -> None:
         raise InputError(
             f"scene.triangles is {scene.triangles}, but scene {scene.name} has its own; use scene=generated/terrain"
         )
-    if not sweep.name or any(sign in sweep.name for sign in "/\\") or sweep.name in (".", "..", "records"):
+    if not sweep.name or any(sign in sweep.name for sign in "/\\") or sweep.name in (".", "..", "records", "singles"):
         raise InputError(f"sweep.name is {sweep.name!r}, expected the name of a folder")
     if not configuration.results_dir:
         raise InputError("results_dir is empty, expected a folder")
@@ -291,6 +291,11 @@ def results_folder(configuration: Configuration) -> Path:
 def records_folder(configuration: Configuration) -> Path:
     """`<results_dir>/records`, shared by all sweeps: what one has measured, no other measures again."""
     return Path(configuration.results_dir) / "records"
+
+
+def singles_folder(configuration: Configuration) -> Path:
+    """`<results_dir>/singles`: records of single points whose sweeps have records of them."""
+    return Path(configuration.results_dir) / "singles"
 
 
 def check_writable(folder: Path) -> None:

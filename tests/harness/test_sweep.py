@@ -2,12 +2,14 @@
 
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 
 import psutil
 import pytest
 from psutil import virtual_memory
 
 from atra.errors import InputError, MemoryBudgetError
+from experiments.commands.single import run_single_point
 from experiments.harness.configuration import (
     Chosen,
     Configuration,
@@ -20,7 +22,7 @@ from experiments.harness.identity import current_environment, identity, identity
 from experiments.harness.options import NoOptions
 from experiments.harness.points import plan_points
 from experiments.harness.processes.outcome import Outcome, skipped
-from experiments.harness.records import point_id, write_record
+from experiments.harness.records import load_record, point_id, write_record
 from experiments.methods.aligned import ALIGNED, AlignedOptions
 from experiments.methods.peers.embreex_run import EMBREEX
 from experiments.methods.pixel import PIXEL, PixelOptions
@@ -364,3 +366,49 @@ def test_a_point_of_which_the_model_knows_nothing_is_not_skipped(tmp_path, predi
 def test_a_limit_below_1_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"sweep\.skip_slower is 0\.5"):
         run_sweep(skipping(tmp_path, 0.5), run=Runner())
+
+
+def test_a_single_point_leaves_the_record_of_a_sweep_as_it_is(tmp_path, monkeypatch, capsys):
+    one = configuration(tmp_path)
+    monkeypatch.setattr("experiments.commands.single.measure", lambda planned: measure(planned, Runner()))
+    run_single_point(one)
+    of_a_sweep = load_record(records_folder(one), printed_record(capsys).stem)
+    counted = replace(of_a_sweep, results=of_a_sweep.results | {"measured_again": 2})
+    kept = write_record(records_folder(one), counted)
+    before = kept.read_bytes()
+
+    class Slower(Runner):
+        def __call__(self, point):
+            return replace(super().__call__(point), samples={"own": [0.2] * 3, "rtcIntersect1": [0.1] * 3})
+
+    monkeypatch.setattr("experiments.commands.single.measure", lambda planned: measure(planned, Slower()))
+    run_single_point(one)
+    path = printed_record(capsys)
+    assert kept.read_bytes() == before
+    assert load_record(path.parent, path.stem).samples["own"] == [0.2] * 3
+
+
+def test_a_single_point_that_fails_leaves_the_record_of_a_sweep_and_one_that_succeeds_replaces_a_failure(
+    tmp_path, monkeypatch
+):
+    one = configuration(tmp_path)
+    outcomes = []
+    monkeypatch.setattr("experiments.commands.single.measure", lambda planned: measure(planned, outcomes.pop(0)))
+
+    def statuses():
+        return [load_record(path.parent, path.stem).status for path in records_folder(one).glob("*.json")]
+
+    outcomes += [Runner("failed"), Runner(), Runner("failed")]
+    with pytest.raises(SystemExit):
+        run_single_point(one)
+    assert statuses() == ["failed"]
+    run_single_point(one)
+    assert statuses() == ["ok"]
+    with pytest.raises(SystemExit):
+        run_single_point(one)
+    assert statuses() == ["ok"]
+
+
+def printed_record(capsys):
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("record: ")]
+    return Path(line.removeprefix("record: "))
