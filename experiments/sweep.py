@@ -24,18 +24,10 @@ from experiments.harness.processes.launching import run_worker
 from experiments.harness.processes.outcome import MAY_CHANGE
 from experiments.harness.processes.quiet import Waiting
 from experiments.harness.progress import SweepProgress, say
-from experiments.harness.records import (
-    Record,
-    exclusive,
-    load_record,
-    read_record,
-    record_path,
-    without_limits,
-    write_record,
-)
+from experiments.harness.records import Record, exclusive, load_record, read_record, record_path, write_record
 from experiments.report.writing import check_figures, choose_folder, tell_whose_tables_are_replaced, write_results
 from experiments.results.doubts import was_quiet
-from experiments.results.processes import WHY, as_replacement, to_replace
+from experiments.results.processes import WHY, as_replacement, key_of, to_replace
 from experiments.results.table import make_tables
 from experiments.results.terminal import print_sweep, results_console, say_label, say_outcome
 from scenes.loading import replace_missing_scenes
@@ -289,7 +281,7 @@ def _still_true(record: Record | None, planned: PlannedPoint) -> Record | None:
 
 def _key(configuration: Mapping[str, Any]) -> str:
     """The configuration of a point, to be looked up by."""
-    return repr(sorted(without_limits(configuration).items()))
+    return key_of(configuration)
 
 
 def _warn_on(console: Console) -> Callable[[str], None]:

@@ -9,13 +9,16 @@ from rich.console import Console
 
 from atra.errors import InputError, printable
 from experiments.commands.program import PROGRAM
-from experiments.harness.configuration import Configuration, check_writable, records_folder, singles_folder
+from experiments.harness.configuration import Configuration, check_writable, records_folder
 from experiments.harness.identity import measure
 from experiments.harness.points import plan_point
 from experiments.harness.progress import SweepProgress
 from experiments.harness.records import Record, exclusive, read_record, record_path, write_record
 from experiments.results.table import make_table
 from experiments.results.terminal import print_point, results_console, say_label, say_outcome
+
+_SINGLES = "singles"
+"""Folder beside that of the records, for points of which there is a record already."""
 
 
 def run_single_point(configuration: Configuration) -> Record:
@@ -33,7 +36,7 @@ def run_single_point(configuration: Configuration) -> Record:
         record = measure(planned)
         kept = read_record(folder, record.point_id)
         is_kept = kept is not None and kept.status == "ok"
-        path = write_record(singles_folder(configuration) if is_kept else folder, record)
+        path = write_record(folder.with_name(_SINGLES) if is_kept else folder, record)
         progress.end(say_label(planned.point), say_outcome(record))
     if record.status == "ok":
         print_point(make_table([record]).iloc[0], results_console())

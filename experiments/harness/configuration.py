@@ -293,11 +293,6 @@ def records_folder(configuration: Configuration) -> Path:
     return Path(configuration.results_dir) / "records"
 
 
-def singles_folder(configuration: Configuration) -> Path:
-    """`<results_dir>/singles`: records of single points whose sweeps have records of them."""
-    return Path(configuration.results_dir) / "singles"
-
-
 def check_writable(folder: Path) -> None:
     """Make `folder` if it is missing; raises InputError if nothing can be written there."""
     try:

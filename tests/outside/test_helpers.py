@@ -25,8 +25,7 @@ SHIFTED = "def shifted(depth):\n    return depth + SHIFT\n"
 @pytest.fixture
 def write(tmp_path, monkeypatch):
     """Writes files below a folder; those of methods are known until the test ends."""
-    monkeypatch.setattr(methods, "METHODS", list(methods.METHODS))
-    monkeypatch.setattr(sys, "meta_path", list(sys.meta_path))
+    before = list(methods.METHODS)
     monkeypatch.setenv(methods.METHOD_FILES, "")
 
     def write(**files):
@@ -35,7 +34,8 @@ def write(tmp_path, monkeypatch):
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
 
-    return write
+    yield write
+    methods.METHODS[:] = before
 
 
 def use(folder, name="mine"):
