@@ -65,11 +65,12 @@ def code_sha256(point: Point) -> str:
 
 
 def code_roots(point: Point) -> tuple[tuple[str, str | None], ...]:
-    """Where that code begins, as `Code.parts` takes it: the module of the method; what measures the workload, and its
-    options; what starts a worker, and with it what runs there."""
+    """Where that code begins, as `Code.parts` takes it: the module of the method, and what its file uses; what measures
+    the workload, and its options; what starts a worker, and with it what runs there."""
     workload = point.workload
     return (
         (point.method.module, None),
+        *(one for one in point.method.uses if decides(one[0]) and read_source(one[0]) is not None),
         workload.code,
         (workload.options.__module__, workload.options.__name__),
         (run_worker.__module__, None),

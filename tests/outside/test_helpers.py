@@ -9,9 +9,12 @@ import pytest
 
 from atra.errors import InputError
 from experiments import methods
-from experiments.harness.identity import current_environment, identity
+from experiments.harness.identity import code_roots, current_environment, identity
 from experiments.harness.processes.launching import run_worker
+from experiments.harness.sources import Part
 from experiments.sweep import GridPoint, run_sweep
+from tests.harness.processes.test_outcome import POINT
+from tests.harness.test_identity import CODE
 from tests.outside.test_misbehaving import START
 from tests.points import configured, planned
 
@@ -129,3 +132,19 @@ def test_two_files_of_one_folder_share_a_helper(write, tmp_path):
     imports = "from shifting import shifted\n" + HELPED
     write(first=imports, second=imports, shifting="SHIFT = 0.0\n" + SHIFTED)
     assert [use(tmp_path, name).name for name in ("first", "second")] == ["first", "second"]
+
+
+@pytest.mark.parametrize("where", ["mine", "shifting"])
+def test_what_a_file_or_its_helper_imports_of_this_project_is_part_of_its_code(write, tmp_path, where):
+    files = {"mine": "import shifting\n" + TRACER.replace("import atra\n", ""), "shifting": ""}
+
+    def code(line):
+        write(**files | {where: line + files[where]})
+        return CODE.parts(code_roots(replace(POINT, method=use(tmp_path))))
+
+    room = Part("atra.trees.building")
+    assert room not in code("")
+    assert room in code("from atra.trees.building import cheapest_split\n")
+    assert room in code("def late():\n    import atra.trees.building\n")
+    assert room in code("from atra import *\n")
+    assert code("from scenes.loading import load_scene\n") == code("")

@@ -11,6 +11,7 @@ from pathlib import Path
 from types import ModuleType
 
 from atra.errors import InputError
+from experiments.harness.sources import Source
 
 _OF_ATRA = ("atra", "experiments", "scenes")
 """Packages that are no helpers, even where a method's file stands beside them."""
@@ -72,6 +73,14 @@ def use_helpers(file: Path, in_use: Collection[Path]) -> list[Path]:
     if _FINDER not in sys.meta_path:
         sys.meta_path.append(_FINDER)
     return sorted({path for spec in helpers.values() for path in _files_of(spec)} - {file})
+
+
+def uses(files: Sequence[Path]) -> tuple[tuple[str, str | None], ...]:
+    """What these sources import of this project: modules, each with the name that is taken from it, None = itself."""
+    sources = [Source("", path.read_text(encoding="utf-8")) for path in files if path.suffix in SOURCE_SUFFIXES]
+    imports = {given for one in sources for statement in one.statements for given in statement.imports}
+    ours = {(one.module, one.taken) for one in imports if one.module.partition(".")[0] in _OF_ATRA}
+    return tuple(sorted(ours, key=str))
 
 
 def _helpers_of(file: Path) -> Helpers:

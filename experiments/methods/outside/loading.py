@@ -6,7 +6,7 @@ import os
 import re
 import sys
 from collections.abc import Collection, Iterator
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from enum import Enum
 from functools import partial
 from importlib.util import module_from_spec, spec_from_file_location
@@ -23,7 +23,7 @@ from experiments.harness.entry_points import digest_of_files, offers
 from experiments.harness.method import Method, Style, Tracing
 from experiments.harness.options import NoOptions
 from experiments.harness.point import Point
-from experiments.methods.outside.beside import use_helpers
+from experiments.methods.outside.beside import use_helpers, uses
 from experiments.methods.outside.tracer import OutsideTracer
 
 METHOD_FILES = "ATRA_METHOD_FILES"
@@ -84,7 +84,7 @@ def load_file(path: str | Path, number: int, taken: Collection[str]) -> Method:
         told = f"{type(error).__name__}: {' '.join(str(error).split())}"
         raise InputError(f"method_file {path} cannot be imported, {told}") from error
     version = f"{path.name} sha256:{digest_of_files([path, *helpers])}"
-    return method_of(name, _method_class(module, path), version, number, taken)
+    return replace(method_of(name, _method_class(module, path), version, number, taken), uses=uses([path, *helpers]))
 
 
 def _whole(path: str | Path) -> Path:
