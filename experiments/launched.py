@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from atra.errors import RecordError
 from experiments.harness.configuration import Configuration, records_folder
@@ -12,6 +11,7 @@ from experiments.harness.identity import current_environment, identity, identity
 from experiments.harness.point import Point
 from experiments.harness.points import PlannedPoint, plan_points
 from experiments.harness.records import Record, check_writable, load_record, read_record, write_record
+from experiments.results.processes import key_of
 from experiments.results.terminal import say_outcome
 from scenes.loading import replace_missing_scenes
 
@@ -62,14 +62,14 @@ def _launched(points: Mapping[str, Point], folder: Path, warn: Callable[[str], o
     found = {name: record for name, record in own.items() if record is not None}
     if len(found) == len(points):
         return found
-    wanted = {key(point.configuration()): name for name, point in points.items()}
+    wanted = {key_of(point.configuration()): name for name, point in points.items()}
     elsewhere: dict[str, Record] = {}
     for path in sorted(folder.glob("*.json"), key=lambda path: path.stat().st_mtime):
         try:
             record = load_record(folder, path.stem)
         except RecordError:  # perhaps of another sweep or version, and not ours to set aside
             continue
-        name = None if record is None else wanted.get(key(record.configuration))
+        name = None if record is None else wanted.get(key_of(record.configuration))
         if record is not None and name is not None and record.point_id == identity_of(record, points[name]):
             elsewhere[name] = record
     return elsewhere
@@ -80,8 +80,3 @@ def still_true(record: Record | None, planned: PlannedPoint) -> Record | None:
     if record is None or not record.finished or (record.status == "skipped" and planned.problem is None):
         return None
     return record
-
-
-def key(configuration: Mapping[str, Any]) -> str:
-    """The configuration of a point, to be looked up by."""
-    return repr(sorted(configuration.items()))

@@ -21,11 +21,11 @@ from experiments.harness.processes.launching import run_worker
 from experiments.harness.processes.quiet import Waiting
 from experiments.harness.progress import SweepProgress, say, say_roughly
 from experiments.harness.records import Record, check_writable, exclusive, read_record, record_path, write_record
-from experiments.launched import Launch, key, measure_batch, still_true
+from experiments.launched import Launch, measure_batch, still_true
 from experiments.report.writing import check_figures, choose_folder, tell_whose_tables_are_replaced, write_results
 from experiments.results.best_so_far import best_splits
 from experiments.results.doubts import was_quiet
-from experiments.results.processes import WHY, as_replacement, to_replace
+from experiments.results.processes import WHY, as_replacement, key_of, to_replace
 from experiments.results.table import Tables, make_tables
 from experiments.results.terminal import print_sweep, results_console, say_label, say_outcome
 from experiments.sweep_points import GridPoint, SweepPoint, in_order, plan_sweep
@@ -148,10 +148,10 @@ class _Sweep:
             f"{len(self.done) - finished} cannot be measured, {len(to_do)} to do; results in {results}",
         )
         if to_do:
-            by_configuration = {key(point.configuration()): point for point in map(self._point, self.points)}
+            by_configuration = {key_of(point.configuration()): point for point in map(self._point, self.points)}
 
             def code(record: Record) -> str | None:
-                point = by_configuration.get(key(record.configuration))
+                point = by_configuration.get(key_of(record.configuration))
                 return None if point is None else code_sha256(point)
 
             tell_whose_tables_are_replaced(results, self.folder, self.console, code)

@@ -13,13 +13,17 @@ from experiments.harness.configuration import Configuration, records_folder
 from experiments.harness.identity import measure
 from experiments.harness.points import plan_point
 from experiments.harness.progress import SweepProgress
-from experiments.harness.records import Record, check_writable, exclusive, write_record
+from experiments.harness.records import Record, check_writable, exclusive, read_record, record_path, write_record
 from experiments.results.table import make_table
 from experiments.results.terminal import print_point, results_console, say_label, say_outcome
 
+_SINGLES = "singles"
+"""Folder beside that of the records, for points of which there is a record already."""
+
 
 def run_single_point(configuration: Configuration) -> Record:
-    """Measure the point (always anew), write its record and files, print its table.
+    """Measure the point (always anew), write its record and files, print its table. A record that sweeps share stays as
+    it is: they go on from it, and it counts the processes it has replaced.
 
     Raises InputError, MemoryBudgetError or EmbreeError for what cannot be measured, and SystemExit(1), with what the
     worker printed on stderr, when measuring itself went wrong.
@@ -30,11 +34,15 @@ def run_single_point(configuration: Configuration) -> Record:
     with exclusive(folder.parent, folder), SweepProgress(1, Console(stderr=True)) as progress:
         progress.begin(say_label(planned.point))
         record = measure(planned)
-        path = write_record(folder, record)
+        kept = read_record(folder, record.point_id)
+        is_kept = kept is not None and kept.status == "ok"
+        path = write_record(folder.with_name(_SINGLES) if is_kept else folder, record)
         progress.end(say_label(planned.point), say_outcome(record))
     if record.status == "ok":
         print_point(make_table([record]).iloc[0], results_console())
         print(f"record: {path}")
+        if is_kept:
+            print(f"kept, for sweeps: {record_path(folder, record.point_id)}")
         for written in _write_files(configuration, record):
             print(f"written: {written}")
         return record

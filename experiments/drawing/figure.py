@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,8 +11,6 @@ from pathlib import Path
 import matplotlib
 import pandas as pd
 from matplotlib import figure as mpl
-
-from atra.files.paths import write_atomically
 
 Draw = Callable[[pd.DataFrame, Path, int], mpl.Figure]
 """Rows of the table, the folder of the records, and how many panels stand side by side -> figure."""
@@ -35,6 +34,11 @@ class FigureKind:
     draw: Draw
     per_packet_width: bool = False
     in_page: bool = True
+
+    @property
+    def file_names(self) -> str:
+        """A pattern of the names of its files, whatever rows it is drawn of."""
+        return rf"{re.escape(self.name)}(_single_rays|_packets_of_\d+)?\.(png|svg)"
 
 
 @dataclass(frozen=True)
@@ -88,7 +92,6 @@ def _svg(figure: mpl.Figure) -> bytes:
     return buffer.getvalue()
 
 
-def write_figure(folder: Path, figure: DrawnFigure) -> None:
-    """`<name>.png` and `<name>.svg` in `folder`."""
-    write_atomically(folder / f"{figure.name}.png", figure.png)
-    write_atomically(folder / f"{figure.name}.svg", figure.svg)
+def figure_files(figure: DrawnFigure) -> dict[str, bytes]:
+    """The contents of `<name>.png` and `<name>.svg`, by name."""
+    return {f"{figure.name}.png": figure.png, f"{figure.name}.svg": figure.svg}

@@ -279,7 +279,7 @@ def check_configuration(configuration: Configuration) -> None:
         raise InputError(
             f"scene.triangles is {scene.triangles}, but scene {scene.name} has its own; use scene=generated/terrain"
         )
-    if not sweep.name or any(sign in sweep.name for sign in "/\\") or sweep.name in (".", "..", "records"):
+    if not sweep.name or any(sign in sweep.name for sign in "/\\") or sweep.name in (".", "..", "records", "singles"):
         raise InputError(f"sweep.name is {sweep.name!r}, expected the name of a folder")
     if not configuration.results_dir:
         raise InputError("results_dir is empty, expected a folder")

@@ -24,6 +24,14 @@ _ROOT = Path(__file__).resolve().parents[2]
 _OURS = ("atra", "experiments", "scenes")
 """Packages whose code is followed. The versions of others are part of the machine, or of the method that uses them."""
 
+_DECIDES_NOTHING = ("experiments.drawing.style", "experiments.results", "scenes.directory", "scenes.loading")
+"""Modules, and packages with all below them, whose code is not followed, since no outcome of a worker depends on it.
+
+Figures alone read the style of a method. Statistics and columns are made of a record when it is there. A mesh is known
+by its hash and a camera by its numbers, both fields of the point, however a scene was built, found or read; light is
+not, so `scenes.lit` counts where it is used.
+"""
+
 Runner = Callable[[Point], Outcome]
 
 
@@ -56,11 +64,12 @@ def code_sha256(point: Point) -> str:
 
 
 def code_roots(point: Point) -> tuple[tuple[str, str | None], ...]:
-    """Where that code begins, as `Code.parts` takes it: the module of the method; what measures the workload, and its
-    options; what starts a worker, and with it what runs there."""
+    """Where that code begins, as `Code.parts` takes it: the module of the method, and what its file uses; what measures
+    the workload, and its options; what starts a worker, and with it what runs there."""
     workload = point.workload
     return (
         (point.method.module, None),
+        *(one for one in point.method.uses if decides(one[0]) and read_source(one[0]) is not None),
         workload.code,
         (workload.options.__module__, workload.options.__name__),
         (run_worker.__module__, None),
@@ -75,8 +84,17 @@ def _sha256(roots: tuple[tuple[str, str | None], ...]) -> str:
 
 @cache
 def _code(packages: frozenset[str]) -> Code:
-    """The code of these packages."""
-    return Code(lambda module: read_source(module) if module.partition(".")[0] in packages else None)
+    """The code of these packages, less what decides nothing."""
+
+    def read(module: str) -> Source | None:
+        return read_source(module) if module.partition(".")[0] in packages and decides(module) else None
+
+    return Code(read)
+
+
+def decides(module: str) -> bool:
+    """Whether the outcome of a worker may depend on the code of a module."""
+    return not f"{module}.".startswith(tuple(f"{name}." for name in _DECIDES_NOTHING))
 
 
 def read_source(module: str) -> Source | None:

@@ -60,7 +60,7 @@ class Method:
     part of a record's identity. is_ours: a method of atra, no other people's tracer. is_peer: a tracer of other
     people that is installed beside atra, such as trimesh; methods of a file are neither. make_rays: mesh, options and
     what holds for the whole point -> what traces batches of rays that come from no camera; None where the method does
-    not.
+    not. uses: what a method of a file imports of this project, part of its code, too, as `Code.parts` takes it.
     choice: resolved options -> what the cost model knows the method as; None where it knows nothing of it.
     """
 
@@ -80,6 +80,7 @@ class Method:
     is_peer: bool = False
     make_rays: Callable[[Mesh, Any, Tracing], Any] | None = None
     choice: Callable[[Any], Choice | None] = lambda options: None
+    uses: tuple[tuple[str, str | None], ...] = ()
 
     def has(self, name: str) -> bool:
         """Whether its options have a field of this name."""

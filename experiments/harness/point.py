@@ -28,7 +28,7 @@ class Point:
     """One point to measure: the worker needs nothing else, and the record's identity is a hash of it and of its code.
 
     `triangles` and `mesh_sha256` describe the mesh as traced. process: which of the processes that measure the same.
-    memory_budget_gib: None = a share of what is free when it is traced, which is no part of the point.
+    time_limit_s, memory_budget_gib: limits, no part of the identity; None = a share of what is free when it is traced.
     instruction_set: that its process is held to, by Embree's name; None = that of the run.
     options, workload_options: of the types that the method and the workload name; all else are plain JSON values.
     """
@@ -120,7 +120,7 @@ class Workload:
     `measure`, and `make` where not the method's own tracer is measured; both may stand in a module `measure` of the
     package. Two more modules may stand there, imported only where they are needed: `files` writes those of a single
     point; `shown`, for a sweep, has any of FIGURES, CLAIMS and their file CLAIMS_FILE, `sweep_lines` and
-    `process_lines` for the terminal, and `write` for further files.
+    `process_lines` for the terminal, and `write` for further files, with FILES, patterns of their names.
     samples: which series a record of a point must hold. optional: series that it may hold beside these, at least one.
     judged: the series whose spread makes a point doubtful. needs: results that a measured record holds at least.
     canary: what a measured record says of the machine alone (`experiments.results.canary`).

@@ -27,6 +27,10 @@ LACKED_MEMORY = "lacked_memory"
 UNPROMISING = "unpromising"
 """The result of a point that was skipped because it was predicted to be slow."""
 
+LIMITS = ("time_limit_s", "memory_budget_gib")
+"""Fields of a configuration that say when to give a point up; what a point that is not given up comes to is the same
+with all of them."""
+
 
 @dataclass(frozen=True)
 class Record:
@@ -58,12 +62,17 @@ class Record:
         return self.status == "ok" or (self.status == "skipped" and not may_change)
 
 
+def without_limits(configuration: Mapping[str, Any]) -> dict[str, Any]:
+    """What of a configuration tells one point from another: all but `LIMITS`."""
+    return {name: value for name, value in configuration.items() if name not in LIMITS}
+
+
 def point_id(configuration: Mapping[str, Any], stable_environment: Mapping[str, Any]) -> str:
-    """Identity of a point: 20 hex digits of the SHA-256 of its whole configuration and its machine.
+    """Identity of a point: 20 hex digits of the SHA-256 of its configuration, `without_limits`, and its machine.
 
     The order of keys does not matter. Raises ValueError for a NaN or infinity and TypeError for a value JSON lacks.
     """
-    fields = {"configuration": configuration, "environment": stable_environment}
+    fields = {"configuration": without_limits(configuration), "environment": stable_environment}
     canonical = json.dumps(fields, sort_keys=True, allow_nan=False, separators=(",", ":"))
     return hashlib.sha256(canonical.encode()).hexdigest()[:20]
 

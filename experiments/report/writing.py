@@ -2,35 +2,37 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from itertools import count
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pandas as pd
 from rich.console import Console
 
-from atra.errors import InputError, RecordError
-from atra.files.paths import write_atomically
-from experiments.drawing.figure import DrawnFigure, FigureKind, draw_figure, write_figure
+from atra.errors import InputError, RecordError, StorageError
+from atra.files.paths import write_together
+from experiments.drawing.figure import DrawnFigure, FigureKind, draw_figure, figure_files
 from experiments.harness.configuration import Configuration, records_folder, results_folder
 from experiments.harness.environment import describe_difference
 from experiments.harness.identity import current_environment
 from experiments.harness.progress import say
-from experiments.harness.records import Record, exclusive, load_record
+from experiments.harness.records import LIMITS, Record, exclusive, load_record
 from experiments.paper.claims import judge_claims
 from experiments.paper.figures import FIGURES as PAPER_FIGURES
-from experiments.report import ReportContents, write_report
-from experiments.results.claims import judge_all, write_claims
+from experiments.report.page import ReportContents, render_report
+from experiments.results.claims import claim_files, judge_all
 from experiments.results.table import (
     Tables,
     check_one_environment,
     make_tables,
     read_tables,
     rows_of,
+    table_files,
     workload_rows,
-    write_tables,
 )
 from experiments.workloads import WORKLOADS
 from experiments.workloads.picture.files import read_pictures
@@ -38,22 +40,22 @@ from experiments.workloads.picture.files import read_pictures
 GRID_OF_FILES = "method_file"
 """The grid of the methods of files that a sweep measures beside its own; every figure of it draws them, too."""
 
-_COMMAND_FILE = "command.txt"
-"""Keeps what the user ran, for a report written later."""
+_PAGE, _COMMAND_FILE = "report.html", "command.txt"
+"""The latter keeps what the user ran, for a report written later."""
 
 
 def choose_folder(configuration: Configuration, points: Collection[str], command: str, console: Console) -> Path:
     """The sweep's folder: that of its name, or where that holds another sweep's table, one with a number behind the
     name, which `configuration.sweep.name` then has, too.
 
-    points: identities of all that the sweep measures. A table is this sweep's if the same command made it, or if it
-    holds none but these.
+    points: identities of all that the sweep measures. A table is this sweep's if the same command made it, with
+    whatever limits, or if it holds none but these.
     """
     name = configuration.sweep.name
     for number in count(2):
         folder = results_folder(configuration)
         tables = _readable_tables(folder, console)
-        if tables is None or _command_of(folder) == command or set(tables.points["point_id"]) <= set(points):
+        if tables is None or _is_same(_command_of(folder), command) or set(tables.points["point_id"]) <= set(points):
             return folder
         configuration.sweep.name = f"{name}_{number}"
         say(
@@ -65,17 +67,17 @@ def choose_folder(configuration: Configuration, points: Collection[str], command
 
 
 def write_results(configuration: Configuration, tables: Tables, command: str) -> str | None:
-    """Write tables, figures and, where the sweep asks for it, claims and page into its folder.
+    """Write tables, figures and, where the sweep asks for it, claims and page into its folder: all of them, or none
+    where the disk lacks room. What was made of an earlier table and is not made of this one is removed. A sweep may
+    call it as often as it has more to show.
 
     Returns what to open first, with its path: the page, or else the first figure; None where there is neither.
     """
-    folder = results_folder(configuration)
-    write_tables(folder, tables)
-    write_atomically(folder / _COMMAND_FILE, f"{command}\n".encode())
-    report = configuration.sweep.report
-    page, figures = _write_what_follows(configuration, tables, command=command, report=report)
+    folder, report = results_folder(configuration), configuration.sweep.report
+    figures, files = _what_follows(configuration, tables, command=command, report=report)
+    _write(folder, files, {**table_files(tables), _COMMAND_FILE: f"{command}\n".encode()})
     if report:
-        return f"report: {page}"
+        return f"report: {folder / _PAGE}"
     return f"{figures[0].caption}: {folder / figures[0].name}.png" if figures else None
 
 
@@ -98,8 +100,9 @@ def rewrite_report(configuration: Configuration) -> Path:
     check_figures(configuration.sweep.figures, configuration.sweep.grids)
     with exclusive(folder.parent, folder):
         tables = read_tables(folder) or make_tables([])
-        page, _ = _write_what_follows(configuration, tables, command=_command_of(folder), report=True)
-        return page
+        _, files = _what_follows(configuration, tables, command=_command_of(folder), report=True)
+        _write(folder, files)
+        return folder / _PAGE
 
 
 def _command_of(folder: Path) -> str:
@@ -108,28 +111,52 @@ def _command_of(folder: Path) -> str:
     return path.read_text(encoding="utf-8").strip() if path.exists() else ""
 
 
-def _write_what_follows(
+def _is_same(command: str, other: str) -> bool:
+    """Whether two commands are one but for limits, which one raises to get the points that they stopped."""
+    limits = tuple(f"measure.{name}=" for name in LIMITS)
+    first, second = ([word for word in one.split() if not word.startswith(limits)] for one in (command, other))
+    return first == second
+
+
+def _write(folder: Path, files: Mapping[str, bytes], tables: Mapping[str, bytes] | None = None) -> None:
+    """Write what follows from the tables, and these where they are new, and remove what followed from earlier ones."""
+    write_together({folder / name: content for name, content in {**(tables or {}), **files}.items()})
+    for path in _files_of_tables(folder):
+        if path.relative_to(folder).as_posix() not in files:
+            path.unlink(missing_ok=True)
+
+
+def _files_of_tables(folder: Path) -> list[Path]:
+    """The files in the folder that some table was made into: figures, claims, page, and FILES of the workloads."""
+    rooms: list[Any] = [workload.part("shown") for workload in WORKLOADS]
+    patterns = [re.escape(_PAGE), *(kind.file_names for kind in figure_kinds())]
+    patterns += [pattern for room in rooms for pattern in getattr(room, "FILES", ())]
+    is_one = re.compile("|".join(f"(?:{pattern})" for pattern in patterns)).fullmatch
+    claims = ["claims", *(room.CLAIMS_FILE for room in rooms if hasattr(room, "CLAIMS"))]
+    judged = [folder / f"{name}{end}" for name in claims for end in (".json", ".csv")]
+    return [path for path in (*folder.iterdir(), *judged) if path.is_file() and (path in judged or is_one(path.name))]
+
+
+def _what_follows(
     configuration: Configuration, tables: Tables, *, command: str, report: bool
-) -> tuple[Path, list[DrawnFigure]]:
-    """Figures, claims and page, all from the tables and the records. Returns the page's path and the figures."""
+) -> tuple[list[DrawnFigure], dict[str, bytes]]:
+    """The figures, and the contents of the files of figures, claims and page by name, all from tables and records."""
     folder, records, table = results_folder(configuration), records_folder(configuration), tables.points
     environment = _environment(table, records)
     figures = list(draw_figures(table, records, configuration.sweep.figures))
-    for figure in figures:
-        write_figure(folder, figure)
+    files = {name: content for figure in figures for name, content in figure_files(figure).items()}
     for workload in WORKLOADS:
         shown: Any = workload.part("shown")
         rows = workload_rows(table, workload.name)
         if len(rows):
             if hasattr(shown, "CLAIMS"):
                 processes = workload_rows(tables.processes, workload.name)
-                write_claims(folder, judge_all(shown.CLAIMS, processes), shown.CLAIMS_FILE)
+                files |= claim_files(judge_all(shown.CLAIMS, processes), shown.CLAIMS_FILE)
             if hasattr(shown, "write"):
-                shown.write(folder, records, rows)
-    page = folder / "report.html"
+                files |= _written(shown.write, records, rows)
     if report:
         claims = judge_claims(tables.processes)
-        write_claims(folder, claims)
+        files |= claim_files(claims)
         contents = ReportContents(
             title=f"atra: {folder.name}",
             command=command,
@@ -141,8 +168,19 @@ def _write_what_follows(
             claims=claims,
             environment=environment,
         )
-        write_report(folder, contents)
-    return page, figures
+        files[_PAGE] = render_report(contents).encode()
+    return figures, files
+
+
+def _written(write: Callable[..., object], records: Path, rows: pd.DataFrame) -> dict[str, bytes]:
+    """The contents of what a workload writes into a folder, by name. Raises StorageError."""
+    try:
+        with TemporaryDirectory() as place:
+            write(Path(place), records, rows)
+            paths = [path for path in Path(place).rglob("*") if path.is_file()]
+            return {path.relative_to(place).as_posix(): path.read_bytes() for path in paths}
+    except OSError as error:
+        raise StorageError(f"no results can be made: {error}; TMPDIR names a folder with more room") from None
 
 
 def _environment(table: pd.DataFrame, records: Path) -> dict[str, Any]:

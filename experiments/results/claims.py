@@ -12,7 +12,7 @@ from typing import Any
 
 import pandas as pd
 
-from atra.files.paths import write_atomically
+from atra.files.paths import write_together
 
 HOLDS, DOES_NOT_HOLD, UNDECIDED, NOT_MEASURED = VERDICTS = "holds", "does not hold", "undecided", "not measured"
 """undecided = measured in full, but not precisely enough to say."""
@@ -138,9 +138,16 @@ def verdict_on(readings: Sequence[JudgedClaim]) -> str:
     return next(one for one in (NOT_MEASURED, UNDECIDED, DOES_NOT_HOLD) if one in verdicts)
 
 
-def write_claims(folder: Path, findings: Sequence[JudgedClaim], name: str = "claims") -> None:
-    """Write `<name>.json` and `<name>.csv` into `folder`; a missing interval or reason is null, in CSV empty."""
+def write_claims(folder: Path, findings: Sequence[JudgedClaim]) -> None:
+    """Write `claim_files` into `folder`."""
+    write_together({folder / name: content for name, content in claim_files(findings).items()})
+
+
+def claim_files(findings: Sequence[JudgedClaim], name: str = "claims") -> dict[str, bytes]:
+    """The contents of `<name>.json` and `<name>.csv`, by name; a missing interval or reason is null, in CSV empty."""
     rows = [asdict(finding) for finding in findings]
-    write_atomically(folder / f"{name}.json", (json.dumps(rows, indent=1, ensure_ascii=False) + "\n").encode())
-    columns = list(JudgedClaim.__dataclass_fields__)
-    write_atomically(folder / f"{name}.csv", pd.DataFrame(rows, columns=columns).to_csv(index=False).encode())
+    table = pd.DataFrame(rows, columns=list(JudgedClaim.__dataclass_fields__))
+    return {
+        f"{name}.json": (json.dumps(rows, indent=1, ensure_ascii=False) + "\n").encode(),
+        f"{name}.csv": table.to_csv(index=False).encode(),
+    }

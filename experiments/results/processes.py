@@ -6,8 +6,9 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from math import inf
+from typing import Any
 
-from experiments.harness.records import Record
+from experiments.harness.records import Record, without_limits
 from experiments.results.canary import BAND, strays
 from experiments.results.doubts import passing_doubts
 
@@ -21,12 +22,17 @@ _TIMES = "measured_again"
 """Name of the result that tells how many processes a record has replaced."""
 
 
+def key_of(configuration: Mapping[str, Any]) -> str:
+    """What tells a configuration from others but for their limits, to be looked up by."""
+    return json.dumps(without_limits(configuration), sort_keys=True)
+
+
 def by_point(records: Iterable[Record]) -> list[list[Record]]:
-    """Records that differ in their process alone together, by its number."""
+    """Records that differ in their process alone, or in their limits, together, by the number of the process."""
     points: dict[str, list[Record]] = {}
     for record in records:
         alike = {name: value for name, value in record.configuration.items() if name != "process"}
-        points.setdefault(json.dumps(alike, sort_keys=True), []).append(record)
+        points.setdefault(key_of(alike), []).append(record)
     return [sorted(of_point, key=lambda record: record.configuration.get("process", 0)) for of_point in points.values()]
 
 

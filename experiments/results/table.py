@@ -12,7 +12,7 @@ from typing import Any
 import pandas as pd
 
 from atra.errors import InputError
-from atra.files.paths import write_atomically
+from atra.files.paths import write_together
 from atra.tracing.options import Options
 from experiments.harness.column import REAL, TEXT, TRUTH, WHOLE, Column, option_columns
 from experiments.harness.environment import describe_difference
@@ -206,12 +206,19 @@ def csv_bytes(table: pd.DataFrame) -> bytes:
 
 
 def write_tables(folder: Path, tables: Tables) -> None:
-    """Write `table.csv`, which has the columns that people read, `table.parquet` and `processes.parquet`."""
-    write_atomically(folder / "table.csv", csv_bytes(tables.points[columns_for_people(tables.points)]))
+    """Write `table_files` into `folder`."""
+    write_together({folder / name: content for name, content in table_files(tables).items()})
+
+
+def table_files(tables: Tables) -> dict[str, bytes]:
+    """The contents of `table.csv`, which has the columns that people read, `table.parquet` and `processes.parquet`, by
+    name."""
+    found = {"table.csv": csv_bytes(tables.points[columns_for_people(tables.points)])}
     for name, table in (("table", tables.points), ("processes", tables.processes)):
         buffer = io.BytesIO()
         table.to_parquet(buffer, index=False)
-        write_atomically(folder / f"{name}.parquet", buffer.getvalue())
+        found[f"{name}.parquet"] = buffer.getvalue()
+    return found
 
 
 def read_tables(folder: Path) -> Tables | None:

@@ -168,3 +168,14 @@ def test_a_sample_out_of_all_proportion_is_a_doubt_and_stays(tmp_path, method, s
     assert told in doubts(odd)
     assert ("times the" in doubts(odd)) == bool(told)
     assert load_record(tmp_path, write_record(tmp_path, odd).stem) == odd
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("variable", ["NUMBA_CACHE_DIR", "PYTHONPYCACHEPREFIX"])
+def test_a_folder_for_code_that_takes_no_file_costs_a_worker_time_and_no_more(tmp_path, monkeypatch, variable):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv(variable, str(tmp_path / "file" / "folder"))
+    (planned,) = plan_points([configuration(tmp_path)])
+    record = measure(planned)
+    assert (record.status, record.error) == ("ok", None)
+    assert record.results["pixels_wrong"] == 0

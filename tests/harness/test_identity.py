@@ -14,7 +14,7 @@ from atra.errors import InputError
 from atra.light import Baker
 from atra.raster.tracer import RasterTracer
 from experiments.harness import identity as identities
-from experiments.harness.identity import code_roots, current_environment, identity, read_source
+from experiments.harness.identity import code_roots, current_environment, decides, identity, read_source
 from experiments.harness.point import Point
 from experiments.harness.processes.launching import run_worker
 from experiments.harness.processes.worker import measure_point
@@ -46,7 +46,7 @@ EVERY_WORKLOAD = [point_of(ALIGNED, workload) for workload in WORKLOADS]
 
 @cache
 def source(module):
-    return read_source(module) if module.partition(".")[0] in OURS else None
+    return read_source(module) if module.partition(".")[0] in OURS and decides(module) else None
 
 
 CODE = Code(source)
@@ -138,25 +138,71 @@ def test_what_only_tells_of_results_is_no_part_of_a_record():
     found = {part for point in (*EVERY_METHOD, *EVERY_WORKLOAD) for part in CODE.parts(code_roots(point))}
     registries = {Part("experiments.methods"), Part("experiments.workloads"), Part("experiments.methods", "METHODS")}
     assert registries.isdisjoint(found)
-    rooms = tuple(f"experiments.{name}." for name in ("report", "paper", "commands", "viewer"))
-    names = {part.module for part in found}
+    rooms = tuple(f"experiments.{name}." for name in ("report", "paper", "commands", "viewer", "results", "drawing"))
+    # What a workload makes a picture with, which its record holds, decides what is in the record.
+    names = {part.module for part in found} - {"experiments.drawing.shading"}
     assert not [name for name in names if name.startswith(rooms) or name.endswith((".shown", ".classification.claims"))]
 
 
-def test_the_identity_of_a_point_follows_its_code(monkeypatch):
+@pytest.fixture
+def identities_with(monkeypatch):
+    """Modules -> identities of some points, as if the source of these modules had changed."""
+    read, environment = identities.read_source, current_environment()
+
+    def identities_of(points, changed=()):
+        def now(module):
+            found = read(module)
+            return replace(found, text=one_more_line(found.text)) if found and module in changed else found
+
+        with monkeypatch.context() as patched:
+            patched.setattr(identities, "read_source", now)
+            patched.setattr(identities, "_code", cache(identities._code.__wrapped__))
+            patched.setattr(identities, "_sha256", cache(identities._sha256.__wrapped__))
+            return [identity(point, environment) for point in points]
+
+    return identities_of
+
+
+def test_the_identity_of_a_point_follows_its_code(identities_with):
+    before = identities_with([POINT, point_of(RASTER, FRAME)])
+    after = identities_with([POINT, point_of(RASTER, FRAME)], [POINT.method.module])
+    assert after[0] != before[0]
+    assert after[1] == before[1]
+
+
+def test_limits_are_no_part_of_a_point():
     environment = current_environment()
-    before = identity(POINT, environment)
-    read = identities.read_source
+    others = [replace(POINT, time_limit_s=9.0), replace(POINT, memory_budget_gib=9.0)]
+    others.append(replace(POINT, memory_budget_gib=None))
+    assert {identity(one, environment) for one in others} == {identity(POINT, environment)}
+    for name, value in (("rounds", 9), ("warmup", 9), ("frame_budget_s", 9.0), ("process", 9), ("width", 9)):
+        assert identity(replace(POINT, **{name: value}), environment) != identity(POINT, environment)
 
-    def changed(module):
-        found = read(module)
-        return replace(found, text=found.text + "\nCHANGED = 1\n") if found and module == POINT.method.module else found
 
-    monkeypatch.setattr(identities, "read_source", changed)
-    monkeypatch.setattr(identities, "_code", identities._code.__wrapped__)
-    monkeypatch.setattr(identities, "_sha256", identities._sha256.__wrapped__)
-    assert identity(POINT, environment) != before
-    assert identity(replace(POINT, method=RASTER), environment) == identity(replace(POINT, method=RASTER), environment)
+def all_modules(package):
+    paths = (ROOT / package.replace(".", "/")).rglob("*.py")
+    return {".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__") for path in paths}
+
+
+def test_colours_and_statistics_are_no_part_of_any_point(identities_with):
+    points = (*EVERY_METHOD, *EVERY_WORKLOAD)
+    changed = {"experiments.drawing.style"} | all_modules("experiments.results")
+    assert "experiments.results.statistics" in changed
+    assert identities_with(points, changed) == identities_with(points)
+
+
+def test_scene_builders_are_no_part_of_a_point_whose_mesh_has_a_hash_and_light_is(identities_with):
+    points = [*EVERY_METHOD, *(one for one in EVERY_WORKLOAD if not LIT & {one.workload.name})]
+    assert identities_with(points, all_modules("scenes")) == identities_with(points)
+    lit = [one for one in EVERY_WORKLOAD if LIT & {one.workload.name}]
+    before = identities_with(lit)
+    assert identities_with(lit, all_modules("scenes.generated") | {"scenes.loading", "scenes.special"}) == before
+    changed = identities_with(lit, ["scenes.lit.lighting"])
+    assert all(one != other for one, other in zip(changed, before, strict=True))
+
+
+LIT = {"render", "bake", "classification"}
+"""Workloads that ask what a scene is made of and where its light comes from, which no hash of a mesh tells."""
 
 
 @pytest.mark.slow
@@ -180,7 +226,8 @@ def test_every_function_that_runs_while_a_point_is_measured_is_part_of_its_code(
         sys.setprofile(None)
     ours = {name for name in ran if name.partition(".")[0] in OURS}
     assert point.workload.code[0] in ours
-    assert not ours - modules(point)
+    # The mesh that scenes make is known by its hash.
+    assert not {name for name in ours - modules(point) if not name.startswith("scenes.")}
 
 
 def test_package_faces_do_nothing_when_they_are_loaded():

@@ -1,12 +1,15 @@
 """Sweeps as a whole, with a runner that measures nothing: what is measured, what is shared, what is refused."""
 
+from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 
 import psutil
 import pytest
 from psutil import virtual_memory
 
-from atra.errors import InputError
+from atra.errors import InputError, MemoryBudgetError
+from experiments.commands.single import run_single_point
 from experiments.harness.configuration import (
     Chosen,
     Configuration,
@@ -18,12 +21,13 @@ from experiments.harness.configuration import (
 from experiments.harness.identity import current_environment, identity, identity_of, measure
 from experiments.harness.options import NoOptions
 from experiments.harness.points import plan_points
-from experiments.harness.processes.outcome import Outcome
-from experiments.harness.records import point_id, write_record
+from experiments.harness.processes.outcome import Outcome, skipped
+from experiments.harness.records import load_record, point_id, write_record
 from experiments.launched import measure_launched
 from experiments.methods.aligned import ALIGNED, AlignedOptions
 from experiments.methods.peers.embreex_run import EMBREEX
 from experiments.methods.pixel import PIXEL, PixelOptions
+from experiments.results.table import make_tables, read_table, write_tables
 from experiments.sweep import GridPoint, run_sweep
 from experiments.workloads import find_workload
 from scenes.loading import SceneSource
@@ -112,6 +116,66 @@ def test_a_point_that_lacked_memory_is_tried_again_when_more_is_free_and_not_giv
     assert sweep(10 * 2**20) == (["skipped"], 0)
     assert sweep(2**34) == (["ok"], 3)
     assert sweep(10 * 2**20) == (["ok"], 0)
+
+
+class Limited(Runner):
+    """A worker that is stopped at a time limit below 60 s where it has two columns of cells, and lacks memory below
+    2 GiB where it has four."""
+
+    def __call__(self, point):
+        found = super().__call__(point)
+        if point.options.split_x == 2 and point.time_limit_s < 60:
+            return Outcome("failed", f"stopped after the time limit of {point.time_limit_s:g} s")
+        if point.options.split_x == 4 and point.memory_budget_gib < 2:
+            return skipped(MemoryBudgetError("needs 2 GiB"))
+        return found
+
+
+def test_a_larger_limit_is_for_the_points_that_the_smaller_one_stopped_and_the_sweep_stays_where_it_is(tmp_path):
+    def sweep(time_limit_s, memory_budget_gib):
+        points = [GridPoint("a", configuration(tmp_path, split_x=split)) for split in (1, 2, 4)]
+        for one in points:
+            one.configuration.measure.time_limit_s = time_limit_s
+            one.configuration.measure.memory_budget_gib = memory_budget_gib
+        command = f"run.py sweep=one measure.time_limit_s={time_limit_s} measure.memory_budget_gib={memory_budget_gib}"
+        runner = Limited()
+        with suppress(SystemExit):
+            run_sweep(points, command=command, run=runner)
+        statuses = list(read_table(tmp_path / "one" / "table.parquet")["status"])
+        return statuses, sorted(point.options.split_x for point in runner.points)
+
+    assert sweep(10.0, 1.0) == (["ok", "failed", "skipped"], [1, 2, 4])
+    assert sweep(100.0, 1.0) == (["ok", "ok", "skipped"], [2, 4])
+    assert sweep(100.0, 4.0) == (["ok", "ok", "ok"], [4])
+    assert sweep(10.0, 1.0) == (["ok", "ok", "ok"], [])
+    assert sorted(path.name for path in tmp_path.iterdir() if path.is_dir()) == ["one", "records"]
+
+
+def test_processes_of_a_point_that_were_measured_with_other_limits_are_of_one_row(tmp_path):
+    points = [GridPoint("a", configuration(tmp_path))]
+    points[0].configuration.measure.processes = 3
+
+    class StoppedOnce(Runner):
+        def __call__(self, point):
+            found = super().__call__(point)
+            return found if point.process != 1 or point.time_limit_s > 10 else Outcome("failed", "stopped")
+
+    points[0].configuration.measure.time_limit_s = 10.0
+    with pytest.raises(SystemExit):
+        run_sweep(points, run=StoppedOnce())
+    points[0].configuration.measure.time_limit_s = 100.0
+    again = StoppedOnce()
+    assert list(run_sweep(points, run=again)["processes"]) == [3]
+    assert [point.process for point in again.points] == [1]
+
+
+def test_a_table_of_other_code_is_replaced_though_a_limit_of_its_command_is_another(tmp_path):
+    (planned,) = plan_points([configuration(tmp_path)])
+    write_tables(tmp_path / "one", make_tables([measured_elsewhere(planned, code_sha256="another")]))
+    (tmp_path / "one" / "command.txt").write_text("run.py measure.time_limit_s=10 sweep=one\n")
+    one = configuration(tmp_path)
+    run_sweep([GridPoint("a", one)], command="run.py sweep=one measure.time_limit_s=20", run=Runner())
+    assert one.sweep.name == "one"
 
 
 def test_a_point_skipped_for_want_of_a_library_is_measured_when_the_library_is_there(tmp_path):
@@ -303,3 +367,49 @@ def test_a_point_of_which_the_model_knows_nothing_is_not_skipped(tmp_path, predi
 def test_a_limit_below_1_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"sweep\.skip_slower is 0\.5"):
         run_sweep(skipping(tmp_path, 0.5), run=Runner())
+
+
+def test_a_single_point_leaves_the_record_of_a_sweep_as_it_is(tmp_path, monkeypatch, capsys):
+    one = configuration(tmp_path)
+    monkeypatch.setattr("experiments.commands.single.measure", lambda planned: measure(planned, Runner()))
+    run_single_point(one)
+    of_a_sweep = load_record(records_folder(one), printed_record(capsys).stem)
+    counted = replace(of_a_sweep, results=of_a_sweep.results | {"measured_again": 2})
+    kept = write_record(records_folder(one), counted)
+    before = kept.read_bytes()
+
+    class Slower(Runner):
+        def __call__(self, point):
+            return replace(super().__call__(point), samples={"own": [0.2] * 3, "rtcIntersect1": [0.1] * 3})
+
+    monkeypatch.setattr("experiments.commands.single.measure", lambda planned: measure(planned, Slower()))
+    run_single_point(one)
+    path = printed_record(capsys)
+    assert kept.read_bytes() == before
+    assert load_record(path.parent, path.stem).samples["own"] == [0.2] * 3
+
+
+def test_a_single_point_that_fails_leaves_the_record_of_a_sweep_and_one_that_succeeds_replaces_a_failure(
+    tmp_path, monkeypatch
+):
+    one = configuration(tmp_path)
+    outcomes = []
+    monkeypatch.setattr("experiments.commands.single.measure", lambda planned: measure(planned, outcomes.pop(0)))
+
+    def statuses():
+        return [load_record(path.parent, path.stem).status for path in records_folder(one).glob("*.json")]
+
+    outcomes += [Runner("failed"), Runner(), Runner("failed")]
+    with pytest.raises(SystemExit):
+        run_single_point(one)
+    assert statuses() == ["failed"]
+    run_single_point(one)
+    assert statuses() == ["ok"]
+    with pytest.raises(SystemExit):
+        run_single_point(one)
+    assert statuses() == ["ok"]
+
+
+def printed_record(capsys):
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("record: ")]
+    return Path(line.removeprefix("record: "))

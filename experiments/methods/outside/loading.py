@@ -6,7 +6,7 @@ import os
 import re
 import sys
 from collections.abc import Collection, Iterator
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from enum import Enum
 from functools import partial
 from importlib.util import module_from_spec, spec_from_file_location
@@ -23,6 +23,7 @@ from experiments.harness.entry_points import digest_of_files, offers
 from experiments.harness.method import Method, Style, Tracing
 from experiments.harness.options import NoOptions
 from experiments.harness.point import Point
+from experiments.methods.outside.beside import use_helpers, uses
 from experiments.methods.outside.tracer import OutsideTracer
 
 METHOD_FILES = "ATRA_METHOD_FILES"
@@ -67,21 +68,27 @@ def method_files() -> list[str]:
 
 def load_file(path: str | Path, number: int, taken: Collection[str]) -> Method:
     """The method that a file defines: its one class with `build`, `trace` and `close`, or the one that it calls
-    `METHOD`. The method is called as the file is. number: of methods from outside before it, for its colour.
+    `METHOD`. The method is called as the file is. Modules beside the file that it imports are part of its version.
+    number: of methods from outside before it, for its colour.
 
-    Raises InputError for a file that cannot be read or imported, and as `method_of`.
+    Raises InputError for a file that cannot be read or imported, and as `use_helpers` and `method_of`.
     """
-    path = Path(path).expanduser().absolute()
+    path = _whole(path)
     name = path.stem.replace("-", "_")
     if path.suffix != ".py" or not path.is_file():
         raise InputError(f"method_file is {str(path)!r}, expected a Python file; `atra new-method mine` writes one")
+    helpers = use_helpers(path, [_whole(one) for one in method_files()])
     try:
         module = _imported(f"atra_method_file_{name}", path)
     except Exception as error:  # whatever the file raises is told
         told = f"{type(error).__name__}: {' '.join(str(error).split())}"
         raise InputError(f"method_file {path} cannot be imported, {told}") from error
-    version = f"{path.name} sha256:{digest_of_files([path])}"
-    return method_of(name, _method_class(module, path), version, number, taken)
+    version = f"{path.name} sha256:{digest_of_files([path, *helpers])}"
+    return replace(method_of(name, _method_class(module, path), version, number, taken), uses=uses([path, *helpers]))
+
+
+def _whole(path: str | Path) -> Path:
+    return Path(os.path.abspath(Path(path).expanduser()))
 
 
 def _imported(module_name: str, path: Path) -> ModuleType:

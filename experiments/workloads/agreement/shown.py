@@ -30,6 +30,7 @@ from experiments.workloads.panels import make_panels, panels_figure, workload_fi
 from experiments.workloads.series import say_unmeasured
 
 LIST_FILE = "disagreements.csv"
+FILES = (re.escape(LIST_FILE), r"disagreements_.+_\d+x\d+(_.+_degrees)?\.png")
 
 TARGET = 2
 """A method may err this many times as often as rtcIntersect1 itself."""

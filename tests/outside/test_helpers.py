@@ -1,0 +1,150 @@
+"""Modules beside a method's file are found by every process, and a change of one is a change of the method."""
+
+import os
+import sys
+from dataclasses import replace
+
+import numpy
+import pytest
+
+from atra.errors import InputError
+from experiments import methods
+from experiments.harness.identity import code_roots, current_environment, identity
+from experiments.harness.processes.launching import run_worker
+from experiments.harness.sources import Part
+from experiments.sweep import GridPoint, run_sweep
+from tests.harness.processes.test_outcome import POINT
+from tests.harness.test_identity import CODE
+from tests.outside.test_misbehaving import START
+from tests.points import configured, planned
+
+pytestmark = [pytest.mark.uncovered, pytest.mark.usefixtures("figures_unsaved")]
+
+TRACER = START.removesuffix("class Bad(Tracer):\n")
+HELPED = TRACER.replace("return hits.depth, hits.prim_id", "return shifted(hits.depth), hits.prim_id")
+SHIFTED = "def shifted(depth):\n    return depth + SHIFT\n"
+
+
+@pytest.fixture
+def write(tmp_path, monkeypatch):
+    """Writes files below a folder; those of methods are known until the test ends."""
+    before = list(methods.METHODS)
+    monkeypatch.setenv(methods.METHOD_FILES, "")
+
+    def write(**files):
+        for name, text in files.items():
+            path = tmp_path / f"{name}.py"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+
+    yield write
+    methods.METHODS[:] = before
+
+
+def use(folder, name="mine"):
+    return methods.use_method_file(str(folder / f"{name}.py"))
+
+
+def test_a_helper_that_changes_makes_a_sweep_measure_again_and_its_fault_is_seen(write, tmp_path):
+    given = []
+
+    def wrong():
+        use(tmp_path)
+        one = configured("mine", "frame", measure={"processes": 1, "rounds": 3, "warmup": 1})
+        given[:] = [GridPoint("all", replace(one, results_dir=str(tmp_path / "results")))]
+        return list(run_sweep(given, run=run_worker)["pixels_wrong"])
+
+    write(mine="from shifting import shifted\n" + HELPED, shifting="SHIFT = 0.0\n" + SHIFTED)
+    assert wrong() == [0]
+    write(shifting="SHIFT = 1.0\n" + SHIFTED)
+    assert wrong()[0] > 0
+
+
+IMPORTS = {
+    "at the top": ({"mine": "from shifting import shifted\n"}, "shifting"),
+    "where it is called": ({"mine": "def shifted(depth):\n    import shifting\n    return shifting.shifted(depth)\n"},
+                           "shifting"),
+    "through another": ({"mine": "from between import shifted\n", "between": "from shifting import *\n"}, "shifting"),
+    "of a package": ({"mine": "from inner.shifting import shifted\n", "inner/__init__": ""}, "inner/shifting"),
+    "of a folder": ({"mine": "from inner.shifting import shifted\n"}, "inner/shifting"),
+    "within a package": (
+        {"mine": "from inner import shifted\n", "inner/__init__": "from .shifting import shifted\n"},
+        "inner/shifting",
+    ),
+    "by its name": (
+        {"mine": "from importlib import import_module\nshifted = import_module('shifting').shifted\n"}, "shifting",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", IMPORTS)
+def test_whatever_way_a_helper_is_imported_it_is_found_and_part_of_the_identity(write, tmp_path, kind):
+    files, helper = IMPORTS[kind]
+    environment, found = current_environment(), []
+    for shift in ("0.0", "1.0", "0.0"):
+        write(**{**files, "mine": files["mine"] + HELPED, helper: f"SHIFT = {shift}\n{SHIFTED}"})
+        use(tmp_path)
+        found.append(identity(planned("mine", "frame").point, environment))
+    assert found[0] == found[2] != found[1]
+    point = planned("mine", "frame", (16, 16)).point
+    outcome = run_worker(replace(point, rounds=1, warmup=0))
+    assert outcome.status == "ok", outcome.error
+
+
+def test_a_helper_that_changes_while_a_sweep_runs_is_not_measured(write, tmp_path):
+    write(mine="from shifting import shifted\n" + HELPED, shifting="SHIFT = 0.0\n" + SHIFTED)
+    use(tmp_path)
+    point = planned("mine", "frame").point
+    write(shifting="SHIFT = 1.0\n" + SHIFTED)
+    assert "changed since this run began" in run_worker(point).error
+
+
+def test_a_file_beside_it_hides_no_installed_package_and_what_it_does_not_name_is_no_part_of_it(write, tmp_path):
+    write(mine=TRACER, numpy="raise RuntimeError('shadow')\n", other="A = 1\n")
+    before = use(tmp_path).version()
+    write(numpy="", other="A = 2\n")
+    assert use(tmp_path).version() == before
+    assert sys.modules["numpy"] is numpy
+    point = planned("mine", "frame", (16, 16)).point
+    assert run_worker(replace(point, rounds=1, warmup=0)).status == "ok"
+
+
+def test_a_module_that_the_file_names_nowhere_is_not_found(write, tmp_path):
+    write(mine="import importlib\nimportlib.import_module('shif' + 'ting')\n" + TRACER, shifting="")
+    with pytest.raises(InputError, match="cannot be imported, ModuleNotFoundError: No module named 'shifting'"):
+        use(tmp_path)
+
+
+def test_two_files_with_helpers_of_one_name_in_two_folders_are_refused(write, tmp_path):
+    imports = "from shifting import shifted\n" + HELPED
+    for name in ("one/first", "two/second"):
+        write(**{name: imports, f"{name[:3]}/shifting": SHIFTED})
+    use(tmp_path / "one", "first")
+    with pytest.raises(
+        InputError, match=r"second\.py and .*first\.py each import a module shifting of their own folder"
+    ):
+        use(tmp_path / "two", "second")
+    os.environ[methods.METHOD_FILES] = ""  # another run
+    assert use(tmp_path / "two", "second").name == "second"
+
+
+def test_two_files_of_one_folder_share_a_helper(write, tmp_path):
+    imports = "from shifting import shifted\n" + HELPED
+    write(first=imports, second=imports, shifting="SHIFT = 0.0\n" + SHIFTED)
+    assert [use(tmp_path, name).name for name in ("first", "second")] == ["first", "second"]
+
+
+@pytest.mark.parametrize("where", ["mine", "shifting"])
+def test_what_a_file_or_its_helper_imports_of_this_project_is_part_of_its_code(write, tmp_path, where):
+    files = {"mine": "import shifting\n" + TRACER.replace("import atra\n", ""), "shifting": ""}
+
+    def code(line):
+        write(**files | {where: line + files[where]})
+        return CODE.parts(code_roots(replace(POINT, method=use(tmp_path))))
+
+    room = Part("atra.trees.building")
+    assert room not in code("")
+    assert room in code("from atra.trees.building import cheapest_split\n")
+    assert room in code("def late():\n    import atra.trees.building\n")
+    assert room in code("from atra import *\n")
+    assert code("from scenes.loading import load_scene\n") == code("")
