@@ -124,9 +124,11 @@ def said_of_instruction_sets(here):
     """One line: the core's tests ran under the instruction sets `here`, and could not under the others."""
     from atra.compiled.instruction_sets import INSTRUCTION_SETS, PACKET_WIDTHS
 
-    widths = sorted({1, *(width for name in here for width in PACKET_WIDTHS[name])})
     left_sets = [name for name in INSTRUCTION_SETS if name not in here]
-    left_widths = [str(width) for width in (4, 8, 16) if width not in widths]
+    here_widths, all_widths = (
+        {width for name in names for width in PACKET_WIDTHS[name]} for names in (here, INSTRUCTION_SETS)
+    )
+    left_widths = [str(width) for width in sorted(all_widths - here_widths)]
     tested = ", ".join(here) or "that of this machine only"
     if not left_sets:
         return f"instruction sets tested: {tested}; none is missing here"

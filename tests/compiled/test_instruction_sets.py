@@ -45,7 +45,7 @@ def run(code_or_arguments, instruction_set, **variables):
 @pytest.mark.parametrize("name", instruction_sets_here()[:-1])
 def test_the_core_holds_under(name):
     """And under the last, as all other tests run under that. Vectors wider or narrower than are native under a set, and
-    some pairs of choices, are tested under the last alone (tests/images.py: HELD)."""
+    some pairs of choices, are tested under the last alone (tests/machine.py: HELD)."""
     assert len(CORE) >= 7
     assert set(PARTS_OF_CORE.get(name, CORE)) <= set(CORE)
     files = [str(TESTS / file) for file in PARTS_OF_CORE.get(name, CORE)]

@@ -16,12 +16,10 @@ from atra.model.looking import _whole, look_at
 from atra.model.making import tracer_of
 from atra.model.memory import array_bytes, byte_terms
 from atra.model.planning import Forecast, Plan, forecast
-from atra.tracing.options import native_packet_widths
 from experiments.law.measure import memory_of
 from tests.images import assert_no_pixel_wrong, trace_pixels
+from tests.machine import WIDEST
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
-
-WIDEST = native_packet_widths()[-1]
 
 
 def camera(size=16, **fields):
