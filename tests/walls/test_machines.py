@@ -11,6 +11,7 @@ import re
 
 import pytest
 
+from tests.conftest import start_alike
 from tests.folders import ROOT
 
 NAMED = {"packet_width", "lanes"}
@@ -42,7 +43,13 @@ def pairs(node):
             ):
                 yield from ((name.id, value) for name in ast.walk(target) if isinstance(name, ast.Name))
             case ast.Call(func=ast.Attribute(attr="parametrize"), args=[names, values, *_]):
-                yield from ((name, values) for name in re.findall(r"\w+", ast.unparse(names)))
+                names = re.findall(r"\w+", ast.unparse(names))
+                rows = getattr(values, "elts", [])
+                if len(names) > 1 and rows and all(isinstance(row, ast.Tuple) for row in rows):
+                    columns = zip(*(row.elts for row in rows), strict=True)
+                    yield from ((name, one) for name, column in zip(names, columns, strict=True) for one in column)
+                else:
+                    yield from ((name, values) for name in names)
 
 
 def named_widths(source):
@@ -91,9 +98,23 @@ def test_a_named_width_is_found(source):
 @pytest.mark.parametrize("source", [
     "trace(mesh, packet_width=WIDEST, lanes=None)",
     "trace(mesh, packet_width=1)",
+    "@pytest.mark.parametrize(('size', 'lanes'), [(8, None), (4, 1)])\ndef test(size, lanes): pass",
     "for width in WIDTHS: trace(mesh, packet_width=width)",
     "def test():\n    for width, height in ((4, 8), (8, 16)): Camera(width=width)",
     "match('packet_width is 8')",
 ])  # fmt: skip
 def test_what_is_asked_of_the_library_or_no_width_is_not(source):
     assert not named_widths(source)
+
+
+def test_all_tests_start_with_the_same_variables_whatever_the_shell_says():
+    kept = {"PATH": "/bin", "HOME": "/home/a", "ATRA_ISA": "avx2", "NUMBA_CACHE_DIR": "kernels"}
+    alike, strange = dict(kept), {
+        **kept, "COLUMNS": "40", "LC_ALL": "de_DE", "TZ": "Pacific/Kiritimati", "FORCE_COLOR": "1", "CI": "1",
+        "ATRA_QUIET": "0", "ATRA_METHOD_FILES": "mine.py", "NUMBA_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1",
+        "no_proxy": "", "SLURM_JOB_ID": "7",
+    }  # fmt: skip
+    start_alike(alike)
+    start_alike(strange)
+    assert strange == alike
+    assert kept.items() <= alike.items()
