@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import atra
-from atra.errors import InputError
+from atra.errors import InputError, StorageError
 from atra.model.choice import Choice, candidates
 from atra.model.constants import constants_path, keep, machine
 from atra.model.defaults import DEFAULTS
@@ -234,6 +234,13 @@ def test_constants_of_another_machine_are_told(tmp_path, monkeypatch):
     for damaged in ("{", "[1]", json.dumps({"format": 1, "constants": {"raster|nearest": [1.0]}})):
         constants_path().write_text(damaged)
         assert not machine().is_calibrated
+
+
+def test_constants_that_cannot_be_kept_are_a_storage_error(tmp_path, monkeypatch):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    with pytest.raises(StorageError, match="cannot be written"):
+        keep(machine().constants)
 
 
 def test_only_choices_that_find_all_hits_are_considered_for_a_count():
