@@ -7,7 +7,6 @@ Exit codes: 0 done, 1 something failed, 2 the input cannot be used, 130 interrup
 
 from __future__ import annotations
 
-import io
 import os
 import signal
 import sys
@@ -56,9 +55,9 @@ def main() -> int:
         begins_with = [f"+verb={verb}"] if Path(_CONFIGURATION, "verb", f"{verb}.yaml").exists() else []
         # hydra.mode: a sweep's file asks for many runs, but there is one thing to do.
         sys.argv[1:2] = [f"action={verb}", "hydra.mode=RUN", *begins_with]
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        # A name that the encoding lacks, as one of Windows' does, is shown escaped, as on stderr; it is no failure.
-        sys.stdout.reconfigure(errors="backslashreplace")
+    from atra.command import escape_what_stdout_lacks
+
+    escape_what_stdout_lacks()
     if sys.argv[1:2] and sys.argv[1] in _PLAIN:
         where = _PLAIN[sys.argv[1]]
         if {"-h", "--help"} & set(sys.argv[2:]):

@@ -11,6 +11,7 @@ import numpy as np
 
 from atra.errors import InputError
 from atra.files.meshes.loading import load_mesh
+from atra.files.paths import expand_home
 from atra.files.reading import parse_json, read_regular_file
 from atra.geometry.mesh import Mesh
 from scenes.built_in import stand_in_for
@@ -36,7 +37,7 @@ def default_cache() -> Path:
         base = "~/Library/Caches"
     else:
         base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
-    return Path(base).expanduser() / "atra" / "scenes"
+    return expand_home(base) / "atra" / "scenes"
 
 
 def load_scene_from_directory(name: str, directory: str | Path | None = None) -> Scene:

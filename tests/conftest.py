@@ -4,6 +4,7 @@ import gc
 import os
 import signal
 import sys
+import time
 
 import pytest
 
@@ -11,14 +12,38 @@ import pytest
 # interrupt a sweep would wait for ever.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# Tests compile all the time, and read what programs write on standard error.
-os.environ.setdefault("ATRA_QUIET", "1")
-os.environ.setdefault("ATRA_COMPILE_BESIDE", "0")  # all cores have work already
-os.environ["ATRA_QUIET_LIMIT_S"] = "0"  # their sweeps measure nothing that anybody believes
+KEPT_VARIABLES = {
+    "ATRA_EMBREE", "ATRA_FUZZ", "ATRA_HYPOTHESIS", "ATRA_ISA", "ATRA_KILLS", "ATRA_SCENES", "ATRA_THREAD_SECONDS",
+    "ATRA_THREE", "NUMBA_CACHE_DIR",
+}  # fmt: skip
+"""What to test with, and where kernels are kept: chosen by whoever runs the tests."""
 
-# Hundreds of processes read the same modules. Containers often forbid Python to keep them compiled.
-os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-sys.dont_write_bytecode = False
+CLEARED_VARIABLES = {
+    "CI", "CLICOLOR", "CLICOLOR_FORCE", "COLUMNS", "FORCE_COLOR", "LANG", "LANGUAGE", "LINES", "MPLBACKEND", "NO_COLOR",
+    "PYTHONDONTWRITEBYTECODE", "PYTHONIOENCODING", "PYTHONUTF8", "PYTHON_COLORS", "TERM", "TTY_COMPATIBLE",
+    "TTY_INTERACTIVE",
+}  # fmt: skip
+CLEARED_GROUPS = ("ATRA_", "HYDRA_", "LC_", "MKL_", "NUMBA_", "OMP_", "OPENBLAS_", "SLURM_")
+"""Beginnings of names. Containers, shells and clusters set these, each in its own way."""
+
+
+def start_alike(variables):
+    """Change environment variables to those that all tests start with. Tests of what one does set it themselves."""
+    for name in set(variables) - KEPT_VARIABLES:
+        if name in CLEARED_VARIABLES or name.startswith(CLEARED_GROUPS):
+            del variables[name]
+    variables["TZ"] = "UTC"
+    variables["NO_PROXY"] = variables["no_proxy"] = "localhost,127.0.0.1"  # tests talk to servers of their own
+    variables["ATRA_QUIET"] = "1"  # tests compile all the time, and read what programs write on standard error
+    variables["ATRA_COMPILE_BESIDE"] = "0"  # all cores have work already
+    variables["ATRA_QUIET_LIMIT_S"] = "0"  # their sweeps measure nothing that anybody believes
+
+
+start_alike(os.environ)
+if hasattr(time, "tzset"):  # Windows has none
+    time.tzset()
+os.umask(0o022)
+sys.dont_write_bytecode = False  # hundreds of processes read the same modules
 
 # Numba compiles for minutes in all, a sixth of them spent on looking for garbage among what is needed anyway.
 gc.freeze()
@@ -124,9 +149,11 @@ def said_of_instruction_sets(here):
     """One line: the core's tests ran under the instruction sets `here`, and could not under the others."""
     from atra.compiled.instruction_sets import INSTRUCTION_SETS, PACKET_WIDTHS
 
-    widths = sorted({1, *(width for name in here for width in PACKET_WIDTHS[name])})
     left_sets = [name for name in INSTRUCTION_SETS if name not in here]
-    left_widths = [str(width) for width in (4, 8, 16) if width not in widths]
+    here_widths, all_widths = (
+        {width for name in names for width in PACKET_WIDTHS[name]} for names in (here, INSTRUCTION_SETS)
+    )
+    left_widths = [str(width) for width in sorted(all_widths - here_widths)]
     tested = ", ".join(here) or "that of this machine only"
     if not left_sets:
         return f"instruction sets tested: {tested}; none is missing here"

@@ -3,11 +3,6 @@
 import numpy as np
 
 import atra
-from atra.compiled.instruction_sets import chosen_instruction_set, instruction_sets_here
-
-HELD = chosen_instruction_set() not in (None, *instruction_sets_here()[-1:])
-"""To an instruction set other than this machine's last. There the core is tested with the vectors that are native, and
-with each choice that is compiled, but not with each pair of them: the last is tested with all (LANES, `views`)."""
 
 METHODS = {
     "pixels": (atra.PixelTracer, {}),

@@ -18,7 +18,7 @@ import trimesh
 import atra
 from atra.command.doctor import say_kernels
 from atra.compat.trimesh import RayMeshIntersector
-from atra.compiled.instruction_sets import native_lanes
+from atra.compiled.instruction_sets import chosen_instruction_set, native_lanes
 from atra.compiled.progress import QUIET_VARIABLE
 from atra.compiled.store import INTO_VARIABLE, cache_folder
 from atra.compiled.threads import resolve_threads
@@ -35,6 +35,7 @@ def add_compile(parser: ArgumentParser) -> None:
 
 def run_compile(arguments: Namespace) -> int:
     """Compile in as many processes as there are cores, and say where the kernels are."""
+    chosen_instruction_set()  # refuses an unknown one before a process starts
     folder = None if arguments.into is None else arguments.into.resolve()
     if folder is not None:
         if folder.exists() and not folder.is_dir():

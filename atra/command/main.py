@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NoReturn
 
 import atra
+from atra.command import escape_what_stdout_lacks
 from atra.command.bop import bop_parser
 from atra.command.compiling import add_compile, run_compile
 from atra.command.doctor import run_doctor
@@ -45,6 +46,7 @@ with the harness, in a clone of atra's repository where `pip install -e '.[harne
 
 def main() -> int:
     """Run the command line and return its exit code."""
+    escape_what_stdout_lacks()
     verb = sys.argv[1] if len(sys.argv) > 1 else "--help"
     if _is_of_the_harness(verb, sys.argv[2:3]):
         if not _harness_is_here():

@@ -1,4 +1,4 @@
-"""Atomic writing: files are written whole or not at all."""
+"""Home folders, and atomic writing: files are written whole or not at all."""
 
 from __future__ import annotations
 
@@ -11,6 +11,13 @@ from pathlib import Path
 from atra.errors import StorageError
 
 _UNFINISHED = ".unfinished"
+
+
+def expand_home(path: str) -> Path:
+    """`path` with `~` expanded. For a user without a home folder, as in some containers, `~` is the system's folder for
+    temporary files."""
+    expanded = os.path.expanduser(path)
+    return Path(tempfile.gettempdir(), expanded[2:]) if expanded.startswith("~/") else Path(expanded)
 
 
 def remove_abandoned_files(folder: Path) -> None:

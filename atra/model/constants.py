@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from atra.compiled.instruction_sets import chosen_instruction_set, cpu_design, instruction_sets_here
-from atra.files.paths import write_atomically
+from atra.files.paths import expand_home, write_atomically
 from atra.model.defaults import DEFAULTS
 from atra.model.formulas import Constants
 
@@ -32,8 +32,12 @@ def instruction_set() -> str:
 
 def constants_path() -> Path:
     """Where the constants of this machine and instruction set are kept."""
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return cache / "atra" / "model" / f"{cpu_design() or 'unknown'}-{instruction_set()}.json"
+    return (
+        expand_home(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
+        / "atra"
+        / "model"
+        / f"{cpu_design() or 'unknown'}-{instruction_set()}.json"
+    )
 
 
 def machine() -> Machine:
@@ -54,6 +58,5 @@ def machine() -> Machine:
 def keep(constants: Constants) -> Path:
     """Keep constants for this machine; returns the file. Raises StorageError."""
     path = constants_path()
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, (json.dumps({"format": FORMAT, "constants": constants}, indent=1) + "\n").encode())
     return path

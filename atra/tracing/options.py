@@ -16,6 +16,7 @@ from typing import Any, Self, TypedDict, TypeVar, get_args, get_type_hints
 
 import numpy as np
 
+from atra.compiled.instruction_sets import chosen_instruction_set
 from atra.compiled.threads import resolve_threads
 from atra.embree.library import load_library
 from atra.embree.scene import BUILD_QUALITIES, resolve_packet_width
@@ -148,13 +149,18 @@ class Keywords(PacketKeywords, TieKeywords, total=False):
 
 @dataclass(frozen=True)
 class ThreadOptions(Choices):
-    """Options of whatever works in threads. Raises InputError for fewer than 1 and for more than 1,024."""
+    """Options of whatever works in threads.
+
+    Raises InputError for fewer threads than 1 and for more than 1,024, and where `ATRA_ISA` names no instruction set of
+    this machine: what has no part in Embree would else run under another.
+    """
 
     threads: int | None = option(None, "threads; null = every core that the process may use")
 
     def __post_init__(self) -> None:
         super().__post_init__()
         resolve_threads(self.threads)
+        chosen_instruction_set()
 
 
 @dataclass(frozen=True)

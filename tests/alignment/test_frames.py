@@ -8,12 +8,11 @@ import pytest
 import atra
 from atra.alignment.culling import plan_aligned_geometry
 from atra.compiled.threads import WorkerPool
-from atra.embree.library import load_library
 from atra.judge.reference import brute_force
 from tests.images import assert_equal_images, trace_pixels
+from tests.machine import WIDTHS
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, random_triangles
 
-WIDTHS = load_library().native_packet_widths
 SIZE = {"width": 48, "height": 36}
 
 

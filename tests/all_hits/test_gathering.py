@@ -8,15 +8,14 @@ import pytest
 import atra
 from atra.all_hits.plain import gather_plainly
 from atra.raster.all_hits.crossings import all_crossings
-from atra.tracing.options import native_packet_widths
 from scenes.special import three_holes
 from tests.closed_meshes import box, cornell_boxes, sphere, view_of
+from tests.machine import FEW_LANES
 from tests.meshes import EYE_AT_ORIGIN, beams, boards, joined, quads, random_triangles
 
 EIGHTHS = atra.OrthographicCamera((0, 0, 4), (0, 0, 0), view_height=4.0, width=32, height=32)
 """Samples at offset (0, 0) lie on a grid of eighths."""
 
-WIDEST = native_packet_widths()[-1]
 
 METHODS = {
     "packets": lambda mesh, camera: atra.PixelTracer(mesh, camera, threads=1),
@@ -29,7 +28,7 @@ OTHERS = {
     "instanced": lambda mesh, camera: atra.AlignedTracer(
         mesh, camera, (camera.width // 16, 2), culling=False, geometry="instanced", threads=1
     ),
-    "narrow vectors": lambda mesh, camera: atra.RasterTracer(mesh, camera, lanes=4, threads=2),
+    "narrow vectors": lambda mesh, camera: atra.RasterTracer(mesh, camera, lanes=FEW_LANES, threads=2),
 }
 
 SLOW_TO_COMPILE = {"narrow vectors": pytest.mark.slow}

@@ -8,6 +8,7 @@ from atra.all_hits.plain import gather_plainly
 from atra.raster.all_hits.crossings import all_crossings
 from atra.raster.all_hits.drawing_kernels import SPARE
 from tests.closed_meshes import sphere
+from tests.machine import FEW_LANES
 from tests.meshes import EYE_AT_ORIGIN, joined, quads, random_triangles
 
 CAMERA = atra.Camera(**EYE_AT_ORIGIN, width=40, height=30, fov_y_degrees=90)
@@ -23,7 +24,7 @@ def assert_same(found, wanted):
         np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name))
 
 
-@pytest.mark.parametrize("lanes", [pytest.param(4, marks=pytest.mark.slow), None])
+@pytest.mark.parametrize("lanes", [pytest.param(FEW_LANES, marks=pytest.mark.slow), None])
 @pytest.mark.parametrize("k", [1, 3, 40])
 def test_the_nearest_of_many_walls_are_kept_in_whatever_order_they_come(k, lanes):
     depths = np.random.default_rng(k).permutation(36) // 2 + 2.0  # each depth twice
@@ -55,14 +56,14 @@ def test_few_hits_and_many_are_sorted(tracer):
 @pytest.mark.slow
 def test_layers_of_small_triangles_are_the_same_to_the_bit_with_vectors_of_any_width():
     mesh, found = random_triangles(2500, 3, 0.4), {}
-    for lanes in (4, None):
+    for lanes in (FEW_LANES, None):
         with atra.RasterTracer(mesh, CAMERA, lanes=lanes, threads=1) as tracer:
             found[lanes] = tracer.gather(atra.Layers(2))
-    assert_same(found[4], found[None])
+    assert_same(found[FEW_LANES], found[None])
     wanted = gather_plainly(all_crossings(mesh, CAMERA), atra.Layers(2))
     assert wanted.count.max() > 2 + SPARE
-    np.testing.assert_array_equal(found[4].count, wanted.count)
-    np.testing.assert_array_equal(found[4].prim_id, wanted.prim_id)
+    np.testing.assert_array_equal(found[FEW_LANES].count, wanted.count)
+    np.testing.assert_array_equal(found[FEW_LANES].prim_id, wanted.prim_id)
 
 
 def test_an_earlier_view_leaves_nothing_in_what_is_overwritten():

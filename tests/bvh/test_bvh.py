@@ -11,11 +11,12 @@ from atra.embree.packets_kernels import Image
 from atra.judge.reference import brute_force
 from atra.trees.bvh import build_bvh
 from atra.trees.layout import BIAS, BLOCK, DEEPEST
-from tests.images import HELD, assert_equal_images, assert_same_bits
+from tests.images import assert_equal_images, assert_same_bits
+from tests.machine import HELD, NATIVE_LANES
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 from tests.raster.test_raster import PARALLEL
 
-QUICK = [(1, "push"), (1, "pop"), (8, "push")]
+QUICK = [(1, "push"), (1, "pop"), (NATIVE_LANES, "push")]
 KINDS = [*QUICK, pytest.param(8, "pop", marks=pytest.mark.slow)]  # compiled for each
 
 
@@ -146,7 +147,11 @@ def test_of_triangles_at_one_depth_the_lowest_is_stored_in_whatever_order_they_a
 
 @pytest.mark.parametrize(
     ("packet_width", "traversal"),
-    [(1, "pop"), (8, "push"), *(pytest.param(*one, marks=pytest.mark.slow) for one in ((1, "push"), (8, "pop")))],
+    [
+        (1, "pop"),
+        (NATIVE_LANES, "push"),
+        *(pytest.param(*one, marks=pytest.mark.slow) for one in ((1, "push"), (NATIVE_LANES, "pop"))),
+    ],
 )
 def test_what_is_counted_is_traced_as_what_is_timed(packet_width, traversal):
     mesh, camera = cornell_box(), cornell_camera(32, 32)

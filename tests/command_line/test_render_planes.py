@@ -1,6 +1,8 @@
 """`atra render` of planes, of a mesh without cameras, and of cameras with a lens."""
 
+import io
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +66,16 @@ def test_a_view_that_hits_nothing_says_so_and_where_the_mesh_is(eye, target, sai
     told = " ".join(capsys.readouterr().err.split())
     assert "'a' sees nothing: the mesh reaches from (" in told
     assert said in told
+
+
+def test_what_the_encoding_of_a_terminal_lacks_is_shown_escaped(monkeypatch):
+    shown = io.TextIOWrapper(io.BytesIO(), encoding="latin-1")
+    monkeypatch.setattr(sys, "stdout", shown)
+    with pytest.raises(SystemExit) as left:
+        run(monkeypatch, "--help")
+    assert left.value.code == 0
+    shown.flush()
+    assert rb"\u2026" in shown.buffer.getvalue()
 
 
 def test_the_help_starts_with_examples_and_its_errors_are_one_line(folder, monkeypatch, capsys):

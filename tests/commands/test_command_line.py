@@ -63,7 +63,7 @@ def swept(toy_sweep, tmp_path):
     (["-m", "+nonsense=1,2"], "unknown field 'nonsense', expected one of scene, sweep"),
     (["heigth=100"], "debug; did you mean height?"),
     (["sweep=horizontal", "method.spilt_x=2"], "reference; did you mean method.split_x?"),
-    (["packet_width=8"], "debug; did you mean method.packet_width?"),
+    (["packet_width=1"], "debug; did you mean method.packet_width?"),
     (["+eye=[0,1,3]"], "debug; did you mean scene.eye?"),
     (["measure.round=3"], "quiet_only; did you mean measure.rounds?"),
     (["scene.eye=3,1,3"], "scene.eye is a list, which brackets hold together, and quotes the brackets: 'scene.eye=["),

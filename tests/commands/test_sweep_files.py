@@ -3,19 +3,17 @@
 import pandas as pd
 import pytest
 
-from atra.embree.library import load_library
 from experiments.methods.peers.llvmpipe import LLVMPIPE
 from experiments.methods.peers.open3d_scene import OPEN3D
 from experiments.methods.peers.trimesh_ray import TRIMESH
 from tests.command import ROOT, run_here
+from tests.machine import NARROW, WIDEST
 
 pytestmark = [pytest.mark.uncovered, pytest.mark.usefixtures("figures_unsaved")]
 
 TOY = ["scene=cornell_box", "width=32", "height=32", "measure.processes=1", "measure.rounds=3", "measure.warmup=1"]
 FIGURE5 = [
-    f"{name}_{rays}"
-    for name in ("figure5", "figure5_speedup")
-    for rays in ("single_rays", f"packets_of_{load_library().native_packet_widths[-1]}")
+    f"{name}_{rays}" for name in ("figure5", "figure5_speedup") for rays in ("single_rays", f"packets_of_{WIDEST}")
 ]
 OVER_SPLITS = {"figure4", "figure4_speedup", *FIGURE5, "figure5_vertical", "figure5_vertical_speedup"}
 WRONG = () if LLVMPIPE.problem() else ("disagreements_cornell_box_32x32",)
@@ -32,7 +30,7 @@ SWEEPS = {
     "methods": (["method.split_x=4", "method.split_y=1"], {"methods", "break_even", "moving"}),
     "instruction_sets": (["method.split_x=4", "method.split_y=1"], {"methods", "break_even", "moving"}),
     "methods_families": (["method.split_x=4", "method.split_y=1"], {"methods"}),
-    "baselines": (["method.packet_width=4", "method.packet_rows=null"], {"rates"}),
+    "baselines": ([f"method.packet_width={NARROW}", "method.packet_rows=null"], {"rates"}),
     "reference_rays": (["method.split_x=4", "method.culling=true"], set(FIGURE5)),
     "ablations": (
         ["method.split_x=4", "method.split_y=1", "method.reference=off_axis", "~sweep.grids.ablations_sun"],

@@ -7,12 +7,14 @@ import sys
 import pytest
 
 import atra
+from atra.command.main import main
 from atra.compiled import instruction_sets
 from atra.compiled.instruction_sets import INSTRUCTION_SETS, PACKET_WIDTHS, VARIABLE, instruction_sets_here
 from atra.embree.library import load_library
 from experiments.harness.identity import current_environment
 from tests.conftest import said_of_instruction_sets
 from tests.folders import ROOT
+from tests.meshes import cornell_box, cornell_camera
 
 TESTS = ROOT / "tests"
 CORE = sorted(
@@ -45,7 +47,7 @@ def run(code_or_arguments, instruction_set, **variables):
 @pytest.mark.parametrize("name", instruction_sets_here()[:-1])
 def test_the_core_holds_under(name):
     """And under the last, as all other tests run under that. Vectors wider or narrower than are native under a set, and
-    some pairs of choices, are tested under the last alone (tests/images.py: HELD)."""
+    some pairs of choices, are tested under the last alone (tests/machine.py: HELD)."""
     assert len(CORE) >= 7
     assert set(PARTS_OF_CORE.get(name, CORE)) <= set(CORE)
     files = [str(TESTS / file) for file in PARTS_OF_CORE.get(name, CORE)]
@@ -82,6 +84,11 @@ def test_a_set_that_this_machine_lacks_is_refused_with_those_it_has(name, monkey
     monkeypatch.setenv(VARIABLE, name)
     with pytest.raises(atra.InputError, match=rf"ATRA_ISA is '{name}', expected one of what this machine has: .*unset"):
         load_library.__wrapped__()
+    for tracer in (atra.RasterTracer, atra.BvhTracer):  # neither has a part in Embree
+        with pytest.raises(atra.InputError, match=rf"ATRA_ISA is '{name}', expected one of"):
+            tracer(cornell_box(), cornell_camera(8, 8))
+    monkeypatch.setattr(sys, "argv", ["atra", "compile", "--all"])
+    assert main() == 2
 
 
 def test_a_set_chosen_after_numba_was_at_work_is_refused(monkeypatch):

@@ -13,6 +13,7 @@ import atra
 from atra.errors import InputError
 from atra.exact.intersection import Pairs, intersect_pixels
 from tests.images import make_tracer, trace
+from tests.machine import WIDEST
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, random_triangles
 
 PINHOLE = atra.Camera((0.3, 0.1, 4.0), (0.0, 0.2, 0.0), (0.2, 1.0, 0.1), 70.0, 67, 45)
@@ -156,7 +157,7 @@ def test_normals_are_of_length_1_and_follow_the_order_of_the_corners():
 
 
 def test_any_number_of_threads_and_any_layout_of_the_image_gives_the_same_bits():
-    hits = trace("aligned", cornell_box(), cornell_camera(54, 70), (18, 1), packet_width=8)
+    hits = trace("aligned", cornell_box(), cornell_camera(54, 70), (18, 1), packet_width=WIDEST)
     assert not hits.prim_id.flags.c_contiguous  # packets reach past the right border
     other = atra.Hits(hits.depth.copy(), hits.prim_id.astype(np.int64), hits.offset, hits.mesh, hits.camera, threads=3)
     for name in ("u", "v", "points", "normals"):

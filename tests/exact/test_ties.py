@@ -12,7 +12,6 @@ import pytest
 
 import atra
 from atra.compiled.threads import WorkerPool
-from atra.embree.library import load_library
 from atra.exact import ties
 from atra.judge.reference import brute_force
 from atra.prim_ids import MISS
@@ -22,9 +21,8 @@ from experiments.results.terminal import say_label
 from experiments.workloads.rounds import make_single
 from tests.harness.processes.test_launch import POINT
 from tests.images import assert_no_pixel_wrong, make_tracer, trace, trace_pixels
+from tests.machine import WIDTHS
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, joined, quads, random_triangles
-
-WIDTHS = load_library().native_packet_widths
 
 TRACED = {
     **{f"packets of {width}": ("pixels", (1, 1), {"packet_width": width}) for width in WIDTHS},

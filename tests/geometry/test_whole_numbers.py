@@ -5,14 +5,13 @@ import pytest
 
 import atra
 from atra.compiled.threads import resolve_threads
-from atra.embree.library import load_library
 from atra.model.choice import Choice
 from atra.whole_numbers import is_whole_number
+from tests.machine import WIDEST
 from tests.meshes import EYE_AT_ORIGIN, random_triangles
 
 MESH = random_triangles(1, 0)
 CAMERA = atra.Camera(**EYE_AT_ORIGIN, width=8, height=8)
-WIDEST = load_library().native_packet_widths[-1]
 NO_WHOLE_NUMBERS = [8.0, True, np.True_, "8", (8,)]
 
 

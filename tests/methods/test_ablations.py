@@ -13,6 +13,7 @@ from experiments.harness.method import Tracing
 from experiments.methods.raster import CLUSTERS, RASTER, RasterOptions, WithoutClusters, WithoutOcclusion
 from experiments.workloads.bake_rays import AlignedTiles, directions_of
 from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
+from tests.machine import FEW_LANES
 from tests.points import planned
 
 SIZE = 72, 48
@@ -25,7 +26,7 @@ def image(**options):
         return tracer.trace()
 
 
-@pytest.mark.parametrize("options", [*({"left_out": one} for one in CLUSTERS[1:]), {"lanes": 4}])
+@pytest.mark.parametrize("options", [*({"left_out": one} for one in CLUSTERS[1:]), {"lanes": FEW_LANES}])
 def test_the_rasteriser_draws_the_same_without_occlusion_without_clusters_and_with_few_lanes(options):
     usual, other = image(), image(**options)
     assert usual.hit.sum() > 100

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import atra
-from atra.errors import InputError
+from atra.errors import InputError, StorageError
 from atra.model.choice import Choice, candidates
 from atra.model.constants import constants_path, keep, machine
 from atra.model.defaults import DEFAULTS
@@ -16,12 +16,10 @@ from atra.model.looking import _whole, look_at
 from atra.model.making import tracer_of
 from atra.model.memory import array_bytes, byte_terms
 from atra.model.planning import Forecast, Plan, forecast
-from atra.tracing.options import native_packet_widths
 from experiments.law.measure import memory_of
 from tests.images import assert_no_pixel_wrong, trace_pixels
+from tests.machine import WIDEST
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
-
-WIDEST = native_packet_widths()[-1]
 
 
 def camera(size=16, **fields):
@@ -236,6 +234,13 @@ def test_constants_of_another_machine_are_told(tmp_path, monkeypatch):
     for damaged in ("{", "[1]", json.dumps({"format": 1, "constants": {"raster|nearest": [1.0]}})):
         constants_path().write_text(damaged)
         assert not machine().is_calibrated
+
+
+def test_constants_that_cannot_be_kept_are_a_storage_error(tmp_path, monkeypatch):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    with pytest.raises(StorageError, match="cannot be written"):
+        keep(machine().constants)
 
 
 def test_only_choices_that_find_all_hits_are_considered_for_a_count():

@@ -8,9 +8,10 @@ import pytest
 
 from experiments import methods
 from experiments.harness.processes.launching import run_worker
+from experiments.methods.outside import guards, tracer
 from experiments.sweep import GridPoint, run_sweep
 from tests.command import measure_here
-from tests.points import configured
+from tests.points import configured, planned
 
 pytestmark = [pytest.mark.uncovered, pytest.mark.usefixtures("figures_unsaved")]
 
@@ -124,11 +125,27 @@ def test_each_misbehaving_method_is_a_row_with_its_reason_and_the_others_are_mea
         assert re.search(reason, table["error"][name]), table["error"][name]
 
 
+def test_waiting_for_a_core_while_threads_are_counted_excuses_no_clock(files, monkeypatch):
+    delay_s = [0.0]
+    for name in ("begin", "end"):
+        counting = getattr(guards.ThreadGuard, name)
+
+        def waiting(self, counting=counting):
+            delay_s[0] += 1.0
+            return counting(self)
+
+        monkeypatch.setattr(guards.ThreadGuard, name, waiting)
+    monkeypatch.setattr(tracer, "delays_s", lambda _: delay_s[0])
+    body, reason = BAD["too_fast"]
+    files("too_fast", f"{START}{body}\nMETHOD = Bad\n")
+    outcome = measure_here(planned("too_fast", "frame").point)
+    assert outcome.status == "failed"
+    assert re.search(reason, outcome.error), outcome.error
+
+
 def test_a_file_that_changes_while_a_sweep_runs_is_not_measured(files, tmp_path):
     method = files("mine", START.removesuffix("class Bad(Tracer):\n"))
     (tmp_path / "mine.py").write_text(START + "    pass\nMETHOD = Bad\n", encoding="utf-8")
-    from tests.points import planned
-
     outcome = run_worker(planned("mine", "frame").point)
     assert outcome.status == "failed"
     assert "changed since this run began" in outcome.error

@@ -12,12 +12,11 @@ import pytest
 import atra
 from atra.alignment.alignment import Alignment
 from atra.alignment.instancing import instance_transforms
-from atra.embree.library import load_library
 from atra.geometry.ray_space import ray_axes
 from tests.images import METHODS, PARALLEL, trace
+from tests.machine import WIDTHS
 from tests.meshes import quads
 
-WIDTHS = load_library().native_packet_widths
 each_width = pytest.mark.parametrize(
     "width", [pytest.param(one, marks=() if one == WIDTHS[-1] else pytest.mark.slow) for one in WIDTHS]
 )

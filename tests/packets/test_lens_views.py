@@ -12,6 +12,7 @@ from scenes.loading import SceneSource, load_scene
 from tests.folders import NEEDS_SCENES
 from tests.images import CELLS, assert_equal_images, assert_no_pixel_wrong, make_tracer
 from tests.lenses import lens_camera, random_lens
+from tests.machine import NATIVE_LANES, WIDEST, WIDTHS
 from tests.meshes import cornell_box, cornell_camera, quads
 
 LENSES = {
@@ -21,9 +22,9 @@ LENSES = {
     "panorama": atra.EquirectangularLens(),
 }
 PLACED = cornell_camera(96, 72)
-TRACERS = {f"packets of {width}": (atra.PixelTracer, {"packet_width": width}) for width in (1, 4, 8, 16)} | {
+TRACERS = {f"packets of {width}": (atra.PixelTracer, {"packet_width": width}) for width in WIDTHS} | {
     "bvh": (atra.BvhTracer, {"packet_width": 1}),
-    "bvh of 8": (atra.BvhTracer, {"packet_width": 8}),
+    "bvh in packets": (atra.BvhTracer, {"packet_width": NATIVE_LANES}),
     "raster": (atra.RasterTracer, {}),
 }
 
@@ -52,7 +53,7 @@ def test_every_method_that_takes_a_lens_sees_what_the_reference_sees(name):
 def test_a_hit_lies_on_its_ray_where_its_depth_says():
     for name in LENSES:
         mesh, camera = cornell_box(), lens_camera(LENSES[name], PLACED)
-        hits = trace("packets of 8", mesh, camera)
+        hits = trace(f"packets of {WIDEST}", mesh, camera)
         origins, directions = camera.rays_world(hits.offset)
         places = origins + hits.depth_along("ray")[..., None] * directions / np.linalg.norm(
             directions, axis=-1, keepdims=True

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 import atra
-from atra.embree.library import load_library
 from atra.tracing.rays import SQUAREST_SHAPE, pixel_tiles
 from tests.images import assert_equal_images, assert_same_bits, trace, trace_pixels
+from tests.machine import WIDTHS
 from tests.meshes import cornell_box, cornell_camera, random_triangles
 
-WIDTHS = load_library().native_packet_widths
 SHAPES = [(width, 1 << k) for width in WIDTHS for k in range(width.bit_length())]
 QUICK_SHAPES = [(1, 1), (WIDTHS[-1], 1), (WIDTHS[-1], WIDTHS[-1])]
 """Each shape is compiled for itself; the squarest ones are those of all other tests."""

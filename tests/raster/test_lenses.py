@@ -10,7 +10,9 @@ from atra.raster.lenses.planes import lens_planes
 from atra.tracing.lens_rays import lens_directions
 from tests.images import assert_equal_images, assert_no_pixel_wrong
 from tests.lenses import lens_camera, random_lens
+from tests.machine import FEW_LANES
 from tests.meshes import cornell_box, cornell_camera, random_triangles
+from tests.raster.test_raster import every_width_the_native_quick
 
 BARREL = atra.OpenCVLens(k1=-0.3, k2=0.08, p1=0.002, p2=-0.001)
 PANORAMA = atra.EquirectangularLens()
@@ -26,11 +28,11 @@ def drawn(mesh, camera, **options):
         return tracer.trace()
 
 
-@pytest.mark.parametrize("lanes", [16, pytest.param(8, marks=pytest.mark.slow)])  # compiles for each
+@every_width_the_native_quick
 @pytest.mark.parametrize("lens", [BARREL, PANORAMA])
 def test_lanes_and_threads_change_no_bit(lens, lanes):
     mesh, camera = cornell_box(), lens_camera(lens, cornell_camera(300, 200), 300, 200)
-    first = drawn(mesh, camera, lanes=4)
+    first = drawn(mesh, camera, lanes=FEW_LANES)
     assert first.hit.any()
     for options in ({"lanes": lanes}, {"lanes": lanes, "threads": 2}):
         other = drawn(mesh, camera, **options)

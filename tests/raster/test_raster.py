@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import atra
-from atra.compiled.instruction_sets import native_lanes
 from atra.judge.reference import brute_force
-from tests.images import HELD, assert_equal_images, assert_same_bits, draw, trace_pixels
+from tests.images import assert_equal_images, assert_same_bits, draw, trace_pixels
+from tests.machine import FEW_LANES, LANES, NATIVE_LANES
 from tests.meshes import (
     EYE_AT_ORIGIN,
     beams,
@@ -19,9 +19,7 @@ from tests.meshes import (
 )
 
 OFFSETS = [(0.5, 0.5), (0.0, 0.0), (0.999999, 0.999999), (0.0, 0.7)]
-LANES = (native_lanes(),) if HELD else (4, 8, 16)
-"""Widths of vectors: all of them, or those of the instruction set that this machine is held to."""
-QUICK_LANES = tuple(lanes for lanes in LANES if lanes in (4, native_lanes()))
+QUICK_LANES = tuple(lanes for lanes in LANES if lanes in (FEW_LANES, NATIVE_LANES))
 """The narrowest and the native width; each one takes five seconds to compile."""
 
 
@@ -33,7 +31,7 @@ def lanes_and_slow(quick):
 
 
 every_width = lanes_and_slow(QUICK_LANES)
-every_width_the_native_quick = lanes_and_slow((native_lanes(),))
+every_width_the_native_quick = lanes_and_slow((NATIVE_LANES,))
 PARALLEL = atra.OrthographicCamera((0, 0, 0), (0, 0, 1), view_height=4.0, width=48, height=30)
 
 

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 import atra
-from atra.embree.library import load_library
 from atra.rays.enlarged import REACH
 from tests.closed_meshes import box, sphere
+from tests.machine import WIDTHS
 from tests.meshes import beams, random_triangles
 
 GRAZING = 1e-3
 """Cosine between a ray and a triangle's normal."""
 
-each_width = pytest.mark.parametrize("width", load_library().native_packet_widths)
+each_width = pytest.mark.parametrize("width", WIDTHS)
 
 
 def through_corners(mesh, count, away=1.5, seed=1):

@@ -13,7 +13,6 @@ import atra.rays.scene
 from atra.compiled.instruction_sets import chosen_instruction_set, cpu_features
 from atra.compiled.threads import WorkerPool
 from atra.embree.layout import FLAG_COHERENT
-from atra.embree.library import load_library
 from atra.exact.brute_force_kernels import nearest_triangles
 from atra.exact.intersection import intersect_rays
 from atra.rays.order import RayOrder, box_of
@@ -21,11 +20,11 @@ from atra.rays.order_kernels import CELLS, SORTED_CHUNK
 from atra.rays.plan import FEWEST_RAYS, plan_of
 from atra.rays.rays_kernels import CHUNK, closest_hit_kernel
 from tests.images import assert_no_pixel_wrong, assert_same_bits, trace
+from tests.machine import WIDEST, WIDTHS
 from tests.meshes import EYE_AT_ORIGIN, boards, cornell_box, cornell_camera, quads, random_triangles
 from tests.packets.test_axis_near_views import closed_box
 from tests.tracing.test_lifetimes import in_threads
 
-WIDTHS = load_library().native_packet_widths
 UNIT = 2.0**-24
 each_width = pytest.mark.parametrize("width", WIDTHS)
 each_flag = pytest.mark.parametrize("coherent", [False, True])
@@ -542,8 +541,7 @@ def test_rays_that_are_not_alike_are_traced_one_by_one_unless_a_width_is_given(w
                 scene.intersect(rays)
                 scene.intersect(rays, coherent=True)
                 scene.intersect(rays, coherent=False)
-    widest = WIDTHS[-1]
-    assert widths == [widest, widest, 1, 1, widest, 1] + [width] * 6
+    assert widths == [WIDEST, WIDEST, 1, 1, WIDEST, 1] + [width] * 6
 
 
 def test_no_sample_is_looked_at_where_it_would_change_nothing(monkeypatch):
@@ -552,10 +550,10 @@ def test_no_sample_is_looked_at_where_it_would_change_nothing(monkeypatch):
     mesh = cornell_box()
     rays = random_rays(256, 1, mesh)
     numbers = rays.origins, rays.directions, rays.tnear, rays.tfar
-    for coherent, widths in ((None, (4, 4)), (True, (4, 1)), (False, (4, 1))):
-        assert plan_of(numbers, mesh, coherent, *widths).width == (1 if coherent is False else 4)
+    for coherent, widths in ((None, (WIDEST, WIDEST)), (True, (WIDEST, 1)), (False, (WIDEST, 1))):
+        assert plan_of(numbers, mesh, coherent, *widths).width == (1 if coherent is False else WIDEST)
     assert looked_at == []
-    assert plan_of(numbers, mesh, None, 4, 1).width == 1
+    assert plan_of(numbers, mesh, None, WIDEST, 1).width == 1
     assert looked_at == [1]
 
 

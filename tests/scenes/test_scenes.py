@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
+from atra.model.constants import constants_path
 from scenes.built_in import BUILT_IN, make_scene, stand_in_for
 from scenes.cornell_box import cornell_box
 from scenes.directory import default_cache, default_camera_fields, find_scene_folder, load_scene_from_directory
@@ -74,6 +76,16 @@ def test_the_cache_is_where_each_system_keeps_caches(tmp_path, monkeypatch, syst
         monkeypatch.setenv(name, str(tmp_path / value))
     monkeypatch.setattr(sys, "platform", system)
     assert default_cache() == tmp_path / expected / "atra" / "scenes"
+
+
+def test_without_a_home_folder_the_cache_is_in_the_folder_for_temporary_files(monkeypatch):
+    """As for a user whom the system does not know, in a container."""
+    for name in ("HOME", "USERPROFILE", "XDG_CACHE_HOME", "LOCALAPPDATA", "ATRA_SCENES"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(os.path, "expanduser", lambda path: path)
+    for folder in (default_cache(), constants_path()):
+        assert folder.is_relative_to(tempfile.gettempdir())
+    assert find_scene_folder("tri") is None
 
 
 @pytest.mark.parametrize("value", [None, ""])

@@ -13,13 +13,14 @@ from atra.judge.reference import brute_force
 from atra.shafts.eye import EyeTracer, shapes_of_tiles
 from tests.bvh.test_bvh import below
 from tests.images import assert_no_pixel_wrong, assert_same_bits
+from tests.machine import NATIVE_LANES
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, random_triangles
 from tests.raster.test_raster import PARALLEL
 
 MESH = random_triangles(300, 0)
 WIDE = atra.Camera(**EYE_AT_ORIGIN, width=75, height=41, fov_y_degrees=150)
 VIEWS = [(MESH, WIDE), (cornell_box(), cornell_camera(75, 41))]
-KINDS = [(1, "pop"), pytest.param(1, "push", marks=pytest.mark.slow), (8, "push")]  # compiled for each
+KINDS = [(1, "pop"), pytest.param(1, "push", marks=pytest.mark.slow), (NATIVE_LANES, "push")]  # compiled for each
 
 
 def tracer_of(mesh, camera, **options):

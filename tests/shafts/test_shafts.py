@@ -16,7 +16,8 @@ from atra.shafts.scene import ShaftScene
 from atra.shafts.shafts import build_shafts, grid_of
 from atra.shafts.tracer import ClassifiedTracer
 from tests.bvh.test_bvh import MESHES, below, built, deep_mesh
-from tests.images import HELD, assert_no_pixel_wrong, assert_same_bits
+from tests.images import assert_no_pixel_wrong, assert_same_bits
+from tests.machine import HELD, NATIVE_LANES
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 from tests.raster.test_raster import PARALLEL
 from tests.rays.test_ray_scene import nearest_in_float64
@@ -78,7 +79,11 @@ def test_rays_from_lists_hit_what_they_hit_from_the_root(traversal, views, empty
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(
     ("packet_width", "ray_order"),
-    [(1, "image"), pytest.param(1, "shaft", marks=pytest.mark.slow), pytest.param(8, "shaft", marks=pytest.mark.slow)],
+    [
+        (1, "image"),
+        pytest.param(1, "shaft", marks=pytest.mark.slow),
+        pytest.param(NATIVE_LANES, "shaft", marks=pytest.mark.slow),
+    ],
 )
 def test_batches_hit_the_same_with_every_subset_of_shafts(kind, packet_width, ray_order):
     mesh, camera = MESHES["random"], atra.Camera(**EYE_AT_ORIGIN, width=41, height=23, fov_y_degrees=120)
@@ -282,7 +287,7 @@ def test_a_tree_as_deep_as_the_stack_is_high_is_traced():
     ({"memory": 0.0}, "memory is 0.0"),
     ({"subset": "some"}, "subset is 'some', expected one of complete, occupied"),
     ({"empty": "full"}, "empty is 'full', expected one of miss, root"),
-    ({"packet_width": 8}, "packet_width is 8, expected 1"),
+    ({"packet_width": NATIVE_LANES}, f"packet_width is {NATIVE_LANES}, expected 1"),
     ({"subset": "hits"}, "subset is 'hits', which depends on rays"),
 ])  # fmt: skip
 def test_options_that_cannot_be_are_named(options, message):

@@ -11,6 +11,7 @@ from typing import get_args, get_type_hints, is_typeddict
 import pytest
 
 import atra
+from tests.machine import NARROW
 from tests.meshes import cornell_box, cornell_camera
 
 MESH, CAMERA, SPLIT = cornell_box(), cornell_camera(16, 16), (4, 1)
@@ -107,7 +108,8 @@ def test_help_shows_options_with_their_defaults():
     (atra.Options, {"ties": "none"}, "ties is 'none', expected one of lowest, any"),
     *((atra.CellOptions, {"memory_budget_bytes": bytes_}, rf"budget_bytes is {re.escape(repr(bytes_))}, expected a num")
       for bytes_ in (-1, "1", float("nan"), (1,))),
-    (atra.PixelOptions, {"packet_rows": 3, "packet_width": 4}, "packet_rows is 3, expected one of 1, 2, 4 for packets"),
+    (atra.PixelOptions, {"packet_rows": 3, "packet_width": NARROW},
+     f"packet_rows is 3, expected one of 1, 2, {NARROW} for packets"),
     (atra.PixelOptions, {"tile_order": "spiral"}, "tile_order is 'spiral', expected one of blocks, rows, morton"),
     (atra.Options, {"robust": 1}, "robust is 1, expected True or False"),
     (atra.PixelOptions, {"compact": None}, "compact is None, expected True or False"),

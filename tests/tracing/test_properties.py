@@ -14,14 +14,13 @@ import atra
 from atra.alignment.alignment import Alignment
 from atra.alignment.culling import plan_aligned_geometry
 from atra.compiled.threads import WorkerPool
-from atra.embree.library import load_library
 from atra.exact.intersection import intersect_pixels
 from atra.judge.compare import Verdict
 from atra.judge.reference import brute_force
 from tests import images
+from tests.machine import WIDTHS
 from tests.strategies import EXAMPLES, NIGHTLY, parallel_views, views
 
-WIDTHS = load_library().native_packet_widths
 packet_widths = st.sampled_from(WIDTHS if NIGHTLY else (WIDTHS[0], WIDTHS[-1]))  # kernels are compiled for each
 
 

@@ -12,6 +12,7 @@ from atra.shafts.eye import EyeTracer
 from atra.shafts.scene import ShaftScene
 from atra.shafts.tracer import ClassifiedTracer
 from tests.images import draw
+from tests.machine import NATIVE_LANES
 from tests.tracing import watertight_scenes as scenes
 
 SHAFTS = {"cells": 8, "directions": 2, "rays": 4}
@@ -68,7 +69,11 @@ def batches(mesh, count, seed=0):
     with atra.RayScene(mesh, threads=1) as scene:
         yield "closest", scene.intersect(rays).hit
         yield "occluded", scene.occluded(rays)
-    for kind, options in ((BvhScene, {"packet_width": 1}), (BvhScene, {"packet_width": 8}), (ShaftScene, SHAFTS)):
+    for kind, options in (
+        (BvhScene, {"packet_width": 1}),
+        (BvhScene, {"packet_width": NATIVE_LANES}),
+        (ShaftScene, SHAFTS),
+    ):
         with kind(mesh, threads=1, **options) as scene:
             yield kind.__name__, scene.intersect(scene.prepare(rays)).hit
 

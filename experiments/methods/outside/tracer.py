@@ -86,13 +86,13 @@ class OutsideTracer(OneViewTracer):
         if given and not inspect.signature(self._own.trace).parameters:
             raise InputError(f"{self._kind.__name__}.trace takes no offset, so it traces pixel centres alone")
         processes = self._processes()
-        before_s = delays_s(processes)
         self._guard.begin()
+        before_s = delays_s(processes)
         start = perf_counter()
         found = self._own.trace(*given)
         waited_s = perf_counter() - start
-        self._guard.end()
         delayed_s = delays_s(processes) - before_s
+        self._guard.end()
         self.frame_time_s = self._clock.frame_time_s(waited_s, getattr(self._own, "time_s", None), delayed_s)
         self._frames += 1
         if self._frames <= _MESH_CHECKS:

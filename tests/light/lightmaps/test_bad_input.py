@@ -8,7 +8,6 @@ import pytest
 
 import atra
 from atra import light as render
-from atra.embree.library import load_library
 from atra.errors import MemoryBudgetError
 from atra.light import Atlas, Baker, BakeScene, Seams, Surface, dilated
 from atra.light.lightmaps.batches import new_batch
@@ -18,6 +17,7 @@ from atra.light.lightmaps.gather.tables_kernels import DIRECTION, ORIGIN
 from atra.light.lightmaps.samples_kernels import generate
 from tests.baked import baked, cube, sheet
 from tests.light.lightmaps.test_light import PLATE
+from tests.machine import WIDEST
 from tests.meshes import joined, quads
 from tests.shown import floor
 
@@ -78,7 +78,7 @@ def test_rays_of_texels_meet_what_brute_force_says():
 
 def test_packets_meet_what_single_rays_meet_but_where_a_ray_is_at_an_edge():
     single, origins, ways = first_hits(1)
-    packets, *_ = first_hits(load_library().native_packet_widths[-1])
+    packets, *_ = first_hits(WIDEST)
     different = single.prim_id != packets.prim_id
     first = np.sort(nearest(ROOM, origins, ways), axis=1)
     at_an_edge = first[:, 1] - first[:, 0] <= 1e-5

@@ -7,10 +7,10 @@ import pytest
 
 import atra
 from atra import light
-from atra.embree.library import load_library
 from atra.errors import ClosedError
 from atra.light import Baker, BakeScene, Surface
 from tests.baked import baked, cube, sheet
+from tests.machine import WIDTHS
 from tests.meshes import joined, quads
 from tests.shown import floor
 
@@ -28,7 +28,7 @@ def scene_of(mesh, opacity, tint=(0.9, 0.8, 0.7), albedo=0.6):
 SOME = scene_of(ROOM, np.where(np.arange(24) % 5 == 1, 0.4, 1.0))
 
 
-@pytest.mark.parametrize("width", load_library().native_packet_widths)
+@pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("quality", ["low", "medium", "high"])
 def test_a_scene_of_some_faces_meets_these_alone_and_numbers_them_as_the_mesh_does(width, quality):
     random = np.random.default_rng(0)
