@@ -40,7 +40,7 @@ class Busy:
 
 
 def look_around(seconds: float = _LOOK_S) -> Busy:
-    """What uses the cores of this process for so many seconds, this process not counted."""
+    """What uses the cores of this process for so many seconds, this process and its descendants not counted."""
     before, start = _process_times(), Moment.now()
     time.sleep(seconds)
     found = start.until(Moment.now())
@@ -57,11 +57,12 @@ def look_around(seconds: float = _LOOK_S) -> Busy:
 
 
 def _process_times() -> dict[tuple[int, str], float]:
-    """Seconds of processor of every process but this one, by number and name."""
+    """Seconds of processor of every process but this one and its descendants, by number and name."""
+    own = {os.getpid(), *(child.pid for child in psutil.Process().children(recursive=True))}
     found = {}
     for process in psutil.process_iter(["pid", "name", "cpu_times"]):
         spent = process.info["cpu_times"]
-        if spent is not None and process.info["pid"] != os.getpid():
+        if spent is not None and process.info["pid"] not in own:
             found[process.info["pid"], str(process.info["name"])] = spent.user + spent.system
     return found
 
