@@ -101,8 +101,8 @@ class MeasureConfiguration:
     this many seconds of work, but three always run. time_limit_s: a worker that runs longer is stopped and fails.
     memory_budget_gib: points that need more are skipped until the next run; null = three quarters of what is free.
     instruction_set: what Embree and Numba are held to, as by ATRA_ISA; null = as the run.
-    quiet_limit_s: how long a sweep waits in all while others use more than 5 % of a core. quiet_only: whether it ends
-    then; otherwise its times bear doubts.
+    quiet_limit_s: how long a sweep waits in all while others use more than 5 % of all cores. quiet_only: whether it
+    ends then; otherwise its times bear doubts.
     """
 
     processes: int = 3

@@ -211,9 +211,10 @@ def reset_peak_rss() -> bool:
     return True
 
 
-BUSY_SHARE = 0.05
-"""Share of the cores that other processes may take before times are doubted: above an idle system's own share and far
-below that of one busy process."""
+BUSY_SHARE_OF_ALL_CORES = 0.05
+"""Part of the time of all cores that a process may use, up to which a machine is quiet: other processes and other
+machines together may take it. Beyond it a sweep waits before it measures, and what was measured is doubted. An idle
+system takes less; on two cores it is a tenth of one core."""
 
 _SHORTEST_S = 0.1
 """Systems count busy cores in hundredths of a second."""

@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from experiments.harness.column import TEXT, TRUTH, Column
-from experiments.harness.environment import BUSY_SHARE
+from experiments.harness.environment import BUSY_SHARE_OF_ALL_CORES
 from experiments.harness.point import Workload
 from experiments.methods import METHODS
 from experiments.methods.naming import say_point
@@ -94,7 +94,7 @@ def load_in_short(table: pd.DataFrame) -> str | None:
         load = table["load_average"].dropna()
         return f"{load.min():.1f} to {load.max():.1f} before a process" if len(load) else None
     said = f"others took {taken.min():.1%} to {taken.max():.1%} of its cores while it measured"
-    return f"nothing else was running: {said}" if taken.max() <= BUSY_SHARE else said
+    return f"nothing else was running: {said}" if taken.max() <= BUSY_SHARE_OF_ALL_CORES else said
 
 
 def _first(values: pd.Series) -> Any:

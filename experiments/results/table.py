@@ -20,7 +20,7 @@ from experiments.harness.point import Workload
 from experiments.harness.records import Record
 from experiments.methods import METHODS, find_method
 from experiments.results.canary import BAND, strays
-from experiments.results.doubts import doubts_of
+from experiments.results.doubts import doubts_of, say_doubts
 from experiments.results.intervals import with_intervals
 from experiments.results.people import columns_for_people
 from experiments.results.processes import by_point, is_replacement
@@ -83,7 +83,7 @@ _OUTCOME_COLUMNS = (
     Column("processes_left_out", WHOLE, "processes left out, the machine not being as it mostly was"),
     Column("processes_replaced", WHOLE, "processes measured anew: strayed or disturbed", lambda record: None),
     Column("rounds", WHOLE, "rounds that ran in every process", over=min),
-    Column("doubts", TEXT, "what makes the times less trustworthy", doubts_of, partial(max, key=len)),
+    Column("doubts", TEXT, "what makes the times less trustworthy", doubts_of, say_doubts),
     Column("others_share", REAL, "of the cores it may use, what other processes took during the rounds", over=max),
     Column("stolen_share", REAL, "of these cores, what other machines on the same hardware took", over=max),
     Column("load_average", REAL, "load of the machine before the point", lambda record: _load(record), max),
