@@ -29,6 +29,7 @@ from experiments.results.processes import WHY, as_replacement, key_of, to_replac
 from experiments.results.table import Tables, make_tables
 from experiments.results.terminal import print_sweep, results_console, say_label, say_outcome
 from experiments.sweep_points import GridPoint, SweepPoint, in_order, plan_sweep
+from experiments.workloads.images import say_wrong_image
 
 _PROCESS_S = 3.0
 """Seconds that a process is expected to take before any is measured: its start and some frames of a million pixels."""
@@ -53,7 +54,7 @@ def run_sweep(
     command: what the user ran, for the report. launch: where the points are measured, None = here, one by one;
     at_once: how many it is given at a time.
     Returns the table. Raises InputError before any work; SystemExit(130) after an interrupt, SystemExit(1) if points
-    failed.
+    failed or an image is wrong.
     """
     console = Console(stderr=True)
     first = grid_points[0].configuration
@@ -109,6 +110,10 @@ def _finish(sweep: _Sweep, first: Configuration, folder: Path, command: str, int
     if failed or left:
         what = ", ".join([f"{failed} points failed"] * bool(failed) + [f"{left} points have no record"] * bool(left))
         print(f"{PROGRAM}: {what}; the same command tries them again", file=sys.stderr)
+    wrong = sum(say_wrong_image(record.results) is not None for record in sweep.done.values())
+    if wrong:
+        print(f"{PROGRAM}: {wrong} processes found a wrong image", file=sys.stderr)
+    if failed or left or wrong:
         raise SystemExit(1)
     return table
 

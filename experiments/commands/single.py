@@ -16,6 +16,7 @@ from experiments.harness.progress import SweepProgress
 from experiments.harness.records import Record, check_writable, exclusive, read_record, record_path, write_record
 from experiments.results.table import make_table
 from experiments.results.terminal import print_point, results_console, say_label, say_outcome
+from experiments.workloads.images import say_wrong_image
 
 _SINGLES = "singles"
 """Folder beside that of the records, for points of which there is a record already."""
@@ -26,7 +27,7 @@ def run_single_point(configuration: Configuration) -> Record:
     it is: they go on from it, and it counts the processes it has replaced.
 
     Raises InputError, MemoryBudgetError or EmbreeError for what cannot be measured, and SystemExit(1), with what the
-    worker printed on stderr, when measuring itself went wrong.
+    worker printed on stderr, when measuring itself went wrong, or the image is wrong.
     """
     planned = plan_point(configuration)
     folder = records_folder(configuration)
@@ -45,6 +46,9 @@ def run_single_point(configuration: Configuration) -> Record:
             print(f"kept, for sweeps: {record_path(folder, record.point_id)}")
         for written in _write_files(configuration, record):
             print(f"written: {written}")
+        if wrong := say_wrong_image(record.results):
+            print(f"{PROGRAM}: the image is wrong: {wrong}", file=sys.stderr)
+            raise SystemExit(1)
         return record
     if record.results.get("on_purpose"):
         raise InputError(str(record.error))

@@ -102,7 +102,7 @@ class MeasureConfiguration:
     this many seconds of work, but three always run. time_limit_s: a worker that runs longer is stopped and fails.
     memory_budget_gib: points that need more are skipped until the next run; null = three quarters of what is free.
     instruction_set: what Embree and Numba are held to, as by ATRA_ISA; null = as the run.
-    quiet_limit_s: how long a sweep waits in all while others use more than 5 % of a core, after the first look.
+    quiet_limit_s: how long a sweep waits in all while others use more than 5 % of all cores, after the first look.
     quiet_only: whether it waits for that, too, and ends when the time is up; otherwise its times bear doubts.
     """
 

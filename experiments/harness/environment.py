@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from functools import cache
@@ -216,9 +217,10 @@ def reset_peak_rss() -> bool:
     return True
 
 
-BUSY_SHARE = 0.05
-"""Share of the cores that other processes may take before times are doubted: above an idle system's own share and far
-below that of one busy process."""
+BUSY_SHARE_OF_ALL_CORES = 0.05
+"""Part of the time of all cores that a process may use, up to which a machine is quiet: other processes and other
+machines together may take it. Beyond it a sweep waits before it measures, and what was measured is doubted. An idle
+system takes less; on two cores it is a tenth of one core."""
 
 _SHORTEST_S = 0.1
 """Systems count busy cores in hundredths of a second."""
@@ -230,17 +232,34 @@ _NOT_BUSY = ("idle", "iowait", "steal", "guest", "guest_nice")  # guests count i
 class Occupancy:
     """Shares of the time of all cores that the process may use, 0 to 1.
 
-    others_share: of other processes. stolen_share: of other machines on the same hardware, None where unknown.
+    others_share: of other processes, which it has not started. stolen_share: of other machines on the same hardware,
+    None where unknown.
     """
 
     others_share: float
     stolen_share: float | None
 
 
+def own_processor_time_s() -> float:
+    """Seconds of processor time that this process and all its descendants have used, those that have ended included.
+
+    A descendant that ends between two calls is counted in both: a process inherits the times of children it waited for,
+    though not on Windows.
+    """
+    reaped = os.times()
+    total_s = time.process_time() + reaped.children_user + reaped.children_system
+    for child in psutil.Process().children(recursive=True):
+        with suppress(psutil.Error):  # it has just ended
+            spent = child.cpu_times()
+            total_s += spent.user + spent.system
+            total_s += getattr(spent, "children_user", 0.0) + getattr(spent, "children_system", 0.0)
+    return total_s
+
+
 @dataclass(frozen=True)
 class Moment:
-    """Seconds that have gone by on the clock, and that the process, all processes on its cores, and other machines on
-    the same hardware have been busy."""
+    """Seconds that have gone by on the clock, and that the process with its descendants, all processes on its cores,
+    and other machines on the same hardware have been busy. It takes milliseconds, so nothing is timed meanwhile."""
 
     clock_s: float
     own_s: float
@@ -255,7 +274,7 @@ class Moment:
             cores = [cores[number] for number in process.cpu_affinity()]
         busy_s = sum(getattr(core, name) for core in cores for name in core._fields if name not in _NOT_BUSY)
         stolen_s = sum(core.steal for core in cores) if hasattr(cores[0], "steal") else None
-        return cls(time.perf_counter(), time.process_time(), busy_s, stolen_s, len(cores))
+        return cls(time.perf_counter(), own_processor_time_s(), busy_s, stolen_s, len(cores))
 
     def until(self, later: Moment) -> Occupancy | None:
         """Between the two moments; None where they are too close to tell."""

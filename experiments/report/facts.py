@@ -10,12 +10,12 @@ from typing import Any
 import pandas as pd
 
 from experiments.harness.column import TEXT, TRUTH, Column
-from experiments.harness.environment import BUSY_SHARE
+from experiments.harness.environment import BUSY_SHARE_OF_ALL_CORES
 from experiments.harness.point import Workload
 from experiments.methods import METHODS
 from experiments.methods.naming import say_point
 from experiments.results.settings import NUMBER, settings_that_vary, without_numbers
-from experiments.results.table import columns, workload_rows
+from experiments.results.table import WRONG, columns, workload_rows
 from experiments.workloads import WORKLOADS
 
 _TO = "\N{EN DASH}"
@@ -41,7 +41,7 @@ class Doubts:
 
 @dataclass(frozen=True)
 class MissingPoints:
-    """Points of a scene without a measurement, for one reason."""
+    """Points of a scene without a measurement that counts, for one reason."""
 
     status: str
     scene: str
@@ -66,7 +66,7 @@ class ComparedImages:
 
 def compared_images(table: pd.DataFrame) -> ComparedImages:
     """How many images of measured points were compared, and how many of their pixels are wrong."""
-    wrong = table.loc[table["status"] == "ok", "pixels_wrong"].dropna()
+    wrong = table.loc[table["status"].isin(("ok", WRONG)), "pixels_wrong"].dropna()
     return ComparedImages(len(wrong), int(wrong.sum()))
 
 
@@ -82,7 +82,7 @@ class Processes:
 def count_processes(table: pd.DataFrame) -> Processes:
     """Processes of the points that were not skipped and did not fail."""
     out = table["processes_left_out"].fillna(0)
-    measured = table.loc[table["status"] == "ok", "processes"].sum()
+    measured = table.loc[table["status"].isin(("ok", WRONG)), "processes"].sum()
     return Processes(int(measured + out.sum()), int(out.sum()), int((out > 0).sum()))
 
 
@@ -94,7 +94,7 @@ def load_in_short(table: pd.DataFrame) -> str | None:
         load = table["load_average"].dropna()
         return f"{load.min():.1f} to {load.max():.1f} before a process" if len(load) else None
     said = f"others took {taken.min():.1%} to {taken.max():.1%} of its cores while it measured"
-    return f"nothing else was running: {said}" if taken.max() <= BUSY_SHARE else said
+    return f"nothing else was running: {said}" if taken.max() <= BUSY_SHARE_OF_ALL_CORES else said
 
 
 def _first(values: pd.Series) -> Any:
@@ -125,7 +125,8 @@ def _with_ranges(kind: str, found: list[list[str]]) -> str:
 
 
 def missing_points(table: pd.DataFrame) -> tuple[MissingPoints, ...]:
-    """Points that were skipped or failed, those of a scene together whose reasons differ only in their numbers."""
+    """Points that were skipped, failed or saw a wrong image; those of a scene whose reasons differ only in their
+    numbers stand together."""
     missing = table[table["status"] != "ok"]
     kind = missing["error"].fillna("no reason was recorded").map(without_numbers)
     groups = missing.groupby(["status", "scene", kind], sort=False)

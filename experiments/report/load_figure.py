@@ -12,9 +12,10 @@ from experiments.drawing.axes import label_axes
 from experiments.drawing.figure import DrawnFigure, FigureKind, draw_figure, of_table
 from experiments.drawing.pages import add_legend, make_figure
 from experiments.drawing.style import BLUE, DASHED, GREY, ORANGE
-from experiments.harness.environment import BUSY_SHARE
+from experiments.harness.environment import BUSY_SHARE_OF_ALL_CORES
 
-_OTHERS, _STOLEN, _LIMIT = "other processes", "other machines on this hardware", f"{BUSY_SHARE:.0%}: a doubt above it"
+_OTHERS, _STOLEN = "other processes", "other machines on this hardware"
+_LIMIT = f"{BUSY_SHARE_OF_ALL_CORES:.0%}: a doubt where both together are above it"
 _SERIES = ((_OTHERS, "others_share", "o", BLUE), (_STOLEN, "stolen_share", "x", ORANGE))
 
 
@@ -41,7 +42,7 @@ def _draw(rows: pd.DataFrame, columns: int) -> Figure:
     for label, column, marker, color in _SERIES:
         shares = 100.0 * pd.to_numeric(rows[column]).to_numpy(float, na_value=float("nan"))
         axis.plot(moments, shares, marker, color=color, markersize=4, linestyle="none", alpha=0.7, label=label)
-    axis.axhline(100.0 * BUSY_SHARE, color=GREY, linestyle=DASHED, linewidth=1.2, label=_LIMIT)
+    axis.axhline(100.0 * BUSY_SHARE_OF_ALL_CORES, color=GREY, linestyle=DASHED, linewidth=1.2, label=_LIMIT)
     axis.set_ylim(bottom=-0.5)
     places = dates.AutoDateLocator(minticks=2, maxticks=4 * columns)
     axis.xaxis.set_major_locator(places)

@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
-from experiments.harness.environment import BUSY_SHARE
+from experiments.harness.environment import BUSY_SHARE_OF_ALL_CORES
 from experiments.harness.processes.quiet import Busy
 from experiments.harness.records import Record
+from experiments.results.settings import without_numbers
 from experiments.workloads import find_workload
 
 _OUT_OF_PROPORTION = 10.0
 """Samples this many times longer or shorter than their method's median make a point doubtful."""
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """A reason to distrust the times of a process. badness: the larger, the worse, among those of one kind."""
+
+    text: str
+    badness: float = 0.0
 
 
 def cores_of(record: Record) -> int | None:
@@ -19,24 +31,34 @@ def cores_of(record: Record) -> int | None:
     return len(affinity) if affinity else record.environment.get("logical_cores")
 
 
-def doubts_of(record: Record) -> str | None:
-    """Reasons to distrust the times of a point, None without any."""
+def doubts_of(record: Record) -> list[Doubt] | None:
+    """Reasons to distrust the times of a process, None without any."""
     own = _judged(record)
     if own is None:
         return None
     doubts = passing_doubts(record)
     if min(own) < 1e-3:
-        doubts.append("shortest sample is below 1 ms")
+        doubts.append(Doubt("shortest sample is below 1 ms"))
     asked = record.configuration.get("rounds")
     if asked is not None and len(own) < asked:
-        doubts.append(f"{len(own)} of {asked} rounds")
+        doubts.append(Doubt(f"{len(own)} of {asked} rounds", -len(own)))
     cores, threads = cores_of(record), record.results.get("threads")
     if cores and threads and threads > cores:
-        doubts.append(f"{threads} threads on {cores} cores")
-    return "; ".join(doubts) or None
+        doubts.append(Doubt(f"{threads} threads on {cores} cores", -cores))
+    return doubts or None
 
 
-def passing_doubts(record: Record) -> list[str]:
+def say_doubts(processes: Sequence[Sequence[Doubt]]) -> str:
+    """The doubts of a point's processes in words: each kind once, in the order in which they come, by its worst."""
+    worst: dict[str, Doubt] = {}
+    for doubt in (doubt for doubts in processes for doubt in doubts):
+        kind = without_numbers(doubt.text)
+        if kind not in worst or doubt.badness > worst[kind].badness:
+            worst[kind] = doubt
+    return "; ".join(doubt.text for doubt in worst.values())
+
+
+def passing_doubts(record: Record) -> list[Doubt]:
     """Those of `doubts_of` that came from a disturbance, so that another process may be without them."""
     own = _judged(record)
     if own is None:
@@ -44,25 +66,24 @@ def passing_doubts(record: Record) -> list[str]:
     doubts = []
     q1, median, q3 = np.quantile(own, [0.25, 0.5, 0.75])
     if q3 - q1 >= 0.1 * median:
-        doubts.append(f"spread is {(q3 - q1) / median:.0%} of the median")
+        spread = (q3 - q1) / median
+        doubts.append(Doubt(f"spread is {spread:.0%} of the median", spread))
     longest = max(max(values) / np.median(values) for values in record.samples.values())
     if longest > _OUT_OF_PROPORTION:
-        doubts.append(f"longest sample is {longest:,.0f} times the median")
+        doubts.append(Doubt(f"longest sample is {longest:,.0f} times the median", longest))
     shortest = max(np.median(values) / min(values) for values in record.samples.values())
     if shortest > _OUT_OF_PROPORTION:
-        doubts.append(f"median is {shortest:,.0f} times the shortest sample")
+        doubts.append(Doubt(f"median is {shortest:,.0f} times the shortest sample", shortest))
     taken = sum(record.results.get(name) or 0.0 for name in ("others_share", "stolen_share"))
-    if taken > BUSY_SHARE:
-        doubts.append(f"others took {taken:.0%} of its cores")
+    if taken > BUSY_SHARE_OF_ALL_CORES:
+        doubts.append(Doubt(f"others took {taken:.0%} of its cores", taken))
     return doubts
 
 
 def was_quiet(record: Record) -> bool:
     """Whether the machine was quiet while the point was measured; False where nobody knows."""
-    others, cores = record.results.get("others_share"), cores_of(record)
-    if others is None or cores is None:
-        return False
-    return Busy(others * cores, (record.results.get("stolen_share") or 0.0) * cores).is_quiet
+    others = record.results.get("others_share")
+    return others is not None and Busy(others, record.results.get("stolen_share") or 0.0).is_quiet
 
 
 def _judged(record: Record) -> list[float] | None:

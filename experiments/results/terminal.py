@@ -21,8 +21,9 @@ from experiments.methods import find_method
 from experiments.methods.naming import Row, best_of, say_point
 from experiments.results.claims import NOT_MEASURED, Claim, judge_all
 from experiments.results.settings import say_setting, settings_that_vary, without_numbers
-from experiments.results.table import Tables, columns, workload_rows
+from experiments.results.table import WRONG, Tables, columns, workload_rows
 from experiments.workloads import WORKLOADS, find_workload
+from experiments.workloads.images import say_wrong_image
 
 _PARTS = ("_low", "_high", "_half", "_rest")
 
@@ -50,7 +51,8 @@ def say_outcome(record: Record) -> str:
     """One line on a record, for the progress display."""
     if record.status != "ok":
         return f"{record.status}: {record.error}"
-    return find_workload(record.configuration["workload"]).headline(record)
+    told, wrong = find_workload(record.configuration["workload"]).headline(record), say_wrong_image(record.results)
+    return told if wrong is None else f"{WRONG}: {wrong}; {told}"
 
 
 def print_point(row: pd.Series, console: Console) -> None:
@@ -61,6 +63,7 @@ def print_point(row: pd.Series, console: Console) -> None:
         shown.add_column(style=style, overflow="fold")
     workload, counters = find_workload(str(row["workload"])), find_method(str(row["method"])).counters
     names = [
+        *(() if row["status"] == "ok" else ("status", "error")),
         "triangles",
         *(column.name for column in (*workload.columns, *counters)),
         "threads",

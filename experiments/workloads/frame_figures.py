@@ -30,6 +30,7 @@ from experiments.methods.naming import (
     expected_forms,
 )
 from experiments.methods.pixel import PIXEL
+from experiments.results.table import WRONG
 from experiments.workloads import series
 from experiments.workloads.baselines import TIME_BASELINES
 from experiments.workloads.panels import Bars, Panel, bars_figure, make_panels, panels_figure
@@ -166,7 +167,8 @@ def _methods(rows: pd.DataFrame) -> Bars:
 
 
 def _without_value(one: series.BestPoint) -> Bar:
-    status = [str(status) for status in one.points["status"].dropna().unique() if status != "ok"]
+    known = [str(status) for status in one.points["status"].dropna().unique() if status != "ok"]
+    status = [f"{TIMES} {WRONG} image" if status == WRONG else status for status in known]
     return Bar(one.name, nan, nan, nan, one.color, " and ".join(status) or "not measured")
 
 

@@ -11,6 +11,10 @@ from experiments.harness.column import REAL, WHOLE, Column
 
 PIXELS = ("pixels_equal", "pixels_tied", "pixels_edge", "pixels_wrong")
 
+WRONG_SHARE = 0.01
+"""An image is wrong if more than this share of its pixels are. Rays that slip between triangles in Embree's fast
+setting make up to 2 of 100,000 wrong, and a rasteriser whose depths have few bits up to 1 of 100."""
+
 HOLES = {"pixels_hole": "pixels_hole", "baseline_pixels_hole": "reference_pixels_hole"}
 """Columns of holes, and what `Agreement` calls them; tables from before they were told apart lack them."""
 
@@ -32,6 +36,12 @@ def counts(agreements: Sequence[Agreement]) -> dict[str, int]:
     """Pixels of all images, by verdict, and holes."""
     names = {name: name for name in PIXELS} | HOLES
     return {name: sum(int(getattr(one, own)) for one in agreements) for name, own in names.items()}
+
+
+def say_wrong_image(results: Mapping[str, Any]) -> str | None:
+    """ "4,096 of 4,096 pixels wrong" of results whose image is wrong; None for others, and where none was compared."""
+    compared, wrong = sum(results.get(name) or 0 for name in PIXELS), results.get("pixels_wrong") or 0
+    return f"{wrong:,} of {compared:,} pixels wrong" if wrong > WRONG_SHARE * compared else None
 
 
 def say_holes(row: Mapping[str, Any]) -> str:

@@ -10,6 +10,7 @@ from atra.errors import InputError
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.records import Record
 from experiments.results import table as tables
+from experiments.results.doubts import was_quiet
 from experiments.results.people import MOST_COLUMNS, columns_for_people
 from experiments.results.table import (
     Tables,
@@ -205,6 +206,34 @@ def test_a_machine_that_was_busy_while_it_measured_is_a_doubt_and_one_that_was_b
     assert pd.isna(row(others_share=0.01, stolen_share=0.03)["doubts"])
     assert row(others_share=0.01)["others_share"] == 0.01
     assert row()[["doubts", "others_share"]].isna().all()  # an old record does not tell
+
+
+@pytest.mark.parametrize(("others", "stolen"), [(0.0, 0.0), (0.04, 0.0), (0.03, 0.03), (0.0, 0.06), (0.06, None)])
+def test_a_machine_is_quiet_where_what_is_measured_bears_no_doubt_of_others(others, stolen):
+    shares = {"others_share": others, "stolen_share": stolen}
+    environment = {**MEASURED.environment, "affinity": list(range(16))}
+    record = replace(MEASURED, environment=environment, results={**MEASURED.results, "threads": 1, **shares})
+    assert ("others took" in str(make_table([record]).iloc[0]["doubts"])) == (not was_quiet(record))
+
+
+def test_the_doubts_of_a_point_are_those_of_all_its_processes_each_once_and_at_its_worst():
+    def process(number, own, **results):
+        samples = dict.fromkeys(MEASURED.samples, own)
+        configuration = {**MEASURED.configuration, "process": number, "rounds": 5}
+        results = {**MEASURED.results, "threads": 1, **results}
+        point_id = f"{number}" * 20
+        return replace(MEASURED, point_id=point_id, configuration=configuration, samples=samples, results=results)
+
+    calm = process(2, [1.0] * 5)
+    busy = process(0, [1.0] * 4, others_share=0.26)
+    short = process(1, [1e-4, 1.2e-4, 1.4e-4], others_share=0.3)
+    table = make_table([busy, short, calm])
+    assert table["doubts"][0].split("; ") == [
+        "others took 30% of its cores",
+        "3 of 5 rounds",
+        "spread is 17% of the median",
+        "shortest sample is below 1 ms",
+    ]
 
 
 def test_the_file_for_people_begins_with_what_was_measured_and_has_no_more_columns_than_they_read():

@@ -10,20 +10,21 @@ from dataclasses import dataclass
 import psutil
 
 from atra.errors import InputError
-from experiments.harness.environment import BUSY_SHARE, Moment
+from experiments.harness.environment import BUSY_SHARE_OF_ALL_CORES, Moment
 
 LIMIT_VARIABLE = "ATRA_QUIET_LIMIT_S"
 """Environment variable in place of `measure.quiet_limit_s`; tests, which measure nothing, set it to 0."""
 
 _LOOK_S = 1.0
 _PAUSE_S = 4.0
-_MOST_NAMED = 3
+_MOST_NAMED, _LEAST_NAMED = 3, BUSY_SHARE_OF_ALL_CORES / 10
+"""How many processes are named, and the share of all cores from which one is."""
 
 
 @dataclass(frozen=True)
 class Busy:
-    """What uses the cores. others, stolen: cores that other processes and other machines use, 0.05 = 5 % of one.
-    names: of the processes that use most, each with its share of a core."""
+    """What uses the cores. others, stolen: what other processes and other machines take of the time of all cores, 0 to
+    1. names: of the processes that take most, each with its share of all cores."""
 
     others: float
     stolen: float
@@ -31,37 +32,38 @@ class Busy:
 
     @property
     def is_quiet(self) -> bool:
-        return self.others <= BUSY_SHARE and self.stolen <= BUSY_SHARE
+        return self.others + self.stolen <= BUSY_SHARE_OF_ALL_CORES
 
     def __str__(self) -> str:
         named = ", ".join(f"{name} {share:.0%}" for name, share in self.names)
-        stolen = f"other machines {self.stolen:.0%}" if self.stolen > BUSY_SHARE else ""
-        return ", ".join(filter(None, [named or f"other processes {self.others:.0%}", stolen])) + " of a core"
+        stolen = f"other machines {self.stolen:.0%}" if self.stolen > _LEAST_NAMED else ""
+        return ", ".join(filter(None, [named or f"other processes {self.others:.0%}", stolen])) + " of all cores"
 
 
 def look_around(seconds: float = _LOOK_S) -> Busy:
-    """What uses the cores of this process for so many seconds, this process not counted."""
+    """What uses the cores of this process for so many seconds, this process and its descendants not counted."""
     before, start = _process_times(), Moment.now()
     time.sleep(seconds)
     found = start.until(Moment.now())
     used = {
-        (pid, name): (spent - before[pid, name]) / seconds
+        (pid, name): (spent - before[pid, name]) / (seconds * start.cores)
         for (pid, name), spent in _process_times().items()
         if (pid, name) in before
     }
     most = sorted(used.items(), key=lambda one: -one[1])[:_MOST_NAMED]
-    names = tuple((name, share) for (_, name), share in most if share > BUSY_SHARE / 2)
+    names = tuple((name, share) for (_, name), share in most if share > _LEAST_NAMED)
     if found is None:
         return Busy(0.0, 0.0)
-    return Busy(found.others_share * start.cores, (found.stolen_share or 0.0) * start.cores, names)
+    return Busy(found.others_share, found.stolen_share or 0.0, names)
 
 
 def _process_times() -> dict[tuple[int, str], float]:
-    """Seconds of processor of every process but this one, by number and name."""
+    """Seconds of processor of every process but this one and its descendants, by number and name."""
+    own = {os.getpid(), *(child.pid for child in psutil.Process().children(recursive=True))}
     found = {}
     for process in psutil.process_iter(["pid", "name", "cpu_times"]):
         spent = process.info["cpu_times"]
-        if spent is not None and process.info["pid"] != os.getpid():
+        if spent is not None and process.info["pid"] not in own:
             found[process.info["pid"], str(process.info["name"])] = spent.user + spent.system
     return found
 
