@@ -135,7 +135,7 @@ def _run(composed: DictConfig) -> None:
     from experiments.registry import known_kinds
 
     if HydraConfig.get().mode is RunMode.MULTIRUN:  # a job that a launcher runs for a sweep, which reports its errors
-        from experiments.sweep import measure_launched
+        from experiments.launched import measure_launched
 
         measure_launched(read_configuration(composed, known_kinds()))
         return

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -13,10 +13,9 @@ from typing import Any
 import pandas as pd
 from rich.console import Console
 
-from atra.errors import RecordError
 from experiments.commands.program import PROGRAM
 from experiments.harness.configuration import Configuration, check_writable, records_folder
-from experiments.harness.identity import Runner, code_sha256, current_environment, identity, identity_of, measure
+from experiments.harness.identity import Runner, code_sha256, current_environment, identity, measure
 from experiments.harness.options import plain_options
 from experiments.harness.point import Point
 from experiments.harness.points import PlannedPoint, plan_points
@@ -24,7 +23,8 @@ from experiments.harness.processes.launching import run_worker
 from experiments.harness.processes.outcome import MAY_CHANGE
 from experiments.harness.processes.quiet import Waiting
 from experiments.harness.progress import SweepProgress, say
-from experiments.harness.records import Record, exclusive, load_record, read_record, record_path, write_record
+from experiments.harness.records import Record, exclusive, read_record, record_path, write_record
+from experiments.launched import Launch, key, measure_batch, still_true
 from experiments.report.writing import check_figures, choose_folder, tell_whose_tables_are_replaced, write_results
 from experiments.results.doubts import was_quiet
 from experiments.results.processes import WHY, as_replacement, to_replace
@@ -53,10 +53,6 @@ class SweepPoint:
 
 _LAST = ("packet_width", "culling", "frames", "split_y", "split_x")
 """Settings by which the rows of a method are ordered last, as numbers."""
-
-Launch = Callable[[Sequence[Sequence[str]]], Sequence[str | None]]
-"""Measures points elsewhere, each given by its overrides. When it returns, their records are in the records folder; it
-returns for each point why its job failed, None = it did not."""
 
 
 def run_sweep(
@@ -139,7 +135,7 @@ class _Sweep:
         """Take over what was finished before, record what cannot be measured, and return what is left to do."""
         finished, warn = 0, _warn_on(self.console)
         for name, one in self.points.items():
-            earlier = _still_true(read_record(self.folder, name, warn), one.planned)
+            earlier = still_true(read_record(self.folder, name, warn), one.planned)
             if earlier is not None:
                 self.done[name] = earlier
                 finished += 1
@@ -155,10 +151,10 @@ class _Sweep:
             f"{len(self.done) - finished} cannot be measured, {len(to_do)} to do; results in {results}",
         )
         if to_do:
-            by_configuration = {_key(point.configuration()): point for point in map(self._point, self.points)}
+            by_configuration = {key(point.configuration()): point for point in map(self._point, self.points)}
 
             def code(record: Record) -> str | None:
-                point = by_configuration.get(_key(record.configuration))
+                point = by_configuration.get(key(record.configuration))
                 return None if point is None else code_sha256(point)
 
             tell_whose_tables_are_replaced(results, self.folder, self.console, code)
@@ -193,39 +189,11 @@ class _Sweep:
                 self._keep(name, measure(self.points[name].planned, self.run))
                 self.is_quiet = was_quiet(self.done[name])
             return [say_outcome(self.done[name]) for name in batch]
-        try:
-            problems = self.launch([self.points[name].overrides for name in batch])
-        finally:  # an interrupt, too, leaves records of the batch
-            found = self._launched(batch)
-            self.done |= found
-        return [
-            say_outcome(found[name]) if name in found else f"no record: {problem or 'its job left none to use'}"
-            for name, problem in zip(batch, problems, strict=True)
-        ]
-
-    def _launched(self, batch: Sequence[str]) -> dict[str, Record]:
-        """The records of launched points, by this machine's identity of the point.
-
-        Another machine wrote them under an identity of its own, so they are known by their configuration; those of
-        other code, whose numbers are no longer true, are not. make_table refuses if they are of several machines.
-        """
-        environment, warn = current_environment(), _warn_on(self.console)
-        points = {name: self._point(name) for name in batch}
-        own = {name: read_record(self.folder, identity(point, environment), warn) for name, point in points.items()}
-        found = {name: record for name, record in own.items() if record is not None}
-        if len(found) == len(batch):
-            return found
-        wanted = {_key(point.configuration()): name for name, point in points.items()}
-        elsewhere: dict[str, Record] = {}
-        for path in sorted(self.folder.glob("*.json"), key=lambda path: path.stat().st_mtime):
-            try:
-                record = load_record(self.folder, path.stem)
-            except RecordError:  # perhaps of another sweep or version, and not ours to set aside
-                continue
-            name = None if record is None else wanted.get(_key(record.configuration))
-            if record is not None and name is not None and record.point_id == identity_of(record, points[name]):
-                elsewhere[name] = record
-        return elsewhere
+        points = {name: self.points[name].planned.point for name in batch}
+        return measure_batch(
+            self.launch, points, [self.points[name].overrides for name in batch], self.folder, self.done,
+            _warn_on(self.console),
+        )  # fmt: skip
 
     def _kind(self, name: str) -> str | None:
         """What tells points apart that compile other kernels, which jobs elsewhere do out of our sight."""
@@ -238,17 +206,6 @@ class _Sweep:
     def _keep(self, name: str, record: Record) -> None:
         write_record(self.folder, record)
         self.done[name] = record
-
-
-def measure_launched(configuration: Configuration) -> None:
-    """Measure one point of a launched sweep and leave its record in the records folder, unless it is there already."""
-    if configuration.sweep.stand_ins:
-        replace_missing_scenes([configuration.scene])
-    (planned,) = plan_points([configuration])
-    folder = records_folder(configuration)
-    check_writable(folder)
-    if _still_true(read_record(folder, identity(planned.point, current_environment())), planned) is None:
-        write_record(folder, measure(planned))
 
 
 def _plan(grid_points: Sequence[GridPoint], console: Console) -> dict[str, SweepPoint]:
@@ -270,18 +227,6 @@ def _plan(grid_points: Sequence[GridPoint], console: Console) -> dict[str, Sweep
             overrides = (*grid_point.overrides, *(() if process == 0 else (f"measure.process={process}",)))
             points[identity(of_process.point, environment)] = SweepPoint(of_process, grids, overrides)
     return points
-
-
-def _still_true(record: Record | None, planned: PlannedPoint) -> Record | None:
-    """The record if measuring the point again would tell nothing new; a point that was skipped may be possible now."""
-    if record is None or not record.finished or (record.status == "skipped" and planned.problem is None):
-        return None
-    return record
-
-
-def _key(configuration: Mapping[str, Any]) -> str:
-    """The configuration of a point, to be looked up by."""
-    return repr(sorted(configuration.items()))
 
 
 def _warn_on(console: Console) -> Callable[[str], None]:

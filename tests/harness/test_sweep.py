@@ -20,10 +20,11 @@ from experiments.harness.options import NoOptions
 from experiments.harness.points import plan_points
 from experiments.harness.processes.outcome import Outcome
 from experiments.harness.records import point_id, write_record
+from experiments.launched import measure_launched
 from experiments.methods.aligned import ALIGNED, AlignedOptions
 from experiments.methods.peers.embreex_run import EMBREEX
 from experiments.methods.pixel import PIXEL, PixelOptions
-from experiments.sweep import GridPoint, measure_launched, run_sweep
+from experiments.sweep import GridPoint, run_sweep
 from experiments.workloads import find_workload
 from scenes.loading import SceneSource
 from tests.harness.processes.test_outcome import POINT
@@ -135,7 +136,7 @@ def test_a_launched_job_measures_a_point_that_was_skipped_before(tmp_path, monke
     one, runner = configuration(tmp_path), Runner()
     (planned,) = plan_points([one])
     write_record(records_folder(one), measure(replace(planned, problem=InputError("cannot load it"))))
-    monkeypatch.setattr("experiments.sweep.measure", lambda planned: measure(planned, runner))
+    monkeypatch.setattr("experiments.launched.measure", lambda planned: measure(planned, runner))
     for _ in range(2):
         measure_launched(one)
     assert len(runner.points) == 1

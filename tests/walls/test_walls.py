@@ -47,7 +47,7 @@ WORKLOAD_ROOMS = tuple(workload.room for workload in WORKLOADS)
 
 USERS = tuple(
     f"experiments.{room}"
-    for room in ("report", "paper", "viewer", "commands", "registry", "sweep", "sweeper", "worker")
+    for room in ("report", "paper", "viewer", "commands", "registry", "sweep", "launched", "sweeper", "worker")
 )
 """Who runs methods and workloads, and who tells of what came of them."""
 
