@@ -30,9 +30,8 @@ _PROJECT = Path(__file__).resolve().parents[2]
 class Environment:
     """Where and when a point was measured.
 
-    The fields up to `atra_version` are stable: they belong to the machine and its software, and `stable()` returns
-    them alone. The rest describes the moment. A field that cannot be read on this system is None; all are as JSON gives
-    them back.
+    The fields up to `atra_version` are stable: they belong to the machine and its software. The rest describes the
+    moment. A field that cannot be read on this system is None; all are as JSON gives them back.
     instruction_set: the one that Embree and Numba were held to (`atra.compiled.instruction_sets`); None: all that there
     are.
     """
@@ -60,19 +59,26 @@ class Environment:
     git_dirty: bool | None
     taken_at: str
 
-    def stable(self) -> dict[str, Any]:
-        """The fields that must agree before two records may share a ratio or a file."""
-        return {name: getattr(self, name) for name in STABLE_FIELDS}
-
 
 _NAMES = [one.name for one in fields(Environment)]
 STABLE_FIELDS = tuple(_NAMES[: _NAMES.index("atra_version") + 1])
 
 
+def stable_fields(environment: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of an environment (plain values) that must agree before two records may share a ratio or a file.
+
+    `affinity` is the number of cores: a queue binds each job to other cores of a machine; which they are is no matter.
+    """
+    affinity = environment.get("affinity")
+    cores = None if affinity is None else len(affinity)
+    return {name: environment.get(name) for name in STABLE_FIELDS} | {"affinity": cores}
+
+
 def describe_difference(first: Mapping[str, Any], second: Mapping[str, Any]) -> str | None:
     """The first stable field in which two environments (as plain values) differ, with both values; None if none."""
+    ours, theirs = stable_fields(first), stable_fields(second)
     for name in STABLE_FIELDS:
-        if first.get(name) != second.get(name):
+        if ours[name] != theirs[name]:
             return f"{name} is {first.get(name)!r} in one and {second.get(name)!r} in the other"
     return None
 

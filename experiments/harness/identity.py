@@ -12,7 +12,7 @@ from typing import Any
 from atra.compiled.instruction_sets import chosen_instruction_set
 from atra.embree.library import embree_version
 from atra.embree.scene import resolve_packet_width
-from experiments.harness.environment import STABLE_FIELDS, Environment, read_environment
+from experiments.harness.environment import Environment, read_environment, stable_fields
 from experiments.harness.point import Point
 from experiments.harness.points import PlannedPoint
 from experiments.harness.processes.launching import run_worker
@@ -46,9 +46,8 @@ def identity_of(record: Record, point: Point) -> str:
 
 
 def _identity(point: Point, environment: Mapping[str, Any]) -> str:
-    stable = {name: environment.get(name) for name in STABLE_FIELDS}
     measured_by = {"code_sha256": code_sha256(point), "version": point.method.version()}
-    return point_id(point.configuration() | measured_by, stable)
+    return point_id(point.configuration() | measured_by, stable_fields(environment))
 
 
 def code_sha256(point: Point) -> str:

@@ -1,5 +1,6 @@
 """The machine's description on other systems, which are faked: what they lack, and where they keep it."""
 
+import dataclasses
 import os
 import platform
 import sys
@@ -13,7 +14,9 @@ import pytest
 from atra.compiled.instruction_sets import cpu_design
 from atra.compiled.threads import resolve_threads
 from experiments.harness import environment
-from experiments.harness.environment import read_environment
+from experiments.harness.environment import describe_difference, read_environment
+from experiments.harness.identity import identity
+from tests.harness.processes.test_outcome import POINT
 
 
 def test_a_system_without_affinity_and_load_is_described_without(monkeypatch):
@@ -81,3 +84,13 @@ def test_a_system_without_proc_counts_the_peak_from_the_start(monkeypatch):
 
     monkeypatch.setattr(Path, "write_text", absent)
     assert environment.reset_peak_rss() is False
+
+
+def test_other_cores_of_one_machine_are_the_same_environment_and_another_number_of_them_is_not():
+    one = read_environment()
+    bound = [dataclasses.replace(one, affinity=cores) for cores in ([0], [1], [0, 1], None)]
+    first, second, both, unknown = map(dataclasses.asdict, bound)
+    assert describe_difference(first, second) is None
+    assert identity(POINT, bound[0]) == identity(POINT, bound[1]) != identity(POINT, bound[2])
+    assert describe_difference(second, both) == "affinity is [1] in one and [0, 1] in the other"
+    assert describe_difference(both, unknown) == "affinity is [0, 1] in one and None in the other"
