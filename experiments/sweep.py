@@ -23,8 +23,8 @@ from experiments.harness.processes.launching import run_worker
 from experiments.harness.processes.outcome import MAY_CHANGE
 from experiments.harness.processes.quiet import Waiting
 from experiments.harness.progress import SweepProgress, say
-from experiments.harness.records import Record, exclusive, read_record, record_path, write_record
-from experiments.launched import Launch, key, measure_batch, still_true
+from experiments.harness.records import Record, exclusive, read_record, write_record
+from experiments.launched import Launch, Launched, key, still_true
 from experiments.report.writing import check_figures, choose_folder, tell_whose_tables_are_replaced, write_results
 from experiments.results.doubts import was_quiet
 from experiments.results.processes import WHY, as_replacement, to_replace
@@ -71,7 +71,7 @@ def run_sweep(
     as it mostly was are replaced by new ones in the end. The table has one row a point, scene by scene, and holds this
     sweep's points only. An interrupt stops the running worker, and table and figures are made of what is done.
     command: what the user ran, for the report. launch: where the points are measured, None = here, one by one;
-    at_once: how many it is given at a time.
+    at_once: how many processes it is given at a time.
     Returns the table. Raises InputError before any work; SystemExit(130) after an interrupt, SystemExit(1) if points
     failed.
     """
@@ -83,7 +83,9 @@ def run_sweep(
     check_writable(folder)
     check_writable(records)
     quiet = Waiting(first.measure.quiet_limit_s, partial(say, console), needed=first.measure.quiet_only)
-    sweep = _Sweep(points, records, console, run, launch, at_once, quiet)
+    planned = {name: one.planned for name, one in points.items()}
+    launched = None if launch is None else Launched(launch, at_once, records, planned)
+    sweep = _Sweep(points, records, console, run, launched, quiet)
     with exclusive(Path(first.results_dir), records, folder):
         to_do = sweep.begin(folder, first.sweep.shuffle_seed)
         interrupted = False
@@ -118,28 +120,25 @@ def _finish(sweep: _Sweep, first: Configuration, folder: Path, command: str, int
 
 @dataclass
 class _Sweep:
-    """Points of a sweep by identity. folder: of the records. run, launch, at_once: as of `run_sweep`. quiet: waits
-    for a quiet machine. done: the records so far, by identity. is_quiet: whether the machine was so of late."""
+    """Points of a sweep by identity. folder: of the records. run: as of `run_sweep`. launched: has the points measured
+    elsewhere, None = they are measured here. quiet: waits for a quiet machine. done: the records so far, by identity.
+    is_quiet: whether the machine was so of late."""
 
     points: dict[str, SweepPoint]
     folder: Path
     console: Console
     run: Runner
-    launch: Launch | None
-    at_once: int
+    launched: Launched | None
     quiet: Waiting
     done: dict[str, Record] = field(default_factory=dict)
     is_quiet: bool = False
 
     def begin(self, results: Path, shuffle_seed: int) -> list[str]:
         """Take over what was finished before, record what cannot be measured, and return what is left to do."""
-        finished, warn = 0, _warn_on(self.console)
+        self.done = self._finished() if self.launched is None else self.launched.finished()
+        finished = len(self.done)
         for name, one in self.points.items():
-            earlier = still_true(read_record(self.folder, name, warn), one.planned)
-            if earlier is not None:
-                self.done[name] = earlier
-                finished += 1
-            elif one.planned.problem is not None:
+            if name not in self.done and one.planned.problem is not None:
                 self._keep(name, measure(one.planned))
         to_do = [name for name in self.points if name not in self.done]
         random.Random(shuffle_seed).shuffle(to_do)
@@ -150,7 +149,7 @@ class _Sweep:
             f"{of_points} points in {len(self.points)} processes: {finished} finished before, "
             f"{len(self.done) - finished} cannot be measured, {len(to_do)} to do; results in {results}",
         )
-        if to_do:
+        if to_do and self.launched is None:  # jobs elsewhere leave tables of other machines
             by_configuration = {key(point.configuration()): point for point in map(self._point, self.points)}
 
             def code(record: Record) -> str | None:
@@ -160,52 +159,59 @@ class _Sweep:
             tell_whose_tables_are_replaced(results, self.folder, self.console, code)
         return to_do
 
+    def _finished(self) -> dict[str, Record]:
+        """What was finished before on a machine and software like this."""
+        read = {name: read_record(self.folder, name, _warn_on(self.console)) for name in self.points}
+        known = {name: still_true(record, self.points[name].planned) for name, record in read.items()}
+        return {name: record for name, record in known.items() if record is not None}
+
     def measure(self, names: Sequence[str]) -> None:
         """Measure points; an interrupt leaves those that are done."""
         with SweepProgress(len(names), self.console) as progress:
-            for start in range(0, len(names), self.at_once):
-                batch = names[start : start + self.at_once]
-                labels = [say_label(point) for point in map(self._point, batch)]
-                progress.begin(labels[0] if len(batch) == 1 else f"{labels[0]} and {len(batch) - 1} more")
-                for name, label, told in zip(batch, labels, self._measure_batch(batch), strict=True):
-                    progress.end(label, told, self._kind(name))
-
-    def measure_again(self) -> None:
-        """Replace processes that strayed or were disturbed by new ones."""
-        while before := {name: self.done[name] for name in to_replace(self.done)}:
-            say(self.console, f"{len(before)} processes are measured again: {WHY}")
-            for name in before:
-                record_path(self.folder, name).unlink(missing_ok=True)  # a job that finds a record does not measure
-            self.measure(list(before))
-            for name, earlier in before.items():
-                self._keep(name, as_replacement(self.done[name], earlier))
-
-    def _measure_batch(self, batch: Sequence[str]) -> list[str]:
-        """Measure points together; returns what came of each, in words."""
-        if self.launch is None:
-            for name in batch:
-                if self._point(name).workload.is_timed and not self.is_quiet:
+            if self.launched is not None:
+                self._have_measured(names, self.launched, progress)
+                return
+            for name in names:
+                point = self._point(name)
+                label = say_label(point)
+                progress.begin(label)
+                if point.workload.is_timed and not self.is_quiet:
                     self.quiet.for_quiet()
                 self._keep(name, measure(self.points[name].planned, self.run))
                 self.is_quiet = was_quiet(self.done[name])
-            return [say_outcome(self.done[name]) for name in batch]
-        points = {name: self.points[name].planned.point for name in batch}
-        return measure_batch(
-            self.launch, points, [self.points[name].overrides for name in batch], self.folder, self.done,
-            _warn_on(self.console),
-        )  # fmt: skip
+                # What tells points apart that compile other kernels.
+                progress.end(label, say_outcome(self.done[name]), f"{point.workload.name} {point.method.name}")
 
-    def _kind(self, name: str) -> str | None:
-        """What tells points apart that compile other kernels, which jobs elsewhere do out of our sight."""
-        point = self._point(name)
-        return f"{point.workload.name} {point.method.name}" if self.launch is None else None
+    def _have_measured(self, names: Sequence[str], launched: Launched, progress: SweepProgress) -> None:
+        """Have points measured elsewhere."""
+
+        def ended(name: str, record: Record | None, problem: str | None) -> None:
+            if record is not None:
+                self._keep(name, record)
+            told = f"no record: {problem}" if record is None else say_outcome(record)
+            progress.end(say_label(self._point(name)), told)
+
+        progress.begin("jobs elsewhere")
+        launched.measure({name: self.points[name].overrides for name in names}, ended)
+
+    def measure_again(self) -> None:
+        """Replace processes that strayed or were disturbed by new ones; a record stays until its successor is there."""
+        failed: set[str] = set()
+        while names := [name for name in to_replace(self.done) if name not in failed]:
+            say(self.console, f"{len(names)} processes are measured again: {WHY}")
+            before = dict(self.done)
+            self.measure(names)
+            failed.update(name for name in names if self.done[name] is before[name])  # its job left no record
 
     def _point(self, name: str) -> Point:
         return self.points[name].planned.point
 
     def _keep(self, name: str, record: Record) -> None:
-        write_record(self.folder, record)
-        self.done[name] = record
+        """Write a record, over that which it replaces."""
+        earlier = self.done.get(name)
+        kept = record if earlier is None else as_replacement(record, earlier)
+        write_record(self.folder, kept)
+        self.done[name] = kept
 
 
 def _plan(grid_points: Sequence[GridPoint], console: Console) -> dict[str, SweepPoint]:
