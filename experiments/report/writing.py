@@ -150,6 +150,8 @@ def _environment(table: pd.DataFrame, records: Path) -> dict[str, Any]:
 
     Raises InputError if there are two, and RecordError for a record that cannot be used.
     """
+    measured = table[~table["status"].isin(["skipped", "failed"])]
+    table = measured if len(measured) else table
     cpus = sorted(set(table["cpu"].dropna()))
     if len(cpus) > 1:
         raise InputError(f"the table holds points of {' and of '.join(cpus)}; run the sweep again on one machine")

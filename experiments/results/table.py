@@ -188,9 +188,12 @@ def _frame(told: Mapping[str, Any], index: pd.Index) -> pd.DataFrame:
 
 def check_one_environment(records: Iterable[Record]) -> None:
     """Raise InputError when two records come from different machines or software, naming the field: their ratio would
-    mean nothing."""
+    mean nothing. What was not measured has no times, and the machine that launches jobs says of some points that they
+    cannot be."""
     first: Record | None = None
     for record in records:
+        if record.status != "ok":
+            continue
         first = first or record
         difference = describe_difference(first.environment, record.environment)
         if difference is not None:

@@ -106,6 +106,17 @@ def test_launched_points_of_two_machines_are_not_put_into_one_table(tmp_path):
         run_sweep(grid_points(configurations), launch=Elsewhere(tmp_path, configurations, cpu="cpu {}"), at_once=2)
 
 
+def test_a_point_that_cannot_be_measured_is_in_the_table_of_another_machine(tmp_path):
+    """This machine, which launches the jobs, says so."""
+    configurations = [configuration(tmp_path, split_x=split) for split in (2, 7)]  # 64 pixels are no 7 columns
+    configurations[0].sweep.report = True
+    for _ in range(2):
+        launch = Elsewhere(tmp_path, configurations, cpu="another cpu")
+        table = run_sweep(grid_points(configurations), launch=launch)
+        assert list(table["status"]) == ["ok", "skipped"]
+    assert launch.jobs == []
+
+
 def test_jobs_that_a_queue_bound_to_one_core_each_make_one_table(tmp_path):
     configurations = [configuration(tmp_path, split_x=split) for split in (1, 2)]
 
