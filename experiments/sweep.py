@@ -20,8 +20,8 @@ from experiments.harness.point import Point
 from experiments.harness.processes.launching import run_worker
 from experiments.harness.processes.quiet import Waiting
 from experiments.harness.progress import SweepProgress, say, say_roughly
-from experiments.harness.records import Record, check_writable, exclusive, read_record, record_path, write_record
-from experiments.launched import Launch, measure_batch, still_true
+from experiments.harness.records import Record, check_writable, exclusive, read_record, write_record
+from experiments.launched import Launch, Launched, still_true
 from experiments.report.writing import check_figures, choose_folder, tell_whose_tables_are_replaced, write_results
 from experiments.results.best_so_far import best_splits
 from experiments.results.doubts import was_quiet
@@ -52,7 +52,7 @@ def run_sweep(
     in the end, each `sweep.repeats` times at most. The table has one row a point, scene by scene, and holds this
     sweep's points only. An interrupt stops the running worker, and table and figures are made of what is done.
     command: what the user ran, for the report. launch: where the points are measured, None = here, one by one;
-    at_once: how many it is given at a time.
+    at_once: how many processes it is given at a time.
     Returns the table. Raises InputError before any work; SystemExit(130) after an interrupt, SystemExit(1) if points
     failed or an image is wrong.
     """
@@ -64,7 +64,9 @@ def run_sweep(
     check_writable(folder)
     check_writable(records)
     quiet = Waiting(first.measure.quiet_limit_s, partial(say, console), needed=first.measure.quiet_only)
-    sweep = _Sweep(points, records, console, run, launch, at_once, quiet)
+    planned = {name: one.planned for name, one in points.items()}
+    launched = None if launch is None else Launched(launch, at_once, records, planned)
+    sweep = _Sweep(points, records, console, run, launched, quiet)
     with exclusive(Path(first.results_dir), records, folder):
         to_do = sweep.begin(folder, first.sweep.shuffle_seed)
         passes = sweep.passes(to_do)
@@ -120,28 +122,25 @@ def _finish(sweep: _Sweep, first: Configuration, folder: Path, command: str, int
 
 @dataclass
 class _Sweep:
-    """Points of a sweep by identity. folder: of the records. run, launch, at_once: as of `run_sweep`. quiet: waits
-    for a quiet machine. done: the records so far, by identity. is_quiet: whether the machine was so of late."""
+    """Points of a sweep by identity. folder: of the records. run: as of `run_sweep`. launched: has the points measured
+    elsewhere, None = they are measured here. quiet: waits for a quiet machine. done: the records so far, by identity.
+    is_quiet: whether the machine was so of late."""
 
     points: dict[str, SweepPoint]
     folder: Path
     console: Console
     run: Runner
-    launch: Launch | None
-    at_once: int
+    launched: Launched | None
     quiet: Waiting
     done: dict[str, Record] = field(default_factory=dict)
     is_quiet: bool = False
 
     def begin(self, results: Path, shuffle_seed: int) -> list[str]:
         """Take over what was finished before, record what cannot be measured, and return what is left to do."""
-        finished, warn = 0, _warn_on(self.console)
+        self.done = self._finished() if self.launched is None else self.launched.finished()
+        finished = len(self.done)
         for name, one in self.points.items():
-            earlier = still_true(read_record(self.folder, name, warn), one.planned)
-            if earlier is not None:
-                self.done[name] = earlier
-                finished += 1
-            elif one.planned.problem is not None:
+            if name not in self.done and one.planned.problem is not None:
                 self._keep(name, measure(one.planned))
         to_do = [name for name in self.points if name not in self.done]
         random.Random(shuffle_seed).shuffle(to_do)
@@ -152,7 +151,7 @@ class _Sweep:
             f"{of_points} points in {len(self.points)} processes: {finished} finished before, "
             f"{len(self.done) - finished} cannot be measured, {len(to_do)} to do; results in {results}",
         )
-        if to_do:
+        if to_do and self.launched is None:  # jobs elsewhere leave tables of other machines
             by_configuration = {key_of(point.configuration()): point for point in map(self._point, self.points)}
 
             def code(record: Record) -> str | None:
@@ -162,16 +161,22 @@ class _Sweep:
             tell_whose_tables_are_replaced(results, self.folder, self.console, code)
         return to_do
 
+    def _finished(self) -> dict[str, Record]:
+        """What was finished before on a machine and software like this."""
+        read = {name: read_record(self.folder, name, _warn_on(self.console)) for name in self.points}
+        known = {name: still_true(record, self.points[name].planned) for name, record in read.items()}
+        return {name: record for name, record in known.items() if record is not None}
+
     def passes(self, names: Sequence[str]) -> list[list[str]]:
         """The processes to do, the first of every point before the second of any. A launcher gets all in one pass, as
         it need not wait for the end of one before the next."""
-        if self.launch is not None:
+        if self.launched is not None:
             return [list(names)] if names else []
         return [list(of_pass) for _, of_pass in groupby(names, lambda name: self._point(name).process)]
 
     def say_what_is_ahead(self, passes: Sequence[Sequence[str]], repeats: int) -> None:
         """One line before the first process: when there is something to see, and when all is done."""
-        if self.launch is not None or not passes:
+        if self.launched is not None or not passes:
             return
         first, every = _PROCESS_S * len(passes[0]), _PROCESS_S * sum(map(len, passes))
         words = [f"first look in about {say_roughly(first)}"] if len(passes) > 1 else []
@@ -191,21 +196,21 @@ class _Sweep:
                     yield self._point(names[0]).process + 1
 
     def measure_again(self, repeats: int) -> None:
-        """Replace processes that strayed or were disturbed by new ones, each `repeats` times at most."""
+        """Replace processes that strayed or were disturbed by new ones, each `repeats` times at most; a record stays
+        until its successor is there."""
+        failed: set[str] = set()
         number = 0
-        while before := {name: self.done[name] for name in to_replace(self.done, repeats)}:
+        while names := [name for name in to_replace(self.done, repeats) if name not in failed]:
             number += 1
             say(
                 self.console,
-                f"{_processes(before, 'is', 'are')} measured again, repeat {number} of at most {repeats}: {WHY}; "
+                f"{_processes(names, 'is', 'are')} measured again, repeat {number} of at most {repeats}: {WHY}; "
                 "Ctrl-C keeps all",
             )
-            for name in before:
-                record_path(self.folder, name).unlink(missing_ok=True)  # a job that finds a record does not measure
-            with SweepProgress(len(before), self.console) as progress:
-                self._measure(list(before), progress)
-            for name, earlier in before.items():
-                self._keep(name, as_replacement(self.done[name], earlier))
+            before = dict(self.done)
+            with SweepProgress(len(names), self.console) as progress:
+                self._measure(names, progress)
+            failed.update(name for name in names if self.done[name] is before[name])  # its job left no record
         left = to_replace(self.done)
         if left:
             labels = dict.fromkeys(say_label(self._point(name)) for name in left)
@@ -215,40 +220,43 @@ class _Sweep:
 
     def _measure(self, names: Sequence[str], progress: SweepProgress, waits: bool = True) -> None:
         """Measure processes; an interrupt leaves those that are done. waits: for a quiet machine."""
-        for start in range(0, len(names), self.at_once):
-            batch = names[start : start + self.at_once]
-            labels = [say_label(point) for point in map(self._point, batch)]
-            progress.begin(labels[0] if len(batch) == 1 else f"{labels[0]} and {len(batch) - 1} more")
-            for name, label, told in zip(batch, labels, self._measure_batch(batch, waits), strict=True):
-                progress.end(label, told, self._kind(name))
+        if self.launched is not None:
+            self._have_measured(names, self.launched, progress)
+            return
+        for name in names:
+            point = self._point(name)
+            label = say_label(point)
+            progress.begin(label)
+            if waits and point.workload.is_timed and not self.is_quiet:
+                self.quiet.for_quiet()
+            self._keep(name, measure(self.points[name].planned, self.run))
+            self.is_quiet = was_quiet(self.done[name])
+            # What tells points apart that compile other kernels.
+            progress.end(label, say_outcome(self.done[name]), f"{point.workload.name} {point.method.name}")
             progress.show_best(best_splits(self.done.values()))
 
-    def _measure_batch(self, batch: Sequence[str], waits: bool) -> list[str]:
-        """Measure points together; returns what came of each, in words."""
-        if self.launch is None:
-            for name in batch:
-                if waits and self._point(name).workload.is_timed and not self.is_quiet:
-                    self.quiet.for_quiet()
-                self._keep(name, measure(self.points[name].planned, self.run))
-                self.is_quiet = was_quiet(self.done[name])
-            return [say_outcome(self.done[name]) for name in batch]
-        points = {name: self.points[name].planned.point for name in batch}
-        return measure_batch(
-            self.launch, points, [self.points[name].overrides for name in batch], self.folder, self.done,
-            _warn_on(self.console),
-        )  # fmt: skip
+    def _have_measured(self, names: Sequence[str], launched: Launched, progress: SweepProgress) -> None:
+        """Have points measured elsewhere."""
 
-    def _kind(self, name: str) -> str | None:
-        """What tells points apart that compile other kernels, which jobs elsewhere do out of our sight."""
-        point = self._point(name)
-        return f"{point.workload.name} {point.method.name}" if self.launch is None else None
+        def ended(name: str, record: Record | None, problem: str | None) -> None:
+            if record is not None:
+                self._keep(name, record)
+            told = f"no record: {problem}" if record is None else say_outcome(record)
+            progress.end(say_label(self._point(name)), told)
+            progress.show_best(best_splits(self.done.values()))
+
+        progress.begin("jobs elsewhere")
+        launched.measure({name: self.points[name].overrides for name in names}, ended)
 
     def _point(self, name: str) -> Point:
         return self.points[name].planned.point
 
     def _keep(self, name: str, record: Record) -> None:
-        write_record(self.folder, record)
-        self.done[name] = record
+        """Write a record, over that which it replaces."""
+        earlier = self.done.get(name)
+        kept = record if earlier is None else as_replacement(record, earlier)
+        write_record(self.folder, kept)
+        self.done[name] = kept
 
 
 def _warn_on(console: Console) -> Callable[[str], None]:

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hydra.core.config_store import ConfigStore
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -22,6 +22,10 @@ from experiments.commands.program import COMMAND
 from experiments.harness.configuration import read_configuration, type_configuration
 from experiments.harness.processes.launching import project_environment, stop_children
 from experiments.registry import known_kinds
+from experiments.submitted import first_line, run_submitted
+
+if TYPE_CHECKING:
+    from experiments.launched import Ended
 
 # Hydra's list of plugins, when it is made, runs the modules of its own plugins again. A class that was imported before
 # would not be the one that their code then means by its name.
@@ -33,12 +37,15 @@ _TARGET = "hydra_plugins.points.PointsSweeper"
 """The name by which the configuration chooses the sweeper. Hydra refuses plugins whose name begins in another way."""
 
 _LAUNCHER_HERE = "hydra._internal.core_plugins.basic_launcher.BasicLauncher"
-_LAUNCHER_WITH_A_QUEUE = "hydra_plugins.hydra_submitit_launcher.submitit_launcher.SlurmLauncher"
+_SUBMITIT = "hydra_plugins.hydra_submitit_launcher.submitit_launcher"
+_QUEUED_AT_ONCE = 1000
+"""Jobs that Slurm's queue is given at once. It takes no longer arrays, unless it is told to."""
 
 
 @dataclass
 class PointsSweeperConfig:
-    """max_batch_size: points a launcher is given at once; null = one, for submitit_slurm, which queues them, all."""
+    """max_batch_size: processes of points a launcher is given at once; null = one, for submitit_slurm, which queues
+    them, up to 1000."""
 
     _target_: str = _TARGET
     max_batch_size: int | None = None
@@ -66,7 +73,7 @@ class PointsSweeper(BasicSweeper):
         """Compose every point of every grid, then have them measured.
 
         Hydra's default launcher is not asked: points run one by one here, as two at once would spoil each other's
-        times. Any other launcher gets one job a point, `max_batch_size` of them at once.
+        times. Any other launcher gets one job a process of a point, `max_batch_size` of them at once.
         """
         from experiments.sweep import GridPoint, run_sweep
 
@@ -87,7 +94,7 @@ class PointsSweeper(BasicSweeper):
         launcher = self.config.hydra.launcher._target_
         if launcher == _LAUNCHER_HERE:
             return run_sweep(points, command=command)
-        at_once = self.max_batch_size or (len(points) if launcher == _LAUNCHER_WITH_A_QUEUE else 1)
+        at_once = self.max_batch_size or (_QUEUED_AT_ONCE if launcher == f"{_SUBMITIT}.SlurmLauncher" else 1)
         return run_sweep(points, command=command, launch=self._launch, at_once=at_once)
 
     def _methods_of_files(self, arguments: Sequence[str]) -> dict[str, dict[str, str]]:
@@ -132,19 +139,29 @@ class PointsSweeper(BasicSweeper):
         assert self.hydra_context is not None
         return self.hydra_context.config_loader
 
-    def _launch(self, jobs: Sequence[Sequence[str]]) -> list[str | None]:
-        """One Hydra job a point. Returns for each why its job failed; None = it did not."""
+    def _launch(self, jobs: Sequence[Sequence[str]], ended: Ended) -> None:
+        """One Hydra job a process of a point (`experiments.launched.Launch`)."""
         assert self.launcher is not None
         # A job is unpickled by an interpreter that was not started as run.py.
         os.environ.update(project_environment())
         try:
-            returns = self.launcher.launch([list(job) for job in jobs], initial_job_idx=0)
-        except KeyboardInterrupt:
+            if type(self.launcher).__module__ == _SUBMITIT:
+                run_submitted(self.launcher, jobs, ended)
+            else:
+                for place, problem in enumerate(self._launched_by_hydra(jobs)):
+                    ended(place, problem)
+        except BaseException:  # an interrupt, a full disk
             stop_children()
             raise
-        except Exception as error:  # a launcher's own: a worker that was killed, a queue that refused
-            first_line = str(error).strip().partition("\n")[0]
-            return [f"{type(error).__name__}: {first_line}"] * len(jobs)
+
+    def _launched_by_hydra(self, jobs: Sequence[Sequence[str]]) -> list[str | None]:
+        """Why each job failed, None = it did not. Some launchers raise at the first that fails, so what is said of the
+        others may be wrong: their records tell."""
+        assert self.launcher is not None
+        try:
+            returns = self.launcher.launch([list(job) for job in jobs], initial_job_idx=0)
+        except Exception as error:  # a launcher's own: a worker that was killed
+            return [first_line(error)] * len(jobs)
         return [str(one._return_value) if one.status is JobStatus.FAILED else None for one in returns]
 
 

@@ -25,9 +25,9 @@ from experiments.paper.claims import judge_claims
 from experiments.paper.figures import FIGURES as PAPER_FIGURES
 from experiments.report.page import ReportContents, render_report
 from experiments.results.claims import claim_files, judge_all
+from experiments.results.processes import check_one_environment
 from experiments.results.table import (
     Tables,
-    check_one_environment,
     make_tables,
     read_tables,
     rows_of,
@@ -188,6 +188,8 @@ def _environment(table: pd.DataFrame, records: Path) -> dict[str, Any]:
 
     Raises InputError if there are two, and RecordError for a record that cannot be used.
     """
+    measured = table[~table["status"].isin(["skipped", "failed"])]
+    table = measured if len(measured) else table
     cpus = sorted(set(table["cpu"].dropna()))
     if len(cpus) > 1:
         raise InputError(f"the table holds points of {' and of '.join(cpus)}; run the sweep again on one machine")

@@ -8,6 +8,8 @@ from dataclasses import replace
 from math import inf
 from typing import Any
 
+from atra.errors import InputError
+from experiments.harness.environment import describe_difference
 from experiments.harness.records import Record, without_limits
 from experiments.results.canary import BAND, strays
 from experiments.results.doubts import passing_doubts
@@ -59,3 +61,20 @@ def is_replacement(record: Record) -> bool:
 
 def _times(record: Record) -> int:
     return int(record.results.get(_TIMES) or 0)
+
+
+def check_one_environment(records: Iterable[Record]) -> None:
+    """Raise InputError when two records come from different machines or software, naming the field: their ratio would
+    mean nothing. What was not measured has no times, and the machine that launches jobs says of some points that they
+    cannot be."""
+    first: Record | None = None
+    for record in records:
+        if record.status != "ok":
+            continue
+        first = first or record
+        difference = describe_difference(first.environment, record.environment)
+        if difference is not None:
+            raise InputError(
+                f"records {first.point_id} and {record.point_id} are from two environments: {difference}; "
+                "measure both on one machine with one version, or keep them in two results_dir"
+            )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
@@ -15,7 +15,6 @@ from atra.errors import InputError
 from atra.files.paths import write_together
 from atra.tracing.options import Options
 from experiments.harness.column import REAL, TEXT, TRUTH, WHOLE, Column, option_columns
-from experiments.harness.environment import describe_difference
 from experiments.harness.point import Workload
 from experiments.harness.records import Record
 from experiments.methods import METHODS, find_method
@@ -23,7 +22,7 @@ from experiments.results.canary import BAND, strays
 from experiments.results.doubts import doubts_of, say_doubts
 from experiments.results.intervals import with_intervals
 from experiments.results.people import columns_for_people
-from experiments.results.processes import by_point, is_replacement
+from experiments.results.processes import by_point, check_one_environment, is_replacement
 from experiments.workloads import WORKLOADS, find_workload
 from experiments.workloads.images import say_wrong_image
 from scenes.built_in import BUILT_IN
@@ -200,20 +199,6 @@ def _frame(told: Mapping[str, Any], index: pd.Index) -> pd.DataFrame:
     empty = {dtype: pd.array([None] * len(index), dtype=dtype) for dtype in (TEXT, WHOLE, REAL, TRUTH)}
     values = {name: pd.array(told.get(name, empty[one.dtype]), dtype=one.dtype) for name, one in columns().items()}
     return pd.DataFrame(values, index=index)
-
-
-def check_one_environment(records: Iterable[Record]) -> None:
-    """Raise InputError when two records come from different machines or software, naming the field: their ratio would
-    mean nothing."""
-    first: Record | None = None
-    for record in records:
-        first = first or record
-        difference = describe_difference(first.environment, record.environment)
-        if difference is not None:
-            raise InputError(
-                f"records {first.point_id} and {record.point_id} are from two environments: {difference}; "
-                "measure both on one machine with one version, or keep them in two results_dir"
-            )
 
 
 def csv_bytes(table: pd.DataFrame) -> bytes:

@@ -102,7 +102,7 @@ def test_the_first_look_names_who_disturbs_and_does_not_wait(tmp_path, monkeypat
     monkeypatch.setattr("experiments.sweep.Waiting", waiting)
     run_sweep(grid(tmp_path), run=Runner())
     said = capsys.readouterr().err
-    assert said.index("the machine is not quiet: make 90% of a core; measuring goes on") < said.index("[1/6]")
+    assert said.index("the machine is not quiet: make 90% of all cores; measuring goes on") < said.index("[1/6]")
     assert said.index("[2/6]") < said.index("waiting for a quiet machine") < said.index("[3/6]")
 
 
@@ -125,9 +125,10 @@ def test_a_sweep_without_repeats_measures_nothing_again(tmp_path):
 def test_a_launcher_gets_every_process_in_one_pass(tmp_path):
     batches = []
 
-    def launch(jobs):
+    def launch(jobs, ended):
         batches.append(list(jobs))
-        return ["no queue"] * len(jobs)
+        for place in range(len(jobs)):
+            ended(place, "no queue")
 
     with pytest.raises(SystemExit):
         run_sweep(grid(tmp_path), launch=launch, at_once=6)

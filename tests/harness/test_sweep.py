@@ -18,12 +18,11 @@ from experiments.harness.configuration import (
     SweepConfiguration,
     records_folder,
 )
-from experiments.harness.identity import current_environment, identity, identity_of, measure
+from experiments.harness.identity import current_environment, identity, measure
 from experiments.harness.options import NoOptions
 from experiments.harness.points import plan_points
 from experiments.harness.processes.outcome import Outcome, skipped
 from experiments.harness.records import load_record, point_id, write_record
-from experiments.launched import measure_launched
 from experiments.methods.aligned import ALIGNED, AlignedOptions
 from experiments.methods.peers.embreex_run import EMBREEX
 from experiments.methods.pixel import PIXEL, PixelOptions
@@ -169,9 +168,16 @@ def test_processes_of_a_point_that_were_measured_with_other_limits_are_of_one_ro
     assert [point.process for point in again.points] == [1]
 
 
+def measured_by_other_code(planned):
+    record = measure(planned, Runner())
+    other = {"code_sha256": "another"}
+    record = replace(record, point_id=point_id(record.configuration | other, record.environment))
+    return replace(record, environment=record.environment | other)
+
+
 def test_a_table_of_other_code_is_replaced_though_a_limit_of_its_command_is_another(tmp_path):
     (planned,) = plan_points([configuration(tmp_path)])
-    write_tables(tmp_path / "one", make_tables([measured_elsewhere(planned, code_sha256="another")]))
+    write_tables(tmp_path / "one", make_tables([measured_by_other_code(planned)]))
     (tmp_path / "one" / "command.txt").write_text("run.py measure.time_limit_s=10 sweep=one\n")
     one = configuration(tmp_path)
     run_sweep([GridPoint("a", one)], command="run.py sweep=one measure.time_limit_s=20", run=Runner())
@@ -194,16 +200,6 @@ def test_a_point_skipped_for_want_of_a_library_is_measured_when_the_library_is_t
     assert sweep(False) == ({"aligned": "skipped", "pixel": "ok"}, ["pixel"])
     assert sweep(False) == ({"aligned": "skipped", "pixel": "ok"}, [])
     assert sweep(True) == ({"aligned": "ok", "pixel": "ok"}, ["aligned"])
-
-
-def test_a_launched_job_measures_a_point_that_was_skipped_before(tmp_path, monkeypatch):
-    one, runner = configuration(tmp_path), Runner()
-    (planned,) = plan_points([one])
-    write_record(records_folder(one), measure(replace(planned, problem=InputError("cannot load it"))))
-    monkeypatch.setattr("experiments.launched.measure", lambda planned: measure(planned, runner))
-    for _ in range(2):
-        measure_launched(one)
-    assert len(runner.points) == 1
 
 
 def test_the_memory_budget_is_a_share_of_what_is_free_or_what_is_said(monkeypatch):
@@ -244,71 +240,6 @@ def test_a_peer_s_point_is_another_one_with_another_version_of_the_peer(tmp_path
     peer, own = named()
     assert peer != before[0]
     assert own == before[1]
-
-
-def measured_elsewhere(planned, **environment):
-    """The record another machine, or other code, would have written; `environment` is what differs there."""
-    record = measure(planned, Runner())
-    if "code_sha256" in environment:
-        record = replace(record, point_id=point_id(record.configuration | environment, record.environment))
-        return replace(record, environment={**record.environment, **environment})
-    record = replace(record, environment={**record.environment, **environment})
-    return replace(record, point_id=identity_of(record, planned.point))
-
-
-class Elsewhere:
-    """Stands in for a launcher whose jobs run on other machines: each writes the record of its point."""
-
-    def __init__(self, folder, configurations, cpu):
-        self.folder, self.configurations, self.cpu, self.written, self.jobs = folder, configurations, cpu, [], []
-
-    def __call__(self, jobs):
-        self.jobs += jobs
-        for planned in plan_points(self.configurations):
-            record = measured_elsewhere(planned, cpu=self.cpu.format(planned.point.options.split_x))
-            write_record(self.folder / "records", record)
-            self.written.append(record.point_id)
-        return [None] * len(jobs)
-
-
-def test_launched_points_are_found_by_their_configuration(tmp_path):
-    configurations = [configuration(tmp_path, split_x=split) for split in (1, 2)]
-    launch = Elsewhere(tmp_path, configurations, "another cpu")
-    points = [GridPoint("a", one, (f"method.split_x={one.method.options.split_x}",)) for one in configurations]
-    table = run_sweep(points, launch=launch, at_once=2)
-    assert sorted(launch.jobs) == [("method.split_x=1",), ("method.split_x=2",)]
-    assert list(table["point_id"]) == launch.written
-    assert list(table["grids"]) == ["a", "a"]
-    assert set(table["cpu"]) == {"another cpu"}
-
-
-@pytest.mark.parametrize("faults", ["other code", "another name", "another method", "no record"])
-def test_a_job_s_record_that_this_code_did_not_write_is_not_taken(tmp_path, faults, capsys):
-    (planned,) = plan_points([configuration(tmp_path)])
-    record = measured_elsewhere(planned, cpu="another cpu")
-    if faults == "other code":
-        record = measured_elsewhere(planned, cpu="another cpu", code_sha256="0")
-    elif faults == "another name":
-        record = replace(record, point_id="f00")
-    elif faults == "another method":  # of a later version
-        record = replace(record, configuration=record.configuration | {"method": "later"})
-    path = write_record(tmp_path / "records", record)
-    if faults == "no record":
-        path.write_text("{}")
-    with pytest.raises(SystemExit):
-        run_sweep([GridPoint("a", configuration(tmp_path))], launch=lambda jobs: [None])
-    assert "no record: its job left none to use" in capsys.readouterr().err
-    assert path.exists()  # it may be of another version, which can still read it
-
-
-def test_launched_points_of_two_machines_are_not_put_into_one_table(tmp_path):
-    configurations = [configuration(tmp_path, split_x=split) for split in (1, 2)]
-    with pytest.raises(InputError, match="cpu is 'cpu 1' in one and 'cpu 2' in the other"):
-        run_sweep(
-            [GridPoint("a", one) for one in configurations],
-            launch=Elsewhere(tmp_path, configurations, "cpu {}"),
-            at_once=2,
-        )
 
 
 def test_a_peer_that_does_not_tell_its_memory_is_no_reason_to_stop(tmp_path):

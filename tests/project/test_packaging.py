@@ -50,9 +50,9 @@ def test_the_library_depends_on_what_it_imports():
 
 def test_the_harness_adds_what_it_imports():
     harness, extras = imported("experiments", "scenes", "examples"), PROJECT["optional-dependencies"]
-    # requests comes with pooch, ray with its launcher; an example uses pvlib where it is
+    # requests comes with pooch, ray and submitit with their launchers; an example uses pvlib where it is
     extra = [one for name in ("fetch", "peers", "dask", "viewer") for one in extras[name]]
-    optional = named([*extra, "requests", "ray", "pvlib"])
+    optional = named([*extra, "requests", "ray", "submitit", "hydra_plugins", "pvlib"])
     parquet = {"pyarrow"}  # with which pandas reads and writes tables
     assert named(extras["harness"]) == (harness | parquet) - named(PROJECT["dependencies"]) - optional
 

@@ -1,0 +1,123 @@
+"""Waiting for submitted jobs; jobs and queue are stand-ins: what is told of each job, and when the wait ends."""
+
+import os
+import pickle
+import signal
+import sys
+from types import SimpleNamespace
+
+import pytest
+from hydra.core.utils import JobStatus
+
+from experiments import submitted
+from experiments.submitted import run_submitted
+
+pytest.importorskip("submitit", reason="hydra-submitit-launcher is not installed: pip install 'atra[submitit]'")
+
+
+class SlurmJob:
+    """It has ended with a result, (outcome, what was returned), or None: it has none."""
+
+    def __init__(self, folder, job_id, result=None, said=""):
+        self.job_id, self.said = job_id, said
+        self.paths = SimpleNamespace(folder=folder, result_pickle=folder / f"{job_id}.pkl")
+        if result is not None:
+            self.paths.result_pickle.write_bytes(pickle.dumps(result))
+
+    def stderr(self):
+        return self.said
+
+
+FINE = ("success", SimpleNamespace(status=JobStatus.COMPLETED))
+RAISED = ("success", SimpleNamespace(status=JobStatus.FAILED, _return_value=ValueError("no such scene")))
+BROKEN = ("error", "Traceback\n  a line\nModuleNotFoundError: No module named 'experiments'\n")
+
+
+@pytest.fixture
+def run(monkeypatch):
+    """Wait for jobs in no time: a job has as long as the queue answers, which it does once a look."""
+    commands = []
+    monkeypatch.setattr(submitted, "_LOOK_S", 0.001)
+    monkeypatch.setattr(submitted, "_ASK_S", 0.0)
+    monkeypatch.setattr(submitted, "_GRACE_S", 0.01)
+    monkeypatch.setattr(submitted, "_SILENT_S", 0.05)
+
+    def run(jobs, queue):
+        def answer(command, **_):
+            commands.append(command)
+            if command[0] == "scancel":
+                return None
+            return SimpleNamespace(stdout="\n".join(queue()))
+
+        monkeypatch.setattr(submitted.subprocess, "run", answer)
+        monkeypatch.setattr(submitted, "_submit", lambda *_: jobs)
+        told = {}
+        run_submitted(None, [[]] * len(jobs), told.__setitem__)
+        return told
+
+    run.commands = commands
+    return run
+
+
+def test_each_job_is_told_of_by_itself_with_the_reason_of_its_failure(run, tmp_path):
+    jobs = [
+        SlurmJob(tmp_path, "7_0", FINE),
+        SlurmJob(tmp_path, "7_1", RAISED),
+        SlurmJob(tmp_path, "7_2", BROKEN),
+        SlurmJob(tmp_path, "7_3", said="a line\nslurmstepd: error: oom-kill\n"),
+        SlurmJob(tmp_path, "7_4"),
+    ]
+    looks = []
+
+    def queue():
+        looks.append(None)
+        if len(looks) == 40:  # long after the others
+            SlurmJob(tmp_path, "7_4", FINE)
+        return ["7_4"]
+
+    assert run(jobs, queue) == {
+        0: None,
+        1: "no such scene",
+        2: "ModuleNotFoundError: No module named 'experiments'",
+        3: "job 7_3 ended without a result: slurmstepd: error: oom-kill",
+        4: None,
+    }
+
+
+def test_a_queue_that_does_not_answer_is_given_up_in_the_end(run, tmp_path):
+    def queue():
+        raise OSError("no squeue")
+
+    told = run([SlurmJob(tmp_path, "7_0", FINE), SlurmJob(tmp_path, "7_1")], queue)
+    assert told == {0: None, 1: "squeue has not answered for 0 min"}
+
+
+def test_an_interrupt_cancels_each_array_once(run, tmp_path):
+    def queue():
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run([SlurmJob(tmp_path, "7_0"), SlurmJob(tmp_path, "7_1")], queue)
+    assert run.commands[-1] == ["scancel", "7"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no SIGINT to one process")
+def test_an_interrupt_while_jobs_are_submitted_waits_until_they_are_known_and_cancels_them(run, tmp_path):
+    class Submitted(list):
+        def __iter__(self):
+            os.kill(os.getpid(), signal.SIGINT)
+            return super().__iter__()
+
+    with pytest.raises(KeyboardInterrupt):
+        run(Submitted([SlurmJob(tmp_path, "8")]), list)
+    assert run.commands == [["scancel", "8"]]
+
+
+def test_a_queue_that_refuses_the_jobs_says_why(monkeypatch):
+    def refuse(*_):
+        raise RuntimeError("Invalid account\nand more")
+
+    monkeypatch.setattr(submitted, "_submit", refuse)
+    told = {}
+    run_submitted(None, [[], []], told.__setitem__)
+    assert told == dict.fromkeys(range(2), "RuntimeError: Invalid account")
