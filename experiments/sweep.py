@@ -29,8 +29,7 @@ from experiments.report.writing import check_figures, choose_folder, tell_whose_
 from experiments.results.doubts import was_quiet
 from experiments.results.processes import WHY, as_replacement, to_replace
 from experiments.results.table import make_tables
-from experiments.results.terminal import print_sweep, results_console, say_label, say_outcome
-from experiments.workloads.images import say_wrong_image
+from experiments.results.terminal import print_sweep, results_console, say_label, say_outcome, say_problems
 from scenes.loading import replace_missing_scenes
 
 
@@ -113,14 +112,9 @@ def _finish(sweep: _Sweep, first: Configuration, folder: Path, command: str, int
     if interrupted:
         print(f"{PROGRAM}: interrupted; {left} points left, the same command goes on from here", file=sys.stderr)
         raise SystemExit(130)
-    failed = int((table["status"] == "failed").sum())
-    if failed or left:
-        what = ", ".join([f"{failed} points failed"] * bool(failed) + [f"{left} points have no record"] * bool(left))
-        print(f"{PROGRAM}: {what}; the same command tries them again", file=sys.stderr)
-    wrong = sum(say_wrong_image(record.results) is not None for record in done.values())
-    if wrong:
-        print(f"{PROGRAM}: {wrong} processes found a wrong image", file=sys.stderr)
-    if failed or left or wrong:
+    problem = say_problems(table, done.values(), left)
+    if problem is not None:
+        print(f"{PROGRAM}: {problem}", file=sys.stderr)
         raise SystemExit(1)
     return table
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +20,9 @@ from experiments.harness.records import Record
 from experiments.methods import find_method
 from experiments.methods.naming import Row, best_of, say_point
 from experiments.results.claims import NOT_MEASURED, Claim, judge_all
+from experiments.results.doubts import WRONG
 from experiments.results.settings import say_setting, settings_that_vary, without_numbers
-from experiments.results.table import WRONG, Tables, columns, workload_rows
+from experiments.results.table import Tables, columns, workload_rows
 from experiments.workloads import WORKLOADS, find_workload
 from experiments.workloads.images import say_wrong_image
 
@@ -130,6 +131,15 @@ def print_sweep(tables: Tables, folder: Path, console: Console) -> None:
     counts += f" ({doubtful} with doubts about their times, see the column doubts)" if doubtful else ""
     files = ", ".join(path.name for path in sorted(folder.iterdir()) if path.is_file() and path.name[0] != ".")
     say(console, f"{counts or 'nothing measured'}; in {folder}: {files}")
+
+
+def say_problems(table: pd.DataFrame, records: Iterable[Record], left: int) -> str | None:
+    """Why a sweep ends with an error, None = it does not. left: points without a record."""
+    failed = int((table["status"] == "failed").sum())
+    wrong = sum(say_wrong_image(record.results) is not None for record in records)
+    told = [f"{failed} points failed"] * bool(failed) + [f"{left} points have no record"] * bool(left)
+    again = [f"{', '.join(told)}; the same command tries them again"] * bool(told)
+    return "; ".join([*again, *[f"processes that saw a wrong image: {wrong}"] * bool(wrong)]) or None
 
 
 def claim_lines(claims: Sequence[Claim], processes: pd.DataFrame) -> Iterator[str]:
