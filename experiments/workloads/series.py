@@ -178,7 +178,8 @@ def say_ratio(row: pd.Series) -> str:
 
 
 def say_wrong(rows: pd.DataFrame, name: str) -> list[str]:
-    """A line for each row with pixels that are wrong."""
+    """A line for each measured row with pixels that are wrong; of a wrong image, `say_unmeasured` tells."""
+    rows = rows[rows["status"].eq("ok").fillna(False).astype(bool)]
     wrong = rows[column(rows, "pixels_wrong").gt(0).fillna(False).astype(bool)]
     return [
         f"{', '.join(filter(None, [name, say_split(row)]))}: "
