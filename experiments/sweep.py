@@ -191,16 +191,15 @@ class _Sweep:
                     self.quiet.for_quiet()
                 self._keep(name, measure(self.points[name].planned, self.run))
                 self.is_quiet = was_quiet(self.done[name])
-            return [say_outcome(self.done[name]) for name in batch]
+            return [say_outcome(self.done[name], self.folder) for name in batch]
         try:
             problems = self.launch([self.points[name].overrides for name in batch])
         finally:  # an interrupt, too, leaves records of the batch
             found = self._launched(batch)
             self.done |= found
-        return [
-            say_outcome(found[name]) if name in found else f"no record: {problem or 'its job left none to use'}"
-            for name, problem in zip(batch, problems, strict=True)
-        ]
+        told = {name: say_outcome(record, self.folder) for name, record in found.items()}
+        why = (f"no record: {problem or 'its job left none to use'}" for problem in problems)
+        return [told.get(name, reason) for name, reason in zip(batch, why, strict=True)]
 
     def _launched(self, batch: Sequence[str]) -> dict[str, Record]:
         """The records of launched points, by this machine's identity of the point.

@@ -32,7 +32,7 @@ def run_single_point(configuration: Configuration) -> Record:
         progress.begin(say_label(planned.point))
         record = measure(planned)
         path = write_record(folder, record)
-        progress.end(say_label(planned.point), say_outcome(record))
+        progress.end(say_label(planned.point), say_outcome(record, folder))
     if record.status == "ok":
         print_point(make_table([record]).iloc[0], results_console())
         print(f"record: {path}")
@@ -42,10 +42,10 @@ def run_single_point(configuration: Configuration) -> Record:
             print(f"{PROGRAM}: the image is wrong: {wrong}", file=sys.stderr)
             raise SystemExit(1)
         return record
-    if record.results.get("on_purpose"):
-        raise InputError(str(record.error))
     for line in str(record.results.get("worker_output", "")).splitlines():
         print(printable(line), file=sys.stderr)
+    if record.results.get("on_purpose"):
+        raise InputError(str(record.error))
     print(f"{PROGRAM}: {printable(str(record.error))}; record: {path}", file=sys.stderr)
     raise SystemExit(1)
 

@@ -59,6 +59,7 @@ class SweepProgress:
     def end(self, label: str, outcome: str, kind: str | None = None) -> None:
         """The point begun last is done, or the next of several begun together.
 
+        outcome: what came of it, a line, and further lines that are told below it.
         kind: of points that compile the same kernels. The first of a kind may have waited for them, so how long it took
         says nothing of the others; None = it says as much as any.
         """
@@ -72,7 +73,10 @@ class SweepProgress:
         self._bar.update(self._task, completed=self._done, left=self._left())
         count = f"[{self._done:>{len(str(self._total))}}/{self._total}]"
         left = "" if self._console.is_terminal else f" ({self._left()})"
-        say(self._console, f"{count} {label}: {outcome}{left}")
+        first, *further = outcome.split("\n")
+        say(self._console, f"{count} {label}: {first}{left}")
+        for line in further:
+            say(self._console, f"    {line}")
 
     def _left(self) -> str:
         remaining = self._total - self._done

@@ -15,8 +15,9 @@ from atra.errors import printable
 from experiments.harness.method import Tracing
 from experiments.harness.options import plain_options
 from experiments.harness.point import Point
+from experiments.harness.processes.worker import METHOD_LINES
 from experiments.harness.progress import say
-from experiments.harness.records import Record
+from experiments.harness.records import Record, record_path
 from experiments.methods import find_method
 from experiments.methods.naming import Row, best_of, say_point
 from experiments.results.claims import NOT_MEASURED, Claim, judge_all
@@ -48,12 +49,20 @@ def _say_workload(row: Row) -> list[str]:
     return [row["workload"], *(say_setting(name, row[name]) for name in told)]
 
 
-def say_outcome(record: Record) -> str:
-    """One line on a record, for the progress display."""
+def say_outcome(record: Record, folder: Path | None = None) -> str:
+    """One line on a record, for the progress display. folder: of the records; given, `failure_lines` follow."""
     if record.status != "ok":
-        return f"{record.status}: {record.error}"
+        told = f"{record.status}: {printable(str(record.error))}"
+        more = () if folder is None or record.status != "failed" else failure_lines(record, folder)
+        return "\n".join([told, *more])
     told, wrong = find_workload(record.configuration["workload"]).headline(record), say_wrong_image(record.results)
     return told if wrong is None else f"{WRONG}: {wrong}; {told}"
+
+
+def failure_lines(record: Record, folder: Path) -> list[str]:
+    """Where in the code of another's method a point failed, and the path of its record. folder: of the records."""
+    lines = [printable(line) for line in record.results.get(METHOD_LINES, ())]
+    return [*lines, f"record: {record_path(folder, record.point_id)}"]
 
 
 def print_point(row: pd.Series, console: Console) -> None:
