@@ -27,9 +27,8 @@ from experiments.results.best_so_far import best_splits
 from experiments.results.doubts import was_quiet
 from experiments.results.processes import WHY, as_replacement, key_of, to_replace
 from experiments.results.table import Tables, make_tables
-from experiments.results.terminal import print_sweep, results_console, say_label, say_outcome
+from experiments.results.terminal import print_sweep, results_console, say_label, say_outcome, say_problems
 from experiments.sweep_points import GridPoint, SweepPoint, in_order, plan_sweep
-from experiments.workloads.images import say_wrong_image
 
 _PROCESS_S = 3.0
 """Seconds that a process is expected to take before any is measured: its start and some frames of a million pixels."""
@@ -108,14 +107,9 @@ def _finish(sweep: _Sweep, first: Configuration, folder: Path, command: str, int
     if interrupted:
         print(f"{PROGRAM}: interrupted; {left} points left, the same command goes on from here", file=sys.stderr)
         raise SystemExit(130)
-    failed = int((table["status"] == "failed").sum())
-    if failed or left:
-        what = ", ".join([f"{failed} points failed"] * bool(failed) + [f"{left} points have no record"] * bool(left))
-        print(f"{PROGRAM}: {what}; the same command tries them again", file=sys.stderr)
-    wrong = sum(say_wrong_image(record.results) is not None for record in sweep.done.values())
-    if wrong:
-        print(f"{PROGRAM}: {wrong} processes found a wrong image", file=sys.stderr)
-    if failed or left or wrong:
+    problem = say_problems(table, sweep.done.values(), left)
+    if problem is not None:
+        print(f"{PROGRAM}: {problem}", file=sys.stderr)
         raise SystemExit(1)
     return table
 
@@ -232,7 +226,7 @@ class _Sweep:
             self._keep(name, measure(self.points[name].planned, self.run))
             self.is_quiet = was_quiet(self.done[name])
             # What tells points apart that compile other kernels.
-            progress.end(label, say_outcome(self.done[name]), f"{point.workload.name} {point.method.name}")
+            progress.end(label, say_outcome(self.done[name], self.folder), f"{point.workload.name} {point.method.name}")
             progress.show_best(best_splits(self.done.values()))
 
     def _have_measured(self, names: Sequence[str], launched: Launched, progress: SweepProgress) -> None:
@@ -241,7 +235,7 @@ class _Sweep:
         def ended(name: str, record: Record | None, problem: str | None) -> None:
             if record is not None:
                 self._keep(name, record)
-            told = f"no record: {problem}" if record is None else say_outcome(record)
+            told = f"no record: {problem}" if record is None else say_outcome(record, self.folder)
             progress.end(say_label(self._point(name)), told)
             progress.show_best(best_splits(self.done.values()))
 

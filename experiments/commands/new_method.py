@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 
 from atra.errors import InputError, StorageError
@@ -15,9 +17,19 @@ USAGE = f"{COMMAND} new-method mine"
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
+def _is_module(name: str) -> bool:
+    """Whether `import NAME` finds a module, which a file of that name would hide."""
+    try:
+        spec = find_spec(name)
+    except (ImportError, ValueError):  # one that is being imported, or was put together by hand
+        return True
+    # A folder without code, such as one of results, is a package to Python, too.
+    return name in sys.stdlib_module_names or (spec is not None and spec.origin is not None)
+
+
 def run_new_method(arguments: Sequence[str]) -> Path:
     """Write the file into this folder and say what to do next; returns its path. Raises InputError for a name that is
-    taken or no name, and for a file that is there."""
+    taken, that of a module or no name, and for a file that is there."""
     if len(arguments) != 1:
         raise InputError(f"expected: {USAGE}")
     name = arguments[0].removesuffix(".py")
@@ -26,6 +38,11 @@ def run_new_method(arguments: Sequence[str]) -> Path:
             f"a method cannot be called {name!r}, expected small letters that no method has; expected: {USAGE}"
         )
     path = Path(f"{name}.py")
+    if not path.exists() and _is_module(name):
+        raise InputError(
+            f"a method cannot be called {name!r}: Python has a module of that name, in whose place {path} would be "
+            f"imported; expected another name, as in {USAGE}"
+        )
     template = Path(__file__).with_name("new_method_template.txt").read_text(encoding="utf-8")
     try:
         with path.open("x", encoding="utf-8") as file:

@@ -38,7 +38,7 @@ def run_single_point(configuration: Configuration) -> Record:
         kept = read_record(folder, record.point_id)
         is_kept = kept is not None and kept.status == "ok"
         path = write_record(folder.with_name(_SINGLES) if is_kept else folder, record)
-        progress.end(say_label(planned.point), say_outcome(record))
+        progress.end(say_label(planned.point), say_outcome(record, path.parent))
     if record.status == "ok":
         print_point(make_table([record]).iloc[0], results_console())
         print(f"record: {path}")
@@ -50,10 +50,10 @@ def run_single_point(configuration: Configuration) -> Record:
             print(f"{PROGRAM}: the image is wrong: {wrong}", file=sys.stderr)
             raise SystemExit(1)
         return record
-    if record.results.get("on_purpose"):
-        raise InputError(str(record.error))
     for line in str(record.results.get("worker_output", "")).splitlines():
         print(printable(line), file=sys.stderr)
+    if record.results.get("on_purpose"):
+        raise InputError(str(record.error))
     print(f"{PROGRAM}: {printable(str(record.error))}; record: {path}", file=sys.stderr)
     raise SystemExit(1)
 

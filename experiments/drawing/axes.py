@@ -66,6 +66,17 @@ def draw_baseline(
     return float(q3)
 
 
+def draw_level(axis: Axes, ends: Sequence[float], color: str, label: str) -> None:
+    """A level line at the value of something without splits, and a band over its interval.
+
+    ends: the value and both ends of the interval, NaN where there is none.
+    """
+    value, low, high = ends
+    axis.axhline(value, color=color, linewidth=1.5, zorder=2.5, label=label)
+    if np.isfinite(low) and np.isfinite(high):
+        axis.axhspan(low, high, color=color, alpha=0.15, linewidth=0, zorder=1)
+
+
 def finish_split_axes(axis: Axes, splits: Iterable[int], axis_name: str, quantity: str) -> None:
     """Both axes logarithmic with readable ticks, labels and a light grid. To be called once everything is drawn."""
     axis.set_yscale("log")

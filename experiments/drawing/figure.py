@@ -9,8 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib
+import numpy as np
 import pandas as pd
 from matplotlib import figure as mpl
+from matplotlib.text import Text
 
 Draw = Callable[[pd.DataFrame, Path, int], mpl.Figure]
 """Rows of the table, the folder of the records, and how many panels stand side by side -> figure."""
@@ -44,7 +46,7 @@ class FigureKind:
 @dataclass(frozen=True)
 class DrawnFigure:
     """A figure as the contents of its files. narrow: an SVG of one column, for a page as narrow as 400 px.
-    point_ids: of the points it shows."""
+    point_ids: of the points it shows. words: all that is written in it."""
 
     name: str
     caption: str
@@ -53,6 +55,7 @@ class DrawnFigure:
     narrow: bytes
     point_ids: frozenset[str]
     in_page: bool = True
+    words: str = ""
 
 
 def of_table(draw: Callable[[pd.DataFrame, int], mpl.Figure]) -> Draw:
@@ -61,21 +64,35 @@ def of_table(draw: Callable[[pd.DataFrame, int], mpl.Figure]) -> Draw:
 
 
 def draw_figure(kind: FigureKind, rows: pd.DataFrame, records: Path) -> Iterator[DrawnFigure]:
-    """The figure of these rows, or one for each packet width; nothing where no point was measured."""
-    widths = sorted(int(width) for width in rows["packet_width"].dropna().unique())
+    """The figure of these rows, or one for each packet width; none where no point was measured, or it would be empty.
+
+    Rows without a packet width, as of methods that do not tell theirs, are part of every one.
+    """
+    known = rows["packet_width"].fillna(0)
+    widths = sorted(int(width) for width in known[known > 0].unique())
     if not kind.per_packet_width or len(widths) < 2:
         parts = [(kind.name, kind.caption, rows)]
     else:
         named = {width: "single rays" if width == 1 else f"packets of {width}" for width in widths}
         parts = [
-            (f"{kind.name}_{rays.replace(' ', '_')}", f"{kind.caption}; {rays}", rows[rows["packet_width"] == width])
+            (f"{kind.name}_{rays.replace(' ', '_')}", f"{kind.caption}; {rays}", rows[known.isin((width, 0))])
             for width, rays in named.items()
         ]
     for name, caption, part in parts:
         if (part["status"] == "ok").any():
             wide = kind.draw(part, records, _WIDE)
+            if is_empty(wide):
+                continue
             narrow = _svg(kind.draw(part, records, _NARROW)) if kind.in_page else b""
-            yield DrawnFigure(name, caption, _png(wide), _svg(wide), narrow, frozenset(part["point_id"]), kind.in_page)
+            words = "\n".join(text.get_text() for text in wide.findobj(Text))
+            yield DrawnFigure(
+                name, caption, _png(wide), _svg(wide), narrow, frozenset(part["point_id"]), kind.in_page, words
+            )
+
+
+def is_empty(figure: mpl.Figure) -> bool:
+    """Whether nothing is drawn in any panel. Crosses of missing points, which hang on a panel's edge, are nothing."""
+    return not any(axis.get_visible() and np.isfinite(axis.dataLim.intervaly).all() for axis in figure.axes)
 
 
 def _png(figure: mpl.Figure) -> bytes:

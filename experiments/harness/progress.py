@@ -72,6 +72,7 @@ class SweepProgress:
     def end(self, label: str, outcome: str, kind: str | None = None) -> None:
         """The point begun last is done, or the next of several begun together.
 
+        outcome: what came of it, a line, and further lines that are told below it.
         kind: of points that compile the same kernels. The first of a kind may have waited for them, so how long it took
         says nothing of the others; None = it says as much as any.
         """
@@ -85,7 +86,10 @@ class SweepProgress:
         self._bar.update(self._task, completed=self._done, left=self._left())
         count = f"[{self._done:>{len(str(self._total))}}/{self._total}]"
         left = "" if self._console.is_terminal else f" ({self._left()})"
-        say(self._console, f"{count} {label}: {outcome}{left}")
+        first, *further = outcome.split("\n")
+        say(self._console, f"{count} {label}: {first}{left}")
+        for line in further:
+            say(self._console, f"    {line}")
 
     def show_best(self, lines: Sequence[str]) -> None:
         """The best of what was measured so far: below the bar on a terminal, elsewhere a line whenever it changes."""

@@ -14,8 +14,9 @@ from experiments.harness.environment import BUSY_SHARE_OF_ALL_CORES
 from experiments.harness.point import Workload
 from experiments.methods import METHODS
 from experiments.methods.naming import say_point
+from experiments.results.doubts import WRONG
 from experiments.results.settings import NUMBER, settings_that_vary, without_numbers
-from experiments.results.table import WRONG, columns, workload_rows
+from experiments.results.table import columns, workload_rows
 from experiments.workloads import WORKLOADS
 
 _TO = "\N{EN DASH}"

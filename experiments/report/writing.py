@@ -21,6 +21,7 @@ from experiments.harness.environment import describe_difference
 from experiments.harness.identity import current_environment
 from experiments.harness.progress import say
 from experiments.harness.records import LIMITS, Record, exclusive, load_record
+from experiments.methods import find_method
 from experiments.paper.claims import judge_claims
 from experiments.paper.figures import FIGURES as PAPER_FIGURES
 from experiments.report.page import ReportContents, render_report
@@ -36,6 +37,7 @@ from experiments.results.table import (
 )
 from experiments.workloads import WORKLOADS
 from experiments.workloads.picture.files import read_pictures
+from experiments.workloads.series import of_files
 
 GRID_OF_FILES = "method_file"
 """The grid of the methods of files that a sweep measures beside its own; every figure of it draws them, too."""
@@ -78,7 +80,15 @@ def write_results(configuration: Configuration, tables: Tables, command: str) ->
     _write(folder, files, {**table_files(tables), _COMMAND_FILE: f"{command}\n".encode()})
     if report:
         return f"report: {folder / _PAGE}"
-    return f"{figures[0].caption}: {folder / figures[0].name}.png" if figures else None
+    first = _most_telling(figures, tables.points)
+    return f"{first.caption}: {folder / first.name}.png" if first else None
+
+
+def _most_telling(figures: Sequence[DrawnFigure], table: pd.DataFrame) -> DrawnFigure | None:
+    """The first figure that names all methods of files in the table, if there are any; or else the first."""
+    labels = [find_method(name).label for name in of_files(table)["method"].unique()]
+    named = [one for one in figures if all(re.search(rf"\b{re.escape(label)}\b", one.words) for label in labels)]
+    return next(iter([*named, *figures]), None)
 
 
 def run_report(configuration: Configuration) -> None:

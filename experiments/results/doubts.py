@@ -12,9 +12,13 @@ from experiments.harness.processes.quiet import Busy
 from experiments.harness.records import Record
 from experiments.results.settings import without_numbers
 from experiments.workloads import find_workload
+from experiments.workloads.images import say_wrong_image
 
 _OUT_OF_PROPORTION = 10.0
 """Samples this many times longer or shorter than their method's median make a point doubtful."""
+
+WRONG = "wrong"
+"""Status of a point that was timed and whose image is wrong: figures and ratios leave its time out."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +88,11 @@ def was_quiet(record: Record) -> bool:
     """Whether the machine was quiet while the point was measured; False where nobody knows."""
     others = record.results.get("others_share")
     return others is not None and Busy(others, record.results.get("stolen_share") or 0.0).is_quiet
+
+
+def why_wrong(record: Record) -> str | None:
+    """Why no time of a record may be compared: its image is wrong. Where nothing is timed, that is a result."""
+    return None if _judged(record) is None else say_wrong_image(record.results)
 
 
 def _judged(record: Record) -> list[float] | None:

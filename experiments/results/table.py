@@ -19,12 +19,11 @@ from experiments.harness.point import Workload
 from experiments.harness.records import Record
 from experiments.methods import METHODS, find_method
 from experiments.results.canary import BAND, strays
-from experiments.results.doubts import doubts_of, say_doubts
+from experiments.results.doubts import WRONG, doubts_of, say_doubts, why_wrong
 from experiments.results.intervals import with_intervals
 from experiments.results.people import columns_for_people
 from experiments.results.processes import by_point, check_one_environment, is_replacement
 from experiments.workloads import WORKLOADS, find_workload
-from experiments.workloads.images import say_wrong_image
 from scenes.built_in import BUILT_IN
 
 
@@ -34,12 +33,6 @@ def _first(values: Sequence[Any]) -> Any:
 
 def _worst(statuses: Sequence[str]) -> str:
     return next(status for status in ("failed", "skipped", WRONG, "ok") if status in statuses)
-
-
-def _why_wrong(record: Record) -> str | None:
-    """Why no time of a record may be compared: its image is wrong. Where nothing is timed, that is a result."""
-    timed = record.status == "ok" and find_workload(record.configuration["workload"]).is_timed
-    return say_wrong_image(record.results) if timed else None
 
 
 def _of_all(values: Sequence[str]) -> str:
@@ -87,10 +80,10 @@ _OUTCOME_COLUMNS = (
         "status",
         TEXT,
         "ok, wrong (the image), skipped, failed or unsteady",
-        lambda record: WRONG if _why_wrong(record) else record.status,
+        lambda record: WRONG if why_wrong(record) else record.status,
         _worst,
     ),
-    Column("error", TEXT, "why, when not ok", lambda record: record.error or _why_wrong(record), _first),
+    Column("error", TEXT, "why, when not ok", lambda record: record.error or why_wrong(record), _first),
     Column("processes", WHOLE, "processes that measured it", lambda record: 1, sum),
     Column("processes_left_out", WHOLE, "processes left out, the machine not being as it mostly was"),
     Column("processes_replaced", WHOLE, "processes measured anew: strayed or disturbed", lambda record: None),
@@ -138,9 +131,6 @@ def columns(workloads: Sequence[Workload] | None = None) -> dict[str, Column]:
             raise ValueError(f"column {column.name} is {found[column.name].dtype} and {column.dtype}")
     return found
 
-
-WRONG = "wrong"
-"""Status of a point that was timed and whose image is wrong: figures and ratios leave its time out."""
 
 _ALWAYS = ("scene", "workload", "method", "status", "point_id", "grids")
 """Columns without which a file is no table of ours."""

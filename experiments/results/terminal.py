@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +15,15 @@ from atra.errors import printable
 from experiments.harness.method import Tracing
 from experiments.harness.options import plain_options
 from experiments.harness.point import Point
+from experiments.harness.processes.worker import METHOD_LINES
 from experiments.harness.progress import say
-from experiments.harness.records import Record
+from experiments.harness.records import Record, record_path
 from experiments.methods import find_method
 from experiments.methods.naming import Row, best_of, say_point
 from experiments.results.claims import NOT_MEASURED, Claim, judge_all
+from experiments.results.doubts import WRONG
 from experiments.results.settings import say_setting, settings_that_vary, without_numbers
-from experiments.results.table import WRONG, Tables, columns, workload_rows
+from experiments.results.table import Tables, columns, workload_rows
 from experiments.workloads import WORKLOADS, find_workload
 from experiments.workloads.images import say_wrong_image
 
@@ -47,12 +49,20 @@ def _say_workload(row: Row) -> list[str]:
     return [row["workload"], *(say_setting(name, row[name]) for name in told)]
 
 
-def say_outcome(record: Record) -> str:
-    """One line on a record, for the progress display."""
+def say_outcome(record: Record, folder: Path | None = None) -> str:
+    """One line on a record, for the progress display. folder: of the records; given, `failure_lines` follow."""
     if record.status != "ok":
-        return f"{record.status}: {record.error}"
+        told = f"{record.status}: {printable(str(record.error))}"
+        more = () if folder is None or record.status != "failed" else failure_lines(record, folder)
+        return "\n".join([told, *more])
     told, wrong = find_workload(record.configuration["workload"]).headline(record), say_wrong_image(record.results)
     return told if wrong is None else f"{WRONG}: {wrong}; {told}"
+
+
+def failure_lines(record: Record, folder: Path) -> list[str]:
+    """Where in the code of another's method a point failed, and the path of its record. folder: of the records."""
+    lines = [printable(line) for line in record.results.get(METHOD_LINES, ())]
+    return [*lines, f"record: {record_path(folder, record.point_id)}"]
 
 
 def print_point(row: pd.Series, console: Console) -> None:
@@ -130,6 +140,15 @@ def print_sweep(tables: Tables, folder: Path, console: Console) -> None:
     counts += f" ({doubtful} with doubts about their times, see the column doubts)" if doubtful else ""
     files = ", ".join(path.name for path in sorted(folder.iterdir()) if path.is_file() and path.name[0] != ".")
     say(console, f"{counts or 'nothing measured'}; in {folder}: {files}")
+
+
+def say_problems(table: pd.DataFrame, records: Iterable[Record], left: int) -> str | None:
+    """Why a sweep ends with an error, None = it does not. left: points without a record."""
+    failed = int((table["status"] == "failed").sum())
+    wrong = sum(say_wrong_image(record.results) is not None for record in records)
+    told = [f"{failed} points failed"] * bool(failed) + [f"{left} points have no record"] * bool(left)
+    again = [f"{', '.join(told)}; the same command tries them again"] * bool(told)
+    return "; ".join([*again, *[f"processes that saw a wrong image: {wrong}"] * bool(wrong)]) or None
 
 
 def claim_lines(claims: Sequence[Claim], processes: pd.DataFrame) -> Iterator[str]:

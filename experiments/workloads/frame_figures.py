@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from math import nan
 from typing import Any
@@ -13,12 +14,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from experiments.drawing.axes import draw_baseline, draw_series, finish_split_axes
+from experiments.drawing.axes import draw_baseline, draw_level, draw_series, finish_split_axes
 from experiments.drawing.bars import Bar
 from experiments.drawing.missing import Missing, absent_points, mark_missing, without_value
 from experiments.drawing.pages import write_lines
 from experiments.drawing.style import DASH_DOTTED, GREY, TIMES
-from experiments.drawing.values import MILLISECONDS, column, drawable, interval, numbers, only_measured, say_number
+from experiments.drawing.values import (
+    MILLISECONDS,
+    column,
+    drawable,
+    interval,
+    numbers,
+    only_measured,
+    row_interval,
+    say_number,
+)
 from experiments.methods import METHODS
 from experiments.methods.naming import (
     COPIED_OFF,
@@ -28,9 +38,10 @@ from experiments.methods.naming import (
     aligned_rows,
     best_of,
     expected_forms,
+    say_variant,
 )
 from experiments.methods.pixel import PIXEL
-from experiments.results.table import WRONG
+from experiments.results.doubts import WRONG
 from experiments.workloads import series
 from experiments.workloads.baselines import TIME_BASELINES
 from experiments.workloads.panels import Bars, Panel, bars_figure, make_panels, panels_figure
@@ -67,21 +78,29 @@ def draw_split_ratios(table: pd.DataFrame, columns: int = 2, axis_name: str = "s
 
 def _draw(table: pd.DataFrame, columns: int, axis_name: str, draw_panel: Callable[..., None], *foot: str) -> Figure:
     panels = make_panels(aligned_rows(table), (axis_name, *FORM_OPTIONS))
+    panels = [replace(one, rows=pd.concat([one.rows, series.beside(one.rows, table)])) for one in panels]
     draw = partial(draw_panel, axis_name=axis_name)
-    return panels_figure(panels, draw, columns, table, *foot, _RINGED, legend=RATIO_LABELS)
+    legend = [*RATIO_LABELS, *(one.name for one in series.best_points(series.of_files(table)))]
+    return panels_figure(panels, draw, columns, table, *foot, _RINGED, legend=legend)
 
 
 def draw_times(axis: Axes, rows: pd.DataFrame, axis_name: str) -> None:
-    """Milliseconds a frame of one panel's aligned rows, each form of the geometry a line, with the baselines."""
+    """Milliseconds a frame of one panel's aligned rows, each form of the geometry a line, with the baselines, and of
+    methods of files, which have no splits, as levels."""
+    others, rows = series.of_files(rows), aligned_rows(rows)
     for label, (name, style) in TIME_BASELINES.items():
         draw_baseline(axis, numbers(rows, name) * MILLISECONDS, style, label)
     say_best = partial(_say_best_time, axis_name=axis_name)
-    _draw_forms(axis, rows, axis_name, ("render_time{}_s", MILLISECONDS), say_best, _unmeasured_baselines(rows))
+    levels = _draw_levels(axis, others, ("render_time{}_s", MILLISECONDS), say_level)
+    notes = _unmeasured_baselines(rows)
+    _draw_forms(axis, rows, axis_name, ("render_time{}_s", MILLISECONDS), say_best, notes, levels)
     finish_split_axes(axis, rows[axis_name], axis_name, "time of a frame in ms")
 
 
 def draw_ratios(axis: Axes, rows: pd.DataFrame, axis_name: str) -> None:
-    """Ratios of one panel's aligned rows, each form of the geometry a line, with the baselines."""
+    """Ratios of one panel's aligned rows, each form of the geometry a line, with the baselines, and of methods of
+    files, which have no splits, as levels."""
+    others, rows = series.of_files(rows), aligned_rows(rows)
     ratio, start = series.own_ratio(rows), all_hits(rows)
     series.draw_ratio_baselines(axis, rows, ratio)
     for height in start:
@@ -92,7 +111,8 @@ def draw_ratios(axis: Axes, rows: pd.DataFrame, axis_name: str) -> None:
         return f"{_say_best_time(best, axis_name)}, {best[ratio]:.2f}{TIMES}{over}"
 
     notes = [*([] if len(start) else [f"{ALL_HITS}: not measured"]), *_unmeasured_baselines(rows)]
-    _draw_forms(axis, rows, axis_name, (ratio + "{}", 1.0), say_best, notes)
+    levels = _draw_levels(axis, others, (ratio + "{}", 1.0), partial(say_level, ratio=ratio))
+    _draw_forms(axis, rows, axis_name, (ratio + "{}", 1.0), say_best, notes, levels)
     finish_split_axes(axis, rows[axis_name], axis_name, f"speed-up over {series.say_baseline(ratio)}")
 
 
@@ -116,16 +136,43 @@ def _unmeasured_baselines(rows: pd.DataFrame) -> list[str]:
     return [f"{label}: not measured" for label, name in columns.items() if not drawable(numbers(rows, name)).any()]
 
 
+_Levels = tuple[list[tuple[str, list[str]]], list[str]]
+"""Lines of `write_lines` and notes of `write_notes` on the levels of a panel."""
+
+
+def _draw_levels(
+    axis: Axes, rows: pd.DataFrame, drawn: tuple[str, float], say: Callable[[pd.Series], str]
+) -> _Levels:  # fmt: skip
+    """A level for each method of a file, at the best of its options. drawn: as of `_draw_forms`. say: its best row in
+    words."""
+    lines, notes = [], []
+    for one in series.best_points(rows):
+        notes += one.notes()
+        for _, best in one.best.iterrows():
+            ends = row_interval(best, *drawn)
+            if ends[0] > 0:
+                draw_level(axis, ends, one.color, one.name)
+            lines.append((one.color, [f"{one.name}: {say(best)}"]))
+    return lines, notes
+
+
+def say_level(row: pd.Series, ratio: str | None = None) -> str:
+    """ "20.0 ms, 0.75×" of a row without splits; before it its options, where they are not the usual ones."""
+    words = [say_variant(row), f"{say_number(row['render_time_s'] * MILLISECONDS)} ms"]
+    words += [] if ratio is None or pd.isna(row[ratio]) else [f"{row[ratio]:.2f}{TIMES}"]
+    return ", ".join(filter(None, words))
+
+
 def _draw_forms(
     axis: Axes, rows: pd.DataFrame, axis_name: str, drawn: tuple[str, float], say_best: Callable[[pd.Series], str],
-    notes: Sequence[str],
+    notes: Sequence[str], levels: _Levels,
 ) -> None:  # fmt: skip
     """A line for each form, a ring around its best split, and below the panel what is best and what is missing.
 
-    drawn: the columns and the factor of `interval`.
+    drawn: the columns and the factor of `interval`. levels: lines and notes that follow.
     """
     missing: list[Missing] = []
-    lines = []
+    lines: list[tuple[str, list[str]]] = []
     forms = aligned_forms(rows)
     for form, points in forms.items():
         style, short = FORM_STYLES[form], form.removeprefix("aligned, ")
@@ -139,7 +186,8 @@ def _draw_forms(
             axis.plot([best[axis_name]] * len(height), height, "o", **_RING, markeredgecolor=style["color"])
             lines.append((style["color"], [f"{short}: {say_best(best)}"]))
     absent = [f"{one.removeprefix('aligned, ')}: not in the table" for one in expected_forms(rows) if one not in forms]
-    mark_missing(axis, missing, write_lines(axis, lines), [*absent, *notes])
+    beside, of_levels = levels
+    mark_missing(axis, missing, write_lines(axis, [*lines, *beside]), [*absent, *notes, *of_levels])
 
 
 def draw_methods_figure(table: pd.DataFrame, columns: int = 2) -> Figure:

@@ -32,6 +32,12 @@ MakeTracer = Callable[[Mesh, Camera], Any]
 
 _FEW = ((0, 1, 2), (0, 2, 3), (2, 1, 0), (4, 5, 6))
 
+_EVERYDAY = Mesh(
+    np.array([(-1, -0.9, 0.1), (0.9, -1, -0.2), (0.1, 0.8, 0.3), (1, 0.7, -1)], np.float32),
+    np.array([(0, 1, 2), (3, 2, 1)], np.uint32),
+)
+"""What other people's methods warm up on: no triangle that the eye sees edge on, none twice, as few tracers expect."""
+
 
 def load_mesh(point: Point) -> Mesh:
     """The mesh of the point's scene. Raises InputError if it changed since the run began."""
@@ -95,8 +101,9 @@ def warm_up(
 ) -> None:
     """Compile every kernel of the point and start Embree's threads, before memory is read or a clock runs.
 
-    makers: mesh and camera -> tracer; their cells must be those of `shrunk(point)`. use: what is done with each.
-    triangles: indices into the seven vertices here; by default two tie, and one cannot be shown by a copy.
+    makers: mesh and camera -> tracer, the point's own method first; their cells must be those of `shrunk(point)`. use:
+    what is done with each. triangles: indices into the seven vertices here; by default two tie, and one cannot be shown
+    by a copy. Another's method gets two triangles without such cases; what it raises has a note of these.
     """
     vertices = np.array(
         [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0), (0.3, 0.3, 2), (0, 0, 2), (0, 0, 1)], np.float32
@@ -104,9 +111,29 @@ def warm_up(
     mesh = Mesh(vertices, np.array(triangles, np.uint32))
     small = shrunk(point)
     camera = Camera((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 60.0, small.width, small.height)
-    for make in makers:
-        with make(mesh, camera) as tracer:
-            use(tracer)
+    own, *others = makers
+    try:
+        _use(own, mesh if point.method.is_ours else _EVERYDAY, camera, use)
+    except Exception as error:
+        if not point.method.is_ours:
+            error.add_note(f"while warming up, before the scene: {_say_everyday(camera)}")
+        raise
+    for make in others:
+        _use(make, mesh, camera, use)
+
+
+def _use(make: MakeTracer, mesh: Mesh, camera: Camera, use: Callable[[Any], object]) -> None:
+    with make(mesh, camera) as tracer:
+        use(tracer)
+
+
+def _say_everyday(camera: Camera) -> str:
+    """The mesh and the camera of the warm-up, so that its fault can be repeated."""
+    vertices = ", ".join("({:g}, {:g}, {:g})".format(*vertex) for vertex in _EVERYDAY.vertices)
+    return (
+        f"a mesh of vertices {vertices} and faces {_EVERYDAY.faces.tolist()}, a camera at {camera.eye} with target "
+        f"{camera.target}, up {camera.up}, {camera.fov_y_degrees:g} degrees, {camera.width} x {camera.height} pixels"
+    )
 
 
 def own_and_baselines(point: Point) -> list[MakeTracer]:

@@ -77,6 +77,24 @@ def _as_reported(rows: pd.DataFrame) -> pd.DataFrame:
     return rows
 
 
+def of_files(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows of methods of files, packages and programs: neither ours nor those of other people's libraries."""
+    names = [method.name for method in METHODS if not method.is_ours and not method.is_peer]
+    return rows[rows["method"].isin(names).to_numpy(bool)]
+
+
+_BESIDE = ("workload", "scene", "mesh_sha256", "view", "width", "height", "threads", "build_quality", "ties")
+
+
+def beside(rows: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
+    """The rows of methods of files in the table that measured what some rows measured: the same views and settings."""
+    found = of_files(table)
+    for name in _BESIDE:
+        if name in found and name in rows:
+            found = found[found[name].isin(rows[name]).to_numpy(bool)]
+    return found
+
+
 def draw_ratio_baselines(axis: Axes, rows: pd.DataFrame, ratio: str, upright: bool = False) -> float:
     """Draw a line at each baseline's ratio; one of the two is 1. Returns the end of the farther line's band."""
     own_s = numbers(rows, TIME_BASELINES[_BASELINES[ratio]][0])
@@ -160,7 +178,8 @@ def say_ratio(row: pd.Series) -> str:
 
 
 def say_wrong(rows: pd.DataFrame, name: str) -> list[str]:
-    """A line for each row with pixels that are wrong."""
+    """A line for each measured row with pixels that are wrong; of a wrong image, `say_unmeasured` tells."""
+    rows = rows[rows["status"].eq("ok").fillna(False).astype(bool)]
     wrong = rows[column(rows, "pixels_wrong").gt(0).fillna(False).astype(bool)]
     return [
         f"{', '.join(filter(None, [name, say_split(row)]))}: "

@@ -71,7 +71,7 @@ def best_split_table(rows: pd.DataFrame, unlike: str) -> Table:
         "best split of each scene, and speed-up over single rays and packets", "scene, method", headings
     )
     for kind, row, some in best_by_kind(rows):
-        width = "" if pd.isna(row["packet_width"]) else str(row["packet_width"])
+        width = str(row["packet_width"]) if pd.notna(row["packet_width"]) and row["packet_width"] > 0 else ""
         table.add_row(
             plain(row["scene"], kind), width, grid_of(row), say_ms(row["render_time_s"]),
             *times(row, "speedup", "speedup_vs_packets"), str(some[unlike].sum()),

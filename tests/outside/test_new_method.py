@@ -52,6 +52,19 @@ def test_a_name_that_no_method_can_have_is_refused(tmp_path, name):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("name", ["numpy", "atra", "experiments", "dataclasses", "sys", "numba"])
+def test_a_name_of_a_module_is_refused_since_the_file_would_be_imported_in_its_place(tmp_path, name):
+    done = run_here(tmp_path, "new-method", name)
+    assert done.returncode == 2
+    assert f"Python has a module of that name, in whose place {name}.py would be imported" in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_of_data_does_not_take_its_name(tmp_path):
+    (tmp_path / "results").mkdir()
+    assert run_here(tmp_path, "new-method", "results").returncode == 0
+
+
 def test_a_file_that_is_there_is_left_alone(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.py").write_text("mine", encoding="utf-8")

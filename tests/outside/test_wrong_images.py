@@ -68,7 +68,7 @@ def test_a_sweep_with_a_wrong_image_has_a_row_that_is_wrong_and_ends_with_an_err
     (path,) = files.glob("results/*/table.parquet")
     table = pd.read_parquet(path).set_index("method")
     assert done.returncode == 1
-    assert "found a wrong image" in done.stderr
+    assert "processes that saw a wrong image: 1" in done.stderr
     assert "4,096 of 4,096 pixels wrong" in done.stdout
     assert table["status"].to_dict() == {"mistaken": "wrong", "nearly": "ok"}
     assert table["error"]["mistaken"] == "4,096 of 4,096 pixels wrong"

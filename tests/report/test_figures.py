@@ -149,7 +149,7 @@ INSTANCED = memory_row(2, 100, 102, 102, culling=False, geometry="instanced")
     ),
     ([*SPLITS, time_row(1, 0.01, split_y=2)], ["figure4", "figure4_speedup"]),
     ([*SPLITS, build_row(1, 0.1, 0.2), memory_row(1, 1, 2, 3)], [*FIGURE5, "figure6", "figure7"]),
-    ([*SPLITS, INSTANCED], [*FIGURE5, "figure7", "figure7_instancing"]),
+    ([*SPLITS, INSTANCED], [*FIGURE5, "figure7_instancing"]),
     ([time_row(2, 0.01), time_row(2, 0.01, method="tiles")], ["methods", "break_even"]),
     ([time_row(2, 0.01), time_row(1, 0.01, method="embreex")], ["methods", "break_even", "peers"]),
     ([time_row(2, 0.01), time_row(2, 0.01, threads=2)], ["threads"]),

@@ -79,7 +79,7 @@ def _run_in(folder: Path, point: Point, command: Sequence[str]) -> Outcome:
         except (ValueError, TypeError) as error:
             reason = f"the worker's result is not complete ({error})"
         else:
-            if outcome.status == "failed" and not outcome.on_purpose:
+            if outcome.status == "failed" and printed:
                 outcome.results["worker_output"] = printed
             return outcome
     last_line = printable(printed.rpartition("\n")[2][:_LONGEST_LINE])

@@ -24,6 +24,14 @@ from experiments.harness.options import find_named, typed_options
 from experiments.harness.point import Kinds, Measured, Point
 from experiments.harness.processes.outcome import Outcome, skipped
 
+METHOD_LINES = "method_lines"
+"""Result of a record whose point failed in the code of another's method: where, in that code."""
+
+_MOST_LINES = 3
+"""As many lines are told from the start and from the end of where an error came from."""
+
+_OURS = tuple(Path(__file__).resolve().parents[3] / package for package in ("atra", "experiments", "scenes"))
+
 CANNOT_WRITE = 74
 """Exit code of a worker that has no room for its result, and perhaps none for words either; EX_IOERR of sysexits."""
 
@@ -82,12 +90,26 @@ def outcome_of(point: Point) -> Outcome:
     except MemoryBudgetError as error:
         return skipped(error)
     except AtraError as error:
-        return Outcome("failed", str(error), on_purpose=True)
+        return Outcome("failed", _with_notes(str(error), error), on_purpose=True, results=_own_lines(point, error))
     except Exception as error:
         with suppress(OSError):  # where there is no room for words, the outcome says the most of it
             traceback.print_exc()
-        return Outcome("failed", printable(f"{type(error).__name__}: {error}"))
+        told = printable(_with_notes(f"{type(error).__name__}: {error}", error))
+        return Outcome("failed", told, results=_own_lines(point, error))
     return Outcome("ok", None, True, measured.warmup_samples, measured.samples, measured.results)
+
+
+def _with_notes(told: str, error: Exception) -> str:
+    return "; ".join([told, *getattr(error, "__notes__", ())])
+
+
+def _own_lines(point: Point, error: Exception) -> dict[str, Any]:
+    """The lines of another's method that an error passed through, the outermost first, as results of its record."""
+    frames = () if point.method.is_ours else traceback.extract_tb(error.__traceback__)
+    own = [one for one in frames if not any(Path(one.filename).is_relative_to(folder) for folder in _OURS)]
+    told = [*own[:_MOST_LINES], *own[_MOST_LINES:][-_MOST_LINES:]]
+    lines = [f"{one.filename}:{one.lineno} in {one.name}: {one.line}" for one in told]
+    return {METHOD_LINES: lines} if lines else {}
 
 
 def _end_with_the_run(run: int) -> None:

@@ -20,9 +20,9 @@ from experiments.drawing.pages import add_legend, make_figure, set_panel_title, 
 from experiments.drawing.style import DASHED, GREY, PURPLE, SMALL, TIMES, VERMILLION
 from experiments.drawing.values import MILLISECONDS, drawable, numbers, only_measured, say_number
 from experiments.methods.naming import COPIED_OFF, FORM_OPTIONS, aligned_forms, aligned_rows, expected_forms
-from experiments.workloads.frame_figures import ALL_HITS, all_hits
+from experiments.workloads.frame_figures import ALL_HITS, all_hits, say_level
 from experiments.workloads.panels import Panel, make_panels
-from experiments.workloads.series import best_rows, own_ratio, say_baseline
+from experiments.workloads.series import beside, best_points, best_rows, own_ratio, say_baseline
 
 _BEST = "best split, by the ratio in the same rounds"
 _ABSENT = "\N{EN DASH}"
@@ -64,7 +64,9 @@ def draw_grid_times(table: pd.DataFrame, columns: int = 2) -> Figure:
     def read(rows: pd.DataFrame) -> NDArray[np.float64]:
         return numbers(rows, "render_time_s") * MILLISECONDS
 
-    maps = [one for panel in _panels(table) for one in _maps(panel, read, say_number, "time of a frame in ms")]
+    maps = []
+    for panel in _panels(table):
+        maps += _maps(panel, read, say_number, "time of a frame in ms", _say_beside(panel, table))
     return _draw(table, columns, maps, "in each cell: milliseconds of a frame; colours are logarithmic")
 
 
@@ -75,10 +77,18 @@ def draw_grid_ratios(table: pd.DataFrame, columns: int = 2) -> Figure:
     for panel in _panels(table):
         ratio, start = own_ratio(panel.rows), next(iter(all_hits(panel.rows)), np.nan)
         notes = [] if np.isfinite(start) else [f"{ALL_HITS}: not measured, so no speed-up over it"]
+        notes += _say_beside(panel, table, ratio)
         say = partial(_say_ratios, start)
         maps += _maps(panel, partial(numbers, name=ratio), say, f"speed-up over {say_baseline(ratio)}", notes)
     cells = f"in each cell: speed-up over the baseline that finds the nearest hit; below, over {ALL_HITS}"
     return _draw(table, columns, maps, cells)
+
+
+def _say_beside(panel: Panel, table: pd.DataFrame, ratio: str | None = None) -> list[str]:
+    """A line for each method of a file, which has no splits and no cell."""
+    found = list(best_points(beside(panel.rows, table)))
+    told = [f"{one.name}: {say_level(best, ratio)}" for one in found for _, best in one.best.iterrows()]
+    return [*told, *(line for one in found for line in one.notes())]
 
 
 def _say_ratios(start: float, ratio: float) -> str:

@@ -27,6 +27,7 @@ from experiments.workloads.frame.peers_figure import draw_peers_figure
 from experiments.workloads.frame.threads_figure import draw_threads_figure
 from experiments.workloads.frame_figures import draw_methods_figure, draw_split_ratios, draw_split_times
 from experiments.workloads.panels import where_varies, workload_figure
+from experiments.workloads.series import of_files
 from experiments.workloads.tables import best_split_table
 
 
@@ -72,11 +73,12 @@ _AXES = ("split_x", "split_y")
 
 
 def _over(*axes: str) -> Callable[[pd.DataFrame], pd.DataFrame]:
-    """Aligned rows, if exactly these of the splits' axes vary."""
+    """Aligned rows and those of methods of files, if exactly these of the axes of aligned splits vary."""
 
     def chosen(rows: pd.DataFrame) -> pd.DataFrame:
-        rows = aligned_rows(rows)
-        return rows if {axis for axis in _AXES if varies(rows, axis)} == set(axes) else rows[:0]
+        aligned = aligned_rows(rows)
+        told = pd.concat([aligned, of_files(rows)])
+        return told if {axis for axis in _AXES if varies(aligned, axis)} == set(axes) else rows[:0]
 
     return chosen
 
