@@ -180,6 +180,7 @@ def test_every_function_that_runs_while_a_point_is_measured_is_part_of_its_code(
         sys.setprofile(None)
     ours = {name for name in ran if name.partition(".")[0] in OURS}
     assert point.workload.code[0] in ours
+    ours = {name for name in ours if not name.startswith("scenes.")}  # the hash of the mesh tells of these
     assert not ours - modules(point)
 
 

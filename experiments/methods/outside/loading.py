@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import re
 import sys
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import partial
@@ -25,9 +24,6 @@ from experiments.harness.options import NoOptions
 from experiments.harness.point import Point
 from experiments.methods.outside.tracer import OutsideTracer
 
-METHOD_FILES = "ATRA_METHOD_FILES"
-"""Environment variable with the paths of files that hold methods; processes of a run find them by it."""
-
 GROUP = "atra.methods"
 """Group of entry points: `mine = "my_package.tracing:MyTracer"`."""
 
@@ -38,8 +34,8 @@ _PLAIN_TYPES = (int, float, str, bool)
 _NAME = re.compile(r"[A-Za-z]\w*")
 
 
-def outside_methods(taken: Collection[str]) -> Iterator[Method]:
-    """The methods of installed packages, then those of `METHOD_FILES`. taken: names of our own.
+def outside_methods(taken: Collection[str], files: Iterable[str]) -> Iterator[Method]:
+    """The methods of installed packages, then those of files. taken: names of our own.
 
     A package that cannot be used becomes a method whose points are skipped with the reason. Raises InputError for such
     a file.
@@ -55,14 +51,9 @@ def outside_methods(taken: Collection[str]) -> Iterator[Method]:
         if problem is not None and offer.name not in taken and _NAME.fullmatch(offer.name):
             yield _unusable(offer.name, problem, offer.version, number)
         number += 1
-    for path in method_files():
+    for path in files:
         yield load_file(path, number, taken)
         number += 1
-
-
-def method_files() -> list[str]:
-    """The paths of `METHOD_FILES`."""
-    return [one for one in os.environ.get(METHOD_FILES, "").split(os.pathsep) if one]
 
 
 def load_file(path: str | Path, number: int, taken: Collection[str]) -> Method:
