@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from experiments.harness.configuration import Configuration, check_writable, rec
 from experiments.harness.identity import current_environment, identity, identity_of, measure
 from experiments.harness.point import Point
 from experiments.harness.points import PlannedPoint, plan_points
+from experiments.harness.processes.launching import run_worker
 from experiments.harness.records import Record, load_record, read_record, write_record
 from experiments.results.terminal import say_outcome
 from scenes.loading import replace_missing_scenes
@@ -28,7 +30,7 @@ def measure_launched(configuration: Configuration) -> None:
     folder = records_folder(configuration)
     check_writable(folder)
     if still_true(read_record(folder, identity(planned.point, current_environment())), planned) is None:
-        write_record(folder, measure(planned))
+        write_record(folder, measure(planned, partial(run_worker, results=folder.parent)))
 
 
 def measure_batch(

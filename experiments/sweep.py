@@ -19,6 +19,7 @@ from experiments.harness.identity import Runner, code_sha256, current_environmen
 from experiments.harness.options import plain_options
 from experiments.harness.point import Point
 from experiments.harness.points import PlannedPoint, plan_points
+from experiments.harness.processes.bytecode import bytecode_folder
 from experiments.harness.processes.launching import run_worker
 from experiments.harness.processes.outcome import MAY_CHANGE
 from experiments.harness.processes.quiet import Waiting
@@ -59,7 +60,7 @@ def run_sweep(
     grid_points: Sequence[GridPoint],
     *,
     command: str = "",
-    run: Runner = run_worker,
+    run: Runner | None = None,
     launch: Launch | None = None,
     at_once: int = 1,
 ) -> pd.DataFrame:
@@ -83,8 +84,8 @@ def run_sweep(
     check_writable(folder)
     check_writable(records)
     quiet = Waiting(first.measure.quiet_limit_s, partial(say, console), needed=first.measure.quiet_only)
-    sweep = _Sweep(points, records, console, run, launch, at_once, quiet)
-    with exclusive(Path(first.results_dir), records, folder):
+    sweep = _Sweep(points, records, console, run or partial(run_worker, results=records.parent), launch, at_once, quiet)
+    with exclusive(records.parent, records, folder), bytecode_folder(records.parent):
         to_do = sweep.begin(folder, first.sweep.shuffle_seed)
         interrupted = False
         try:

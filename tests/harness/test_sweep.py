@@ -136,10 +136,30 @@ def test_a_launched_job_measures_a_point_that_was_skipped_before(tmp_path, monke
     one, runner = configuration(tmp_path), Runner()
     (planned,) = plan_points([one])
     write_record(records_folder(one), measure(replace(planned, problem=InputError("cannot load it"))))
-    monkeypatch.setattr("experiments.launched.measure", lambda planned: measure(planned, runner))
+    monkeypatch.setattr("experiments.launched.measure", lambda planned, _: measure(planned, runner))
     for _ in range(2):
         measure_launched(one)
     assert len(runner.points) == 1
+
+
+def test_workers_of_a_sweep_and_of_its_launched_jobs_share_its_folder_of_bytecode(tmp_path, monkeypatch):
+    shared = []
+
+    def run(point, results):
+        shared.append((results, (results / ".bytecode").is_dir()))
+        return Runner()(point)
+
+    def launch(jobs):
+        measure_launched(configuration(tmp_path, split_x=2))
+        return [None]
+
+    for module in ("sweep", "launched"):
+        monkeypatch.setattr(f"experiments.{module}.run_worker", run)
+    monkeypatch.setattr("experiments.harness.processes.bytecode._is_beside_sources", lambda: False)
+    run_sweep([GridPoint("a", configuration(tmp_path))])
+    run_sweep([GridPoint("a", configuration(tmp_path, split_x=2))], launch=launch)
+    assert shared == [(tmp_path, True)] * 2
+    assert not (tmp_path / ".bytecode").exists()
 
 
 def test_the_memory_budget_is_a_share_of_what_is_free_or_what_is_said(monkeypatch):
