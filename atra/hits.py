@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,14 @@ from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.errors import InputError
 from atra.exact.intersection import intersect_pixels
 from atra.exact.surface_kernels import ROWS, PixelGrid, Triangles, orient_hits, place_hits, weigh_corners
-from atra.files.meshes.face_sources import FaceSources
 from atra.files.planes import SOURCES, write_planes
 from atra.files.saving import save_layers
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.prim_ids import MISS
+
+if TYPE_CHECKING:  # reading files, which images need only where their planes name parts of one
+    from atra.files.meshes.face_sources import FaceSources
 
 _AT_ONCE = 1 << 18
 """Pixels of a lens whose hits are placed at once, which bounds the memory."""

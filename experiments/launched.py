@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 from atra.errors import RecordError
@@ -11,6 +12,7 @@ from experiments.harness.configuration import Configuration, records_folder
 from experiments.harness.environment import stable_fields
 from experiments.harness.identity import identity_of, measure
 from experiments.harness.points import PlannedPoint, plan_points
+from experiments.harness.processes.launching import run_worker
 from experiments.harness.records import Record, check_writable, load_record, write_record
 from experiments.results.processes import key_of
 from scenes.loading import replace_missing_scenes
@@ -30,7 +32,7 @@ def measure_launched(configuration: Configuration) -> None:
     (planned,) = plan_points([configuration])
     folder = records_folder(configuration)
     check_writable(folder)
-    write_record(folder, measure(planned))
+    write_record(folder, measure(planned, partial(run_worker, results=folder.parent)))
 
 
 class Launched:

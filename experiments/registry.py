@@ -6,13 +6,19 @@ import os
 from collections.abc import Sequence
 
 from atra.errors import InputError
-from experiments.harness.point import Kinds
-from experiments.methods import METHODS, use_method_file
-from experiments.workloads import WORKLOADS
+from experiments.harness.point import Find, Kinds
+from experiments.methods import find_method, use_method_file
+from experiments.workloads import find_workload
+
+FIND = Find(find_method, find_workload)
+"""How a worker finds the method and the workload of its point, without importing the others."""
 
 
 def known_kinds() -> Kinds:
     """All methods and workloads of this project."""
+    from experiments.methods import METHODS
+    from experiments.workloads import WORKLOADS
+
     return Kinds(METHODS, WORKLOADS)
 
 

@@ -17,6 +17,7 @@ from experiments.commands.program import PROGRAM
 from experiments.harness.configuration import Configuration, records_folder
 from experiments.harness.identity import Runner, code_sha256, measure
 from experiments.harness.point import Point
+from experiments.harness.processes.bytecode import bytecode_folder
 from experiments.harness.processes.launching import run_worker
 from experiments.harness.processes.quiet import Waiting
 from experiments.harness.progress import SweepProgress, say, say_roughly
@@ -38,7 +39,7 @@ def run_sweep(
     grid_points: Sequence[GridPoint],
     *,
     command: str = "",
-    run: Runner = run_worker,
+    run: Runner | None = None,
     launch: Launch | None = None,
     at_once: int = 1,
 ) -> pd.DataFrame:
@@ -65,8 +66,9 @@ def run_sweep(
     quiet = Waiting(first.measure.quiet_limit_s, partial(say, console), needed=first.measure.quiet_only)
     planned = {name: one.planned for name, one in points.items()}
     launched = None if launch is None else Launched(launch, at_once, records, planned)
+    run = run or partial(run_worker, results=records.parent)
     sweep = _Sweep(points, records, console, run, launched, quiet)
-    with exclusive(Path(first.results_dir), records, folder):
+    with exclusive(records.parent, records, folder), bytecode_folder(records.parent):
         to_do = sweep.begin(folder, first.sweep.shuffle_seed)
         passes = sweep.passes(to_do)
         sweep.say_what_is_ahead(passes, first.sweep.repeats)

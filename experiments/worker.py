@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from experiments.harness.processes.worker import run_job
-from experiments.registry import known_kinds
+from experiments.registry import FIND
 
 if __name__ == "__main__":
-    run_job(known_kinds())
+    run_job(FIND)

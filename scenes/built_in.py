@@ -8,39 +8,47 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import EntryPoint, entry_points
+from pkgutil import resolve_name
 from typing import Any
 
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
-from scenes.atrium import ATRIUM_CAMERA, atrium
-from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box, cornell_box_boxes, cornell_box_walls
-from scenes.lit.weekend import WEEKEND_CAMERA, weekend
-from scenes.living_room import LIVING_ROOM_CAMERA, living_room
-from scenes.material_ball import MATERIAL_BALL_CAMERA, material_ball
 from scenes.scene import Scene, camera_fields
-from scenes.special import NEEDLES_CAMERA, THREE_HOLES_CAMERA, needles, three_holes
 
 
 @dataclass(frozen=True)
 class BuiltIn:
-    """make: returns equal meshes at every call. camera, stands_for: as of `scenes.scene.Scene`."""
+    """module: where it is defined, imported when it is needed. function, view: names there, of `make` and `camera`.
+    stands_for: as of `scenes.scene.Scene`."""
 
-    make: Callable[[], Mesh]
-    camera: dict[str, Any]
+    module: str
+    function: str
+    view: str
     stands_for: str | None = None
+
+    @property
+    def make(self) -> Callable[[], Mesh]:
+        """A function that returns equal meshes at every call."""
+        return resolve_name(f"{self.module}:{self.function}")  # type: ignore[no-any-return]
+
+    @property
+    def camera(self) -> dict[str, Any]:
+        """As of `scenes.scene.Scene`."""
+        return resolve_name(f"{self.module}:{self.view}")  # type: ignore[no-any-return]
 
 
 BUILT_IN = {
-    "cornell_box": BuiltIn(cornell_box, CORNELL_BOX_CAMERA),
-    "cornell_box_walls": BuiltIn(cornell_box_walls, CORNELL_BOX_CAMERA),
-    "cornell_box_boxes": BuiltIn(cornell_box_boxes, CORNELL_BOX_CAMERA),
-    "needles": BuiltIn(needles, NEEDLES_CAMERA),
-    "three_holes": BuiltIn(three_holes, THREE_HOLES_CAMERA),
-    "weekend": BuiltIn(lambda: weekend().mesh, WEEKEND_CAMERA),
-    "material_ball": BuiltIn(material_ball, MATERIAL_BALL_CAMERA, "mitsuba"),
-    "living_room": BuiltIn(living_room, LIVING_ROOM_CAMERA, "fireplace_room"),
-    "atrium": BuiltIn(atrium, ATRIUM_CAMERA, "sponza"),
+    "cornell_box": BuiltIn("scenes.cornell_box", "cornell_box", "CORNELL_BOX_CAMERA"),
+    "cornell_box_walls": BuiltIn("scenes.cornell_box", "cornell_box_walls", "CORNELL_BOX_CAMERA"),
+    "cornell_box_boxes": BuiltIn("scenes.cornell_box", "cornell_box_boxes", "CORNELL_BOX_CAMERA"),
+    "needles": BuiltIn("scenes.special", "needles", "NEEDLES_CAMERA"),
+    "three_holes": BuiltIn("scenes.special", "three_holes", "THREE_HOLES_CAMERA"),
+    "weekend": BuiltIn("scenes.lit.weekend", "weekend_mesh", "WEEKEND_CAMERA"),
+    "material_ball": BuiltIn("scenes.material_ball", "material_ball", "MATERIAL_BALL_CAMERA", "mitsuba"),
+    "living_room": BuiltIn("scenes.living_room", "living_room", "LIVING_ROOM_CAMERA", "fireplace_room"),
+    "atrium": BuiltIn("scenes.atrium", "atrium", "ATRIUM_CAMERA", "sponza"),
 }
 """By the name of the scene."""
 
@@ -61,16 +69,20 @@ def stand_in_for(name: str | None) -> str | None:
 GROUP = "atra.scenes"
 """Group of entry points: `mine = "my_package.scenes:mine"`, which returns a mesh and the fields of a camera."""
 
-PACKAGE_SCENES: dict[str, EntryPoint] = {one.name: one for one in entry_points(group=GROUP)}
-"""Scenes of installed packages, by name."""
+
+@cache
+def package_scenes() -> dict[str, EntryPoint]:
+    """Scenes of installed packages, by name."""
+    return {one.name: one for one in entry_points(group=GROUP)}
 
 
 def package_scene(name: str) -> Scene:
     """The scene of an installed package. Raises InputError for an unknown name, and for a function that fails or
     returns something else."""
-    if name not in PACKAGE_SCENES:
-        raise InputError(f"no installed package has a scene {name!r}, expected one of {', '.join(PACKAGE_SCENES)}")
-    point = PACKAGE_SCENES[name]
+    known = package_scenes()
+    if name not in known:
+        raise InputError(f"no installed package has a scene {name!r}, expected one of {', '.join(known)}")
+    point = known[name]
     try:
         mesh, camera = point.load()()
     except Exception as error:  # a foreign package may raise anything

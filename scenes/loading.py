@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 from enum import Enum
 from typing import Protocol
@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
-from scenes.built_in import BUILT_IN, PACKAGE_SCENES, make_scene, package_scene, stand_in_for
-from scenes.directory import find_scene_folder, load_scene_from_directory, load_scene_from_file
-from scenes.generated import named_scene
+from scenes.built_in import BUILT_IN, make_scene, package_scene, package_scenes, stand_in_for
 from scenes.scene import Scene
 
 
@@ -49,21 +47,24 @@ def load_scene(
 
 
 def _load(source: SceneSource, name: str | None, path: str | None) -> Scene:
+    # Each way to a scene is imported when a scene needs it: workers start sooner.
     if source is SceneSource.file:
+        from scenes.directory import load_scene_from_file
+
         if path is None:
             raise InputError("scene=file needs scene.path, for example scene.path=model.ply")
         return load_scene_from_file(path)
     if name is None:
         raise InputError(f"a {source.value} scene needs scene.name")
-    return _BY_NAME[source](name)
+    if source is SceneSource.directory:
+        from scenes.directory import load_scene_from_directory
 
+        return load_scene_from_directory(name)
+    if source is SceneSource.generated:
+        from scenes.generated import named_scene
 
-_BY_NAME: dict[SceneSource, Callable[[str], Scene]] = {
-    SceneSource.procedural: make_scene,
-    SceneSource.generated: named_scene,
-    SceneSource.package: package_scene,
-    SceneSource.directory: load_scene_from_directory,
-}
+        return named_scene(name)
+    return make_scene(name) if source is SceneSource.procedural else package_scene(name)
 
 
 def enlarged(scene: Scene, subdivided: int, copies: int) -> Scene:
@@ -131,8 +132,12 @@ def scene_is_available(source: SceneSource, name: str | None) -> bool:
     if name is None:
         return False
     if source is SceneSource.directory:
+        from scenes.directory import find_scene_folder
+
         return find_scene_folder(name) is not None
-    return source is SceneSource.generated or name in (BUILT_IN if source is SceneSource.procedural else PACKAGE_SCENES)
+    if source is SceneSource.generated:
+        return True
+    return name in (BUILT_IN if source is SceneSource.procedural else package_scenes())
 
 
 def replace_missing_scenes(scenes: Iterable[NamedScene]) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any, ClassVar, Unpack
+from typing import TYPE_CHECKING, Any, ClassVar, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,6 @@ from atra.geometry.view import View
 from atra.hits import Frames, Hits
 from atra.packets.all_hits import EmbreeGathering, Shots
 from atra.packets.pixel import image_shots
-from atra.raster.all_hits.doubts_kernels import Precision
 from atra.tracing.base import ImageTracer
 from atra.tracing.budgets import check_memory_budget
 from atra.tracing.geometry import AlignedGeometry, LeftOut, plan_plain_geometry
@@ -34,6 +33,9 @@ from atra.tracing.images import images_of
 from atra.tracing.lifetime import Result, check_same_faces, in_turn
 from atra.tracing.options import lists_options
 from atra.tracing.rays import SQUAREST_SHAPE, longest_ray
+
+if TYPE_CHECKING:  # loaded by the first `gather`, which nearest hits do without
+    from atra.raster.all_hits.doubts_kernels import Precision
 
 SECOND_PASS_TILE = (8, 4)
 """Tile size of the second pass, (width, height) in pixels: whole packets of any shape."""
@@ -182,6 +184,8 @@ class AlignedTracer(EmbreeGathering, _AlignedImages[Hits], ImageTracer):
         return image_shots(plain, camera, shape, image_tiles, is_alone=camera.width % shape[0] != 0)
 
     def _precision(self) -> Precision:
+        from atra.raster.all_hits.doubts_kernels import Precision
+
         direction, origin = longest_ray(self.camera)
         shift = sum(float(np.linalg.norm(shears, axis=1).max()) for shears in self.alignment.shears)
         stretch, shift = (1.0, origin + shift) if self.camera.is_parallel else (1.0 + shift, 0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +19,14 @@ from atra.errors import InputError
 from atra.hits import Hits
 from atra.packets.filters_kernels import gathering_filter
 from atra.packets.shooting_kernels import shooting_kernel
-from atra.raster.all_hits.doubts import Doubts, find_doubts
-from atra.raster.all_hits.doubts_kernels import Precision, settling_kernel
 from atra.tracing.all_hits import Gathering, target_of
 from atra.tracing.base import EmbreeTracer, Views
 from atra.tracing.geometry import AlignedGeometry
 from atra.tracing.lifetime import in_turn
+
+if TYPE_CHECKING:  # loaded by the first `gather`, which nearest hits do without
+    from atra.raster.all_hits.doubts import Doubts
+    from atra.raster.all_hits.doubts_kernels import Precision
 
 
 class Shots(NamedTuple):
@@ -73,6 +75,8 @@ class EmbreeGathering(Gathering, EmbreeTracer[Hits]):
         weights: NDArray[np.float32] | None,
         is_known: bool,
     ) -> None:
+        from atra.raster.all_hits.doubts_kernels import settling_kernel
+
         for name, plane in what.planes().items():
             if not plane.before:  # layers are filled at the end
                 images[name].fill(plane.start)
@@ -92,6 +96,8 @@ class EmbreeGathering(Gathering, EmbreeTracer[Hits]):
 
     def _found_doubts(self, offset: tuple[float, float]) -> Doubts:
         if self._doubts is None or self._doubts[0] != offset:
+            from atra.raster.all_hits.doubts import find_doubts
+
             row = self._gathering_row
             self._doubts = offset, find_doubts(self.mesh, self.camera, offset, self._precision(), row, self._pool)
         return self._doubts[1]

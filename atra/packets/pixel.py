@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Unpack
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +17,14 @@ from atra.geometry.view import View
 from atra.packets.all_hits import EmbreeGathering, Shots
 from atra.packets.lens_kernels import lens_kernel
 from atra.packets.pixel_kernels import pixel_kernel
-from atra.raster.all_hits.doubts_kernels import Precision
 from atra.tracing.base import ImageTracer, check_views
 from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
 from atra.tracing.lens_rays import LensRays
 from atra.tracing.options import PixelKeywords, PixelOptions, lists_options
 from atra.tracing.rays import SQUAREST_SHAPE, image_ray_grid, longest_ray, pixel_tiles
+
+if TYPE_CHECKING:  # loaded by the first `gather`, which nearest hits do without
+    from atra.raster.all_hits.doubts_kernels import Precision
 
 
 class PixelTracer(EmbreeGathering, ImageTracer):
@@ -81,6 +83,8 @@ class PixelTracer(EmbreeGathering, ImageTracer):
         return [image_shots(self._geometry, self.camera, self.packet_shape, self._tiles)]
 
     def _precision(self) -> Precision:
+        from atra.raster.all_hits.doubts_kernels import Precision
+
         direction, origin = longest_ray(self.camera)
         return Precision.of(self.camera.pixel_pitch, direction, 1.0, origin, self.options.robust)
 

@@ -26,7 +26,7 @@ from experiments.harness.options import (
     typed_options,
 )
 from experiments.harness.point import Kinds
-from scenes.built_in import PACKAGE_SCENES
+from scenes.built_in import package_scenes
 from scenes.loading import SceneSource
 
 
@@ -188,7 +188,7 @@ def register_schema(kinds: Kinds) -> None:
     for group, named in kinds.groups.items():
         for kind in named:
             store.store(group=group, name=kind.name, node=schema(group, kind), provider="atra")
-    for name in PACKAGE_SCENES:
+    for name in package_scenes():
         store.store(group="scene", name=name, node={"name": name, "source": SceneSource.package.value}, provider="atra")
 
 

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.model.choice import Choice
 from atra.tracing.options import Options
 from atra.tracing.tracer import Tracer
 from experiments.harness.column import Column
+
+if TYPE_CHECKING:  # the cost model, which no worker needs
+    from atra.model.choice import Choice
 
 
 @dataclass(frozen=True)

@@ -200,9 +200,10 @@ def say_options(group: str, named: Named) -> str:
     return "\n".join(lines) or f"{group}={named.name} has none"
 
 
-def find_named(what: str, kinds: Iterable[Kind], name: str) -> Kind:
-    """The one called `name`. what: "method" or "workload". Raises InputError, naming those there are, for others."""
+def find_named(what: str, kinds: Iterable[Kind], name: str, beside: Iterable[str] = ()) -> Kind:
+    """The one called `name`. what: "method" or "workload". Raises InputError for others, naming those there are: the
+    names `beside`, then those of `kinds`."""
     known = {one.name: one for one in kinds}
     if name not in known:
-        raise InputError(f"unknown {what} {name!r}, expected one of {', '.join(known)}")
+        raise InputError(f"unknown {what} {name!r}, expected one of {', '.join(dict.fromkeys([*beside, *known]))}")
     return known[name]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 from atra.geometry.camera import Camera, Vector
 from atra.geometry.mesh import Mesh
@@ -195,6 +195,13 @@ class Kinds:
     def groups(self) -> dict[str, Sequence[Named]]:
         """By the group of the configuration that chooses one of them."""
         return {"method": self.methods, "workload": self.workloads}
+
+
+class Find(NamedTuple):
+    """How a method and a workload are found by their names. Both raise InputError for a name that is none."""
+
+    method: Callable[[str], Method]
+    workload: Callable[[str], Workload]
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,6 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from filelock import FileLock, Timeout
-
 from atra.errors import InputError, RecordError, StorageError
 from atra.files.paths import remove_abandoned_files, write_atomically
 
@@ -148,6 +146,8 @@ def exclusive(results: Path, *folders: Path) -> Iterator[None]:
     What a killed run left half-written there and in `folders` is removed. Raises InputError if another run holds it,
     and StorageError if it cannot be locked.
     """
+    from filelock import FileLock, Timeout  # here, as workers lock nothing
+
     lock = FileLock(results / ".lock")
     try:
         lock.acquire(timeout=0)

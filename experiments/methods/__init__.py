@@ -6,50 +6,71 @@ Installed packages and files add methods without a line here (`experiments.metho
 from __future__ import annotations
 
 import os
+from functools import cache
+from pkgutil import resolve_name
+from typing import Any
 
 from atra.errors import InputError
 from experiments.harness.method import Method
 from experiments.harness.options import find_named
-from experiments.methods.aligned import ALIGNED
-from experiments.methods.bvh import BVH
-from experiments.methods.classified import CLASSIFIED
-from experiments.methods.outside.loading import METHOD_FILES, load_file, method_files, outside_methods
-from experiments.methods.outside.program import PROGRAM
-from experiments.methods.peers.embreex_run import EMBREEX
-from experiments.methods.peers.llvmpipe import LLVMPIPE
-from experiments.methods.peers.mitsuba_scene import MITSUBA3
-from experiments.methods.peers.open3d_scene import OPEN3D
-from experiments.methods.peers.trimesh_ray import TRIMESH
-from experiments.methods.pixel import PIXEL
-from experiments.methods.raster import RASTER
-from experiments.methods.tiles import TILES
-from experiments.methods.visible_first import VISIBLE_FIRST
 
-_OWN: tuple[Method, ...] = (
-    VISIBLE_FIRST,
-    ALIGNED,
-    TILES,
-    PIXEL,
-    RASTER,
-    BVH,
-    CLASSIFIED,
-    EMBREEX,
-    TRIMESH,
-    MITSUBA3,
-    OPEN3D,
-    LLVMPIPE,
-    PROGRAM,
-)
-_TAKEN = frozenset(one.name for one in _OWN)
+OWN = {
+    "visible_first": "experiments.methods.visible_first:VISIBLE_FIRST",
+    "aligned": "experiments.methods.aligned:ALIGNED",
+    "tiles": "experiments.methods.tiles:TILES",
+    "pixel": "experiments.methods.pixel:PIXEL",
+    "raster": "experiments.methods.raster:RASTER",
+    "bvh": "experiments.methods.bvh:BVH",
+    "classified": "experiments.methods.classified:CLASSIFIED",
+    "embreex": "experiments.methods.peers.embreex_run:EMBREEX",
+    "trimesh": "experiments.methods.peers.trimesh_ray:TRIMESH",
+    "mitsuba3": "experiments.methods.peers.mitsuba_scene:MITSUBA3",
+    "open3d": "experiments.methods.peers.open3d_scene:OPEN3D",
+    "llvmpipe": "experiments.methods.peers.llvmpipe:LLVMPIPE",
+    "program": "experiments.methods.outside.program:PROGRAM",
+}
+"""Name -> where the method is defined, as entry points say it; in the order of figures and legends."""
 
-METHODS: list[Method] = [*_OWN, *outside_methods(_TAKEN)]
-"""In the order of figures and legends."""
+METHOD_FILES = "ATRA_METHOD_FILES"
+"""Environment variable with the paths of files that hold methods; processes of a run find them by it."""
+
+METHODS: list[Method]
+"""All methods in that order, those from outside last. They are imported when this list is first asked for: a worker
+measures one method and imports no other."""
+
+
+def __getattr__(name: str) -> Any:
+    if name != "METHODS":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return _methods()
+
+
+def _methods() -> list[Method]:
+    if "METHODS" not in globals():
+        globals()["METHODS"] = [*map(resolve_name, OWN.values()), *_outside()]
+    found: list[Method] = globals()["METHODS"]
+    return found
+
+
+@cache
+def _outside() -> tuple[Method, ...]:
+    from experiments.methods.outside.loading import outside_methods
+
+    return tuple(outside_methods(OWN, _method_files()))
+
+
+def _method_files() -> list[str]:
+    return [one for one in os.environ.get(METHOD_FILES, "").split(os.pathsep) if one]
 
 
 def find_method(name: str) -> Method:
-    """The method called `name`. Raises InputError, naming those there are, for any other name."""
+    """The method called `name`; one of ours is imported alone. Raises InputError, naming those there are, for any other
+    name."""
+    if name in OWN:
+        return resolve_name(OWN[name])  # type: ignore[no-any-return]
+    known = globals().get("METHODS") or _outside()
     try:
-        return find_named("method", METHODS, name)
+        return find_named("method", known, name, OWN)
     except InputError as error:
         raise InputError(f"{error}; for a method of your own, give its method_file=, too") from None
 
@@ -59,9 +80,11 @@ def use_method_file(path: str) -> Method:
 
     Raises InputError as `load_file`.
     """
-    others = len(METHODS) - len(_OWN)
-    method = load_file(path, others, _TAKEN)
-    METHODS[:] = [one for one in METHODS if one.name != method.name] + [method]
+    from experiments.methods.outside.loading import load_file
+
+    known = _methods()
+    method = load_file(path, len(known) - len(OWN), OWN, _method_files())
+    known[:] = [one for one in known if one.name != method.name] + [method]
     whole = os.path.abspath(os.path.expanduser(path))
-    os.environ[METHOD_FILES] = os.pathsep.join(dict.fromkeys([*method_files(), whole]))
+    os.environ[METHOD_FILES] = os.pathsep.join(dict.fromkeys([*_method_files(), whole]))
     return method

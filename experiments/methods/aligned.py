@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from atra.alignment import options as library
 from atra.alignment.aligned import AlignedTracer
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.model.choice import Choice
 from experiments.drawing.style import BLUE
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Method, Style, Tracing
-from experiments.methods.options import VERIFIED, AlignedCellOptions, known_as, options_of, resolve_split, say_robust
+from experiments.methods.aligned_cells import AlignedCellOptions
+from experiments.methods.options import VERIFIED, known_as, options_of, resolve_split, say_robust
+
+if TYPE_CHECKING:
+    from atra.model.choice import Choice
 
 
 @options_of(library.AlignedOptions)

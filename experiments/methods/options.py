@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
-from atra.alignment import options as of_alignment
 from atra.embree.scene import resolve_packet_width
-from atra.model.choice import Choice
 from atra.tracing import options as library
 from atra.tracing.options import Choices
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Tracing
 from experiments.harness.options import Settings, Type, taking_all, whole
+
+if TYPE_CHECKING:
+    from atra.model.choice import Choice
 
 WATERTIGHT = {"robust": True}
 """Options for pictures that are shown and not measured."""
@@ -56,6 +57,8 @@ def known_as(name: str) -> Callable[[Any], Choice]:
     """What the cost model knows a method as, whose name there is `name`: `Method.choice`."""
 
     def choice(options: Any) -> Choice:
+        from atra.model.choice import Choice
+
         width = resolve_packet_width(getattr(options, "packet_width", 1))
         return Choice(name, getattr(options, "split", (1, 1)), width, getattr(options, "culling", True))
 
@@ -92,11 +95,6 @@ class SplitOptions(MethodOptions):
 @options_of(library.CellOptions)
 class CellOptions(SplitOptions):
     """Options of the cells' culling."""
-
-
-@options_of(of_alignment.ReferenceRayOptions)
-class AlignedCellOptions(CellOptions):
-    """Options of aligned rays."""
 
 
 def resolve_split(options: Cells, width: int) -> Cells:

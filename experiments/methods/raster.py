@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from atra.compiled.threads import WorkerPool
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.model.choice import Choice
 from atra.raster.frames import Scratch
 from atra.raster.image import Eye
 from atra.raster.tracer import RasterTracer
@@ -21,6 +20,9 @@ from experiments.drawing.style import BLACK
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Method, Style, Tracing
 from experiments.methods.options import MethodOptions, known_as, options_of
+
+if TYPE_CHECKING:
+    from atra.model.choice import Choice
 
 CLUSTERS = ("hidden", "outside", "none")
 """Clusters that are not drawn."""

@@ -8,7 +8,8 @@ from atra.geometry.view import View
 from experiments.drawing.style import VERMILLION
 from experiments.harness.column import REAL, Column
 from experiments.harness.method import Method, Style, Tracing
-from experiments.methods.options import VERIFIED, AlignedCellOptions, known_as, resolve_split, say_robust
+from experiments.methods.aligned_cells import AlignedCellOptions
+from experiments.methods.options import VERIFIED, known_as, resolve_split, say_robust
 
 
 def _make(mesh: Mesh, view: View, options: AlignedCellOptions, tracing: Tracing) -> VisibleFirstTracer:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.geometry.mesh import Mesh
 from atra.light import Checker, Dielectric, GradientSky, Lambertian, Metal, Scene, Sun
 from scenes.scene import upright_camera
 from scenes.shapes import Part, ball, copies, join, lathe
@@ -119,3 +120,8 @@ def outwards(part: Part) -> Part:
     a, b, c = (part.vertices[part.faces[:, corner]] for corner in range(3))
     inward = (np.cross(b - a, c - a) * (a + b + c)).sum(axis=1) < 0.0
     return Part(part.vertices, np.where(inward[:, None], part.faces[:, ::-1], part.faces))
+
+
+def weekend_mesh() -> Mesh:
+    """The triangles of `weekend` alone."""
+    return weekend().mesh

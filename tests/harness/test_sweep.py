@@ -23,6 +23,7 @@ from experiments.harness.options import NoOptions
 from experiments.harness.points import plan_points
 from experiments.harness.processes.outcome import Outcome, skipped
 from experiments.harness.records import load_record, point_id, write_record
+from experiments.launched import measure_launched
 from experiments.methods.aligned import ALIGNED, AlignedOptions
 from experiments.methods.peers.embreex_run import EMBREEX
 from experiments.methods.pixel import PIXEL, PixelOptions
@@ -200,6 +201,26 @@ def test_a_point_skipped_for_want_of_a_library_is_measured_when_the_library_is_t
     assert sweep(False) == ({"aligned": "skipped", "pixel": "ok"}, ["pixel"])
     assert sweep(False) == ({"aligned": "skipped", "pixel": "ok"}, [])
     assert sweep(True) == ({"aligned": "ok", "pixel": "ok"}, ["aligned"])
+
+
+def test_workers_of_a_sweep_and_of_its_launched_jobs_share_its_folder_of_bytecode(tmp_path, monkeypatch):
+    shared = []
+
+    def run(point, results):
+        shared.append((results, (results / ".bytecode").is_dir()))
+        return Runner()(point)
+
+    def launch(jobs, ended):
+        measure_launched(configuration(tmp_path, split_x=2))
+        ended(0, None)
+
+    for module in ("sweep", "launched"):
+        monkeypatch.setattr(f"experiments.{module}.run_worker", run)
+    monkeypatch.setattr("experiments.harness.processes.bytecode._is_beside_sources", lambda: False)
+    run_sweep([GridPoint("a", configuration(tmp_path))])
+    run_sweep([GridPoint("a", configuration(tmp_path, split_x=2))], launch=launch)
+    assert shared == [(tmp_path, True)] * 2
+    assert not (tmp_path / ".bytecode").exists()
 
 
 def test_the_memory_budget_is_a_share_of_what_is_free_or_what_is_said(monkeypatch):

@@ -18,6 +18,7 @@ import psutil
 from atra.compiled.instruction_sets import VARIABLE
 from atra.errors import printable
 from experiments.harness.point import Point
+from experiments.harness.processes.bytecode import forget_if_cut_short, variables
 from experiments.harness.processes.outcome import Outcome
 from experiments.harness.processes.worker import CANNOT_WRITE, Job
 
@@ -35,8 +36,9 @@ _WAIT_S = 0.5
 WORKER_COMMAND = (sys.executable, "-m", "experiments.worker")
 
 
-def run_worker(point: Point, command: Sequence[str] = WORKER_COMMAND) -> Outcome:
-    """Measure `point` in a fresh process; never raises for what happens there.
+def run_worker(point: Point, command: Sequence[str] = WORKER_COMMAND, results: Path | None = None) -> Outcome:
+    """Measure `point` in a fresh process; never raises for what happens there. results: the folder of a sweep, whose
+    bytecode it may use (`bytecode_folder`).
 
     A worker that dies, exceeds `point.time_limit_s` or leaves no complete result gives a failed outcome with the
     reason; the end of all it printed is kept in `results["worker_output"]` then. When it ends, or KeyboardInterrupt
@@ -44,18 +46,24 @@ def run_worker(point: Point, command: Sequence[str] = WORKER_COMMAND) -> Outcome
     """
     try:
         with tempfile.TemporaryDirectory(prefix="atra-", ignore_cleanup_errors=True) as folder:
-            return _run_in(Path(folder), point, command)
+            compiled = variables(results)
+            outcome = _run_in(Path(folder), point, command, compiled)
+            said = f"{outcome.error}\n{outcome.results.get('worker_output')}"
+            if outcome.status == "failed" and forget_if_cut_short(compiled, said):
+                return _run_in(Path(folder), point, command, {})
+            return outcome
     except OSError as error:
         return Outcome("failed", f"no worker could be started: {error}", on_purpose=True)
 
 
-def _run_in(folder: Path, point: Point, command: Sequence[str]) -> Outcome:
+def _run_in(folder: Path, point: Point, command: Sequence[str], compiled: dict[str, str]) -> Outcome:
     job = Job(point, str(folder / "outcome.json"), os.getpid())
     output_path = folder / "output.txt"
     with output_path.open("wb") as output:
         process = subprocess.Popen(
             list(command), stdin=subprocess.PIPE, stdout=output, stderr=subprocess.STDOUT,
-            env=project_environment() | _thread_limits(point) | _vectors(point), **_apart_from_the_interrupt_key(),
+            env=project_environment() | compiled | _thread_limits(point) | _vectors(point),
+            **_apart_from_the_interrupt_key(),
         )  # fmt: skip
         try:
             assert process.stdin is not None

@@ -26,9 +26,6 @@ from experiments.harness.point import Point
 from experiments.methods.outside.beside import use_helpers, uses
 from experiments.methods.outside.tracer import OutsideTracer
 
-METHOD_FILES = "ATRA_METHOD_FILES"
-"""Environment variable with the paths of files that hold methods; processes of a run find them by it."""
-
 GROUP = "atra.methods"
 """Group of entry points: `mine = "my_package.tracing:MyTracer"`."""
 
@@ -39,8 +36,8 @@ _PLAIN_TYPES = (int, float, str, bool)
 _NAME = re.compile(r"[A-Za-z]\w*")
 
 
-def outside_methods(taken: Collection[str]) -> Iterator[Method]:
-    """The methods of installed packages, then those of `METHOD_FILES`. taken: names of our own.
+def outside_methods(taken: Collection[str], files: Collection[str]) -> Iterator[Method]:
+    """The methods of installed packages, then those of files. taken: names of our own.
 
     A package that cannot be used becomes a method whose points are skipped with the reason. Raises InputError for such
     a file.
@@ -56,20 +53,15 @@ def outside_methods(taken: Collection[str]) -> Iterator[Method]:
         if problem is not None and offer.name not in taken and _NAME.fullmatch(offer.name):
             yield _unusable(offer.name, problem, offer.version, number)
         number += 1
-    for path in method_files():
-        yield load_file(path, number, taken)
+    for path in files:
+        yield load_file(path, number, taken, files)
         number += 1
 
 
-def method_files() -> list[str]:
-    """The paths of `METHOD_FILES`."""
-    return [one for one in os.environ.get(METHOD_FILES, "").split(os.pathsep) if one]
-
-
-def load_file(path: str | Path, number: int, taken: Collection[str]) -> Method:
+def load_file(path: str | Path, number: int, taken: Collection[str], in_use: Collection[str] = ()) -> Method:
     """The method that a file defines: its one class with `build`, `trace` and `close`, or the one that it calls
     `METHOD`. The method is called as the file is. Modules beside the file that it imports are part of its version.
-    number: of methods from outside before it, for its colour.
+    number: of methods from outside before it, for its colour. in_use: the method files of this run.
 
     Raises InputError for a file that cannot be read or imported, and as `use_helpers` and `method_of`.
     """
@@ -77,7 +69,7 @@ def load_file(path: str | Path, number: int, taken: Collection[str]) -> Method:
     name = path.stem.replace("-", "_")
     if path.suffix != ".py" or not path.is_file():
         raise InputError(f"method_file is {str(path)!r}, expected a Python file; `atra new-method mine` writes one")
-    helpers = use_helpers(path, [_whole(one) for one in method_files()])
+    helpers = use_helpers(path, [_whole(one) for one in in_use])
     try:
         module = _imported(f"atra_method_file_{name}", path)
     except Exception as error:  # whatever the file raises is told

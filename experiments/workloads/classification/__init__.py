@@ -26,7 +26,6 @@ from experiments.harness.environment import peak_rss_bytes, reset_peak_rss, rss_
 from experiments.harness.options import Settings, settings
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
-from experiments.methods import METHODS
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE, fastest, over_own, series, single_over_packets
 from experiments.workloads.classification.path_rays import PATH_KINDS, path_rays
@@ -78,6 +77,8 @@ def _headline(record: Record) -> str:
 def _problem(point: Point) -> str | None:
     if point.method.make_rays is not None:
         return None
+    from experiments.methods import METHODS  # all of them, which a worker has no use for
+
     able = ", ".join(method.name for method in METHODS if method.make_rays is not None)
     return f"method={point.method.name} traces no batches of rays, expected one of {able}"
 

@@ -25,7 +25,7 @@ from experiments.harness.options import Settings, settings
 from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
 from experiments.methods.aligned import ALIGNED
-from experiments.methods.options import AlignedCellOptions
+from experiments.methods.aligned_cells import AlignedCellOptions
 from experiments.methods.raster import RASTER
 from experiments.methods.visible_first import VISIBLE_FIRST
 from experiments.results.statistics import Series, statistics_columns

@@ -21,7 +21,6 @@ from experiments.harness.column import WHOLE, Column
 from experiments.harness.options import Settings, settings, whole
 from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
-from experiments.methods import METHODS
 from experiments.methods.peers.peer import RayPeerTracer
 from experiments.methods.peers.questions import QUESTIONS, Asked
 from experiments.methods.peers.trimesh_ray import TRIMESH
@@ -73,6 +72,8 @@ def _samples(point: Point) -> frozenset[str]:
 def _problem(point: Point) -> str | None:
     if not point.method.is_ours:
         return None
+    from experiments.methods import METHODS  # all of them, which a worker has no use for
+
     others = ", ".join(method.name for method in METHODS if not method.is_ours)
     return f"method={point.method.name}, expected a tracer of others beside `atra.RayScene`: {others}"
 

@@ -22,7 +22,6 @@ from experiments.harness.column import REAL, Column
 from experiments.harness.options import Settings, settings, whole
 from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
-from experiments.methods import METHODS
 from experiments.methods.peers.peer import RayPeerTracer
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, over, series
@@ -59,6 +58,8 @@ def _problem(point: Point) -> str | None:
     job = point.workload_options.job
     if job == "views" or not point.method.is_ours:
         return None
+    from experiments.methods import METHODS  # all of them, which a worker has no use for
+
     others = ", ".join(method.name for method in METHODS if not method.is_ours)
     return f"method={point.method.name} with workload.job={job}, expected a tracer of others beside ours: {others}"
 
