@@ -17,7 +17,8 @@ from experiments.harness.records import load_record, record_path, write_record
 from experiments.report.writing import rewrite_report
 from experiments.results.table import Tables, make_table, make_tables, write_tables
 from experiments.sweep import GridPoint, run_sweep
-from tests.harness.test_sweep import Runner, configuration, measured_elsewhere
+from tests.harness.test_launched import measured_elsewhere
+from tests.harness.test_sweep import Runner, configuration
 
 pytestmark = pytest.mark.usefixtures("figures_unsaved")
 

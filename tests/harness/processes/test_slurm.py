@@ -20,6 +20,9 @@ pytestmark = pytest.mark.slow
 
 PROGRAMS = ("munged", "slurmctld", "slurmd", "sbatch", "srun", "squeue", "scancel", "sinfo", "setpriv")
 PATH = os.pathsep.join([os.environ.get("PATH", ""), "/usr/sbin", "/sbin"])
+DIES_WITH_US = ("setpriv", "--pdeathsig", "KILL")
+"""In front of a command: it ends when this process does, however that ends."""
+
 MOST_S = 240
 """So long a sweep may take on a busy machine."""
 
@@ -95,10 +98,9 @@ class Slurm:
         wait_for("an idle node", lambda: "idle" in self.tell("sinfo", "--noheader", "--format=%T"))
 
     def daemon(self, program, *arguments):
-        """It dies with this process, too, however that ends."""
         with (self.folder / f"{program}.txt").open("wb") as printed:
             subprocess.Popen(
-                ["setpriv", "--pdeathsig", "KILL", program, *arguments], env=self.environment, cwd=self.folder,
+                [*DIES_WITH_US, program, *arguments], env=self.environment, cwd=self.folder,
                 stdin=subprocess.DEVNULL, stdout=printed, stderr=subprocess.STDOUT,
             )  # fmt: skip
 
@@ -128,7 +130,7 @@ class Slurm:
     def sweep(self, folder, *more):
         """Start one as a user does."""
         return subprocess.Popen(
-            [sys.executable, str(ROOT / "run.py"), *TOY, *more], cwd=folder, env=self.environment,
+            [*DIES_WITH_US, sys.executable, str(ROOT / "run.py"), *TOY, *more], cwd=folder, env=self.environment,
             stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
         )  # fmt: skip
 
