@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Sequence
-from importlib.util import find_spec
+from importlib.machinery import PathFinder
 from pathlib import Path
 
 from atra.errors import InputError, StorageError
@@ -19,10 +19,7 @@ _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 def _is_module(name: str) -> bool:
     """Whether `import NAME` finds a module, which a file of that name would hide."""
-    try:
-        spec = find_spec(name)
-    except (ImportError, ValueError):  # one that is being imported, or was put together by hand
-        return True
+    spec = PathFinder.find_spec(name)
     # A folder without code, such as one of results, is a package to Python, too.
     return name in sys.stdlib_module_names or (spec is not None and spec.origin is not None)
 

@@ -12,8 +12,6 @@ from typing import Any
 
 import pandas as pd
 
-from atra.files.paths import write_together
-
 HOLDS, DOES_NOT_HOLD, UNDECIDED, NOT_MEASURED = VERDICTS = "holds", "does not hold", "undecided", "not measured"
 """undecided = measured in full, but not precisely enough to say."""
 
@@ -136,11 +134,6 @@ def verdict_on(readings: Sequence[JudgedClaim]) -> str:
         return HOLDS if set(verdicts) == {HOLDS} else ONE_READING
     # Readings that do not agree that it fails leave it open.
     return next(one for one in (NOT_MEASURED, UNDECIDED, DOES_NOT_HOLD) if one in verdicts)
-
-
-def write_claims(folder: Path, findings: Sequence[JudgedClaim]) -> None:
-    """Write `claim_files` into `folder`."""
-    write_together({folder / name: content for name, content in claim_files(findings).items()})
 
 
 def claim_files(findings: Sequence[JudgedClaim], name: str = "claims") -> dict[str, bytes]:

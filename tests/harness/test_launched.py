@@ -22,7 +22,7 @@ def test_a_launched_job_measures_whatever_records_there_are(tmp_path, monkeypatc
     one, runner = configuration(tmp_path), Runner()
     (planned,) = plan_points([one])
     write_record(records_folder(one), measure(replace(planned, problem=InputError("cannot load it"))))
-    monkeypatch.setattr("experiments.launched.measure", lambda planned: measure(planned, runner))
+    monkeypatch.setattr("experiments.launched.measure", lambda planned, run: measure(planned, runner))
     for _ in range(2):
         measure_launched(one)
     assert len(runner.points) == 2

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from io import BytesIO
 
 import pandas as pd
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from experiments.paper.claims import CLAIMS, judge_claims
 from experiments.paper.evidence import PAPER_SCENES, USED_COLUMNS, Evidence
 from experiments.paper.readings import EVERY_HIT
-from experiments.results.claims import JudgedClaim, judge_claim, write_claims
+from experiments.results.claims import JudgedClaim, claim_files, judge_claim
 from experiments.results.table import columns
 from tests.paper_table import agreeing_rows, agreeing_table, longer_build, more_bytes, scaled, skipped, where
 from tests.report_samples import table_of
@@ -350,10 +351,10 @@ def test_a_table_read_from_csv_gives_the_same_findings_and_both_files_hold_every
     agreeing.to_csv(tmp_path / "table.csv", index=False)
     assert judge_claims(pd.read_csv(tmp_path / "table.csv")) == judge_claims(agreeing)
     findings = judge_claims(agreeing_table(("sponza",)))
-    write_claims(tmp_path, findings)
-    rows = json.loads((tmp_path / "claims.json").read_text(encoding="utf-8"))
+    files = claim_files(findings)
+    rows = json.loads(files["claims.json"])
     assert [JudgedClaim(**row) for row in rows] == list(findings)
-    from_csv = pd.read_csv(tmp_path / "claims.csv")
+    from_csv = pd.read_csv(BytesIO(files["claims.csv"]))
     assert list(from_csv.columns) == list(JudgedClaim.__dataclass_fields__)
     assert list(from_csv["verdict"]) == [one.verdict for one in findings]
 

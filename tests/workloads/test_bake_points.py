@@ -3,6 +3,7 @@
 import importlib.util
 import math
 import sys
+from io import BytesIO
 
 import numpy as np
 import pandas as pd
@@ -20,9 +21,9 @@ from experiments.results.claims import (
     HOLDS,
     NOT_MEASURED,
     UNDECIDED,
+    claim_files,
     judge_all,
     judge_claim,
-    write_claims,
 )
 from experiments.results.table import frame_of
 from experiments.workloads.bake import AGAINST, BAKE, STAGES, BakeSettings
@@ -281,13 +282,11 @@ def test_the_search_for_what_a_view_shows_is_judged_where_both_methods_searched(
     )
 
 
-def test_claims_are_written_and_nothing_is_claimed_of_no_table(tmp_path):
+def test_claims_are_written_and_nothing_is_claimed_of_no_table():
     for rows in (None, table({})[:0]):
         assert {judge_claim(claim, rows)[0].verdict for claim in CLAIMS} == {NOT_MEASURED}
-    write_claims(
-        tmp_path, judge_all(CLAIMS, three_processes(table(ratio("speedup_vs_other", *[GOOD] * 4)))), CLAIMS_FILE
-    )
-    written = pd.read_csv(tmp_path / f"{CLAIMS_FILE}.csv")
+    judged = judge_all(CLAIMS, three_processes(table(ratio("speedup_vs_other", *[GOOD] * 4))))
+    written = pd.read_csv(BytesIO(claim_files(judged, CLAIMS_FILE)[f"{CLAIMS_FILE}.csv"]))
     assert list(written["id"]) == [claim.id for claim in CLAIMS]
     assert len({claim.id for claim in CLAIMS}) == len(CLAIMS)
 
