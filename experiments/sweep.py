@@ -192,12 +192,13 @@ class _Sweep:
                     yield self._point(names[0]).process + 1
 
     def measure_again(self, repeats: int) -> None:
-        """Replace processes that strayed or were disturbed by new ones, each `repeats` times at most; a record stays
-        until its successor is there."""
+        """Replace processes that strayed or were disturbed by new ones, `repeats` times at most; a record stays until
+        its successor is there."""
         failed: set[str] = set()
-        number = 0
-        while names := [name for name in to_replace(self.done, repeats) if name not in failed]:
-            number += 1
+        for number in range(1, repeats + 1):
+            names = [name for name in to_replace(self.done, repeats) if name not in failed]
+            if not names:
+                break
             say(
                 self.console,
                 f"{_processes(names, 'is', 'are')} measured again, repeat {number} of at most {repeats}: {WHY}; "
