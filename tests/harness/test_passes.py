@@ -102,7 +102,9 @@ def test_the_first_look_names_who_disturbs_and_does_not_wait(tmp_path, monkeypat
     monkeypatch.setattr("experiments.sweep.Waiting", waiting)
     run_sweep(grid(tmp_path), run=Runner())
     said = capsys.readouterr().err
-    assert said.index("the machine is not quiet: make 90% of all cores; measuring goes on") < said.index("[1/6]")
+    assert said.index(
+        "the machine is not quiet: other processes use 90% of all cores (make 90%); measuring goes on"
+    ) < said.index("[1/6]")
     assert said.index("[2/6]") < said.index("waiting for a quiet machine") < said.index("[3/6]")
 
 

@@ -35,7 +35,7 @@ def test_a_busy_one_is_waited_for_and_the_processes_are_named(waiting):
     assert one.for_quiet()
     assert one.for_quiet()
     assert len(said) == 1
-    assert "make 60%, cc1 30% of all cores" in said[0]
+    assert "other processes use 90% of all cores (make 60%, cc1 30%)" in said[0]
 
 
 def test_the_limit_is_of_all_waits_together_and_then_nobody_waits_again(waiting):

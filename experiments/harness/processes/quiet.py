@@ -36,8 +36,8 @@ class Busy:
 
     def __str__(self) -> str:
         named = ", ".join(f"{name} {share:.0%}" for name, share in self.names)
-        stolen = f"other machines {self.stolen:.0%}" if self.stolen > _LEAST_NAMED else ""
-        return ", ".join(filter(None, [named or f"other processes {self.others:.0%}", stolen])) + " of all cores"
+        stolen = f", other machines {self.stolen:.0%}" if self.stolen > _LEAST_NAMED else ""
+        return f"other processes use {self.others:.0%} of all cores{f' ({named})' * bool(named)}{stolen}"
 
 
 def look_around(seconds: float = _LOOK_S) -> Busy:
