@@ -11,6 +11,7 @@ from functools import partial
 from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import trimesh
@@ -151,6 +152,26 @@ def _place_hits() -> None:
     _ = hits.u, hits.points, hits.normals
 
 
+def _read_files() -> None:
+    """Meshes of text and of bytes, with a concave polygon."""
+    rows = "0 0 0\n2 0 0\n2 2 0\n1 1 0\n0 2 0\n"
+    head = "element vertex 5\nproperty float x\nproperty float y\nproperty float z\nelement face {}\n"
+    head += "property list uchar int vertex_indices\nend_header\n"
+    bodies = {
+        "obj": "v " + rows.replace("\n", "\nv ", 4) + "f 1 2 3 4 5\n",
+        "off": f"OFF\n5 1 0\n{rows}5 0 1 2 3 4\n",
+        "stl": "solid\nfacet\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendfacet\nendsolid\n",
+        "ply": f"ply\nformat ascii 1.0\n{head.format(1)}{rows}5 0 1 2 3 4\n",
+        "mixed.ply": f"ply\nformat binary_little_endian 1.0\n{head.format(2)}{chr(0) * 60}"
+        + "".join(chr(size) + chr(0) * 4 * size for size in (3, 4)),
+    }
+    with TemporaryDirectory() as folder:
+        for name, body in bodies.items():
+            path = Path(folder) / f"mesh.{name}"
+            path.write_bytes(body.encode())
+            atra.load_mesh(path)
+
+
 def _jobs() -> Iterator[tuple[str, Callable[[], None]]]:
     views = ("pinhole", "orthographic")
     for view, tracer in product(views, _TRACERS):
@@ -163,6 +184,7 @@ def _jobs() -> Iterator[tuple[str, Callable[[], None]]]:
     yield "rays", _shoot_rays
     yield "all hits of rays", _find_all_hits
     yield "comparing", _compare
+    yield "mesh files", _read_files
     yield "raster, places and normals of hits", _place_hits
 
 

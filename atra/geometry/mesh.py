@@ -13,7 +13,8 @@ from atra.errors import InputError
 
 # The triangle test multiplies three lengths in float32; beyond this limit the product overflows and triangles silently
 # vanish from the image. The limit of the distance to the eye is `ray_space.FARTHEST_FROM_EYE`.
-_LARGEST_COORDINATE = 1e12
+LARGEST_COORDINATE = 1e12
+"""Upper limit of a coordinate's size."""
 
 _FACTORS = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
 """Odd factors of the hash of a position."""
@@ -29,6 +30,8 @@ class Mesh:
     vertices: (V, 3) float32, scene units; any real array-like is converted.
     faces: (F, 3) uint32, vertex indices; row i is the triangle with `prim_id` i. Any integer array-like is converted.
     name: the mesh's name in messages and records.
+    units: the unit of length that its file states, such as "inch"; None: it states none.
+    notes: what reading its file left out, or what is doubtful.
 
     Raises InputError for a wrong shape or dtype, no triangle, the first coordinate that is not finite or beyond 1e12 in
     size, and the first face with an index outside the vertices.
@@ -37,6 +40,8 @@ class Mesh:
     vertices: NDArray[np.float32]
     faces: NDArray[np.uint32]
     name: str = "mesh"
+    units: str | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices", _checked_vertices(self.vertices))
@@ -125,12 +130,13 @@ def _checked_vertices(given: ArrayLike) -> NDArray[np.float32]:
         raise InputError(f"vertices have shape {vertices.shape}, expected (V, 3)")
     if vertices.dtype.kind not in "iuf":
         raise InputError(f"vertices have dtype {vertices.dtype}, expected real numbers")
-    good = np.abs(vertices.astype(np.float64)) <= _LARGEST_COORDINATE  # False for NaN and inf, too
-    if not good.all():
+    extremes = np.array([vertices.min(), vertices.max()], np.float64)
+    if not (np.abs(extremes) <= LARGEST_COORDINATE).all():  # False for NaN and inf, too
+        good = np.abs(vertices.astype(np.float64)) <= LARGEST_COORDINATE
         index = int(np.nonzero(~good.all(axis=1))[0][0])
         value = tuple(float(c) for c in vertices[index])
         raise InputError(
-            f"vertex {index} is {value}, expected finite numbers of at most {_LARGEST_COORDINATE:g} in size"
+            f"vertex {index} is {value}, expected finite numbers of at most {LARGEST_COORDINATE:g} in size"
         )
     return _read_only_copy(vertices, np.float32)
 
@@ -143,8 +149,8 @@ def _checked_faces(given: ArrayLike, vertex_count: int) -> NDArray[np.uint32]:
         raise InputError(f"faces have shape {faces.shape}, expected (F, 3): triangles")
     if faces.dtype.kind not in "iu":
         raise InputError(f"faces have dtype {faces.dtype}, expected whole numbers")
-    bad = (faces < 0) | (faces >= vertex_count)
-    if bad.any():
+    if faces.min() < 0 or faces.max() >= vertex_count:
+        bad = (faces < 0) | (faces >= vertex_count)
         face, corner = (int(i) for i in np.argwhere(bad)[0])
         raise InputError(f"face {face} names vertex {faces[face, corner]}, but the mesh has {vertex_count} vertices")
     return _read_only_copy(faces, np.uint32)

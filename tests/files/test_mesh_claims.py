@@ -24,11 +24,11 @@ def test_a_whole_file_keeps_its_promise(tmp_path, suffix):
 
 
 @pytest.mark.parametrize(("name", "old", "new", "message"), [
-    ("box.off", b"8 12 0", b"8 13 0", "gives 12 faces, but promises 13"),
-    ("box.off", b"OFF\n8 12 0", b"# OFF 1 1\nOFF # text\n8 99 0 # 1", "gives 12 faces, but promises 99"),
-    ("box.stl_ascii", b"vertex 0.5", b"vertex O.5", "could not be read to its end"),
-    ("box.stl_ascii", b"endsolid", b"end", "holds no triangles"),
-    ("box.obj", b"\nf 2 4 1", b"\nf 2 4", "gives 11 faces, but promises 12"),
+    ("box.off", b"8 12 0", b"8 13 0", "promises 13 faces, but ends before"),
+    ("box.off", b"OFF\n8 12 0", b"# OFF 1 1\nOFF # text\n8 99 0 # 1", "promises 99 faces, but ends before"),
+    ("box.stl_ascii", b"vertex 0.5", b"vertex O.5", "is no vertex of three numbers"),
+    ("box.stl_ascii", b"endsolid", b"end", "seems cut short"),
+    ("box.obj", b"\nf 2 4 1", b"\nf 2 4", "is a face of fewer than 3 corners"),
     ("ascii.ply", b" 1 3 0\n", b" 1 3 nan\n", "cannot be read as ply"),
     ("ascii.ply", b" 1 3 0\n", b" 1 3 1e300\n", "cannot be read as ply"),
     ("ascii.ply", b" 1 3 0\n", b" 1 3 one\n", "cannot be read as ply"),
@@ -66,18 +66,13 @@ def indices(tree):
 
 
 @pytest.mark.parametrize(("change", "message"), [
-    (lambda tree: position(tree).pop("bufferView"), "compressed, sparse, normalized or empty"),
-    (lambda tree: indices(tree).pop("bufferView"), "accessor 0 is compressed, sparse, normalized or empty"),
-    (lambda tree: position(tree).update(sparse={"count": 1}), "compressed, sparse, normalized or empty"),
-    (lambda tree: position(tree).update(normalized=True), "compressed, sparse, normalized or empty"),
-    (lambda tree: tree.update(extensionsRequired=["KHR_draco_mesh_compression"]), "requires the extension 'KHR_dr"),
+    (lambda tree: position(tree).pop("bufferView"), "has no numbers, or compressed ones"),
+    (lambda tree: indices(tree).pop("bufferView"), "accessor 0 has no numbers, or compressed ones"),
+    (lambda tree: position(tree).update(sparse={"count": 1}), "cannot be read as glb: 'indices'"),
+    (lambda tree: tree.update(extensionsRequired=["EXT_meshopt_compression"]), "requires the extension 'EXT_mesh"),
     (lambda tree: position(tree).update(count=2.5), r"has the count 2\.5"),
     (lambda tree: position(tree).update(count=-8), "has the count -8"),
-    (lambda tree: position(tree).update(count=10**12), "cannot be read as glb"),
-    (
-        lambda tree: tree["accessors"].append({"componentType": 5126, "count": 10**12, "type": "VEC3"}),
-        "claims .* and 12,000,0.* bytes beside them",
-    ),
+    (lambda tree: position(tree).update(count=10**12), "claims 1,000,000,000,012 faces and vertices"),
     (lambda tree: tree.update(accessors=5), "cannot be read as glb"),
 ])  # fmt: skip
 def test_a_gltf_whose_geometry_would_be_read_as_zeros_or_out_of_nothing_is_refused(tmp_path, change, message):
@@ -85,9 +80,10 @@ def test_a_gltf_whose_geometry_would_be_read_as_zeros_or_out_of_nothing_is_refus
         load_mesh(with_tree(tmp_path / "box.glb", change))
 
 
-def test_a_gltf_may_hold_zeros_as_large_as_its_geometry_and_require_what_is_not_geometry(tmp_path):
+def test_a_gltf_may_hold_zeros_that_nothing_uses_and_require_what_is_not_geometry(tmp_path):
     def harmless(tree):
-        tree["accessors"].append({"componentType": 5126, "count": position(tree)["count"], "type": "VEC3"})
+        tree["accessors"].append({"componentType": 5126, "count": 10**12, "type": "VEC3"})
+        position(tree)["normalized"] = True  # means nothing for floats
         tree["extensionsRequired"] = ["KHR_materials_unlit", "KHR_texture_transform", "KHR_lights_punctual"]
 
     assert load_mesh(with_tree(tmp_path / "box.glb", harmless)).triangle_count == 12

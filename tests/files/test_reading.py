@@ -100,9 +100,9 @@ def test_small_files_that_claim_much_are_refused_by_their_claim_within_a_gibibyt
     assert (len(told), done.stderr) == (5, "")
     for line, expected in zip(told, (
         "it claims 528,000,000 numbers, which take about 9.8 GiB to read; its", "it claims 32,767 x 16,377 pixels",
-        "it claims 1,000,000,003 faces and vertices, which take about 78.2 GiB to read; its 45 bytes are",
-        "its faces make 999,999,998 triangles by their lines, but 1 were read",
-        "it claims 300,001 parts",
+        "it promises 3 vertices and 1,000,000,000 faces, but has only 45 bytes; it seems cut short",
+        "line 6, '1000000000 0 1 2', is no number of corners, and as many indices",
+        "parts and more, which take about",
     ), strict=True):  # fmt: skip
         assert expected in line
     assert all("If you trust the file, raise memory_per_byte" in line for line in told if "claims" in line)
@@ -204,8 +204,6 @@ def test_files_with_random_headers_are_used_or_refused_within_a_gibibyte(tmp_pat
 
 @pytest.mark.parametrize(("name", "text", "claimed"), [
     ("n.gltf", '{"nodes":[' + 5000 * "{}," + "{}]}", "5,001 nodes"),
-    ("n.off", "OFF\n3 999 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n" + 998 * "0\n", "1,004 lines"),
-    ("n.ply", "ply\nformat ascii 1.0\nelement vertex 9\nproperty float x\nend_header\n" + 5000 * "\n", "5,005 lines"),
     ("t.json", '{"frames":[' + 5000 * "{}," + "{}]}", "5,000 frames and more"),
     ("images.txt", 5000 * "0 0 0 0 0 0 0 0 0 a\n\n", "0 images and more"),
 ])  # fmt: skip

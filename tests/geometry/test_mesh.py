@@ -156,10 +156,10 @@ def test_a_gltf_may_not_name_a_file_outside_its_folder(tmp_path):
 
 
 @pytest.mark.parametrize(("name", "text", "message"), [
-    ("relative.obj", OBJ_VERTICES + "f -3 -2 -1\n", "line 5 names vertex -1 in 'f -3 -2 -1', expected"),
-    ("zero.obj", OBJ_VERTICES + "f 1 2 3\\\n  4\nf 0/1 1/2 2/3\n", "line 7 names vertex 0 in 'f 0/1 1/2 2/3'"),
-    ("zero.obj", "\r".join((*OBJ_VERTICES.split("\n"), "f 1 2 +00")), r"line 6 names vertex \+00 in 'f 1 2 \+00'"),
-    ("short.ply", ply([[0, 1, 2]], declared=5), "gives 1 faces, but promises 5"),
+    ("relative.obj", OBJ_VERTICES + "f -5 -2 -1\n", "line 5, 'f -5 -2 -1', names vertex -5, expected"),
+    ("zero.obj", OBJ_VERTICES + "f 1 2 3\\\n  4\nf 0/1 1/2 2/3\n", "line 7, 'f 0/1 1/2 2/3', names vertex 0,"),
+    ("zero.obj", "\r".join((*OBJ_VERTICES.split("\n"), "f 1 2 +00")), r"line 6, 'f 1 2 \+00', names vertex \+00,"),
+    ("short.ply", ply([[0, 1, 2]], declared=5), "promises 5 rows of the element face, but"),
     ("points.xyz", "0 0 0\n1 1 1\n", "holds no triangles"),
     ("points.obj", OBJ_VERTICES, "holds no triangles"),
     ("line.obj", OBJ_VERTICES + "l 1 2\n", "holds no triangles"),
@@ -170,7 +170,7 @@ def test_a_gltf_may_not_name_a_file_outside_its_folder(tmp_path):
     ("scene.zip", "", "unpack an archive first"),
     ("nan.obj", OBJ_VERTICES + "v nan 0 0\nf 1 2 5\n", "vertex 4 is .nan"),
     ("range.ply", ply([[0, 1, 7]]), "names .*7.* there are 4 vertices"),
-    ("range.obj", OBJ_VERTICES + "f 1 2 9\n", "out of bounds"),
+    ("range.obj", OBJ_VERTICES + "f 1 2 9\n", "line 5, 'f 1 2 9', names vertex 9, expected 1 to 4"),
 ])  # fmt: skip
 def test_a_file_that_cannot_be_used_is_refused_naming_it(tmp_path, name, text, message):
     path = written(tmp_path, name, text)

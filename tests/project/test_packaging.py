@@ -17,7 +17,14 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 OURS = {"atra", "experiments", "scenes", "examples"}
-PACKAGES = {"OpenEXR": "openexr", "PIL": "pillow", "hydra": "hydra-core", "lazy_loader": "lazy-loader"}
+PACKAGES = {
+    "DracoPy": "dracopy",
+    "mapbox_earcut": "mapbox-earcut",
+    "OpenEXR": "openexr",
+    "PIL": "pillow",
+    "hydra": "hydra-core",
+    "lazy_loader": "lazy-loader",
+}
 """Whose name is not that of their module."""
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -39,8 +46,8 @@ def named(requirements):
     return {re.match(r"[\w-]+", requirement)[0] for requirement in requirements}
 
 
-FOR_SOME_TASKS = {"openexr", "pillow", "pyoidn", "scipy", "xatlas"}
-"""What the library asks for where files of some formats are written, charts made or maps denoised."""
+FOR_SOME_TASKS = {"dracopy", "meshio", "openexr", "pillow", "pyoidn", "scipy", "xatlas"}
+"""What the library asks for where files of some formats are read or written, charts made or maps denoised."""
 
 
 def test_the_library_depends_on_what_it_imports():

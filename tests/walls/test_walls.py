@@ -191,7 +191,7 @@ def test_the_harness_loads_no_method_and_no_workload():
 
 def test_walls_are_seen_to_fall():
     assert breaches(Wall("atra.tracing", ("atra.embree",)))  # at the top of a module
-    assert breaches(Wall("atra.files.meshes", ("trimesh",)))  # inside of a function
+    assert breaches(Wall("atra.files.formats", ("trimesh",)))  # inside of a function
     assert not breaches(Wall("atra.tracing", ("atra.embree",), apart_from=("atra.tracing",)))
     assert not breaches(Wall("atra.tracing", ("atra.embree",), but=("atra.embree",)))
     assert breaches(Wall("atra.alignment", ("atra.raster",)))

@@ -9,14 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.files.meshes.claims import gltf_tree
+from atra.files.folder import Folder
+from atra.files.gltf.nodes import nodes_of, places_of
+from atra.files.gltf.numbers import Numbers
+from atra.files.gltf.primitives import FAN, STRIP, TRIANGLES, triangles_of_mode
+from atra.files.gltf.tree import entry, gltf_tree
 from atra.files.reading import Allowance, read_regular_file
 from atra.geometry.mesh import Mesh
 from atra.light.materials import Material
-from atra.light.reading.folder import Folder
 from atra.light.reading.gltf_materials import EXTENSIONS, Materials
-from atra.light.reading.gltf_nodes import camera_of, light_of, nodes_of, places_of
-from atra.light.reading.gltf_numbers import Numbers, entry
+from atra.light.reading.gltf_nodes import camera_of, light_of
 from atra.light.scene import ScenePart
 
 _KNOWN = EXTENSIONS | {
@@ -25,8 +27,6 @@ _KNOWN = EXTENSIONS | {
     "KHR_materials_specular", "KHR_materials_iridescence", "KHR_materials_anisotropy", "KHR_materials_dispersion",
 }  # fmt: skip
 """Extensions without which a file can be shown, though those of materials may be left out."""
-
-_TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 _BYTES_PER_ROW = 200
 """Peak memory for a face or vertex, as a node places it."""
@@ -90,12 +90,12 @@ def _primitive(
     given: Any, numbers: Numbers, materials: Materials, allowance: Allowance, left_out: dict[str, None]
 ) -> Primitive | None:
     """A primitive's triangles, None if it has none."""
-    mode, attributes = given.get("mode", _TRIANGLES), given["attributes"]
+    mode, attributes = given.get("mode", TRIANGLES), given["attributes"]
     for name in given.get("extensions", {}):
         if name == "KHR_draco_mesh_compression":
             raise InputError("a primitive is compressed by KHR_draco_mesh_compression; export it without")
         left_out[str(name)] = None
-    if mode not in (_TRIANGLES, _STRIP, _FAN):
+    if mode not in (TRIANGLES, STRIP, FAN):
         left_out["points and lines"] = None
         return None
     if "targets" in given:
@@ -105,7 +105,7 @@ def _primitive(
     allowance.check(f"{len(vertices) + len(corners):,} rows", (len(vertices) + len(corners)) * _BYTES_PER_ROW)
     if len(corners) and corners.max() >= len(vertices):
         raise InputError(f"an index is {corners.max()}, but there are {len(vertices)} vertices")
-    faces = _triangles(mode, corners)
+    faces = triangles_of_mode(mode, corners)
     if not len(faces):
         return None
     rows = {}
@@ -136,7 +136,7 @@ def triangles_of(given: Any, numbers: Numbers) -> tuple[NDArray[np.int64], bool]
     scene has a vertex of its own."""
     count = len(numbers.floats(given["attributes"]["POSITION"], 3))
     corners = numbers.whole(given["indices"]) if "indices" in given else np.arange(count)
-    return _triangles(given.get("mode", _TRIANGLES), corners), "NORMAL" not in given["attributes"]
+    return triangles_of_mode(given.get("mode", TRIANGLES), corners), "NORMAL" not in given["attributes"]
 
 
 def _rows(
@@ -153,18 +153,6 @@ def _rows(
         left_out[f"{name} that is not finite"] = None
         rows = np.where(good, rows, 0.0)
     return rows
-
-
-def _triangles(mode: int, corners: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(F, 3) int64."""
-    if mode == _TRIANGLES:
-        return corners[: len(corners) // 3 * 3].reshape(-1, 3)
-    count = max(0, len(corners) - 2)
-    k = np.arange(count)
-    if mode == _FAN:
-        return np.column_stack([corners[k + 1], corners[k + 2], np.repeat(corners[:1], count)])
-    odd = k % 2
-    return np.column_stack([corners[k], corners[k + 1 + odd], corners[k + 2 - odd]])
 
 
 def _sound_normals(

@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
+from atra.files.folder import Folder, OutsideError
+from atra.files.gltf.numbers import Numbers
+from atra.files.gltf.tree import entry
 from atra.files.saving import check_package
 from atra.light.materials import MetallicRoughness
-from atra.light.reading.folder import Folder, OutsideError, read_image
-from atra.light.reading.gltf_numbers import Numbers, entry
+from atra.light.reading.images import read_image
 from atra.light.textures import Image
 
 EXTENSIONS = {

@@ -1,97 +1,21 @@
-"""Nodes of a glTF: where its meshes, cameras and lights are."""
+"""Cameras and lights of a glTF's nodes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from math import degrees, pi
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from atra.errors import InputError
-from atra.files.reading import Allowance
+from atra.files.gltf.nodes import Node
+from atra.files.gltf.tree import entry
 from atra.geometry.camera import Camera
 from atra.geometry.numbers import as_vector
 from atra.geometry.view import View
 from atra.light.lights import Light, PointLight, SpotLight, Sun
-from atra.light.reading.gltf_numbers import Numbers, entry
 
 _HEIGHT = 720
 """Rows of a camera's image; files do not tell."""
-
-_BYTES_PER_PLACE = 300
-
-
-class Node(NamedTuple):
-    """A node of the scene. number: in the file. to_world: (4, 4) float64."""
-
-    number: int
-    given: Any
-    to_world: NDArray[np.float64]
-
-
-def nodes_of(tree: Any) -> Iterator[Node]:
-    """The nodes of the default scene, parents first. Raises InputError for cycles, and for several parents."""
-    entries = tree.get("nodes", [])
-    if "scenes" in tree:
-        roots = entry(tree, "scenes", tree.get("scene", 0)).get("nodes", [])
-    else:
-        roots = sorted(set(range(len(entries))).difference(*(node.get("children", []) for node in entries)))
-    seen: set[int] = set()
-    waiting = [(number, np.eye(4)) for number in reversed(roots)]
-    while waiting:
-        number, parent = waiting.pop()
-        node = entry(tree, "nodes", number)
-        if number in seen:
-            raise InputError(f"node {number} is its own ancestor, or has several parents; export the nodes as a tree")
-        seen.add(number)
-        to_world = parent @ _transform(number, node)
-        yield Node(number, node, to_world)
-        waiting += [(child, to_world) for child in reversed(node.get("children", []))]
-
-
-def places_of(node: Node, numbers: Numbers, allowance: Allowance) -> list[NDArray[np.float64]]:
-    """Where a node places its mesh: once, or as often as EXT_mesh_gpu_instancing says."""
-    many = node.given.get("extensions", {}).get("EXT_mesh_gpu_instancing")
-    if many is None:
-        return [node.to_world]
-    found = {
-        name: numbers.floats(number, 4 if name == "ROTATION" else 3)
-        for name, number in many.get("attributes", {}).items()
-        if name in ("TRANSLATION", "ROTATION", "SCALE")
-    }
-    count = min((len(rows) for rows in found.values()), default=0)
-    allowance.check(f"{count:,} instances", count * _BYTES_PER_PLACE)
-    keys = {"TRANSLATION": "translation", "ROTATION": "rotation", "SCALE": "scale"}
-    return [
-        node.to_world @ _transform(node.number, {keys[name]: rows[k] for name, rows in found.items()})
-        for k in range(count)
-    ]
-
-
-def _transform(number: int, node: Any) -> NDArray[np.float64]:
-    if "matrix" in node:
-        matrix = np.asarray(node["matrix"], np.float64).reshape(4, 4).T
-    else:
-        x, y, z, w = _unit(np.asarray(node.get("rotation", (0, 0, 0, 1)), np.float64).reshape(4))
-        matrix = np.eye(4)
-        matrix[:3, :3] = [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-        with np.errstate(invalid="ignore"):  # what is not finite is refused below
-            matrix[:3, :3] *= np.asarray(node.get("scale", (1, 1, 1)), np.float64).reshape(3)
-        matrix[:3, 3] = np.asarray(node.get("translation", (0, 0, 0)), np.float64).reshape(3)
-    if not np.isfinite(matrix).all():
-        raise InputError(f"node {number} has a transform that is not finite")
-    return matrix
-
-
-def _unit(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    length = float(np.linalg.norm(quaternion))
-    return quaternion / length if length > 0.0 else np.array([0.0, 0.0, 0.0, 1.0])
 
 
 def camera_of(tree: Any, node: Node, left_out: dict[str, None]) -> tuple[str, View] | None:

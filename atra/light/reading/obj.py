@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
+from atra.files.folder import Folder, OutsideError
 from atra.files.reading import Allowance, read_regular_file
 from atra.geometry.mesh import Mesh
 from atra.light.materials import MetallicRoughness
-from atra.light.reading.folder import Folder, OutsideError, read_image
+from atra.light.reading.images import read_image
 from atra.light.scene import ScenePart
 from atra.light.textures import Image
 

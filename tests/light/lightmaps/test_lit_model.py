@@ -15,7 +15,7 @@ from scipy.ndimage import minimum_filter
 import atra
 from atra import light
 from atra.errors import InputError
-from atra.files.meshes.claims import gltf_tree
+from atra.files.gltf.tree import gltf_tree
 from atra.light import Atlas, Baker, BakeScene, save_lit_model
 from atra.light.lightmaps.finish.export import finished
 from atra.light.lightmaps.finish.seams import Seams

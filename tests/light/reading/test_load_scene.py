@@ -9,8 +9,8 @@ import pytest
 from PIL import Image
 
 from atra import InputError, light
-from atra.light.reading.folder import MOST_SIDE, read_image
 from atra.light.reading.gltf_materials import placement_of
+from atra.light.reading.images import MOST_SIDE, read_image
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
 

@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.files.meshes.claims import gltf_tree
+from atra.files.folder import Folder
+from atra.files.gltf.numbers import Numbers
+from atra.files.gltf.tree import gltf_tree
 from atra.files.paths import write_atomically
 from atra.files.reading import read_regular_file
 from atra.light.lightmaps.charts.atlas import Atlas
@@ -19,9 +21,7 @@ from atra.light.lightmaps.finish.export import exposure_of, finished
 from atra.light.lightmaps.finish.seams import Seams
 from atra.light.lightmaps.maps import Lightmap
 from atra.light.pictures.files import exr_of_channels, png_of
-from atra.light.reading.folder import Folder
 from atra.light.reading.gltf import triangles_of
-from atra.light.reading.gltf_numbers import Numbers
 from atra.light.scene import Scene, ScenePart
 
 _EXTENSION = "MOZ_lightmap"

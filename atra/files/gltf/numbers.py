@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.files.meshes.claims import glb_chunks
-from atra.light.reading.folder import Folder
+from atra.files.folder import Folder
+from atra.files.gltf.tree import entry, glb_chunks
 
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-
-
-def entry(tree: Any, kind: str, number: Any) -> Any:
-    """Entry `number` of a list of the file. Raises InputError where there is none."""
-    entries = tree.get(kind, [])
-    if type(number) is not int or not 0 <= number < len(entries):
-        raise InputError(f"it names {kind} {number!r}, but there are {len(entries)}, counted from 0")
-    return entries[number]
 
 
 class Numbers:
@@ -31,26 +24,39 @@ class Numbers:
         rest = glb_chunks(content)[1] if suffix == "glb" else b""
         self._chunk = rest[8 : 8 + int.from_bytes(rest[:4], "little")] if len(rest) >= 8 else None
         self._buffers: dict[int, bytes] = {}
+        self._files: dict[Path, bytes] = {}
 
     def view(self, number: Any) -> bytes:
         """The bytes of a buffer view."""
+        return bytes(self._view(number))
+
+    def _view(self, number: Any) -> memoryview:
         view = entry(self._tree, "bufferViews", number)
         buffer = self._buffer(view["buffer"])
         start, length = view.get("byteOffset", 0), view["byteLength"]
         if not 0 <= start <= start + length <= len(buffer):
             raise InputError(f"buffer view {number} ends at byte {start + length} of {len(buffer)}")
-        return buffer[start : start + length]
+        return memoryview(buffer)[start : start + length]
 
     def _buffer(self, number: int) -> bytes:
         if number not in self._buffers:
             buffer = entry(self._tree, "buffers", number)
             if "uri" in buffer:
-                self._buffers[number] = self._folder.read(buffer["uri"])
+                self._buffers[number] = self._read(buffer["uri"])
             elif number == 0 and self._chunk is not None:
                 self._buffers[number] = self._chunk
             else:
                 raise InputError(f"buffer {number} has no bytes")
         return self._buffers[number]
+
+    def _read(self, uri: Any) -> bytes:
+        """What a buffer names; a file that several name is read once."""
+        if isinstance(uri, str) and uri.startswith("data:"):
+            return self._folder.read(uri)
+        path = self._folder.path_of(uri)
+        if path not in self._files:
+            self._files[path] = self._folder.read(uri)
+        return self._files[path]
 
     def floats(self, number: Any, size: int) -> NDArray[np.float64]:
         """(N, size) float64 of an accessor; normalised whole numbers become fractions."""
@@ -101,7 +107,7 @@ class Numbers:
         return accessor, rows
 
     def _plain(self, view: Any, start: int, count: int, size: int, dtype: np.dtype[Any]) -> NDArray[Any]:
-        content = self.view(view)
+        content = self._view(view)
         step = entry(self._tree, "bufferViews", view).get("byteStride", size * dtype.itemsize)
         end = start + step * max(count - 1, 0) + (size * dtype.itemsize if count else 0)
         if start < 0 or step < 1 or end > len(content):

@@ -1,0 +1,1 @@
+"""Formats of mesh files, each with a reader of its own."""

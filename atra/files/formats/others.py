@@ -1,0 +1,120 @@
+"""Formats that trimesh reads, such as COLLADA, and the packages that it needs for some."""
+
+from __future__ import annotations
+
+import io
+import logging
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.errors import InputError
+from atra.files.meshes.parts import NONE, MeshFile, Part, placed_part, polygon_part
+from atra.files.reading import read_regular_file
+
+NEEDED = {
+    "dae": "pycollada", "zae": "pycollada", "step": "cascadio", "stp": "cascadio", "3dxml": "lxml networkx",
+    "xaml": "lxml", "ctm": "openctm",
+}  # fmt: skip
+"""Packages without which trimesh does not know a format."""
+
+_UNITS = {"meters": "meter", "0.0254 * meters": "inch", "0.01 * meters": "centimeter", "0.001 * meters": "millimeter",
+          "mm": "millimeter"}  # fmt: skip
+"""Our words for what trimesh says."""
+
+# NumPy's warnings when it replaces text that is no number, or no index, by another value.
+_DAMAGE = ("string or file could not be read to its end", "invalid value encountered in cast")
+
+
+def known_formats() -> set[str]:
+    """The formats that trimesh reads with the packages that are installed."""
+    from trimesh.exchange.load import mesh_formats  # slow to import, and needed only where a file is read
+
+    return set(mesh_formats())
+
+
+def read_other_file(path: Path, content: bytes, suffix: str) -> MeshFile:
+    """The triangles of every mesh instance in world space, in the order of trimesh's scene graph."""
+    import trimesh
+
+    with warnings.catch_warnings(), _warnings_of_trimesh_refused():
+        warnings.simplefilter("ignore")
+        for damage in _DAMAGE:
+            warnings.filterwarnings("error", message=damage)
+        scene = trimesh.load_scene(
+            io.BytesIO(content),
+            file_type=suffix,
+            resolver=_folder_of(path),
+            process=False,
+            skip_materials=True,
+            maintain_order=True,
+        )
+    notes: dict[str, None] = {}
+    parts = list(_flattened(scene, notes))
+    units = next((part.metadata["units"] for part in scene.geometry.values() if "units" in part.metadata), None)
+    return MeshFile(parts, units=None if units is None else _UNITS.get(units, str(units)), notes=tuple(notes))
+
+
+class _Refusal(logging.Handler):
+    """Raises what is logged as an InputError."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        raise InputError(record.getMessage())
+
+
+@contextmanager
+def _warnings_of_trimesh_refused() -> Iterator[None]:
+    """Refuse files in which trimesh skips something, which it only logs."""
+    logger, refusal = logging.getLogger("trimesh"), _Refusal(logging.WARNING)
+    logger.addHandler(refusal)
+    try:
+        yield
+    finally:
+        logger.removeHandler(refusal)
+
+
+def _folder_of(path: Path) -> Any:
+    """The resolver that gives trimesh the files which a mesh file names, each read once."""
+    from trimesh.resolvers import FilePathResolver
+
+    class Folder(FilePathResolver):  # type: ignore[misc]
+        def get(self, name: str) -> bytes:
+            return _once(self.absolute(name))
+
+    _once = cache(read_regular_file)
+    return Folder(str(path))
+
+
+def _flattened(scene: Any, notes: dict[str, None]) -> Iterator[Part]:
+    import trimesh
+
+    parts = {}
+    for name, part in scene.geometry.items():
+        if isinstance(part, trimesh.Trimesh) and len(part.faces):
+            faces = np.asarray(part.faces, np.int64)
+            vertices = np.asarray(part.vertices, np.float64)
+            parts[name], more = polygon_part(vertices, np.full(len(faces), 3), faces.ravel())
+            notes |= dict.fromkeys(more)
+    world, nodes = _world_transforms(scene.graph), scene.graph.transforms.node_data
+    for node in scene.graph.nodes_geometry:
+        part = parts.get(nodes[node]["geometry"])
+        if part is not None:
+            yield placed_part(part.vertices, part.faces, world[node], NONE)
+
+
+def _world_transforms(graph: Any) -> dict[Any, NDArray[np.float64]]:
+    """World transforms of all nodes below the base, each from its parent's; trimesh would multiply whole paths."""
+    children, edges = graph.transforms.children, graph.transforms.edge_data
+    world, waiting = {graph.base_frame: np.eye(4)}, [graph.base_frame]
+    while waiting:
+        parent = waiting.pop()
+        for child in children.get(parent, ()):
+            world[child] = world[parent] @ edges[parent, child]["matrix"]
+            waiting.append(child)
+    return world

@@ -1,0 +1,71 @@
+"""Triangles of a glTF's primitives."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.errors import InputError
+from atra.files.gltf.numbers import Numbers
+from atra.files.gltf.tree import entry
+
+TRIANGLES, STRIP, FAN = 4, 5, 6
+"""Modes of a primitive of triangles; lower ones are points and lines."""
+
+DRACO = "KHR_draco_mesh_compression"
+
+
+def triangles_of_mode(mode: int, corners: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(F, 3) int64 of the corners of triangles, of a strip or of a fan."""
+    if mode == TRIANGLES:
+        return corners[: len(corners) // 3 * 3].reshape(-1, 3)
+    count = max(0, len(corners) - 2)
+    k = np.arange(count)
+    if mode == FAN:
+        return np.column_stack([corners[k + 1], corners[k + 2], np.repeat(corners[:1], count)])
+    odd = k % 2
+    return np.column_stack([corners[k], corners[k + 1 + odd], corners[k + 2 - odd]])
+
+
+def claimed_rows(tree: Any, primitive: Any) -> int:
+    """Vertices and triangles of a primitive, by its accessors. Raises InputError for counts that are none."""
+    numbers = (primitive["attributes"]["POSITION"], primitive.get("indices"))
+    counts = [entry(tree, "accessors", number)["count"] for number in numbers if number is not None]
+    for count in counts:
+        if type(count) is not int or count < 0:
+            raise InputError(f"an accessor has the count {count!r:.50}, expected a whole number")
+    return counts[0] + counts[-1] // (3 if primitive.get("mode", TRIANGLES) == TRIANGLES else 1)
+
+
+def read_primitive(tree: Any, primitive: Any, numbers: Numbers) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Vertices (V, 3) float64 and triangles (F, 3) int64. Raises InputError for an index without vertex."""
+    compressed = primitive.get("extensions", {}).get(DRACO)
+    if compressed is not None:
+        vertices, faces = _decompressed(numbers.view(compressed["bufferView"]))
+    else:
+        position, indices = primitive["attributes"]["POSITION"], primitive.get("indices")
+        for number in (position, *(() if indices is None else (indices,))):
+            accessor = entry(tree, "accessors", number)
+            if "bufferView" not in accessor and "sparse" not in accessor:
+                raise InputError(f"accessor {number} has no numbers, or compressed ones; export it plainly")
+        vertices = numbers.floats(position, 3)
+        corners = np.arange(len(vertices)) if indices is None else numbers.whole(indices)
+        faces = triangles_of_mode(primitive.get("mode", TRIANGLES), corners)
+    if len(faces) and (faces.min() < 0 or faces.max() >= len(vertices)):
+        face = int(np.argmax(((faces < 0) | (faces >= len(vertices))).any(axis=1)))
+        raise InputError(f"face {face} names {faces[face].tolist()}, but there are {len(vertices)} vertices")
+    return vertices, faces
+
+
+def _decompressed(content: bytes) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    try:
+        import DracoPy
+    except ImportError:
+        raise InputError(
+            f"a primitive is compressed by {DRACO}, which the package DracoPy reads: pip install DracoPy; or export it "
+            "without"
+        ) from None
+    found = DracoPy.decode(content)
+    return np.array(found.points, np.float64).reshape(-1, 3), np.array(found.faces, np.int64).reshape(-1, 3)

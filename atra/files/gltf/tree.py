@@ -1,0 +1,40 @@
+"""The JSON and the chunks of a glTF or GLB."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from atra.errors import InputError
+from atra.files.reading import parse_json
+
+_GLB_MAGIC, _GLB_JSON = b"glTF", b"JSON"
+
+
+def gltf_tree(content: bytes, suffix: str) -> Any:
+    """The JSON of a glTF or GLB, None for other formats. Raises InputError for text that is no JSON."""
+    if suffix not in ("gltf", "glb"):
+        return None
+    return parse_json(glb_chunks(content)[0] if suffix == "glb" else content)
+
+
+def glb_chunks(content: bytes) -> tuple[bytes, bytes]:
+    """The JSON chunk's text, and all chunks after it. Raises InputError for a chunk that is longer than the file."""
+    if content[:4] != _GLB_MAGIC:
+        raise InputError(f"it starts with {content[:4]!r}, expected {_GLB_MAGIC!r}")
+    start, first = 12, b""
+    while start + 8 <= len(content):
+        length, kind = int.from_bytes(content[start : start + 4], "little"), content[start + 4 : start + 8]
+        if start + 8 + length > len(content):
+            raise InputError(f"a chunk claims {length} bytes, but the file ends {len(content) - start - 8} further on")
+        if start == 12 and kind == _GLB_JSON:
+            first = content[20 : 20 + length]
+        start += 8 + length
+    return first, content[20 + len(first) :]
+
+
+def entry(tree: Any, kind: str, number: Any) -> Any:
+    """Entry `number` of a list of the file. Raises InputError where there is none."""
+    entries = tree.get(kind, [])
+    if type(number) is not int or not 0 <= number < len(entries):
+        raise InputError(f"it names {kind} {number!r}, but there are {len(entries)}, counted from 0")
+    return entries[number]
