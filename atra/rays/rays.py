@@ -149,11 +149,26 @@ def rays_of(
             raise InputError(
                 f"rays is {origins!r:.100}, expected atra.Rays, or origins and directions, or one array (..., 6)"
             )
-        shape, flat = both.shape[:-1], both.reshape(-1, 6)
-        ends = {name: _flat(name, value, shape) for name, value in interval.items()}
-        return Rays(flat[:, :3], flat[:, 3:], **ends), shape
-    rays = Rays(origins, directions, **interval)  # type: ignore[arg-type]
-    return rays, (len(rays),)
+        origins, directions = both[..., :3], both[..., 3:]
+    starts, ways = _triples("origins", origins), _triples("directions", directions)
+    try:
+        shape = np.broadcast_shapes(starts.shape[:-1], ways.shape[:-1])
+    except ValueError:
+        raise InputError(
+            f"origins have shape {starts.shape} and directions {ways.shape}, expected as many, or one of either for all"
+        ) from None
+    flat = [np.broadcast_to(one, (*shape, 3)).reshape(-1, 3) for one in (starts, ways)]
+    ends = {name: _flat(name, value, shape) for name, value in interval.items()}
+    return Rays(flat[0], flat[1], **ends), shape
+
+
+def _triples(name: str, given: ArrayLike) -> NDArray[Any]:
+    array = _real(name, given)
+    if array.size == 0 and array.ndim < 2:
+        array = array.reshape(0, 3)
+    if array.ndim == 0 or array.shape[-1] != 3:
+        raise InputError(f"{name} have shape {array.shape}, expected (..., 3)")
+    return array
 
 
 def _flat(name: str, given: ArrayLike, shape: tuple[int, ...]) -> NDArray[Any]:

@@ -58,8 +58,9 @@ class RayScene(AllHitsScene):
     The first batch builds; `with` builds on entry and closes on exit, and `build` and `close` do so by hand. Several
     threads may use one scene; their batches wait for each other.
 
-    mesh: one, or a list of several. transforms: (G, 3, 4), affine maps of the meshes into the world; None: as they are.
-    One mesh may be in the list many times; each copy takes memory of its own. `geometry_id` counts the meshes.
+    mesh: one, or a list of several. transforms: (G, 3, 4) or (G, 4, 4), affine maps of the meshes into the
+    world; None: as they are. One mesh may be in the list many times; each copy takes memory of its own. `geometry_id`
+    counts the meshes.
     options: see `atra.RayOptions`. faces: (F,) bool, those of all meshes together that rays meet; None: all.
     exact: `intersect` and `occluded` lose no ray at a corner either, unless it lies all but in the plane of a triangle:
     Embree is given triangles a little larger, and hits near edges are decided without rounding. The first batch also
@@ -142,9 +143,9 @@ class RayScene(AllHitsScene):
     ) -> RayHits:
         """The closest hit of every ray between its `tnear` and `tfar`.
 
-        origins, directions: (N, 3) each, with tnear (None: 0) and tfar (None: inf) as for `atra.Rays`; or `atra.Rays`
-        in their place, which are not checked and copied anew at every call; or one array (..., 6) of both, whose
-        leading shape results keep.
+        origins, directions: (..., 3) each, (3,) being one for all, with tnear (None: 0) and tfar (None: inf), numbers
+        or of the leading shape, which results keep; or one array (..., 6) of both; or `atra.Rays` in their place, which
+        are not checked and copied anew at every call.
         coherent: whether neighbours in the batch start and head alike, as camera rays and those to the sun do, and are
         taken through the tree together: packets are then traced up to twice as fast, but others take two to three times
         as long. None: a sample of the batch tells. Where most are alike, each packet is looked at. Where they are not,
