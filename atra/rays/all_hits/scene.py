@@ -94,7 +94,7 @@ class AllHitsScene(MeshLifetime, ABC):
     ) -> RayHitLists:
         """All hits of every ray with tnear <= t < tfar, each triangle that a ray crosses exactly once.
 
-        Decided without rounding for the float32 rays and vertices. A ray through an edge or corner counts as moved by
+        Decided without rounding for rays and vertices as stored. A ray through an edge or corner counts as moved by
         an infinitely small way, so it crosses exactly the triangles that some nearby ray crosses: a closed mesh is left
         as often as it is entered, and coplanar triangles count each. A triangle seen edge-on is not crossed.
 
@@ -123,11 +123,6 @@ class AllHitsScene(MeshLifetime, ABC):
         rays, shape = rays_of(origins, directions, tnear, tfar)
         with self._lock:
             return self.crossings.count(rays, progress).reshape(shape)
-
-    def is_crossed(self, rays: Rays) -> NDArray[np.bool_]:
-        """(N,) bool: whether a ray hits anything, decided as by `all_hits`; `occluded` is faster."""
-        with self._lock:
-            return self.crossings.count(rays, most=1) > 0
 
     def gather(
         self,
