@@ -98,6 +98,7 @@ class BvhScene(MeshLifetime):
     def prepare(self, rays: Rays) -> PreparedRays:
         """Order rays into packets. Raises ClosedError after `close`."""
         with self._in_use():
+            rays = rays.as_float32()
             return PreparedRays(rays, batch_of(rays, self.packet_width), NO_SHAFTS)
 
     def intersect(self, prepared: PreparedRays, out: RayHits | None = None) -> RayHits:

@@ -160,7 +160,7 @@ def _built(mesh: Any, key: int, threads: int | None) -> _Scaled | None:
     size = float((high - low).max())
     scale = 2.0 ** np.floor(np.log2(_BOX / size)) if 0.0 < size < np.inf and np.isfinite(_BOX / size) else 1.0
     placed = np.clip((np.where(finite[:, None], vertices, low) - low) * scale, -1e10, 1e10)
-    scene = RayScene(Mesh(placed, faces), faces=kept, exact="touches", threads=threads)
+    scene = RayScene(Mesh(placed, faces), faces=kept, touches=True, threads=threads)
     return _Scaled(key, scene, low, float(scale), float(size * scale) or 1.0)
 
 

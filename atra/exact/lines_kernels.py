@@ -17,7 +17,10 @@ from atra.compiled.store import njit
 from atra.compiled.vectors import multiply_add
 
 PARTS = 512
-"""Parts of an exact sum; callers provide the address of memory for as many float64."""
+"""Parts of exact sums; callers provide the address of memory for as many float64."""
+
+_SUM_BYTES = 8 * 64
+"""Memory of one of several sums; no sum has more parts, as they do not overlap and float64 has 2,100 bits."""
 
 
 @njit(forceinline=True)
@@ -140,6 +143,56 @@ def _add_scaled(sum_, count, s, a, b, c):  # type: ignore[no-untyped-def]
     if low != 0.0:
         count = _add_product(sum_, count, b, c, low)
     return _add_product(sum_, count, b, c, high)
+
+
+@njit
+def _add_plane(ahead, facing, o, d, a, b, c):  # type: ignore[no-untyped-def]
+    """Write ((b - a) x (c - a)) . (a - o) and ((b - a) x (c - a)) . d as exact sums; returns the counts of their parts.
+    The ray meets the plane at the parameter that is their quotient."""
+    many, count = _add_volume(ahead, 0, a, b, c), 0
+    for part in ((b, c), (c, a), (a, b)):
+        many = _add_volume(ahead, many, (-o[0], -o[1], -o[2]), part[0], part[1])
+        count = _add_volume(facing, count, d, part[0], part[1])
+    return many, count
+
+
+@njit(forceinline=True)
+def _value(sum_, count):  # type: ignore[no-untyped-def]
+    value = 0.0
+    for k in range(count):
+        value += sum_[k]
+    return value
+
+
+@njit
+def plane_parameter(o, d, a, b, c, exact):  # type: ignore[no-untyped-def]
+    """The parameter at which a ray meets the plane of a triangle that it crosses, right to a unit of float64. Arguments
+    as for `crossing_sign`."""
+    ahead, facing = doubles_at(exact), doubles_at(exact + _SUM_BYTES)
+    many, count = _add_plane(ahead, facing, o, d, a, b, c)
+    below = _value(facing, count)
+    t = _value(ahead, many) / below
+    for k in range(count):
+        many = _add_product(ahead, many, facing[k], -t, 1.0)
+    return t + _value(ahead, many) / below
+
+
+@njit
+def plane_order(o, d, a, b, c, p, q, r, exact):  # type: ignore[no-untyped-def]
+    """The sign, -1, 0 or 1, of t - s, the parameters at which a ray meets the planes of triangles a, b, c and p, q, r,
+    both of which it crosses."""
+    ahead, facing = doubles_at(exact), doubles_at(exact + _SUM_BYTES)
+    ahead_2, facing_2 = doubles_at(exact + 2 * _SUM_BYTES), doubles_at(exact + 3 * _SUM_BYTES)
+    many, count = _add_plane(ahead, facing, o, d, a, b, c)
+    many_2, count_2 = _add_plane(ahead_2, facing_2, o, d, p, q, r)
+    sum_, used = doubles_at(exact + 4 * _SUM_BYTES), 0
+    for k in range(many):
+        for m in range(count_2):
+            used = _add_product(sum_, used, ahead[k], facing_2[m], 1.0)
+    for k in range(many_2):
+        for m in range(count):
+            used = _add_product(sum_, used, -ahead_2[k], facing[m], 1.0)
+    return _sign(sum_, used) * _sign(facing, count) * _sign(facing_2, count_2)
 
 
 @njit(forceinline=True)

@@ -19,6 +19,7 @@ from atra.geometry.lenses.models import EquirectangularLens, FisheyeLens, Lens, 
 from atra.geometry.mesh import Mesh
 from atra.geometry.numbers import Vector, as_number, as_vector, checked_vector, unit_vector
 from atra.geometry.view import View, check_offset
+from atra.whole_numbers import is_whole_number
 
 __all__ = ["CalibratedCamera", "Camera", "Vector", "check_offset"]
 
@@ -207,7 +208,12 @@ class LensCamera(LensView):
 
     @classmethod
     def panorama(cls, eye: Vector, target: Vector, up: Vector = (0.0, 1.0, 0.0), width: int = 2048) -> LensCamera:
-        """The equirectangular picture of all directions, twice as wide as high; the target is in its middle."""
+        """The equirectangular picture of all directions, twice as wide as high; the target is in its middle.
+
+        Raises InputError for a width that is no whole number of at least 1.
+        """
+        if not is_whole_number(width) or width < 1:
+            raise InputError(f"width is {width!r}, expected a whole number of pixels of at least 1")
         height = max(int(width) // 2, 1)
         sensor = ImagePlane(2.0 * pi / width, pi / height, width / 2, height / 2)
         return cls(eye, target, up, width, height, lens=EquirectangularLens(), sensor=sensor)

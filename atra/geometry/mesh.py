@@ -122,6 +122,14 @@ class Mesh:
         return self.vertices[self.faces[prim_id]].astype(np.float64)
 
 
+def unit_normals(mesh: Mesh, prim_ids: NDArray[np.integer]) -> NDArray[np.float64]:
+    """(N, 3) float64, unit normals of triangles, towards where their corners are counterclockwise; NaN without area."""
+    corners = mesh.triangles(prim_ids).astype(np.float64)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    with np.errstate(invalid="ignore"):
+        return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+
+
 def _checked_vertices(given: ArrayLike) -> NDArray[np.float32]:
     vertices = _as_array("vertices", given)
     if vertices.size == 0:

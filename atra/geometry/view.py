@@ -105,8 +105,8 @@ class View(ABC):
     def rays_world(self, offset: tuple[float, float] = (0.5, 0.5)) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Origins and directions in world space, (H, W, 3) float64 each, of the rays of all pixels.
 
-        For `RayScene`, which takes rays in a row: `scene.intersect(*(part.reshape(-1, 3) for part in
-        camera.rays_world()))`. Where a lens gives a pixel no ray, its direction is NaN; leave such pixels out.
+        `RayScene` takes them: `scene.intersect(*camera.rays_world())`. Where a lens gives a pixel no ray, its
+        direction is NaN; leave such pixels out.
         Raises InputError for a sub-pixel `offset` outside [0, 1) x [0, 1).
         """
         y, x = np.mgrid[0 : self.height, 0 : self.width]

@@ -44,7 +44,8 @@ class Geometries:
 def joined(meshes: Mesh | Sequence[Mesh], transforms: ArrayLike | None = None) -> Geometries:
     """One mesh, or several joined.
 
-    transforms: (G, 3, 4), the affine map of each mesh into the world, applied in float64 and rounded to float32 once.
+    transforms: (G, 3, 4) or (G, 4, 4), the affine map of each mesh into the world, applied in float64 and
+    rounded to float32 once.
     Raises InputError for no mesh, anything else, and transforms of another shape or that are not finite.
     """
     listed = [meshes] if isinstance(meshes, Mesh) else list(meshes) if isinstance(meshes, Sequence) else [meshes]
@@ -74,9 +75,16 @@ def _checked(given: ArrayLike, count: int) -> NDArray[np.float64]:
         transforms = np.asarray(given, np.float64)
     except (TypeError, ValueError) as error:
         raise InputError(f"transforms cannot be read as an array: {error}") from None
-    if transforms.shape != (count, 3, 4):
+    if transforms.ndim == 2 and count == 1:
+        transforms = transforms[None]
+    if transforms.shape not in ((count, 3, 4), (count, 4, 4)):
         raise InputError(f"transforms have shape {transforms.shape}, expected ({count}, 3, 4), one of each mesh")
     if not np.isfinite(transforms).all():
         which = int(np.argmin(np.isfinite(transforms).all(axis=(1, 2))))
         raise InputError(f"transform {which} is {transforms[which].tolist()}, expected finite numbers")
-    return transforms
+    if transforms.shape[1] == 4:
+        last = transforms[:, 3]
+        if (last != (0.0, 0.0, 0.0, 1.0)).any():
+            which = int(np.argmax((last != (0.0, 0.0, 0.0, 1.0)).any(axis=1)))
+            raise InputError(f"transform {which} has the last row {last[which].tolist()}, expected 0, 0, 0, 1")
+    return transforms[:, :3]

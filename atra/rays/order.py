@@ -19,13 +19,13 @@ from atra.rays.order_kernels import (
     put_back,
 )
 
-Numbers = tuple[NDArray[np.float32], ...]
-"""The arrays of a batch of rays: origins, directions, tnear, tfar."""
+Numbers = tuple[NDArray[np.floating], ...]
+"""The arrays of a batch of rays, of one type: origins, directions, tnear, tfar."""
 
 _BOX_SAMPLES = 1024
 
 
-def box_of(origins: NDArray[np.float32]) -> NDArray[np.float32]:
+def box_of(origins: NDArray[np.floating]) -> NDArray[np.floating]:
     """(2, 3): lowest and highest corner of the box in which rays are ordered. Some origins may lie outside, as only a
     sample is looked at."""
     some = origins[:: max(1, len(origins) // _BOX_SAMPLES)]
@@ -37,24 +37,25 @@ class RayOrder:
 
     def __init__(self, pool: WorkerPool) -> None:
         self._pool = pool
-        self._memory: tuple[NDArray[np.float32], NDArray[np.uint32]] | None = None
+        self._memory: tuple[NDArray[np.floating], NDArray[np.uint32]] | None = None
 
     def ordered(
-        self, origins: NDArray[np.float32], directions: NDArray[np.float32], *ends: NDArray[np.float32]
+        self, origins: NDArray[np.floating], directions: NDArray[np.floating], *ends: NDArray[np.floating]
     ) -> tuple[Numbers, NDArray[np.uint32], NDArray[np.uint32]]:
         """The same rays in an order in which those that start near each other and head the same way follow each other;
         the place of each in it; and room for two answers of each, (2, >= N). All of it until the next are ordered."""
         count = len(origins)
         low, high = box_of(origins)
         with np.errstate(divide="ignore", over="ignore"):
-            inverse = np.where(high > low, CELLS / (high - low), 0.0).astype(np.float32)
+            inverse = np.where(high > low, CELLS / (high - low), 0.0).astype(origins.dtype)
         keys, counts = np.empty(count, np.uint16), np.zeros((-(-count // SORTED_CHUNK), BUCKETS), np.int32)
         self._pool.run(lambda _, counter: number_rays(counter, origins, directions, low, inverse, keys, counts))
         bounds = np.cumsum(counts.T).reshape(BUCKETS, -1).T  # bucket by bucket, in each chunk by chunk
         starts = np.ascontiguousarray(bounds - counts, np.int32)
-        if self._memory is None or len(self._memory[0]) < count:  # kept: fresh pages cost more than to write to them
-            self._memory = aligned_empty((count, RECORD), np.float32), np.empty((3, count), np.uint32)
-        records, places, room = self._memory[0][:count], self._memory[1][0, :count], self._memory[1][1:]
+        memory = self._memory  # kept: fresh pages cost more than to write to them
+        if memory is None or len(memory[0]) < count or memory[0].dtype != origins.dtype:
+            self._memory = memory = aligned_empty((count, RECORD), origins.dtype.type), np.empty((3, count), np.uint32)
+        records, places, room = memory[0][:count], memory[1][0, :count], memory[1][1:]
         given = keys, starts, origins, directions, *ends
         self._pool.run(lambda _, counter: order_rays(counter, *given, records, places))
         return (records[:, :3], records[:, 4:7], records[:, 3], records[:, 7]), places, room

@@ -39,6 +39,32 @@ class Plan(NamedTuple):
         return RaysInMemory(*starts, tnear.ctypes.data, tfar.ctypes.data, tnear.strides[0], self.together, self.near_by)
 
 
+FEWEST_TRIANGLES_EXACT = 1 << 15
+"""As `FEWEST_TRIANGLES`, for our own tree, whose nodes and triangles take more memory than Embree's."""
+
+
+class ExactPlan(NamedTuple):
+    """near_by: how far apart rays start at most that are traced together, below 0: none are. in_order: as in `Plan`."""
+
+    near_by: float
+    in_order: bool
+
+
+def exact_plan_of(rays: Numbers, mesh: Mesh, coherent: bool | None) -> ExactPlan:
+    """As `plan_of`, for our own tree."""
+    if coherent is not None:
+        return ExactPlan(np.inf if coherent else -1.0, False)
+    count, near_by = len(rays[0]), NEAR_BY * float((mesh.bounds[1] - mesh.bounds[0]).max())
+    if count > _NEIGHBOURS:
+        starts = (count - _NEIGHBOURS) * np.arange(_PLACES) // (_PLACES - 1)
+        numbers = (starts[:, None] + np.arange(_NEIGHBOURS)).reshape(-1)
+        sample = tuple(array[numbers].astype(np.float32) for array in rays)
+        plan = Plan(1, WHERE_ALIKE, False, np.float32(near_by))
+        if places_alike(plan.placed(sample), len(numbers), _PLACES, _NEIGHBOURS) <= _PLACES / 2:
+            return ExactPlan(-1.0, count >= FEWEST_RAYS and mesh.triangle_count >= FEWEST_TRIANGLES_EXACT)
+    return ExactPlan(near_by, False)
+
+
 def plan_of(rays: Numbers, mesh: Mesh, coherent: bool | None, width: int, width_unlike: int) -> Plan:
     """The plan for a batch. width: of packets of rays that are alike; width_unlike: of others.
 

@@ -11,11 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
 from atra.exact.intersection import intersect_rays
-from atra.geometry.mesh import Mesh
+from atra.geometry.mesh import Mesh, unit_normals
 from atra.geometry.ray_space import FARTHEST_FROM_EYE
 from atra.prim_ids import MISS
 from atra.rays.geometries import Geometries
 from atra.rays.rays_kernels import first_unfit
+
+_DOUBLE_BYTES = 8
 
 SHORTEST, LONGEST = 1e-20, 1e20
 """Sizes of a direction's largest component that are traced: float32 then has room for the t of every hit."""
@@ -25,21 +27,21 @@ SHORTEST, LONGEST = 1e-20, 1e20
 class Rays:
     """N rays in world space, each from `tnear` to `tfar`; the point at t is origin + t direction.
 
-    origins: (N, 3) float32, scene units. directions: (N, 3) float32, of any length from 1e-20 to 1e20.
-    tnear, tfar: (N,) float32, or a number for all, in lengths of the direction: 0 or more, and anything, inf included.
-    A ray whose interval is empty (tfar not above tnear) is allowed; it hits nothing. At the very ends of an interval,
-    Embree may take a hit or leave it.
+    origins: (N, 3), scene units. directions: (N, 3), of any length from 1e-20 to 1e20. tnear, tfar: (N,), or a number
+    for all, in lengths of the direction: 0 or more, and anything, inf included. A ray hits what lies from tnear on up
+    to, not including, tfar; where tfar is not above tnear it hits nothing.
 
-    Any real array-like is copied and converted; the arrays are C-contiguous, private copies and read-only.
+    Any real array-like is copied. All arrays are float64 where origins or directions are given so, and float32
+    otherwise; C-contiguous, private copies and read-only.
     Raises InputError for a wrong shape or dtype, and naming the first ray, and its value, with: an origin that is not
     finite, or beyond 1e11 in size; a direction that is not finite, or zero, or of another length; a tnear that is not
     finite, or negative; a tfar that is NaN.
     """
 
-    origins: NDArray[np.float32]
-    directions: NDArray[np.float32]
-    tnear: NDArray[np.float32] = 0.0  # type: ignore[assignment]
-    tfar: NDArray[np.float32] = np.inf  # type: ignore[assignment]
+    origins: NDArray[np.floating]
+    directions: NDArray[np.floating]
+    tnear: NDArray[np.floating] = 0.0  # type: ignore[assignment]
+    tfar: NDArray[np.floating] = np.inf  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         origins, directions = _vectors("origins", self.origins), _vectors("directions", self.directions)
@@ -50,8 +52,9 @@ class Rays:
         _check("tfar", tfar, ~np.isnan(tfar), "a number (inf: no limit; not above tnear: the ray hits nothing)")
         tnear, tfar = np.broadcast_to(tnear, len(origins)), np.broadcast_to(tfar, len(origins))
         given = {"origins": origins, "directions": directions, "tnear": tnear, "tfar": tfar}
+        kind = np.float64 if max(origins.dtype.itemsize, directions.dtype.itemsize) >= _DOUBLE_BYTES else np.float32
         with np.errstate(over="ignore", under="ignore"):  # a tfar beyond float32 is inf, and means the same
-            copies = {name: np.array(array, np.float32, order="C") for name, array in given.items()}
+            copies = {name: np.array(array, kind, order="C") for name, array in given.items()}
         for name, low, high, expected in (
             ("origins", 0.0, FARTHEST_FROM_EYE, f"finite numbers of at most {FARTHEST_FROM_EYE:g} in size"),
             (
@@ -61,7 +64,7 @@ class Rays:
                 f"finite numbers, the largest of a size from {SHORTEST:g} to {LONGEST:g}",
             ),
         ):
-            ray = first_unfit(copies[name], np.float32(low), np.float32(high))
+            ray = first_unfit(copies[name], kind(low), kind(high))
             if ray < len(origins):
                 raise _refusal(name.removesuffix("s"), given[name], ray, expected)
         for name, copied in copies.items():
@@ -70,6 +73,14 @@ class Rays:
 
     def __len__(self) -> int:
         return len(self.origins)
+
+    def as_float32(self) -> Rays:
+        """The same rays rounded to float32, as Embree takes them."""
+        if self.origins.dtype == np.float32:
+            return self
+        with np.errstate(over="ignore", under="ignore"):
+            kept = (self.origins, self.directions, self.tnear, self.tfar)
+            return Rays(*(array.astype(np.float32) for array in kept))
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         # Copies and unpickled arrays can be written to, whatever the original was.
@@ -85,7 +96,7 @@ class RayHits:
     All arrays have the leading shape of the rays as given, (N,) for `Rays`.
     t: float32, in lengths of the ray's direction, inf = miss.
     prim_id: uint32 in the mesh's own numbering, `MISS` (0xFFFFFFFF) = miss.
-    rays, mesh: what was traced; `u` and `v` are computed from them when first asked for. geometries: of a scene of
+    rays, mesh: what was traced; the properties are computed from them when first asked for. geometries: of a scene of
     several meshes, which are joined to `mesh`.
     """
 
@@ -122,11 +133,42 @@ class RayHits:
         return self._barycentric[1]
 
     @cached_property
+    def points(self) -> NDArray[np.float64]:
+        """(..., 3) float64, places of the hits on their triangles, scene units; NaN = miss. Where a ray lies all but in
+        the plane of its triangle, the place at t."""
+        points = np.full((*self.t.shape, 3), np.nan)
+        hit = self.hit
+        corners = self.mesh.triangles(self._named[hit]).astype(np.float64)
+        found = intersect_rays(self.mesh, *self._lines(hit), self._named[hit])
+        edges = corners[:, 1:] - corners[:, :1]
+        on_plane = corners[:, 0] + found.u[:, None] * edges[:, 0] + found.v[:, None] * edges[:, 1]
+        origins, directions = self._lines(hit)
+        along = origins + self.t[hit].astype(np.float64)[:, None] * directions
+        points[hit] = np.where(np.isnan(found.u)[:, None], along, on_plane)
+        return points
+
+    @cached_property
+    def normals(self) -> NDArray[np.float64]:
+        """(..., 3) float64, unit normals of the triangles hit, towards where their corners are counterclockwise; NaN =
+        miss."""
+        normals = np.full((*self.t.shape, 3), np.nan)
+        normals[self.hit] = unit_normals(self.mesh, self._named[self.hit])
+        return normals
+
+    @property
+    def _named(self) -> NDArray[np.uint32]:
+        """The triangles in the numbering of `mesh`."""
+        return self.prim_id if self.traced_id is None else self.traced_id
+
+    def _lines(self, hit: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        one = hit.reshape(-1)
+        return self.rays.origins[one].astype(np.float64), self.rays.directions[one].astype(np.float64)
+
+    @cached_property
     def _barycentric(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         u, v = np.full(self.t.shape, np.nan, np.float32), np.full(self.t.shape, np.nan, np.float32)
-        hit, prim_id = self.hit, self.prim_id if self.traced_id is None else self.traced_id
-        one = hit.reshape(-1)
-        found = intersect_rays(self.mesh, self.rays.origins[one], self.rays.directions[one], prim_id[hit])
+        hit = self.hit
+        found = intersect_rays(self.mesh, *self._lines(hit), self._named[hit])
         u[hit], v[hit] = found.u, found.v
         return u, v
 
@@ -149,11 +191,26 @@ def rays_of(
             raise InputError(
                 f"rays is {origins!r:.100}, expected atra.Rays, or origins and directions, or one array (..., 6)"
             )
-        shape, flat = both.shape[:-1], both.reshape(-1, 6)
-        ends = {name: _flat(name, value, shape) for name, value in interval.items()}
-        return Rays(flat[:, :3], flat[:, 3:], **ends), shape
-    rays = Rays(origins, directions, **interval)  # type: ignore[arg-type]
-    return rays, (len(rays),)
+        origins, directions = both[..., :3], both[..., 3:]
+    starts, ways = _triples("origins", origins), _triples("directions", directions)
+    try:
+        shape = np.broadcast_shapes(starts.shape[:-1], ways.shape[:-1])
+    except ValueError:
+        raise InputError(
+            f"origins have shape {starts.shape} and directions {ways.shape}, expected as many, or one of either for all"
+        ) from None
+    flat = [np.broadcast_to(one, (*shape, 3)).reshape(-1, 3) for one in (starts, ways)]
+    ends = {name: _flat(name, value, shape) for name, value in interval.items()}
+    return Rays(flat[0], flat[1], **ends), shape
+
+
+def _triples(name: str, given: ArrayLike) -> NDArray[Any]:
+    array = _real(name, given)
+    if array.size == 0 and array.ndim < 2:
+        array = array.reshape(0, 3)
+    if array.ndim == 0 or array.shape[-1] != 3:
+        raise InputError(f"{name} have shape {array.shape}, expected (..., 3)")
+    return array
 
 
 def _flat(name: str, given: ArrayLike, shape: tuple[int, ...]) -> NDArray[Any]:

@@ -15,13 +15,11 @@ from atra.embree.layout import (
     RAY_DIR_X,
     RAY_DIR_Y,
     RAY_DIR_Z,
-    RAY_ID,
     RAY_ORG_X,
     RAY_ORG_Y,
     RAY_ORG_Z,
     RAY_TFAR,
     RAY_TNEAR,
-    RAY_WORDS,
 )
 from atra.embree.packets_kernels import (
     INFINITY,
@@ -33,7 +31,6 @@ from atra.embree.packets_kernels import (
     ray_component,
     set_no_hit,
 )
-from atra.rays.enlarged_kernels import DOUBT, is_doubtful, is_far, move_ray
 
 CHUNK = 512
 """Rays a thread takes at a time: whole packets of any width, so that any number of threads makes the same packets."""
@@ -158,22 +155,17 @@ def _set_flags(flags, rays, first, lanes):  # type: ignore[no-untyped-def]
         flags[0] = others | (FLAG_COHERENT if _are_alike(rays, first, lanes) else 0)
 
 
-UNDECIDED = 2
-"""In place of whether a ray hits anything: that has to be decided without rounding."""
-
-
 @cache
-def closest_hit_kernel(width: int, exact: bool) -> Callable[..., None]:
-    """The loop over rays for their closest hits, in packets of `width`. Both are constants of the compiled code."""
+def closest_hit_kernel(width: int) -> Callable[..., None]:
+    """The loop over rays for their closest hits, in packets of `width`, a constant of the compiled code."""
 
     @float_kernel
-    def intersect_rays(counter_address, scene, packet, flags, rays, doubts, t, prim_id):  # type: ignore[no-untyped-def]
+    def intersect_rays(counter_address, scene, packet, flags, rays, t, prim_id):  # type: ignore[no-untyped-def]
         """Trace all rays, chunk by chunk, until the shared counter runs past the last.
 
         packet: its constant fields (mask, flags, inst_id) are set. flags: (1,) uint32, of the query, which are set for
         each packet where that is asked for. rays: `RaysInMemory`.
-        t: (N,) float32 and prim_id: (N,) uint32 are written completely, inf and MISS where nothing is hit; with `exact`
-        prim_id is `DOUBT` where `doubts` says so.
+        t: (N,) float32 and prim_id: (N,) uint32 are written completely, inf and MISS where nothing is hit.
         """
         while True:
             start = fetch_add(counter_address, 1) * CHUNK
@@ -187,20 +179,12 @@ def closest_hit_kernel(width: int, exact: bool) -> Callable[..., None]:
                     packet.valid[lane] = 0
                 for lane in range(lanes):
                     anyone |= _load(packet, width, lane, rays, first + lane)
-                    if exact:
-                        move_ray(packet, width, lane, doubts)
                 if anyone:
                     _set_flags(flags, rays, first, lanes)
                     intersect(width, packet.valid, scene, packet)
                 for lane in range(lanes):
                     found = hit_prim_id(packet, width, lane)
                     prim_id[first + lane] = found
-                    if exact:
-                        ray = packet.floats.ctypes.data + 4 * lane
-                        hit = ray + 4 * RAY_WORDS * width
-                        is_rim = found != MISS and is_doubtful(hit, ray, 4 * width, doubts.rims)
-                        if is_rim or is_far(packet, width, lane, doubts.reach):
-                            prim_id[first + lane] = DOUBT
                     x, y, z = _direction(rays, first + lane)
                     _, inverse = _length(x, y, z)
                     t[first + lane] = hit_distance(packet, width, lane) * inverse if found != MISS else INFINITY
@@ -209,12 +193,12 @@ def closest_hit_kernel(width: int, exact: bool) -> Callable[..., None]:
 
 
 @cache
-def occlusion_kernel(width: int, exact: bool) -> Callable[..., None]:
+def occlusion_kernel(width: int) -> Callable[..., None]:
     """The loop over rays for whether they hit anything; arguments as for `closest_hit_kernel`."""
 
     @float_kernel
-    def occlude_rays(counter_address, scene, packet, flags, rays, doubts, is_occluded):  # type: ignore[no-untyped-def]
-        """As `closest_hit_kernel`; is_occluded: (N,) uint8, written completely: 0, 1, or `UNDECIDED`."""
+    def occlude_rays(counter_address, scene, packet, flags, rays, is_occluded):  # type: ignore[no-untyped-def]
+        """As `closest_hit_kernel`; is_occluded: (N,) uint8, written completely: 0 or 1."""
         while True:
             start = fetch_add(counter_address, 1) * CHUNK
             if start >= len(is_occluded):
@@ -224,21 +208,13 @@ def occlusion_kernel(width: int, exact: bool) -> Callable[..., None]:
                 anyone = False
                 for lane in range(width):
                     packet.valid[lane] = 0
-                    packet.ids[RAY_ID * width + lane] = 0
                 for lane in range(lanes):
                     anyone |= _load(packet, width, lane, rays, first + lane)
-                    if exact:
-                        move_ray(packet, width, lane, doubts)
                 if anyone:
                     _set_flags(flags, rays, first, lanes)
                     occluded(width, packet.valid, scene, packet)
                 for lane in range(lanes):
                     is_open = packet.valid[lane] != 0
-                    is_hit = is_open and hit_distance(packet, width, lane) < 0.0
-                    is_occluded[first + lane] = is_hit
-                    if exact:
-                        is_passed = is_open and not is_hit and packet.ids[RAY_ID * width + lane] != 0
-                        if is_passed or is_far(packet, width, lane, doubts.reach):
-                            is_occluded[first + lane] = UNDECIDED
+                    is_occluded[first + lane] = is_open and hit_distance(packet, width, lane) < 0.0
 
     return occlude_rays

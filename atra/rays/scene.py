@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from time import perf_counter
-from typing import Any, Literal, NamedTuple, Unpack
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,20 +16,18 @@ from atra.embree.workspace import Workspace, check_widths
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import padded_vertices
-from atra.prim_ids import MISS
 from atra.rays.all_hits.scene import AllHitsScene
-from atra.rays.enlarged import enlarged
-from atra.rays.enlarged_kernels import DOUBT, NOWHERE, Doubts, doubt_filter
 from atra.rays.order import Numbers, RayOrder
-from atra.rays.plan import plan_of
+from atra.rays.plan import exact_plan_of, plan_of
 from atra.rays.rays import RayHits, Rays, rays_of
-from atra.rays.rays_kernels import UNDECIDED, closest_hit_kernel, occlusion_kernel
-from atra.tracing.options import PacketKeywords, RayOptions, lists_options
+from atra.rays.rays_kernels import closest_hit_kernel, occlusion_kernel
+from atra.tracing.options import PacketOptions, RayKeywords, RayOptions, lists_options
 
 ORDERED = 1 << 20
 """Rays that are put in an order at a time, which bounds the memory that takes; more gain nothing."""
 
-_NO_DOUBTS = Doubts(0, *(np.float32(0.0),) * 4)
+_NOWHERE = np.uint32(0xFFFFFFFF)
+"""A corner that no mesh has: Embree leaves out the triangles that name it, and the others keep their numbers."""
 
 
 class Query(NamedTuple):
@@ -58,23 +56,27 @@ class RayScene(AllHitsScene):
     The first batch builds; `with` builds on entry and closes on exit, and `build` and `close` do so by hand. Several
     threads may use one scene; their batches wait for each other.
 
-    mesh: one, or a list of several. transforms: (G, 3, 4), affine maps of the meshes into the world; None: as they are.
-    One mesh may be in the list many times; each copy takes memory of its own. `geometry_id` counts the meshes.
-    options: see `atra.RayOptions`. faces: (F,) bool, those of all meshes together that rays meet; None: all.
-    exact: `intersect` and `occluded` lose no ray at a corner either, unless it lies all but in the plane of a triangle:
-    Embree is given triangles a little larger, and hits near edges are decided without rounding. The first batch also
-    builds the tree of `all_hits`, and `robust` has no effect.
-    A ray that meets an outline in an edge or corner alone then does as a ray near by does, as in `all_hits`; with
-    exact="touches" it hits there, as Embree has it.
-    Triangles are the mesh's `traced_faces`, as for the tracers, and `prim_id` counts them as the mesh does. Where
-    several are equally far, `intersect` stores whichever Embree finds: there is no rule for ties. `all_hits`, `count`,
-    `gather` and `contains` decide without rounding, by a tree of their own.
-    Raises InputError for options as `RayOptions` does, for another `exact`, for faces of another shape or
-    type, and for a mesh smaller than 1e-9 or farther than 1e11 from the world's origin, where float32 would lose
-    triangles.
+    mesh: one, or a list of several. transforms: (G, 3, 4) or (G, 4, 4), affine maps of the meshes into the
+    world; None: as they are. One mesh may be in the list many times; each copy takes memory of its own. `geometry_id`
+    counts the meshes.
+    faces: (F,) bool, those of all meshes together that rays meet; None: all.
+    touches: a ray that meets an outline in an edge or corner alone hits it, as Embree has it; otherwise it does as a
+    ray near by does. For "exact" alone.
+    options: see `atra.RayOptions`.
+
+    **The hit of a ray** is that of the ray as given, its numbers as stored, with the vertices as stored, in exact
+    arithmetic: the nearest, and of equally near ones that of the lowest `prim_id`. A ray through an edge or corner
+    counts as moved by an infinitely small way (`atra.exact.lines_kernels`), so it hits one of the triangles that meet
+    there, and a triangle seen edge-on never. `t` is right to a unit of its type. `precision="exact"`, the default,
+    keeps this; "watertight" and "fast" ask Embree, in `intersect` and `occluded` alone: rays are rounded to float32,
+    triangles seen all but edge-on may be lost or hit beside, t may be off, and of equally near ones any is stored.
+    `all_hits`, `count`, `gather` and `contains` are exact with each.
+
+    Raises InputError for options as `RayOptions` does, for faces of another shape or type, and for a mesh smaller than
+    1e-9 or farther than 1e11 from the world's origin.
 
     Source: `rtcIntersect1/4/8/16` and `rtcOccluded1/4/8/16` of Embree's API, with its RTC_RAY_QUERY_FLAG_COHERENT for
-    `coherent` and RTC_SCENE_FLAG_ROBUST for `robust`.
+    `coherent` and RTC_SCENE_FLAG_ROBUST for "watertight"; Gribble, Wald et al. as in `atra.trees` for our own tree.
     """
 
     @lists_options(RayOptions)
@@ -84,50 +86,53 @@ class RayScene(AllHitsScene):
         *,
         transforms: ArrayLike | None = None,
         faces: NDArray[np.bool_] | None = None,
-        exact: bool | Literal["touches"] = False,
-        **options: Unpack[PacketKeywords],
+        touches: bool = False,
+        **options: Unpack[RayKeywords],
     ) -> None:
         self.options = RayOptions.of(type(self).__name__, options)
-        if exact not in (False, True, "touches"):
-            raise InputError(f'exact is {exact!r}, expected False, True or "touches"')
-        self.exact, self._touches = bool(exact), exact == "touches"
+        self._is_exact, self._touches = self.options.precision == "exact", bool(touches)
+        if touches and not self._is_exact:
+            raise InputError(f'touches is {touches!r}, expected False with precision="{self.options.precision}"')
         super().__init__(mesh, transforms, faces, resolve_threads(self.options.threads))
         self.packet_width = resolve_packet_width(self.options.packet_width)
         self._order = RayOrder(self._pool)
         self._width_unlike = 1 if self.options.packet_width is None else self.packet_width
-        self._workspaces = {
-            width: [Workspace(width, coherent=False) for _ in range(self.threads)]
-            for width in {self.packet_width, self._width_unlike}
-        }
+        self._workspaces: dict[int, list[Workspace]] = {}
         self._scene: EmbreeScene | None = None
-        self._rims, self._doubts = np.empty(0, np.float32), _NO_DOUBTS
 
     def _plan(self) -> float:
         return 0.0
 
     def _build(self) -> float:
+        if not self._is_exact:
+            return self._build_scene()
+        start = perf_counter()
+        _ = self.crossings
+        return perf_counter() - start
+
+    def _take(self, mesh: Mesh) -> None:
+        super()._take(mesh)
+        self._is_current = False
+
+    def _build_scene(self) -> float:
         monitor_address, faces = memory_monitor(), self.mesh.traced_faces  # made before the clock starts
         start = perf_counter()
-        if self.exact:
-            vertices, faces, self._rims, self._doubts = enlarged(self.mesh, self._faces)
-        else:
-            if self._faces is not None:
-                faces = np.where(self._faces[:, None], faces, NOWHERE)
-            vertices = padded_vertices(len(self.mesh.vertices))
-            vertices[:] = self.mesh.vertices
+        if self._faces is not None:
+            faces = np.where(self._faces[:, None], faces, _NOWHERE)
+        vertices = padded_vertices(len(self.mesh.vertices))
+        vertices[:] = self.mesh.vertices
         scene = EmbreeScene(
             vertices,
             faces,
             build_quality=self.options.build_quality,
             threads=self.threads,
             monitor_address=monitor_address,
-            robust=self.options.robust and not self.exact,
-            filter_in_arguments=self.exact,
+            robust=self.options.precision != "fast",
         )
         taken_s = perf_counter() - start
         if self._scene is not None:
             self._scene.close()
-        self._scene = scene
+        self._scene, self._is_current = scene, True
         return taken_s
 
     def intersect(
@@ -142,9 +147,9 @@ class RayScene(AllHitsScene):
     ) -> RayHits:
         """The closest hit of every ray between its `tnear` and `tfar`.
 
-        origins, directions: (N, 3) each, with tnear (None: 0) and tfar (None: inf) as for `atra.Rays`; or `atra.Rays`
-        in their place, which are not checked and copied anew at every call; or one array (..., 6) of both, whose
-        leading shape results keep.
+        origins, directions: (..., 3) each, (3,) being one for all, with tnear (None: 0) and tfar (None: inf), numbers
+        or of the leading shape, which results keep; or one array (..., 6) of both; or `atra.Rays` in their place, which
+        are not checked and copied anew at every call.
         coherent: whether neighbours in the batch start and head alike, as camera rays and those to the sun do, and are
         taken through the tree together: packets are then traced up to twice as fast, but others take two to three times
         as long. None: a sample of the batch tells. Where most are alike, each packet is looked at. Where they are not,
@@ -161,10 +166,7 @@ class RayScene(AllHitsScene):
         if np.may_share_memory(t, prim_id):
             raise InputError("out has one memory for t and prim_id: pass a result of `intersect`")
         with self._in_use():
-            flat = t.reshape(-1), prim_id.reshape(-1)
-            self._run(closest_hit_kernel, coherent, rays, *flat)
-            if self.exact:
-                self._decide(flat[1] == DOUBT, rays, *flat)
+            self._run(closest_hit_kernel, coherent, rays, t.reshape(-1), prim_id.reshape(-1))
             if self.geometries.count == 1:
                 return RayHits(t, prim_id, rays, self.mesh)
             traced_id = prim_id.copy()
@@ -189,44 +191,41 @@ class RayScene(AllHitsScene):
         found = np.empty(shape, np.bool_) if out is None else _checked_out("out", out, np.bool_, shape)
         answers = found.reshape(-1).view(np.uint8)
         with self._in_use():
-            self._run(occlusion_kernel, coherent, rays, answers, filters=self.exact)
-            if self.exact:
-                triangles = np.empty(len(rays), np.uint32)
-                numbers = self._decide(answers == UNDECIDED, rays, np.empty(0, np.float32), triangles)
-                answers[numbers] = triangles[numbers] != MISS
+            self._run(occlusion_kernel, coherent, rays, answers)
         return found
-
-    def _decide(
-        self, is_doubtful: NDArray[np.bool_], rays: Rays, t: NDArray[np.float32], prim_id: NDArray[np.uint32]
-    ) -> NDArray[np.int64]:
-        """Write what rays in doubt hit, as `Crossings.nearest`; returns their numbers."""
-        numbers = np.flatnonzero(is_doubtful)
-        if len(numbers):
-            self.crossings.nearest(rays, numbers, self._touches, t, prim_id)
-        return numbers
 
     def _run(
         self,
-        kernel_of: Callable[[int, bool], Callable[..., None]],
+        kernel_of: Callable[[int], Callable[..., None]],
         coherent: bool | None,
         rays: Rays,
         *outputs: NDArray[Any],
-        filters: bool = False,
     ) -> None:
+        """Write what rays hit. outputs: t and prim_id of the closest hit, or 1 where they are occluded."""
         with self._in_use():
-            numbers = rays.origins, rays.directions, rays.tnear, rays.tfar
-            plan = plan_of(numbers, self.mesh, coherent, self.packet_width, self._width_unlike)
-            kernel = kernel_of(plan.width, self.exact)
+            if self._is_exact:
+                numbers = rays.origins, rays.directions, rays.tnear, rays.tfar
+                near_by, in_order = exact_plan_of(numbers, self.mesh, coherent)
+                crossings = self.crossings
 
-            def trace(given: Numbers, *answers: NDArray[Any]) -> None:
-                placed = plan.placed(given)
+                def trace(given: Numbers, *answers: NDArray[Any]) -> None:
+                    t, found = answers if len(answers) == 2 else (_NO_T, *answers)
+                    crossings.hit(given, near_by, self._touches, t, found)
+            else:
+                rays = rays.as_float32()
+                numbers = rays.origins, rays.directions, rays.tnear, rays.tfar
+                plan = plan_of(numbers, self.mesh, coherent, self.packet_width, self._width_unlike)
+                kernel, in_order = kernel_of(plan.width), plan.in_order
 
-                def work(query: Query) -> None:
-                    kernel(query.counter, query.scene, query.packet, query.flags, placed, self._doubts, *answers)
+                def trace(given: Numbers, *answers: NDArray[Any]) -> None:
+                    placed = plan.placed(given)
 
-                self._shoot(work, plan.width, bool(coherent), filters)
+                    def work(query: Query) -> None:
+                        kernel(query.counter, query.scene, query.packet, query.flags, placed, *answers)
 
-            if not plan.in_order:
+                    self._shoot(work, plan.width, bool(coherent))
+
+            if not in_order:
                 trace(numbers, *outputs)
                 return
             for start in range(0, len(rays), ORDERED):
@@ -238,22 +237,22 @@ class RayScene(AllHitsScene):
                     self._order.put_back(places, answer, output[some])
 
     def run(self, work: Callable[[Query], None], *, coherent: bool = False) -> None:
-        """Call `work` once per thread, side by side, for kernels of the caller's own; nothing else is traced meanwhile.
+        """Call `work` once per thread, side by side, for kernels of the caller's own, which ask Embree; nothing else is
+        traced meanwhile. With "exact" Embree's scene is "watertight", and the first call builds it.
 
-        coherent: as for `intersect`. Raises InputError for a scene with exact=True, whose triangles are others, and
-        ClosedError after `close`.
+        coherent: as for `intersect`. Raises ClosedError after `close`.
         """
-        _ = self.address
         self._shoot(work, self.packet_width, coherent)
 
-    def _shoot(self, work: Callable[[Query], None], width: int, coherent: bool, filters: bool = False) -> None:
-        """As `run`, in packets of `width`. filters: whether hits in doubt are rejected."""
+    def _shoot(self, work: Callable[[Query], None], width: int, coherent: bool) -> None:
+        """As `run`, in packets of `width`."""
         with self._in_use():
-            scene, workspaces = self._scene.address, self._workspaces[width]  # type: ignore[union-attr]
+            scene = self.address
+            if width not in self._workspaces:
+                self._workspaces[width] = [Workspace(width, coherent=False) for _ in range(self.threads)]
+            workspaces = self._workspaces[width]
             for workspace in workspaces:
                 workspace.set_coherent(coherent)
-                if self.exact:
-                    workspace.gather_with(doubt_filter(width) if filters else 0, self._doubts.rims)
             own = [(workspace.packet, workspace.flags) for workspace in workspaces]
             self._pool.run(lambda worker, counter: work(Query(worker, counter, scene, *own[worker])))
             check_widths(workspaces)
@@ -261,9 +260,9 @@ class RayScene(AllHitsScene):
     @property
     def address(self) -> int:
         """The RTCScene, for kernels that ask more than one. Raises as `run`."""
-        if self.exact:
-            raise InputError(f"this {type(self).__name__} has exact=True, kernels of one's own need exact=False")
         with self._in_use():
+            if self._scene is None or not self._is_current:
+                self._build_scene()
             return self._scene.address  # type: ignore[union-attr]
 
     @property
@@ -276,6 +275,15 @@ class RayScene(AllHitsScene):
         self._order.forget()
         if self._scene is not None:
             self._scene.close()
+
+
+def scene_for_kernels(mesh: Mesh, options: PacketOptions, faces: NDArray[np.bool_] | None = None) -> RayScene:
+    """A scene for kernels that ask Embree themselves, as robust as `options` say."""
+    given = {name: value for name, value in options.keywords().items() if name in RayKeywords.__annotations__}
+    return RayScene(mesh, faces=faces, precision="watertight" if options.robust else "fast", **given)
+
+
+_NO_T = np.empty(0, np.float32)
 
 
 def _checked_out(name: str, array: Any, kind: type, shape: tuple[int, ...]) -> NDArray[Any]:

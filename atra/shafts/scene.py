@@ -39,7 +39,7 @@ class ShaftScene(HasShafts, BvhScene):
     def prepare(self, rays: Rays) -> PreparedRays:
         """Find the shafts of rays where needed, build lists that depend on them, and order the rays."""
         with self._in_use():
-            start = perf_counter()
+            start, rays = perf_counter(), rays.as_float32()
             batch, options = batch_of(rays, self.packet_width), self.options
             numbers, sampled_s = None, 0.0
             if options.subset in OF_RAYS:

@@ -75,8 +75,8 @@ class Gathering(TracerLifetime[Hits]):
         check_reduction(what)
         check_offset(offset)
         self._check_gathering()
-        weights = what.weights(self.mesh)
         with self._in_use():
+            weights = what.weights(self.mesh)
             height, width = self.camera.height, self.camera.width
             images = target_images(what, height, width, self._gathering_row, out)
             is_known = _is_unchanged(out, images)

@@ -26,6 +26,9 @@ from atra.whole_numbers import is_whole_number
 TIES = ("lowest", "any")
 """Rules for triangles that tie: the lowest prim_id is stored, or whichever float32 happens to put in front."""
 
+PRECISIONS = ("exact", "watertight", "fast")
+"""How the hits of rays of one's own are found."""
+
 LANES = (4, 8, 16)
 """Numbers of pixels that can be drawn at once, and of rays that can be taken through a tree of ours together."""
 
@@ -137,9 +140,12 @@ class TieKeywords(TypedDict, total=False):
     ties: str
 
 
-class PacketKeywords(ThreadKeywords, total=False):
+class EmbreeKeywords(ThreadKeywords, total=False):
     packet_width: int | None
     build_quality: str
+
+
+class PacketKeywords(EmbreeKeywords, total=False):
     robust: bool
 
 
@@ -175,8 +181,8 @@ class TieOptions(Choices):
 
 
 @dataclass(frozen=True)
-class PacketOptions(ThreadOptions):
-    """Options of everything that shoots packets of rays into Embree.
+class EmbreeOptions(ThreadOptions):
+    """Options of everything that may shoot packets of rays into Embree.
 
     Raises InputError for widths that are not native; EmbreeError where there is no usable Embree to ask.
     """
@@ -185,13 +191,19 @@ class PacketOptions(ThreadOptions):
         None, "rays in a packet; 1 = single rays, null = the widest native packets", choices=(1, *LANES)
     )
     build_quality: str = option("medium", "Embree's, for its BVH", choices=BUILD_QUALITIES)
-    robust: bool = option(
-        True, "no ray slips through between two triangles; off: Embree's fast setting, as in the paper"
-    )
 
     def __post_init__(self) -> None:
         resolve_packet_width(self.packet_width)
         super().__post_init__()
+
+
+@dataclass(frozen=True)
+class PacketOptions(EmbreeOptions):
+    """Options of everything that shoots packets of rays into Embree; errors as `EmbreeOptions`."""
+
+    robust: bool = option(
+        True, "no ray slips through between two triangles; off: Embree's fast setting, as in the paper"
+    )
 
 
 @dataclass(frozen=True)
@@ -234,14 +246,25 @@ class PixelOptions(Options):
             raise InputError(f"packet_rows is {rows!r}, expected one of {possible} for packets of {width}, or None")
 
 
-@dataclass(frozen=True)
-class RayOptions(PacketOptions):
-    """Options of `RayScene`: those of `PacketOptions`. Without a `packet_width`, only rays that are alike go in
-    packets, and others are traced one by one, which is faster.
+class RayKeywords(EmbreeKeywords, total=False):
+    precision: str
 
-    With `robust=False` rays also slip past meshes far from the world's origin, where float32 is coarse: of 200,000 rays
-    in a closed box that lies a hundred times its size away 2 are lost, at a thousand times 43.
+
+@dataclass(frozen=True)
+class RayOptions(EmbreeOptions):
+    """Options of `RayScene`; `packet_width` and `build_quality` are for "watertight" and "fast", which ask Embree.
+    Without a `packet_width` only rays that are alike go in packets, and others are traced one by one, which is faster.
+
+    With "fast" rays also slip past meshes far from the world's origin, where float32 is coarse: of 200,000 rays in a
+    closed box that lies a hundred times its size away 2 are lost, at a thousand times 43.
     """
+
+    precision: str = option(
+        "exact",
+        "exact: hits are those of the rays and vertices as stored, decided without rounding; watertight: Embree's "
+        "robust arithmetic, no ray slips through between two triangles; fast: Embree's fast arithmetic",
+        choices=PRECISIONS,
+    )
 
 
 class CellKeywords(Keywords, total=False):

@@ -45,7 +45,7 @@ def visible_points(
                 along = (ways @ forward)[:, None] * forward
                 starts, ways = found[inside] - along, along
             rays = Rays(starts, ways, tfar=1.0 - tolerance)  # type: ignore[arg-type]
-            row[inside] = ~scene.is_crossed(rays)
+            row[inside] = ~scene.occluded(rays)
     return visible
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from atra.errors import InputError
 from atra.light import PanoramaSky, Scene
-from atra.tracing.options import RayOptions, option
+from atra.tracing.options import PacketOptions, option
 from experiments.harness.options import Settings, settings, taken
 
 
@@ -22,7 +22,7 @@ class UnderSky(Settings):
 
     sky: str | None = option(None, "an EXR or Radiance HDR all around, in place of the scene's own sky", null="own")
     sky_sha256: str | None = option(None, "hash of that file, which is found and not set", null="own")
-    robust_rays = taken(RayOptions, "robust")
+    robust_rays = taken(PacketOptions, "robust")
 
     def __post_init__(self) -> None:
         super().__post_init__()

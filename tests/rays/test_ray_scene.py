@@ -26,7 +26,9 @@ from tests.packets.test_axis_near_views import closed_box
 from tests.tracing.test_lifetimes import in_threads
 
 UNIT = 2.0**-24
-each_width = pytest.mark.parametrize("width", WIDTHS)
+each_native = pytest.mark.parametrize("width", WIDTHS)
+each_width = pytest.mark.parametrize("width", [*WIDTHS, None], ids=[*map(str, WIDTHS), "exact"])
+"""Packets of each width, by Embree, and our own tree, which decides exactly."""
 each_flag = pytest.mark.parametrize("coherent", [False, True])
 
 
@@ -44,13 +46,18 @@ def any_length(count, seed):
     return 10.0 ** np.random.default_rng(seed).uniform(-18, 18, (count, 1))
 
 
+def scene_of(mesh, width=None, **options):
+    options = {"threads": 1, "precision": "exact" if width is None else "watertight"} | options
+    return atra.RayScene(mesh, packet_width=width, **options)
+
+
 def traced(mesh, rays, width=None, *, coherent=False, **options):
-    with atra.RayScene(mesh, packet_width=width, threads=options.pop("threads", 1), **options) as scene:
+    with scene_of(mesh, width, **options) as scene:
         return scene.intersect(rays, coherent=coherent)
 
 
 def occluded(mesh, rays, width=None, *, coherent=False):
-    with atra.RayScene(mesh, packet_width=width, threads=1) as scene:
+    with scene_of(mesh, width) as scene:
         return scene.occluded(rays, coherent=coherent)
 
 
@@ -238,7 +245,7 @@ def test_a_batch_of_any_size_is_answered_ray_by_ray_and_nothing_else_is_written(
     memory = np.full((3, count + 32), 7.0, np.float32)
     out = atra.RayHits(memory[0, 16:][:count], memory[1].view(np.uint32)[16:][:count], None, mesh)
     found_any = memory[2].view(np.bool_)[64:][:count]
-    with atra.RayScene(mesh, packet_width=width, threads=1) as scene:
+    with scene_of(mesh, width) as scene:
         own = atra.Rays(rays.origins[:count], rays.directions[:count])
         hits = scene.intersect(own, out=out)
         assert scene.occluded(own, out=found_any) is found_any
@@ -290,7 +297,7 @@ def test_the_rays_of_a_camera_hit_what_the_pixel_tracer_hits(width, coherent):
 
 
 @pytest.mark.core
-@each_width
+@each_native
 def test_rays_that_float32_holds_exactly_are_the_pixel_tracers_to_the_bit(width):
     mesh = random_triangles(80, 7)
     camera = atra.OrthographicCamera(**EYE_AT_ORIGIN, view_height=4.0, width=64, height=64)  # pixels of 1 / 16
@@ -316,14 +323,14 @@ def test_barycentric_weights_lead_to_the_hit():
 
 
 @pytest.mark.core
-@each_width
+@each_native
 def test_robust_loses_no_ray_far_from_the_origin_where_others_do(width):
     place = np.array([1, -0.7, 0.3]) * 1e4
     box = closed_box(12)
     box = atra.Mesh(box.vertices + place, box.faces)
     random = np.random.default_rng(0)
     rays = atra.Rays(place + random.uniform(-0.9, 0.9, (20_000, 3)), random.normal(size=(20_000, 3)))
-    lost = int((~traced(box, rays, width, robust=False).hit).sum())
+    lost = int((~traced(box, rays, width, precision="fast").hit).sum())
     fuses = "fma" in cpu_features() and chosen_instruction_set() not in ("sse4.2", "avx")
     assert lost < 200
     assert lost > 0 or not fuses  # multiply-add, which Embree's boxes use where there is one
@@ -338,6 +345,8 @@ def test_embree_is_given_the_faces_that_tracers_trace(monkeypatch):
     )
     mesh = boards()
     traced(mesh, random_rays(1, 0, mesh))
+    assert not given
+    traced(mesh, random_rays(1, 0, mesh), precision="watertight")
     assert (given[0] == mesh.vertices).all()
     assert given[1] is mesh.traced_faces
 
@@ -467,6 +476,7 @@ def assert_same_bits_of_rays(found, expected):
 @each_width
 def test_the_order_that_a_large_batch_is_traced_in_changes_no_bit(width, monkeypatch):
     monkeypatch.setattr(atra.rays.plan, "FEWEST_TRIANGLES", 1)
+    monkeypatch.setattr(atra.rays.plan, "FEWEST_TRIANGLES_EXACT", 1)
     monkeypatch.setattr(atra.rays.scene, "ORDERED", FEWEST_RAYS - 700)  # in two parts, the second of 777
     mesh, ordered = MESHES["many small"], []
     order = RayOrder.ordered
@@ -474,7 +484,7 @@ def test_the_order_that_a_large_batch_is_traced_in_changes_no_bit(width, monkeyp
     nearest = np.linspace(0.0, 0.1, FEWEST_RAYS + 77)
     rays = random_rays(len(nearest), 9, mesh, tnear=nearest, tfar=nearest + 2)
     assert_same_bits_of_rays(traced(mesh, rays, width, coherent=None), traced(mesh, rays, width))
-    with atra.RayScene(mesh, packet_width=width, threads=1) as scene:
+    with scene_of(mesh, width) as scene:
         assert (scene.occluded(rays) == scene.occluded(rays, coherent=False)).all()
         assert len(ordered) == 4
         scene.intersect(atra.Rays(np.zeros((FEWEST_RAYS, 3)), np.ones((FEWEST_RAYS, 3))))  # has an order
@@ -510,13 +520,13 @@ def test_a_large_batch_is_ordered_by_where_rays_start_and_head_whoever_orders_it
     assert changes == len(np.unique(bucket, axis=0)) - 1 > 500
 
 
-@each_width
+@each_native
 def test_packets_of_rays_that_are_alike_go_together_and_others_do_not(width):
     mesh, camera = cornell_box(), cornell_camera(256, 256).crop(0, 100, 256, 16)
     y, x = np.divmod(np.arange(camera.width * camera.height), camera.width)
     directions = camera.directions(x, y) @ camera.axes
     origins = np.broadcast_to(camera.eye, directions.shape)
-    with atra.RayScene(mesh, packet_width=width, threads=1) as scene:
+    with scene_of(mesh, width) as scene:
         found = scene.intersect(origins, directions)
         assert scene._workspaces[width][0].flags[0] == FLAG_COHERENT
         assert_same_bits_of_rays(found, scene.intersect(origins, directions, coherent=True))
@@ -524,19 +534,19 @@ def test_packets_of_rays_that_are_alike_go_together_and_others_do_not(width):
         assert scene._workspaces[width][0].flags[0] == (FLAG_COHERENT if width == 1 else 0)
 
 
-@each_width
+@each_native
 def test_rays_that_are_not_alike_are_traced_one_by_one_unless_a_width_is_given(width, monkeypatch):
     mesh, widths = cornell_box(), []
     alike = camera_rays(cornell_camera(256, 256).crop(0, 100, 256, 16))
     others = random_rays(256, 1, mesh)
 
-    def kernel_of(width, exact):
+    def kernel_of(width):
         widths.append(width)
-        return closest_hit_kernel(width, exact)
+        return closest_hit_kernel(width)
 
     monkeypatch.setattr(atra.rays.scene, "closest_hit_kernel", kernel_of)
     for given in (None, width):
-        with atra.RayScene(mesh, packet_width=given, threads=1) as scene:
+        with atra.RayScene(mesh, packet_width=given, threads=1, precision="fast") as scene:
             for rays in (alike, others):
                 scene.intersect(rays)
                 scene.intersect(rays, coherent=True)
@@ -560,7 +570,7 @@ def test_no_sample_is_looked_at_where_it_would_change_nothing(monkeypatch):
 def test_the_first_batch_builds_a_scene_that_is_not_built_and_none_builds_a_closed_one():
     mesh = cornell_box()
     rays = random_rays(100, 0, mesh)
-    scene = atra.RayScene(mesh, threads=1)
+    scene = atra.RayScene(mesh, threads=1, precision="watertight")
     assert (scene.embree_bytes, scene.build_time_s) == (0, 0)
     assert scene.occluded(rays).any()
     assert scene.embree_bytes > 1000
@@ -584,7 +594,7 @@ def test_two_threads_may_use_one_scene(width):
     batches = [random_rays(3 * CHUNK, seed, mesh) for seed in (1, 2)]
     expected = [traced(mesh, rays, width).t for rays in batches]
     wrong = []
-    with atra.RayScene(mesh, packet_width=width, threads=2) as scene:
+    with scene_of(mesh, width, threads=2) as scene:
 
         def repeat(k):
             for _ in range(30):

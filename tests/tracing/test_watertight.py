@@ -83,7 +83,7 @@ def test_no_ray_to_an_edge_leaves_a_closed_mesh(mesh):
     for name, hit in batches(mesh, 5000):
         assert hit.all(), name
     rays = scenes.edge_rays(mesh, np.zeros(3), 5000, 0)
-    with atra.RayScene(mesh, threads=1, robust=False) as scene:
+    with atra.RayScene(mesh, threads=1, precision="fast") as scene:
         assert not scene.intersect(rays).hit.all()
         assert not scene.occluded(rays).all()
     with BvhScene(mesh, threads=1, robust=False) as scene:

@@ -27,10 +27,10 @@ from atra.light.lightmaps.priority import on_least_converged_map, visible_texels
 from atra.light.lightmaps.shadows import ShadowScenes
 from atra.light.lightmaps.surface import BakeScene
 from atra.raster.tracer import RasterTracer
-from atra.rays.scene import Query, RayScene
+from atra.rays.scene import Query, scene_for_kernels
 from atra.tracing.budgets import check_needed_bytes
 from atra.tracing.lifetime import Lifetime, check_same_faces
-from atra.tracing.options import RayOptions, lists_options
+from atra.tracing.options import PacketOptions, lists_options
 from atra.tracing.tracer import Tracer
 
 
@@ -57,7 +57,7 @@ class Baker(Lifetime):
     ) -> None:
         super().__init__()
         self.options = BakeOptions.of(type(self).__name__, options)
-        self._ray_options = RayOptions.part_of(self.options)
+        self._ray_options = PacketOptions.part_of(self.options)
         self._take(scene)
         self._given, self._size = atlas, size
         self.visible: NDArray[np.bool_] | None = None
@@ -65,7 +65,7 @@ class Baker(Lifetime):
         self._restart()
 
     def _take(self, scene: BakeScene) -> None:
-        rays_scene = RayScene(scene.mesh, **self._ray_options.keywords())
+        rays_scene = scene_for_kernels(scene.mesh, self._ray_options)
         self.shadow_scenes = ShadowScenes(scene, self._ray_options)
         self.rays_scene, self.scene = rays_scene, scene
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from atra.light.checks import check_whole, checked_number
-from atra.tracing.options import PacketKeywords, RayOptions, option, option_of
+from atra.tracing.options import PacketKeywords, PacketOptions, option, option_of
 
 
 class BakeKeywords(PacketKeywords, total=False):
@@ -22,8 +22,8 @@ class BakeKeywords(PacketKeywords, total=False):
 
 
 @dataclass(frozen=True)
-class BakeOptions(RayOptions):
-    """Options of `Baker`, beside those of the scene for its rays (`RayOptions`).
+class BakeOptions(PacketOptions):
+    """Options of `Baker`, beside those of the scene for its rays (`PacketOptions`).
 
     The number of threads, batch_rays, expansion and compaction do not change a bit of the map with single rays; packets
     change bits where a ray meets an edge. `adaptive` checks texels after 64, 128, 256, ... samples; it stops where
@@ -31,7 +31,7 @@ class BakeOptions(RayOptions):
     Unity's lightmapper, where it has any.
     """
 
-    packet_width: int | None = option_of(RayOptions, "packet_width", default=1)  # rays are incoherent
+    packet_width: int | None = option_of(PacketOptions, "packet_width", default=1)  # rays are incoherent
     bounces: int = option(4, "most reflections of light before it reaches a texel; 0 = direct light alone")
     roulette_from: int | None = option(
         2, "bounces after which Russian roulette by albedo ends paths; null = never", null="never"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from atra.light.lightmaps.surface import BakeScene
-from atra.rays.scene import RayScene
-from atra.tracing.options import RayOptions
+from atra.rays.scene import scene_for_kernels
+from atra.tracing.options import PacketOptions
 
 
 class ShadowScenes:
@@ -17,11 +17,11 @@ class ShadowScenes:
     does.
     """
 
-    def __init__(self, scene: BakeScene, options: RayOptions) -> None:
+    def __init__(self, scene: BakeScene, options: PacketOptions) -> None:
         assert scene.surface is not None
         self._panes = scene.surface.panes
         kinds = (~self._panes, self._panes) if self._panes.any() else ()
-        self.both = tuple(RayScene(scene.mesh, faces=faces, **options.keywords()) for faces in kinds)
+        self.both = tuple(scene_for_kernels(scene.mesh, options, faces) for faces in kinds)
 
     def serve(self, scene: BakeScene) -> bool:
         """Whether these scenes fit another scene of the same mesh."""

@@ -10,7 +10,7 @@ from atra.errors import InputError
 from atra.geometry.numbers import as_number
 from atra.light.checks import check_whole, checked_number
 from atra.light.pictures.path_kernels import BLOCK
-from atra.tracing.options import PacketKeywords, RayOptions, option, option_of
+from atra.tracing.options import PacketKeywords, PacketOptions, option, option_of
 
 MOST_RAYS = 64
 """Most rays to a light, or into the sky, per pixel and sample."""
@@ -26,14 +26,14 @@ class RenderKeywords(PacketKeywords, total=False):
 
 
 @dataclass(frozen=True)
-class RenderOptions(RayOptions):
-    """Options of every renderer, beside those of the scene for its rays (`RayOptions`).
+class RenderOptions(PacketOptions):
+    """Options of every renderer, beside those of the scene for its rays (`PacketOptions`).
 
     The picture depends on neither threads nor wave_rays. built_with: names of options that cannot change later. Raises
     InputError, with the value.
     """
 
-    built_with: ClassVar[frozenset[str]] = frozenset(field.name for field in fields(RayOptions)) | {"start_off"}
+    built_with: ClassVar[frozenset[str]] = frozenset(field.name for field in fields(PacketOptions)) | {"start_off"}
 
     jitter: str = option(
         "shared",

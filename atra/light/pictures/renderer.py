@@ -29,8 +29,8 @@ from atra.light.pictures.pixels import LensPixels, pixels_of
 from atra.light.scene import Scene
 from atra.light.surface_kernels import Surfaces
 from atra.raster.tracer import RasterTracer
-from atra.rays.scene import Query, RayScene
-from atra.tracing.options import RayOptions, lists_options
+from atra.rays.scene import Query, scene_for_kernels
+from atra.tracing.options import PacketOptions, lists_options
 from atra.tracing.tracer import Tracer
 
 Primary = Callable[[Mesh, View], Tracer[Hits]]
@@ -71,10 +71,10 @@ class Renderer(Finisher):
 
     def _new_rays(self, mesh: Mesh) -> Any:
         """A `RayScene`, or what a renderer takes in its place."""
-        return RayScene(mesh, **self._ray_options().keywords())
+        return scene_for_kernels(mesh, self._ray_options())
 
-    def _ray_options(self) -> RayOptions:
-        return RayOptions.part_of(self.options)
+    def _ray_options(self) -> PacketOptions:
+        return PacketOptions.part_of(self.options)
 
     @property
     @abstractmethod

@@ -15,17 +15,17 @@ from atra.trees.wide import CHILDREN, HIGH
 
 _ZERO = np.float32(0.0)
 
-_BOX_MARGIN = 2.0**-20
+BOX_MARGIN = 2.0**-20
 """By which share of the mesh's distance from the world's origin plus its size boxes are enlarged; float32 rounds the
 start of the ray, and three operations of a box test, by a quarter of that together."""
 
-_FAR_MARGIN = 2.0**-48
+FAR_MARGIN = 2.0**-48
 """By which share of the ray's way to the mesh boxes are enlarged; float64 rounds the new start by an eighth of that."""
 
-_SMALLEST_COMPONENT = 1e-18
+SMALLEST_COMPONENT = 1e-18
 """Smaller components of a direction have this reciprocal; within the mesh's size that moves a ray less than margins."""
 
-_PADDING = 1.01
+PADDING = 1.01
 """Factor on the sphere around the mesh, so that rounding moves no ray out of it."""
 
 
@@ -33,13 +33,16 @@ _PADDING = 1.01
 def start_of(o, d, tnear, sphere):  # type: ignore[no-untyped-def]
     """(whether the ray comes near the mesh, s): it starts anew at o + s d, beyond `tnear` where the mesh is far.
 
-    sphere: middle of the mesh's box and half its diagonal.
+    d: its largest component is from 1 to 2 in size. sphere: middle of the mesh's box and half its diagonal. Where the
+    ray starts near by, it is neither moved nor left out: its start is at most four radii away, as margins have it.
     """
     cx, cy, cz, radius = sphere
     x, y, z = cx - o[0], cy - o[1], cz - o[2]
+    if max(abs(x), abs(y), abs(z)) <= 3.0 * radius and tnear <= 0.5 * radius:
+        return True, tnear
     square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
     middle = (x * d[0] + y * d[1] + z * d[2]) / square
-    padded = _PADDING * radius + 64.0 * UNIT * (abs(x) + abs(y) + abs(z))
+    padded = PADDING * radius + 64.0 * UNIT * (abs(x) + abs(y) + abs(z))
     reach = padded / np.sqrt(square)
     s = max(tnear, middle - reach)
     x, y, z = x - s * d[0], y - s * d[1], z - s * d[2]
@@ -49,9 +52,9 @@ def start_of(o, d, tnear, sphere):  # type: ignore[no-untyped-def]
 @njit(forceinline=True)
 def reciprocal(component):  # type: ignore[no-untyped-def]
     """1 / component, of one sign for all components from 0 up; it never rises with them."""
-    if abs(component) >= _SMALLEST_COMPONENT:
+    if abs(component) >= SMALLEST_COMPONENT:
         return 1.0 / component
-    return 1.0 / _SMALLEST_COMPONENT if component >= 0.0 else -1.0 / _SMALLEST_COMPONENT
+    return 1.0 / SMALLEST_COMPONENT if component >= 0.0 else -1.0 / SMALLEST_COMPONENT
 
 
 @njit(forceinline=True)
@@ -59,13 +62,13 @@ def margin_of(o, sphere):  # type: ignore[no-untyped-def]
     """By how much boxes are enlarged for a ray."""
     cx, cy, cz, radius = sphere
     way = max(abs(cx - o[0]), abs(cy - o[1]), abs(cz - o[2]))
-    return (max(abs(cx), abs(cy), abs(cz)) + 4.0 * radius) * _BOX_MARGIN + way * _FAR_MARGIN
+    return (max(abs(cx), abs(cy), abs(cz)) + 4.0 * radius) * BOX_MARGIN + way * FAR_MARGIN
 
 
 @njit(forceinline=True)
 def ahead_of(s, tfar, margin):  # type: ignore[no-untyped-def]
     """Where a ray that starts anew at s enters boxes at the latest."""
-    return (tfar - s) * (1.0 + _BOX_MARGIN) + margin
+    return (tfar - s) * (1.0 + BOX_MARGIN) + margin
 
 
 @njit(forceinline=True)
@@ -96,7 +99,7 @@ def box_ray(o, d, s, tfar, sphere):  # type: ignore[no-untyped-def]
 def shortened(ray, s, t):  # type: ignore[no-untyped-def]
     """(the ray of box tests, made to end at t, where it enters boxes at the latest)."""
     origin, inverse, outer, inner, (start, _), places = ray
-    ahead = np.float32((t - s) * (1.0 + _BOX_MARGIN) - np.float64(lane(start, 0)))
+    ahead = np.float32((t - s) * (1.0 + BOX_MARGIN) - np.float64(lane(start, 0)))
     return (origin, inverse, outer, inner, (start, repeated(ahead, CHILDREN)), places), ahead
 
 

@@ -12,7 +12,15 @@ from atra.compiled.intrinsics import float_at, uint32_at
 from atra.compiled.memory import doubles_at, load, store
 from atra.compiled.store import njit
 from atra.compiled.vectors import bits_of, fused, larger, repeated, size, smaller, widened
-from atra.exact.lines_kernels import UNIT, crossing_sign, major_axis, plane_sign, touching_sign
+from atra.exact.lines_kernels import (
+    UNIT,
+    crossing_sign,
+    major_axis,
+    plane_order,
+    plane_parameter,
+    plane_sign,
+    touching_sign,
+)
 from atra.trees.layout import BLOCK, IDS
 
 _ZERO = np.float32(0.0)
@@ -26,30 +34,48 @@ _VECTOR = 8 * BLOCK
 AREAS = 7 * BLOCK
 """Numbers that `candidates` writes."""
 
-_PRECISE = 2.0**-34
-"""Share of a triangle's area up to which its error leaves t precise; t's own error is then a smaller share of the
-mesh's distance."""
+PRECISE = 2.0**-34
+"""Share of a triangle's area up to which its error leaves t precise."""
 
-_ROUNDINGS = 16.0
-"""Largest error of a sheared corner, in roundings of the largest distance to the mesh; there are 6."""
+ROUNDINGS = 16.0
+"""Largest error of a sheared corner, in roundings of the largest distance to the mesh; there are 7."""
+
+
+@njit(forceinline=True)
+def vector_at(address, is_double):  # type: ignore[no-untyped-def]
+    """Three float64, or float32 made such."""
+    if is_double:
+        at = doubles_at(address)
+        return at[0], at[1], at[2]
+    return np.float64(float_at(address)), np.float64(float_at(address + 4)), np.float64(float_at(address + 8))
+
+
+@njit(forceinline=True)
+def interval_of(rays, number):  # type: ignore[no-untyped-def]
+    """(tnear, tfar) of a ray of a `Batch`."""
+    near, far = rays.tnear + rays.number_bytes * number, rays.tfar + rays.number_bytes * number
+    if rays.is_double:
+        return doubles_at(near)[0], doubles_at(far)[0]
+    return np.float64(float_at(near)), np.float64(float_at(far))
+
+
+@njit(forceinline=True)
+def scale_of(x, y, z):  # type: ignore[no-untyped-def]
+    """(scale, 1 / scale): the power of two that brings a direction to a largest component of 1 to 2."""
+    largest = np.float64(max(abs(x), abs(y), abs(z)))
+    bits = largest.view(np.int64) & 0x7FF0000000000000
+    return np.int64(0x7FE0000000000000 - bits).view(np.float64), np.int64(bits).view(np.float64)
 
 
 @njit(forceinline=True)
 def scaled_ray(rays, number):  # type: ignore[no-untyped-def]
-    """(o, d, tnear, tfar, scale) of a ray in float64, its direction brought to a largest component of 1 to 2 by the
-    power of two `scale`; parameters times `scale` are those of the ray as given."""
-    o = np.float64(rays.origins[number, 0]), np.float64(rays.origins[number, 1]), np.float64(rays.origins[number, 2])
-    x = np.float64(rays.directions[number, 0])
-    y = np.float64(rays.directions[number, 1])
-    z = np.float64(rays.directions[number, 2])
-    largest = np.float64(max(abs(x), abs(y), abs(z)))
-    bits = largest.view(np.int64) & 0x7FF0000000000000
-    scale = np.int64(0x7FE0000000000000 - bits).view(np.float64)
-    length = np.int64(bits).view(np.float64)
-    return (
-        o, (x * scale, y * scale, z * scale), np.float64(rays.tnear[number]) * length,
-        np.float64(rays.tfar[number]) * length, scale,
-    )  # fmt: skip
+    """(o, d, tnear, tfar, scale) of a ray of a `Batch` in float64, its direction multiplied by `scale_of`; parameters
+    times `scale` are those of the ray as given."""
+    o = vector_at(rays.origins + rays.vector_bytes * number, rays.is_double)
+    x, y, z = vector_at(rays.directions + rays.vector_bytes * number, rays.is_double)
+    tnear, tfar = interval_of(rays, number)
+    scale, length = scale_of(x, y, z)
+    return o, (x * scale, y * scale, z * scale), tnear * length, tfar * length, scale
 
 
 @njit(forceinline=True)
@@ -65,21 +91,22 @@ def line_of(o, d, sphere):  # type: ignore[no-untyped-def]
     dy = d[0] if other == 0 else d[1] if other == 1 else d[2]
     dz = d[0] if major == 0 else d[1] if major == 1 else d[2]
     reach = max(abs(cx - o[0]), abs(cy - o[1]), abs(cz - o[2])) + radius
-    error = _ROUNDINGS * UNIT * reach
+    error = ROUNDINGS * UNIT * reach
+    inverse = 1.0 / dz
     return (
         (repeated(ox, BLOCK), repeated(oy, BLOCK), repeated(oz, BLOCK)),
-        (repeated(-dx / dz, BLOCK), repeated(-dy / dz, BLOCK)),
+        (repeated(-dx * inverse, BLOCK), repeated(-dy * inverse, BLOCK)),
         (one * _ROW, other * _ROW, major * _ROW),
         (repeated(error, BLOCK), repeated(error * error, BLOCK)),
         major,
-        (1.0 / dz, reach),
+        inverse, reach,
     )  # fmt: skip
 
 
 @njit(forceinline=True)
 def _corner(place, line):  # type: ignore[no-untyped-def]
     """A corner of four triangles, from an address, laid along the ray onto the plane across its major axis."""
-    (ox, oy, oz), (sx, sy), (row_x, row_y, row_z), _, _, _ = line
+    (ox, oy, oz), (sx, sy), (row_x, row_y, row_z), _, _, _, _ = line
     z = widened(load(place + row_z, _ZERO, BLOCK)) - oz
     x = fused(sx, z, widened(load(place + row_x, _ZERO, BLOCK)) - ox)
     return x, fused(sy, z, widened(load(place + row_y, _ZERO, BLOCK)) - oy), z
@@ -96,7 +123,7 @@ def candidates(block, line, areas):  # type: ignore[no-untyped-def]
     qx, qy, qz = _corner(block + 3 * _ROW, line)
     rx, ry, rz = _corner(block + 6 * _ROW, line)
     u, v, w = qx * ry - qy * rx, rx * py - ry * px, px * qy - py * qx
-    _, _, _, (error, square), _, _ = line
+    _, _, _, (error, square), _, _, _ = line
     sizes = (size(px) + size(py)) + (size(qx) + size(qy)) + (size(rx) + size(ry))
     slack = fused(sizes, error, square)
     none = slack - slack
@@ -116,22 +143,34 @@ def candidates(block, line, areas):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def sure_crossing(areas, k, line, tnear, tfar):  # type: ignore[no-untyped-def]
-    """(sign, t, u, v) as `crossing`, of a triangle that the line surely crosses; sign 2: `crossing` has to decide."""
+    """(sign, t, error, u, v) as `crossing`, of a triangle that the line surely crosses; sign 2: `crossing` has to
+    decide."""
     at = doubles_at(areas + 8 * k)
     u, v, w, slack = at[0], at[BLOCK], at[2 * BLOCK], at[6 * BLOCK]
     a, b, c = at[3 * BLOCK], at[4 * BLOCK], at[5 * BLOCK]
-    inverse_z, reach = line[5]
+    inverse_z = line[5]
     whole = u + v + w
-    if not slack < _PRECISE * abs(whole):
-        return 2, 0.0, 0.0, 0.0
+    if not slack < PRECISE * abs(whole):
+        return 2, 0.0, 0.0, 0.0, 0.0
     inverse = 1.0 / whole
     t = (u * a + v * b + w * c) * inverse * inverse_z
-    error = _PRECISE * (4.0 * reach + abs(t))
+    error = error_of(slack * abs(inverse), a, b, c)
     if not (abs(t - tnear) > error and abs(t - tfar) > error):
-        return 2, 0.0, 0.0, 0.0
+        return 2, 0.0, 0.0, 0.0, 0.0
     if not tnear <= t < tfar:
-        return 0, 0.0, 0.0, 0.0
-    return (1 if (whole > 0.0) == (inverse_z > 0.0) else -1), t, v * inverse, w * inverse
+        return 0, 0.0, 0.0, 0.0, 0.0
+    return (1 if (whole > 0.0) == (inverse_z > 0.0) else -1), t, error, v * inverse, w * inverse
+
+
+@njit(forceinline=True)
+def error_of(share, a, b, c):  # type: ignore[no-untyped-def]
+    """Largest error of the parameter of a crossing. share: of the areas' errors and their sum. a, b, c: distances of
+    the corners along the major axis, of which the parameter is a mean, by the areas, or less.
+
+    Weights are off by 6 shares together, which moves the mean by as large a part of the corners' range.
+    """
+    farthest = max(abs(a), abs(b), abs(c))
+    return 16.0 * share * (max(a, b, c) - min(a, b, c)) + 16.0 * UNIT * farthest
 
 
 @njit(forceinline=True)
@@ -167,9 +206,10 @@ _PLANE_ROUNDINGS = 32.0
 
 @njit
 def crossing(block, k, o, d, tnear, tfar, major, exact, touches):  # type: ignore[no-untyped-def]
-    """(sign, t, u, v) of the crossing of a ray and the k-th triangle of the block at an address, tnear <= t < tfar.
+    """(sign, t, error, u, v) of the crossing of a ray and the k-th triangle of the block at an address, tnear <= t <
+    tfar.
 
-    sign: of the triangle's normal along d; 0: no crossing, and the rest is undefined.
+    error: that of t at most. sign: of the triangle's normal along d; 0: no crossing, and the rest is undefined.
     u, v: weights of the second and the third corner. exact: address of `PARTS` float64. touches: whether a ray that
     meets an edge or a corner alone crosses, too.
     """
@@ -181,30 +221,47 @@ def crossing(block, k, o, d, tnear, tfar, major, exact, touches):  # type: ignor
     is_flat = not abs(facing) > area * _sum(d)
     sign = touching_sign(o, d, a, b, c, exact) if touches else crossing_sign(o, d, a, b, c, major, exact)
     if sign == 0:
-        return 0, 0.0, 0.0, 0.0
+        return 0, 0.0, 0.0, 0.0, 0.0
     to_near, to_far = ahead - tnear * facing, ahead - tfar * facing
     if abs(to_near) > area * (_sum(g) + tnear * _sum(d)):
         if (to_near > 0.0) != (sign > 0):
-            return 0, 0.0, 0.0, 0.0
+            return 0, 0.0, 0.0, 0.0, 0.0
     elif plane_sign(o, d, a, b, c, tnear, exact) == -sign:
-        return 0, 0.0, 0.0, 0.0
+        return 0, 0.0, 0.0, 0.0, 0.0
     if tfar < np.inf:
         if abs(to_far) > area * (_sum(g) + tfar * _sum(d)):
             if (to_far > 0.0) == (sign > 0):
-                return 0, 0.0, 0.0, 0.0
+                return 0, 0.0, 0.0, 0.0, 0.0
         elif plane_sign(o, d, a, b, c, tfar, exact) != -sign:
-            return 0, 0.0, 0.0, 0.0
-    if is_flat:  # seen all but edge-on: t lies between those of the corners
-        square = dot(d, d)
-        first, second, third = dot(g, d) / square, dot(minus(b, o), d) / square, dot(minus(c, o), d) / square
-        t = (first + second + third) / 3.0
-        if facing != 0.0:
-            t = min(max(ahead / facing, min(first, second, third)), max(first, second, third))
-        return sign, min(max(t, tnear), tfar), 1.0 / 3.0, 1.0 / 3.0
+            return 0, 0.0, 0.0, 0.0, 0.0
+    t = plane_parameter(o, d, a, b, c, exact)
+    if is_flat:  # seen all but edge-on
+        return sign, t, _EXACT * abs(t), 1.0 / 3.0, 1.0 / 3.0
     inverse = 1.0 / facing
     around = cross(d, g)
     u, v = -dot(around, f) * inverse, dot(around, e) * inverse
-    return sign, min(max(ahead * inverse, tnear), tfar), min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
+    return sign, t, _EXACT * abs(t), min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
+
+
+_EXACT = 2.0 * UNIT
+"""Largest error of a parameter that was computed without rounding but once."""
+
+
+@njit
+def parameter(block, k, o, d, exact):  # type: ignore[no-untyped-def]
+    """t of a triangle that a ray crosses, right to a unit of float64."""
+    a, b, c = _point(block, k), _point(block + 3 * _ROW, k), _point(block + 6 * _ROW, k)
+    return plane_parameter(o, d, a, b, c, exact)
+
+
+@njit
+def is_before(block, k, other, m, o, d, exact):  # type: ignore[no-untyped-def]
+    """Whether a ray meets the k-th triangle of a block before the m-th of another, both of which it crosses; where it
+    meets them at one place, whether the former has the lower prim_id."""
+    a, b, c = _point(block, k), _point(block + 3 * _ROW, k), _point(block + 6 * _ROW, k)
+    p, q, r = _point(other, m), _point(other + 3 * _ROW, m), _point(other + 6 * _ROW, m)
+    found = plane_order(o, d, a, b, c, p, q, r, exact)
+    return found < 0 or (found == 0 and prim_id_of(block, k) < prim_id_of(other, m))
 
 
 @njit(forceinline=True)

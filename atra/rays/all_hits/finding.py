@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +14,23 @@ from atra.exact.lines_kernels import PARTS
 from atra.geometry.mesh import Mesh
 from atra.rays.all_hits.columns_kernels import cross_columns
 from atra.rays.all_hits.crossings_kernels import AREAS
-from atra.rays.all_hits.finding_kernels import CHUNK, LEAVES, STACK, Batch, Found, Lists, Tree, all_hits_kernel, lay_out
+from atra.rays.all_hits.finding_kernels import (
+    AHEAD_ROW,
+    CHUNK,
+    LANE_ROWS,
+    LANES,
+    LEAVES,
+    STACK,
+    Batch,
+    Found,
+    Lists,
+    Tree,
+    all_hits_kernel,
+    lay_out,
+)
 from atra.rays.all_hits.groups_kernels import MOST_NODES
-from atra.rays.all_hits.nearest_kernels import nearest_kernel
+from atra.rays.nearest.batches_kernels import nearest_kernel
+from atra.rays.order import Numbers
 from atra.rays.rays import Rays
 from atra.tracing.budgets import check_needed_bytes
 from atra.trees.bvh import build_bvh
@@ -74,7 +88,11 @@ class Crossings:
         middle, half = mesh.bounds.mean(axis=0), (mesh.bounds[1] - mesh.bounds[0]) / 2
         x, y, z = middle.tolist()
         sphere = x, y, z, float(np.linalg.norm(half))
-        self.tree = Tree(self.bvh.nodes.ctypes.data, self.bvh.blocks.ctypes.data, sphere)
+        nodes, blocks, vertices, faces = (
+            array.ctypes.data for array in (self.bvh.nodes, self.bvh.blocks, mesh.vertices, mesh.faces)
+        )
+        self.tree = Tree(nodes, blocks, vertices, faces, sphere)
+        self._mesh = mesh  # kept, as kernels read its arrays
         self._bounds = mesh.bounds
         self._pool = pool
         self._found = [_memory(0) for _ in range(pool.threads)]
@@ -120,19 +138,20 @@ class Crossings:
                 progress(some.stop, len(rays))
         return counts
 
-    def nearest(
-        self, rays: Rays, numbers: NDArray[np.int64], touches: bool, t: NDArray[np.float32], prim_id: NDArray
-    ) -> None:
-        """Write the nearest hits of the rays `numbers` into (N,) arrays of all rays. t: empty, and only MISS or any
-        triangle of them is written. touches: whether rays hit what they meet in an edge or a corner alone."""
-        kernel, batch = nearest_kernel(not len(t)), _batch(rays, slice(None))
-        for start in range(0, len(numbers), BATCH):
-            given = batch, numbers[start : start + BATCH]
-            self._pool.run(
-                lambda worker, counter, given=given: kernel(  # type: ignore[misc]
-                    counter, self.tree, *given, self._found[worker], touches, t, prim_id
-                )
-            )
+    def hit(self, rays: Numbers, near_by: float, touches: bool, t: NDArray[np.float32], answers: NDArray[Any]) -> None:
+        """Write the nearest hits of rays, or, where `t` is empty, whether they hit anything.
+
+        rays: origins, directions, tnear, tfar. near_by: how far apart rays start at most that are traced together;
+        below 0: each alone. touches: whether rays hit what they meet in an edge or a corner alone. t, answers: (N,), as
+        for `nearest_kernel`.
+        """
+        batch, kernel = batch_of(*rays), nearest_kernel(not len(t))
+
+        def work(worker: int, counter: int) -> None:
+            kernel(counter, self.tree, batch, near_by, self._found[worker], touches, t, answers)
+
+        if len(answers):
+            self._pool.run(work)
 
     def columns(self, points: NDArray[np.float64], everywhere: bool = False) -> Columns:
         """The crossings of a ray along an axis of the world from each point, (P, 3) float64.
@@ -182,7 +201,16 @@ class Crossings:
 
 
 def _batch(rays: Rays, some: slice) -> Batch:
-    return Batch(rays.origins[some], rays.directions[some], rays.tnear[some], rays.tfar[some])
+    """Of some rays, which must stay alive."""
+    return batch_of(rays.origins[some], rays.directions[some], rays.tnear[some], rays.tfar[some])
+
+
+def batch_of(
+    origins: NDArray[np.floating], directions: NDArray[np.floating], tnear: NDArray[np.floating], tfar: NDArray
+) -> Batch:
+    """Rays as kernels read them; the arrays must stay alive meanwhile."""
+    starts = origins.ctypes.data, directions.ctypes.data, origins.strides[0]
+    return Batch(*starts, tnear.ctypes.data, tfar.ctypes.data, tnear.strides[0], origins.dtype == np.float64)
 
 
 def _lists(counts: NDArray[np.int32]) -> Lists:
@@ -194,10 +222,12 @@ def _lists(counts: NDArray[np.int32]) -> Lists:
 def _memory(size: int) -> Found:
     arrays = np.empty(size), np.empty(size, np.uint32), np.empty(size, np.float32), np.empty(size, np.float32)
     stack = np.empty(STACK, np.int64), np.empty(STACK, np.float32)
-    waiting = [np.empty(count, np.int64) for count in (LEAVES, LEAVES, MOST_NODES, MOST_NODES)]
+    leaves, nodes = [np.empty((2, count), np.int64) for count in (LEAVES, MOST_NODES)]
+    lanes, hits = np.empty((LANE_ROWS, LANES)), np.empty((2, LANES), np.int64)
     return Found(
         *arrays, np.zeros(1, np.int64), *stack, np.empty(PARTS), np.empty(AREAS), np.empty(CHILDREN, np.float32),
-        *waiting,
+        leaves[0], leaves[1], nodes[0], nodes[1], np.empty(STACK, np.int64), lanes, lanes[AHEAD_ROW].view(np.float32),
+        hits[0], hits[1],
     )  # fmt: skip
 
 

@@ -9,12 +9,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.compiled.intrinsics import fetch_add, int32_at
+from atra.compiled.instruction_sets import native_lanes
+from atra.compiled.intrinsics import fetch_add, int32_at, uint32_at
 from atra.compiled.lanes import first_bit
 from atra.compiled.memory import fetch
 from atra.compiled.store import float_kernel, kernel, njit
+from atra.exact.lines_kernels import plane_parameter
 from atra.rays.all_hits.boxes_kernels import box_ray, entered, start_of
-from atra.rays.all_hits.crossings_kernels import candidates, crossing, line_of, prim_id_of, scaled_ray, sure_crossing
+from atra.rays.all_hits.crossings_kernels import (
+    candidates,
+    crossing,
+    line_of,
+    prim_id_of,
+    scaled_ray,
+    sure_crossing,
+    vector_at,
+)
 from atra.rays.all_hits.groups_kernels import GROUP, find_together
 from atra.trees.layout import BLOCK_BYTES, DEEPEST
 from atra.trees.wide import CHILDREN, COUNTS, FIRSTS, WIDE_BYTES
@@ -28,6 +38,12 @@ CHUNK = 256
 LEAVES = 64
 """Leaves that a ray enters before their triangles are tested."""
 
+LANES = 16 if native_lanes() == 16 else 8
+"""Rays whose nearest hits are found together."""
+
+LANE_ROWS, AHEAD_ROW = 26, 25
+"""Rows of memory of a thread for such rays, a float64 of each; and which holds, as float32, `ahead`."""
+
 STACK = CHILDREN * (DEEPEST + 4)
 """Nodes that wait to be visited, at most."""
 
@@ -39,19 +55,30 @@ WORKER_SHIFT = 40
 
 
 class Batch(NamedTuple):
-    """Rays one after the other: origins, directions: (N, 3) float32; tnear, tfar: (N,) float32."""
+    """Rays, where their numbers lie in memory.
 
-    origins: NDArray[np.float32]
-    directions: NDArray[np.float32]
-    tnear: NDArray[np.float32]
-    tfar: NDArray[np.float32]
+    origins, directions: address of the first ray's three numbers; a ray's are `vector_bytes` behind those of the one
+    before. tnear, tfar: address of the first ray's; the next is `number_bytes` behind. is_double: whether they are
+    float64, otherwise float32.
+    """
+
+    origins: int
+    directions: int
+    vector_bytes: int
+    tnear: int
+    tfar: int
+    number_bytes: int
+    is_double: bool
 
 
 class Tree(NamedTuple):
-    """Addresses of nodes and blocks, and the sphere around the mesh: its middle and radius, float64."""
+    """Addresses of nodes, blocks, and the mesh's vertices and faces, and the sphere around it: its middle and radius,
+    float64."""
 
     nodes: int
     blocks: int
+    vertices: int
+    faces: int
     sphere: tuple[float, float, float, float]
 
 
@@ -61,7 +88,8 @@ class Found(NamedTuple):
     t: (M,) float64. prim_id: (M,) uint32. u, v: (M,) float32. used: (1,) int64, hits so far. stack: (STACK,) int64.
     reached: (STACK,) float32, where the ray comes to these nodes. exact: (PARTS,) float64. areas: (AREAS,) float64.
     entries: (CHILDREN,) float32. entered, remaining: (LEAVES,) int64, leaves that wait to be tested: next block and
-    blocks. nodes, leaves: (MOST_NODES,) int64, of `find_together`.
+    blocks. nodes, leaves: (MOST_NODES,) int64, of `find_together`. boxes: (STACK,) int64; lanes, ahead, hit_blocks,
+    hit_places: of `hit_together`.
     """
 
     t: NDArray[np.float64]
@@ -78,6 +106,11 @@ class Found(NamedTuple):
     remaining: NDArray[np.int64]
     nodes: NDArray[np.int64]
     leaves: NDArray[np.int64]
+    boxes: NDArray[np.int64]
+    lanes: NDArray[np.float64]
+    ahead: NDArray[np.float32]
+    hit_blocks: NDArray[np.int64]
+    hit_places: NDArray[np.int64]
 
 
 class Lists(NamedTuple):
@@ -90,9 +123,41 @@ class Lists(NamedTuple):
     truncated: NDArray[np.bool_]
 
 
+class Close(NamedTuple):
+    """What decides the order of hits of one ray that are close to each other.
+
+    gap: how far apart t of hits is at most to be in doubt. o, d, scale: of `scaled_ray`. tree, exact: as elsewhere.
+    """
+
+    gap: float
+    o: tuple[float, float, float]
+    d: tuple[float, float, float]
+    scale: float
+    tree: Tree
+    exact: int
+
+
+_CLOSE = 2.0**-28
+"""Gap of t in doubt, as a share of the farthest corner's distance: twice the error that `PRECISE` leaves."""
+
+
+@njit
+def _settled(close, prim_id):  # type: ignore[no-untyped-def]
+    """t of a hit, right to a unit."""
+    face = close.tree.faces + 12 * np.int64(prim_id)
+    a = vector_at(close.tree.vertices + 12 * np.int64(uint32_at(face)), False)
+    b = vector_at(close.tree.vertices + 12 * np.int64(uint32_at(face + 4)), False)
+    c = vector_at(close.tree.vertices + 12 * np.int64(uint32_at(face + 8)), False)
+    return plane_parameter(close.o, close.d, a, b, c, close.exact) * close.scale
+
+
 @njit(forceinline=True)
-def _is_before(found, a, t, prim_id):  # type: ignore[no-untyped-def]
-    return found.t[a] < t or (found.t[a] == t and found.prim_id[a] < prim_id)
+def _is_before(found, a, t, prim_id, close):  # type: ignore[no-untyped-def]
+    """(whether hit a comes before another, t of the other), where they are close, with t of both made right."""
+    if not abs(found.t[a] - t) <= close.gap:
+        return found.t[a] < t, t
+    found.t[a], t = _settled(close, found.prim_id[a]), _settled(close, prim_id)
+    return found.t[a] < t or (found.t[a] == t and found.prim_id[a] < prim_id), t
 
 
 @njit(forceinline=True)
@@ -101,7 +166,7 @@ def _move(found, a, b):  # type: ignore[no-untyped-def]
 
 
 @njit
-def _sort(found, first, count):  # type: ignore[no-untyped-def]
+def _sort(found, first, count, close):  # type: ignore[no-untyped-def]
     """Sort hits by t, and by prim_id where it is the same."""
     for gap in _GAPS:
         if gap >= count:
@@ -109,23 +174,29 @@ def _sort(found, first, count):  # type: ignore[no-untyped-def]
         for place in range(first + gap, first + count):
             t, prim_id, u, v = found.t[place], found.prim_id[place], found.u[place], found.v[place]
             into = place
-            while into - gap >= first and not _is_before(found, into - gap, t, prim_id):
+            while into - gap >= first:
+                is_before, t = _is_before(found, into - gap, t, prim_id, close)
+                if is_before:
+                    break
                 _move(found, into - gap, into)
                 into -= gap
             found.t[into], found.prim_id[into], found.u[into], found.v[into] = t, prim_id, u, v
 
 
 @njit(forceinline=True)
-def _take(found, first, count, most, t, prim_id, u, v):  # type: ignore[no-untyped-def]
+def _take(found, first, count, most, t, prim_id, u, v, close):  # type: ignore[no-untyped-def]
     """Add a hit behind the `count` of a ray, or, if there are `most`, in order; returns their number."""
     if count < most:
         into = first + count
         found.t[into], found.prim_id[into], found.u[into], found.v[into] = t, prim_id, u, v
         if count + 1 == most:
-            _sort(found, first, most)
+            _sort(found, first, most, close)
         return count + 1
     into = first + most
-    while into > first and not _is_before(found, into - 1, t, prim_id):
+    while into > first:
+        is_before, t = _is_before(found, into - 1, t, prim_id, close)
+        if is_before:
+            break
         into -= 1
         if into < first + most - 1:
             _move(found, into, into + 1)
@@ -176,6 +247,7 @@ def all_hits_kernel(counting: bool) -> Callable[..., None]:
                         lists.truncated[number], lists.places[number] = False, worker << WORKER_SHIFT | start
                     continue
                 ray, line = box_ray(o, d, s, tfar, tree.sphere), line_of(o, d, tree.sphere)
+                close = Close(_CLOSE * line[6] * scale, o, d, scale, tree, exact)
                 place, top = 0, 0
                 if nodes < 0:
                     found.stack[0], top = tree.nodes, 1
@@ -215,18 +287,18 @@ def all_hits_kernel(counting: bool) -> Callable[..., None]:
                         while maybe:
                             k = first_bit(maybe)
                             maybe &= maybe - 1
-                            sign, t, u, v = 2, 0.0, 0.0, 0.0
+                            sign, t, _, u, v = 2, 0.0, 0.0, 0.0, 0.0
                             if sure >> k & 1:
-                                sign, t, u, v = sure_crossing(areas, k, line, tnear, tfar)
+                                sign, t, _, u, v = sure_crossing(areas, k, line, tnear, tfar)
                             if sign == 2:
-                                sign, t, u, v = crossing(block, k, o, d, tnear, tfar, line[4], exact, False)
+                                sign, t, _, u, v = crossing(block, k, o, d, tnear, tfar, line[4], exact, False)
                             if sign == 0:
                                 continue
                             if not counting:
                                 if start + min(count, most) >= len(found.t):
                                     lists.done[chunk] = number - first
                                     return
-                                _take(found, start, count, most, t * scale, prim_id_of(block, k), u, v)
+                                _take(found, start, count, most, t * scale, prim_id_of(block, k), u, v, close)
                             count += 1
                             if counting and count >= most:
                                 maybe = top = leaves = 0
@@ -237,7 +309,7 @@ def all_hits_kernel(counting: bool) -> Callable[..., None]:
                     lists.places[number] = worker << WORKER_SHIFT | start
                     count = min(count, most)
                     if 1 < count < most:
-                        _sort(found, start, count)
+                        _sort(found, start, count, close)
                     found.used[0] = start + count
             lists.done[chunk] = last - first
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from atra.all_hits.reductions import Count, Layers, Reduction, Thickness, Transmittance, check_reduction
 from atra.errors import InputError
+from atra.geometry.mesh import Mesh
 from atra.prim_ids import MISS
 from atra.rays.all_hits.finding import MOST, Crossings, Progress
 from atra.rays.all_hits.lists import RayHitLists
@@ -40,11 +41,16 @@ def gathered(
     shape: tuple[int, ...],
     crossings: Crossings,
     geometries: Geometries,
+    met: Mesh | None,
     progress: Progress | None,
 ) -> NDArray | RayLayers:
-    """What `RayScene.gather` says."""
+    """What `RayScene.gather` says. met: the triangles that rays meet, None where there are none."""
     check_reduction(what)
-    weights = what.weights(geometries.mesh)
+    weights = None
+    if not isinstance(what, Thickness):
+        weights = what.weights(geometries.mesh)
+    elif met is not None:
+        what.weights(met)
 
     def in_parts(reduce: Callable[[Rays], tuple[NDArray, ...]]) -> list[NDArray]:
         parts = []

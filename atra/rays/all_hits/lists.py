@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.geometry.mesh import Mesh
+from atra.geometry.mesh import Mesh, unit_normals
 from atra.rays.geometries import Geometries
 from atra.rays.rays import Rays
 
@@ -70,11 +70,9 @@ class RayHitLists:
         return self.rays.origins[self.ray_ids] + self.t[:, None] * directions
 
     @cached_property
-    def normals(self) -> NDArray[np.float32]:
-        """(M, 3) float32, unit normals of the triangles, towards where their corners are counterclockwise."""
-        corners = self.mesh.triangles(self.traced_id)
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        return (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
+    def normals(self) -> NDArray[np.float64]:
+        """(M, 3) float64, unit normals of the triangles, towards where their corners are counterclockwise."""
+        return unit_normals(self.mesh, self.traced_id)
 
     @property
     def leaving(self) -> NDArray[np.bool_]:

@@ -20,7 +20,7 @@ from atra.rays.all_hits.gathered import RayLayers, gathered
 from atra.rays.all_hits.lists import RayHitLists
 from atra.rays.geometries import joined
 from atra.rays.rays import Rays, rays_of
-from atra.tracing.lifetime import MeshLifetime
+from atra.tracing.lifetime import MeshLifetime, check_same_faces
 from atra.whole_numbers import is_whole_number
 
 
@@ -39,8 +39,10 @@ class AllHitsScene(MeshLifetime, ABC):
         self._cells: Cells | None = None
         self._asked = 0  # points so far
         self._edges: tuple[NDArray[np.int64], NDArray[np.int64], int] | None = None
-        self.geometries = joined(meshes, transforms)
-        self._take(self.geometries.mesh)
+        self._met: Mesh | None = None
+        geometries = joined(meshes, transforms)
+        self._take(geometries.mesh)
+        self.geometries, self._transforms = geometries, None if transforms is None else np.array(transforms)
         count = self.mesh.triangle_count
         if faces is not None and (np.shape(faces), np.asarray(faces).dtype) != ((count,), np.bool_):
             raise InputError(f"faces are {faces!r:.100}, expected ({count},) bool, those that rays meet")
@@ -50,21 +52,26 @@ class AllHitsScene(MeshLifetime, ABC):
 
     def _take(self, mesh: Mesh) -> None:
         check_world_range(mesh)
-        self.mesh, self._crossings, self._edges, self._cells = mesh, None, None, None
+        self.mesh, self._crossings, self._edges, self._cells, self._met = mesh, None, None, None, None
 
     def update(self, mesh: Mesh | Sequence[Mesh], transforms: ArrayLike | None = None) -> None:
-        """Go on with other vertices of the same faces, or other transforms.
+        """Go on with other vertices of the same faces, or other transforms; None: those of before.
 
         What is built is built anew at once; where that fails, the next use builds again.
         Raises InputError for other faces, and what making and building a new one would; ClosedError after `close`.
         """
         with self._lock:
             self._check_open()
+            count = 1 if isinstance(mesh, Mesh) else len(mesh)
+            if transforms is None and count == self.geometries.count:
+                transforms = self._transforms
             geometries = joined(mesh, transforms)
             if not np.array_equal(geometries.firsts, self.geometries.firsts):
                 raise InputError(f"there are {geometries.count} meshes, expected other vertices of the same faces")
-            super().update(geometries.mesh)
-            self.geometries = geometries
+            check_same_faces(self.mesh, geometries.mesh)
+            self._take(geometries.mesh)
+            self.geometries, self._transforms = geometries, None if transforms is None else np.array(transforms)
+            self._build_again()
 
     @property
     def crossings(self) -> Crossings:
@@ -87,7 +94,7 @@ class AllHitsScene(MeshLifetime, ABC):
     ) -> RayHitLists:
         """All hits of every ray with tnear <= t < tfar, each triangle that a ray crosses exactly once.
 
-        Decided without rounding for the float32 rays and vertices. A ray through an edge or corner counts as moved by
+        Decided without rounding for rays and vertices as stored. A ray through an edge or corner counts as moved by
         an infinitely small way, so it crosses exactly the triangles that some nearby ray crosses: a closed mesh is left
         as often as it is entered, and coplanar triangles count each. A triangle seen edge-on is not crossed.
 
@@ -117,11 +124,6 @@ class AllHitsScene(MeshLifetime, ABC):
         with self._lock:
             return self.crossings.count(rays, progress).reshape(shape)
 
-    def is_crossed(self, rays: Rays) -> NDArray[np.bool_]:
-        """(N,) bool: whether a ray hits anything, decided as by `all_hits`; `occluded` is faster."""
-        with self._lock:
-            return self.crossings.count(rays, most=1) > 0
-
     def gather(
         self,
         what: Reduction,
@@ -141,7 +143,15 @@ class AllHitsScene(MeshLifetime, ABC):
         """
         rays, shape = rays_of(origins, directions, tnear, tfar)
         with self._lock:
-            return gathered(what, rays, shape, self.crossings, self.geometries, progress)
+            return gathered(what, rays, shape, self.crossings, self.geometries, self._met_mesh(), progress)
+
+    def _met_mesh(self) -> Mesh | None:
+        """The triangles that rays meet as a mesh of their own; None where there are none."""
+        if self._faces is None:
+            return self.mesh
+        if self._met is None and self._faces.any():
+            self._met = Mesh(self.mesh.vertices, self.mesh.faces[self._faces], self.mesh.name)
+        return self._met
 
     def contains(self, points: ArrayLike, *, method: str = "parity") -> NDArray[np.bool_]:
         """(P,) bool: whether points lie inside.

@@ -192,7 +192,9 @@ def _measure_tiles(point: Point, mesh: Mesh, stack: ExitStack) -> Measured:
     own = AlignedTiles(point, tiles)
     scenes = {
         name: stack.enter_context(
-            RayScene(mesh, packet_width=width, threads=point.threads, build_quality=point.build_quality, robust=False)
+            RayScene(
+                mesh, packet_width=width, threads=point.threads, build_quality=point.build_quality, precision="fast"
+            )
         )
         for name, width in ((ONE_BY_ONE, 1), (TOGETHER, None))
     }

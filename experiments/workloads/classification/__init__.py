@@ -185,7 +185,7 @@ def measure(point: Point) -> Measured:
         }
         embree = {SINGLE: 1} | {PACKETS[width]: width for width in expert_packet_widths()}
         scenes = {
-            name: stack.enter_context(RayScene(mesh, packet_width=width, threads=point.threads, robust=False))
+            name: stack.enter_context(RayScene(mesh, packet_width=width, threads=point.threads, precision="fast"))
             for name, width in embree.items()
         }
         calls = {OWN: _query(own, prepared, any_hit), PLAIN: _query(own, plain, any_hit)}
@@ -261,5 +261,5 @@ def _warm_up(point: Point, any_hit: bool) -> None:
         counted(scene, prepared, prepared.from_root(scene.packet_width), any_hit)
         scene.occluded(prepared), scene.occluded(prepared.from_root(scene.packet_width))
     for width in (1, *expert_packet_widths()):
-        with RayScene(_WARM_MESH, packet_width=width, threads=1, robust=False) as embree:
+        with RayScene(_WARM_MESH, packet_width=width, threads=1, precision="fast") as embree:
             _query(embree, rays, any_hit)()

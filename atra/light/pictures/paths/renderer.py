@@ -32,7 +32,7 @@ from atra.light.scene import Scene
 from atra.light.surface_kernels import Surfaces
 from atra.light.tables import surfaces_of
 from atra.rays.scene import Query, RayScene
-from atra.tracing.options import RayOptions, lists_options
+from atra.tracing.options import PacketOptions, lists_options
 
 
 class PathRenderer(Renderer):
@@ -81,7 +81,7 @@ class PathRenderer(Renderer):
     def update(self, scene: Scene | None = None, **changes: Unpack[PathKeywords]) -> None:
         self._update(scene, changes)
 
-    def _ray_options(self) -> RayOptions:
+    def _ray_options(self) -> PacketOptions:
         options = super()._ray_options()
         return options if self.options.order == "waves" else replace(options, packet_width=1)
 

@@ -1,0 +1,143 @@
+"""The nearest hit of one ray, or whether it hits anything, decided without rounding."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from atra.compiled.intrinsics import address_at, float_at, int32_at
+from atra.compiled.lanes import first_bit
+from atra.compiled.memory import fetch, store
+from atra.compiled.store import float_part, njit
+from atra.compiled.vectors import repeated
+from atra.prim_ids import MISS
+from atra.rays.all_hits.boxes_kernels import box_ray, entered_at, shortened, start_of
+from atra.rays.all_hits.crossings_kernels import (
+    candidates,
+    crossing,
+    is_before,
+    line_of,
+    parameter,
+    prim_id_of,
+    sure_crossing,
+)
+from atra.rays.all_hits.finding_kernels import LEAF
+from atra.trees.layout import BLOCK_BYTES
+from atra.trees.wide import COUNTS, FIRSTS, WIDE_BYTES
+
+NO_HIT = np.uint32(MISS)
+
+_CLOSE = 2.0**-27
+"""Largest error of a parameter, as a share of it, that leaves it right to a unit of float32."""
+
+
+@njit(forceinline=True)
+def finished(t, error, block, k, o, d, exact):  # type: ignore[no-untyped-def]
+    """The parameter of a hit, right to a unit of float32."""
+    return t if error <= _CLOSE * t else parameter(block, k, o, d, exact)
+
+
+@njit(forceinline=True)
+def is_nearer(t, error, block, k, nearest, nearest_error, other, m, o, d, exact):  # type: ignore[no-untyped-def]
+    """Whether a hit comes before the nearest so far, by their parameters, or without rounding where these do not tell.
+
+    other: the block of the nearest hit, 0: there is none.
+    """
+    gap, doubt = t - nearest, error + nearest_error
+    return other == 0 or gap < -doubt or (not gap > doubt and is_before(block, k, other, m, o, d, exact))
+
+
+class Memory(NamedTuple):
+    """Addresses of a thread's memory: of `Found.exact`, `areas`, `entries`, `stack` and `reached`. A function that is
+    given arrays in their place takes longer to be called than to visit a node."""
+
+    exact: int
+    areas: int
+    entries: int
+    stack: int
+    reached: int
+
+
+@njit(forceinline=True)
+def memory_of(found):  # type: ignore[no-untyped-def]
+    """The `Memory` of `Found`."""
+    return Memory(
+        found.exact.ctypes.data, found.areas.ctypes.data, found.entries.ctypes.data, found.stack.ctypes.data,
+        found.reached.ctypes.data,
+    )  # fmt: skip
+
+
+@njit(forceinline=True)
+def _put(memory, place, node, entry):  # type: ignore[no-untyped-def]
+    store(repeated(np.int64(node), 1), memory.stack + 8 * place)
+    store(repeated(np.float32(entry), 1), memory.reached + 4 * place)
+
+
+@float_part
+def hit_alone(any_hit, tree, o, d, tnear, tfar, memory, touches):  # type: ignore[no-untyped-def]
+    """(t, prim_id) of the nearest hit of a ray; inf and `MISS` where there is none.
+
+    any_hit: of any hit in its place. o, d, tnear, tfar: of `scaled_ray`. touches: as for `crossing`.
+    """
+    exact, areas, entries = memory.exact, memory.areas, memory.entries
+    is_near, s = start_of(o, d, tnear, tree.sphere)
+    if not (is_near and tnear < tfar and s < tfar):
+        return np.inf, NO_HIT
+    nearest, nearest_error, hit_block, hit_k = tfar, 0.0, np.int64(0), np.int64(0)
+    ray, line = box_ray(o, d, s, tfar, tree.sphere), line_of(o, d, tree.sphere)
+    _put(memory, 0, tree.nodes, -np.inf)
+    top, limit = 1, np.float32(np.inf)
+    while top > 0:
+        top -= 1
+        if float_at(memory.reached + 4 * top) > limit:
+            continue
+        node = address_at(memory.stack + 8 * top)
+        if node & LEAF:
+            block = node - LEAF
+            maybe, sure = candidates(block, line, areas)
+            while maybe:
+                k = first_bit(maybe)
+                maybe &= maybe - 1
+                sign, t, error = 2, 0.0, 0.0
+                if sure >> k & 1:
+                    sign, t, error, _, _ = sure_crossing(areas, k, line, tnear, tfar)
+                if sign == 2:
+                    sign, t, error, _, _ = crossing(block, k, o, d, tnear, tfar, line[4], exact, touches)
+                if sign == 0:
+                    continue
+                if any_hit:
+                    return t, prim_id_of(block, k)
+                if is_nearer(t, error, block, k, nearest, nearest_error, hit_block, hit_k, o, d, exact):
+                    nearest, nearest_error, hit_block, hit_k = t, error, block, k
+                    ray, limit = shortened(ray, s, t + error)
+            continue
+        bits = entered_at(node, ray, entries)
+        first = top
+        while bits:
+            child = 4 * first_bit(bits)
+            bits &= bits - 1
+            entry = float_at(entries + child)
+            first_of = np.int64(int32_at(node + FIRSTS + child))
+            blocks = np.int64(int32_at(node + COUNTS + child))
+            to, step = tree.blocks + first_of * BLOCK_BYTES + LEAF, BLOCK_BYTES
+            if blocks == 0:
+                to, blocks = tree.nodes + first_of * WIDE_BYTES, 1
+            fetch(to)
+            fetch(to + 64)
+            fetch(to + 128)
+            fetch(to + 192)
+            for _ in range(blocks):
+                into = top  # the farthest stands lowest
+                while not any_hit and into > first:
+                    near = float_at(memory.reached + 4 * (into - 1))
+                    if not near < entry:
+                        break
+                    _put(memory, into, address_at(memory.stack + 8 * (into - 1)), near)
+                    into -= 1
+                _put(memory, into, to, entry)
+                to += step
+                top += 1
+    if hit_block == 0:
+        return np.inf, NO_HIT
+    return finished(nearest, nearest_error, hit_block, hit_k, o, d, exact), prim_id_of(hit_block, hit_k)

@@ -1,0 +1,50 @@
+"""The loops over batches of rays for their nearest hits, or for whether they hit anything, decided without rounding."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+from atra.compiled.intrinsics import fetch_add
+from atra.compiled.store import float_kernel
+from atra.rays.all_hits.crossings_kernels import scaled_ray
+from atra.rays.all_hits.finding_kernels import LANES
+from atra.rays.nearest.alone_kernels import NO_HIT, hit_alone, memory_of
+from atra.rays.nearest.together_kernels import hit_together
+
+CHUNK = 256
+"""Rays a thread takes at a time."""
+
+
+@cache
+def nearest_kernel(any_hit: bool) -> Callable[..., None]:
+    """The loop over rays for their nearest hits; any_hit: for whether they hit anything."""
+
+    @float_kernel
+    def hit_rays(counter_address, tree, rays, near_by, found, touches, t_of, answers):  # type: ignore[no-untyped-def]
+        """Write what each ray hits, those that are alike together.
+
+        rays: `Batch`. near_by: how far apart rays start at most that are alike; below 0 none are. found: this thread's
+        memory. touches: as for `crossing`. t_of: (N,) float32, inf where nothing is hit. answers: (N,) uint32,
+        triangles, `MISS` = none. With any_hit t_of is empty, and answers is (N,) uint8, 0 or 1.
+        """
+        count, memory = len(answers), memory_of(found)
+        while True:
+            start = fetch_add(counter_address, 1) * CHUNK
+            if start >= count:
+                return
+            for first in range(start, min(start + CHUNK, count), LANES):
+                last = min(first + LANES, count)
+                if near_by >= 0.0 and hit_together(
+                    any_hit, tree, rays, first, last, near_by, found, touches, t_of, answers
+                ):
+                    continue
+                for number in range(first, last):
+                    o, d, tnear, tfar, scale = scaled_ray(rays, number)
+                    t, prim_id = hit_alone(any_hit, tree, o, d, tnear, tfar, memory, touches)
+                    if any_hit:
+                        answers[number] = prim_id != NO_HIT
+                    else:
+                        t_of[number], answers[number] = t * scale, prim_id
+
+    return hit_rays
