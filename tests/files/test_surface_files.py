@@ -14,7 +14,10 @@ READER = pytest.mark.skipif(
     not any(find_spec(name) for name in ("pymeshlab", "open3d", "pyvista")), reason="needs an independent reader"
 )
 EXPLAINED = {
-    # name: why all independent readers differ
+    "calf.obj": "49 bent polygons, which each reader cuts otherwise",
+    "link3.obj": "pymeshlab leaves out 3 faces that are there twice or have no area; the area is the same",
+    "hokuyo.obj": "pymeshlab leaves out faces that are there twice or have no area; the area is the same",
+    "l_finger_collision.stl": "others leave out 18 triangles without area",
 }
 
 
