@@ -18,6 +18,7 @@ import sys
 import tempfile
 import traceback
 import warnings
+import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,6 +29,7 @@ import trimesh
 from atra.errors import InputError
 from atra.files.cameras.bop import read_bop
 from atra.files.cameras.calibration_files import read_calibration
+from atra.files.meshes.face_sources import load_face_sources
 from atra.files.meshes.loading import load_mesh
 from atra.files.saving import encode_exr
 from atra.geometry.camera import Camera
@@ -64,12 +66,23 @@ class Kind:
 
 
 def _read_mesh(path):
-    mesh = load_mesh(path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        mesh = load_mesh(path)
+    assert len(load_face_sources(path).face) == mesh.triangle_count
     assert mesh.vertices.ndim == mesh.faces.ndim == 2
     assert np.isfinite(mesh.vertices).all()
     assert mesh.faces.max() < len(mesh.vertices)
     assert mesh.name.isprintable()
     return True
+
+
+def _read_model(path):
+    """The XML of a 3MF, in an archive without damage."""
+    archive = path.with_suffix(".3mf")
+    with zipfile.ZipFile(archive, "w") as members:
+        members.write(path, "3D/3dmodel.model")
+    return _read_mesh(archive)
 
 
 def _read_record(path):
@@ -174,14 +187,40 @@ def _mesh_samples():
         "mesh.ply": (*exported(file_type="ply", encoding="ascii"), mixed),
         "little.ply": little,
         "big.ply": tuple(_big_endian(content) for content in little),
-        "mesh.obj": exported(file_type="obj"),
+        "mixed.ply": tuple(mixed_ply(order, *_MIXED) for order in ("<", ">")),
+        "mesh.obj": (*exported(file_type="obj"), _POLYGONS),
         "text.stl": exported(file_type="stl_ascii"),
         "mesh.stl": exported(file_type="stl"),
         "mesh.off": (*exported(file_type="off"), quads),
         "mesh.gltf": (json.dumps(tree, indent=1).encode(),),
         "mesh.glb": (scene.export(file_type="glb"), box.export(file_type="glb")),
+        "mesh.3mf": (scene.export(file_type="3mf"),),
         "mesh.xyz": (b"0 0 0\n1 0 0\n1 1 0\n",),
     }
+
+
+_MIXED = [(0, 0, 0), (4, 0, 0), (4, 4, 0), (1, 1, 0), (0, 4, 0)], [(0, 1, 2), (0, 2, 3, 4), (0, 1, 2, 3, 4)]
+_POLYGONS = (
+    b"mtllib none.mtl\nv 0 0 0\nv\t4 0 0 # right\nv 4 4 0\nv 1 1.5e0 0\nv 0 4 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\n"
+    b"f -5 -4 -3 -2 -1\nusemtl b\nf 1//1 3//1 \\\n 4//1 5//1\nl 1 2\n"
+)
+_MODEL = (
+    b'<?xml version="1.0"?><model unit="inch" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">'
+    b'<resources><object id="1"><mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/>'
+    b'<vertex x="0" y="1" z="0"/></vertices><triangles><triangle v1="0" v2="1" v3="2"/></triangles></mesh></object>'
+    b'<object id="2"><components><component objectid="1" transform="-1 0 0 0 1 0 0 0 1 5 0 0"/></components></object>'
+    b'</resources><build><item objectid="1"/><item objectid="2"/></build></model>'
+)
+
+
+def mixed_ply(order, vertices, faces):
+    """A binary PLY of polygons; order: "<" or ">"."""
+    kind = "binary_little_endian" if order == "<" else "binary_big_endian"
+    head = f"ply\nformat {kind} 1.0\nelement vertex {len(vertices)}\nproperty float x\nproperty float y\n"
+    head += f"property float z\nelement face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    rows = [struct.pack(f"{order}3f", *one) for one in vertices]
+    rows += [struct.pack(f"{order}B{len(face)}i", len(face), *face) for face in faces]
+    return head.encode() + b"".join(rows)
 
 
 def _big_endian(little):
@@ -205,6 +244,7 @@ def _record_sample(folder):
 def kinds():
     """Every kind of file that is read, by name."""
     found = {path: Kind(path, samples, _read_mesh) for path, samples in _mesh_samples().items()}
+    found["model of 3mf"] = Kind("mesh.model", (_MODEL,), _read_model)
     # The file's name is its author's, too.
     named = "\x1b[31mred\N{RIGHT-TO-LEFT OVERRIDE}\a.off"
     found["hostile name"] = replace(found["mesh.off"], path=named)

@@ -192,7 +192,7 @@ def test_an_unknown_model_number_and_a_folder_without_a_model_are_refused(tmp_pa
         atra.read_colmap(tmp_path)
     write_binary(tmp_path)
     (tmp_path / "cameras.bin").write_bytes(pack("<QIiQQ", 1, 4, 99, 64, 48))
-    with pytest.raises(atra.InputError, match=r"camera 4: its model is number 99, expected 0 to 11"):
+    with pytest.raises(atra.InputError, match=r"camera 4: its model is number 99, expected 0 to 17"):
         atra.read_colmap(tmp_path)
 
 

@@ -28,7 +28,6 @@ def test_a_whole_file_keeps_its_promise(tmp_path, suffix):
     ("box.off", b"OFF\n8 12 0", b"# OFF 1 1\nOFF # text\n8 99 0 # 1", "promises 99 faces, but ends before"),
     ("box.stl_ascii", b"vertex 0.5", b"vertex O.5", "is no vertex of three numbers"),
     ("box.stl_ascii", b"endsolid", b"end", "seems cut short"),
-    ("box.obj", b"\nf 2 4 1", b"\nf 2 4", "is a face of fewer than 3 corners"),
     ("ascii.ply", b" 1 3 0\n", b" 1 3 nan\n", "cannot be read as ply"),
     ("ascii.ply", b" 1 3 0\n", b" 1 3 1e300\n", "cannot be read as ply"),
     ("ascii.ply", b" 1 3 0\n", b" 1 3 one\n", "cannot be read as ply"),
@@ -39,6 +38,13 @@ def test_a_damaged_text_file_loses_no_face_silently(tmp_path, name, old, new, me
     path.write_bytes(path.read_bytes().replace(old, new, 1))
     with pytest.raises(InputError, match=message):
         load_mesh(path)
+
+
+def test_a_face_of_two_corners_is_left_out_and_named(tmp_path):
+    path = exported(tmp_path / "box.obj")
+    path.write_bytes(path.read_bytes().replace(b"\nf 2 4 1", b"\nf 2 4", 1))
+    with pytest.warns(UserWarning, match="1 of 12 faces have fewer than 3 corners and are left out"):
+        assert load_mesh(path).triangle_count == 11
 
 
 def glb_tree(content):

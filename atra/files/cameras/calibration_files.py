@@ -1,17 +1,20 @@
-"""The camera of a calibration file: OpenCV's YAML or JSON, and ROS's camera_info."""
+"""The camera of a calibration file: OpenCV's YAML, XML or JSON, ROS's camera_info, Kalibr's and Open3D's."""
 
 from __future__ import annotations
 
+import re
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from atra.errors import InputError
 from atra.files.cameras.entries import entry, number, pixels, read_file
+from atra.files.cameras.paths import open3d_matrix
 from atra.files.reading import parse_json
 from atra.geometry.camera import CalibratedCamera, Camera, LensCamera
 
@@ -27,6 +30,9 @@ _NAMES = {
 _MODELS = {"plumb_bob": "pinhole", "rational_polynomial": "pinhole", "equidistant": "fisheye", "fisheye": "fisheye"}
 """Distortion models of ROS, as `Camera.from_opencv` calls them."""
 
+_KALIBR = {"radtan": "plumb_bob", "equidistant": "equidistant", "none": "plumb_bob"}
+"""Distortion models of Kalibr, by ROS's names."""
+
 _MOST_BYTES = 1 << 20
 """Upper limit of a calibration file, which has a few hundred bytes."""
 
@@ -39,7 +45,8 @@ def read_calibration(
     t: ArrayLike = (0, 0, 0),
     model: str | None = None,
 ) -> CalibratedCamera | LensCamera:
-    """Read the camera of a calibration file: OpenCV's (YAML or JSON) or ROS's `camera_info`.
+    """Read the camera of a calibration file: OpenCV's (YAML, XML or JSON), ROS's `camera_info`, Kalibr's `camchain`
+    of one camera, or Open3D's intrinsics. YAML needs the package PyYAML.
 
     Such files have no pose. R, t: world to camera, as for `Camera.from_opencv`; by default at the origin along +Z.
     size: width and height of the image where the file has none. model: "pinhole" or "fisheye"; None: what the file's
@@ -61,6 +68,7 @@ def camera_of_calibration(
     """As `read_calibration`, from what is parsed."""
     if not isinstance(found, dict):
         raise InputError(f"it holds a {type(found).__name__}, expected a calibration with camera_matrix")
+    found = _as_opencv(found)
     given = {name: next((found[one] for one in names if one in found), None) for name, names in _NAMES.items()}
     if given["K"] is None:
         raise InputError(f"it has no camera_matrix, expected one of {', '.join(_NAMES['K'])}")
@@ -82,6 +90,56 @@ def camera_of_calibration(
     return Camera.from_opencv(K.reshape(3, 3), R, t, width, height, _without_end(distortion), model)
 
 
+def _as_opencv(found: dict[str, Any]) -> dict[str, Any]:
+    """What Kalibr or Open3D wrote, by OpenCV's names; anything else is returned as it is."""
+    kind = found.get("class_name")
+    if isinstance(kind, str) and kind.startswith("PinholeCamera") and kind != "PinholeCameraIntrinsic":
+        raise InputError(f"it is Open3D's {kind}, which has poses; a trajectory is read by read_transforms")
+    if "intrinsic_matrix" in found:
+        with entry("intrinsic_matrix"):
+            try:
+                return {**found, "camera_matrix": open3d_matrix(found).tolist()}
+            except (TypeError, ValueError):
+                raise InputError(f"it is {found['intrinsic_matrix']!r:.100}, expected 9 numbers") from None
+    cameras = [name for name, one in found.items() if isinstance(one, dict) and "intrinsics" in one]
+    if not cameras:
+        return found
+    if len(cameras) > 1:
+        raise InputError(f"it is Kalibr's calibration of {', '.join(map(str, cameras)):.100}; keep one in a file")
+    given = found[cameras[0]]
+    told = given.get("camera_model"), given.get("distortion_model", "none")
+    if told[0] != "pinhole" or told[1] not in _KALIBR:
+        raise InputError(f"its models are {told!r:.100}, expected pinhole with one of {', '.join(_KALIBR)}")
+    numbers, size = _values("intrinsics", given["intrinsics"]), given.get("resolution")
+    if numbers.size != 4 or not isinstance(size, list) or len(size) != 2:
+        raise InputError("its intrinsics or its resolution are incomplete, expected four numbers and two")
+    fx, fy, cx, cy = numbers.tolist()
+    return {
+        "image_width": size[0], "image_height": size[1], "camera_matrix": [fx, 0, cx, 0, fy, cy, 0, 0, 1],
+        "distortion_model": _KALIBR[told[1]], "distortion_coefficients": given.get("distortion_coeffs", []),
+    }  # fmt: skip
+
+
+def _parsed_xml(content: bytes) -> dict[str, Any]:
+    """The values of OpenCV's XML, by name."""
+    if b"<!" in re.sub(rb"<!--.*?-->", b"", content, flags=re.DOTALL):
+        raise InputError("its XML declares entities, which are not read")
+    try:
+        root = ElementTree.fromstring(content)
+    except ElementTree.ParseError as error:
+        raise InputError(f"it is no XML: {error}") from None
+    found: dict[str, Any] = {}
+    for one in root:
+        data = one.find("data")
+        words = ((one if data is None else data).text or "").split()
+        try:
+            numbers: list[Any] = [float(word) for word in words]
+        except ValueError:
+            numbers = words
+        found[one.tag] = numbers if data is not None else numbers[0] if len(numbers) == 1 else " ".join(words)
+    return found
+
+
 def _values(name: str, given: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
     """The numbers of a list, of rows, or of a matrix with its data."""
     data = given.get("data") if isinstance(given, dict) else given
@@ -98,6 +156,8 @@ def _without_end(distortion: np.ndarray[Any, np.dtype[np.float64]] | None) -> An
 def _parsed(path: Path, content: bytes) -> Any:
     if path.suffix.lower() == ".json":
         return parse_json(content)
+    if path.suffix.lower() == ".xml" or content.lstrip()[:5] == b"<?xml":
+        return _parsed_xml(content)
     try:
         yaml = import_module("yaml")
     except ImportError:

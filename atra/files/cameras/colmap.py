@@ -38,7 +38,8 @@ def read_colmap(
     """Read the cameras of a COLMAP model, by image name, in the order of `images.bin` or `images.txt`.
 
     folder: holds `cameras` and `images`, such as `sparse/0`; binary files go before text, as in COLMAP. Cameras
-    with distortion have a lens; of COLMAP's models all but RAD_TAN_THIN_PRISM_FISHEYE are known.
+    with distortion have a lens; of COLMAP's models all are known but RAD_TAN_THIN_PRISM_FISHEYE, SIMPLE_DIVISION,
+    DIVISION and EUCM.
     broken: a dict that receives the InputError of each image that cannot be used, by name; None: the first is raised.
     memory_per_byte: bound on the memory that reading may take, as for `atra.load_mesh`.
 

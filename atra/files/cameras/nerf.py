@@ -13,14 +13,11 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.files.cameras.entries import Broken, Cameras, Entries, allowance_of, entry, number, pixels, read_json
-from atra.files.cameras.lens_models import model_of
+from atra.files.cameras.lens_models import PANORAMA, model_of, panorama_plane
+from atra.files.cameras.paths import as_transforms
 from atra.geometry.calibration import image_plane_of_focals, pose_of_matrix
 from atra.geometry.camera import CalibratedCamera, LensCamera, camera_of
-from atra.geometry.image_plane import ImagePlane
 from atra.geometry.lenses.models import EquirectangularLens, FisheyeLens, Lens, OpenCVLens
-
-PANORAMA = "EQUIRECTANGULAR"
-"""Camera model of a panorama."""
 
 _ALL = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
 """Names of the distortion's coefficients."""
@@ -35,6 +32,8 @@ def read_transforms(
 ) -> Cameras:
     """Read the cameras of a `transforms.json` (Instant-NGP, Nerfstudio, Blender's synthetic scenes), by `file_path`.
 
+    A `camera_path.json` of Nerfstudio and a `PinholeCameraTrajectory` of Open3D are read, too, by number.
+
     A frame, or else the file, has the size `w` and `h`; the focal lengths `fl_x` and `fl_y`, or the angles
     `camera_angle_x` and `camera_angle_y` in radians (pixels are square if one axis is missing); the principal point
     `cx` and `cy`, from the image's corner (default: its middle); a lens by `camera_model` (COLMAP's names, or
@@ -47,7 +46,7 @@ def read_transforms(
     only if the file or all frames are unusable.
     """
     path = Path(path)
-    shared = read_json(path)
+    shared = as_transforms(read_json(path), path)
     frames = shared.get("frames")
     if not isinstance(frames, list):
         raise InputError(f"{path} has no list of frames, expected a transforms.json")
@@ -72,8 +71,7 @@ def _camera(
     default_w, default_h = size or (None, None)
     width, height = pixels("w", given.get("w", default_w)), pixels("h", given.get("h", default_h))
     if given.get("camera_model") == PANORAMA:
-        sensor = ImagePlane(2 * pi / width, pi / height, width / 2, height / 2)
-        return camera_of(EquirectangularLens(), *_pose(given), sensor, width, height)
+        return camera_of(EquirectangularLens(), *_pose(given), panorama_plane(width, height), width, height)
     fx, fy = _focal(given, "x", width), _focal(given, "y", height)
     if fx is None and fy is None:
         raise InputError("the focal length is missing, expected fl_x or camera_angle_x")

@@ -17,7 +17,6 @@ from atra.files.formats.text_kernels import (
     NO_INDEX,
     OTHERS,
     PLACE,
-    TOO_FEW,
     VERTICES,
     read_obj,
 )
@@ -69,8 +68,6 @@ def _materials(
 
 def _fault(content: bytes, kind: int, place: int, count: int) -> str:
     line = line_of(content, place)
-    if kind == TOO_FEW:
-        return f"{line} is a face of fewer than 3 corners; the file seems damaged"
     if kind == NO_INDEX:
         index = re.split(rb"[\s/\\#]", content[place : place + 50], maxsplit=1)[0].decode(errors="replace")
         return f"{line} names vertex {index}, expected 1 to {count}, or -1 to the number of vertices above it"

@@ -22,9 +22,9 @@ from atra.files.formats.words_kernels import (
 VERTICES, FACES, CORNERS, MATERIALS, OTHERS, FAULT, PLACE = range(7)
 """Places in the counts that a kernel gives back: what it found, the kind of the first fault, and its place in bytes."""
 
-NO_NUMBER, NO_INDEX, TOO_FEW, TOO_SHORT, NO_TRIANGLE = range(1, 6)
-"""Faults: no number where one is expected, no index, a face of fewer than three corners, the end of the text before
-all rows, and a facet of an STL without three vertices."""
+NO_NUMBER, NO_INDEX, TOO_SHORT, NO_TRIANGLE = range(1, 5)
+"""Faults: no number where one is expected, no index, the end of the text before all rows, and a facet of an STL without
+three vertices."""
 
 
 @njit
@@ -80,9 +80,6 @@ def read_obj(text, fills, found, vertices, sizes, corners, materials):  # type: 
                         i = after
                     found[CORNERS] += 1
                     i = after_blanks(text, after_word(text, i))
-                if found[CORNERS] - first < 3:
-                    _fault(found, TOO_FEW, start)
-                    return
                 if fills:
                     sizes[found[FACES]] = found[CORNERS] - first
                 found[FACES] += 1
