@@ -145,10 +145,25 @@ def _add_scaled(sum_, count, s, a, b, c):  # type: ignore[no-untyped-def]
     return _add_product(sum_, count, b, c, high)
 
 
+@njit(forceinline=True)
+def _minus(a, b):  # type: ignore[no-untyped-def]
+    """(a - b, whether float64 holds it without rounding)."""
+    found, is_exact = (a[0] - b[0], a[1] - b[1], a[2] - b[2]), True
+    for k in range(3):
+        other = found[k] - a[k]
+        is_exact = is_exact and (a[k] - (found[k] - other)) - (b[k] + other) == 0.0
+    return found, is_exact
+
+
 @njit
 def _add_plane(ahead, facing, o, d, a, b, c):  # type: ignore[no-untyped-def]
     """Write ((b - a) x (c - a)) . (a - o) and ((b - a) x (c - a)) . d as exact sums; returns the counts of their parts.
     The ray meets the plane at the parameter that is their quotient."""
+    e, is_e = _minus(b, a)
+    f, is_f = _minus(c, a)
+    g, is_g = _minus(a, o)
+    if is_e and is_f and is_g:
+        return _add_volume(ahead, 0, g, e, f), _add_volume(facing, 0, d, e, f)
     many, count = _add_volume(ahead, 0, a, b, c), 0
     for part in ((b, c), (c, a), (a, b)):
         many = _add_volume(ahead, many, (-o[0], -o[1], -o[2]), part[0], part[1])

@@ -152,12 +152,8 @@ def _settled(close, prim_id):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True)
-def _is_before(found, a, t, prim_id, close):  # type: ignore[no-untyped-def]
-    """(whether hit a comes before another, t of the other), where they are close, with t of both made right."""
-    if not abs(found.t[a] - t) <= close.gap:
-        return found.t[a] < t, t
-    found.t[a], t = _settled(close, found.prim_id[a]), _settled(close, prim_id)
-    return found.t[a] < t or (found.t[a] == t and found.prim_id[a] < prim_id), t
+def _is_before(found, a, t, prim_id):  # type: ignore[no-untyped-def]
+    return found.t[a] < t or (found.t[a] == t and found.prim_id[a] < prim_id)
 
 
 @njit(forceinline=True)
@@ -166,7 +162,7 @@ def _move(found, a, b):  # type: ignore[no-untyped-def]
 
 
 @njit
-def _sort(found, first, count, close):  # type: ignore[no-untyped-def]
+def _sort(found, first, count):  # type: ignore[no-untyped-def]
     """Sort hits by t, and by prim_id where it is the same."""
     for gap in _GAPS:
         if gap >= count:
@@ -174,13 +170,33 @@ def _sort(found, first, count, close):  # type: ignore[no-untyped-def]
         for place in range(first + gap, first + count):
             t, prim_id, u, v = found.t[place], found.prim_id[place], found.u[place], found.v[place]
             into = place
-            while into - gap >= first:
-                is_before, t = _is_before(found, into - gap, t, prim_id, close)
-                if is_before:
-                    break
+            while into - gap >= first and not _is_before(found, into - gap, t, prim_id):
                 _move(found, into - gap, into)
                 into -= gap
             found.t[into], found.prim_id[into], found.u[into], found.v[into] = t, prim_id, u, v
+
+
+@njit
+def _settle(found, first, count, close):  # type: ignore[no-untyped-def]
+    """Make t of sorted hits that are close right, and sort anew."""
+    for place in range(first, first + count):
+        before = place > first and found.t[place] - found.t[place - 1] <= close.gap
+        if before or (place + 1 < first + count and found.t[place + 1] - found.t[place] <= close.gap):
+            found.u[place] = -found.u[place] - 1.0  # a mark; t stays as neighbours need it
+    for place in range(first, first + count):
+        if found.u[place] < -0.5:
+            found.u[place] = -(found.u[place] + 1.0)
+            found.t[place] = _settled(close, found.prim_id[place])
+    _sort(found, first, count)
+
+
+@njit(forceinline=True)
+def _settle_close(found, first, count, close):  # type: ignore[no-untyped-def]
+    """`_settle` sorted hits where any are close."""
+    for place in range(first + 1, first + count):
+        if found.t[place] - found.t[place - 1] <= close.gap:
+            _settle(found, first, count, close)
+            return
 
 
 @njit(forceinline=True)
@@ -190,13 +206,14 @@ def _take(found, first, count, most, t, prim_id, u, v, close):  # type: ignore[n
         into = first + count
         found.t[into], found.prim_id[into], found.u[into], found.v[into] = t, prim_id, u, v
         if count + 1 == most:
-            _sort(found, first, most, close)
+            _sort(found, first, most)
         return count + 1
+    last = first + most - 1
+    if abs(found.t[last] - t) <= close.gap:
+        _settle(found, first, most, close)
+        found.t[last], t = _settled(close, found.prim_id[last]), _settled(close, prim_id)
     into = first + most
-    while into > first:
-        is_before, t = _is_before(found, into - 1, t, prim_id, close)
-        if is_before:
-            break
+    while into > first and not _is_before(found, into - 1, t, prim_id):
         into -= 1
         if into < first + most - 1:
             _move(found, into, into + 1)
@@ -309,7 +326,8 @@ def all_hits_kernel(counting: bool) -> Callable[..., None]:
                     lists.places[number] = worker << WORKER_SHIFT | start
                     count = min(count, most)
                     if 1 < count < most:
-                        _sort(found, start, count, close)
+                        _sort(found, start, count)
+                    _settle_close(found, start, count, close)
                     found.used[0] = start + count
             lists.done[chunk] = last - first
 
