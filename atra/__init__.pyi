@@ -106,6 +106,7 @@ from .prim_ids import MISS as MISS
 from .raster.tracer import RasterTracer as RasterTracer
 from .rays.all_hits.gathered import RayLayers as RayLayers
 from .rays.all_hits.lists import RayHitLists as RayHitLists
+from .rays.options import RayOptions as RayOptions
 from .rays.rays import RayHits as RayHits
 from .rays.rays import Rays as Rays
 from .rays.scene import RayScene as RayScene
@@ -120,9 +121,6 @@ from .tracing.options import (
 )
 from .tracing.options import (
     RasterOptions as RasterOptions,
-)
-from .tracing.options import (
-    RayOptions as RayOptions,
 )
 from .tracing.tracer import Tracer as Tracer
 from .views.face_counts import FaceCounts as FaceCounts

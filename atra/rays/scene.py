@@ -17,11 +17,12 @@ from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import padded_vertices
 from atra.rays.all_hits.scene import AllHitsScene
+from atra.rays.options import RayKeywords, RayOptions
 from atra.rays.order import Numbers, RayOrder
 from atra.rays.plan import exact_plan_of, plan_of
 from atra.rays.rays import RayHits, Rays, rays_of
 from atra.rays.rays_kernels import closest_hit_kernel, occlusion_kernel
-from atra.tracing.options import PacketOptions, RayKeywords, RayOptions, lists_options
+from atra.tracing.options import PacketOptions, lists_options
 
 ORDERED = 1 << 20
 """Rays that are put in an order at a time, which bounds the memory that takes; more gain nothing."""

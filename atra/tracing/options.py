@@ -26,9 +26,6 @@ from atra.whole_numbers import is_whole_number
 TIES = ("lowest", "any")
 """Rules for triangles that tie: the lowest prim_id is stored, or whichever float32 happens to put in front."""
 
-PRECISIONS = ("exact", "watertight", "fast")
-"""How the hits of rays of one's own are found."""
-
 LANES = (4, 8, 16)
 """Numbers of pixels that can be drawn at once, and of rays that can be taken through a tree of ours together."""
 
@@ -244,27 +241,6 @@ class PixelOptions(Options):
         if rows is not None and not (is_whole_number(rows) and rows >= 1 and width % rows == 0):
             possible = ", ".join(str(1 << k) for k in range(width.bit_length()))
             raise InputError(f"packet_rows is {rows!r}, expected one of {possible} for packets of {width}, or None")
-
-
-class RayKeywords(EmbreeKeywords, total=False):
-    precision: str
-
-
-@dataclass(frozen=True)
-class RayOptions(EmbreeOptions):
-    """Options of `RayScene`; `packet_width` and `build_quality` are for "watertight" and "fast", which ask Embree.
-    Without a `packet_width` only rays that are alike go in packets, and others are traced one by one, which is faster.
-
-    With "fast" rays also slip past meshes far from the world's origin, where float32 is coarse: of 200,000 rays in a
-    closed box that lies a hundred times its size away 2 are lost, at a thousand times 43.
-    """
-
-    precision: str = option(
-        "exact",
-        "exact: hits are those of the rays and vertices as stored, decided without rounding; watertight: Embree's "
-        "robust arithmetic, no ray slips through between two triangles; fast: Embree's fast arithmetic",
-        choices=PRECISIONS,
-    )
 
 
 class CellKeywords(Keywords, total=False):

@@ -10,7 +10,7 @@ from atra.compiled.memory import fetch, load
 from atra.compiled.store import float_kernel, njit
 from atra.compiled.vectors import bits_of, repeated
 from atra.rays.all_hits.crossings_kernels import candidates, crossing, line_of, sure_crossing
-from atra.rays.all_hits.finding_kernels import CHUNK, LEAF
+from atra.rays.all_hits.memory import CHUNK, LEAF
 from atra.trees.layout import BLOCK_BYTES
 from atra.trees.wide import CHILDREN, COUNTS, FIRSTS, HIGH, WIDE_BYTES
 

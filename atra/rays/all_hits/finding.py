@@ -14,21 +14,9 @@ from atra.exact.lines_kernels import PARTS
 from atra.geometry.mesh import Mesh
 from atra.rays.all_hits.columns_kernels import cross_columns
 from atra.rays.all_hits.crossings_kernels import AREAS
-from atra.rays.all_hits.finding_kernels import (
-    AHEAD_ROW,
-    CHUNK,
-    LANE_ROWS,
-    LANES,
-    LEAVES,
-    STACK,
-    Batch,
-    Found,
-    Lists,
-    Tree,
-    all_hits_kernel,
-    lay_out,
-)
+from atra.rays.all_hits.finding_kernels import all_hits_kernel, lay_out
 from atra.rays.all_hits.groups_kernels import MOST_NODES
+from atra.rays.all_hits.memory import AHEAD_ROW, CHUNK, LANE_ROWS, LANES, LEAVES, STACK, Batch, Found, Lists, Tree
 from atra.rays.nearest.batches_kernels import nearest_kernel
 from atra.rays.order import Numbers
 from atra.rays.rays import Rays

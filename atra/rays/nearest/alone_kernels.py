@@ -22,7 +22,7 @@ from atra.rays.all_hits.crossings_kernels import (
     prim_id_of,
     sure_crossing,
 )
-from atra.rays.all_hits.finding_kernels import LEAF
+from atra.rays.all_hits.memory import LEAF
 from atra.trees.layout import BLOCK_BYTES
 from atra.trees.wide import COUNTS, FIRSTS, WIDE_BYTES
 

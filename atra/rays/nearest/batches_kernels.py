@@ -8,7 +8,7 @@ from functools import cache
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import float_kernel
 from atra.rays.all_hits.crossings_kernels import scaled_ray
-from atra.rays.all_hits.finding_kernels import LANES
+from atra.rays.all_hits.memory import LANES
 from atra.rays.nearest.alone_kernels import NO_HIT, hit_alone, memory_of
 from atra.rays.nearest.together_kernels import hit_together
 

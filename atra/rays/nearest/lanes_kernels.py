@@ -1,0 +1,219 @@
+"""Rays that start and head alike, side by side in rows of memory, and what boxes need of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from atra.compiled import vectors
+from atra.compiled.intrinsics import float_at
+from atra.compiled.lanes import first_bit
+from atra.compiled.memory import doubles_at, load, store
+from atra.compiled.store import float_part, njit
+from atra.compiled.vectors import (
+    bits_of,
+    folded,
+    fused,
+    larger,
+    mask_of,
+    repeated,
+    rounded,
+    signed_like,
+    size,
+    smaller,
+    where,
+)
+from atra.exact.lines_kernels import UNIT, major_axis
+from atra.rays.all_hits.boxes_kernels import BOX_MARGIN, PADDING, SMALLEST_COMPONENT
+from atra.rays.all_hits.crossings_kernels import (
+    interval_of,
+    scale_of,
+    vector_at,
+)
+from atra.rays.all_hits.memory import AHEAD_ROW, LANES
+from atra.trees.layout import BLOCK
+from atra.trees.wide import CHILDREN, HIGH
+
+ALIKE_DIRECTIONS = 0.125
+"""How far apart the components of directions of 1 to 2 in size are at most for rays to head alike."""
+
+ZERO, ZERO_64 = np.float32(0.0), np.float64(0.0)
+_ROW = 4 * CHILDREN
+LINE = 4 * BLOCK
+WIDE = 8 * LANES
+"""Bytes of a row of memory: a float64 of each ray; a row of float32 takes half of it."""
+
+ORIGIN, DIRECTION, _NEAR, _FAR, _SCALE = 0, 3 * WIDE, 6 * WIDE, 7 * WIDE, 8 * WIDE
+AREAS, HEIGHTS, SLACK = 9 * WIDE, 12 * WIDE, 15 * WIDE
+_T, _ERROR, _START = 16 * WIDE, 17 * WIDE, 18 * WIDE
+_PLACE, _INVERSE, AHEAD = 19 * WIDE, 22 * WIDE, AHEAD_ROW * WIDE
+"""Where rows lie: float64 up to `_START`, then float32."""
+
+
+@njit(forceinline=True)
+def spread(x):  # type: ignore[no-untyped-def]
+    return repeated(np.float64(x), LANES)
+
+
+@njit(forceinline=True)
+def row_at(at):  # type: ignore[no-untyped-def]
+    return load(at, ZERO_64, LANES)
+
+
+@njit(forceinline=True)
+def three_rows(at):  # type: ignore[no-untyped-def]
+    return row_at(at), row_at(at + WIDE), row_at(at + 2 * WIDE)
+
+
+@njit(forceinline=True)
+def _three_narrow(at):  # type: ignore[no-untyped-def]
+    return load(at, ZERO, LANES), load(at + WIDE, ZERO, LANES), load(at + 2 * WIDE, ZERO, LANES)
+
+
+@njit(forceinline=True)
+def largest_size(a, b, c):  # type: ignore[no-untyped-def]
+    return larger(larger(size(a), size(b)), size(c))
+
+
+@njit(forceinline=True)
+def lowest_of(row):  # type: ignore[no-untyped-def]
+    """The least number of a row."""
+    if LANES == 16:
+        return vectors.lane(folded(folded(folded(folded(row)))), 0)
+    return vectors.lane(folded(folded(folded(row))), 0)
+
+
+@njit(forceinline=True)
+def highest_of(row, zero):  # type: ignore[no-untyped-def]
+    """The largest number of a row; zero: of its type."""
+    return -lowest_of(repeated(zero, LANES) - row)
+
+
+@njit(forceinline=True)
+def _are_all(mask):  # type: ignore[no-untyped-def]
+    return bits_of(mask) == (1 << LANES) - 1
+
+
+@float_part
+def load_rays(rays, first, last, near_by, memory):  # type: ignore[no-untyped-def]
+    """(whether rays start and head alike, bits of those that are open, octant, major axis, scale) of rays from `first`
+    up to `last`. Writes their numbers to memory; lanes beyond the last ray get its numbers.
+
+    Directions are multiplied by one `scale`, a power of two, which makes the largest component 0.75 to 2.25 in size.
+    """
+    at = doubles_at(memory)
+    u, v, w = vector_at(rays.directions + rays.vector_bytes * first, rays.is_double)
+    scale, length = scale_of(u, v, w)
+    for lane in range(LANES):
+        ray = min(first + lane, last - 1)
+        x, y, z = vector_at(rays.origins + rays.vector_bytes * ray, rays.is_double)
+        at[lane], at[LANES + lane], at[2 * LANES + lane] = x, y, z
+        x, y, z = vector_at(rays.directions + rays.vector_bytes * ray, rays.is_double)
+        at[3 * LANES + lane] = x * scale + 0.0  # -0.0 counts as 0.0
+        at[4 * LANES + lane] = y * scale + 0.0
+        at[5 * LANES + lane] = z * scale + 0.0
+        near, far = interval_of(rays, ray)
+        at[6 * LANES + lane], at[7 * LANES + lane] = near * length, far * length
+    (ox, oy, oz), (dx, dy, dz) = three_rows(memory + ORIGIN), three_rows(memory + DIRECTION)
+    u, v, w = at[3 * LANES], at[4 * LANES], at[5 * LANES]
+    major = major_axis(u, v, w)
+    way = size(row_at(memory + DIRECTION + major * WIDE))
+    moved = largest_size(ox - spread(at[0]), oy - spread(at[LANES]), oz - spread(at[2 * LANES]))
+    turned = largest_size(dx - spread(u), dy - spread(v), dz - spread(w))
+    is_alike = (moved <= spread(near_by)) & (turned <= spread(ALIKE_DIRECTIONS)) & (largest_size(dx, dy, dz) <= way)
+    zero, every = spread(0.0), (1 << LANES) - 1
+    x, y, z = bits_of(zero > dx), bits_of(zero > dy), bits_of(zero > dz)
+    octant = (x & 1) | (y & 1) << 1 | (z & 1) << 2
+    is_one = (x == 0 or x == every) and (y == 0 or y == every) and (z == 0 or z == every)
+    bits = bits_of(row_at(memory + _FAR) > row_at(memory + _NEAR)) & ((1 << (last - first)) - 1)
+    return is_one and _are_all(is_alike), bits, octant, major, scale
+
+
+@float_part
+def begin_rays(memory, sphere, farthest, margin):  # type: ignore[no-untyped-def]
+    """Bits of the rays that come near the mesh. Writes what box tests need of each, as `start_of` and `box_ray` do of
+    one; rays start anew a little earlier than there, as lengths of directions count as their least."""
+    cx, cy, cz, radius = sphere
+    (ox, oy, oz), (dx, dy, dz) = three_rows(memory + ORIGIN), three_rows(memory + DIRECTION)
+    tnear, tfar = row_at(memory + _NEAR), row_at(memory + _FAR)
+    x, y, z = spread(cx) - ox, spread(cy) - oy, spread(cz) - oz
+    middle = fused(x, dx, fused(y, dy, z * dz)) / fused(dx, dx, fused(dy, dy, dz * dz))
+    padded = 1.4 * (PADDING * radius + 192.0 * UNIT * farthest)
+    s = larger(tnear, middle - spread(padded))
+    px, py, pz = fused(s, dx, ox), fused(s, dy, oy), fused(s, dz, oz)
+    way = largest_size(spread(cx) - px, spread(cy) - py, spread(cz) - pz)
+    is_near = (s <= middle + spread(padded)) & (way <= spread(6.0 * padded)) & (s <= tfar)
+    store(rounded(px), memory + _PLACE)
+    store(rounded(py), memory + _PLACE + WIDE)
+    store(rounded(pz), memory + _PLACE + 2 * WIDE)
+    one, small = spread(1.0), spread(SMALLEST_COMPONENT)
+    store(rounded(signed_like(one / larger(size(dx), small), dx)), memory + _INVERSE)
+    store(rounded(signed_like(one / larger(size(dy), small), dy)), memory + _INVERSE + WIDE)
+    store(rounded(signed_like(one / larger(size(dz), small), dz)), memory + _INVERSE + 2 * WIDE)
+    store(rounded(fused(tfar - s, spread(1.0 + BOX_MARGIN), spread(margin))), memory + AHEAD)
+    store(s, memory + _START)
+    store(tfar, memory + _T)
+    store(spread(0.0), memory + _ERROR)
+    return bits_of(is_near)
+
+
+@njit(forceinline=True)
+def range_of(at, bits):  # type: ignore[no-untyped-def]
+    """The least and the largest float32 of a row, of some rays."""
+    row = load(at, ZERO, LANES)
+    if bits != (1 << LANES) - 1:
+        row = where(mask_of(bits, LANES), row, repeated(float_at(at + 4 * first_bit(bits)), LANES))
+    return lowest_of(row), highest_of(row, ZERO)
+
+
+@njit(forceinline=True)
+def axis_of(memory, axis, bits, octant, margin):  # type: ignore[no-untyped-def]
+    """What box tests of all rays need of an axis: where they start as seen from near and far sides of boxes, the
+    reciprocals' range, and where the sides lie in a node."""
+    low, high = range_of(memory + _PLACE + axis * WIDE, bits)
+    one, other = range_of(memory + _INVERSE + axis * WIDE, bits)
+    is_down = octant >> axis & 1
+    near, far = (low - margin, high + margin) if is_down else (high + margin, low - margin)
+    row = axis * _ROW
+    return (
+        repeated(np.float32(near), CHILDREN), repeated(np.float32(far), CHILDREN),
+        repeated(one, CHILDREN), repeated(other, CHILDREN),
+        HIGH + row if is_down else row, row if is_down else HIGH + row,
+    )  # fmt: skip
+
+
+@njit(forceinline=True)
+def entry_of(node, axis):  # type: ignore[no-untyped-def]
+    start, _, one, other, place, _ = axis
+    way = load(node + place, ZERO, CHILDREN) - start
+    return smaller(way * one, way * other)
+
+
+@njit(forceinline=True)
+def exit_of(node, axis):  # type: ignore[no-untyped-def]
+    _, start, one, other, _, place = axis
+    way = load(node + place, ZERO, CHILDREN) - start
+    return larger(way * one, way * other)
+
+
+@njit(forceinline=True)
+def _side(at, margin):  # type: ignore[no-untyped-def]
+    return repeated(np.float32(float_at(at) + margin), LANES)
+
+
+@njit(forceinline=True)
+def entering(at, memory, octant, margin):  # type: ignore[no-untyped-def]
+    """Bits of the rays that may meet the box of one child of a node; at: of its lowest x."""
+    (px, py, pz), (ix, iy, iz) = _three_narrow(memory + _PLACE), _three_narrow(memory + _INVERSE)
+    dx, dy, dz = octant & 1, octant >> 1 & 1, octant >> 2 & 1
+    near, far = at, at + HIGH
+    near_x, far_x = (_side(far, margin), _side(near, -margin)) if dx else (_side(near, -margin), _side(far, margin))
+    near += _ROW
+    far += _ROW
+    near_y, far_y = (_side(far, margin), _side(near, -margin)) if dy else (_side(near, -margin), _side(far, margin))
+    near += _ROW
+    far += _ROW
+    near_z, far_z = (_side(far, margin), _side(near, -margin)) if dz else (_side(near, -margin), _side(far, margin))
+    start, end = repeated(np.float32(-margin), LANES), load(memory + AHEAD, ZERO, LANES)
+    first = larger(start, larger((near_z - pz) * iz, larger((near_y - py) * iy, (near_x - px) * ix)))
+    last = smaller(end, smaller((far_z - pz) * iz, smaller((far_y - py) * iy, (far_x - px) * ix)))
+    return bits_of(first <= last)
