@@ -27,6 +27,7 @@ from atra.raster.all_hits import doubts_kernels
 from atra.raster.all_hits.drawing_kernels import gathering_kernel
 from atra.raster.drawing import drawing_kernel
 from atra.rays import rays_kernels
+from atra.rays.nearest import batches_kernels
 
 KERNELS = {
     **{
@@ -51,8 +52,9 @@ KERNELS = {
     "pixel_kernel": pixel_kernels.pixel_kernel(4, 2),
     "aligned_kernel": aligned_kernels.aligned_kernel(4, 2),
     "tile_kernel": tiles_kernels.tile_kernel(4, 2),
-    "closest_hit_kernel": rays_kernels.closest_hit_kernel(4, False),
-    "occlusion_kernel": rays_kernels.occlusion_kernel(4, False),
+    "closest_hit_kernel": rays_kernels.closest_hit_kernel(4),
+    "occlusion_kernel": rays_kernels.occlusion_kernel(4),
+    "nearest_kernel": batches_kernels.nearest_kernel(False),
     "trace_kernel": waves_kernels.trace_kernel(4),
     "connect_kernel": waves_kernels.connect_kernel(4),
     "lighting_kernel": lighting_kernels.lighting_kernel(4),
