@@ -1,11 +1,13 @@
 """A method from outside may do anything: its point becomes a row with a reason, and the sweep goes on."""
 
+import itertools
 import os
 import re
 from dataclasses import replace
 
 import pytest
 
+from atra.errors import InputError
 from experiments import methods
 from experiments.harness.processes.launching import run_worker
 from experiments.methods.outside import guards, tracer
@@ -177,3 +179,19 @@ def test_changed_code_has_another_version(files):
     assert files("mine", text).version() == before
     assert files("mine", text + "# changed\n").version() != before
     assert os.environ[methods.METHOD_FILES].count("mine.py") == 1
+
+
+def test_threads_are_counted_by_their_own_seconds_however_long_a_busy_machine_takes_over_a_frame(monkeypatch):
+    now, frames = itertools.count(step=10.0), itertools.count()
+    monkeypatch.setattr(guards.time, "perf_counter", lambda: next(now))
+    monkeypatch.setattr(guards.ThreadGuard, "_found_spinning", lambda guard: set())
+    # Four threads of one process compute for 50 ms in each frame.
+    monkeypatch.setattr(
+        guards.ThreadGuard, "_cpu_times", lambda guard: dict.fromkeys([(1, k) for k in range(4)], 0.05 * next(frames))
+    )
+    guard = guards.ThreadGuard(1, lambda: [None])
+    guard.begin()
+    guard.end()
+    guard.begin()
+    with pytest.raises(InputError, match="the method ran 4 threads, the point has threads=1"):
+        guard.end()

@@ -34,7 +34,8 @@ _SETTLE_S, _WATCH_S, _SPIN_S = 0.25, 0.2, 0.02
 spinning, as Embree's workers do, and traces nothing."""
 
 _BUSY_S, _BUSY_SHARE = 0.03, 0.05
-"""CPU seconds, and share of the time in frames, above which a thread counts as one that traces."""
+"""CPU seconds, and share of those of the busiest thread, above which a thread counts as one that traces. Seconds of the
+clock would count fewer threads on a busy machine."""
 
 
 def checked_images(found: Any, height: int, width: int, triangles: int) -> Images:
@@ -121,22 +122,19 @@ class ThreadGuard:
         self._before: dict[tuple[int, int], float] = {}
         self._busy_s: dict[tuple[int, int], float] = defaultdict(float)
         self._spinning: set[tuple[int, int]] = set()
-        self._in_frames_s = self._start_s = 0.0
 
     def begin(self) -> None:
         """A frame begins."""
         self._before = self._cpu_times()
-        self._start_s = time.perf_counter()
 
     def end(self) -> None:
         """A frame has ended. Raises InputError once more threads have run than the point has."""
-        self._in_frames_s += time.perf_counter() - self._start_s
         if not self._known:  # what the first frame started is known from now on
             self._known = self._processes()
             return
         for thread, cpu_s in self._cpu_times().items():
             self._busy_s[thread] += cpu_s - self._before.get(thread, 0.0)
-        least = max(_BUSY_S, _BUSY_SHARE * self._in_frames_s)
+        least = max(_BUSY_S, _BUSY_SHARE * max(self._busy_s.values(), default=0.0))
         busy = {thread for thread, cpu_s in self._busy_s.items() if cpu_s >= least} - self._spinning
         if len(busy) > self._threads:
             self._spinning |= self._found_spinning()
