@@ -17,10 +17,12 @@ from pathlib import Path
 
 import llvmlite.binding
 
-from atra.compiled.instruction_sets import check_instruction_set
+from atra.compiled.instruction_sets import check_instruction_set, limit_numba
 from atra.embree import layout
 from atra.embree.self_check import check_layouts
 from atra.errors import EmbreeError
+
+limit_numba()  # a process that loads no kernel asks Numba, too, which set it compiles for
 
 OVERRIDE_VARIABLE = "ATRA_EMBREE"
 SUPPORTED_VERSIONS = ((4, 4, 0), (5, 0, 0))
