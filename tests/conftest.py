@@ -16,7 +16,7 @@ KEPT_VARIABLES = {
     "ATRA_EMBREE", "ATRA_FUZZ", "ATRA_HYPOTHESIS", "ATRA_ISA", "ATRA_KILLS", "ATRA_SCENES", "ATRA_THREAD_SECONDS",
     "ATRA_THREE", "NUMBA_CACHE_DIR",
 }  # fmt: skip
-"""What to test with, and where kernels are kept: chosen by whoever runs the tests."""
+"""Variables that a person sets for a test run: what to test with, and where kernels are kept."""
 
 CLEARED_VARIABLES = {
     "CI", "CLICOLOR", "CLICOLOR_FORCE", "COLUMNS", "FORCE_COLOR", "LANG", "LANGUAGE", "LINES", "MPLBACKEND", "NO_COLOR",

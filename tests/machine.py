@@ -19,7 +19,7 @@ NATIVE_LANES = native_lanes()
 """Float32 numbers in this machine's widest vectors."""
 
 FEW_LANES, *_, MANY_LANES = ALL_LANES
-"""Of what our own kernels can be compiled for on every machine, whatever is native: the fewest lanes and the most."""
+"""The fewest and the most lanes that our own kernels can be compiled for on every machine, whatever is native."""
 
 LANES = (NATIVE_LANES,) if HELD else ALL_LANES
 """Lanes that the core is tested with."""

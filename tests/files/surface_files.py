@@ -28,7 +28,7 @@ _MOST_BYTES = 50_000_000
 
 
 class Measures(NamedTuple):
-    """Of triangles without merging: their number, area, signed volume, and bounds."""
+    """Number, area, signed volume and bounds of triangles, whose corners are not merged."""
 
     triangles: int
     area: float

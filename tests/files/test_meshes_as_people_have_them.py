@@ -31,7 +31,7 @@ def written(folder, name, content):
 
 
 def quiet(path, **options):
-    """The mesh, of which nothing is doubtful."""
+    """The mesh of a file that is read without a note."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         mesh = atra.load_mesh(path, **options)

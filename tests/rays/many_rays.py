@@ -125,10 +125,11 @@ def judge_any(corners, origins, directions, splits, prim_ids, doubts):
     return crossings, lost, doubled, len(prim_ids) - matched, doubtful
 
 
-def crosses(corners, origin, direction):
-    """Whether a ray crosses a triangle, in fractions, moved by (e, e^2) where it passes through an edge."""
-    o, d, *p = ([Fraction(float(x)) for x in one] for one in (origin, direction, *corners))
-    major = int(np.argmax(np.abs(direction)))
+def sides_of(p, o, d):
+    """Signs (3) of the sides on which a line passes the edges of a triangle, in fractions; where it passes through an
+    edge, that of the line moved by (e, e^2)."""
+    sizes = [abs(x) for x in d]
+    major = sizes.index(max(sizes))
     signs = []
     for a, b in ((p[0], p[1]), (p[1], p[2]), (p[2], p[0])):
         way = [b[k] - a[k] for k in range(3)]
@@ -139,6 +140,13 @@ def crosses(corners, origin, direction):
         steps = ([-Fraction(k == (major + step) % 3) for k in range(3)] for step in (1, 2))
         sides = [volume([a[k] - o[k] for k in range(3)]), *map(volume, steps)]
         signs.append(next((1 if side > 0 else -1 for side in sides if side), 0))
+    return signs
+
+
+def crosses(corners, origin, direction):
+    """Whether a ray crosses a triangle, in fractions, moved by (e, e^2) where it passes through an edge."""
+    o, d, *p = ([Fraction(float(x)) for x in one] for one in (origin, direction, *corners))
+    signs = sides_of(p, o, d)
     e, f = ([one[k] - p[0][k] for k in range(3)] for one in p[1:])
     ahead = sum((p[0][k] - o[k]) * (e[k - 2] * f[k - 1] - e[k - 1] * f[k - 2]) for k in range(3))
     return signs in ([1] * 3, [-1] * 3) and ahead * signs[0] >= 0

@@ -11,6 +11,7 @@ from scenes.directory import load_scene_from_directory
 from tests.closed_meshes import box, sphere
 from tests.machine import WIDTHS
 from tests.meshes import beams, random_triangles
+from tests.rays.many_rays import sides_of
 
 each_width = pytest.mark.parametrize("width", WIDTHS)
 
@@ -56,30 +57,13 @@ def by_fractions(mesh, origin, direction, tnear=0.0, tfar=np.inf):
         e, f = ([one[k] - p[0][k] for k in range(3)] for one in p[1:])
         normal = [e[k - 2] * f[k - 1] - e[k - 1] * f[k - 2] for k in range(3)]
         facing = sum(n * x for n, x in zip(normal, d, strict=True))
-        if facing == 0 or not crosses_line(p, o, d):
+        if facing == 0 or sides_of(p, o, d) not in ([1] * 3, [-1] * 3):
             continue
         t = sum(n * (a - x) for n, a, x in zip(normal, p[0], o, strict=True)) / facing
         inside = t >= Fraction(float(tnear)) and (tfar == np.inf or t < Fraction(float(tfar)))
         if inside and (best is None or t < best[0]):
             best = t, prim_id
     return best
-
-
-def crosses_line(p, o, d):
-    """Whether a line crosses a triangle, moved by (e, e^2) where it passes through an edge, in fractions."""
-    sizes = [abs(x) for x in d]
-    major = sizes.index(max(sizes))
-    signs = []
-    for a, b in ((p[0], p[1]), (p[1], p[2]), (p[2], p[0])):
-        way = [b[k] - a[k] for k in range(3)]
-
-        def volume(one, way=way):
-            return sum(d[k] * (one[k - 2] * way[k - 1] - one[k - 1] * way[k - 2]) for k in range(3))
-
-        steps = ([-Fraction(k == (major + step) % 3) for k in range(3)] for step in (1, 2))
-        sides = [volume([a[k] - o[k] for k in range(3)]), *map(volume, steps)]
-        signs.append(next((1 if side > 0 else -1 for side in sides if side), 0))
-    return signs in ([1] * 3, [-1] * 3)
 
 
 def assert_as_fractions_say(mesh, rays, **options):

@@ -189,7 +189,7 @@ class Crossings:
 
 
 def _batch(rays: Rays, some: slice) -> Batch:
-    """Of some rays, which must stay alive."""
+    """The batch of some rays, which must stay alive."""
     return batch_of(rays.origins[some], rays.directions[some], rays.tnear[some], rays.tfar[some])
 
 
