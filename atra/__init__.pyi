@@ -98,8 +98,6 @@ from .judge.foreign import (
 from .judge.foreign import (
     judge_image as judge_image,
 )
-from .model.planning import Plan as Plan
-from .model.planning import plan as plan
 from .packets.pixel import PixelTracer as PixelTracer
 from .packets.tiles import TiledTracer as TiledTracer
 from .prim_ids import MISS as MISS

@@ -13,7 +13,7 @@ from atra.geometry.view import View
 from experiments.drawing.style import SKY
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Method, Style, Tracing
-from experiments.methods.options import MethodOptions, known_as, options_of, say_robust
+from experiments.methods.options import MethodOptions, options_of, say_robust
 
 
 @options_of(library.BvhOptions)
@@ -40,5 +40,5 @@ def variant(row: Mapping[str, Any]) -> str:
 
 BVH = Method(
     "bvh", "own BVH", Style(SKY, "P"), BvhOptions, _make, __name__, variant=variant, counters=(BVH_BYTES,),
-    make_rays=_make_rays, choice=known_as("bvh"),
+    make_rays=_make_rays,
 )  # fmt: skip

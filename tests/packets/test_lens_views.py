@@ -123,7 +123,6 @@ def test_a_ray_scene_takes_the_rays_of_a_lens():
       for method in CELLS),
     pytest.param(lambda mesh, camera: EyeTracer(mesh, camera), id="eye"),
     pytest.param(lambda mesh, camera: atra.Alignment.of_eyes(camera, camera, atra.Split(1, 1, 96, 72)), id="eyes"),
-    pytest.param(lambda mesh, camera: atra.plan(mesh, camera, frames=1), id="plan"),
     pytest.param(lambda mesh, camera: atra.PixelTracer(mesh, camera, threads=1).gather(atra.Count()), id="gather"),
     pytest.param(lambda mesh, camera: atra.RasterTracer(mesh, camera, threads=1).gather(atra.Count()), id="drawn"),
     pytest.param(lambda mesh, camera: EyeTracer(mesh, PLACED).look(camera), id="look"),

@@ -51,6 +51,10 @@ USERS = tuple(
 )
 """Who runs methods and workloads, and who tells of what came of them."""
 
+EVIDENCE = ("experiments.law",)
+"""Wings of the harness, from the ground up: each imports only those that stand before it. The core of the harness names
+them in tables of import paths alone."""
+
 GROUND = ("atra.errors", "atra.prim_ids", "atra.whole_numbers")
 """Words that everything uses; they import each other alone."""
 
@@ -58,7 +62,7 @@ METHOD_ROOMS = ("raster", "packets", "alignment", "bvh")
 
 CORE = (
     "compiled", "embree", "geometry", "files", "exact", "hits", "all_hits", "tracing", "trees", "rays", *METHOD_ROOMS,
-    "judge", "views", "model", "compat",
+    "judge", "views", "compat",
 )  # fmt: skip
 """Rooms of the library, from the ground up: each imports only those that stand before it."""
 
@@ -118,6 +122,9 @@ WALLS = (
       for room in WORKLOAD_ROOMS),
     Wall("experiments", ("viser",), apart_from=("experiments.viewer.camera_page", "experiments.viewer.page"),
          reason="only pages know viser"),
+    Wall("experiments", EVIDENCE, apart_from=EVIDENCE, reason="the core of the harness knows no wing"),
+    *(Wall(wing, (*EVIDENCE[number + 1 :], *USERS), reason="a wing imports only wings before it")
+      for number, wing in enumerate(EVIDENCE)),
     Wall("scenes", ("experiments", "hydra", "omegaconf"), reason="scenes know no experiment"),
 )  # fmt: skip
 

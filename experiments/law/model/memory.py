@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.model.choice import Choice
-from atra.model.copying import SMALLEST_SCENE
-from atra.model.looking import Look
+from experiments.law.model.choice import Choice
+from experiments.law.model.copying import SMALLEST_SCENE
+from experiments.law.model.looking import Look
 
 VERTEX, FACE, RECORD, TRANSFORM = 12, 12, 8, 48
 """Bytes of three float32, three uint32, an int64, and 3 x 4 float32."""
@@ -19,7 +19,7 @@ COPY = 3 * VERTEX + FACE + RECORD
 """Bytes of a sheared copy: three corners of its own, its indices, its record."""
 
 LEAST_SHAFTS = 1 << 16
-"""Bytes that lists and look-up of shafts may take at least; above, as many as the BVH (`atra.shafts`)."""
+"""Bytes that lists and look-up of shafts may take at least; above, as many as the BVH (`classification.shafts`)."""
 
 
 def array_bytes(look: Look, choice: Choice) -> float:

@@ -10,25 +10,17 @@ from atra.bvh.tracer import BvhTracer
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.model.choice import Choice
 from atra.packets.pixel import PixelTracer
 from atra.packets.tiles import TiledTracer
 from atra.raster.tracer import RasterTracer
 from atra.tracing.tracer import Tracer
+from experiments.law.model.choice import Choice
 
 
-def tracer_of(
-    choice: Choice,
-    mesh: Mesh,
-    camera: View,
-    *,
-    threads: int | None = None,
-    ties: str = "lowest",
-    memory_budget_bytes: int | None = None,
-) -> Tracer:
-    """The tracer of a choice, not yet built. threads, ties: as for tracers. memory_budget_bytes: of methods with cells.
+def tracer_of(choice: Choice, mesh: Mesh, camera: View, *, threads: int | None = None, ties: str = "lowest") -> Tracer:
+    """The tracer of a choice, not yet built. threads, ties: as for tracers.
 
-    Raises InputError as its constructor does, and for classified rays, which `atra.shafts` makes.
+    Raises InputError as its constructor does, and for classified rays, which are no candidates.
     """
     options: dict[str, Any] = {"threads": threads, "ties": ties}
     if choice.method == "raster":
@@ -37,7 +29,7 @@ def tracer_of(
         return PixelTracer(mesh, camera, packet_width=choice.packet_width, **options)
     if choice.method == "bvh":
         return BvhTracer(mesh, camera, packet_width=choice.packet_width, **options)
-    options |= {"packet_width": choice.packet_width, "memory_budget_bytes": memory_budget_bytes}
+    options |= {"packet_width": choice.packet_width}
     if choice.method == "tiles":
         return TiledTracer(mesh, camera, choice.split, **options)
     if choice.method == "visible_first":
@@ -46,4 +38,4 @@ def tracer_of(
         return AlignedTracer(mesh, camera, choice.split, culling=choice.culling, **options)
     if choice.method == "instanced":
         return AlignedTracer(mesh, camera, choice.split, geometry="instanced", culling=False, **options)
-    raise InputError(f"method is {choice.method!r}, which the core does not make; see atra.shafts.tracer")
+    raise InputError(f"method is {choice.method!r}, which is no candidate")

@@ -5,12 +5,12 @@ import pandas as pd
 import pytest
 
 import atra
-from atra.model.choice import Choice
-from atra.model.formulas import frame_terms
-from atra.model.looking import look_at
-from atra.model.memory import array_bytes, byte_terms
 from experiments.law.keep import choice_of, kept_looks, look_of, told_of
 from experiments.law.measure import VIEWS, cases
+from experiments.law.model.choice import Choice
+from experiments.law.model.formulas import frame_terms
+from experiments.law.model.looking import look_at
+from experiments.law.model.memory import array_bytes, byte_terms
 from experiments.law.predict import (
     choices_of,
     confusion_of,

@@ -5,27 +5,15 @@ Derivation: docs/model.md.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from atra.light.checks import check_whole
-from atra.light.lightmaps.sun.looking import TileLook, look_at_tiles
 from atra.light.lightmaps.sun.rays import SHAPES, positions_together
-from atra.light.lightmaps.sun.tiles import Tiles
-from atra.model.counting_kernels import SIDE
-from atra.model.formulas import NANO, SEEN, WHOLE, above_and_below
-from atra.tracing.options import native_packet_widths
-
-CONSTANTS = {
-    "trace": (949.0, 4.73, 51.9, 0.0, 1.42),
-    "prepare": (2150.0, 14.5, 191.0),
-    "packets": (36.9, 3.13, 22.0, 0.0),
-    "single": (16.2, 0.919, 6.63, 0.0),
-}
-"""Nanoseconds by family, in the order of the terms below, measured on an Intel Xeon (Emerald Rapids, AVX-512)."""
+from experiments.law.model.counting_kernels import SIDE
+from experiments.law.model.formulas import SEEN, WHOLE, above_and_below
+from experiments.law.tile_looks import TileLook
 
 
 class _Met(NamedTuple):
@@ -69,44 +57,3 @@ def packet_terms(look: TileLook, positions: int, width: int) -> NDArray[np.float
     one = _met_by(look, across, max(texels // across, 1), SEEN)
     packets = look.texels * positions / width
     return packets * np.array([1.0, one.upper + one.lower, one.tested, one.met])
-
-
-@dataclass(frozen=True)
-class TileForecast:
-    """Predicted seconds on one thread to find which rays of a direction from tiles hit anything.
-
-    aligned_s: plan and build included. prepare_s: these two alone. packets_s, single_s: over a BVH that is there.
-    copies: of triangles for all tiles.
-    """
-
-    aligned_s: float
-    prepare_s: float
-    packets_s: float
-    single_s: float
-    copies: float
-
-    @property
-    def pays(self) -> bool:
-        """Whether aligned rays are the fastest."""
-        return self.aligned_s < min(self.packets_s, self.single_s)
-
-
-def forecast_tiles(tiles: Tiles, direction: ArrayLike, positions: int = 16, shortcut: bool = True) -> TileForecast:
-    """Predict what the rays of a direction from so many positions of each texel take, from a look at some tiles.
-
-    shortcut: as for `look_at_tiles`. Raises InputError for fewer positions than one, and as `look_at_tiles` does.
-    Source: docs/model.md.
-    """
-    check_whole("positions", positions, 1)
-    look = look_at_tiles(tiles, direction, shortcut)
-    widest = native_packet_widths()[-1]
-
-    def seconds(name: str, terms: NDArray[np.float64]) -> float:
-        return float(np.dot(CONSTANTS[name], terms)) * NANO
-
-    prepare_s = seconds("prepare", prepare_terms(look))
-    return TileForecast(
-        prepare_s + seconds("trace", trace_terms(look, positions, widest)), prepare_s,
-        seconds("packets", packet_terms(look, positions, widest)), seconds("single", packet_terms(look, positions, 1)),
-        look.copies,
-    )  # fmt: skip

@@ -1,7 +1,14 @@
-"""Calibration: how fast this machine is at what each family of constants counts."""
+"""Calibration: how fast this machine is at what each family of constants counts.
+
+    python -m experiments.law.model.calibrating
+
+`sweep.skip_slower` predicts with the constants that this keeps, or else with those of the processor that the law was
+fitted on.
+"""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from statistics import median
 from time import perf_counter, thread_time
@@ -13,13 +20,13 @@ from numpy.typing import NDArray
 from atra.all_hits.reductions import Count
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
-from atra.model.choice import Choice, candidates
-from atra.model.constants import Machine, instruction_set
-from atra.model.defaults import DEFAULTS
-from atra.model.formulas import Constants, family
-from atra.model.looking import look_at
-from atra.model.making import tracer_of
-from atra.model.planning import forecast
+from experiments.law.model.choice import Choice, candidates
+from experiments.law.model.constants import Machine, instruction_set, keep
+from experiments.law.model.defaults import DEFAULTS
+from experiments.law.model.forecasting import forecast
+from experiments.law.model.formulas import Constants, family
+from experiments.law.model.looking import look_at
+from experiments.law.model.making import tracer_of
 
 SIZE = 256
 """Pixels along the side of the images that are timed."""
@@ -91,3 +98,8 @@ def _ground(side: int, random: np.random.Generator) -> Mesh:
     faces = np.stack([corner, corner + side + 1, corner + 1, corner + 1, corner + side + 1, corner + side + 2], axis=1)
     vertices = np.stack([x, heights - 0.3, z], axis=-1).reshape(-1, 3)
     return Mesh(vertices.astype(np.float32), faces.reshape(-1, 3).astype(np.uint32))
+
+
+if __name__ == "__main__":
+    found = calibrate(lambda line: print(line, file=sys.stderr))
+    print(f"constants of this machine are in {keep(found)}")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from atra.compiled.store import float_part, kernel, njit
-from atra.model.counting_kernels import RAYS, ROWS_A_WORD, SIDE, add_packets, first_bits
 from atra.trees.building import Draft, cheapest_split, fill_bins, new_scratch, widen
 from atra.trees.layout import BLOCK, DEEPEST
+from experiments.law.model.counting_kernels import RAYS, ROWS_A_WORD, SIDE, add_packets, first_bits
 
 LEVELS = DEEPEST + 1
 

@@ -1,4 +1,4 @@
-"""The model: what a look counts, what formulas make of it, and what a plan says."""
+"""The model: what a look counts, and what formulas make of it."""
 
 import json
 from dataclasses import replace
@@ -8,15 +8,15 @@ import pytest
 
 import atra
 from atra.errors import InputError, StorageError
-from atra.model.choice import Choice, candidates
-from atra.model.constants import constants_path, keep, machine
-from atra.model.defaults import DEFAULTS
-from atra.model.formulas import Counts, build_terms, family, fit, frame_terms
-from atra.model.looking import _whole, look_at
-from atra.model.making import tracer_of
-from atra.model.memory import array_bytes, byte_terms
-from atra.model.planning import Forecast, Plan, forecast
 from experiments.law.measure import memory_of
+from experiments.law.model.choice import Choice, candidates
+from experiments.law.model.constants import constants_path, keep, machine
+from experiments.law.model.defaults import DEFAULTS
+from experiments.law.model.forecasting import forecast
+from experiments.law.model.formulas import Counts, build_terms, family, fit, frame_terms
+from experiments.law.model.looking import _whole, look_at
+from experiments.law.model.making import tracer_of
+from experiments.law.model.memory import array_bytes, byte_terms
 from tests.images import assert_no_pixel_wrong, trace_pixels
 from tests.machine import WIDEST
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
@@ -108,8 +108,8 @@ def test_a_sample_of_triangles_tells_of_all_of_them(monkeypatch):
     around = random_triangles(20_000, 3, size=0.08)
     mesh, view = atra.Mesh(around.vertices + np.float32([0, 0, 6]), around.faces), camera(64)  # none near the eye
     all_of_them = look_at(mesh, view)
-    monkeypatch.setattr("atra.model.looking.MOST_IN_TREE", 2500)
-    monkeypatch.setattr("atra.model.copying.MOST_COPIED", 2500)
+    monkeypatch.setattr("experiments.law.model.looking.MOST_IN_TREE", 2500)
+    monkeypatch.setattr("experiments.law.model.copying.MOST_COPIED", 2500)
     sampled = look_at(mesh, view)
     copies = [one.copied("aligned", (8, 8)).copies for one in (sampled, all_of_them)]
     assert copies[0] == pytest.approx(copies[1], rel=0.1)
@@ -143,7 +143,7 @@ def test_what_a_row_of_packets_meets_again_is_out_of_a_cache_that_is_smaller(mon
     counts = Counts(look, choice, 0)
     assert frame_terms(look, choice, "nearest")[5] == 0.0
     a_row = min(look.copied("aligned", (16, 1)).copies, counts.row * 16 * (counts.lower + counts.tested))
-    monkeypatch.setattr("atra.model.formulas.IN_CACHE", a_row / 4)
+    monkeypatch.setattr("experiments.law.model.formulas.IN_CACHE", a_row / 4)
     assert 0.7 * counts.packets * counts.met < frame_terms(look, choice, "nearest")[5] < counts.packets * counts.met
 
 
@@ -198,35 +198,12 @@ def test_cells_without_a_triangle_are_no_scenes_and_full_ones_are_counted_by_the
     assert many.crowded == many.copies > 100
 
 
-# Plans
-
-
-def test_a_plan_is_ordered_and_tells_its_margin():
-    plan = atra.plan(cornell_box(), cornell_camera(64, 64), frames=8)
-    totals = [one.total_s(8) for one in plan.considered]
-    assert totals == sorted(totals)
-    assert plan.predicted_time_s == totals[0]
-    assert plan.runner_up.choice.method != plan.method
-    assert plan.margin == pytest.approx(plan.runner_up.total_s(8) / totals[0] - 1)
-    assert str(plan).count(" ms") >= 3 * len(plan.considered)
-
-
-def forecasts(*times):
-    methods = (Choice("raster"), Choice("pixel", packet_width=WIDEST), Choice("bvh"))
-    return tuple(Forecast(one, 0.0, time, 0.0) for one, time in zip(methods, times, strict=False))
-
-
-@pytest.mark.parametrize(("times", "unsure"), [((1.0, 1.1), True), ((1.0, 2.0), False), ((1.0,), False)])
-def test_a_plan_is_unsure_where_the_runner_up_is_close(times, unsure):
-    plan = Plan(1, "nearest", 1, 64, 64, forecasts(*times), True)
-    assert plan.is_unsure == unsure
-    assert ("too close" in str(plan)) == unsure
+# Constants and choices
 
 
 def test_constants_of_another_machine_are_told(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert not machine().is_calibrated
-    assert "run `atra calibrate`" in str(Plan(1, "nearest", 1, 64, 64, forecasts(1.0), False))
     doubled = {name: [2.0 * value for value in values] for name, values in machine().constants.items()}
     keep(doubled)
     assert machine().is_calibrated
@@ -243,23 +220,18 @@ def test_constants_that_cannot_be_kept_are_a_storage_error(tmp_path, monkeypatch
         keep(machine().constants)
 
 
-def test_only_choices_that_find_all_hits_are_considered_for_a_count():
-    plan = atra.plan(cornell_box(), cornell_camera(64, 64), want="count")
-    assert {one.choice.method for one in plan.considered} == {"raster", "pixel", "aligned", "instanced"}
+def test_only_choices_that_find_all_hits_are_considered_for_a_count_and_no_tiles_for_parallel_rays():
+    found = {one.method for one in candidates(cornell_camera(64, 64), "count")}
+    assert found == {"raster", "pixel", "aligned", "instanced"}
+    parallel = atra.OrthographicCamera(**EYE_AT_ORIGIN, width=64, height=64)
+    assert {one.method for one in candidates(parallel)} == {"raster", "pixel", "bvh", "aligned", "instanced"}
 
 
 @pytest.mark.parametrize("choice", candidates(camera(64)), ids=str)
 def test_the_tracer_of_every_choice_traces_the_image_of_single_rays(choice):
     mesh, view = cornell_box(), cornell_camera(64, 64)
-    plan = Plan(1, "nearest", 1, 64, 64, (Forecast(choice, 0.0, 1.0, 0.0),), True, "any")
-    with plan.tracer(mesh, view, memory_budget_bytes=2**30) as tracer:
+    with tracer_of(choice, mesh, view, threads=1, ties="any") as tracer:
         assert_no_pixel_wrong(mesh, view, tracer.trace(), trace_pixels(mesh, view))
-
-
-def test_parallel_rays_have_choices_and_a_plan():
-    view = atra.OrthographicCamera(**EYE_AT_ORIGIN, width=64, height=64)
-    plan = atra.plan(random_triangles(100, 6), view)
-    assert {one.choice.method for one in plan.considered} == {"raster", "pixel", "bvh", "aligned", "instanced"}
 
 
 ONE = quads([wall(2.0)])
@@ -276,22 +248,19 @@ NOTHING_IN_VIEW = {
 
 @pytest.mark.parametrize("name", NOTHING_IN_VIEW)
 @pytest.mark.parametrize("want", ["nearest", "layers"])
-def test_a_view_of_nearly_nothing_has_a_plan(name, want):
+def test_a_view_of_nearly_nothing_has_forecasts(name, want):
     mesh, view = NOTHING_IN_VIEW[name]
-    plan = atra.plan(mesh, view, frames=3, want=want, threads=1)
-    assert np.isfinite(plan.predicted_time_s)
-    with plan.tracer(mesh, view) as tracer:
-        tracer.trace()
+    look, known = look_at(mesh, view), machine()
+    for choice in candidates(view, want):
+        found = forecast(look, choice, want, known)
+        assert np.isfinite([found.frame_time_s, found.build_s, found.bytes]).all()
+        assert found.frame_time_s > 0
 
 
-@pytest.mark.parametrize(("arguments", "message"), [
-    ({"frames": 0}, "frames is 0"), ({"frames": 1.5}, "frames is 1.5"), ({"frames": 10**400}, "frames is 1000"),
-    ({"want": "all"}, "want is 'all'"), ({"threads": 0}, "threads is 0"), ({"choices": ()}, "choices are none"),
-    ({"ties": "first"}, "ties is 'first', expected one of lowest, any"),
-])  # fmt: skip
-def test_nonsense_is_refused(arguments, message):
-    with pytest.raises(InputError, match=message):
-        atra.plan(cornell_box(), cornell_camera(64, 64), **arguments)
+def test_a_camera_with_a_lens_is_refused():
+    view = atra.LensCamera.panorama((0, 0, 3), (0, 0, 0), width=64)
+    with pytest.raises(InputError, match="lens"):
+        look_at(cornell_box(), view)
 
 
 @pytest.mark.parametrize(("fields", "message"), [
@@ -301,12 +270,6 @@ def test_nonsense_is_refused(arguments, message):
 def test_a_choice_that_cannot_be_is_refused(fields, message):
     with pytest.raises(InputError, match=message):
         replace(Choice("pixel"), **fields)
-
-
-def test_a_plan_for_an_image_of_another_size_is_refused():
-    plan = Plan(1, "nearest", 1, 64, 64, forecasts(1.0), True)
-    with pytest.raises(InputError, match="64 x 64 pixels, the camera has 128 x 64"):
-        plan.tracer(cornell_box(), cornell_camera(128, 64))
 
 
 def test_more_cells_never_mean_fewer_bytes():

@@ -72,4 +72,4 @@ DEFAULTS: dict[str, dict[str, list[float]]] = {
         "visible_first|bytes": [1670.0, 62.0, 51.9, 0.0, 0.0, 0.0],
     },
 }
-"""Nanoseconds in the order of the terms of `atra.model.formulas`, bytes in that of `atra.model.memory`."""
+"""Nanoseconds in the order of the terms of `formulas`, bytes in that of `memory`."""

@@ -1,4 +1,4 @@
-"""Constants of this machine: those that `atra calibrate` kept, or those measured where the model was made."""
+"""Constants of this machine: those that a calibration kept, or those measured where the model was made."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pathlib import Path
 
 from atra.compiled.instruction_sets import chosen_instruction_set, cpu_design, instruction_sets_here
 from atra.files.paths import expand_home, write_atomically
-from atra.model.defaults import DEFAULTS
-from atra.model.formulas import Constants
+from experiments.law.model.defaults import DEFAULTS
+from experiments.law.model.formulas import Constants
 
 FORMAT = 2
 """Version of the file."""

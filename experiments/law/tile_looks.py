@@ -13,10 +13,10 @@ from atra.geometry.view import unit_vector
 from atra.light.lightmaps.sun.tiles import Tiles, without_shortcut
 from atra.light.lightmaps.sun.tiles_kernels import SIDE as BLOCKS
 from atra.light.lightmaps.sun.tiles_kernels import find_triangles
-from atra.model.copying import spread
-from atra.model.counting_kernels import RAYS, SIDE
-from atra.model.looking import MOST_IN_TREE, means_along
-from atra.model.looking_kernels import LEVELS
+from experiments.law.model.copying import spread
+from experiments.law.model.counting_kernels import RAYS, SIDE
+from experiments.law.model.looking import MOST_IN_TREE, means_along
+from experiments.law.model.looking_kernels import LEVELS
 
 MOST_TILES = 64
 """Tiles that are looked at."""
@@ -32,7 +32,7 @@ class TileLook:
     """What the model knows of rays of one direction from tiles.
 
     tiles: those that face the direction. size: texels along a side of one. texels: those that are lit, in all of these
-    tiles. boxes, tested, met: means over packets of each of `shapes`, as in `atra.model.looking.Look`; a shape is
+    tiles. boxes, tested, met: means over packets of each of `shapes`, as in `Look` of the law; a shape is
     columns and rows of rays, of which SIDE lie along a side of a tile. copies: triangles copied for all tiles.
     open_share: share of a tile's area that no single triangle covers.
     """

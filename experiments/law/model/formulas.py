@@ -1,4 +1,4 @@
-"""The law: time and preparation of a method as sums of counts times constants; `atra.model.memory` has its bytes.
+"""The law: time and preparation of a method as sums of counts times constants; `memory` has its bytes.
 
 A constant is the time, or the bytes, of one thing that is counted. Methods that do the same work share a formula, not
 its constants. Derivation: docs/model.md.
@@ -12,9 +12,9 @@ from math import log2
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.model.choice import Choice
-from atra.model.copying import Copied
-from atra.model.looking import Look
+from experiments.law.model.choice import Choice
+from experiments.law.model.copying import Copied
+from experiments.law.model.looking import Look
 
 Constants = Mapping[str, Sequence[float]]
 """Constants by family: nanoseconds of a frame, nanoseconds of preparation ("...|build"), bytes ("...|bytes")."""

@@ -15,14 +15,14 @@ from atra.geometry.projection import project_vertices
 from atra.geometry.ray_space import check_range, unseen_from
 from atra.geometry.split import Split
 from atra.geometry.view import View
-from atra.model.copying import Copied, Sample, apart, bytes_of_clusters, spread
-from atra.model.counting_kernels import RAYS, SIDE
-from atra.model.looking_kernels import LEVELS, count_along_rays
 from atra.raster.frames import Scratch, compile_kernels, draw_frame
 from atra.tracing.images import outputs
 from atra.tracing.options import native_packet_widths
 from atra.tracing.rays import ray_grid
 from atra.trees.building import Draft, bound_triangles
+from experiments.law.model.copying import Copied, Sample, apart, bytes_of_clusters, spread
+from experiments.law.model.counting_kernels import RAYS, SIDE
+from experiments.law.model.looking_kernels import LEVELS, count_along_rays
 
 STRATA = 8
 """Blocks of sampled rays along each side of the image."""
@@ -64,7 +64,7 @@ class Look:
     counted: dict[tuple[str, tuple[int, int], bool], Copied] = field(default_factory=dict, repr=False)
 
     def copied(self, method: str, split: tuple[int, int], culling: bool = True) -> Copied:
-        """What a method of `atra.model.choice.METHODS` copies, leaves out and traces again, estimated from a sample."""
+        """What a method of `choice.METHODS` copies, leaves out and traces again, estimated from a sample."""
         key = method, split, culling
         if key not in self.counted:
             self.counted[key] = self._count(method, Split(*split, self.width, self.height), culling)

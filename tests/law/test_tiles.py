@@ -5,17 +5,14 @@ import pandas as pd
 import pytest
 
 import atra
-from atra.errors import InputError
-from atra.light.lightmaps.sun.forecast import (
-    CONSTANTS,
-    forecast_tiles,
+from experiments.law.model.counting_kernels import RAYS, SIDE
+from experiments.law.model.looking_kernels import LEVELS
+from experiments.law.tile_looks import look_at_tiles
+from experiments.law.tile_terms import (
     packet_terms,
     prepare_terms,
     trace_terms,
 )
-from atra.light.lightmaps.sun.looking import look_at_tiles
-from atra.model.counting_kernels import RAYS, SIDE
-from atra.model.looking_kernels import LEVELS
 from experiments.law.tiles import PARTS, fastest, leave_one_out
 from tests.light.lightmaps.test_bake_tiles import OPEN, SUN, shadowed, tiles_of
 
@@ -75,7 +72,6 @@ def test_tiles_that_all_turn_away_cost_next_to_nothing():
     assert (look.tiles, look.texels, look.copies) == (0, 0, 0.0)
     assert not prepare_terms(look).any()
     assert not packet_terms(look, 4, 16).any()
-    assert forecast_tiles(shadowed(ROOF), (0.0, -1.0, 0.0)).packets_s == 0.0
 
 
 def test_packets_of_one_texel_meet_what_its_rays_meet_together():
@@ -88,26 +84,12 @@ def test_packets_of_one_texel_meet_what_its_rays_meet_together():
     assert SIDE * SIDE == RAYS
 
 
-def test_rays_grow_with_positions_and_preparation_does_not():
-    tiles = tiles_of(8, OPEN)
-    few, many = (forecast_tiles(tiles, SUN, positions) for positions in (16, 64))
-    assert many.prepare_s == few.prepare_s
-    assert many.single_s == pytest.approx(4 * few.single_s)
-    assert many.packets_s == pytest.approx(4 * few.packets_s)
-    assert few.aligned_s < many.aligned_s < 4 * few.aligned_s
-    assert few.pays == (few.aligned_s < min(few.packets_s, few.single_s))
-
-
-def test_every_term_has_a_constant_and_no_family_more_than_eight():
-    look = look_at_tiles(shadowed(ROOF), UP)
-    sizes = {"trace": len(trace_terms(look, 1, 16)), "prepare": len(prepare_terms(look)), "packets": 4, "single": 4}
-    assert {name: len(one) for name, one in CONSTANTS.items()} == sizes
-    assert sizes["trace"] + sizes["prepare"] <= 8
-
-
-def test_positions_below_one_are_refused():
-    with pytest.raises(InputError, match="positions is 0"):
-        forecast_tiles(shadowed(ROOF), UP, 0)
+def test_rays_grow_with_positions_and_no_family_has_more_than_eight_terms():
+    look = look_at_tiles(tiles_of(8, OPEN), SUN)
+    assert packet_terms(look, 64, 1) == pytest.approx(4 * packet_terms(look, 16, 1))
+    assert packet_terms(look, 64, 16) == pytest.approx(4 * packet_terms(look, 16, 16))
+    assert trace_terms(look, 64, 16).sum() > trace_terms(look, 16, 16).sum()
+    assert len(trace_terms(look, 1, 16)) + len(prepare_terms(look)) <= 8
 
 
 def test_a_row_is_predicted_by_constants_of_other_scenes_alone():
