@@ -35,8 +35,6 @@ from .all_hits.results import (
 from .all_hits.results import (
     Transmittances as Transmittances,
 )
-from .bvh.options import BvhOptions as BvhOptions
-from .bvh.tracer import BvhTracer as BvhTracer
 from .errors import (
     AtraError as AtraError,
 )

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 import atra
+from experiments.classification.bvh.tracer import BvhTracer
 from experiments.law.keep import choice_of, kept_looks, look_of, told_of
 from experiments.law.measure import VIEWS, cases
 from experiments.law.model.choice import Choice
@@ -77,7 +78,7 @@ def test_at_least_thirty_views_are_measured_and_every_case_has_a_tracer():
     assert len(set(VIEWS)) == len(VIEWS) >= 30
     mesh, camera = cornell_box(), cornell_camera(512, 512)
     made = [make() for _, _, make in cases(mesh, camera)]
-    assert {type(one) for one in made} >= {atra.RasterTracer, atra.PixelTracer, atra.BvhTracer, atra.AlignedTracer}
+    assert {type(one) for one in made} >= {atra.RasterTracer, atra.PixelTracer, BvhTracer, atra.AlignedTracer}
     for tracer in made:
         tracer.close()
 

@@ -8,6 +8,7 @@ import pytest
 
 import atra
 from atra.errors import InputError, StorageError
+from experiments.classification.bvh.tracer import BvhTracer
 from experiments.law.measure import memory_of
 from experiments.law.model.choice import Choice, candidates
 from experiments.law.model.constants import constants_path, keep, machine
@@ -99,7 +100,7 @@ def test_many_triangles_in_one_place_are_looked_at_beside_one_far_away(far):
 
 def test_bytes_of_a_bvh_are_known_from_some_of_its_clusters():
     mesh = random_triangles(5000, 8, size=0.05)
-    with atra.BvhTracer(mesh, camera()) as tracer:
+    with BvhTracer(mesh, camera()) as tracer:
         tracer.build()
         assert look_at(mesh, camera()).bvh_bytes == pytest.approx(tracer.counters["bvh_bytes"], rel=0.05)
 

@@ -6,7 +6,6 @@ from typing import Any
 
 from atra.alignment.aligned import AlignedTracer
 from atra.alignment.visible_first import VisibleFirstTracer
-from atra.bvh.tracer import BvhTracer
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
@@ -14,6 +13,7 @@ from atra.packets.pixel import PixelTracer
 from atra.packets.tiles import TiledTracer
 from atra.raster.tracer import RasterTracer
 from atra.tracing.tracer import Tracer
+from experiments.classification.bvh.tracer import BvhTracer
 from experiments.law.model.choice import Choice
 
 
