@@ -35,8 +35,6 @@ from .all_hits.results import (
 from .all_hits.results import (
     Transmittances as Transmittances,
 )
-from .bvh.options import BvhOptions as BvhOptions
-from .bvh.tracer import BvhTracer as BvhTracer
 from .errors import (
     AtraError as AtraError,
 )
@@ -97,8 +95,6 @@ from .judge.foreign import (
 from .judge.foreign import (
     judge_image as judge_image,
 )
-from .model.planning import Plan as Plan
-from .model.planning import plan as plan
 from .packets.pixel import PixelTracer as PixelTracer
 from .packets.tiles import TiledTracer as TiledTracer
 from .prim_ids import MISS as MISS

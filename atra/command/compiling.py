@@ -95,10 +95,9 @@ _TRACERS: dict[str, Callable[[atra.Mesh, View], atra.Tracer]] = {
     ),
     "tiles": lambda mesh, camera: atra.TiledTracer(mesh, camera, (4, 1)),
     "visible-first": lambda mesh, camera: atra.VisibleFirstTracer(mesh, camera, (4, 1)),
-    "bvh": atra.BvhTracer,
 }
 _PINHOLE_ONLY, _ALL_HITS = ("tiles", "visible-first"), ("raster", "packets", "aligned")
-_WITH_LENS = ("raster", "single rays", "packets", "bvh")
+_WITH_LENS = ("raster", "single rays", "packets")
 
 
 def _trace(tracer: str, view: str) -> None:

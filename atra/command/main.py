@@ -18,7 +18,6 @@ from atra.command.compiling import add_compile, run_compile
 from atra.command.doctor import run_doctor
 from atra.command.judging import EXAMPLES as JUDGE_EXAMPLES
 from atra.command.judging import SUMMARY, add_judge, run_judge
-from atra.command.planning import add_plan, run_calibrate, run_plan
 from atra.command.render import EXAMPLES, add_render, run_render
 from atra.errors import AtraError
 
@@ -111,11 +110,6 @@ def _parser() -> ArgumentParser:
     )
     add_render(render)
     render.set_defaults(run=run_render)
-    planning = verbs.add_parser("plan", help="predict what each method costs on a view of a mesh")
-    add_plan(planning)
-    planning.set_defaults(run=run_plan)
-    calibrating = verbs.add_parser("calibrate", help="fit predictions to this machine, in two minutes")
-    calibrating.set_defaults(run=run_calibrate)
     judge = verbs.add_parser(
         "judge", help=SUMMARY, description=SUMMARY, epilog=JUDGE_EXAMPLES, formatter_class=RawDescriptionHelpFormatter
     )

@@ -43,7 +43,7 @@ INTO_VARIABLE = "ATRA_COMPILE_INTO"
 _AS_IN_C = {"error_model": "numpy", "_nrt": False}
 """Numba's options for division as in C, and for no counting of references."""
 
-_IMPORT = re.compile(rb"^ *(?:from|import) +(atra(?:\.\w+)*)", re.MULTILINE)
+_IMPORT = re.compile(rb"^ *(?:from|import) +(\w+(?:\.\w+)*)", re.MULTILINE)
 
 
 def source_stamp(path: Path) -> bytes:
@@ -54,7 +54,7 @@ def source_stamp(path: Path) -> bytes:
 
 @cache
 def sources(path: Path) -> frozenset[Path]:
-    """The file and those of this library that it imports, directly or through others."""
+    """The file and those that it imports, directly or through others, of this library and of its own package."""
     found, left = set[Path](), [path]
     while left:
         one = left.pop()
@@ -66,7 +66,12 @@ def sources(path: Path) -> frozenset[Path]:
 
 @cache
 def _imported_by(path: Path) -> tuple[Path, ...]:
-    named = {_PACKAGE.joinpath(*name.decode().split(".")[1:]) for name in _IMPORT.findall(path.read_bytes())}
+    own = path.parent
+    while (own.parent / "__init__.py").exists():
+        own = own.parent
+    packages = {own.name: own, _PACKAGE.name: _PACKAGE}
+    imported = [name.decode().split(".") for name in _IMPORT.findall(path.read_bytes())]
+    named = {packages[first].joinpath(*rest) for first, *rest in imported if first in packages}
     files = [place / "__init__.py" if place.is_dir() else place.with_suffix(".py") for place in named]
     return tuple(file for file in files if file.exists())
 

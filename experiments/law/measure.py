@@ -24,8 +24,9 @@ from typing import Any
 import atra
 from atra.compiled.instruction_sets import instruction_sets_here
 from atra.errors import AtraError
-from atra.shafts.tracer import ClassifiedTracer
 from atra.tracing.options import native_packet_widths
+from experiments.classification.bvh.tracer import BvhTracer
+from experiments.classification.shafts.tracer import ClassifiedTracer
 from scenes.generated import FAMILIES
 from scenes.loading import SceneSource, load_scene, scene_is_available
 from scenes.scene import Scene
@@ -88,7 +89,7 @@ def cases(mesh: atra.Mesh, camera: atra.Camera) -> Iterator[Case]:
 
     yield of("raster", atra.RasterTracer)
     yield of("pixel", atra.PixelTracer, packet_width=1)
-    yield of("bvh", atra.BvhTracer)
+    yield of("bvh", BvhTracer)
     yield of("classified", ClassifiedTracer)
     for split in ((8, 8), (32, 32)):
         yield of("tiles", atra.TiledTracer, split, packet_width=widest)

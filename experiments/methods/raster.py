@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +19,7 @@ from atra.tracing.options import option
 from experiments.drawing.style import BLACK
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Method, Style, Tracing
-from experiments.methods.options import MethodOptions, known_as, options_of
-
-if TYPE_CHECKING:
-    from atra.model.choice import Choice
+from experiments.methods.options import MethodOptions, options_of
 
 CLUSTERS = ("hidden", "outside", "none")
 """Clusters that are not drawn."""
@@ -73,10 +70,6 @@ def _variant(row: Mapping[str, Any]) -> str:
     return ", ".join(filter(None, [said, None if lanes in (None, "native") else f"{lanes} lanes"]))
 
 
-def _choice(options: RasterOptions) -> Choice | None:
-    return known_as("raster")(options) if options == RasterOptions() else None
-
-
 RASTER = Method(
     "raster",
     "rasteriser",
@@ -86,5 +79,4 @@ RASTER = Method(
     __name__,
     variant=_variant,
     counters=(Column("scratch_bytes", WHOLE, "what frames share: projected corners, lists of triangles"),),
-    choice=_choice,
 )

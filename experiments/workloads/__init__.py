@@ -24,7 +24,7 @@ OWN = {
     "render": "experiments.workloads.render:RENDER",
     "bake": "experiments.workloads.bake:BAKE",
     "bake_rays": "experiments.workloads.bake_rays:BAKE_RAYS",
-    "classification": "experiments.workloads.classification:CLASSIFICATION",
+    "classification": "experiments.classification.workload:CLASSIFICATION",
     "rays": "experiments.workloads.rays:RAYS",
 }
 """Name -> where the workload is defined, as entry points say it; in the order of tables and pages."""

@@ -84,9 +84,8 @@ def test_a_set_that_this_machine_lacks_is_refused_with_those_it_has(name, monkey
     monkeypatch.setenv(VARIABLE, name)
     with pytest.raises(atra.InputError, match=rf"ATRA_ISA is '{name}', expected one of what this machine has: .*unset"):
         load_library.__wrapped__()
-    for tracer in (atra.RasterTracer, atra.BvhTracer):  # neither has a part in Embree
-        with pytest.raises(atra.InputError, match=rf"ATRA_ISA is '{name}', expected one of"):
-            tracer(cornell_box(), cornell_camera(8, 8))
+    with pytest.raises(atra.InputError, match=rf"ATRA_ISA is '{name}', expected one of"):
+        atra.RasterTracer(cornell_box(), cornell_camera(8, 8))  # has no part in Embree
     monkeypatch.setattr(sys, "argv", ["atra", "compile", "--all"])
     assert main() == 2
 

@@ -113,6 +113,18 @@ def test_the_sources_of_a_kernel_are_all_files_that_its_own_imports_and_no_other
     assert file(layout) in store.sources(file(pixel_kernels))
 
 
+def test_the_sources_of_a_kernel_outside_of_the_library_are_those_of_its_own_package_too(tmp_path):
+    inner = tmp_path / "mine" / "inner"
+    inner.mkdir(parents=True)
+    for folder in (inner.parent, inner):
+        (folder / "__init__.py").write_text("")
+    kernels, parts = inner / "kernels.py", inner.parent / "parts.py"
+    kernels.write_text("import numpy\nfrom mine.parts import half\n")
+    parts.write_text("from atra.embree.layout import MISS\n")
+    assert store.sources(kernels) >= {kernels, parts, Path(str(layout.__file__))}
+    assert all(one.is_relative_to(tmp_path) or "atra" in one.parts for one in store.sources(kernels))
+
+
 class SourceAlone(importlib.machinery.SourceFileLoader):
     """Keeps no bytecode: Python would take it for that of another text, as long, written within the same second."""
 

@@ -13,11 +13,8 @@ import pytest
 
 import atra
 from atra import light
-from atra.bvh.scene import BvhScene
-from atra.bvh.tracer import BvhTracer
 from atra.embree.device import EmbreeDevice
 from atra.light import Baker, BakeScene, ProgressiveBake
-from atra.shafts.eye import EyeTracer
 from tests.images import make_tracer
 from tests.meshes import cornell_box, cornell_camera
 from tests.tracing.test_lifetimes import Injected
@@ -49,12 +46,6 @@ def looked(one):
 
 def shot(scene):
     scene.intersect(*RAYS)
-    return scene
-
-
-def prepared(scene):
-    scene.build()
-    scene.intersect(scene.prepare(atra.Rays(*RAYS)))
     return scene
 
 
@@ -90,14 +81,11 @@ MAKE = {
     },
     "frames": lambda: traced(atra.FramesTracer(MESH, FRAMES, threads=2)),
     "raster": lambda: traced(atra.RasterTracer(MESH, CAMERA, threads=2)),
-    "bvh": lambda: traced(BvhTracer(MESH, CAMERA, threads=2)),
-    "tile shafts": lambda: traced(EyeTracer(MESH, CAMERA, threads=2)),
     "pixels gathered": lambda: gathered(atra.PixelTracer(MESH, CAMERA, threads=2)),
     "aligned gathered": lambda: gathered(atra.AlignedTracer(MESH, CAMERA, (16, 1), threads=2)),
     "raster gathered": lambda: gathered(atra.RasterTracer(MESH, CAMERA, threads=2)),
     "one that looked elsewhere": lambda: looked(atra.AlignedTracer(MESH, CAMERA, (16, 1), threads=2)),
     "ray scene": lambda: shot(atra.RayScene(MESH, threads=2)),
-    "bvh scene": lambda: prepared(BvhScene(MESH, threads=2)),
     "hybrid renderer": lambda: added(light.HybridRenderer(SCENE, CAMERA, threads=2)),
     "path renderer": lambda: added(light.PathRenderer(SCENE, CAMERA, threads=2)),
     "baker": lambda: added(Baker(BakeScene(MESH), size=16, threads=2)),

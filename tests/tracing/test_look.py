@@ -21,16 +21,14 @@ PATH = {
     "back where it was": CAMERA,
 }
 FLAT = atra.OrthographicCamera(CAMERA.eye, CAMERA.target, view_height=2.0, width=64, height=32)
-KINDS = ("pixels", "aligned", "instanced", "visible_first", "tiles", "raster", "bvh")
-PARALLEL = ("pixels", "aligned", "instanced", "raster", "bvh")
+KINDS = ("pixels", "aligned", "instanced", "visible_first", "tiles", "raster")
+PARALLEL = ("pixels", "aligned", "instanced", "raster")
 every_kind = pytest.mark.parametrize("kind", KINDS)
 
 
 def tracer(kind, camera=CAMERA, mesh=MESH, **options):
     if kind == "raster":
         return atra.RasterTracer(mesh, camera, **{"threads": 1, **options})
-    if kind == "bvh":
-        return atra.BvhTracer(mesh, camera, **{"threads": 1, **options})
     return make_tracer(kind, mesh, camera, (16, 1), **options)
 
 

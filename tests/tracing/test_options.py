@@ -73,9 +73,8 @@ METHODS = methods_with_keywords()
 
 def test_every_tracer_renderer_and_baker_takes_keywords_that_are_known():
     kinds = {
-        "AlignedTracer", "Baker", "BvhScene", "BvhTracer", "ClassifiedTracer", "EyeTracer", "FramesTracer",
-        "HybridRenderer", "PathRenderer", "PixelTracer", "RasterTracer", "RayScene", "ShaftScene", "TileRays",
-        "TiledTracer", "VisibleFirstTracer",
+        "AlignedTracer", "Baker", "FramesTracer", "HybridRenderer", "PathRenderer", "PixelTracer", "RasterTracer",
+        "RayScene", "TileRays", "TiledTracer", "VisibleFirstTracer",
     }  # fmt: skip
     updates = {"HybridRenderer.update", "PathRenderer.update", "Renderer.update"}
     assert set(METHODS) == {f"{kind}.__init__" for kind in kinds} | updates | {"Tiles.towards"}
@@ -115,8 +114,6 @@ def test_help_shows_options_with_their_defaults():
     (atra.PixelOptions, {"compact": None}, "compact is None, expected True or False"),
     *((atra.RasterOptions, {"lanes": lanes}, f"lanes is {lanes!r}, expected one of 4, 8, 16, or None$")
       for lanes in (3, 8.0, "8", True)),
-    (atra.BvhOptions, {"packet_width": None}, "packet_width is None, expected one of 1, 4, 8, 16$"),
-    (atra.BvhOptions, {"traversal": "jump"}, "traversal is 'jump', expected one of push, pop"),
     (atra.AlignedOptions, {"reference": "last_cell"}, "reference is 'last_cell', expected one of off_axis, first_cell"),
     (atra.AlignedOptions, {"geometry": "shared"}, "geometry is 'shared', expected one of copied, instanced"),
     (atra.AlignedOptions, {"geometry": "instanced"}, "culling is on, .*set culling=False"),

@@ -78,13 +78,6 @@ def test_triangles_drawn_give_the_float64_image(view):
 
 
 @EXAMPLES
-@given(views() | parallel_views(), st.sampled_from([1, 8]))
-def test_our_own_bvh_gives_the_float64_image(view, packet_width):
-    with atra.BvhTracer(view.mesh, view.camera, threads=1, packet_width=packet_width) as tracer:
-        assert_agree(view, tracer.trace(view.offset), brute_force(view.mesh, view.camera, view.offset))
-
-
-@EXAMPLES
 @given(parallel_views(), packet_widths)
 def test_parallel_rays_give_the_float64_image(view, packet_width):
     reference = brute_force(view.mesh, view.camera, view.offset)

@@ -30,7 +30,7 @@ class BoxTree(NamedTuple):
     """The triangles of a mesh in a tree of boxes.
 
     boxes: (N, 2, 3) float32, first, block_counts: (N,) int64, blocks: (B, 10, 4) float32 and prim_ids: (B, 4) uint32,
-    as in `atra.bvh.Bvh`, with edges in place of the second and third corners and `MISS` in unused entries. larger: (N,)
+    as in `Bvh`, with edges in place of the second and third corners and `MISS` in unused entries. larger: (N,)
     uint8, the child with the larger box. vertices: (V, 3) float32. faces: (F, 3) uint32.
     """
 
