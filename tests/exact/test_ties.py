@@ -34,7 +34,6 @@ TRACED = {
     "instanced": ("instanced", (8, 2), {}),
     "visible first": ("visible_first", (8, 1), {}),
     "visible first, empty probe, two threads": ("unprobed", (4, 1), {"threads": 2}),
-    "tiles": ("tiles", (4, 3), {}),
 }
 each_traced = pytest.mark.parametrize(("method", "split", "options"), TRACED.values(), ids=TRACED)
 
