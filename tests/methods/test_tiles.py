@@ -11,9 +11,9 @@ import pytest
 import atra
 from atra.compiled.threads import WorkerPool
 from atra.geometry.projection import count_kept
-from atra.judge.reference import brute_force
 from experiments.methods.culled.tracer import TiledTracer
 from tests.images import assert_equal_images, assert_same_bits
+from tests.judge.reference import brute_force
 from tests.machine import WIDTHS
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads
 from tests.tracing import watertight_scenes as scenes

@@ -73,10 +73,10 @@ METHODS = methods_with_keywords()
 def test_every_tracer_renderer_and_baker_takes_keywords_that_are_known():
     kinds = {
         "AlignedTracer", "Baker", "FramesTracer", "HybridRenderer", "PathRenderer", "PixelTracer", "RasterTracer",
-        "RayScene", "TileRays", "VisibleFirstTracer",
+        "RayScene", "VisibleFirstTracer",
     }  # fmt: skip
     updates = {"HybridRenderer.update", "PathRenderer.update", "Renderer.update"}
-    assert set(METHODS) == {f"{kind}.__init__" for kind in kinds} | updates | {"Tiles.towards"}
+    assert set(METHODS) == {f"{kind}.__init__" for kind in kinds} | updates
 
 
 @pytest.mark.parametrize("name", METHODS)

@@ -10,7 +10,6 @@ import pytest
 
 import atra
 from atra.alignment.reference_rays import choose_packet_shape
-from atra.judge.reference import brute_force
 from tests.images import (
     CELLS,
     METHODS,
@@ -21,6 +20,7 @@ from tests.images import (
     trace,
     trace_pixels,
 )
+from tests.judge.reference import brute_force
 from tests.machine import WIDEST, WIDTHS
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 from tests.strategies import divisors
