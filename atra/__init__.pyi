@@ -76,7 +76,6 @@ from .geometry.lenses.models import (
 )
 from .geometry.mesh import Mesh as Mesh
 from .geometry.orthographic import OrthographicCamera as OrthographicCamera
-from .geometry.sampling import sub_pixel_offsets as sub_pixel_offsets
 from .geometry.split import Split as Split
 from .hits import Frames as Frames
 from .hits import Hits as Hits
@@ -122,6 +121,7 @@ from .views.face_counts import FaceCounts as FaceCounts
 from .views.face_counts import face_counts as face_counts
 from .views.orbit import orbit as orbit
 from .views.render_views import render_views as render_views
+from .views.sampling import sub_pixel_offsets as sub_pixel_offsets
 from .views.visible_points import visible_points as visible_points
 
 __version__: str

@@ -45,7 +45,7 @@ def joined(meshes: Mesh | Sequence[Mesh], transforms: ArrayLike | None = None) -
     """One mesh, or several joined.
 
     transforms: (G, 3, 4) or (G, 4, 4), the affine map of each mesh into the world, applied in float64 and
-    rounded to float32 once.
+    rounded once, to float32 around the origin that the joined mesh needs, if any.
     Raises InputError for no mesh, anything else, and transforms of another shape or that are not finite.
     """
     listed = [meshes] if isinstance(meshes, Mesh) else list(meshes) if isinstance(meshes, Sequence) else [meshes]

@@ -74,6 +74,14 @@ class Rays:
     def __len__(self) -> int:
         return len(self.origins)
 
+    def counted_from(self, origin: NDArray[np.float64]) -> Rays:
+        """The same rays in float64 with origins that count from `origin`, (3,) float64."""
+        moved = object.__new__(Rays)
+        numbers = self.origins - origin, self.directions, self.tnear, self.tfar
+        arrays = (np.ascontiguousarray(array, np.float64) for array in numbers)
+        moved.__setstate__(dict(zip(("origins", "directions", "tnear", "tfar"), arrays, strict=True)))
+        return moved
+
     def as_float32(self) -> Rays:
         """The same rays rounded to float32, as Embree takes them."""
         if self.origins.dtype == np.float32:
@@ -138,13 +146,13 @@ class RayHits:
         the plane of its triangle, the place at t."""
         points = np.full((*self.t.shape, 3), np.nan)
         hit = self.hit
-        corners = self.mesh.triangles(self._named[hit]).astype(np.float64)
+        corners = self.mesh.local.triangles(self._named[hit])
         found = intersect_rays(self.mesh, *self._lines(hit), self._named[hit])
         edges = corners[:, 1:] - corners[:, :1]
         on_plane = corners[:, 0] + found.u[:, None] * edges[:, 0] + found.v[:, None] * edges[:, 1]
         origins, directions = self._lines(hit)
         along = origins + self.t[hit].astype(np.float64)[:, None] * directions
-        points[hit] = np.where(np.isnan(found.u)[:, None], along, on_plane)
+        points[hit] = np.where(np.isnan(found.u)[:, None], along, on_plane + self.mesh.origin)
         return points
 
     @cached_property

@@ -120,8 +120,9 @@ class RayScene(AllHitsScene):
         start = perf_counter()
         if self._faces is not None:
             faces = np.where(self._faces[:, None], faces, _NOWHERE)
-        vertices = padded_vertices(len(self.mesh.vertices))
-        vertices[:] = self.mesh.vertices
+        local_vertices = self.mesh.local_vertices
+        vertices = padded_vertices(len(local_vertices))
+        vertices[:] = local_vertices
         scene = EmbreeScene(
             vertices,
             faces,
@@ -204,6 +205,7 @@ class RayScene(AllHitsScene):
     ) -> None:
         """Write what rays hit. outputs: t and prim_id of the closest hit, or 1 where they are occluded."""
         with self._in_use():
+            rays = self._own(rays)
             if self._is_exact:
                 numbers = rays.origins, rays.directions, rays.tnear, rays.tfar
                 near_by, in_order = exact_plan_of(numbers, self.mesh, coherent)
@@ -239,7 +241,8 @@ class RayScene(AllHitsScene):
 
     def run(self, work: Callable[[Query], None], *, coherent: bool = False) -> None:
         """Call `work` once per thread, side by side, for kernels of the caller's own, which ask Embree; nothing else is
-        traced meanwhile. With "exact" Embree's scene is "watertight", and the first call builds it.
+        traced meanwhile. With "exact" Embree's scene is "watertight", and the first call builds it. Its vertices are
+        `mesh.local_vertices`.
 
         coherent: as for `intersect`. Raises ClosedError after `close`.
         """

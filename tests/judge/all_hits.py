@@ -11,6 +11,7 @@ from atra.all_hits.results import Counts, LayerHits, Thicknesses
 from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.exact.intersection import intersect_pixels, triangles_in_camera_space
 from atra.geometry.mesh import Mesh
+from atra.geometry.ray_space import own_space
 from atra.geometry.view import View
 from atra.prim_ids import MISS
 from tests.judge.all_hits_kernels import judge_rays
@@ -50,6 +51,7 @@ def all_hits(
 
     Raises InputError for a bad offset or thread count.
     """
+    mesh, camera = own_space(mesh, camera)
     shape = camera.height, camera.width
     rows, columns = np.indices(shape)
     rays = [part.reshape(-1, 3) for part in np.broadcast_arrays(*camera.rays(columns, rows, offset))]

@@ -327,7 +327,7 @@ def test_barycentric_weights_lead_to_the_hit():
 def test_robust_loses_no_ray_far_from_the_origin_where_others_do(width):
     place = np.array([1, -0.7, 0.3]) * 1e4
     box = closed_box(12)
-    box = atra.Mesh(box.vertices + place, box.faces)
+    box = atra.Mesh((box.vertices + place).astype(np.float32), box.faces)
     random = np.random.default_rng(0)
     rays = atra.Rays(place + random.uniform(-0.9, 0.9, (20_000, 3)), random.normal(size=(20_000, 3)))
     lost = int((~traced(box, rays, width, precision="fast").hit).sum())

@@ -107,7 +107,7 @@ def test_processes_give_the_same_images_and_share_the_mesh_and_all_that_was_foun
         _ = mesh.bounds, mesh.traced_faces
         with shared_mesh.shared(mesh, ties.coplanar_overlaps(mesh), between_processes=True) as where:
             found = executor.submit(look_around, where).result()
-    kept = {"vertices", "faces", "bounds", "traced_faces"}
+    kept = {"vertices", "local_vertices", "origin", "faces", "bounds", "traced_faces"}
     assert found == ("mmap", kept, {"bounds"}, True, float(BOX.vertices.sum()))
 
 

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.geometry.mesh import Mesh
-from atra.geometry.sampling import sub_pixel_offsets
 from atra.hits import read_only
 from atra.light.lightmaps.paint_kernels import COLOUR, EMISSION, OPACITY, Paint, take_means
 from atra.light.materials import Emissive, Material, MetallicRoughness, images_of
@@ -16,6 +15,7 @@ from atra.light.scene import Scene
 from atra.light.sky import constant_sky
 from atra.light.tables import surfaces_of
 from atra.light.textures import Checker, Image
+from atra.views.sampling import sub_pixel_offsets
 
 _LOOKUPS, _FEWEST, _MOST = 1 << 18, 16, 1024
 """Places that are looked up for the means of all triangles; least and most of them for a triangle."""

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from atra.errors import AtraError, InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range
-from atra.geometry.sampling import sub_pixel_offsets
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.light.checks import check_whole
@@ -32,6 +31,7 @@ from atra.raster.tracer import RasterTracer
 from atra.rays.scene import Query, scene_for_kernels
 from atra.tracing.options import PacketOptions, lists_options
 from atra.tracing.tracer import Tracer
+from atra.views.sampling import sub_pixel_offsets
 
 Primary = Callable[[Mesh, View], Tracer[Hits]]
 """Makes the tracer of primary visibility: `atra.PixelTracer`, or `partial(atra.AlignedTracer, split=(128, 1))`."""

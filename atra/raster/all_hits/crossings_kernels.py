@@ -12,6 +12,7 @@ from atra.compiled.store import kernel, njit
 from atra.compiled.threads import WorkerPool
 from atra.exact.edges_kernels import side, turn
 from atra.geometry.mesh import Mesh
+from atra.geometry.ray_space import own_space
 from atra.geometry.view import View
 from atra.raster.clusters import POINT_BYTES, VERTICES
 from atra.raster.image import Viewpoint
@@ -34,6 +35,7 @@ def projected(
     mesh: Mesh, camera: View, offset: tuple[float, float], pool: WorkerPool
 ) -> tuple[ViewOfMesh, NDArray[np.float64]]:
     """The view with the samples of `offset` at whole numbers, and at least (V, 4) float64, of `project_vertices`."""
+    mesh, camera = own_space(mesh, camera)
     viewpoint, count = Viewpoint.of(mesh, camera, offset), len(mesh.vertices)
     whole = -(-count // VERTICES) * VERTICES
     columns, points = np.zeros((3, whole), np.float32), np.empty((whole, 4))

@@ -73,13 +73,18 @@ class AllHitsScene(MeshLifetime, ABC):
             self.geometries, self._transforms = geometries, None if transforms is None else np.array(transforms)
             self._build_again()
 
+    def _own(self, rays: Rays) -> Rays:
+        """Rays that count from the mesh's origin, like the vertices that they meet."""
+        return rays.counted_from(self.mesh.origin) if self.mesh.has_origin else rays
+
     @property
     def crossings(self) -> Crossings:
-        """What all hits are found by. Raises ClosedError after `close`."""
+        """What all hits are found by, of rays and points that count from the mesh's origin. Raises ClosedError after
+        `close`."""
         with self._lock:
             self._check_open()
             if self._crossings is None:
-                self._crossings = Crossings(self.mesh, self._faces, self._pool)
+                self._crossings = Crossings(self.mesh.local, self._faces, self._pool)
             return self._crossings
 
     def all_hits(
@@ -107,7 +112,7 @@ class AllHitsScene(MeshLifetime, ABC):
             raise InputError(f"max_hits is {max_hits!r}, expected a whole number from 1 to {MOST}, or None for all")
         rays, shape = rays_of(origins, directions, tnear, tfar)
         with self._lock:
-            found = self.crossings.find(rays, MOST if max_hits is None else int(max_hits), progress)
+            found = self.crossings.find(self._own(rays), MOST if max_hits is None else int(max_hits), progress)
             return RayHitLists(*found, shape, rays, self.geometries)
 
     def count(
@@ -122,7 +127,7 @@ class AllHitsScene(MeshLifetime, ABC):
         """(N,) int32, the number of hits of every ray; arguments and errors as for `all_hits`."""
         rays, shape = rays_of(origins, directions, tnear, tfar)
         with self._lock:
-            return self.crossings.count(rays, progress).reshape(shape)
+            return self.crossings.count(self._own(rays), progress).reshape(shape)
 
     def gather(
         self,
@@ -143,14 +148,15 @@ class AllHitsScene(MeshLifetime, ABC):
         """
         rays, shape = rays_of(origins, directions, tnear, tfar)
         with self._lock:
-            return gathered(what, rays, shape, self.crossings, self.geometries, self._met_mesh(), progress)
+            met = self._met_mesh()
+            return gathered(what, self._own(rays), shape, self.crossings, self.geometries, met, progress)
 
     def _met_mesh(self) -> Mesh | None:
         """The triangles that rays meet as a mesh of their own; None where there are none."""
         if self._faces is None:
             return self.mesh
         if self._met is None and self._faces.any():
-            self._met = Mesh(self.mesh.vertices, self.mesh.faces[self._faces], self.mesh.name)
+            self._met = Mesh(self.mesh.local_vertices, self.mesh.faces[self._faces], self.mesh.name)
         return self._met
 
     def contains(self, points: ArrayLike, *, method: str = "parity") -> NDArray[np.bool_]:
@@ -170,8 +176,8 @@ class AllHitsScene(MeshLifetime, ABC):
         with self._lock:
             if method == "winding":
                 edges, surplus, _ = self._open
-                ends = self.mesh.vertices[edges].astype(np.float64)
-                return winding_numbers(found, ends, surplus, self.crossings) > 0.5
+                ends = self.mesh.local_vertices[edges].astype(np.float64)
+                return winding_numbers(found - self.mesh.origin, ends, surplus, self.crossings) > 0.5
             if self.open_edges:
                 raise InputError(
                     f"{self.mesh.name!r} is not closed: it has {self.open_edges:,} open edges, so parity says nothing; "
@@ -189,15 +195,16 @@ class AllHitsScene(MeshLifetime, ABC):
         with self._lock:
             if self._edges is None:
                 faces = self.mesh.faces if self._faces is None else self.mesh.faces[self._faces]
-                self._edges = edge_surplus(self.mesh, faces)
+                self._edges = edge_surplus(self.mesh.local, faces)
             return self._edges
 
     def parity(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """(P,) bool: whether a ray from each point crosses an odd number of triangles, of closed and open meshes."""
         with self._lock:
+            points = points - self.mesh.origin if self.mesh.has_origin else points
             self._asked += len(points)
             if self._cells is None and self._asked >= FEWEST_POINTS and self.open_edges == 0:
-                self._cells = cells_of(self.mesh, self._faces, self.crossings)
+                self._cells = cells_of(self.mesh.local, self._faces, self.crossings)
             if self._cells is not None:
                 return self._cells.parity(points, self.crossings, self._pool)
             return (self.crossings.columns(points).counts & 1).astype(np.bool_)

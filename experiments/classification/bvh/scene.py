@@ -28,8 +28,9 @@ from experiments.classification.bvh.starts import NO_SHAFTS, ROOT_LIST, Shafts
 class PreparedRays:
     """Rays in the order in which a scene traces them.
 
-    rays: as given. batch: the same for kernels. shafts: whose lists the rays start from. sampling_time_s: seconds to
-    sample which shafts the rays use. order_time_s: seconds to order the rays.
+    rays: in float32, around the mesh's origin. batch: the same for kernels. shafts: whose lists the rays start from.
+    sampling_time_s: seconds to sample which shafts the rays use. order_time_s: seconds to order the rays. given: the
+    rays in world space.
     """
 
     rays: Rays
@@ -37,10 +38,11 @@ class PreparedRays:
     shafts: Shafts
     sampling_time_s: float = 0.0
     order_time_s: float = 0.0
+    given: Rays | None = None
 
     def from_root(self, width: int) -> PreparedRays:
         """The same rays in the same order, in full packets of `width` that start at the root."""
-        return PreparedRays(self.rays, batch_of(self.rays, width, self.batch.order), NO_SHAFTS)
+        return PreparedRays(self.rays, batch_of(self.rays, width, self.batch.order), NO_SHAFTS, given=self.given)
 
 
 class BvhScene(MeshLifetime):
@@ -86,7 +88,7 @@ class BvhScene(MeshLifetime):
 
     def _build(self) -> float:
         start = perf_counter()
-        self._bvh = bvh_of(self.mesh, self.mesh.vertices, self._pool)
+        self._bvh = bvh_of(self.mesh, self.mesh.local_vertices, self._pool)
         return perf_counter() - start
 
     @property
@@ -98,8 +100,12 @@ class BvhScene(MeshLifetime):
     def prepare(self, rays: Rays) -> PreparedRays:
         """Order rays into packets. Raises ClosedError after `close`."""
         with self._in_use():
-            rays = rays.as_float32()
-            return PreparedRays(rays, batch_of(rays, self.packet_width), NO_SHAFTS)
+            own = self._own(rays)
+            return PreparedRays(own, batch_of(own, self.packet_width), NO_SHAFTS, given=rays)
+
+    def _own(self, rays: Rays) -> Rays:
+        """Rays in float32 that count from the mesh's origin, like the vertices that they meet."""
+        return (rays.counted_from(self.mesh.origin) if self.mesh.has_origin else rays).as_float32()
 
     def intersect(self, prepared: PreparedRays, out: RayHits | None = None) -> RayHits:
         """The closest hit of every ray between its `tnear` and `tfar`.
@@ -112,7 +118,8 @@ class BvhScene(MeshLifetime):
         prim_id = np.empty(count, np.uint32) if out is None else out.prim_id
         with self._in_use():
             self._run(prepared, t, prim_id, any_hit=False, counting=False)
-            return RayHits(t, prim_id, prepared.rays, self.mesh)
+            given = prepared.given if prepared.given is not None and self.mesh.has_origin else prepared.rays
+            return RayHits(t, prim_id, given, self.mesh)
 
     def occluded(self, prepared: PreparedRays) -> NDArray[np.bool_]:
         """(N,) bool: whether a ray hits anything between its `tnear` and `tfar`. Raises as `intersect`."""

@@ -49,7 +49,7 @@ class EyeTracer(HasShafts, BvhTracer):
     """One ray per pixel, single or in packets; each tile of 32 x 16 pixels starts from the list of its own shaft.
 
     All rays of such a shaft start at the eye. The BVH is in world space and serves every eye, so a camera that moves
-    needs new lists only. Rays start at the eye rounded to float32: an eye far from the world's origin makes images less
+    needs new lists only. Rays start at the eye rounded to float32: an eye far from the mesh's origin makes images less
     precise than those of `BvhTracer`, though the same to the bit for all options. options: see
     `shafts.options.ShaftOptions`; those on voxels, memory, subsets and orders are not used. Raises what
     `BvhTracer` does; InputError for parallel rays and for pixels so narrow that rays along the world's axes would
@@ -83,7 +83,7 @@ class EyeTracer(HasShafts, BvhTracer):
     def _build(self) -> float:
         start = perf_counter()
         if self._bvh is None:
-            self._bvh = bvh_of(self.mesh, self.mesh.vertices, self._pool)
+            self._bvh = bvh_of(self.mesh, self.mesh.local_vertices, self._pool)
         lists_start = perf_counter()
         largest = max(float(np.abs(self._bvh.bounds).max()), float(np.abs(self._shared).max()))
         slack = (_ROBUST_SLACK if self.options.robust else _SLACK) * float(np.spacing(np.float32(largest)))
@@ -101,8 +101,8 @@ class EyeTracer(HasShafts, BvhTracer):
 
     @property
     def _shared(self) -> NDArray[np.float32]:
-        """(3,) float32, the eye."""
-        return np.asarray(self.camera.eye, np.float32)
+        """(3,) float32, the eye, around the mesh's origin."""
+        return (np.asarray(self.camera.eye) - self.mesh.origin).astype(np.float32)
 
 
 def shapes_of_tiles(camera: View, eye: NDArray[np.float64], tiles: PixelTiles, slack: float) -> NDArray[np.float64]:

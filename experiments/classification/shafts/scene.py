@@ -39,7 +39,7 @@ class ShaftScene(HasShafts, BvhScene):
     def prepare(self, rays: Rays) -> PreparedRays:
         """Find the shafts of rays where needed, build lists that depend on them, and order the rays."""
         with self._in_use():
-            start, rays = perf_counter(), rays.as_float32()
+            start, given, rays = perf_counter(), rays, self._own(rays)
             batch, options = batch_of(rays, self.packet_width), self.options
             numbers, sampled_s = None, 0.0
             if options.subset in OF_RAYS:
@@ -57,7 +57,7 @@ class ShaftScene(HasShafts, BvhScene):
                 batch = self._in_packets(rays, numbers, shafts)
             if options.subset == "none":
                 shafts = NO_SHAFTS
-            return PreparedRays(rays, batch, shafts, sampled_s, perf_counter() - start)
+            return PreparedRays(rays, batch, shafts, sampled_s, perf_counter() - start, given)
 
     def _classified(self, batch: Any) -> NDArray[np.int64]:
         numbers, grid = np.empty(len(batch.origins), np.int64), self.lists.shafts.grid

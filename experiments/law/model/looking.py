@@ -12,7 +12,7 @@ from atra.compiled.instruction_sets import native_lanes
 from atra.compiled.threads import WorkerPool
 from atra.geometry.mesh import Mesh
 from atra.geometry.projection import project_vertices
-from atra.geometry.ray_space import check_range, unseen_from
+from atra.geometry.ray_space import check_range, own_space, unseen_from
 from atra.geometry.split import Split
 from atra.geometry.view import View
 from atra.raster.frames import Scratch, compile_kernels, draw_frame
@@ -89,6 +89,7 @@ class Look:
 def look_at(mesh: Mesh, camera: View) -> Look:
     """Look at a mesh from a camera, on one thread. Raises InputError as the tracers do."""
     check_range(mesh, camera)
+    mesh, camera = own_space(mesh, camera)
     pool, lanes = WorkerPool(1), native_lanes()
     compile_kernels(lanes, camera.is_parallel)
     scratch = Scratch.of(mesh, pool)

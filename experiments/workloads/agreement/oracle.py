@@ -19,6 +19,7 @@ from atra.exact.intersection import SLACK, Pairs, triangles_in_camera_space
 from atra.exact.rounding import Rounding
 from atra.exact.ties import TIE_TOLERANCE
 from atra.geometry.mesh import Mesh
+from atra.geometry.ray_space import own_space
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import Agreement, Verdict, compare
@@ -127,6 +128,7 @@ def nearest_hits(
     x, y: (N,) integers. Edges belong to the triangle, and of triangles at one depth the lowest `prim_id` wins,
     both to SLACK. Raises InputError for a bad offset or thread count.
     """
+    mesh, camera = own_space(mesh, camera)
     origins, directions = (np.ascontiguousarray(part.T) for part in camera.rays(x, y, offset))
     geometry = triangles_in_camera_space(mesh, camera, np.arange(mesh.triangle_count))
     depth, prim_id = np.empty(len(x)), np.empty(len(x), np.uint32)

@@ -1,0 +1,79 @@
+"""Origins of meshes: float32 keeps the vertices of a mesh far from the world's origin only around one of its own."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+MOST_MOVED = 1e-7
+"""Largest share of a mesh's size by which float32 may move its vertices in the world; beyond it gets an origin."""
+
+NOTICED, _FEW = 0.05, 0.01
+"""Detail is lost where float32 changes the shortest edge by more than this share of its length, in more than this share
+of the triangles."""
+
+_SAMPLE = 4096
+"""Triangles, evenly spread, whose edges show whether detail is lost."""
+
+
+def placed(
+    vertices: NDArray[np.floating], faces: NDArray[np.uint32]
+) -> tuple[NDArray[np.float32], NDArray[np.float64], str]:
+    """(local, origin, loss): vertices (V, 3) float32 around an origin (3,) float64, and what float32 loses even so.
+
+    The origin is zero where float32 moves no vertex of a face by more than MOST_MOVED of the mesh's size, as it never
+    does for float32 and smaller types. Else each of its components is that of the box's centre, rounded to the power of
+    two at or below the size. Then float64 subtracts it from points near the mesh without rounding, and local
+    coordinates are no larger than the size. loss: "" for none.
+    """
+    if np.can_cast(vertices.dtype, np.float32):
+        return np.array(vertices, np.float32, order="C"), np.zeros(3), ""
+    given = np.asarray(vertices, np.float64)
+    is_used = np.zeros(len(given), np.bool_)
+    is_used[faces] = True
+    used = given if is_used.all() else given[is_used]
+    local, origin = given.astype(np.float32, order="C"), np.zeros(3)
+    moved = float(np.abs(used.astype(np.float32) - used).max())
+    if moved == 0.0:
+        return local, origin, ""
+    low, high = used.min(axis=0), used.max(axis=0)
+    size = float((high - low).max())
+    if moved > MOST_MOVED * size:
+        origin = _origin_of(low, high, size)
+        local = (given - origin).astype(np.float32, order="C")
+    return local, origin, _loss(given, local, origin, faces, size)
+
+
+def _origin_of(low: NDArray[np.float64], high: NDArray[np.float64], size: float) -> NDArray[np.float64]:
+    centre = low + (high - low) / 2.0
+    if size == 0.0:
+        return centre
+    step = float(np.ldexp(0.5, np.frexp(size)[1]))
+    with np.errstate(over="ignore"):
+        steps = np.round(centre / step)
+    return np.where(np.isfinite(steps), steps * step, centre) + 0.0  # no -0.0
+
+
+def _loss(
+    given: NDArray[np.float64],
+    local: NDArray[np.float32],
+    origin: NDArray[np.float64],
+    faces: NDArray[np.uint32],
+    size: float,
+) -> str:
+    some = faces[np.linspace(0, len(faces) - 1, min(len(faces), _SAMPLE)).astype(np.int64)]
+    before, after = given[some] - origin, local[some].astype(np.float64)
+    edges = before - np.roll(before, 1, axis=1)
+    lengths = np.linalg.norm(edges, axis=2)
+    lengths[lengths == 0.0] = np.inf
+    shortest = lengths.argmin(axis=1)[:, None]
+    off = np.linalg.norm(after - np.roll(after, 1, axis=1) - edges, axis=2)
+    length, off = (np.take_along_axis(array, shortest, axis=1)[:, 0] for array in (lengths, off))
+    is_lost = (off > NOTICED * length) & (length < np.inf)
+    if is_lost.mean() <= _FEW:
+        return ""
+    step = float(np.spacing(np.abs(local).max()))
+    return (
+        f"spans {size:g} and is kept in float32, in steps of {step:.2g}, which changes edges as short as "
+        f"{length[is_lost].min():.2g} by more than {NOTICED:.0%}; cut it into parts that span less"
+    )
