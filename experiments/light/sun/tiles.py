@@ -14,11 +14,11 @@ from atra.geometry.view import unit_vector
 from atra.light.checks import check_whole
 from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.gather.tables import start_off
-from atra.light.lightmaps.sun.rays import TileRays
-from atra.light.lightmaps.sun.tiles_kernels import BoxTree, Prisms
 from atra.prim_ids import MISS
 from atra.tracing.options import PacketKeywords, PacketOptions, lists_options
 from atra.trees.bvh import bvh_of
+from experiments.light.sun.rays import TileRays
+from experiments.light.sun.tiles_kernels import BoxTree, Prisms
 
 FLAT = 1e-3
 """Largest distance of a flat chart's corners from its plane, in texels."""
