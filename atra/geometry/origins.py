@@ -18,7 +18,7 @@ _BLOCK = 1 << 16
 """Vertices that are rounded at a time, which bounds the memory beside them."""
 
 _SAMPLE = 4096
-"""Triangles, evenly spread, whose edges show whether detail is lost."""
+"""Triangles, evenly spread, that show how large a mesh is at least, and whether its edges lose detail."""
 
 
 def placed(
@@ -31,27 +31,36 @@ def placed(
     two at or below the size. Then float64 subtracts it from points near the mesh without rounding, and local
     coordinates are no larger than the size. loss: "" for none.
     """
+    local, origin = np.empty(vertices.shape, np.float32), np.zeros(3)
     if np.can_cast(vertices.dtype, np.float32):
-        return np.array(vertices, np.float32, order="C"), np.zeros(3), ""
+        local[:] = vertices
+        return local, origin, ""
+    some = faces[np.linspace(0, len(faces) - 1, min(len(faces), _SAMPLE)).astype(np.int64)]
+    corners = vertices[some].astype(np.float64)
+    least_size = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
+    largest = np.float32(max(-float(vertices.min()), float(vertices.max())))
+    if np.spacing(largest) / 2.0 > MOST_MOVED * least_size:  # otherwise no vertex can be moved so far
+        origin = _origin_needed(vertices, faces)
+    if origin.any():
+        for block in _blocks(len(vertices)):
+            local[block] = vertices[block].astype(np.float64) - origin
+    else:
+        local[:] = vertices
+    return local, origin, _loss(corners - origin, local[some].astype(np.float64))
+
+
+def _origin_needed(vertices: NDArray[np.floating], faces: NDArray[np.uint32]) -> NDArray[np.float64]:
+    """The origin of `placed`, by looking at every vertex of a face."""
     is_used = np.zeros(len(vertices), np.bool_)
     is_used[faces] = True
-    local, origin = np.empty(vertices.shape, np.float32), np.zeros(3)
     low, high, moved = np.full(3, np.inf), np.full(3, -np.inf), 0.0
-    for some in _blocks(len(vertices)):
-        given = vertices[some].astype(np.float64)
-        local[some] = given
-        used, rounded = given[is_used[some]], local[some][is_used[some]]
+    for block in _blocks(len(vertices)):
+        used = vertices[block][is_used[block]].astype(np.float64)
         if len(used):
-            moved = max(moved, float(np.abs(rounded - used).max()))
+            moved = max(moved, float(np.abs(used.astype(np.float32) - used).max()))
             low, high = np.minimum(low, used.min(axis=0)), np.maximum(high, used.max(axis=0))
-    if moved == 0.0:
-        return local, origin, ""
     size = float((high - low).max())
-    if moved > MOST_MOVED * size:
-        origin = _origin_of(low, high, size)
-        for some in _blocks(len(vertices)):
-            local[some] = vertices[some].astype(np.float64) - origin
-    return local, origin, _loss(vertices, local, origin, faces, size)
+    return _origin_of(low, high, size) if moved > MOST_MOVED * size else np.zeros(3)
 
 
 def _blocks(count: int) -> Iterator[slice]:
@@ -68,15 +77,8 @@ def _origin_of(low: NDArray[np.float64], high: NDArray[np.float64], size: float)
     return np.where(np.isfinite(steps), steps * step, centre) + 0.0  # no -0.0
 
 
-def _loss(
-    vertices: NDArray[np.floating],
-    local: NDArray[np.float32],
-    origin: NDArray[np.float64],
-    faces: NDArray[np.uint32],
-    size: float,
-) -> str:
-    some = faces[np.linspace(0, len(faces) - 1, min(len(faces), _SAMPLE)).astype(np.int64)]
-    before, after = vertices[some].astype(np.float64) - origin, local[some].astype(np.float64)
+def _loss(before: NDArray[np.float64], after: NDArray[np.float64]) -> str:
+    """What rounding takes from triangles, (N, 3, 3): triangle, corner, axis."""
     edges = before - np.roll(before, 1, axis=1)
     lengths = np.linalg.norm(edges, axis=2)
     lengths[lengths == 0.0] = np.inf
@@ -86,7 +88,7 @@ def _loss(
     is_lost = (off > NOTICED * length) & (length < np.inf)
     if is_lost.mean() <= _FEW:
         return ""
-    step = float(np.spacing(np.abs(local).max()))
+    size, step = np.ptp(before.reshape(-1, 3), axis=0).max(), np.spacing(np.float32(np.abs(after).max()))
     return (
         f"spans {size:g} and is kept in float32, in steps of {step:.2g}, which changes edges as short as "
         f"{length[is_lost].min():.2g} by more than {NOTICED:.0%}; cut it into parts that span less"

@@ -7,7 +7,6 @@ import pytest
 import trimesh
 
 import atra
-from atra.bvh.scene import BvhScene
 from atra.light import (
     Baker,
     BakeScene,
@@ -25,8 +24,9 @@ from atra.light import (
     save_model,
 )
 from atra.light.lightmaps.finish.views import lit_view
-from atra.light.lightmaps.sun.tiles import Tiles
 from atra.light.pictures.carrying import carried
+from experiments.classification.bvh.scene import BvhScene
+from experiments.light.sun.tiles import Tiles
 from tests.baked import baked, sheet
 from tests.far import AWAY, FAR, NEAR, SEEN_FAR, SEEN_NEAR
 from tests.meshes import joined, quads

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import atra
-from atra.bvh.scene import BvhScene
-from atra.shafts.scene import ShaftScene
+from experiments.classification.bvh.scene import BvhScene
+from experiments.classification.shafts.scene import ShaftScene
 from tests.far import AWAY, FAR, NEAR, SEEN_FAR, SEEN_NEAR, boxes
 
 UTM = np.array([512345.67, 4598765.43, 120.25])

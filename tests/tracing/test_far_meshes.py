@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import atra
-from atra.judge.oracle import examine, nearest_hits
-from atra.judge.reference import brute_force
 from experiments.harness.method import Tracing
 from experiments.methods import METHODS as MEASURED
+from experiments.workloads.agreement.oracle import examine, nearest_hits
 from tests.far import AWAY, FAR, NEAR, SEEN_FAR, SEEN_NEAR
 from tests.images import METHODS, make_tracer
+from tests.judge.reference import brute_force
 
 KINDS = (*METHODS, "raster", "bvh")
 
