@@ -180,7 +180,7 @@ class RayHits:
         hit = self.hit
         found = intersect_rays(self.mesh, *self._lines(hit), self._named[hit])
         u[hit], v[hit] = found.u, found.v
-        return u, v
+        return (u, v) if self.geometries is None else self.geometries.own_weights(u, v, self._named)
 
 
 def rays_of(

@@ -68,7 +68,7 @@ class AllHitsScene(MeshLifetime, ABC):
             geometries = joined(mesh, transforms)
             if not np.array_equal(geometries.firsts, self.geometries.firsts):
                 raise InputError(f"there are {geometries.count} meshes, expected other vertices of the same faces")
-            check_same_faces(self.mesh, geometries.mesh)
+            check_same_faces(self.geometries.own_faces(), geometries.own_faces())
             self._take(geometries.mesh)
             self.geometries, self._transforms = geometries, None if transforms is None else np.array(transforms)
             self._build_again()
@@ -108,7 +108,10 @@ class AllHitsScene(MeshLifetime, ABC):
         rays, shape = rays_of(origins, directions, tnear, tfar)
         with self._lock:
             found = self.crossings.find(rays, MOST if max_hits is None else int(max_hits), progress)
-            return RayHitLists(*found, shape, rays, self.geometries)
+            u, v = self.geometries.own_weights(found.u, found.v, found.prim_id)
+            return RayHitLists(
+                found.ray_splits, found.t, found.prim_id, u, v, found.truncated, shape, rays, self.geometries
+            )
 
     def count(
         self,
