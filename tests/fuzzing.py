@@ -197,6 +197,7 @@ def _mesh_samples():
         "little.ply": little,
         "big.ply": tuple(_big_endian(content) for content in little),
         "mixed.ply": tuple(mixed_ply(order, *_MIXED) for order in ("<", ">")),
+        "strips.ply": (strips_ply([(0, 1, 2, 4, -1, 1, 3, 2)]), strips_ply([(0, 1, 2, 4), (1, 3, 2)])),
         "mesh.obj": (*exported(file_type="obj"), _POLYGONS),
         "text.stl": exported(file_type="stl_ascii"),
         "mesh.stl": exported(file_type="stl"),
@@ -230,6 +231,14 @@ def mixed_ply(order, vertices, faces):
     rows = [struct.pack(f"{order}3f", *one) for one in vertices]
     rows += [struct.pack(f"{order}B{len(face)}i", len(face), *face) for face in faces]
     return head.encode() + b"".join(rows)
+
+
+def strips_ply(strips):
+    """A text of five vertices and strips of triangles."""
+    head = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n"
+    head += f"element tristrips {len(strips)}\nproperty list int int vertex_indices\nend_header\n"
+    rows = ["0 0 0", "1 0 0", "0 1 0", "1 1 0", "0 2 0", *(f"{len(one)} {' '.join(map(str, one))}" for one in strips)]
+    return ("\n".join((head.strip(), *rows)) + "\n").encode()
 
 
 def _big_endian(little):
