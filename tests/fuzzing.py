@@ -39,6 +39,7 @@ from experiments.harness.records import Record, read_record, write_record
 from experiments.results.table import Tables, make_table, read_table, write_tables
 from scenes.directory import CAMERAS_FILE, load_scene_from_directory
 from scenes.scene import CAMERA_FIELDS
+from tests.meshes import strips_ply
 from tests.report_samples import small_table
 
 MEMORY_BYTES = 512 * 2**20
@@ -231,14 +232,6 @@ def mixed_ply(order, vertices, faces):
     rows = [struct.pack(f"{order}3f", *one) for one in vertices]
     rows += [struct.pack(f"{order}B{len(face)}i", len(face), *face) for face in faces]
     return head.encode() + b"".join(rows)
-
-
-def strips_ply(strips):
-    """A text of five vertices and strips of triangles."""
-    head = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n"
-    head += f"element tristrips {len(strips)}\nproperty list int int vertex_indices\nend_header\n"
-    rows = ["0 0 0", "1 0 0", "0 1 0", "1 1 0", "0 2 0", *(f"{len(one)} {' '.join(map(str, one))}" for one in strips)]
-    return ("\n".join((head.strip(), *rows)) + "\n").encode()
 
 
 def _big_endian(little):

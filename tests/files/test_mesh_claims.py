@@ -9,7 +9,7 @@ import trimesh
 from atra.errors import InputError
 from atra.files.meshes.face_sources import load_face_sources
 from atra.files.meshes.loading import load_mesh
-from tests.fuzzing import strips_ply
+from tests.meshes import strips_ply
 
 BOX = trimesh.creation.box()
 
