@@ -16,8 +16,7 @@ import atra
 from scenes.directory import load_scene_from_directory
 from tests.closed_meshes import sphere
 from tests.meshes import beams, random_triangles
-from tests.rays.many_rays import volume
-from tests.rays.test_exact import by_fractions
+from tests.rays.many_rays import hits_by_fractions, volume
 
 TESTS = 10e6 * 20_000
 """Rays times triangles of a kind of rays at scale 1, times their kinds and meshes; at most 400,000 rays of a kind."""
@@ -124,8 +123,8 @@ def judged(mesh, origins, directions, scene):
             fractions += 1
             some = np.sort(prim_ids[ray, : counts[ray]]) if counts[ray] > 0 else np.arange(mesh.triangle_count)
             part = atra.Mesh(mesh.vertices, mesh.faces[some])
-            expected = by_fractions(part, rays.origins[ray], rays.directions[ray])
-            expected = None if expected is None else (expected[0], some[expected[1]])
+            every = hits_by_fractions(part, rays.origins[ray], rays.directions[ray])
+            expected = (every[0][0], some[every[0][1]]) if every else None
         lost += (expected is not None) and (told == atra.MISS or not occluded[ray])
         false += expected is None and (told != atra.MISS or bool(occluded[ray]))
         if expected is not None and told != atra.MISS:

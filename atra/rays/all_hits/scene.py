@@ -14,7 +14,7 @@ from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_world_range
 from atra.rays.all_hits.cells import FEWEST_POINTS, Cells, cells_of
-from atra.rays.all_hits.contains import METHODS, check_points, edge_surplus, winding_numbers
+from atra.rays.all_hits.contains import FARTHEST, METHODS, check_points, edge_surplus, winding_numbers
 from atra.rays.all_hits.finding import MOST, Crossings, Progress
 from atra.rays.all_hits.gathered import RayLayers, gathered
 from atra.rays.all_hits.lists import RayHitLists
@@ -68,7 +68,7 @@ class AllHitsScene(MeshLifetime, ABC):
             geometries = joined(mesh, transforms)
             if not np.array_equal(geometries.firsts, self.geometries.firsts):
                 raise InputError(f"there are {geometries.count} meshes, expected other vertices of the same faces")
-            check_same_faces(self.mesh, geometries.mesh)
+            check_same_faces(self.geometries.own_faces(), geometries.own_faces())
             self._take(geometries.mesh)
             self.geometries, self._transforms = geometries, None if transforms is None else np.array(transforms)
             self._build_again()
@@ -113,7 +113,10 @@ class AllHitsScene(MeshLifetime, ABC):
         rays, shape = rays_of(origins, directions, tnear, tfar)
         with self._lock:
             found = self.crossings.find(self._own(rays), MOST if max_hits is None else int(max_hits), progress)
-            return RayHitLists(*found, shape, rays, self.geometries)
+            u, v = self.geometries.own_weights(found.u, found.v, found.prim_id)
+            return RayHitLists(
+                found.ray_splits, found.t, found.prim_id, u, v, found.truncated, shape, rays, self.geometries
+            )
 
     def count(
         self,
@@ -167,12 +170,12 @@ class AllHitsScene(MeshLifetime, ABC):
         generalised winding number is above one half, also for meshes with holes, whose triangles must be
         counterclockwise seen from outside; its time grows with the number of open edges.
         A point exactly on the surface may be either.
-        Raises InputError for another method, points that are not finite, and a mesh that parity is not for, with the
-        number of its open edges; ClosedError after `close`.
+        Raises InputError for another method, points that are not finite or, with winding, beyond 1e19 in size, and a
+        mesh that parity is not for, with the number of its open edges; ClosedError after `close`.
         """
         if method not in METHODS:
             raise InputError(f"method is {method!r}, expected one of {', '.join(METHODS)}")
-        found = check_points(points)
+        found = check_points(points, FARTHEST if method == "winding" else np.inf)
         with self._lock:
             if method == "winding":
                 edges, surplus, _ = self._open
