@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.exact.intersection import intersect_pixels
+from atra.exact.rounding import ROUNDINGS
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
-from atra.judge.all_hits import ROUNDINGS
 from atra.judge.compare import Agreement, Verdict, compare
 from atra.prim_ids import MISS
 from atra.raster.tracer import RasterTracer
