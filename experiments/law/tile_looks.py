@@ -108,7 +108,7 @@ def _counted(
     rays = np.empty((len(some), 6, RAYS), np.float32)
     rays[:, :3] = origins.reshape(len(some), RAYS, 3).transpose(0, 2, 1)
     rays[:, 3:] = way.astype(np.float32)[:, None]
-    few, points = faces[spread(np.arange(len(faces)), MOST_IN_TREE)], tiles.texels.mesh.vertices
+    few, points = faces[spread(np.arange(len(faces)), MOST_IN_TREE)], tiles.texels.mesh.local_vertices
     nearest = np.full((len(some), RAYS), np.inf, np.float32)
     pool = WorkerPool(1)
     means_along(points, few, len(faces), rays, nearest.copy(), _SHAPES[:1], pool, nearest)
