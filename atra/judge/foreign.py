@@ -33,9 +33,6 @@ OFFSETS = {
 }
 """Places of rays in their pixels that are looked for, and their names."""
 
-ROUNDINGS = 4.0 * 2.0**-24
-"""Error allowed of a depth, relative to the products that it is made of: four roundings of float32."""
-
 SAME_DEPTH = 1e-5
 """Relative difference up to which two depths agree, where a convention is looked for."""
 

@@ -19,11 +19,12 @@ from experiments.classification.bvh.tracer import BvhTracer
 from experiments.classification.shafts.eye import EyeTracer
 from experiments.classification.shafts.scene import ShaftScene
 from experiments.classification.shafts.tracer import ClassifiedTracer
-from tests.far import AWAY, FAR, NEAR
+from tests.far import AWAY, FAR, NEAR, SEEN_FAR, SEEN_NEAR
 from tests.images import assert_no_pixel_wrong, assert_same_bits
 from tests.judge.reference import brute_force
 from tests.lenses import lens_camera
 from tests.light.pictures.test_paths import lit_cornell_box, through
+from tests.light.test_far_light import lights
 from tests.machine import NATIVE_LANES
 from tests.meshes import cornell_box, quads
 from tests.packets.test_lens_views import LENSES, PLACED
@@ -239,3 +240,13 @@ def test_scenes_of_our_own_trees_hit_a_far_mesh_as_the_near_one(kind):
         assert_same_hits(far.intersect(prepared), near.intersect(expected))
         np.testing.assert_array_equal(far.occluded(prepared), near.occluded(expected))
         np.testing.assert_array_equal(far.count(prepared.from_root(1))[0], near.count(expected.from_root(1))[0])
+
+
+def test_paths_traced_by_our_own_tree_are_those_of_the_near_scene():
+    images = []
+    for mesh, at, views in ((FAR, AWAY, SEEN_FAR), (NEAR, 0.0, SEEN_NEAR)):
+        scene = light.Scene(mesh, lights=lights(at))
+        with light.PathRenderer(scene, views["pinhole"], rays=BvhScene, threads=1, order="waves") as renderer:
+            renderer.add(1)
+            images.append(renderer.image)
+    np.testing.assert_array_equal(*images)
