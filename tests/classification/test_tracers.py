@@ -244,9 +244,9 @@ def test_scenes_of_our_own_trees_hit_a_far_mesh_as_the_near_one(kind):
 
 def test_paths_traced_by_our_own_tree_are_those_of_the_near_scene():
     images = []
-    for mesh, at, views in ((FAR, AWAY, SEEN_FAR), (NEAR, 0.0, SEEN_NEAR)):
+    for mesh, at, seen in ((FAR, AWAY, SEEN_FAR), (NEAR, 0.0, SEEN_NEAR)):
         scene = light.Scene(mesh, lights=lights(at))
-        with light.PathRenderer(scene, views["pinhole"], rays=BvhScene, threads=1, order="waves") as renderer:
+        with light.PathRenderer(scene, seen["pinhole"], rays=BvhScene, threads=1, order="waves") as renderer:
             renderer.add(1)
             images.append(renderer.image)
     np.testing.assert_array_equal(*images)
