@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.exact.intersection import intersect_pixels
+from atra.exact.rounding import ROUNDINGS
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
@@ -31,9 +32,6 @@ OFFSETS = {
     (0.5, _LAST): "the lower edges of pixels: a shift by half a pixel",
 }
 """Places of rays in their pixels that are looked for, and their names."""
-
-ROUNDINGS = 4.0 * 2.0**-24
-"""Error allowed of a depth, relative to the products that it is made of: four roundings of float32."""
 
 SAME_DEPTH = 1e-5
 """Relative difference up to which two depths agree, where a convention is looked for."""

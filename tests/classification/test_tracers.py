@@ -19,13 +19,16 @@ from experiments.classification.bvh.tracer import BvhTracer
 from experiments.classification.shafts.eye import EyeTracer
 from experiments.classification.shafts.scene import ShaftScene
 from experiments.classification.shafts.tracer import ClassifiedTracer
+from tests.far import AWAY, FAR, NEAR, SEEN_FAR, SEEN_NEAR
 from tests.images import assert_no_pixel_wrong, assert_same_bits
 from tests.judge.reference import brute_force
 from tests.lenses import lens_camera
 from tests.light.pictures.test_paths import lit_cornell_box, through
+from tests.light.test_far_light import lights
 from tests.machine import NATIVE_LANES
 from tests.meshes import cornell_box, quads
 from tests.packets.test_lens_views import LENSES, PLACED
+from tests.rays.test_far_rays import STARTS, WAYS, assert_same_hits
 from tests.tracing.stress import Expected, any_of, stress
 from tests.tracing.test_look import FLAT, PATH
 from tests.tracing.test_properties import EXAMPLES, assert_agree, parallel_views, views
@@ -226,3 +229,24 @@ def test_whatever_traces_the_rays_of_paths_the_picture_has_the_same_bits(make):
     holes = [light.MetallicRoughness(0.5, 0.5, "blend"), *lit_cornell_box().materials[1:]]
     with pytest.raises(atra.InputError, match=f"{make.__name__} traces no scene with holes, expected a RayScene"):
         through(partial(make, threads=1), replace(lit_cornell_box(), materials=holes))
+
+
+@pytest.mark.parametrize("kind", [BvhScene, ShaftScene])
+def test_scenes_of_our_own_trees_hit_a_far_mesh_as_the_near_one(kind):
+    ways = WAYS.astype(np.float32)
+    with kind(FAR) as far, kind(NEAR) as near:
+        prepared = far.prepare(atra.Rays(STARTS + AWAY, ways))
+        expected = near.prepare(atra.Rays(STARTS, ways))
+        assert_same_hits(far.intersect(prepared), near.intersect(expected))
+        np.testing.assert_array_equal(far.occluded(prepared), near.occluded(expected))
+        np.testing.assert_array_equal(far.count(prepared.from_root(1))[0], near.count(expected.from_root(1))[0])
+
+
+def test_paths_traced_by_our_own_tree_are_those_of_the_near_scene():
+    images = []
+    for mesh, at, seen in ((FAR, AWAY, SEEN_FAR), (NEAR, 0.0, SEEN_NEAR)):
+        scene = light.Scene(mesh, lights=lights(at))
+        with light.PathRenderer(scene, seen["pinhole"], rays=BvhScene, threads=1, order="waves") as renderer:
+            renderer.add(1)
+            images.append(renderer.image)
+    np.testing.assert_array_equal(*images)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from atra.all_hits.results import Counts, LayerHits, Thicknesses
 from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.exact.intersection import intersect_pixels, triangles_in_camera_space
+from atra.exact.rounding import ROUNDINGS
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import own_space
 from atra.geometry.view import View
@@ -18,9 +19,6 @@ from tests.judge.all_hits_kernels import judge_rays
 
 TOLERANCE = 1e-5
 """Relative error allowed of a thickness, and relative difference of depths that float32 may order either way."""
-
-ROUNDINGS = 4.0 * 2.0**-24
-"""Error allowed of a depth, relative to the products that it is made of: four roundings of float32."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -71,16 +71,6 @@ def test_paths_through_a_far_scene_are_those_through_the_near_one(view, order):
     np.testing.assert_array_equal(*images)
 
 
-def test_paths_traced_by_our_own_tree_are_those_of_the_near_scene():
-    images = []
-    for mesh, at, views in ((FAR, AWAY, SEEN_FAR), (NEAR, 0.0, SEEN_NEAR)):
-        scene = Scene(mesh, lights=lights(at))
-        with PathRenderer(scene, views["pinhole"], rays=BvhScene, threads=1, order="waves") as renderer:
-            renderer.add(1)
-            images.append(renderer.image)
-    np.testing.assert_array_equal(*images)
-
-
 def test_a_hybrid_picture_of_a_far_scene_is_that_of_the_near_one():
     images = []
     for mesh, at, views in ((FAR, AWAY, SEEN_FAR), (NEAR, 0.0, SEEN_NEAR)):
@@ -167,19 +157,6 @@ def test_texels_that_a_view_shows_and_probes_are_those_of_the_near_scene():
     np.testing.assert_array_equal(far_seen, near_seen)
     np.testing.assert_array_equal(far.points, far_points)
     np.testing.assert_array_equal(far.combined, near.combined)
-
-
-def test_aligned_rays_of_a_lightmap_to_the_sun_start_and_meet_in_a_far_scene_as_in_the_near_one():
-    texels = [baked(bake_scene(mesh, at), sheet(mesh, 8), 1).texels for mesh, at in ((ROOM_AWAY, AWAY), (ROOM, 0.0))]
-    far, near = (Tiles.of(one, 4) for one in texels)
-    np.testing.assert_allclose(far.origin, near.origin, atol=1e-12)
-    which = near.facing((0.2, 1.0, 0.1))
-    assert len(which)
-    starts = [tiles.rays(which, (0.2, 1.0, 0.1), (0.5, 0.5))[0] for tiles in (far, near)]
-    assert starts[0].dtype == np.float64
-    np.testing.assert_allclose(starts[0], starts[1] + AWAY, atol=1e-6)
-    with far.towards(which, (0.2, 1.0, 0.1), threads=1) as one, near.towards(which, (0.2, 1.0, 0.1), threads=1) as two:
-        np.testing.assert_array_equal(one.trace([(0.5, 0.5)]), two.trace([(0.5, 0.5)]))
 
 
 def test_a_model_saved_with_the_light_of_a_far_scene_lies_where_the_scene_does(tmp_path):

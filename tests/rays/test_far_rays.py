@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 import atra
-from experiments.classification.bvh.scene import BvhScene
-from experiments.classification.shafts.scene import ShaftScene
 from tests.far import AWAY, FAR, NEAR, SEEN_FAR, SEEN_NEAR, boxes
 
 UTM = np.array([512345.67, 4598765.43, 120.25])
@@ -133,17 +131,6 @@ def test_update_brings_a_scene_from_one_origin_to_another(precision):
         assert_same_hits(scene.intersect(STARTS + AWAY, WAYS), near)
         scene.update(NEAR)
         np.testing.assert_array_equal(scene.intersect(STARTS, WAYS).t, near.t)
-
-
-@pytest.mark.parametrize("kind", [BvhScene, ShaftScene])
-def test_scenes_of_our_own_trees_hit_a_far_mesh_as_the_near_one(kind):
-    ways = WAYS.astype(np.float32)
-    with kind(FAR) as far, kind(NEAR) as near:
-        prepared = far.prepare(atra.Rays(STARTS + AWAY, ways))
-        expected = near.prepare(atra.Rays(STARTS, ways))
-        assert_same_hits(far.intersect(prepared), near.intersect(expected))
-        np.testing.assert_array_equal(far.occluded(prepared), near.occluded(expected))
-        np.testing.assert_array_equal(far.count(prepared.from_root(1))[0], near.count(expected.from_root(1))[0])
 
 
 def test_rays_of_a_camera_meet_a_far_mesh_where_its_image_shows_it():

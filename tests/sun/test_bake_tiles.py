@@ -16,7 +16,10 @@ from experiments.light.bake_rays.shown import CLAIMS, FIGURES
 from experiments.light.sun.tiles import Tiles
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, judge_all
 from experiments.results.table import frame_of
-from tests.baked import cube, sheet
+from tests.baked import baked, cube, sheet
+from tests.far import AWAY
+from tests.light.test_far_light import ROOM as ROOM_NEAR
+from tests.light.test_far_light import ROOM_AWAY, bake_scene
 from tests.meshes import joined
 
 ROOM = joined(cube(inwards=True), cube(0.3), atra.Mesh(cube(0.2).vertices + np.float32([0.5, 0.1, -0.4]), cube().faces))
@@ -209,3 +212,18 @@ def test_the_figure_shows_every_use_at_all_its_points(tmp_path):
     assert len(kind.rows(given.assign(workload="bake"))) == 0
     assert len(kind.rows(given.assign(use="light"))) == 0  # a use that kept tables have and sweeps no longer
     (tmp_path / "bake_alignment.png").write_bytes(figure.png)
+
+
+def test_aligned_rays_of_a_lightmap_to_the_sun_start_and_meet_in_a_far_scene_as_in_the_near_one():
+    texels = [
+        baked(bake_scene(mesh, at), sheet(mesh, 8), 1).texels for mesh, at in ((ROOM_AWAY, AWAY), (ROOM_NEAR, 0.0))
+    ]
+    far, near = (Tiles.of(one, 4) for one in texels)
+    np.testing.assert_allclose(far.origin, near.origin, atol=1e-12)
+    which = near.facing((0.2, 1.0, 0.1))
+    assert len(which)
+    starts = [tiles.rays(which, (0.2, 1.0, 0.1), (0.5, 0.5))[0] for tiles in (far, near)]
+    assert starts[0].dtype == np.float64
+    np.testing.assert_allclose(starts[0], starts[1] + AWAY, atol=1e-6)
+    with far.towards(which, (0.2, 1.0, 0.1), threads=1) as one, near.towards(which, (0.2, 1.0, 0.1), threads=1) as two:
+        np.testing.assert_array_equal(one.trace([(0.5, 0.5)]), two.trace([(0.5, 0.5)]))

@@ -15,12 +15,12 @@ from tests.far import AWAY, FAR, NEAR, SEEN_FAR, SEEN_NEAR
 from tests.images import METHODS, make_tracer
 from tests.judge.reference import brute_force
 
-KINDS = (*METHODS, "raster", "bvh")
+KINDS = (*METHODS, "raster")
 
 
 def make(kind, mesh, camera, **options):
-    if kind in ("raster", "bvh"):
-        return {"raster": atra.RasterTracer, "bvh": atra.BvhTracer}[kind](mesh, camera, threads=1, **options)
+    if kind == "raster":
+        return atra.RasterTracer(mesh, camera, threads=1, **options)
     return make_tracer(kind, mesh, camera, (4, 1), **options)
 
 
@@ -42,8 +42,8 @@ def assert_seen_alike(far, near):
 
 def takes(kind, view):
     if view in ("fisheye", "panorama"):
-        return kind in ("pixels", "raster", "bvh")
-    return view != "orthographic" or kind not in ("visible_first", "unprobed", "tiles")
+        return kind in ("pixels", "raster")
+    return view != "orthographic" or kind not in ("visible_first", "unprobed")
 
 
 def test_the_far_mesh_is_the_near_one_moved_without_rounding():
