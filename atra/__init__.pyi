@@ -96,7 +96,6 @@ from .judge.foreign import (
     judge_image as judge_image,
 )
 from .packets.pixel import PixelTracer as PixelTracer
-from .packets.tiles import TiledTracer as TiledTracer
 from .prim_ids import MISS as MISS
 from .raster.tracer import RasterTracer as RasterTracer
 from .rays.all_hits.gathered import RayLayers as RayLayers

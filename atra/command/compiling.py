@@ -93,10 +93,9 @@ _TRACERS: dict[str, Callable[[atra.Mesh, View], atra.Tracer]] = {
     "aligned instances": lambda mesh, camera: atra.AlignedTracer(
         mesh, camera, (4, 1), geometry="instanced", culling=False
     ),
-    "tiles": lambda mesh, camera: atra.TiledTracer(mesh, camera, (4, 1)),
     "visible-first": lambda mesh, camera: atra.VisibleFirstTracer(mesh, camera, (4, 1)),
 }
-_PINHOLE_ONLY, _ALL_HITS = ("tiles", "visible-first"), ("raster", "packets", "aligned")
+_PINHOLE_ONLY, _ALL_HITS = ("visible-first",), ("raster", "packets", "aligned")
 _WITH_LENS = ("raster", "single rays", "packets")
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,9 @@ MOST_MOVED = 1e-7
 NOTICED, _FEW = 0.05, 0.01
 """Detail is lost where float32 changes the shortest edge by more than this share of its length, in more than this share
 of the triangles."""
+
+_BLOCK = 1 << 16
+"""Vertices that are rounded at a time, which bounds the memory beside them."""
 
 _SAMPLE = 4096
 """Triangles, evenly spread, whose edges show whether detail is lost."""
@@ -28,20 +33,29 @@ def placed(
     """
     if np.can_cast(vertices.dtype, np.float32):
         return np.array(vertices, np.float32, order="C"), np.zeros(3), ""
-    given = np.asarray(vertices, np.float64)
-    is_used = np.zeros(len(given), np.bool_)
+    is_used = np.zeros(len(vertices), np.bool_)
     is_used[faces] = True
-    used = given if is_used.all() else given[is_used]
-    local, origin = given.astype(np.float32, order="C"), np.zeros(3)
-    moved = float(np.abs(used.astype(np.float32) - used).max())
+    local, origin = np.empty(vertices.shape, np.float32), np.zeros(3)
+    low, high, moved = np.full(3, np.inf), np.full(3, -np.inf), 0.0
+    for some in _blocks(len(vertices)):
+        given = vertices[some].astype(np.float64)
+        local[some] = given
+        used, rounded = given[is_used[some]], local[some][is_used[some]]
+        if len(used):
+            moved = max(moved, float(np.abs(rounded - used).max()))
+            low, high = np.minimum(low, used.min(axis=0)), np.maximum(high, used.max(axis=0))
     if moved == 0.0:
         return local, origin, ""
-    low, high = used.min(axis=0), used.max(axis=0)
     size = float((high - low).max())
     if moved > MOST_MOVED * size:
         origin = _origin_of(low, high, size)
-        local = (given - origin).astype(np.float32, order="C")
-    return local, origin, _loss(given, local, origin, faces, size)
+        for some in _blocks(len(vertices)):
+            local[some] = vertices[some].astype(np.float64) - origin
+    return local, origin, _loss(vertices, local, origin, faces, size)
+
+
+def _blocks(count: int) -> Iterator[slice]:
+    return (slice(start, start + _BLOCK) for start in range(0, count, _BLOCK))
 
 
 def _origin_of(low: NDArray[np.float64], high: NDArray[np.float64], size: float) -> NDArray[np.float64]:
@@ -55,14 +69,14 @@ def _origin_of(low: NDArray[np.float64], high: NDArray[np.float64], size: float)
 
 
 def _loss(
-    given: NDArray[np.float64],
+    vertices: NDArray[np.floating],
     local: NDArray[np.float32],
     origin: NDArray[np.float64],
     faces: NDArray[np.uint32],
     size: float,
 ) -> str:
     some = faces[np.linspace(0, len(faces) - 1, min(len(faces), _SAMPLE)).astype(np.int64)]
-    before, after = given[some] - origin, local[some].astype(np.float64)
+    before, after = vertices[some].astype(np.float64) - origin, local[some].astype(np.float64)
     edges = before - np.roll(before, 1, axis=1)
     lengths = np.linalg.norm(edges, axis=2)
     lengths[lengths == 0.0] = np.inf

@@ -15,7 +15,6 @@ from atra.exact.intersection import intersect_pixels
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
-from atra.judge.all_hits import ROUNDINGS
 from atra.judge.compare import Agreement, Verdict, compare
 from atra.prim_ids import MISS
 from atra.raster.tracer import RasterTracer
@@ -32,6 +31,9 @@ OFFSETS = {
     (0.5, _LAST): "the lower edges of pixels: a shift by half a pixel",
 }
 """Places of rays in their pixels that are looked for, and their names."""
+
+ROUNDINGS = 4.0 * 2.0**-24
+"""Error allowed of a depth, relative to the products that it is made of: four roundings of float32."""
 
 SAME_DEPTH = 1e-5
 """Relative difference up to which two depths agree, where a convention is looked for."""

@@ -10,13 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.compiled.threads import WorkerPool
 from atra.geometry.view import unit_vector
-from atra.light.lightmaps.sun.tiles import Tiles, without_shortcut
-from atra.light.lightmaps.sun.tiles_kernels import SIDE as BLOCKS
-from atra.light.lightmaps.sun.tiles_kernels import find_triangles
 from experiments.law.model.copying import spread
 from experiments.law.model.counting_kernels import RAYS, SIDE
 from experiments.law.model.looking import MOST_IN_TREE, means_along
 from experiments.law.model.looking_kernels import LEVELS
+from experiments.light.sun.tiles import Tiles, without_shortcut
+from experiments.light.sun.tiles_kernels import SIDE as BLOCKS
+from experiments.light.sun.tiles_kernels import find_triangles
 
 MOST_TILES = 64
 """Tiles that are looked at."""
@@ -108,7 +108,7 @@ def _counted(
     rays = np.empty((len(some), 6, RAYS), np.float32)
     rays[:, :3] = origins.reshape(len(some), RAYS, 3).transpose(0, 2, 1)
     rays[:, 3:] = way.astype(np.float32)[:, None]
-    few, points = faces[spread(np.arange(len(faces)), MOST_IN_TREE)], tiles.texels.mesh.vertices
+    few, points = faces[spread(np.arange(len(faces)), MOST_IN_TREE)], tiles.texels.mesh.local_vertices
     nearest = np.full((len(some), RAYS), np.inf, np.float32)
     pool = WorkerPool(1)
     means_along(points, few, len(faces), rays, nearest.copy(), _SHAPES[:1], pool, nearest)

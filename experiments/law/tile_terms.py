@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.light.lightmaps.sun.rays import SHAPES, positions_together
 from experiments.law.model.counting_kernels import SIDE
 from experiments.law.model.formulas import SEEN, WHOLE, above_and_below
 from experiments.law.tile_looks import TileLook
+from experiments.light.sun.rays import SHAPES, positions_together
 
 
 class _Met(NamedTuple):

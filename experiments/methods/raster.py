@@ -54,11 +54,25 @@ class WithoutClusters(Scratch):
         self.bounds[:] = np.inf
 
 
-_SCRATCHES = dict(zip(CLUSTERS, (Scratch, WithoutOcclusion, WithoutClusters), strict=True))
+_SCRATCHES = dict(zip(CLUSTERS[1:], (WithoutOcclusion, WithoutClusters), strict=True))
+
+
+class CulledOtherwise(RasterTracer):
+    """The rasteriser with another scratch. scratch_type: what culls its clusters, set before it is built."""
+
+    scratch_type: type[Scratch] = Scratch
+
+    def _build(self) -> float:
+        taken_s = super()._build()
+        assert self._scratch is not None
+        self._scratch = self.scratch_type(self._scratch.clusters, self._scratch.rectangles, self._scratch.bounds)
+        return taken_s
 
 
 def _make(mesh: Mesh, view: View, options: RasterOptions, tracing: Tracing) -> RasterTracer:
-    tracer = RasterTracer(mesh, view, **options.keywords(tracing))
+    if options.left_out not in _SCRATCHES:
+        return RasterTracer(mesh, view, **options.keywords(tracing))
+    tracer = CulledOtherwise(mesh, view, **options.keywords(tracing))
     tracer.scratch_type = _SCRATCHES[options.left_out]
     return tracer
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.packets.tiles import TiledTracer
 from experiments.drawing.style import ORANGE
 from experiments.harness.method import Method, Style, Tracing
+from experiments.methods.culled.tracer import TiledTracer
 from experiments.methods.options import CellOptions, resolve_split, say_robust
 
 

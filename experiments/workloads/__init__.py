@@ -23,7 +23,7 @@ OWN = {
     "views": "experiments.workloads.views:VIEWS",
     "render": "experiments.workloads.render:RENDER",
     "bake": "experiments.workloads.bake:BAKE",
-    "bake_rays": "experiments.workloads.bake_rays:BAKE_RAYS",
+    "bake_rays": "experiments.light.bake_rays:BAKE_RAYS",
     "classification": "experiments.classification.workload:CLASSIFICATION",
     "rays": "experiments.workloads.rays:RAYS",
 }

@@ -5,10 +5,10 @@ import pytest
 
 import atra
 from atra.embree.packets_kernels import Image
-from atra.judge.reference import brute_force
 from experiments.classification.bvh.single import BOXES, STEPS
 from experiments.classification.bvh.tracer import BvhTracer
 from tests.images import assert_equal_images, assert_same_bits
+from tests.judge.reference import brute_force
 from tests.machine import HELD, NATIVE_LANES
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera
 from tests.raster.test_raster import PARALLEL

@@ -7,11 +7,11 @@ import pytest
 
 import atra
 from atra.embree.packets_kernels import Image
-from atra.judge.reference import brute_force
 from experiments.classification.bvh.single import FROM_ROOT, LISTED, PROVEN, STEPS
 from experiments.classification.bvh.starts import ROOT_LIST
 from experiments.classification.shafts.eye import EyeTracer, shapes_of_tiles
 from tests.images import assert_no_pixel_wrong, assert_same_bits
+from tests.judge.reference import brute_force
 from tests.machine import NATIVE_LANES
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, random_triangles
 from tests.raster.test_raster import PARALLEL

@@ -6,7 +6,6 @@ import pytest
 import atra
 from atra.compiled.threads import WorkerPool
 from atra.geometry.mesh import Mesh
-from atra.judge.reference import brute_force
 from experiments.classification.bvh.scene import BvhScene
 from experiments.classification.bvh.single import BOXES, FROM_ROOT, PROVEN, STEPS
 from experiments.classification.bvh.starts import FIRST_LIST, PASSES, UNKNOWN
@@ -17,6 +16,7 @@ from experiments.classification.shafts.scene import ShaftScene
 from experiments.classification.shafts.shafts import build_shafts, grid_of
 from experiments.classification.shafts.tracer import ClassifiedTracer
 from tests.images import assert_no_pixel_wrong, assert_same_bits
+from tests.judge.reference import brute_force
 from tests.machine import HELD, NATIVE_LANES
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 from tests.raster.test_raster import PARALLEL

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 import atra
 from atra import light
-from atra.judge.reference import brute_force
 from experiments.classification.bvh.options import BvhOptions
 from experiments.classification.bvh.scene import BvhScene
 from experiments.classification.bvh.tracer import BvhTracer
@@ -21,6 +20,7 @@ from experiments.classification.shafts.eye import EyeTracer
 from experiments.classification.shafts.scene import ShaftScene
 from experiments.classification.shafts.tracer import ClassifiedTracer
 from tests.images import assert_no_pixel_wrong, assert_same_bits
+from tests.judge.reference import brute_force
 from tests.lenses import lens_camera
 from tests.light.pictures.test_paths import lit_cornell_box, through
 from tests.machine import NATIVE_LANES

@@ -62,7 +62,7 @@ def test_embree_and_numba_are_held_to(name):
         [
             "-c",
             "from atra.embree.library import load_library\n"
-            "from atra.exact.brute_force_kernels import nearest_triangles\n"
+            "from experiments.workloads.agreement.brute_force_kernels import nearest_triangles\n"
             "import numpy as np\n"
             "print(load_library().native_packet_widths)\n"
             "z = np.zeros((3, 1)); t = np.zeros((1, 3)); counter = np.zeros(1, np.int64)\n"

@@ -17,17 +17,19 @@ from atra.alignment import aligned_kernels, culling_kernels, visibility_kernels
 from atra.all_hits.taking_kernels import LAYERS
 from atra.compiled import intrinsics, store, vectors
 from atra.embree import layout
-from atra.exact import brute_force_kernels, edges_kernels, settling_kernels, surface_kernels, ties_kernels
+from atra.exact import edges_kernels, settling_kernels, surface_kernels, ties_kernels
 from atra.geometry import projection_kernels
 from atra.light.pictures import lighting_kernels, path_kernels
 from atra.light.pictures.paths import waves_kernels
-from atra.packets import pixel_kernels, shooting_kernels, tiles_kernels
+from atra.packets import pixel_kernels, shooting_kernels
 from atra.raster import drawing, spans
 from atra.raster.all_hits import doubts_kernels
 from atra.raster.all_hits.drawing_kernels import gathering_kernel
 from atra.raster.drawing import drawing_kernel
 from atra.rays import rays_kernels
 from atra.rays.nearest import batches_kernels
+from experiments.methods.culled import tiles_kernels
+from experiments.workloads.agreement import brute_force_kernels
 
 KERNELS = {
     **{

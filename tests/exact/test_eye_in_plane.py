@@ -10,9 +10,9 @@ import trimesh
 import atra
 from atra.hits import Hits
 from atra.judge.compare import Verdict
-from atra.judge.oracle import examine
-from atra.judge.reference import brute_force
+from experiments.workloads.agreement.oracle import examine
 from tests.images import assert_no_pixel_wrong, draw, trace, trace_pixels
+from tests.judge.reference import brute_force
 from tests.meshes import EYE_AT_ORIGIN, joined, quads
 
 WALL = quads([[(-9, -9, 5), (9, -9, 5), (9, 9, 5), (-9, 9, 5)]])

@@ -14,7 +14,7 @@ from experiments.law.tile_terms import (
     trace_terms,
 )
 from experiments.law.tiles import PARTS, fastest, leave_one_out
-from tests.light.lightmaps.test_bake_tiles import OPEN, SUN, shadowed, tiles_of
+from tests.sun.test_bake_tiles import OPEN, SUN, shadowed, tiles_of
 
 ROOF = [(-10, 1, -5), (5, 1, 10), (5, 1, -5)]
 """A triangle that shadows all of the floor, seen along y."""

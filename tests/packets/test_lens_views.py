@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import atra
-from atra.judge.oracle import examine, nearest_hits
-from atra.judge.reference import brute_force
+from experiments.workloads.agreement.oracle import examine, nearest_hits
 from scenes.directory import PAPER_SCENES
 from scenes.loading import SceneSource, load_scene
 from tests.folders import NEEDS_SCENES
 from tests.images import CELLS, assert_equal_images, assert_no_pixel_wrong, make_tracer
+from tests.judge.reference import brute_force
 from tests.lenses import lens_camera, random_lens
 from tests.machine import WIDEST, WIDTHS
 from tests.meshes import cornell_box, cornell_camera, quads

@@ -13,12 +13,12 @@ import atra.rays.scene
 from atra.compiled.instruction_sets import chosen_instruction_set, cpu_features
 from atra.compiled.threads import WorkerPool
 from atra.embree.layout import FLAG_COHERENT
-from atra.exact.brute_force_kernels import nearest_triangles
 from atra.exact.intersection import intersect_rays
 from atra.rays.order import RayOrder, box_of
 from atra.rays.order_kernels import CELLS, SORTED_CHUNK
 from atra.rays.plan import FEWEST_RAYS, plan_of
 from atra.rays.rays_kernels import CHUNK, closest_hit_kernel
+from experiments.workloads.agreement.brute_force_kernels import nearest_triangles
 from tests.images import assert_no_pixel_wrong, assert_same_bits, trace
 from tests.machine import WIDEST, WIDTHS
 from tests.meshes import EYE_AT_ORIGIN, boards, cornell_box, cornell_camera, quads, random_triangles

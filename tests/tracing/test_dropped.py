@@ -77,7 +77,7 @@ def baked():
 MAKE = {
     **{
         kind: lambda kind=kind: traced(make_tracer(kind, MESH, CAMERA, (16, 1), threads=2))
-        for kind in ("pixels", "aligned", "instanced", "visible_first", "tiles")
+        for kind in ("pixels", "aligned", "instanced", "visible_first")
     },
     "frames": lambda: traced(atra.FramesTracer(MESH, FRAMES, threads=2)),
     "raster": lambda: traced(atra.RasterTracer(MESH, CAMERA, threads=2)),
@@ -139,7 +139,7 @@ def test_dropping_the_last_reference_frees_threads_and_memory(kind, no_collector
 
 
 @pytest.mark.parametrize("step", ["_plan_geometry", "_build_scene", "_run"])
-@pytest.mark.parametrize("kind", ["pixels", "aligned", "visible_first", "tiles"])
+@pytest.mark.parametrize("kind", ["pixels", "aligned", "visible_first"])
 def test_after_a_failure_too(kind, step, no_collector, held, monkeypatch):
     before = set(threading.enumerate())
     one = make_tracer(kind, MESH, CAMERA, (16, 1), threads=2)

@@ -20,7 +20,6 @@ TRACERS = {
     "aligned": partial(atra.AlignedTracer, MESH, CAMERA, SPLIT),
     "frames": partial(atra.FramesTracer, MESH, atra.Alignment.of_frames([CAMERA] * 2, atra.Split(*SPLIT, 16, 16))),
     "visible_first": partial(atra.VisibleFirstTracer, MESH, CAMERA, SPLIT),
-    "tiles": partial(atra.TiledTracer, MESH, CAMERA, SPLIT),
 }
 every_tracer = pytest.mark.parametrize("make", TRACERS.values(), ids=TRACERS)
 
@@ -45,7 +44,7 @@ def test_an_unknown_option_is_refused_with_those_there_are(make):
 
 def test_what_a_tracer_has_not_it_does_not_take():
     for make, option in (
-        ("pixel", "memory_budget_bytes"), ("tiles", "packet_rows"), ("visible_first", "culling"),
+        ("pixel", "memory_budget_bytes"), ("visible_first", "culling"),
         ("frames", "reference"),
     ):  # fmt: skip
         with pytest.raises(TypeError, match=f"no option '{option}'"):
@@ -74,10 +73,10 @@ METHODS = methods_with_keywords()
 def test_every_tracer_renderer_and_baker_takes_keywords_that_are_known():
     kinds = {
         "AlignedTracer", "Baker", "FramesTracer", "HybridRenderer", "PathRenderer", "PixelTracer", "RasterTracer",
-        "RayScene", "TileRays", "TiledTracer", "VisibleFirstTracer",
+        "RayScene", "VisibleFirstTracer",
     }  # fmt: skip
     updates = {"HybridRenderer.update", "PathRenderer.update", "Renderer.update"}
-    assert set(METHODS) == {f"{kind}.__init__" for kind in kinds} | updates | {"Tiles.towards"}
+    assert set(METHODS) == {f"{kind}.__init__" for kind in kinds} | updates
 
 
 @pytest.mark.parametrize("name", METHODS)

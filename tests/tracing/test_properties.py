@@ -16,8 +16,8 @@ from atra.alignment.culling import plan_aligned_geometry
 from atra.compiled.threads import WorkerPool
 from atra.exact.intersection import intersect_pixels
 from atra.judge.compare import Verdict
-from atra.judge.reference import brute_force
 from tests import images
+from tests.judge.reference import brute_force
 from tests.machine import WIDTHS
 from tests.strategies import EXAMPLES, NIGHTLY, parallel_views, views
 

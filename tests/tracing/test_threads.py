@@ -20,7 +20,7 @@ CAMERAS = (CAMERA, SMALL, LARGE)
 MAKE = {
     **{
         kind: lambda camera, kind=kind, **options: make_tracer(kind, MESH, camera, (16, 1), **options)
-        for kind in ("pixels", "aligned", "instanced", "visible_first", "tiles")
+        for kind in ("pixels", "aligned", "instanced", "visible_first")
     },
     "raster": lambda camera, **options: atra.RasterTracer(MESH, camera, **{"threads": 1, **options}),
 }

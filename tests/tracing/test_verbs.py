@@ -16,7 +16,6 @@ OTHER = atra.Mesh(MESH.vertices, MESH.faces[::-1])
 
 TRACERS = {
     "pixels": lambda mesh: atra.PixelTracer(mesh, CAMERA, threads=1),
-    "tiles": lambda mesh: atra.TiledTracer(mesh, CAMERA, (4, 1), threads=1),
     "aligned": lambda mesh: atra.AlignedTracer(mesh, CAMERA, (4, 1), threads=1),
     "instanced": lambda mesh: atra.AlignedTracer(mesh, CAMERA, (4, 1), threads=1, geometry="instanced", culling=False),
     "visible_first": lambda mesh: atra.VisibleFirstTracer(mesh, CAMERA, (4, 1), threads=1),
@@ -57,9 +56,8 @@ def test_all_hits_of_an_updated_mesh_are_those_of_a_new_tracer(kind):
         np.testing.assert_array_equal(one.gather(atra.Count()).count, new.gather(atra.Count()).count)
 
 
-@pytest.mark.parametrize("kind", ["tiles", "visible_first"])
-def test_gather_is_there_only_where_it_works(kind):
-    assert not hasattr(TRACERS[kind](MESH), "gather")
+def test_gather_is_there_only_where_it_works():
+    assert not hasattr(TRACERS["visible_first"](MESH), "gather")
 
 
 def test_frames_look_through_another_alignment_and_take_other_meshes():

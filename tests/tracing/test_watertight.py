@@ -15,7 +15,6 @@ IMAGES = {
     "single rays": lambda mesh, view, **o: atra.PixelTracer(mesh, view, packet_width=1, threads=1, **o),
     "aligned": lambda mesh, view, **o: atra.AlignedTracer(mesh, view, (view.width // 5, 1), threads=1, **o),
     "visible-first": lambda mesh, view, **o: atra.VisibleFirstTracer(mesh, view, (view.width // 5, 1), threads=1, **o),
-    "tiles": lambda mesh, view, **o: atra.TiledTracer(mesh, view, (5, 1), threads=1, **o),
 }
 OTHERS = {
     "instanced": lambda mesh, view, **o: atra.AlignedTracer(

@@ -5,9 +5,9 @@ import pytest
 
 import atra
 from atra.compiled.threads import WorkerPool
-from atra.embree.bvh_cost import bvh_cost
 from atra.trees.bvh import build_bvh
 from atra.trees.layout import BIAS, BLOCK, DEEPEST
+from experiments.workloads.build.bvh_cost import bvh_cost
 from tests.meshes import cornell_box, quads, random_triangles
 
 

@@ -51,7 +51,7 @@ USERS = tuple(
 )
 """Who runs methods and workloads, and who tells of what came of them."""
 
-EVIDENCE = ("experiments.classification", "experiments.law")
+EVIDENCE = ("experiments.classification", "experiments.light", "experiments.law")
 """Wings of the harness, from the ground up: each imports only those that stand before it. The core of the harness names
 them in tables of import paths alone."""
 
@@ -230,7 +230,7 @@ def test_importing_the_library_loads_no_wing_and_no_command():
     assert not [name for name in loaded if is_below(name, tuple(f"atra.{room}" for room in (*WINGS, "command")))]
 
 
-@pytest.mark.parametrize("name", ["atra.light", "experiments.classification.shafts.eye"])
+@pytest.mark.parametrize("name", ["atra.light", "experiments.classification.shafts.eye", "experiments.light.sun.tiles"])
 def test_a_wing_is_loaded_by_its_own_name(name):
     subprocess.run([sys.executable, "-c", f"import {name}"], cwd=ROOT, check=True)
 

@@ -37,9 +37,9 @@ def plain_opacity(material: Material) -> float:
 
 
 def paint_of(scene: Scene, mesh: Mesh) -> Paint:
-    """The tables of a scene's materials on a mesh of the same faces. Raises InputError for other numbers of vertices
-    or faces."""
-    dark = replace(scene, mesh=mesh, lights=(), sky=constant_sky(0.0), normals=None)
+    """The tables of a scene's materials on a mesh of the same faces, around its origin. Raises InputError for other
+    numbers of vertices or faces."""
+    dark = replace(scene, mesh=mesh.local, lights=(), sky=constant_sky(0.0), normals=None)
     return Paint(surfaces_of(dark, 0.0, None), read_only(by_place(scene)))
 
 
@@ -51,7 +51,7 @@ def means_of(
     count = int(np.clip(_LOOKUPS // max(int(np.count_nonzero(paint.by_place)), 1), _FEWEST, _MOST))
     places = np.asarray(sub_pixel_offsets(count), np.float64)
     weights = np.where(places.sum(axis=1, keepdims=True) <= 1.0, places, 1.0 - places)
-    corners = scene.mesh.vertices[scene.mesh.faces].astype(np.float64)
+    corners = scene.mesh.local_vertices[scene.mesh.faces].astype(np.float64)
     take_means(paint, corners, weights, albedo, emission, opacity)
 
 

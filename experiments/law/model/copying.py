@@ -19,9 +19,9 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.projection import count_kept, project_vertices
 from atra.geometry.split import Split
 from atra.geometry.view import View
-from atra.packets.tiles_kernels import list_cells
 from atra.tracing.geometry import LeftOut
 from atra.trees.bvh import bvh_of
+from experiments.methods.culled.tiles_kernels import list_cells
 
 MOST_COPIED = 1 << 15
 """Largest sample of triangles for counting copies."""

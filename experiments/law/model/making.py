@@ -10,11 +10,11 @@ from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.packets.pixel import PixelTracer
-from atra.packets.tiles import TiledTracer
 from atra.raster.tracer import RasterTracer
 from atra.tracing.tracer import Tracer
 from experiments.classification.bvh.tracer import BvhTracer
 from experiments.law.model.choice import Choice
+from experiments.methods.culled.tracer import TiledTracer
 
 
 def tracer_of(choice: Choice, mesh: Mesh, camera: View, *, threads: int | None = None, ties: str = "lowest") -> Tracer:

@@ -25,7 +25,7 @@ POINTS = [
     ("pixel", "frame", set(), set()),
     ("aligned", "frame", {"alignment"}, {"aligned", "aligned_cells"}),
     ("raster", "frame", {"raster"}, {"raster"}),
-    ("tiles", "build", set(), {"tiles"}),
+    ("tiles", "build", set(), {"culled", "tiles"}),
     ("visible_first", "memory", {"alignment"}, {"visible_first", "aligned_cells"}),
     ("bvh", "frame", {"rays", "trees"}, set()),
 ]

@@ -13,8 +13,8 @@ from atra.exact.intersection import intersect_pixels, triangles_in_camera_space
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import own_space
 from atra.geometry.view import View
-from atra.judge.all_hits_kernels import judge_rays
 from atra.prim_ids import MISS
+from tests.judge.all_hits_kernels import judge_rays
 
 TOLERANCE = 1e-5
 """Relative error allowed of a thickness, and relative difference of depths that float32 may order either way."""

@@ -1,7 +1,7 @@
 """Brute force: every ray is tested against every triangle in float64.
 
-The arithmetic is that of `atra.judge.reference`, operation by operation, so that both find the same triangles; only the
-divisions are postponed until a ray comes near a triangle.
+The arithmetic is that of the tests' plainer reference, operation by operation, so that both find the same triangles;
+only the divisions are postponed until a ray comes near a triangle.
 """
 
 from __future__ import annotations
@@ -10,11 +10,8 @@ import numpy as np
 
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import kernel, njit
-from atra.exact.intersection import NOISE
+from atra.exact.intersection import NOISE, SLACK
 from atra.prim_ids import MISS
-
-SLACK = 1e-12
-"""Tolerance of `inside` and of `equally deep`, as in `atra.judge.reference`."""
 
 _NEAR = 1e-9
 """Tolerance of the test without divisions, a share of the determinant; larger than SLACK, so that it loses no hit."""

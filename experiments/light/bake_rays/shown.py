@@ -12,9 +12,9 @@ from rich.table import Table
 from experiments.drawing.bars import Bar
 from experiments.drawing.style import BLUE, GREEN, ORANGE, TIMES
 from experiments.drawing.values import MILLISECONDS, column, row_interval, say_number, say_things
+from experiments.light.bake_rays import BAKE_RAYS
 from experiments.results.claims import Judge, read_claims
 from experiments.results.verdicts import Bounds, Which, ratio_judge
-from experiments.workloads.bake_rays import BAKE_RAYS
 from experiments.workloads.panels import Bars, bars_figure, draw_one, make_panels, workload_figure
 from experiments.workloads.tables import cell, points_table
 from scenes.built_in import stand_in_for

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.errors import InputError
-from atra.exact.brute_force_kernels import SLACK, nearest_triangles
-from atra.exact.intersection import Pairs, triangles_in_camera_space
+from atra.exact.intersection import SLACK, Pairs, triangles_in_camera_space
 from atra.exact.rounding import Rounding
 from atra.exact.ties import TIE_TOLERANCE
 from atra.geometry.mesh import Mesh
@@ -26,6 +25,7 @@ from atra.hits import Hits
 from atra.judge.compare import Agreement, Verdict, compare
 from atra.judge.holes import is_closed_around
 from atra.prim_ids import MISS
+from experiments.workloads.agreement.brute_force_kernels import nearest_triangles
 
 EXHAUSTIVE_TESTS = 2e10
 """Rays times triangles up to which `examine` tests all triangles. Images that disagree in more pixels are broken, and
@@ -125,8 +125,8 @@ def nearest_hits(
 ) -> Truth:
     """The nearest hit of the ray of each pixel (x, y), found by testing all triangles in float64.
 
-    x, y: (N,) integers. The rules and hits are those of `atra.judge.reference.brute_force`. Raises InputError for a
-    bad offset or thread count.
+    x, y: (N,) integers. Edges belong to the triangle, and of triangles at one depth the lowest `prim_id` wins,
+    both to SLACK. Raises InputError for a bad offset or thread count.
     """
     mesh, camera = own_space(mesh, camera)
     origins, directions = (np.ascontiguousarray(part.T) for part in camera.rays(x, y, offset))

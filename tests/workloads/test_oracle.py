@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import atra
-import atra.judge.oracle as oracle
+import experiments.workloads.agreement.oracle as oracle
 from atra.judge.compare import Agreement, Verdict, compare
-from atra.judge.oracle import Correctness, examine, nearest_hits, sample_pixels
-from atra.judge.reference import brute_force
 from atra.prim_ids import MISS
+from experiments.workloads.agreement.oracle import Correctness, examine, nearest_hits, sample_pixels
 from scenes.cornell_box import cornell_box
+from tests.judge.reference import brute_force
 from tests.meshes import EYE_AT_ORIGIN, cornell_camera, quads, random_triangles
 
 CAMERA = atra.Camera(**EYE_AT_ORIGIN, fov_y_degrees=90.0, width=8, height=6)

@@ -9,18 +9,18 @@ from numpy.typing import NDArray
 
 from atra.embree.callbacks_kernels import memory_monitor
 from atra.embree.packets_kernels import Image, RayGrid
-from atra.embree.scene import EmbreeScenes
 from atra.geometry.mesh import Mesh
 from atra.geometry.projection import count_kept, project_vertices
 from atra.geometry.ray_space import padded_vertices
 from atra.geometry.split import Split
 from atra.geometry.view import View
-from atra.packets.tiles_kernels import CellScenes, list_cells, sort_by_cell, tile_kernel
 from atra.tracing.base import ImageTracer, check_views
 from atra.tracing.budgets import check_memory_budget
 from atra.tracing.geometry import AlignedGeometry
 from atra.tracing.options import CellKeywords, CellOptions, lists_options
 from atra.tracing.rays import SQUAREST_SHAPE, check_pinhole, image_ray_grid
+from experiments.methods.culled.scenes import EmbreeScenes
+from experiments.methods.culled.tiles_kernels import CellScenes, list_cells, sort_by_cell, tile_kernel
 
 
 class TiledTracer(ImageTracer):
@@ -80,9 +80,9 @@ class TiledTracer(ImageTracer):
         return 0
 
     def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
-        assert self._geometry is not None
+        assert self.geometry is not None
         assert isinstance(self._scene, EmbreeScenes)
-        split, prim_ids = self.split, self._geometry.records
+        split, prim_ids = self.split, self.geometry.records
         cells = CellScenes(
             self._scene.handles, self._cell_starts, prim_ids, split.nx, split.cell_width, split.cell_height
         )

@@ -10,12 +10,12 @@ import atra
 from atra.errors import InputError
 from atra.light import Atlas, Texels
 from atra.light.lightmaps.charts.atlas import UNMAPPED
-from atra.light.lightmaps.sun.tiles import Tiles
 from experiments.drawing.figure import draw_figure
+from experiments.light.bake_rays import undecided
+from experiments.light.bake_rays.shown import CLAIMS, FIGURES
+from experiments.light.sun.tiles import Tiles
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, judge_all
 from experiments.results.table import frame_of
-from experiments.workloads.bake_rays import undecided
-from experiments.workloads.bake_rays.shown import CLAIMS, FIGURES
 from tests.baked import cube, sheet
 from tests.meshes import joined
 
@@ -90,7 +90,7 @@ def test_threads_share_out_tiles_and_packets():
 
 
 def test_more_copies_than_there_is_room_for_at_first_are_found_again(monkeypatch):
-    monkeypatch.setattr("atra.light.lightmaps.sun.rays._COPIES", 3)
+    monkeypatch.setattr("experiments.light.sun.rays._COPIES", 3)
     compare_with_single_rays(tiles_of(8, OPEN), SUN, atra.sub_pixel_offsets(2))
 
 

@@ -15,11 +15,11 @@ from atra.embree.workspace import Workspace, check_widths
 from atra.errors import InputError
 from atra.geometry.ray_space import padded_vertices
 from atra.geometry.view import check_offset
-from atra.light.lightmaps.sun.meeting_kernels import Shots, meeting_kernel, noting_filter, spread_answers
-from atra.light.lightmaps.sun.tiles_kernels import BoxTree, Prisms, carry_triangles, find_triangles
 from atra.tracing.budgets import EMBREE_BYTES_PER_COPY, PLAN_BYTES_PER_COPY, check_needed_bytes
 from atra.tracing.lifetime import Lifetime
 from atra.tracing.options import PacketKeywords, PacketOptions, lists_options
+from experiments.light.sun.meeting_kernels import Shots, meeting_kernel, noting_filter, spread_answers
+from experiments.light.sun.tiles_kernels import BoxTree, Prisms, carry_triangles, find_triangles
 
 SHAPES = {1: (1, 1), 2: (2, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4)}
 """Texels of a packet across and down, by their number."""

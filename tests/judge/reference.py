@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from atra.exact.brute_force_kernels import SLACK
-from atra.exact.intersection import divided, triangles_in_camera_space, volumes_of
+from atra.exact.intersection import SLACK, divided, triangles_in_camera_space, volumes_of
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import own_space
 from atra.geometry.view import View

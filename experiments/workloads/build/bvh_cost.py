@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from atra.embree import layout
 from atra.embree.building import building
-from atra.embree.callbacks_kernels import COST_WORDS, builder_callbacks, fill_boxes
 from atra.embree.device import EmbreeDevice
+from atra.tracing.base import EmbreeTracer
+from experiments.workloads.build.builder_kernels import COST_WORDS, builder_callbacks, fill_boxes
 
 _SIZE, _POINTER, _WORD = ctypes.c_size_t, ctypes.c_void_p, ctypes.c_uint32
 
@@ -97,6 +98,15 @@ def bvh_cost(
             )
         )
     return BvhCost(*(float(area) / root_area for area in cost))
+
+
+def cost_of(tracer: EmbreeTracer) -> BvhCost | None:
+    """The cost of a BVH of what a tracer has given to Embree; None before it is built and for instances, which are no
+    triangles. Takes as long as another build, on one thread. Raises EmbreeError."""
+    geometry = tracer.geometry
+    if geometry is None or geometry.transforms is not None:
+        return None
+    return bvh_cost(geometry.vertices, geometry.faces, tracer.options.build_quality)
 
 
 class _Builder(EmbreeDevice):

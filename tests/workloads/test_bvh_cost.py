@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from atra import AlignedTracer, Camera, PixelTracer
-from atra.embree.bvh_cost import BvhCost, bvh_cost
+from experiments.workloads.build.bvh_cost import BvhCost, bvh_cost, cost_of
 from tests.meshes import random_triangles
 
 TRIANGLE = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
@@ -37,13 +37,13 @@ def test_copies_in_one_place_are_entered_by_every_ray_that_enters_one(build_qual
 def test_a_tracer_tells_the_cost_of_what_it_gave_to_embree_and_none_of_instances():
     mesh, camera = random_triangles(200, seed=1), Camera((0, 0, 4), (0, 0, 0), width=32, height=32)
     with PixelTracer(mesh, camera) as single, AlignedTracer(mesh, camera, (4, 1), culling=False) as copied:
-        plain, copies = single.bvh_cost(), copied.bvh_cost()
+        plain, copies = cost_of(single), cost_of(copied)
         assert plain is not None
         assert copies is not None
         assert copies.triangles_tested > plain.triangles_tested
     with AlignedTracer(mesh, camera, (4, 1), culling=False, geometry="instanced") as instanced:
-        assert instanced.bvh_cost() is None
-    assert PixelTracer(mesh, camera).bvh_cost() is None
+        assert cost_of(instanced) is None
+    assert cost_of(PixelTracer(mesh, camera)) is None
 
 
 def test_no_node_is_lost_while_another_device_lets_embree_use_two_threads():

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from atra.all_hits.plain import Crossings
 from atra.compiled.threads import WorkerPool
 from atra.exact.edges_kernels import SUMMANDS
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View, check_offset
-from atra.raster.all_hits.crossings_kernels import list_crossings, projected
+from atra.raster.all_hits.crossings_kernels import projected
+from tests.all_hits.crossings_kernels import list_crossings
+from tests.all_hits.plain import Crossings
 
 
 def all_crossings(mesh: Mesh, camera: View, offset: tuple[float, float] = (0.5, 0.5)) -> Crossings:

@@ -16,14 +16,14 @@ from atra.errors import InputError
 from atra.exact.intersection import intersect_rays
 from atra.geometry.mesh import Mesh
 from atra.light import Atlas, Texels
-from atra.light.lightmaps.sun.rays import TileRays
-from atra.light.lightmaps.sun.tiles import Tiles, without_shortcut
 from atra.rays.rays import Rays
 from atra.tracing.options import option
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.options import Settings, settings, whole
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
+from experiments.light.sun.rays import TileRays
+from experiments.light.sun.tiles import Tiles, without_shortcut
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, over_own, series
 from experiments.workloads.rounds import load_mesh, measured, timed_rounds

@@ -19,7 +19,7 @@ from atra.embree import layout
 from atra.embree.filters_kernels import CONTEXT, HIT, RAY_COUNT, USER_DATA, VALID, refuse
 from atra.embree.layout import RayQueryContext
 from atra.embree.packets_kernels import INFINITY, intersect
-from atra.light.lightmaps.sun.tiles_kernels import ALL, SIDE
+from experiments.light.sun.tiles_kernels import ALL, SIDE
 
 _ANSWERS = RayQueryContext.depth_address.offset
 

@@ -14,11 +14,11 @@ from atra.geometry.view import unit_vector
 from atra.light.checks import check_whole
 from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.gather.tables import start_off
-from atra.light.lightmaps.sun.rays import TileRays
-from atra.light.lightmaps.sun.tiles_kernels import BoxTree, Prisms
 from atra.prim_ids import MISS
 from atra.tracing.options import PacketKeywords, PacketOptions, lists_options
 from atra.trees.bvh import bvh_of
+from experiments.light.sun.rays import TileRays
+from experiments.light.sun.tiles_kernels import BoxTree, Prisms
 
 FLAT = 1e-3
 """Largest distance of a flat chart's corners from its plane, in texels."""
@@ -31,9 +31,9 @@ GRAZING = 0.1
 class Tiles:
     """K squares of `size` texels.
 
-    origin: (K, 3) float64, world point of a tile's upper left corner. across, down: (K, 3) float64, a texel's step
-    along row and column. normal: (K, 3) float64, unit. texel: (K, size, size) int32, numbers in `texels`, -1 where
-    another chart or nothing lies.
+    origin: (K, 3) float64, a tile's upper left corner, around the mesh's origin. across, down: (K, 3) float64, a
+    texel's step along row and column. normal: (K, 3) float64, unit. texel: (K, size, size) int32, numbers in `texels`,
+    -1 where another chart or nothing lies.
     """
 
     texels: Texels
@@ -91,7 +91,7 @@ class Tiles:
     @cached_property
     def tree(self) -> BoxTree:
         """The mesh, for rays of any direction; made once."""
-        mesh = self.texels.mesh
+        mesh = self.texels.mesh.local
         bvh = bvh_of(mesh, mesh.vertices, WorkerPool(1))
         prim_ids = np.where(bvh.is_left_over, MISS, bvh.blocks[:, 9])
         corners = bvh.blocks.view(np.float32).copy()
@@ -137,14 +137,17 @@ class Tiles:
 
     def rays(
         self, tiles: NDArray[np.int64], direction: ArrayLike, offset: tuple[float, float]
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Origins and directions, (R, 3) float32, of the texels of tiles at a sub-texel offset, tile by tile."""
+    ) -> tuple[NDArray[np.floating], NDArray[np.float32]]:
+        """Origins and directions, (R, 3) float32, of the texels of tiles at a sub-texel offset, tile by tile, in world
+        space; origins are float64 for a mesh with an origin."""
         way = unit_vector("direction", direction)
         k, y, x = np.nonzero(self.texel[tiles] >= 0)
         own, off = tiles[k], self.starts(tiles, way)[k]
         origins = self.origin[own] + off[:, None] * way
         origins += (x + offset[0])[:, None] * self.across[own] + (y + offset[1])[:, None] * self.down[own]
-        return origins.astype(np.float32), np.broadcast_to(way.astype(np.float32), origins.shape)
+        ways = np.broadcast_to(way.astype(np.float32), origins.shape)
+        mesh = self.texels.mesh
+        return (origins + mesh.origin if mesh.has_origin else origins.astype(np.float32)), ways
 
 
 def without_shortcut(prisms: Prisms) -> Prisms:
@@ -153,14 +156,14 @@ def without_shortcut(prisms: Prisms) -> Prisms:
 
 
 def _planes(texels: Texels, charts: NDArray[np.int32]) -> NDArray[np.float64]:
-    """(C, 3, 3): maps of texel positions (x, y, 1) to world points; NaN for charts that are not flat."""
+    """(C, 3, 3): maps of texel positions (x, y, 1) to points around the mesh's origin; NaN for charts not flat."""
     planes = np.full((len(charts), 3, 3), np.nan)
     order = np.argsort(texels.atlas.chart, kind="stable")
     starts, stops = (np.searchsorted(texels.atlas.chart[order], charts, side) for side in ("left", "right"))
     for chart, (start, stop) in enumerate(zip(starts, stops, strict=True)):
         faces = order[start:stop]
         uv = texels.atlas.uv[faces].reshape(-1, 2)
-        corners = texels.mesh.vertices[texels.mesh.faces[faces]].reshape(-1, 3).astype(np.float64)
+        corners = texels.mesh.local_vertices[texels.mesh.faces[faces]].reshape(-1, 3).astype(np.float64)
         places = np.column_stack([uv, np.ones(len(uv))])
         plane, _, rank, _ = np.linalg.lstsq(places, corners, rcond=None)
         texel = max(np.linalg.norm(plane[0]), np.linalg.norm(plane[1]))
