@@ -22,7 +22,7 @@ import numpy as np
 from tests.rays import near_reference as reference
 from tests.rays.near_libraries import LIBRARIES
 from tests.rays.near_rays import KINDS, mesh_names, mesh_of, rays_of
-from tests.rays.near_whole_numbers import ExactRay
+from tests.rays.near_whole_numbers import ExactRay, shift_of
 
 RAYS = 10_000_000
 """Rays in all, at scale 1."""
@@ -43,6 +43,7 @@ class Truth:
 
     def __init__(self, tree, corners, origins, directions):
         self.corners, self.origins, self.directions = corners, origins, directions
+        self._shifts = shift_of(corners, origins), shift_of(directions)
         count = len(origins)
         states, counts = np.empty(count, np.int8), np.empty(count, np.int64)
         rivals = np.empty((count, reference.MOST), np.int64)
@@ -62,7 +63,7 @@ class Truth:
         self.t[self.prim_ids < 0] = np.inf
 
     def exact(self, ray):
-        return ExactRay(self.corners, self.origins[ray], self.directions[ray])
+        return ExactRay(self.corners, self.origins[ray], self.directions[ray], self._shifts)
 
     def faults(self, prim_ids, t, occluded, is_strict):
         """(wrong, lost, false, t off) of what a library says of the rays."""

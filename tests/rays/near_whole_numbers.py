@@ -42,11 +42,14 @@ def _side(d, at, way, major):
 
 
 class ExactRay:
-    """A ray and the triangles of a mesh, (F, 3, 3) float64 corners, in whole numbers."""
+    """A ray and the triangles of a mesh, (F, 3, 3) float64 corners, in whole numbers.
 
-    def __init__(self, corners, origin, direction):
+    shifts: `shift_of` corners and origins, and of directions.
+    """
+
+    def __init__(self, corners, origin, direction, shifts):
         self._corners = corners
-        self._shift, self._other = shift_of(corners, origin), shift_of(direction)
+        self._shift, self._other = shifts
         self._o, self._d = whole(origin.tolist(), self._shift), whole(direction.tolist(), self._other)
         sizes = [abs(x) for x in self._d]
         self._major = sizes.index(max(sizes))
