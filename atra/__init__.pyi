@@ -1,15 +1,6 @@
 from .alignment.aligned import AlignedTracer as AlignedTracer
-from .alignment.aligned import FramesTracer as FramesTracer
 from .alignment.alignment import Alignment as Alignment
-from .alignment.options import (
-    AlignedOptions as AlignedOptions,
-)
-from .alignment.options import (
-    FramesOptions as FramesOptions,
-)
-from .alignment.options import (
-    ReferenceRayOptions as ReferenceRayOptions,
-)
+from .alignment.frames import FramesTracer as FramesTracer
 from .alignment.visible_first import VisibleFirstTracer as VisibleFirstTracer
 from .all_hits.reductions import (
     Count as Count,
@@ -95,6 +86,7 @@ from .judge.foreign import (
 from .judge.foreign import (
     judge_image as judge_image,
 )
+from .methods import trace as trace
 from .packets.pixel import PixelTracer as PixelTracer
 from .prim_ids import MISS as MISS
 from .raster.tracer import RasterTracer as RasterTracer
@@ -104,18 +96,6 @@ from .rays.options import RayOptions as RayOptions
 from .rays.rays import RayHits as RayHits
 from .rays.rays import Rays as Rays
 from .rays.scene import RayScene as RayScene
-from .tracing.options import (
-    CellOptions as CellOptions,
-)
-from .tracing.options import (
-    Options as Options,
-)
-from .tracing.options import (
-    PixelOptions as PixelOptions,
-)
-from .tracing.options import (
-    RasterOptions as RasterOptions,
-)
 from .tracing.tracer import Tracer as Tracer
 from .views.face_counts import FaceCounts as FaceCounts
 from .views.face_counts import face_counts as face_counts

@@ -3,177 +3,170 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar, Unpack
+from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.alignment import Alignment
+from atra.alignment.alignment import REFERENCES, Alignment
+from atra.alignment.cells import CellOptions, ReferencePass, check_aligned, reference_rays
 from atra.alignment.culling import plan_aligned_geometry
 from atra.alignment.instancing import check_instancing_budget, plan_instanced_geometry
-from atra.alignment.options import AlignedKeywords, AlignedOptions, FramesKeywords, FramesOptions
-from atra.alignment.reference_rays import ReferenceRayTracer, reference_rays
-from atra.alignment.second_pass import SecondPass, with_neighbours
+from atra.alignment.second_pass import SECOND_PASS_TILE, SecondPass, left_out_passes
 from atra.alignment.visibility import Tiles, nearest_in_tiles
-from atra.embree.callbacks_kernels import nearest_hit_filter
-from atra.embree.device import EmbreeDevice
+from atra.all_hits.reductions import Reduction
+from atra.choices import check_choice
+from atra.compiled.threads import WorkerPool
+from atra.embree.callbacks_kernels import memory_monitor, nearest_hit_filter
 from atra.embree.packets_kernels import PixelTiles
-from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.split import Split
 from atra.geometry.view import View
-from atra.hits import Frames, Hits
-from atra.packets.all_hits import EmbreeGathering, Shots
-from atra.packets.pixel import image_shots
-from atra.tracing.base import ImageTracer
+from atra.packets.all_hits import EmbreeAllHits, RayBatch, check_gathering
+from atra.packets.pixel import image_rays
 from atra.tracing.budgets import check_memory_budget
+from atra.tracing.embree import build_scene
 from atra.tracing.geometry import AlignedGeometry, LeftOut, plan_plain_geometry
-from atra.tracing.images import images_of
-from atra.tracing.lifetime import Result, check_same_faces, in_turn
-from atra.tracing.options import lists_options
 from atra.tracing.rays import SQUAREST_SHAPE, longest_ray
-
-if TYPE_CHECKING:  # loaded by the first `gather`, which nearest hits do without
-    from atra.raster.all_hits.doubts_kernels import Precision
-
-SECOND_PASS_TILE = (8, 4)
-"""Tile size of the second pass, (width, height) in pixels: whole packets of any shape."""
+from atra.tracing.tracer import Tracer
 
 
-class _AlignedImages(ReferenceRayTracer[Result]):
-    """Traces all images of an alignment at once; the base of `AlignedTracer` and `FramesTracer`."""
+@dataclass(frozen=True)
+class Aligned:
+    """Affine-transformed ray alignment as a method. split, reference: see `AlignedTracer`; options: its others."""
 
-    options_type: ClassVar[type[FramesOptions]] = FramesOptions
-    options: FramesOptions
+    split: tuple[int, int]
+    reference: str = "off_axis"
+    options: CellOptions = CellOptions()
 
-    def __init__(self, meshes: Mesh | Sequence[Mesh], alignment: Alignment, options: Mapping[str, Any]) -> None:
-        count = alignment.image_count
-        self.meshes = _one_for_each(meshes, count)
-        super().__init__(options)
-        self._check_meshes(self.meshes)
-        self._align(self.meshes, alignment)
-        self._second_passes: list[SecondPass | None] = []  # one per image, None if nothing was left out
-        cells = self.split.cell_count * count
-        if self.options.geometry == "instanced":
-            check_instancing_budget(self.mesh, cells, self.options)
-        elif not self.options.culling:
-            copies = sum(mesh.triangle_count for mesh in self.meshes) * self.split.cell_count
-            check_memory_budget(copies, cells, self.options)
-
-    def _check_meshes(self, meshes: tuple[Mesh, ...]) -> None:
-        if self.options.geometry == "instanced" and any(mesh is not meshes[0] for mesh in meshes):
-            raise InputError(
-                "geometry is 'instanced' and the frames have meshes of their own, but instances show one mesh; "
-                "use geometry='copied'"
-            )
-
-    def _plan_geometry(self) -> AlignedGeometry:
-        if self.options.geometry == "instanced":
-            return plan_instanced_geometry(self.mesh, self.alignment, self.options, self._row_stride, self._pool)
-        return plan_aligned_geometry(self.meshes, self.alignment, self.options, self._row_stride, self._pool)
-
-    def _filter_address(self) -> int:
-        return nearest_hit_filter(*self.packet_shape, self.options.geometry == "instanced")
-
-    def _build_scene(self, geometry: AlignedGeometry) -> EmbreeDevice:
-        self._close_second_passes()
-        self._second_passes = [
-            None if left_out is None else self._second_pass(mesh, camera, left_out)
-            for (mesh, camera), left_out in zip(self.views, geometry.left_out, strict=False)
-        ]
-        return super()._build_scene(geometry)
-
-    def _second_pass(self, mesh: Mesh, camera: View, left_out: LeftOut) -> SecondPass:
-        if self.options.robust:
-            shown = with_neighbours(mesh, left_out.prim_ids)
-        else:
-            shown = np.zeros(mesh.triangle_count, np.bool_)
-            shown[left_out.prim_ids] = True
-        plain = plan_plain_geometry(mesh, camera, ~shown)
-        tiles = Tiles(*SECOND_PASS_TILE, camera.width, camera.height)
-        nearest = nearest_in_tiles(mesh, camera, tiles, left_out)
-        scene = self._scene_of(plain, self.options.build_quality)
-        return SecondPass(scene, camera, tiles, nearest)
-
-    def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
-        self._trace_reference_rays(offset, depth, prim_id)
-        height = self.camera.height
-        for image, second_pass in enumerate(self._second_passes):
-            if second_pass is not None:
-                rows = slice(image * height, (image + 1) * height)
-                second_pass.trace(self._pool, self._workspaces, self.packet_width, offset, depth[rows], prim_id[rows])
+    def __post_init__(self) -> None:
+        check_choice("reference", self.reference, REFERENCES)
 
     @property
-    @in_turn
-    def counters(self) -> Mapping[str, float]:
-        """As `atra.Tracer` says; triangles_left_out and packets_verified are known as well."""
-        left_out = () if self.geometry is None else self.geometry.left_out
-        second_passes = [one for one in self._second_passes if one is not None]
-        return {
-            **super().counters,
-            "triangles_left_out": sum(len(one.prim_ids) for one in left_out if one is not None),
-            "packets_verified": sum(one.packets_traced for one in second_passes),
-        }
+    def rays_per_packet(self) -> int:
+        """The packet width, resolved for this machine."""
+        return self.options.rays_per_packet
 
-    @property
-    @in_turn
-    def embree_bytes(self) -> int:
-        """Bytes that Embree reports for all scenes; 0 before `build`."""
-        return super().embree_bytes + sum(one.scene.embree_bytes for one in self._second_passes if one is not None)
+    def alignment(self, camera: View) -> Alignment:
+        """The cells of a camera's image. Raises InputError for a split that does not divide it."""
+        return Alignment.of_cells(camera, Split.of_image(self.split, camera), self.reference)
 
-    def _close_second_passes(self) -> None:
-        for second_pass in self._second_passes:
-            if second_pass is not None:
-                second_pass.close()
-        self._second_passes = []
+    def check(self, mesh: Mesh, camera: View) -> None:
+        """See `Method.check`."""
+        alignment = self.alignment(camera)
+        check_aligned((mesh,), alignment, self.options)
+        check_copies((mesh,), alignment, self.options)
 
-    def _forget(self) -> None:
-        super()._forget()
-        self._close_second_passes()
+    def check_gathering(self, camera: View) -> None:
+        """See `Method.check_gathering`."""
+        check_gathering(camera, self.options.build_quality)
+
+    def prepare(self, mesh: Mesh, camera: View, pool: WorkerPool) -> PreparedAligned:
+        """Cull, shear and build."""
+        return PreparedAligned((mesh,), self.alignment(camera), self.options, pool)
 
 
-class AlignedTracer(EmbreeGathering, _AlignedImages[Hits], ImageTracer):
-    """Affine-transformed ray alignment: trace the reference cell's rays and get the nearest hit of every cell.
+def check_copies(meshes: Sequence[Mesh], alignment: Alignment, options: CellOptions) -> None:
+    """Raise MemoryBudgetError for more copies or instances than the memory holds, where their number is known."""
+    cells = alignment.split.cell_count * alignment.image_count
+    if options.is_instanced:
+        check_instancing_budget(meshes[0], cells, options)
+    elif not options.culling:
+        copies = sum(mesh.triangle_count for mesh in meshes) * alignment.split.cell_count
+        check_memory_budget(copies, cells, options.build_quality, options.memory_budget_bytes)
 
-    split: (nx, ny) cells; nx must divide the width, ny the height. options: see `atra.AlignedOptions`. With instances,
-    `triangle_count` is the mesh's own. Raises InputError for a split that does not divide the image, and as the options
-    do; MemoryBudgetError before allocating. Source: paper §3.1, §3.4; instances §4.4.
+
+class PreparedAligned:
+    """A BVH of sheared copies, or instances, for all cells of the images of an alignment.
+
+    meshes: one per image; with instances all are one mesh. packet_shape: columns and rows of pixels in a packet.
     """
 
-    options_type = AlignedOptions
-    options: AlignedOptions
+    def __init__(self, meshes: Sequence[Mesh], alignment: Alignment, options: CellOptions, pool: WorkerPool) -> None:
+        self._meshes, self._options, self._pool = meshes, options, pool
+        self._pass = ReferencePass(alignment, options, pool)
+        self.packet_shape, self.row_stride = self._pass.packet_shape, self._pass.row_stride
+        self._all_hits: EmbreeAllHits | None = None
+        start = perf_counter()
+        self.geometry = self._plan()
+        self.plan_time_s = perf_counter() - start
+        filter_address = nearest_hit_filter(*self.packet_shape, options.is_instanced)
+        memory_monitor()  # compiled, like the filter, before the clock starts
+        start = perf_counter()
+        self.second_passes = left_out_passes(meshes, alignment, self.geometry.left_out, options, pool)
+        self._scene = build_scene(self.geometry, pool.threads, filter_address=filter_address, **self._settings)
+        self.build_time_s = perf_counter() - start
 
-    @lists_options(AlignedOptions)
-    def __init__(self, mesh: Mesh, camera: View, split: tuple[int, int], **options: Unpack[AlignedKeywords]) -> None:
-        reference = options.get("reference", AlignedOptions.reference)
-        super().__init__((mesh,), Alignment.of_cells(camera, Split.of_image(split, camera), reference), options)
-
-    def _show(self, mesh: Mesh, camera: View) -> None:
-        self._align((mesh,), Alignment.of_cells(camera, self.split.of(camera), self.options.reference))
-        self.meshes = (mesh,)
+    def _plan(self) -> AlignedGeometry:
+        rest = self._pass.alignment, self._options, self.row_stride, self._pool
+        if self._options.is_instanced:
+            return plan_instanced_geometry(self._meshes[0], *rest)
+        return plan_aligned_geometry(self._meshes, *rest)
 
     @property
-    def _gathering_row(self) -> int:
-        return self._row_stride  # of the records
+    def _settings(self) -> dict[str, Any]:
+        return {"build_quality": self._options.build_quality, "robust": self._options.robust}
 
-    def _planned_shots(self) -> list[Shots]:
-        geometry, split = self.geometry, self.split
-        assert geometry is not None
-        strips = np.zeros((split.cell_height // self.packet_shape[1], 2), np.int32)
-        strips[:, 1] = np.arange(0, split.cell_height, self.packet_shape[1])
-        tiles = PixelTiles(strips, split.cell_width, self.packet_shape[1])
-        cell = split.cell_width, split.cell_height
-        rays = partial(reference_rays, self.alignment)  # no method: it would keep a reference to this tracer
-        shots = [Shots(geometry, self.options.geometry, self.packet_shape, rays, tiles, cell)]
-        for left_out in geometry.left_out:
-            if left_out is not None:
-                shots.append(self._shots_at(left_out))
-        return shots
+    def still_serves(self, camera: View) -> bool:
+        """Never: copies hang on the camera."""
+        return False
 
-    def _shots_at(self, left_out: LeftOut) -> Shots:
+    def draw(self, offset: tuple[float, float], depth: NDArray[np.float32], prim_id: NDArray[np.uint32]) -> None:
+        """See `Prepared.draw`; of several images one stands below the other."""
+        self._pass.trace(self._scene, offset, depth, prim_id)
+        height = self._pass.alignment.split.height
+        for image, second_pass in enumerate(self.second_passes):
+            if second_pass is not None:
+                rows = slice(image * height, (image + 1) * height)
+                second_pass.trace(self._pass.workspaces, offset, depth[rows], prim_id[rows])
+
+    @property
+    def gathering_stride(self) -> int:
+        """Pixels from one row of gathered images to the next: that of the records."""
+        return self.row_stride
+
+    def gather(
+        self,
+        what: Reduction[Any],
+        offset: tuple[float, float],
+        images: dict[str, NDArray],
+        weights: NDArray[np.float32] | None,
+        is_known: bool,
+    ) -> None:
+        """See `Gathering.gather`; of one image. The first call builds BVHs with a filter."""
+        if self._all_hits is None:
+            from atra.raster.all_hits.doubts_kernels import Precision
+
+            (mesh,), alignment = self._meshes, self._pass.alignment
+            (camera,) = alignment.cameras
+            direction, origin = longest_ray(camera)
+            shift = sum(float(np.linalg.norm(shears, axis=1).max()) for shears in alignment.shears)
+            stretch, shift = (1.0, origin + shift) if camera.is_parallel else (1.0 + shift, 0.0)
+            precision = Precision.of(camera.pixel_pitch, direction, stretch, shift, self._options.robust)
+            self._all_hits = EmbreeAllHits(
+                mesh, camera, self._ray_batches(), self.gathering_stride, precision, self._pool, **self._settings
+            )
+        self._all_hits.gather(what, offset, images, weights, self._pass.workspaces)
+
+    def _ray_batches(self) -> list[RayBatch]:
+        """The reference rays, and those of pixels where triangles were left out."""
+        alignment, shape = self._pass.alignment, self.packet_shape
+        split = alignment.split
+        strips = np.zeros((split.cell_height // shape[1], 2), np.int32)
+        strips[:, 1] = np.arange(0, split.cell_height, shape[1])
+        tiles, cell = PixelTiles(strips, split.cell_width, shape[1]), (split.cell_width, split.cell_height)
+        rays = partial(reference_rays, alignment)  # no method: it would keep a reference to this object
+        batches = [RayBatch(self.geometry, self._options.geometry, shape, rays, tiles, cell)]
+        left_out = [one for one in self.geometry.left_out if one is not None]
+        return batches + [self._left_out_rays(one) for one in left_out]
+
+    def _left_out_rays(self, left_out: LeftOut) -> RayBatch:
         """The rays of the second pass, in the tiles where triangles were left out."""
-        mesh, camera, shape = self.mesh, self.camera, SQUAREST_SHAPE[self.packet_width]
+        (mesh,), (camera,) = self._meshes, self._pass.alignment.cameras
+        shape = SQUAREST_SHAPE[self._options.rays_per_packet]
         tiles = Tiles(*SECOND_PASS_TILE, camera.width, camera.height)
         rows, columns = np.nonzero(np.isfinite(nearest_in_tiles(mesh, camera, tiles, left_out)))
         corners = np.stack([columns * tiles.tile_width, rows * tiles.tile_height], axis=1).astype(np.int32)
@@ -181,95 +174,103 @@ class AlignedTracer(EmbreeGathering, _AlignedImages[Hits], ImageTracer):
         others[left_out.prim_ids] = False
         plain = plan_plain_geometry(mesh, camera, others)
         image_tiles = PixelTiles(corners, tiles.tile_width, tiles.tile_height)
-        return image_shots(plain, camera, shape, image_tiles, is_alone=camera.width % shape[0] != 0)
+        return image_rays(plain, camera, shape, image_tiles, is_alone=camera.width % shape[0] != 0)
 
-    def _precision(self) -> Precision:
-        from atra.raster.all_hits.doubts_kernels import Precision
+    @property
+    def triangle_count(self) -> int:
+        """Copies in the Embree scene; with instances the mesh's own triangles."""
+        return self.geometry.copy_count
 
-        direction, origin = longest_ray(self.camera)
-        shift = sum(float(np.linalg.norm(shears, axis=1).max()) for shears in self.alignment.shears)
-        stretch, shift = (1.0, origin + shift) if self.camera.is_parallel else (1.0 + shift, 0.0)
-        return Precision.of(self.camera.pixel_pitch, direction, stretch, shift, self.options.robust)
+    @property
+    def embree_bytes(self) -> int:
+        """Bytes that Embree holds for all BVHs."""
+        second = sum(one.scene.embree_bytes for one in self._built_second_passes)
+        return self._scene.embree_bytes + second + (0 if self._all_hits is None else self._all_hits.embree_bytes)
+
+    @property
+    def counters(self) -> Mapping[str, float]:
+        """Embree's memory, triangles_left_out and packets_verified: see `Tracer.counters`."""
+        return {
+            "embree_bytes": self.embree_bytes,
+            "triangles_left_out": sum(len(one.prim_ids) for one in self.geometry.left_out if one is not None),
+            "packets_verified": sum(one.packets_traced for one in self._built_second_passes),
+        }
+
+    @property
+    def _built_second_passes(self) -> list[SecondPass]:
+        return [one for one in self.second_passes if one is not None]
+
+    def close(self) -> None:
+        """Release the BVHs."""
+        if self._all_hits is not None:
+            self._all_hits.close()
+        for second_pass in self._built_second_passes:
+            second_pass.close()
+        self._scene.close()
 
 
-class FramesTracer(_AlignedImages[Frames]):
-    """Several images from one set of rays: two eyes, or frames of a moving camera, each with its own cells.
+def AlignedTracer(
+    mesh: Mesh,
+    camera: View,
+    split: tuple[int, int],
+    *,
+    threads: int | None = None,
+    ties: str = "lowest",
+    packet_width: int | None = None,
+    packet_rows: int | None = None,
+    build_quality: str = "medium",
+    robust: bool = True,
+    memory_budget_bytes: int | None = None,
+    geometry: str = "copied",
+    culling: bool = True,
+    reference: str = "off_axis",
+) -> Tracer:
+    """Trace the reference cell's rays and get the nearest hit of every cell: affine-transformed ray alignment.
 
-    meshes: one for all frames, or one per frame, so geometry may move. alignment: `Alignment.of_eyes`,
-    `Alignment.of_frames`, or any other. options: see `atra.FramesOptions`; instances need one mesh for all frames.
-    `look` takes another alignment of as many frames, `update` other vertices of the same faces. Raises InputError
-    unless there is one mesh or one per frame, and as `AlignedTracer` does. Source: paper §6, Fig. 8.
+    Parameters
+    ----------
+    mesh, camera :
+        What is traced, and by which rays: pinhole or orthographic.
+    split : (int, int)
+        Columns and rows of cells; they must divide the image's width and height.
+    threads, ties :
+        As for `Tracer`.
+    packet_width : {1, 4, 8, 16}, optional
+        Rays in a packet; 1 = single rays (default: the widest native packets).
+    packet_rows : int, optional
+        Rows of pixels in a packet (default: the best fit for the cell).
+    build_quality : {"low", "medium", "high"}
+        Embree's, for its BVH.
+    robust : bool
+        No ray slips through between two triangles; False takes Embree's fast arithmetic, as in the paper.
+    memory_budget_bytes : int, optional
+        Copies that need more are refused (default: the memory that is free).
+    geometry : {"copied", "instanced"}
+        A sheared copy of the triangles per cell, or one Embree instance of the mesh per cell, which needs
+        `culling=False`; `triangle_count` is then the mesh's own.
+    culling : bool
+        Copy only the triangles that a cell's frustum meets.
+    reference : {"off_axis", "first_cell"}
+        The reference cell: a quarter of the image from its centre, or the first cell, as in the paper. The image is the
+        same.
+
+    Returns
+    -------
+    Tracer
+
+    Raises
+    ------
+    InputError
+        For a split that does not divide the image, and an option's value.
+    MemoryBudgetError
+        For more copies than the memory holds, before they are made.
+
+    Notes
+    -----
+    Source: paper §3.1 and §3.4; instances §4.4.
     """
-
-    @lists_options(FramesOptions)
-    def __init__(self, meshes: Mesh | Sequence[Mesh], alignment: Alignment, **options: Unpack[FramesKeywords]) -> None:
-        super().__init__(meshes, alignment, options)
-
-    def _show(self, mesh: Mesh, camera: View) -> None:
-        raise NotImplementedError("frames have several cameras")
-
-    def look(self, alignment: Alignment) -> None:  # type: ignore[override]
-        """Trace what the cameras of `alignment` see from the next call on: as many frames as before.
-
-        Raises InputError for anything but an alignment of as many frames, else as `AlignedTracer.look`.
-        """
-        with self._lock:
-            self._check_open()
-            count = len(self.meshes)
-            if not isinstance(alignment, Alignment) or alignment.image_count != count:
-                raise InputError(
-                    f"FramesTracer shows {count} cameras at once and cannot look through {alignment!r:.100}; expected "
-                    f"an Alignment of {count} frames, such as Alignment.of_frames makes"
-                )
-            self._align(self.meshes, alignment)
-            self._build_again()
-
-    def update(self, meshes: Mesh | Sequence[Mesh]) -> None:
-        """Trace other vertices of the same faces from the next call on. meshes: one for all frames, or one per frame.
-
-        Raises InputError for other faces and another number of meshes, else as `AlignedTracer.update`.
-        """
-        with self._lock:
-            self._check_open()
-            others = _one_for_each(meshes, len(self.meshes))
-            for before, mesh in zip(self.meshes, others, strict=True):
-                check_same_faces(before, mesh)
-            self._check_meshes(others)
-            self._align(others, self.alignment)
-            self.meshes = others
-            self._build_again()
-
-    def _trace(self, offset: tuple[float, float], out: Frames | None) -> Frames:
-        cameras, height, width = self.alignment.cameras, self.camera.height, self.camera.width
-        rows = len(cameras) * height
-        images = images_of(out)
-        stacked = None if images is None else (_stacked(images[0]), _stacked(images[1]))
-        depth, prim_id = self._trace_rows(offset, rows, stacked)
-        shape = (len(cameras), height, width)
-        depth, prim_id = _unstacked(depth, shape), _unstacked(prim_id, shape)
-        return Frames(depth, prim_id, offset, self.meshes, cameras, self.threads)
-
-
-def _one_for_each(meshes: Mesh | Sequence[Mesh], count: int) -> tuple[Mesh, ...]:
-    """A mesh for each of `count` frames. Raises InputError unless one is given, or one per frame."""
-    given = (meshes,) * count if isinstance(meshes, Mesh) else tuple(meshes)
-    if len(given) != count:
-        raise InputError(f"{len(given)} meshes for {count} frames; expected one for each, or one for all")
-    return given
-
-
-def _unstacked(images: NDArray, shape: tuple[int, int, int]) -> NDArray:
-    """View (K H, W) images, one below the other, as (K, H, W)."""
-    row_bytes, pixel_bytes = images.strides
-    return np.lib.stride_tricks.as_strided(images, shape, (shape[1] * row_bytes, row_bytes, pixel_bytes))
-
-
-def _stacked(images: NDArray) -> NDArray:
-    """The reverse of `_unstacked`. Arrays of other origin get strides that are refused later."""
-    if images.ndim != 3:
-        raise InputError(f"out has images of {images.shape}, expected (frames, height, width) of an earlier result")
-    count, height, width = images.shape
-    image_bytes, row_bytes, pixel_bytes = images.strides
-    if image_bytes != height * row_bytes:
-        raise InputError("out has images that do not follow each other in memory: pass a result of this tracer")
-    return np.lib.stride_tricks.as_strided(images, (count * height, width), (row_bytes, pixel_bytes))
+    options = CellOptions(
+        packet_width=packet_width, packet_rows=packet_rows, build_quality=build_quality, robust=robust,
+        memory_budget_bytes=memory_budget_bytes, geometry=geometry, culling=culling,
+    )  # fmt: skip
+    return Tracer(mesh, camera, Aligned(split, reference, options), threads=threads, ties=ties)

@@ -11,13 +11,15 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.options import REFERENCES
 from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.geometry.numbers import Vector
 from atra.geometry.ray_space import from_eye_space, ray_axes
 from atra.geometry.split import Split
 from atra.geometry.view import View
+
+REFERENCES = ("off_axis", "first_cell")
+"""The reference cell: one a quarter of the image from its centre, or the first cell, as in the paper."""
 
 TOLERANCE_PIXELS = 1e-6
 """Largest distance in pixels between a mapped ray and its reference ray: well above float64's rounding, well below that

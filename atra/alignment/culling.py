@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from atra.alignment.alignment import Alignment
+from atra.alignment.cells import CellOptions
 from atra.alignment.culling_kernels import fill_copies
-from atra.alignment.options import FramesOptions
 from atra.alignment.rounding import image_roundings
 from atra.compiled.threads import WorkerPool
 from atra.geometry.mesh import Mesh
@@ -19,7 +19,7 @@ from atra.tracing.geometry import AlignedGeometry, LeftOut
 
 
 def plan_aligned_geometry(
-    meshes: Sequence[Mesh], alignment: Alignment, options: FramesOptions, row_stride: int, pool: WorkerPool
+    meshes: Sequence[Mesh], alignment: Alignment, options: CellOptions, row_stride: int, pool: WorkerPool
 ) -> AlignedGeometry:
     """Shear a copy of every triangle for every cell; with culling, only for cells whose frustum it meets.
 
@@ -51,7 +51,8 @@ def plan_aligned_geometry(
     # Where the copies of each triangle start, image after image.
     starts = np.concatenate([[0], np.cumsum(np.concatenate(counts))])
     copies = int(starts[-1])
-    check_memory_budget(copies, split.cell_count * alignment.image_count, options)
+    cells = split.cell_count * alignment.image_count
+    check_memory_budget(copies, cells, options.build_quality, options.memory_budget_bytes)
 
     vertices = padded_vertices(3 * copies)
     records = np.empty(copies, np.int64)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment.alignment import Alignment
+from atra.alignment.cells import CellOptions
 from atra.alignment.rounding import image_roundings
 from atra.compiled.threads import WorkerPool
 from atra.geometry.mesh import Mesh
@@ -13,7 +14,6 @@ from atra.geometry.projection import project_vertices
 from atra.geometry.ray_space import from_eye_space
 from atra.tracing.budgets import EMBREE_BYTES_PER_COPY, check_image_size, check_needed_bytes
 from atra.tracing.geometry import AlignedGeometry, LeftOut, plan_plain_geometry
-from atra.tracing.options import CellOptions
 
 PLAN_BYTES_PER_INSTANCE = 48 + 8
 """A transform and a record."""

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.alignment.alignment import Alignment
+from atra.alignment.cells import CellOptions
 from atra.alignment.rounding import roundings_of_copies
 from atra.alignment.visibility_kernels import count_visible, fill_visible
 from atra.compiled.threads import WorkerPool
@@ -23,7 +24,6 @@ from atra.geometry.split import Split
 from atra.geometry.view import View
 from atra.tracing.budgets import check_image_size, check_memory_budget
 from atra.tracing.geometry import AlignedGeometry, LeftOut
-from atra.tracing.options import CellOptions
 
 DEPTH_SLACK = 1e-4
 """Smallest relative margin on the depth of what is left out; a triangle's float32 error replaces it where larger."""
@@ -162,7 +162,7 @@ def plan_visible_geometry(
     starts = np.zeros(mesh.triangle_count + 1, np.int64)
     np.cumsum(kept.counts, out=starts[1:])
     copies = int(starts[-1])
-    check_memory_budget(copies, split.cell_count, options)
+    check_memory_budget(copies, split.cell_count, options.build_quality, options.memory_budget_bytes)
     vertices = padded_vertices(3 * copies)
     records = np.empty(copies, np.int64)
 

@@ -12,6 +12,7 @@ from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -100,7 +101,8 @@ def _trace(tracer: str, view: str) -> None:
 
 def _gather(tracer: str, view: str, what: str) -> None:
     with _TRACERS[tracer](_closed(), _cameras()[view]) as one:
-        one.gather(_REDUCTIONS[what]())  # type: ignore[attr-defined]
+        reduction: Any = _REDUCTIONS[what]()
+        one.gather(reduction)
 
 
 def _shoot_rays() -> None:

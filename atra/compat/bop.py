@@ -19,6 +19,7 @@ from atra.geometry.image_plane import ImagePlane
 from atra.geometry.mesh import Mesh
 from atra.geometry.numbers import as_number
 from atra.raster.tracer import RasterTracer
+from atra.tracing.tracer import Tracer
 from atra.whole_numbers import is_whole_number
 
 NO_BOX = [-1, -1, -1, -1]
@@ -78,7 +79,7 @@ class Renderer:
             raise InputError(f"pixel_centre is {pixel_centre!r}, expected a number of pixels")
         self.width, self.height, self.pixel_centre = int(width), int(height), float(pixel_centre)
         self._meshes: dict[Hashable, Mesh] = {}
-        self._tracers: dict[Hashable, RasterTracer] = {}
+        self._tracers: dict[Hashable, Tracer] = {}
         self._kept: tuple[tuple[float, float, float, float], ImagePlane] | None = None
 
     def add_object(self, obj_id: Hashable, model_path: str | PathLike[str] | Mesh, **kwargs: Any) -> None:

@@ -19,6 +19,7 @@ from atra.hits import Hits
 from atra.judge.compare import Agreement, Verdict, compare
 from atra.prim_ids import MISS
 from atra.raster.tracer import RasterTracer
+from atra.tracing.tracer import Tracer
 
 _LAST = float(np.nextafter(1.0, 0.0))
 
@@ -186,9 +187,7 @@ def judge_image(
     return ForeignJudgement(compare(mesh, camera, hits, reference), found, agreeing, own, hits, reference)
 
 
-def _fitting(
-    image: ForeignImage, tracer: RasterTracer, given: Convention | None
-) -> tuple[Convention, float, float, Hits]:
+def _fitting(image: ForeignImage, tracer: Tracer, given: Convention | None) -> tuple[Convention, float, float, Hits]:
     """Return the convention that fits best, the shares of depths that agree with it and with atra's own, and the right
     image with its rays."""
     shape = (tracer.camera.height, tracer.camera.width)

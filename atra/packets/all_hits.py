@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,24 +11,25 @@ from numpy.typing import NDArray
 from atra.all_hits.layers_kernels import finish_image
 from atra.all_hits.reductions import Reduction
 from atra.all_hits.taking_kernels import LAYERS, THICKNESS
+from atra.compiled.threads import WorkerPool
 from atra.embree.packets_kernels import PixelTiles, RayGrid
 from atra.embree.scene import EmbreeScene
-from atra.embree.workspace import check_widths
+from atra.embree.workspace import Workspace, check_widths
 from atra.errors import InputError
-from atra.hits import Hits
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
 from atra.packets.filters_kernels import gathering_filter
 from atra.packets.shooting_kernels import shooting_kernel
-from atra.tracing.all_hits import Gathering, target_of
-from atra.tracing.base import EmbreeTracer, Views
+from atra.tracing.embree import build_scene
+from atra.tracing.gathering import check_rays_without_lens, target_of
 from atra.tracing.geometry import AlignedGeometry
-from atra.tracing.lifetime import in_turn
 
 if TYPE_CHECKING:  # loaded by the first `gather`, which nearest hits do without
     from atra.raster.all_hits.doubts import Doubts
     from atra.raster.all_hits.doubts_kernels import Precision
 
 
-class Shots(NamedTuple):
+class RayBatch(NamedTuple):
     """Rays to trace through a geometry for all of their hits.
 
     cells: as for `gathering_filter`. rays: makes the rays of an offset. size: width and height of their grid, pixels.
@@ -45,109 +45,106 @@ class Shots(NamedTuple):
     is_alone: bool = False
 
 
-class EmbreeGathering(Gathering, EmbreeTracer[Hits]):
-    """A tracer of one image that gathers all hits with Embree.
+def check_gathering(camera: View, build_quality: str) -> None:
+    """Raise InputError for a camera with a lens, and for build quality "high", with which Embree finds some triangles
+    twice."""
+    check_rays_without_lens(camera)
+    if build_quality == "high":
+        raise InputError(
+            "build_quality is 'high', which cuts triangles in two and would count them twice; gather with 'medium'"
+        )
 
-    The first `gather` builds a BVH of its own. The samples in doubt are found once per offset, and the last offset's
-    are kept.
+
+class EmbreeAllHits:
+    """All hits of the rays of an image, from BVHs of their own. The samples in doubt are found once per offset, and the
+    last offset's are kept.
+
+    planned: the rays and what they are traced through. row: pixels from one row of gathered images to the next.
+    precision: how exactly Embree's packets decide. settings: of `build_scene`.
     """
 
-    _shots: tuple[tuple[Shots, EmbreeScene], ...] = ()
-    _doubts: tuple[tuple[float, float], Doubts] | None = None
+    def __init__(
+        self,
+        mesh: Mesh,
+        camera: View,
+        planned: Sequence[RayBatch],
+        row: int,
+        precision: Precision,
+        pool: WorkerPool,
+        **settings: Any,
+    ) -> None:
+        self._mesh, self._camera, self._row, self._precision, self._pool = mesh, camera, row, precision, pool
+        self._doubts: tuple[tuple[float, float], Doubts] | None = None
+        self._batches: list[tuple[RayBatch, EmbreeScene]] = []
+        for batch in planned:
+            scene = build_scene(batch.geometry, pool.threads, filter_in_arguments=True, **settings)
+            self._batches.append((batch, scene))
 
-    @abstractmethod
-    def _planned_shots(self) -> list[Shots]: ...
-
-    @abstractmethod
-    def _precision(self) -> Precision: ...
-
-    def _check_gathering(self) -> None:
-        if self.options.build_quality == "high":
-            raise InputError(
-                "build_quality is 'high', which cuts triangles in two and would count them twice; gather with 'medium'"
-            )
-
-    def _gather(
+    def gather(
         self,
         what: Reduction[Any],
         offset: tuple[float, float],
         images: dict[str, NDArray],
         weights: NDArray[np.float32] | None,
-        is_known: bool,
+        workspaces: Sequence[Workspace],
     ) -> None:
+        """See `Gathering.gather`."""
         from atra.raster.all_hits.doubts_kernels import settling_kernel
 
         for name, plane in what.planes().items():
             if not plane.before:  # layers are filled at the end
                 images[name].fill(plane.start)
         doubts, kind = self._found_doubts(offset), what.kind
-        if not self._shots:
-            self._build_shots()
-        own_weights = doubts.faces if kind == THICKNESS else weights
-        target = target_of(images, own_weights, doubts.lists)
+        target = target_of(images, doubts.faces if kind == THICKNESS else weights, doubts.lists)
         block = target.block()
-        settle = settling_kernel(kind)
-        settle(doubts.keys, doubts.facings, doubts.depths, self.camera.width, block.ctypes.data)
-        for shots, scene in self._shots:
-            self._shoot(shots, scene, kind, offset, block, target.row)
+        settle, camera = settling_kernel(kind), self._camera
+        settle(doubts.keys, doubts.facings, doubts.depths, camera.width, block.ctypes.data)
+        for batch, scene in self._batches:
+            self._shoot(batch, scene, kind, offset, block, workspaces)
         if kind == LAYERS:
-            size, address = (self.camera.height, self.camera.width), block.ctypes.data
+            size, address = (camera.height, camera.width), block.ctypes.data
             self._pool.run(lambda _, counter: finish_image(counter, *size, address))
 
     def _found_doubts(self, offset: tuple[float, float]) -> Doubts:
         if self._doubts is None or self._doubts[0] != offset:
             from atra.raster.all_hits.doubts import find_doubts
 
-            row = self._gathering_row
-            self._doubts = offset, find_doubts(self.mesh, self.camera, offset, self._precision(), row, self._pool)
+            self._doubts = offset, find_doubts(self._mesh, self._camera, offset, self._precision, self._row, self._pool)
         return self._doubts[1]
 
     def _shoot(
-        self, shots: Shots, scene: EmbreeScene, kind: int, offset: tuple[float, float], block: NDArray, row: int
+        self,
+        batch: RayBatch,
+        scene: EmbreeScene,
+        kind: int,
+        offset: tuple[float, float],
+        block: NDArray,
+        workspaces: Sequence[Workspace],
     ) -> None:
-        rays, tiles, address = shots.rays(offset), shots.tiles, scene.address
-        kernel = shooting_kernel(*shots.packet_shape, self.camera.is_parallel)
-        filter_address = gathering_filter(kind, *shots.packet_shape, shots.cells)
-        for workspace in self._workspaces:
+        rays, tiles, address = batch.rays(offset), batch.tiles, scene.address
+        kernel = shooting_kernel(*batch.packet_shape, self._camera.is_parallel)
+        filter_address = gathering_filter(kind, *batch.packet_shape, batch.cells)
+        for workspace in workspaces:
             workspace.gather_with(filter_address, block.ctypes.data)
 
         def work(worker: int, counter: int) -> None:
-            if worker == 0 or not shots.is_alone:
-                kernel(counter, address, self._workspaces[worker].packet, rays, tiles, *shots.size, row)
+            if worker == 0 or not batch.is_alone:
+                kernel(counter, address, workspaces[worker].packet, rays, tiles, *batch.size, self._row)
 
         try:
             self._pool.run(work)
         finally:
-            for workspace in self._workspaces:
+            for workspace in workspaces:
                 workspace.gather_with(0, 0)
-        check_widths(self._workspaces)
-
-    def _build_shots(self) -> None:
-        self._shots = tuple((shots, self._gathering_scene(shots.geometry)) for shots in self._planned_shots())
-
-    def _gathering_scene(self, geometry: AlignedGeometry) -> EmbreeScene:
-        return self._scene_of(geometry, self.options.build_quality, filter_in_arguments=True)
-
-    def _forget_shots(self) -> None:
-        for _, scene in self._shots:
-            scene.close()
-        self._shots = ()
-        self._doubts = None
-
-    def _build(self) -> float:
-        self._forget_shots()
-        return super()._build()
-
-    def _show_views(self, views: Views) -> None:
-        super()._show_views(views)
-        self._forget_shots()  # their rays are those of the camera
-
-    def _forget(self) -> None:
-        super()._forget()
-        self._forget_shots()
+        check_widths(workspaces)
 
     @property
-    @in_turn
     def embree_bytes(self) -> int:
-        """Bytes that Embree reports for this tracer; 0 before `build`."""
-        return super().embree_bytes + sum(scene.embree_bytes for _, scene in self._shots)
+        """Bytes that Embree holds for all BVHs."""
+        return sum(scene.embree_bytes for _, scene in self._batches)
+
+    def close(self) -> None:
+        """Release the BVHs."""
+        for _, scene in self._batches:
+            scene.close()
+        self._batches = []

@@ -2,126 +2,264 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Unpack
+from collections.abc import Mapping
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.embree.device import EmbreeDevice
+from atra.all_hits.reductions import Reduction
+from atra.all_hits.target_kernels import band_stride
+from atra.choices import check_choice, check_flags
+from atra.compiled.threads import WorkerPool
+from atra.embree.callbacks_kernels import memory_monitor
 from atra.embree.packets_kernels import Image, PixelTiles, RayGrid
-from atra.embree.scene import EmbreeScene
+from atra.embree.scene import BUILD_QUALITIES, resolve_packet_width
+from atra.errors import InputError
 from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.mesh import Mesh
-from atra.geometry.ray_space import from_eye_space
+from atra.geometry.ray_space import check_range, from_eye_space
 from atra.geometry.view import View
-from atra.packets.all_hits import EmbreeGathering, Shots
+from atra.packets.all_hits import EmbreeAllHits, RayBatch, check_gathering
 from atra.packets.lens_kernels import lens_kernel
 from atra.packets.pixel_kernels import pixel_kernel
-from atra.tracing.base import ImageTracer, check_views
+from atra.tracing.embree import build_scene, make_workspaces
 from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
 from atra.tracing.lens_rays import LensRays
-from atra.tracing.options import PixelKeywords, PixelOptions, lists_options
-from atra.tracing.rays import SQUAREST_SHAPE, image_ray_grid, longest_ray, pixel_tiles
-
-if TYPE_CHECKING:  # loaded by the first `gather`, which nearest hits do without
-    from atra.raster.all_hits.doubts_kernels import Precision
+from atra.tracing.rays import SQUAREST_SHAPE, TILE_ORDERS, image_ray_grid, longest_ray, pixel_tiles
+from atra.tracing.tracer import Tracer
+from atra.whole_numbers import is_whole_number
 
 
-class PixelTracer(EmbreeGathering, ImageTracer):
-    """One ray per pixel, by `rtcIntersect1` (packet_width 1, the paper's baseline) or packets (4, 8, 16).
+@dataclass(frozen=True)
+class Pixel:
+    """One ray per pixel as a method. Fields: see `PixelTracer`."""
 
-    options: see `atra.PixelOptions`. `look` keeps the BVH while the eye stays in place: turning and zooming are free.
-    Rays start at the origin of Embree's space, so another eye needs another BVH (docs/methods.md says why). Raises
-    InputError as the options do, and for a mesh smaller than 1e-9 or farther than 1e11 from the eye, where float32
-    would lose triangles; MemoryBudgetError, when planning, for more overlaps than can be kept.
+    packet_width: int | None = None
+    build_quality: str = "medium"
+    robust: bool = True
+    packet_rows: int | None = None
+    coherent: bool = True
+    compact: bool = False
+    tile_order: str = "blocks"
+
+    def __post_init__(self) -> None:
+        width, rows = resolve_packet_width(self.packet_width), self.packet_rows
+        check_choice("build_quality", self.build_quality, BUILD_QUALITIES)
+        check_choice("tile_order", self.tile_order, TILE_ORDERS)
+        check_flags(robust=self.robust, coherent=self.coherent, compact=self.compact)
+        if rows is not None and not (is_whole_number(rows) and rows >= 1 and width % rows == 0):
+            possible = ", ".join(str(1 << k) for k in range(width.bit_length()))
+            raise InputError(f"packet_rows is {rows!r}, expected one of {possible} for packets of {width}, or None")
+
+    @property
+    def rays_per_packet(self) -> int:
+        """The packet width, resolved for this machine."""
+        return resolve_packet_width(self.packet_width)
+
+    @property
+    def packet_shape(self) -> tuple[int, int]:
+        """Columns and rows of pixels in a packet."""
+        width, rows = self.rays_per_packet, self.packet_rows
+        return SQUAREST_SHAPE[width] if rows is None else (width // rows, rows)
+
+    def check(self, mesh: Mesh, camera: View) -> None:
+        """See `Method.check`."""
+        check_range(mesh, camera, takes_lenses=True)
+
+    def check_gathering(self, camera: View) -> None:
+        """See `Method.check_gathering`."""
+        check_gathering(camera, self.build_quality)
+
+    def prepare(self, mesh: Mesh, camera: View, pool: WorkerPool) -> PreparedPixel:
+        """Build a BVH of the mesh around the eye."""
+        return PreparedPixel(self, mesh, camera, pool)
+
+
+class PreparedPixel:
+    """A BVH of the mesh in the ray space of a camera, in which all rays start at the origin or are parallel.
+
+    geometry: what Embree is given. scene: the BVH. tiles: the image's, in the order of tracing. workspaces: memory of
+    each thread's packets.
     """
 
-    options_type = PixelOptions
-    options: PixelOptions
-
-    @lists_options(PixelOptions)
-    def __init__(self, mesh: Mesh, camera: View, **options: Unpack[PixelKeywords]) -> None:
-        super().__init__(options)
-        rows = self.options.packet_rows
-        self.packet_shape = SQUAREST_SHAPE[self.packet_width] if rows is None else (self.packet_width // rows, rows)
+    def __init__(self, method: Pixel, mesh: Mesh, camera: View, pool: WorkerPool) -> None:
+        self.method, self._mesh, self.pool = method, mesh, pool
         self._lens_rays = LensRays()
-        self._show(mesh, camera)
+        self._all_hits: EmbreeAllHits | None = None
+        start = perf_counter()
+        self.geometry = self.plan_geometry(mesh, camera)
+        self.plan_time_s = perf_counter() - start
+        self.take_camera(camera)
+        memory_monitor()  # compiled before the clock starts
+        start = perf_counter()
+        self.scene = build_scene(self.geometry, pool.threads, **self._settings)
+        self.build_time_s = perf_counter() - start
 
-    def _show(self, mesh: Mesh, camera: View) -> None:
-        views = ((mesh, camera),)
-        check_views(views, takes_lenses=True)
-        self._show_views(views)
-        self._tiles = pixel_tiles(camera.width, camera.height, self.options.tile_order)
-        for workspace in self._workspaces:
-            workspace.set_coherent(self.options.coherent)
+    def plan_geometry(self, mesh: Mesh, camera: View) -> AlignedGeometry:
+        """The mesh in the ray space of the camera."""
+        return plan_plain_geometry(mesh, camera)
 
-    def _look(self, camera: View) -> bool:
-        """Keep the BVH for a camera that turns about its eye: it has the same ray space."""
+    def take_camera(self, camera: View) -> None:
+        """Make the rays those of a camera with the same ray space."""
+        self._close_all_hits()  # their rays are those of the camera
+        self.camera = camera
+        self.tiles = pixel_tiles(camera.width, camera.height, self.method.tile_order)
+        self.workspaces = make_workspaces(camera, self.method.rays_per_packet, self.pool.threads, self.method.coherent)
+
+    @property
+    def _settings(self) -> dict[str, Any]:
+        method = self.method
+        return {"build_quality": method.build_quality, "robust": method.robust, "compact": method.compact}
+
+    def still_serves(self, camera: View) -> bool:
+        """While the eye stays in place, as ray space does: turning and zooming are free."""
         before = self.camera
         if camera.eye != before.eye or not np.array_equal(from_eye_space(camera), from_eye_space(before)):
-            return super()._look(camera)
-        self._show(self.mesh, camera)
-        if self._is_built:
-            self._plan_ties()
+            return False
+        self.take_camera(camera)
         return True
 
-    def _plan_geometry(self) -> AlignedGeometry:
-        return plan_plain_geometry(self.mesh, self.camera)
+    @property
+    def row_stride(self) -> int:
+        """The image's width, pixels."""
+        return self.camera.width
 
-    def _filter_address(self) -> int:
-        return 0
-
-    def _build_scene(self, geometry: AlignedGeometry) -> EmbreeDevice:
-        return self._scene_of(geometry, self.options.build_quality, compact=self.options.compact)
-
-    def _gathering_scene(self, geometry: AlignedGeometry) -> EmbreeScene:
-        flags = {"compact": self.options.compact, "filter_in_arguments": True}
-        return self._scene_of(geometry, self.options.build_quality, **flags)
-
-    def _planned_shots(self) -> list[Shots]:
-        assert self.geometry is not None
-        return [image_shots(self.geometry, self.camera, self.packet_shape, self._tiles)]
-
-    def _precision(self) -> Precision:
-        from atra.raster.all_hits.doubts_kernels import Precision
-
-        direction, origin = longest_ray(self.camera)
-        return Precision.of(self.camera.pixel_pitch, direction, 1.0, origin, self.options.robust)
-
-    def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
-        camera, tiles, scene = self.camera, self._tiles, self._scene_address
+    def draw(self, offset: tuple[float, float], depth: NDArray[np.float32], prim_id: NDArray[np.uint32]) -> None:
+        """See `Prepared.draw`."""
+        camera, tiles, scene, image = self.camera, self.tiles, self.scene.address, Image(depth, prim_id)
+        shape, workspaces = self.method.packet_shape, self.workspaces
+        kernel: Any
+        rays: Any
         if isinstance(camera, LensView):
-            self._run_lens(camera, offset, Image(depth, prim_id))
-            return
-        rays, image = RayGrid(*image_ray_grid(camera, offset, self.packet_shape)), Image(depth, prim_id)
-        kernel = pixel_kernel(*self.packet_shape, camera.is_parallel)
+            rays, kernel = self._lens_rays.table(camera, offset, self.pool), lens_kernel(*shape)
+        else:
+            rays = RayGrid(*image_ray_grid(camera, offset, shape))
+            kernel = pixel_kernel(*shape, camera.is_parallel)
 
         def work(worker: int, counter: int) -> None:
-            kernel(counter, scene, self._workspaces[worker].packet, rays, tiles, image)
+            kernel(counter, scene, workspaces[worker].packet, rays, tiles, image)
 
-        self._pool.run(work)
+        self.pool.run(work)
 
-    def _directions(self, camera: View, offset: tuple[float, float]) -> NDArray[np.float64] | None:
-        if isinstance(camera, LensView):
-            return self._lens_rays.directions(camera, offset, self._pool)
-        return super()._directions(camera, offset)
+    @property
+    def gathering_stride(self) -> int:
+        """Pixels from one row of gathered images to the next."""
+        return int(band_stride.py_func(self.camera.width))
 
-    def _run_lens(self, camera: LensView, offset: tuple[float, float], image: Image) -> None:
-        table, tiles, scene = self._lens_rays.table(camera, offset, self._pool), self._tiles, self._scene_address
-        kernel = lens_kernel(*self.packet_shape)
+    def gather(
+        self,
+        what: Reduction[Any],
+        offset: tuple[float, float],
+        images: dict[str, NDArray],
+        weights: NDArray[np.float32] | None,
+        is_known: bool,
+    ) -> None:
+        """See `Gathering.gather`. The first call builds a BVH with a filter."""
+        if self._all_hits is None:
+            from atra.raster.all_hits.doubts_kernels import Precision
 
-        def work(worker: int, counter: int) -> None:
-            kernel(counter, scene, self._workspaces[worker].packet, table, tiles, image)
+            camera, shape = self.camera, self.method.packet_shape
+            direction, origin = longest_ray(camera)
+            precision = Precision.of(camera.pixel_pitch, direction, 1.0, origin, self.method.robust)
+            batch = image_rays(self.geometry, camera, shape, self.tiles)
+            self._all_hits = EmbreeAllHits(
+                self._mesh, camera, [batch], self.gathering_stride, precision, self.pool, **self._settings
+            )
+        self._all_hits.gather(what, offset, images, weights, self.workspaces)
 
-        self._pool.run(work)
+    @property
+    def triangle_count(self) -> int:
+        """Triangles of the mesh."""
+        return self.geometry.copy_count
+
+    @property
+    def embree_bytes(self) -> int:
+        """Bytes that Embree holds for all BVHs."""
+        return self.scene.embree_bytes + (0 if self._all_hits is None else self._all_hits.embree_bytes)
+
+    @property
+    def counters(self) -> Mapping[str, float]:
+        """Embree's memory."""
+        return {"embree_bytes": self.embree_bytes}
+
+    def _close_all_hits(self) -> None:
+        if self._all_hits is not None:
+            self._all_hits.close()
+            self._all_hits = None
+
+    def close(self) -> None:
+        """Release the BVHs."""
+        self._close_all_hits()
+        self.scene.close()
 
 
-def image_shots(
+def image_rays(
     geometry: AlignedGeometry, camera: View, packet_shape: tuple[int, int], tiles: PixelTiles, is_alone: bool = False
-) -> Shots:
+) -> RayBatch:
     """One ray per pixel of an image, through the mesh in the camera's ray space."""
 
     def rays(offset: tuple[float, float]) -> RayGrid:
         return RayGrid(*image_ray_grid(camera, offset, packet_shape))
 
-    return Shots(geometry, "none", packet_shape, rays, tiles, (camera.width, camera.height), is_alone)
+    return RayBatch(geometry, "none", packet_shape, rays, tiles, (camera.width, camera.height), is_alone)
+
+
+def PixelTracer(
+    mesh: Mesh,
+    camera: View,
+    *,
+    threads: int | None = None,
+    ties: str = "lowest",
+    packet_width: int | None = None,
+    build_quality: str = "medium",
+    robust: bool = True,
+    packet_rows: int | None = None,
+    coherent: bool = True,
+    compact: bool = False,
+    tile_order: str = "blocks",
+) -> Tracer:
+    """Trace one ray per pixel with Embree: `rtcIntersect1` (`packet_width=1`, the paper's baseline) or packets.
+
+    `look` keeps the BVH while the eye stays in place: turning and zooming are free. Rays start at the origin of
+    Embree's space, so another eye needs another BVH (docs/methods.md says why). Options other than `robust` and `ties`
+    change times, not images.
+
+    Parameters
+    ----------
+    mesh, camera :
+        What is traced, and by which rays: pinhole, orthographic or with a lens.
+    threads, ties :
+        As for `Tracer`.
+    packet_width : {1, 4, 8, 16}, optional
+        Rays in a packet; 1 = single rays (default: the widest native packets).
+    build_quality : {"low", "medium", "high"}
+        Embree's, for its BVH.
+    robust : bool
+        No ray slips through between two triangles; False takes Embree's fast arithmetic, as in the paper.
+    packet_rows : int, optional
+        Rows of pixels in a packet (default: the squarest packet, and of two the wider).
+    coherent : bool
+        Embree takes the rays of a packet through its tree together.
+    compact : bool
+        A BVH that saves memory.
+    tile_order : {"blocks", "rows", "morton"}
+        Which pixels follow each other: blocks of 32 x 16 row by row, rows as wide as the image, or blocks of 16 x 16
+        along a Morton curve.
+
+    Returns
+    -------
+    Tracer
+
+    Raises
+    ------
+    InputError
+        For a mesh smaller than 1e-9 or farther than 1e11 from the eye, where float32 would lose triangles, and for an
+        option's value.
+    MemoryBudgetError
+        When planning, for more overlaps than can be kept.
+    """
+    method = Pixel(packet_width, build_quality, robust, packet_rows, coherent, compact, tile_order)
+    return Tracer(mesh, camera, method, threads=threads, ties=ties)

@@ -3,127 +3,105 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from time import perf_counter
-from typing import Any, Unpack
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.all_hits.reductions import Reduction
+from atra.all_hits.target_kernels import band_stride
+from atra.choices import check_optional_choice
 from atra.compiled.beside import compile_beside
 from atra.compiled.instruction_sets import native_lanes
-from atra.compiled.threads import WorkerPool, resolve_threads
-from atra.exact.ties import TieTiles, coplanar_overlaps, lowest_of_ties, tie_tiles
+from atra.compiled.threads import WorkerPool
 from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range
 from atra.geometry.view import View
-from atra.hits import Hits
 from atra.raster.all_hits.frames import gather_frame
 from atra.raster.culling import cull_clusters
 from atra.raster.frames import Scratch, compile_drawing, compile_kernels, compile_other_kernels, draw_frame
 from atra.raster.lenses.frames import LensDrawing, compile_lens_kernels
-from atra.tracing.all_hits import Gathering, target_of
-from atra.tracing.budgets import check_image_memory
-from atra.tracing.images import images_of, outputs
-from atra.tracing.lifetime import in_turn
-from atra.tracing.options import RasterKeywords, RasterOptions, lists_options
+from atra.tracing.gathering import check_rays_without_lens, target_of
+from atra.tracing.options import LANES
+from atra.tracing.tracer import Tracer
 
 
-class RasterTracer(Gathering):
-    """Every triangle drawn onto the image, exactly where the rays of its pixels meet it, nearest in front.
+@dataclass(frozen=True)
+class Raster:
+    """The rasteriser as a method. lanes: see `RasterTracer`."""
 
-    options: see `atra.RasterOptions`. What it builds, clusters of triangles, are of the mesh alone, so `look` changes
-    the camera at no price.
-    Raises InputError as the options do, and for a mesh smaller than 1e-9 or farther than 1e11 from the eye;
-    MemoryBudgetError for an image that the free memory cannot hold.
-    """
+    lanes: int | None = None
+
+    rays_per_packet: ClassVar[int] = 1
+
+    def __post_init__(self) -> None:
+        check_optional_choice("lanes", self.lanes, LANES)
+
+    def check(self, mesh: Mesh, camera: View) -> None:
+        """See `Method.check`."""
+        check_range(mesh, camera, takes_lenses=True)
+
+    def check_gathering(self, camera: View) -> None:
+        """Raise InputError for a lens."""
+        check_rays_without_lens(camera)
+
+    def prepare(self, mesh: Mesh, camera: View, pool: WorkerPool) -> PreparedRaster:
+        """Make clusters of the mesh."""
+        return PreparedRaster(mesh, camera, self.lanes or native_lanes(), pool)
+
+
+class PreparedRaster:
+    """A mesh in clusters, which serve every camera, and memory that frames share: `scratch`."""
 
     embree_bytes = 0
-    packet_width = 1
+    plan_time_s = 0.0
 
-    @lists_options(RasterOptions)
-    def __init__(self, mesh: Mesh, camera: View, **options: Unpack[RasterKeywords]) -> None:
-        super().__init__()
-        self.options = RasterOptions.of(type(self).__name__, options)
-        self.lanes = self.options.lanes or native_lanes()
-        self.threads = resolve_threads(self.options.threads)
-        self._pool = WorkerPool(self.threads)
-        self._scratch: Scratch | None = None
-        self._lens_drawing = LensDrawing()
-        self._pixels_checked = 0
-        self._show(mesh, camera)
-
-    def _show(self, mesh: Mesh, camera: View) -> None:
-        check_range(mesh, camera, takes_lenses=True)
-        pixels = camera.width * camera.height
-        if pixels > self._pixels_checked:  # asking how much memory is free takes a tenth of a small frame
-            check_image_memory(camera.height, camera.width)
-            self._pixels_checked = pixels
-        self.mesh, self.camera = mesh, camera
-        self._tie_tiles: TieTiles | None = None  # where to look for ties; found when first needed
-
-    def _look(self, camera: View) -> bool:
-        self._show(self.mesh, camera)
-        if self._is_built:
-            self._compile()
-        return True
-
-    def _compile(self) -> None:
-        if self.camera.lens is None:
-            compile_kernels(self.lanes, self.camera.is_parallel)
-        else:
-            compile_lens_kernels(self.lanes)
-
-    @property
-    def views(self) -> tuple[tuple[Mesh, View], ...]:
-        """What the image shows, and its camera."""
-        return ((self.mesh, self.camera),)
-
-    def _plan(self) -> float:
-        parallel = self.camera.is_parallel
-        if self.camera.lens is None:
+    def __init__(self, mesh: Mesh, camera: View, lanes: int, pool: WorkerPool) -> None:
+        self._mesh, self._camera, self._lanes, self._pool = mesh, camera, lanes, pool
+        parallel = camera.is_parallel
+        if camera.lens is None:
             compile_beside(cull_clusters, compile_other_kernels, parallel)
-            compile_drawing(self.lanes, parallel)  # here, as kernels of all hits then find its parts compiled
-        if self.options.ties == "lowest":  # found once per mesh, like reading it, and so outside the clock of a plan
-            coplanar_overlaps(self.mesh)
-        start = perf_counter()
-        if self.options.ties == "lowest":
-            self._find_ties()
-        return perf_counter() - start
-
-    def _find_ties(self) -> TieTiles:
-        if self._tie_tiles is None:
-            self._tie_tiles = tie_tiles(self.mesh, self.camera)
-        return self._tie_tiles
-
-    def _build(self) -> float:
+            compile_drawing(lanes, parallel)  # here, as kernels of all hits then find its parts compiled
         self._compile()  # before the clock starts
         start = perf_counter()
-        self._scratch = Scratch.of(self.mesh, self._pool)
-        return perf_counter() - start
+        self.scratch = Scratch.of(mesh, pool)
+        self.build_time_s = perf_counter() - start
+        self.lens_drawing = LensDrawing()
 
-    def _trace(self, offset: tuple[float, float], out: Hits | None) -> Hits:
-        assert self._scratch is not None
-        camera = self.camera
-        images = outputs((camera.height, camera.width), camera.width, images_of(out))
-        directions, rest = None, (offset, self.lanes, self._scratch, self._pool, images)
-        if isinstance(camera, LensView):
-            self._lens_drawing.draw(self.mesh, camera, *rest)
-            directions = self._lens_drawing.rays.directions(camera, offset, self._pool)
+    def _compile(self) -> None:
+        if self._camera.lens is None:
+            compile_kernels(self._lanes, self._camera.is_parallel)
         else:
-            draw_frame(self.mesh, camera, *rest)
-        depth, prim_id = images
-        if self.options.ties == "lowest":
-            tiles = self._find_ties()
-            if tiles.any:
-                lowest_of_ties(self.mesh, camera, tiles, offset, prim_id, self._pool, directions)
-        return Hits(depth, prim_id, offset, self.mesh, camera, self.threads)
+            compile_lens_kernels(self._lanes)
 
-    def _check_gathering(self) -> None:
-        check_range(self.mesh, self.camera)  # all hits of a lens are not found
+    def still_serves(self, camera: View) -> bool:
+        """Always: clusters hang on the mesh alone."""
+        self._camera = camera
+        self._compile()
+        return True
 
-    def _gather(
+    @property
+    def row_stride(self) -> int:
+        """The image's width, pixels."""
+        return self._camera.width
+
+    def draw(self, offset: tuple[float, float], depth: NDArray[np.float32], prim_id: NDArray[np.uint32]) -> None:
+        """See `Prepared.draw`."""
+        camera, rest = self._camera, (offset, self._lanes, self.scratch, self._pool, (depth, prim_id))
+        if isinstance(camera, LensView):
+            self.lens_drawing.draw(self._mesh, camera, *rest)
+        else:
+            draw_frame(self._mesh, camera, *rest)
+
+    @property
+    def gathering_stride(self) -> int:
+        """Pixels from one row of gathered images to the next."""
+        return int(band_stride.py_func(self._camera.width))
+
+    def gather(
         self,
         what: Reduction[Any],
         offset: tuple[float, float],
@@ -131,22 +109,51 @@ class RasterTracer(Gathering):
         weights: NDArray[np.float32] | None,
         is_known: bool,
     ) -> None:
-        assert self._scratch is not None
+        """See `Gathering.gather`."""
         target = target_of(images, weights, None, is_known)
-        gather_frame(self.mesh, self.camera, offset, self.lanes, self._scratch, self._pool, what.kind, target)
+        gather_frame(self._mesh, self._camera, offset, self._lanes, self.scratch, self._pool, what.kind, target)
 
     @property
     def triangle_count(self) -> int:
         """Triangles of the mesh, hidden ones included."""
-        return self.mesh.triangle_count
+        return self._mesh.triangle_count
 
     @property
-    @in_turn
     def counters(self) -> Mapping[str, float]:
-        """What `atra.Tracer` says of counters; scratch_bytes, the memory that frames share, is known, too."""
-        scratch_bytes = 0 if self._scratch is None else self._scratch.bytes + self._lens_drawing.bytes
-        return {"triangles_traced": self.triangle_count, "scratch_bytes": scratch_bytes}
+        """scratch_bytes: memory that frames share."""
+        return {"scratch_bytes": self.scratch.bytes + self.lens_drawing.bytes}
 
-    def _release(self) -> None:
-        self._pool.close()
-        self._scratch = None
+    def close(self) -> None:
+        """Nothing to release but memory."""
+
+
+def RasterTracer(
+    mesh: Mesh, camera: View, *, threads: int | None = None, ties: str = "lowest", lanes: int | None = None
+) -> Tracer:
+    """Draw every triangle onto the image, exactly where the rays of its pixels meet it, nearest in front.
+
+    What is built, clusters of triangles, hangs on the mesh alone, so `look` changes the camera at no price.
+
+    Parameters
+    ----------
+    mesh, camera :
+        What is drawn, and by which rays: pinhole, orthographic or with a lens.
+    threads : int, optional
+        Threads of a frame; None takes every core that the process may use.
+    ties : {"lowest", "any"}
+        As for `Tracer`.
+    lanes : {4, 8, 16}, optional
+        SIMD width in pixels (default: the machine's widest). Does not change the image.
+
+    Returns
+    -------
+    Tracer
+
+    Raises
+    ------
+    InputError
+        For a mesh smaller than 1e-9 or farther than 1e11 from the eye, and for an option's value.
+    MemoryBudgetError
+        For an image that the free memory cannot hold.
+    """
+    return Tracer(mesh, camera, Raster(lanes), threads=threads, ties=ties)

@@ -102,15 +102,12 @@ class RayScene(AllHitsScene):
         self._workspaces: dict[int, list[Workspace]] = {}
         self._scene: EmbreeScene | None = None
 
-    def _plan(self) -> float:
-        return 0.0
-
-    def _build(self) -> float:
+    def _build(self) -> tuple[float, float]:
         if not self._is_exact:
-            return self._build_scene()
+            return 0.0, self._build_scene()
         start = perf_counter()
         _ = self.crossings
-        return perf_counter() - start
+        return 0.0, perf_counter() - start
 
     def _take(self, mesh: Mesh) -> None:
         super()._take(mesh)

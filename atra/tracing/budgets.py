@@ -5,7 +5,6 @@ from __future__ import annotations
 import psutil
 
 from atra.errors import InputError, MemoryBudgetError
-from atra.tracing.options import CellOptions
 
 PLAN_BYTES_PER_COPY = 3 * 12 + 12 + 8
 """Vertices, indices, record."""
@@ -15,14 +14,14 @@ EMBREE_BYTES_PER_COPY = {"low": 110, "medium": 110, "high": 160}
 """Growth of the process per triangle at the peak of a build, rounded up."""
 
 
-def check_memory_budget(copies: int, cell_count: int, options: CellOptions) -> None:
+def check_memory_budget(copies: int, cell_count: int, build_quality: str, budget_bytes: int | None) -> None:
     """Raise MemoryBudgetError if so many copies would exceed the budget, the memory that is free now, or the 2^32
-    vertices Embree can number."""
+    vertices Embree can number. budget_bytes: None for no budget."""
     if 3 * copies >= 2**32:
         raise MemoryBudgetError(f"{copies:,} triangle copies over {cell_count:,} cells are more than Embree can index")
-    needed = copies * (PLAN_BYTES_PER_COPY + EMBREE_BYTES_PER_COPY[options.build_quality])
+    needed = copies * (PLAN_BYTES_PER_COPY + EMBREE_BYTES_PER_COPY[build_quality])
     what = f"{copies:,} triangle copies over {cell_count:,} cells"
-    check_needed_bytes(needed, options.memory_budget_bytes, what, "use fewer cells, culling, or more memory")
+    check_needed_bytes(needed, budget_bytes, what, "use fewer cells, culling, or more memory")
 
 
 def check_needed_bytes(needed: int, budget_bytes: int | None, what: str, cure: str) -> None:

@@ -14,8 +14,6 @@ from inspect import Parameter, signature
 from types import NoneType
 from typing import Any, Self, TypedDict, TypeVar, get_args, get_type_hints
 
-import numpy as np
-
 from atra.compiled.instruction_sets import chosen_instruction_set
 from atra.compiled.threads import resolve_threads
 from atra.embree.library import load_library
@@ -200,84 +198,6 @@ class PacketOptions(EmbreeOptions):
 
     robust: bool = option(
         True, "no ray slips through between two triangles; off: Embree's fast setting, as in the paper"
-    )
-
-
-@dataclass(frozen=True)
-class Options(PacketOptions, TieOptions):
-    """Options of every tracer on Embree."""
-
-
-class PixelKeywords(Keywords, total=False):
-    packet_rows: int | None
-    coherent: bool
-    compact: bool
-    tile_order: str
-
-
-@dataclass(frozen=True)
-class PixelOptions(Options):
-    """Options of `PixelTracer`, those that Embree offers for one ray per pixel. All give the same image, up to ties and
-    rims of triangles; `sweep=baselines` compares their times.
-
-    Raises InputError for rows that a packet cannot have.
-    """
-
-    packet_rows: int | None = option(
-        None, "rows of pixels in a packet; null = the squarest packet, and of two the wider", null="automatic"
-    )
-    coherent: bool = option(True, "Embree takes the rays of a packet through its tree together")
-    compact: bool = option(False, "a BVH that saves memory")
-    tile_order: str = option(
-        "blocks",
-        "which pixels follow each other: blocks of 32 x 16 row by row, rows as wide as the image, or 16 x 16 along a "
-        "morton curve",
-        choices=("blocks", "rows", "morton"),
-    )
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        width, rows = resolve_packet_width(self.packet_width), self.packet_rows
-        if rows is not None and not (is_whole_number(rows) and rows >= 1 and width % rows == 0):
-            possible = ", ".join(str(1 << k) for k in range(width.bit_length()))
-            raise InputError(f"packet_rows is {rows!r}, expected one of {possible} for packets of {width}, or None")
-
-
-class CellKeywords(Keywords, total=False):
-    memory_budget_bytes: int | None
-
-
-@dataclass(frozen=True)
-class CellOptions(Options):
-    """Options of tracers that give Embree copies of triangles, cell by cell.
-
-    Raises InputError for a budget that is no number of bytes.
-    """
-
-    memory_budget_bytes: int | None = option(
-        None, "plans that need more are refused; null = the memory that is free", unit="bytes"
-    )
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        budget = self.memory_budget_bytes
-        if budget is not None and not (isinstance(budget, (int, float, np.number)) and budget >= 0):
-            raise InputError(f"memory_budget_bytes is {budget!r}, expected a number of at least 0, or None for none")
-
-
-class RasterKeywords(ThreadKeywords, TieKeywords, total=False):
-    lanes: int | None
-
-
-@dataclass(frozen=True)
-class RasterOptions(ThreadOptions, TieOptions):
-    """Options of `RasterTracer`."""
-
-    lanes: int | None = option(
-        None,
-        "pixels drawn at once; null = as many as this machine's widest vectors hold; no image differs",
-        choices=LANES,
-        null="native",
     )
 
 

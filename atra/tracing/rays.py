@@ -19,6 +19,9 @@ SQUAREST_SHAPE = {1: (1, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4)}
 
 _WIDEST_PACKET = 16
 
+TILE_ORDERS = ("blocks", "rows", "morton")
+"""Orders of an image's tiles: blocks row by row, rows as wide as the image, or blocks along a Morton curve."""
+
 _TILE_SIZES = {"blocks": (32, 16), "morton": (16, 16)}
 """Width and height; tiles of rows are as wide as the image."""
 

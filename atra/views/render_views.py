@@ -7,42 +7,20 @@ from collections import deque
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from itertools import islice
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from atra.alignment.aligned import AlignedTracer
-from atra.alignment.options import AlignedKeywords
-from atra.alignment.visible_first import VisibleFirstTracer
 from atra.compiled.threads import resolve_threads
 from atra.errors import InputError
 from atra.exact.ties import CoplanarOverlaps, coplanar_overlaps
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View, check_offset
 from atra.hits import Hits
-from atra.packets.pixel import PixelTracer
-from atra.raster.tracer import RasterTracer
-from atra.tracing.options import PixelKeywords, RasterKeywords
-from atra.tracing.tracer import Tracer
+from atra.methods import METHODS
 from atra.views.shared_mesh import Parcel, SharedMesh, shared, stage_of
 from atra.whole_numbers import is_whole_number
-
-METHODS: Mapping[str, Callable[..., Tracer]] = {
-    "raster": RasterTracer,
-    "pixel": PixelTracer,
-    "aligned": AlignedTracer,
-    "visible_first": VisibleFirstTracer,
-}
-"""Tracers by the method's name."""
-
-
-class ViewKeywords(AlignedKeywords, PixelKeywords, RasterKeywords, total=False):
-    """Options of all these methods; each takes its own."""
-
-    split: tuple[int, int]
-    probe: Hits | ArrayLike | None
-
 
 _Images = tuple[NDArray[np.float32], NDArray[np.uint32]]
 
@@ -55,7 +33,7 @@ def render_views(
     *,
     offset: tuple[float, float] = (0.5, 0.5),
     in_flight: int | None = None,
-    **options: Unpack[ViewKeywords],
+    **options: Any,
 ) -> Iterator[tuple[Any, Hits]]:
     """Yield the name and the hits of every view, in order.
 
@@ -63,7 +41,7 @@ def render_views(
             ...
 
     cameras: by name, as readers return them; other iterables, such as generators, give the names 0, 1, ...
-    method: one of `METHODS`. options: of its tracer, such as threads, ties or split.
+    method: as for `atra.trace`. options: of its tracer, such as threads, ties or split.
     executor: of `concurrent.futures`, or with its `submit`, as Dask and Ray have; None = this process, one view at a
     time, on every core. With an executor a view has one thread (default of `threads`), processes of one machine share
     the mesh, and those of other machines are sent it once.

@@ -24,6 +24,7 @@ from atra.geometry.mesh import Mesh
 from atra.hits import Hits
 from atra.raster.tracer import RasterTracer
 from atra.rays.rays import Rays
+from atra.tracing.tracer import Tracer
 from experiments.classification.ray_sets import SHORTEST, ray_set
 from experiments.commands.program import COMMAND, split_options
 from experiments.commands.scene_files import cameras_of, ply_of
@@ -169,7 +170,7 @@ def view_of(scene: Scene, view: str, bvh: BvhScene) -> ViewOfScene:
     return ViewOfScene(scene.name, mesh.triangle_count, scene.mesh_sha256, view, digest_of(rays), share, crossed, boxes)
 
 
-def _crossed(tracer: RasterTracer) -> float:
+def _crossed(tracer: Tracer) -> float:
     """Triangles along a ray of the image, on average: depth complexity."""
     return float(tracer.gather(Count()).count.mean())
 

@@ -14,8 +14,11 @@ from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING, DictConfig, OmegaConf
 
 from atra.compiled.threads import resolve_threads
+from atra.embree.scene import BUILD_QUALITIES
 from atra.errors import InputError
-from atra.tracing.options import Options, check_choice, option_of
+from atra.tracing.options import check_choice, option
+from atra.tracing.tracer import TIES
+from experiments.harness.method import TIES_HELP, Tracing
 from experiments.harness.options import (
     Named,
     check_whole_numbers,
@@ -153,8 +156,10 @@ class Configuration:
     threads: int | None = 1
     width: int = 1024
     height: int = 1024
-    build_quality: str = option_of(Options, "build_quality", help="Embree's, for every BVH, baselines included")
-    ties: str = option_of(Options, "ties")
+    build_quality: str = option(
+        Tracing.build_quality, "Embree's, for every BVH, baselines included", choices=BUILD_QUALITIES
+    )
+    ties: str = option(Tracing.ties, TIES_HELP, choices=TIES)
     method_file: str | None = None
     results_dir: str = "results"
     output: str | None = None
@@ -262,7 +267,7 @@ def check_configuration(configuration: Configuration) -> None:
         check_whole_numbers(section, path, ranges)
     resolve_threads(configuration.threads)
     for name in ("build_quality", "ties"):
-        check_choice(Options.__dataclass_fields__[name], str, getattr(configuration, name), name)
+        check_choice(Configuration.__dataclass_fields__[name], str, getattr(configuration, name), name)
     for name in ("frame_budget_s", "time_limit_s", "memory_budget_gib"):
         value = getattr(measure, name)
         if value is not None and not (isfinite(value) and value > 0):

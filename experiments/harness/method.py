@@ -4,28 +4,72 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from typing import Any
+from types import TracebackType
+from typing import Any, Protocol, Self
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.tracing.options import Options
-from atra.tracing.tracer import Tracer
 from experiments.harness.column import Column
+
+TIES_HELP = (
+    "what is stored where triangles of one plane overlap: the lowest prim_id, or any, which float32 put in front"
+)
 
 
 @dataclass(frozen=True)
 class Tracing:
-    """What holds for everything that is traced at a point, baselines included: options of `atra.CellOptions`."""
+    """What holds for everything that is traced at a point, baselines included: keyword arguments of our tracers."""
 
     threads: int | None = 1
-    build_quality: str = Options.build_quality
-    ties: str = Options.ties
+    build_quality: str = "medium"
+    ties: str = "lowest"
     memory_budget_bytes: int | None = None
 
     @property
     def ours(self) -> dict[str, Any]:
         """What every tracer of atra that uses Embree takes of it, and, as baselines do, the fast setting."""
         return {"threads": self.threads, "build_quality": self.build_quality, "ties": self.ties, "robust": False}
+
+
+class AnyTracer(Protocol):
+    """The interface of `atra.Tracer` that workloads use. views: what each image shows, and its camera."""
+
+    mesh: Mesh
+    camera: View
+    threads: int
+    plan_time_s: float
+    build_time_s: float
+
+    @property
+    def packet_width(self) -> int: ...
+
+    @property
+    def views(self) -> tuple[tuple[Mesh, View], ...]: ...
+
+    @property
+    def triangle_count(self) -> int: ...
+
+    @property
+    def embree_bytes(self) -> int: ...
+
+    @property
+    def counters(self) -> Mapping[str, float]: ...
+
+    def build(self) -> None: ...
+
+    def look(self, camera: Any) -> None: ...
+
+    def update(self, mesh: Any) -> None: ...
+
+    def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Any = None) -> Any: ...
+
+    def close(self) -> None: ...
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -41,7 +85,7 @@ def always_available() -> str | None:
     return None
 
 
-Make = Callable[[Mesh, View, Any, Tracing], Tracer]
+Make = Callable[[Mesh, View, Any, Tracing], AnyTracer]
 
 
 @dataclass(frozen=True)

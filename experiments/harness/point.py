@@ -12,10 +12,9 @@ from typing import Any, NamedTuple
 from atra.geometry.camera import Camera, Vector
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.tracing.tracer import Tracer
 from experiments.harness.column import Column
 from experiments.harness.environment import memory_budget_bytes
-from experiments.harness.method import Method, Tracing
+from experiments.harness.method import AnyTracer, Method, Tracing
 from experiments.harness.options import Named, plain, plain_options
 from experiments.harness.records import Record
 
@@ -95,7 +94,7 @@ def no_samples(point: Point) -> frozenset[str]:
     return frozenset()
 
 
-def make_own(point: Point, mesh: Mesh, view: View | None = None) -> Tracer:
+def make_own(point: Point, mesh: Mesh, view: View | None = None) -> AnyTracer:
     """The point's own method. view: in place of the point's. Raises InputError and MemoryBudgetError as the tracers
     do."""
     return point.method.make(mesh, view or point.camera, point.options, point.tracing)

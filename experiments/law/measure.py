@@ -136,9 +136,11 @@ def scene_named(name: str) -> Scene:
 def memory_of(tracer: Any) -> int:
     """Bytes that a built tracer keeps: what Embree holds by its own account, our own BVH, lists and look-up of shafts,
     the rasteriser's clusters, and the arrays of every scene."""
-    scenes = [getattr(tracer, "_whole", None), *(one.scene for one in getattr(tracer, "_second_passes", ()) if one)]
+    prepared = getattr(tracer, "prepared", None)
+    passes = getattr(prepared, "second_passes", ())
+    scenes = [getattr(prepared, "whole", None), *(one.scene for one in passes if one is not None)]
     arrays = [one for scene in scenes if scene is not None for kept in scene._kept[1:] for one in kept]
-    geometry = getattr(tracer, "geometry", None)
+    geometry = getattr(prepared, "geometry", None)
     arrays += [getattr(geometry, one, None) for one in ("vertices", "faces", "records", "transforms")]
     return int(sum(tracer.counters.get(one, 0) for one in KEPT) + sum(one.nbytes for one in arrays if one is not None))
 

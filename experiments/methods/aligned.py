@@ -3,27 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
-from atra.alignment import options as library
 from atra.alignment.aligned import AlignedTracer
+from atra.alignment.alignment import REFERENCES
+from atra.alignment.cells import GEOMETRIES
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
+from atra.tracing.options import option
+from atra.tracing.tracer import Tracer
 from experiments.drawing.style import BLUE
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Method, Style, Tracing
 from experiments.methods.aligned_cells import AlignedCellOptions
-from experiments.methods.options import VERIFIED, options_of, resolve_split, say_robust
+from experiments.methods.options import VERIFIED, keywords_of, resolve_split, say_robust
 
 
-@options_of(library.AlignedOptions)
+@dataclass(frozen=True)
 class AlignedOptions(AlignedCellOptions):
     """An instance is always the whole mesh, so culling is off where there are any."""
 
+    geometry: str = option(
+        "copied",
+        "copied = a sheared copy of the triangles per cell, instanced = one Embree instance of them per cell",
+        choices=GEOMETRIES,
+    )
+    culling: bool = option(True, "keep only triangles that a cell's frustum meets")
+    reference: str = option(
+        "off_axis",
+        "reference cell: off_axis = a quarter of the image from its centre, first_cell = as in the paper; the image is "
+        "the same",
+        choices=REFERENCES,
+    )
 
-def _make(mesh: Mesh, view: View, options: AlignedOptions, tracing: Tracing) -> AlignedTracer:
-    return AlignedTracer(mesh, view, options.split, **options.keywords(tracing))
+
+def _make(mesh: Mesh, view: View, options: AlignedOptions, tracing: Tracing) -> Tracer:
+    return AlignedTracer(mesh, view, options.split, **keywords_of(AlignedTracer, options, tracing))
 
 
 def _resolve(options: AlignedOptions, width: int) -> AlignedOptions:

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
-from atra.alignment.options import ReferenceRayOptions
-from experiments.methods.options import CellOptions, options_of
+from dataclasses import dataclass
+
+from atra.tracing.options import option
+from experiments.methods.options import CellOptions
 
 
-@options_of(ReferenceRayOptions)
+@dataclass(frozen=True)
 class AlignedCellOptions(CellOptions):
     """Options of aligned rays."""
+
+    packet_rows: int | None = option(
+        None, "rows of pixels in a packet; null = the best fit for the cell", null="automatic"
+    )

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
+from inspect import signature
 from typing import Any, ClassVar, TypeVar
 
-from atra.tracing import options as library
-from atra.tracing.options import Choices
+from atra.tracing.options import LANES, Choices, option
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Tracing
 from experiments.harness.options import Settings, Type, taking_all, whole
@@ -35,6 +35,23 @@ class MethodOptions(Settings):
             one.name: of_point[one.name] if one.name in of_point else getattr(self, self.names.get(one.name, one.name))
             for one in fields(kind or self.library)
         }
+
+
+def keywords_of(make: Callable[..., Any], options: Any, tracing: Tracing) -> dict[str, Any]:
+    """The keyword arguments of a tracer's constructor that a method's options, or those of the whole point, have."""
+    known = {one.name: getattr(options, one.name) for one in fields(options)} | vars(tracing)
+    return {name: known[name] for name in signature(make).parameters if name in known}
+
+
+def packet_width_option() -> Any:
+    """The option `packet_width` of methods on Embree."""
+    return option(None, "rays in a packet; 1 = single rays, null = the widest native packets", choices=(1, *LANES))
+
+
+def robust_option() -> Any:
+    """The option `robust` of methods on Embree. The paper, and all tables without the column, measured Embree's fast
+    setting."""
+    return option(False, "no ray slips through between two triangles; off: Embree's fast setting, as in the paper")
 
 
 def options_of(kind: type[Choices], names: Mapping[str, str] | None = None) -> Callable[[Type], Type]:
@@ -76,9 +93,12 @@ class SplitOptions(MethodOptions):
         return self.split_x, self.split_y
 
 
-@options_of(library.CellOptions)
+@dataclass(frozen=True)
 class CellOptions(SplitOptions):
-    """Options of the cells' culling."""
+    """Options of methods on Embree that split the image into cells."""
+
+    packet_width: int | None = packet_width_option()
+    robust: bool = robust_option()
 
 
 def resolve_split(options: Cells, width: int) -> Cells:

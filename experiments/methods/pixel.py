@@ -3,33 +3,48 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from atra.embree.scene import BUILD_QUALITIES
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.packets.pixel import PixelTracer
-from atra.tracing import options as library
 from atra.tracing.options import option
+from atra.tracing.rays import TILE_ORDERS
+from atra.tracing.tracer import Tracer
 from experiments.drawing.style import GREEN, TIMES
 from experiments.harness.method import Method, Style, Tracing
-from experiments.methods.options import MethodOptions, options_of
+from experiments.methods.options import MethodOptions, keywords_of, packet_width_option, robust_option
 
 SAME = "same"
 """Build quality of its own BVH: that of the point, which the baselines beside it have, too."""
 
 
-@options_of(library.PixelOptions)
+@dataclass(frozen=True)
 class PixelOptions(MethodOptions):
     """What an expert would try."""
 
+    packet_width: int | None = packet_width_option()
+    robust: bool = robust_option()
+    packet_rows: int | None = option(
+        None, "rows of pixels in a packet; null = the squarest packet, and of two the wider", null="automatic"
+    )
+    coherent: bool = option(True, "Embree takes the rays of a packet through its tree together")
+    compact: bool = option(False, "a BVH that saves memory")
+    tile_order: str = option(
+        "blocks",
+        "which pixels follow each other: blocks of 32 x 16 row by row, rows as wide as the image, or 16 x 16 along a "
+        "morton curve",
+        choices=TILE_ORDERS,
+    )
     own_build_quality: str = option(SAME, "of its own BVH; same = build_quality", choices=(SAME, *BUILD_QUALITIES))
 
 
-def make_pixel(mesh: Mesh, view: View, options: PixelOptions, tracing: Tracing) -> PixelTracer:
+def make_pixel(mesh: Mesh, view: View, options: PixelOptions, tracing: Tracing) -> Tracer:
     """One ray per pixel; packets of 1 are `rtcIntersect1`."""
     changed = {} if options.own_build_quality == SAME else {"build_quality": options.own_build_quality}
-    return PixelTracer(mesh, view, **options.keywords(tracing) | changed)
+    return PixelTracer(mesh, view, **keywords_of(PixelTracer, options, tracing) | changed)
 
 
 def _words(packet_width: int | None) -> str:
@@ -46,7 +61,7 @@ def _variant(row: Mapping[str, Any]) -> str:
         words.append(f"{int(rows)} rows" if width is None else f"{int(width) // int(rows)} {TIMES} {int(rows)} pixels")
     words += ["incoherent"] if row.get("coherent") in (False,) else []
     words += [name for name in ("compact", "robust") if row.get(name)]
-    words += [f"tiles in {order}" for order in _unusual(row, "tile_order", library.PixelOptions.tile_order)]
+    words += [f"tiles in {order}" for order in _unusual(row, "tile_order", "blocks")]
     words += [f"{quality} build quality" for quality in _unusual(row, "own_build_quality", SAME)]
     return ", ".join(words)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,22 +14,28 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.raster.frames import Scratch
 from atra.raster.image import Eye
-from atra.raster.tracer import RasterTracer
-from atra.tracing import options as library
-from atra.tracing.options import option
+from atra.raster.tracer import PreparedRaster, Raster
+from atra.tracing.options import LANES, option
+from atra.tracing.tracer import Tracer
 from experiments.drawing.style import BLACK
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Method, Style, Tracing
-from experiments.methods.options import MethodOptions, options_of
+from experiments.methods.options import MethodOptions
 
 CLUSTERS = ("hidden", "outside", "none")
 """Clusters that are not drawn."""
 
 
-@options_of(library.RasterOptions)
+@dataclass(frozen=True)
 class RasterOptions(MethodOptions):
     """What its parts gain."""
 
+    lanes: int | None = option(
+        None,
+        "pixels drawn at once; null = as many as this machine's widest vectors hold; no image differs",
+        choices=LANES,
+        null="native",
+    )
     left_out: str = option(
         "hidden",
         "clusters that are not drawn: hidden = those outside of the view or a band, or hidden by what is drawn; "
@@ -54,27 +61,25 @@ class WithoutClusters(Scratch):
         self.bounds[:] = np.inf
 
 
-_SCRATCHES = dict(zip(CLUSTERS[1:], (WithoutOcclusion, WithoutClusters), strict=True))
+_SCRATCHES = dict(zip(CLUSTERS, (Scratch, WithoutOcclusion, WithoutClusters), strict=True))
 
 
-class CulledOtherwise(RasterTracer):
-    """The rasteriser with another scratch. scratch_type: what culls its clusters, set before it is built."""
+@dataclass(frozen=True)
+class _Ablated(Raster):
+    """The rasteriser without a part. scratch_type: what culls its clusters."""
 
     scratch_type: type[Scratch] = Scratch
 
-    def _build(self) -> float:
-        taken_s = super()._build()
-        assert self._scratch is not None
-        self._scratch = self.scratch_type(self._scratch.clusters, self._scratch.rectangles, self._scratch.bounds)
-        return taken_s
+    def prepare(self, mesh: Mesh, camera: View, pool: WorkerPool) -> PreparedRaster:
+        prepared = super().prepare(mesh, camera, pool)
+        scratch = prepared.scratch
+        prepared.scratch = self.scratch_type(scratch.clusters, scratch.rectangles, scratch.bounds)
+        return prepared
 
 
-def _make(mesh: Mesh, view: View, options: RasterOptions, tracing: Tracing) -> RasterTracer:
-    if options.left_out not in _SCRATCHES:
-        return RasterTracer(mesh, view, **options.keywords(tracing))
-    tracer = CulledOtherwise(mesh, view, **options.keywords(tracing))
-    tracer.scratch_type = _SCRATCHES[options.left_out]
-    return tracer
+def _make(mesh: Mesh, view: View, options: RasterOptions, tracing: Tracing) -> Tracer:
+    method = _Ablated(options.lanes, _SCRATCHES[options.left_out])
+    return Tracer(mesh, view, method, threads=tracing.threads, ties=tracing.ties)
 
 
 def _variant(row: Mapping[str, Any]) -> str:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
+from atra.tracing.tracer import Tracer
 from experiments.drawing.style import ORANGE
 from experiments.harness.method import Method, Style, Tracing
 from experiments.methods.culled.tracer import TiledTracer
-from experiments.methods.options import CellOptions, resolve_split, say_robust
+from experiments.methods.options import CellOptions, keywords_of, resolve_split, say_robust
 
 
-def _make(mesh: Mesh, view: View, options: CellOptions, tracing: Tracing) -> TiledTracer:
-    return TiledTracer(mesh, view, options.split, **options.keywords(tracing))
+def _make(mesh: Mesh, view: View, options: CellOptions, tracing: Tracing) -> Tracer:
+    return TiledTracer(mesh, view, options.split, **keywords_of(TiledTracer, options, tracing))
 
 
 TILES = Method(

@@ -5,15 +5,16 @@ from __future__ import annotations
 from atra.alignment.visible_first import VisibleFirstTracer
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
+from atra.tracing.tracer import Tracer
 from experiments.drawing.style import VERMILLION
 from experiments.harness.column import REAL, Column
 from experiments.harness.method import Method, Style, Tracing
 from experiments.methods.aligned_cells import AlignedCellOptions
-from experiments.methods.options import VERIFIED, resolve_split, say_robust
+from experiments.methods.options import VERIFIED, keywords_of, resolve_split, say_robust
 
 
-def _make(mesh: Mesh, view: View, options: AlignedCellOptions, tracing: Tracing) -> VisibleFirstTracer:
-    return VisibleFirstTracer(mesh, view, options.split, **options.keywords(tracing))
+def _make(mesh: Mesh, view: View, options: AlignedCellOptions, tracing: Tracing) -> Tracer:
+    return VisibleFirstTracer(mesh, view, options.split, **keywords_of(VisibleFirstTracer, options, tracing))
 
 
 VISIBLE_FIRST = Method(

@@ -27,9 +27,8 @@ from numpy.typing import NDArray
 
 from atra.alignment.aligned import SECOND_PASS_TILE
 from atra.alignment.alignment import Alignment
+from atra.alignment.cells import CellOptions, reference_rays
 from atra.alignment.culling import plan_aligned_geometry
-from atra.alignment.options import FramesOptions
-from atra.alignment.reference_rays import reference_rays
 from atra.alignment.visibility import Tiles, nearest_in_tiles
 from atra.compiled.aligned_memory import aligned_empty
 from atra.compiled.intrinsics import address_at, float_at, uint32_at
@@ -211,7 +210,7 @@ def measure(path: str, rounds: int) -> dict[str, Any]:
 
     def add_aligned(name: str, split: Split, culling: bool) -> None:
         alignment = Alignment.of_cells(camera, split)
-        options = FramesOptions(culling=culling, packet_width=1, robust=False)
+        options = CellOptions(culling=culling, packet_width=1, robust=False)
         geometry = plan_aligned_geometry((mesh,), alignment, options, _WIDTH, pool)
         rays, built, image = reference_rays(alignment, (0.5, 0.5)), embree.build(geometry), images[name]
         (left_out,) = geometry.left_out

@@ -13,8 +13,8 @@ import pandas as pd
 
 from atra.errors import InputError
 from atra.files.paths import write_together
-from atra.tracing.options import Options
 from experiments.harness.column import REAL, TEXT, TRUTH, WHOLE, Column, option_columns
+from experiments.harness.method import TIES_HELP
 from experiments.harness.point import Workload
 from experiments.harness.records import Record
 from experiments.methods import METHODS, find_method
@@ -72,7 +72,8 @@ _POINT_COLUMNS = (
 )
 _TRACING_COLUMNS = (
     _field("threads", WHOLE, "threads that traced"),
-    *(_field(name, TEXT, Options.__dataclass_fields__[name].metadata["help"]) for name in ("build_quality", "ties")),
+    _field("build_quality", TEXT, "Embree's, for its BVH"),
+    _field("ties", TEXT, TIES_HELP),
     _field("process", WHOLE, "which of the processes that measured the point"),
 )
 _OUTCOME_COLUMNS = (

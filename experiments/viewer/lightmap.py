@@ -15,6 +15,7 @@ from atra.light import Atlas, BakeScene, Lightmap, ProgressiveBake, clay_view, l
 from atra.light.lightmaps.finish.export import exposure_of, finished
 from atra.light.pictures.files import srgb_of
 from atra.raster.tracer import RasterTracer
+from atra.tracing.tracer import Tracer
 from experiments.viewer.camera_page import CameraPage
 from experiments.viewer.request import Pose, Request, Settings
 from experiments.viewer.session import REST_S
@@ -75,7 +76,7 @@ class LightmapPage(CameraPage):
     def _camera(self, pose: Pose) -> Camera:
         return Request(pose, self._settings).camera
 
-    def _step(self, tracer: RasterTracer) -> None:
+    def _step(self, tracer: Tracer) -> None:
         pose, since_s = self._newest
         if pose is not self._shown:
             self._shown = pose

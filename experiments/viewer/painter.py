@@ -22,7 +22,6 @@ from atra.light.pictures.finish.tone import toned
 from atra.light.pictures.renderer import Renderer
 from atra.packets.pixel import PixelTracer
 from atra.raster.tracer import RasterTracer
-from atra.tracing.tracer import Tracer
 from experiments.drawing.shading import BACKGROUND, mark_verdicts
 from experiments.harness.configuration import Chosen
 from experiments.harness.method import Tracing
@@ -136,7 +135,7 @@ class Painter:
         self._made = made_for, renderer
         return renderer
 
-    def _primary(self, settings: Settings, mesh: Mesh, view: View) -> Tracer:
+    def _primary(self, settings: Settings, mesh: Mesh, view: View) -> Any:
         method = find_method(settings.method)
         options = self._chosen.options if self._chosen.name == method.name else method.options()
         if method.has_cells:

@@ -16,7 +16,7 @@ from atra.exact.ties import coplanar_overlaps
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.packets.pixel import PixelTracer
+from atra.tracing.tracer import Tracer
 from experiments.harness.environment import peak_rss_bytes, reset_peak_rss, rss_bytes
 from experiments.harness.point import Measured, Point, make_own
 from experiments.harness.rounds import RoundSamples, measure_rounds
@@ -47,7 +47,7 @@ def load_mesh(point: Point) -> Mesh:
     return scene.mesh
 
 
-def make_single(point: Point, mesh: Mesh, view: View, packet_width: int | None = 1) -> PixelTracer:
+def make_single(point: Point, mesh: Mesh, view: View, packet_width: int | None = 1) -> Tracer:
     """Rays per pixel with the point's threads, build quality and ties.
 
     packet_width: 1 is the paper's baseline, None the widest native packets.

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import atra
+from atra.alignment.cells import CellOptions
 from atra.alignment.culling import plan_aligned_geometry
 from atra.compiled.threads import WorkerPool
 from atra.exact.intersection import intersect_pixels
@@ -26,9 +27,7 @@ HIGH = np.int64(32)
 def plan(mesh, camera, counts, culling=True, threads=1, **options):
     alignment = atra.Alignment.of_cells(camera, atra.Split(*counts, camera.width, camera.height))
     pool = WorkerPool(threads)
-    geometry = plan_aligned_geometry(
-        [mesh], alignment, atra.AlignedOptions(culling=culling, **options), camera.width, pool
-    )
+    geometry = plan_aligned_geometry([mesh], alignment, CellOptions(culling=culling, **options), camera.width, pool)
     pool.close()
     return alignment, geometry
 
@@ -136,11 +135,11 @@ def test_a_plan_holds_as_many_bytes_a_copy_as_its_budget_counts_and_cannot_be_ch
 def test_copies_that_embree_cannot_number_are_refused_and_one_less_is_not(monkeypatch):
     monkeypatch.setattr(budgets, "check_needed_bytes", lambda *_: None)
     most = (2**32 - 1) // 3
-    check_memory_budget(most, 1, atra.CellOptions())
+    check_memory_budget(most, 1, "medium", None)
     with pytest.raises(
         atra.MemoryBudgetError, match=r"1,431,655,766 triangle copies over 7 cells are more than Embree"
     ):
-        check_memory_budget(most + 1, 7, atra.CellOptions())
+        check_memory_budget(most + 1, 7, "medium", None)
 
 
 def test_what_exceeds_the_budget_or_the_free_memory_is_refused_with_both_sizes(monkeypatch):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import atra
+from atra.alignment.cells import CellOptions
 from atra.alignment.culling import plan_aligned_geometry
 from atra.compiled.threads import WorkerPool
 from tests.images import assert_equal_images, trace_pixels
@@ -201,7 +202,7 @@ def test_a_map_that_is_right_on_a_diagonal_alone_is_refused_naming_a_ray_beside_
 def test_the_image_size_is_checked_for_all_frames_together():
     cameras = moving_cameras(4, **SIZE)
     alignment = alignment_of(cameras, (12, 1))
-    options, pool = atra.AlignedOptions(), WorkerPool(1)
+    options, pool = CellOptions(), WorkerPool(1)
     rows = 4 * cameras[0].height
     row_stride = -(-(2**31) // rows)
     with pytest.raises(atra.InputError, match=f"an output of {rows} rows of {row_stride} pixels is too large"):
@@ -216,7 +217,7 @@ def test_copies_of_a_frame_s_triangles_say_which_frame_they_are_of():
     alignment = alignment_of(moving_cameras(3, **SIZE), (4, 2))
     pool = WorkerPool(1)
     rows, row_stride = SIZE["height"], SIZE["width"] + 8
-    plan = plan_aligned_geometry(meshes, alignment, atra.AlignedOptions(culling=False), row_stride, pool)
+    plan = plan_aligned_geometry(meshes, alignment, CellOptions(culling=False), row_stride, pool)
     pool.close()
     assert plan.vertices.shape == (3 * plan.copy_count, 3)
     prim_id, pixel = plan.records & 0xFFFFFFFF, plan.records >> 32

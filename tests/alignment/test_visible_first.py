@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import atra
+from atra.alignment.cells import CellOptions
 from atra.alignment.visibility import Tiles, plan_visible_geometry
 from atra.compiled.threads import WorkerPool
 from atra.exact.intersection import intersect_pixels
@@ -72,7 +73,7 @@ def test_no_ray_meets_a_copy_left_out_before_the_depth_of_its_tile(seed, counts,
     tiles, pool = Tiles(4, 4, camera.width, camera.height), WorkerPool(1)
     seen_depth = np.random.default_rng(seed).choice([0.0, 0.0, 0.0, 1.0], tiles.shape)
     plan = plan_visible_geometry(
-        mesh, atra.Alignment.of_cells(camera, split), tiles, (np.zeros(40, np.uint8), seen_depth), atra.CellOptions(),
+        mesh, atra.Alignment.of_cells(camera, split), tiles, (np.zeros(40, np.uint8), seen_depth), CellOptions(),
         row_stride=24, pool=pool,
     )  # fmt: skip
     assert np.isfinite(plan.nearest_hidden).any()
@@ -100,7 +101,7 @@ def test_a_wall_hides_what_is_behind_and_nothing_need_be_verified():
         assert set(np.unique(tracer.trace().prim_id)) == {0, 1}
         assert tracer.counters["packets_verified"] == 0
         assert tracer.triangle_count - mesh.triangle_count <= 2 * 16
-        assert not np.isinf(tracer._second_pass._nearest).all()
+        assert not np.isinf(tracer.prepared.second_pass._nearest).all()
 
 
 def test_the_probe_is_timed_and_both_scenes_are_counted():

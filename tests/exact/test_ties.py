@@ -302,7 +302,7 @@ def test_a_point_is_traced_by_the_rule_it_names(method, rule):
     point = replace(POINT, method=kind, options=kind.resolve(kind.options(), POINT.width), ties=rule)
     for make in (make_own, make_single):
         with make(point, cornell_box(), point.camera) as tracer:
-            assert tracer.options.ties == rule
+            assert tracer.ties == rule
     assert ("ties any" in say_label(point)) == (rule == "any")
 
 

@@ -39,7 +39,7 @@ def test_cells_without_triangles_are_misses():
     camera = atra.Camera(**EYE_AT_ORIGIN, width=32, height=32)
     with tiled(triangle, camera, (8, 8)) as tracer:
         hits = tracer.trace()
-        assert (tracer._scene.handles == 0).sum() > 32
+        assert (tracer.prepared.scenes.handles == 0).sum() > 32
     assert_equal_images(triangle, camera, hits, brute_force(triangle, camera))
     assert hits.hit.any()
     assert not hits.hit[16:].any()
@@ -48,7 +48,7 @@ def test_cells_without_triangles_are_misses():
 def test_tiles_keep_what_aligned_cells_keep_and_embree_counts_all_their_scenes():
     mesh, camera = cornell_box(), cornell_camera(64, 64)
     with atra.AlignedTracer(mesh, camera, (8, 4), threads=1) as aligned, tiled(mesh, camera, (8, 4)) as tiles:
-        (without,) = aligned.geometry.left_out  # copies that culling would keep and rounding does not
+        (without,) = aligned.prepared.geometry.left_out  # copies that culling would keep and rounding does not
         kept = count_kept(WorkerPool(1), without.points_pixels, mesh, True, (8, 4, 8, 16))[without.prim_ids]
         assert tiles.triangle_count == aligned.triangle_count + int(kept.sum())
         with tiled(mesh, camera, (1, 1)) as whole:
@@ -91,7 +91,7 @@ def test_parallel_rays_splits_that_do_not_divide_and_small_budgets_are_refused()
         one.look(replace(CAMERA, width=65))
     with pytest.raises(atra.MemoryBudgetError, match="GiB"):
         tiled(MESH, cornell_camera(64, 64), (64, 64), memory_budget_bytes=1 << 12).build()
-    with pytest.raises(TypeError, match="no option 'packet_rows'"):
+    with pytest.raises(TypeError, match="packet_rows"):
         tiled(MESH, CAMERA, packet_rows=1)
 
 

@@ -89,8 +89,8 @@ def test_planes_are_kept_for_other_poses():
     mesh, camera = cornell_box(), lens_camera(BARREL, cornell_camera(96, 72))
     with atra.RasterTracer(mesh, camera, threads=1) as tracer:
         tracer.trace()
-        kept = tracer._lens_drawing.planes(camera, (0.5, 0.5), tracer._pool)
+        kept = tracer.prepared.lens_drawing.planes(camera, (0.5, 0.5), tracer._pool)
         moved = lens_camera(BARREL, atra.Camera((0.4, 0.1, 3.0), (0.0, 0.0, 0.0)))
         tracer.look(moved)
         assert_equal_images(mesh, moved, tracer.trace(), brute_force(mesh, moved))
-        assert tracer._lens_drawing.planes(moved, (0.5, 0.5), tracer._pool) is kept
+        assert tracer.prepared.lens_drawing.planes(moved, (0.5, 0.5), tracer._pool) is kept

@@ -15,9 +15,9 @@ import atra
 from atra import light
 from atra.embree.device import EmbreeDevice
 from atra.light import Baker, BakeScene, ProgressiveBake
+from tests.failing import Failing, Injected
 from tests.images import make_tracer
 from tests.meshes import cornell_box, cornell_camera
-from tests.tracing.test_lifetimes import Injected
 
 pytestmark = pytest.mark.usefixtures("old_objects_set_aside")
 
@@ -138,18 +138,12 @@ def test_dropping_the_last_reference_frees_threads_and_memory(kind, no_collector
     assert [int(counter[0]) for counter in held] == [0] * len(held)
 
 
-@pytest.mark.parametrize("step", ["_plan_geometry", "_build_scene", "_run"])
+@pytest.mark.parametrize("step", ["prepare", "draw"])
 @pytest.mark.parametrize("kind", ["pixels", "aligned", "visible_first"])
-def test_after_a_failure_too(kind, step, no_collector, held, monkeypatch):
+def test_after_a_failure_too(kind, step, no_collector, held):
     before = set(threading.enumerate())
     one = make_tracer(kind, MESH, CAMERA, (16, 1), threads=2)
-    done = getattr(type(one), step)
-
-    def fail(self, *arguments):
-        done(self, *arguments)
-        raise Injected
-
-    monkeypatch.setattr(type(one), step, fail)
+    one.method = Failing(one.method, step)
     with pytest.raises(Injected):
         traced(one)
     started = set(threading.enumerate()) - before

@@ -15,6 +15,7 @@ import pytest
 import atra
 from atra.compiled.threads import WorkerPool
 from atra.embree.device import EmbreeDevice
+from tests.failing import Failing, Injected
 from tests.images import make_tracer
 from tests.meshes import cornell_box, cornell_camera
 from tests.strategies import NIGHTLY
@@ -39,7 +40,8 @@ def image(name):
 
 def devices(one):
     """Every Embree device a tracer holds."""
-    return [value for value in vars(one).values() if isinstance(value, EmbreeDevice)]
+    prepared = getattr(one, "prepared", None)
+    return [] if prepared is None else [value for value in vars(prepared).values() if isinstance(value, EmbreeDevice)]
 
 
 def in_threads(*works, timeout_s=60):
@@ -81,8 +83,10 @@ def test_what_embree_reads_lives_as_long_as_the_scene():
     # The tracer forgets its plan; the scene must not.
     with tracer("aligned") as one:
         expected = one.trace().prim_id
-        vertices, records = (weakref.ref(array) for array in (one.geometry.vertices, one.geometry.records))
-        one.geometry = None
+        vertices, records = (
+            weakref.ref(array) for array in (one.prepared.geometry.vertices, one.prepared.geometry.records)
+        )
+        one.prepared.geometry = None
         gc.collect()
         assert vertices() is not None
         assert records() is not None
@@ -159,15 +163,15 @@ def test_python_threads_may_share_a_tracer_and_build_it_anew_meanwhile_or_have_t
 def test_closing_waits_for_the_frame_in_progress(name, monkeypatch):
     with tracer(name) as one:
         begun, may_go_on, traced = threading.Event(), threading.Event(), []
-        run = one._run
+        draw = one.prepared.draw
 
-        def slow_run(*arguments):
+        def slow_draw(*arguments):
             begun.set()
             assert may_go_on.wait(30)
             assert not any(device.closed for device in devices(one))
-            run(*arguments)
+            draw(*arguments)
 
-        monkeypatch.setattr(one, "_run", slow_run)
+        monkeypatch.setattr(one.prepared, "draw", slow_draw)
 
         def close():
             assert begun.wait(30)
@@ -184,34 +188,20 @@ def test_closing_waits_for_the_frame_in_progress(name, monkeypatch):
         assert all(device.closed for device in devices(one))
 
 
-class Injected(Exception):
-    """What the tests below make go wrong."""
-
-
-def raise_injected(*_):
-    raise Injected
-
-
 @every_tracer
-@pytest.mark.parametrize("step", ["_plan_geometry", "_build_scene", "_run"])
-def test_an_exception_in_the_middle_comes_out_and_the_next_attempt_succeeds(name, step, monkeypatch):
+@pytest.mark.parametrize("step", ["prepare", "draw"])
+def test_an_exception_in_the_middle_comes_out_and_the_next_attempt_succeeds(name, step):
     expected = image(name)
-
-    def attempt(one, fails=False):
-        with monkeypatch.context() as failing:
-            if fails:  # when all of its work is done
-                done = getattr(one, step)
-                failing.setattr(one, step, lambda *arguments: (done(*arguments), raise_injected()))
-            one.build()
-            return one.trace().prim_id
-
     one = tracer(name, 2)
+    method, one.method = one.method, Failing(one.method, step)  # when all of its work is done
     with pytest.raises(Injected):
-        attempt(one, fails=True)
-    np.testing.assert_array_equal(attempt(one), expected)
+        one.trace()
+    one.method = method
+    one.build()
+    np.testing.assert_array_equal(one.trace().prim_id, expected)
     one.close()
     one = tracer(name, 2)
-    monkeypatch.setattr(one, step, raise_injected)
+    one.method = Failing(one.method, step, after=False)
     with pytest.raises(Injected), one:
         one.trace()
     assert all(device.closed for device in devices(one))

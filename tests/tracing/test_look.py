@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import atra
+from tests.failing import Failing, Injected
 from tests.images import assert_same_bits, make_tracer
 from tests.meshes import cornell_box, cornell_camera, quads
-from tests.tracing.test_lifetimes import Injected, devices, in_threads, raise_injected
+from tests.tracing.test_lifetimes import devices, in_threads
 
 MESH, CAMERA = cornell_box(), cornell_camera(64, 48)
 MOVED = replace(CAMERA, eye=tuple(np.add(CAMERA.eye, (0.11, -0.07, 0.05)).tolist()))
@@ -130,12 +131,12 @@ def test_rays_per_pixel_keep_their_bvh_while_the_eye_stays_and_build_another_whe
 
 
 @pytest.mark.parametrize("kind", ["pixels", "aligned", "visible_first"])
-def test_where_planning_fails_the_next_frame_plans_again(kind, monkeypatch):
+def test_where_planning_fails_the_next_frame_plans_again(kind):
     with tracer(kind) as one:
-        with monkeypatch.context() as failing:
-            failing.setattr(one, "_plan_geometry", raise_injected)
-            with pytest.raises(Injected):
-                one.look(MOVED)
+        method, one.method = one.method, Failing(one.method, "prepare", after=False)
+        with pytest.raises(Injected):
+            one.look(MOVED)
+        one.method = method
         assert_same_bits(one.trace(), image(kind, MOVED))
 
 

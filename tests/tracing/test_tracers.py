@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import atra
-from atra.alignment.reference_rays import choose_packet_shape
+from atra.alignment.cells import choose_packet_shape
 from tests.images import (
     CELLS,
     METHODS,
@@ -285,7 +285,7 @@ def test_a_forced_packet_shape_gives_the_same_image(method):
     mesh, camera = cornell_box(), cornell_camera(64, 32)
     for rows in (1 << k for k in range(WIDEST.bit_length())):
         with make_tracer(method, mesh, camera, (4, 2), packet_width=WIDEST, packet_rows=rows) as tracer:
-            assert tracer.packet_shape == (WIDEST // rows, rows)
+            assert tracer.prepared.packet_shape == (WIDEST // rows, rows)
             assert_equal_images(mesh, camera, tracer.trace(), trace_pixels(mesh, camera))
 
 

@@ -56,8 +56,9 @@ def test_all_hits_of_an_updated_mesh_are_those_of_a_new_tracer(kind):
         np.testing.assert_array_equal(one.gather(atra.Count()).count, new.gather(atra.Count()).count)
 
 
-def test_gather_is_there_only_where_it_works():
-    assert not hasattr(TRACERS["visible_first"](MESH), "gather")
+def test_a_method_that_cannot_gather_says_which_can():
+    with pytest.raises(atra.InputError, match="use RasterTracer, PixelTracer or AlignedTracer"):
+        TRACERS["visible_first"](MESH).gather(atra.Count())
 
 
 def test_frames_look_through_another_alignment_and_take_other_meshes():

@@ -219,7 +219,7 @@ def test_what_cannot_be_rendered_is_refused_before_anything_is_done(arguments, m
 
 
 def test_an_option_that_the_method_has_not_ends_it_at_once():
-    with pytest.raises(TypeError, match="RasterTracer has no option 'split'"):
+    with pytest.raises(TypeError, match="unexpected keyword argument 'split'"):
         list(atra.render_views(BOX, CAMERAS, split=(4, 1)))
 
 

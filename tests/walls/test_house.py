@@ -19,8 +19,9 @@ from hydra.core.config_store import ConfigStore
 from matplotlib.figure import Figure
 
 import experiments
-from atra.packets.pixel import PixelTracer
+from atra.packets.pixel import Pixel, PreparedPixel
 from atra.tracing.options import option
+from atra.tracing.tracer import Tracer
 from experiments import methods
 from experiments.drawing.figure import FigureKind, of_table
 from experiments.harness.column import WHOLE, Column
@@ -48,18 +49,23 @@ class ToyOptions:
     patience: int = option(1, "how long it waits")
 
 
-class ToyTracer(PixelTracer):
-    patience = 1
+@dataclass(frozen=True)
+class Toy(Pixel):
+    patience: int = 1
 
+    def prepare(self, mesh, camera, pool):
+        return PreparedToy(self, mesh, camera, pool)
+
+
+class PreparedToy(PreparedPixel):
     @property
     def counters(self):
-        return {**super().counters, "waited": 10 * self.patience}
+        return {**super().counters, "waited": 10 * self.method.patience}
 
 
 def make_toy(mesh, view, options, tracing):
-    tracer = ToyTracer(mesh, view, packet_width=1, **tracing.ours)
-    tracer.patience = options.patience
-    return tracer
+    method = Toy(packet_width=1, robust=False, patience=options.patience)
+    return Tracer(mesh, view, method, threads=tracing.threads, ties=tracing.ties)
 
 
 TOY = Method(

@@ -37,13 +37,13 @@ def test_copies_in_one_place_are_entered_by_every_ray_that_enters_one(build_qual
 def test_a_tracer_tells_the_cost_of_what_it_gave_to_embree_and_none_of_instances():
     mesh, camera = random_triangles(200, seed=1), Camera((0, 0, 4), (0, 0, 0), width=32, height=32)
     with PixelTracer(mesh, camera) as single, AlignedTracer(mesh, camera, (4, 1), culling=False) as copied:
-        plain, copies = cost_of(single), cost_of(copied)
+        plain, copies = cost_of(single, "medium"), cost_of(copied, "medium")
         assert plain is not None
         assert copies is not None
         assert copies.triangles_tested > plain.triangles_tested
     with AlignedTracer(mesh, camera, (4, 1), culling=False, geometry="instanced") as instanced:
-        assert cost_of(instanced) is None
-    assert cost_of(PixelTracer(mesh, camera)) is None
+        assert cost_of(instanced, "medium") is None
+    assert cost_of(PixelTracer(mesh, camera), "medium") is None
 
 
 def test_no_node_is_lost_while_another_device_lets_embree_use_two_threads():

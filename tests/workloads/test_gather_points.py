@@ -66,7 +66,7 @@ def test_a_warm_up_has_something_that_no_copy_shows_and_leaves_few_samples_in_do
     def gather(tracer):
         tracer.gather(atra.Count())
         left_out.append(tracer.counters.get("triangles_left_out"))
-        in_doubt.append(len(tracer._doubts[1].keys))
+        in_doubt.append(len(tracer.prepared._all_hits._doubts[1].keys))
 
     warm_up(point, own_and_baselines(shrunk(point)), gather, CLOSED)
     assert left_out[0] > 0

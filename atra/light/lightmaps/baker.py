@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import AtraError
 from atra.geometry.view import View
-from atra.hits import Hits
 from atra.light.checks import check_whole
 from atra.light.lightmaps.batches import BATCH_BYTES, Job, Stages, Work, add_batch, new_batch
 from atra.light.lightmaps.charts.atlas import Atlas
@@ -69,7 +68,7 @@ class Baker(Lifetime):
         self.shadow_scenes = ShadowScenes(scene, self._ray_options)
         self.rays_scene, self.scene = rays_scene, scene
 
-    def _plan(self) -> float:
+    def _build(self) -> tuple[float, float]:
         start = perf_counter()
         self._given = atlas = self._given or Atlas.unwrap(self.scene.mesh, self._size)
         needed = atlas.width * atlas.height * (8 * SUMS + 24) + self.options.batch_rays * BATCH_BYTES
@@ -78,11 +77,9 @@ class Baker(Lifetime):
         self._texels = Texels.of(self.scene.mesh, atlas)
         self._tables, self._paint = tables_of(self.scene, self._texels, self.options), self.scene.paint
         self._restart()
-        return perf_counter() - start
-
-    def _build(self) -> float:
+        plan_time_s = perf_counter() - start
         self.rays_scene.build()
-        return self.rays_scene.build_time_s + self.shadow_scenes.build()
+        return plan_time_s, self.rays_scene.build_time_s + self.shadow_scenes.build()
 
     def _restart(self) -> None:
         count = 0 if self._texels is None else len(self._texels)
@@ -130,7 +127,7 @@ class Baker(Lifetime):
             self.scene, self._tables, self._paint = scene, tables, paint
             self._restart()
 
-    def look(self, camera: View | None, tracer: Tracer[Hits] | None = None) -> None:
+    def look(self, camera: View | None, tracer: Tracer | None = None) -> None:
         """Light first what the camera sees; None: nothing comes first. No sample is lost.
 
         tracer: finds what the camera sees, of this mesh; it is told to look there. None: the rasteriser.
@@ -138,7 +135,7 @@ class Baker(Lifetime):
         with self._in_use():
             self.visible = None if camera is None else self._seen_by(camera, tracer)
 
-    def _seen_by(self, camera: View, tracer: Tracer[Hits] | None) -> NDArray[np.bool_]:
+    def _seen_by(self, camera: View, tracer: Tracer | None) -> NDArray[np.bool_]:
         if tracer is None:
             with RasterTracer(self.scene.mesh, camera, threads=self.rays_scene.threads) as own:
                 return visible_texels(self.texels, own.trace(), self.rays_scene)

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.geometry.view import View
-from atra.hits import Hits
 from atra.light.emitters.panels import Panel, panels_of
 from atra.light.lights import Light, light_row
 from atra.light.lights_kernels import LIGHT_WORDS
@@ -258,7 +257,7 @@ class _Borrowed:
 
     plan_time_s = build_time_s = 0.0
 
-    def __init__(self, tracer: Tracer[Hits]) -> None:
+    def __init__(self, tracer: Tracer) -> None:
         self.trace = tracer.trace
 
     def build(self) -> None: ...

@@ -33,7 +33,7 @@ from atra.tracing.options import PacketOptions, lists_options
 from atra.tracing.tracer import Tracer
 from atra.views.sampling import sub_pixel_offsets
 
-Primary = Callable[[Mesh, View], Tracer[Hits]]
+Primary = Callable[[Mesh, View], Tracer]
 """Makes the tracer of primary visibility: `atra.PixelTracer`, or `partial(atra.AlignedTracer, split=(128, 1))`."""
 
 _WAVES_A_THREAD = 4
@@ -110,15 +110,13 @@ class Renderer(Finisher):
         self.stage_s: dict[str, float] = {}
         self.ray_count = 0
 
-    def _plan(self) -> float:
+    def _build(self) -> tuple[float, float]:
         self._tracer.build()
-        return self._tracer.plan_time_s
-
-    def _build(self) -> float:
         self.rays.build()
         start = perf_counter()
         self._surfaces = self._tables()
-        return self._tracer.build_time_s + self.rays.build_time_s + perf_counter() - start
+        tables_time_s = perf_counter() - start
+        return self._tracer.plan_time_s, self._tracer.build_time_s + self.rays.build_time_s + tables_time_s
 
     @property
     def samples(self) -> int:
@@ -126,7 +124,7 @@ class Renderer(Finisher):
         return self._film.samples
 
     @property
-    def tracer(self) -> Tracer[Hits]:
+    def tracer(self) -> Tracer:
         """The tracer of primary visibility; it belongs to the renderer."""
         return self._tracer
 

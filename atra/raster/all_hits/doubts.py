@@ -13,8 +13,8 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.raster.all_hits.crossings_kernels import projected
 from atra.raster.all_hits.doubts_kernels import Precision, decide, face, list_doubts, mark
-from atra.tracing.all_hits import ROOM
 from atra.tracing.budgets import check_needed_bytes
+from atra.tracing.gathering import ROOM
 
 _ROOM = 1 << 20
 """Samples in doubt that memory is made for at first."""

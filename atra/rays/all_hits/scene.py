@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC
 from collections.abc import Sequence
 
 import numpy as np
@@ -20,11 +19,11 @@ from atra.rays.all_hits.gathered import RayLayers, gathered
 from atra.rays.all_hits.lists import RayHitLists
 from atra.rays.geometries import joined
 from atra.rays.rays import Rays, rays_of
-from atra.tracing.lifetime import MeshLifetime, check_same_faces
+from atra.tracing.lifetime import Lifetime, check_same_faces
 from atra.whole_numbers import is_whole_number
 
 
-class AllHitsScene(MeshLifetime, ABC):
+class AllHitsScene(Lifetime):
     """Meshes, the threads that rays are traced in, and all that is found by our own tree, built when first needed."""
 
     def __init__(
@@ -71,7 +70,8 @@ class AllHitsScene(MeshLifetime, ABC):
             check_same_faces(self.geometries.own_faces(), geometries.own_faces())
             self._take(geometries.mesh)
             self.geometries, self._transforms = geometries, None if transforms is None else np.array(transforms)
-            self._build_again()
+            if self._is_built:
+                self.build()
 
     def _own(self, rays: Rays) -> Rays:
         """Rays that count from the mesh's origin, like the vertices that they meet."""

@@ -15,7 +15,7 @@ from atra.embree.packets_kernels import MISS
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_world_range
 from atra.rays.rays import RayHits, Rays
-from atra.tracing.lifetime import MeshLifetime, in_turn
+from atra.tracing.lifetime import Lifetime, check_same_faces, synchronized
 from atra.tracing.options import lists_options
 from atra.trees.bvh import Bvh, bvh_of
 from experiments.classification.bvh.batches import Batch, batch_kernel
@@ -45,7 +45,7 @@ class PreparedRays:
         return PreparedRays(self.rays, batch_of(self.rays, width, self.batch.order), NO_SHAFTS, given=self.given)
 
 
-class BvhScene(MeshLifetime):
+class BvhScene(Lifetime):
     """Closest hits and occlusion for arbitrary rays, through a binary BVH of the library's own.
 
         with BvhScene(mesh) as scene:
@@ -83,16 +83,26 @@ class BvhScene(MeshLifetime):
         check_world_range(mesh)
         self.mesh = mesh
 
-    def _plan(self) -> float:
-        return 0.0
+    @synchronized
+    def update(self, mesh: Mesh) -> None:
+        """As `atra.Tracer.update`."""
+        self._check_open()
+        check_same_faces(self.mesh, mesh)
+        self._take(mesh)
+        if self._is_built:
+            self.build()
 
-    def _build(self) -> float:
+    def _build(self) -> tuple[float, float]:
+        return 0.0, self._build_trees()
+
+    def _build_trees(self) -> float:
+        """Build what rays go through; returns the seconds it took."""
         start = perf_counter()
         self._bvh = bvh_of(self.mesh, self.mesh.local_vertices, self._pool)
         return perf_counter() - start
 
     @property
-    @in_turn
+    @synchronized
     def counters(self) -> Mapping[str, float]:
         """Numbers by name: bvh_bytes, the memory of nodes and blocks."""
         return {"bvh_bytes": 0 if self._bvh is None else self._bvh.bytes}

@@ -17,11 +17,10 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range, from_eye_space, ray_axes, unseen_from
 from atra.geometry.view import View, check_offset
 from atra.hits import Hits
-from atra.tracing.budgets import check_image_memory
 from atra.tracing.geometry import plan_plain_geometry
 from atra.tracing.images import images_of, outputs
 from atra.tracing.lens_rays import LensRays
-from atra.tracing.lifetime import TracerLifetime, in_turn
+from atra.tracing.lifetime import synchronized
 from atra.tracing.options import lists_options
 from atra.tracing.rays import SQUAREST_SHAPE, image_ray_grid, pixel_tiles
 from atra.trees.bvh import Bvh, bvh_of
@@ -29,9 +28,10 @@ from experiments.classification.bvh.images import Start, image_kernel, lens_kern
 from experiments.classification.bvh.memory import Memory
 from experiments.classification.bvh.options import BvhKeywords, BvhOptions
 from experiments.classification.bvh.starts import NO_LISTS, NO_SHAFTS, Shafts
+from experiments.methods.one_view import OneViewTracer
 
 
-class BvhTracer(TracerLifetime[Hits]):
+class BvhTracer(OneViewTracer):
     """One ray per pixel, single or in packets, through a binary BVH of the library's own; without Embree.
 
     options: see `BvhOptions`. Like `PixelTracer`, it keeps the BVH while the camera turns about its eye. Raises
@@ -41,7 +41,6 @@ class BvhTracer(TracerLifetime[Hits]):
 
     options_type: ClassVar[type[BvhOptions]] = BvhOptions
     options: BvhOptions
-    embree_bytes = 0
     _start = Start.root
     _takes_lenses = True
 
@@ -62,43 +61,33 @@ class BvhTracer(TracerLifetime[Hits]):
 
     def _show(self, mesh: Mesh, camera: View) -> None:
         check_range(mesh, camera, self._takes_lenses)
-        check_image_memory(camera.height, camera.width)
-        self.mesh, self.camera = mesh, camera
+        super()._show(mesh, camera)
         self._tie_tiles: TieTiles | None = None
         self._tiles = pixel_tiles(camera.width, camera.height)
 
-    def _look(self, camera: View) -> bool:
-        before = self.camera
-        self._show(self.mesh, camera)
-        if camera.eye == before.eye and np.array_equal(from_eye_space(camera), from_eye_space(before)):
-            if self._is_built:
-                self._plan_ties()
-            return True
-        self._bvh = None  # before another is built: both together may not fit
-        return False
-
-    def _take(self, mesh: Mesh) -> None:
-        super()._take(mesh)
-        self._bvh = None
-
-    @property
-    def views(self) -> tuple[tuple[Mesh, View], ...]:
-        """The mesh and its camera."""
-        return ((self.mesh, self.camera),)
-
-    def _plan(self) -> float:
-        if self.options.ties == "lowest":  # once per mesh, so outside the plan's clock
-            coplanar_overlaps(self.mesh)
-        start = perf_counter()
-        self._plan_ties()
-        return perf_counter() - start
+    def _still_serves(self, before: View) -> bool:
+        camera = self.camera
+        serves = camera.eye == before.eye and np.array_equal(from_eye_space(camera), from_eye_space(before))
+        if serves:
+            self._plan_ties()
+        return serves
 
     def _plan_ties(self) -> None:
         if self.options.ties == "lowest":
             tiles = tie_tiles(self.mesh, self.camera)
             self._tie_tiles = tiles if tiles.any else None
 
-    def _build(self) -> float:
+    def _build(self) -> tuple[float, float]:
+        if self.options.ties == "lowest":  # once per mesh, so outside the plan's clock
+            coplanar_overlaps(self.mesh)
+        start = perf_counter()
+        self._plan_ties()
+        plan_time_s = perf_counter() - start
+        return plan_time_s, self._build_trees()
+
+    def _build_trees(self) -> float:
+        """Build what rays go through; returns the seconds it took."""
+        self._bvh = None  # before another is built: both together may not fit
         start = perf_counter()
         vertices = plan_plain_geometry(self.mesh, self.camera).vertices
         self._bvh = bvh_of(self.mesh, vertices, self._pool, unseen_from(self.camera, self.mesh))
@@ -157,12 +146,7 @@ class BvhTracer(TracerLifetime[Hits]):
         return ray_axes(self.camera)[2].astype(np.float32)
 
     @property
-    def triangle_count(self) -> int:
-        """Triangles of the mesh, hidden ones included."""
-        return self.mesh.triangle_count
-
-    @property
-    @in_turn
+    @synchronized
     def counters(self) -> Mapping[str, float]:
         """As `atra.Tracer` says; known are triangles_traced and bvh_bytes, the memory of nodes and blocks."""
         return {"triangles_traced": self.triangle_count, "bvh_bytes": 0 if self._bvh is None else self._bvh.bytes}

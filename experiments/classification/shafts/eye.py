@@ -61,6 +61,8 @@ class EyeTracer(HasShafts, BvhTracer):
     options_type: ClassVar[type[BvhOptions]] = ShaftOptions
     _start = Start.tile
     _takes_lenses = False
+    _bvh_mesh: Mesh | None = None
+    """The mesh that the BVH is of."""
 
     @lists_options(ShaftOptions)
     def __init__(self, mesh: Mesh, camera: View, **options: Unpack[ShaftKeywords]) -> None:
@@ -76,13 +78,14 @@ class EyeTracer(HasShafts, BvhTracer):
         check_world_range(mesh)
         super()._show(mesh, camera)
 
-    def _look(self, camera: View) -> bool:
-        self._show(self.mesh, camera)
+    def _still_serves(self, before: View) -> bool:
         return False
 
-    def _build(self) -> float:
+    def _build_trees(self) -> float:
         start = perf_counter()
-        if self._bvh is None:
+        if self._bvh is None or self._bvh_mesh is not self.mesh:
+            self._bvh = None  # before another is built: both together may not fit
+            self._bvh_mesh = self.mesh
             self._bvh = bvh_of(self.mesh, self.mesh.local_vertices, self._pool)
         lists_start = perf_counter()
         largest = max(float(np.abs(self._bvh.bounds).max()), float(np.abs(self._shared).max()))

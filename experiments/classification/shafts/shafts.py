@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from atra.compiled.threads import WorkerPool
 from atra.errors import InputError, MemoryBudgetError
 from atra.tracing.budgets import check_needed_bytes
-from atra.tracing.lifetime import MeshLifetime, in_turn
+from atra.tracing.lifetime import Lifetime, synchronized
 from atra.trees.bvh import Bvh
 from atra.trees.layout import STACK
 from experiments.classification.bvh.packets import ROWS
@@ -201,7 +201,7 @@ def _lists(
     return ShaftLists(shafts, bvh, voxels * of_voxel, len(numbers), unique, lengths, perf_counter() - start)
 
 
-class HasShafts(MeshLifetime):
+class HasShafts(Lifetime):
     """What tracers and scenes have whose rays start from lists, before `BvhTracer` or `BvhScene` among their bases."""
 
     options: Any
@@ -219,15 +219,15 @@ class HasShafts(MeshLifetime):
     def _shafts(self) -> Shafts:
         return self.lists.shafts
 
-    def _build(self) -> float:
-        taken_s = super()._build()  # type: ignore[safe-super]
+    def _build_trees(self) -> float:
+        taken_s = super()._build_trees()  # type: ignore[misc]
         start = perf_counter()
         assert self._bvh is not None
         self._lists = build_shafts(self._bvh, self.options, self._pool)
-        return taken_s + perf_counter() - start
+        return float(taken_s + perf_counter() - start)
 
     @property
-    @in_turn
+    @synchronized
     def counters(self) -> Mapping[str, float]:
         """Numbers by name: of the BVH and of the shafts."""
         return {**super().counters, **(self._lists.counters if self._lists else {})}  # type: ignore[misc]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from atra.alignment.reference_rays import choose_packet_shape
+from atra.alignment.cells import choose_packet_shape
 from atra.errors import InputError
 from atra.geometry.split import Split
 from atra.geometry.view import View

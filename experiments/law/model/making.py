@@ -11,13 +11,15 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.packets.pixel import PixelTracer
 from atra.raster.tracer import RasterTracer
-from atra.tracing.tracer import Tracer
 from experiments.classification.bvh.tracer import BvhTracer
+from experiments.harness.method import AnyTracer
 from experiments.law.model.choice import Choice
 from experiments.methods.culled.tracer import TiledTracer
 
 
-def tracer_of(choice: Choice, mesh: Mesh, camera: View, *, threads: int | None = None, ties: str = "lowest") -> Tracer:
+def tracer_of(
+    choice: Choice, mesh: Mesh, camera: View, *, threads: int | None = None, ties: str = "lowest"
+) -> AnyTracer:
     """The tracer of a choice, not yet built. threads, ties: as for tracers.
 
     Raises InputError as its constructor does, and for classified rays, which are no candidates.

@@ -50,6 +50,10 @@ class TileRays(Lifetime):
         self._scene: EmbreeScene | None = None
         self._tile_of = np.empty(0, np.int64)
 
+    def _build(self) -> tuple[float, float]:
+        plan_time_s = self._plan()
+        return plan_time_s, self._build_scene()
+
     def _plan(self) -> float:
         start, count = perf_counter(), len(self.prisms.onto)
         self._starts, self._counts = np.empty(count, np.int64), np.empty(count, np.int64)
@@ -79,7 +83,7 @@ class TileRays(Lifetime):
         )
         return int(total[0])
 
-    def _build(self) -> float:
+    def _build_scene(self) -> float:
         filter_address, monitor_address = noting_filter(self.packet_width), memory_monitor()
         start = perf_counter()
         faces = np.arange(len(self._vertices), dtype=np.uint32).reshape(-1, 3)

@@ -17,10 +17,9 @@ from typing import Any, get_args, get_type_hints
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.tracing.tracer import Tracer
 from experiments.harness.column import default_of
 from experiments.harness.entry_points import digest_of_files, offers
-from experiments.harness.method import Method, Style, Tracing
+from experiments.harness.method import AnyTracer, Method, Style, Tracing
 from experiments.harness.options import NoOptions
 from experiments.harness.point import Point
 from experiments.methods.outside.beside import use_helpers, uses
@@ -122,7 +121,7 @@ def method_of(name: str, kind: Any, version: str, number: int, taken: Collection
     _check_options(name, options)
     label = str(getattr(kind, "label", name))
 
-    def make(mesh: Mesh, view: View, options: Any, tracing: Tracing) -> Tracer:
+    def make(mesh: Mesh, view: View, options: Any, tracing: Tracing) -> AnyTracer:
         return OutsideTracer(kind, mesh, view, options, tracing)
 
     def variant(row: Any) -> str:
@@ -152,7 +151,7 @@ def _is_union(hint: Any) -> bool:
 
 
 def _unusable(name: str, problem: str, version: str, number: int) -> Method:
-    def make(mesh: Mesh, view: View, options: Any, tracing: Tracing) -> Tracer:
+    def make(mesh: Mesh, view: View, options: Any, tracing: Tracing) -> AnyTracer:
         raise InputError(problem)
 
     return Method(

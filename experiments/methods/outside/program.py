@@ -210,9 +210,9 @@ class ProgramTracer(OutsideTracer):
             raise InputError(f"program {options.command} changed since this run began; start it again")
         super().__init__(ProgramMethod, mesh, camera, options, tracing)
 
-    def _build(self) -> float:
+    def _build(self) -> tuple[float, float]:
         super()._build()
-        return float(self._own.build_time_s)
+        return 0.0, float(self._own.build_time_s)
 
     def _processes(self) -> list[psutil.Process]:
         program = self._own.process

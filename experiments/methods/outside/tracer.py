@@ -60,10 +60,7 @@ class OutsideTracer(OneViewTracer):
         self.frame_time_s = 0.0
         self._show(mesh, camera)
 
-    def _plan(self) -> float:
-        return 0.0
-
-    def _build(self) -> float:
+    def _build(self) -> tuple[float, float]:
         self._end()
         self.frame_time_s = 0.0
         self._clock = ClockGuard(self.camera.width * self.camera.height)
@@ -74,7 +71,7 @@ class OutsideTracer(OneViewTracer):
         self._own.build()
         taken_s = perf_counter() - start
         self._check_mesh()
-        return taken_s
+        return 0.0, taken_s
 
     def _make_own(self) -> Any:
         """Making it is part of its build time."""

@@ -111,11 +111,9 @@ class LlvmpipeTracer(PeerTracer):
         )
         return _Drawing(context, framebuffer, prim_ids, triangles, MISS.tobytes() * (size[0] * size[1]))
 
-    def _build(self) -> float:
-        """Hand over the triangles and compile the shaders; then draw once, as Mesa compiles some of them only then."""
-        taken_s = super()._build()
+    def _warm_up(self) -> None:
+        """Draw once, as Mesa compiles some of the shaders only then."""
         self._cast(self._scene, self._rays)
-        return taken_s
 
     def _cast(self, scene: _Drawing, rays: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
         program, framebuffer = scene.triangles.program, scene.framebuffer

@@ -66,11 +66,9 @@ class MitsubaTracer(RayPeerTracer):
         self._drjit.sync_thread()  # the build runs on Dr.Jit's threads
         return scene
 
-    def _build(self) -> float:
-        """Hand over the triangles and build the BVH; then compile the kernel."""
-        taken_s = super()._build()
+    def _warm_up(self) -> None:
+        """Compile the kernel."""
         self._cast(self._scene, self._rays)
-        return taken_s
 
     def _cast(self, scene: Any, rays: Any) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
         dr = self._drjit

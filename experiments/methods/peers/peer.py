@@ -75,8 +75,7 @@ class PeerTracer(OneViewTracer):
         super()._show(mesh, camera)
         self._rays_offset: tuple[float, float] | None = None
 
-    def _look(self, camera: View) -> bool:
-        self._show(self.mesh, camera)
+    def _still_serves(self, before: View) -> bool:
         return True
 
     @property
@@ -101,16 +100,23 @@ class PeerTracer(OneViewTracer):
     def _cast(self, scene: Any, rays: Any) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
         """Depth and prim_id as in `Hits`, of H W values each in the order of the rays; any shape."""
 
-    def _plan(self) -> float:
-        start = perf_counter()
+    def _plan(self) -> None:
+        """Prepare what the first frame needs beside the peer's scene."""
         self._prepare_rays(_PIXEL_CENTRE)
-        return perf_counter() - start
 
-    def _build(self) -> float:
+    def _warm_up(self) -> None:
+        """Have compiled what the first frame calls, off the clock."""
+
+    def _build(self) -> tuple[float, float]:
+        start = perf_counter()
+        self._plan()
+        plan_time_s = perf_counter() - start
         self._scene = None  # release the old one first; both together may not fit
         start = perf_counter()
         self._scene = self._build_scene()
-        return perf_counter() - start
+        build_time_s = perf_counter() - start
+        self._warm_up()
+        return plan_time_s, build_time_s
 
     def _trace(self, offset: tuple[float, float], out: Hits | None) -> Hits:
         """See the class for what is inside the call. out: left alone; peers answer with arrays of their own, which the

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -41,17 +40,16 @@ class TrimeshTracer(BlockwiseTracer):
     setting = "robust, its default"
     _planes: _Planes
 
-    def _plan(self) -> float:
+    def _plan(self) -> None:
         """Make the rays through the pixel centres and the planes of the triangles."""
-        rays_s = super()._plan()
-        start = perf_counter()
+        super()._plan()
         corners = self.mesh.triangles(np.arange(self.mesh.triangle_count))
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         self._planes = _Planes(normals, np.einsum("ij,ij->i", normals, corners[:, 0]))
-        taken_s = rays_s + perf_counter() - start
+
+    def _warm_up(self) -> None:
         nowhere = np.zeros((1, 3), np.float32)
-        self._plane_depths(np.zeros(1, np.int32), nowhere, nowhere)  # compiled before the first frame, off the clock
-        return taken_s
+        self._plane_depths(np.zeros(1, np.int32), nowhere, nowhere)
 
     def _trimesh(self) -> Any:
         import trimesh  # slow to import

@@ -137,7 +137,8 @@ def measure(point: Point) -> Measured:
                 **settings.other,
             )
         if settings.priority:
-            with make_own(point, mesh, point.camera) as tracer:
+            made: Any = make_own(point, mesh, point.camera)
+            with made as tracer:
                 own.look(point.camera, tracer)  # compiles
                 begin = perf_counter()
                 own.look(point.camera, tracer)

@@ -7,7 +7,6 @@ from dataclasses import asdict
 from statistics import median
 from typing import Any
 
-from atra.tracing.base import EmbreeTracer
 from experiments.harness.column import REAL, Column
 from experiments.harness.options import NoOptions
 from experiments.harness.point import Measured, Point, Workload, make_own
@@ -76,8 +75,8 @@ def measure(point: Point) -> Measured:
             builds.append(own.build_time_s)
 
         timed = timed_rounds(point, {BVH: prepare, BASELINE: baseline.build})
-        if point.process == 0 and isinstance(own, EmbreeTracer):  # the same in every process, and takes long
-            cost = cost_of(own)
+        if point.process == 0:  # the same in every process, and takes long
+            cost = cost_of(own, point.build_quality)
             results |= {} if cost is None else asdict(cost)
     warmup = len(plans) - timed.rounds
     for samples, chosen in ((timed.warmup, slice(warmup)), (timed.samples, slice(warmup, None))):

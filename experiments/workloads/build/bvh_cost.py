@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.embree import layout
-from atra.embree.building import building
-from atra.embree.device import EmbreeDevice
-from atra.tracing.base import EmbreeTracer
+from atra.embree.device import EmbreeDevice, building
+from atra.tracing.geometry import AlignedGeometry
 from experiments.workloads.build.builder_kernels import COST_WORDS, builder_callbacks, fill_boxes
 
 _SIZE, _POINTER, _WORD = ctypes.c_size_t, ctypes.c_void_p, ctypes.c_uint32
@@ -100,13 +100,16 @@ def bvh_cost(
     return BvhCost(*(float(area) / root_area for area in cost))
 
 
-def cost_of(tracer: EmbreeTracer) -> BvhCost | None:
-    """The cost of a BVH of what a tracer has given to Embree; None before it is built and for instances, which are no
-    triangles. Takes as long as another build, on one thread. Raises EmbreeError."""
-    geometry = tracer.geometry
-    if geometry is None or geometry.transforms is not None:
+def cost_of(tracer: Any, build_quality: str) -> BvhCost | None:
+    """How well boxes tell apart the triangles that a built tracer gave to Embree; None for instances, which are no
+    triangles, and where there is no Embree of ours.
+
+    Takes as long as another build, on one thread. Raises EmbreeError.
+    """
+    geometry = getattr(getattr(tracer, "prepared", None), "geometry", None)
+    if not isinstance(geometry, AlignedGeometry) or geometry.transforms is not None:
         return None
-    return bvh_cost(geometry.vertices, geometry.faces, tracer.options.build_quality)
+    return bvh_cost(geometry.vertices, geometry.faces, build_quality)
 
 
 class _Builder(EmbreeDevice):

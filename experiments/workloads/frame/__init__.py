@@ -9,7 +9,7 @@ import numpy as np
 from atra.geometry.mesh import Mesh
 from atra.judge.compare import compare
 from atra.tracing.budgets import EMBREE_BYTES_PER_COPY, check_needed_bytes
-from atra.tracing.tracer import Tracer
+from experiments.harness.method import AnyTracer
 from experiments.harness.options import NoOptions
 from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
@@ -41,7 +41,7 @@ FRAME = Workload(
 _BYTES_PER_PIXEL = 8
 
 
-def make(point: Point, mesh: Mesh) -> Tracer:
+def make(point: Point, mesh: Mesh) -> AnyTracer:
     """The point's own method. Raises MemoryBudgetError where its baselines alone need more, and as the tracers do."""
     baselines = 1 + len(rounds.expert_packet_widths())
     pixels = point.width * point.height

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import cycle
 from math import cos, pi, sin
 from statistics import median
@@ -12,13 +12,15 @@ from typing import Any
 
 import numpy as np
 
+from atra.compiled.threads import WorkerPool
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.judge.compare import compare
-from atra.packets.pixel import PixelTracer
-from atra.tracing.base import Views
+from atra.packets.pixel import Pixel, PreparedPixel
 from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
+from atra.tracing.tracer import Tracer
 from experiments.harness.column import REAL, WHOLE, Column
+from experiments.harness.method import Tracing
 from experiments.harness.options import NoOptions
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
@@ -79,25 +81,30 @@ def eyes_around(camera: View, mesh: Mesh) -> tuple[View, ...]:
     )
 
 
-class KeptPackets(PixelTracer):
+@dataclass(frozen=True)
+class KeptPackets(Pixel):
     """Packets per pixel over a BVH of the world, which serves every eye; rays start at the eye, rounded to float32.
 
-    Less exact than `PixelTracer`: docs/methods.md says why. The view must be wide enough for rays in the world's axes.
+    Less exact than `Pixel`: docs/methods.md says why. The view must be wide enough for rays in the world's axes.
     """
 
-    def _plan_geometry(self) -> AlignedGeometry:
-        forward = tuple(self.camera.axes[2].tolist())
-        return plan_plain_geometry(self.mesh, replace(self.camera, eye=(0.0, 0.0, 0.0), target=forward))  # type: ignore[type-var]
+    def prepare(self, mesh: Mesh, camera: View, pool: WorkerPool) -> PreparedPixel:
+        """Build a BVH of the mesh in the world's axes."""
+        return _PreparedKept(self, mesh, camera, pool)
 
-    def _show_views(self, views: Views) -> None:
-        super()._show_views(views)
-        for workspace in self._workspaces:
-            workspace.set_origin(self.camera.eye)
 
-    def _look(self, camera: View) -> bool:
-        self._show(self.mesh, camera)
-        if self._is_built:
-            self._plan_ties()
+class _PreparedKept(PreparedPixel):
+    def plan_geometry(self, mesh: Mesh, camera: View) -> AlignedGeometry:
+        forward = tuple(camera.axes[2].tolist())
+        return plan_plain_geometry(mesh, replace(camera, eye=(0.0, 0.0, 0.0), target=forward))  # type: ignore[type-var]
+
+    def take_camera(self, camera: View) -> None:
+        super().take_camera(camera)
+        for workspace in self.workspaces:
+            workspace.set_origin(camera.eye)
+
+    def still_serves(self, camera: View) -> bool:
+        self.take_camera(camera)
         return True
 
 
@@ -113,21 +120,22 @@ class MovingFrames(rounds.Frames):
         super().trace()
 
 
-def _make_kept(point: Point, mesh: Mesh, view: View) -> KeptPackets:
-    """Built once, so with medium quality, whatever the others use for every frame."""
-    return KeptPackets(mesh, view, **point.tracing.ours | {"build_quality": "medium"})
+def kept_tracer(mesh: Mesh, camera: View, tracing: Tracing, packet_width: int | None = None) -> Tracer:
+    """A tracer of `KeptPackets`; built once, so with medium quality, whatever others use for every frame."""
+    method = KeptPackets(packet_width, robust=False)
+    return Tracer(mesh, camera, method, threads=tracing.threads, ties=tracing.ties)
 
 
 def measure(point: Point) -> Measured:
     """Build the point's own method, read the memory, time it from eye to eye against the baselines, and compare the
     last frame. Raises InputError and MemoryBudgetError as the tracers do."""
     small = rounds.shrunk(point)
-    rounds.warm_up(point, [*rounds.own_and_baselines(small), lambda mesh, view: _make_kept(small, mesh, view)])
+    rounds.warm_up(point, [*rounds.own_and_baselines(small), lambda mesh, view: kept_tracer(mesh, view, small.tracing)])
     with ExitStack() as stack:
         own, results = rounds.build_own(point, stack)
         camera = own.camera
         tracers = {OWN: own} | rounds.build_baselines(point, own, stack)
-        tracers[KEPT] = stack.enter_context(_make_kept(point, own.mesh, camera))
+        tracers[KEPT] = stack.enter_context(kept_tracer(own.mesh, camera, point.tracing))
         path = eyes_around(camera, own.mesh)
         images: dict[str, rounds.Frames] = {name: MovingFrames(tracer, path) for name, tracer in tracers.items()}
         calls = {name: one.trace for name, one in images.items()} | {STILL: rounds.Frames(own).trace}

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from atra.alignment.aligned import FramesTracer
+from atra.alignment.frames import FramesTracer
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
@@ -19,8 +19,8 @@ from atra.hits import Hits
 from atra.judge.compare import compare
 from atra.tracing.lifetime import Lifetime
 from atra.tracing.options import option
-from atra.tracing.tracer import Tracer
 from experiments.harness.column import REAL, WHOLE, Column
+from experiments.harness.method import AnyTracer
 from experiments.harness.options import Settings, settings
 from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
@@ -109,7 +109,7 @@ MULTIFRAME = Workload(
 )
 
 
-Make = Callable[[Mesh, View], Tracer[Hits]]
+Make = Callable[[Mesh, View], AnyTracer]
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ class SeparateImages:
 class SeparateFrames(Lifetime):
     """One tracer a frame, one after the other; all times and numbers are sums over the frames."""
 
-    def __init__(self, tracers: Sequence[Tracer[Hits]]) -> None:
+    def __init__(self, tracers: Sequence[AnyTracer]) -> None:
         super().__init__()
         self.tracers = tuple(tracers)
         first = self.tracers[0]
@@ -151,13 +151,11 @@ class SeparateFrames(Lifetime):
         pairs = zip(self.tracers, earlier, strict=True)
         return SeparateImages(tuple(tracer.trace(offset, hits) for tracer, hits in pairs))
 
-    def _plan(self) -> float:
+    def _build(self) -> tuple[float, float]:
         for tracer in self.tracers:
             tracer.build()
-        return sum(tracer.plan_time_s for tracer in self.tracers)
-
-    def _build(self) -> float:
-        return sum(tracer.build_time_s for tracer in self.tracers)
+        plan_time_s = sum(tracer.plan_time_s for tracer in self.tracers)
+        return plan_time_s, sum(tracer.build_time_s for tracer in self.tracers)
 
     def _release(self) -> None:
         for tracer in self.tracers:
@@ -184,7 +182,7 @@ def separate_makers(point: Point) -> dict[str, Make]:
     }
 
 
-def _single(point: Point, packet_width: int, mesh: Mesh, view: View) -> Tracer[Hits]:
+def _single(point: Point, packet_width: int, mesh: Mesh, view: View) -> AnyTracer:
     return rounds.make_single(point, mesh, view, packet_width)
 
 

@@ -7,13 +7,13 @@ from math import cos, radians, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.aligned import FramesTracer
 from atra.alignment.alignment import Alignment, Split
-from atra.alignment.options import FramesOptions
+from atra.alignment.frames import FramesTracer
 from atra.errors import InputError
 from atra.geometry.camera import Camera, Vector
 from atra.geometry.mesh import Mesh
 from experiments.harness.point import Point
+from experiments.methods.options import keywords_of
 
 EYE_DISTANCE = 1 / 200
 """Distance of two eyes as a share of the scene's diagonal: 6.5 cm in a room of 13 m."""
@@ -99,4 +99,4 @@ def make_together(point: Point, mesh: Mesh, camera: Camera) -> FramesTracer:
         alignment = Alignment.of_eyes(cameras[0], cameras[1], of_frame, reference)
     else:
         alignment = Alignment.of_frames(cameras, of_frame, reference)
-    return FramesTracer(meshes, alignment, **point.options.keywords(point.tracing, FramesOptions))
+    return FramesTracer(meshes, alignment, **keywords_of(FramesTracer, point.options, point.tracing))

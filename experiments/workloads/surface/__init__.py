@@ -9,12 +9,15 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.compiled.threads import WorkerPool
 from atra.embree.packets_kernels import Image, RayGrid
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
-from atra.packets.pixel import PixelTracer
+from atra.packets.pixel import Pixel, PreparedPixel
 from atra.tracing.rays import image_ray_grid
+from atra.tracing.tracer import Tracer
+from experiments.harness.method import Tracing
 from experiments.harness.options import NoOptions
 from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
@@ -60,34 +63,49 @@ SURFACE = Workload(
 )  # fmt: skip
 
 
-class SurfacePackets(PixelTracer):
-    """Packets per pixel that also store u, v and normals in `surface`, which is undefined where nothing is hit.
+class SurfacePackets(Pixel):
+    """Packets per pixel that also store u, v and normals.
 
     Ties are resolved in `prim_id` only: where triangles tie, u, v and normals may belong to another one.
     """
 
-    def _show(self, mesh: Mesh, camera: View) -> None:
-        super()._show(mesh, camera)
+    def prepare(self, mesh: Mesh, camera: View, pool: WorkerPool) -> PreparedSurface:
+        """Build as `Pixel` does."""
+        return PreparedSurface(self, mesh, camera, pool)
+
+
+class PreparedSurface(PreparedPixel):
+    """surface: u, v and normals of the last frame, undefined where nothing is hit."""
+
+    def take_camera(self, camera: View) -> None:
+        super().take_camera(camera)
         size = camera.height, camera.width
         self.surface = Surface(np.empty(size, np.float32), np.empty(size, np.float32), np.empty((*size, 3), np.float32))
 
-    def _run(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
-        tiles, scene, surface = self._tiles, self._scene_address, self.surface
-        rays, image = RayGrid(*image_ray_grid(self.camera, offset, self.packet_shape)), Image(depth, prim_id)
-        kernel = surface_kernel(*self.packet_shape)
+    def draw(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
+        shape, workspaces = self.method.packet_shape, self.workspaces
+        tiles, scene, surface = self.tiles, self.scene.address, self.surface
+        rays, image = RayGrid(*image_ray_grid(self.camera, offset, shape)), Image(depth, prim_id)
+        kernel = surface_kernel(*shape)
 
         def work(worker: int, counter: int) -> None:
-            kernel(counter, scene, self._workspaces[worker].packet, rays, tiles, image, surface)
+            kernel(counter, scene, workspaces[worker].packet, rays, tiles, image, surface)
 
-        self._pool.run(work)
+        self.pool.run(work)
+
+
+def surface_tracer(mesh: Mesh, camera: View, tracing: Tracing) -> Tracer:
+    """A tracer of `SurfacePackets` in the widest packets, whose `prepared` holds the surface."""
+    method = SurfacePackets(build_quality=tracing.build_quality, robust=False)
+    return Tracer(mesh, camera, method, threads=tracing.threads, ties=tracing.ties)
 
 
 def measure(point: Point) -> Measured:
     """Raises InputError and MemoryBudgetError as the tracers do."""
     small = shrunk(point)
 
-    def make_packets(mesh: Mesh, view: View) -> SurfacePackets:
-        return SurfacePackets(mesh, view, **point.tracing.ours)
+    def make_packets(mesh: Mesh, view: View) -> Tracer:
+        return surface_tracer(mesh, view, point.tracing)
 
     warm_up(
         point,

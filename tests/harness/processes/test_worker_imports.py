@@ -25,9 +25,9 @@ POINTS = [
     ("pixel", "frame", set(), set()),
     ("aligned", "frame", {"alignment"}, {"aligned", "aligned_cells"}),
     ("raster", "frame", {"raster"}, {"raster"}),
-    ("tiles", "build", set(), {"culled", "tiles"}),
+    ("tiles", "build", {"alignment"}, {"culled", "tiles"}),
     ("visible_first", "memory", {"alignment"}, {"visible_first", "aligned_cells"}),
-    ("bvh", "frame", {"rays", "trees"}, set()),
+    ("bvh", "frame", {"rays", "trees"}, {"one_view"}),
 ]
 """Method, workload, and the rooms of the library and the modules of methods that they may use beside those."""
 
@@ -63,7 +63,7 @@ def test_a_worker_imports_no_method_workload_scene_or_room_but_those_of_its_poin
 ):
     point = planned(method, workload, (32, 32), measure={"rounds": 3, "warmup": 1}).point
     modules = modules_of_worker(point, tmp_path)
-    files = {"errors", "hits", "prim_ids", "whole_numbers"}
+    files = {"choices", "errors", "hits", "prim_ids", "whole_numbers"}
     assert below("atra", modules) - files <= ROOMS | rooms
     further = {"experiments.methods": own, "experiments.workloads": {workload}, "scenes": set()}
     for package, shared in SHARED.items():

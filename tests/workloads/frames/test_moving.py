@@ -7,9 +7,10 @@ import pytest
 
 import atra
 from experiments.drawing.style import TIMES
+from experiments.harness.method import Tracing
 from experiments.results.terminal import results_console
 from experiments.workloads.baselines import OWN, SINGLE
-from experiments.workloads.moving import EYES, KEPT, RADIUS, STILL, KeptPackets, MovingFrames, eyes_around
+from experiments.workloads.moving import EYES, KEPT, RADIUS, STILL, MovingFrames, eyes_around, kept_tracer
 from experiments.workloads.moving.shown import draw_moving_figure, sweep_lines
 from experiments.workloads.rounds import expert_packet_widths
 from tests.drawn import bars, line, make_rows, method_row, whiskers, words
@@ -56,7 +57,7 @@ def test_a_point_has_samples_of_a_moving_and_a_standing_eye_and_no_pixel_of_the_
 
 @pytest.mark.parametrize("packet_width", [1, *expert_packet_widths()])
 def test_packets_over_a_bvh_of_the_world_keep_it_from_eye_to_eye_and_see_what_they_should(packet_width):
-    with KeptPackets(MESH, CAMERA, threads=1, packet_width=packet_width) as tracer:
+    with kept_tracer(MESH, CAMERA, Tracing(), packet_width) as tracer:
         scene = tracer.embree_bytes
         for camera in (CAMERA, *PATH[:3]):
             tracer.look(camera)

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.files.paths import write_atomically
 from atra.geometry.view import View
-from atra.hits import Hits
 from atra.light.oidn import Denoiser
 from atra.light.pictures.files import check_picture_path, exr_of, png_of
 from atra.light.pictures.film import Film
@@ -53,7 +52,7 @@ class Finisher(Lifetime):
     camera: View
     options: RenderOptions
     _film: Film
-    _tracer: Tracer[Hits]
+    _tracer: Tracer
 
     @abstractmethod
     def _start_film(self) -> None: ...

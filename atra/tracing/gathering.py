@@ -1,9 +1,7 @@
-"""Gathering: the part of a tracer that makes one number, or a few, of all hits along each ray, and the images that it
-gathers into: arrays with room beside them, for packets and vectors that reach past the border."""
+"""Memory of gathered images: arrays with room beside them, for packets and vectors that reach past the border."""
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Iterable
 from math import prod
 from typing import Any
@@ -12,81 +10,33 @@ from weakref import WeakSet
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.all_hits.reductions import Gathered, Reduction, check_reduction
-from atra.all_hits.target_kernels import Target, band_stride
+from atra.all_hits.reductions import Gathered, Reduction
+from atra.all_hits.target_kernels import Target
 from atra.compiled.aligned_memory import aligned_empty, aligned_part
 from atra.errors import InputError
-from atra.geometry.view import check_offset
-from atra.hits import Hits
+from atra.geometry.view import View
 from atra.tracing.budgets import check_needed_bytes
-from atra.tracing.lifetime import TracerLifetime
 
 ROOM = 16
 """Rows below an image: as high as the highest packet."""
 
 
 _unchanged: WeakSet[Any] = WeakSet()
-"""Results that hold what was gathered: nobody writes to their arrays, so what none was found in need not be cleared."""
+"""Results whose arrays nobody has written to. Unused layers of such a result are still empty, so clearing them is
+skipped when it is reused."""
 
 
-def _is_unchanged(out: Any, names: Iterable[str]) -> bool:
-    """Whether an earlier result still holds what was gathered; from now on it does not."""
+def keep_unchanged(result: Any) -> None:
+    """Remember that a result holds what was gathered; its arrays are read-only."""
+    _unchanged.add(result)
+
+
+def take_unchanged(out: Any, names: Iterable[str]) -> bool:
+    """Whether an earlier result still holds what was gathered. It is forgotten, as it will be overwritten."""
     if out not in _unchanged:
         return False
     _unchanged.discard(out)
     return not any(getattr(out, name).flags.writeable for name in names)
-
-
-class Gathering(TracerLifetime[Hits]):
-    """A tracer of one image whose rays are not stopped by what they hit."""
-
-    @abstractmethod
-    def _gather(
-        self,
-        what: Reduction[Any],
-        offset: tuple[float, float],
-        images: dict[str, NDArray],
-        weights: NDArray[np.float32] | None,
-        is_known: bool,
-    ) -> None:
-        """Take all hits. images: of `target_images`, with anything in them, or, if that is known, an earlier result.
-        weights: of `what`."""
-
-    def _check_gathering(self) -> None:
-        """Raise InputError where the options do not allow it."""
-
-    @property
-    def _gathering_row(self) -> int:
-        """Pixels from one row of what is gathered into to the next."""
-        return int(band_stride.py_func(self.camera.width))
-
-    def gather(
-        self, what: Reduction[Gathered], offset: tuple[float, float] = (0.5, 0.5), out: Gathered | None = None
-    ) -> Gathered:
-        """Gather `what`, such as `atra.Count()`, of all hits along the ray of every pixel, each exactly once.
-
-        offset: all rays go through this sub-pixel position of their pixels, in [0, 1) x [0, 1). out: an earlier result
-        of this tracer for as much of the same, whose arrays are to be overwritten; it must not be read any more.
-        Which triangles a ray crosses at edges and corners: `atra.all_hits.reductions`.
-        Raises InputError for an offset outside the pixel, an `out` that does not fit, a mesh that `what` is not for,
-        and build quality "high", with which Embree finds some triangles twice; MemoryBudgetError for a result that the
-        free memory does not hold; ClosedError after `close`.
-        """
-        check_reduction(what)
-        check_offset(offset)
-        self._check_gathering()
-        with self._in_use():
-            weights = what.weights(self.mesh)
-            height, width = self.camera.height, self.camera.width
-            images = target_images(what, height, width, self._gathering_row, out)
-            is_known = _is_unchanged(out, images)
-            self._gather(what, offset, images, weights, is_known)
-            arrays = {name: image[..., :height, :width] for name, image in images.items()}
-            for array in arrays.values():
-                array.setflags(write=False)
-            result = what.result(**arrays, offset=offset, mesh=self.mesh, camera=self.camera)
-            _unchanged.add(result)
-            return result
 
 
 def target_images(
@@ -155,3 +105,12 @@ def target_of(
         listed,
         int(is_known),
     )
+
+
+def check_rays_without_lens(camera: View) -> None:
+    """Raise InputError for a camera with a lens, along whose rays tracers gather no hits."""
+    if camera.lens is not None:
+        raise InputError(
+            f"the camera has the lens {camera.lens}, along whose rays tracers gather no hits; use "
+            "RayScene(mesh).gather(what, *camera.rays_world()), or camera.undistorted(), which has no lens"
+        )

@@ -1,0 +1,210 @@
+"""Several images from one set of rays: two eyes, or frames of a moving camera."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from time import perf_counter
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.alignment.aligned import PreparedAligned, check_copies
+from atra.alignment.alignment import Alignment
+from atra.alignment.cells import CellOptions, check_aligned
+from atra.choices import check_choice
+from atra.compiled.threads import WorkerPool, resolve_threads
+from atra.errors import InputError
+from atra.exact.ties import TieTiles, coplanar_overlaps, tie_tiles
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View, check_offset
+from atra.hits import Frames
+from atra.tracing.budgets import check_image_memory
+from atra.tracing.images import images_of, outputs
+from atra.tracing.lifetime import Lifetime, check_same_faces, synchronized
+from atra.tracing.tracer import TIES, settle_ties
+
+
+@final
+class FramesTracer(Lifetime):
+    """Several images from one set of rays: two eyes, or frames of a moving camera, each with its own cells.
+
+    Parameters
+    ----------
+    meshes :
+        One for all frames, or one per frame, so geometry may move; instances need one for all.
+    alignment :
+        `Alignment.of_eyes` or `Alignment.of_frames`.
+    threads, ties, packet_width, packet_rows, build_quality, robust, memory_budget_bytes, geometry, culling :
+        As for `AlignedTracer`.
+
+    Raises
+    ------
+    InputError
+        Unless there is one mesh or one per frame, and as `AlignedTracer` does.
+
+    Notes
+    -----
+    Source: paper §6, Fig. 8.
+    """
+
+    def __init__(
+        self,
+        meshes: Mesh | Sequence[Mesh],
+        alignment: Alignment,
+        *,
+        threads: int | None = None,
+        ties: str = "lowest",
+        packet_width: int | None = None,
+        packet_rows: int | None = None,
+        build_quality: str = "medium",
+        robust: bool = True,
+        memory_budget_bytes: int | None = None,
+        geometry: str = "copied",
+        culling: bool = True,
+    ) -> None:
+        super().__init__()
+        check_choice("ties", ties, TIES)
+        self.options = CellOptions(
+            packet_width=packet_width, packet_rows=packet_rows, build_quality=build_quality, robust=robust,
+            memory_budget_bytes=memory_budget_bytes, geometry=geometry, culling=culling,
+        )  # fmt: skip
+        self.threads, self.ties = resolve_threads(threads), ties
+        self.packet_width = self.options.rays_per_packet
+        self.prepared: PreparedAligned | None = None
+        self._tie_tiles: list[TieTiles] = []
+        self._show(one_for_each(meshes, alignment.image_count), alignment)
+        self._pool = WorkerPool(self.threads)
+
+    def _show(self, meshes: tuple[Mesh, ...], alignment: Alignment) -> None:
+        """Take meshes and alignment; changes nothing where they are refused."""
+        if self.options.is_instanced and any(mesh is not meshes[0] for mesh in meshes):
+            raise InputError(
+                "geometry is 'instanced' and the frames have meshes of their own, but instances show one mesh; "
+                "use geometry='copied'"
+            )
+        check_image_memory(alignment.split.height * alignment.image_count, alignment.split.width)
+        check_aligned(meshes, alignment, self.options)
+        check_copies(meshes, alignment, self.options)
+        self.meshes, self.alignment = meshes, alignment
+        self.mesh, self.camera = meshes[0], alignment.cameras[0]
+
+    @property
+    def views(self) -> tuple[tuple[Mesh, View], ...]:
+        """What each image shows, and its camera."""
+        return tuple(zip(self.meshes, self.alignment.cameras, strict=True))
+
+    def _build(self) -> tuple[float, float]:
+        self._forget()  # before anything is built: both together may not fit
+        prepared = self.prepared = PreparedAligned(self.meshes, self.alignment, self.options, self._pool)
+        ties_time_s = 0.0
+        if self.ties == "lowest":
+            for mesh in self.meshes:
+                coplanar_overlaps(mesh)  # found once per mesh, like reading it, and so outside the clock of a plan
+            start = perf_counter()
+            self._tie_tiles = [tie_tiles(mesh, camera) for mesh, camera in self.views]
+            ties_time_s = perf_counter() - start
+        return prepared.plan_time_s + ties_time_s, prepared.build_time_s
+
+    def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Frames | None = None) -> Frames:
+        """Trace all frames; arguments and errors as for `Tracer.trace`."""
+        check_offset(offset)
+        with self._in_use():
+            prepared, cameras = self.prepared, self.alignment.cameras
+            assert prepared is not None
+            height, width = self.camera.height, self.camera.width
+            rows, images = len(cameras) * height, images_of(out)
+            stacked = None if images is None else (_stacked(images[0]), _stacked(images[1]))
+            depth, prim_id = outputs((rows, width), prepared.row_stride, stacked)
+            prepared.draw(offset, depth, prim_id)
+            for image, tiles in enumerate(self._tie_tiles):
+                mesh, camera = self.views[image]
+                own_rows = prim_id[image * height : (image + 1) * height]
+                settle_ties(mesh, camera, tiles, offset, own_rows, self._pool)
+            shape = (len(cameras), height, width)
+            arrays = _unstacked(depth, shape), _unstacked(prim_id, shape)
+            return Frames(*arrays, offset, self.meshes, cameras, self.threads)
+
+    @synchronized
+    def look(self, alignment: Alignment) -> None:
+        """Trace what the cameras of `alignment` see from the next call on: as many frames as before.
+
+        Raises InputError for anything but an alignment of as many frames, else as `Tracer.look`.
+        """
+        self._check_open()
+        count = len(self.meshes)
+        if not isinstance(alignment, Alignment) or alignment.image_count != count:
+            raise InputError(
+                f"FramesTracer shows {count} cameras at once and cannot look through {alignment!r:.100}; expected "
+                f"an Alignment of {count} frames, such as Alignment.of_frames makes"
+            )
+        self._show(self.meshes, alignment)
+        if self._is_built:
+            self.build()
+
+    @synchronized
+    def update(self, meshes: Mesh | Sequence[Mesh]) -> None:
+        """Trace other vertices of the same faces from the next call on. meshes: one for all frames, or one per frame.
+
+        Raises InputError for other faces and another number of meshes, else as `Tracer.update`.
+        """
+        self._check_open()
+        others = one_for_each(meshes, len(self.meshes))
+        for before, mesh in zip(self.meshes, others, strict=True):
+            check_same_faces(before, mesh)
+        self._show(others, self.alignment)
+        if self._is_built:
+            self.build()
+
+    @property
+    @synchronized
+    def triangle_count(self) -> int:
+        """Copies of all frames; 0 before `build`."""
+        return 0 if self.prepared is None else self.prepared.triangle_count
+
+    @property
+    @synchronized
+    def embree_bytes(self) -> int:
+        """Bytes that Embree holds for this tracer by its own account; 0 before `build`."""
+        return 0 if self.prepared is None else self.prepared.embree_bytes
+
+    @property
+    @synchronized
+    def counters(self) -> Mapping[str, float]:
+        """As `Tracer.counters`."""
+        own = {} if self.prepared is None else self.prepared.counters
+        return {"triangles_traced": self.triangle_count, **own}
+
+    def _forget(self) -> None:
+        if self.prepared is not None:
+            self.prepared.close()
+            self.prepared = None
+
+    def _release(self) -> None:
+        self._pool.close()  # first, so that none of its threads is in a scene that goes
+        self._forget()
+
+
+def one_for_each(meshes: Mesh | Sequence[Mesh], count: int) -> tuple[Mesh, ...]:
+    """A mesh for each of `count` frames. Raises InputError unless one is given, or one per frame."""
+    given = (meshes,) * count if isinstance(meshes, Mesh) else tuple(meshes)
+    if len(given) != count:
+        raise InputError(f"{len(given)} meshes for {count} frames; expected one for each, or one for all")
+    return given
+
+
+def _unstacked(images: NDArray, shape: tuple[int, int, int]) -> NDArray:
+    """View (K H, W) images, one below the other, as (K, H, W)."""
+    row_bytes, pixel_bytes = images.strides
+    return np.lib.stride_tricks.as_strided(images, shape, (shape[1] * row_bytes, row_bytes, pixel_bytes))
+
+
+def _stacked(images: NDArray) -> NDArray:
+    """The reverse of `_unstacked`. Arrays of other origin get strides that are refused later."""
+    if images.ndim != 3:
+        raise InputError(f"out has images of {images.shape}, expected (frames, height, width) of an earlier result")
+    count, height, width = images.shape
+    image_bytes, row_bytes, pixel_bytes = images.strides
+    if image_bytes != height * row_bytes:
+        raise InputError("out has images that do not follow each other in memory: pass a result of this tracer")
+    return np.lib.stride_tricks.as_strided(images, (count * height, width), (row_bytes, pixel_bytes))
