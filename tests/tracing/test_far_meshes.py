@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import atra
+from experiments.classification.bvh.tracer import BvhTracer
 from experiments.harness.method import Tracing
 from experiments.methods import METHODS as MEASURED
 from experiments.workloads.agreement.oracle import examine, nearest_hits
@@ -20,7 +21,7 @@ KINDS = (*METHODS, "raster", "bvh")
 
 def make(kind, mesh, camera, **options):
     if kind in ("raster", "bvh"):
-        return {"raster": atra.RasterTracer, "bvh": atra.BvhTracer}[kind](mesh, camera, threads=1, **options)
+        return {"raster": atra.RasterTracer, "bvh": BvhTracer}[kind](mesh, camera, threads=1, **options)
     return make_tracer(kind, mesh, camera, (4, 1), **options)
 
 
