@@ -25,8 +25,6 @@ from atra.light import (
 )
 from atra.light.lightmaps.finish.views import lit_view
 from atra.light.pictures.carrying import carried
-from experiments.classification.bvh.scene import BvhScene
-from experiments.light.sun.tiles import Tiles
 from tests.baked import baked, sheet
 from tests.far import AWAY, FAR, NEAR, SEEN_FAR, SEEN_NEAR
 from tests.meshes import joined, quads
