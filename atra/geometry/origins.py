@@ -17,6 +17,10 @@ of the triangles."""
 _BLOCK = 1 << 16
 """Vertices that are rounded at a time, which bounds the memory beside them."""
 
+NEAR_ZERO = 0.5
+"""An axis keeps zero where the box comes nearer to it than this share of the size: float64 has finer steps there than at
+the box's centre, so subtracting that would round."""
+
 _SAMPLE = 4096
 """Triangles, evenly spread, that show how large a mesh is at least, and whether its edges lose detail."""
 
@@ -28,8 +32,8 @@ def placed(
 
     The origin is zero where float32 moves no vertex of a face by more than MOST_MOVED of the mesh's size, as it never
     does for float32 and smaller types. Else each of its components is that of the box's centre, rounded to the power of
-    two at or below the size. Then float64 subtracts it from points near the mesh without rounding, and local
-    coordinates are no larger than the size. loss: "" for none.
+    two at or below the size, or zero where the box comes near to zero. Then float64 subtracts it from points in the box
+    without rounding, and local coordinates are at most 1.5 times the size. loss: "" for none.
     """
     local, origin = np.empty(vertices.shape, np.float32), np.zeros(3)
     if np.can_cast(vertices.dtype, np.float32):
@@ -74,7 +78,8 @@ def _origin_of(low: NDArray[np.float64], high: NDArray[np.float64], size: float)
     step = float(np.ldexp(0.5, np.frexp(size)[1]))
     with np.errstate(over="ignore"):
         steps = np.round(centre / step)
-    return np.where(np.isfinite(steps), steps * step, centre) + 0.0  # no -0.0
+    origin = np.where(np.isfinite(steps), steps * step, centre) + 0.0  # no -0.0
+    return np.where(np.maximum(low, -high) < NEAR_ZERO * size, 0.0, origin)
 
 
 def _loss(before: NDArray[np.float64], after: NDArray[np.float64]) -> str:

@@ -45,6 +45,16 @@ def test_an_origin_is_subtracted_without_rounding():
     assert np.abs(mesh.local_vertices).max() <= 1.0
 
 
+@pytest.mark.parametrize("height", [0.1, 0.6, 2.0, -2.1])
+def test_points_of_a_box_that_is_low_in_the_world_lose_nothing_either(height):
+    low = np.array([512345.67, 4598765.43, height])
+    mesh = atra.Mesh(low + np.concatenate([np.eye(3), np.zeros((1, 3))]), FACE)
+    points = low + np.random.default_rng(1).random((200, 3))
+    exact = [[Fraction(a) - Fraction(b) for a, b in zip(row, mesh.origin, strict=True)] for row in points.tolist()]
+    moved = [[Fraction(x) for x in row] for row in (points - mesh.origin).tolist()]
+    assert moved == exact
+
+
 @pytest.mark.parametrize(
     "vertices",
     [

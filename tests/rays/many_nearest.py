@@ -1,9 +1,9 @@
 """`python -m tests.rays.many_nearest [SCALE] [FILE]`: nearest hits of ten million rays against exact arithmetic, of
 `RayScene` with each precision, Open3D, and trimesh with embreex; prints a table.
 
-The table that is kept is `reports/reference/nearest/many_nearest.csv`. SCALE: share of the rays, 1 by default.
-Scenes of ATRA_SCENES are taken where they are. What is right is found in float64 with proved bounds
-(`near_reference`), and in whole numbers where these leave it open (`near_whole_numbers`).
+SCALE: share of the rays, 1 by default. FILE: where the table is written to, as CSV. Scenes of ATRA_SCENES are taken
+where they are. What is right is found in float64 with proved bounds (`near_reference`), and in whole numbers where
+these leave it open (`near_whole_numbers`).
 
 wrong: another triangle than the nearest, of equally near ones that of the lowest `prim_id`, at edges that of the tie
 rule. Only "exact" promises such rules: of the others a triangle that the ray touches as near is right, and one that it
