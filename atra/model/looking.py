@@ -18,7 +18,7 @@ from atra.geometry.view import View
 from atra.model.copying import Copied, Sample, apart, bytes_of_clusters, spread
 from atra.model.counting_kernels import RAYS, SIDE
 from atra.model.looking_kernels import LEVELS, count_along_rays
-from atra.raster.frames import Scratch, compile_kernels, draw_frame
+from atra.raster.frames import Scratch, draw_frame
 from atra.tracing.images import outputs
 from atra.tracing.options import native_packet_widths
 from atra.tracing.rays import ray_grid
@@ -90,11 +90,10 @@ def look_at(mesh: Mesh, camera: View) -> Look:
     """Look at a mesh from a camera, on one thread. Raises InputError as the tracers do."""
     check_range(mesh, camera)
     pool, lanes = WorkerPool(1), native_lanes()
-    compile_kernels(lanes, camera.is_parallel)
     scratch = Scratch.of(mesh, pool)
     images = outputs((camera.height, camera.width), camera.width, None)
     frames_s = []
-    for _ in range(2):  # the first finds caches cold
+    for _ in range(2):  # the first finds caches cold, and may compile
         start = thread_time()
         draw_frame(mesh, camera, (0.5, 0.5), lanes, scratch, pool, images)
         frames_s.append(thread_time() - start)

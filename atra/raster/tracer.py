@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.all_hits.reductions import Reduction
-from atra.compiled.beside import compile_beside
 from atra.compiled.instruction_sets import native_lanes
 from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.exact.ties import TieTiles, coplanar_overlaps, lowest_of_ties, tie_tiles
@@ -20,9 +19,8 @@ from atra.geometry.ray_space import check_range
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.raster.all_hits.frames import gather_frame
-from atra.raster.culling import cull_clusters
-from atra.raster.frames import Scratch, compile_drawing, compile_kernels, compile_other_kernels, draw_frame
-from atra.raster.lenses.frames import LensDrawing, compile_lens_kernels
+from atra.raster.frames import Scratch, draw_frame
+from atra.raster.lenses.frames import LensDrawing
 from atra.tracing.all_hits import Gathering, target_of
 from atra.tracing.budgets import check_image_memory
 from atra.tracing.images import images_of, outputs
@@ -67,15 +65,7 @@ class RasterTracer(Gathering):
 
     def _look(self, camera: View) -> bool:
         self._show(self.mesh, camera)
-        if self._is_built:
-            self._compile()
         return True
-
-    def _compile(self) -> None:
-        if self.camera.lens is None:
-            compile_kernels(self.lanes, self.camera.is_parallel)
-        else:
-            compile_lens_kernels(self.lanes)
 
     @property
     def views(self) -> tuple[tuple[Mesh, View], ...]:
@@ -83,10 +73,6 @@ class RasterTracer(Gathering):
         return ((self.mesh, self.camera),)
 
     def _plan(self) -> float:
-        parallel = self.camera.is_parallel
-        if self.camera.lens is None:
-            compile_beside(cull_clusters, compile_other_kernels, parallel)
-            compile_drawing(self.lanes, parallel)  # here, as kernels of all hits then find its parts compiled
         if self.options.ties == "lowest":  # found once per mesh, like reading it, and so outside the clock of a plan
             coplanar_overlaps(self.mesh)
         start = perf_counter()
@@ -100,7 +86,6 @@ class RasterTracer(Gathering):
         return self._tie_tiles
 
     def _build(self) -> float:
-        self._compile()  # before the clock starts
         start = perf_counter()
         self._scratch = self.scratch_type.of(self.mesh, self._pool)
         return perf_counter() - start

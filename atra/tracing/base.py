@@ -10,15 +10,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.compiled.beside import compile_beside
 from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.embree.bvh_cost import BvhCost, bvh_cost
 from atra.embree.callbacks_kernels import memory_monitor
 from atra.embree.device import EmbreeDevice
 from atra.embree.scene import EmbreeScene, resolve_packet_width
 from atra.embree.workspace import Workspace, check_widths
-from atra.exact.ties import TieTiles, compile_kernels, coplanar_overlaps, lowest_of_ties, tie_tiles
-from atra.exact.ties_kernels import find_overlaps
+from atra.exact.ties import TieTiles, coplanar_overlaps, lowest_of_ties, tie_tiles
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range, ray_axes
 from atra.geometry.view import View
@@ -84,13 +82,10 @@ class EmbreeTracer(TracerLifetime[Result]):
         return self.camera.width
 
     def _plan(self) -> float:
-        has_ties = self.options.ties == "lowest"
-        if has_ties:
-            compile_beside(find_overlaps, compile_kernels, self.camera.is_parallel)
         start = perf_counter()
         self._geometry = self._plan_geometry()
         geometry_s = perf_counter() - start
-        if has_ties:  # found once per mesh, like reading it, and so outside the clock of a plan
+        if self.options.ties == "lowest":  # found once per mesh, like reading it, and so outside the clock of a plan
             for mesh, _ in self.views:
                 coplanar_overlaps(mesh)
         start = perf_counter()
