@@ -35,8 +35,6 @@ from .all_hits.results import (
 from .all_hits.results import (
     Transmittances as Transmittances,
 )
-from .bvh.options import BvhOptions as BvhOptions
-from .bvh.tracer import BvhTracer as BvhTracer
 from .errors import (
     AtraError as AtraError,
 )
@@ -78,7 +76,6 @@ from .geometry.lenses.models import (
 )
 from .geometry.mesh import Mesh as Mesh
 from .geometry.orthographic import OrthographicCamera as OrthographicCamera
-from .geometry.sampling import sub_pixel_offsets as sub_pixel_offsets
 from .geometry.split import Split as Split
 from .hits import Frames as Frames
 from .hits import Hits as Hits
@@ -98,10 +95,7 @@ from .judge.foreign import (
 from .judge.foreign import (
     judge_image as judge_image,
 )
-from .model.planning import Plan as Plan
-from .model.planning import plan as plan
 from .packets.pixel import PixelTracer as PixelTracer
-from .packets.tiles import TiledTracer as TiledTracer
 from .prim_ids import MISS as MISS
 from .raster.tracer import RasterTracer as RasterTracer
 from .rays.all_hits.gathered import RayLayers as RayLayers
@@ -127,6 +121,7 @@ from .views.face_counts import FaceCounts as FaceCounts
 from .views.face_counts import face_counts as face_counts
 from .views.orbit import orbit as orbit
 from .views.render_views import render_views as render_views
+from .views.sampling import sub_pixel_offsets as sub_pixel_offsets
 from .views.visible_points import visible_points as visible_points
 
 __version__: str

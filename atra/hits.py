@@ -19,6 +19,7 @@ from atra.exact.surface_kernels import ROWS, PixelGrid, Triangles, orient_hits, 
 from atra.files.planes import SOURCES, write_planes
 from atra.files.saving import save_layers
 from atra.geometry.mesh import Mesh
+from atra.geometry.ray_space import own_space
 from atra.geometry.view import View
 from atra.prim_ids import MISS
 
@@ -86,11 +87,13 @@ class Hits:
         return self._barycentric[1]
 
     @cached_property
-    def points(self) -> NDArray[np.float32]:
-        """(H, W, 3) float32, positions of the hits, world space, scene units."""
+    def points(self) -> NDArray[np.floating]:
+        """(H, W, 3) float32, positions of the hits, world space, scene units; float64 for a mesh with an origin."""
         if self.camera.lens is not None:
-            return self._through_lens()[1]
-        return self._computed(place_hits, (*self.prim_id.shape, 3))
+            local = self._through_lens()[1]
+        else:
+            local = self._computed(place_hits, (*self.prim_id.shape, 3))
+        return local + self.mesh.origin if self.mesh.has_origin else local
 
     @cached_property
     def normals(self) -> NDArray[np.float32]:
@@ -175,14 +178,15 @@ class Hits:
         return self._computed(weigh_corners, (2, *self.prim_id.shape))
 
     def _through_lens(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Weights (2, H, W) and points (H, W, 3), for rays that pass through no regular grid."""
+        """Weights (2, H, W), and points (H, W, 3) around the mesh's origin, for rays that pass through no regular
+        grid."""
         weights = np.full((2, *self.prim_id.shape), np.nan, np.float32)
         points = np.full((*self.prim_id.shape, 3), np.nan, np.float32)
         y, x = np.nonzero(self.hit)
         for start in range(0, len(y), _AT_ONCE):
             at = y[start : start + _AT_ONCE], x[start : start + _AT_ONCE]
             found = intersect_pixels(self.mesh, self.camera, at[1], at[0], self.prim_id[at], self.offset)
-            a, b, c = np.moveaxis(self.mesh.triangles(self.prim_id[at]), 1, 0)
+            a, b, c = np.moveaxis(self.mesh.local.triangles(self.prim_id[at]), 1, 0)
             weights[:, *at] = found.u, found.v
             points[at] = a + found.u[:, None] * (b - a) + found.v[:, None] * (c - a)
         return weights, points
@@ -201,7 +205,8 @@ class Hits:
 
     def _computed(self, kernel: Callable[..., Any], shape: tuple[int, ...]) -> NDArray[np.float32]:
         prim_id, found = read_only(np.ascontiguousarray(self.prim_id, np.uint32)), np.empty(shape, np.float32)
-        triangles, pixels = Triangles(self.mesh.vertices, self.mesh.faces), self._pixels
+        mesh, camera = own_space(self.mesh, self.camera)
+        triangles, pixels = Triangles(mesh.vertices, mesh.faces), self._pixels(camera)
         absent = np.full(1, MISS, np.uint32)
         pool = WorkerPool(min(resolve_threads(self.threads), -(-len(prim_id) // ROWS)))
         try:
@@ -212,9 +217,8 @@ class Hits:
             self.mesh.triangles(absent)  # raises InputError naming it
         return found
 
-    @property
-    def _pixels(self) -> PixelGrid:
-        camera, (height, width) = self.camera, self.prim_id.shape
+    def _pixels(self, camera: View) -> PixelGrid:
+        height, width = self.prim_id.shape
         axes = tuple(tuple(axis) for axis in camera.axes.tolist())
         if camera.lens is not None:  # normals, which need no rays, are all that kernels compute then
             return PixelGrid(camera.eye, axes, read_only(np.empty(0)), read_only(np.empty(0)), False)

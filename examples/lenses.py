@@ -43,8 +43,8 @@ def main(arguments: list[str] | None = None) -> dict[str, atra.Hits]:
     for name, camera in cameras(replace(pose, eye=tuple(nearer)), options.width, options.height).items():
         with atra.PixelTracer(mesh, camera, threads=options.threads) as tracer:
             seen[name] = tracer.trace()
-        with atra.BvhTracer(mesh, camera, packet_width=1, threads=options.threads) as alone:
-            print(f"{name}, packets against a BVH of our own:", atra.compare(mesh, camera, seen[name], alone.trace()))
+        with atra.RasterTracer(mesh, camera, threads=options.threads) as other:
+            print(f"{name}, packets against the rasteriser:", atra.compare(mesh, camera, seen[name], other.trace()))
     parts.save(options.out / "lenses.png", parts.beside([shade(hits) for hits in seen.values()]))
     return seen
 

@@ -38,7 +38,7 @@ _PLAIN = {
     "new-method": "experiments.commands.new_method:run_new_method",
     "pack": "experiments.board.pack:run_pack",
     "board": "experiments.board.command:run_board",
-    "rays": "experiments.commands.ray_files:run_rays",
+    "rays": "experiments.classification.ray_files:run_rays",
 }
 """Verbs with arguments of their own in place of fields of a configuration -> what takes these. `--help` shows USAGE
 and the docstring of its module."""

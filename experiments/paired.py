@@ -53,9 +53,15 @@ makers = {
     "packets": lambda: made(atra.PixelTracer), "packets_count": lambda: made(atra.PixelTracer),
     "aligned": lambda: made(atra.AlignedTracer, split=(256, 1)),
     "visible_first": lambda: made(atra.VisibleFirstTracer, split=(256, 1)),
-    "tiles": lambda: made(atra.TiledTracer, split=(16, 16)),
+    "tiles": lambda: made(tiled(), split=(16, 16)),
     "hybrid": lambda: hybrid(),
 }
+def tiled():
+    try:
+        from experiments.methods.culled.tracer import TiledTracer
+    except ImportError:  # older versions
+        from atra import TiledTracer
+    return TiledTracer
 def hybrid():
     camera = atra.Camera(**given["camera"], width=1280, height=720)
     try:

@@ -1,8 +1,8 @@
 """Mutated files for every reader, worked through in a process whose memory and time are bounded.
 
 `python -m tests.fuzzing COUNT` works through COUNT inputs in the working folder, which should be empty, and prints what
-became of them as JSON. An input is a kind of file and a seed: `python -m tests.fuzzing 1 KIND SEED` reads one again and
-shows the traceback of what went wrong.
+became of them as JSON. `python -m tests.fuzzing COUNT KIND` takes them all of one kind. An input is a kind of file and
+a seed: `python -m tests.fuzzing 1 KIND SEED` reads one again and shows the traceback of what went wrong.
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ from experiments.harness.records import Record, read_record, write_record
 from experiments.results.table import Tables, make_table, read_table, write_tables
 from scenes.directory import CAMERAS_FILE, load_scene_from_directory
 from scenes.scene import CAMERA_FIELDS
+from tests.meshes import strips_ply
 from tests.report_samples import small_table
 
 MEMORY_BYTES = 512 * 2**20
@@ -197,6 +198,7 @@ def _mesh_samples():
         "little.ply": little,
         "big.ply": tuple(_big_endian(content) for content in little),
         "mixed.ply": tuple(mixed_ply(order, *_MIXED) for order in ("<", ">")),
+        "strips.ply": (strips_ply([(0, 1, 2, 4, -1, 1, 3, 2)]), strips_ply([(0, 1, 2, 4), (1, 3, 2)])),
         "mesh.obj": (*exported(file_type="obj"), _POLYGONS),
         "text.stl": exported(file_type="stl_ascii"),
         "mesh.stl": exported(file_type="stl"),
@@ -368,8 +370,8 @@ def make_input(kind, name, seed):
     return mutate(choose.choice(kind.samples), choose.choice(kind.samples), choose)
 
 
-def work(count, folder, only=None):
-    """Work through `count` inputs, all kinds in turn.
+def work(count, folder, kind=None, only=None):
+    """Work through `count` inputs, all kinds in turn, or those of one kind, or the one with the seed `only`.
 
     folder: empty. `now.txt` in it names the input being read, for whoever finds this process dead.
     Returns which kinds were used unchanged, for each kind how many inputs were used and refused, and what went wrong,
@@ -380,8 +382,9 @@ def work(count, folder, only=None):
     healthy = [name for name, kind in every.items() if _try(kind, kind.samples[0], folder)]
     tally = {name: {"used": 0, "refused": 0} for name in every}
     wrong = []
-    names = list(every)
-    todo = [only] if only else [(names[number % len(names)], number // len(names)) for number in range(count)]
+    names = list(every) if kind is None else [kind]
+    todo = [(names[number % len(names)], number // len(names)) for number in range(count)]
+    todo = todo if only is None else [(kind, only)]
     bound_memory(MEMORY_BYTES)
     for name, seed in todo:
         (folder / "now.txt").write_text(f"{name} {seed}")
@@ -391,7 +394,7 @@ def work(count, folder, only=None):
             tally[name]["used" if used else "refused"] += 1
         except Exception as error:
             wrong.append(f"{name} {seed}: {type(error).__name__}: {str(error)[:300]}")
-            if only:
+            if only is not None:
                 traceback.print_exception(error)
         signal.alarm(0)
     return {"healthy": healthy, "tally": tally, "wrong": wrong}
@@ -434,5 +437,5 @@ def bound_memory(more_bytes):
 
 
 if __name__ == "__main__":
-    asked = (sys.argv[2], int(sys.argv[3])) if len(sys.argv) > 2 else None
-    print(json.dumps(work(int(sys.argv[1]), Path.cwd(), asked)))
+    asked = dict(zip(("kind", "only"), (*sys.argv[2:3], *map(int, sys.argv[3:4])), strict=False))
+    print(json.dumps(work(int(sys.argv[1]), Path.cwd(), **asked)))

@@ -11,7 +11,6 @@ METHODS = {
     "instanced": (atra.AlignedTracer, {"culling": False, "geometry": "instanced"}),
     "visible_first": (atra.VisibleFirstTracer, {}),
     "unprobed": (atra.VisibleFirstTracer, {"probe": np.array([], np.uint32)}),
-    "tiles": (atra.TiledTracer, {}),
 }
 CELLS = tuple(method for method in METHODS if method != "pixels")
 PARALLEL = ("pixels", "aligned", "unculled", "instanced")

@@ -101,3 +101,11 @@ def specks(camera, seed, count=40_000):
     is_near = ((depth > 100) & (depth < 10_000)).all(axis=0)
     corners = (np.asarray(camera.eye) + rays * depth[..., None])[:, is_near]
     return atra.Mesh(corners.swapaxes(0, 1).reshape(-1, 3), np.arange(3 * is_near.sum()).reshape(-1, 3))
+
+
+def strips_ply(strips):
+    """A text of five vertices and strips of triangles."""
+    head = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n"
+    head += f"element tristrips {len(strips)}\nproperty list int int vertex_indices\nend_header\n"
+    rows = ["0 0 0", "1 0 0", "0 1 0", "1 1 0", "0 2 0", *(f"{len(one)} {' '.join(map(str, one))}" for one in strips)]
+    return ("\n".join((head.strip(), *rows)) + "\n").encode()

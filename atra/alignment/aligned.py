@@ -108,7 +108,7 @@ class _AlignedImages(ReferenceRayTracer[Result]):
     @in_turn
     def counters(self) -> Mapping[str, float]:
         """As `atra.Tracer` says; triangles_left_out and packets_verified are known as well."""
-        left_out = () if self._geometry is None else self._geometry.left_out
+        left_out = () if self.geometry is None else self.geometry.left_out
         second_passes = [one for one in self._second_passes if one is not None]
         return {
             **super().counters,
@@ -158,7 +158,7 @@ class AlignedTracer(EmbreeGathering, _AlignedImages[Hits], ImageTracer):
         return self._row_stride  # of the records
 
     def _planned_shots(self) -> list[Shots]:
-        geometry, split = self._geometry, self.split
+        geometry, split = self.geometry, self.split
         assert geometry is not None
         strips = np.zeros((split.cell_height // self.packet_shape[1], 2), np.int32)
         strips[:, 1] = np.arange(0, split.cell_height, self.packet_shape[1])

@@ -173,7 +173,7 @@ class VisibleFirstTracer(ReferenceRayTracer[Hits], ImageTracer):
     @in_turn
     def triangle_count(self) -> int:
         """Triangles in both Embree scenes, copies included; 0 before `build`."""
-        return 0 if self._geometry is None else self._geometry.copy_count + self.mesh.triangle_count
+        return 0 if self.geometry is None else self.geometry.copy_count + self.mesh.triangle_count
 
     @property
     @in_turn

@@ -23,6 +23,7 @@ def open_edges(mesh: Mesh) -> NDArray[np.int64]:
 
     Vertices at one position count as one, named by the lowest number. Any number of triangles may share an edge.
     """
+    mesh = mesh.local
     lowest, same = np.unique(mesh.vertices + np.float32(0.0), axis=0, return_index=True, return_inverse=True)[1:]
     faces = lowest[same.reshape(-1)][mesh.faces]
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
@@ -46,7 +47,7 @@ def check_closed(mesh: Mesh) -> None:
             f"{mesh.name!r} is not closed, so it has no thickness: it has {len(edges)} open edges, first {named} "
             "(vertices); close its holes and orient its triangles alike"
         )
-    corners = mesh.vertices.astype(np.float64)[mesh.faces] - mesh.bounds.mean(axis=0)
+    corners = mesh.local_vertices.astype(np.float64)[mesh.faces] - mesh.local.bounds.mean(axis=0)
     volume = float(np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum()) / 6.0
     if volume < 0.0:
         raise InputError(

@@ -1,4 +1,4 @@
-"""`atra compile`: compile kernels in advance, for a container image or to be shipped."""
+"""`atra compile`: compile kernels in advance, for a container image or, by `.ci/kernels`, to be shipped."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ import atra
 from atra.command.doctor import say_kernels
 from atra.compat.trimesh import RayMeshIntersector
 from atra.compiled.instruction_sets import chosen_instruction_set, native_lanes
-from atra.compiled.store import INTO_VARIABLE, QUIET_VARIABLE, cache_folder
+from atra.compiled.store import QUIET_VARIABLE, cache_folder
 from atra.compiled.threads import resolve_threads
 from atra.errors import InputError
 from atra.geometry.view import View
@@ -30,18 +30,12 @@ from atra.rays.all_hits.cells import FEWEST_POINTS
 def add_compile(parser: ArgumentParser) -> None:
     """Declare its arguments."""
     parser.add_argument("--all", action="store_true", help="every method of the core, not only the rasteriser")
-    parser.add_argument("--into", type=Path, metavar="FOLDER", help="keep the kernels in this folder, to ship them")
 
 
 def run_compile(arguments: Namespace) -> int:
     """Compile in as many processes as there are cores, and say where the kernels are."""
     chosen_instruction_set()  # refuses an unknown one before a process starts
-    folder = None if arguments.into is None else arguments.into.resolve()
-    if folder is not None:
-        if folder.exists() and not folder.is_dir():
-            raise InputError(f"--into is {str(arguments.into)!r}, which is no folder")
-        os.environ[INTO_VARIABLE] = str(folder)
-    elif cache_folder() is None:
+    if cache_folder() is None:
         raise InputError("compiled kernels can be kept nowhere here; name a folder with NUMBA_CACHE_DIR")
     os.environ[QUIET_VARIABLE] = "1"
     jobs = {name: job for name, job in JOBS.items() if arguments.all or name.startswith("raster")}
@@ -51,7 +45,7 @@ def run_compile(arguments: Namespace) -> int:
         for count, done in enumerate(as_completed(running), 1):
             done.result()
             print(f"{count} of {len(jobs)}: {running[done]}", file=sys.stderr)
-    print(say_kernels(folder))
+    print(say_kernels())
     return 0
 
 
@@ -92,12 +86,10 @@ _TRACERS: dict[str, Callable[[atra.Mesh, View], atra.Tracer]] = {
     "aligned instances": lambda mesh, camera: atra.AlignedTracer(
         mesh, camera, (4, 1), geometry="instanced", culling=False
     ),
-    "tiles": lambda mesh, camera: atra.TiledTracer(mesh, camera, (4, 1)),
     "visible-first": lambda mesh, camera: atra.VisibleFirstTracer(mesh, camera, (4, 1)),
-    "bvh": atra.BvhTracer,
 }
-_PINHOLE_ONLY, _ALL_HITS = ("tiles", "visible-first"), ("raster", "packets", "aligned")
-_WITH_LENS = ("raster", "single rays", "packets", "bvh")
+_PINHOLE_ONLY, _ALL_HITS = ("visible-first",), ("raster", "packets", "aligned")
+_WITH_LENS = ("raster", "single rays", "packets")
 
 
 def _trace(tracer: str, view: str) -> None:

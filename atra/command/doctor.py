@@ -96,13 +96,10 @@ def say_instructions(extensions: Sequence[str] = ()) -> str:
     return f"{here}; {used}"
 
 
-def say_kernels(folder: Path | None = None) -> str:
-    """Where compiled kernels are, how large they are, and the processors they serve. folder: where they were put."""
-    if folder is not None:
-        places = {"in": folder}
-    else:
-        kept = kept_in()
-        places = ({"shipped in": SHIPPED} if SHIPPED.is_dir() else {}) | ({} if kept is None else {"kept in": kept})
+def say_kernels() -> str:
+    """Where compiled kernels are, how large they are, and the processors they serve."""
+    kept = kept_in()
+    places = ({"shipped in": SHIPPED} if SHIPPED.is_dir() else {}) | ({} if kept is None else {"kept in": kept})
     said = [f"{_size_mb(place):.1f} MB {how} {place}" for how, place in places.items()]
     return f"{' and '.join(said) or 'not kept'}, compiled for {processor_compiled_for()}"
 

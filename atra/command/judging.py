@@ -66,7 +66,7 @@ def run_judge(given: Namespace) -> int:
     image = _image(given.image, given)
     against = None if given.against is None else _image(given.against, given)
     mesh = load_mesh(given.mesh)
-    found = judge_image(mesh, camera, image, against=against, convention=Convention() if given.own else None)
+    found = judge_image(mesh, camera, image, against=against, convention=Convention.own(camera) if given.own else None)
     if given.picture is not None:
         write_atomically(given.picture, encode_png(found.picture()))
     print(json.dumps(as_json(found, given.explain), indent=1) if given.json else _said(found, name, given))
@@ -87,7 +87,7 @@ def as_json(found: ForeignJudgement, most: int) -> dict[str, object]:
 
 
 def _said(found: ForeignJudgement, view: str, given: Namespace) -> str:
-    agreement, is_own = found.agreement, found.convention == Convention()
+    agreement, is_own = found.agreement, found.convention == Convention.own(found.hits.camera)
     lines = [
         f"{printable(str(given.image))} of {printable(str(given.mesh))}, view {view!r}",
         f"convention  {found.convention}",

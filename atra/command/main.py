@@ -20,8 +20,6 @@ _VERBS = {
     "doctor": ("doctor", "say what this machine has and lacks; a bug report needs it"),
     "compile": ("compiling", "compile kernels now, such as for a container image"),
     "render": ("render", "write what every view of a mesh sees: depth, triangles, normals, points"),
-    "plan": ("planning", "predict what each method costs on a view of a mesh"),
-    "calibrate": ("planning", "fit predictions to this machine, in two minutes"),
     "judge": ("judging", "judge an image of a mesh that any program has made, pixel by pixel"),
 }
 """Verbs: the module of this package that is loaded for one, and its help. The module has `run_VERB`, and `add_VERB`

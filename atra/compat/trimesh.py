@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.compat.trimesh_kernels import hand_out, locate_hits, scale_rays
+from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.rays.all_hits.lists import RayHitLists
 from atra.rays.rays import Rays
@@ -42,10 +43,13 @@ class _Scaled:
 
 
 class RayMeshIntersector:
-    """Ray queries of a trimesh mesh, also after it has changed; hits are found as `atra.RayScene` finds them.
+    """Ray queries of a trimesh mesh, also after it has changed; hits are found as `atra.RayScene` finds them. Rays with
+    NaN, infinities or no direction hit nothing, as in trimesh.
 
     geometry: a `trimesh.Trimesh`. scale_to_box: taken and kept, as trimesh has it; queries always scale, by a power of
     two, which rounds nothing. threads: None = every core.
+    Queries raise InputError for a ray that heads for the mesh from so far away, 1e9 times its size, that float64 cannot
+    tell what it hits.
     """
 
     def __init__(self, geometry: Any, scale_to_box: bool = True, *, threads: int | None = None) -> None:
@@ -181,7 +185,13 @@ def _scaled_rays(
     count = len(origins)
     placed, units = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
     tfar, moved = np.empty(count, np.float32), np.empty(count)
-    scale_rays(origins, directions, built.origin, built.scale, built.size, placed, units, tfar, moved)
+    given = origins, directions, built.origin, built.scale, built.size
+    far = scale_rays(*given, placed, units, tfar, moved)
+    if far < count:
+        raise InputError(
+            f"ray {far} starts at {tuple(origins[far].tolist())}, over 1e9 times the size of the mesh away, where "
+            "float64 cannot tell what it hits; move it closer"
+        )
     return Rays(placed, units, tfar=tfar), moved
 
 

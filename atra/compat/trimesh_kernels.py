@@ -10,7 +10,11 @@ _NEAR = 4.0
 """Rays that start farther from the middle than this many sizes of the mesh are moved up to it, in float64."""
 
 _FARTHEST = 1e9
-"""Rays that are still farther than this, in sizes, miss."""
+"""Sizes of the mesh from which on float64 cannot tell what a ray hits, as rays are float32 near the mesh: moving them
+up to it is off by a share of 1e-16 of the way."""
+
+_ROUNDINGS = 2.0**-50
+"""Largest error of a moved ray's start, as a share of the way; there are 5 roundings."""
 
 _EDGE_ON = 1e-6
 """Cosine below which a location is taken from the ray's parameter, not from the triangle's plane."""
@@ -18,7 +22,8 @@ _EDGE_ON = 1e-6
 
 @kernel
 def scale_rays(origins, directions, low, scale, size, placed, units, tfar, moved):  # type: ignore[no-untyped-def]
-    """Write rays as a scene takes them. A ray that cannot be traced gets an empty interval.
+    """Write rays as a scene takes them; returns the first that starts too far away to tell whether it hits, or N. A ray
+    that cannot be traced, or surely passes, gets an empty interval.
 
     origins, directions: (N, 3) float64; directions become unit vectors. low: (3,) float64, scale, size: of the scene.
     placed, units: (N, 3) float32. tfar: (N,) float32. moved: (N,) float64, how far the ray was moved along itself.
@@ -42,11 +47,15 @@ def scale_rays(origins, directions, low, scale, size, placed, units, tfar, moved
             way = max((middle - ox) * x + (middle - oy) * y + (middle - oz) * z - 2.0 * size, 0.0)
             ox, oy, oz = ox + way * x, oy + way * y, oz + way * z
             moved[ray] = way / scale
-            if max(abs(ox), abs(oy), abs(oz)) > _FARTHEST * size:
+            away = max(abs(ox - middle), abs(oy - middle), abs(oz - middle))
+            if away > _NEAR * size + _ROUNDINGS * way:
                 continue
+            if way > _FARTHEST * size:
+                return ray
         tfar[ray] = np.inf
         placed[ray, 0], placed[ray, 1], placed[ray, 2] = ox, oy, oz
         units[ray, 0], units[ray, 1], units[ray, 2] = x, y, z
+    return len(origins)
 
 
 @kernel

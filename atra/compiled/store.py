@@ -45,8 +45,8 @@ _AS_IN_C = {"error_model": "numpy", "_nrt": False}
 QUIET_VARIABLE = "ATRA_QUIET"
 """Set to anything but 0, nothing is said of compiling."""
 
-_IMPORT = re.compile(rb"^ *(?:import +(atra[.\w]*)|from +(atra[.\w]*) +import +(\([^)]*\)|.*))", re.MULTILINE)
-"""An import of this library: a module, or a module and the names taken from it, which may be modules, too."""
+_IMPORT = re.compile(rb"^ *(?:import +(\w[.\w]*)|from +(\w[.\w]*) +import +(\([^)]*\)|.*))", re.MULTILINE)
+"""An import: a module, or a module and the names taken from it, which may be modules, too."""
 
 
 def source_stamp(path: Path) -> bytes:
@@ -57,7 +57,7 @@ def source_stamp(path: Path) -> bytes:
 
 @cache
 def sources(path: Path) -> frozenset[Path]:
-    """The file and those of this library that it imports, directly or through others."""
+    """The file and those that it imports, directly or through others, of this library and of its own package."""
     found, left = set[Path](), [path]
     while left:
         one = left.pop()
@@ -69,10 +69,15 @@ def sources(path: Path) -> frozenset[Path]:
 
 @cache
 def _imported_by(path: Path) -> tuple[Path, ...]:
-    named = set[Path]()
+    own = path.parent
+    while (own.parent / "__init__.py").exists():
+        own = own.parent
+    packages, named = {own.name: own, _PACKAGE.name: _PACKAGE}, set[Path]()
     for module, package, names in _IMPORT.findall(path.read_bytes()):
-        place = _PACKAGE.joinpath(*(module or package).decode().split(".")[1:])
-        named |= {place, *(place / name for name in re.findall(r"\w+", names.decode()))}
+        first, *rest = (module or package).decode().split(".")
+        if first in packages:
+            place = packages[first].joinpath(*rest)
+            named |= {place, *(place / name for name in re.findall(r"\w+", names.decode()))}
     files = [place / "__init__.py" if place.is_dir() else place.with_suffix(".py") for place in named]
     return tuple(file for file in files if file.exists())
 

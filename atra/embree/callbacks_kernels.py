@@ -1,14 +1,13 @@
-"""Compiled C functions that Embree calls: the filter, the memory monitor, and those of its BVH builder."""
+"""Compiled C functions that Embree calls: the filter and the memory monitor."""
 
 from __future__ import annotations
 
 from functools import cache
 
-import numpy as np
 from numba import types
 
-from atra.compiled.intrinsics import add_at, address_at, fetch_add, float_at
-from atra.compiled.store import callback, kernel, njit
+from atra.compiled.intrinsics import fetch_add
+from atra.compiled.store import callback
 from atra.embree.filters_kernels import keep_nearest
 
 
@@ -35,75 +34,6 @@ def memory_monitor() -> int:
 
     _keep_alive.append(count_bytes)
     return count_bytes.address
-
-
-COST_WORDS = 2
-"""Sums, float64, that the builder's callbacks add to: half the areas of all children, and of leaves times triangles."""
-
-
-@njit(forceinline=True)
-def _half_area(low_x, low_y, low_z, high_x, high_y, high_z):  # type: ignore[no-untyped-def]
-    x, y, z = np.float64(high_x) - low_x, np.float64(high_y) - low_y, np.float64(high_z) - low_z
-    return x * y + y * z + z * x
-
-
-@kernel
-def fill_boxes(vertices, faces, boxes):  # type: ignore[no-untyped-def]
-    """Fill `boxes`, (F, 8) float32, with RTCBuildPrimitives: lower corner, geomID, upper corner, primID, the ids 0.
-
-    Returns half the area of the box around all.
-    """
-    low = np.full(3, np.inf, np.float32)
-    high = np.full(3, -np.inf, np.float32)
-    for face in range(len(faces)):
-        for axis in range(3):
-            a, b, c = vertices[faces[face, 0], axis], vertices[faces[face, 1], axis], vertices[faces[face, 2], axis]
-            boxes[face, axis] = min(a, b, c)
-            boxes[face, 4 + axis] = max(a, b, c)
-            low[axis] = min(low[axis], boxes[face, axis])
-            high[axis] = max(high[axis], boxes[face, 4 + axis])
-        boxes[face, 3] = boxes[face, 7] = 0.0
-    return _half_area(low[0], low[1], low[2], high[0], high[1], high[2])
-
-
-@cache
-def builder_callbacks() -> tuple[int, int, int, int]:
-    """Addresses of RTCCreateNode, RTCSetNodeChildren, RTCSetNodeBounds and RTCCreateLeaf functions."""
-
-    @callback(types.int64(types.int64, types.uint32, types.int64))
-    def create_node(allocator, child_count, cost):  # type: ignore[no-untyped-def]
-        return cost  # any address but 0 will do
-
-    @callback(types.void(types.int64, types.int64, types.uint32, types.int64))
-    def set_node_children(node, children, child_count, cost):  # type: ignore[no-untyped-def]
-        pass
-
-    @callback(types.void(types.int64, types.int64, types.uint32, types.int64))
-    def set_node_bounds(node, bounds, child_count, cost):  # type: ignore[no-untyped-def]
-        for child in range(child_count):
-            box = address_at(bounds + 8 * child)
-            area = _half_area(
-                float_at(box), float_at(box + 4), float_at(box + 8),
-                float_at(box + 16), float_at(box + 20), float_at(box + 24),
-            )  # fmt: skip
-            add_at(cost, area)
-
-    @callback(types.int64(types.int64, types.int64, types.uint64, types.int64))
-    def create_leaf(allocator, primitives, count, cost):  # type: ignore[no-untyped-def]
-        low_x = low_y = low_z = np.float32(np.inf)
-        high_x = high_y = high_z = np.float32(-np.inf)
-        for number in range(count):
-            box = primitives + 32 * np.int64(number)
-            low_x, high_x = min(low_x, float_at(box)), max(high_x, float_at(box + 16))
-            low_y, high_y = min(low_y, float_at(box + 4)), max(high_y, float_at(box + 20))
-            low_z, high_z = min(low_z, float_at(box + 8)), max(high_z, float_at(box + 24))
-        add_at(cost + 8, count * _half_area(low_x, low_y, low_z, high_x, high_y, high_z))
-        return cost
-
-    functions = (create_node, set_node_children, set_node_bounds, create_leaf)
-    _keep_alive.extend(functions)
-    addresses = [function.address for function in functions]
-    return addresses[0], addresses[1], addresses[2], addresses[3]
 
 
 # Embree may call these as long as a scene lives; compiled code must never be collected.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.mesh import Mesh
+from atra.geometry.ray_space import own_space
 from atra.geometry.view import View
 
 Components: TypeAlias = Sequence[NDArray[np.float64]] | NDArray[np.float64]
@@ -19,6 +20,9 @@ Components: TypeAlias = Sequence[NDArray[np.float64]] | NDArray[np.float64]
 
 NOISE = 1e-14
 """Size of a volume, relative to the product of its lengths, up to which it counts as 0: fifty roundings of float64."""
+
+SLACK = 1e-12
+"""Tolerance of lying inside of a triangle, barycentric, and of lying equally deep, relative."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +69,7 @@ class Volumes:
 class Pairs:
     """Pairs of a pixel's ray and a triangle; derived values are in camera space, float64.
 
+    mesh, camera: as given, then with the mesh's origin moved to that of the world (`own_space`).
     x, y, prim_id: (N,) integers, the ray of pixel (x, y) at sub-pixel `offset`, and its triangle.
     First use raises InputError for a bad offset and a `prim_id` that the mesh does not have.
     """
@@ -79,6 +84,10 @@ class Pairs:
     def __getitem__(self, chosen: NDArray) -> Pairs:
         """The pairs that an array of indices or a mask chooses."""
         return replace(self, x=self.x[chosen], y=self.y[chosen], prim_id=self.prim_id[chosen])
+
+    def __post_init__(self) -> None:
+        mesh, camera = own_space(self.mesh, self.camera)
+        self.__dict__.update(mesh=mesh, camera=camera)
 
     @cached_property
     def rays(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -215,7 +224,7 @@ def intersect_rays(
 
     origins, directions: (N, 3), world space. prim_id: (N,) integers. Raises InputError for an unknown `prim_id`.
     """
-    corners = mesh.triangles(prim_id)
+    corners = mesh.local.triangles(prim_id)
     first, edges = corners[:, 0], corners[:, 1:] - corners[:, :1]
-    rays = origins.astype(np.float64), directions.astype(np.float64)
+    rays = origins.astype(np.float64) - mesh.origin, directions.astype(np.float64)
     return divided(volumes_of(*rays, first, edges[:, 0], edges[:, 1]))

@@ -11,6 +11,9 @@ from atra.exact.intersection import NOISE, Pairs
 from atra.exact.rounding_kernels import ALLOWED_MULTIPLE, FLOAT32_UNIT
 from atra.geometry.ray_space import ray_axes, to_ray_space
 
+ROUNDINGS = 4.0 * 2.0**-24
+"""Error allowed of a depth, relative to the products that it is made of: four roundings of float32."""
+
 
 @dataclass(frozen=True, eq=False)
 class Rounding:

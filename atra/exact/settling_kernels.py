@@ -6,8 +6,7 @@ import numpy as np
 
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import kernel, njit
-from atra.exact.brute_force_kernels import SLACK
-from atra.exact.intersection import NOISE
+from atra.exact.intersection import NOISE, SLACK
 from atra.exact.ties_kernels import TILE
 
 MANY = 16

@@ -27,6 +27,7 @@ from atra.exact.ties_kernels import (
     number_planes,
 )
 from atra.geometry.mesh import Mesh
+from atra.geometry.ray_space import own_space
 from atra.geometry.view import View
 
 TIE_TOLERANCE = 1e-9
@@ -102,7 +103,7 @@ def coplanar_overlaps(mesh: Mesh) -> CoplanarOverlaps:
     """
     overlaps = _found.get(mesh)
     if overlaps is None:
-        overlaps = _found[mesh] = _find(mesh)
+        overlaps = _found[mesh] = _find(mesh.local)
     return overlaps
 
 
@@ -171,6 +172,7 @@ def tie_tiles(mesh: Mesh, camera: View) -> TieTiles:
     the eye may be anywhere.
     """
     overlaps = coplanar_overlaps(mesh)
+    mesh, camera = own_space(mesh, camera)
     rows, columns = -(-camera.height // TILE), -(-camera.width // TILE)
     if not len(overlaps.pairs):
         return TieTiles.of(np.zeros((rows, columns), np.bool_))
@@ -218,6 +220,7 @@ def lowest_of_ties(
     lens.
     """
     overlaps, across, along = coplanar_overlaps(mesh), np.empty(0), np.empty(0)
+    mesh, camera = own_space(mesh, camera)
     if camera.lens is None:
         plane = camera.plane
         across = plane.columns(np.arange(camera.width), offset[0]) * plane.pitch_x

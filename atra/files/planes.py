@@ -151,6 +151,8 @@ def _channels(found: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
                 for number, letter in enumerate("RGB"[: layers.shape[-1]])
             }
         elif array.ndim == 3:
+            if array.dtype.itemsize > 4:
+                raise InputError(f"{name} of this mesh as EXR would lose digits, expected npz, npy or tiff for it")
             letter = "N" if name == "normals" else "P"
             channels |= {f"{letter}.{axis}": array[..., number] for number, axis in enumerate("XYZ")}
         elif name == "mask":
@@ -180,7 +182,7 @@ def encode_png(image: NDArray[Any]) -> bytes:
 
 
 def encode_tiff(image: NDArray[Any]) -> bytes:
-    """An uncompressed TIFF file of (H, W) or (H, W, 3), floats of 32 bits or whole numbers of 8 or 32."""
+    """An uncompressed TIFF file of (H, W) or (H, W, 3), floats of 32 or 64 bits, whole numbers of 8 or 32."""
     if image.dtype == np.bool_:
         image = np.where(image, 255, 0).astype(np.uint8)
     image = np.ascontiguousarray(image, image.dtype.newbyteorder("<"))

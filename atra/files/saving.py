@@ -90,14 +90,16 @@ def encode_png(picture: NDArray[np.uint8]) -> bytes:
 
 
 def _ply(layers: Layers) -> bytes:
-    import trimesh  # slow to import, and needed only here
-
     is_placed = np.isfinite(layers["points"]).all(axis=-1)
     if not is_placed.any():
         raise InputError("nothing is hit, so a .ply file would have no point; save as .npz, .exr or .png")
-    cloud = trimesh.PointCloud(layers["points"][is_placed])
-    cloud.vertex_normals = layers["normals"][is_placed]
-    return bytes(trimesh.exchange.ply.export_ply(cloud, vertex_normal=True))
+    points = layers["points"][is_placed]
+    kind, number = ("double", "<f8") if points.dtype == np.float64 else ("float", "<f4")
+    rows = np.empty(len(points), [("points", number, 3), ("normals", "<f4", 3)])
+    rows["points"], rows["normals"] = points, layers["normals"][is_placed]
+    properties = [f"property {kind} {axis}\n" for axis in "xyz"] + [f"property float n{axis}\n" for axis in "xyz"]
+    header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(rows)}\n{''.join(properties)}end_header\n"
+    return header.encode() + rows.tobytes()
 
 
 def depth_shading(depth: NDArray[np.float32]) -> NDArray[np.uint8]:

@@ -195,7 +195,7 @@ class Camera(View):
 class LensCamera(LensView):
     """A camera with a lens: its rays pass through no regular grid on a plane.
 
-    `RasterTracer`, `PixelTracer`, `BvhTracer`, and `RayScene` by `rays_world` take it; methods that need a plane refuse
+    `RasterTracer`, `PixelTracer`, and `RayScene` by `rays_world` take it; methods that need a plane refuse
     it. Where the lens model folds over, pixels see nothing: their rays are NaN and they are misses in every image.
     `Camera.from_opencv`, `LensCamera.panorama` and the readers of camera files return it.
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import warnings
+from copy import copy
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
+from atra.geometry.origins import placed
 
 # The triangle test multiplies three lengths in float32; beyond this limit the product overflows and triangles silently
 # vanish from the image. The limit of the distance to the eye is `ray_space.FARTHEST_FROM_EYE`.
@@ -27,32 +30,76 @@ _LONGER_PRODUCT = 4.0
 class Mesh:
     """Indexed triangles in world space; the arrays are C-contiguous, read-only copies, with triangles without area.
 
-    vertices: (V, 3) float32, scene units; any real array-like is converted.
+    vertices: (V, 3) float32, scene units; any real array-like is converted. float64 for a mesh with an origin.
     faces: (F, 3) uint32, vertex indices; row i is the triangle with `prim_id` i. Any integer array-like is converted.
     name: the mesh's name in messages and records.
     units: the unit of length that its file states, such as "inch"; None: it states none.
     notes: what reading its file left out, or what is doubtful.
+    origin: (3,) float64, where the stored vertices count from: zero, or where float32 would move a vertex by more than
+    1e-7 of the mesh's size, as at map coordinates, a point near its middle. All that is asked and answered stays in
+    world space. local_vertices: (V, 3) float32, vertices less the origin, as they are stored.
 
+    Warns of a mesh that spans so much that float32 changes its short edges by more than a twentieth even so.
     Raises InputError for a wrong shape or dtype, no triangle, the first coordinate that is not finite or beyond 1e12 in
     size, and the first face with an index outside the vertices.
     """
 
-    vertices: NDArray[np.float32]
+    vertices: NDArray[np.floating]
     faces: NDArray[np.uint32]
     name: str = "mesh"
     units: str | None = None
     notes: tuple[str, ...] = ()
+    origin: NDArray[np.float64] = field(init=False)
+    local_vertices: NDArray[np.float32] = field(init=False)
+    has_origin: bool = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "vertices", _checked_vertices(self.vertices))
-        object.__setattr__(self, "faces", _checked_faces(self.faces, len(self.vertices)))
+        given = _checked_vertices(self.vertices)
+        faces = _checked_faces(self.faces, len(given))
+        local, origin, loss = placed(given, faces)
+        if loss:
+            warnings.warn(f"mesh {self.name!r} {loss}", stacklevel=3)
+        for array in (local, origin):
+            array.setflags(write=False)
+        has_origin = bool(origin.any())
+        self.__dict__.update(vertices=local, local_vertices=local, faces=faces, origin=origin, has_origin=has_origin)
+        if has_origin:
+            del self.__dict__["vertices"]  # made when asked for
+
+    if not TYPE_CHECKING:  # which would take any name for an attribute
+
+        def __getattr__(self, name: str) -> Any:
+            if name != "vertices" or "origin" not in self.__dict__:
+                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}", name=name, obj=self)
+            vertices = self.local_vertices + self.origin
+            vertices.setflags(write=False)
+            self.__dict__["vertices"] = vertices
+            return vertices
+
+    def __getstate__(self) -> dict[str, Any]:
+        kept = self.__dict__.copy()
+        for name in ("vertices", "_moved") if self.has_origin else ():  # made again when asked for
+            kept.pop(name, None)
+        return kept
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         # Arrays of copies and of pickles are writable.
         self.__dict__.update(state)
-        for name in ("vertices", "faces", "traced_faces"):
+        for name in ("vertices", "local_vertices", "origin", "faces", "traced_faces"):
             if name in state:
                 state[name].setflags(write=False)
+
+    @property
+    def local(self) -> Mesh:
+        """The mesh with its origin moved to that of the world, sharing its arrays; itself where it has none."""
+        return self._moved if self.has_origin else self
+
+    @cached_property
+    def _moved(self) -> Mesh:
+        moved = copy(self)
+        moved.__dict__.pop("bounds", None)
+        moved.__dict__.update(vertices=self.local_vertices, origin=np.zeros(3), has_origin=False)
+        return moved
 
     @classmethod
     def from_trimesh(cls, mesh: Any, name: str = "mesh") -> Self:
@@ -64,7 +111,7 @@ class Mesh:
         return cls(mesh.vertices, mesh.faces, name)
 
     def __repr__(self) -> str:
-        return f"Mesh({self.name!r}, {self.triangle_count:,} triangles, {len(self.vertices):,} vertices)"
+        return f"Mesh({self.name!r}, {self.triangle_count:,} triangles, {len(self.local_vertices):,} vertices)"
 
     @property
     def triangle_count(self) -> int:
@@ -74,16 +121,16 @@ class Mesh:
     @cached_property
     def bounds(self) -> NDArray[np.float64]:
         """(2, 3) float64, lowest and highest corner of the box around all vertices of faces."""
-        is_used = np.zeros(len(self.vertices), np.bool_)
+        is_used = np.zeros(len(self.local_vertices), np.bool_)
         is_used[self.faces] = True
-        axes = self.vertices.T.copy()  # one axis at a time is faster
+        axes = self.local_vertices.T.copy()  # one axis at a time is faster
         axes[:, ~is_used] = axes[:, self.faces[0, :1]]
-        return np.stack([axes.min(axis=1), axes.max(axis=1)]).astype(np.float64)
+        return np.stack([axes.min(axis=1), axes.max(axis=1)]).astype(np.float64) + self.origin
 
     @cached_property
     def without_area(self) -> NDArray[np.int64]:
         """(N,) int64, ascending, `prim_id` of the triangles without area, which no ray hits."""
-        corners = self.vertices.astype(np.float64)[self.faces]
+        corners = self.local_vertices.astype(np.float64)[self.faces]
         # Differences of float32 values and their products are exact in float64, or nearly so.
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         return np.flatnonzero((normals == 0.0).all(axis=1))
@@ -96,7 +143,7 @@ class Mesh:
         product inaccurate (docs/methods.md, Rounding). Other triangles are unchanged: the halves of a square, which
         share their longest edge, are then tested there with equal numbers, and no ray slips through.
         """
-        corners = [self.vertices[self.faces[:, corner]].astype(np.float64) for corner in range(3)]
+        corners = [self.local_vertices[self.faces[:, corner]].astype(np.float64) for corner in range(3)]
         lengths = np.stack([np.linalg.norm(corners[i - 2] - corners[i - 1], axis=1) for i in range(3)], axis=1)
         product = lengths.prod(axis=1)[:, None]
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -119,18 +166,19 @@ class Mesh:
             raise InputError(
                 f"prim_id {prim_id[absent].flat[0]} is not in {self.name!r}, which has {self.triangle_count} triangles"
             )
-        return self.vertices[self.faces[prim_id]].astype(np.float64)
+        corners = self.local_vertices[self.faces[prim_id]].astype(np.float64)
+        return corners + self.origin if self.has_origin else corners
 
 
 def unit_normals(mesh: Mesh, prim_ids: NDArray[np.integer]) -> NDArray[np.float64]:
     """(N, 3) float64, unit normals of triangles, towards where their corners are counterclockwise; NaN without area."""
-    corners = mesh.triangles(prim_ids).astype(np.float64)
+    corners = mesh.local.triangles(prim_ids)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     with np.errstate(invalid="ignore"):
         return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
 
 
-def _checked_vertices(given: ArrayLike) -> NDArray[np.float32]:
+def _checked_vertices(given: ArrayLike) -> NDArray[Any]:
     vertices = _as_array("vertices", given)
     if vertices.size == 0:
         raise InputError("the mesh has no vertices, expected at least one triangle")
@@ -146,7 +194,7 @@ def _checked_vertices(given: ArrayLike) -> NDArray[np.float32]:
         raise InputError(
             f"vertex {index} is {value}, expected finite numbers of at most {LARGEST_COORDINATE:g} in size"
         )
-    return _read_only_copy(vertices, np.float32)
+    return vertices
 
 
 def _checked_faces(given: ArrayLike, vertex_count: int) -> NDArray[np.uint32]:
@@ -161,11 +209,7 @@ def _checked_faces(given: ArrayLike, vertex_count: int) -> NDArray[np.uint32]:
         bad = (faces < 0) | (faces >= vertex_count)
         face, corner = (int(i) for i in np.argwhere(bad)[0])
         raise InputError(f"face {face} names vertex {faces[face, corner]}, but the mesh has {vertex_count} vertices")
-    return _read_only_copy(faces, np.uint32)
-
-
-def _read_only_copy(array: NDArray[Any], kind: type[np.generic]) -> NDArray[Any]:
-    copied = np.array(array, dtype=kind, order="C")
+    copied = np.array(faces, np.uint32, order="C")
     copied.setflags(write=False)
     return copied
 
@@ -179,6 +223,6 @@ def _as_array(name: str, given: ArrayLike) -> NDArray[Any]:
 
 def position_keys(mesh: Mesh) -> NDArray[np.uint64]:
     """(V,) uint64 hashes, equal for vertices at the same position."""
-    places = mesh.vertices + np.float32(0.0)  # no -0.0
+    places = mesh.local_vertices + np.float32(0.0)  # no -0.0
     mixed: NDArray[np.uint64] = (places.view(np.uint32).astype(np.uint64) * _FACTORS).sum(axis=1, dtype=np.uint64)
     return mixed

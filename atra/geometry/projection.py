@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from atra.compiled.threads import WorkerPool
 from atra.geometry.mesh import Mesh
 from atra.geometry.projection_kernels import count_copies, project_points
-from atra.geometry.ray_space import from_eye_space
+from atra.geometry.ray_space import from_eye_space, own_space
 from atra.geometry.view import View
 
 
@@ -34,6 +34,7 @@ def project_vertices(
 
     c is the depth, or 1 for parallel rays. linear: (3, 3) float64, eye space to ray space, None = the camera's.
     """
+    mesh, camera = own_space(mesh, camera)
     linear = from_eye_space(camera) if linear is None else linear
     shape = mesh.vertices.shape
     points_pixels, points_ray = np.empty(shape), np.empty(shape)

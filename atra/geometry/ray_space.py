@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,12 @@ from atra.errors import InputError
 from atra.geometry.lenses.models import bends_rays
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
+
+Seen = TypeVar("Seen", bound=View)
+"""A kind of camera."""
+
+SMALLEST_IN_VIEW = 1e-12
+"""Least size of a mesh as a share of its distance from the eye: float64 then has 4,500 steps across it."""
 
 SMALLEST_SIZE, FARTHEST_FROM_EYE = 1e-9, 1e11
 """Limits of the meshes that are traced: least extent, and greatest distance from the eye, scene units.
@@ -30,6 +38,16 @@ SMALLEST_AXIS_COMPONENT = 1e-10
 
 For instances Embree transforms the rays, and nothing else prevents tiny components (`packets_kernels`).
 """
+
+
+def own_space(mesh: Mesh, camera: Seen) -> tuple[Mesh, Seen]:
+    """A mesh and its camera with the mesh's origin moved to that of the world; themselves where it has none.
+
+    All that reads both starts here, and so reads float32 vertices. Eyes near the mesh are moved without rounding: up to
+    as far from it as it is from the world's origin, or where they have no finer digits than float64 has at that
+    distance. Other eyes move by at most 2^-53 of their distance, which `check_range` keeps below 1e-3 of a mesh's size.
+    """
+    return (mesh.local, camera.counted_from(mesh.origin)) if mesh.has_origin else (mesh, camera)
 
 
 def padded_vertices(count: int) -> NDArray[np.float32]:
@@ -54,6 +72,11 @@ def check_range(mesh: Mesh, camera: View, takes_lenses: bool = False) -> None:
             "float32 would lose triangles; scale mesh and camera down by the same factor, or move the eye closer"
         )
     _check_size(mesh, "scale mesh and camera up by the same factor")
+    if _size(mesh) < SMALLEST_IN_VIEW * distance and len(mesh.without_area) < mesh.triangle_count:
+        raise InputError(
+            f"{mesh.name!r} is {_size(mesh):g} in size and {distance:g} from the eye {camera.eye}, expected at least "
+            f"{SMALLEST_IN_VIEW:g} of the distance: float64 cannot resolve it from there; move the eye closer"
+        )
 
 
 def check_world_range(mesh: Mesh) -> None:
@@ -77,7 +100,7 @@ def _check_mesh(mesh: object) -> None:
 
 
 def _check_size(mesh: Mesh, remedy: str) -> None:
-    size = float((mesh.bounds[1] - mesh.bounds[0]).max())
+    size = _size(mesh)
     if size < SMALLEST_SIZE and len(mesh.without_area) < mesh.triangle_count:
         raise InputError(
             f"{mesh.name!r} is {size:g} in size, expected at least {SMALLEST_SIZE:g}: float32 would lose triangles; "
@@ -85,9 +108,14 @@ def _check_size(mesh: Mesh, remedy: str) -> None:
         )
 
 
+def _size(mesh: Mesh) -> float:
+    return float((mesh.bounds[1] - mesh.bounds[0]).max())
+
+
 def unseen_from(camera: View, mesh: Mesh) -> NDArray[np.int64]:
     """(N,) int64, `prim_id` of triangles that no ray hits but rounding might show: those without area, and for a
     pinhole camera those with a corner at the eye."""
+    mesh, camera = own_space(mesh, camera)
     if camera.is_parallel:
         return mesh.without_area
     x, y, z = (np.float64(coordinate) for coordinate in camera.eye)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from copy import copy
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from atra.errors import InputError
 from atra.geometry.image_plane import ImagePlane
 from atra.geometry.lenses.models import Lens
-from atra.geometry.numbers import Vector, checked_vector, cross, unit_vector
+from atra.geometry.numbers import Vector, as_vector, checked_vector, cross, unit_vector
 from atra.whole_numbers import is_whole_number
 
 _PARALLEL_SINE = 1e-6
@@ -136,6 +137,12 @@ class View(ABC):
     def to_camera_space(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
         """Transform world points (N, 3) to camera space, (N, 3) float64; the eye is subtracted first to keep digits."""
         return self.to_eye_space(points) @ self.axes.T
+
+    def counted_from(self, origin: NDArray[np.float64]) -> Self:
+        """The same view, its axes to the bit, with positions that count from `origin`, (3,) float64."""
+        moved = copy(self)
+        moved.__dict__.update({name: as_vector(getattr(self, name) - origin) for name in ("eye", "target")})
+        return moved
 
     def _on_image_plane(
         self, x: NDArray[np.integer], y: NDArray[np.integer], offset: tuple[float, float], z: float

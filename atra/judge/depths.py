@@ -9,6 +9,7 @@ from atra.exact.intersection import Pairs
 from atra.exact.rounding import Rounding
 from atra.exact.rounding_kernels import ALLOWED_MULTIPLE, FLOAT32_UNIT
 from atra.geometry.mesh import Mesh
+from atra.geometry.ray_space import own_space
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.prim_ids import MISS
@@ -24,6 +25,7 @@ def relative_depth_error(mesh: Mesh, camera: View, image: Hits) -> NDArray[np.fl
     normal . point = height, and the ray through (X, Y) on the image plane has points (X r, Y r, Z) with r = Z for a
     pinhole camera and 1 for parallel rays.
     """
+    mesh, camera = own_space(mesh, camera)
     error = np.full(image.prim_id.shape, np.nan)
     y, x = np.nonzero(image.prim_id != MISS)
     prim_id, depth = image.prim_id[y, x], image.depth[y, x].astype(np.float64)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from itertools import product
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.exact.intersection import intersect_pixels
+from atra.exact.rounding import ROUNDINGS
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
@@ -43,7 +45,7 @@ _SAMPLED = 1 << 16
 
 @dataclass(frozen=True)
 class Convention:
-    """How a program stores an image. The defaults are atra's own.
+    """How a program stores an image. The defaults are atra's own; for lenses that see sideways see `own`.
 
     offset: place of the rays in their pixels. flips_rows: row 0 is the bottom. flips_columns: column 0 is the right.
     swaps_axes: stored (width, height); undone before rows and columns are flipped. along_ray: depth is the distance
@@ -55,6 +57,11 @@ class Convention:
     flips_columns: bool = False
     swaps_axes: bool = False
     along_ray: bool = False
+
+    @classmethod
+    def own(cls, camera: View) -> Self:
+        """Atra's own convention for the camera: along the ray where `View.depth_is_along_ray`, else the defaults."""
+        return cls(along_ray=camera.depth_is_along_ray)
 
     def ordered(self, image: NDArray) -> NDArray:
         """The image (H, W) with the top row and the left column first."""
@@ -74,8 +81,8 @@ class Convention:
 class ForeignImage:
     """An image of another program, checked.
 
-    depth: (H, W) floats, scene units; a value that is not finite or not above 0 is a miss. prim_id: (H, W) integers in
-    the mesh's numbering, -1 or `MISS` for a miss; None: the program stores none. rounding: by how much the file
+    depth: (H, W) floats, scene units. prim_id: (H, W) integers in the mesh's numbering, -1 or `MISS` for a miss; None:
+    the program stores none, and a depth that is not finite or not above 0 is a miss. rounding: by how much the file
     may have rounded a depth, scene units; 0 for float32.
     Raises InputError for other shapes, and for depths that are no numbers.
     """
@@ -106,9 +113,9 @@ class ForeignImage:
 class ForeignJudgement:
     """What `judge_image` finds.
 
-    agreement: the verdict on every pixel. convention: of the image; agreeing: share of pixels, within SAME_DEPTH, that
-    speak for it. own_agreeing: the same for atra's own convention. hits: the image in atra's convention; without ids of
-    its own it names the triangle whose plane its depth fits. reference: what it is compared with.
+    agreement: the verdict on every pixel. convention: of the image; agreeing: share of pixels whose depths, within
+    SAME_DEPTH, speak for it. own_agreeing: the same for atra's own convention. hits: the image in atra's convention;
+    without ids of its own it names the triangle whose plane its depth fits. reference: what it is compared with.
     """
 
     agreement: Agreement
@@ -159,7 +166,8 @@ def judge_image(
     """Judge an image that another program has made of `mesh`, pixel by pixel, in float64, as `compare` does.
 
     against: compare with this image, in the convention that fits it, rather than with what the rasteriser finds.
-    convention: of the image, or of both; None: the one that most pixels speak for, atra's own where several do.
+    convention: of the image, or of both; None: the one that most pixels speak for, by depths and by the ids that the
+        image has; of several the nearest to atra's own.
     threads: None = every core.
     Raises InputError for an image of another size, for ids that the mesh does not have, and for two images whose rays
     pass through other places of their pixels; MemoryBudgetError as `RasterTracer`.
@@ -181,66 +189,80 @@ def judge_image(
 def _fitting(
     image: ForeignImage, tracer: RasterTracer, given: Convention | None
 ) -> tuple[Convention, float, float, Hits]:
-    """Return the convention that fits best, the shares of pixels that agree with it and with atra's own, and the right
+    """Return the convention that fits best, the shares of depths that agree with it and with atra's own, and the right
     image with its rays."""
     shape = (tracer.camera.height, tracer.camera.width)
     allowed = (False, True) if given is None else (given.swaps_axes,)
     swapped = [swaps for swaps in allowed if (image.depth.T if swaps else image.depth).shape == shape]
     if not swapped:
         raise InputError(f"the image is {image.depth.shape}, expected the camera's {shape} (height, width)")
-    best = own = given or Convention(swaps_axes=swapped[0])
-    kept = right = tracer.trace(own.offset)
-    share = own_share = _share(image, own, right)
+    own = given or replace(Convention.own(tracer.camera), swaps_axes=swapped[0])
+    right = tracer.trace(own.offset)
+    shares = {own: _shares(image, own, right)}
     for offset in OFFSETS if given is None else ():
         right = tracer.trace(offset)
         for swaps, columns, rows, ray in product(swapped, *((False, True),) * 3):
             one = Convention(offset, rows, columns, swaps, ray)
-            found = _share(image, one, right)
-            if found > share and found >= SURE_SHARE:
-                best, share, kept = one, found, right
-    return best, share, own_share, kept
+            shares[one] = _shares(image, one, right)
+    believed = [one for one, share in shares.items() if share[0] >= SURE_SHARE] or [own]
+    best = max(believed, key=lambda one: (sum(shares[one]), -_departures(one, own)))
+    return best, shares[best][0], shares[own][0], tracer.trace(best.offset)
 
 
-def _share(image: ForeignImage, convention: Convention, right: Hits) -> float:
+def _departures(one: Convention, other: Convention) -> int:
+    return sum(getattr(one, name.name) != getattr(other, name.name) for name in fields(one))
+
+
+def _shares(image: ForeignImage, convention: Convention, right: Hits) -> tuple[float, float]:
+    """The shares of pixels whose depth is the right image's, and whose id is; ids tell apart what depths do not, such
+    as a ball and its mirror image. 0 for an image without ids."""
     step = max(1, int((right.depth.size / _SAMPLED) ** 0.5))
-    expected = right.depth.astype(np.float64) * (_lengths(right) if convention.along_ray else 1.0)
-    depth, expected = convention.ordered(image.depth)[::step, ::step], expected[::step, ::step]
+    sampled = np.s_[::step, ::step]
+    expected = np.where(right.hit, right.depth.astype(np.float64) * _ratios(right, convention), np.inf)[sampled]
+    depth = convention.ordered(image.depth)[sampled]
     with np.errstate(invalid="ignore"):
-        is_near = np.abs(depth - expected) <= np.maximum(image.rounding, SAME_DEPTH * expected)
-    return float((is_near | (np.isinf(depth) & np.isinf(expected))).mean())
+        is_near = np.abs(depth - expected) <= np.maximum(image.rounding, SAME_DEPTH * np.abs(expected))
+    by_depth = float((is_near | (np.isinf(depth) & np.isinf(expected))).mean())
+    if image.prim_id is None:
+        return by_depth, 0.0
+    return by_depth, float((convention.ordered(image.prim_id)[sampled] == right.prim_id[sampled]).mean())
 
 
-def _lengths(reference: Hits) -> NDArray[np.float64]:
-    """(H, W) length of each pixel's ray where its depth along the view axis is 1."""
+def _ratios(reference: Hits, convention: Convention) -> NDArray[np.float64]:
+    """(H, W) depth in the convention of a point on each pixel's ray whose depth in atra's is 1."""
     height, width = reference.depth.shape
     camera: View = reference.camera
-    if camera.is_parallel:
+    if camera.is_parallel or convention.along_ray == camera.depth_is_along_ray:
         return np.ones((height, width))
     directions = camera.rays(*np.meshgrid(np.arange(width), np.arange(height)), reference.offset)[1]
-    return np.asarray(np.linalg.norm(directions, axis=-1) / directions[..., 2])
+    along = np.linalg.norm(directions, axis=-1) if convention.along_ray else directions[..., 2]
+    return np.where(np.isnan(along), 1.0, along)  # NaN where a lens gives no ray
 
 
 def _in_own_words(image: ForeignImage, convention: Convention, reference: Hits) -> Hits:
-    """The image as hits: depths along the axis, a triangle named for each hit, and depths that the file has rounded
-    replaced by those of the triangle's plane."""
-    depth = convention.ordered(image.depth).astype(np.float64)
-    if convention.along_ray:
-        depth = depth / _lengths(reference)
+    """The image as hits: depths in atra's convention, a triangle named for each hit, and depths that the file has
+    rounded replaced by those of the triangle's plane."""
+    stored, ratios = convention.ordered(image.depth).astype(np.float64), _ratios(reference, convention)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth, rounding = np.where(np.isinf(stored), np.inf, stored / ratios), image.rounding / np.abs(ratios)
     if image.prim_id is not None:
         prim_id = convention.ordered(image.prim_id)
         y, x = np.nonzero(prim_id != MISS)
         plane = np.full(depth.shape, np.inf)
         plane[y, x] = intersect_pixels(reference.mesh, reference.camera, x, y, prim_id[y, x], reference.offset).depth
     else:
-        prim_id, plane = _named(depth, image.rounding, reference)
+        prim_id, plane = _named(depth, rounding, reference)
+    # Depths along the axis are coordinates: rays that leave sideways round them relative to the distance.
+    is_coordinate = reference.camera.depth_is_along_ray and not convention.along_ray
     with np.errstate(invalid="ignore"):
-        is_rounded = np.abs(depth - plane) <= image.rounding
+        allowed = image.rounding + (ROUNDINGS * plane if is_coordinate else 0.0)
+        is_rounded = np.abs(stored - plane * ratios) <= allowed
     settled = np.where(is_rounded, plane, depth).astype(np.float32)
     return Hits(settled, prim_id, reference.offset, reference.mesh, reference.camera, reference.threads)
 
 
 def _named(
-    depth: NDArray[np.float64], rounding: float, reference: Hits
+    depth: NDArray[np.float64], rounding: NDArray[np.float64], reference: Hits
 ) -> tuple[NDArray[np.uint32], NDArray[np.float64]]:
     """Triangles, (H, W), that an image without ids may show, and the depths of their planes: of those that the right
     image shows in the pixel and around it, the one whose plane's depth is nearest to the image's."""

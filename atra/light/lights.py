@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cos, radians, tan
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.geometry.view import Vector, checked_vector, unit_vector
+from atra.geometry.numbers import Vector, as_vector, checked_vector, unit_vector
 from atra.light.checks import Colour, checked_colour, checked_number, set_fields
 from atra.light.lights_kernels import ACROSS, KIND, LIGHT_WORDS, PLACE, POINT, SIZE, SPHERE, SPOT, SUN, UP
 
@@ -103,6 +103,16 @@ class SpotLight:
 
 
 Light = Sun | PointLight | SphereLight | SpotLight
+
+
+_Lamp = TypeVar("_Lamp")
+
+
+def light_from(light: _Lamp, origin: NDArray[np.float64]) -> _Lamp:
+    """The light with a position that counts from `origin`, (3,) float64; a sun has none."""
+    if not isinstance(light, PointLight | SphereLight | SpotLight):
+        return light
+    return replace(light, position=as_vector(np.asarray(light.position) - origin))
 
 
 def light_row(light: Light) -> NDArray[np.float32]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Self
 
@@ -13,7 +14,7 @@ from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.light.checks import checked_rows, set_fields
-from atra.light.lights import Light, check_light
+from atra.light.lights import Light, check_light, light_from
 from atra.light.materials import Lambertian, Material, images_of, needs_uv
 from atra.light.sky import GradientSky, Sky
 
@@ -89,6 +90,17 @@ class Scene:
             self._check_texture(number, one)
         set_fields(self, materials=materials, lights=lights, face_materials=numbers, **rows)
         set_fields(self, cameras=dict(self.cameras), parts=tuple(self.parts), left_out=tuple(self.left_out))
+
+    @property
+    def local(self) -> Self:
+        """The scene with its mesh's origin moved to that of the world, lights along with it, cameras not; itself where
+        the mesh has none."""
+        if not self.mesh.has_origin:
+            return self
+        moved = copy(self)
+        lights = tuple(light_from(light, self.mesh.origin) for light in self.lights)
+        set_fields(moved, mesh=self.mesh.local, lights=lights, cameras={})
+        return moved
 
     def _check_texture(self, number: int, material: Material) -> None:
         if not needs_uv(material):

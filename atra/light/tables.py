@@ -21,10 +21,11 @@ START_OFF = 2.0**-20
 
 
 def surfaces_of(scene: Scene, sky_power: float, start_off: float | None) -> Surfaces:
-    """The tables of a scene whose sky is scaled by `sky_power`.
+    """The tables of a scene whose sky is scaled by `sky_power`, around its mesh's origin.
 
     start_off: offset of rays from a triangle, scene units; None: by the size of its coordinates.
     """
+    scene = scene.local
     materials, images = _materials(scene)
     sky, panorama = sky_tables(scene.sky, sky_power)
     numbers = np.asarray(scene.face_materials)
@@ -49,7 +50,7 @@ def area_vectors(corners: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def unit_normals(mesh: Mesh) -> NDArray[np.float64]:
     """(F, 3) float64 unit normals of triangles; 0 for those without area."""
-    normals = 2.0 * area_vectors(mesh.vertices[mesh.faces].astype(np.float64))
+    normals = 2.0 * area_vectors(mesh.local_vertices[mesh.faces].astype(np.float64))
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     return np.asarray(normals / np.where(length > 0.0, length, 1.0))
 

@@ -79,8 +79,8 @@ class PixelTracer(EmbreeGathering, ImageTracer):
         return self._scene_of(geometry, self.options.build_quality, **flags)
 
     def _planned_shots(self) -> list[Shots]:
-        assert self._geometry is not None
-        return [image_shots(self._geometry, self.camera, self.packet_shape, self._tiles)]
+        assert self.geometry is not None
+        return [image_shots(self.geometry, self.camera, self.packet_shape, self._tiles)]
 
     def _precision(self) -> Precision:
         from atra.raster.all_hits.doubts_kernels import Precision

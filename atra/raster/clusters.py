@@ -102,7 +102,8 @@ class ClusterAddresses(NamedTuple):
 
 
 def clusters_of(mesh: Mesh, pool: WorkerPool) -> Clusters:
-    """The clusters of a mesh."""
+    """The clusters of a mesh, around its own origin."""
+    mesh = mesh.local
     triangles = mesh.triangle_count
     keys = np.empty(triangles, np.uint64)
     if triangles > CLUSTER:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from atra.all_hits.target_kernels import LINE
 from atra.compiled.store import njit
 from atra.geometry.mesh import Mesh
+from atra.geometry.ray_space import own_space
 from atra.geometry.view import View
 
 SPAN = LINE
@@ -83,7 +84,8 @@ class Viewpoint:
 
     @classmethod
     def of(cls, mesh: Mesh, camera: View, offset: tuple[float, float]) -> Viewpoint:
-        """What a mesh is seen from, with the samples of an offset at whole numbers."""
+        """What a mesh is seen from, around its own origin, with the samples of an offset at whole numbers."""
+        mesh, camera = own_space(mesh, camera)
         numbers = np.concatenate([camera.eye, camera.to_pixels.reshape(-1), camera.axes[2]])
         for row, part in zip((numbers[3:7], numbers[7:11]), offset, strict=True):
             row -= part * numbers[11:15]

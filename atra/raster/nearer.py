@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from atra.compiled.memory import doubles_at, floats_at, identities_at
 from atra.compiled.store import njit
-from atra.exact.brute_force_kernels import SLACK
+from atra.exact.intersection import SLACK
 from atra.prim_ids import MISS
 from atra.raster.image import eye_at
 

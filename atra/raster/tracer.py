@@ -39,8 +39,6 @@ class RasterTracer(Gathering):
 
     embree_bytes = 0
     packet_width = 1
-    scratch_type: type[Scratch] = Scratch
-    """What culls clusters; others show what culling gains."""
 
     @lists_options(RasterOptions)
     def __init__(self, mesh: Mesh, camera: View, **options: Unpack[RasterKeywords]) -> None:
@@ -87,7 +85,7 @@ class RasterTracer(Gathering):
 
     def _build(self) -> float:
         start = perf_counter()
-        self._scratch = self.scratch_type.of(self.mesh, self._pool)
+        self._scratch = Scratch.of(self.mesh, self._pool)
         return perf_counter() - start
 
     def _trace(self, offset: tuple[float, float], out: Hits | None) -> Hits:

@@ -16,10 +16,12 @@ from atra.prim_ids import MISS
 @dataclass(frozen=True, eq=False)
 class Geometries:
     """mesh: all triangles, one mesh after the other. firsts: (G + 1,) int64, the first triangle of each, then the
-    number of all."""
+    number of all. is_mirrored: (G,) bool, whether the transform mirrors; such triangles have their second and third
+    corner exchanged in `mesh`, so that their fronts stay outside."""
 
     mesh: Mesh
     firsts: NDArray[np.int64]
+    is_mirrored: NDArray[np.bool_]
 
     @property
     def count(self) -> int:
@@ -40,12 +42,31 @@ class Geometries:
         firsts = self.firsts[np.where(is_hit, geometry_ids, 0)].astype(np.uint32)
         return np.where(is_hit, traced_ids - firsts, MISS)
 
+    def exchanged(self, traced_ids: NDArray[np.uint32]) -> NDArray[np.bool_]:
+        """(...) bool, whether these triangles have their second and third corner exchanged; False for `MISS`."""
+        geometry_ids = self.geometry_ids(traced_ids)
+        return self.is_mirrored[np.where(geometry_ids == MISS, 0, geometry_ids)] & (geometry_ids != MISS)
+
+    def own_weights(
+        self, u: NDArray[np.float32], v: NDArray[np.float32], traced_ids: NDArray[np.uint32]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Weights of the second and third corner as the triangles' own meshes number these."""
+        if not self.is_mirrored.any():
+            return u, v
+        exchanged = self.exchanged(traced_ids)
+        return np.where(exchanged, v, u), np.where(exchanged, u, v)
+
+    def own_faces(self) -> Mesh:
+        """The mesh with all corners in the order of the triangles' own meshes."""
+        return _exchanged(self.mesh, np.repeat(self.is_mirrored, np.diff(self.firsts)))
+
 
 def joined(meshes: Mesh | Sequence[Mesh], transforms: ArrayLike | None = None) -> Geometries:
     """One mesh, or several joined.
 
     transforms: (G, 3, 4) or (G, 4, 4), the affine map of each mesh into the world, applied in float64 and
-    rounded to float32 once.
+    rounded once, to float32 around the origin that the joined mesh needs, if any. A map that mirrors turns the winding
+    of the triangles.
     Raises InputError for no mesh, anything else, and transforms of another shape or that are not finite.
     """
     listed = [meshes] if isinstance(meshes, Mesh) else list(meshes) if isinstance(meshes, Sequence) else [meshes]
@@ -56,14 +77,26 @@ def joined(meshes: Mesh | Sequence[Mesh], transforms: ArrayLike | None = None) -
         )
     if transforms is None:
         if len(listed) == 1:
-            return Geometries(listed[0], np.array([0, listed[0].triangle_count]))
+            return Geometries(listed[0], np.array([0, listed[0].triangle_count]), np.zeros(1, np.bool_))
         placed: list[NDArray] = [one.vertices for one in listed]
+        is_mirrored = np.zeros(len(listed), np.bool_)
     else:
-        placed = [_moved(one, how) for one, how in zip(listed, _checked(transforms, len(listed)), strict=True)]
+        maps = _checked(transforms, len(listed))
+        placed = [_moved(one, how) for one, how in zip(listed, maps, strict=True)]
+        is_mirrored = np.linalg.slogdet(maps[:, :, :3])[0] < 0.0
     starts = np.cumsum([0] + [len(one.vertices) for one in listed])
     faces = [one.faces.astype(np.int64) + start for one, start in zip(listed, starts, strict=False)]
     firsts = np.cumsum([0] + [one.triangle_count for one in listed])
-    return Geometries(Mesh(np.concatenate(placed), np.concatenate(faces), listed[0].name), firsts)
+    mesh = Mesh(np.concatenate(placed), np.concatenate(faces), listed[0].name)
+    return Geometries(_exchanged(mesh, np.repeat(is_mirrored, np.diff(firsts))), firsts, is_mirrored)
+
+
+def _exchanged(mesh: Mesh, which: NDArray[np.bool_]) -> Mesh:
+    """The mesh with the second and third corner of some triangles, (F,) bool, exchanged."""
+    if not which.any():
+        return mesh
+    faces = np.where(which[:, None], mesh.faces[:, [0, 2, 1]], mesh.faces)
+    return Mesh(mesh.vertices, faces, mesh.name)
 
 
 def _moved(mesh: Mesh, transform: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -22,6 +22,12 @@ _DOUBLE_BYTES = 8
 SHORTEST, LONGEST = 1e-20, 1e20
 """Sizes of a direction's largest component that are traced: float32 then has room for the t of every hit."""
 
+SMALLEST = 2.0**-149
+"""float32's smallest number. Products of smaller ones, which float64 has, would leave the range of exact sums."""
+
+_LATEST = 1e38
+"""A parameter beyond that of any hit: the farthest origin and mesh, with the shortest direction, give 1e32."""
+
 
 @dataclass(frozen=True, eq=False)
 class Rays:
@@ -32,7 +38,8 @@ class Rays:
     to, not including, tfar; where tfar is not above tnear it hits nothing.
 
     Any real array-like is copied. All arrays are float64 where origins or directions are given so, and float32
-    otherwise; C-contiguous, private copies and read-only.
+    otherwise; C-contiguous, private copies and read-only. Numbers below 1.4e-45 in size, float32's smallest, become 0,
+    a tnear beyond 1e38 becomes that, and a tfar beyond it inf.
     Raises InputError for a wrong shape or dtype, and naming the first ray, and its value, with: an origin that is not
     finite, or beyond 1e11 in size; a direction that is not finite, or zero, or of another length; a tnear that is not
     finite, or negative; a tfar that is NaN.
@@ -54,7 +61,10 @@ class Rays:
         given = {"origins": origins, "directions": directions, "tnear": tnear, "tfar": tfar}
         kind = np.float64 if max(origins.dtype.itemsize, directions.dtype.itemsize) >= _DOUBLE_BYTES else np.float32
         with np.errstate(over="ignore", under="ignore"):  # a tfar beyond float32 is inf, and means the same
-            copies = {name: np.array(array, kind, order="C") for name, array in given.items()}
+            copies: dict[str, NDArray[Any]] = {name: np.array(array, kind, order="C") for name, array in given.items()}
+        near, far = copies["tnear"], copies["tfar"]
+        near[near < SMALLEST], far[np.abs(far) < SMALLEST] = 0.0, 0.0
+        near[near > _LATEST], far[far > _LATEST] = _LATEST, np.inf
         for name, low, high, expected in (
             ("origins", 0.0, FARTHEST_FROM_EYE, f"finite numbers of at most {FARTHEST_FROM_EYE:g} in size"),
             (
@@ -64,7 +74,7 @@ class Rays:
                 f"finite numbers, the largest of a size from {SHORTEST:g} to {LONGEST:g}",
             ),
         ):
-            ray = first_unfit(copies[name], kind(low), kind(high))
+            ray = first_unfit(copies[name], kind(low), kind(high), kind(SMALLEST))
             if ray < len(origins):
                 raise _refusal(name.removesuffix("s"), given[name], ray, expected)
         for name, copied in copies.items():
@@ -73,6 +83,14 @@ class Rays:
 
     def __len__(self) -> int:
         return len(self.origins)
+
+    def counted_from(self, origin: NDArray[np.float64]) -> Rays:
+        """The same rays in float64 with origins that count from `origin`, (3,) float64."""
+        moved = object.__new__(Rays)
+        numbers = self.origins - origin, self.directions, self.tnear, self.tfar
+        arrays = (np.ascontiguousarray(array, np.float64) for array in numbers)
+        moved.__setstate__(dict(zip(("origins", "directions", "tnear", "tfar"), arrays, strict=True)))
+        return moved
 
     def as_float32(self) -> Rays:
         """The same rays rounded to float32, as Embree takes them."""
@@ -138,13 +156,13 @@ class RayHits:
         the plane of its triangle, the place at t."""
         points = np.full((*self.t.shape, 3), np.nan)
         hit = self.hit
-        corners = self.mesh.triangles(self._named[hit]).astype(np.float64)
+        corners = self.mesh.local.triangles(self._named[hit])
         found = intersect_rays(self.mesh, *self._lines(hit), self._named[hit])
         edges = corners[:, 1:] - corners[:, :1]
         on_plane = corners[:, 0] + found.u[:, None] * edges[:, 0] + found.v[:, None] * edges[:, 1]
         origins, directions = self._lines(hit)
         along = origins + self.t[hit].astype(np.float64)[:, None] * directions
-        points[hit] = np.where(np.isnan(found.u)[:, None], along, on_plane)
+        points[hit] = np.where(np.isnan(found.u)[:, None], along, on_plane + self.mesh.origin)
         return points
 
     @cached_property
@@ -170,7 +188,7 @@ class RayHits:
         hit = self.hit
         found = intersect_rays(self.mesh, *self._lines(hit), self._named[hit])
         u[hit], v[hit] = found.u, found.v
-        return u, v
+        return (u, v) if self.geometries is None else self.geometries.own_weights(u, v, self._named)
 
 
 def rays_of(

@@ -61,13 +61,18 @@ class RaysInMemory(NamedTuple):
 
 
 @kernel
-def first_unfit(vectors, shortest, longest):  # type: ignore[no-untyped-def]
-    """The first of vectors (N, 3) whose largest component is not from `shortest` to `longest` in size; N: all are."""
+def first_unfit(vectors, shortest, longest, smallest):  # type: ignore[no-untyped-def]
+    """The first of vectors (N, 3) whose largest component is not from `shortest` to `longest` in size; N: all are.
+    Components below `smallest` in size become 0."""
     for ray in range(len(vectors)):
         x, y, z = abs(vectors[ray, 0]), abs(vectors[ray, 1]), abs(vectors[ray, 2])
         is_long = (x >= shortest) | (y >= shortest) | (z >= shortest)
         if not (is_long & (x <= longest) & (y <= longest) & (z <= longest)):  # so neither is NaN
             return ray
+        if (x < smallest) | (y < smallest) | (z < smallest):
+            for axis in range(3):
+                if abs(vectors[ray, axis]) < smallest:
+                    vectors[ray, axis] = 0.0
     return len(vectors)
 
 

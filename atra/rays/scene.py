@@ -58,8 +58,8 @@ class RayScene(AllHitsScene):
     threads may use one scene; their batches wait for each other.
 
     mesh: one, or a list of several. transforms: (G, 3, 4) or (G, 4, 4), affine maps of the meshes into the
-    world; None: as they are. One mesh may be in the list many times; each copy takes memory of its own. `geometry_id`
-    counts the meshes.
+    world; None: as they are. One that mirrors turns the winding, so that fronts stay outside. One mesh may be in the
+    list many times; each copy takes memory of its own. `geometry_id` counts the meshes.
     faces: (F,) bool, those of all meshes together that rays meet; None: all.
     touches: a ray that meets an outline in an edge or corner alone hits it, as Embree has it; otherwise it does as a
     ray near by does. For "exact" alone.
@@ -68,9 +68,10 @@ class RayScene(AllHitsScene):
     **The hit of a ray** is that of the ray as given, its numbers as stored, with the vertices as stored, in exact
     arithmetic: the nearest, and of equally near ones that of the lowest `prim_id`. A ray through an edge or corner
     counts as moved by an infinitely small way (`atra.exact.lines_kernels`), so it hits one of the triangles that meet
-    there, and a triangle seen edge-on never. `t` is right to a unit of its type. `precision="exact"`, the default,
-    keeps this; "watertight" and "fast" ask Embree, in `intersect` and `occluded` alone: rays are rounded to float32,
-    triangles seen all but edge-on may be lost or hit beside, t may be off, and of equally near ones any is stored.
+    there, and a triangle seen edge-on never. `t` is right to a unit of float32, and float64's of `all_hits` to
+    2^-29 of the way to the mesh's farthest corner. `precision="exact"`, the default, keeps this; "watertight" and
+    "fast" ask Embree, in `intersect` and `occluded` alone: rays are rounded to float32, triangles seen all but edge-on
+    may be lost or hit beside, t may be off, and of equally near ones any is stored.
     `all_hits`, `count`, `gather` and `contains` are exact with each.
 
     Raises InputError for options as `RayOptions` does, for faces of another shape or type, and for a mesh smaller than
@@ -120,8 +121,9 @@ class RayScene(AllHitsScene):
         start = perf_counter()
         if self._faces is not None:
             faces = np.where(self._faces[:, None], faces, _NOWHERE)
-        vertices = padded_vertices(len(self.mesh.vertices))
-        vertices[:] = self.mesh.vertices
+        local_vertices = self.mesh.local_vertices
+        vertices = padded_vertices(len(local_vertices))
+        vertices[:] = local_vertices
         scene = EmbreeScene(
             vertices,
             faces,
@@ -168,7 +170,7 @@ class RayScene(AllHitsScene):
             raise InputError("out has one memory for t and prim_id: pass a result of `intersect`")
         with self._in_use():
             self._run(closest_hit_kernel, coherent, rays, t.reshape(-1), prim_id.reshape(-1))
-            if self.geometries.count == 1:
+            if self.geometries.count == 1 and not self.geometries.is_mirrored[0]:
                 return RayHits(t, prim_id, rays, self.mesh)
             traced_id = prim_id.copy()
             prim_id[...] = self.geometries.own_ids(traced_id, self.geometries.geometry_ids(traced_id))
@@ -204,6 +206,7 @@ class RayScene(AllHitsScene):
     ) -> None:
         """Write what rays hit. outputs: t and prim_id of the closest hit, or 1 where they are occluded."""
         with self._in_use():
+            rays = self._own(rays)
             if self._is_exact:
                 numbers = rays.origins, rays.directions, rays.tnear, rays.tfar
                 near_by, in_order = exact_plan_of(numbers, self.mesh, coherent)
@@ -239,7 +242,8 @@ class RayScene(AllHitsScene):
 
     def run(self, work: Callable[[Query], None], *, coherent: bool = False) -> None:
         """Call `work` once per thread, side by side, for kernels of the caller's own, which ask Embree; nothing else is
-        traced meanwhile. With "exact" Embree's scene is "watertight", and the first call builds it.
+        traced meanwhile. With "exact" Embree's scene is "watertight", and the first call builds it. Its vertices are
+        `mesh.local_vertices`.
 
         coherent: as for `intersect`. Raises ClosedError after `close`.
         """

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.compiled.threads import WorkerPool, resolve_threads
-from atra.embree.bvh_cost import BvhCost, bvh_cost
 from atra.embree.callbacks_kernels import memory_monitor
 from atra.embree.device import EmbreeDevice
 from atra.embree.scene import EmbreeScene, resolve_packet_width
@@ -48,7 +47,7 @@ class EmbreeTracer(TracerLifetime[Result]):
         self.options = self.options_type.of(type(self).__name__, options)
         self.packet_width = resolve_packet_width(self.options.packet_width)
         self.threads = resolve_threads(self.options.threads)
-        self._geometry: AlignedGeometry | None = None
+        self.geometry: AlignedGeometry | None = None
         self._scene: EmbreeDevice | None = None
         self._tie_tiles: list[TieTiles | None] = []  # of each image: where to look for ties, if anywhere
         self._pool = WorkerPool(self.threads)
@@ -83,7 +82,7 @@ class EmbreeTracer(TracerLifetime[Result]):
 
     def _plan(self) -> float:
         start = perf_counter()
-        self._geometry = self._plan_geometry()
+        self.geometry = self._plan_geometry()
         geometry_s = perf_counter() - start
         if self.options.ties == "lowest":  # found once per mesh, like reading it, and so outside the clock of a plan
             for mesh, _ in self.views:
@@ -109,20 +108,11 @@ class EmbreeTracer(TracerLifetime[Result]):
         """As `lowest_of_ties` takes them."""
         return None
 
-    @in_turn
-    def bvh_cost(self) -> BvhCost | None:
-        """How well boxes tell apart the triangles given to Embree; None before `build` and for instances, which are no
-        triangles. Takes as long as another build, on one thread. Raises EmbreeError."""
-        geometry = self._geometry
-        if geometry is None or geometry.transforms is not None:
-            return None
-        return bvh_cost(geometry.vertices, geometry.faces, self.options.build_quality)
-
     def _build(self) -> float:
-        assert self._geometry is not None
+        assert self.geometry is not None
         self._filter_address(), memory_monitor()  # compiled before the clock starts
         start = perf_counter()
-        scene = self._build_scene(self._geometry)
+        scene = self._build_scene(self.geometry)
         taken_s = perf_counter() - start
         if self._scene is not None:
             self._scene.close()
@@ -171,7 +161,7 @@ class EmbreeTracer(TracerLifetime[Result]):
     @in_turn
     def triangle_count(self) -> int:
         """Triangles in the Embree scene, copies included; 0 before `build`."""
-        return 0 if self._geometry is None else self._geometry.copy_count
+        return 0 if self.geometry is None else self.geometry.copy_count
 
     @property
     @in_turn
@@ -189,7 +179,7 @@ class EmbreeTracer(TracerLifetime[Result]):
         """Let go of all that was planned and built."""
         if self._scene is not None:
             self._scene.close()
-        self._geometry = None
+        self.geometry = None
 
     def _release(self) -> None:
         self._pool.close()  # first, so that none of its threads is in a scene that goes

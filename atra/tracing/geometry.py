@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.geometry.mesh import Mesh
-from atra.geometry.ray_space import padded_vertices, to_ray_space, unseen_from
+from atra.geometry.ray_space import own_space, padded_vertices, to_ray_space, unseen_from
 from atra.geometry.view import View
 
 LEFT_OUT_BY_EMBREE = np.float32(3e38)
@@ -68,6 +68,7 @@ def plan_plain_geometry(mesh: Mesh, camera: View, is_left_out: NDArray[np.bool_]
     Triangles that no ray hits (`unseen_from`) get corners so far away that Embree leaves them out: its triangle test,
     fused multiplications in float32, may show them beside where they are.
     """
+    mesh, camera = own_space(mesh, camera)
     vertices = padded_vertices(len(mesh.vertices) + 1)
     vertices[:-1] = to_ray_space(camera, mesh.vertices)
     vertices[-1] = LEFT_OUT_BY_EMBREE

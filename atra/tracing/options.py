@@ -281,11 +281,6 @@ class RasterOptions(ThreadOptions, TieOptions):
     )
 
 
-def check_ties(ties: str) -> None:
-    """Raise InputError for anything but "lowest" and "any"."""
-    TieOptions(ties)
-
-
 def native_packet_widths() -> tuple[int, ...]:
     """The packet widths that this machine supports natively, 1 first, ascending."""
     return load_library().native_packet_widths

@@ -22,7 +22,6 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View, check_offset
 from atra.hits import Hits
 from atra.packets.pixel import PixelTracer
-from atra.packets.tiles import TiledTracer
 from atra.raster.tracer import RasterTracer
 from atra.tracing.options import PixelKeywords, RasterKeywords
 from atra.tracing.tracer import Tracer
@@ -34,7 +33,6 @@ METHODS: Mapping[str, Callable[..., Tracer]] = {
     "pixel": PixelTracer,
     "aligned": AlignedTracer,
     "visible_first": VisibleFirstTracer,
-    "tiles": TiledTracer,
 }
 """Tracers by the method's name."""
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.rays.all_hits.contains import check_points
+from atra.rays.all_hits.contains import FARTHEST, check_points
 from atra.rays.rays import Rays
 from atra.rays.scene import RayScene
 
@@ -29,9 +29,10 @@ def visible_points(
     points: (P, 3), scene units; they may lie on the mesh. cameras: views of any kind, by name or in a list.
     tolerance: share of the way from the camera to the point, at its end, on which triangles hide nothing: points on the
     mesh are rounded. threads: None = every core.
-    Raises InputError for points that are not finite, anything that is not a camera, and a tolerance outside [0, 1).
+    Raises InputError for points that are not finite or beyond 1e19 in size, anything that is not a camera, and a
+    tolerance outside [0, 1).
     """
-    found, listed = check_points(points), list_cameras(cameras)
+    found, listed = check_points(points, FARTHEST), list_cameras(cameras)
     if not 0.0 <= tolerance < 1.0:
         raise InputError(f"tolerance is {tolerance!r}, expected a share in [0, 1)")
     visible = np.zeros((len(listed), len(found)), np.bool_)

@@ -12,15 +12,16 @@ from scenes.scene import Scene
 
 
 def ply_of(mesh: Mesh) -> bytes:
-    """The triangles as a binary PLY file, little-endian: float32 corners, in the mesh's order, to the last bit."""
+    """The triangles as a binary PLY file, little-endian: corners of the mesh's type, in its order, to the last bit."""
+    kind, number = ("double", "<f8") if mesh.has_origin else ("float", "<f4")
     header = (
         f"ply\nformat binary_little_endian 1.0\nelement vertex {len(mesh.vertices)}\n"
-        "property float x\nproperty float y\nproperty float z\n"
+        f"property {kind} x\nproperty {kind} y\nproperty {kind} z\n"
         f"element face {mesh.triangle_count}\nproperty list uchar int vertex_indices\nend_header\n"
     )
     faces = np.empty(mesh.triangle_count, [("corners", "u1"), ("vertices", "<i4", 3)])
     faces["corners"], faces["vertices"] = 3, mesh.faces
-    return header.encode() + np.ascontiguousarray(mesh.vertices, "<f4").tobytes() + faces.tobytes()
+    return header.encode() + np.ascontiguousarray(mesh.vertices, number).tobytes() + faces.tobytes()
 
 
 def cameras_of(scene: Scene, sizes: Mapping[str, int]) -> bytes:

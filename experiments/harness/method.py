@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.tracing.options import Options
 from atra.tracing.tracer import Tracer
 from experiments.harness.column import Column
-
-if TYPE_CHECKING:  # the cost model, which no worker needs
-    from atra.model.choice import Choice
 
 
 @dataclass(frozen=True)
@@ -63,7 +60,6 @@ class Method:
     people that is installed beside atra, such as trimesh; methods of a file are neither. make_rays: mesh, options and
     what holds for the whole point -> what traces batches of rays that come from no camera; None where the method does
     not. uses: what a method of a file imports of this project, part of its code, too, as `Code.parts` takes it.
-    choice: resolved options -> what the cost model knows the method as; None where it knows nothing of it.
     """
 
     name: str
@@ -81,7 +77,6 @@ class Method:
     is_ours: bool = True
     is_peer: bool = False
     make_rays: Callable[[Mesh, Any, Tracing], Any] | None = None
-    choice: Callable[[Any], Choice | None] = lambda options: None
     uses: tuple[tuple[str, str | None], ...] = ()
 
     def has(self, name: str) -> bool:

@@ -126,7 +126,7 @@ class Workload:
     canary: what a measured record says of the machine alone (`experiments.results.canary`).
     problem: why a point cannot be measured. once: the name under which older tables have its rows, those with a value
     of its first option. rays: a row -> the kind of rays it traces, None = the workload's name. want: what a frame asks
-    of the cost model (`atra.plan`), None = what it cannot predict.
+    of the cost model (`experiments.law`), None = what it cannot predict.
     """
 
     name: str

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 from atra.compiled.instruction_sets import instruction_sets_here
 from atra.errors import AtraError, InputError, MemoryBudgetError, printable
 from atra.geometry.mesh import Mesh
-from atra.model.constants import machine
-from atra.model.formulas import family
-from atra.model.looking import Look, look_at
-from atra.model.planning import forecast
 from atra.packets.pixel import PixelTracer
 from experiments.harness.configuration import Configuration, SceneConfiguration
 from experiments.harness.point import Point
-from experiments.harness.processes.outcome import Unpromising
 from scenes.loading import SceneSource, load_scene
 from scenes.scene import Scene
 from scenes.views import view_fields
+
+SLOW_POINTS = "experiments.law.skipping:slow_points"
+"""What predicts which points of a scene are slow, as entry points say it; imported only where a sweep asks for it."""
 
 
 @dataclass(frozen=True)
@@ -57,34 +56,12 @@ def plan_points(configurations: Sequence[Configuration]) -> list[PlannedPoint]:
             planned[place] = PlannedPoint(point, _problem(point, scene.mesh))
         limit = configurations[of_scene[0]].sweep.skip_slower
         if limit is not None:
-            planned |= _unpromising({place: planned[place] for place in of_scene}, scene.mesh, limit)
+            possible = {place: planned[place].point for place in of_scene if planned[place].problem is None}
+            slow = resolve_name(SLOW_POINTS)(possible, scene.mesh, limit)
+            planned |= {place: PlannedPoint(possible[place], problem) for place, problem in slow.items()}
     if planned and all(isinstance(one.problem, InputError) for one in planned.values()):
         raise InputError(str(planned[0].problem))
     return [planned[place] for place in range(len(configurations))]
-
-
-def _unpromising(planned: Mapping[int, PlannedPoint], mesh: Mesh, limit: float) -> dict[int, PlannedPoint]:
-    """Those points of a scene that are predicted to take more than `limit` times as long a frame as the fastest of
-    their view and workload. What the model does not know is not among them. Raises InputError for a limit below 1."""
-    if not limit >= 1:
-        raise InputError(f"sweep.skip_slower is {limit}, expected null or a number of at least 1")
-    known, looks = machine(), dict[Any, Look]()
-    frames_s: dict[Any, dict[int, float]] = {}
-    for place, one in planned.items():
-        camera, workload = one.point.camera, one.point.workload
-        choice = one.point.method.choice(one.point.options) if one.problem is None else None
-        if choice is None or workload.want is None or family(choice, workload.want) not in known.constants:
-            continue
-        if camera not in looks:
-            looks[camera] = look_at(mesh, camera)
-        found = forecast(looks[camera], choice, workload.want, known)
-        frames_s.setdefault((camera, workload.name), {})[place] = found.frame_time_s
-    return {
-        place: PlannedPoint(planned[place].point, Unpromising(time_s, time_s / min(of_view.values()), limit))
-        for of_view in frames_s.values()
-        for place, time_s in of_view.items()
-        if time_s > limit * min(of_view.values())
-    }
 
 
 def plan_point(configuration: Configuration) -> PlannedPoint:

@@ -1,1 +1,1 @@
-"""The law: each method's cost, predicted by `atra.model` and measured, scene by scene."""
+"""The law: each method's cost, predicted by `experiments.law.model` and measured, scene by scene."""

@@ -20,10 +20,10 @@ from matplotlib.colors import TwoSlopeNorm
 from matplotlib.transforms import Bbox
 
 import atra
-from atra.model.choice import Choice
-from atra.model.formulas import family, fit, frame_terms
-from atra.model.looking import look_at
 from experiments.drawing.style import BLACK, BLUE, GREY, ORANGE, VERMILLION
+from experiments.law.model.choice import Choice
+from experiments.law.model.formulas import family, fit, frame_terms
+from experiments.law.model.looking import look_at
 from experiments.law.predict import gather
 from scenes.loading import SceneSource, load_scene
 

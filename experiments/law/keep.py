@@ -19,11 +19,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-import atra
-from atra.model.choice import Choice
-from atra.model.copying import Copied
-from atra.model.looking import Look, look_at
 from experiments.law.measure import VIEWS, mesh_and_camera
+from experiments.law.model.choice import Choice, candidates
+from experiments.law.model.constants import machine
+from experiments.law.model.copying import Copied
+from experiments.law.model.forecasting import forecast
+from experiments.law.model.looking import Look, look_at
 
 COUNTS = ("boxes", "tested", "met")
 
@@ -35,8 +36,8 @@ FIELDS = ("width", "height", "triangles", "vertices", "is_parallel", "hit", "ras
 class KeptLook:
     """A look, without its sample of triangles but with what was copied of it.
 
-    look_s, plan_s: processor seconds of a look, and of a plan with all choices for the nearest hit. frame_s: of the
-    look's raster frame at the same time; `look.raster_s` was measured beside the methods' times.
+    look_s, plan_s: processor seconds of a look, and of a look with forecasts of all choices for the nearest hit.
+    frame_s: of the look's raster frame at the same time; `look.raster_s` was measured beside the methods' times.
     """
 
     look: Look
@@ -85,9 +86,10 @@ def look_at_view(measured: Path, looked: Path) -> None:
     start = thread_time()
     look = look_at(mesh, camera)
     look_s = thread_time() - start
-    atra.plan(mesh, camera, threads=1)
-    start = thread_time()
-    atra.plan(mesh, camera, threads=1)
+    start, known = thread_time(), machine()
+    again = look_at(mesh, camera)
+    for choice in candidates(camera):
+        forecast(again, choice, "nearest", known)
     told: dict[str, Any] = {name: str(first[name]) for name in ("instruction_set", "scene", "view")}
     told |= {"look_s": look_s, "plan_s": thread_time() - start, "frame_s": look.raster_s}
     told |= told_of(look, [choice_of(row) for row in rows.to_dict("records")])

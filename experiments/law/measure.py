@@ -24,8 +24,10 @@ from typing import Any
 import atra
 from atra.compiled.instruction_sets import instruction_sets_here
 from atra.errors import AtraError
-from atra.shafts.tracer import ClassifiedTracer
 from atra.tracing.options import native_packet_widths
+from experiments.classification.bvh.tracer import BvhTracer
+from experiments.classification.shafts.tracer import ClassifiedTracer
+from experiments.methods.culled.tracer import TiledTracer
 from scenes.generated import FAMILIES
 from scenes.loading import SceneSource, load_scene, scene_is_available
 from scenes.scene import Scene
@@ -88,10 +90,10 @@ def cases(mesh: atra.Mesh, camera: atra.Camera) -> Iterator[Case]:
 
     yield of("raster", atra.RasterTracer)
     yield of("pixel", atra.PixelTracer, packet_width=1)
-    yield of("bvh", atra.BvhTracer)
+    yield of("bvh", BvhTracer)
     yield of("classified", ClassifiedTracer)
     for split in ((8, 8), (32, 32)):
-        yield of("tiles", atra.TiledTracer, split, packet_width=widest)
+        yield of("tiles", TiledTracer, split, packet_width=widest)
     for split in ((16, 1), (128, 1), (32, 32), (128, 128)):
         yield of("visible_first", atra.VisibleFirstTracer, split, packet_width=widest)
     copied = {"geometry": "copied", "culling": True, "packet_width": widest}
@@ -136,7 +138,7 @@ def memory_of(tracer: Any) -> int:
     the rasteriser's clusters, and the arrays of every scene."""
     scenes = [getattr(tracer, "_whole", None), *(one.scene for one in getattr(tracer, "_second_passes", ()) if one)]
     arrays = [one for scene in scenes if scene is not None for kept in scene._kept[1:] for one in kept]
-    geometry = getattr(tracer, "_geometry", None)
+    geometry = getattr(tracer, "geometry", None)
     arrays += [getattr(geometry, one, None) for one in ("vertices", "faces", "records", "transforms")]
     return int(sum(tracer.counters.get(one, 0) for one in KEPT) + sum(one.nbytes for one in arrays if one is not None))
 

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from atra.model.formulas import NANO, SEEN, WHOLE, Counts, build_terms, family, fit, frame_terms
-from atra.model.looking import Look
-from atra.model.memory import array_bytes, byte_terms
 from experiments.law.keep import choice_of, kept_looks
+from experiments.law.model.formulas import NANO, SEEN, WHOLE, Counts, build_terms, family, fit, frame_terms
+from experiments.law.model.looking import Look
+from experiments.law.model.memory import array_bytes, byte_terms
 
 COUNTERS = ("packets", "upper", "lower", "tested", "met")
 """Packets of the whole image, and for one of them boxes in the levels that cells share and below, triangles tested and

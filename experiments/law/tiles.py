@@ -19,12 +19,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from atra.light import Atlas, Texels
-from atra.light.lightmaps.sun.forecast import packet_terms, prepare_terms, trace_terms
-from atra.light.lightmaps.sun.looking import TileLook, look_at_tiles
-from atra.light.lightmaps.sun.tiles import Tiles
-from atra.model.formulas import NANO, fit
 from experiments.law.measure import scene_named
-from experiments.workloads.bake_rays import SUN
+from experiments.law.model.formulas import NANO, fit
+from experiments.law.tile_looks import TileLook, look_at_tiles
+from experiments.law.tile_terms import packet_terms, prepare_terms, trace_terms
+from experiments.light.bake_rays import SUN
+from experiments.light.sun.tiles import Tiles
 from scenes.directory import default_cache
 
 KEYS = ["scene", "map_size", "tile_size", "least_texels", "shortcut"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from atra.alignment import options as library
 from atra.alignment.aligned import AlignedTracer
@@ -14,10 +14,7 @@ from experiments.drawing.style import BLUE
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Method, Style, Tracing
 from experiments.methods.aligned_cells import AlignedCellOptions
-from experiments.methods.options import VERIFIED, known_as, options_of, resolve_split, say_robust
-
-if TYPE_CHECKING:
-    from atra.model.choice import Choice
+from experiments.methods.options import VERIFIED, options_of, resolve_split, say_robust
 
 
 @options_of(library.AlignedOptions)
@@ -43,10 +40,6 @@ def _variant(row: Mapping[str, Any]) -> str:
     return ", ".join([*culled, *place, *say_robust(row)])
 
 
-def _choice(options: AlignedOptions) -> Choice:
-    return known_as("instanced" if options.geometry == "instanced" else "aligned")(options)  # type: ignore[attr-defined]
-
-
 ALIGNED = Method(
     "aligned",
     "aligned",
@@ -60,5 +53,4 @@ ALIGNED = Method(
         Column("triangles_left_out", WHOLE, "triangles left to the second pass, as no copy may show them"),
         VERIFIED,
     ),
-    choice=_choice,
 )

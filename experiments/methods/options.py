@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
-from atra.embree.scene import resolve_packet_width
 from atra.tracing import options as library
 from atra.tracing.options import Choices
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Tracing
 from experiments.harness.options import Settings, Type, taking_all, whole
-
-if TYPE_CHECKING:
-    from atra.model.choice import Choice
 
 WATERTIGHT = {"robust": True}
 """Options for pictures that are shown and not measured."""
@@ -51,18 +47,6 @@ def options_of(kind: type[Choices], names: Mapping[str, str] | None = None) -> C
         return taking_all(kind, (one.name for one in fields(Tracing)), named, MEASURED)(cls)
 
     return made
-
-
-def known_as(name: str) -> Callable[[Any], Choice]:
-    """What the cost model knows a method as, whose name there is `name`: `Method.choice`."""
-
-    def choice(options: Any) -> Choice:
-        from atra.model.choice import Choice
-
-        width = resolve_packet_width(getattr(options, "packet_width", 1))
-        return Choice(name, getattr(options, "split", (1, 1)), width, getattr(options, "culling", True))
-
-    return choice
 
 
 def say_robust(row: Mapping[str, Any]) -> list[str]:

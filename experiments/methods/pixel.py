@@ -13,7 +13,7 @@ from atra.tracing import options as library
 from atra.tracing.options import option
 from experiments.drawing.style import GREEN, TIMES
 from experiments.harness.method import Method, Style, Tracing
-from experiments.methods.options import MethodOptions, known_as, options_of
+from experiments.methods.options import MethodOptions, options_of
 
 SAME = "same"
 """Build quality of its own BVH: that of the point, which the baselines beside it have, too."""
@@ -65,5 +65,4 @@ PIXEL = Method(
     __name__,
     variant=_variant,
     words=_words,
-    choice=known_as("pixel"),
 )

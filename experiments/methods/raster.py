@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +19,7 @@ from atra.tracing.options import option
 from experiments.drawing.style import BLACK
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Method, Style, Tracing
-from experiments.methods.options import MethodOptions, known_as, options_of
-
-if TYPE_CHECKING:
-    from atra.model.choice import Choice
+from experiments.methods.options import MethodOptions, options_of
 
 CLUSTERS = ("hidden", "outside", "none")
 """Clusters that are not drawn."""
@@ -57,11 +54,25 @@ class WithoutClusters(Scratch):
         self.bounds[:] = np.inf
 
 
-_SCRATCHES = dict(zip(CLUSTERS, (Scratch, WithoutOcclusion, WithoutClusters), strict=True))
+_SCRATCHES = dict(zip(CLUSTERS[1:], (WithoutOcclusion, WithoutClusters), strict=True))
+
+
+class CulledOtherwise(RasterTracer):
+    """The rasteriser with another scratch. scratch_type: what culls its clusters, set before it is built."""
+
+    scratch_type: type[Scratch] = Scratch
+
+    def _build(self) -> float:
+        taken_s = super()._build()
+        assert self._scratch is not None
+        self._scratch = self.scratch_type(self._scratch.clusters, self._scratch.rectangles, self._scratch.bounds)
+        return taken_s
 
 
 def _make(mesh: Mesh, view: View, options: RasterOptions, tracing: Tracing) -> RasterTracer:
-    tracer = RasterTracer(mesh, view, **options.keywords(tracing))
+    if options.left_out not in _SCRATCHES:
+        return RasterTracer(mesh, view, **options.keywords(tracing))
+    tracer = CulledOtherwise(mesh, view, **options.keywords(tracing))
     tracer.scratch_type = _SCRATCHES[options.left_out]
     return tracer
 
@@ -73,10 +84,6 @@ def _variant(row: Mapping[str, Any]) -> str:
     return ", ".join(filter(None, [said, None if lanes in (None, "native") else f"{lanes} lanes"]))
 
 
-def _choice(options: RasterOptions) -> Choice | None:
-    return known_as("raster")(options) if options == RasterOptions() else None
-
-
 RASTER = Method(
     "raster",
     "rasteriser",
@@ -86,5 +93,4 @@ RASTER = Method(
     __name__,
     variant=_variant,
     counters=(Column("scratch_bytes", WHOLE, "what frames share: projected corners, lists of triangles"),),
-    choice=_choice,
 )

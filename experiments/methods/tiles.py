@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.packets.tiles import TiledTracer
 from experiments.drawing.style import ORANGE
 from experiments.harness.method import Method, Style, Tracing
-from experiments.methods.options import CellOptions, known_as, resolve_split, say_robust
+from experiments.methods.culled.tracer import TiledTracer
+from experiments.methods.options import CellOptions, resolve_split, say_robust
 
 
 def _make(mesh: Mesh, view: View, options: CellOptions, tracing: Tracing) -> TiledTracer:
@@ -23,5 +23,4 @@ TILES = Method(
     __name__,
     resolve_split,
     variant=lambda row: ", ".join(say_robust(row)),
-    choice=known_as("tiles"),
 )

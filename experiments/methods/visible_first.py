@@ -9,7 +9,7 @@ from experiments.drawing.style import VERMILLION
 from experiments.harness.column import REAL, Column
 from experiments.harness.method import Method, Style, Tracing
 from experiments.methods.aligned_cells import AlignedCellOptions
-from experiments.methods.options import VERIFIED, known_as, resolve_split, say_robust
+from experiments.methods.options import VERIFIED, resolve_split, say_robust
 
 
 def _make(mesh: Mesh, view: View, options: AlignedCellOptions, tracing: Tracing) -> VisibleFirstTracer:
@@ -26,5 +26,4 @@ VISIBLE_FIRST = Method(
     resolve_split,
     variant=lambda row: ", ".join(say_robust(row)),
     counters=(VERIFIED, Column("probe_time_s", REAL, "the probe, part of the plan")),
-    choice=known_as("visible_first"),
 )

@@ -23,8 +23,8 @@ OWN = {
     "views": "experiments.workloads.views:VIEWS",
     "render": "experiments.workloads.render:RENDER",
     "bake": "experiments.workloads.bake:BAKE",
-    "bake_rays": "experiments.workloads.bake_rays:BAKE_RAYS",
-    "classification": "experiments.workloads.classification:CLASSIFICATION",
+    "bake_rays": "experiments.light.bake_rays:BAKE_RAYS",
+    "classification": "experiments.classification.workload:CLASSIFICATION",
     "rays": "experiments.workloads.rays:RAYS",
 }
 """Name -> where the workload is defined, as entry points say it; in the order of tables and pages."""

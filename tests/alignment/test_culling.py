@@ -9,7 +9,7 @@ import atra
 from atra.alignment.culling import plan_aligned_geometry
 from atra.compiled.threads import WorkerPool
 from atra.exact.intersection import intersect_pixels
-from atra.geometry.projection import count_kept, project_vertices
+from atra.geometry.projection import project_vertices
 from atra.tracing import budgets
 from atra.tracing.budgets import (
     EMBREE_BYTES_PER_COPY,
@@ -18,8 +18,7 @@ from atra.tracing.budgets import (
     check_memory_budget,
     check_needed_bytes,
 )
-from tests.images import make_tracer
-from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
+from tests.meshes import EYE_AT_ORIGIN, quads, random_triangles
 
 HIGH = np.int64(32)
 
@@ -174,13 +173,3 @@ def test_vertices_are_projected_to_their_pixels_and_to_the_eye():
     np.testing.assert_allclose(eye, points_eye, atol=1e-5)
     np.testing.assert_allclose(pixels[:, 2], depth, rtol=1e-5)
     np.testing.assert_allclose(pixels[:, :2] / pixels[:, 2:], np.stack([x, y], 1) + 0.5, atol=1e-3)
-
-
-def test_tiles_keep_what_aligned_cells_keep_and_embree_counts_all_their_scenes():
-    mesh, camera = cornell_box(), cornell_camera(64, 64)
-    with make_tracer("aligned", mesh, camera, (8, 4)) as aligned, make_tracer("tiles", mesh, camera, (8, 4)) as tiled:
-        (without,) = aligned._geometry.left_out  # copies that culling would keep and rounding does not
-        kept = count_kept(WorkerPool(1), without.points_pixels, mesh, True, (8, 4, 8, 16))[without.prim_ids]
-        assert tiled.triangle_count == aligned.triangle_count + int(kept.sum())
-        with make_tracer("tiles", mesh, camera) as whole:
-            assert tiled.embree_bytes > whole.embree_bytes > 0

@@ -8,8 +8,8 @@ import pytest
 import atra
 from atra.alignment.culling import plan_aligned_geometry
 from atra.compiled.threads import WorkerPool
-from atra.judge.reference import brute_force
 from tests.images import assert_equal_images, trace_pixels
+from tests.judge.reference import brute_force
 from tests.machine import WIDTHS
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, random_triangles
 

@@ -7,8 +7,8 @@ import atra
 from atra.alignment.visibility import Tiles, plan_visible_geometry
 from atra.compiled.threads import WorkerPool
 from atra.exact.intersection import intersect_pixels
-from atra.judge.reference import brute_force
 from tests.images import assert_equal_images, make_tracer, trace, trace_pixels
+from tests.judge.reference import brute_force
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, joined, quads, random_triangles
 
 PROBES = ["default", "empty", "full", "random", "hidden", "earlier frame", "wrong frame"]

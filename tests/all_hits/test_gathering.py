@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import atra
-from atra.all_hits.plain import gather_plainly
-from atra.raster.all_hits.crossings import all_crossings
 from scenes.special import three_holes
+from tests.all_hits.crossings import all_crossings
+from tests.all_hits.plain import gather_plainly
 from tests.closed_meshes import box, cornell_boxes, sphere, view_of
 from tests.machine import FEW_LANES
 from tests.meshes import EYE_AT_ORIGIN, beams, boards, joined, quads, random_triangles

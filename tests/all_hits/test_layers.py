@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import atra
-from atra.all_hits.plain import gather_plainly
-from atra.raster.all_hits.crossings import all_crossings
 from atra.raster.all_hits.drawing_kernels import SPARE
+from tests.all_hits.crossings import all_crossings
+from tests.all_hits.plain import gather_plainly
 from tests.closed_meshes import sphere
 from tests.machine import FEW_LANES
 from tests.meshes import EYE_AT_ORIGIN, joined, quads, random_triangles

@@ -10,6 +10,7 @@ import trimesh
 from PIL import Image
 
 import atra
+from atra.command.cameras import read_cameras
 from atra.command.main import main
 from atra.files.saving import encode_exr
 from tests.meshes import cornell_box, cornell_camera
@@ -70,6 +71,20 @@ def test_another_convention_is_named_and_right_unless_our_own_is_asked_for(chang
     assert judge(monkeypatch, "image.npy") == 0
     assert said in capsys.readouterr().out
     assert judge(monkeypatch, "image.npy", "--own") == (2 if "swapped" in said else 1)
+
+
+def test_the_own_convention_of_a_panorama_is_depth_along_the_ray(hits, monkeypatch, capsys):
+    frame = {"file_path": "all.png", "transform_matrix": np.eye(4).tolist()}
+    shared = {"camera_model": "EQUIRECTANGULAR", "w": 24, "h": 12, "frames": [frame]}
+    Path("camera.json").write_text(json.dumps(shared), encoding="utf-8")
+    (camera,) = read_cameras(Path("camera.json"), None, {}).values()
+    with atra.RasterTracer(hits.mesh, camera) as tracer:
+        np.save("image.npy", tracer.trace().depth)
+    for arguments in ([], ["--own"]):
+        assert judge(monkeypatch, "image.npy", *arguments) == 0
+        said = capsys.readouterr().out.splitlines()
+        assert said[1] == "convention  rays through pixel centres; depth along the ray"
+        assert said[2].endswith("of pixels speak for it, atra's own")
 
 
 def test_a_wrong_pixel_is_told_counted_and_drawn(hits, monkeypatch, capsys):

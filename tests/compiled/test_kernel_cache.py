@@ -17,17 +17,19 @@ from atra.alignment import aligned_kernels, culling_kernels, visibility_kernels
 from atra.all_hits.taking_kernels import LAYERS
 from atra.compiled import intrinsics, store, vectors
 from atra.embree import layout
-from atra.exact import brute_force_kernels, edges_kernels, settling_kernels, surface_kernels, ties_kernels
+from atra.exact import edges_kernels, settling_kernels, surface_kernels, ties_kernels
 from atra.geometry import projection_kernels
 from atra.light.pictures import lighting_kernels, path_kernels
 from atra.light.pictures.paths import waves_kernels
-from atra.packets import pixel_kernels, shooting_kernels, tiles_kernels
+from atra.packets import pixel_kernels, shooting_kernels
 from atra.raster import drawing, spans
 from atra.raster.all_hits import doubts_kernels
 from atra.raster.all_hits.drawing_kernels import gathering_kernel
 from atra.raster.drawing import drawing_kernel
 from atra.rays import rays_kernels
 from atra.rays.nearest import batches_kernels
+from experiments.methods.culled import tiles_kernels
+from experiments.workloads.agreement import brute_force_kernels
 
 KERNELS = {
     **{
@@ -111,6 +113,18 @@ def test_the_sources_of_a_kernel_are_all_files_that_its_own_imports_and_no_other
     assert found > {file(module) for module in (drawing, spans, edges_kernels, vectors)}
     assert file(pixel_kernels) not in found
     assert file(layout) in store.sources(file(pixel_kernels))
+
+
+def test_the_sources_of_a_kernel_outside_of_the_library_are_those_of_its_own_package_too(tmp_path):
+    inner = tmp_path / "mine" / "inner"
+    inner.mkdir(parents=True)
+    for folder in (inner.parent, inner):
+        (folder / "__init__.py").write_text("")
+    kernels, parts = inner / "kernels.py", inner.parent / "parts.py"
+    kernels.write_text("import numpy\nfrom mine.parts import half\n")
+    parts.write_text("from atra.embree.layout import MISS\n")
+    assert store.sources(kernels) >= {kernels, parts, Path(str(layout.__file__))}
+    assert all(one.is_relative_to(tmp_path) or "atra" in one.parts for one in store.sources(kernels))
 
 
 @pytest.mark.parametrize(

@@ -184,7 +184,7 @@ def test_shipped_kernels_give_the_image_of_freshly_compiled_ones_and_nothing_is_
     if not shipped.is_dir():
         shipped = tmp_path / "shipped"
         command = "from atra.command.main import main; raise SystemExit(main())"
-        run("-c", command, "compile", "--into", str(shipped))
+        run("-c", command, "compile", **{store.INTO_VARIABLE: str(shipped)})
     script = tmp_path / "image.py"
     script.write_text(SHIPPED_IMAGE)
     assert run(str(script), str(shipped), str(tmp_path / "shipped.npz")) == "0\n"

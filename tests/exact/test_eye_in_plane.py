@@ -8,12 +8,11 @@ import pytest
 import trimesh
 
 import atra
-from atra.bvh.tracer import BvhTracer
 from atra.hits import Hits
 from atra.judge.compare import Verdict
-from atra.judge.oracle import examine
-from atra.judge.reference import brute_force
+from experiments.workloads.agreement.oracle import examine
 from tests.images import assert_no_pixel_wrong, draw, trace, trace_pixels
+from tests.judge.reference import brute_force
 from tests.meshes import EYE_AT_ORIGIN, joined, quads
 
 WALL = quads([[(-9, -9, 5), (9, -9, 5), (9, 9, 5), (-9, 9, 5)]])
@@ -74,13 +73,13 @@ def test_an_eye_a_bit_beside_a_plane_sees_the_float64_image(seed):
 
 TRACERS = {
     "raster": atra.RasterTracer, "pixel": atra.PixelTracer, "fast": partial(atra.PixelTracer, robust=False),
-    "bvh": BvhTracer, "aligned": partial(atra.AlignedTracer, split=(4, 1)),
+    "aligned": partial(atra.AlignedTracer, split=(4, 1)),
     "instanced": partial(atra.AlignedTracer, split=(4, 1), geometry="instanced", culling=False),
     "visible_first": partial(atra.VisibleFirstTracer, split=(4, 1)),
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", ["raster", "pixel", "aligned", "instanced", "visible_first", "bvh"])
+@pytest.mark.parametrize("kind", ["raster", "pixel", "aligned", "instanced", "visible_first"])
 def test_an_eye_on_a_vertex_sees_what_lies_behind_the_triangles_there(kind):
     """A ball whose vertices need all digits of float32; the triangles at the eye came out at a depth of 1e-9 or 0."""
     ball = trimesh.creation.icosphere(subdivisions=1)

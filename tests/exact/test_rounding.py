@@ -136,7 +136,7 @@ def test_the_wider_the_view_and_the_fewer_roundings_are_admitted_the_more_is_lef
 def test_no_ray_meets_a_triangle_left_out_before_the_depth_of_its_tile(fov):
     mesh, camera = beams(3, 60), atra.Camera(**EYE_AT_ORIGIN, width=40, height=24, fov_y_degrees=fov)
     with atra.AlignedTracer(mesh, camera, (8, 2), threads=1) as tracer:
-        (without,) = tracer._geometry.left_out
+        (without,) = tracer.geometry.left_out
         assert tracer.counters["triangles_left_out"] == len(without.prim_ids) > 5
     nearest = nearest_in_tiles(mesh, camera, Tiles(*SECOND_PASS_TILE, 40, 24), without)
     y, x = (grid.ravel() for grid in np.mgrid[:24, :40])

@@ -13,7 +13,6 @@ import pytest
 import atra
 from atra.compiled.threads import WorkerPool
 from atra.exact import ties
-from atra.judge.reference import brute_force
 from atra.prim_ids import MISS
 from experiments.harness.point import make_own
 from experiments.methods import find_method
@@ -21,6 +20,7 @@ from experiments.results.terminal import say_label
 from experiments.workloads.rounds import make_single
 from tests.harness.processes.test_launch import POINT
 from tests.images import assert_no_pixel_wrong, make_tracer, trace, trace_pixels
+from tests.judge.reference import brute_force
 from tests.machine import WIDTHS
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, joined, quads, random_triangles
 
@@ -34,7 +34,6 @@ TRACED = {
     "instanced": ("instanced", (8, 2), {}),
     "visible first": ("visible_first", (8, 1), {}),
     "visible first, empty probe, two threads": ("unprobed", (4, 1), {"threads": 2}),
-    "tiles": ("tiles", (4, 3), {}),
 }
 each_traced = pytest.mark.parametrize(("method", "split", "options"), TRACED.values(), ids=TRACED)
 

@@ -10,7 +10,7 @@ import trimesh
 import atra
 from atra.command.main import main
 from atra.compat.bop import Pose, Renderer
-from atra.judge.reference import brute_force
+from tests.judge.reference import brute_force
 
 SIZE, INTRINSICS = (48, 36), (40.0, 42.0, 23.0, 18.5)
 K = [40.0, 0, 23.0, 0, 42.0, 18.5, 0, 0, 1]

@@ -8,8 +8,8 @@ import pytest
 
 import atra
 from atra.files.cameras.colmap_files import MODELS
-from atra.judge.reference import brute_force
 from tests.images import assert_equal_images
+from tests.judge.reference import brute_force
 from tests.meshes import cornell_box
 
 cv2 = pytest.importorskip("cv2", reason="OpenCV, a test dependency, projects as COLMAP's models do")

@@ -7,7 +7,9 @@ import pytest
 import trimesh
 
 from atra.errors import InputError
+from atra.files.meshes.face_sources import load_face_sources
 from atra.files.meshes.loading import load_mesh
+from tests.meshes import strips_ply
 
 BOX = trimesh.creation.box()
 
@@ -121,3 +123,25 @@ def test_a_name_with_control_characters_is_shown_without_them(tmp_path):
         load_mesh(path)
     assert str(refused.value).isprintable()
     assert r"a\x1b[31m\u202e.off cannot be read as off" in str(refused.value)
+
+
+def test_the_strips_of_a_ply_are_triangles_that_wind_alike_and_begin_anew_at_minus_one(tmp_path):
+    path = tmp_path / "strips.ply"
+    expected = [[0, 1, 2], [2, 1, 3], [2, 3, 4]]
+    for strips in ([(0, 1, 2, 3, 4)], [(0, 1, 2, -1, -1, 2, 1, 3, -1, 2, 3, 4, -1)], [(0, 1, 2), (2, 1, 3), (2, 3, 4)]):
+        path.write_bytes(strips_ply(strips))
+        mesh = load_mesh(path)
+        assert np.sort(mesh.faces, axis=1).tolist() == np.sort(expected, axis=1).tolist()
+        normals = np.cross(*(mesh.vertices[mesh.faces[:, k]] - mesh.vertices[mesh.faces[:, 0]] for k in (1, 2)))
+        assert (normals[:, 2] > 0).all()
+        assert (load_face_sources(path).face == np.arange(3)).all()
+    path.write_bytes(strips_ply([(0, 1, 2, 2, 3, -1, 0, 1), ()]))  # triangles that name 2 twice have no area
+    assert load_mesh(path).faces.tolist() == [[0, 1, 2]]
+    head = strips_ply([(0,) * 6]).split(b"end_header\n")[0].replace(b"ascii", b"binary_big_endian") + b"end_header\n"
+    rows = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0), (0, 2, 0)], ">f4").tobytes()
+    path.write_bytes(head + rows + np.array([9, 0, 1, 2, 3, 4, -1, 1, 3, 2], ">i4").tobytes())
+    assert len(load_mesh(path).faces) == 4
+    for strip, said in (((0, 1, 9), "names vertex 9"), ((0, 1, -2), "names vertex -2")):
+        path.write_bytes(strips_ply([strip]))
+        with pytest.raises(InputError, match=said):
+            load_mesh(path)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import atra
-from atra.judge.reference import brute_force
 from tests.images import METHODS, assert_no_pixel_wrong, assert_same_bits, trace, trace_pixels
+from tests.judge.reference import brute_force
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 
 cv2 = pytest.importorskip("cv2", reason="OpenCV, a test dependency, is what calibrated cameras are held against")

@@ -5,31 +5,15 @@ import pytest
 import trimesh
 
 import atra
-from atra.bvh.tracer import BvhTracer
 from atra.errors import InputError
-from atra.judge.reference import brute_force
 from atra.light import Atlas, Baker, BakeScene, Sun, constant_sky
 from atra.light.lightmaps.charts.texels import Texels
-from atra.shafts.tracer import ClassifiedTracer
-from tests.images import assert_no_pixel_wrong
 from tests.meshes import quads
 
 K = [[100, 0, 16], [0, 100, 16], [0, 0, 1]]
 TURNED = [[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, 1]]
 FLAT = quads([[(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]])
 CAMERA = atra.Camera((0.5, 0.5, 2), (0.5, 0.5, 0), width=32, height=32)
-
-
-@pytest.mark.parametrize("axis", range(3))
-def test_classified_traces_a_flat_mesh(axis):
-    mesh = atra.Mesh(np.roll(FLAT.vertices, axis, axis=1), FLAT.faces)
-    camera = atra.Camera(
-        tuple(np.roll((0.5, 0.5, 2.0), axis)), tuple(np.roll((0.5, 0.5, 0.0), axis)), (0.3, 0.5, 0.7), 60, 16, 16
-    )  # fmt: skip
-    with ClassifiedTracer(mesh, camera, threads=1) as tracer:
-        hits = tracer.trace()
-    assert 0.1 < hits.hit.mean() < 0.9
-    assert_no_pixel_wrong(mesh, camera, hits, brute_force(mesh, camera))
 
 
 @pytest.mark.parametrize("t", [(1e308,) * 3, (1.7e308, -1.7e308, 1.7e308), (0, 0, 1e301)])
@@ -40,7 +24,7 @@ def test_an_eye_beyond_float64_is_refused_by_its_place(t, rotation):
     assert atra.Camera.from_opencv(K, rotation, (1e299,) * 3, 32, 32).axes.shape == (3, 3)
 
 
-@pytest.mark.parametrize("tracer", [atra.RasterTracer, atra.PixelTracer, BvhTracer, ClassifiedTracer])
+@pytest.mark.parametrize("tracer", [atra.RasterTracer, atra.PixelTracer])
 def test_tracers_refuse_meshes_and_cameras_of_another_type_by_their_type(tracer):
     with pytest.raises(InputError, match=r"mesh is a trimesh\.\S*Trimesh, expected an atra\.Mesh; .*from_trimesh"):
         tracer(trimesh.creation.box(), CAMERA)

@@ -37,9 +37,8 @@ def tracer(method, of, camera, seed):
         other = atra.OrthographicCamera(camera.target, camera.eye, camera.up, 1.3 * camera.view_height, **SIZE)
         alignment = atra.Alignment.of_frames([camera, other], atra.Split.of_image(split, camera))
         return atra.FramesTracer(of, alignment, threads=1)
-    kinds = {"raster": atra.RasterTracer, "bvh": atra.BvhTracer}
-    if method in kinds:
-        return kinds[method](of, camera, threads=1)
+    if method == "raster":
+        return atra.RasterTracer(of, camera, threads=1)
     return make_tracer(method, of, camera, split)
 
 
@@ -88,7 +87,7 @@ def test_walls_along_the_rays_keep_their_copies():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["pixels", *COPIES, "raster", "bvh"])
+@pytest.mark.parametrize("method", ["pixels", *COPIES, "raster"])
 def test_no_pixel_of_300_views_is_wrong(method):
     wrong = {seed: pixels_wrong(method, seed) for seed in range(300)}
     assert {seed: pixels for seed, pixels in wrong.items() if pixels} == {}

@@ -6,8 +6,8 @@ import pytest
 import atra
 from atra.geometry import ray_space
 from atra.geometry.ray_space import NARROWEST_WORLD_PITCH, from_eye_space, ray_axes, to_ray_space
-from atra.judge.reference import brute_force
 from tests.images import METHODS, PARALLEL, assert_equal_images, assert_no_pixel_wrong, make_tracer, trace
+from tests.judge.reference import brute_force
 
 SLANTED = {"eye": (0.1, 0.2, 0.3), "target": (3.1, 2.2, 9.3)}
 """A camera with no axis along one of the world's."""

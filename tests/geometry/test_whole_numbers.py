@@ -5,7 +5,6 @@ import pytest
 
 import atra
 from atra.compiled.threads import resolve_threads
-from atra.model.choice import Choice
 from atra.whole_numbers import is_whole_number
 from tests.machine import WIDEST
 from tests.meshes import EYE_AT_ORIGIN, random_triangles
@@ -33,14 +32,6 @@ def test_a_tracer_takes_numpys_integers_and_keeps_pythons(kind):
         tracer.trace()
     assert type(tracer.packet_width) is type(tracer.threads) is int
     assert type(resolve_threads(kind(3))) is int
-
-
-def test_a_plan_takes_numpys_integers_and_keeps_pythons():
-    plan = atra.plan(MESH, CAMERA, frames=np.int16(3), threads=np.int16(1))
-    assert type(plan.frames) is type(plan.threads) is int
-    choice = Choice("aligned", (np.int8(2), np.int8(1)), np.int8(WIDEST))
-    assert choice == Choice("aligned", (2, 1), WIDEST)
-    assert {type(n) for n in (*choice.split, choice.packet_width)} == {int}
 
 
 @pytest.mark.parametrize("value", [value for value in NO_WHOLE_NUMBERS if not isinstance(value, tuple)])

@@ -282,8 +282,8 @@ class Predicted:
 
 @pytest.fixture
 def predicted(monkeypatch):
-    monkeypatch.setattr("experiments.harness.points.look_at", lambda mesh, camera: "a look")
-    monkeypatch.setattr("experiments.harness.points.forecast", Predicted)
+    monkeypatch.setattr("experiments.law.skipping.look_at", lambda mesh, camera: "a look")
+    monkeypatch.setattr("experiments.law.skipping.forecast", Predicted)
 
 
 def skipping(folder, limit, splits=(1, 2, 8)):

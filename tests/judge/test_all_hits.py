@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import atra
-from atra.all_hits.plain import gather_plainly
-from atra.judge.all_hits import wrong_counts, wrong_layers, wrong_thicknesses
-from atra.raster.all_hits.crossings import all_crossings
+from tests.all_hits.crossings import all_crossings
+from tests.all_hits.plain import gather_plainly
 from tests.all_hits.test_gathering import METHODS, gathered
 from tests.closed_meshes import cornell_boxes, sphere, view_of
+from tests.judge.all_hits import wrong_counts, wrong_layers, wrong_thicknesses
 from tests.meshes import EYE_AT_ORIGIN, random_triangles
 
 CAMERA = atra.Camera(**EYE_AT_ORIGIN, width=48, height=32, fov_y_degrees=90)

@@ -14,11 +14,11 @@ from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.ray_space import ray_axes, to_ray_space
 from atra.hits import Hits
 from atra.judge.compare import Agreement, DepthErrors, Verdict, compare
-from atra.judge.reference import brute_force
 from atra.packets.pixel import PixelTracer
 from atra.prim_ids import MISS
 from atra.tracing.rays import image_ray_grid
 from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
+from tests.judge.reference import brute_force
 from tests.meshes import boards, random_triangles
 
 # Both look along -z from the origin: camera (X, Y, Z) = world (x, -y, -z).

@@ -16,8 +16,8 @@ from atra.geometry.orthographic import OrthographicCamera
 from atra.hits import Hits
 from atra.judge.compare import Verdict
 from atra.judge.depths import has_wrong_depth, relative_depth_error
-from atra.judge.reference import brute_force
 from atra.prim_ids import MISS
+from tests.judge.reference import brute_force
 from tests.meshes import EYE_AT_ORIGIN, random_triangles
 
 judge = import_module("atra.judge.compare")  # the module; `atra.judge.compare` by name is its function

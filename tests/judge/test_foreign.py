@@ -11,6 +11,7 @@ import atra
 from atra.errors import InputError
 from atra.judge.foreign import OFFSETS, Convention, ForeignImage, judge_image
 from atra.prim_ids import MISS
+from tests.lenses import lens_camera
 from tests.meshes import cornell_box, cornell_camera
 
 WIDTH, HEIGHT = 48, 36
@@ -30,10 +31,13 @@ def right_image(mesh: atra.Mesh, camera: atra.Camera, convention: Convention = O
     with atra.RasterTracer(mesh, camera) as tracer:
         hits = tracer.trace(convention.offset)
     depth = hits.depth
-    if convention.along_ray:
+    if convention.along_ray != camera.depth_is_along_ray:
         y, x = np.mgrid[: camera.height, : camera.width]
         directions = camera.rays(x, y, convention.offset)[1]
-        depth = (depth * np.linalg.norm(directions, axis=-1) / directions[..., 2]).astype(np.float32)
+        lengths = np.linalg.norm(directions, axis=-1)
+        ratios = (lengths if convention.along_ray else directions[..., 2] / lengths)[hits.hit]
+        depth = depth.copy()
+        depth[hits.hit] = (depth[hits.hit] * ratios).astype(np.float32)
     return ForeignImage(stored(depth, convention), stored(hits.prim_id, convention))
 
 
@@ -81,6 +85,59 @@ def test_the_convention_of_a_right_image_is_found_and_nothing_is_wrong(
 )
 def test_a_convention_is_named(convention: Convention, said: str) -> None:
     assert said in str(convention)
+
+
+LENSES = {
+    "fisheye": lens_camera(atra.FisheyeLens.of([0.02, 0.003, 0.0, 0.0]), cornell_camera(WIDTH, HEIGHT), WIDTH, HEIGHT),
+    "fisheye seeing sideways and behind": lens_camera(
+        atra.FisheyeLens.of([0.0] * 4), atra.Camera((0.5, 0.5, 0.4), (0.7, 0.6, 0.1)), WIDTH, HEIGHT, 0.2
+    ),
+    "panorama": atra.LensCamera.panorama((0.5, 0.5, 0.4), (0.7, 0.6, 0.1), width=WIDTH),
+    "perspective lens": lens_camera(atra.OpenCVLens.of([-0.2, 0.05, 0.001, 0.001]), cornell_camera(WIDTH, HEIGHT)),
+}
+
+
+@pytest.mark.parametrize("is_stated", [True, False])
+@pytest.mark.parametrize("along_ray", [True, False])
+@pytest.mark.parametrize("camera", LENSES.values(), ids=LENSES)
+def test_depths_of_a_lens_along_the_ray_or_the_axis_are_right_and_named_so(
+    camera: atra.LensCamera, along_ray: bool, is_stated: bool
+) -> None:
+    truth = Convention(along_ray=along_ray)
+    image = right_image(cornell_box(), camera, truth)
+    found = judge_image(cornell_box(), camera, image, convention=truth if is_stated else None)
+    assert found.convention == truth
+    assert str(found.convention).endswith("depth along the ray" if along_ray else "depth along the view axis")
+    assert found.agreeing > 0.99
+    assert found.is_right, list(found.explained())
+    assert image.prim_id is not None
+    assert (image.prim_id != MISS).mean() > 0.2
+
+
+def test_a_lens_that_sees_sideways_has_depth_along_the_ray_as_its_own_convention() -> None:
+    own = {name: Convention.own(camera).along_ray for name, camera in LENSES.items()}
+    assert [name for name, is_along_ray in own.items() if not is_along_ray] == ["perspective lens"]
+    image = right_image(cornell_box(), LENSES["panorama"], Convention(along_ray=True))
+    depth = image.depth * np.float32(1.001)
+    found = judge_image(cornell_box(), LENSES["panorama"], ForeignImage(depth, image.prim_id))
+    assert found.agreement.pixels_wrong > 0.9 * depth.size
+    noise = ForeignImage(np.random.default_rng(0).uniform(1, 9, depth.shape))
+    assert judge_image(cornell_box(), LENSES["panorama"], noise).convention == Convention(along_ray=True)
+
+
+def test_the_ids_decide_which_way_a_ball_is_shown_when_depths_fit_both_ways() -> None:
+    ball = trimesh.creation.icosphere(3)
+    mesh, camera = atra.Mesh(ball.vertices, ball.faces), atra.Camera((0, 0, 3), (0, 0, 0), (0, 1, 0), 50.0, 64, 64)
+    for offset in OFFSETS:
+        image = right_image(mesh, camera, Convention(offset))
+        with_ids, without = judge_image(mesh, camera, image), judge_image(mesh, camera, ForeignImage(image.depth))
+        assert with_ids.convention == without.convention == Convention(offset)
+        assert with_ids.is_right
+        assert without.is_right
+    turned = Convention(flips_rows=True, flips_columns=True)
+    found = judge_image(mesh, camera, right_image(mesh, camera, turned))
+    assert found.convention == turned
+    assert found.is_right
 
 
 def test_axes_of_a_square_image_may_be_swapped_too() -> None:

@@ -8,9 +8,9 @@ from atra.exact.intersection import intersect_pixels
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
 from atra.geometry.orthographic import OrthographicCamera
-from atra.judge.reference import brute_force
 from atra.prim_ids import MISS
 from scenes.cornell_box import cornell_box
+from tests.judge.reference import brute_force
 
 # Looks along -z from the origin: camera (X, Y, Z) = world (x, -y, -z).
 FORWARD = {"eye": (0.0, 0.0, 0.0), "target": (0.0, 0.0, -1.0), "fov_y_degrees": 90.0}

@@ -6,12 +6,12 @@ import pytest
 from atra.compiled.threads import WorkerPool
 from atra.geometry.camera import Camera
 from atra.light import Atlas, Texels
-from atra.light.lightmaps.sun.tiles import Tiles
 from atra.raster.frames import Scratch, bands_of
 from atra.raster.image import Viewpoint
 from experiments.harness.method import Tracing
+from experiments.light.bake_rays import AlignedTiles, directions_of
+from experiments.light.sun.tiles import Tiles
 from experiments.methods.raster import CLUSTERS, RASTER, RasterOptions, WithoutClusters, WithoutOcclusion
-from experiments.workloads.bake_rays import AlignedTiles, directions_of
 from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box
 from tests.machine import FEW_LANES
 from tests.points import planned

@@ -9,13 +9,13 @@ import pytest
 
 import atra
 from atra.geometry.ray_space import NARROWEST_WORLD_PITCH
-from atra.judge.reference import brute_force
 from experiments.harness.method import Tracing
 from experiments.methods import METHODS, find_method
 from experiments.methods.peers import embreex_run, llvmpipe
 from experiments.methods.peers.peer import PEER_COLUMNS
 from experiments.methods.peers.pixel_rays import block_order
 from tests.images import trace_pixels
+from tests.judge.reference import brute_force
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 
 LOADER = "cannot open shared object file: No such file or directory"

@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 
 import atra
-from atra.judge.oracle import examine, nearest_hits
-from atra.judge.reference import brute_force
-from atra.shafts.eye import EyeTracer
+from experiments.workloads.agreement.oracle import examine, nearest_hits
 from scenes.directory import PAPER_SCENES
 from scenes.loading import SceneSource, load_scene
 from tests.folders import NEEDS_SCENES
 from tests.images import CELLS, assert_equal_images, assert_no_pixel_wrong, make_tracer
+from tests.judge.reference import brute_force
 from tests.lenses import lens_camera, random_lens
-from tests.machine import NATIVE_LANES, WIDEST, WIDTHS
+from tests.machine import WIDEST, WIDTHS
 from tests.meshes import cornell_box, cornell_camera, quads
 
 LENSES = {
@@ -23,8 +22,6 @@ LENSES = {
 }
 PLACED = cornell_camera(96, 72)
 TRACERS = {f"packets of {width}": (atra.PixelTracer, {"packet_width": width}) for width in WIDTHS} | {
-    "bvh": (atra.BvhTracer, {"packet_width": 1}),
-    "bvh in packets": (atra.BvhTracer, {"packet_width": NATIVE_LANES}),
     "raster": (atra.RasterTracer, {}),
 }
 
@@ -121,12 +118,10 @@ def test_a_ray_scene_takes_the_rays_of_a_lens():
 @pytest.mark.parametrize("use", [
     *(pytest.param(lambda mesh, camera, method=method: make_tracer(method, mesh, camera), id=method)
       for method in CELLS),
-    pytest.param(lambda mesh, camera: EyeTracer(mesh, camera), id="eye"),
     pytest.param(lambda mesh, camera: atra.Alignment.of_eyes(camera, camera, atra.Split(1, 1, 96, 72)), id="eyes"),
-    pytest.param(lambda mesh, camera: atra.plan(mesh, camera, frames=1), id="plan"),
     pytest.param(lambda mesh, camera: atra.PixelTracer(mesh, camera, threads=1).gather(atra.Count()), id="gather"),
     pytest.param(lambda mesh, camera: atra.RasterTracer(mesh, camera, threads=1).gather(atra.Count()), id="drawn"),
-    pytest.param(lambda mesh, camera: EyeTracer(mesh, PLACED).look(camera), id="look"),
+    pytest.param(lambda mesh, camera: make_tracer("aligned", mesh, PLACED).look(camera), id="look"),
 ])  # fmt: skip
 def test_methods_that_need_a_plane_refuse_a_lens_by_name(use):
     with pytest.raises(atra.InputError, match=r"OpenCVLens\(k1=-0\.6\).*camera\.undistorted\(\)"):

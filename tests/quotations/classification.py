@@ -2,10 +2,10 @@
 
 import pandas as pd
 
-from experiments.methods.bvh import BVH
-from experiments.methods.classified import CLASSIFIED
-from experiments.workloads.classification.claims import KINDS, usual
-from experiments.workloads.classification.path_rays import PATH_KINDS
+from experiments.classification.classified import CLASSIFIED
+from experiments.classification.own_bvh import BVH
+from experiments.classification.workload.claims import KINDS, usual
+from experiments.classification.workload.path_rays import PATH_KINDS
 from tests.quotations.quotation import SCENES, digits, each_scene, interval, line, milliseconds, number, of, table_row
 
 _WIDTHS = {1: "single rays", 8: "packets of 8"}

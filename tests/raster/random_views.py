@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import atra
-from atra.judge import oracle
+from experiments.workloads.agreement import oracle
 
 SAMPLE = 200
 """Pixels of the sample of all."""

@@ -5,10 +5,10 @@ import pytest
 
 import atra
 from atra.compiled.threads import WorkerPool
-from atra.judge.reference import brute_force
 from atra.raster.lenses.planes import lens_planes
 from atra.tracing.lens_rays import lens_directions
 from tests.images import assert_equal_images, assert_no_pixel_wrong
+from tests.judge.reference import brute_force
 from tests.lenses import lens_camera, random_lens
 from tests.machine import FEW_LANES
 from tests.meshes import cornell_box, cornell_camera, random_triangles

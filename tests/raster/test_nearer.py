@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import atra
-from atra.judge.oracle import examine
-from atra.judge.reference import brute_force
+from experiments.workloads.agreement.oracle import examine
 from tests.images import draw
+from tests.judge.reference import brute_force
 from tests.lenses import lens_camera
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, joined, quads
 from tests.raster.random_views import random_view

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import atra
-from atra.judge.reference import brute_force
 from tests.images import assert_equal_images, assert_same_bits, draw, trace_pixels
+from tests.judge.reference import brute_force
 from tests.machine import FEW_LANES, LANES, NATIVE_LANES
 from tests.meshes import (
     EYE_AT_ORIGIN,

@@ -1,166 +1,165 @@
-"""`python -m tests.rays.many_nearest [SCALE]`: nearest hits of many rays against exact arithmetic; prints a table.
+"""`python -m tests.rays.many_nearest [SCALE] [FILE]`: nearest hits of ten million rays against exact arithmetic, of
+`RayScene` with each precision, Open3D, and trimesh with embreex; prints a table.
 
-Every ray is tested with every triangle, in float64 with a bound of the error, and in fractions where that leaves a
-doubt of what is nearest. SCALE: share of the rays, 1 by default. Scenes of ATRA_SCENES are taken where they are.
+The table that is kept is `reports/reference/nearest/many_nearest.csv`. SCALE: share of the rays, 1 by default.
+Scenes of ATRA_SCENES are taken where they are. What is right is found in float64 with proved bounds
+(`near_reference`), and in whole numbers where these leave it open (`near_whole_numbers`).
+
+wrong: another triangle than the nearest, of equally near ones that of the lowest `prim_id`, at edges that of the tie
+rule. Only "exact" promises such rules: of the others a triangle that the ray touches as near is right, and one that it
+touches in an edge or corner alone is not false. lost: no hit, or not occluded. t off: of right triangles, by more than
+a unit of float32.
 """
 
 from __future__ import annotations
 
-import os
 import sys
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 
-import numba
 import numpy as np
 
-import atra
-from scenes.directory import load_scene_from_directory
-from tests.closed_meshes import sphere
-from tests.meshes import beams, random_triangles
-from tests.rays.many_rays import volume
-from tests.rays.test_exact import by_fractions
+from tests.rays import near_reference as reference
+from tests.rays.near_libraries import LIBRARIES
+from tests.rays.near_rays import KINDS, mesh_names, mesh_of, rays_of
+from tests.rays.near_whole_numbers import ExactRay, shift_of
 
-TESTS = 10e6 * 20_000
-"""Rays times triangles of a kind of rays at scale 1, times their kinds and meshes; at most 400,000 rays of a kind."""
+RAYS = 10_000_000
+"""Rays in all, at scale 1."""
 
-MOST = 64
-"""Triangles of a ray that may be its nearest hit, at most; rays with more are judged by fractions of all."""
+COLUMNS = (
+    "library", "mesh", "triangles", "at", "kind", "rays", "hits", "wrong", "lost", "false", "t off", "in whole numbers",
+)  # fmt: skip
 
-SCENES = ("cornell_box", "mitsuba", "fireplace_room", "sponza")
-
-
-@numba.njit(nogil=True)
-def rivals(corners, origins, directions, prim_ids, counts, t_of, errors):
-    """Write the triangles that may be the nearest hit of each ray, (N, MOST) int64; counts: (N,) int64, -1: too many;
-    t_of, errors: (N,) float64 of the only one, errors inf where it is in doubt."""
-    for ray in range(len(origins)):
-        x, y, z = origins[ray]
-        u, v, w = directions[ray]
-        limit, count = np.inf, 0
-        lows = np.empty(MOST)
-        for face in range(len(corners)):
-            ax, ay, az = corners[face, 0, 0] - x, corners[face, 0, 1] - y, corners[face, 0, 2] - z
-            bx, by, bz = corners[face, 1, 0] - x, corners[face, 1, 1] - y, corners[face, 1, 2] - z
-            one, unsure_one = volume(u, v, w, ax, ay, az, bx, by, bz)
-            cx, cy, cz = corners[face, 2, 0] - x, corners[face, 2, 1] - y, corners[face, 2, 2] - z
-            two, unsure_two = volume(u, v, w, bx, by, bz, cx, cy, cz)
-            unsure = unsure_one or unsure_two
-            if not unsure and (one > 0) != (two > 0):
-                continue
-            three, unsure_three = volume(u, v, w, cx, cy, cz, ax, ay, az)
-            unsure = unsure or unsure_three
-            if not unsure and (one > 0) != (three > 0):
-                continue
-            ahead, unsure_ahead = volume(ax, ay, az, bx, by, bz, cx, cy, cz)
-            whole = one + two + three
-            low, high, t = 0.0, np.inf, 0.0
-            if not unsure and not unsure_ahead:
-                if ahead * (1 if one > 0 else -1) < 0:
-                    continue
-                t = ahead / whole
-                largest = max(abs(ax), abs(ay), abs(az), abs(bx), abs(by), abs(bz), abs(cx), abs(cy), abs(cz))
-                error = 1e-14 * (largest**3 / abs(ahead) + largest**2 * max(abs(u), abs(v), abs(w)) / abs(whole))
-                if error < 0.01:
-                    low, high = t * (1 - 2 * error), t * (1 + 2 * error)
-            if low > limit:
-                continue
-            if high < limit:
-                limit = high
-                kept = 0
-                for k in range(min(count, MOST)):
-                    if lows[k] <= limit:
-                        lows[kept], prim_ids[ray, kept] = lows[k], prim_ids[ray, k]
-                        kept += 1
-                if count <= MOST:
-                    count = kept
-            if count < MOST:
-                lows[count], prim_ids[ray, count] = low, face
-                t_of[ray], errors[ray] = t, high - low
-            count += 1
-        counts[ray] = count if count <= MOST else -1
+_SMALL, _LARGE = 2.0**-200, 2.0**100
 
 
-def kinds_of(mesh, count, random):
-    """(name, origins, directions) of rays of each kind, float32."""
-    low, high = mesh.bounds
-    size = float((high - low).max())
-    anywhere = random.uniform(low, high, (count, 3))
-    yield "random", anywhere, random.normal(size=(count, 3))
-    way = random.normal(size=3)
-    side = np.linalg.svd(way[None])[2][1:]
-    across = random.uniform(-0.7, 0.7, (count, 2)) @ side * size
-    start = (low + high) / 2 - 2 * size * way / np.linalg.norm(way)
-    yield "parallel", start + across, np.tile(way, (count, 1))
-    eye = random.uniform(low, high)
-    order = np.sort(random.uniform(-0.5, 0.5, count))
-    yield "coherent", np.tile(eye, (count, 1)), way + order[:, None] * side[0] + 0.01 * random.uniform(size=(count, 1))
-    held = mesh.triangles(random.integers(0, mesh.triangle_count, count)).astype(np.float64)
-    for name, weights in (("vertices", (1, 0, 0)), ("edges", (0.5, 0.5, 0))):
-        ends = np.einsum("k,nkd->nd", weights, held)
-        yield name, anywhere, ends - anywhere.astype(np.float32)
-    one, other = (np.einsum("nk,nkd->nd", random.dirichlet((1, 1, 1), count), held) for _ in range(2))
-    start = (other - 8 * (one - other)).astype(np.float32)
-    yield "in planes", start, one - start
+class Truth:
+    """The nearest hits of some rays, (N, 3) origins and directions, at triangles, (F, 3, 3) float64.
+
+    prim_ids: (N,) int64, -1: there is none. t, errors: (N,) float64, of the hits, and how far they are off at most.
+    decided: how many rays whole numbers decided.
+    """
+
+    def __init__(self, tree, corners, origins, directions):
+        self.corners, self.origins, self.directions = corners, origins, directions
+        self._shifts = shift_of(corners, origins), shift_of(directions)
+        count = len(origins)
+        states, counts = np.empty(count, np.int8), np.empty(count, np.int64)
+        rivals = np.empty((count, reference.MOST), np.int64)
+        self.t, self.errors = np.full(count, np.inf), np.zeros(count)
+        reference.nearest(corners, *tree, origins, directions, states, rivals, counts, self.t, self.errors)
+        self.prim_ids = np.where(states == reference.SURE, rivals[:, 0], -1)
+        left = np.flatnonzero(states > reference.SURE)
+        self.decided = len(left)
+        for ray in left:
+            some = np.sort(rivals[ray, : counts[ray]])
+            if states[ray] == reference.TOO_MANY:
+                some = np.arange(len(corners))
+            found = self.exact(ray).nearest(some.tolist())
+            self.prim_ids[ray] = -1 if found is None else found[1]
+            self.t[ray] = np.inf if found is None else float(found[0])
+            self.errors[ray] = 0.0 if found is None else 2 * reference.U * self.t[ray]
+        self.t[self.prim_ids < 0] = np.inf
+
+    def exact(self, ray):
+        return ExactRay(self.corners, self.origins[ray], self.directions[ray], self._shifts)
+
+    def faults(self, prim_ids, t, occluded, is_strict):
+        """(wrong, lost, false, t off) of what a library says of the rays."""
+        expected = self.prim_ids
+        other = np.flatnonzero((prim_ids >= 0) & (prim_ids != expected))
+        is_right = prim_ids == expected
+        if not is_strict:
+            for ray in other[self._is_close(other, prim_ids)]:
+                exact = self.exact(ray)
+                found = exact.touches(int(prim_ids[ray]))
+                crossed = expected[ray] >= 0
+                nearest = exact.crosses(int(expected[ray])) if crossed else found
+                is_right[ray] = found is not None and (found <= nearest)
+        named, hit = prim_ids >= 0, expected >= 0
+        wrong = int((hit & named & ~is_right).sum())
+        lost = int((hit & (~named | ~occluded)).sum())
+        false = int((~hit & ((named & ~is_right) | (occluded & ~named))).sum())
+        return wrong, lost, false, self._off(np.flatnonzero(hit & is_right), t)
+
+    def _is_close(self, rays, prim_ids):
+        """Whether the triangles named may be as near as the nearest hits, so that whole numbers have to tell."""
+        a, b, c = np.moveaxis(self.corners[prim_ids[rays]], 1, 0)
+        normal = np.cross(b - a, c - a)
+        with np.errstate(all="ignore"):
+            ahead = np.einsum("ij,ij->i", normal, a - self.origins[rays])
+            t = ahead / np.einsum("ij,ij->i", normal, self.directions[rays])
+            return ~(np.abs(t - self.t[rays]) > 1e-4 * np.abs(self.t[rays])) | (self.prim_ids[rays] < 0)
+
+    def _off(self, rays, t):
+        """How many of the rays' t differ from the exact ones by more than a unit of float32."""
+        given, nearest, errors = t[rays].astype(np.float64), self.t[rays], self.errors[rays]
+        with np.errstate(over="ignore"):
+            unit = np.spacing(np.maximum(np.abs(given), nearest).astype(np.float32)).astype(np.float64)
+        off, slack = np.abs(given - nearest), errors + 4 * reference.U * nearest
+        count = int((off > unit + slack).sum())
+        for place in np.flatnonzero((off > unit - slack) & ~(off > unit + slack)):
+            ray = rays[place]
+            exact = self.exact(ray).crosses(int(self.prim_ids[ray]))
+            count += abs(exact - type(exact)(given[place])) > type(exact)(unit[place])
+        return count
 
 
-def judged(mesh, origins, directions, scene):
-    """(hits, wrong triangles, lost, false, t off by more than a unit, decided by fractions)."""
-    rays = atra.Rays(origins.astype(np.float32), directions.astype(np.float32))
-    count = len(rays)
+def _check(*arrays):
+    for array in arrays:
+        sizes = np.abs(array[array != 0])
+        if sizes.size and not (sizes.min() > _SMALL and sizes.max() < _LARGE):
+            raise ValueError(f"numbers from {sizes.min()} to {sizes.max()}: the proof holds from {_SMALL} to {_LARGE}")
+
+
+def tree_over(corners):
+    """The arguments of `near_reference.nearest` that hold a tree over (F, 3, 3) float64 corners."""
+    size = len(corners)
+    boxes, kinds = np.empty((2, 2 * size, 3)), np.empty((2, 2 * size), np.int64)
+    tree = np.arange(size), boxes[0], boxes[1], kinds[0], kinds[1]
+    reference.build(corners, *tree)
+    return tree
+
+
+def rows_of(name, is_far, count):
+    """The table's rows of a mesh, `count` rays of each kind."""
+    mesh, vertices = mesh_of(name, is_far)
     corners = mesh.triangles(np.arange(mesh.triangle_count)).astype(np.float64)
-    prim_ids, counts = np.empty((count, MOST), np.int64), np.empty(count, np.int64)
-    t_of, errors = np.empty(count), np.empty(count)
-    given = rays.origins.astype(np.float64), rays.directions.astype(np.float64)
-    rivals(corners, *given, prim_ids, counts, t_of, errors)
-    found, occluded = scene.intersect(rays), scene.occluded(rays)
-    wrong = lost = false = off = fractions = 0
-    for ray in range(count):
-        told, t = int(found.prim_id[ray]), float(found.t[ray])
-        unit = float(np.spacing(found.t[ray])) if np.isfinite(t) else 0.0
-        if counts[ray] == 0:
-            expected = None
-        elif counts[ray] == 1 and errors[ray] < 0.1 * unit:
-            expected = t_of[ray], prim_ids[ray, 0]
-        else:
-            fractions += 1
-            some = np.sort(prim_ids[ray, : counts[ray]]) if counts[ray] > 0 else np.arange(mesh.triangle_count)
-            part = atra.Mesh(mesh.vertices, mesh.faces[some])
-            expected = by_fractions(part, rays.origins[ray], rays.directions[ray])
-            expected = None if expected is None else (expected[0], some[expected[1]])
-        lost += (expected is not None) and (told == atra.MISS or not occluded[ray])
-        false += expected is None and (told != atra.MISS or bool(occluded[ray]))
-        if expected is not None and told != atra.MISS:
-            wrong += told != expected[1]
-            off += abs(float(expected[0] - type(expected[0])(t))) > 1.01 * unit
-    return int(found.hit.sum()), wrong, lost, false, off, fractions
+    if not np.array_equal(corners, vertices[mesh.faces].astype(np.float64)):
+        raise ValueError(f"{name}: the mesh does not hold the vertices given")
+    tree = tree_over(corners)
+    answers = {library: make(mesh, vertices) for library, make in LIBRARIES.items()}
+    random, rows = np.random.default_rng(1), []
+    for kind in KINDS:
+        rays = rays_of(kind, corners, count, np.float64 if is_far else np.float32, random)
+        _check(corners, *rays)
+        truth = Truth(tree, corners, *(array.astype(np.float64) for array in rays))
+        start = name, len(corners), "UTM" if is_far else "origin", kind, count, int((truth.prim_ids >= 0).sum())
+        for library, answer in answers.items():
+            faults = truth.faults(*answer(*rays), is_strict=library == "exact")
+            rows.append((library, *start, *faults, truth.decided))
+    return rows
 
 
-def meshes():
-    """(name, mesh) of all."""
-    random = np.random.default_rng(3)
-    yield "sphere", sphere(4)
-    yield "needles", beams(2)
-    yield "triangles", random_triangles(3000, 1)
-    x, y = np.meshgrid(np.arange(60.0), np.arange(60.0), indexing="ij")
-    corner = (np.arange(59)[:, None] * 60 + np.arange(59)).reshape(-1)
-    faces = np.concatenate(
-        [np.stack([corner, corner + 60, corner + 1], 1), np.stack([corner + 1, corner + 60, corner + 61], 1)]
-    )
-    yield "terrain", atra.Mesh(np.stack([x, y, 3 * random.normal(size=x.shape)], -1).reshape(-1, 3), faces)
-    if os.environ.get("ATRA_SCENES"):
-        for name in SCENES:
-            yield name, load_scene_from_directory(name).mesh
-
-
-def main(scale=1.0):
-    print("mesh,triangles,kind,rays,hits,wrong,lost,false,t off,by fractions")
-    for name, mesh in meshes():
-        random = np.random.default_rng(1)
-        count = int(scale * TESTS / mesh.triangle_count / 48) + 1
-        with atra.RayScene(mesh) as scene:
-            for kind, origins, directions in kinds_of(mesh, min(count, int(scale * 4e5) + 1), random):
-                found = judged(mesh, origins, directions, scene)
-                print(name, mesh.triangle_count, kind, len(origins), *found, sep=",", flush=True)
+def main(scale=1.0, path=None):
+    names = mesh_names()
+    count = max(int(float(scale) * RAYS / len(names) / len(KINDS)), 1)
+    print(",".join(COLUMNS))
+    rows = []
+    with ProcessPoolExecutor(2, get_context("spawn")) as pool:
+        for found in pool.map(rows_of, *zip(*names, strict=True), [count] * len(names)):
+            rows += found
+            for row in found:
+                print(*row, sep=",", flush=True)
+    for library in LIBRARIES:
+        total = np.array([row[6:11] for row in rows if row[0] == library]).sum(axis=0)
+        rays = sum(row[5] for row in rows if row[0] == library)
+        print(f"{library}: of {rays:,} rays {total[0]:,} hit; wrong, lost, false, t off:", *total[1:])
+    if path:
+        with open(path, "w", encoding="utf-8") as file:
+            file.writelines(",".join(map(str, row)) + "\n" for row in (COLUMNS, *rows))
 
 
 if __name__ == "__main__":
-    main(*map(float, sys.argv[1:]))
+    main(*sys.argv[1:])

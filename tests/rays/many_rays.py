@@ -143,6 +143,24 @@ def sides_of(p, o, d):
     return signs
 
 
+def hits_by_fractions(mesh, origin, direction, tnear=0.0, tfar=np.inf):
+    """(t, prim_id) of all hits of a ray, the nearest first, of equally near ones the lowest prim_id."""
+    o, d = ([Fraction(float(x)) for x in one] for one in (origin, direction))
+    found = []
+    for prim_id in range(mesh.triangle_count):
+        corners = mesh.triangles(np.array([prim_id]))[0]
+        p = [[Fraction(float(x)) for x in corner] for corner in corners]
+        e, f = ([one[k] - p[0][k] for k in range(3)] for one in p[1:])
+        normal = [e[k - 2] * f[k - 1] - e[k - 1] * f[k - 2] for k in range(3)]
+        facing = sum(n * x for n, x in zip(normal, d, strict=True))
+        if facing == 0 or sides_of(p, o, d) not in ([1] * 3, [-1] * 3):
+            continue
+        t = sum(n * (a - x) for n, a, x in zip(normal, p[0], o, strict=True)) / facing
+        if t >= Fraction(float(tnear)) and (tfar == np.inf or t < Fraction(float(tfar))):
+            found.append((t, prim_id))
+    return sorted(found)
+
+
 def crosses(corners, origin, direction):
     """Whether a ray crosses a triangle, in fractions, moved by (e, e^2) where it passes through an edge."""
     o, d, *p = ([Fraction(float(x)) for x in one] for one in (origin, direction, *corners))

@@ -11,7 +11,7 @@ from scenes.directory import load_scene_from_directory
 from tests.closed_meshes import box, sphere
 from tests.machine import WIDTHS
 from tests.meshes import beams, random_triangles
-from tests.rays.many_rays import sides_of
+from tests.rays.many_rays import hits_by_fractions
 
 each_width = pytest.mark.parametrize("width", WIDTHS)
 
@@ -47,32 +47,14 @@ def wrong(scene, rays):
     return int((~is_right).sum()), int((scene.occluded(rays) != hit).sum())
 
 
-def by_fractions(mesh, origin, direction, tnear=0.0, tfar=np.inf):
-    """(t, prim_id) of a ray's nearest hit, of equally near ones that of the lowest prim_id; None: there is none."""
-    o, d = ([Fraction(float(x)) for x in one] for one in (origin, direction))
-    best = None
-    for prim_id in range(mesh.triangle_count):
-        corners = mesh.triangles(np.array([prim_id]))[0]
-        p = [[Fraction(float(x)) for x in corner] for corner in corners]
-        e, f = ([one[k] - p[0][k] for k in range(3)] for one in p[1:])
-        normal = [e[k - 2] * f[k - 1] - e[k - 1] * f[k - 2] for k in range(3)]
-        facing = sum(n * x for n, x in zip(normal, d, strict=True))
-        if facing == 0 or sides_of(p, o, d) not in ([1] * 3, [-1] * 3):
-            continue
-        t = sum(n * (a - x) for n, a, x in zip(normal, p[0], o, strict=True)) / facing
-        inside = t >= Fraction(float(tnear)) and (tfar == np.inf or t < Fraction(float(tfar)))
-        if inside and (best is None or t < best[0]):
-            best = t, prim_id
-    return best
-
-
 def assert_as_fractions_say(mesh, rays, **options):
     with atra.RayScene(mesh, threads=1, **options) as scene:
         for coherent in (False, True):
             found, occluded = scene.intersect(rays, coherent=coherent), scene.occluded(rays, coherent=coherent)
             for ray in range(len(rays)):
                 ends = rays.tnear[ray], rays.tfar[ray]
-                expected = by_fractions(mesh, rays.origins[ray], rays.directions[ray], *ends)
+                every = hits_by_fractions(mesh, rays.origins[ray], rays.directions[ray], *ends)
+                expected = every[0] if every else None
                 assert occluded[ray] == (expected is not None), ray
                 if expected is None:
                     assert (found.t[ray], found.prim_id[ray]) == (np.inf, atra.MISS)

@@ -51,6 +51,51 @@ def test_transforms_may_have_a_last_row_and_one_mesh_needs_no_list():
         atra.RayScene(mesh, transforms=move)
 
 
+def test_a_transform_that_mirrors_turns_the_winding_and_keeps_ids_and_weights():
+    ball = sphere(2)
+    mirrors = np.diag([-2.0, 1.0, 1.0, 1.0]), np.eye(4)[[1, 0, 2, 3]], np.diag([-1.0, -1.0, -1.0, 1.0])
+    rays = (0.1, 0.2, 5.0), (0.03, -0.02, -1.0)
+    for mirror in mirrors:
+        turned = np.linalg.inv(mirror)[:3, :3]
+        with atra.RayScene(ball, threads=1) as plain, atra.RayScene(ball, transforms=mirror, threads=1) as scene:
+            expected, found = plain.intersect(*(turned @ one for one in rays)), scene.intersect(*rays)
+            assert found.prim_id == expected.prim_id
+            np.testing.assert_allclose((found.u, found.v), (expected.u, expected.v), atol=1e-5)
+            assert (found.normals * found.points).sum() > 0.5  # outwards
+            np.testing.assert_allclose(found.points, mirror[:3, :3] @ expected.points, atol=1e-6)
+            lists, own = scene.all_hits(*rays), plain.all_hits(*(turned @ one for one in rays))
+            assert lists.prim_id.tolist() == own.prim_id.tolist()
+            np.testing.assert_allclose((lists.u, lists.v), (own.u, own.v), atol=1e-5)
+            assert lists.leaving.tolist() == [False, True]
+            assert scene.gather(atra.Thickness(), *rays) == pytest.approx(lists.t[1] - lists.t[0], rel=1e-5)
+            for method in ("parity", "winding"):
+                assert scene.contains([(0.1, 0.2, 0.3), (0.1, 0.2, 3.0)], method=method).tolist() == [True, False]
+
+
+def test_mirrored_copies_beside_others_are_as_solid_in_each_precision_and_after_an_update():
+    cube = box((-1, -1, -1), (1, 1, 1))
+    moved, mirrored = np.eye(4), np.diag([1.0, 1.0, -1.0, 1.0])
+    moved[0, 3] = 5.0
+    across = (-3.0, 0.1, 0.2), (1.0, 0.0, 0.0)
+    for precision in ("exact", "watertight", "fast"):
+        with atra.RayScene([cube, cube], transforms=[mirrored, moved], threads=1, precision=precision) as scene:
+            for _ in range(2):
+                assert scene.gather(atra.Thickness(), *across) == pytest.approx(4.0)
+                assert scene.contains([(0, 0, 0), (5, 0, 0), (3, 0, 0)], method="winding").tolist() == [
+                    True,
+                    True,
+                    False,
+                ]
+                hits = scene.intersect([(0.1, 0.2, 5.0), (5.1, 0.2, 5.0)], (0.0, 0.0, -1.0))
+                assert hits.geometry_id.tolist() == [0, 1]
+                assert hits.normals.tolist() == [[0, 0, 1], [0, 0, 1]]
+                assert (hits.prim_id < cube.triangle_count).all()
+                scene.update([cube, cube], [moved @ mirrored @ np.linalg.inv(moved), moved @ np.diag([-1, 1, 1, 1])])
+                scene.update([cube, cube], [np.eye(4), moved @ mirrored])
+            with pytest.raises(atra.InputError, match="expected other vertices of the same faces"):
+                scene.update([cube, sphere(1)])
+
+
 def test_an_update_keeps_the_transforms_unless_it_is_given_others():
     mesh, moves = box((-1, -1, -1), (1, 1, 1)), np.eye(3, 4)[None].copy()
     moves[0, 0, 3] = 10.0

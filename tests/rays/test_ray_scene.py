@@ -13,12 +13,12 @@ import atra.rays.scene
 from atra.compiled.instruction_sets import chosen_instruction_set, cpu_features
 from atra.compiled.threads import WorkerPool
 from atra.embree.layout import FLAG_COHERENT
-from atra.exact.brute_force_kernels import nearest_triangles
 from atra.exact.intersection import intersect_rays
 from atra.rays.order import RayOrder, box_of
 from atra.rays.order_kernels import CELLS, SORTED_CHUNK
 from atra.rays.plan import FEWEST_RAYS, plan_of
 from atra.rays.rays_kernels import CHUNK, closest_hit_kernel
+from experiments.workloads.agreement.brute_force_kernels import nearest_triangles
 from tests.images import assert_no_pixel_wrong, assert_same_bits, trace
 from tests.machine import WIDEST, WIDTHS
 from tests.meshes import EYE_AT_ORIGIN, boards, cornell_box, cornell_camera, quads, random_triangles
@@ -327,7 +327,7 @@ def test_barycentric_weights_lead_to_the_hit():
 def test_robust_loses_no_ray_far_from_the_origin_where_others_do(width):
     place = np.array([1, -0.7, 0.3]) * 1e4
     box = closed_box(12)
-    box = atra.Mesh(box.vertices + place, box.faces)
+    box = atra.Mesh((box.vertices + place).astype(np.float32), box.faces)
     random = np.random.default_rng(0)
     rays = atra.Rays(place + random.uniform(-0.9, 0.9, (20_000, 3)), random.normal(size=(20_000, 3)))
     lost = int((~traced(box, rays, width, precision="fast").hit).sum())

@@ -5,12 +5,12 @@ import pytest
 import trimesh
 
 from atra.geometry.camera import Camera
-from atra.judge.reference import brute_force
 from atra.packets.pixel import PixelTracer
 from scenes import shapes
 from scenes.built_in import BUILT_IN
 from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box, cornell_box_boxes, cornell_box_walls
 from scenes.manifest import read_manifest
+from tests.judge.reference import brute_force
 
 STAND_INS = [name for name, made in BUILT_IN.items() if made.stands_for]
 MADE = ["cornell_box", *STAND_INS]

@@ -12,7 +12,7 @@ import pytest
 from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
-from atra.model.constants import constants_path
+from experiments.law.model.constants import constants_path
 from scenes.built_in import BUILT_IN, make_scene, stand_in_for
 from scenes.cornell_box import cornell_box
 from scenes.directory import default_cache, default_camera_fields, find_scene_folder, load_scene_from_directory

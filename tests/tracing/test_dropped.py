@@ -13,11 +13,8 @@ import pytest
 
 import atra
 from atra import light
-from atra.bvh.scene import BvhScene
-from atra.bvh.tracer import BvhTracer
 from atra.embree.device import EmbreeDevice
 from atra.light import Baker, BakeScene, ProgressiveBake
-from atra.shafts.eye import EyeTracer
 from tests.images import make_tracer
 from tests.meshes import cornell_box, cornell_camera
 from tests.tracing.test_lifetimes import Injected
@@ -52,12 +49,6 @@ def shot(scene):
     return scene
 
 
-def prepared(scene):
-    scene.build()
-    scene.intersect(scene.prepare(atra.Rays(*RAYS)))
-    return scene
-
-
 def added(one):
     one.build()
     one.add()
@@ -86,18 +77,15 @@ def baked():
 MAKE = {
     **{
         kind: lambda kind=kind: traced(make_tracer(kind, MESH, CAMERA, (16, 1), threads=2))
-        for kind in ("pixels", "aligned", "instanced", "visible_first", "tiles")
+        for kind in ("pixels", "aligned", "instanced", "visible_first")
     },
     "frames": lambda: traced(atra.FramesTracer(MESH, FRAMES, threads=2)),
     "raster": lambda: traced(atra.RasterTracer(MESH, CAMERA, threads=2)),
-    "bvh": lambda: traced(BvhTracer(MESH, CAMERA, threads=2)),
-    "tile shafts": lambda: traced(EyeTracer(MESH, CAMERA, threads=2)),
     "pixels gathered": lambda: gathered(atra.PixelTracer(MESH, CAMERA, threads=2)),
     "aligned gathered": lambda: gathered(atra.AlignedTracer(MESH, CAMERA, (16, 1), threads=2)),
     "raster gathered": lambda: gathered(atra.RasterTracer(MESH, CAMERA, threads=2)),
     "one that looked elsewhere": lambda: looked(atra.AlignedTracer(MESH, CAMERA, (16, 1), threads=2)),
     "ray scene": lambda: shot(atra.RayScene(MESH, threads=2)),
-    "bvh scene": lambda: prepared(BvhScene(MESH, threads=2)),
     "hybrid renderer": lambda: added(light.HybridRenderer(SCENE, CAMERA, threads=2)),
     "path renderer": lambda: added(light.PathRenderer(SCENE, CAMERA, threads=2)),
     "baker": lambda: added(Baker(BakeScene(MESH), size=16, threads=2)),
@@ -151,7 +139,7 @@ def test_dropping_the_last_reference_frees_threads_and_memory(kind, no_collector
 
 
 @pytest.mark.parametrize("step", ["_plan_geometry", "_build_scene", "_run"])
-@pytest.mark.parametrize("kind", ["pixels", "aligned", "visible_first", "tiles"])
+@pytest.mark.parametrize("kind", ["pixels", "aligned", "visible_first"])
 def test_after_a_failure_too(kind, step, no_collector, held, monkeypatch):
     before = set(threading.enumerate())
     one = make_tracer(kind, MESH, CAMERA, (16, 1), threads=2)

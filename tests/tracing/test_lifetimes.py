@@ -24,7 +24,7 @@ CYCLES = 1000 if NIGHTLY else 100
 pytestmark = pytest.mark.usefixtures("old_objects_set_aside")
 
 MESH, CAMERA = cornell_box(), cornell_camera(64, 48)
-TRACERS = ("pixels", "aligned", "instanced", "visible_first", "tiles")
+TRACERS = ("pixels", "aligned", "instanced", "visible_first")
 every_tracer = pytest.mark.parametrize("name", TRACERS)
 
 
@@ -81,8 +81,8 @@ def test_what_embree_reads_lives_as_long_as_the_scene():
     # The tracer forgets its plan; the scene must not.
     with tracer("aligned") as one:
         expected = one.trace().prim_id
-        vertices, records = (weakref.ref(array) for array in (one._geometry.vertices, one._geometry.records))
-        one._geometry = None
+        vertices, records = (weakref.ref(array) for array in (one.geometry.vertices, one.geometry.records))
+        one.geometry = None
         gc.collect()
         assert vertices() is not None
         assert records() is not None

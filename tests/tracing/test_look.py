@@ -21,16 +21,14 @@ PATH = {
     "back where it was": CAMERA,
 }
 FLAT = atra.OrthographicCamera(CAMERA.eye, CAMERA.target, view_height=2.0, width=64, height=32)
-KINDS = ("pixels", "aligned", "instanced", "visible_first", "tiles", "raster", "bvh")
-PARALLEL = ("pixels", "aligned", "instanced", "raster", "bvh")
+KINDS = ("pixels", "aligned", "instanced", "visible_first", "raster")
+PARALLEL = ("pixels", "aligned", "instanced", "raster")
 every_kind = pytest.mark.parametrize("kind", KINDS)
 
 
 def tracer(kind, camera=CAMERA, mesh=MESH, **options):
     if kind == "raster":
         return atra.RasterTracer(mesh, camera, **{"threads": 1, **options})
-    if kind == "bvh":
-        return atra.BvhTracer(mesh, camera, **{"threads": 1, **options})
     return make_tracer(kind, mesh, camera, (16, 1), **options)
 
 
@@ -84,10 +82,8 @@ def test_a_camera_given_before_anything_is_built_is_the_one_that_is_built_for(ki
 
 
 @pytest.mark.parametrize(("kind", "camera", "message"), [
-    ("tiles", FLAT, "TiledTracer needs rays through one point"),
     ("visible_first", FLAT, "VisibleFirstTracer needs rays through one point"),
     ("aligned", replace(CAMERA, width=65), r"split \(16, 1\) does not divide image 65 x 48"),
-    ("tiles", replace(CAMERA, width=65), "does not divide image 65 x 48"),
     ("visible_first", replace(CAMERA, width=65), "does not divide image 65 x 48"),
     ("pixels", replace(CAMERA, eye=(1e12, 0, 0)), "reaches 1e[+]12 from the eye"),
     ("raster", replace(CAMERA, eye=(1e12, 0, 0)), "reaches 1e[+]12 from the eye"),

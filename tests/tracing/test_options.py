@@ -20,7 +20,6 @@ TRACERS = {
     "aligned": partial(atra.AlignedTracer, MESH, CAMERA, SPLIT),
     "frames": partial(atra.FramesTracer, MESH, atra.Alignment.of_frames([CAMERA] * 2, atra.Split(*SPLIT, 16, 16))),
     "visible_first": partial(atra.VisibleFirstTracer, MESH, CAMERA, SPLIT),
-    "tiles": partial(atra.TiledTracer, MESH, CAMERA, SPLIT),
 }
 every_tracer = pytest.mark.parametrize("make", TRACERS.values(), ids=TRACERS)
 
@@ -45,7 +44,7 @@ def test_an_unknown_option_is_refused_with_those_there_are(make):
 
 def test_what_a_tracer_has_not_it_does_not_take():
     for make, option in (
-        ("pixel", "memory_budget_bytes"), ("tiles", "packet_rows"), ("visible_first", "culling"),
+        ("pixel", "memory_budget_bytes"), ("visible_first", "culling"),
         ("frames", "reference"),
     ):  # fmt: skip
         with pytest.raises(TypeError, match=f"no option '{option}'"):
@@ -73,12 +72,11 @@ METHODS = methods_with_keywords()
 
 def test_every_tracer_renderer_and_baker_takes_keywords_that_are_known():
     kinds = {
-        "AlignedTracer", "Baker", "BvhScene", "BvhTracer", "ClassifiedTracer", "EyeTracer", "FramesTracer",
-        "HybridRenderer", "PathRenderer", "PixelTracer", "RasterTracer", "RayScene", "ShaftScene", "TileRays",
-        "TiledTracer", "VisibleFirstTracer",
+        "AlignedTracer", "Baker", "FramesTracer", "HybridRenderer", "PathRenderer", "PixelTracer", "RasterTracer",
+        "RayScene", "VisibleFirstTracer",
     }  # fmt: skip
     updates = {"HybridRenderer.update", "PathRenderer.update", "Renderer.update"}
-    assert set(METHODS) == {f"{kind}.__init__" for kind in kinds} | updates | {"Tiles.towards"}
+    assert set(METHODS) == {f"{kind}.__init__" for kind in kinds} | updates
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -115,8 +113,6 @@ def test_help_shows_options_with_their_defaults():
     (atra.PixelOptions, {"compact": None}, "compact is None, expected True or False"),
     *((atra.RasterOptions, {"lanes": lanes}, f"lanes is {lanes!r}, expected one of 4, 8, 16, or None$")
       for lanes in (3, 8.0, "8", True)),
-    (atra.BvhOptions, {"packet_width": None}, "packet_width is None, expected one of 1, 4, 8, 16$"),
-    (atra.BvhOptions, {"traversal": "jump"}, "traversal is 'jump', expected one of push, pop"),
     (atra.AlignedOptions, {"reference": "last_cell"}, "reference is 'last_cell', expected one of off_axis, first_cell"),
     (atra.AlignedOptions, {"geometry": "shared"}, "geometry is 'shared', expected one of copied, instanced"),
     (atra.AlignedOptions, {"geometry": "instanced"}, "culling is on, .*set culling=False"),

@@ -16,8 +16,8 @@ from atra.alignment.culling import plan_aligned_geometry
 from atra.compiled.threads import WorkerPool
 from atra.exact.intersection import intersect_pixels
 from atra.judge.compare import Verdict
-from atra.judge.reference import brute_force
 from tests import images
+from tests.judge.reference import brute_force
 from tests.machine import WIDTHS
 from tests.strategies import EXAMPLES, NIGHTLY, parallel_views, views
 
@@ -74,13 +74,6 @@ def test_a_triangle_beside_the_eye_is_no_hit_in_a_cell_that_does_not_see_it():
 @given(views() | parallel_views())
 def test_triangles_drawn_give_the_float64_image(view):
     with atra.RasterTracer(view.mesh, view.camera, threads=1) as tracer:
-        assert_agree(view, tracer.trace(view.offset), brute_force(view.mesh, view.camera, view.offset))
-
-
-@EXAMPLES
-@given(views() | parallel_views(), st.sampled_from([1, 8]))
-def test_our_own_bvh_gives_the_float64_image(view, packet_width):
-    with atra.BvhTracer(view.mesh, view.camera, threads=1, packet_width=packet_width) as tracer:
         assert_agree(view, tracer.trace(view.offset), brute_force(view.mesh, view.camera, view.offset))
 
 

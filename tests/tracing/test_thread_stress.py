@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 import atra
-from atra.bvh.scene import BvhScene
-from atra.shafts.scene import ShaftScene
 from tests.images import assert_same_bits
 from tests.tracing.stress import Expected, any_of, pose, rebuild, stress
-from tests.tracing.test_threads import CAMERA, CAMERAS, GATHERING, MAKE, MESH, SHAFTS, SMALL
+from tests.tracing.test_threads import CAMERA, CAMERAS, GATHERING, MAKE, MESH, SMALL
 from tests.tracing.watertight_scenes import ball
 
 OFFSETS = ((0.5, 0.5), (0.25, 0.75))
@@ -113,28 +111,3 @@ def test_hits_of_a_ray_scene_that_threads_ask_and_close_are_those_of_one_thread(
 
     calls = {"closest": closest, "occluded": occluded, "build": rebuild, "update": pose, "bytes": held}
     stress(lambda: atra.RayScene(mesh, threads=2), calls, ("closed", "out.t is"))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("make", [BvhScene, partial(ShaftScene, **SHAFTS)], ids=["own BVH", "shafts"])
-def test_hits_of_a_scene_of_our_own_that_threads_ask_and_close_are_those_of_one_thread(make):
-    mesh = ball(2)
-
-    def find(number):
-        with make(mesh, threads=1) as one:
-            return one.intersect(one.prepare(BATCHES[number]))
-
-    expected = Expected(find)
-
-    def closest(one, random):
-        number = int(random.integers(3))
-        hits = one.intersect(one.prepare(BATCHES[number]))
-        np.testing.assert_array_equal(hits.prim_id, expected(number).prim_id)
-        np.testing.assert_array_equal(hits.t, expected(number).t)
-
-    def occluded(one, random):
-        number = int(random.integers(3))
-        np.testing.assert_array_equal(one.occluded(one.prepare(BATCHES[number])), expected(number).hit)
-
-    calls = {"closest": closest, "occluded": occluded, **COMMON}
-    stress(lambda: make(mesh, threads=2), calls, ("closed", "after close"))

@@ -8,10 +8,7 @@ import pytest
 
 import atra
 from atra import light
-from atra.bvh.tracer import BvhTracer
 from atra.light import Baker, BakeScene
-from atra.shafts.eye import EyeTracer
-from atra.shafts.tracer import ClassifiedTracer
 from tests.images import assert_same_bits, make_tracer
 from tests.meshes import cornell_box, cornell_camera
 
@@ -20,17 +17,12 @@ SMALL = replace(CAMERA, width=32, height=16, eye=tuple(np.add(CAMERA.eye, (0.1, 
 LARGE = replace(CAMERA, width=96, height=80, target=tuple(np.add(CAMERA.target, (0.2, 0.1, 0.0)).tolist()))
 CAMERAS = (CAMERA, SMALL, LARGE)
 
-SHAFTS = {"cells": 8, "directions": 2, "rays": 4}
-
 MAKE = {
     **{
         kind: lambda camera, kind=kind, **options: make_tracer(kind, MESH, camera, (16, 1), **options)
-        for kind in ("pixels", "aligned", "instanced", "visible_first", "tiles")
+        for kind in ("pixels", "aligned", "instanced", "visible_first")
     },
     "raster": lambda camera, **options: atra.RasterTracer(MESH, camera, **{"threads": 1, **options}),
-    "bvh": lambda camera, **options: BvhTracer(MESH, camera, **{"threads": 1, **options}),
-    "tile shafts": lambda camera, **options: EyeTracer(MESH, camera, **{"threads": 1, **options}),
-    "classified": lambda camera, **options: ClassifiedTracer(MESH, camera, **{"threads": 1, **SHAFTS, **options}),
 }
 GATHERING = ("pixels", "aligned", "instanced", "raster")
 every_kind = pytest.mark.parametrize("kind", MAKE)
@@ -128,14 +120,6 @@ def test_a_call_that_another_thread_closes_before_ends_in_a_clear_error(kind, ca
         with pytest.raises(atra.ClosedError, match="closed"):
             getattr(one, call)(*calls[call])
         assert one.embree_bytes == 0
-
-
-def test_arrays_of_another_size_are_not_written_to_when_steps_are_counted():
-    with MAKE["bvh"](CAMERA) as one:
-        image = one.trace()
-        one.look(LARGE)
-        with pytest.raises(atra.InputError, match="out has an image"):
-            one.count(image)
 
 
 LAMPS = tuple(light.Sun((x, -1, -0.2)) for x in (0.1, 0.4))

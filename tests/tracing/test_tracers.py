@@ -10,7 +10,6 @@ import pytest
 
 import atra
 from atra.alignment.reference_rays import choose_packet_shape
-from atra.judge.reference import brute_force
 from tests.images import (
     CELLS,
     METHODS,
@@ -21,6 +20,7 @@ from tests.images import (
     trace,
     trace_pixels,
 )
+from tests.judge.reference import brute_force
 from tests.machine import WIDEST, WIDTHS
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 from tests.strategies import divisors
@@ -41,7 +41,7 @@ each_method_of_cells = pytest.mark.parametrize("method", CELLS)
 each_width = pytest.mark.parametrize(  # compiled for each
     "width", [pytest.param(one, marks=() if one in (WIDTHS[0], WIDTHS[-1]) else pytest.mark.slow) for one in WIDTHS]
 )
-each_kind = pytest.mark.parametrize("method", ["pixels", "aligned", "visible_first", "tiles", "frames"])
+each_kind = pytest.mark.parametrize("method", ["pixels", "aligned", "visible_first", "frames"])
 
 
 def make_any(method, mesh, camera, **options):
@@ -167,17 +167,6 @@ def test_an_empty_view_is_all_misses(method):
     assert np.isnan(hits.u).all()
 
 
-def test_cells_without_triangles_are_misses():
-    triangle = atra.Mesh([[0.5, 0.5, 5], [1.5, 0.5, 5], [0.5, 1.5, 5]], [[0, 1, 2]])
-    camera = atra.Camera(**EYE_AT_ORIGIN, width=32, height=32)
-    with make_tracer("tiles", triangle, camera, (8, 8)) as tracer:
-        hits = tracer.trace()
-        assert (tracer._scene.handles == 0).sum() > 32
-    assert_equal_images(triangle, camera, hits, brute_force(triangle, camera))
-    assert hits.hit.any()
-    assert not hits.hit[16:].any()
-
-
 @each_method
 def test_plan_and_build_are_timed_and_what_embree_holds_is_counted(method):
     mesh, camera = cornell_box(), cornell_camera(64, 64)
@@ -273,7 +262,6 @@ def test_a_plan_over_its_memory_budget_is_refused():
         ("unculled", (64, 64), 1 << 20, "GiB"),
         ("aligned", (64, 64), 1 << 16, "GiB"),
         ("visible_first", (64, 1), 1 << 12, "GiB"),
-        ("tiles", (64, 64), 1 << 12, "GiB"),
         ("unculled", (4, 2), 1 << 18, "triangle copies"),
         ("instanced", (4, 2), 1 << 16, "1,112 triangles and 8 instances of them need about"),
         ("instanced", (32, 16), 1 << 18, "512 instances of them need about"),
@@ -314,10 +302,9 @@ def test_culling_keeps_no_copy_that_parallel_rays_of_its_cell_cannot_meet():
         assert tracer.triangle_count < 2 * mesh.triangle_count
 
 
-def test_methods_that_need_rays_through_one_point_refuse_parallel_ones():
-    for tracer in (atra.VisibleFirstTracer, atra.TiledTracer):
-        with pytest.raises(atra.InputError, match=f"{tracer.__name__} needs rays through one point.*use AlignedTracer"):
-            tracer(cornell_box(), FLAT, (4, 1))
+def test_a_method_that_needs_rays_through_one_point_refuses_parallel_ones():
+    with pytest.raises(atra.InputError, match=r"VisibleFirstTracer needs rays through one point.*use AlignedTracer"):
+        atra.VisibleFirstTracer(cornell_box(), FLAT, (4, 1))
 
 
 @each_method_of_cells

@@ -6,31 +6,20 @@ import numpy as np
 import pytest
 
 import atra
-from atra.bvh.scene import BvhScene
 from atra.judge.compare import Verdict, compare
-from atra.shafts.eye import EyeTracer
-from atra.shafts.scene import ShaftScene
-from atra.shafts.tracer import ClassifiedTracer
 from tests.images import draw
-from tests.machine import NATIVE_LANES
 from tests.tracing import watertight_scenes as scenes
-
-SHAFTS = {"cells": 8, "directions": 2, "rays": 4}
 
 IMAGES = {
     "packets": lambda mesh, view, **o: atra.PixelTracer(mesh, view, threads=1, **o),
     "single rays": lambda mesh, view, **o: atra.PixelTracer(mesh, view, packet_width=1, threads=1, **o),
     "aligned": lambda mesh, view, **o: atra.AlignedTracer(mesh, view, (view.width // 5, 1), threads=1, **o),
     "visible-first": lambda mesh, view, **o: atra.VisibleFirstTracer(mesh, view, (view.width // 5, 1), threads=1, **o),
-    "tiles": lambda mesh, view, **o: atra.TiledTracer(mesh, view, (5, 1), threads=1, **o),
-    "own BVH": lambda mesh, view, **o: atra.BvhTracer(mesh, view, threads=1, **o),
 }
 OTHERS = {
     "instanced": lambda mesh, view, **o: atra.AlignedTracer(
         mesh, view, (5, 1), culling=False, geometry="instanced", threads=1, **o
     ),
-    "classified": lambda mesh, view, **o: ClassifiedTracer(mesh, view, threads=1, **SHAFTS, **o),
-    "eye's shafts": lambda mesh, view, **o: EyeTracer(mesh, view, threads=1, rays=4, **o),
 }
 each_method = pytest.mark.parametrize("method", [*IMAGES, *OTHERS])
 
@@ -56,9 +45,7 @@ def test_no_camera_ray_leaves_a_closed_mesh(method):
     assert lost(method, FEW, one_view) == 0
 
 
-@pytest.mark.parametrize(
-    "method", [*IMAGES, *(pytest.param(one, marks=pytest.mark.slow if one == "classified" else ()) for one in OTHERS)]
-)
+@each_method
 def test_in_the_fast_setting_rays_do_leave_closed_meshes(method):
     assert lost(method, FEW, one_view, robust=False) > 0
 
@@ -69,13 +56,6 @@ def batches(mesh, count, seed=0):
     with atra.RayScene(mesh, threads=1) as scene:
         yield "closest", scene.intersect(rays).hit
         yield "occluded", scene.occluded(rays)
-    for kind, options in (
-        (BvhScene, {"packet_width": 1}),
-        (BvhScene, {"packet_width": NATIVE_LANES}),
-        (ShaftScene, SHAFTS),
-    ):
-        with kind(mesh, threads=1, **options) as scene:
-            yield kind.__name__, scene.intersect(scene.prepare(rays)).hit
 
 
 @pytest.mark.parametrize("mesh", [scenes.cube(2), scenes.ball(3)], ids=lambda mesh: mesh.name)
@@ -86,18 +66,6 @@ def test_no_ray_to_an_edge_leaves_a_closed_mesh(mesh):
     with atra.RayScene(mesh, threads=1, precision="fast") as scene:
         assert not scene.intersect(rays).hit.all()
         assert not scene.occluded(rays).all()
-    with BvhScene(mesh, threads=1, robust=False) as scene:
-        assert not scene.intersect(scene.prepare(rays)).hit.all()
-
-
-def test_rays_to_corners_of_a_fine_mesh_do_not_leave_it_through_our_own_bvh():
-    """Embree's robust test, watertight along edges, loses some of them: docs/trust.md."""
-    mesh = scenes.ball(5)
-    random = np.random.default_rng(3)
-    origins = random.uniform(-0.3, 0.3, (20_000, 3)).astype(np.float32)
-    rays = atra.Rays(origins, mesh.vertices[random.integers(0, len(mesh.vertices), len(origins))] - origins)
-    with BvhScene(mesh, threads=1) as scene:
-        assert scene.intersect(scene.prepare(rays)).hit.all()
 
 
 def test_no_ray_passes_between_triangles_that_copies_show_and_those_that_none_may_show():
@@ -121,7 +89,7 @@ def test_an_orthographic_camera_loses_no_ray():
     mesh = scenes.cube(3)
     view = atra.OrthographicCamera((0, 0, 0), (0, 0, -1), view_height=0.25, width=64, height=64)
     for offset in ((0.0, 0.0), (0.5, 0.5)):
-        for method in ("packets", "aligned", "own BVH"):
+        for method in ("packets", "aligned"):
             make = atra.AlignedTracer if method == "aligned" else None
             with make(mesh, view, (16, 1), threads=1) if make else IMAGES[method](mesh, view) as tracer:
                 assert tracer.trace(offset).hit.all(), method

@@ -42,7 +42,7 @@ def assert_as_expected(found, expected):
 
 
 @pytest.mark.parametrize(("method", "options"), [
-    ("pixel", {}), ("aligned", {"split": (4, 1)}), ("visible_first", {"split": (4, 1)}), ("tiles", {"split": (4, 1)}),
+    ("pixel", {}), ("aligned", {"split": (4, 1)}), ("visible_first", {"split": (4, 1)}),
 ])  # fmt: skip
 def test_every_method_gives_the_images_of_its_own_tracer(method, options):
     cameras = list(CAMERAS.values())[:2]
@@ -107,7 +107,7 @@ def test_processes_give_the_same_images_and_share_the_mesh_and_all_that_was_foun
         _ = mesh.bounds, mesh.traced_faces
         with shared_mesh.shared(mesh, ties.coplanar_overlaps(mesh), between_processes=True) as where:
             found = executor.submit(look_around, where).result()
-    kept = {"vertices", "faces", "bounds", "traced_faces"}
+    kept = {"vertices", "local_vertices", "origin", "faces", "bounds", "traced_faces"}
     assert found == ("mmap", kept, {"bounds"}, True, float(BOX.vertices.sum()))
 
 
@@ -207,7 +207,7 @@ def test_no_more_cameras_are_taken_than_may_be_in_flight_and_closing_ends_it():
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
-    ({"method": "magic"}, "method is 'magic', expected one of raster, pixel, aligned, visible_first, tiles"),
+    ({"method": "magic"}, "method is 'magic', expected one of raster, pixel, aligned, visible_first"),
     ({"cameras": CAMERAS["view 0.png"]}, "cameras is Camera.*expected several"),
     ({"cameras": 3}, "cameras is 3, expected several"),
     ({"in_flight": 0}, "in_flight is 0, expected a whole number of at least 1"),

@@ -10,14 +10,13 @@ import pytest
 from PIL import Image
 
 import atra
-from atra.judge.oracle import examine
-from atra.judge.reference import brute_force
 from atra.prim_ids import MISS
 from experiments.harness.records import Record, write_record
 from experiments.methods import METHODS, find_method
 from experiments.results.table import make_table
 from experiments.workloads import agreement, rounds
 from experiments.workloads.agreement import AgreementOptions
+from experiments.workloads.agreement.oracle import examine
 from experiments.workloads.agreement.shown import (
     draw_agreement_figure,
     errs_too_often,
@@ -26,6 +25,7 @@ from experiments.workloads.agreement.shown import (
     write,
 )
 from tests.drawn import save, words
+from tests.judge.reference import brute_force
 from tests.meshes import EYE_AT_ORIGIN, quads
 from tests.points import planned
 

@@ -15,6 +15,7 @@ from atra.light.lightmaps.gather.adaptive import FIRST_LOOK
 from experiments.drawing.figure import draw_figure
 from experiments.harness.processes.worker import measure_point
 from experiments.harness.records import Record
+from experiments.light.bake_rays.shown import CLAIMS as PREDICTIONS
 from experiments.methods.peers.mitsuba_light import load_mitsuba
 from experiments.results.claims import (
     DOES_NOT_HOLD,
@@ -31,7 +32,6 @@ from experiments.workloads.bake.claims import CLAIMS
 from experiments.workloads.bake.measure import lamps
 from experiments.workloads.bake.mitsuba import adaptive_bias
 from experiments.workloads.bake.shown import CLAIMS_FILE, FIGURES
-from experiments.workloads.bake_rays.shown import CLAIMS as PREDICTIONS
 from scenes.built_in import make_scene
 from scenes.directory import PAPER_SCENES
 from tests.baked import cube, sheet

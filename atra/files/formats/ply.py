@@ -52,12 +52,14 @@ def read_ply_file(content: bytes, allowance: Allowance) -> MeshFile:
     for element in elements:
         if element.name == "vertex" and not any(one.length for one in element.properties):
             vertices, at = _vertices(content, numbers, at, element, order, allowance)
-        elif element.name == "face" and element.rows and element.properties:
+        elif element.name in ("face", "tristrips") and element.rows and element.properties:
+            if faces is not None:
+                raise InputError("it has faces beside tristrips, expected one of both; export faces alone")
             faces, at = _faces(content, numbers, at, element, order, allowance)
+            if element.name == "tristrips":
+                faces = _of_strips(*faces, allowance)
         else:
             _, _, at = _rows(content, numbers, at, element, order, None, allowance)
-            if element.name == "tristrips" and element.rows:
-                raise InputError("its triangles are in strips (element tristrips), which are not read; export faces")
             if element.name not in ("vertex", "face") and element.rows:
                 notes.append(f"{element.rows:,} rows of the element {element.name} are left out")
     if numbers is not None and at < len(numbers):
@@ -160,6 +162,26 @@ def _faces(
         return found
     sizes, corners, end = _rows(content, numbers, at, element, order, wanted, allowance)
     return (sizes, corners), end
+
+
+def _of_strips(
+    sizes: NDArray[np.int64], corners: NDArray[np.int64], allowance: Allowance
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The triangles of strips as faces. Each corner from the third of a strip on makes a triangle with the two before
+    it, every other one in the other order; -1 begins a new strip. Triangles that name a vertex twice only turn a strip,
+    and are left out."""
+    check_rows(3 * len(corners), allowance)
+    begins = np.zeros(len(corners) + 1, np.int64)
+    begins[np.cumsum(sizes) - sizes] = np.cumsum(sizes) - sizes
+    restarts = np.flatnonzero(corners == -1)
+    begins[restarts], begins[restarts + 1] = restarts, restarts + 1
+    within = np.arange(len(corners)) - np.maximum.accumulate(begins)[:-1]
+    third = np.flatnonzero((within >= 2) & (corners != -1))
+    a, b, c = corners[third - 2], corners[third - 1], corners[third]
+    is_odd = within[third] % 2 == 1
+    triangles = np.stack([np.where(is_odd, b, a), np.where(is_odd, a, b), c], axis=1)
+    triangles = triangles[(a != b) & (b != c) & (c != a)]
+    return np.full(len(triangles), 3), triangles.ravel()
 
 
 def _alike(

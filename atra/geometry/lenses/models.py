@@ -173,7 +173,7 @@ class EquirectangularLens(Lens):
 def bends_rays(lens: Lens) -> str:
     """What refusals of a lens say of it, and what takes it."""
     return (
-        f"the camera has the lens {lens}; RasterTracer, PixelTracer and BvhTracer take it, RayScene takes "
+        f"the camera has the lens {lens}; RasterTracer and PixelTracer take it, RayScene takes "
         "camera.rays_world(), and camera.undistorted() has no lens"
     )
 

@@ -34,6 +34,7 @@ def panels_of(scene: Scene) -> list[Panel]:
 
     A body that shines to one side becomes a rectangle of its area and spread, any other a sphere of its area.
     """
+    scene = scene.local
     radiance = np.array([mean_emission(material) for material in scene.materials])[scene.face_materials]
     shining = np.flatnonzero(radiance.max(axis=1) > 0.0)
     if not len(shining):

@@ -34,6 +34,7 @@ def no_emitters() -> Emitters:
 def emitters_of(scene: Scene) -> Emitters:
     """The triangles of a scene that shine by their power, its lamps by theirs, and its sky, if a panorama, by the
     radiance of texels. A sky of a gradient is left to scattering, which finds it everywhere."""
+    scene = scene.local
     mesh = scene.mesh
     luminance = np.array([_LUMINANCE @ mean_emission(material) for material in scene.materials])[scene.face_materials]
     corners = mesh.vertices[mesh.faces].astype(np.float64)

@@ -239,7 +239,7 @@ class Baker(Lifetime):
         points: (P, 3), in the world. Raises as `add` does, and InputError naming a point that is not finite.
         """
         check_whole("samples", samples, 1)
-        sums = ProbeSums(points, samples)
+        sums = ProbeSums(points, samples, self.scene.mesh.origin)
         rays = max(self.options.batch_rays // self.rays_scene.threads, BLOCK)
         with self._in_use():
 

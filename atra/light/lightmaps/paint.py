@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.geometry.mesh import Mesh
-from atra.geometry.sampling import sub_pixel_offsets
 from atra.hits import read_only
 from atra.light.lightmaps.paint_kernels import COLOUR, EMISSION, OPACITY, Paint, take_means
 from atra.light.materials import Emissive, Material, MetallicRoughness, images_of
@@ -16,6 +15,7 @@ from atra.light.scene import Scene
 from atra.light.sky import constant_sky
 from atra.light.tables import surfaces_of
 from atra.light.textures import Checker, Image
+from atra.views.sampling import sub_pixel_offsets
 
 _LOOKUPS, _FEWEST, _MOST = 1 << 18, 16, 1024
 """Places that are looked up for the means of all triangles; least and most of them for a triangle."""
@@ -37,9 +37,9 @@ def plain_opacity(material: Material) -> float:
 
 
 def paint_of(scene: Scene, mesh: Mesh) -> Paint:
-    """The tables of a scene's materials on a mesh of the same faces. Raises InputError for other numbers of vertices
-    or faces."""
-    dark = replace(scene, mesh=mesh, lights=(), sky=constant_sky(0.0), normals=None)
+    """The tables of a scene's materials on a mesh of the same faces, around its origin. Raises InputError for other
+    numbers of vertices or faces."""
+    dark = replace(scene, mesh=mesh.local, lights=(), sky=constant_sky(0.0), normals=None)
     return Paint(surfaces_of(dark, 0.0, None), read_only(by_place(scene)))
 
 
@@ -51,7 +51,7 @@ def means_of(
     count = int(np.clip(_LOOKUPS // max(int(np.count_nonzero(paint.by_place)), 1), _FEWEST, _MOST))
     places = np.asarray(sub_pixel_offsets(count), np.float64)
     weights = np.where(places.sum(axis=1, keepdims=True) <= 1.0, places, 1.0 - places)
-    corners = scene.mesh.vertices[scene.mesh.faces].astype(np.float64)
+    corners = scene.mesh.local_vertices[scene.mesh.faces].astype(np.float64)
     take_means(paint, corners, weights, albedo, emission, opacity)
 
 

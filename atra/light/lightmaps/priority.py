@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.geometry.ray_space import own_space
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.light.lightmaps.charts.texels import Texels
@@ -27,7 +28,7 @@ def visible_texels(texels: Texels, hits: Hits, scene: RayScene) -> NDArray[np.bo
 
 def _shown(texels: Texels, hits: Hits) -> NDArray[np.bool_]:
     """(N,) bool: the texels that pixels show."""
-    camera, atlas, mesh = hits.camera, texels.atlas, texels.mesh
+    atlas, (mesh, camera) = texels.atlas, own_space(texels.mesh, hits.camera)
     eye = np.append(-camera.axes[2], 0.0) if camera.is_parallel else np.append(camera.eye, 1.0)
     shown = np.zeros((atlas.height, atlas.width), np.bool_)
     mark_shown((hits.prim_id, hits.u, hits.v), eye, mesh.vertices, mesh.faces, atlas.uv, shown)

@@ -140,7 +140,8 @@ class BakeScene:
         assert self.surface.opacity is not None
         albedo, opacity = self.surface.albedo[prim_id], self.surface.opacity[prim_id]
         if self.paint is not None:
-            look_up(self.paint, prim_id, np.ascontiguousarray(points, np.float64), albedo, opacity)
+            local = np.ascontiguousarray(points - self.mesh.origin, np.float64)
+            look_up(self.paint, prim_id, local, albedo, opacity)
         return albedo, opacity
 
 

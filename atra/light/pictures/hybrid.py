@@ -124,7 +124,7 @@ class HybridRenderer(Renderer):
 
     @property
     def _lit_by(self) -> list[Light | Panel]:
-        return [*self.scene.lights, *self._panels]
+        return [*self.scene.local.lights, *self._panels]
 
     def _tables(self) -> Surfaces:
         rows = [light.row if isinstance(light, Panel) else light_row(light) for light in self._lit_by]

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from atra.errors import AtraError, InputError
 from atra.geometry.mesh import Mesh
-from atra.geometry.ray_space import check_range
-from atra.geometry.sampling import sub_pixel_offsets
+from atra.geometry.ray_space import check_range, own_space
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.light.checks import check_whole
@@ -32,6 +31,7 @@ from atra.raster.tracer import RasterTracer
 from atra.rays.scene import Query, scene_for_kernels
 from atra.tracing.options import PacketOptions, lists_options
 from atra.tracing.tracer import Tracer
+from atra.views.sampling import sub_pixel_offsets
 
 Primary = Callable[[Mesh, View], Tracer[Hits]]
 """Makes the tracer of primary visibility: `atra.PixelTracer`, or `partial(atra.AlignedTracer, split=(128, 1))`."""
@@ -61,7 +61,7 @@ class Renderer(Finisher):
         super().__init__()
         self.options = self.options_type.of(type(self).__name__, options)
         check_range(scene.mesh, camera, takes_lenses=True)
-        self.rays = self._new_rays(scene.mesh)
+        self.rays = self._new_rays(scene.mesh.local)
         make_tracer = primary or partial(RasterTracer, threads=self.options.threads)
         self.scene, self.camera = scene, camera
         self._tracer = make_tracer(scene.mesh, camera)
@@ -166,7 +166,8 @@ class Renderer(Finisher):
             self._hits = self._tracer.trace(offset, out=self._hits)
         lap("primary")
         directions = self._lens_pixels.directions(camera, offset, self.rays.threads)
-        pixels = pixels_of(camera, self._film, offset, None if own else self._hits, directions)
+        _, own_camera = own_space(self.scene.mesh, camera)
+        pixels = pixels_of(own_camera, self._film, offset, None if own else self._hits, directions)
         every = camera.width * camera.height
         waves = 1 if self.rays.threads == 1 and stop is _never else _WAVES_A_THREAD * self.rays.threads
         share = -(-every // (waves * BLOCK)) * BLOCK
@@ -239,7 +240,7 @@ class Renderer(Finisher):
             moves = scene is not None and scene.mesh is not self.scene.mesh
             has_other_sums = moves or (scene is not None and not self._same_sums(scene))
             if scene is not None and moves:
-                self.rays.update(scene.mesh)
+                self.rays.update(scene.mesh.local)
                 self._tracer.update(scene.mesh)
             restarts = has_other_sums or unlike_but_for(options, self.options, "most_samples")
             self.options = options

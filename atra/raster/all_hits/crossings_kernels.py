@@ -12,6 +12,7 @@ from atra.compiled.store import kernel, njit
 from atra.compiled.threads import WorkerPool
 from atra.exact.edges_kernels import side, turn
 from atra.geometry.mesh import Mesh
+from atra.geometry.ray_space import own_space
 from atra.geometry.view import View
 from atra.raster.clusters import POINT_BYTES, VERTICES
 from atra.raster.image import Viewpoint
@@ -34,6 +35,7 @@ def projected(
     mesh: Mesh, camera: View, offset: tuple[float, float], pool: WorkerPool
 ) -> tuple[ViewOfMesh, NDArray[np.float64]]:
     """The view with the samples of `offset` at whole numbers, and at least (V, 4) float64, of `project_vertices`."""
+    mesh, camera = own_space(mesh, camera)
     viewpoint, count = Viewpoint.of(mesh, camera, offset), len(mesh.vertices)
     whole = -(-count // VERTICES) * VERTICES
     columns, points = np.zeros((3, whole), np.float32), np.empty((whole, 4))
@@ -137,42 +139,3 @@ def depth_at(parallel, view, points, v0, v1, v2, i, j):  # type: ignore[no-untyp
     for w in (w0, w1, w2):
         least, most = min(least, w if w > 0.0 else np.inf), np.inf if w < 0.0 else max(most, w)
     return 1.0 / min(max(nearness, least), most)
-
-
-@njit(forceinline=True)
-def _inside_of_image(low, high, last):  # type: ignore[no-untyped-def]
-    """The first and last whole number of 0 ... last from `low` to `high`."""
-    return max(int(np.ceil(max(low, 0.0))), 0), int(np.floor(min(high, float(last))))
-
-
-@kernel
-def list_crossings(parallel, view, points, faces, width, height, exact, pixels, prim_ids, facings, depths):  # type: ignore[no-untyped-def]
-    """Every crossing of an image, triangle by triangle, each sample of its box tested; returns how many there are.
-
-    points: of `projected`. pixels: (N,) int64, y * width + x; prim_ids: (N,) uint32, facings: (N,) int8, depths: (N,)
-    float64: written as far as they reach.
-    """
-    count = 0
-    for triangle in range(len(faces)):
-        v0, v1, v2 = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
-        facing = facing_of(parallel, view, points, v0, v1, v2, exact)
-        if facing == 0:
-            continue
-        left, right, top, bottom = 0, width - 1, 0, height - 1
-        if parallel or min(points[v0, 2], points[v1, 2], points[v2, 2]) > 0.0:
-            x0, x1, x2 = points[v0, 0], points[v1, 0], points[v2, 0]
-            y0, y1, y2 = points[v0, 1], points[v1, 1], points[v2, 1]
-            left, right = _inside_of_image(min(x0, x1, x2), max(x0, x1, x2), right)
-            top, bottom = _inside_of_image(min(y0, y1, y2), max(y0, y1, y2), bottom)
-        for y in range(top, bottom + 1):
-            for x in range(left, right + 1):
-                if not covers(parallel, points, v0, v1, v2, float(x), float(y), exact):
-                    continue
-                depth = depth_at(parallel, view, points, v0, v1, v2, float(x), float(y))
-                if depth <= 0.0:
-                    continue
-                if count < len(pixels):
-                    pixels[count], prim_ids[count] = y * width + x, triangle
-                    facings[count], depths[count] = facing, depth
-                count += 1
-    return count

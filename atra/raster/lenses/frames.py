@@ -11,6 +11,7 @@ from atra.all_hits.target_kernels import band_stride
 from atra.compiled.threads import WorkerPool
 from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.mesh import Mesh
+from atra.geometry.ray_space import own_space
 from atra.raster.frames import Scratch
 from atra.raster.image import Image, least_depth_of
 from atra.raster.lenses.culling import balls_of
@@ -53,6 +54,7 @@ class LensDrawing:
         out: tuple[NDArray[np.float32], NDArray[np.uint32]],
     ) -> None:
         """Write depth and prim_id of all pixels to `out`, two arrays (H, W)."""
+        mesh, camera = own_space(mesh, camera)
         planes, (depth, prim_id) = self.planes(camera, offset, pool), out
         side, clusters = planes.side, scratch.clusters
         turned = planes.forms @ camera.axes

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.rays.all_hits.finding import Crossings
+from atra.rays.rays import SMALLEST
 
 METHODS = ("parity", "winding")
 
@@ -15,8 +16,13 @@ _EDGES = 1 << 18
 """Pairs of a point and an open edge whose solid angles are computed at a time."""
 
 
-def check_points(points: ArrayLike) -> NDArray[np.float64]:
-    """(P, 3) float64. Raises InputError for another shape or dtype, and naming the first that is not finite."""
+FARTHEST = 1e19
+"""Largest size of points whose way to a mesh is computed."""
+
+
+def check_points(points: ArrayLike, farthest: float = np.inf) -> NDArray[np.float64]:
+    """(P, 3) float64, numbers below `SMALLEST` being 0. Raises InputError for another shape or dtype, and naming the
+    first that is not finite or beyond `farthest` in size."""
     try:
         array = np.asarray(points)
     except (TypeError, ValueError) as error:
@@ -28,11 +34,13 @@ def check_points(points: ArrayLike) -> NDArray[np.float64]:
     if array.ndim != 2 or array.shape[1] != 3:
         raise InputError(f"points have shape {array.shape}, expected (P, 3)")
     found = np.ascontiguousarray(array, np.float64)
-    good = np.isfinite(found).all(axis=1)
+    with np.errstate(invalid="ignore"):
+        good = (np.isfinite(found) & (np.abs(found) <= farthest)).all(axis=1)
     if not good.all():
         first = int(np.argmin(good))
-        raise InputError(f"point {first} is {tuple(found[first].tolist())}, expected finite numbers")
-    return found
+        most = f" of at most {farthest:g} in size" if farthest < np.inf else ""
+        raise InputError(f"point {first} is {tuple(found[first].tolist())}, expected finite numbers{most}")
+    return np.where(np.abs(found) < SMALLEST, 0.0, found)
 
 
 def edge_surplus(mesh: Mesh, faces: NDArray[np.uint32]) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:

@@ -16,7 +16,7 @@ from atra.rays.all_hits.columns_kernels import cross_columns
 from atra.rays.all_hits.crossings_kernels import AREAS
 from atra.rays.all_hits.finding_kernels import all_hits_kernel, lay_out
 from atra.rays.all_hits.groups_kernels import MOST_NODES
-from atra.rays.all_hits.memory import AHEAD_ROW, CHUNK, LANE_ROWS, LANES, LEAVES, STACK, Batch, Found, Lists, Tree
+from atra.rays.all_hits.memory import CHUNK, LANE_ROWS, LANES, LEAVES, STACK, Batch, Found, Lists, Tree
 from atra.rays.nearest.batches_kernels import nearest_kernel
 from atra.rays.order import Numbers
 from atra.rays.rays import Rays
@@ -211,11 +211,9 @@ def _memory(size: int) -> Found:
     arrays = np.empty(size), np.empty(size, np.uint32), np.empty(size, np.float32), np.empty(size, np.float32)
     stack = np.empty(STACK, np.int64), np.empty(STACK, np.float32)
     leaves, nodes = [np.empty((2, count), np.int64) for count in (LEAVES, MOST_NODES)]
-    lanes, hits = np.empty((LANE_ROWS, LANES)), np.empty((2, LANES), np.int64)
     return Found(
         *arrays, np.zeros(1, np.int64), *stack, np.empty(PARTS), np.empty(AREAS), np.empty(CHILDREN, np.float32),
-        leaves[0], leaves[1], nodes[0], nodes[1], np.empty(STACK, np.int64), lanes, lanes[AHEAD_ROW].view(np.float32),
-        hits[0], hits[1],
+        leaves[0], leaves[1], nodes[0], nodes[1], np.empty((LANE_ROWS, LANES)), np.empty(LANES, np.int64),
     )  # fmt: skip
 
 

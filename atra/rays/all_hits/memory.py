@@ -23,8 +23,8 @@ LEAVES = 64
 LANES = 16 if native_lanes() == 16 else 8
 """Rays whose nearest hits are found together."""
 
-LANE_ROWS, AHEAD_ROW = 26, 25
-"""Rows of memory of a thread for such rays, a float64 of each; and which holds, as float32, `ahead`."""
+LANE_ROWS = 20
+"""Rows of memory of a thread for such rays, a float64 of each."""
 
 STACK = CHILDREN * (DEEPEST + 4)
 """Nodes that wait to be visited, at most."""
@@ -67,8 +67,8 @@ class Found(NamedTuple):
     t: (M,) float64. prim_id: (M,) uint32. u, v: (M,) float32. used: (1,) int64, hits so far. stack: (STACK,) int64.
     reached: (STACK,) float32, where the ray comes to these nodes. exact: (PARTS,) float64. areas: (AREAS,) float64.
     entries: (CHILDREN,) float32. entered, remaining: (LEAVES,) int64, leaves that wait to be tested: next block and
-    blocks. nodes, leaves: (MOST_NODES,) int64, of `find_together`. boxes: (STACK,) int64; lanes, ahead, hit_blocks,
-    hit_places: of `hit_together`.
+    blocks. nodes, leaves: (MOST_NODES,) int64, of `find_together`. lanes: (LANE_ROWS, LANES) float64 and
+    hit_places: (LANES,) int64, of `hit_together`.
     """
 
     t: NDArray[np.float64]
@@ -85,10 +85,7 @@ class Found(NamedTuple):
     remaining: NDArray[np.int64]
     nodes: NDArray[np.int64]
     leaves: NDArray[np.int64]
-    boxes: NDArray[np.int64]
     lanes: NDArray[np.float64]
-    ahead: NDArray[np.float32]
-    hit_blocks: NDArray[np.int64]
     hit_places: NDArray[np.int64]
 
 

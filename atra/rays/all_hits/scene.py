@@ -14,7 +14,7 @@ from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_world_range
 from atra.rays.all_hits.cells import FEWEST_POINTS, Cells, cells_of
-from atra.rays.all_hits.contains import METHODS, check_points, edge_surplus, winding_numbers
+from atra.rays.all_hits.contains import FARTHEST, METHODS, check_points, edge_surplus, winding_numbers
 from atra.rays.all_hits.finding import MOST, Crossings, Progress
 from atra.rays.all_hits.gathered import RayLayers, gathered
 from atra.rays.all_hits.lists import RayHitLists
@@ -68,18 +68,23 @@ class AllHitsScene(MeshLifetime, ABC):
             geometries = joined(mesh, transforms)
             if not np.array_equal(geometries.firsts, self.geometries.firsts):
                 raise InputError(f"there are {geometries.count} meshes, expected other vertices of the same faces")
-            check_same_faces(self.mesh, geometries.mesh)
+            check_same_faces(self.geometries.own_faces(), geometries.own_faces())
             self._take(geometries.mesh)
             self.geometries, self._transforms = geometries, None if transforms is None else np.array(transforms)
             self._build_again()
 
+    def _own(self, rays: Rays) -> Rays:
+        """Rays that count from the mesh's origin, like the vertices that they meet."""
+        return rays.counted_from(self.mesh.origin) if self.mesh.has_origin else rays
+
     @property
     def crossings(self) -> Crossings:
-        """What all hits are found by. Raises ClosedError after `close`."""
+        """What all hits are found by, of rays and points that count from the mesh's origin. Raises ClosedError after
+        `close`."""
         with self._lock:
             self._check_open()
             if self._crossings is None:
-                self._crossings = Crossings(self.mesh, self._faces, self._pool)
+                self._crossings = Crossings(self.mesh.local, self._faces, self._pool)
             return self._crossings
 
     def all_hits(
@@ -107,8 +112,11 @@ class AllHitsScene(MeshLifetime, ABC):
             raise InputError(f"max_hits is {max_hits!r}, expected a whole number from 1 to {MOST}, or None for all")
         rays, shape = rays_of(origins, directions, tnear, tfar)
         with self._lock:
-            found = self.crossings.find(rays, MOST if max_hits is None else int(max_hits), progress)
-            return RayHitLists(*found, shape, rays, self.geometries)
+            found = self.crossings.find(self._own(rays), MOST if max_hits is None else int(max_hits), progress)
+            u, v = self.geometries.own_weights(found.u, found.v, found.prim_id)
+            return RayHitLists(
+                found.ray_splits, found.t, found.prim_id, u, v, found.truncated, shape, rays, self.geometries
+            )
 
     def count(
         self,
@@ -122,7 +130,7 @@ class AllHitsScene(MeshLifetime, ABC):
         """(N,) int32, the number of hits of every ray; arguments and errors as for `all_hits`."""
         rays, shape = rays_of(origins, directions, tnear, tfar)
         with self._lock:
-            return self.crossings.count(rays, progress).reshape(shape)
+            return self.crossings.count(self._own(rays), progress).reshape(shape)
 
     def gather(
         self,
@@ -143,14 +151,15 @@ class AllHitsScene(MeshLifetime, ABC):
         """
         rays, shape = rays_of(origins, directions, tnear, tfar)
         with self._lock:
-            return gathered(what, rays, shape, self.crossings, self.geometries, self._met_mesh(), progress)
+            met = self._met_mesh()
+            return gathered(what, self._own(rays), shape, self.crossings, self.geometries, met, progress)
 
     def _met_mesh(self) -> Mesh | None:
         """The triangles that rays meet as a mesh of their own; None where there are none."""
         if self._faces is None:
             return self.mesh
         if self._met is None and self._faces.any():
-            self._met = Mesh(self.mesh.vertices, self.mesh.faces[self._faces], self.mesh.name)
+            self._met = Mesh(self.mesh.local_vertices, self.mesh.faces[self._faces], self.mesh.name)
         return self._met
 
     def contains(self, points: ArrayLike, *, method: str = "parity") -> NDArray[np.bool_]:
@@ -161,17 +170,17 @@ class AllHitsScene(MeshLifetime, ABC):
         generalised winding number is above one half, also for meshes with holes, whose triangles must be
         counterclockwise seen from outside; its time grows with the number of open edges.
         A point exactly on the surface may be either.
-        Raises InputError for another method, points that are not finite, and a mesh that parity is not for, with the
-        number of its open edges; ClosedError after `close`.
+        Raises InputError for another method, points that are not finite or, with winding, beyond 1e19 in size, and a
+        mesh that parity is not for, with the number of its open edges; ClosedError after `close`.
         """
         if method not in METHODS:
             raise InputError(f"method is {method!r}, expected one of {', '.join(METHODS)}")
-        found = check_points(points)
+        found = check_points(points, FARTHEST if method == "winding" else np.inf)
         with self._lock:
             if method == "winding":
                 edges, surplus, _ = self._open
-                ends = self.mesh.vertices[edges].astype(np.float64)
-                return winding_numbers(found, ends, surplus, self.crossings) > 0.5
+                ends = self.mesh.local_vertices[edges].astype(np.float64)
+                return winding_numbers(found - self.mesh.origin, ends, surplus, self.crossings) > 0.5
             if self.open_edges:
                 raise InputError(
                     f"{self.mesh.name!r} is not closed: it has {self.open_edges:,} open edges, so parity says nothing; "
@@ -189,15 +198,16 @@ class AllHitsScene(MeshLifetime, ABC):
         with self._lock:
             if self._edges is None:
                 faces = self.mesh.faces if self._faces is None else self.mesh.faces[self._faces]
-                self._edges = edge_surplus(self.mesh, faces)
+                self._edges = edge_surplus(self.mesh.local, faces)
             return self._edges
 
     def parity(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """(P,) bool: whether a ray from each point crosses an odd number of triangles, of closed and open meshes."""
         with self._lock:
+            points = points - self.mesh.origin if self.mesh.has_origin else points
             self._asked += len(points)
             if self._cells is None and self._asked >= FEWEST_POINTS and self.open_edges == 0:
-                self._cells = cells_of(self.mesh, self._faces, self.crossings)
+                self._cells = cells_of(self.mesh.local, self._faces, self.crossings)
             if self._cells is not None:
                 return self._cells.parity(points, self.crossings, self._pool)
             return (self.crossings.columns(points).counts & 1).astype(np.bool_)

@@ -69,7 +69,8 @@ def memory_of(found):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True)
-def _put(memory, place, node, entry):  # type: ignore[no-untyped-def]
+def put(memory, place, node, entry):  # type: ignore[no-untyped-def]
+    """Put a node, which the ray enters at `entry`, in a place on the stack."""
     store(repeated(np.int64(node), 1), memory.stack + 8 * place)
     store(repeated(np.float32(entry), 1), memory.reached + 4 * place)
 
@@ -86,7 +87,7 @@ def hit_alone(any_hit, tree, o, d, tnear, tfar, memory, touches):  # type: ignor
         return np.inf, NO_HIT
     nearest, nearest_error, hit_block, hit_k = tfar, 0.0, np.int64(0), np.int64(0)
     ray, line = box_ray(o, d, s, tfar, tree.sphere), line_of(o, d, tree.sphere)
-    _put(memory, 0, tree.nodes, -np.inf)
+    put(memory, 0, tree.nodes, -np.inf)
     top, limit = 1, np.float32(np.inf)
     while top > 0:
         top -= 1
@@ -133,9 +134,9 @@ def hit_alone(any_hit, tree, o, d, tnear, tfar, memory, touches):  # type: ignor
                     near = float_at(memory.reached + 4 * (into - 1))
                     if not near < entry:
                         break
-                    _put(memory, into, address_at(memory.stack + 8 * (into - 1)), near)
+                    put(memory, into, address_at(memory.stack + 8 * (into - 1)), near)
                     into -= 1
-                _put(memory, into, to, entry)
+                put(memory, into, to, entry)
                 to += step
                 top += 1
     if hit_block == 0:

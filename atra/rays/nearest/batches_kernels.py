@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 
+import numpy as np
+
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import float_kernel
 from atra.rays.all_hits.crossings_kernels import scaled_ray
@@ -28,17 +30,18 @@ def nearest_kernel(any_hit: bool) -> Callable[..., None]:
         memory. touches: as for `crossing`. t_of: (N,) float32, inf where nothing is hit. answers: (N,) uint32,
         triangles, `MISS` = none. With any_hit t_of is empty, and answers is (N,) uint8, 0 or 1.
         """
-        count, memory = len(answers), memory_of(found)
+        count, memory, before = len(answers), memory_of(found), np.int64(0)
         while True:
             start = fetch_add(counter_address, 1) * CHUNK
             if start >= count:
                 return
             for first in range(start, min(start + CHUNK, count), LANES):
                 last = min(first + LANES, count)
-                if near_by >= 0.0 and hit_together(
-                    any_hit, tree, rays, first, last, near_by, found, touches, t_of, answers
-                ):
-                    continue
+                if near_by >= 0.0:
+                    hit = hit_together(any_hit, tree, rays, first, last, near_by, found, touches, before, t_of, answers)
+                    if hit >= 0:
+                        before = hit
+                        continue
                 for number in range(first, last):
                     o, d, tnear, tfar, scale = scaled_ray(rays, number)
                     t, prim_id = hit_alone(any_hit, tree, o, d, tnear, tfar, memory, touches)

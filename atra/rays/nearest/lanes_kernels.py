@@ -29,7 +29,7 @@ from atra.rays.all_hits.crossings_kernels import (
     scale_of,
     vector_at,
 )
-from atra.rays.all_hits.memory import AHEAD_ROW, LANES
+from atra.rays.all_hits.memory import LANES
 from atra.trees.layout import BLOCK
 from atra.trees.wide import CHILDREN, HIGH
 
@@ -42,11 +42,10 @@ LINE = 4 * BLOCK
 WIDE = 8 * LANES
 """Bytes of a row of memory: a float64 of each ray; a row of float32 takes half of it."""
 
-ORIGIN, DIRECTION, _NEAR, _FAR, _SCALE = 0, 3 * WIDE, 6 * WIDE, 7 * WIDE, 8 * WIDE
-AREAS, HEIGHTS, SLACK = 9 * WIDE, 12 * WIDE, 15 * WIDE
-_T, _ERROR, _START = 16 * WIDE, 17 * WIDE, 18 * WIDE
-_PLACE, _INVERSE, AHEAD = 19 * WIDE, 22 * WIDE, AHEAD_ROW * WIDE
-"""Where rows lie: float64 up to `_START`, then float32."""
+ORIGIN, DIRECTION, NEAR, FAR = 0, 3 * WIDE, 6 * WIDE, 7 * WIDE
+CROSSED, CROSSED_ERROR, NEAREST, NEAREST_ERROR, START = 8 * WIDE, 9 * WIDE, 10 * WIDE, 11 * WIDE, 12 * WIDE
+_PLACE, _INVERSE, AHEAD = 13 * WIDE, 16 * WIDE, 19 * WIDE
+"""Where rows lie: float64 up to `START`, then float32."""
 
 
 @njit(forceinline=True)
@@ -124,7 +123,7 @@ def load_rays(rays, first, last, near_by, memory):  # type: ignore[no-untyped-de
     x, y, z = bits_of(zero > dx), bits_of(zero > dy), bits_of(zero > dz)
     octant = (x & 1) | (y & 1) << 1 | (z & 1) << 2
     is_one = (x == 0 or x == every) and (y == 0 or y == every) and (z == 0 or z == every)
-    bits = bits_of(row_at(memory + _FAR) > row_at(memory + _NEAR)) & ((1 << (last - first)) - 1)
+    bits = bits_of(row_at(memory + FAR) > row_at(memory + NEAR)) & ((1 << (last - first)) - 1)
     return is_one and _are_all(is_alike), bits, octant, major, scale
 
 
@@ -134,7 +133,7 @@ def begin_rays(memory, sphere, farthest, margin):  # type: ignore[no-untyped-def
     one; rays start anew a little earlier than there, as lengths of directions count as their least."""
     cx, cy, cz, radius = sphere
     (ox, oy, oz), (dx, dy, dz) = three_rows(memory + ORIGIN), three_rows(memory + DIRECTION)
-    tnear, tfar = row_at(memory + _NEAR), row_at(memory + _FAR)
+    tnear, tfar = row_at(memory + NEAR), row_at(memory + FAR)
     x, y, z = spread(cx) - ox, spread(cy) - oy, spread(cz) - oz
     middle = fused(x, dx, fused(y, dy, z * dz)) / fused(dx, dx, fused(dy, dy, dz * dz))
     padded = 1.4 * (PADDING * radius + 192.0 * UNIT * farthest)
@@ -150,9 +149,9 @@ def begin_rays(memory, sphere, farthest, margin):  # type: ignore[no-untyped-def
     store(rounded(signed_like(one / larger(size(dy), small), dy)), memory + _INVERSE + WIDE)
     store(rounded(signed_like(one / larger(size(dz), small), dz)), memory + _INVERSE + 2 * WIDE)
     store(rounded(fused(tfar - s, spread(1.0 + BOX_MARGIN), spread(margin))), memory + AHEAD)
-    store(s, memory + _START)
-    store(tfar, memory + _T)
-    store(spread(0.0), memory + _ERROR)
+    store(s, memory + START)
+    store(tfar, memory + NEAREST)
+    store(spread(0.0), memory + NEAREST_ERROR)
     return bits_of(is_near)
 
 

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.geometry.view import check_offset
 from atra.judge.compare import Verdict, compare
-from atra.judge.oracle import Correctness, Examination, examine, sample_pixels
 from atra.prim_ids import MISS
 from atra.tracing.options import option
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.options import Settings, settings, whole
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
+from experiments.workloads.agreement.oracle import Correctness, Examination, examine, sample_pixels
 from experiments.workloads.images import IMAGE_COLUMNS, PIXELS, counts, depth_errors, say_holes
 from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES
 from experiments.workloads.rounds import build_own, make_single, measured

@@ -62,7 +62,7 @@ def read_disagreements(table: pd.DataFrame, records: Path) -> pd.DataFrame:
     After the point's columns: offset_x, offset_y, x, y: the ray. verdict: of `atra.judge.compare`. sampled: part of the
     point's sample. wrong: method, baseline, both or neither. truth_*, method_*, baseline_*: triangle, depth in float64
     and barycentric distance from the edge (negative: outside); for method and baseline also the fields of
-    `atra.judge.oracle.Answer`. An empty field is a miss, or infinite. records: the folder of the records.
+    `oracle.Answer`. An empty field is a miss, or infinite. records: the folder of the records.
     """
     parts = []
     for _, row in agreement_rows(table).iterrows():

@@ -14,6 +14,7 @@ from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
 from experiments.results.statistics import Series, statistics_columns
 from experiments.workloads.baselines import series
+from experiments.workloads.build.bvh_cost import cost_of
 from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms
 from experiments.workloads.rounds import build_own, make_single, measured, shrunk, timed_rounds, warm_up
 
@@ -76,7 +77,7 @@ def measure(point: Point) -> Measured:
 
         timed = timed_rounds(point, {BVH: prepare, BASELINE: baseline.build})
         if point.process == 0 and isinstance(own, EmbreeTracer):  # the same in every process, and takes long
-            cost = own.bvh_cost()
+            cost = cost_of(own)
             results |= {} if cost is None else asdict(cost)
     warmup = len(plans) - timed.rounds
     for samples, chosen in ((timed.warmup, slice(warmup)), (timed.samples, slice(warmup, None))):

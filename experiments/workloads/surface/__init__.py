@@ -14,7 +14,6 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.packets.pixel import PixelTracer
-from atra.packets.pixel_kernels import Surface, surface_kernel
 from atra.tracing.rays import image_ray_grid
 from experiments.harness.options import NoOptions
 from experiments.harness.point import Measured, Point, Workload, make_own
@@ -23,6 +22,7 @@ from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, over, series
 from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms
 from experiments.workloads.rounds import Frames, build_own, make_single, measured, shrunk, timed_rounds, warm_up
+from experiments.workloads.surface.surface_kernels import Surface, surface_kernel
 
 OWN_SURFACE, PLAIN_PACKETS, PACKETS_SURFACE = "own_surface", "packets", "packets_surface"
 """Names in the samples: the point's own method and then u, v and normals on demand; packets per pixel without them, and

@@ -8,9 +8,7 @@ import pytest
 
 import atra
 from atra import light
-from atra.bvh.scene import BvhScene
 from atra.light import numbers_kernels
-from atra.shafts.scene import ShaftScene
 from scenes.lit.rooms import lit_cornell_box
 from tests.meshes import cornell_camera, quads, random_triangles
 from tests.shown import BLACK, batches, down, floor, room, sphere, traced
@@ -265,19 +263,12 @@ def through(make, scene=None, **options):
         return renderer.image, renderer.ray_count
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("make", [BvhScene, ShaftScene, atra.RayScene])
-def test_whatever_traces_the_rays_of_paths_the_picture_has_the_same_bits(make):
-    for options in ({}, {"wave_rays": 2048, "jitter": "shared"}, {"lights": "found", "max_depth": 3}):
-        (image, rays), (expected, own) = through(partial(make, threads=1), **options), through(None, **options)
-        np.testing.assert_array_equal(image, expected)
-        assert rays == own
-    holes = [light.MetallicRoughness(0.5, 0.5, "blend"), *lit_cornell_box().materials[1:]]
-    if make is not atra.RayScene:
-        with pytest.raises(atra.InputError, match=f"{make.__name__} traces no scene with holes, expected a RayScene"):
-            through(partial(make, threads=1), replace(lit_cornell_box(), materials=holes))
+def test_a_ray_scene_given_for_the_rays_of_paths_makes_the_same_bits():
+    (image, rays), (expected, own) = through(partial(atra.RayScene, threads=1)), through(None)
+    np.testing.assert_array_equal(image, expected)
+    assert rays == own
 
 
 def test_what_traces_batches_needs_waves():
     with pytest.raises(atra.InputError, match=r"order is 'depth_first' with rays given, expected 'waves'"):
-        through(BvhScene, order="depth_first")
+        through(atra.RayScene, order="depth_first")

@@ -229,6 +229,7 @@ def _unwrapped(mesh: Mesh, size: int, padding: int, texels_per_unit: float, time
 
 def _in_reach(mesh: Mesh) -> tuple[NDArray[np.float32], float]:
     """(V, 3) float32, the vertices placed and scaled so that xatlas tells them apart, and the scale."""
+    mesh = mesh.local
     low, high = mesh.bounds
     size = float((high - low).max())
     is_small, is_far = 0.0 < size < _SMALL, float(np.abs(mesh.bounds).max()) > _FAR * size > 0.0

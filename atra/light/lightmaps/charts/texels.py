@@ -23,17 +23,17 @@ class Texels:
     """The N texels that triangles touch, row by row.
 
     atlas: the charts. mesh: whose triangles they are. number: (N,) int64, row times width plus column; rows of several
-    maps are counted through. prim_id: (N,) int32, the triangle each belongs to. positions: (N, 3) float32, the world
-    point of the triangle nearest to the texel's centre. normals: (N, 3) float32, unit, there. faces_lost: triangles
-    without area, in space or on the map, which get no texel. A texel belongs to the triangle that contains its centre,
-    or else to the nearest that reaches into it, the lowest on ties.
+    maps are counted through. prim_id: (N,) int32, the triangle each belongs to. local_positions: (N, 3) float32, the
+    point of the triangle nearest to the texel's centre, around the mesh's origin. normals: (N, 3) float32, unit, there.
+    faces_lost: triangles without area, in space or on the map, which get no texel. A texel belongs to the triangle that
+    contains its centre, or else to the nearest that reaches into it, the lowest on ties.
     """
 
     atlas: Atlas
     mesh: Mesh
     number: NDArray[np.int64] = field(repr=False)
     prim_id: NDArray[np.int32] = field(repr=False)
-    positions: NDArray[np.float32] = field(repr=False)
+    local_positions: NDArray[np.float32] = field(repr=False)
     normals: NDArray[np.float32] = field(repr=False)
     faces_lost: int
 
@@ -46,10 +46,15 @@ class Texels:
         return self.atlas.chart[self.prim_id]
 
     @cached_property
+    def positions(self) -> NDArray[np.floating]:
+        """(N, 3) float32, `local_positions` in world space; float64 for a mesh with an origin."""
+        return self.local_positions + self.mesh.origin if self.mesh.has_origin else self.local_positions
+
+    @cached_property
     def along_curve(self) -> NDArray[np.int32]:
         """(N,) int32, the texels along a Morton curve through the scene; neighbours on it tend to see the same."""
-        places, (lowest, highest) = np.empty(len(self), np.int64), self.mesh.bounds
-        number_places(self.positions, lowest, highest - lowest, places)
+        places, (lowest, highest) = np.empty(len(self), np.int64), self.mesh.local.bounds
+        number_places(self.local_positions, lowest, highest - lowest, places)
         return np.argsort(places, kind="stable").astype(np.int32)
 
     @property
@@ -103,7 +108,7 @@ class Texels:
         prim_id = prim_of.ravel()[number]
         positions, normals = np.empty((2, len(number), 3), np.float32)
         place_texels(
-            uv, mesh.vertices, mesh.faces, unit_normals(mesh), number, atlas.width, prim_id, positions, normals
+            uv, mesh.local_vertices, mesh.faces, unit_normals(mesh), number, atlas.width, prim_id, positions, normals
         )
         lost = int((atlas.chart == UNMAPPED).sum() + len(mesh.without_area))
         edges = uv[:, 1:] - uv[:, :1]

@@ -78,8 +78,8 @@ def save_model(lightmap: Lightmap, scene: BakeScene, path: Path, *, stitch: bool
     """Write the mesh as binary glTF with its light, which viewers show unshaded (KHR_materials_unlit).
 
     The map is the base colour, by TEXCOORD_0 and an equal TEXCOORD_1, and also a MOZ_lightmap; albedo and opacity are
-    the colour of vertices. Several maps get a mesh each, and panes one of their own that blends. Raises InputError for
-    another suffix, StorageError.
+    the colour of vertices. Several maps get a mesh each, and panes one of their own that blends. Nodes place vertices,
+    which count from the mesh's origin. Raises InputError for another suffix, StorageError.
     """
     if path.suffix.lower() != ".glb":
         raise InputError(f"a model is to be written to {str(path)!r}, expected a name that ends in .glb")
@@ -97,9 +97,11 @@ def save_model(lightmap: Lightmap, scene: BakeScene, path: Path, *, stitch: bool
             faces = np.flatnonzero(mapped & kind & (atlas.map_of == number))
             if len(faces):
                 models[f"{name}{tail}"] = _lit_mesh(scene, atlas, faces, part)
-    content = trimesh.Scene(models).export(
-        file_type="glb", tree_postprocessor=lambda tree: _mark_as_lightmap(tree, 1.0 / exposure)
-    )
+    placed, place = trimesh.Scene(), np.eye(4)
+    place[:3, 3] = scene.mesh.origin
+    for name, model in models.items():
+        placed.add_geometry(model, geom_name=name, node_name=name, transform=place)
+    content = placed.export(file_type="glb", tree_postprocessor=lambda tree: _mark_as_lightmap(tree, 1.0 / exposure))
     write_atomically(path, content)
     return path
 
@@ -112,7 +114,7 @@ def _lit_mesh(scene: BakeScene, atlas: Atlas, faces: NDArray[np.int64], image: N
     surface = scene.surface
     assert surface is not None
     assert surface.opacity is not None
-    corners = scene.mesh.vertices[scene.mesh.faces[faces]].reshape(-1, 3)
+    corners = scene.mesh.local_vertices[scene.mesh.faces[faces]].reshape(-1, 3)
     uv = atlas.uv[faces].reshape(-1, 2) / (atlas.width, atlas.map_height)
     uv[:, 1] = 1.0 + atlas.map_of[faces[0]] - uv[:, 1]
     whole = np.column_stack([surface.albedo[faces], surface.opacity[faces]])

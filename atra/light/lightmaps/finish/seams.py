@@ -103,7 +103,7 @@ class Seams:
 def _seam_edges(mesh: Mesh, atlas: Atlas) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """(2, E, 2, 2), the ends of every seam edge on the map in both triangles, in the same order; and (2, E), these
     triangles."""
-    _, place = np.unique(mesh.vertices + np.float32(0.0), axis=0, return_inverse=True)  # -0.0 becomes 0.0
+    _, place = np.unique(mesh.local_vertices + np.float32(0.0), axis=0, return_inverse=True)  # -0.0 becomes 0.0
     corner = place.reshape(-1)[mesh.faces]
     face = np.tile(np.arange(mesh.triangle_count), 3)
     first, second = corner.T.reshape(-1), np.roll(corner, -1, axis=1).T.reshape(-1)

@@ -40,12 +40,13 @@ _OF_COSINE = np.array([1.0, *[2 / 3] * 3, *[1 / 4] * 5])
 class LightProbes:
     """Radiance around P points as spherical harmonics up to L2.
 
-    points: (P, 3) float32. samples: paths of each. direct, indirect, environment: (P, 9, 3) float32, coefficients of
-    the real spherical harmonics, ordered by l and then m, by channel; kinds of light as in `Lightmap`. backs: (P,)
-    float32, fraction of directions that see back faces; where it is large, the point lies inside an object.
+    points: (P, 3) float32, in the world; float64 for a mesh with an origin. samples: paths of each. direct, indirect,
+    environment: (P, 9, 3) float32, coefficients of the real spherical harmonics, ordered by l and then m, by channel;
+    kinds of light as in `Lightmap`. backs: (P,) float32, fraction of directions that see back faces; where it is large,
+    the point lies inside an object.
     """
 
-    points: NDArray[np.float32]
+    points: NDArray[np.floating]
     samples: int
     direct: NDArray[np.float32] = field(repr=False)
     indirect: NDArray[np.float32] = field(repr=False)
@@ -75,11 +76,15 @@ class LightProbes:
 
 
 class ProbeSums:
-    """Sums of light probes, to which batches add. points: (P, 3). Raises InputError naming a bad point,
-    MemoryBudgetError."""
+    """Sums of light probes, to which batches add. points: (P, 3), in the world. origin: (3,) float64, of the mesh.
+    Raises InputError naming a bad point, MemoryBudgetError."""
 
-    def __init__(self, points: ArrayLike, samples: int) -> None:
+    def __init__(self, points: ArrayLike, samples: int, origin: NDArray[np.float64]) -> None:
         self.points = checked_rows("position", points, (None, 3), "probe", -_FARTHEST, _FARTHEST)
+        self._in_world: NDArray[np.floating] = self.points
+        if origin.any():
+            self._in_world = np.array(points, np.float64)
+            self.points = (self._in_world - origin).astype(np.float32)
         self.samples = samples
         what = f"spherical harmonics of {len(self.points):,} probes"
         check_needed_bytes(len(self.points) * CHANNELS * HARMONICS * _BYTES, None, what, "use fewer probes at a time")
@@ -104,7 +109,7 @@ class ProbeSums:
             stages.lap("gather")
             if bad >= 0:
                 raise AtraError(
-                    f"the light of probe {bad} at {self.points[bad].tolist()} is not finite; "
+                    f"the light of probe {bad} at {self._in_world[bad].tolist()} is not finite; "
                     "make lights or materials darker"
                 )
 
@@ -115,4 +120,4 @@ class ProbeSums:
             np.ascontiguousarray(means[:, :, kind : kind + 3]) for kind in (DIRECT, INDIRECT, ENVIRONMENT)
         )
         backs = (self._backs / self.samples).astype(np.float32)
-        return LightProbes(self.points, self.samples, direct, indirect, environment, backs)
+        return LightProbes(self._in_world, self.samples, direct, indirect, environment, backs)

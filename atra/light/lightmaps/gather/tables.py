@@ -17,6 +17,7 @@ from atra.light.lightmaps.gather.lights import aims_at_emitters, aims_at_sky, li
 from atra.light.lightmaps.gather.tables_kernels import Tables
 from atra.light.lightmaps.options import BakeOptions
 from atra.light.lightmaps.surface import BakeScene
+from atra.light.lights import light_from
 from atra.light.tables import sky_tables, unit_normals
 
 _START_OFF = 1e-5
@@ -32,13 +33,14 @@ def start_off(mesh: Mesh) -> float:
     Float32 rounds origins by up to half a spacing along each axis, 0.87 along a normal. With a smaller offset a ray
     could start on or behind its surface and hit it.
     """
+    mesh = mesh.local
     spacing = float(np.spacing(np.abs(mesh.bounds).max().astype(np.float32)))
     return max(_START_OFF * float((mesh.bounds[1] - mesh.bounds[0]).max()), _START_OFF_SPACINGS * spacing)
 
 
 def tables_of(scene: BakeScene, texels: Texels, options: BakeOptions) -> Tables:
-    """The tables of a scene. Raises InputError for light that float32 cannot hold."""
-    mesh, surface = scene.mesh, scene.surface
+    """The tables of a scene, around its mesh's origin. Raises InputError for light that float32 cannot hold."""
+    mesh, surface = scene.mesh.local, scene.surface
     assert surface is not None
     normals = unit_normals(mesh)
     corners = mesh.vertices[mesh.faces].astype(np.float64)
@@ -46,7 +48,7 @@ def tables_of(scene: BakeScene, texels: Texels, options: BakeOptions) -> Tables:
     of_sky = aims_at_sky(scene.sky) if options.environment != "bsdf" else None
     sky_by = words.GIVES_BSDF if of_sky is None else _WAYS[options.environment]
     others = [of_emitters.row] * (len(emitters) > 0) + ([of_sky.row] if of_sky is not None else [])
-    lights = light_rows(tuple(scene.lights), others)
+    lights = light_rows(tuple(light_from(light, scene.mesh.origin) for light in scene.lights), others)
     grid = light_grid(lights, mesh.bounds) if options.lights == "grid" and len(lights) else uniform_grid()
     sky, panorama = sky_tables(scene.sky, scene.sky.power)
     if not (np.isfinite(sky).all() and np.isfinite(panorama).all()):

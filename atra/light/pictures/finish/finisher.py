@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.files.paths import write_atomically
-from atra.geometry.sampling import sub_pixel_offsets
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.light.oidn import Denoiser
@@ -27,6 +26,7 @@ from atra.light.pictures.options import RenderOptions
 from atra.light.scene import Scene
 from atra.tracing.lifetime import Lifetime
 from atra.tracing.tracer import Tracer
+from atra.views.sampling import sub_pixel_offsets
 
 CENTRE = (0.5, 0.5)
 

@@ -46,8 +46,8 @@ class PathRenderer(Renderer):
     by chance where little of its light is left (option `roulette`). From every surface but mirrors another ray is aimed
     at an emitter (option `lights`): a triangle that shines, a panorama, or one of the scene's lights. Random numbers
     are Sobol' points, scrambled for each pixel and bounce. rays: makes what traces rays, of
-    the mesh, for `order="waves"`: a `RayScene`, as without it, or what takes a wave as one batch: `BvhScene`, or
-    `ShaftScene`, without surfaces that have holes. Other arguments: see `Renderer`; options: see `PathOptions`.
+    the mesh, for `order="waves"`: a `RayScene`, as without it, or a `BatchScene`, which takes a wave as one batch,
+    without surfaces that have holes. Other arguments: see `Renderer`; options: see `PathOptions`.
     Stages: primary and depth_first; for waves primary, generate, trace, compact (which also sums up light), connect and
     shade.
     """

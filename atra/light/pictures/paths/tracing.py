@@ -27,7 +27,7 @@ from atra.rays.scene import Query, RayScene
 
 
 class BatchScene(Protocol):
-    """A mesh that takes rays in batches, which it prepares first: `BvhScene`, or `ShaftScene`."""
+    """A mesh that takes rays in batches, which it prepares first."""
 
     @property
     def build_time_s(self) -> float: ...
@@ -46,7 +46,7 @@ class BatchScene(Protocol):
 
 
 MakeScene = Callable[[Mesh], RayScene | BatchScene]
-"""Makes what traces rays, of a mesh: `partial(RayScene, threads=1)`, `BvhScene`, or `ShaftScene`."""
+"""Makes what traces rays, of a mesh: `partial(RayScene, threads=1)`, or a `BatchScene`."""
 
 
 class Packets:

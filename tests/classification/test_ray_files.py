@@ -1,0 +1,100 @@
+"""Files of rays: their digests are those that are kept, and what they hold is what their kinds say."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from atra.command.cameras import read_cameras
+from atra.errors import InputError
+from atra.files.meshes.loading import load_mesh
+from atra.geometry.camera import Camera
+from experiments.classification.ray_files import KINDS, SIZES, digest_of, run_rays, scene_of
+from scenes.built_in import BUILT_IN
+from scenes.generated import FAMILIES, generated_scene
+from scenes.views import VIEWS
+from tests.folders import ROOT
+
+KEPT = ROOT / "reports" / "reference" / "rays.csv"
+KEPT_VIEWS = ROOT / "reports" / "reference" / "views.csv"
+
+
+def rows_of(path):
+    return list(csv.DictReader(path.open(encoding="utf-8")))
+
+
+def test_files_of_a_scene_have_the_digests_that_are_kept(tmp_path):
+    _, _, *paths, table, _ = run_rays(["cornell_box", "size=small", f"output={tmp_path}"])
+    assert [path.name for path in paths] == [f"cornell_box_{kind}_small.npz" for kind in KINDS]
+    kept = {(row["scene"], row["kind"], row["size"]): row for row in csv.DictReader(KEPT.open(encoding="utf-8"))}
+    for row in csv.DictReader(table.open(encoding="utf-8")):
+        assert row == kept[row["scene"], row["kind"], row["size"]]
+    rays = dict(np.load(paths[KINDS.index("shadow")]))
+    assert set(rays["tfar"]) == {1.0}
+    lamp = rays["origins"] + rays["directions"]
+    assert np.ptp(lamp, axis=0).max() < 1e-5
+    assert len(set(map(tuple, np.load(paths[KINDS.index("parallel")])["directions"]))) == 1
+
+
+def test_triangles_and_views_are_written_so_that_an_image_of_them_can_be_judged(tmp_path):
+    mesh_file, camera_file, *_ = run_rays(["needles_1000", "size=small,middle", f"output={tmp_path}"])
+    scene = scene_of("needles_1000")
+    mesh, cameras = load_mesh(mesh_file), read_cameras(camera_file, None, {})
+    assert np.array_equal(mesh.vertices, scene.mesh.vertices)
+    assert np.array_equal(mesh.faces, scene.mesh.faces)
+    assert cameras == {size: Camera(**scene.camera, width=SIZES[size], height=SIZES[size]) for size in cameras}
+    assert list(cameras) == ["small", "middle"]
+
+
+def test_the_list_that_is_kept_has_every_kind_and_size_of_built_in_and_generated_scenes():
+    rows = list(csv.DictReader(KEPT.open(encoding="utf-8")))
+    per_scene = {
+        scene: [row for row in rows if row["scene"] == scene] for scene in dict.fromkeys(r["scene"] for r in rows)
+    }
+    generated = {f"{family}_{10**digits}" for family in FAMILIES for digits in (3, 4, 5, 6, 7)}
+    assert {*BUILT_IN, *generated} - {"needles_10000000"} <= set(per_scene)  # its rays take very long
+    for of_scene in per_scene.values():
+        assert {row["kind"] for row in of_scene} == set(KINDS)
+        assert {row["size"] for row in of_scene} == {"small", "middle", "large"}
+        assert all(float(row["crossed"]) > 0 and float(row["boxes"]) > 0 for row in of_scene)
+
+
+def test_every_generated_family_has_the_bits_that_are_kept():
+    kept = {row["scene"]: row["mesh_sha256"] for row in rows_of(KEPT_VIEWS)}
+    for family in FAMILIES:
+        assert generated_scene(family, 1000).mesh_sha256 == kept[f"{family}_1000"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("family", FAMILIES)
+def test_rays_and_views_of_every_family_are_those_that_are_kept(tmp_path, family):
+    tables = run_rays([f"{family}_1000", "size=small", "files=false", f"output={tmp_path}"])
+    assert [one.name for one in tmp_path.iterdir() if one.suffix == ".npz"] == []
+    for table, kept in zip(tables, (KEPT, KEPT_VIEWS), strict=True):
+        mine, theirs = rows_of(table), rows_of(kept)
+        assert mine
+        assert all(row in theirs for row in mine)
+
+
+def test_every_scene_whose_rays_are_kept_has_all_its_views():
+    views = rows_of(KEPT_VIEWS)
+    assert {row["scene"] for row in views if row["view"] == "own"} >= {
+        row["scene"] for row in rows_of(KEPT) if row["scene"].rpartition("_")[0] in FAMILIES
+    }
+    assert len({(row["scene"], row["view"]) for row in views}) == len(VIEWS) * len({row["scene"] for row in views})
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [[], ["size=small"], ["cornell_box", "size=huge"], ["cornell_box", "kind=all"], ["cornell_box", "files=some"]],
+)
+def test_other_arguments_are_refused(arguments):
+    with pytest.raises(InputError, match="expected: "):
+        run_rays(arguments)
+
+
+def test_the_digest_is_of_all_four_arrays():
+    from atra import Rays
+
+    one = Rays(np.zeros((2, 3)), np.ones((2, 3)))
+    assert digest_of(one) != digest_of(Rays(np.zeros((2, 3)), np.ones((2, 3)), tfar=1.0))

@@ -1,0 +1,127 @@
+"""Claims on ray classification, and its figures, from tables small enough to judge by hand."""
+
+import pytest
+
+from experiments.classification.classified import CLASSIFIED, ClassifiedOptions
+from experiments.classification.workload.claims import CLAIMS, usual_value
+from experiments.classification.workload.shown import FIGURES, draw
+from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, judge_claim
+from experiments.results.table import frame_of
+from tests.three_processes import three_processes
+
+pytestmark = pytest.mark.uncovered
+
+BY_ID = {claim.id: claim for claim in CLAIMS}
+MEASURED = {
+    "steps_ratio": 0.5, "speedup_vs_bvh": 1.3, "speedup_vs_bvh_low": 1.2, "speedup_vs_bvh_high": 1.4,
+    "rays_traced": 10**6, "rays_wrong": 0, "rays_different": 0, "rays_from_root": 0, "bytes_touched": 60,
+    "plain_bytes_touched": 100, "shafts": 96, "shafts_built": 96, "list_length_mean": 4.0, "list_bytes": 960,
+    "lookup_bytes": 400, "entry_height_mean": 5.0, "root_height": 20,
+}  # fmt: skip
+
+
+def row(kind="primary", scene="box", **changes):
+    options = {name: usual_value(name) for name in ClassifiedOptions.__dataclass_fields__}
+    told = {"scene": scene, "method": CLASSIFIED.name, "workload": "classification", "status": "ok", "ray_kind": kind}
+    return told | {"triangles": 12, "stands_for": None} | options | MEASURED | changes
+
+
+def of_all_kinds(**changes):
+    return [row(kind, **changes) for kind in ("primary", "occlusion", "diffuse")]
+
+
+def quick(speed):
+    """A speed over the root that is known well."""
+    return {"speedup_vs_bvh": speed, "speedup_vs_bvh_low": 0.999 * speed, "speedup_vs_bvh_high": 1.001 * speed}
+
+
+def table(*rows):
+    return frame_of([{"point_id": str(number)} | row for number, row in enumerate(rows)])
+
+
+def verdict(claim, *rows):
+    (judged,) = judge_claim(BY_ID[claim], three_processes(table(*rows)))
+    return judged.verdict
+
+
+@pytest.mark.parametrize(
+    ("claim", "holds", "fails"),
+    [
+        ("same-hits", [row()], [row(rays_wrong=1)]),
+        ("same-hits", [row(rays_different=1)], [row(rays_different=2)]),
+        ("fewer-steps", [row(steps_ratio=0.6), row("diffuse"), row("occlusion")],
+         [row(steps_ratio=0.8), row("diffuse"), row("occlusion")]),
+        ("less-time", of_all_kinds(), of_all_kinds(speedup_vs_bvh_low=1.1, speedup_vs_bvh_high=1.12)),
+        ("less-traffic", [row()], [row(), row("diffuse", bytes_touched=101)]),
+        ("equal-lists", [row()], [row(list_bytes=96 * 20)]),
+        ("lower-subtrees", [row()], [row(entry_height_mean=11.0)]),
+        (
+            "half-is-best",
+            [row(), row(shaft_probability=0.25, steps_ratio=0.495), row(shaft_probability=1.0, steps_ratio=0.9)],
+            [row(), row(shaft_probability=0.25, steps_ratio=0.4), row(shaft_probability=1.0, steps_ratio=0.9)],
+        ),
+        (
+            "extremes-lose",
+            [row(), row(shaft_probability=0.25, steps_ratio=1.1), row(shaft_probability=1.0, steps_ratio=0.95)],
+            [row(), row(shaft_probability=0.25, steps_ratio=0.9), row(shaft_probability=1.0, steps_ratio=0.95)],
+        ),
+        (
+            "occupied-serves-secondary",
+            [row("diffuse", shaft_subset="occupied"), row(shaft_subset="occupied", rays_from_root=9)],
+            [row("diffuse", shaft_subset="occupied", rays_from_root=9)],
+        ),
+        (
+            "occlusion-helps",
+            [row(), row(shaft_occlusion=False, steps_ratio=0.6, list_length_mean=5.0)],
+            [row(), row(shaft_occlusion=False, steps_ratio=0.4, list_length_mean=5.0)],
+        ),
+        (
+            "subset-is-efficient",
+            [row(), row(shaft_subset="sampled", list_bytes=480, steps_ratio=0.52)],
+            [row(), row(shaft_subset="sampled", list_bytes=490, steps_ratio=0.52)],
+        ),
+        (
+            "occupied-as-fast",
+            [row("diffuse", **quick(1.3)), row("diffuse", shaft_subset="occupied", **quick(1.25))],
+            [row("diffuse", **quick(1.3)), row("diffuse", shaft_subset="occupied", **quick(1.2))],
+        ),
+        (
+            "grows-with-shafts",
+            [row(shaft_cells=str(n), shafts=n, shafts_built=n, lookup_bytes=4 * n) for n in (10, 100, 1000, 10000)],
+            [row(shaft_cells=str(n), shafts=n, shafts_built=10, lookup_bytes=40) for n in (10, 100, 1000, 10000)],
+        ),
+        (
+            "built-shaft-by-shaft",
+            [row(shaft_cells=str(n), shafts=n, shaft_build_time_s=3e-6 * n) for n in (10, 100, 1000, 10000)],
+            [row(shaft_cells=str(n), shafts=n, shaft_build_time_s=3e-6 * n**1.2) for n in (10, 100, 1000, 10000)],
+        ),
+    ],
+)  # fmt: skip
+def test_a_claim_holds_and_fails_by_what_was_measured(claim, holds, fails):
+    assert (verdict(claim, *holds), verdict(claim, *fails)) == (HOLDS, DOES_NOT_HOLD)
+
+
+def test_every_claim_is_not_measured_without_its_points_and_undecided_without_an_interval():
+    other = row() | {"method": "bvh", "status": "failed"}
+    assert {verdict(claim, other) for claim in BY_ID} == {NOT_MEASURED}
+    assert judge_claim(CLAIMS[0], None)[0].verdict == NOT_MEASURED
+    assert verdict("fewer-steps", row()) == NOT_MEASURED  # of one kind alone
+    assert verdict("less-time", *of_all_kinds(speedup_vs_bvh_low=None, speedup_vs_bvh_high=None)) == UNDECIDED
+
+
+def test_sampled_shafts_are_held_against_all_of_as_many_voxels():
+    rows = [row(shaft_cells=cells, steps_ratio=ratio) for cells, ratio in (("8", 0.1), ("512", 0.5))]
+    sampled = row(shaft_cells="512", shaft_subset="sampled", list_bytes=480, steps_ratio=0.52)
+    assert verdict("subset-is-efficient", *rows, sampled) == HOLDS
+    assert verdict("subset-is-efficient", rows[0], sampled) == NOT_MEASURED
+
+
+def test_figures_draw_a_line_for_each_kind_of_rays_and_nothing_where_nothing_varies():
+    probable, shafts = FIGURES
+    rows = [row(kind, shaft_probability=p, steps_ratio=p) for kind in ("primary", "diffuse") for p in (0.25, 0.5, 1.0)]
+    drawn = probable.rows(table(*rows))
+    assert len(drawn) == 6
+    assert not len(shafts.rows(table(*rows)))
+    (axis,) = draw(drawn, 1, "shaft_probability").axes
+    lines = {line.get_label(): line.get_ydata().tolist() for line in axis.lines if not line.get_label().startswith("_")}
+    assert lines == {"primary": [0.25, 0.5, 1.0], "diffuse": [0.25, 0.5, 1.0]}

@@ -1,0 +1,168 @@
+"""Pictures, lightmaps and probes of a mesh at map coordinates are those of the same mesh near the world's origin."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+
+import atra
+from atra.light import (
+    Baker,
+    BakeScene,
+    Checker,
+    HybridRenderer,
+    Lambertian,
+    PathRenderer,
+    PointLight,
+    Scene,
+    SphereLight,
+    SpotLight,
+    Sun,
+    Surface,
+    constant_sky,
+    save_model,
+)
+from atra.light.lightmaps.finish.views import lit_view
+from atra.light.pictures.carrying import carried
+from tests.baked import baked, sheet
+from tests.far import AWAY, FAR, NEAR, SEEN_FAR, SEEN_NEAR
+from tests.meshes import joined, quads
+from tests.shown import floor
+
+ROOM = joined(quads([floor(3.9375 + 2**-10)]), quads([floor(0.5, 1.0)]), quads([floor(0.5, 1.0)[::-1]]))
+ROOM_AWAY = atra.Mesh(ROOM.vertices.astype(np.float64) + AWAY, ROOM.faces)
+
+
+def lights(at):
+    def place(*position):
+        return tuple((np.array(position) + at).tolist())
+
+    return (
+        Sun((0.3, -1.0, 0.2)),
+        PointLight(place(1.0, 3.0, 2.0), power=9.0),
+        SphereLight(place(-2.0, 4.0, 1.0), 0.25, power=9.0),
+        SpotLight(place(0.0, 5.0, 0.0), (0.1, -1.0, 0.0), power=9.0),
+    )
+
+
+def scene_of(mesh, at, emits=True):
+    """Boxes with a pattern, one of them a lamp."""
+    numbers = np.arange(mesh.triangle_count) // 12 % 2
+    materials = [Lambertian(Checker((0.2, 0.4, 0.6), (0.9, 0.1, 0.3), 8)), Lambertian((0.5, 0.5, 0.5))]
+    if emits:
+        materials.append(atra.light.Emissive((3.0, 2.0, 1.0)))
+        numbers[-12:] = 2
+    uv = np.random.default_rng(0).uniform(size=(len(mesh.vertices), 2))
+    return Scene(mesh, materials, numbers, lights(at), constant_sky(0.3), uv=uv)
+
+
+@pytest.mark.parametrize("view", ["pinhole", "orthographic", "fisheye"])
+@pytest.mark.parametrize("order", ["waves", "depth_first"])
+def test_paths_through_a_far_scene_are_those_through_the_near_one(view, order):
+    images = []
+    for mesh, at, views in ((FAR, AWAY, SEEN_FAR), (NEAR, 0.0, SEEN_NEAR)):
+        with PathRenderer(scene_of(mesh, at), views[view], threads=1, order=order) as renderer:
+            renderer.add(2)
+            images.append(renderer.image)
+    assert images[1].std() > 0.02
+    np.testing.assert_array_equal(*images)
+
+
+def test_a_hybrid_picture_of_a_far_scene_is_that_of_the_near_one():
+    images = []
+    for mesh, at, views in ((FAR, AWAY, SEEN_FAR), (NEAR, 0.0, SEEN_NEAR)):
+        with HybridRenderer(scene_of(mesh, at), views["pinhole"], threads=1, occlusion_length=2.0) as renderer:
+            renderer.add(2)
+            images.append(renderer.parts)
+    assert len(images[0]) == 6
+    assert (images[1].reshape(6, -1).max(axis=1) > 0.01).all()
+    np.testing.assert_array_equal(*images)
+
+
+def test_a_renderer_goes_from_one_origin_to_another():
+    with PathRenderer(scene_of(NEAR, 0.0), SEEN_NEAR["pinhole"], threads=1) as renderer:
+        renderer.add(1)
+        near = renderer.image
+        renderer.update(scene_of(FAR, AWAY))
+        renderer.look(SEEN_FAR["pinhole"])
+        renderer.add(1)
+        np.testing.assert_array_equal(renderer.image, near)
+        assert renderer.scene.mesh is FAR
+
+
+def test_pixels_are_carried_between_views_of_a_far_mesh_as_between_those_of_the_near_one():
+    found = []
+    for mesh, views in ((FAR, SEEN_FAR), (NEAR, SEEN_NEAR)):
+        seen, to = (atra.RasterTracer(mesh, views[name], threads=1).trace() for name in ("pinhole", "calibrated"))
+        values = np.random.default_rng(0).uniform(size=(*seen.prim_id.shape, 2))
+        found.append(carried(values, seen, to))
+    assert found[1][1].mean() > 0.05
+    assert (found[0][1] == found[1][1]).mean() > 0.995
+    both = found[0][1] & found[1][1]
+    np.testing.assert_allclose(found[0][0][both], found[1][0][both], atol=1e-4)
+
+
+def bake_scene(mesh, at):
+    emission = np.zeros((mesh.triangle_count, 3))
+    emission[-2:] = 1.0
+    opacity = np.ones(mesh.triangle_count)
+    opacity[2:4] = 0.5
+    return BakeScene(
+        mesh, Surface(np.full((mesh.triangle_count, 3), 0.7), emission, opacity), lights(at), constant_sky(0.5)
+    )
+
+
+def test_a_lightmap_of_a_far_scene_is_that_of_the_near_one():
+    far, near = (baked(bake_scene(mesh, at), sheet(mesh, 6), 4) for mesh, at in ((ROOM_AWAY, AWAY), (ROOM, 0.0)))
+    for name in ("direct", "indirect", "environment"):
+        np.testing.assert_array_equal(getattr(far, name), getattr(near, name))
+    assert near.combined.std() > 0.1
+    assert far.texels.mesh is ROOM_AWAY
+    assert far.texels.positions.dtype == np.float64
+    np.testing.assert_array_equal(far.texels.positions, near.texels.positions + AWAY)
+    np.testing.assert_array_equal(far.texels.along_curve, near.texels.along_curve)
+
+
+def test_a_lightmap_of_patterns_looks_colours_up_at_the_places_of_a_far_scene():
+    found = []
+    for mesh, at in ((FAR, AWAY), (NEAR, 0.0)):
+        scene = BakeScene.of(scene_of(mesh, at))
+        atlas = sheet(NEAR, 3)
+        found.append((baked(scene, atlas, 2), scene, atlas))
+    (far, far_scene, atlas), (near, near_scene, _) = found
+    for name in ("direct", "indirect", "environment"):
+        np.testing.assert_array_equal(getattr(far, name), getattr(near, name))
+    image = np.ones((atlas.height, atlas.width, 3), np.float32)
+    views = [
+        lit_view(atra.RasterTracer(mesh, views["pinhole"], threads=1).trace(), scene, atlas, image)
+        for mesh, views, scene in ((FAR, SEEN_FAR, far_scene), (NEAR, SEEN_NEAR, near_scene))
+    ]
+    np.testing.assert_allclose(*views, atol=1e-5)
+
+
+def test_texels_that_a_view_shows_and_probes_are_those_of_the_near_scene():
+    found = []
+    for mesh, at in ((ROOM_AWAY, AWAY), (ROOM, 0.0)):
+        eye, target = np.array([3.0, 4.0, 5.0]) + at, np.zeros(3) + at
+        camera = atra.Camera(tuple(eye.tolist()), tuple(target.tolist()), width=32, height=32)
+        points = np.array([[0.5, 0.5, 0.25], [0.0, 2.0, 0.0]]) + at
+        with Baker(bake_scene(mesh, at), sheet(mesh, 6), threads=1, batch_rays=1 << 14) as baker:
+            baker.look(camera)
+            found.append((baker.visible, baker.probes(points, 64), points))
+    (far_seen, far, far_points), (near_seen, near, _) = found
+    assert 0.1 < near_seen.mean() < 0.95
+    np.testing.assert_array_equal(far_seen, near_seen)
+    np.testing.assert_array_equal(far.points, far_points)
+    np.testing.assert_array_equal(far.combined, near.combined)
+
+
+def test_a_model_saved_with_the_light_of_a_far_scene_lies_where_the_scene_does(tmp_path):
+    scene = bake_scene(ROOM_AWAY, AWAY)
+    save_model(baked(scene, sheet(ROOM_AWAY, 6), 1), scene, tmp_path / "lit.glb")
+    for mesh in (
+        atra.load_mesh(tmp_path / "lit.glb"),
+        atra.Mesh.from_trimesh(trimesh.load(tmp_path / "lit.glb").to_mesh()),
+    ):
+        np.testing.assert_allclose(mesh.bounds, ROOM_AWAY.bounds, rtol=0.0, atol=1e-6)
+        assert mesh.has_origin
