@@ -18,9 +18,9 @@ atra render bop lmo --split test
 """What the help starts with."""
 
 
-def bop_parser() -> ArgumentParser:
-    """The parser of `atra render bop`."""
-    parser = ArgumentParser("atra render bop", usage=EXAMPLES)
+def add_bop(parser: ArgumentParser) -> None:
+    """Add the arguments of `run_bop`."""
+    parser.usage = EXAMPLES
     parser.add_argument("dataset", type=Path, help="a folder in BOP format: models, camera.json, and splits")
     parser.add_argument("--split", default="test", help="folder of the split (default: test)")
     parser.add_argument("--models", default="models", help="folder of the models (default: models)")
@@ -28,8 +28,6 @@ def bop_parser() -> ArgumentParser:
     parser.add_argument("--size", nargs=2, type=int, metavar=("WIDTH", "HEIGHT"), help="where camera.json has none")
     parser.add_argument("--workers", type=int, help="frames drawn at a time (default: as many as there are cores)")
     parser.add_argument("--saturate", action="store_true", help="clamp depths that do not fit 16 bits")
-    parser.set_defaults(run=run_bop)
-    return parser
 
 
 def run_bop(given: Namespace) -> int:

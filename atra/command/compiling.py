@@ -21,8 +21,7 @@ import atra
 from atra.command.doctor import say_kernels
 from atra.compat.trimesh import RayMeshIntersector
 from atra.compiled.instruction_sets import chosen_instruction_set, native_lanes
-from atra.compiled.progress import QUIET_VARIABLE
-from atra.compiled.store import cache_folder
+from atra.compiled.store import QUIET_VARIABLE, cache_folder
 from atra.compiled.threads import resolve_threads
 from atra.errors import InputError
 from atra.geometry.view import View

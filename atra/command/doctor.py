@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import platform
 import textwrap
+from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -29,7 +30,7 @@ class Diagnosis:
     obstacles: tuple[str, ...]
 
 
-def run_doctor() -> int:
+def run_doctor(given: Namespace) -> int:
     """Print the diagnosis; returns 1 if nothing can be traced, which the last line explains, else 0."""
     diagnosis = diagnose()
     print(render(diagnosis, "views", "traced"))

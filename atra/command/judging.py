@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from pathlib import Path
 
 from atra.command.cameras import read_cameras
@@ -16,8 +16,6 @@ from atra.files.paths import write_atomically
 from atra.files.saving import check_package, encode_png
 from atra.geometry.view import View
 from atra.judge.foreign import Convention, ForeignImage, ForeignJudgement, judge_image
-
-SUMMARY = "judge an image of a mesh that any program has made, pixel by pixel"
 
 EXAMPLES = """\
 examples:
@@ -38,6 +36,7 @@ KINDS = ("equal", "tied", "edge", "wrong", "hole")
 
 def add_judge(parser: ArgumentParser) -> None:
     """Add the arguments of `run_judge`."""
+    parser.epilog, parser.formatter_class = EXAMPLES, RawDescriptionHelpFormatter
     parser.add_argument("image", type=Path, help=".exr, .npz or .npy of depths in scene units, or a 16-bit .png")
     parser.add_argument("--mesh", type=Path, required=True, help="the mesh that it shows")
     parser.add_argument("--camera", type=Path, required=True, metavar="CAMERAS", help="as for `atra render`")

@@ -7,19 +7,23 @@ from __future__ import annotations
 
 import sys
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import NoReturn
 
 import atra
 from atra.command import escape_what_stdout_lacks
-from atra.command.bop import bop_parser
-from atra.command.compiling import add_compile, run_compile
-from atra.command.doctor import run_doctor
-from atra.command.judging import EXAMPLES as JUDGE_EXAMPLES
-from atra.command.judging import SUMMARY, add_judge, run_judge
-from atra.command.render import EXAMPLES, add_render, run_render
 from atra.errors import AtraError
+
+_VERBS = {
+    "doctor": ("doctor", "say what this machine has and lacks; a bug report needs it"),
+    "compile": ("compiling", "compile kernels now, such as for a container image"),
+    "render": ("render", "write what every view of a mesh sees: depth, triangles, normals, points"),
+    "judge": ("judging", "judge an image of a mesh that any program has made, pixel by pixel"),
+}
+"""Verbs: the module of this package that is loaded for one, and its help. The module has `run_VERB`, and `add_VERB`
+where the verb has arguments."""
 
 _CLONE = Path(__file__).resolve().parents[2]
 _OF_THE_HARNESS = (
@@ -54,12 +58,16 @@ def main() -> int:
         from experiments.cli import main as run_harness
 
         return run_harness()
-    if sys.argv[1:3] == ["render", "bop"]:
-        arguments = bop_parser().parse_args(sys.argv[3:])
-    else:
-        arguments = _parser().parse_args(sys.argv[1:] or [verb])
+    if verb not in _VERBS:
+        _parser().parse_args(sys.argv[1:] or [verb])  # prints the help, the version, or what is wrong, and exits
+    words = 3 if sys.argv[1:3] == ["render", "bop"] else 2
+    command = sys.argv[words - 1]
+    parser = _Parser(" ".join(["atra", *sys.argv[1:words]]))
+    module = import_module(f"atra.command.{'bop' if command == 'bop' else _VERBS[verb][0]}")
+    getattr(module, f"add_{command}", lambda parser: None)(parser)
+    given = parser.parse_args(sys.argv[words:])
     try:
-        return int(arguments.run(arguments))
+        return int(getattr(module, f"run_{command}")(given))
     except AtraError as error:
         print(f"atra: {error}", file=sys.stderr)
         return 2
@@ -100,19 +108,6 @@ def _parser() -> ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"atra {atra.__version__}")
     verbs = parser.add_subparsers(metavar="verb", required=True)
-    doctor = verbs.add_parser("doctor", help="say what this machine has and lacks; a bug report needs it")
-    doctor.set_defaults(run=lambda arguments: run_doctor())
-    compiling = verbs.add_parser("compile", help="compile kernels now, such as for a container image")
-    add_compile(compiling)
-    compiling.set_defaults(run=run_compile)
-    render = verbs.add_parser(
-        "render", usage=EXAMPLES, help="write what every view of a mesh sees: depth, triangles, normals, points"
-    )
-    add_render(render)
-    render.set_defaults(run=run_render)
-    judge = verbs.add_parser(
-        "judge", help=SUMMARY, description=SUMMARY, epilog=JUDGE_EXAMPLES, formatter_class=RawDescriptionHelpFormatter
-    )
-    add_judge(judge)
-    judge.set_defaults(run=run_judge)
+    for verb, (_, what) in _VERBS.items():
+        verbs.add_parser(verb, help=what)
     return parser

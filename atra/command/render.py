@@ -45,6 +45,7 @@ atra render model.ply
 
 def add_render(parser: ArgumentParser) -> None:
     """Add the arguments of `run_render`."""
+    parser.usage = EXAMPLES
     parser.add_argument("mesh", type=Path, help="a file of any format that trimesh reads: model.glb, .obj, .ply, …")
     parser.add_argument(
         "--camera", metavar="CAMERAS",

@@ -8,8 +8,7 @@ from typing import Any
 
 from llvmlite import ir
 from numba import types
-from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import intrinsic, lower_builtin
+from numba.extending import intrinsic
 
 _I16, _I64, _F64 = ir.IntType(16), ir.IntType(64), ir.DoubleType()
 
@@ -97,42 +96,3 @@ def set_bits_at(typingctx: Any, address: Any, bits: Any) -> Any:
         builder.store(builder.or_(builder.load(pointer), builder.trunc(bits, _I16)), pointer)
 
     return types.void(types.int64, types.int64), emitting(emit)
-
-
-def least(*numbers: Any) -> Any:
-    """What kernels call where they say `min`; see `atra.compiled.store`."""
-    raise NotImplementedError("kernels alone can call this")
-
-
-def greatest(*numbers: Any) -> Any:
-    """What kernels call where they say `max`."""
-    raise NotImplementedError("kernels alone can call this")
-
-
-def _define_extreme(function: Callable[..., Any], compare: str) -> None:
-    """Define Python's `min` or `max` of numbers for kernels. For each combination of types Numba's own is a function to
-    be compiled."""
-
-    @infer_global(function)
-    class _Typing(AbstractTemplate):
-        def generic(self, arguments: Any, keywords: Any) -> Any:
-            if len(arguments) > 1 and all(isinstance(kind, types.Number) for kind in arguments):
-                return signature(self.context.unify_types(*arguments), *arguments)
-            return None
-
-    @lower_builtin(function, types.VarArg(types.Any))
-    def _lower(context: Any, builder: ir.IRBuilder, kinds: Any, values: Any) -> ir.Value:
-        (kind, found), *others = zip(kinds.args, values, strict=True)
-        for next_kind, value in others:  # one after the other, as Python does, which matters where one is NaN
-            both = context.typing_context.unify_types(kind, next_kind)
-            found, value = context.cast(builder, found, kind, both), context.cast(builder, value, next_kind, both)
-            if isinstance(both, types.Float):
-                replaces = builder.fcmp_ordered(compare, value, found)
-            else:
-                replaces = (builder.icmp_signed if both.signed else builder.icmp_unsigned)(compare, value, found)
-            kind, found = both, builder.select(replaces, value, found)
-        return found
-
-
-_define_extreme(least, "<")
-_define_extreme(greatest, ">")

@@ -10,6 +10,7 @@ import inspect
 import os
 import pickle
 import re
+import sys
 import warnings
 from collections.abc import Callable
 from functools import cache, partial
@@ -20,12 +21,10 @@ from typing import Any
 import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, _CacheLocator
 from numba.core.ccallback import CFunc
-from numba.core.compiler_lock import global_compiler_lock
 from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
 from numba.core.sigutils import normalize_signature
 
-from atra.compiled import progress
 from atra.compiled.compilers import KernelCompiler, PartCompiler
 from atra.compiled.instruction_sets import limit_numba
 from atra.compiled.locks import lock_between_processes
@@ -43,7 +42,11 @@ INTO_VARIABLE = "ATRA_COMPILE_INTO"
 _AS_IN_C = {"error_model": "numpy", "_nrt": False}
 """Numba's options for division as in C, and for no counting of references."""
 
-_IMPORT = re.compile(rb"^ *(?:from|import) +(\w+(?:\.\w+)*)", re.MULTILINE)
+QUIET_VARIABLE = "ATRA_QUIET"
+"""Set to anything but 0, nothing is said of compiling."""
+
+_IMPORT = re.compile(rb"^ *(?:import +(\w[.\w]*)|from +(\w[.\w]*) +import +(\([^)]*\)|.*))", re.MULTILINE)
+"""An import: a module, or a module and the names taken from it, which may be modules, too."""
 
 
 def source_stamp(path: Path) -> bytes:
@@ -69,9 +72,12 @@ def _imported_by(path: Path) -> tuple[Path, ...]:
     own = path.parent
     while (own.parent / "__init__.py").exists():
         own = own.parent
-    packages = {own.name: own, _PACKAGE.name: _PACKAGE}
-    imported = [name.decode().split(".") for name in _IMPORT.findall(path.read_bytes())]
-    named = {packages[first].joinpath(*rest) for first, *rest in imported if first in packages}
+    packages, named = {own.name: own, _PACKAGE.name: _PACKAGE}, set[Path]()
+    for module, package, names in _IMPORT.findall(path.read_bytes()):
+        first, *rest = (module or package).decode().split(".")
+        if first in packages:
+            place = packages[first].joinpath(*rest)
+            named |= {place, *(place / name for name in re.findall(r"\w+", names.decode()))}
     files = [place / "__init__.py" if place.is_dir() else place.with_suffix(".py") for place in named]
     return tuple(file for file in files if file.exists())
 
@@ -82,15 +88,22 @@ def cache_folder() -> str | None:
     return str(folder) if folder else None
 
 
-def kernel(function: Callable[..., Any]) -> Any:
+def kernel(function: Callable[..., Any], **options: Any) -> Any:
     """Compile `function` when it is first called, to run without the GIL, and keep the code on disk."""
-    return keep_on_disk(numba.njit(nogil=True, pipeline_class=KernelCompiler)(function))
+    compiled = keep_on_disk(numba.njit(nogil=True, pipeline_class=KernelCompiler, **options)(function))
+    compiled.get_call_template = _refuse_call
+    return compiled
+
+
+def _refuse_call(*_: Any) -> Any:
+    """Of a kernel that is kept on disk only the names of its symbols could be linked."""
+    raise TypeError("compiled code calls a kernel; make what kernels call with njit or float_part")
 
 
 def float_kernel(function: Callable[..., Any]) -> Any:
-    """As `kernel`, for loops that shall be as fast as C's: a division by zero gives inf or NaN, and nothing counts who
-    refers to an array, which takes two calls wherever one gets a name. Such a kernel can make no arrays."""
-    return keep_on_disk(numba.njit(nogil=True, pipeline_class=KernelCompiler, **_AS_IN_C)(function))
+    """As `kernel`, for loops that shall be as fast as C's: a division by zero gives inf or NaN, and arrays are used
+    without reference counting. Such a kernel can make no arrays."""
+    return kernel(function, **_AS_IN_C)
 
 
 def float_part(function: Callable[..., Any]) -> Any:
@@ -106,19 +119,8 @@ def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     wrappers = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     called = numba.njit(pipeline_class=PartCompiler, **wrappers, **options)(function)
     called._insert = lambda *_, **__: None  # keeps Numba from running a wrapper that is not there
-    called.compile = partial(_compile_part, called)
     called._compile_for_args = lambda *_, **__: _for_python(function, **options)  # what Numba calls instead
     return called
-
-
-def _compile_part(called: Any, signature: Any) -> Any:
-    """What Numba does to compile a function that is not kept, but for clocks: each of those that run, one in every
-    function that calls this one, is told of every call of LLVM."""
-    with global_compiler_lock, called._compiling_counter:
-        arguments, result = normalize_signature(signature)
-        if arguments not in called.overloads:
-            called.add_overload(called._compiler.compile(arguments, result))
-        return called.overloads[arguments].entry_point
 
 
 @cache
@@ -144,9 +146,10 @@ def keep_on_disk(compiled: Any) -> Any:
     return compiled
 
 
-def is_kept(kernel: Any) -> bool:
-    """Whether code of the kernel is shipped or kept on disk, for arguments of any types."""
-    return bool(kernel._cache.has_any())
+@cache
+def _say_compiling() -> None:
+    if os.environ.get(QUIET_VARIABLE, "0") in ("", "0") and sys.stderr is not None:
+        print("atra: compiling kernels for this machine, once", file=sys.stderr, flush=True)
 
 
 @cache
@@ -191,9 +194,7 @@ class _Sealed(CompileResultCacheImpl):
         digest, code = reduced_data
         if sha256(code).digest() != digest:
             raise ValueError("damaged")
-        found = super().rebuild(target_context, pickle.loads(code))
-        found.library.is_kernel = True
-        return found
+        return super().rebuild(target_context, pickle.loads(code))
 
 
 class _Index(IndexDataCacheFile):
@@ -243,7 +244,7 @@ class _Cache(FunctionCache):
             if has_waited:
                 found = self._found(sig, target_context)
         if found is None:
-            progress.begin()
+            _say_compiling()
         elif self._lock is not None:
             self._lock.release()
         return found
@@ -251,10 +252,6 @@ class _Cache(FunctionCache):
     def _index_key(self, sig: Any, codegen: Any) -> Any:
         limit_numba()  # Numba forgets it when a variable NUMBA_... changes, though not the code that it makes
         return super()._index_key(sig, codegen)
-
-    def has_any(self) -> bool:
-        """Whether there is code for arguments of any types."""
-        return any(index is not None and index._load_index() for index in (self._shipped, self._cache_file))
 
     def _found(self, sig: Any, target_context: Any) -> Any:
         key = self._index_key(sig, target_context.codegen())
@@ -269,7 +266,6 @@ class _Cache(FunctionCache):
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        progress.end()
         try:
             if not self._cache_path:
                 _warn("no folder for it can be written to")

@@ -26,9 +26,7 @@ from atra.exact.ties_kernels import (
     number_places,
     number_planes,
 )
-from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
-from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.ray_space import own_space
 from atra.geometry.view import View
 
@@ -236,13 +234,3 @@ def lowest_of_ties(
         )  # fmt: skip
 
     pool.run(work)
-
-
-def compile_kernels(parallel: bool) -> None:
-    """Have everything that ties take compiled: settle one."""
-    mesh = Mesh(np.eye(3, dtype=np.float32), np.array([[0, 1, 2], [0, 1, 2]], np.uint32))
-    camera = (OrthographicCamera if parallel else Camera)((1, 1, 1), (0, 0, 0), width=1, height=1)
-    pool = WorkerPool(1)
-    tiles = tie_tiles(mesh, camera)
-    lowest_of_ties(mesh, camera, tiles, (0.5, 0.5), np.zeros((1, 1), np.uint32), pool)
-    pool.close()

@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cache
 from itertools import accumulate
 from typing import Any
 
 import numpy as np
-from numba import typeof
 from numpy.typing import NDArray
 
 from atra.all_hits.target_kernels import band_stride
 from atra.compiled.threads import WorkerPool
-from atra.exact import ties
 from atra.exact.edges_kernels import SUMMANDS
-from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
-from atra.geometry.orthographic import OrthographicCamera
 from atra.geometry.view import View
-from atra.raster.clusters import CLUSTER, POINT_BYTES, VERTICES, ClusterAddresses, Clusters, clusters_of
+from atra.raster.clusters import CLUSTER, POINT_BYTES, VERTICES, Clusters, clusters_of
 from atra.raster.culling import TILE, cull_clusters, tile_stride
 from atra.raster.drawing import drawing_kernel
 from atra.raster.image import CACHE_LINE, Eye, Image, Viewpoint, Workspace
@@ -135,36 +130,3 @@ def draw_frame(
         draw_bands(counter, eye, addresses, rectangles, bounds, order, band_rows, doubled, image, workspaces[worker])
 
     pool.run(draw)
-
-
-@cache
-def compile_kernels(lanes: int, parallel: bool) -> None:
-    """Have everything that `draw_frame` calls compiled: draw one triangle."""
-    pool = WorkerPool(1)
-    mesh, camera = _smallest(parallel)
-    out = np.empty((1, 1), np.float32), np.empty((1, 1), np.uint32)
-    draw_frame(mesh, camera, (0.5, 0.5), lanes, Scratch.of(mesh, pool), pool, out)
-    pool.close()
-
-
-def compile_other_kernels(parallel: bool) -> None:
-    """Have everything that a frame takes compiled, ties included, except the kernel that draws."""
-    pool = WorkerPool(1)
-    mesh, camera = _smallest(parallel)
-    Scratch.of(mesh, pool).cull(Viewpoint.of(mesh, camera, (0.5, 0.5)).eye, camera, 1, pool)
-    pool.close()
-    ties.compile_kernels(parallel)
-
-
-def _smallest(parallel: bool) -> tuple[Mesh, View]:
-    mesh = Mesh(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]] * (CLUSTER + 1), np.uint32))
-    return mesh, (OrthographicCamera if parallel else Camera)((0, 0, 1), (0, 0, 0), width=1, height=1)
-
-
-def compile_drawing(lanes: int, parallel: bool) -> None:
-    """Have the kernel compiled that draws, which takes longer than any other."""
-    arrays = np.empty((0, 4), np.int32), np.empty(0, np.float32), np.empty(0, np.int64)
-    eye, addresses, image = Eye(0, 0, 0, 0.0), ClusterAddresses(0, 0, 0, 0, 0, 0, 0), Image(0, 0, 0, 0)
-    workspace = Workspace(0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
-    drawing: Any = drawing_kernel(lanes, parallel)
-    drawing.compile(tuple(map(typeof, (0, eye, addresses, *arrays, 0, 0, image, workspace))))

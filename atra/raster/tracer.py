@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from atra.all_hits.reductions import Reduction
 from atra.all_hits.target_kernels import band_stride
 from atra.choices import check_optional_choice
-from atra.compiled.beside import compile_beside
 from atra.compiled.instruction_sets import native_lanes
 from atra.compiled.threads import WorkerPool
 from atra.geometry.lenses.lens_view import LensView
@@ -21,9 +20,8 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range
 from atra.geometry.view import View
 from atra.raster.all_hits.frames import gather_frame
-from atra.raster.culling import cull_clusters
-from atra.raster.frames import Scratch, compile_drawing, compile_kernels, compile_other_kernels, draw_frame
-from atra.raster.lenses.frames import LensDrawing, compile_lens_kernels
+from atra.raster.frames import Scratch, draw_frame
+from atra.raster.lenses.frames import LensDrawing
 from atra.tracing.gathering import check_rays_without_lens, target_of
 from atra.tracing.options import LANES
 from atra.tracing.tracer import Tracer
@@ -61,26 +59,14 @@ class PreparedRaster:
 
     def __init__(self, mesh: Mesh, camera: View, lanes: int, pool: WorkerPool) -> None:
         self._mesh, self._camera, self._lanes, self._pool = mesh, camera, lanes, pool
-        parallel = camera.is_parallel
-        if camera.lens is None:
-            compile_beside(cull_clusters, compile_other_kernels, parallel)
-            compile_drawing(lanes, parallel)  # here, as kernels of all hits then find its parts compiled
-        self._compile()  # before the clock starts
         start = perf_counter()
         self.scratch = Scratch.of(mesh, pool)
         self.build_time_s = perf_counter() - start
         self.lens_drawing = LensDrawing()
 
-    def _compile(self) -> None:
-        if self._camera.lens is None:
-            compile_kernels(self._lanes, self._camera.is_parallel)
-        else:
-            compile_lens_kernels(self._lanes)
-
     def still_serves(self, camera: View) -> bool:
         """Always: clusters hang on the mesh alone."""
         self._camera = camera
-        self._compile()
         return True
 
     @property

@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 
 from atra.all_hits.reductions import Gathered, Reduction, check_reduction
 from atra.choices import check_choice
-from atra.compiled.beside import compile_beside
 from atra.compiled.instruction_sets import chosen_instruction_set
 from atra.compiled.threads import WorkerPool, resolve_threads
-from atra.exact.ties import TieTiles, compile_kernels, coplanar_overlaps, lowest_of_ties, tie_tiles
-from atra.exact.ties_kernels import find_overlaps
+from atra.exact.ties import TieTiles, coplanar_overlaps, lowest_of_ties, tie_tiles
 from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View, check_offset
@@ -93,8 +91,6 @@ class Tracer(Lifetime):
     def _build(self) -> tuple[float, float]:
         self._forget()  # before anything is built: both together may not fit
         ties_time_s = 0.0
-        if self.ties == "lowest":
-            compile_beside(find_overlaps, compile_kernels, self.camera.is_parallel)
         prepared = self.prepared = self.method.prepare(self.mesh, self.camera, self._pool)
         if self.ties == "lowest":
             coplanar_overlaps(self.mesh)  # found once per mesh, like reading it, and so outside the clock of a plan

@@ -9,6 +9,7 @@ from numba import types
 from numba.core.registry import cpu_target
 
 from atra.compiled.compilers import _Typing
+from atra.compiled.store import kernel, njit
 from tests.compiled.test_kernel_cache import TWO_KINDS
 from tests.folders import ROOT
 
@@ -32,6 +33,21 @@ def test_numba_is_asked_once_what_an_operator_gives_and_each_time_what_a_compile
     for _ in range(2):
         assert typing.resolve_function_type(types.Dispatcher(same), (types.float32,), {}).return_type == types.float32
     assert len(asked) == 4
+
+
+def test_branches_that_known_arguments_decide_are_not_compiled():
+    @njit
+    def chosen(flag, number):
+        if flag:
+            return number.no_such_attribute
+        return number
+
+    @kernel
+    def calls(number):
+        return chosen(False, number)
+
+    calls._cache.disable()
+    assert calls(3) == 3
 
 
 def test_code_that_is_kept_is_run_without_what_only_compiling_needs(tmp_path):

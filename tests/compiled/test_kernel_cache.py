@@ -127,6 +127,27 @@ def test_the_sources_of_a_kernel_outside_of_the_library_are_those_of_its_own_pac
     assert all(one.is_relative_to(tmp_path) or "atra" in one.parts for one in store.sources(kernels))
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "from atra.room import layout",
+        "from atra.room import other, layout as places",
+        "from atra.room import (\n    other,\n    layout,\n)",
+        "from atra.room.layout import SIZE",
+        "import atra.room.layout",
+        "def later():\n    from atra.room import layout",
+    ],
+)
+def test_a_module_counts_among_the_sources_however_it_is_imported(text, tmp_path, monkeypatch):
+    room = tmp_path / "atra" / "room"
+    room.mkdir(parents=True)
+    for name in ("__init__", "layout", "other"):
+        (room / f"{name}.py").write_text("")
+    (room / "kernels.py").write_text(text)
+    monkeypatch.setattr(store, "_PACKAGE", tmp_path / "atra")
+    assert room / "layout.py" in store.sources(room / "kernels.py")
+
+
 class SourceAlone(importlib.machinery.SourceFileLoader):
     """Keeps no bytecode: Python would take it for that of another text, as long, written within the same second."""
 

@@ -1,12 +1,10 @@
-"""Kernels that are shipped or compiled in advance, what is said while compiling, and processes that need the same."""
+"""Kernels that are shipped or compiled in advance, what is said when compiling, and processes that need the same."""
 
 from __future__ import annotations
 
-import io
 import os
 import subprocess
 import sys
-import threading
 from pathlib import Path
 
 import numba
@@ -14,7 +12,7 @@ import numpy as np
 import pytest
 
 from atra.command.compiling import JOBS
-from atra.compiled import progress, store
+from atra.compiled import store
 from atra.compiled.instruction_sets import VARIABLE, instruction_sets_here
 from tests.compiled.test_kernel_cache import TWO_KINDS, imported, with_another_bit
 from tests.folders import ROOT
@@ -137,65 +135,17 @@ def test_machines_with_other_processors_may_share_the_folder_that_kernels_are_ke
             assert done.stdout == f"(21, 42) {from_disk}\n", (name, known)
 
 
-class Terminal(io.StringIO):
-    def isatty(self) -> bool:
-        return True
-
-
-@pytest.fixture
-def fresh(monkeypatch: pytest.MonkeyPatch) -> list[threading.Timer]:
-    """Nothing has been compiled or said; timers are kept and do not run."""
-    made: list[threading.Timer] = []
-
-    class Kept(threading.Timer):
-        def start(self) -> None:
-            made.append(self)
-
-    monkeypatch.setattr(threading, "Timer", Kept)
-    for name, value in {"_depth": 0, "_count": 0, "_said": False, "_timer": None}.items():
-        monkeypatch.setattr(progress, name, value)
-    monkeypatch.delenv(progress.QUIET_VARIABLE, raising=False)
-    return made
-
-
-def test_compiling_that_takes_longer_than_a_second_is_told_in_one_line(
-    fresh: list[threading.Timer], monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("quiet", [False, True])
+def test_compiling_is_told_once_unless_it_is_to_be_quiet(
+    quiet: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sys, "stderr", said := io.StringIO())
-    for _ in range(3):
-        progress.begin()
-        if progress._depth and not progress._said:
-            fresh[-1].function()
-        progress.end()
-    assert said.getvalue() == "atra: compiling kernels for this machine, once\n"
-    assert fresh[0].interval == 1.0
-
-
-def test_a_terminal_counts_kernels_in_a_line_that_goes(
-    fresh: list[threading.Timer], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(sys, "stderr", said := Terminal())
-    progress.begin()
-    progress.begin()
-    fresh[0].function()
-    progress.end()
-    assert said.getvalue().endswith("\r\x1b[K1 kernels")
-    progress.end()
-    assert said.getvalue().endswith("\r\x1b[K")
-
-
-@pytest.mark.parametrize("quiet", ["1", None])
-def test_what_is_compiled_at_once_or_quietly_is_not_told(
-    quiet: str | None, fresh: list[threading.Timer], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    if quiet:
-        monkeypatch.setenv(progress.QUIET_VARIABLE, quiet)
-    monkeypatch.setattr(sys, "stderr", said := io.StringIO())
-    progress.begin()
-    progress.end()
-    for timer in fresh:
-        timer.function()
-    assert (said.getvalue(), len(fresh)) == ("", 0 if quiet else 1)
+    monkeypatch.setenv(store.QUIET_VARIABLE, "1" if quiet else "0")
+    store._say_compiling.cache_clear()
+    path = tmp_path / "two_kinds.py"
+    path.write_text(TWO_KINDS)
+    for _ in range(2):  # compiled, then kept
+        imported(path).answers()
+    assert capsys.readouterr().err == ("" if quiet else "atra: compiling kernels for this machine, once\n")
 
 
 def test_compiling_in_advance_names_what_there_is() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -10,10 +9,7 @@ from numpy.typing import NDArray
 
 from atra.all_hits.target_kernels import band_stride
 from atra.compiled.threads import WorkerPool
-from atra.geometry.camera import LensCamera
-from atra.geometry.image_plane import ImagePlane
 from atra.geometry.lenses.lens_view import LensView
-from atra.geometry.lenses.models import OpenCVLens
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import own_space
 from atra.raster.frames import Scratch
@@ -77,15 +73,3 @@ class LensDrawing:
         rest = tiles, cones, regions, planes.margins, balls, order, clusters.boxes, clusters.addresses, image
         kernel: Any = lens_drawing_kernel(lanes)
         pool.run(lambda worker, counter: kernel(counter, *rest, workspaces[worker]))
-
-
-@cache
-def compile_lens_kernels(lanes: int) -> None:
-    """Have everything that a frame through a lens takes compiled: draw one triangle."""
-    pool = WorkerPool(1)
-    mesh = Mesh(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.uint32))
-    sensor = ImagePlane(1.0, 1.0, 0.5, 0.5)
-    camera = LensCamera((0, 0, 1), (0, 0, 0), (0, 1, 0), 1, 1, lens=OpenCVLens(k1=0.1), sensor=sensor)
-    out = np.empty((1, 1), np.float32), np.empty((1, 1), np.uint32)
-    LensDrawing().draw(mesh, camera, (0.5, 0.5), lanes, Scratch.of(mesh, pool), pool, out)
-    pool.close()

@@ -15,7 +15,7 @@ from atra.geometry.projection import project_vertices
 from atra.geometry.ray_space import check_range, own_space, unseen_from
 from atra.geometry.split import Split
 from atra.geometry.view import View
-from atra.raster.frames import Scratch, compile_kernels, draw_frame
+from atra.raster.frames import Scratch, draw_frame
 from atra.tracing.images import outputs
 from atra.tracing.options import native_packet_widths
 from atra.tracing.rays import ray_grid
@@ -91,11 +91,10 @@ def look_at(mesh: Mesh, camera: View) -> Look:
     check_range(mesh, camera)
     mesh, camera = own_space(mesh, camera)
     pool, lanes = WorkerPool(1), native_lanes()
-    compile_kernels(lanes, camera.is_parallel)
     scratch = Scratch.of(mesh, pool)
     images = outputs((camera.height, camera.width), camera.width, None)
     frames_s = []
-    for _ in range(2):  # the first finds caches cold
+    for _ in range(2):  # the first finds caches cold, and may compile
         start = thread_time()
         draw_frame(mesh, camera, (0.5, 0.5), lanes, scratch, pool, images)
         frames_s.append(thread_time() - start)
