@@ -18,8 +18,8 @@ _BLOCK = 1 << 16
 """Vertices that are rounded at a time, which bounds the memory beside them."""
 
 NEAR_ZERO = 0.5
-"""An axis keeps zero where the box comes nearer to it than this share of the size: float64 has finer steps there than at
-the box's centre, so subtracting that would round."""
+"""An axis keeps zero where the box comes nearer to it than this share of the size: float64 has finer steps there than
+at the box's centre, so subtracting that would round."""
 
 _SAMPLE = 4096
 """Triangles, evenly spread, that show how large a mesh is at least, and whether its edges lose detail."""
