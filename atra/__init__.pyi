@@ -92,7 +92,6 @@ from .prim_ids import MISS as MISS
 from .raster.tracer import RasterTracer as RasterTracer
 from .rays.all_hits.gathered import RayLayers as RayLayers
 from .rays.all_hits.lists import RayHitLists as RayHitLists
-from .rays.options import RayOptions as RayOptions
 from .rays.rays import RayHits as RayHits
 from .rays.rays import Rays as Rays
 from .rays.scene import RayScene as RayScene

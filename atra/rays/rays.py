@@ -274,3 +274,16 @@ def _refusal(name: str, values: NDArray[Any], ray: int, expected: str) -> InputE
     return InputError(
         f"ray {ray} has the {name} {tuple(value) if isinstance(value, list) else value}, expected {expected}"
     )
+
+
+def checked_out(name: str, array: Any, kind: type, shape: tuple[int, ...]) -> NDArray[Any]:
+    """The array `out` of a query. Raises InputError for one of another type or shape, or that cannot be written."""
+    expected = f"expected {np.dtype(kind)} of {shape}, contiguous and writable: pass an earlier result"
+    if not isinstance(array, np.ndarray):
+        raise InputError(f"{name} is {array!r:.100}, {expected}")
+    if (array.dtype, array.shape) != (kind, shape) or not array.flags.c_contiguous or not array.flags.writeable:
+        raise InputError(
+            f"{name} is {array.dtype} of {array.shape}{'' if array.flags.c_contiguous else ', not contiguous'}"
+            f"{'' if array.flags.writeable else ', read-only'}, {expected}"
+        )
+    return array

@@ -4,25 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from time import perf_counter
-from typing import Any, NamedTuple, Unpack
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from atra.choices import check_choice
+from atra.compiled.instruction_sets import chosen_instruction_set
 from atra.compiled.threads import resolve_threads
 from atra.embree.callbacks_kernels import memory_monitor
-from atra.embree.scene import EmbreeScene, resolve_packet_width
+from atra.embree.scene import BUILD_QUALITIES, EmbreeScene, resolve_packet_width
 from atra.embree.workspace import Workspace, check_widths
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import padded_vertices
 from atra.rays.all_hits.scene import AllHitsScene
-from atra.rays.options import RayKeywords, RayOptions
 from atra.rays.order import Numbers, RayOrder
 from atra.rays.plan import exact_plan_of, plan_of
-from atra.rays.rays import RayHits, Rays, rays_of
+from atra.rays.rays import RayHits, Rays, checked_out, rays_of
 from atra.rays.rays_kernels import closest_hit_kernel, occlusion_kernel
-from atra.tracing.options import PacketOptions, lists_options
+
+PRECISIONS = ("exact", "watertight", "fast")
+"""How the hits of rays of one's own are found."""
 
 ORDERED = 1 << 20
 """Rays that are put in an order at a time, which bounds the memory that takes; more gain nothing."""
@@ -63,7 +66,13 @@ class RayScene(AllHitsScene):
     faces: (F,) bool, those of all meshes together that rays meet; None: all.
     touches: a ray that meets an outline in an edge or corner alone hits it, as Embree has it; otherwise it does as a
     ray near by does. For "exact" alone.
-    options: see `atra.RayOptions`.
+    threads: of a batch; None takes every core that the process may use.
+    precision: "exact" decides hits without rounding, those of the rays and vertices as stored; "watertight" takes
+    Embree's robust arithmetic, with which no ray slips through between two triangles; "fast" takes Embree's fast
+    arithmetic, with which rays also slip past meshes far from the world's origin, where float32 is coarse: of 200,000
+    rays in a closed box that lies a hundred times its size away 2 are lost, at a thousand times 43.
+    packet_width, build_quality: of Embree, for "watertight" and "fast". Without a packet_width only rays that are alike
+    go in packets, and others are traced one by one, which is faster.
 
     **The hit of a ray** is that of the ray as given, its numbers as stored, with the vertices as stored, in exact
     arithmetic: the nearest, and of equally near ones that of the lowest `prim_id`. A ray through an edge or corner
@@ -74,14 +83,13 @@ class RayScene(AllHitsScene):
     may be lost or hit beside, t may be off, and of equally near ones any is stored.
     `all_hits`, `count`, `gather` and `contains` are exact with each.
 
-    Raises InputError for options as `RayOptions` does, for faces of another shape or type, and for a mesh smaller than
-    1e-9 or farther than 1e11 from the world's origin.
+    Raises InputError for an option's value, for faces of another shape or type, and for a mesh smaller than 1e-9 or
+    farther than 1e11 from the world's origin.
 
     Source: `rtcIntersect1/4/8/16` and `rtcOccluded1/4/8/16` of Embree's API, with its RTC_RAY_QUERY_FLAG_COHERENT for
     `coherent` and RTC_SCENE_FLAG_ROBUST for "watertight"; Gribble, Wald et al. as in `atra.trees` for our own tree.
     """
 
-    @lists_options(RayOptions)
     def __init__(
         self,
         mesh: Mesh | Sequence[Mesh],
@@ -89,16 +97,22 @@ class RayScene(AllHitsScene):
         transforms: ArrayLike | None = None,
         faces: NDArray[np.bool_] | None = None,
         touches: bool = False,
-        **options: Unpack[RayKeywords],
+        threads: int | None = None,
+        precision: str = "exact",
+        packet_width: int | None = None,
+        build_quality: str = "medium",
     ) -> None:
-        self.options = RayOptions.of(type(self).__name__, options)
-        self._is_exact, self._touches = self.options.precision == "exact", bool(touches)
+        check_choice("precision", precision, PRECISIONS)
+        check_choice("build_quality", build_quality, BUILD_QUALITIES)
+        chosen_instruction_set()  # refuses a wrong ATRA_ISA
+        self.precision, self.build_quality = precision, build_quality
+        self._is_exact, self._touches = precision == "exact", bool(touches)
         if touches and not self._is_exact:
-            raise InputError(f'touches is {touches!r}, expected False with precision="{self.options.precision}"')
-        super().__init__(mesh, transforms, faces, resolve_threads(self.options.threads))
-        self.packet_width = resolve_packet_width(self.options.packet_width)
+            raise InputError(f'touches is {touches!r}, expected False with precision="{precision}"')
+        super().__init__(mesh, transforms, faces, resolve_threads(threads))
+        self.packet_width = resolve_packet_width(packet_width)
         self._order = RayOrder(self._pool)
-        self._width_unlike = 1 if self.options.packet_width is None else self.packet_width
+        self._width_unlike = 1 if packet_width is None else self.packet_width
         self._workspaces: dict[int, list[Workspace]] = {}
         self._scene: EmbreeScene | None = None
 
@@ -124,10 +138,10 @@ class RayScene(AllHitsScene):
         scene = EmbreeScene(
             vertices,
             faces,
-            build_quality=self.options.build_quality,
+            build_quality=self.build_quality,
             threads=self.threads,
             monitor_address=monitor_address,
-            robust=self.options.precision != "fast",
+            robust=self.precision != "fast",
         )
         taken_s = perf_counter() - start
         if self._scene is not None:
@@ -161,8 +175,8 @@ class RayScene(AllHitsScene):
         """
         rays, shape = rays_of(origins, directions, tnear, tfar)
         t, prim_id = (None, None) if out is None else (getattr(out, "t", None), getattr(out, "prim_id", None))
-        t = np.empty(shape, np.float32) if out is None else _checked_out("out.t", t, np.float32, shape)
-        prim_id = np.empty(shape, np.uint32) if out is None else _checked_out("out.prim_id", prim_id, np.uint32, shape)
+        t = np.empty(shape, np.float32) if out is None else checked_out("out.t", t, np.float32, shape)
+        prim_id = np.empty(shape, np.uint32) if out is None else checked_out("out.prim_id", prim_id, np.uint32, shape)
         if np.may_share_memory(t, prim_id):
             raise InputError("out has one memory for t and prim_id: pass a result of `intersect`")
         with self._in_use():
@@ -188,7 +202,7 @@ class RayScene(AllHitsScene):
         Arguments, shapes and errors as for `intersect`. out: a bool array of that shape, overwritten and returned.
         """
         rays, shape = rays_of(origins, directions, tnear, tfar)
-        found = np.empty(shape, np.bool_) if out is None else _checked_out("out", out, np.bool_, shape)
+        found = np.empty(shape, np.bool_) if out is None else checked_out("out", out, np.bool_, shape)
         answers = found.reshape(-1).view(np.uint8)
         with self._in_use():
             self._run(occlusion_kernel, coherent, rays, answers)
@@ -279,22 +293,16 @@ class RayScene(AllHitsScene):
             self._scene.close()
 
 
-def scene_for_kernels(mesh: Mesh, options: PacketOptions, faces: NDArray[np.bool_] | None = None) -> RayScene:
-    """A scene for kernels that ask Embree themselves, as robust as `options` say."""
-    given = {name: value for name, value in options.keywords().items() if name in RayKeywords.__annotations__}
-    return RayScene(mesh, faces=faces, precision="watertight" if options.robust else "fast", **given)
+def scene_for_kernels(mesh: Mesh, options: Any, faces: NDArray[np.bool_] | None = None) -> RayScene:
+    """A scene for kernels that ask Embree themselves. options: has threads, packet_width, build_quality and robust."""
+    return RayScene(
+        mesh,
+        faces=faces,
+        threads=options.threads,
+        precision="watertight" if options.robust else "fast",
+        packet_width=options.packet_width,
+        build_quality=options.build_quality,
+    )
 
 
 _NO_T = np.empty(0, np.float32)
-
-
-def _checked_out(name: str, array: Any, kind: type, shape: tuple[int, ...]) -> NDArray[Any]:
-    expected = f"expected {np.dtype(kind)} of {shape}, contiguous and writable: pass an earlier result"
-    if not isinstance(array, np.ndarray):
-        raise InputError(f"{name} is {array!r:.100}, {expected}")
-    if (array.dtype, array.shape) != (kind, shape) or not array.flags.c_contiguous or not array.flags.writeable:
-        raise InputError(
-            f"{name} is {array.dtype} of {array.shape}{'' if array.flags.c_contiguous else ', not contiguous'}"
-            f"{'' if array.flags.writeable else ', read-only'}, {expected}"
-        )
-    return array
