@@ -21,7 +21,6 @@ from typing import Any
 import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, _CacheLocator
 from numba.core.ccallback import CFunc
-from numba.core.compiler_lock import global_compiler_lock
 from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
 from numba.core.sigutils import normalize_signature
@@ -119,20 +118,9 @@ def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
         return partial(njit, **options)
     wrappers = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     called = numba.njit(pipeline_class=PartCompiler, **wrappers, **options)(function)
-    called.compile = partial(_compile_part, called)
     called._insert = lambda *_, **__: None  # keeps Numba from running a wrapper that is not there
     called._compile_for_args = lambda *_, **__: _for_python(function, **options)  # what Numba calls instead
     return called
-
-
-def _compile_part(called: Any, signature: Any) -> Any:
-    """What Numba does to compile a function that is not kept, without its clocks: those of every function that calls
-    this one would be told of each call of LLVM."""
-    with global_compiler_lock, called._compiling_counter:
-        arguments, result = normalize_signature(signature)
-        if arguments not in called.overloads:
-            called.add_overload(called._compiler.compile(arguments, result))
-        return called.overloads[arguments].entry_point
 
 
 @cache
