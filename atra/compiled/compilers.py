@@ -7,6 +7,7 @@ file the first image in a clone takes more than twice as long, and kernels that 
 from __future__ import annotations
 
 import gc
+from collections.abc import Callable
 from hashlib import sha256
 from typing import Any, ClassVar
 
@@ -91,6 +92,15 @@ def _is_known(kind: Any) -> bool:
     return isinstance(kind, types.IntegerLiteral | types.BooleanLiteral)
 
 
+def _with_room(call: Callable[[], Any]) -> Any:
+    return call()
+
+
+# Python keeps frames in blocks of memory and asks the system for one whenever calls cross the end of the last, which a
+# compiler does all the time. A frame that claims a large stack puts all above it into one block.
+_with_room.__code__ = _with_room.__code__.replace(co_stacksize=(1 << 17) + 100)
+
+
 class _Compiler(Compiler):
     """Numba's compiler. Garbage is not collected meanwhile: that takes a fifth of the time and finds hardly any."""
 
@@ -111,7 +121,7 @@ class _Compiler(Compiler):
         was_on = gc.isenabled()
         gc.disable()
         try:
-            return super()._compile_core()
+            return _with_room(super()._compile_core)
         finally:
             if was_on:
                 gc.enable()
