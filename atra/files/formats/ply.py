@@ -47,7 +47,8 @@ def read_ply_file(content: bytes, allowance: Allowance) -> MeshFile:
     order, elements, at = _header(content)
     numbers = _numbers(content, at, allowance) if order == "" else None
     at = 0 if order == "" else at
-    vertices, faces = np.empty((0, 3)), None
+    vertices: NDArray[np.floating] = np.empty((0, 3))
+    faces = None
     notes = []
     for element in elements:
         if element.name == "vertex" and not any(one.length for one in element.properties):
@@ -126,8 +127,8 @@ def _check(element: Element, least: int, left: int, allowance: Allowance) -> Non
 
 def _vertices(
     content: bytes, numbers: NDArray[np.float64] | None, at: int, element: Element, order: str, allowance: Allowance
-) -> tuple[NDArray[np.float64], int]:
-    """(V, 3) float64, and the place behind them."""
+) -> tuple[NDArray[np.floating], int]:
+    """(V, 3) float64, or float32 where the file has that, and the place behind them."""
     names = [one.name for one in element.properties]
     if not {"x", "y", "z"} <= set(names):
         raise InputError(f"its vertices have {', '.join(names) or 'nothing'}, expected x, y and z")
@@ -140,7 +141,8 @@ def _vertices(
     kind = np.dtype([(str(k), order + one.values) for k, one in enumerate(element.properties)])
     _check(element, kind.itemsize, len(content) - at, allowance)
     rows = np.frombuffer(content, kind, element.rows, at)
-    vertices = np.empty((element.rows, 3))
+    is_single = all(element.properties[column].values == "f4" for column in columns)
+    vertices = np.empty((element.rows, 3), np.float32 if is_single else np.float64)
     for axis, column in enumerate(columns):
         vertices[:, axis] = rows[str(column)]
     return vertices, at + element.rows * kind.itemsize
@@ -211,8 +213,11 @@ def _alike(
     if any((rows[f"length {k}"] != length).any() for k, length in lengths.items()):
         return None
     check_rows(element.rows * max(1, lengths[wanted]), allowance)
-    corners = rows[f"values {wanted}"].astype(np.int64).ravel()
-    return (np.full(element.rows, lengths[wanted]), corners), at + element.rows * row.itemsize
+    sizes = np.broadcast_to(np.int64(lengths[wanted]), element.rows)
+    # Triangles keep the file's type of numbers; kernels that cut other polygons take int64.
+    corners = rows[f"values {wanted}"]
+    kind = corners.dtype.newbyteorder("=") if lengths[wanted] == 3 else np.dtype(np.int64)
+    return (sizes, corners.astype(kind).ravel()), at + element.rows * row.itemsize
 
 
 def _rows(

@@ -21,9 +21,9 @@ class Numbers:
 
     def __init__(self, tree: Any, content: bytes, suffix: str, folder: Folder) -> None:
         self._tree, self._folder = tree, folder
-        rest = glb_chunks(content)[1] if suffix == "glb" else b""
+        rest = glb_chunks(content)[1] if suffix == "glb" else memoryview(b"")
         self._chunk = rest[8 : 8 + int.from_bytes(rest[:4], "little")] if len(rest) >= 8 else None
-        self._buffers: dict[int, bytes] = {}
+        self._buffers: dict[int, bytes | memoryview] = {}
         self._files: dict[Path, bytes] = {}
 
     def view(self, number: Any) -> bytes:
@@ -38,7 +38,7 @@ class Numbers:
             raise InputError(f"buffer view {number} ends at byte {start + length} of {len(buffer)}")
         return memoryview(buffer)[start : start + length]
 
-    def _buffer(self, number: int) -> bytes:
+    def _buffer(self, number: int) -> bytes | memoryview:
         if number not in self._buffers:
             buffer = entry(self._tree, "buffers", number)
             if "uri" in buffer:

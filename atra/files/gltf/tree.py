@@ -17,7 +17,7 @@ def gltf_tree(content: bytes, suffix: str) -> Any:
     return parse_json(glb_chunks(content)[0] if suffix == "glb" else content)
 
 
-def glb_chunks(content: bytes) -> tuple[bytes, bytes]:
+def glb_chunks(content: bytes) -> tuple[bytes, memoryview]:
     """The JSON chunk's text, and all chunks after it. Raises InputError for a chunk that is longer than the file."""
     if content[:4] != _GLB_MAGIC:
         raise InputError(f"it starts with {content[:4]!r}, expected {_GLB_MAGIC!r}")
@@ -29,7 +29,7 @@ def glb_chunks(content: bytes) -> tuple[bytes, bytes]:
         if start == 12 and kind == _GLB_JSON:
             first = content[20 : 20 + length]
         start += 8 + length
-    return first, content[20 + len(first) :]
+    return first, memoryview(content)[20 + len(first) :]
 
 
 def entry(tree: Any, kind: str, number: Any) -> Any:

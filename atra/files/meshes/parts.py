@@ -23,13 +23,13 @@ _BYTES_PER_ROW = 3 * (2 * 8 + 8 + 4)
 class Part(NamedTuple):
     """Triangles of a mesh file in world space.
 
-    vertices: (V, 3) float64, or float32 where the file has them. faces: (F, 3) int64. face: (F,), number of each
+    vertices: (V, 3) float64, or float32 where the file has them. faces: (F, 3) whole numbers. face: (F,), number of each
     triangle's face in the file or primitive. material: an index into the file's materials, of all or of each of (F,)
     triangles. node: an index into its nodes.
     """
 
     vertices: NDArray[np.floating]
-    faces: NDArray[np.int64]
+    faces: NDArray[np.integer]
     face: NDArray[np.int64]
     material: int | NDArray[np.int32] = NONE
     node: int = NONE
@@ -64,7 +64,7 @@ def polygon_part(
 
 def placed_part(
     vertices: NDArray[np.floating],
-    faces: NDArray[np.int64],
+    faces: NDArray[np.integer],
     transform: NDArray[np.float64],
     material: int = NONE,
     node: int = NONE,

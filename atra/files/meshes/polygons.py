@@ -16,8 +16,8 @@ over concave polygons of many corners. It takes up to ten seconds."""
 
 
 def cut_polygons(
-    vertices: NDArray[np.floating], sizes: NDArray[np.int64], corners: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64], list[str]]:
+    vertices: NDArray[np.floating], sizes: NDArray[np.int64], corners: NDArray[np.integer]
+) -> tuple[NDArray[np.integer], NDArray[np.int64], list[str]]:
     """Triangles (F, 3) of polygons, the polygon (F,) of each, and notes on what was left out or is doubtful.
 
     vertices: (V, 3) float64, finite where used. sizes: (P,), corners of each polygon. corners: vertex indices of all
@@ -27,6 +27,7 @@ def cut_polygons(
     """
     if (sizes == 3).all():
         return corners.reshape(-1, 3), np.arange(len(sizes)), []
+    vertices, sizes, corners = vertices.astype(np.float64), np.ascontiguousarray(sizes), corners.astype(np.int64)
     shapes, starts = np.empty(len(sizes), np.uint8), np.empty(len(sizes), np.int64)
     find_shapes(vertices, sizes, corners, shapes, starts)
     clipped = _clipped(vertices, sizes, corners, shapes)
@@ -44,8 +45,8 @@ def cut_polygons(
 
 
 def _clipped(
-    vertices: NDArray[np.floating], sizes: NDArray[np.int64], corners: NDArray[np.int64], shapes: NDArray[np.uint8]
-) -> dict[int, NDArray[np.int64]]:
+    vertices: NDArray[np.floating], sizes: NDArray[np.int64], corners: NDArray[np.integer], shapes: NDArray[np.uint8]
+) -> dict[int, NDArray[np.integer]]:
     """Triangles (N, 3) of concave polygons, by polygon. One that crosses itself is left out, and `shapes` says so."""
     concave = np.flatnonzero(shapes & CONCAVE)
     large = sizes[concave][sizes[concave] > _MANY_CORNERS]
