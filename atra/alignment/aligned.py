@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from time import perf_counter
 from typing import Any
@@ -40,7 +40,7 @@ class Aligned:
 
     split: tuple[int, int]
     reference: str = "off_axis"
-    options: CellOptions = CellOptions()
+    options: CellOptions = field(default_factory=CellOptions)
 
     def __post_init__(self) -> None:
         check_choice("reference", self.reference, REFERENCES)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
 
@@ -41,7 +41,7 @@ class VisibleFirst:
 
     split: tuple[int, int]
     probe: Hits | NDArray[np.int64] | None = None
-    options: CellOptions = CellOptions()
+    options: CellOptions = field(default_factory=CellOptions)
 
     @property
     def rays_per_packet(self) -> int:

@@ -25,6 +25,7 @@ from atra.compiled.store import QUIET_VARIABLE, cache_folder
 from atra.compiled.threads import resolve_threads
 from atra.errors import InputError
 from atra.geometry.view import View
+from atra.raster.clusters import CLUSTER
 from atra.rays.all_hits.cells import FEWEST_POINTS
 
 
@@ -60,11 +61,12 @@ def _cameras() -> dict[str, View]:
 
 
 def _mesh() -> atra.Mesh:
-    """A closed box, every face of which is there twice, so that ties are settled, too."""
+    """A closed box, every triangle of which is there several times: ties are settled, and there are more than a cluster
+    holds, so that triangles are sorted, too."""
     corners = np.array(list(product((-1.0, 1.0), repeat=3)), np.float32)
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     faces = [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))]
-    return atra.Mesh(corners, np.array(faces + faces[:2], np.uint32))
+    return atra.Mesh(corners, np.array(faces * (1 + CLUSTER // len(faces)), np.uint32))
 
 
 def _closed() -> atra.Mesh:

@@ -80,7 +80,7 @@ class Tracer(Lifetime):
 
     def _show(self, mesh: Mesh, camera: View) -> None:
         """Take mesh and camera; changes nothing where they are refused."""
-        pixels = camera.width * camera.height
+        pixels = camera.width * camera.height if isinstance(camera, View) else 0  # the method refuses anything else
         if pixels > self._pixels_checked:  # asking how much memory is free takes a tenth of a small frame
             check_image_memory(camera.height, camera.width)
         self.method.check(mesh, camera)

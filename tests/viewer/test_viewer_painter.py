@@ -15,11 +15,11 @@ from atra.light import GradientSky, HybridRenderer, Lambertian, PanoramaSky, Pat
 from atra.light.pictures.files import srgb_of
 from atra.light.pictures.finish import finisher
 from atra.light.pictures.finish.tone import toned
+from atra.raster.tracer import PreparedRaster
 from experiments.drawing.shading import BACKGROUND, DIFFERENCE_COLOURS
 from experiments.harness.configuration import Chosen
 from experiments.harness.method import Tracing
 from experiments.methods.raster import RASTER
-from experiments.viewer import painter as painter_room
 from experiments.viewer.command import light_settings
 from experiments.viewer.painter import Painter
 from experiments.viewer.request import Pose, Request, Settings
@@ -220,14 +220,13 @@ def test_right_pixels_are_white_and_a_wrong_one_is_marked_and_counted(painter, m
     shown(painter, request)
     assert "0 wrong" in painter.show(request).note
 
-    trace = painter_room.RasterTracer.trace
+    draw = PreparedRaster.draw
 
-    def tampered(self, *arguments, **named):
-        hits = trace(self, *arguments, **named)
-        hits.prim_id[10, 20] = 0 if hits.prim_id[10, 20] != 0 else 1
-        return hits
+    def tampered(self, offset, depth, prim_id):
+        draw(self, offset, depth, prim_id)
+        prim_id[10, 20] = 0 if prim_id[10, 20] != 0 else 1
 
-    monkeypatch.setattr(painter_room.RasterTracer, "trace", tampered)
+    monkeypatch.setattr(PreparedRaster, "draw", tampered)
     picture = painter.show(request)
     assert "1 wrong" in picture.note
     (wrong,) = (colour for verdict, colour in DIFFERENCE_COLOURS.items() if verdict.name == "WRONG")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from time import perf_counter
 
 import numpy as np
@@ -36,7 +36,7 @@ class Tiles:
     """
 
     split: tuple[int, int]
-    options: CellOptions = CellOptions()
+    options: CellOptions = field(default_factory=CellOptions)
 
     @property
     def rays_per_packet(self) -> int:
