@@ -24,8 +24,8 @@ class Part(NamedTuple):
     """Triangles of a mesh file in world space.
 
     vertices: (V, 3) float64, or float32 where the file has them. faces: (F, 3) whole numbers. face: (F,), number of
-    each triangle's face in the file or primitive. material: an index into the file's materials, of all or of each of (F,)
-    triangles. node: an index into its nodes.
+    each triangle's face in the file or primitive. material: an index into the file's materials, of all or of each of
+    (F,) triangles. node: an index into its nodes.
     """
 
     vertices: NDArray[np.floating]
