@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 import time
+from contextlib import suppress
 
 import pytest
 
@@ -58,7 +59,13 @@ def old_objects_set_aside():
 
 
 def pytest_collection_finish():
-    """What collecting has made stays to the end; the collector need not look at it again and again."""
+    """Embree is loaded under the instruction set that was asked for, before a test asks for another. What collecting
+    has made stays to the end; the collector need not look at it again and again."""
+    from atra.embree.library import load_library
+    from atra.errors import EmbreeError
+
+    with suppress(EmbreeError):
+        load_library()
     gc.freeze()
 
 

@@ -45,6 +45,7 @@ def test_this_machine_is_described_on_one_screen_and_nothing_is_written(tmp_path
 
 def test_the_facts_are_those_of_this_machine(tmp_path, monkeypatch):
     cache = empty_cache(tmp_path, monkeypatch)
+    load_library()  # with the variable, as all other tests of this process need it
     monkeypatch.delenv(VARIABLE, raising=False)
     monkeypatch.setattr(library_doctor, "SHIPPED", tmp_path / "nothing")
     cache.mkdir(parents=True)
