@@ -173,7 +173,7 @@ def test_ten_million_rays_in_many_closed_meshes_are_all_stopped():
     assert {method: lost(method, meshes, views) for method in IMAGES} == dict.fromkeys(IMAGES, 0)
     rays = len(meshes) * len(scenes.WAYS) * 85**2 * len(IMAGES)
     for number, mesh in enumerate(meshes):
-        for name, hit in batches(mesh, 50_000, number):
+        for name, hit in batches(mesh, 100_000, number):
             assert hit.all(), (mesh.name, name)
             rays += len(hit)
     assert rays >= 1e7
