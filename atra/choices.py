@@ -9,16 +9,16 @@ from atra.errors import InputError
 from atra.whole_numbers import is_whole_number
 
 
-def check_choice(name: str, value: Any, choices: Sequence[Any]) -> None:
-    """Raise InputError, with the value, for an argument that is none of the choices: texts or whole numbers."""
+def check_choice(name: str, value: Any, choices: Sequence[Any], *, or_none: bool = False) -> None:
+    """Raise InputError, with the value, for an argument that is none of the choices: texts or whole numbers.
+
+    or_none: None is allowed, too.
+    """
+    if value is None and or_none:
+        return
     if not (isinstance(value, str) or is_whole_number(value)) or value not in choices:
-        raise InputError(f"{name} is {value!r}, expected one of {', '.join(map(str, choices))}")
-
-
-def check_optional_choice(name: str, value: Any, choices: Sequence[Any]) -> None:
-    """`check_choice` for an argument that may also be None."""
-    if value is not None and (not (isinstance(value, str) or is_whole_number(value)) or value not in choices):
-        raise InputError(f"{name} is {value!r}, expected one of {', '.join(map(str, choices))}, or None")
+        expected = f"{', '.join(map(str, choices))}{', or None' * or_none}"
+        raise InputError(f"{name} is {value!r}, expected one of {expected}")
 
 
 def check_flags(**flags: Any) -> None:

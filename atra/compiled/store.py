@@ -96,7 +96,7 @@ def kernel(function: Callable[..., Any], **options: Any) -> Any:
 
 
 def _refuse_call(*_: Any) -> Any:
-    """Of a kernel that is kept on disk only the names of its symbols could be linked."""
+    """Kernels cannot be called by compiled code: on disk they keep machine code alone, which cannot be linked."""
     raise TypeError("compiled code calls a kernel; make what kernels call with njit or float_part")
 
 

@@ -295,10 +295,9 @@ class RayScene(AllHitsScene):
 
 def scene_for_kernels(mesh: Mesh, options: Any, faces: NDArray[np.bool_] | None = None) -> RayScene:
     """A scene for kernels that ask Embree themselves. options: has threads, packet_width, build_quality and robust."""
-    precision, own = "watertight" if options.robust else "fast", (options.packet_width, options.build_quality)
-    return RayScene(
-        mesh, faces=faces, threads=options.threads, precision=precision, packet_width=own[0], build_quality=own[1]
-    )
+    names = ("threads", "packet_width", "build_quality")
+    own = {name: getattr(options, name) for name in names}
+    return RayScene(mesh, faces=faces, precision="watertight" if options.robust else "fast", **own)
 
 
 _NO_T = np.empty(0, np.float32)

@@ -7,8 +7,8 @@ checks).
 **Bounds.** u = 2^-53 is the largest relative error of one operation. An expression whose terms each pass at most k
 operations, added in any order, errs by at most g(k) P, where g(k) = k u / (1 - k u) and P is the sum of the terms'
 sizes in exact arithmetic (N. J. Higham, "Accuracy and Stability of Numerical Algorithms", section 3.1); this includes
-the subtractions that make its factors, of which each passes its relative error on to the terms. P is computed by as
-many operations, all of positive numbers, to a relative error of g(k) at most. So (k + 1) u times the computed P bounds
+the subtractions that make its factors: each passes its relative error on to the terms. P takes as many operations, all
+of positive numbers, so its relative error is g(k) at most. So (k + 1) u times the computed P bounds
 the error, as (k + 1) u (1 - g(k)) > g(k) for k < 100. J. R. Shewchuk ("Adaptive precision floating-point arithmetic and
 fast robust geometric predicates", 1997) has the same form: for the determinant of three differences of rows of three,
 (7 + 56 u) u P, where terms pass 7 operations.
