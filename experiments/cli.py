@@ -38,6 +38,7 @@ _PLAIN = {
     "new-method": "experiments.commands.new_method:run_new_method",
     "pack": "experiments.board.pack:run_pack",
     "board": "experiments.board.command:run_board",
+    "tables": "experiments.documents.writing:run_tables",
     "rays": "experiments.classification.ray_files:run_rays",
 }
 """Verbs with arguments of their own in place of fields of a configuration -> what takes these. `--help` shows USAGE

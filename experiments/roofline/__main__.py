@@ -28,9 +28,10 @@ from atra.compiled.instruction_sets import chosen_instruction_set, instruction_s
 from atra.compiled.threads import WorkerPool
 from atra.raster.frames import Scratch, bands_of
 from atra.raster.image import Image, Viewpoint
+from experiments.drawing.render import render
 from experiments.harness.environment import read_environment
 from experiments.roofline import stages_kernels as stages
-from experiments.roofline.figure import draw_stages
+from experiments.roofline.figure import stages_figure
 from scenes.directory import PAPER_SCENES
 from scenes.loading import SceneSource, load_scene
 
@@ -71,7 +72,7 @@ def main() -> None:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
-    draw_stages(_rows_of(table), given.folder / "stages.png")
+    (given.folder / "stages.png").write_bytes(render(stages_figure(_rows_of(table)), "png"))
 
 
 def _rows_of(table: Path) -> list[dict[str, str]]:

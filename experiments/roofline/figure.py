@@ -3,35 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
+from math import nan
 
-import matplotlib.pyplot as plt
+from experiments.drawing.figure import Axis, Bar, Figure, Panel
+from experiments.drawing.style import BLUE, ORANGE
 
-from experiments.drawing.axes import tidy_axis
-from experiments.drawing.style import BLUE, GREY, ORANGE, SMALL
+_MEASURED, _WARM = "measured", "caches warm"
 
 
-def draw_stages(rows: Sequence[dict[str, str]], path: Path) -> None:
-    """Write a PNG: a row of panels for each instruction set, a panel for each scene. rows: of the table."""
-    sets = list(dict.fromkeys(row["instruction_set"] for row in rows))
-    scenes = list(dict.fromkeys(row["scene"] for row in rows))
-    size = 3.2 * len(scenes) + 1.6, 3.6 * len(sets) + 0.6
-    figure, axes = plt.subplots(len(sets), len(scenes), figsize=size, squeeze=False, layout="constrained")
-    for line, instruction_set in zip(axes, sets, strict=True):
-        for axis, scene in zip(line, scenes, strict=True):
-            shown = [row for row in rows if (row["scene"], row["instruction_set"]) == (scene, instruction_set)]
-            for place, row in enumerate(shown):
-                axis.barh(place, float(row["ms"]), height=0.75, color=ORANGE, label="measured")
-                if row["hot_ms"]:
-                    axis.barh(place, float(row["hot_ms"]), height=0.35, color=BLUE, label="caches warm")
-            axis.set_yticks(
-                range(len(shown)), [row["stage"] for row in shown] if axis is line[0] else [], fontsize=SMALL
-            )
-            axis.invert_yaxis()
-            axis.set_title(f"{scene}, {instruction_set}", fontsize=SMALL, color=GREY)
-            axis.set_xlabel("ms a frame", fontsize=SMALL)
-            tidy_axis(axis, "x", frame=("bottom",))
-    handles = dict(zip(*reversed(axes[0, 0].get_legend_handles_labels()), strict=True))
-    figure.legend(handles.values(), handles.keys(), loc="outside upper right", ncols=2, fontsize=SMALL, frameon=False)
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
+def stages_figure(rows: Sequence[dict[str, str]]) -> Figure:
+    """A panel for each instruction set and scene. rows: of the table."""
+    of_panel: dict[str, list[dict[str, str]]] = {}
+    for row in rows:
+        of_panel.setdefault(f"{row['scene']}, {row['instruction_set']}", []).append(row)
+    panels = [Panel(title, bars=_bars(some)) for title, some in of_panel.items()]
+    return Figure("bars", panels, x=Axis("ms a frame", "linear"), legend=(_MEASURED, _WARM), columns=4)
+
+
+def _bars(rows: Sequence[dict[str, str]]) -> list[Bar]:
+    bars = []
+    for row in rows:
+        bars.append(Bar(row["stage"], float(row["ms"]), nan, nan, ORANGE, "", series=_MEASURED))
+        if row["hot_ms"]:
+            bars.append(Bar("", float(row["hot_ms"]), nan, nan, BLUE, "", series=_WARM))
+    return bars

@@ -13,12 +13,12 @@ from experiments.board.command import board_page, run_board
 from experiments.board.pack import UNKNOWN, Pack, packed, read_pack, run_pack
 from experiments.board.rows import BoardRow, board_rows
 from experiments.commands.new_method import run_new_method
+from experiments.documents.quotation import digits
 from experiments.drawing.style import TIMES
 from experiments.results.intervals import with_intervals
 from experiments.results.table import read_table
 from tests.drawn import make_rows, method_row
 from tests.folders import ROOT
-from tests.quotations.quotation import digits
 
 pytestmark = pytest.mark.uncovered
 

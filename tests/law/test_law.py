@@ -9,6 +9,7 @@ from atra.alignment.aligned import Aligned
 from atra.packets.pixel import Pixel
 from atra.raster.tracer import Raster
 from experiments.classification.bvh.tracer import BvhTracer
+from experiments.documents.quotation import REFERENCE
 from experiments.law.keep import choice_of, kept_looks, look_of, told_of
 from experiments.law.measure import VIEWS, cases
 from experiments.law.model.choice import Choice
@@ -25,7 +26,6 @@ from experiments.law.predict import (
     residuals_of,
 )
 from tests.meshes import cornell_box, cornell_camera
-from tests.quotations.quotation import REFERENCE
 
 
 def row(scene, method, measured_s, predicted_s=1.0, **fields):

@@ -16,14 +16,13 @@ import pandas as pd
 import pytest
 from hydra import compose, initialize_config_dir
 from hydra.core.config_store import ConfigStore
-from matplotlib.figure import Figure
 
 import experiments
 from atra.packets.pixel import Pixel, PreparedPixel
 from atra.tracing.options import option
 from atra.tracing.tracer import Tracer
 from experiments import methods
-from experiments.drawing.figure import FigureKind, of_table
+from experiments.drawing.figure import Axis, Figure, FigureKind, Line, Panel, of_table
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.configuration import read_configuration, register_schema
 from experiments.harness.method import Method, Style
@@ -101,17 +100,16 @@ def measure_game(point):
     return measured(results | {"moves": 7 * point.workload_options.players}, timed)
 
 
-def draw_game(rows, columns):
-    figure = Figure()
-    figure.subplots().plot(rows["moves"].to_numpy(float), rows["game_time_s"].to_numpy(float))
-    return figure
+def game_figure(rows):
+    line = Line("games", rows["moves"].to_numpy(float), rows["game_time_s"].to_numpy(float), {"color": "#123456"})
+    return Figure("lines", [Panel(lines=[line])], x=Axis("moves"), y=Axis("time of a game in s"))
 
 
 ROOM = {
     "measure": {"measure": measure_game},
     "shown": {
         "FIGURES": (
-            FigureKind("games", "Games played", lambda rows: workload_rows(rows, "game"), of_table(draw_game)),
+            FigureKind("games", "Games played", lambda rows: workload_rows(rows, "game"), of_table(game_figure)),
         ),
         "sweep_lines": lambda rows: [f"{rows['moves'].sum()} moves in all"],
     },
