@@ -15,16 +15,16 @@ from .all_hits.reductions import (
     Transmittance as Transmittance,
 )
 from .all_hits.results import (
-    Counts as Counts,
+    CountResult as CountResult,
 )
 from .all_hits.results import (
-    LayerHits as LayerHits,
+    LayersResult as LayersResult,
 )
 from .all_hits.results import (
-    Thicknesses as Thicknesses,
+    ThicknessResult as ThicknessResult,
 )
 from .all_hits.results import (
-    Transmittances as Transmittances,
+    TransmittanceResult as TransmittanceResult,
 )
 from .errors import (
     AtraError as AtraError,

@@ -155,7 +155,7 @@ class Tracer(Lifetime):
 
         Returns
         -------
-        The result of the reduction, such as `Thicknesses`, with arrays of (H, W) or (k, H, W).
+        The result of the reduction, such as `ThicknessResult`, with arrays of (H, W) or (k, H, W).
 
         Raises
         ------

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.all_hits.reductions import Count, Gathered, Reduction, Thickness
-from atra.all_hits.results import Counts, Thicknesses
+from atra.all_hits.results import CountResult, ThicknessResult
 from atra.compiled.threads import resolve_threads
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
@@ -131,7 +131,7 @@ class PeerTracer(OneViewTracer):
 
     def gather(
         self, what: Reduction[Gathered], offset: tuple[float, float] = _PIXEL_CENTRE, out: Gathered | None = None
-    ) -> Counts | Thicknesses:
+    ) -> CountResult | ThicknessResult:
         """How many hits the peer finds along each ray, some of them perhaps twice and others not at all, or how long
         they say that the way inside is.
 
