@@ -44,7 +44,7 @@ ROUNDED = 0.005
 
 def assert_equal_images(peer, hits, reference):
     """No pixel is wrong, or few where it is known that outlines are not exact."""
-    agreement = atra.compare(hits.mesh, hits.camera, hits, reference)
+    agreement = atra.compare(hits, reference)
     wrong = ROUNDED if peer is llvmpipe.LLVMPIPE else 0
     assert agreement.pixels_wrong <= wrong * agreement.pixels, str(agreement)
     assert agreement.pixels_equal >= 0.98 * agreement.pixels, str(agreement)
@@ -240,7 +240,7 @@ def test_llvmpipe_draws_parallel_views(offset):
 def test_llvmpipe_is_called_wrong_where_it_rounds_outlines():
     mesh = random_triangles(3000, 5, size=0.05, spread=1)
     camera = atra.Camera((0, 0, -3), (0, 0, 0), width=256, height=256)
-    agreement = atra.compare(mesh, camera, trace_peer(llvmpipe.LLVMPIPE, mesh, camera), trace_pixels(mesh, camera))
+    agreement = atra.compare(trace_peer(llvmpipe.LLVMPIPE, mesh, camera), trace_pixels(mesh, camera))
     assert agreement.pixels_wrong > 0
 
 

@@ -84,7 +84,7 @@ def measure(point: Point) -> Measured:
         listed: dict[str, list[Any]] = {}
         for number, offset in enumerate(options.offsets):
             hits, reference = own.trace(offset), single.trace(offset)
-            agreement = compare(mesh, camera, hits, reference)
+            agreement = compare(hits, reference)
             agreements.append(agreement)
             # Every image of every point draws a sample of its own, so that a scene's samples add up.
             sample = sample_pixels(camera, options.sample_rays, [_seed(point), number])

@@ -215,6 +215,6 @@ def measure(point: Point) -> Measured:
         images = {name: rounds.Frames(tracer) for name, tracer in tracers.items()}
         timed = rounds.timed_rounds(point, {name: one.trace for name, one in images.items()})
         pairs = zip(images[OWN].latest().images, images[SINGLE].latest().images, strict=True)
-        agreements = [compare(hits.mesh, hits.camera, hits, reference) for hits, reference in pairs]
+        agreements = [compare(hits, reference) for hits, reference in pairs]
         results |= counts(agreements) | depth_errors(agreements) | rounds.plan_and_build_again(own)
     return rounds.measured(results, timed)
