@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from time import perf_counter
-from typing import Any, ClassVar, Unpack
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +21,11 @@ from atra.tracing.geometry import plan_plain_geometry
 from atra.tracing.images import images_of, outputs
 from atra.tracing.lens_rays import LensRays
 from atra.tracing.lifetime import synchronized
-from atra.tracing.options import lists_options
 from atra.tracing.rays import SQUAREST_SHAPE, image_ray_grid, pixel_tiles
 from atra.trees.bvh import Bvh, bvh_of
 from experiments.classification.bvh.images import Start, image_kernel, lens_kernel
 from experiments.classification.bvh.memory import Memory
-from experiments.classification.bvh.options import BvhKeywords, BvhOptions
+from experiments.classification.bvh.options import BvhOptions
 from experiments.classification.bvh.starts import NO_LISTS, NO_SHAFTS, Shafts
 from experiments.methods.one_view import OneViewTracer
 
@@ -44,13 +43,12 @@ class BvhTracer(OneViewTracer):
     _start = Start.root
     _takes_lenses = True
 
-    @lists_options(BvhOptions)
-    def __init__(self, mesh: Mesh, camera: View, **options: Unpack[BvhKeywords]) -> None:
+    def __init__(self, mesh: Mesh, camera: View, **options: Any) -> None:
         self._set_up(mesh, camera, options)
 
     def _set_up(self, mesh: Mesh, camera: View, options: Mapping[str, Any]) -> None:
         super().__init__()
-        self.options = self.options_type.of(type(self).__name__, options)
+        self.options = self.options_type(**options)
         self.packet_width = int(self.options.packet_width)
         self.threads = resolve_threads(self.options.threads)
         self._pool = WorkerPool(self.threads)

@@ -16,7 +16,6 @@ from atra.prim_ids import MISS
 from atra.raster.tracer import RasterTracer
 from atra.rays.rays import RayHits, Rays
 from atra.rays.scene import RayScene
-from atra.tracing.options import option
 from atra.trees.layout import BLOCK_BYTES, NODE_BYTES
 from experiments.classification.bvh.scene import BvhScene, PreparedRays
 from experiments.classification.bvh.single import BLOCKS, BOXES, LISTED, STEPS
@@ -24,7 +23,7 @@ from experiments.classification.ray_sets import ray_set
 from experiments.classification.workload.path_rays import PATH_KINDS, path_rays
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.environment import peak_rss_bytes, reset_peak_rss, rss_bytes
-from experiments.harness.options import Settings, settings
+from experiments.harness.options import Settings, option, settings
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
 from experiments.results.statistics import statistics_columns

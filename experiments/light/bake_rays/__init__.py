@@ -17,9 +17,8 @@ from atra.exact.intersection import intersect_rays
 from atra.geometry.mesh import Mesh
 from atra.light import Atlas, Texels
 from atra.rays.rays import Rays
-from atra.tracing.options import option
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.options import Settings, settings, whole
+from experiments.harness.options import Settings, option, settings, whole
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
 from experiments.light.sun.rays import TileRays

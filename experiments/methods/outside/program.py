@@ -37,10 +37,10 @@ from numpy.typing import NDArray
 from atra.errors import ClockError, InputError, printable
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.tracing.options import option
 from experiments.drawing.style import GREY
 from experiments.harness.entry_points import digest_of_files
 from experiments.harness.method import Method, Style, Tracing
+from experiments.harness.options import option
 from experiments.methods.outside.guards import Images
 from experiments.methods.outside.tracer import OutsideTracer
 from experiments.methods.peers.pixel_rays import world_directions

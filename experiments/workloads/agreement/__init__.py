@@ -16,9 +16,8 @@ from atra.errors import InputError
 from atra.geometry.view import check_offset
 from atra.judge.compare import Verdict, compare
 from atra.prim_ids import MISS
-from atra.tracing.options import option
 from experiments.harness.column import WHOLE, Column
-from experiments.harness.options import Settings, settings, whole
+from experiments.harness.options import Settings, option, settings, whole
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
 from experiments.workloads.agreement.oracle import Correctness, Examination, examine, sample_pixels

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from atra import Count, Layers, Thickness, Transmittance
 from atra.all_hits.reductions import Reduction
-from atra.tracing.options import option
 from experiments.harness.column import WHOLE, Column
-from experiments.harness.options import Settings, settings
+from experiments.harness.options import Settings, option, settings
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
 from experiments.workloads import rounds

@@ -18,10 +18,9 @@ from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import compare
 from atra.tracing.lifetime import Lifetime
-from atra.tracing.options import option
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.method import AnyTracer
-from experiments.harness.options import Settings, settings
+from experiments.harness.options import Settings, option, settings
 from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
 from experiments.methods.aligned import ALIGNED

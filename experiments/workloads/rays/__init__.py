@@ -16,9 +16,8 @@ from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
 from atra.rays.scene import RayScene
-from atra.tracing.options import option
 from experiments.harness.column import WHOLE, Column
-from experiments.harness.options import Settings, settings, whole
+from experiments.harness.options import Settings, option, settings, whole
 from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
 from experiments.methods.peers.peer import RayPeerTracer

@@ -17,9 +17,8 @@ from atra.errors import InputError
 from atra.geometry.camera import CalibratedCamera, Camera
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.tracing.options import option
 from experiments.harness.column import REAL, Column
-from experiments.harness.options import Settings, settings, whole
+from experiments.harness.options import Settings, option, settings, whole
 from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
 from experiments.methods.peers.peer import RayPeerTracer
