@@ -95,6 +95,8 @@ from .rays.all_hits.lists import RayHitLists as RayHitLists
 from .rays.rays import RayHits as RayHits
 from .rays.rays import Rays as Rays
 from .rays.scene import RayScene as RayScene
+from .tracing.method import Method as Method
+from .tracing.method import Prepared as Prepared
 from .tracing.tracer import Tracer as Tracer
 from .views.face_counts import FaceCounts as FaceCounts
 from .views.face_counts import face_counts as face_counts

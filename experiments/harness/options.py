@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import Field, asdict, dataclass, field, fields, make_dataclass
 from enum import Enum
 from functools import cache, partial
@@ -23,7 +23,7 @@ def option(default: Any, help: str, *, choices: tuple[Any, ...] = (), unit: str 
     return field(default=default, metadata={"help": help, "choices": choices, "unit": unit, "null": null})
 
 
-types_of = cache(get_type_hints)
+types_of: Callable[[type], dict[str, Any]] = cache(get_type_hints)
 """The types of an options type's fields, by name; reading them takes longer than checking options by them."""
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
@@ -23,7 +24,7 @@ from experiments.classification.ray_sets import ray_set
 from experiments.classification.workload.path_rays import PATH_KINDS, path_rays
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.environment import peak_rss_bytes, reset_peak_rss, rss_bytes
-from experiments.harness.options import Settings, option, settings
+from experiments.harness.options import Settings, option
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
 from experiments.results.statistics import statistics_columns
@@ -56,7 +57,7 @@ KINDS = ("primary", "occlusion", "diffuse")
 """What rays there are (`ray_sets`)."""
 
 
-@settings
+@dataclass(frozen=True)
 class RayOptions(Settings):
     """Which rays are traced."""
 

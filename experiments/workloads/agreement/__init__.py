@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from contextlib import ExitStack
+from dataclasses import dataclass
 from enum import IntEnum
 from math import isfinite
 from typing import Any
@@ -17,7 +18,7 @@ from atra.geometry.view import check_offset
 from atra.judge.compare import Verdict, compare
 from atra.prim_ids import MISS
 from experiments.harness.column import WHOLE, Column
-from experiments.harness.options import Settings, option, settings, whole
+from experiments.harness.options import Settings, option, whole
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
 from experiments.workloads.agreement.oracle import Correctness, Examination, examine, sample_pixels
@@ -28,7 +29,7 @@ from experiments.workloads.rounds import build_own, make_single, measured
 Offset = tuple[float, float]
 
 
-@settings
+@dataclass(frozen=True)
 class AgreementOptions(Settings):
     """Raises InputError for values no image could use."""
 

@@ -20,7 +20,7 @@ from atra.judge.compare import compare
 from atra.tracing.lifetime import Lifetime
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.method import AnyTracer
-from experiments.harness.options import Settings, option, settings
+from experiments.harness.options import Settings, option
 from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
 from experiments.methods.aligned import ALIGNED
@@ -38,7 +38,7 @@ SEPARATE, SEPARATE_VISIBLE, SEPARATE_RASTER = "separate", "visible_first", "rast
 """Names in the samples: one aligned tracer a frame, one visible-first tracer a frame, and one rasteriser a frame."""
 
 
-@settings
+@dataclass(frozen=True)
 class MultiframeOptions(Settings):
     """Raises InputError for fewer than two frames, and for two eyes of any other number."""
 

@@ -105,12 +105,16 @@ class RenderOptions(UnderSky):
 
     def of_library(self, diagonal: float) -> dict[str, Any]:
         """The renderer's own options, checked. diagonal: of the scene's box."""
-        of_both = {"jitter": self.jitter, "robust": self.robust_rays}
+        of_both: dict[str, Any] = {"jitter": self.jitter, "robust": self.robust_rays}
         if self.frame == "path":
-            of_paths = of_both | {"max_depth": self.max_depth, "lights": self.lights, "order": self.order}
+            of_paths: dict[str, Any] = of_both | {
+                "max_depth": self.max_depth,
+                "lights": self.lights,
+                "order": self.order,
+            }
             PathOptions(**of_paths)
             return of_paths
-        hybrid = of_both | {
+        hybrid: dict[str, Any] = of_both | {
             "shadow_rays": self.shadow_rays,
             "occlusion_rays": self.occlusion_rays,
             "occlusion_length": self.occlusion_part * diagonal,
