@@ -11,7 +11,7 @@ import numpy as np
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.memory import doubles_at, load, store
 from atra.compiled.store import kernel, njit
-from atra.compiled.vectors import bits_of, counted, folded, lane, mask_of, repeated, smaller, where
+from atra.compiled.vectors import arange, bits_of, folded, lane, mask_of, smaller, splat, where
 from atra.exact.edges_kernels import UNIT
 from atra.raster.image import SPAN
 
@@ -42,12 +42,12 @@ def extent(a, b, c, box):  # type: ignore[no-untyped-def]
 @njit(forceinline=True)
 def projected_extent(a, b, c, d, e, f, box):  # type: ignore[no-untyped-def]
     """Lowest and highest (a x + b y + c z) / (d x + e y + f z) of a box that lies where the divisor is above 0."""
-    x = where(mask_of(0b10101010, 8), repeated(box[3], 8), repeated(box[0], 8))
-    y = where(mask_of(0b11001100, 8), repeated(box[4], 8), repeated(box[1], 8))
-    z = where(mask_of(0b11110000, 8), repeated(box[5], 8), repeated(box[2], 8))
-    above = repeated(a, 8) * x + repeated(b, 8) * y + repeated(c, 8) * z
-    position = above / (repeated(d, 8) * x + repeated(e, 8) * y + repeated(f, 8) * z)
-    low, high = folded(folded(folded(position))), folded(folded(folded(repeated(0.0, 8) - position)))
+    x = where(mask_of(0b10101010, 8), splat(box[3], 8), splat(box[0], 8))
+    y = where(mask_of(0b11001100, 8), splat(box[4], 8), splat(box[1], 8))
+    z = where(mask_of(0b11110000, 8), splat(box[5], 8), splat(box[2], 8))
+    above = splat(a, 8) * x + splat(b, 8) * y + splat(c, 8) * z
+    position = above / (splat(d, 8) * x + splat(e, 8) * y + splat(f, 8) * z)
+    low, high = folded(folded(folded(position))), folded(folded(folded(splat(0.0, 8) - position)))
     return lane(low, 0), -lane(high, 0)
 
 
@@ -133,7 +133,7 @@ def tile_stride(width):  # type: ignore[no-untyped-def]
 def forget_tiles(nothing, rows, width, tiles):  # type: ignore[no-untyped-def]
     """Nothing is drawn in any tile of so many rows of pixels yet; nothing: the nearness of that."""
     for place in range(0, (rows + TILE - 1) // TILE * tile_stride(width), SPAN):
-        store(repeated(nothing, SPAN), tiles + place * 4)
+        store(splat(nothing, SPAN), tiles + place * 4)
 
 
 @njit
@@ -152,12 +152,12 @@ def find_farthest(band, width, tiles):  # type: ignore[no-untyped-def]
 @njit
 def is_hidden(left, right, top, bottom, bound, width, tiles):  # type: ignore[no-untyped-def]
     """Whether all tiles of a rectangle, whose rows are counted from the band's first, are nearer than a bound."""
-    limit = repeated(bound, SPAN)
-    last = repeated(np.float32(right // TILE), SPAN)
+    limit = splat(bound, SPAN)
+    last = splat(np.float32(right // TILE), SPAN)
     for row in range(top // TILE, bottom // TILE + 1):
         address = tiles + row * tile_stride(width) * 4
         for tile in range(left // TILE, right // TILE + 1, SPAN):
             farthest = load(address + tile * 4, np.float32(0.0), SPAN)
-            if bits_of((limit >= farthest) & (counted(np.float32(tile), SPAN) <= last)) != 0:
+            if bits_of((limit >= farthest) & (arange(np.float32(tile), SPAN) <= last)) != 0:
                 return False
     return True

@@ -14,9 +14,9 @@ import numpy as np
 from atra.all_hits.target_kernels import band_stride
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.lanes import first_bit
-from atra.compiled.memory import fetch, floats_at, identities_at, integers_at, load, store, stream
+from atra.compiled.memory import floats_at, identities_at, integers_at, load, prefetch, store, stream
 from atra.compiled.store import kernel, njit
-from atra.compiled.vectors import rarely, repeated
+from atra.compiled.vectors import rarely, splat
 from atra.prim_ids import MISS
 from atra.raster.clusters import CLUSTER
 from atra.raster.culling import find_farthest, forget_tiles, is_hidden
@@ -32,9 +32,9 @@ STALE = 16
 @njit
 def clear(lanes, nothing, rows, stride, width, band):  # type: ignore[no-untyped-def]
     """Nothing is drawn yet, and what lies beyond the image is nearest, so that it counts as hidden."""
-    none, prim_ids = repeated(np.uint32(MISS), lanes), band + rows * stride * 4
+    none, prim_ids = splat(np.uint32(MISS), lanes), band + rows * stride * 4
     for place in range(0, rows * stride, lanes):
-        store(repeated(nothing, lanes), band + place * 4)
+        store(splat(nothing, lanes), band + place * 4)
         store(none, prim_ids + place * 4)
     for row in range(rows):
         for column in range(width, stride):
@@ -44,8 +44,8 @@ def clear(lanes, nothing, rows, stride, width, band):  # type: ignore[no-untyped
 @njit
 def finish(lanes, parallel, nothing, band, image):  # type: ignore[no-untyped-def]
     """Write the rows of a band to the image, nearness as depth, and leave nothing behind for the next band."""
-    zero, one = repeated(np.float32(0.0), lanes), repeated(np.float32(1.0), lanes)
-    farthest, none = repeated(nothing, lanes), repeated(np.uint32(MISS), lanes)
+    zero, one = splat(np.float32(0.0), lanes), splat(np.float32(1.0), lanes)
+    farthest, none = splat(nothing, lanes), splat(np.uint32(MISS), lanes)
     whole = image.width // lanes * lanes
     is_aligned = (image.depth | image.prim_id | image.width * 4) % (lanes * 4) == 0
     for y in range(band.top, band.bottom + 1):
@@ -86,7 +86,7 @@ def fetch_vertices(clusters, cluster):  # type: ignore[no-untyped-def]
     """Ask for the vertices of a cluster that may be drawn next."""
     firsts = integers_at(clusters.firsts)
     for place in range(firsts[cluster] * 12, firsts[cluster + 1] * 12, CACHE_LINE):
-        fetch(clusters.vertices + place)
+        prefetch(clusters.vertices + place)
 
 
 @njit(forceinline=True)
@@ -96,9 +96,9 @@ def open_cluster(parallel, eye, clusters, cluster, width, band, workspace):  # t
     start, firsts = cluster * CLUSTER, integers_at(clusters.firsts)
     corners, prim_ids = clusters.corners + start * 8, clusters.prim_ids + start * 4
     for line in range(0, CLUSTER * 8, CACHE_LINE):
-        fetch(corners + line)
+        prefetch(corners + line)
     for line in range(0, CLUSTER * 4, CACHE_LINE):
-        fetch(prim_ids + line)
+        prefetch(prim_ids + line)
     vertices, vertex_count = clusters.vertices + firsts[cluster] * 12, firsts[cluster + 1] - firsts[cluster]
     in_front = project_vertices(parallel, vertices, vertex_count, vertex_count, eye, workspace.points)
     triangles = min(CLUSTER, clusters.triangles - start)

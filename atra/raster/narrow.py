@@ -6,7 +6,7 @@ import numpy as np
 
 from atra.compiled.memory import doubles_at, floats_at, load, store_where
 from atra.compiled.store import njit
-from atra.compiled.vectors import bits_of, counted, mask_of, repeated, size, smaller
+from atra.compiled.vectors import arange, bits_of, mask_of, smaller, splat
 from atra.exact.edges_kernels import side
 from atra.raster.nearer import FEW, nearness_along, without_farther
 from atra.raster.triangles import (
@@ -65,30 +65,30 @@ def draw_narrow(lanes, parallel, exactly, eye, clusters, prim_id, packed, k, ban
     values, doubles = floats_at(workspace.floats + k * 4), doubles_at(workspace.doubles + k * 8)
     left, right = int(values[LEFT * BATCH]), int(values[RIGHT * BATCH])
     first, last = int(values[FIRST * BATCH]), int(values[LAST * BATCH])
-    slope_y, doubt = doubles[SLOPE_Y * BATCH], repeated(values[ROUNDING * BATCH], lanes)
-    prim_ids, at_eye = repeated(prim_id, lanes), repeated(np.float32(0.0), lanes)
-    cap, slope = repeated(values[CAP * BATCH], lanes), repeated(values[SLOPE_X * BATCH], lanes)
-    column0 = repeated(values[COLUMN * BATCH], lanes)
-    column1 = repeated(values[(COLUMN + 1) * BATCH], lanes)
-    column2 = repeated(values[(COLUMN + 2) * BATCH], lanes)
-    row0 = repeated(values[ROW * BATCH], lanes)
-    row1 = repeated(values[(ROW + 1) * BATCH], lanes)
-    row2 = repeated(values[(ROW + 2) * BATCH], lanes)
-    least = repeated(np.float32(np.inf), lanes)
+    slope_y, doubt = doubles[SLOPE_Y * BATCH], splat(values[ROUNDING * BATCH], lanes)
+    prim_ids, at_eye = splat(prim_id, lanes), splat(np.float32(0.0), lanes)
+    cap, slope = splat(values[CAP * BATCH], lanes), splat(values[SLOPE_X * BATCH], lanes)
+    column0 = splat(values[COLUMN * BATCH], lanes)
+    column1 = splat(values[(COLUMN + 1) * BATCH], lanes)
+    column2 = splat(values[(COLUMN + 2) * BATCH], lanes)
+    row0 = splat(values[ROW * BATCH], lanes)
+    row1 = splat(values[(ROW + 1) * BATCH], lanes)
+    row2 = splat(values[(ROW + 2) * BATCH], lanes)
+    least = splat(np.float32(np.inf), lanes)
     for start in range(left, right + 1, lanes):
-        columns = counted(np.float32(start - left), lanes)
-        inside0 = repeated(values[INSIDE * BATCH], lanes) + columns * column0
-        inside1 = repeated(values[(INSIDE + 1) * BATCH], lanes) + columns * column1
-        inside2 = repeated(values[(INSIDE + 2) * BATCH], lanes) + columns * column2
+        columns = arange(np.float32(start - left), lanes)
+        inside0 = splat(values[INSIDE * BATCH], lanes) + columns * column0
+        inside1 = splat(values[(INSIDE + 1) * BATCH], lanes) + columns * column1
+        inside2 = splat(values[(INSIDE + 2) * BATCH], lanes) + columns * column2
         along = columns * slope
         place, row = ((first - band.top) * band.stride + start) * 4, doubles[NEARNESS * BATCH]
         for y in range(first, last + 1):
-            found = smaller(cap, repeated(np.float32(row), lanes) + along)
+            found = smaller(cap, splat(np.float32(row), lanes) + along)
             old = load(band.nearness + place, np.float32(0.0), lanes)
             sure = smaller(smaller(smaller(inside0, inside1), inside2), found - old)
             if parallel:
                 sure = smaller(sure, at_eye - found)
-            unsure = size(sure)
+            unsure = abs(sure)
             if exactly:
                 ids = band.prim_id + place
                 others = load(ids, np.uint32(0), lanes) != prim_ids

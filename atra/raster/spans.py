@@ -9,17 +9,16 @@ import numpy as np
 from atra.compiled.memory import doubles_at, floats_at, load, store, store_where
 from atra.compiled.store import njit
 from atra.compiled.vectors import (
+    arange,
     bits_of,
-    counted,
+    ceil,
     larger,
     mask_of,
     nearest_whole,
-    next_whole,
     rarely,
-    repeated,
     rounded,
-    size,
     smaller,
+    splat,
     where,
 )
 from atra.exact.edges_kernels import SURELY_NEAREST, crossing_error, first_beyond, turn
@@ -114,17 +113,17 @@ def _cut(px, py, qx, qy, is_left, top, count, width, workspace):  # type: ignore
             beyond = first_beyond(px, py, qx, qy, float(top + k), width, workspace.exact)
             limits[k] = max(limits[k], beyond) if is_left else min(limits[k], beyond - 1)
         return
-    slopes, first_x, first_y = repeated(slope, ROWS), repeated(ax, ROWS), repeated(ay, ROWS)
-    lowest, highest, unsure = repeated(-0.5, ROWS), repeated(width + 0.5, ROWS), repeated(error, ROWS)
-    one = repeated(1.0, ROWS)
+    slopes, first_x, first_y = splat(slope, ROWS), splat(ax, ROWS), splat(ay, ROWS)
+    lowest, highest, unsure = splat(-0.5, ROWS), splat(width + 0.5, ROWS), splat(error, ROWS)
+    one = splat(1.0, ROWS)
     for k in range(0, count, ROWS):
-        crossing = (counted(float(top + k), ROWS) - first_y) * slopes + first_x
+        crossing = (arange(float(top + k), ROWS) - first_y) * slopes + first_x
         crossing = smaller(larger(crossing, lowest), highest)
-        beyond = next_whole(crossing)
+        beyond = ceil(crossing)
         place = address + k * 8
         old = load(place, 0.0, ROWS)
         store(larger(old, beyond) if is_left else smaller(old, beyond - one), place)
-        doubts = bits_of(size(crossing - nearest_whole(crossing)) <= unsure)
+        doubts = bits_of(abs(crossing - nearest_whole(crossing)) <= unsure)
         if rarely(doubts != 0):
             store(old, place)
             for row in range(k, min(k + ROWS, count)):
@@ -213,23 +212,23 @@ def nearness_of(parallel, lanes, found, row, start):  # type: ignore[no-untyped-
     """Nearness, float32, from column `start` on. found: `Spans`. row: nearness in column 0 of the row."""
     if found.is_gentle:
         base = start // SPAN * SPAN
-        first = repeated(np.float32(row + found.slope_x * base), lanes)
-        along = counted(np.float32(start - base), lanes) * repeated(np.float32(found.slope_x), lanes)
-        return smaller(repeated(np.float32(found.nearest), lanes), first + along)
-    wide = repeated(row, lanes) + counted(float(start), lanes) * repeated(found.slope_x, lanes)
+        first = splat(np.float32(row + found.slope_x * base), lanes)
+        along = arange(np.float32(start - base), lanes) * splat(np.float32(found.slope_x), lanes)
+        return smaller(splat(np.float32(found.nearest), lanes), first + along)
+    wide = splat(row, lanes) + arange(float(start), lanes) * splat(found.slope_x, lanes)
     if not parallel:
-        wide = size(wide)  # the sign is wrong where the eye is in the plane but for rounding
-    return rounded(smaller(larger(wide, repeated(found.farthest, lanes)), repeated(found.nearest, lanes)))
+        wide = abs(wide)  # the sign is wrong where the eye is in the plane but for rounding
+    return rounded(smaller(larger(wide, splat(found.farthest, lanes)), splat(found.nearest, lanes)))
 
 
 @njit(forceinline=True)
 def _draw_row(lanes, parallel, prim_ids, doubt, spans, row, y, first, last, band):  # type: ignore[no-untyped-def]
     """Draw the row y of a triangle, from `first` to `last`, where it is surely nearer than what is drawn; returns
     whether a sample is in doubt. doubt: difference of nearness up to which it is. row: nearness in column 0."""
-    zero, nowhere = repeated(np.float32(0.0), lanes), repeated(np.float32(-np.inf), lanes)
-    before, end = repeated(np.float32(first - 1), lanes), repeated(np.float32(last), lanes)
-    columns, next_columns = counted(np.float32(first // lanes * lanes), lanes), repeated(np.float32(lanes), lanes)
-    byte, least = (y - band.top) * band.stride * 4, repeated(np.float32(np.inf), lanes)
+    zero, nowhere = splat(np.float32(0.0), lanes), splat(np.float32(-np.inf), lanes)
+    before, end = splat(np.float32(first - 1), lanes), splat(np.float32(last), lanes)
+    columns, next_columns = arange(np.float32(first // lanes * lanes), lanes), splat(np.float32(lanes), lanes)
+    byte, least = (y - band.top) * band.stride * 4, splat(np.float32(np.inf), lanes)
     for start in range(first // lanes * lanes, last + 1, lanes):
         place = byte + start * 4
         found = nearness_of(parallel, lanes, spans, row, start)
@@ -239,7 +238,7 @@ def _draw_row(lanes, parallel, prim_ids, doubt, spans, row, y, first, last, band
         ahead = where((columns > before) & (columns <= end), ahead, nowhere)
         store_where(ahead > doubt, found, band.nearness + place)
         store_where(ahead > doubt, prim_ids, band.prim_id + place)
-        least = smaller(least, size(ahead))
+        least = smaller(least, abs(ahead))
         columns = columns + next_columns
     return bits_of(least <= doubt) != 0
 
@@ -248,13 +247,13 @@ def _draw_row(lanes, parallel, prim_ids, doubt, spans, row, y, first, last, band
 def _decide_row(lanes, parallel, eye, clusters, prim_id, unsure, spans, row, y, first, last, band):  # type: ignore[no-untyped-def]
     """Draw the samples that `_draw_row` left in doubt. unsure: its doubt. Among its vectors, a call of what decides
     would have them kept in memory."""
-    doubt, less, at_eye = repeated(unsure, lanes), repeated(-unsure, lanes), repeated(np.float32(0.0), lanes)
-    prim_ids, byte = repeated(prim_id, lanes), (y - band.top) * band.stride * 4
-    before, end = repeated(np.float32(first - 1), lanes), repeated(np.float32(last), lanes)
+    doubt, less, at_eye = splat(unsure, lanes), splat(-unsure, lanes), splat(np.float32(0.0), lanes)
+    prim_ids, byte = splat(prim_id, lanes), (y - band.top) * band.stride * 4
+    before, end = splat(np.float32(first - 1), lanes), splat(np.float32(last), lanes)
     own = stored = nearness_along(parallel, eye, clusters, prim_id, y)
     known = prim_id
     for start in range(first // lanes * lanes, last + 1, lanes):
-        place, columns = byte + start * 4, counted(np.float32(start), lanes)
+        place, columns = byte + start * 4, arange(np.float32(start), lanes)
         found, ids = nearness_of(parallel, lanes, spans, row, start), band.prim_id + place
         ahead = found - load(band.nearness + place, np.float32(0.0), lanes)
         left = (load(ids, np.uint32(0), lanes) != prim_ids) & (columns > before) & (columns <= end) & (ahead >= less)
@@ -289,13 +288,13 @@ def draw_spans(lanes, parallel, eye, clusters, vertices, vertex_count, prim_id, 
         return
     firsts, lasts = doubles_at(workspace.first), doubles_at(workspace.last)
     most = max(abs(spans.nearest), abs(spans.farthest))
-    prim_ids, unsure = repeated(prim_id, lanes), np.float32(UNSURE * most)
-    doubt = repeated(unsure, lanes)
+    prim_ids, unsure = splat(prim_id, lanes), np.float32(UNSURE * most)
+    doubt = splat(unsure, lanes)
     for k in range(spans.bottom - spans.top + 1):
         y, first, last = spans.top + k, int(firsts[k]), int(lasts[k])
         row = spans.slope_y * y + spans.constant
         if most == np.inf:  # it reaches behind the eye
             unsure = np.float32(UNSURE * max(abs(row + spans.slope_x * first), abs(row + spans.slope_x * last)))
-            doubt = repeated(unsure, lanes)
+            doubt = splat(unsure, lanes)
         if rarely(_draw_row(lanes, parallel, prim_ids, doubt, spans, row, y, first, last, band)):
             _decide_row(FEW, parallel, eye, clusters, prim_id, unsure, spans, row, y, first, last, band)

@@ -18,15 +18,14 @@ from atra.compiled.memory import (
 from atra.compiled.store import njit
 from atra.compiled.vectors import (
     bits_of,
+    ceil,
+    floor,
     lane,
     larger,
-    last_whole,
-    next_whole,
-    repeated,
     rounded,
     signed_like,
-    size,
     smaller,
+    splat,
     where,
     widened,
     with_lane,
@@ -90,24 +89,24 @@ def project_vertices(parallel, vertices, stride, count, eye, points):  # type: i
     nearer. What lies in the eye plane counts as behind it: no ray meets it.
     """
     m, axis, position = doubles_at(eye.to_pixels), doubles_at(eye.depth_axis), doubles_at(eye.position)
-    nothing, tiny, one = repeated(0.0, VERTICES), repeated(_NOTHING, VERTICES), repeated(1.0, VERTICES)
-    least, farthest = repeated(eye.least_depth, VERTICES), repeated(np.inf, VERTICES)
+    nothing, tiny, one = splat(0.0, VERTICES), splat(_NOTHING, VERTICES), splat(1.0, VERTICES)
+    least, farthest = splat(eye.least_depth, VERTICES), splat(np.inf, VERTICES)
     last = farthest
     for vertex in range(0, count, VERTICES):
         place = vertices + vertex * 4
-        u = widened(load(place, np.float32(0.0), VERTICES)) - repeated(position[0], VERTICES)
-        v = widened(load(place + stride * 4, np.float32(0.0), VERTICES)) - repeated(position[1], VERTICES)
-        w = widened(load(place + stride * 8, np.float32(0.0), VERTICES)) - repeated(position[2], VERTICES)
-        x = repeated(m[0], VERTICES) * u + repeated(m[1], VERTICES) * v + repeated(m[2], VERTICES) * w
-        y = repeated(m[4], VERTICES) * u + repeated(m[5], VERTICES) * v + repeated(m[6], VERTICES) * w
-        depth = repeated(axis[0], VERTICES) * u + repeated(axis[1], VERTICES) * v + repeated(axis[2], VERTICES) * w
+        u = widened(load(place, np.float32(0.0), VERTICES)) - splat(position[0], VERTICES)
+        v = widened(load(place + stride * 4, np.float32(0.0), VERTICES)) - splat(position[1], VERTICES)
+        w = widened(load(place + stride * 8, np.float32(0.0), VERTICES)) - splat(position[2], VERTICES)
+        x = splat(m[0], VERTICES) * u + splat(m[1], VERTICES) * v + splat(m[2], VERTICES) * w
+        y = splat(m[4], VERTICES) * u + splat(m[5], VERTICES) * v + splat(m[6], VERTICES) * w
+        depth = splat(axis[0], VERTICES) * u + splat(axis[1], VERTICES) * v + splat(axis[2], VERTICES) * w
         if parallel:
-            x, y = x + repeated(m[3], VERTICES), y + repeated(m[7], VERTICES)
+            x, y = x + splat(m[3], VERTICES), y + splat(m[7], VERTICES)
             nearness = nothing - depth
         else:
-            nearness = one / where(size(depth) >= least, depth, where(depth > nothing, least, nothing - least))
+            nearness = one / where(abs(depth) >= least, depth, where(depth > nothing, least, nothing - least))
             x, y = x * nearness, y * nearness
-        x, y = where(size(x) >= tiny, x, nothing), where(size(y) >= tiny, y, nothing)
+        x, y = where(abs(x) >= tiny, x, nothing), where(abs(y) >= tiny, y, nothing)
         store_points(x, y, nearness, points + vertex * POINT_BYTES)
         farthest, last = smaller(farthest, last), nearness
     beyond = -1 << (1 + (count - 1) % VERTICES)
@@ -161,30 +160,30 @@ def list_triangles(parallel, all_in_front, corners, count, points, width, band, 
     """
     place = listed
     if parallel or all_in_front:
-        zero, last_column = repeated(np.float32(0.0), BATCH), repeated(np.float32(width - 1), BATCH)
-        top, bottom = repeated(np.float32(band.top), BATCH), repeated(np.float32(band.bottom), BATCH)
+        zero, last_column = splat(np.float32(0.0), BATCH), splat(np.float32(width - 1), BATCH)
+        top, bottom = splat(np.float32(band.top), BATCH), splat(np.float32(band.bottom), BATCH)
         for start in range(0, count, BATCH):
             here = corners + start * 8
             x0, y0 = places_of(points, here, 0)
             x1, y1 = places_of(points, here, 1)
             x2, y2 = places_of(points, here, 2)
-            left = next_whole(larger(smaller(smaller(x0, x1), x2), zero))
-            right = last_whole(smaller(larger(larger(x0, x1), x2), last_column))
-            first = next_whole(larger(smaller(smaller(y0, y1), y2), top))
-            last = last_whole(smaller(larger(larger(y0, y1), y2), bottom))
+            left = ceil(larger(smaller(smaller(x0, x1), x2), zero))
+            right = floor(smaller(larger(larger(x0, x1), x2), last_column))
+            first = ceil(larger(smaller(smaller(y0, y1), y2), top))
+            last = floor(smaller(larger(larger(y0, y1), y2), bottom))
             are_there = (1 << min(BATCH, count - start)) - 1
             place += store_chosen(bits_of((left <= right) & (first <= last)) & are_there, here, place) * 8
         return (place - listed) >> 3
     triangles = integers_at(corners)
-    lowest = with_lane(repeated(0.0, 4), 1, float(band.top))
-    highest = with_lane(repeated(width - 1.0, 4), 1, float(band.bottom))
+    lowest = with_lane(splat(0.0, 4), 1, float(band.top))
+    highest = with_lane(splat(width - 1.0, 4), 1, float(band.bottom))
     for k in range(count):
         packed = triangles[k]
         p0 = load(points + (packed & 0xFFFF), 0.0, 4)
         p1 = load(points + (packed >> 16 & 0xFFFF), 0.0, 4)
         p2 = load(points + (packed >> 32 & 0xFFFF), 0.0, 4)
         low, high = smaller(smaller(p0, p1), p2), larger(larger(p0, p1), p2)
-        first, last = next_whole(larger(low, lowest)), last_whole(smaller(high, highest))
+        first, last = ceil(larger(low, lowest)), floor(smaller(high, highest))
         is_seen = (bits_of(first <= last) & 3) == 3
         if not lane(low, 2) > 0.0:
             is_seen = _may_be_seen(points, packed, width - 1.0, band.top, band.bottom)
@@ -199,10 +198,10 @@ def are_hidden(left, right, first, last, nearest, width, tiles):  # type: ignore
 
     left, right, first, last: first and last column and row, counted from the band's first.
     """
-    share, stride = repeated(1.0 / TILE, BATCH), repeated(float(tile_stride(width)), BATCH)
-    left_tile, right_tile = last_whole(left * share), last_whole(right * share)
-    top_tile, bottom_tile = last_whole(first * share), last_whole(last * share)
-    upper, lower, one = top_tile * stride, bottom_tile * stride, repeated(1.0, BATCH)
+    share, stride = splat(1.0 / TILE, BATCH), splat(float(tile_stride(width)), BATCH)
+    left_tile, right_tile = floor(left * share), floor(right * share)
+    top_tile, bottom_tile = floor(first * share), floor(last * share)
+    upper, lower, one = top_tile * stride, bottom_tile * stride, splat(1.0, BATCH)
     least_there = smaller(
         smaller(gather_at(tiles, upper + left_tile), gather_at(tiles, upper + right_tile)),
         smaller(gather_at(tiles, lower + left_tile), gather_at(tiles, lower + right_tile)),
@@ -227,17 +226,17 @@ def set_up(parallel, hides, has_depth, width, number, band, workspace):  # type:
     nearest, farthest = larger(larger(w0, w1), w2), smaller(smaller(w0, w1), w2)
     low_x, high_x = smaller(smaller(x0, x1), x2), larger(larger(x0, x1), x2)
     low_y, high_y = smaller(smaller(y0, y1), y2), larger(larger(y0, y1), y2)
-    zero, one = repeated(0.0, BATCH), repeated(1.0, BATCH)
-    last_column, first_row = repeated(width - 1.0, BATCH), repeated(float(band.top), BATCH)
-    left = smaller(next_whole(larger(low_x, zero)), last_column)
-    right = last_whole(larger(smaller(high_x, last_column), zero))
-    last_row = repeated(float(band.bottom), BATCH)
-    top = next_whole(larger(low_y, zero))
+    zero, one = splat(0.0, BATCH), splat(1.0, BATCH)
+    last_column, first_row = splat(width - 1.0, BATCH), splat(float(band.top), BATCH)
+    left = smaller(ceil(larger(low_x, zero)), last_column)
+    right = floor(larger(smaller(high_x, last_column), zero))
+    last_row = splat(float(band.bottom), BATCH)
+    top = ceil(larger(low_y, zero))
     first = smaller(larger(top, first_row), last_row)
-    last = last_whole(larger(smaller(high_y, last_row), first_row))
+    last = floor(larger(smaller(high_y, last_row), first_row))
     may_be_seen = (1 << BATCH) - 1
     if hides:
-        limit = repeated(1.0 - UNSURE if parallel else 1.0 + UNSURE, BATCH) * nearest
+        limit = splat(1.0 - UNSURE if parallel else 1.0 + UNSURE, BATCH) * nearest
         hidden = are_hidden(left, right, first - first_row, last - first_row, limit, width, workspace.tiles)
         if not parallel:
             hidden = hidden & (farthest > zero)
@@ -250,31 +249,31 @@ def set_up(parallel, hides, has_depth, width, number, band, workspace):  # type:
     area = other_way - one_way
     # No sum and no summand is larger, from the first row and column to the last of a vector.
     across = high_x - low_x
-    largest = (high_y - low_y + repeated(float(BLOCK_ROWS), BATCH)) * (across + across + repeated(float(SPAN), BATCH))
+    largest = (high_y - low_y + splat(float(BLOCK_ROWS), BATCH)) * (across + across + splat(float(SPAN), BATCH))
     ordinary = (
-        (repeated(float(NARROW), BATCH) > right - left)
-        & (repeated(_LARGEST, BATCH) > largest)
-        & (size(area) > repeated(_SURE, BATCH) * (size(one_way) + size(other_way)))
+        (splat(float(NARROW), BATCH) > right - left)
+        & (splat(_LARGEST, BATCH) > largest)
+        & (abs(area) > splat(_SURE, BATCH) * (abs(one_way) + abs(other_way)))
     )
     if not parallel:
-        ordinary = ordinary & (repeated(NEAR_AND_FAR, BATCH) * farthest >= nearest) & (farthest > zero)
+        ordinary = ordinary & (splat(NEAR_AND_FAR, BATCH) * farthest >= nearest) & (farthest > zero)
     if has_depth:
         inverse, nearer1, nearer2 = one / area, w1 - w0, w2 - w0
         slope_x = zero - (nearer2 * dy2 + nearer1 * dy1) * inverse
         slope_y = (nearer2 * dx2 + nearer1 * dx1) * inverse
         least = zero - nearest if parallel else farthest
-        ordinary = ordinary & (repeated(GENTLE, BATCH) * least >= size(slope_x) * repeated(float(NARROW), BATCH))
+        ordinary = ordinary & (splat(GENTLE, BATCH) * least >= abs(slope_x) * splat(float(NARROW), BATCH))
         store(
             w0 + slope_x * (left - x0) + slope_y * (top - y0) + slope_y * (first - top), doubles + NEARNESS * BATCH * 8
         )
         store(slope_y, doubles + SLOPE_Y * BATCH * 8)
         store_rounded(slope_x, floats, SLOPE_X)
-    roundings = (last - first + repeated(float(_ROUNDINGS), BATCH)) * repeated(_UNIT32, BATCH)
-    unit, doubt = one, roundings * largest + repeated(_SMALLEST, BATCH)
+    roundings = (last - first + splat(float(_ROUNDINGS), BATCH)) * splat(_UNIT32, BATCH)
+    unit, doubt = one, roundings * largest + splat(_SMALLEST, BATCH)
     if has_depth:
-        deepest = repeated(_ASIDE, BATCH) * least - farthest if parallel else nearest
-        ordinary = ordinary & (deepest > repeated(_SMALLEST, BATCH))
-        unsure = repeated(UNSURE, BATCH) * deepest
+        deepest = splat(_ASIDE, BATCH) * least - farthest if parallel else nearest
+        ordinary = ordinary & (deepest > splat(_SMALLEST, BATCH))
+        unsure = splat(UNSURE, BATCH) * deepest
         unit, doubt = unsure / doubt, unsure
     facing = signed_like(unit, area)
     store_rounded(left, floats, LEFT)

@@ -11,7 +11,7 @@ from atra.all_hits.target_kernels import band_stride
 from atra.compiled.intrinsics import fetch_add, ticks
 from atra.compiled.memory import floats_at, identities_at, integers_at, stream
 from atra.compiled.store import kernel, njit
-from atra.compiled.vectors import rarely, repeated
+from atra.compiled.vectors import rarely, splat
 from atra.raster.clusters import CLUSTER
 from atra.raster.culling import find_farthest, forget_tiles, is_hidden
 from atra.raster.drawing import STALE, clear, fetch_vertices, finish, list_clusters
@@ -238,5 +238,5 @@ def stream_often(address, size, times):  # type: ignore[no-untyped-def]
     start = ticks()
     for _ in range(times):
         for place in range(address, address + size, 64):
-            stream(repeated(np.float32(0.0), 16), place)
+            stream(splat(np.float32(0.0), 16), place)
     return ticks() - start

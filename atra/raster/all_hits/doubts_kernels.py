@@ -17,7 +17,7 @@ from atra.all_hits.taking_kernels import TRANSMITTANCE, take
 from atra.all_hits.target_kernels import LIST_END, MARKS, target_at
 from atra.compiled.intrinsics import fetch_add, float_at
 from atra.compiled.store import kernel, njit
-from atra.compiled.vectors import mask_of, repeated
+from atra.compiled.vectors import mask_of, splat
 from atra.raster.all_hits.crossings_kernels import covers, depth_at, facing_of, homogeneous_of
 
 ROUNDINGS = 16.0
@@ -299,6 +299,6 @@ def settling_kernel(kind: int) -> Callable[..., None]:
                 pixel, prim_id = keys[k] >> 32, np.uint32(keys[k] & 0xFFFFFFFF)
                 place = pixel // width * target.row + pixel % width
                 weight = float_at(target.weights + np.int64(prim_id) * 4) if has_factors else facings[k]
-                take(kind, 1, 1, mask_of(1, 1), repeated(depths[k], 1), weight, prim_id, place, target)
+                take(kind, 1, 1, mask_of(1, 1), splat(depths[k], 1), weight, prim_id, place, target)
 
     return settle

@@ -13,7 +13,7 @@ from atra.all_hits.target_kernels import Target, target_at
 from atra.compiled.intrinsics import fetch_add, float_at
 from atra.compiled.memory import floats_at, identities_at, integers_at, store
 from atra.compiled.store import kernel, njit
-from atra.compiled.vectors import repeated
+from atra.compiled.vectors import splat
 from atra.raster.all_hits.narrow_kernels import take_narrow
 from atra.raster.all_hits.spans_kernels import take_spans
 from atra.raster.drawing import fetch_vertices, list_clusters, open_cluster
@@ -42,11 +42,11 @@ def _clear(kind, lanes, band, target):  # type: ignore[no-untyped-def]
     first, end = band.top * target.row * 4, (band.bottom + 1) * target.row * 4
     if kind == LAYERS:
         for byte in range(first, end, lanes * 4):
-            store(repeated(np.uint32(0), lanes), target.counts + byte)
+            store(splat(np.uint32(0), lanes), target.counts + byte)
     else:
         start = np.float32(1.0) if kind == TRANSMITTANCE else np.float32(0.0)
         for byte in range(first, end, lanes * 4):
-            store(repeated(start, lanes), target.values + byte)
+            store(splat(start, lanes), target.values + byte)
 
 
 @njit(forceinline=True)

@@ -8,7 +8,7 @@ from atra.all_hits.taking_kernels import take
 from atra.compiled.lanes import columns_of, rows_of
 from atra.compiled.memory import doubles_at, floats_at
 from atra.compiled.store import njit
-from atra.compiled.vectors import bits_of, mask_of, rarely, repeated, smaller, where
+from atra.compiled.vectors import bits_of, mask_of, rarely, smaller, splat, where
 from atra.raster.narrow import decided
 from atra.raster.triangles import (
     BATCH,
@@ -40,21 +40,21 @@ def take_narrow(  # type: ignore[no-untyped-def]
     left, right = int(values[LEFT * BATCH]), int(values[RIGHT * BATCH])
     first, last, ny = int(values[FIRST * BATCH]), int(values[LAST * BATCH]), lanes // nx
     above = first % ny
-    columns, rows = columns_of(lanes, nx), rows_of(lanes, nx) - repeated(np.float32(above), lanes)
-    surely, hardly = repeated(values[ROUNDING * BATCH], lanes), repeated(-values[ROUNDING * BATCH], lanes)
-    column0, row0 = repeated(values[COLUMN * BATCH], lanes), repeated(values[ROW * BATCH], lanes)
-    column1, row1 = repeated(values[(COLUMN + 1) * BATCH], lanes), repeated(values[(ROW + 1) * BATCH], lanes)
-    column2, row2 = repeated(values[(COLUMN + 2) * BATCH], lanes), repeated(values[(ROW + 2) * BATCH], lanes)
-    within0 = repeated(values[INSIDE * BATCH], lanes) + rows * row0
-    within1 = repeated(values[(INSIDE + 1) * BATCH], lanes) + rows * row1
-    within2 = repeated(values[(INSIDE + 2) * BATCH], lanes) + rows * row2
-    down = repeated(np.float32(ny), lanes)
+    columns, rows = columns_of(lanes, nx), rows_of(lanes, nx) - splat(np.float32(above), lanes)
+    surely, hardly = splat(values[ROUNDING * BATCH], lanes), splat(-values[ROUNDING * BATCH], lanes)
+    column0, row0 = splat(values[COLUMN * BATCH], lanes), splat(values[ROW * BATCH], lanes)
+    column1, row1 = splat(values[(COLUMN + 1) * BATCH], lanes), splat(values[(ROW + 1) * BATCH], lanes)
+    column2, row2 = splat(values[(COLUMN + 2) * BATCH], lanes), splat(values[(ROW + 2) * BATCH], lanes)
+    within0 = splat(values[INSIDE * BATCH], lanes) + rows * row0
+    within1 = splat(values[(INSIDE + 1) * BATCH], lanes) + rows * row1
+    within2 = splat(values[(INSIDE + 2) * BATCH], lanes) + rows * row2
+    down = splat(np.float32(ny), lanes)
     below0, below1, below2 = down * row0, down * row1, down * row2
-    nothing, one = repeated(np.float32(0.0), lanes), repeated(np.float32(1.0), lanes)
-    slope, cap = repeated(values[SLOPE_X * BATCH], lanes), repeated(values[CAP * BATCH], lanes)
+    nothing, one = splat(np.float32(0.0), lanes), splat(np.float32(1.0), lanes)
+    slope, cap = splat(values[SLOPE_X * BATCH], lanes), splat(values[CAP * BATCH], lanes)
     slope_y = doubles[SLOPE_Y * BATCH]
     for start in range(left, right + 1, nx):
-        along = columns + repeated(np.float32(start - left), lanes)
+        along = columns + splat(np.float32(start - left), lanes)
         inside0, inside1, inside2 = within0 + along * column0, within1 + along * column1, within2 + along * column2
         along = along * slope
         pixel, row = (first - above) * target.row + start, doubles[NEARNESS * BATCH] - above * slope_y
@@ -66,11 +66,9 @@ def take_narrow(  # type: ignore[no-untyped-def]
                 taken = taken & mask_of(exactly, lanes)
             depth = nothing
             if has_depth:
-                nearness = repeated(np.float32(row), lanes)
+                nearness = splat(np.float32(row), lanes)
                 if ny == 2:
-                    nearness = where(
-                        mask_of((1 << nx) - 1, lanes), nearness, repeated(np.float32(row + slope_y), lanes)
-                    )
+                    nearness = where(mask_of((1 << nx) - 1, lanes), nearness, splat(np.float32(row + slope_y), lanes))
                 found = smaller(cap, nearness + along)
                 depth = nothing - found if parallel else one / found
             take(kind, lanes, nx, taken, depth, weight, prim_id, pixel, target)

@@ -7,7 +7,7 @@ import numpy as np
 from atra.all_hits.taking_kernels import take
 from atra.compiled.memory import doubles_at
 from atra.compiled.store import njit
-from atra.compiled.vectors import counted, mask_of, repeated
+from atra.compiled.vectors import arange, mask_of, splat
 from atra.raster.all_hits.crossings_kernels import parallel_depth
 from atra.raster.spans import find_spans, from_eye, homogeneous, nearness_of
 from atra.raster.triangles import corner_at
@@ -33,7 +33,7 @@ def take_spans(  # type: ignore[no-untyped-def]
                 facing = -facing if w < 0.0 else facing
         own = weight if has_factors else np.float32(facing)
         firsts, lasts = doubles_at(workspace.first), doubles_at(workspace.last)
-        nothing, one = repeated(np.float32(0.0), lanes), repeated(np.float32(1.0), lanes)
+        nothing, one = splat(np.float32(0.0), lanes), splat(np.float32(1.0), lanes)
         for k in range(spans.bottom - spans.top + 1):
             y, first, last = spans.top + k, int(firsts[k]), int(lasts[k])
             row = spans.slope_y * y + spans.constant
@@ -45,11 +45,11 @@ def take_spans(  # type: ignore[no-untyped-def]
                 for x in range(first, last + 1):
                     deep = np.float32(parallel_depth(a, b, c, w0, w1, w2, float(x), float(y)))
                     if deep > 0.0:
-                        take(kind, 1, 1, mask_of(1, 1), repeated(deep, 1), own, prim_id, pixel + x, target)
+                        take(kind, 1, 1, mask_of(1, 1), splat(deep, 1), own, prim_id, pixel + x, target)
             else:
-                before, end = repeated(np.float32(first - 1), lanes), repeated(np.float32(last), lanes)
+                before, end = splat(np.float32(first - 1), lanes), splat(np.float32(last), lanes)
                 for start in range(first // lanes * lanes, last + 1, lanes):
-                    columns = counted(np.float32(start), lanes)
+                    columns = arange(np.float32(start), lanes)
                     depth = nothing
                     if has_depth:
                         found = nearness_of(parallel, lanes, spans, row, start)

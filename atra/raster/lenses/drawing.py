@@ -11,18 +11,17 @@ import numpy as np
 
 from atra.all_hits.target_kernels import band_stride
 from atra.compiled.intrinsics import fetch_add
-from atra.compiled.memory import doubles_at, fetch, floats_at, identities_at, integers_at, load, store, store_where
+from atra.compiled.memory import doubles_at, floats_at, identities_at, integers_at, load, prefetch, store, store_where
 from atra.compiled.store import kernel, njit
 from atra.compiled.vectors import (
+    arange,
     bits_of,
-    counted,
     larger,
     mask_of,
     rarely,
-    repeated,
     rounded,
-    size,
     smaller,
+    splat,
     where,
     widened,
 )
@@ -81,8 +80,8 @@ class Tiles(NamedTuple):
 @njit
 def _clear(lanes, side, stride, places, band):  # type: ignore[no-untyped-def]
     """Nothing is drawn yet. Samples without a ray are nearest, so that they count as hidden."""
-    none, prim_ids = repeated(np.uint32(MISS), lanes), band + side * stride * 4
-    zero, nearest = repeated(np.float32(0.0), lanes), repeated(np.float32(np.inf), lanes)
+    none, prim_ids = splat(np.uint32(MISS), lanes), band + side * stride * 4
+    zero, nearest = splat(np.float32(0.0), lanes), splat(np.float32(np.inf), lanes)
     for place in range(0, side * stride * 4, lanes * 4):
         at = load(places + place, np.float32(0.0), lanes)
         store(where(at >= at, zero, nearest), band + place)  # NaN is no ray
@@ -93,7 +92,7 @@ def _clear(lanes, side, stride, places, band):  # type: ignore[no-untyped-def]
 def _finish(lanes, band, scales, left, top, side, image):  # type: ignore[no-untyped-def]
     """Write a tile to the image, nearness as depth. scales: address of the ray parameters at depth 1."""
     columns, rows = min(side, image.width - left), min(side, image.height - top)
-    nothing, nearest = repeated(np.float32(np.inf), lanes), repeated(np.float32(np.inf), lanes)
+    nothing, nearest = splat(np.float32(np.inf), lanes), splat(np.float32(np.inf), lanes)
     for row in range(rows):
         source, target = row * band.stride * 4, ((top + row) * image.width + left) * 4
         for x in range(0, columns // lanes * lanes * 4, lanes * 4):
@@ -134,23 +133,23 @@ def _draw(lanes, numbers, mesh, k, prim_id, packed, is_gentle, side, margin, pla
     left, right = int(values[LEFT * BATCH]), int(values[RIGHT * BATCH])
     first, last = int(values[FIRST * BATCH]), int(values[LAST * BATCH])
     along, down = doubles[ALONG * BATCH], doubles[DOWN * BATCH]
-    inside0 = repeated(values[INSIDE * BATCH], lanes)
-    inside1 = repeated(values[(INSIDE + 1) * BATCH], lanes)
-    inside2 = repeated(values[(INSIDE + 2) * BATCH], lanes)
-    column0 = repeated(values[COLUMN * BATCH], lanes)
-    column1 = repeated(values[(COLUMN + 1) * BATCH], lanes)
-    column2 = repeated(values[(COLUMN + 2) * BATCH], lanes)
-    row0 = repeated(values[ROW * BATCH], lanes)
-    row1 = repeated(values[(ROW + 1) * BATCH], lanes)
-    row2 = repeated(values[(ROW + 2) * BATCH], lanes)
+    inside0 = splat(values[INSIDE * BATCH], lanes)
+    inside1 = splat(values[(INSIDE + 1) * BATCH], lanes)
+    inside2 = splat(values[(INSIDE + 2) * BATCH], lanes)
+    column0 = splat(values[COLUMN * BATCH], lanes)
+    column1 = splat(values[(COLUMN + 1) * BATCH], lanes)
+    column2 = splat(values[(COLUMN + 2) * BATCH], lanes)
+    row0 = splat(values[ROW * BATCH], lanes)
+    row1 = splat(values[(ROW + 1) * BATCH], lanes)
+    row2 = splat(values[(ROW + 2) * BATCH], lanes)
     nearest, farthest = values[NEAREST * BATCH], values[FARTHEST * BATCH]
     limit = np.float32(nearest * (1.0 + UNSURE_OF_LENS))
-    above = repeated(np.float32(1.0 + UNSURE_OF_LENS), lanes)
-    below = repeated(np.float32(1.0 - UNSURE_OF_LENS), lanes)
+    above = splat(np.float32(1.0 + UNSURE_OF_LENS), lanes)
+    below = splat(np.float32(1.0 - UNSURE_OF_LENS), lanes)
     if max(right - left, last - first) > TILE and is_hidden(left, right, first, last, limit, side, workspace.tiles):
         return
-    prim_ids, doubt = repeated(prim_id, lanes), doubt_of(side, margin)
-    surely, hardly = repeated(doubt, lanes), repeated(-doubt, lanes)
+    prim_ids, doubt = splat(prim_id, lanes), doubt_of(side, margin)
+    surely, hardly = splat(doubt, lanes), splat(-doubt, lanes)
     plane, slack = side * band.stride * 4, margin + 2.0 * doubt
     begin, right_most, is_wide = left, right, right - left >= SPAN
     low0 = low1 = low2 = high0 = high1 = high2 = low_step0 = low_step1 = low_step2 = 0.0
@@ -171,21 +170,21 @@ def _draw(lanes, numbers, mesh, k, prim_id, packed, is_gentle, side, margin, pla
                 (y * band.stride + start) * 4,
             )
             here = nearness + along * base
-            steps = counted(np.float32(start - base), lanes)
+            steps = arange(np.float32(start - base), lanes)
             right_by = load(places + byte, np.float32(0.0), lanes)
             down_by = load(places + plane + byte, np.float32(0.0), lanes)
-            i, j = counted(np.float32(start), lanes) + right_by, repeated(row, lanes) + down_by
+            i, j = arange(np.float32(start), lanes) + right_by, splat(row, lanes) + down_by
             inside = smaller(
                 smaller((inside0 + i * column0) + j * row0, (inside1 + i * column1) + j * row1),
                 (inside2 + i * column2) + j * row2,
             )
             if is_gentle:
-                plain = repeated(np.float32(here), lanes) + (steps + right_by) * repeated(np.float32(along), lanes)
-                found = smaller(repeated(nearest, lanes), plain + down_by * repeated(np.float32(down), lanes))
+                plain = splat(np.float32(here), lanes) + (steps + right_by) * splat(np.float32(along), lanes)
+                found = smaller(splat(nearest, lanes), plain + down_by * splat(np.float32(down), lanes))
             else:
-                wide = (counted(float(start - base), lanes) + widened(right_by)) * repeated(along, lanes)
-                wide = size(repeated(here, lanes) + wide + widened(down_by) * repeated(down, lanes))
-                found = smaller(larger(rounded(wide), repeated(farthest, lanes)), repeated(nearest, lanes))
+                wide = (arange(float(start - base), lanes) + widened(right_by)) * splat(along, lanes)
+                wide = abs(splat(here, lanes) + wide + widened(down_by) * splat(down, lanes))
+                found = smaller(larger(rounded(wide), splat(farthest, lanes)), splat(nearest, lanes))
             old = load(band.nearness + byte, np.float32(0.0), lanes)
             drawn = (inside > hardly) & (found * above >= old)
             close = found * below <= old
@@ -209,7 +208,7 @@ def _draw_cluster(lanes, eye, clusters, cluster, side, margin, places, band, wor
     start, firsts = cluster * CLUSTER, integers_at(clusters.firsts)
     corners, prim_ids = clusters.corners + start * 8, clusters.prim_ids + start * 4
     for line in range(0, CLUSTER * 8, CACHE_LINE):
-        fetch(corners + line)
+        prefetch(corners + line)
     vertices, vertex_count = clusters.vertices + firsts[cluster] * 12, firsts[cluster + 1] - firsts[cluster]
     project_vertices(False, vertices, vertex_count, vertex_count, eye, workspace.points)
     triangles = min(CLUSTER, clusters.triangles - start)

@@ -8,14 +8,13 @@ from atra.compiled.memory import doubles_at, floats_at, integers_at, load, point
 from atra.compiled.store import njit
 from atra.compiled.vectors import (
     bits_of,
+    ceil,
+    floor,
     lane,
     larger,
-    last_whole,
-    next_whole,
-    repeated,
     signed_like,
-    size,
     smaller,
+    splat,
     where,
     with_lane,
 )
@@ -62,8 +61,8 @@ def list_near(corners, count, points, side, margin, listed):  # type: ignore[no-
     As in `atra.raster.triangles.list_triangles` nothing branches on what is common.
     """
     triangles, list_ = integers_at(corners), integers_at(listed)
-    before = with_lane(with_lane(repeated(-np.inf, 4), 0, -margin), 1, -margin)
-    end = with_lane(with_lane(repeated(np.inf, 4), 0, side - 1.0 + margin), 1, side - 1.0 + margin)
+    before = with_lane(with_lane(splat(-np.inf, 4), 0, -margin), 1, -margin)
+    end = with_lane(with_lane(splat(np.inf, 4), 0, side - 1.0 + margin), 1, side - 1.0 + margin)
     place = 0
     for k in range(count):
         packed = triangles[k]
@@ -90,18 +89,18 @@ def set_up(side, margin, number, workspace):  # type: ignore[no-untyped-def]
     x1, y1, w1 = points_of(base, listed, 1)
     x2, y2, w2 = points_of(base, listed, 2)
     nearest, farthest = larger(larger(w0, w1), w2), smaller(smaller(w0, w1), w2)
-    zero, one, wider = repeated(0.0, BATCH), repeated(1.0, BATCH), repeated(margin, BATCH)
-    end, in_front = repeated(side - 1.0, BATCH), farthest > zero
+    zero, one, wider = splat(0.0, BATCH), splat(1.0, BATCH), splat(margin, BATCH)
+    end, in_front = splat(side - 1.0, BATCH), farthest > zero
     # A triangle that reaches behind the eye may be anywhere.
-    left = where(in_front, next_whole(larger(smaller(smaller(x0, x1), x2) - wider, zero)), zero)
-    right = where(in_front, last_whole(smaller(larger(larger(x0, x1), x2) + wider, end)), end)
-    first = where(in_front, next_whole(larger(smaller(smaller(y0, y1), y2) - wider, zero)), zero)
-    last = where(in_front, last_whole(smaller(larger(larger(y0, y1), y2) + wider, end)), end)
+    left = where(in_front, ceil(larger(smaller(smaller(x0, x1), x2) - wider, zero)), zero)
+    right = where(in_front, floor(smaller(larger(larger(x0, x1), x2) + wider, end)), end)
+    first = where(in_front, ceil(larger(smaller(smaller(y0, y1), y2) - wider, zero)), zero)
+    last = where(in_front, floor(smaller(larger(larger(y0, y1), y2) + wider, end)), end)
     # Edge k lies opposite corner k.
     dx0, dy0, dx1, dy1, dx2, dy2 = x2 - x1, y2 - y1, x0 - x2, y0 - y2, x1 - x0, y1 - y0
     area = dy2 * dx1 - dx2 * dy1
-    may_be_seen = bits_of((right >= left) & (last >= first) & (size(area) > zero))
-    limit = nearest * repeated(1.0 + UNSURE_OF_LENS, BATCH)
+    may_be_seen = bits_of((right >= left) & (last >= first) & (abs(area) > zero))
+    limit = nearest * splat(1.0 + UNSURE_OF_LENS, BATCH)
     may_be_seen &= ~bits_of(in_front & are_hidden(left, right, first, last, limit, side, workspace.tiles))
     if may_be_seen == 0:
         return 0, 0
@@ -116,11 +115,9 @@ def set_up(side, margin, number, workspace):  # type: ignore[no-untyped-def]
     inverse, nearer1, nearer2 = one / area, w1 - w0, w2 - w0
     along = zero - (nearer2 * dy2 + nearer1 * dy1) * inverse
     down = (nearer2 * dx2 + nearer1 * dx1) * inverse
-    steepness = size(along) * repeated(SPAN + margin, BATCH) + size(down) * wider
+    steepness = abs(along) * splat(SPAN + margin, BATCH) + abs(down) * wider
     ordinary = (
-        in_front
-        & (repeated(GENTLE, BATCH) * farthest >= steepness)
-        & (repeated(NEAR_AND_FAR, BATCH) * farthest >= nearest)
+        in_front & (splat(GENTLE, BATCH) * farthest >= steepness) & (splat(NEAR_AND_FAR, BATCH) * farthest >= nearest)
     )
     store(w0 - along * x0 - down * y0, doubles + CONSTANT * BATCH * 8)
     store(along, doubles + ALONG * BATCH * 8)
@@ -141,16 +138,16 @@ def set_up(side, margin, number, workspace):  # type: ignore[no-untyped-def]
 def _store_edge(edge, side, margin, px, py, qx, qy, dx, dy, facing, floats):  # type: ignore[no-untyped-def]
     """Write the edge from p to q, with d = q - p, so that it is positive inside and its slopes sum up to 1 in size.
     Returns where a sample of the tile may be inside."""
-    zero, scale = repeated(0.0, BATCH), facing / (size(dx) + size(dy))
-    most = repeated(2.0 * reach_of(side, margin), BATCH)
+    zero, scale = splat(0.0, BATCH), facing / (abs(dx) + abs(dy))
+    most = splat(2.0 * reach_of(side, margin), BATCH)
     inside = smaller(larger((px * qy - py * qx) * scale, zero - most), most)
     column, row = zero - dy * scale, dx * scale
     store_rounded(inside, floats, INSIDE + edge)
     store_rounded(column, floats, COLUMN + edge)
     store_rounded(row, floats, ROW + edge)
-    lowest, highest = repeated(-margin, BATCH), repeated(side - 1.0 + margin, BATCH)
+    lowest, highest = splat(-margin, BATCH), splat(side - 1.0 + margin, BATCH)
     farthest = larger(column * lowest, column * highest) + larger(row * lowest, row * highest)
-    return inside + farthest >= repeated(-np.float64(doubt_of(side, margin)), BATCH)
+    return inside + farthest >= splat(-np.float64(doubt_of(side, margin)), BATCH)
 
 
 @njit
