@@ -51,7 +51,9 @@ QUOTED = {
         "agreement_raster": [agreement.of_the_rasteriser],
     },
     "reports/reference/tables.md": {
-        "methods": [methods.frames_of_each_method, methods.methods_in_detail, methods.moving_cameras, methods.price_of_robust],
+        "methods": [
+            methods.frames_of_each_method, methods.methods_in_detail, methods.moving_cameras, methods.price_of_robust,
+        ],
         "methods_families": [methods.families],
         "growth": [methods.growth_of_methods, methods.holes_at_edges],
         "instruction_sets": [methods.other_instruction_sets, methods.frames_with_avx2, rays.rays_with_avx2],

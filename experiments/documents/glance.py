@@ -34,8 +34,8 @@ def growth_in_words(kept: Kept) -> Iterable[str]:
 
 def narrower_vectors(kept: Kept) -> Iterable[str]:
     """How far ahead of packets the rasteriser is with AVX2 and with SSE4.2."""
-    narrow = (rasteriser_held_to(kept, name) for name in ("avx2", "sse4.2"))
-    avx2, sse = (span(row["speedup_vs_packets"] for row in rows) for rows in narrow)
+    held = ("avx2", "sse4.2")
+    avx2, sse = (span(row["speedup_vs_packets"] for row in rasteriser_held_to(kept, name)) for name in held)
     yield f"{avx2} times as fast as packets with AVX2 and {sse} times with SSE4.2"
 
 
@@ -43,6 +43,7 @@ def tuned_packets(kept: Kept) -> Iterable[str]:
     found = list(best_baselines(kept.processes))
     (tried,) = {one.tried for one in found}
     (best,) = (one for one in found if one.is_faster)
+    assert best.margin is not None
     setting = best.name.removeprefix("packets of 16 per pixel, ")
     gain = f"{setting} on `{best.scene}`, {digits(best.margin.value)} times"
     yield f"Of {tried} settings of packets one is faster than these by more than noise: {gain}"

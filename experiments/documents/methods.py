@@ -42,6 +42,7 @@ def _gains_of_each_method(table: Any) -> Any:
     for scene in SCENES:
         raster, visible_first, aligned = (best(table, scene=scene, method=name) for name in COMPARED)
         cost, packets = cost_of(visible_first), baseline_costs(of(table, scene=scene))
+        assert cost is not None
         gains = [visible_first[f"speedup_vs_packets{end}"] for end in ("", "_high", "_low")]
         middle, first, last = map(_frame, break_even_interval(cost, gains, packets.values()))
         yield table_row(

@@ -54,7 +54,7 @@ def _candidate_row(one: Any) -> Any:
 def candidates_in_short(kept: Kept) -> Iterable[str]:
     """The largest gain of an eye far away, and of all other candidates for single rays; whether packets reach 7.50."""
     largest = {
-        one.name: max(gain.estimate.value for gain in (one.nearest, one.all_hits) if gain is not None)
+        one.name: max(gain.estimate.value for gain in (one.nearest, one.all_hits) if gain and gain.estimate)
         for one in candidates(kept.processes)
     }
     far = largest.pop("eye at 0, 0.8, 6")
@@ -69,7 +69,7 @@ def claim_text(claim: Any) -> Any:
 
 def verdicts(kept: Kept) -> Iterable[str]:
     """A row a claim, with its verdicts under both readings where it has two."""
-    rows = {}
+    rows: dict[tuple[str, str], list[str]] = {}
     for claim in kept.claims:
         if not claim["id"].startswith("best-speedup"):
             said = f"{claim['reading']}: {claim['verdict']}" if claim["reading"] else claim["verdict"]

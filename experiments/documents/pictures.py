@@ -29,7 +29,7 @@ def _outside(row: Any) -> Any:
     return f"{100.0 * row['outside_embree']:.0f} %"
 
 
-_QUANTITIES = (
+_QUANTITIES: tuple[Any, ...] = (
     ("hybrid, ms a sample", {}, _time),
     ("hybrid, over packets", {}, _gain),
     ("forecast of that by Amdahl", {}, lambda row: digits(row["speedup_forecast"])),

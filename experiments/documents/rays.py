@@ -94,7 +94,7 @@ def rays_with_avx2(kept: Kept) -> Iterable[str]:
 
 
 _CLOSED = "three_holes"
-_RAYS = {
+_RAYS: dict[str, tuple[str, dict[str, Any]]] = {
     "packets": ("packets_render_time_s", {"method": "raster"}),
     "aligned": ("render_time_s", {"method": "aligned", "split_x": 128, "culling": True}),
     "rasteriser": ("render_time_s", {"method": "raster"}),

@@ -78,8 +78,10 @@ def _over_splits(table: pd.DataFrame, axis_name: str, read: Callable[..., Panel]
     shown = read_panels(panels, partial(read, axis_name=axis_name))
     notes = [_RINGED, *([_STAR] if any(mark.label == PAPER_BEST for one in shown for mark in one.marks) else [])]
     legend = [*RATIO_LABELS, *(one.name for one in series.best_points(series.of_files(table)))]
-    axes = {"x": SPLIT_AXES[axis_name], "y": Axis(quantity)}
-    return figure_of("lines", shown, table, "both axes are logarithmic", *notes, legend=legend, **axes)
+    return figure_of(
+        "lines", shown, table, "both axes are logarithmic", *notes, legend=legend, x=SPLIT_AXES[axis_name],
+        y=Axis(quantity),
+    )  # fmt: skip
 
 
 def times_panel(rows: pd.DataFrame, axis_name: str) -> Panel:

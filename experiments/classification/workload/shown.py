@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
+from typing import Any
 
 import pandas as pd
 from rich.table import Table
@@ -42,7 +43,7 @@ def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
     yield table
 
 
-_STYLES = {
+_STYLES: dict[str, dict[str, Any]] = {
     "primary": {"color": BLUE, "marker": "o"},
     "occlusion": {"color": ORANGE, "marker": "s", "linestyle": DASHED},
     "diffuse": {"color": VERMILLION, "marker": "^", "linestyle": DOTTED},

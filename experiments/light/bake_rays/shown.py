@@ -10,41 +10,15 @@ from rich.table import Table
 
 from experiments.drawing.figure import Axis, Bar, Figure, Panel
 from experiments.drawing.style import BLUE, GREEN, ORANGE, TIMES
-from experiments.drawing.values import MILLISECONDS, column, row_interval, say_number, say_things
+from experiments.drawing.values import MILLISECONDS, row_interval, say_number, say_things
 from experiments.light.bake_rays import BAKE_RAYS
-from experiments.results.claims import Judge, read_claims
-from experiments.results.verdicts import Bounds, Which, ratio_judge
+from experiments.results.queries import read_claims
 from experiments.workloads.panels import ONE, figure_of, make_panels, read_panels, workload_figure
 from experiments.workloads.tables import cell, points_table
-from scenes.built_in import stand_in_for
-
-_BOX = "cornell_box"
-_DEEP = [one for name in ("fireplace_room", "sponza") for one in (name, stand_in_for(name))]
-_FEW = 16
-
-
-def _judge(use: str, which: Which, gains: bool) -> Judge:
-    def of_use(rows: pd.DataFrame) -> pd.Series:
-        without = column(rows, "shortcut").eq(False).fillna(False).astype(bool)  # what that gains is no claim
-        return column(rows, "use").eq(use).fillna(False).astype(bool) & ~without & which(rows)
-
-    return ratio_judge("packets_over_aligned", of_use, Bounds(low=1.0) if gains else Bounds(high=1.0))
-
-
-def _all(rows: pd.DataFrame) -> pd.Series:
-    return rows["scene"].notna()
-
 
 CLAIMS_FILE = "predictions/claims"
 
-_JUDGES = {
-    "sun-gains-in-the-box": _judge("sun", lambda rows: rows["scene"].eq(_BOX) & (rows["positions"] >= _FEW), True),
-    "sun-gains-nothing-in-deep-scenes": _judge("sun", lambda rows: rows["scene"].isin(_DEEP), False),
-    "sky-loses-below-16": _judge("sky", lambda rows: rows["positions"] < _FEW, False),
-    "bundles-gain": _judge("bundle", _all, True),
-}
-
-CLAIMS = read_claims(Path(__file__).with_name("claims.toml"), {name: {"": judge} for name, judge in _JUDGES.items()})
+CLAIMS = read_claims(Path(__file__).with_name("claims.toml"), {})
 
 
 _COLUMNS = {

@@ -73,8 +73,10 @@ def _panels(table: pd.DataFrame) -> list[PanelRows]:
 
 
 def _figure(table: pd.DataFrame, panels: Sequence[Panel], cells: str) -> Figure:
-    axes = {"x": Axis("horizontal splits"), "y": Axis("vertical splits")}
-    return figure_of("cells", panels, table, legend=[_BEST, ALL_HITS], quantity=cells, **axes)
+    return figure_of(
+        "cells", panels, table, legend=[_BEST, ALL_HITS], quantity=cells, x=Axis("horizontal splits"),
+        y=Axis("vertical splits"),
+    )  # fmt: skip
 
 
 def _maps(
@@ -83,18 +85,18 @@ def _maps(
     """A map for each form of the geometry. read: rows -> their values. say: a value -> text of its cell."""
     shown = only_measured(panel.rows, read(panel.rows))
     shown = shown[drawable(shown)]
-    ends = (float(shown.min()), float(shown.max())) if len(shown) else (1.0, 1.0)
-    splits = [sorted(int(split) for split in panel.rows[name].dropna().unique()) for name in _AXES]
+    low, high = (float(shown.min()), float(shown.max())) if len(shown) else (1.0, 1.0)
+    splits_x, splits_y = (sorted(int(one) for one in panel.rows[name].dropna().unique()) for name in _AXES)
     forms, maps = aligned_forms(panel.rows), []
     for form in expected_forms(panel.rows):
         points, words = forms.get(form, panel.rows[:0]), form.removeprefix("aligned, ")
         values = only_measured(points, read(points))
-        colours, texts = _cells(points, values, say, *splits)
+        colours, texts = _cells(points, values, say, splits_x, splits_y)
         frames = [
-            Frame(label, splits[0].index(point["split_x"]), splits[1].index(point["split_y"]), style, inset=inset)
+            Frame(label, splits_x.index(point["split_x"]), splits_y.index(point["split_y"]), style, inset=inset)
             for point, label, style, inset in _framed(form, points, values)
         ]
-        cells = Cells(*splits, colours, texts.tolist(), *ends, frames)
+        cells = Cells(splits_x, splits_y, colours, texts.tolist(), low, high, frames)
         why = _why_empty(points, values, words, int((texts == _ABSENT).sum()))
         maps.append(panel.panel(Panel(cells=cells, notes=[*why, *notes]), f", {words}"))
     return maps
