@@ -13,7 +13,7 @@ import numba
 import pytest
 
 import atra
-from atra.alignment import aligned_kernels, culling_kernels, visibility_kernels
+from atra.alignment import aligned_kernels, copies_kernels, visibility_kernels
 from atra.all_hits.taking_kernels import LAYERS
 from atra.compiled import intrinsics, store, vectors
 from atra.embree import layout
@@ -41,7 +41,7 @@ KERNELS = {
             path_kernels,
             waves_kernels,
             projection_kernels,
-            culling_kernels,
+            copies_kernels,
             ties_kernels,
             settling_kernels,
             tiles_kernels,
