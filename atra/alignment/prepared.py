@@ -97,13 +97,13 @@ class PreparedCells:
     ) -> None:
         """See `Gathering.gather`; of one image. The first call builds BVHs with a filter."""
         if self._all_hits is None:
-            from atra.raster.all_hits.doubts_kernels import Precision
+            from atra.raster.all_hits.undecided_kernels import Precision
 
             (mesh,), camera, options = self._meshes, self.alignment.camera, self._options
             direction, origin = longest_ray(camera)
             shift = sum(float(np.linalg.norm(shears, axis=1).max()) for shears in self.alignment.shears)
             stretch, shift = (1.0, origin + shift) if camera.is_parallel else (1.0 + shift, 0.0)
-            precision = Precision.of(camera.pixel_pitch, direction, stretch, shift, options.robust)
+            precision = Precision(camera.pixel_pitch, direction, stretch, shift, options.robust)
             batches, settings = self._ray_batches(mesh, camera), options.scene_settings
             self._all_hits = EmbreeAllHits(mesh, camera, batches, self.row_stride, precision, self._pool, **settings)
         self._all_hits.gather(what, offset, images, weights, self.workspaces)

@@ -25,8 +25,8 @@ from atra.tracing.gathering import check_rays_without_lens, target_of
 from atra.tracing.geometry import AlignedGeometry
 
 if TYPE_CHECKING:  # loaded by the first `gather`, which nearest hits do without
-    from atra.raster.all_hits.doubts import Doubts
-    from atra.raster.all_hits.doubts_kernels import Precision
+    from atra.raster.all_hits.undecided import UndecidedHits
+    from atra.raster.all_hits.undecided_kernels import Precision
 
 
 class RayBatch(NamedTuple):
@@ -56,8 +56,8 @@ def check_gathering(camera: View, build_quality: str) -> None:
 
 
 class EmbreeAllHits:
-    """All hits of the rays of an image, from BVHs of their own. The undecided samples are found once per offset, and
-    those of the last offset are kept.
+    """All hits of the rays of an image, from BVHs of their own. The undecided hits are found once per offset, and those
+    of the last offset are kept.
 
     batches: the rays and what they are traced through. row: pixels from one row of gathered images to the next.
     precision: how exactly Embree's packets decide. settings: of `build_scene`.
@@ -74,7 +74,7 @@ class EmbreeAllHits:
         **settings: Any,
     ) -> None:
         self._mesh, self._camera, self._row, self._precision, self._pool = mesh, camera, row, precision, pool
-        self._undecided: tuple[tuple[float, float], Doubts] | None = None
+        self._undecided: tuple[tuple[float, float], UndecidedHits] | None = None
         self._batches: list[tuple[RayBatch, EmbreeScene]] = []
         for batch in batches:
             scene = build_scene(batch.geometry, pool.threads, filter_in_arguments=True, **settings)
@@ -89,7 +89,7 @@ class EmbreeAllHits:
         workspaces: Sequence[Workspace],
     ) -> None:
         """See `Gathering.gather`."""
-        from atra.raster.all_hits.doubts_kernels import settling_kernel
+        from atra.raster.all_hits.undecided_kernels import settling_kernel
 
         for name, plane in what.planes().items():
             if not plane.before:  # layers are filled at the end
@@ -105,12 +105,12 @@ class EmbreeAllHits:
             size, address = (camera.height, camera.width), block.ctypes.data
             self._pool.run(lambda _, counter: finish_image(counter, *size, address))
 
-    def _find_undecided(self, offset: tuple[float, float]) -> Doubts:
+    def _find_undecided(self, offset: tuple[float, float]) -> UndecidedHits:
         if self._undecided is None or self._undecided[0] != offset:
-            from atra.raster.all_hits.doubts import find_doubts
+            from atra.raster.all_hits.undecided import decide_hits
 
             settings = self._precision, self._row, self._pool
-            self._undecided = offset, find_doubts(self._mesh, self._camera, offset, *settings)
+            self._undecided = offset, decide_hits(self._mesh, self._camera, offset, *settings)
         return self._undecided[1]
 
     def _shoot(
