@@ -166,6 +166,25 @@ def test_max_hits_keeps_the_nearest_and_says_which_rays_have_more():
                 scene.all_hits(rays, max_hits=wrong)
 
 
+def test_max_hits_keeps_the_nearest_also_where_they_differ_by_less_than_float64_computes():
+    tilts = np.array([0.0, 2e-4, -3e-4])
+    pages = np.stack([np.array([(-1, 0, 0), (1, 0, 0), (0.1, 1, tilt)]) for tilt in tilts])  # all share an edge
+    wall = np.array([[(-9, -9, 1), (9, -9, 1), (0, 9, 1)]])
+    mesh = atra.Mesh(np.concatenate([pages, wall]).reshape(-1, 3), np.arange(12).reshape(-1, 3))  # the wall comes last
+    random = np.random.default_rng(0)
+    ends = np.column_stack([random.uniform(-0.5, 0.5, 5000), 10.0 ** random.uniform(-15, -10, 5000), np.zeros(5000)])
+    origins = ends + random.uniform((-2, -2, 3), (2, 2, 5), (5000, 3))
+    rays = atra.Rays(origins, ends - origins)
+    with atra.RayScene(mesh, threads=1) as scene:
+        every = scene.all_hits(rays)
+        place = np.arange(len(every)) - every.ray_splits[every.ray_ids]
+        assert (every.counts == 4).mean() > 0.5
+        for most in (2, 3):
+            hits = scene.all_hits(rays, max_hits=most)
+            for name in ("t", "prim_id", "u", "v", "ray_ids"):
+                np.testing.assert_array_equal(getattr(hits, name), getattr(every, name)[place < most])
+
+
 def test_threads_and_batches_change_no_bit_and_memory_grows(monkeypatch):
     mesh = random_triangles(500, 6)
     rays = atra.Rays(*np.random.default_rng(0).normal(size=(2, 5000, 3)))

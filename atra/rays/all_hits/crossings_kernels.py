@@ -99,14 +99,14 @@ def line_of(o, d, sphere):  # type: ignore[no-untyped-def]
         (one * _ROW, other * _ROW, major * _ROW),
         (repeated(error, BLOCK), repeated(error * error, BLOCK)),
         major,
-        inverse, reach,
+        inverse,
     )  # fmt: skip
 
 
 @njit(forceinline=True)
 def _corner(place, line):  # type: ignore[no-untyped-def]
     """A corner of four triangles, from an address, laid along the ray onto the plane across its major axis."""
-    (ox, oy, oz), (sx, sy), (row_x, row_y, row_z), _, _, _, _ = line
+    (ox, oy, oz), (sx, sy), (row_x, row_y, row_z), _, _, _ = line
     z = widened(load(place + row_z, _ZERO, BLOCK)) - oz
     x = fused(sx, z, widened(load(place + row_x, _ZERO, BLOCK)) - ox)
     return x, fused(sy, z, widened(load(place + row_y, _ZERO, BLOCK)) - oy), z
@@ -123,7 +123,7 @@ def candidates(block, line, areas):  # type: ignore[no-untyped-def]
     qx, qy, qz = _corner(block + 3 * _ROW, line)
     rx, ry, rz = _corner(block + 6 * _ROW, line)
     u, v, w = qx * ry - qy * rx, rx * py - ry * px, px * qy - py * qx
-    _, _, _, (error, square), _, _, _ = line
+    _, _, _, (error, square), _, _ = line
     sizes = (size(px) + size(py)) + (size(qx) + size(qy)) + (size(rx) + size(ry))
     slack = fused(sizes, error, square)
     none = slack - slack

@@ -35,7 +35,8 @@ _GAPS = (701, 301, 132, 57, 23, 10, 4, 1)
 class Close(NamedTuple):
     """What decides the order of hits of one ray that are close to each other.
 
-    gap: how far apart t of hits is at most to be in doubt. o, d, scale: of `scaled_ray`. tree, exact: as elsewhere.
+    gap: largest difference of two t that leaves their order undecided: the errors of both. o, d, scale: of
+    `scaled_ray`. tree, exact: as elsewhere.
     """
 
     gap: float
@@ -44,10 +45,6 @@ class Close(NamedTuple):
     scale: float
     tree: Tree
     exact: int
-
-
-_CLOSE = 2.0**-28
-"""Gap of t in doubt, as a share of the farthest corner's distance: twice the error that `PRECISE` leaves."""
 
 
 @njit
@@ -60,16 +57,6 @@ def _settled(close, prim_id):  # type: ignore[no-untyped-def]
     return plane_parameter(close.o, close.d, a, b, c, close.exact) * close.scale
 
 
-@njit(forceinline=True)
-def _is_before(found, a, t, prim_id):  # type: ignore[no-untyped-def]
-    return found.t[a] < t or (found.t[a] == t and found.prim_id[a] < prim_id)
-
-
-@njit(forceinline=True)
-def _move(found, a, b):  # type: ignore[no-untyped-def]
-    found.t[b], found.prim_id[b], found.u[b], found.v[b] = found.t[a], found.prim_id[a], found.u[a], found.v[a]
-
-
 @njit
 def _sort(found, first, count):  # type: ignore[no-untyped-def]
     """Sort hits by t, and by prim_id where it is the same."""
@@ -79,56 +66,42 @@ def _sort(found, first, count):  # type: ignore[no-untyped-def]
         for place in range(first + gap, first + count):
             t, prim_id, u, v = found.t[place], found.prim_id[place], found.u[place], found.v[place]
             into = place
-            while into - gap >= first and not _is_before(found, into - gap, t, prim_id):
-                _move(found, into - gap, into)
-                into -= gap
+            while into - gap >= first:
+                before = into - gap
+                if found.t[before] < t or (found.t[before] == t and found.prim_id[before] < prim_id):
+                    break
+                found.t[into], found.prim_id[into] = found.t[before], found.prim_id[before]
+                found.u[into], found.v[into] = found.u[before], found.v[before]
+                into = before
             found.t[into], found.prim_id[into], found.u[into], found.v[into] = t, prim_id, u, v
 
 
 @njit
-def _settle(found, first, count, close):  # type: ignore[no-untyped-def]
-    """Make t of sorted hits that are close right, and sort anew."""
-    for place in range(first, first + count):
+def _settle(found, first, count, most, close):  # type: ignore[no-untyped-def]
+    """Make t of sorted hits that are close to each other right, and sort anew; beyond the first `most` only those that
+    are close to one of these."""
+    end = first + min(count, most)
+    while end < first + count and found.t[end] - found.t[end - 1] <= close.gap:
+        end += 1
+    for place in range(first, end):
         before = place > first and found.t[place] - found.t[place - 1] <= close.gap
-        if before or (place + 1 < first + count and found.t[place + 1] - found.t[place] <= close.gap):
+        if before or (place + 1 < end and found.t[place + 1] - found.t[place] <= close.gap):
             found.u[place] = -found.u[place] - 1.0  # a mark; t stays as neighbours need it
-    for place in range(first, first + count):
+    for place in range(first, end):
         if found.u[place] < -0.5:
             found.u[place] = -(found.u[place] + 1.0)
             found.t[place] = _settled(close, found.prim_id[place])
-    _sort(found, first, count)
+    _sort(found, first, end - first)
 
 
 @njit(forceinline=True)
-def _settle_close(found, first, count, close):  # type: ignore[no-untyped-def]
-    """`_settle` sorted hits where any are close."""
+def _put_in_order(found, first, count, most, close):  # type: ignore[no-untyped-def]
+    """Sort the hits of a ray, so that the first `most` are its nearest."""
+    _sort(found, first, count)
     for place in range(first + 1, first + count):
         if found.t[place] - found.t[place - 1] <= close.gap:
-            _settle(found, first, count, close)
+            _settle(found, first, count, most, close)
             return
-
-
-@njit(forceinline=True)
-def _take(found, first, count, most, t, prim_id, u, v, close):  # type: ignore[no-untyped-def]
-    """Add a hit behind the `count` of a ray, or, if there are `most`, in order; returns their number."""
-    if count < most:
-        into = first + count
-        found.t[into], found.prim_id[into], found.u[into], found.v[into] = t, prim_id, u, v
-        if count + 1 == most:
-            _sort(found, first, most)
-        return count + 1
-    last = first + most - 1
-    if abs(found.t[last] - t) <= close.gap:
-        _settle(found, first, most, close)
-        found.t[last], t = _settled(close, found.prim_id[last]), _settled(close, prim_id)
-    into = first + most
-    while into > first and not _is_before(found, into - 1, t, prim_id):
-        into -= 1
-        if into < first + most - 1:
-            _move(found, into, into + 1)
-    if into < first + most:
-        found.t[into], found.prim_id[into], found.u[into], found.v[into] = t, prim_id, u, v
-    return count + 1
 
 
 @njit(forceinline=True)
@@ -172,8 +145,7 @@ def all_hits_kernel(counting: bool) -> Callable[..., None]:
                     if not counting:
                         lists.truncated[number], lists.places[number] = False, worker << WORKER_SHIFT | start
                     continue
-                ray, line = box_ray(o, d, s, tfar, tree.sphere), line_of(o, d, tree.sphere)
-                close = Close(_CLOSE * line[6] * scale, o, d, scale, tree, exact)
+                ray, line, worst = box_ray(o, d, s, tfar, tree.sphere), line_of(o, d, tree.sphere), 0.0
                 place, top = 0, 0
                 if nodes < 0:
                     found.stack[0], top = tree.nodes, 1
@@ -213,18 +185,21 @@ def all_hits_kernel(counting: bool) -> Callable[..., None]:
                         while maybe:
                             k = first_bit(maybe)
                             maybe &= maybe - 1
-                            sign, t, _, u, v = 2, 0.0, 0.0, 0.0, 0.0
+                            sign, t, error, u, v = 2, 0.0, 0.0, 0.0, 0.0
                             if sure >> k & 1:
-                                sign, t, _, u, v = sure_crossing(areas, k, line, tnear, tfar)
+                                sign, t, error, u, v = sure_crossing(areas, k, line, tnear, tfar)
                             if sign == 2:
-                                sign, t, _, u, v = crossing(block, k, o, d, tnear, tfar, line[4], exact, False)
+                                sign, t, error, u, v = crossing(block, k, o, d, tnear, tfar, line[4], exact, False)
                             if sign == 0:
                                 continue
                             if not counting:
-                                if start + min(count, most) >= len(found.t):
+                                into = start + count
+                                if into >= len(found.t):
                                     lists.done[chunk] = number - first
                                     return
-                                _take(found, start, count, most, t * scale, prim_id_of(block, k), u, v, close)
+                                found.t[into], found.prim_id[into] = t * scale, prim_id_of(block, k)
+                                found.u[into], found.v[into] = u, v
+                                worst = max(worst, error)
                             count += 1
                             if counting and count >= most:
                                 maybe = top = leaves = 0
@@ -233,11 +208,9 @@ def all_hits_kernel(counting: bool) -> Callable[..., None]:
                 if not counting:
                     lists.truncated[number] = count > most
                     lists.places[number] = worker << WORKER_SHIFT | start
-                    count = min(count, most)
-                    if 1 < count < most:
-                        _sort(found, start, count)
-                    _settle_close(found, start, count, close)
-                    found.used[0] = start + count
+                    if count > 1:
+                        _put_in_order(found, start, count, most, Close(2.0 * worst * scale, o, d, scale, tree, exact))
+                    found.used[0] = start + min(count, most)
             lists.done[chunk] = last - first
 
     return find_all
