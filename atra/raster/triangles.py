@@ -31,7 +31,7 @@ from atra.compiled.vectors import (
     widened,
     with_lane,
 )
-from atra.exact.edges_kernels import UNIT
+from atra.exact.sums_kernels import UNIT
 from atra.raster.clusters import CLUSTER, POINT_BYTES, VERTICES
 from atra.raster.culling import TILE, tile_stride
 from atra.raster.image import GENTLE, NARROW, SPAN

@@ -10,7 +10,7 @@ import numpy as np
 from atra.compiled.memory import load, store
 from atra.compiled.store import njit
 from atra.compiled.vectors import bits_of, fused, lane, larger, repeated, smaller
-from atra.exact.lines_kernels import UNIT
+from atra.exact.sums_kernels import UNIT
 from atra.trees.wide import CHILDREN, HIGH
 
 _ZERO = np.float32(0.0)

@@ -13,7 +13,6 @@ from atra.compiled.memory import doubles_at, load, store
 from atra.compiled.store import njit
 from atra.compiled.vectors import bits_of, fused, larger, repeated, size, smaller, widened
 from atra.exact.lines_kernels import (
-    UNIT,
     crossing_sign,
     major_axis,
     plane_order,
@@ -21,6 +20,7 @@ from atra.exact.lines_kernels import (
     plane_sign,
     touching_sign,
 )
+from atra.exact.sums_kernels import UNIT
 from atra.trees.layout import BLOCK, IDS
 
 _ZERO = np.float32(0.0)

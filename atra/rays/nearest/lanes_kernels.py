@@ -22,7 +22,8 @@ from atra.compiled.vectors import (
     smaller,
     where,
 )
-from atra.exact.lines_kernels import UNIT, major_axis
+from atra.exact.lines_kernels import major_axis
+from atra.exact.sums_kernels import UNIT
 from atra.rays.all_hits.boxes_kernels import BOX_MARGIN, PADDING, SMALLEST_COMPONENT
 from atra.rays.all_hits.crossings_kernels import (
     interval_of,

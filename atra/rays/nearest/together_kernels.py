@@ -13,7 +13,7 @@ from atra.compiled.lanes import first_bit
 from atra.compiled.memory import doubles_at, fetch, store
 from atra.compiled.store import float_part
 from atra.compiled.vectors import bits_of, larger, repeated, smaller
-from atra.exact.lines_kernels import UNIT
+from atra.exact.sums_kernels import UNIT
 from atra.rays.all_hits.boxes_kernels import BOX_MARGIN, FAR_MARGIN
 from atra.rays.all_hits.crossings_kernels import ROUNDINGS, prim_id_of
 from atra.rays.all_hits.memory import LANES, LEAF

@@ -10,7 +10,8 @@ from atra.compiled.memory import doubles_at, load, store
 from atra.compiled.store import njit
 from atra.compiled.vectors import bits_of, fused, larger, mask_of, repeated, rounded, size, smaller, where, widened
 from atra.compiled.vectors import lane as lane_of
-from atra.exact.lines_kernels import UNIT, major_axis
+from atra.exact.lines_kernels import major_axis
+from atra.exact.sums_kernels import UNIT
 from atra.rays.all_hits.boxes_kernels import BOX_MARGIN
 from atra.rays.all_hits.crossings_kernels import PRECISE, crossing, is_before
 from atra.rays.all_hits.memory import LANES
