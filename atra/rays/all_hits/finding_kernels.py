@@ -10,23 +10,15 @@ import numpy as np
 
 from atra.compiled.intrinsics import fetch_add, int32_at, uint32_at
 from atra.compiled.lanes import first_bit
-from atra.compiled.memory import fetch
 from atra.compiled.store import float_kernel, kernel, njit
 from atra.exact.lines_kernels import plane_parameter
-from atra.rays.all_hits.boxes_kernels import box_ray, entered, start_of
-from atra.rays.all_hits.crossings_kernels import (
-    candidates,
-    crossing,
-    line_of,
-    prim_id_of,
-    scaled_ray,
-    sure_crossing,
-    vector_at,
-)
+from atra.rays.all_hits.boxes_kernels import box_ray, child_node, entered, first_block, start_of
+from atra.rays.all_hits.crossings_kernels import candidates, crossing_of, line_of, prim_id_of
 from atra.rays.all_hits.groups_kernels import GROUP, find_together
-from atra.rays.all_hits.memory import CHUNK, LEAVES, WORKER_SHIFT, Tree
+from atra.rays.all_hits.memory import CHUNK, LEAVES, WORKER_SHIFT, TreeAddresses
+from atra.rays.rays_kernels import scaled_ray, vector_at
 from atra.trees.layout import BLOCK_BYTES
-from atra.trees.wide import CHILDREN, COUNTS, FIRSTS, WIDE_BYTES
+from atra.trees.wide import CHILDREN, COUNTS
 
 _GAPS = (701, 301, 132, 57, 23, 10, 4, 1)
 """Steps of a Shell sort. Source: M. Ciura, "Best increments for the average case of Shellsort", 2001."""
@@ -43,7 +35,7 @@ class Close(NamedTuple):
     o: tuple[float, float, float]
     d: tuple[float, float, float]
     scale: float
-    tree: Tree
+    tree: TreeAddresses
     exact: int
 
 
@@ -107,11 +99,8 @@ def _put_in_order(found, first, count, most, close):  # type: ignore[no-untyped-
 @njit(forceinline=True)
 def _add_leaf(found, leaves, tree, node, child):  # type: ignore[no-untyped-def]
     """Add a leaf to those that a ray enters; returns their number. child: four times its number in the node."""
-    block = tree.blocks + np.int64(int32_at(node + FIRSTS + child)) * BLOCK_BYTES
-    fetch(block)
-    fetch(block + 64)
-    fetch(block + 128)
-    found.entered[leaves], found.remaining[leaves] = block, np.int64(int32_at(node + COUNTS + child))
+    found.entered[leaves] = first_block(tree, node, child)
+    found.remaining[leaves] = np.int64(int32_at(node + COUNTS + child))
     return leaves + 1
 
 
@@ -168,12 +157,7 @@ def all_hits_kernel(counting: bool) -> Callable[..., None]:
                             if int32_at(node + COUNTS + child):
                                 leaves = _add_leaf(found, leaves, tree, node, child)
                                 continue
-                            to = tree.nodes + np.int64(int32_at(node + FIRSTS + child)) * WIDE_BYTES
-                            fetch(to)
-                            fetch(to + 64)
-                            fetch(to + 128)
-                            fetch(to + 192)
-                            found.stack[top] = to
+                            found.stack[top] = child_node(tree, node, child)
                             top += 1
                     while leaves > 0:
                         block = found.entered[leaves - 1]
@@ -185,11 +169,9 @@ def all_hits_kernel(counting: bool) -> Callable[..., None]:
                         while maybe:
                             k = first_bit(maybe)
                             maybe &= maybe - 1
-                            sign, t, error, u, v = 2, 0.0, 0.0, 0.0, 0.0
-                            if sure >> k & 1:
-                                sign, t, error, u, v = sure_crossing(areas, k, line, tnear, tfar)
-                            if sign == 2:
-                                sign, t, error, u, v = crossing(block, k, o, d, tnear, tfar, line[4], exact, False)
+                            sign, t, error, u, v = crossing_of(
+                                block, k, sure >> k & 1, line, areas, (o, d), (tnear, tfar), exact, False
+                            )
                             if sign == 0:
                                 continue
                             if not counting:

@@ -33,24 +33,7 @@ WORKER_SHIFT = 40
 """Bits of a ray's place in its thread's memory; the thread's number stands above them."""
 
 
-class Batch(NamedTuple):
-    """Rays, where their numbers lie in memory.
-
-    origins, directions: address of the first ray's three numbers; a ray's are `vector_bytes` behind those of the one
-    before. tnear, tfar: address of the first ray's; the next is `number_bytes` behind. is_double: whether they are
-    float64, otherwise float32.
-    """
-
-    origins: int
-    directions: int
-    vector_bytes: int
-    tnear: int
-    tfar: int
-    number_bytes: int
-    is_double: bool
-
-
-class Tree(NamedTuple):
+class TreeAddresses(NamedTuple):
     """Addresses of nodes, blocks, and the mesh's vertices and faces, and the sphere around it: its middle and radius,
     float64."""
 

@@ -1,4 +1,4 @@
-"""Rays that start and head alike, side by side in rows of memory, and what boxes need of them."""
+"""Rays that are coherent, side by side in rows of memory, and what boxes need of them."""
 
 from __future__ import annotations
 
@@ -24,18 +24,11 @@ from atra.compiled.vectors import (
 )
 from atra.exact.lines_kernels import major_axis
 from atra.exact.sums_kernels import UNIT
-from atra.rays.all_hits.boxes_kernels import BOX_MARGIN, PADDING, SMALLEST_COMPONENT
-from atra.rays.all_hits.crossings_kernels import (
-    interval_of,
-    scale_of,
-    vector_at,
-)
+from atra.rays.all_hits.boxes_kernels import BOX_MARGIN, PADDING, SMALLEST_COMPONENT, slabs_of
 from atra.rays.all_hits.memory import LANES
+from atra.rays.rays_kernels import COHERENT_DIRECTIONS, direction_of, interval_of, origin_of, scale_of
 from atra.trees.layout import BLOCK
 from atra.trees.wide import CHILDREN, HIGH
-
-ALIKE_DIRECTIONS = 0.125
-"""How far apart the components of directions of 1 to 2 in size are at most for rays to head alike."""
 
 ZERO, ZERO_64 = np.float32(0.0), np.float64(0.0)
 _ROW = 4 * CHILDREN
@@ -95,19 +88,19 @@ def _are_all(mask):  # type: ignore[no-untyped-def]
 
 @float_part
 def load_rays(rays, first, last, near_by, memory):  # type: ignore[no-untyped-def]
-    """(whether rays start and head alike, bits of those that are open, octant, major axis, scale) of rays from `first`
+    """(whether rays are coherent, bits of those that are open, octant, major axis, scale) of rays from `first`
     up to `last`. Writes their numbers to memory; lanes beyond the last ray get its numbers.
 
     Directions are multiplied by one `scale`, a power of two, which makes the largest component 0.75 to 2.25 in size.
     """
     at = doubles_at(memory)
-    u, v, w = vector_at(rays.directions + rays.vector_bytes * first, rays.is_double)
+    u, v, w = direction_of(rays, first)
     scale, length = scale_of(u, v, w)
     for lane in range(LANES):
         ray = min(first + lane, last - 1)
-        x, y, z = vector_at(rays.origins + rays.vector_bytes * ray, rays.is_double)
+        x, y, z = origin_of(rays, ray)
         at[lane], at[LANES + lane], at[2 * LANES + lane] = x, y, z
-        x, y, z = vector_at(rays.directions + rays.vector_bytes * ray, rays.is_double)
+        x, y, z = direction_of(rays, ray)
         at[3 * LANES + lane] = x * scale + 0.0  # -0.0 counts as 0.0
         at[4 * LANES + lane] = y * scale + 0.0
         at[5 * LANES + lane] = z * scale + 0.0
@@ -119,13 +112,15 @@ def load_rays(rays, first, last, near_by, memory):  # type: ignore[no-untyped-de
     way = size(row_at(memory + DIRECTION + major * WIDE))
     moved = largest_size(ox - spread(at[0]), oy - spread(at[LANES]), oz - spread(at[2 * LANES]))
     turned = largest_size(dx - spread(u), dy - spread(v), dz - spread(w))
-    is_alike = (moved <= spread(near_by)) & (turned <= spread(ALIKE_DIRECTIONS)) & (largest_size(dx, dy, dz) <= way)
+    is_coherent = (
+        (moved <= spread(near_by)) & (turned <= spread(COHERENT_DIRECTIONS)) & (largest_size(dx, dy, dz) <= way)
+    )
     zero, every = spread(0.0), (1 << LANES) - 1
     x, y, z = bits_of(zero > dx), bits_of(zero > dy), bits_of(zero > dz)
     octant = (x & 1) | (y & 1) << 1 | (z & 1) << 2
     is_one = (x == 0 or x == every) and (y == 0 or y == every) and (z == 0 or z == every)
     bits = bits_of(row_at(memory + FAR) > row_at(memory + NEAR)) & ((1 << (last - first)) - 1)
-    return is_one and _are_all(is_alike), bits, octant, major, scale
+    return is_one and _are_all(is_coherent), bits, octant, major, scale
 
 
 @float_part
@@ -167,32 +162,10 @@ def range_of(at, bits):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def axis_of(memory, axis, bits, octant, margin):  # type: ignore[no-untyped-def]
-    """What box tests of all rays need of an axis: where they start as seen from near and far sides of boxes, the
-    reciprocals' range, and where the sides lie in a node."""
+    """`slabs_of` some of the rays."""
     low, high = range_of(memory + _PLACE + axis * WIDE, bits)
     one, other = range_of(memory + _INVERSE + axis * WIDE, bits)
-    is_down = octant >> axis & 1
-    near, far = (low - margin, high + margin) if is_down else (high + margin, low - margin)
-    row = axis * _ROW
-    return (
-        repeated(np.float32(near), CHILDREN), repeated(np.float32(far), CHILDREN),
-        repeated(one, CHILDREN), repeated(other, CHILDREN),
-        HIGH + row if is_down else row, row if is_down else HIGH + row,
-    )  # fmt: skip
-
-
-@njit(forceinline=True)
-def entry_of(node, axis):  # type: ignore[no-untyped-def]
-    start, _, one, other, place, _ = axis
-    way = load(node + place, ZERO, CHILDREN) - start
-    return smaller(way * one, way * other)
-
-
-@njit(forceinline=True)
-def exit_of(node, axis):  # type: ignore[no-untyped-def]
-    _, start, one, other, _, place = axis
-    way = load(node + place, ZERO, CHILDREN) - start
-    return larger(way * one, way * other)
+    return slabs_of(low, high, one, other, octant >> axis & 1, margin, axis)
 
 
 @njit(forceinline=True)

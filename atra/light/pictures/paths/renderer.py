@@ -31,7 +31,7 @@ from atra.light.pictures.renderer import Primary, Renderer
 from atra.light.scene import Scene
 from atra.light.surface_kernels import Surfaces
 from atra.light.tables import surfaces_of
-from atra.rays.scene import Query, RayScene
+from atra.rays.kernel_scene import Query
 from atra.tracing.options import PacketOptions, lists_options
 
 
@@ -45,9 +45,9 @@ class PathRenderer(Renderer):
     Each sample traces one path per pixel. It ends at the sky, at an `Emissive` surface, dark after `max_depth` rays, or
     by chance where little of its light is left (option `roulette`). From every surface but mirrors another ray is aimed
     at an emitter (option `lights`): a triangle that shines, a panorama, or one of the scene's lights. Random numbers
-    are Sobol' points, scrambled for each pixel and bounce. rays: makes what traces rays, of
-    the mesh, for `order="waves"`: a `RayScene`, as without it, or a `BatchScene`, which takes a wave as one batch,
-    without surfaces that have holes. Other arguments: see `Renderer`; options: see `PathOptions`.
+    are Sobol' points, scrambled for each pixel and bounce. rays: makes what traces rays, of the mesh, for
+    `order="waves"`: a `BatchScene`, which takes a wave as one batch, without surfaces that have holes. Other arguments:
+    see `Renderer`; options: see `PathOptions`.
     Stages: primary and depth_first; for waves primary, generate, trace, compact (which also sums up light), connect and
     shade.
     """
@@ -74,8 +74,7 @@ class PathRenderer(Renderer):
             return super()._new_rays(mesh)
         if self.options.order != "waves":
             raise InputError(f"order is {self.options.order!r} with rays given, expected 'waves'")
-        made = self._make_scene(mesh)
-        return made if isinstance(made, RayScene) else Batches(made)
+        return Batches(self._make_scene(mesh))
 
     @lists_options(PathOptions, as_changes=True)
     def update(self, scene: Scene | None = None, **changes: Unpack[PathKeywords]) -> None:
@@ -89,7 +88,8 @@ class PathRenderer(Renderer):
         self._emitters = emitters_of(self.scene) if self.options.lights == "aimed" else no_emitters()
         surfaces = surfaces_of(self.scene, self.scene.sky.power, self.options.start_off)
         if surfaces.has_holes and isinstance(self.rays, Batches):
-            raise InputError(f"{type(self.rays.scene).__name__} traces no scene with holes, expected a RayScene")
+            name = type(self.rays.scene).__name__
+            raise InputError(f"{name} traces no scene with holes, expected none; leave out rays=")
         return surfaces
 
     def _same_sums(self, scene: Scene) -> bool:
