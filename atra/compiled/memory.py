@@ -280,7 +280,7 @@ integers_at, identities_at = _numbers_at(types.int64), _numbers_at(types.uint32)
 """Numbers from an address on, indexed like an array but without Numba's reference counting."""
 
 
-def emit_fetch(builder: ir.IRBuilder, address: ir.Value) -> None:
+def emit_prefetch(builder: ir.IRBuilder, address: ir.Value) -> None:
     """Emit the prefetch of the cache line at an address."""
     pointer = _pointer(builder, address, ir.IntType(8))
     kind = ir.FunctionType(ir.VoidType(), [pointer.type, _I32, _I32, _I32])
@@ -288,6 +288,6 @@ def emit_fetch(builder: ir.IRBuilder, address: ir.Value) -> None:
 
 
 @intrinsic
-def fetch(typingctx: Any, address: Any) -> Any:
+def prefetch(typingctx: Any, address: Any) -> Any:
     """Prefetch the cache line at an address."""
-    return types.void(types.int64), emitting(emit_fetch)
+    return types.void(types.int64), emitting(emit_prefetch)

@@ -14,7 +14,7 @@ import numpy as np
 from atra.all_hits.target_kernels import band_stride
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.lanes import first_bit
-from atra.compiled.memory import fetch, floats_at, identities_at, integers_at, load, store, stream
+from atra.compiled.memory import floats_at, identities_at, integers_at, load, prefetch, store, stream
 from atra.compiled.store import kernel, njit
 from atra.compiled.vectors import rarely, repeated
 from atra.prim_ids import MISS
@@ -86,7 +86,7 @@ def fetch_vertices(clusters, cluster):  # type: ignore[no-untyped-def]
     """Ask for the vertices of a cluster that may be drawn next."""
     firsts = integers_at(clusters.firsts)
     for place in range(firsts[cluster] * 12, firsts[cluster + 1] * 12, CACHE_LINE):
-        fetch(clusters.vertices + place)
+        prefetch(clusters.vertices + place)
 
 
 @njit(forceinline=True)
@@ -96,9 +96,9 @@ def open_cluster(parallel, eye, clusters, cluster, width, band, workspace):  # t
     start, firsts = cluster * CLUSTER, integers_at(clusters.firsts)
     corners, prim_ids = clusters.corners + start * 8, clusters.prim_ids + start * 4
     for line in range(0, CLUSTER * 8, CACHE_LINE):
-        fetch(corners + line)
+        prefetch(corners + line)
     for line in range(0, CLUSTER * 4, CACHE_LINE):
-        fetch(prim_ids + line)
+        prefetch(prim_ids + line)
     vertices, vertex_count = clusters.vertices + firsts[cluster] * 12, firsts[cluster + 1] - firsts[cluster]
     in_front = project_vertices(parallel, vertices, vertex_count, vertex_count, eye, workspace.points)
     triangles = min(CLUSTER, clusters.triangles - start)

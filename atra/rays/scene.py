@@ -16,7 +16,7 @@ from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.embree.scene import BUILD_QUALITIES, resolve_packet_width
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
-from atra.rays.all_hits.contains import FARTHEST, METHODS, Interior, check_points
+from atra.rays.all_hits.contains import FARTHEST_POINT, METHODS, Interior, check_points
 from atra.rays.all_hits.finding import MOST, HitFinder, Progress
 from atra.rays.all_hits.gathered import RayLayers, gathered
 from atra.rays.all_hits.lists import RayHitLists
@@ -279,7 +279,7 @@ class RayScene(Lifetime):
         """
         if method not in METHODS:
             raise InputError(f"method is {method!r}, expected one of {', '.join(METHODS)}")
-        found = check_points(points, FARTHEST if method == "winding" else np.inf)
+        found = check_points(points, FARTHEST_POINT if method == "winding" else np.inf)
         with self._lock:
             return self._inside_of().contains(found - self.mesh.origin, method)
 

@@ -17,7 +17,7 @@ WIDE_BYTES = 32 * CHILDREN
 """A node: lowest x of its children's boxes, y, z, highest x, y, z; then first child or block, then the number of blocks
 of a leaf, 0 of an inner node; 4 bytes each. Unused children have NaN boxes, which no ray enters."""
 
-HIGH, FIRSTS, COUNTS = 12 * CHILDREN, 24 * CHILDREN, 28 * CHILDREN
+HIGH, FIRSTS, BLOCK_COUNTS = 12 * CHILDREN, 24 * CHILDREN, 28 * CHILDREN
 """Byte offsets of the highest corners, the first children and the numbers of blocks."""
 
 _DEEPEST = 64

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.compiled.memory import columns_of, fetch, gather_at, halves, load, low_and_high, store
+from atra.compiled.memory import columns_of, gather_at, halves, load, low_and_high, prefetch, store
 from atra.compiled.store import float_part, njit
 from atra.compiled.vectors import bits_of, fused, repeated, root, rounded, size, where, widened
 from atra.light.numbers_kernels import HALF, ONE, ZERO, unit
@@ -68,7 +68,7 @@ def fetch_ahead(first, end, pixels):  # type: ignore[no-untyped-def]
     """Prefetch the prim_ids of a chunk from pixel `first` on; they were written past the caches."""
     for pixel in range(first, min(first + CHUNK, end), TILE):
         x, y = place_of(pixels, pixel)
-        fetch(np.int64(pixels.prim_id.ctypes.data) + 4 * (y * pixels.stride + x))
+        prefetch(np.int64(pixels.prim_id.ctypes.data) + 4 * (y * pixels.stride + x))
 
 
 @float_part

@@ -9,7 +9,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from atra.compiled.memory import emit_fetch, load_aligned
+from atra.compiled.memory import emit_prefetch, load_aligned
 from atra.compiled.store import njit
 from atra.compiled.vectors import Vector, larger, last_whole, repeated, rounded, smaller, where, widened
 from atra.light.numbers_kernels import ONE, ZERO
@@ -75,7 +75,7 @@ def _fetch_each(typingctx: Any, base: Any, places: Any) -> Any:
         numbers = builder.fptosi(values[1], ir.VectorType(_I64, _LANES))
         for k in range(_LANES):
             distance = builder.shl(builder.extract_element(numbers, _I32(k)), _I64(2))
-            emit_fetch(builder, builder.add(values[0], distance))
+            emit_prefetch(builder, builder.add(values[0], distance))
         return context.get_dummy_value()
 
     return types.void(types.int64, places), codegen

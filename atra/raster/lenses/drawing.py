@@ -11,7 +11,7 @@ import numpy as np
 
 from atra.all_hits.target_kernels import band_stride
 from atra.compiled.intrinsics import fetch_add
-from atra.compiled.memory import doubles_at, fetch, floats_at, identities_at, integers_at, load, store, store_where
+from atra.compiled.memory import doubles_at, floats_at, identities_at, integers_at, load, prefetch, store, store_where
 from atra.compiled.store import kernel, njit
 from atra.compiled.vectors import (
     bits_of,
@@ -209,7 +209,7 @@ def _draw_cluster(lanes, eye, clusters, cluster, side, margin, places, band, wor
     start, firsts = cluster * CLUSTER, integers_at(clusters.firsts)
     corners, prim_ids = clusters.corners + start * 8, clusters.prim_ids + start * 4
     for line in range(0, CLUSTER * 8, CACHE_LINE):
-        fetch(corners + line)
+        prefetch(corners + line)
     vertices, vertex_count = clusters.vertices + firsts[cluster] * 12, firsts[cluster + 1] - firsts[cluster]
     project_vertices(False, vertices, vertex_count, vertex_count, eye, workspace.points)
     triangles = min(CLUSTER, clusters.triangles - start)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from atra.compiled.intrinsics import int32_at
-from atra.compiled.memory import fetch, load, store
+from atra.compiled.memory import load, prefetch, store
 from atra.compiled.store import njit
 from atra.compiled.vectors import bits_of, fused, lane, larger, repeated, smaller
 from atra.exact.sums_kernels import UNIT
@@ -175,10 +175,10 @@ def interval_in(node, start, end, x, y, z):  # type: ignore[no-untyped-def]
 def child_node(tree, node, child):  # type: ignore[no-untyped-def]
     """The address of a child that is no leaf, which is prefetched. child: four times its number in the node."""
     to = tree.nodes + np.int64(int32_at(node + FIRSTS + child)) * WIDE_BYTES
-    fetch(to)
-    fetch(to + 64)
-    fetch(to + 128)
-    fetch(to + 192)
+    prefetch(to)
+    prefetch(to + 64)
+    prefetch(to + 128)
+    prefetch(to + 192)
     return to
 
 
@@ -186,7 +186,7 @@ def child_node(tree, node, child):  # type: ignore[no-untyped-def]
 def first_block(tree, node, child):  # type: ignore[no-untyped-def]
     """The address of the first block of a child that is a leaf, which is prefetched."""
     to = tree.blocks + np.int64(int32_at(node + FIRSTS + child)) * BLOCK_BYTES
-    fetch(to)
-    fetch(to + 64)
-    fetch(to + 128)
+    prefetch(to)
+    prefetch(to + 64)
+    prefetch(to + 128)
     return to

@@ -13,7 +13,7 @@ from atra.rays.all_hits.boxes_kernels import child_node, first_block
 from atra.rays.all_hits.crossings_kernels import candidates, crossing_of, line_of
 from atra.rays.all_hits.memory import CHUNK, LEAF
 from atra.trees.layout import BLOCK_BYTES
-from atra.trees.wide import CHILDREN, COUNTS, HIGH
+from atra.trees.wide import BLOCK_COUNTS, CHILDREN, HIGH
 
 _ZERO = np.float32(0.0)
 _ROW = 4 * CHILDREN
@@ -85,7 +85,7 @@ def cross_columns(counter_address, tree, points, axis, low, high, middle, found,
                 while bits:
                     child = 4 * first_bit(bits)
                     bits &= bits - 1
-                    blocks = int32_at(node + COUNTS + child)
+                    blocks = int32_at(node + BLOCK_COUNTS + child)
                     if blocks == 0:
                         found.stack[top] = child_node(tree, node, child)
                         top += 1

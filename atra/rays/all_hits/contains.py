@@ -17,7 +17,7 @@ from atra.rays.rays_kernels import first_unfit
 
 METHODS = ("parity", "winding")
 
-FARTHEST = 1e19
+FARTHEST_POINT = 1e19
 """Largest size of points whose way to a mesh is computed."""
 
 _EDGES = 1 << 18

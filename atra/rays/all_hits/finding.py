@@ -17,7 +17,7 @@ from atra.rays.all_hits.columns_kernels import cross_columns
 from atra.rays.all_hits.crossings_kernels import AREAS
 from atra.rays.all_hits.finding_kernels import all_hits_kernel, lay_out
 from atra.rays.all_hits.groups_kernels import MOST_NODES
-from atra.rays.all_hits.memory import CHUNK, LANE_ROWS, LANES, LEAVES, STACK, Found, Lists, TreeAddresses
+from atra.rays.all_hits.memory import CHUNK, LANE_ROWS, LEAVES, RAY_LANES, STACK, Found, Lists, TreeAddresses
 from atra.rays.nearest.batches_kernels import nearest_kernel
 from atra.rays.order import RayOrder
 from atra.rays.plan import plan_of
@@ -212,7 +212,7 @@ def _memory(size: int) -> Found:
     leaves, nodes = [np.empty((2, count), np.int64) for count in (LEAVES, MOST_NODES)]
     return Found(
         *arrays, np.zeros(1, np.int64), *stack, np.empty(PARTS), np.empty(AREAS), np.empty(CHILDREN, np.float32),
-        leaves[0], leaves[1], nodes[0], nodes[1], np.empty((LANE_ROWS, LANES)), np.empty(LANES, np.int64),
+        leaves[0], leaves[1], nodes[0], nodes[1], np.empty((LANE_ROWS, RAY_LANES)), np.empty(RAY_LANES, np.int64),
     )  # fmt: skip
 
 

@@ -18,7 +18,7 @@ from atra.rays.all_hits.groups_kernels import GROUP, find_together
 from atra.rays.all_hits.memory import CHUNK, LEAVES, WORKER_SHIFT, TreeAddresses
 from atra.rays.rays_kernels import scaled_ray, vector_at
 from atra.trees.layout import BLOCK_BYTES
-from atra.trees.wide import CHILDREN, COUNTS
+from atra.trees.wide import BLOCK_COUNTS, CHILDREN
 
 _GAPS = (701, 301, 132, 57, 23, 10, 4, 1)
 """Steps of a Shell sort. Source: M. Ciura, "Best increments for the average case of Shellsort", 2001."""
@@ -100,7 +100,7 @@ def _put_in_order(found, first, count, most, close):  # type: ignore[no-untyped-
 def _add_leaf(found, leaves, tree, node, child):  # type: ignore[no-untyped-def]
     """Add a leaf to those that a ray enters; returns their number. child: four times its number in the node."""
     found.entered[leaves] = first_block(tree, node, child)
-    found.remaining[leaves] = np.int64(int32_at(node + COUNTS + child))
+    found.remaining[leaves] = np.int64(int32_at(node + BLOCK_COUNTS + child))
     return leaves + 1
 
 
@@ -154,7 +154,7 @@ def all_hits_kernel(counting: bool) -> Callable[..., None]:
                         while bits:
                             child = 4 * first_bit(bits)
                             bits &= bits - 1
-                            if int32_at(node + COUNTS + child):
+                            if int32_at(node + BLOCK_COUNTS + child):
                                 leaves = _add_leaf(found, leaves, tree, node, child)
                                 continue
                             found.stack[top] = child_node(tree, node, child)

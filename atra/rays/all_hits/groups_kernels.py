@@ -22,7 +22,7 @@ from atra.rays.all_hits.boxes_kernels import (
     start_of,
 )
 from atra.rays.rays_kernels import scaled_ray
-from atra.trees.wide import CHILDREN, COUNTS
+from atra.trees.wide import BLOCK_COUNTS, CHILDREN
 
 GROUP = 16
 """Rays that follow each other at most."""
@@ -73,7 +73,7 @@ def find_together(batch, first, last, tree, found):  # type: ignore[no-untyped-d
         while bits:
             one = first_bit(bits)
             bits &= bits - 1
-            if int32_at(node + COUNTS + 4 * one):
+            if int32_at(node + BLOCK_COUNTS + 4 * one):
                 leaves |= 1 << one
                 continue
             found.stack[top] = child_node(tree, node, 4 * one)

@@ -20,7 +20,7 @@ CHUNK = 256
 LEAVES = 64
 """Leaves that a ray enters before their triangles are tested."""
 
-LANES = 16 if native_lanes() == 16 else 8
+RAY_LANES = 16 if native_lanes() == 16 else 8
 """Rays whose nearest hits are found together."""
 
 LANE_ROWS = 20
@@ -50,8 +50,8 @@ class Found(NamedTuple):
     t: (M,) float64. prim_id: (M,) uint32. u, v: (M,) float32. used: (1,) int64, hits so far. stack: (STACK,) int64.
     reached: (STACK,) float32, where the ray comes to these nodes. exact: (PARTS,) float64. areas: (AREAS,) float64.
     entries: (CHILDREN,) float32. entered, remaining: (LEAVES,) int64, leaves that wait to be tested: next block and
-    blocks. nodes, leaves: (MOST_NODES,) int64, of `find_together`. lanes: (LANE_ROWS, LANES) float64 and
-    hit_places: (LANES,) int64, of `hit_together`.
+    blocks. nodes, leaves: (MOST_NODES,) int64, of `find_together`. lanes: (LANE_ROWS, RAY_LANES) float64 and
+    hit_places: (RAY_LANES,) int64, of `hit_together`.
     """
 
     t: NDArray[np.float64]

@@ -16,7 +16,7 @@ from atra.rays.all_hits.boxes_kernels import box_ray, child_node, entered_at, fi
 from atra.rays.all_hits.crossings_kernels import candidates, crossing_of, is_before, line_of, parameter, prim_id_of
 from atra.rays.all_hits.memory import LEAF
 from atra.trees.layout import BLOCK_BYTES
-from atra.trees.wide import COUNTS
+from atra.trees.wide import BLOCK_COUNTS
 
 NO_HIT = np.uint32(MISS)
 
@@ -108,7 +108,7 @@ def hit_alone(any_hit, tree, o, d, tnear, tfar, memory, touches):  # type: ignor
             child = 4 * first_bit(bits)
             bits &= bits - 1
             entry = float_at(entries + child)
-            blocks = np.int64(int32_at(node + COUNTS + child))
+            blocks = np.int64(int32_at(node + BLOCK_COUNTS + child))
             to = first_block(tree, node, child) + LEAF if blocks else child_node(tree, node, child)
             for _ in range(max(blocks, 1)):
                 into = top  # the farthest stands lowest

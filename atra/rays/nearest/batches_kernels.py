@@ -9,7 +9,7 @@ import numpy as np
 
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import float_kernel
-from atra.rays.all_hits.memory import CHUNK, LANES
+from atra.rays.all_hits.memory import CHUNK, RAY_LANES
 from atra.rays.nearest.alone_kernels import NO_HIT, hit_alone, memory_of
 from atra.rays.nearest.together_kernels import hit_together
 from atra.rays.rays_kernels import scaled_ray
@@ -32,8 +32,8 @@ def nearest_kernel(any_hit: bool) -> Callable[..., None]:
             start = fetch_add(counter_address, 1) * CHUNK
             if start >= count:
                 return
-            for first in range(start, min(start + CHUNK, count), LANES):
-                last = min(first + LANES, count)
+            for first in range(start, min(start + CHUNK, count), RAY_LANES):
+                last = min(first + RAY_LANES, count)
                 if near_by >= 0.0:
                     hit = hit_together(any_hit, tree, rays, first, last, near_by, found, touches, before, t_of, answers)
                     if hit >= 0:

@@ -25,7 +25,7 @@ from atra.compiled.vectors import (
 from atra.exact.lines_kernels import major_axis
 from atra.exact.sums_kernels import UNIT
 from atra.rays.all_hits.boxes_kernels import BOX_MARGIN, PADDING, SMALLEST_COMPONENT, slabs_of
-from atra.rays.all_hits.memory import LANES
+from atra.rays.all_hits.memory import RAY_LANES
 from atra.rays.rays_kernels import COHERENT_DIRECTIONS, direction_of, interval_of, origin_of, scale_of
 from atra.trees.layout import BLOCK
 from atra.trees.wide import CHILDREN, HIGH
@@ -33,7 +33,7 @@ from atra.trees.wide import CHILDREN, HIGH
 ZERO, ZERO_64 = np.float32(0.0), np.float64(0.0)
 _ROW = 4 * CHILDREN
 LINE = 4 * BLOCK
-WIDE = 8 * LANES
+WIDE = 8 * RAY_LANES
 """Bytes of a row of memory: a float64 of each ray; a row of float32 takes half of it."""
 
 ORIGIN, DIRECTION, NEAR, FAR = 0, 3 * WIDE, 6 * WIDE, 7 * WIDE
@@ -44,12 +44,12 @@ _PLACE, _INVERSE, AHEAD = 13 * WIDE, 16 * WIDE, 19 * WIDE
 
 @njit(forceinline=True)
 def spread(x):  # type: ignore[no-untyped-def]
-    return repeated(np.float64(x), LANES)
+    return repeated(np.float64(x), RAY_LANES)
 
 
 @njit(forceinline=True)
 def row_at(at):  # type: ignore[no-untyped-def]
-    return load(at, ZERO_64, LANES)
+    return load(at, ZERO_64, RAY_LANES)
 
 
 @njit(forceinline=True)
@@ -59,7 +59,7 @@ def three_rows(at):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _three_narrow(at):  # type: ignore[no-untyped-def]
-    return load(at, ZERO, LANES), load(at + WIDE, ZERO, LANES), load(at + 2 * WIDE, ZERO, LANES)
+    return load(at, ZERO, RAY_LANES), load(at + WIDE, ZERO, RAY_LANES), load(at + 2 * WIDE, ZERO, RAY_LANES)
 
 
 @njit(forceinline=True)
@@ -70,7 +70,7 @@ def largest_size(a, b, c):  # type: ignore[no-untyped-def]
 @njit(forceinline=True)
 def lowest_of(row):  # type: ignore[no-untyped-def]
     """The least number of a row."""
-    if LANES == 16:
+    if RAY_LANES == 16:
         return vectors.lane(folded(folded(folded(folded(row)))), 0)
     return vectors.lane(folded(folded(folded(row))), 0)
 
@@ -78,12 +78,12 @@ def lowest_of(row):  # type: ignore[no-untyped-def]
 @njit(forceinline=True)
 def highest_of(row, zero):  # type: ignore[no-untyped-def]
     """The largest number of a row; zero: of its type."""
-    return -lowest_of(repeated(zero, LANES) - row)
+    return -lowest_of(repeated(zero, RAY_LANES) - row)
 
 
 @njit(forceinline=True)
 def _are_all(mask):  # type: ignore[no-untyped-def]
-    return bits_of(mask) == (1 << LANES) - 1
+    return bits_of(mask) == (1 << RAY_LANES) - 1
 
 
 @float_part
@@ -96,26 +96,26 @@ def load_rays(rays, first, last, near_by, memory):  # type: ignore[no-untyped-de
     at = doubles_at(memory)
     u, v, w = direction_of(rays, first)
     scale, length = scale_of(u, v, w)
-    for lane in range(LANES):
+    for lane in range(RAY_LANES):
         ray = min(first + lane, last - 1)
         x, y, z = origin_of(rays, ray)
-        at[lane], at[LANES + lane], at[2 * LANES + lane] = x, y, z
+        at[lane], at[RAY_LANES + lane], at[2 * RAY_LANES + lane] = x, y, z
         x, y, z = direction_of(rays, ray)
-        at[3 * LANES + lane] = x * scale + 0.0  # -0.0 counts as 0.0
-        at[4 * LANES + lane] = y * scale + 0.0
-        at[5 * LANES + lane] = z * scale + 0.0
+        at[3 * RAY_LANES + lane] = x * scale + 0.0  # -0.0 counts as 0.0
+        at[4 * RAY_LANES + lane] = y * scale + 0.0
+        at[5 * RAY_LANES + lane] = z * scale + 0.0
         near, far = interval_of(rays, ray)
-        at[6 * LANES + lane], at[7 * LANES + lane] = near * length, far * length
+        at[6 * RAY_LANES + lane], at[7 * RAY_LANES + lane] = near * length, far * length
     (ox, oy, oz), (dx, dy, dz) = three_rows(memory + ORIGIN), three_rows(memory + DIRECTION)
-    u, v, w = at[3 * LANES], at[4 * LANES], at[5 * LANES]
+    u, v, w = at[3 * RAY_LANES], at[4 * RAY_LANES], at[5 * RAY_LANES]
     major = major_axis(u, v, w)
     way = size(row_at(memory + DIRECTION + major * WIDE))
-    moved = largest_size(ox - spread(at[0]), oy - spread(at[LANES]), oz - spread(at[2 * LANES]))
+    moved = largest_size(ox - spread(at[0]), oy - spread(at[RAY_LANES]), oz - spread(at[2 * RAY_LANES]))
     turned = largest_size(dx - spread(u), dy - spread(v), dz - spread(w))
     is_coherent = (
         (moved <= spread(near_by)) & (turned <= spread(COHERENT_DIRECTIONS)) & (largest_size(dx, dy, dz) <= way)
     )
-    zero, every = spread(0.0), (1 << LANES) - 1
+    zero, every = spread(0.0), (1 << RAY_LANES) - 1
     x, y, z = bits_of(zero > dx), bits_of(zero > dy), bits_of(zero > dz)
     octant = (x & 1) | (y & 1) << 1 | (z & 1) << 2
     is_one = (x == 0 or x == every) and (y == 0 or y == every) and (z == 0 or z == every)
@@ -154,9 +154,9 @@ def begin_rays(memory, sphere, farthest, margin):  # type: ignore[no-untyped-def
 @njit(forceinline=True)
 def range_of(at, bits):  # type: ignore[no-untyped-def]
     """The least and the largest float32 of a row, of some rays."""
-    row = load(at, ZERO, LANES)
-    if bits != (1 << LANES) - 1:
-        row = where(mask_of(bits, LANES), row, repeated(float_at(at + 4 * first_bit(bits)), LANES))
+    row = load(at, ZERO, RAY_LANES)
+    if bits != (1 << RAY_LANES) - 1:
+        row = where(mask_of(bits, RAY_LANES), row, repeated(float_at(at + 4 * first_bit(bits)), RAY_LANES))
     return lowest_of(row), highest_of(row, ZERO)
 
 
@@ -170,7 +170,7 @@ def axis_of(memory, axis, bits, octant, margin):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _side(at, margin):  # type: ignore[no-untyped-def]
-    return repeated(np.float32(float_at(at) + margin), LANES)
+    return repeated(np.float32(float_at(at) + margin), RAY_LANES)
 
 
 @njit(forceinline=True)
@@ -186,7 +186,7 @@ def entering(at, memory, octant, margin):  # type: ignore[no-untyped-def]
     near += _ROW
     far += _ROW
     near_z, far_z = (_side(far, margin), _side(near, -margin)) if dz else (_side(near, -margin), _side(far, margin))
-    start, end = repeated(np.float32(-margin), LANES), load(memory + AHEAD, ZERO, LANES)
+    start, end = repeated(np.float32(-margin), RAY_LANES), load(memory + AHEAD, ZERO, RAY_LANES)
     first = larger(start, larger((near_z - pz) * iz, larger((near_y - py) * iy, (near_x - px) * ix)))
     last = smaller(end, smaller((far_z - pz) * iz, smaller((far_y - py) * iy, (far_x - px) * ix)))
     return bits_of(first <= last)

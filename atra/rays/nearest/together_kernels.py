@@ -16,7 +16,7 @@ from atra.compiled.vectors import bits_of, repeated
 from atra.exact.sums_kernels import UNIT
 from atra.rays.all_hits.boxes_kernels import BOX_MARGIN, FAR_MARGIN, child_node, interval_in
 from atra.rays.all_hits.crossings_kernels import ROUNDINGS, prim_id_of
-from atra.rays.all_hits.memory import LANES, LEAF
+from atra.rays.all_hits.memory import LEAF, RAY_LANES
 from atra.rays.nearest.alone_kernels import NO_HIT, finished, memory_of, put
 from atra.rays.nearest.lanes_kernels import (
     AHEAD,
@@ -36,13 +36,13 @@ from atra.rays.nearest.lanes_kernels import (
 )
 from atra.rays.nearest.triangles_kernels import cross_exactly, crossed, line_of, met_by, ray_of, take_nearer, tube_of
 from atra.trees.layout import BLOCK_BYTES
-from atra.trees.wide import CHILDREN, COUNTS, FIRSTS
+from atra.trees.wide import BLOCK_COUNTS, CHILDREN, FIRSTS
 
 
 @float_part
 def hit_together(any_hit, tree, rays, first, last, near_by, found, touches, before, t_of, answers):  # type: ignore[no-untyped-def]
-    """Write the hits of rays from `first` up to, not including, `last`, LANES at most; returns -1 where they are not
-    coherent, and nothing is written.
+    """Write the hits of rays from `first` up to, not including, `last`, RAY_LANES at most; returns -1 where they are
+    not coherent, and nothing is written.
 
     near_by: how far apart coherent rays start. before: what the last call returned, 0 at first: with any_hit the leaf
     in which rays were hit, as it stands on the stack. These rays enter it first, as most of their neighbours hit what
@@ -57,7 +57,7 @@ def hit_together(any_hit, tree, rays, first, last, near_by, found, touches, befo
         return np.int64(-1)
     at, places, hit = doubles_at(memory), found.hit_places.ctypes.data, np.int64(0)
     cx, cy, cz, radius = tree.sphere
-    farthest = max(abs(at[0] - cx), abs(at[LANES] - cy), abs(at[2 * LANES] - cz)) + near_by
+    farthest = max(abs(at[0] - cx), abs(at[RAY_LANES] - cy), abs(at[2 * RAY_LANES] - cz)) + near_by
     if near_by == np.inf:
         ox, oy, oz = three_rows(memory + ORIGIN)
         farthest = highest_of(largest_size(ox - spread(cx), oy - spread(cy), oz - spread(cz)), ZERO_64)
@@ -76,7 +76,7 @@ def hit_together(any_hit, tree, rays, first, last, near_by, found, touches, befo
     z, tube = axis_of(memory, 2, left, octant, margin_32), tube_of(line)
     _, ahead = range_of(memory + AHEAD, left)
     start, end = repeated(-margin_32, CHILDREN), repeated(ahead, CHILDREN)
-    store(repeated(np.int64(0), LANES), places)
+    store(repeated(np.int64(0), RAY_LANES), places)
     put(waiting, 0, tree.nodes, -np.inf)
     top = 1
     if any_hit and before:
@@ -94,7 +94,7 @@ def hit_together(any_hit, tree, rays, first, last, near_by, found, touches, befo
                 continue
             changed = np.int64(0)
             block = tree.blocks + np.int64(int32_at(child + FIRSTS)) * BLOCK_BYTES
-            for _ in range(int32_at(child + COUNTS)):
+            for _ in range(int32_at(child + BLOCK_COUNTS)):
                 met = met_by(block, tube)
                 while met:
                     place = block + 4 * first_bit(met)
@@ -134,7 +134,7 @@ def hit_together(any_hit, tree, rays, first, last, near_by, found, touches, befo
             child = 4 * first_bit(bits)
             bits &= bits - 1
             entry, to = float_at(waiting.entries + child), node + child + LEAF
-            if int32_at(node + COUNTS + child) == 0:
+            if int32_at(node + BLOCK_COUNTS + child) == 0:
                 to = child_node(tree, node, child)
             into = top  # the farthest stands lowest
             while into > lowest:

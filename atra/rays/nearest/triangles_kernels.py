@@ -14,7 +14,7 @@ from atra.exact.lines_kernels import major_axis
 from atra.exact.sums_kernels import UNIT
 from atra.rays.all_hits.boxes_kernels import BOX_MARGIN
 from atra.rays.all_hits.crossings_kernels import PRECISE, are_sure, areas_of, crossing, is_before, laid_corner
-from atra.rays.all_hits.memory import LANES
+from atra.rays.all_hits.memory import RAY_LANES
 from atra.rays.nearest.lanes_kernels import (
     AHEAD,
     CROSSED,
@@ -90,8 +90,8 @@ def _before_others(rays, place, memory, places, exact):  # type: ignore[no-untyp
 def take_nearer(hits, place, memory, places, margin, exact):  # type: ignore[no-untyped-def]
     """Bits of the rays whose nearest hits so far lie behind a triangle that they cross; writes that in their place.
 
-    hits: bits of the rays that cross it. place: address of its first x. places: address of (LANES,) int64, those of the
-    nearest hits, 0: there is none.
+    hits: bits of the rays that cross it. place: address of its first x. places: address of (RAY_LANES,) int64, those of
+    the nearest hits, 0: there is none.
     """
     t, wrong = row_at(memory + CROSSED), row_at(memory + CROSSED_ERROR)
     nearest, nearest_error = row_at(memory + NEAREST), row_at(memory + NEAREST_ERROR)
@@ -102,14 +102,14 @@ def take_nearer(hits, place, memory, places, margin, exact):  # type: ignore[no-
     if unclear:
         nearer |= _before_others(unclear, place, memory, places, exact)
     if nearer:
-        mask = mask_of(nearer, LANES)
-        held = load(places, np.int64(0), LANES)
-        start, ahead = row_at(memory + START), load(memory + AHEAD, ZERO, LANES)
+        mask = mask_of(nearer, RAY_LANES)
+        held = load(places, np.int64(0), RAY_LANES)
+        start, ahead = row_at(memory + START), load(memory + AHEAD, ZERO, RAY_LANES)
         limit = rounded(fused(t + wrong - start, spread(1.0 + BOX_MARGIN), spread(margin)))
         store(where(mask, t, nearest), memory + NEAREST)
         store(where(mask, wrong, nearest_error), memory + NEAREST_ERROR)
         store(where(mask, limit, ahead), memory + AHEAD)
-        store(where(mask, repeated(np.int64(place), LANES), held), places)
+        store(where(mask, repeated(np.int64(place), RAY_LANES), held), places)
     return nearer
 
 
@@ -117,7 +117,7 @@ def take_nearer(hits, place, memory, places, margin, exact):  # type: ignore[no-
 def ray_of(memory, lane):  # type: ignore[no-untyped-def]
     """(origin, direction) of a ray."""
     at = doubles_at(memory + 8 * lane)
-    return (at[0], at[LANES], at[2 * LANES]), (at[3 * LANES], at[4 * LANES], at[5 * LANES])
+    return (at[0], at[RAY_LANES], at[2 * RAY_LANES]), (at[3 * RAY_LANES], at[4 * RAY_LANES], at[5 * RAY_LANES])
 
 
 @njit

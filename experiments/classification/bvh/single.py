@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from atra.compiled.intrinsics import uint32_at
-from atra.compiled.memory import fetch, load
+from atra.compiled.memory import load, prefetch
 from atra.compiled.store import njit
 from atra.compiled.vectors import bits_of, lane, larger, repeated, size, smaller, with_lane
 from atra.embree.packets_kernels import MISS
@@ -41,7 +41,7 @@ FETCHED = 4
 @njit(forceinline=True)
 def fetch_node(tree, number):  # type: ignore[no-untyped-def]
     """Prefetch a node."""
-    fetch(tree.nodes + np.int64(number) * NODE_BYTES)
+    prefetch(tree.nodes + np.int64(number) * NODE_BYTES)
 
 
 @njit(forceinline=True)
