@@ -43,10 +43,11 @@ class Geometries:
         found = np.searchsorted(self.firsts, traced_ids, side="right").astype(np.uint32) - np.uint32(1)
         return np.where(traced_ids == MISS, MISS, found)
 
-    def own_ids(self, traced_ids: NDArray[np.uint32], geometry_ids: NDArray[np.uint32]) -> NDArray[np.uint32]:
+    def own_ids(self, traced_ids: NDArray[np.uint32]) -> NDArray[np.uint32]:
         """The same triangles in the numbering of their own mesh."""
         if self.count == 1:
             return traced_ids
+        geometry_ids = self.geometry_ids(traced_ids)
         is_hit = geometry_ids != MISS
         firsts = self.firsts[np.where(is_hit, geometry_ids, 0)].astype(np.uint32)
         return np.where(is_hit, traced_ids - firsts, MISS)
@@ -149,7 +150,7 @@ def _moved(mesh: Mesh, transform: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _checked(given: ArrayLike, count: int) -> NDArray[np.float64]:
     try:
-        transforms = np.asarray(given, np.float64)
+        transforms = np.array(given, np.float64)
     except (TypeError, ValueError) as error:
         raise InputError(f"transforms cannot be read as an array: {error}") from None
     if transforms.ndim == 2 and count == 1:

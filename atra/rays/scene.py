@@ -178,7 +178,7 @@ class RayScene(Lifetime):
             if self.geometries.count == 1 and not self.geometries.is_mirrored[0]:
                 return RayHits(t, prim_id, rays, self.mesh)
             traced_id = prim_id.copy()
-            prim_id[...] = self.geometries.own_ids(traced_id, self.geometries.geometry_ids(traced_id))
+            prim_id[...] = self.geometries.own_ids(traced_id)
             return RayHits(t, prim_id, rays, self.mesh, self.geometries, traced_id)
 
     def occluded(

@@ -24,8 +24,14 @@ _RAYS = 1 << 18
 class RayLayers:
     """The k nearest hits of every ray, sorted by t; `...` is the leading shape of the rays.
 
-    t: (k, ...) float32, in lengths of the direction, inf = no hit. prim_id, geometry_id: (k, ...) uint32, `MISS` = no
-    hit. count: (...) uint32, the number of all hits.
+    Attributes
+    ----------
+    t : (k, ...) float32
+        In lengths of the direction, inf = no hit.
+    prim_id, geometry_id : (k, ...) uint32
+        `MISS` = no hit.
+    count : (...) uint32
+        The number of all hits.
     """
 
     t: NDArray[np.float32]
@@ -68,10 +74,8 @@ def gathered(
             return in_parts(lambda some: (_transmittance(some, finder, weights),))[0].reshape(shape)
         case Layers():
             t, traced_id, count = in_parts(lambda some: _layers(some, finder, what.k))
-            geometry_id = geometries.geometry_ids(traced_id)
-            prim_id = geometries.own_ids(traced_id, geometry_id)
             layered = what.k, *shape
-            ids = prim_id.reshape(layered), geometry_id.reshape(layered)
+            ids = (of(traced_id).reshape(layered) for of in (geometries.own_ids, geometries.geometry_ids))
             return RayLayers(t.reshape(layered), *ids, count.reshape(shape))
     raise InputError(f"cannot gather {what!r:.100}")
 
