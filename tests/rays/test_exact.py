@@ -12,7 +12,7 @@ from scenes.directory import load_scene_from_directory
 from tests.closed_meshes import box, sphere
 from tests.machine import WIDTHS
 from tests.meshes import beams, random_triangles
-from tests.rays.many_rays import hits_by_fractions
+from tests.rays.near_whole_numbers import hits_without_rounding
 
 each_width = pytest.mark.parametrize("width", WIDTHS)
 
@@ -54,7 +54,7 @@ def assert_as_fractions_say(mesh, rays, **options):
             found, occluded = scene.intersect(rays, coherent=coherent), scene.occluded(rays, coherent=coherent)
             for ray in range(len(rays)):
                 ends = rays.tnear[ray], rays.tfar[ray]
-                every = hits_by_fractions(mesh, rays.origins[ray], rays.directions[ray], *ends)
+                every = hits_without_rounding(mesh, rays.origins[ray], rays.directions[ray], *ends)
                 expected = every[0] if every else None
                 assert occluded[ray] == (expected is not None), ray
                 if expected is None:
