@@ -108,9 +108,8 @@ class RayScene(Lifetime):
         self._pool = WorkerPool(self.threads)
         self._embree: KernelScene | None = None
         if precision != "exact":
-            options: dict[str, Any] = {"packet_width": packet_width, "build_quality": build_quality}
-            is_robust = precision == "watertight"
-            self._embree = KernelScene(self.mesh, faces=faces, robust=is_robust, pool=self._pool, **options)
+            own: dict[str, Any] = {"packet_width": packet_width, "build_quality": build_quality, "pool": self._pool}
+            self._embree = KernelScene(self.mesh, faces=faces, robust=precision == "watertight", **own)
 
     def _take(self, geometries: Geometries) -> None:
         self.geometries, self.mesh = geometries, geometries.mesh
@@ -136,10 +135,10 @@ class RayScene(Lifetime):
             self._embree.build()
             return 0.0, self._embree.build_time_s
         start = perf_counter()
-        self._found_by()
+        self._current_finder()
         return 0.0, perf_counter() - start
 
-    def _found_by(self) -> HitFinder:
+    def _current_finder(self) -> HitFinder:
         """What finds hits without rounding; its tree is built on first use. Raises ClosedError after `close`."""
         self._check_open()
         if self._finder is None:
@@ -201,7 +200,7 @@ class RayScene(Lifetime):
         if self._embree is not None:
             self._embree.hit(own, coherent, t, answers)
         else:
-            self._found_by().hit(own, coherent, t, answers, self._touches)
+            self._current_finder().hit(own, coherent, t, answers, self._touches)
 
     def all_hits(
         self, origins: Rays | ArrayLike, directions: ArrayLike | None = None, *,
@@ -230,7 +229,7 @@ class RayScene(Lifetime):
         rays, shape = rays_of(origins, directions, tnear, tfar)
         with self._lock:
             most, own = MOST if max_hits is None else int(max_hits), rays.counted_from(self.mesh.origin)
-            found = self._found_by().find(own, most, progress)
+            found = self._current_finder().find(own, most, progress)
             u, v = self.geometries.own_weights(found.u, found.v, found.prim_id)
             return RayHitLists(
                 found.ray_splits, found.t, found.prim_id, u, v, found.truncated, shape, rays, self.geometries
@@ -243,7 +242,7 @@ class RayScene(Lifetime):
         """(...) int32, the number of hits of every ray; arguments and errors as for `all_hits`."""
         rays, shape = rays_of(origins, directions, tnear, tfar)
         with self._lock:
-            return self._found_by().count(rays.counted_from(self.mesh.origin), progress).reshape(shape)
+            return self._current_finder().count(rays.counted_from(self.mesh.origin), progress).reshape(shape)
 
     def gather(
         self, what: Reduction, origins: Rays | ArrayLike, directions: ArrayLike | None = None, *,
@@ -259,7 +258,7 @@ class RayScene(Lifetime):
         rays, shape = rays_of(origins, directions, tnear, tfar)
         with self._lock:
             own = rays.counted_from(self.mesh.origin)
-            return gathered(what, own, shape, self._found_by(), self.geometries, progress)
+            return gathered(what, own, shape, self._current_finder(), self.geometries, progress)
 
     def contains(self, points: ArrayLike, *, method: str = "parity") -> NDArray[np.bool_]:
         """(P,) bool: whether points lie inside; a point exactly on the surface may be either.
@@ -281,17 +280,17 @@ class RayScene(Lifetime):
             raise InputError(f"method is {method!r}, expected one of {', '.join(METHODS)}")
         found = check_points(points, FARTHEST_POINT if method == "winding" else np.inf)
         with self._lock:
-            return self._inside_of().contains(found - self.mesh.origin, method)
+            return self._current_interior().contains(found - self.mesh.origin, method)
 
     @property
     def open_edges(self) -> int:
         """The number of edges with an odd number of triangles; 0 where the mesh is closed."""
         with self._lock:
-            return self._inside_of().open_edges
+            return self._current_interior().open_edges
 
-    def _inside_of(self) -> Interior:
+    def _current_interior(self) -> Interior:
         if self._interior is None or self._is_closed:
-            self._interior = Interior(self._found_by(), self.geometries.faces, self._pool)
+            self._interior = Interior(self._current_finder(), self.geometries.faces, self._pool)
         return self._interior
 
     @property

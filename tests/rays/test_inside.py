@@ -62,7 +62,7 @@ def test_many_points_are_decided_as_few_are():
         points = np.random.default_rng(0).uniform(-1.1 * SIZE, 1.1 * SIZE, (FEWEST_POINTS, 3))
         points[:3000] = np.rint(points[:3000])
         with atra.RayScene(mesh, threads=1) as scene:
-            interior = scene._inside_of()
+            interior = scene._current_interior()
             many = interior.parity(points)
             assert (interior.cells is not None) == is_closed
             assert (interior.parity(points[:5000]) == many[:5000]).all()
@@ -88,7 +88,7 @@ def test_winding_numbers_of_open_meshes_are_sums_of_solid_angles():
     for mesh in (cup, random_triangles(30, 1), atra.Mesh(np.eye(3), [[0, 1, 2]] * 3), sphere()):
         points = random.uniform(-1.5, 1.5, (400, 3))
         with atra.RayScene(mesh, threads=1) as scene:
-            found = scene._inside_of().winding_numbers(points)
+            found = scene._current_interior().winding_numbers(points)
             expected = solid_angles(mesh, points)
             assert found == pytest.approx(expected, abs=1e-9)
             assert (scene.contains(points, method="winding") == (expected > 0.5)).all()
