@@ -24,8 +24,7 @@ from atra.rays.plan import plan_of
 from atra.rays.rays import Rays
 from atra.rays.rays_kernels import RayBatch, batch_of
 from atra.tracing.budgets import check_needed_bytes
-from atra.trees.bvh import build_bvh
-from atra.trees.wide import CHILDREN, WideBvh, widened_bvh
+from atra.trees.wide import CHILDREN, WideBvh, wide_bvh
 
 FEWEST_TRIANGLES = 1 << 15
 """Smallest mesh whose rays are put in order; a smaller one fits the cache anyway."""
@@ -79,7 +78,7 @@ class HitFinder:
 
     def __init__(self, mesh: Mesh, kept: NDArray[np.bool_] | None, pool: WorkerPool) -> None:
         kept = np.ones(mesh.triangle_count, np.bool_) if kept is None else kept
-        self.bvh: WideBvh = widened_bvh(build_bvh(mesh.vertices, mesh.faces, kept, pool))
+        self.bvh: WideBvh = wide_bvh(mesh.vertices, mesh.faces, kept, pool)
         middle, half = mesh.bounds.mean(axis=0), (mesh.bounds[1] - mesh.bounds[0]) / 2
         x, y, z = middle.tolist()
         sphere = x, y, z, float(np.linalg.norm(half))

@@ -17,8 +17,8 @@ from atra.geometry.ray_space import check_world_range
 from atra.rays.rays import RayHits, Rays
 from atra.tracing.lifetime import Lifetime, check_same_faces, synchronized
 from atra.tracing.options import lists_options
-from atra.trees.bvh import Bvh, bvh_of
 from experiments.classification.bvh.batches import Batch, batch_kernel
+from experiments.classification.bvh.binary import Bvh, bvh_of
 from experiments.classification.bvh.memory import Memory
 from experiments.classification.bvh.options import BvhKeywords, BvhOptions
 from experiments.classification.bvh.starts import NO_SHAFTS, ROOT_LIST, Shafts

@@ -15,7 +15,7 @@ from atra.geometry.ray_space import NARROWEST_WORLD_PITCH, check_world_range, fr
 from atra.geometry.view import View
 from atra.tracing.options import lists_options
 from atra.tracing.rays import check_pinhole
-from atra.trees.bvh import bvh_of
+from experiments.classification.bvh.binary import bvh_of
 from experiments.classification.bvh.images import Start
 from experiments.classification.bvh.options import BvhOptions
 from experiments.classification.bvh.starts import NO_SHAFTS, Shafts

@@ -16,7 +16,7 @@ from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.gather.tables import start_off
 from atra.prim_ids import MISS
 from atra.tracing.options import PacketKeywords, PacketOptions, lists_options
-from atra.trees.bvh import bvh_of
+from experiments.classification.bvh.binary import bvh_of
 from experiments.light.sun.rays import TileRays
 from experiments.light.sun.tiles_kernels import BoxTree, Prisms
 
