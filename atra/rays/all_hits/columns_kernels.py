@@ -8,7 +8,7 @@ from atra.compiled.intrinsics import fetch_add, int32_at
 from atra.compiled.lanes import first_bit
 from atra.compiled.memory import load
 from atra.compiled.store import float_kernel, njit
-from atra.compiled.vectors import bits_of, repeated
+from atra.compiled.vectors import bits_of, splat
 from atra.rays.all_hits.boxes_kernels import child_node, first_block
 from atra.rays.all_hits.crossings_kernels import candidates, crossing_of, line_of
 from atra.rays.all_hits.memory import CHUNK, LEAF
@@ -26,7 +26,7 @@ def _around(x):  # type: ignore[no-untyped-def]
     """Two float32, one below and one above a float64."""
     near = np.float32(x)
     low, high = (near * _DOWN, near * _UP) if near >= _ZERO else (near * _UP, near * _DOWN)
-    return repeated(low - _LEAST, CHILDREN), repeated(high + _LEAST, CHILDREN)
+    return splat(low - _LEAST, CHILDREN), splat(high + _LEAST, CHILDREN)
 
 
 @njit(forceinline=True)

@@ -11,7 +11,7 @@ import numpy as np
 from atra.compiled.intrinsics import float_at, uint32_at
 from atra.compiled.memory import doubles_at, load, store
 from atra.compiled.store import njit
-from atra.compiled.vectors import bits_of, fused, larger, repeated, size, smaller, widened
+from atra.compiled.vectors import bits_of, fused, larger, smaller, splat, widened
 from atra.exact.lines_kernels import (
     crossing_sign,
     major_axis,
@@ -57,10 +57,10 @@ def line_of(o, d, sphere):  # type: ignore[no-untyped-def]
     error = ROUNDINGS * UNIT * reach
     inverse = 1.0 / dz
     return (
-        (repeated(ox, BLOCK), repeated(oy, BLOCK), repeated(oz, BLOCK)),
-        (repeated(-dx * inverse, BLOCK), repeated(-dy * inverse, BLOCK)),
+        (splat(ox, BLOCK), splat(oy, BLOCK), splat(oz, BLOCK)),
+        (splat(-dx * inverse, BLOCK), splat(-dy * inverse, BLOCK)),
         (one * _ROW, other * _ROW, major * _ROW),
-        (repeated(error, BLOCK), repeated(error * error, BLOCK)),
+        (splat(error, BLOCK), splat(error * error, BLOCK)),
         major,
         inverse,
     )  # fmt: skip
@@ -79,7 +79,7 @@ def areas_of(p, q, r, error, square):  # type: ignore[no-untyped-def]
     """(twice the areas opposite three laid corners; the bound of their error; the least and the largest area; mask of
     the triangles that a line may cross). error: of a corner. square: of a product of two such."""
     u, v, w = q[0] * r[1] - q[1] * r[0], r[0] * p[1] - r[1] * p[0], p[0] * q[1] - p[1] * q[0]
-    sizes = (size(p[0]) + size(p[1])) + (size(q[0]) + size(q[1])) + (size(r[0]) + size(r[1]))
+    sizes = (abs(p[0]) + abs(p[1])) + (abs(q[0]) + abs(q[1])) + (abs(r[0]) + abs(r[1]))
     slack = fused(sizes, error, square)
     least, most = smaller(smaller(u, v), w), larger(larger(u, v), w)
     return (u, v, w), slack, least, most, (least + slack >= slack - slack) | (most <= slack)

@@ -11,7 +11,7 @@ import numpy as np
 from atra.compiled.intrinsics import int32_at
 from atra.compiled.lanes import first_bit
 from atra.compiled.store import njit
-from atra.compiled.vectors import bits_of, repeated
+from atra.compiled.vectors import bits_of, splat
 from atra.rays.all_hits.boxes_kernels import (
     ahead_of,
     child_node,
@@ -63,7 +63,7 @@ def find_together(batch, first, last, tree, found):  # type: ignore[no-untyped-d
     x = slabs_of(low_x, high_x, _inverse(least_x), _inverse(most_x), least_x < 0.0, margin_32, 0)
     y = slabs_of(low_y, high_y, _inverse(least_y), _inverse(most_y), least_y < 0.0, margin_32, 1)
     z = slabs_of(low_z, high_z, _inverse(least_z), _inverse(most_z), least_z < 0.0, margin_32, 2)
-    start, end = repeated(-margin_32, CHILDREN), repeated(np.float32(ahead), CHILDREN)
+    start, end = splat(-margin_32, CHILDREN), splat(np.float32(ahead), CHILDREN)
     found.stack[0], top, nodes = tree.nodes, 1, 0
     while top > 0:
         top -= 1

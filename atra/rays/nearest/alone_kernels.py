@@ -10,7 +10,7 @@ from atra.compiled.intrinsics import address_at, float_at, int32_at
 from atra.compiled.lanes import first_bit
 from atra.compiled.memory import store
 from atra.compiled.store import float_part, njit
-from atra.compiled.vectors import repeated
+from atra.compiled.vectors import splat
 from atra.prim_ids import MISS
 from atra.rays.all_hits.boxes_kernels import box_ray, child_node, entered_at, first_block, shortened, start_of
 from atra.rays.all_hits.crossings_kernels import candidates, crossing_of, is_before, line_of, parameter, prim_id_of
@@ -63,8 +63,8 @@ def memory_of(found):  # type: ignore[no-untyped-def]
 @njit(forceinline=True)
 def put(memory, place, node, entry):  # type: ignore[no-untyped-def]
     """Put a node, which the ray enters at `entry`, in a place on the stack."""
-    store(repeated(np.int64(node), 1), memory.stack + 8 * place)
-    store(repeated(np.float32(entry), 1), memory.reached + 4 * place)
+    store(splat(np.int64(node), 1), memory.stack + 8 * place)
+    store(splat(np.float32(entry), 1), memory.reached + 4 * place)
 
 
 @float_part

@@ -12,7 +12,7 @@ from atra.compiled.intrinsics import address_at, float_at, int32_at
 from atra.compiled.lanes import first_bit
 from atra.compiled.memory import doubles_at, store
 from atra.compiled.store import float_part
-from atra.compiled.vectors import bits_of, repeated
+from atra.compiled.vectors import bits_of, splat
 from atra.exact.sums_kernels import UNIT
 from atra.rays.all_hits.boxes_kernels import BOX_MARGIN, FAR_MARGIN, child_node, interval_in
 from atra.rays.all_hits.crossings_kernels import ROUNDINGS, prim_id_of
@@ -75,8 +75,8 @@ def hit_together(any_hit, tree, rays, first, last, near_by, found, touches, befo
     x, y = axis_of(memory, 0, left, octant, margin_32), axis_of(memory, 1, left, octant, margin_32)
     z, tube = axis_of(memory, 2, left, octant, margin_32), tube_of(line)
     _, ahead = range_of(memory + AHEAD, left)
-    start, end = repeated(-margin_32, CHILDREN), repeated(ahead, CHILDREN)
-    store(repeated(np.int64(0), RAY_LANES), places)
+    start, end = splat(-margin_32, CHILDREN), splat(ahead, CHILDREN)
+    store(splat(np.int64(0), RAY_LANES), places)
     put(waiting, 0, tree.nodes, -np.inf)
     top = 1
     if any_hit and before:
@@ -124,7 +124,7 @@ def hit_together(any_hit, tree, rays, first, last, near_by, found, touches, befo
                     break
             elif changed:
                 _, ahead = range_of(memory + AHEAD, left)
-                end = repeated(ahead, CHILDREN)
+                end = splat(ahead, CHILDREN)
             continue
         near, far = interval_in(node, start, end, x, y, z)
         store(near, waiting.entries)

@@ -8,7 +8,7 @@ from atra.compiled.intrinsics import address_at, float_at
 from atra.compiled.lanes import first_bit
 from atra.compiled.memory import doubles_at, load, store
 from atra.compiled.store import njit
-from atra.compiled.vectors import bits_of, fused, larger, mask_of, repeated, rounded, size, smaller, where
+from atra.compiled.vectors import bits_of, fused, larger, mask_of, rounded, smaller, splat, where
 from atra.compiled.vectors import lane as lane_of
 from atra.exact.lines_kernels import major_axis
 from atra.exact.sums_kernels import UNIT
@@ -64,9 +64,9 @@ def crossed(at, line, memory):  # type: ignore[no-untyped-def]
     inverse = spread(1.0) / whole
     t = (u * p[2] + v * q[2] + w * r[2]) * inverse * inverse_z
     extent = larger(larger(p[2], q[2]), r[2]) - smaller(smaller(p[2], q[2]), r[2])
-    wrong = spread(16.0) * (slack * size(inverse)) * extent + spread(16.0 * UNIT) * largest_size(p[2], q[2], r[2])
-    is_sure = are_sure(least, most, slack) & (spread(PRECISE) * size(whole) > slack)
-    sure = bits_of(is_sure & (size(t - tnear) > wrong) & (size(t - tfar) > wrong))
+    wrong = spread(16.0) * (slack * abs(inverse)) * extent + spread(16.0 * UNIT) * largest_size(p[2], q[2], r[2])
+    is_sure = are_sure(least, most, slack) & (spread(PRECISE) * abs(whole) > slack)
+    sure = bits_of(is_sure & (abs(t - tnear) > wrong) & (abs(t - tfar) > wrong))
     store(t, memory + CROSSED)
     store(wrong, memory + CROSSED_ERROR)
     return sure & bits_of((t >= tnear) & (tfar > t)), maybe & ~sure
@@ -109,7 +109,7 @@ def take_nearer(hits, place, memory, places, margin, exact):  # type: ignore[no-
         store(where(mask, t, nearest), memory + NEAREST)
         store(where(mask, wrong, nearest_error), memory + NEAREST_ERROR)
         store(where(mask, limit, ahead), memory + AHEAD)
-        store(where(mask, repeated(np.int64(place), RAY_LANES), held), places)
+        store(where(mask, splat(np.int64(place), RAY_LANES), held), places)
     return nearer
 
 
@@ -164,11 +164,11 @@ def tube_of(line):  # type: ignore[no-untyped-def]
     turned = 0.5 * max(most_x - least_x, most_y - least_y)
     return (
         (
-            repeated(0.5 * (low_x + high_x), BLOCK), repeated(0.5 * (low_y + high_y), BLOCK),
-            repeated(0.5 * (low_z + high_z), BLOCK),
+            splat(0.5 * (low_x + high_x), BLOCK), splat(0.5 * (low_y + high_y), BLOCK),
+            splat(0.5 * (low_z + high_z), BLOCK),
         ),
-        (repeated(0.5 * (least_x + most_x), BLOCK), repeated(0.5 * (least_y + most_y), BLOCK)),
-        rows, repeated(apart + lane_of(error, 0), BLOCK), repeated(turned, BLOCK),
+        (splat(0.5 * (least_x + most_x), BLOCK), splat(0.5 * (least_y + most_y), BLOCK)),
+        rows, splat(apart + lane_of(error, 0), BLOCK), splat(turned, BLOCK),
     )  # fmt: skip
 
 
