@@ -84,11 +84,11 @@ class Geometries:
         found = joined(meshes, transforms, self.faces)
         if not np.array_equal(found.firsts, self.firsts):
             raise InputError(f"there are {found.count} meshes, expected other vertices of the same faces")
-        check_same_faces(self._own_faces, found._own_faces)
+        check_same_faces(self.own_faces, found.own_faces)
         return found
 
     @property
-    def _own_faces(self) -> Mesh:
+    def own_faces(self) -> Mesh:
         """The mesh with all corners in the order of the triangles' own meshes."""
         return _exchanged(self.mesh, np.repeat(self.is_mirrored, np.diff(self.firsts)))
 

@@ -75,7 +75,8 @@ def gathered(
         case Layers():
             t, traced_id, count = in_parts(lambda some: _layers(some, finder, what.k))
             layered = what.k, *shape
-            ids = (of(traced_id).reshape(layered) for of in (geometries.own_ids, geometries.geometry_ids))
+            prim_id, geometry_id = geometries.own_ids(traced_id), geometries.geometry_ids(traced_id)
+            ids = prim_id.reshape(layered), geometry_id.reshape(layered)
             return RayLayers(t.reshape(layered), *ids, count.reshape(shape))
     raise InputError(f"cannot gather {what!r:.100}")
 
