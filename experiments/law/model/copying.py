@@ -21,7 +21,7 @@ from atra.geometry.projection import count_kept, project_vertices
 from atra.geometry.split import Split
 from atra.geometry.view import View
 from atra.tracing.geometry import LeftOut
-from atra.trees.bvh import bvh_of
+from experiments.classification.bvh.binary import bvh_of
 from experiments.methods.culled.tiles_kernels import list_cells
 
 MOST_COPIED = 1 << 15
