@@ -15,16 +15,16 @@ from .all_hits.reductions import (
     Transmittance as Transmittance,
 )
 from .all_hits.results import (
-    Counts as Counts,
+    CountResult as CountResult,
 )
 from .all_hits.results import (
-    LayerHits as LayerHits,
+    LayersResult as LayersResult,
 )
 from .all_hits.results import (
-    Thicknesses as Thicknesses,
+    ThicknessResult as ThicknessResult,
 )
 from .all_hits.results import (
-    Transmittances as Transmittances,
+    TransmittanceResult as TransmittanceResult,
 )
 from .errors import (
     AtraError as AtraError,
@@ -98,6 +98,8 @@ from .rays.all_hits.lists import RayHitLists as RayHitLists
 from .rays.rays import RayHits as RayHits
 from .rays.rays import Rays as Rays
 from .rays.scene import RayScene as RayScene
+from .tracing.method import Method as Method
+from .tracing.method import Prepared as Prepared
 from .tracing.tracer import Tracer as Tracer
 from .views.face_counts import FaceCounts as FaceCounts
 from .views.face_counts import face_counts as face_counts
