@@ -28,8 +28,8 @@ _ACTIONS = {
     "fetch": "experiments.commands.fetching:run_fetch",
     "report": "experiments.report.writing:run_report",
     "doctor": "experiments.commands.doctor:run_doctor",
-    "render": "experiments.commands.making:run_picture",
-    "bake": "experiments.commands.making:run_bake",
+    "render": "experiments.light.making:run_picture",
+    "bake": "experiments.light.making:run_bake",
     "view": "experiments.viewer.command:run_view",
 }
 """Verb -> the function that does it, imported only when asked for. conf/verb/ holds the defaults of some verbs."""
@@ -83,9 +83,7 @@ def main() -> int:
     from experiments.sweeper import register_sweeper
 
     if f"action={Action.render.value}" in sys.argv[1:2]:
-        from experiments.commands.making import picture_arguments
-
-        sys.argv[2:] = picture_arguments(sys.argv[2:])
+        sys.argv[2:] = _function("experiments.light.making:picture_arguments")(sys.argv[2:])
     try:
         sys.argv[1:] = take_method_files(take_model_file(sys.argv[1:]))
     except AtraError as error:

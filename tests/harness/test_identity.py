@@ -20,12 +20,12 @@ from experiments.harness.processes.launching import run_worker
 from experiments.harness.processes.worker import measure_point
 from experiments.harness.rounds import measure_rounds
 from experiments.harness.sources import Code, Part, Source
+from experiments.light.bake import BAKE
 from experiments.methods import METHODS
 from experiments.methods.aligned import ALIGNED
 from experiments.methods.pixel import PIXEL
 from experiments.methods.raster import RASTER
 from experiments.workloads import WORKLOADS
-from experiments.workloads.bake import BAKE
 from experiments.workloads.frame import FRAME
 from tests.folders import ROOT
 from tests.harness.processes.test_outcome import POINT

@@ -51,7 +51,7 @@ USERS = tuple(
 )
 """Who runs methods and workloads, and who tells of what came of them."""
 
-EVIDENCE = ("experiments.classification", "experiments.light", "experiments.law")
+EVIDENCE = ("experiments.classification", "experiments.light", "experiments.law", "experiments.studies")
 """Wings of the harness, from the ground up: each imports only those that stand before it. The core of the harness names
 them in tables of import paths alone."""
 

@@ -19,9 +19,9 @@ from atra.light.lightmaps.maps import LIGHTS
 from examples import bake
 from experiments.commands import making
 from experiments.harness.configuration import register_schema
+from experiments.light.bake.measure import bake_scene
 from experiments.registry import known_kinds
 from experiments.sweeper import register_sweeper
-from experiments.workloads.bake.measure import bake_scene
 from experiments.workloads.rounds import load_mesh
 from scenes.lit.lighting import lit
 from tests.baked import baked, cube, sheet

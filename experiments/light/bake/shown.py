@@ -16,8 +16,8 @@ from experiments.drawing.axes import label_axes, say_nothing_measured, write_pla
 from experiments.drawing.bars import Bar, Stack, draw_stacks
 from experiments.drawing.style import BLUE, DASHED, GREY, ORANGE, SKY, VERMILLION
 from experiments.drawing.values import MILLISECONDS, column, numbers, row_interval, say_number
-from experiments.workloads.bake import BAKE, STAGES, THRESHOLDS
-from experiments.workloads.bake.claims import CLAIMS as CLAIMS
+from experiments.light.bake import BAKE, STAGES, THRESHOLDS
+from experiments.light.bake.claims import CLAIMS as CLAIMS
 from experiments.workloads.panels import Bars, bars_figure, bars_height, make_panels, panels_figure, workload_figure
 from experiments.workloads.tables import cell, points_table
 

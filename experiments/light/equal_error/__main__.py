@@ -1,6 +1,6 @@
 """Measure the time to equal error of path tracers on scenes; writes a table and draws it.
 
-    python -m experiments.equal_error reports/reference/equal_error --threads 1
+    python -m experiments.light.equal_error reports/reference/equal_error --threads 1
 
 Needs the extra `peers` and LLVM's library (Debian: libllvm19; DRJIT_LIBLLVM_PATH names the file). Rows of the same
 scene, threads and renderer are replaced.
@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from experiments.equal_error.figure import draw_errors
-from experiments.equal_error.measure import BEFORE, FAST, MITSUBA, measure
 from experiments.harness.environment import read_environment
+from experiments.light.equal_error.figure import draw_errors
+from experiments.light.equal_error.measure import BEFORE, FAST, MITSUBA, measure
 from scenes.lit.equal_error import SCENES
 
 _KEY = ["scene", "threads", "renderer"]

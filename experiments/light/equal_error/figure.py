@@ -10,7 +10,7 @@ import pandas as pd
 
 from experiments.drawing.axes import tidy_axis
 from experiments.drawing.style import BLACK, BLUE, DASHED, GREY, ORANGE, SKY, SMALL
-from experiments.equal_error.measure import BEFORE, ERRORS, FAST, OURS, SIZES
+from experiments.light.equal_error.measure import BEFORE, ERRORS, FAST, OURS, SIZES
 
 _LOOKS = {
     OURS: (ORANGE, "-", "o"),

@@ -1,6 +1,6 @@
 """The paper's gain on the Cornell box by an older Embree: single rays through libembree3.
 
-    python -m experiments.paper.older_embree libembree3.so.3 reports/reference/older_embree
+    python -m experiments.studies older_embree libembree3.so.3 reports/reference/older_embree
 
 The first argument is a file or a name that the system finds; Debian 12 has the library in its package libembree3-3.
 Geometry and rays are those of `atra.AlignedTracer`. The kernels are others: a query of Embree 3 has other arguments
@@ -10,11 +10,7 @@ than one of Embree 4. Each process measures everything in turns; the images are 
 from __future__ import annotations
 
 import ctypes
-import json
-import subprocess
-import sys
-from argparse import ArgumentParser
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
@@ -44,9 +40,9 @@ from atra.geometry.split import Split
 from atra.hits import Hits
 from atra.judge.compare import compare
 from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
-from experiments.harness.environment import read_environment
 from experiments.harness.rounds import measure_rounds
 from experiments.results.statistics import Estimate, best_of
+from experiments.studies.processes import Row, Turn, in_processes
 from scenes.built_in import BUILT_IN
 
 SPLITS = (64, 128, 256, 512)
@@ -194,6 +190,13 @@ class _Embree3:
         return int(scene)
 
 
+def medians(library: str, rounds: int) -> list[Row]:
+    """What `measure` finds. Run in a process of its own."""
+    from experiments.studies.older_embree import measure
+
+    return [measure(library, rounds)]
+
+
 def measure(path: str, rounds: int) -> dict[str, Any]:
     """Medians of the rounds: seconds of a frame, by what traced it, and ratios within a round of each baseline over
     each split; and the pixels wrong in all aligned images."""
@@ -261,31 +264,11 @@ def _ratio(baseline: str, split_x: int) -> str:
     return f"{baseline}_over_{split_x}"
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure as many processes as asked for, write the table, and print the gains."""
-    parser = ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("library", help="libembree3, a file or a name")
-    parser.add_argument("folder", type=Path, help="where table.parquet goes")
-    parser.add_argument("--processes", type=int, default=7)
-    parser.add_argument("--rounds", type=int, default=11)
-    parser.add_argument("--one", action="store_true", help="measure in this process and print the row")
-    given = parser.parse_args(arguments)
-    if given.one:
-        print(json.dumps(measure(given.library, given.rounds)))
-        return
-    environment = read_environment()
-    command = [sys.executable, "-m", "experiments.paper.older_embree", given.library, str(given.folder), "--one"]
-    rows = []
-    for process in range(given.processes):
-        told = subprocess.run([*command, "--rounds", str(given.rounds)], check=True, capture_output=True, text=True)
-        same = {"process": process, "cpu": environment.cpu, "git_commit": environment.git_commit}
-        rows.append({"scene": "cornell_box", **same, "measured_at": environment.taken_at, **json.loads(told.stdout)})
-    table = pd.DataFrame(rows)
-    given.folder.mkdir(parents=True, exist_ok=True)
-    table.to_parquet(given.folder / "table.parquet", index=False)
+def study(library: str, folder: str, *, processes: int = 7, rounds: int = 11) -> None:
+    """Measure as many processes as asked for, write folder/table.parquet, and print the gains. library: libembree3, a
+    file or a name."""
+    table = in_processes(medians, processes, Turn({"library": library, "rounds": rounds}, {"scene": "cornell_box"}))
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    table.to_parquet(Path(folder, "table.parquet"), index=False)
     for baseline, (split_x, gain) in gains(table).items():
         print(f"Embree {table['embree_version'][0]}: {gain} times as fast as {baseline} at {split_x} x 1")
-
-
-if __name__ == "__main__":
-    main()

@@ -15,10 +15,10 @@ from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.options import settings, taken, whole
 from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
+from experiments.light.under_sky import UnderSky
 from experiments.results.statistics import Series, statistics_columns
 from experiments.workloads.baselines import OWN, over, over_own, series
 from experiments.workloads.resources import say_mib
-from experiments.workloads.under_sky import UnderSky
 
 OTHER, WHOLE_MAP, WITHOUT_VIEW = "other", "whole_map", "without_view"
 """Names in the samples, beside the point's own: the bake it is compared with; the whole map, visible texels first; the

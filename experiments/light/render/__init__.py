@@ -17,6 +17,7 @@ from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.options import settings, taken, whole
 from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
+from experiments.light.under_sky import UnderSky
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import (
     BESIDE_BASELINES,
@@ -30,7 +31,6 @@ from experiments.workloads.baselines import (
 )
 from experiments.workloads.images import IMAGE_COLUMNS, PIXELS
 from experiments.workloads.resources import PREPARATION, PREPARATION_COLUMNS, RESOURCE_COLUMNS, RESOURCES, say_ms
-from experiments.workloads.under_sky import UnderSky
 
 STAGES = {
     "primary": "primary visibility",

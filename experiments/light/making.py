@@ -44,8 +44,8 @@ from experiments.harness.point import Point, make_own
 from experiments.harness.points import plan_point
 from experiments.harness.progress import say, say_duration
 from experiments.harness.records import check_writable
-from experiments.workloads.render import RENDER
-from experiments.workloads.render.measure import make_renderer
+from experiments.light.render import RENDER
+from experiments.light.render.measure import make_renderer
 from experiments.workloads.rounds import load_mesh
 from scenes.lit.lighting import lit, why_grey
 

@@ -3,7 +3,7 @@
 import pytest
 
 from atra.errors import InputError
-from experiments.paper.candidates import ASKED_FOR, candidates
+from experiments.studies.candidates import ASKED_FOR, candidates
 from tests.report_samples import table_of
 
 USUAL = {

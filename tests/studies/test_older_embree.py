@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from atra.errors import EmbreeError
-from experiments.paper.older_embree import ALL_HITS, NEAREST, SPLITS, gains, measure
+from experiments.studies.older_embree import ALL_HITS, NEAREST, SPLITS, gains, measure
 
 LIBRARY = ctypes.util.find_library("embree3")
 

@@ -1,17 +1,15 @@
-"""Milliseconds of frames through a lens, and of frames of the BOP toolkit's renderer; writes a table.
+"""Milliseconds of frames through a lens, and of frames of the BOP toolkit's renderer; adds rows to a table.
 
-    python -m experiments.lens_speed TABLE.csv --runs 30 --threads 1
+    python -m experiments.studies lens_speed TABLE.csv runs=30 threads=1
 
 Lenses: packets and the rasteriser, each with the lens and without. BOP: 20 objects of 10,000 triangles drawn one by one
 at 640 x 480, by `atra.compat.bop.Renderer` and by OpenGL on llvmpipe, which needs moderngl and EGL. Methods take turns
-in every run, after two that do not count. Rows are added to the table.
+in every run, after two that do not count.
 """
 
 from __future__ import annotations
 
-import csv
-from argparse import ArgumentParser
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -22,12 +20,10 @@ from numpy.typing import NDArray
 import atra
 from atra.compat.bop import Renderer
 from atra.geometry.lenses.models import Lens
-from experiments.harness.environment import read_environment
 from experiments.methods.peers.llvmpipe import opengl_context
+from experiments.studies.processes import Row, Turn, add_rows, in_processes
 from scenes.directory import PAPER_SCENES
 from scenes.loading import SceneSource, load_scene
-
-COLUMNS = ("frame", "lens", "method", "width", "height", "threads", "run", "ms", "commit", "processor", "cores")
 
 LENSES: dict[str, tuple[Lens, float]] = {
     "barrel": (atra.OpenCVLens(k1=-0.25, k2=0.05, p1=0.002, p2=-0.001), 0.9),
@@ -61,46 +57,38 @@ Frames = Mapping[str, Callable[[], Any]]
 """What draws a frame, by the method's name."""
 
 
-def main() -> None:
-    """Measure what the arguments say, and add it to the table."""
-    parser = ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("table", type=Path)
-    parser.add_argument("--runs", type=int, default=30)
-    parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--size", type=int, default=1024, help="width and height of images through lenses")
-    parser.add_argument("--source", default="directory", help="of the scenes, see `scenes.loading.SceneSource`")
-    parser.add_argument("--scenes", nargs="*", default=PAPER_SCENES)
-    parser.add_argument("--lenses", nargs="*", choices=LENSES, default=tuple(LENSES))
-    parser.add_argument("--no-bop", action="store_true", help="only lenses")
-    given = parser.parse_args()
-    machine = read_environment()
-    same = {"threads": given.threads, "commit": machine.git_commit, "processor": machine.cpu}
-    same["cores"] = machine.logical_cores
-    is_new = not given.table.exists()
-    given.table.parent.mkdir(parents=True, exist_ok=True)
-    with given.table.open("a", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        if is_new:
-            writer.writeheader()
-        for scene in given.scenes:
-            for lens in given.lenses:
-                what = {**same, "frame": scene, "lens": lens, "width": given.size, "height": given.size}
-                with_lens = _through_lens(scene, given.source, lens, given.size, given.threads)
-                writer.writerows({**what, **row} for row in _measured(with_lens, given.runs))
-                file.flush()
-        if not given.no_bop:
-            what = {**same, "frame": "bop", "lens": "", "width": _BOP_SIZE[0], "height": _BOP_SIZE[1]}
-            writer.writerows({**what, **row} for row in _measured(_bop(given.threads), given.runs))
+def timed(what: str, lens: str, source: str, size: int, threads: int, runs: int) -> list[Row]:
+    """Milliseconds of every frame of a scene through a lens, or of "bop". Run in a process of its own."""
+    from experiments.studies import lens_speed
+
+    return lens_speed.measure(what, lens, source, size, threads, runs)
 
 
-def _measured(frames: Frames, runs: int) -> Iterator[dict[str, Any]]:
+def measure(what: str, lens: str, source: str, size: int, threads: int, runs: int) -> list[Row]:
+    """The same in this process."""
+    frames = _bop(threads) if what == "bop" else _through_lens(what, source, lens, size, threads)
+    rows = list[Row]()
     for run in range(-_UNCOUNTED, runs):
         for method, draw in frames.items():
             start = perf_counter()
             draw()
-            taken_ms = 1e3 * (perf_counter() - start)
+            taken_ms = round(1e3 * (perf_counter() - start), 3)
             if run >= 0:
-                yield {"method": method, "run": run, "ms": f"{taken_ms:.3f}"}
+                rows.append({"method": method, "run": run, "ms": taken_ms})
+    return rows
+
+
+def study(
+    table: str, *, runs: int = 30, threads: int = 1, size: int = 1024, source: str = "directory",
+    scenes: tuple[str, ...] = PAPER_SCENES, bop: bool = True,
+) -> None:  # fmt: skip
+    """Measure images of `size` x `size` pixels of scenes (of a `scenes.loading.SceneSource`) through every lens, and
+    frames of the BOP toolkit."""
+    asked = [(scene, lens, size, size) for scene in scenes for lens in LENSES] + [("bop", "", *_BOP_SIZE)] * bop
+    for what, lens, width, height in asked:
+        given = {"what": what, "lens": lens, "source": source, "size": size, "threads": threads, "runs": runs}
+        columns = {"frame": what, "lens": lens, "width": width, "height": height, "threads": threads}
+        add_rows(Path(table), in_processes(timed, 1, Turn(given, columns)).drop(columns="process"))
 
 
 def _through_lens(name: str, source: str, lens_name: str, size: int, threads: int) -> Frames:
@@ -203,7 +191,3 @@ def _llvmpipe(meshes: list[atra.Mesh], threads: int) -> Callable[[int, NDArray[n
         return depth
 
     return draw
-
-
-if __name__ == "__main__":
-    main()

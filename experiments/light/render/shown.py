@@ -13,9 +13,9 @@ from rich.table import Table
 from experiments.drawing.bars import Stack, draw_stacks
 from experiments.drawing.pages import write_notes
 from experiments.drawing.values import MILLISECONDS, numbers, say_number
+from experiments.light.render import RENDER, STAGES, stage_column
 from experiments.methods.naming import best_of, say_kind
 from experiments.workloads.panels import bars_height, make_panels, panels_figure, workload_figure
-from experiments.workloads.render import RENDER, STAGES, stage_column
 from experiments.workloads.resources import say_ms
 from experiments.workloads.series import BestPoint, best_points, count_series, say_ratio
 from experiments.workloads.tables import best_by_kind, narrow_table, plain, times

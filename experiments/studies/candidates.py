@@ -1,6 +1,6 @@
 """Candidates for the paper's 7.50 on the Cornell box: how far each goes, measured one by one.
 
-    python -m experiments.paper.candidates results/cornell_candidates
+    python -m experiments.studies candidates results/cornell_candidates
 
 A candidate differs from the usual point in one setting. Its gain is that of aligned single rays at the best horizontal
 split, culling on, over 1 x 1 in the same setting: `rtcIntersect1` per pixel, or aligned rays without culling, which
@@ -9,7 +9,6 @@ gather all hits.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -194,7 +193,7 @@ def _over_packets(rows: pd.DataFrame) -> Any:
     return numbers(rows, "speedup_vs_packets")
 
 
-def main(folder: str) -> None:
+def study(folder: str = "results/cornell_candidates") -> None:
     """Print how far each candidate goes. Raises InputError for a folder without a table of the sweep."""
     processes = read_table(Path(folder) / "processes.parquet")
     if processes is None:
@@ -203,7 +202,3 @@ def main(folder: str) -> None:
         print(
             f"{one.name}: over the nearest hit {one.nearest}, over all hits {one.all_hits}; {ASKED_FOR}: {one.reaches}"
         )
-
-
-if __name__ == "__main__":
-    main(*sys.argv[1:2] or ["results/cornell_candidates"])

@@ -1,9 +1,9 @@
 """Are converged pictures of this path tracer and of Mitsuba 3 the same? Compares means of blocks of 16 x 16 pixels.
 
-    python -m experiments.equal_error.blocks reports/reference/equal_error_blocks --samples 4096
+    python -m experiments.light.equal_error.blocks reports/reference/equal_error_blocks --samples 4096
 
-Needs what `experiments.equal_error` needs. Each picture is made in batches of samples; their spread is the noise of a
-block's mean, so that a difference can be told from noise. Rows of the same scene are replaced.
+Needs what `experiments.light.equal_error` needs. Each picture is made in batches of samples; their spread is the noise
+of a block's mean, so that a difference can be told from noise. Rows of the same scene are replaced.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import numpy as np
 import pandas as pd
 
 from atra.light import PathRenderer
-from experiments.equal_error.measure import DEPTH, ROULETTE, Floats, block_means, mitsuba_renderer, pictures_of
 from experiments.harness.environment import read_environment
+from experiments.light.equal_error.measure import DEPTH, ROULETTE, Floats, block_means, mitsuba_renderer, pictures_of
 from scenes.lit.equal_error import SCENES, Shown
 
 BATCHES = 16

@@ -9,11 +9,11 @@ from pathlib import Path
 import pandas as pd
 
 from experiments.drawing.values import column, numbers
+from experiments.light.bake import RARE, STAGES
+from experiments.light.bake.judges import judge_buffers, judge_culling_map, judge_mitsuba
 from experiments.methods.visible_first import VISIBLE_FIRST
 from experiments.results.claims import Judge, Judgement, NotMeasuredError, read_claims
 from experiments.results.verdicts import Bounds, Which, ratio_judge, value_judge
-from experiments.workloads.bake import RARE, STAGES
-from experiments.workloads.bake.judges import judge_buffers, judge_culling_map, judge_mitsuba
 
 
 def _where(rows: pd.DataFrame, **values: object) -> pd.Series:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from experiments.paired import ratios
+from experiments.studies.paired import ratios
 
 CLONE = Path(__file__).resolve().parents[2]
 
@@ -62,9 +62,9 @@ def test_a_clone_beside_itself_draws_the_same_images(tmp_path):
     (other / ".venv" / "bin" / "python").chmod(0o755)
     (other / "atra").symlink_to(CLONE / "atra")
     table = tmp_path / "table.parquet"
-    command = [sys.executable, "-m", "experiments.paired", str(other), str(table), "--processes", "3"]
-    chosen = ["--scenes", "cornell_box", "--source", "procedural", "--asked", "image", "packets", "--size", "64"]
-    told = subprocess.run([*command, *chosen, "--frames", "2"], cwd=CLONE, capture_output=True, text=True, check=True)
+    command = [sys.executable, "-m", "experiments.studies", "paired", str(other), str(table), "processes=3"]
+    chosen = ["scenes=cornell_box,", "source=procedural", "asked=image,packets", "size=64", "count=2"]
+    told = subprocess.run([*command, *chosen], cwd=CLONE, capture_output=True, text=True, check=True)
     rows = pd.read_parquet(table)
     assert len(rows) == 2 * 2 * 3
     assert set(rows["what"]) == {"image", "packets"}

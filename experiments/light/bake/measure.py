@@ -16,7 +16,7 @@ from atra import light
 from atra.geometry.mesh import Mesh
 from atra.light import Atlas, Baker, BakeScene, Lightmap, Texels
 from experiments.harness.point import Measured, Point, make_own
-from experiments.workloads.bake import (
+from experiments.light.bake import (
     FULLEST,
     OTHER,
     SHADING,
@@ -26,8 +26,8 @@ from experiments.workloads.bake import (
     WHOLE_MAP,
     WITHOUT_VIEW,
 )
-from experiments.workloads.bake.finishing import fill, finishing, squared_differences
-from experiments.workloads.bake.mitsuba import MitsubaPaths, adaptive_bias, with_plain_light
+from experiments.light.bake.finishing import fill, finishing, squared_differences
+from experiments.light.bake.mitsuba import MitsubaPaths, adaptive_bias, with_plain_light
 from experiments.workloads.baselines import OWN
 from experiments.workloads.rounds import load_mesh, measured, timed_rounds
 from scenes.directory import default_cache

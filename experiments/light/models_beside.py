@@ -1,4 +1,6 @@
-"""Models as our path tracer shows them, beside Mitsuba 3: `python -m experiments.models_beside SHEET.png MODEL...`.
+"""Models as our path tracer shows them, beside Mitsuba 3.
+
+    python -m experiments.light.models_beside SHEET.png MODEL...
 
 Both get the same triangles, normals, textures, sky and sun. Mitsuba's `principled` stands for glTF's material: it has
 the same parameters, another diffuse part and other masking, so pictures are alike, not equal. What is printed are
@@ -19,7 +21,7 @@ from atra.geometry.camera import Camera
 from atra.light import Image, MetallicRoughness, PathRenderer, Scene, Sun, constant_sky, load_scene
 from atra.light.pictures.files import srgb_of
 from atra.light.textures import linear
-from experiments.equal_error.measure import block_differences
+from experiments.light.equal_error.measure import block_differences
 from experiments.methods.peers.mitsuba_light import load_mitsuba, suns_of
 
 _SIDE, _DEPTH = 256, 6

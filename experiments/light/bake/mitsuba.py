@@ -15,8 +15,8 @@ from atra.light.lightmaps.batches import new_batch
 from atra.light.lightmaps.gather.tables import tables_of
 from atra.light.lightmaps.gather.tables_kernels import LUMINANCE, NORMAL, ORIGIN
 from atra.light.lightmaps.samples_kernels import generate
+from experiments.light.bake.finishing import squared_differences
 from experiments.methods.peers.mitsuba_light import load_mitsuba, parts_of, suns_of
-from experiments.workloads.bake.finishing import squared_differences
 
 _VARIANT = "llvm_ad_rgb"
 """The variant for CPUs and three colours that takes rays from anywhere, compiled for vectors."""
