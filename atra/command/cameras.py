@@ -64,6 +64,23 @@ def chosen_cameras(given: Any, mesh: Mesh, own: Mapping[str, View], broken: Brok
     )
 
 
+def one_camera(given: Any, mesh: Mesh, own: Mapping[str, View]) -> Camera:
+    """The one pinhole camera that `--camera` asks for.
+
+    Raises InputError for several cameras, for one of another kind, and as `chosen_cameras` does.
+    """
+    given.size = None
+    broken: Broken = {}
+    found = chosen_cameras(given, mesh, own, broken)
+    if len(found) + len(broken) != 1:
+        names = ", ".join(map(repr, [*found, *broken]))
+        raise InputError(f"{given.camera} holds {len(found) + len(broken)} cameras ({names}), expected one")
+    ((name, camera),) = found.items()
+    if not isinstance(camera, Camera):
+        raise InputError(f"camera {name!r} is a {type(camera).__name__}, expected one with a pinhole")
+    return camera
+
+
 def is_file_name(camera: str) -> bool:
     """Whether `--camera` names a file or folder, which need not exist."""
     return Path(camera).exists() or Path(camera).suffix.lower() in (".json", ".yaml", ".yml")

@@ -138,7 +138,7 @@ def test_what_only_tells_of_results_is_no_part_of_a_record():
     found = {part for point in (*EVERY_METHOD, *EVERY_WORKLOAD) for part in CODE.parts(code_roots(point))}
     registries = {Part("experiments.methods"), Part("experiments.workloads"), Part("experiments.methods", "METHODS")}
     assert registries.isdisjoint(found)
-    rooms = tuple(f"experiments.{name}." for name in ("report", "paper", "commands", "viewer", "results", "drawing"))
+    rooms = tuple(f"experiments.{name}." for name in ("report", "paper", "commands", "results", "drawing"))
     # What a workload makes a picture with, which its record holds, decides what is in the record.
     names = {part.module for part in found} - {"experiments.drawing.shading"}
     assert not [name for name in names if name.startswith(rooms) or name.endswith((".shown", ".classification.claims"))]

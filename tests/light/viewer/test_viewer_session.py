@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from atra.errors import InputError
-from experiments.viewer.request import COLUMNS, SHADES, SPLITS, Pose, Request, Settings
-from experiments.viewer.session import GROWTH, LEAST_GAP_S, REST_S, Picture, Session
+from atra.light.viewer.request import COLUMNS, SHADES, SPLITS, Pose, Request, Settings
+from atra.light.viewer.session import GROWTH, LEAST_GAP_S, REST_S, Picture, Session
 
 WAVES = 8
 FIRST = Request(Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), 45.0), Settings(samples=5))

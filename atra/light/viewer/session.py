@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import AtraError
-from experiments.viewer.request import Pose, Request
+from atra.light.viewer.request import Pose, Request
 
 REST_S = 0.3
 """Seconds without a change after which samples accumulate."""

@@ -13,11 +13,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from atra.errors import InputError
-from experiments.viewer.messages import LARGEST_BYTES, Messages
-from experiments.viewer.page import Page
-from experiments.viewer.request import Settings
-from experiments.viewer.session import Picture
-from tests.viewer.test_viewer_session import FIRST
+from atra.light.viewer.messages import LARGEST_BYTES, Messages
+from atra.light.viewer.page import Page
+from atra.light.viewer.request import Settings
+from atra.light.viewer.session import Picture
+from tests.light.viewer.test_viewer_session import FIRST
 
 viser = pytest.importorskip("viser", reason="viser is not installed: pip install -e '.[viewer]'")
 
@@ -26,7 +26,7 @@ from websockets.asyncio.server import ServerConnection  # noqa: E402
 from websockets.exceptions import ConnectionClosed, InvalidStatus  # noqa: E402
 from websockets.sync.client import connect  # noqa: E402
 
-from experiments.viewer import camera_page, gate  # noqa: E402
+from atra.light.viewer import camera_page, gate  # noqa: E402
 
 PATIENCE_S = 60.0
 CAMERA = {

@@ -8,14 +8,14 @@ import pytest
 
 from atra import light
 from atra.light import Baker, BakeScene, ProgressiveBake, Surface, Texels
-from experiments.viewer import camera_page
-from experiments.viewer.request import Pose
+from atra.light.viewer import camera_page
+from atra.light.viewer.request import Pose
 from tests.baked import cube, sheet
-from tests.viewer.test_viewer_page import PATIENCE_S, browser, screenshot, wait_for
+from tests.light.viewer.test_viewer_page import PATIENCE_S, browser, screenshot, wait_for
 
 pytest.importorskip("viser", reason="viser is not installed: pip install -e '.[viewer]'")
 
-from experiments.viewer.lightmap import LightmapPage, say_progress
+from atra.light.viewer.lightmap import LightmapPage, say_progress
 
 __all__ = ["browser"]
 

@@ -14,7 +14,7 @@ from websockets import Headers
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
-from experiments.viewer.messages import LARGEST_BYTES, Messages
+from atra.light.viewer.messages import LARGEST_BYTES, Messages
 
 MOST_CLIENTS = 16
 """Pages that may be connected at once."""

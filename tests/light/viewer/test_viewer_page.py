@@ -2,6 +2,7 @@
 viser or a browser is missing."""
 
 import io
+import json
 import os
 import re
 import signal
@@ -15,24 +16,21 @@ from dataclasses import replace
 import numpy as np
 import psutil
 import pytest
-from hydra import compose, initialize_config_dir
+import trimesh
 from PIL import Image
 
 from atra.command.cameras import read_cameras
+from atra.command.main import main
 from atra.errors import InputError
-from experiments.harness.configuration import read_configuration, register_schema
-from experiments.registry import known_kinds
-from experiments.sweeper import register_sweeper
-from experiments.viewer import camera_page, command
-from experiments.viewer.camera_page import HOST
-from experiments.viewer.command import run_view
-from experiments.viewer.page import Page, say_numbers
-from experiments.viewer.request import Settings
-from experiments.viewer.session import REST_S, Frame, Picture
+from atra.light.viewer import camera_page
+from atra.light.viewer.camera_page import HOST
+from atra.light.viewer.page import Page, say_numbers
+from atra.light.viewer.request import Settings
+from atra.light.viewer.session import REST_S, Frame, Picture
 from tests.browser import chromium
-from tests.command import run_here
 from tests.folders import ROOT
-from tests.viewer.test_viewer_painter import FIRST, made
+from tests.light.viewer.test_viewer_painter import FIRST, made
+from tests.meshes import cornell_box
 
 pytest.importorskip("viser", reason="viser is not installed: pip install -e '.[viewer]'")
 
@@ -81,14 +79,29 @@ def test_samples_wait_for_a_page_that_looks(page):
     wait_for(lambda: page.session._samples == 3, "the picture at rest")
 
 
-def test_a_taken_port_is_told_in_one_line_and_not_evaded(tmp_path):
+@pytest.fixture
+def model(tmp_path, monkeypatch):
+    """The working directory, with `box.glb`."""
+    monkeypatch.chdir(tmp_path)
+    mesh = cornell_box()
+    trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(tmp_path / "box.glb")
+    return tmp_path
+
+
+def view(monkeypatch, *arguments):
+    monkeypatch.setattr(sys, "argv", ["atra", "view", "box.glb", "--threads", "1", *arguments])
+    return main()
+
+
+def test_a_taken_port_is_told_in_one_line_and_not_evaded(model, monkeypatch, capsys):
     with socket.socket() as other:
         other.bind((HOST, 0))
         other.listen()
         port = other.getsockname()[1]
-        done = run_here(tmp_path, "view", f"view.port={port}")
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == f"run.py: port {port} is taken; choose another by view.port=..., or 0 for any that is free\n"
+        assert view(monkeypatch, "--port", str(port)) == 2
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert told.err == f"atra: port {port} is taken; choose another by --port, or 0 for any that is free\n"
 
 
 def test_without_viser_one_line_says_what_to_install(monkeypatch):
@@ -97,50 +110,52 @@ def test_without_viser_one_line_says_what_to_install(monkeypatch):
         Page(made(), FIRST, 0, "the box", 3.0)
 
 
-def viewed(*overrides):
-    register_schema(known_kinds())
-    register_sweeper()
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        run_view(read_configuration(compose("config", ["+verb=view", *overrides]), known_kinds()))
-
-
-@pytest.mark.parametrize(("override", "told"), [
-    ("view.port=70000", "view.port is 70000, expected a whole number from 0 to 65535"),
-    ("method.split_x=3", "method.split_x is 3, expected one of 2, 4, 8, 16, 32, 64 in the viewer"),
+@pytest.mark.parametrize(("given", "told"), [
+    (("--port", "70000"), "port is 70000, expected a whole number from 0 to 65535"),
+    (("--camera", "table"), "the camera is 'table', expected a file, one of front, back"),
+    (("--camera", "cameras.json"), "cameras.json holds 2 cameras ('left', 'right'), expected one"),
+    (("--sky", "none.hdr"), "none.hdr' is no file"),
 ])  # fmt: skip
-def test_what_cannot_be_shown_is_refused_in_one_line(override, told):
-    with pytest.raises(InputError) as refused:
-        viewed("method=aligned", override)
-    assert str(refused.value) == told
+def test_what_cannot_be_shown_is_refused_in_one_line(model, monkeypatch, capsys, given, told):
+    one = {"eye": [0, 0, 3], "target": [0, 0, 0], "width": 8, "height": 8}
+    (model / "cameras.json").write_text(json.dumps({"left": one, "right": one}), encoding="utf-8")
+    assert view(monkeypatch, *given) == 2
+    error = capsys.readouterr().err
+    assert told in error
+    assert error.count("\n") == 1
 
 
-def test_the_sky_of_a_file_stands_above_what_is_shown(tmp_path, monkeypatch):
-    path, shown = tmp_path / "sky.hdr", []
-    path.write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n" + bytes([128, 64, 32, 130]))
+def test_the_sky_of_a_file_stands_above_what_is_shown_from_the_side_that_is_asked_for(model, monkeypatch, capsys):
+    shown = []
+    (model / "sky.hdr").write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n" + bytes([128, 64, 32, 130]))
 
-    def keep(painter, *others):
-        shown.append(painter._scene_of(Settings(sky_power=2.0)).sky)
+    def keep(painter, first, *others):
+        shown.append((painter._scene_of(Settings(sky_power=2.0)).sky, first))
         raise InputError("that is all")
 
-    monkeypatch.setattr(command, "Page", keep)
-    for sky, told in ((path, "that is all"), (tmp_path / "none.hdr", "the sky .* is no file")):
-        with pytest.raises(InputError, match=told):
-            viewed(f"view.sky={sky}")
-    assert shown[0].power == 2.0
-    np.testing.assert_array_equal(shown[0].texels, [[[2.0, 1.0, 0.5]]])
+    monkeypatch.setattr("atra.light.viewer.page.Page", keep)
+    given = "--sky", "sky.hdr", "--camera", "top", "--method", "aligned", "--tone", "agx"
+    assert view(monkeypatch, *given) == 2
+    assert capsys.readouterr().err == "atra: that is all\n"
+    ((sky, first),) = shown
+    assert sky.power == 2.0
+    np.testing.assert_array_equal(sky.texels, [[[2.0, 1.0, 0.5]]])
+    assert first.pose.eye[1] > first.pose.target[1]
+    assert (first.settings.method, first.settings.frame, first.settings.tone) == ("aligned", "path", "agx")
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no SIGINT to one process")
-def test_ctrl_c_ends_it_cleanly():
+def test_ctrl_c_ends_it_cleanly(model):
     process = subprocess.Popen(
-        [sys.executable, "run.py", "view", "view.port=0", "threads=1"],
-        cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        [sys.executable, "-m", "atra.command", "view", "box.glb", "--port", "0", "--threads", "1"],
+        cwd=model, env=os.environ | {"PYTHONPATH": str(ROOT)}, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        text=True,
     )  # fmt: skip
     try:
         assert process.stdout.readline().startswith("viewer: preparing; a first start compiles kernels")
         said = process.stdout.readline()
-        assert re.fullmatch(r"viewer: http://127\.0\.0\.1:\d+ shows cornell_box; Ctrl-C ends it\n", said)
+        assert re.fullmatch(r"viewer: http://127\.0\.0\.1:\d+ shows box\.glb; Ctrl-C ends it\n", said)
         os.kill(process.pid, signal.SIGINT)
         out, errors = process.communicate(timeout=PATIENCE_S)
     finally:

@@ -11,19 +11,16 @@ import numpy as np
 import pytest
 
 from atra import MISS, InputError, PixelTracer
+from atra.command.viewing import light_settings
+from atra.judge.marks import COLOURS
 from atra.light import GradientSky, HybridRenderer, Lambertian, PanoramaSky, PathRenderer, PointLight, Scene, Sun
 from atra.light.pictures.files import srgb_of
 from atra.light.pictures.finish import finisher
 from atra.light.pictures.finish.tone import toned
+from atra.light.viewer.painter import BACKGROUND, Painter
+from atra.light.viewer.request import Pose, Request, Settings
+from atra.light.viewer.session import Session
 from atra.raster.tracer import PreparedRaster
-from experiments.drawing.shading import BACKGROUND, DIFFERENCE_COLOURS
-from experiments.harness.configuration import Chosen
-from experiments.harness.method import Tracing
-from experiments.methods.raster import RASTER
-from experiments.viewer.command import light_settings
-from experiments.viewer.painter import Painter
-from experiments.viewer.request import Pose, Request, Settings
-from experiments.viewer.session import Session
 from scenes.built_in import make_scene
 
 BOX = make_scene("cornell_box")
@@ -34,7 +31,7 @@ FIRST = Request(POSE, SETTINGS)
 
 
 def made():
-    return Painter(SCENE, Chosen(RASTER, RASTER.options()), Tracing(threads=1))
+    return Painter(SCENE, threads=1)
 
 
 def never():
@@ -60,7 +57,7 @@ def shown(painter, request, samples=1):
 
 def test_samples_under_a_panorama_accumulate_and_its_power_costs_none():
     texels = np.random.default_rng(1).random((4, 8, 3)).astype(np.float32)
-    one = Painter(replace(SCENE, sky=PanoramaSky(texels)), Chosen(RASTER, RASTER.options()), Tracing(threads=1))
+    one = Painter(replace(SCENE, sky=PanoramaSky(texels)), threads=1)
     brighter = with_settings(sky_power=2.0)
     with contextlib.closing(one):
         first = shown(one, FIRST, 2)
@@ -75,7 +72,7 @@ def test_samples_under_a_panorama_accumulate_and_its_power_costs_none():
 
 def test_a_request_changes_the_scene_s_first_sun_and_leaves_its_other_lights():
     lights = [PointLight((0.0, 1.0, 0.0)), Sun((0.0, -1.0, 0.0)), Sun((1.0, -1.0, 0.0), power=0.5)]
-    one = Painter(replace(SCENE, lights=lights), Chosen(RASTER, RASTER.options()), Tracing(threads=1))
+    one = Painter(replace(SCENE, lights=lights), threads=1)
     chosen = one._scene_of(replace(SETTINGS, sun_power=3.0))
     assert (chosen.lights[0].power, *chosen.lights[1:]) == (3.0, lights[0], lights[2])
     assert one._scene_of(replace(SETTINGS, sun_power=0.0)).lights == (lights[0], lights[2])
@@ -229,7 +226,7 @@ def test_right_pixels_are_white_and_a_wrong_one_is_marked_and_counted(painter, m
     monkeypatch.setattr(PreparedRaster, "draw", tampered)
     picture = painter.show(request)
     assert "1 wrong" in picture.note
-    (wrong,) = (colour for verdict, colour in DIFFERENCE_COLOURS.items() if verdict.name == "WRONG")
+    (wrong,) = (colour for verdict, colour in COLOURS.items() if verdict.name == "WRONG")
     assert tuple(picture.image[10, 20]) == wrong
 
 

@@ -16,19 +16,19 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import compare
+from atra.judge.marks import mark_verdicts
 from atra.light import HybridRenderer, PathRenderer, Scene, Sun
 from atra.light.pictures.files import srgb_of
 from atra.light.pictures.finish.tone import toned
 from atra.light.pictures.renderer import Renderer
+from atra.light.viewer.request import OF_HITS, WITH_CELLS, Request, Settings
+from atra.light.viewer.session import Picture
+from atra.methods import METHODS
 from atra.packets.pixel import PixelTracer
 from atra.raster.tracer import RasterTracer
-from experiments.drawing.shading import BACKGROUND, mark_verdicts
-from experiments.harness.configuration import Chosen
-from experiments.harness.method import Tracing
-from experiments.methods import find_method
-from experiments.methods.options import WATERTIGHT
-from experiments.viewer.request import OF_HITS, Request, Settings
-from experiments.viewer.session import Picture
+
+BACKGROUND = (236, 238, 241)
+"""RGB of a miss."""
 
 _COLOUR_STEPS = np.array([0x9E3779B1, 0x85EBCA77, 0xC2B2AE3D], np.uint32)
 """Odd numbers without a pattern: neighbours in the mesh get colours that are far apart."""
@@ -37,12 +37,12 @@ _COLOUR_STEPS = np.array([0x9E3779B1, 0x85EBCA77, 0xC2B2AE3D], np.uint32)
 class Painter:
     """The artist of a `Session`: sketches by the rasteriser, pictures by the renderer and the method asked for.
 
-    scene: its first sun is the request's, its sky has the request's power; its other lights stay. chosen: a method with
-    options of its own; others have their defaults. tracing: holds for all tracers and renderers.
+    scene: its first sun is the request's, its sky has the request's power; its other lights stay. threads: of all
+    tracers and renderers, None = every core.
     """
 
-    def __init__(self, scene: Scene, chosen: Chosen, tracing: Tracing) -> None:
-        self._scene, self._chosen, self._tracing = scene, chosen, tracing
+    def __init__(self, scene: Scene, threads: int | None = None) -> None:
+        self._scene, self._threads = scene, threads
         self._lit: tuple[object, Scene] = (None, scene)
         self._sketcher: HybridRenderer | None = None
         self._made: tuple[object, Renderer] | None = None
@@ -53,9 +53,9 @@ class Painter:
         settings, scene = request.settings, self._scene_of(request.settings)
         sketcher = self._sketcher
         if sketcher is None:
-            primary = partial(RasterTracer, threads=self._tracing.threads, ties="any")
+            primary = partial(RasterTracer, threads=self._threads, ties="any")
             sketcher = HybridRenderer(
-                scene, request.camera, primary, threads=self._tracing.threads, shadow_rays=0, jitter="off"
+                scene, request.camera, primary, threads=self._threads, shadow_rays=0, jitter="off"
             )
             self._sketcher = sketcher.__enter__()
         start = perf_counter()
@@ -92,7 +92,7 @@ class Painter:
         hits = renderer.tracer.trace()
         if shade != "wrong":
             return Picture(_coloured(hits, shade), renderer.stage_s)
-        with PixelTracer(hits.mesh, request.camera, packet_width=1, **self._tracing.ours | WATERTIGHT) as single:
+        with PixelTracer(hits.mesh, request.camera, packet_width=1, threads=self._threads) as single:
             agreement = compare(hits.mesh, request.camera, hits, single.trace())
         return Picture(mark_verdicts(agreement.verdict), renderer.stage_s, f"against `rtcIntersect1`: {agreement}")
 
@@ -128,21 +128,15 @@ class Painter:
         if self._made is not None:
             self._made[1].close()
             self._made = None
-        tracing: dict[str, Any] = {"threads": self._tracing.threads, "build_quality": self._tracing.build_quality}
         primary = partial(self._primary, settings)
         kind = HybridRenderer if settings.renderer == "hybrid" else PathRenderer
-        renderer = kind(scene, camera, primary, **tracing, **options).__enter__()
+        renderer = kind(scene, camera, primary, threads=self._threads, **options).__enter__()
         self._made = made_for, renderer
         return renderer
 
     def _primary(self, settings: Settings, mesh: Mesh, view: View) -> Any:
-        method = find_method(settings.method)
-        options = self._chosen.options if self._chosen.name == method.name else method.options()
-        if method.has_cells:
-            options = replace(options, split_x=settings.split_x)
-        if method.has("robust"):
-            options = replace(options, **WATERTIGHT)
-        return method.make(mesh, view, method.resolve(options, view.width), self._tracing)
+        options: dict[str, Any] = {"split": (settings.split_x, 1)} if settings.method in WITH_CELLS else {}
+        return METHODS[settings.method](mesh, view, threads=self._threads, **options)
 
     def _scene_of(self, settings: Settings) -> Scene:
         """The scene in this light; the same value for the same light, which renderers take for no change."""

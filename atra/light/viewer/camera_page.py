@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from experiments.viewer.messages import Messages
-from experiments.viewer.request import Pose
+from atra.light.viewer.messages import Messages
+from atra.light.viewer.request import Pose
 
 if TYPE_CHECKING:
     from viser import CameraHandle, ClientHandle, GuiEvent, ViserServer
@@ -164,7 +164,7 @@ def _serve(port: int, title: str, messages: Messages) -> ViserServer:
     except ImportError:
         raise InputError("the viewer needs viser, which is not installed; run: pip install -e '.[viewer]'") from None
 
-    from experiments.viewer.gate import gated  # of what comes with viser
+    from atra.light.viewer.gate import gated  # of what comes with viser
 
     class Server(viser.ViserServer):
         def request_share_url(self, verbose: bool = True) -> None:
@@ -177,7 +177,7 @@ def _serve(port: int, title: str, messages: Messages) -> ViserServer:
             if server.get_port() == port or port == 0:
                 return server
             server.stop()  # it took the next one, since another was faster
-    raise InputError(f"port {port} is taken; choose another by view.port=..., or 0 for any that is free")
+    raise InputError(f"port {port} is taken; choose another by --port, or 0 for any that is free")
 
 
 def _is_free(port: int) -> bool:

@@ -8,12 +8,10 @@ from math import cos, radians, sin, sqrt
 
 from atra.errors import InputError
 from atra.geometry.camera import Camera, Vector
-from atra.light.checks import check_one_of, checked_number
+from atra.light.checks import check_one_of, check_whole, checked_number
 from atra.light.pictures.finish.tone import TONES
+from atra.methods import METHODS
 from atra.whole_numbers import is_whole_number
-from experiments.harness.options import check_whole_numbers
-from experiments.methods import find_method
-from experiments.methods.raster import RASTER
 
 FRAMES = ("hybrid", "path")
 SHADES = ("material", "normal", "depth", "prim_id", "occlusion", "wrong")
@@ -24,6 +22,9 @@ COLUMNS = 64
 """Picture widths are multiples of this, so each can be cut into up to as many columns of cells."""
 
 SPLITS = (2, 4, 8, 16, 32, 64)
+
+WITH_CELLS = ("aligned", "visible_first")
+"""Methods that cut the image into cells."""
 
 _WIDEST = 5.0
 """Largest ratio of the sides of a picture; a browser that opens may briefly report any page size."""
@@ -53,9 +54,9 @@ class Settings:
 
     frame: "hybrid" or "path". shade: "material", the picture; "normal", "depth", "prim_id", of what is seen;
     "occlusion", the share of the sky; "wrong", pixels that differ from `rtcIntersect1`. samples: of a resting picture.
-    side: the picture has about side x side pixels. method, split_x: of primary visibility at rest, and its columns of
-    cells where it has cells. jitter: whether samples go through different points of their pixels. exposure: stops.
-    tone: the tone map's name. denoise: whether a picture with all its samples is shown without its noise.
+    side: the picture has about side x side pixels. method, split_x: of primary visibility at rest (`atra.METHODS`), and
+    its columns of cells where it has cells. jitter: whether samples go through different points of their pixels.
+    exposure: stops. tone: the tone map's name. denoise: whether a picture with all its samples is shown without noise.
     kept: samples that hybrid pixels keep when the camera moves; 0: none, and moving pictures
     have no shadows. sun_power: 0 for no sun.
     sun_heading, sun_height: in degrees, where the sun stands, about +y and above the horizon. sun_cone: half the angle
@@ -68,7 +69,7 @@ class Settings:
     shade: str = "material"
     samples: int = 64
     side: int = 512
-    method: str = RASTER.name
+    method: str = "raster"
     split_x: int = COLUMNS
     jitter: bool = True
     shadow_rays: int = 1
@@ -91,10 +92,10 @@ class Settings:
     kept: int = 0
 
     def __post_init__(self) -> None:
-        for name, words in (("frame", FRAMES), ("shade", SHADES), ("tone", TONES)):
+        for name, words in (("frame", FRAMES), ("shade", SHADES), ("tone", TONES), ("method", tuple(METHODS))):
             check_one_of(name, getattr(self, name), words)
-        find_method(self.method)
-        check_whole_numbers(self, "", _WHOLE)
+        for name, ends in _WHOLE.items():
+            check_whole(name, getattr(self, name), *ends)
         if self.split_x not in SPLITS:
             raise InputError(f"split_x is {self.split_x}, expected one of {', '.join(map(str, SPLITS))}")
         for name, (least, most) in _RANGES.items():

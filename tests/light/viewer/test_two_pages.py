@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.viewer import test_viewer_page as one_page
-from tests.viewer.test_viewer_page import FIRST, PATIENCE_S, screenshot, wait_for
+from tests.light.viewer import test_viewer_page as one_page
+from tests.light.viewer.test_viewer_page import FIRST, PATIENCE_S, screenshot, wait_for
 
 page, browser = one_page.page, one_page.browser
 

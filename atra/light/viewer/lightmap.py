@@ -14,11 +14,11 @@ from atra.hits import Hits
 from atra.light import Atlas, BakeScene, Lightmap, ProgressiveBake, clay_view, lit_view
 from atra.light.lightmaps.finish.export import exposure_of, finished
 from atra.light.pictures.files import srgb_of
+from atra.light.viewer.camera_page import CameraPage
+from atra.light.viewer.request import Pose, Request, Settings
+from atra.light.viewer.session import REST_S
 from atra.raster.tracer import RasterTracer
 from atra.tracing.tracer import Tracer
-from experiments.viewer.camera_page import CameraPage
-from experiments.viewer.request import Pose, Request, Settings
-from experiments.viewer.session import REST_S
 
 GAP_S = 0.25
 """Seconds between two pictures while the camera rests."""

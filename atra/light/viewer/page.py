@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 from atra.errors import InputError
 from atra.light.pictures.files import png_bytes
 from atra.light.pictures.finish.tone import TONES
-from experiments.methods import METHODS, find_method
-from experiments.viewer.camera_page import CameraPage, uuid_of
-from experiments.viewer.request import FRAMES, SHADES, SPLITS, Pose, Request
-from experiments.viewer.session import WAKE_S, Artist, Frame, Session
+from atra.light.viewer.camera_page import CameraPage, uuid_of
+from atra.light.viewer.request import FRAMES, SHADES, SPLITS, Pose, Request
+from atra.light.viewer.session import WAKE_S, Artist, Frame, Session
+from atra.methods import METHODS
 
 if TYPE_CHECKING:
     from viser import ClientHandle, GuiEvent
@@ -79,7 +79,7 @@ class Page(CameraPage):
     def _add_controls(self, size: float) -> None:
         gui, now = self._server.gui, self.session.wanted.settings
         self._numbers = gui.add_markdown("preparing")
-        labels = {one.label: one.name for one in METHODS if one.is_ours and one.problem() is None}
+        labels = {name.replace("_", " "): name for name in METHODS}
         with gui.add_folder("Picture"):
             self._choice("frame", "frame", FRAMES)
             self._choice("shade", "shade", SHADES)
@@ -93,7 +93,7 @@ class Page(CameraPage):
             self.add_camera_controls()
             self.add_button("save camera", self._save_camera)
         with gui.add_folder("Primary visibility"):
-            method = gui.add_dropdown("method", tuple(labels), initial_value=find_method(now.method).label)
+            method = gui.add_dropdown("method", tuple(labels), initial_value=now.method.replace("_", " "))
             self._on_update(method, "method", labels.__getitem__)
             self._choice("split_x", "columns of cells", tuple(map(str, SPLITS)), int)
             self._box("jitter", "jitter")
