@@ -1,22 +1,27 @@
-"""The table of the law: what was measured beside what the model says with constants fitted without that scene.
+"""The law, fitted: what was measured beside what the model says with constants fitted without that scene.
 
-    python -m experiments.law.predict reports/reference/law
+    python -m experiments.law.fit FOLDER [results/law/table.parquet ...]
 
-fits and writes table.parquet from measured.parquet and looks.parquet there, what methods and looks were measured to be
-(`experiments.law.keep`); says how the targets are met, and prints the constants of all scenes.
+Rows of `sweep=law`, if tables are given, and looks at their views are put into measured.parquet and looks.parquet of
+FOLDER, from which everything else follows: table.parquet is written there, it is said how the targets are met, and the
+constants of all scenes are printed.
 """
 
 from __future__ import annotations
 
 import json
-from argparse import ArgumentParser
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from experiments.law.keep import choice_of, kept_looks
+from atra.compiled.instruction_sets import instruction_sets_here
+from atra.errors import InputError
+from atra.tracing.options import LANES
+from experiments.law.looks import choice_of, kept_looks, look_at_view, look_of
 from experiments.law.model.formulas import NANO, SEEN, WHOLE, Counts, build_terms, family, fit, frame_terms
 from experiments.law.model.looking import Look
 from experiments.law.model.memory import array_bytes, byte_terms
@@ -210,19 +215,71 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def main() -> None:
-    """Fit, report, and write the table."""
-    parser = ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path)
-    given = parser.parse_args()
-    table = gather(given.folder)
+WANTS = {"frame": "nearest", "gather": "count"}
+"""Workloads of the sweep, and what their frames ask for."""
+
+KEPT = ("embree_bytes", "bvh_bytes", "scratch_bytes", "list_bytes", "lookup_bytes")
+"""Columns of bytes that a tracer counts."""
+
+COUNTED = ("raster", "bvh", "classified")
+"""Methods whose tracers count all their bytes; of the others the look knows the arrays."""
+
+KEYS = ["instruction_set", "scene", "view"]
+
+
+def measured_rows(table: pd.DataFrame) -> pd.DataFrame:
+    """The measured points of a table of `sweep=law` as rows of measured.parquet, without the bytes of arrays."""
+    rows = table[table["status"].eq("ok") & table["workload"].isin(list(WANTS))].reset_index(drop=True)
+    widest = max(width for width in LANES if rows[f"packets_{width}_render_time_s"].notna().all())
+    time_s = rows["render_time_s"].astype(float)
+    packets_s = rows[f"packets_{widest}_render_time_s"].astype(float)
+    own_width = ~rows["method"].isin(["raster", "bvh", "classified"])
+    held = rows["instruction_set"].where(rows["instruction_set"].ne("none"))
+    same = ["scene", "view", "triangles", "width", "height", "method", "rounds", "plan_time_s", "build_time_s"]
+    return rows[same].assign(
+        instruction_set=held.fillna(instruction_sets_here()[-1]), want=rows["workload"].map(WANTS),
+        packet_width=rows["packet_width"].where(own_width, 1).astype(int), geometry=rows["geometry"].fillna(""),
+        culling=rows["culling"].astype(str), split_x=rows["split_x"].fillna(1).astype(int),
+        split_y=rows["split_y"].fillna(1).astype(int), time_s=time_s, packets_time_s=packets_s,
+        over_packets=packets_s / time_s, copies=rows["triangles_traced"],
+        bytes=sum(rows[name].fillna(0).astype(float) for name in KEPT if name in rows),
+    )  # fmt: skip
+
+
+def add_tables(folder: Path, tables: Sequence[pd.DataFrame]) -> None:
+    """Put rows of `sweep=law`, and looks at views that were not looked at, into measured.parquet and looks.parquet."""
+    measured, looked = folder / "measured.parquet", folder / "looks.parquet"
+    looks = pd.read_parquet(looked) if looked.exists() else pd.DataFrame(columns=KEYS)
+    parts = [pd.read_parquet(measured)] if measured.exists() else []
+    for rows in map(measured_rows, tables):
+        for key, of in rows.groupby(KEYS):
+            choices = [choice_of(row) for row in of.to_dict("records")]
+            row = {KEYS[0]: key[0], **look_at_view(str(key[1]), str(key[2]), int(of["width"].iloc[0]), choices)}
+            looks = pd.concat([looks[looks[KEYS].ne(key).any(axis=1)], pd.DataFrame([row])], ignore_index=True)
+            look = look_of(row)
+            rows.loc[of.index, "bytes"] += [0.0 if one.method in COUNTED else array_bytes(look, one) for one in choices]
+        rows.loc[rows["want"].ne("nearest"), "bytes"] = np.nan
+        parts.append(rows)
+    folder.mkdir(parents=True, exist_ok=True)
+    pd.concat(parts, ignore_index=True).to_parquet(measured, index=False, compression="zstd")
+    looks.to_parquet(looked, index=False, compression="zstd")
+
+
+def main(given: Sequence[str]) -> None:
+    """Add tables, fit, report, and write the table."""
+    if not given:
+        raise InputError(f"no folder is given, expected one with measured.parquet, or tables beside it\n{__doc__}")
+    folder, tables = Path(given[0]), [pd.read_parquet(one) for one in given[1:]]
+    if tables:
+        add_tables(folder, tables)
+    table = gather(folder)
     judged = leave_one_out(table)
     print(report(judged))
-    judged[list(COLUMNS)].to_parquet(given.folder / "table.parquet", index=False)
+    judged[list(COLUMNS)].to_parquet(folder / "table.parquet", index=False)
     for isa, rows in table.groupby("instruction_set"):
         rounded = {name: [float(f"{one:.3g}") for one in values] for name, values in constants_of(rows).items()}
         print(isa, json.dumps(rounded, indent=1))
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

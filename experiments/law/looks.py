@@ -1,16 +1,8 @@
-"""Looks at the measured views, and what is kept of measurements and looks, so that a fit needs no new ones.
-
-    ATRA_ISA=avx2 python -m experiments.law.keep FOLDER reports/reference/law
-
-FOLDER is that of `experiments.law.measure`. Looks at every view of the instruction set that was not looked at, then
-writes measured.parquet and looks.parquet of all that lies in FOLDER.
-"""
+"""Looks at views, kept as rows of a table, so that a fit needs neither the scenes nor new looks."""
 
 from __future__ import annotations
 
 import json
-import os
-from argparse import ArgumentParser
 from dataclasses import dataclass
 from pathlib import Path
 from time import thread_time
@@ -19,12 +11,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from experiments.law.measure import VIEWS, mesh_and_camera
+from atra.geometry.camera import Camera
+from atra.geometry.mesh import Mesh
 from experiments.law.model.choice import Choice, candidates
 from experiments.law.model.constants import machine
 from experiments.law.model.copying import Copied
 from experiments.law.model.forecasting import forecast
 from experiments.law.model.looking import Look, look_at
+from scenes.directory import PAPER_SCENES
+from scenes.generated import FAMILIES
+from scenes.loading import SceneSource, load_scene, scene_is_available
+from scenes.scene import Scene
+from scenes.views import view_fields
 
 COUNTS = ("boxes", "tested", "met")
 
@@ -77,11 +75,9 @@ def look_of(told: Any) -> Look:
     )  # fmt: skip
 
 
-def look_at_view(measured: Path, looked: Path) -> None:
-    """Write a look at a measured view."""
-    rows = pd.read_csv(measured, keep_default_na=False)
-    first = rows.iloc[0]
-    mesh, camera = mesh_and_camera(str(first["scene"]), str(first["view"]))
+def look_at_view(scene: str, view: str, size: int, choices: list[Choice]) -> dict[str, Any]:
+    """A look at a view of size x size pixels and what is copied for these choices, as a row of looks.parquet."""
+    mesh, camera = mesh_and_camera(scene, view, size)
     look_at(mesh, camera)  # loads kernels
     start = thread_time()
     look = look_at(mesh, camera)
@@ -90,10 +86,22 @@ def look_at_view(measured: Path, looked: Path) -> None:
     again = look_at(mesh, camera)
     for choice in candidates(camera):
         forecast(again, choice, "nearest", known)
-    told: dict[str, Any] = {name: str(first[name]) for name in ("instruction_set", "scene", "view")}
-    told |= {"look_s": look_s, "plan_s": thread_time() - start, "frame_s": look.raster_s}
-    told |= told_of(look, [choice_of(row) for row in rows.to_dict("records")])
-    looked.write_text(json.dumps(told), encoding="utf-8")
+    times = {"look_s": look_s, "plan_s": thread_time() - start, "frame_s": look.raster_s}
+    return {"scene": scene, "view": view, **times, **told_of(look, choices)}
+
+
+def mesh_and_camera(name: str, view: str, size: int) -> tuple[Mesh, Camera]:
+    """What a view of a scene shows. Raises InputError for one that is not on this machine."""
+    scene = scene_named(name)
+    return scene.mesh, Camera(**view_fields(scene.mesh, scene.camera, view), width=size, height=size)
+
+
+def scene_named(name: str) -> Scene:
+    """A scene of the paper, a built-in or a generated one. Raises InputError for one that is not on this machine."""
+    family = name.rpartition("_")[0]
+    made = SceneSource.generated if family in FAMILIES else SceneSource.procedural
+    source = made if scene_is_available(made, name) and name not in PAPER_SCENES else SceneSource.directory
+    return load_scene(source, name, None)
 
 
 def kept_looks(path: Path) -> dict[tuple[str, str, str], KeptLook]:
@@ -104,34 +112,3 @@ def kept_looks(path: Path) -> dict[tuple[str, str, str], KeptLook]:
         )
         for row in pd.read_parquet(path).to_dict("records")
     }
-
-
-def keep(folder: Path, kept: Path) -> None:
-    """Write measured.parquet and looks.parquet of all views that were looked at."""
-    looked = sorted(folder.glob("*.json"))
-    rows = pd.concat([pd.read_csv(one.with_suffix(".csv"), keep_default_na=False) for one in looked], ignore_index=True)
-    for name in ("bytes", "time_s", "packets_time_s", "over_packets", "plan_time_s", "build_time_s"):
-        rows[name] = pd.to_numeric(rows[name], errors="coerce")
-    rows["culling"] = rows["culling"].astype(str)
-    rows.to_parquet(kept / "measured.parquet", index=False, compression="zstd")
-    looks = pd.DataFrame([json.loads(one.read_text(encoding="utf-8")) for one in looked])
-    looks.to_parquet(kept / "looks.parquet", index=False, compression="zstd")
-
-
-def main() -> None:
-    """Look, then keep."""
-    parser = ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("kept", type=Path)
-    given = parser.parse_args()
-    isa = os.environ.get("ATRA_ISA")
-    for scene, view in VIEWS if isa else ():
-        measured = given.folder / f"{isa}-{scene}-{view}.csv"
-        if measured.exists() and not measured.with_suffix(".json").exists():
-            look_at_view(measured, measured.with_suffix(".json"))
-            print(scene, view, flush=True)
-    keep(given.folder, given.kept)
-
-
-if __name__ == "__main__":
-    main()
