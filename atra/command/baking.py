@@ -34,7 +34,7 @@ Tell = Callable[[str, bool], None]
 
 def add_bake(parser: ArgumentParser) -> None:
     """Add the arguments of `run_bake`."""
-    parser.usage = "atra bake MESH [--option value ...], as in: atra bake room.glb --samples 256 --size 1024"
+    parser.usage = "atra bake MESH [--option value ...], as in: atra bake room.glb --size 512"
     add_scene(parser)
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="folder of the files (default: MESH_baked)")
     parser.add_argument("--samples", type=int, default=SAMPLES, help=f"samples of each texel (default: {SAMPLES})")
@@ -154,7 +154,8 @@ def _bake_live(baker: Baker, given: Namespace, camera: Camera) -> None:
 
     first = Pose(camera.eye, camera.target, camera.up, camera.fov_y_degrees)
     progress, name = ProgressiveBake(baker, given.samples), printable(given.mesh.name)
-    arguments = progress, baker.scene, baker.texels.atlas, given.samples, first, given.port, name
-    with closing(LightmapPage(*arguments, threads=given.threads)) as page, progress:
+    shown = progress, baker.scene, baker.texels.atlas, given.samples
+    page = LightmapPage(*shown, first=first, port=given.port, title=name, threads=given.threads)
+    with closing(page), progress:
         print(f"viewer: {page.address} shows {name}; Ctrl-C ends it, and what there is is written", flush=True)
         page.run()

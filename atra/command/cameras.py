@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from argparse import Namespace
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
@@ -69,9 +70,8 @@ def one_camera(given: Any, mesh: Mesh, own: Mapping[str, View]) -> Camera:
 
     Raises InputError for several cameras, for one of another kind, and as `chosen_cameras` does.
     """
-    given.size = None
     broken: Broken = {}
-    found = chosen_cameras(given, mesh, own, broken)
+    found = chosen_cameras(Namespace(**{**vars(given), "size": None}), mesh, own, broken)
     if len(found) + len(broken) != 1:
         names = ", ".join(map(repr, [*found, *broken]))
         raise InputError(f"{given.camera} holds {len(found) + len(broken)} cameras ({names}), expected one")

@@ -28,7 +28,7 @@ def add_page(parser: ArgumentParser) -> None:
 
 def add_view(parser: ArgumentParser) -> None:
     """Add the arguments of `run_view`."""
-    parser.usage = "atra view MESH [--option value ...], as in: atra view model.glb --sky sky.hdr"
+    parser.usage = "atra view MESH [--option value ...], as in: atra view model.glb --port 0"
     add_scene(parser)
     add_page(parser)
     parser.add_argument(

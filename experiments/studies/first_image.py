@@ -12,6 +12,7 @@ import os
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from atra.errors import InputError
 from experiments.harness.environment import package_version
@@ -48,7 +49,7 @@ def first_answers(asked: list[str]) -> list[Row]:
     mesh = atra.Mesh(corners, np.array([face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))], np.uint32))
     camera = atra.Camera((2, 3, 4), (0, 0, 0), width=256, height=256)
     points = np.full((1000, 3), 3.0, np.float32)
-    tracers = {"raster": atra.RasterTracer, "packets": atra.PixelTracer}
+    tracers: Any = {"raster": atra.RasterTracer, "packets": atra.PixelTracer}
     for name in asked:
         if name in tracers:
             tracer = tracers[name](mesh, camera)
@@ -79,7 +80,11 @@ def study(
     """
     if state not in ("cold", "warm"):
         raise InputError(f"state is {state!r}, expected cold or warm")
-    columns = {"source": source, "state": state, "instruction_set": os.environ.get("ATRA_ISA", "native")}
+    columns: dict[str, Any] = {
+        "source": source,
+        "state": state,
+        "instruction_set": os.environ.get("ATRA_ISA", "native"),
+    }
     columns |= {"commit": commit, "numba": package_version("numba")}
     for number, asked in enumerate(ANSWERS):
         with TemporaryDirectory() as kept:

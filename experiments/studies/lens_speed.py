@@ -59,9 +59,10 @@ Frames = Mapping[str, Callable[[], Any]]
 
 def timed(what: str, lens: str, source: str, size: int, threads: int, runs: int) -> list[Row]:
     """Milliseconds of every frame of a scene through a lens, or of "bop". Run in a process of its own."""
-    from experiments.studies import lens_speed
+    from importlib import import_module
 
-    return lens_speed.measure(what, lens, source, size, threads, runs)
+    rows: list[Row] = import_module("experiments.studies.lens_speed").measure(what, lens, source, size, threads, runs)
+    return rows
 
 
 def measure(what: str, lens: str, source: str, size: int, threads: int, runs: int) -> list[Row]:

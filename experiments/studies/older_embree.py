@@ -192,9 +192,9 @@ class _Embree3:
 
 def medians(library: str, rounds: int) -> list[Row]:
     """What `measure` finds. Run in a process of its own."""
-    from experiments.studies.older_embree import measure
+    from importlib import import_module
 
-    return [measure(library, rounds)]
+    return [import_module("experiments.studies.older_embree").measure(library, rounds)]
 
 
 def measure(path: str, rounds: int) -> dict[str, Any]:

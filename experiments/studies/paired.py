@@ -56,7 +56,7 @@ def frames(scene: str, camera: dict[str, Any], asked: list[str], count: int, siz
         try:
             from experiments.methods.culled.tracer import TiledTracer
         except ImportError:  # older versions
-            from atra import TiledTracer
+            from atra import TiledTracer  # type: ignore[attr-defined, no-redef]
         return TiledTracer
 
     def hybrid() -> Any:

@@ -61,7 +61,7 @@ def _told(function: Callable[..., Sequence[Row]], turn: Turn) -> list[Row]:
     with TemporaryDirectory() as folder:
         done = subprocess.run(
             [turn.python, "-c", text, json.dumps(turn.arguments)], cwd=folder, capture_output=True, text=True,
-            env=os.environ | path | {"ATRA_QUIET": "1"} | turn.environment,
+            env={**os.environ, **path, "ATRA_QUIET": "1", **turn.environment},
         )  # fmt: skip
     if done.returncode:
         raise RuntimeError(f"{function.__name__} failed in {turn.folder or turn.python}: {done.stderr[-2000:]}")

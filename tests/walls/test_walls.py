@@ -278,6 +278,9 @@ def test_a_folder_is_not_too_full(folder):
 NAMED_TUPLE = ("_replace", "_asdict", "_fields")
 """Public in spite of their underscore."""
 
+OF_VISER = ("_impl",)
+"""The viewer needs identifiers of controls, for which viser has no public name."""
+
 
 def private_names(path):
     """Names with an underscore that a file takes from other modules or from objects that are not its own `self`."""
@@ -287,7 +290,7 @@ def private_names(path):
         elif isinstance(node, ast.Attribute) and node.attr.startswith("_") and not node.attr.endswith("__"):
             owner = node.value.func if isinstance(node.value, ast.Call) else node.value
             own = isinstance(owner, ast.Name) and owner.id in ("self", "cls", "super")
-            if not own and node.attr not in NAMED_TUPLE:
+            if not own and node.attr not in (*NAMED_TUPLE, *OF_VISER):
                 yield node.attr
 
 

@@ -33,7 +33,7 @@ class LightmapPage(CameraPage):
     """
 
     def __init__(
-        self, bake: ProgressiveBake, scene: BakeScene, atlas: Atlas, target: int, first: Pose, port: int, title: str,
+        self, bake: ProgressiveBake, scene: BakeScene, atlas: Atlas, target: int, *, first: Pose, port: int, title: str,
         side: int = 512, threads: int | None = None,
     ) -> None:  # fmt: skip
         super().__init__(port, title, float(np.linalg.norm(np.ptp(scene.mesh.bounds, axis=0))))

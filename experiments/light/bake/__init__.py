@@ -50,8 +50,8 @@ class BakeSettings(UnderSky):
     occupancy: float | None = option(
         None, "share of the map that is lit, by empty rows; null: what xatlas makes", null="any"
     )
-    samples: int = whole(16, "of a texel, in a round", 1, 1 << 20)
-    final_samples: int = whole(512, "samples of a finished map, which nobody waits for", 1, 1 << 20)
+    samples: int = whole(16, "samples per texel and round", 1, 1 << 20)
+    final_samples: int = whole(512, "samples per texel of a finished map, made after the rounds", 1, 1 << 20)
     bounces = taken(BakeOptions)
     roulette_from = taken(BakeOptions)
     materials: str = option(
@@ -60,7 +60,7 @@ class BakeSettings(UnderSky):
         "`atra render` shows the scene",
         choices=("plain", "own"),
     )
-    albedo: float | None = option(None, "of all faces; null: the scene's own", null="own")
+    albedo: float | None = option(None, "albedo of all faces; null: the scene's own", null="own")
     panorama: bool = option(False, "whether the sky is a panorama with a sun in it, and the only light")
     environment = taken(BakeOptions)
     lamps: int = whole(0, "point lights all over the scene, in place of its own; 0: its own", 0, 1 << 16)
@@ -72,7 +72,7 @@ class BakeSettings(UnderSky):
     batch_rays = taken(BakeOptions)
     expansion = taken(BakeOptions)
     denoise: bool = option(False, "whether the finished map is denoised")
-    against: str = option("nothing", "what a round is held against in the same rounds", choices=AGAINST)
+    against: str = option("nothing", "bake that is timed beside, in the same rounds", choices=AGAINST)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -180,9 +180,9 @@ BAKE = Workload(
         *statistics_columns("bake_time{}_s", "a round of samples of the texels that come first", series(OWN)),
         *statistics_columns("rays_per_s{}", "rays that were traced in a second", _RAYS),
         *statistics_columns("paths_per_s{}", "paths from texels in a second", _rays_per_s(OWN, "paths_per_round")),
-        *statistics_columns("speedup_vs_other{}", "what it is held against / this", over_own(series(OTHER))),
+        *statistics_columns("speedup_vs_other{}", "time of the other bake / time of this one", over_own(series(OTHER))),
         *statistics_columns(
-            "speedup_vs_best_other{}", "the same, Mitsuba's first rays as what they are", _result("best_other_ratio")
+            "speedup_vs_best_other{}", "speedup_vs_other, Mitsuba's first rays as they are", _result("best_other_ratio")
         ),
         *statistics_columns("rays_speedup_vs_other{}", "rays/s, this / the other's", over(_RAYS, _OTHER_RAYS)),
         *statistics_columns("quality_vs_other{}", "time to an error, the other's / this", _quality),
@@ -195,26 +195,26 @@ BAKE = Workload(
         Column("rays_per_round", WHOLE, "rays that a round traces"),
         Column("other_light_ratio", REAL, "mean light of all texels, Mitsuba's / this"),
         Column("other_light_error", REAL, "standard error of other_light_ratio"),
-        Column("lane_utilisation", REAL, "of the lanes of all stages that trace, those with a ray"),
-        Column("batch_fill", REAL, "of the rays that a batch has room for, those that texels start in it"),
-        *(Column(f"{stage}_s", REAL, f"of a round, in the stage {stage}") for stage in STAGES),
+        Column("lane_utilisation", REAL, "share of SIMD lanes with a ray, in stages that trace"),
+        Column("batch_fill", REAL, "share of a batch's room that texels fill with rays"),
+        *(Column(f"{stage}_s", REAL, f"time of stage {stage} in a round") for stage in STAGES),
         *(
-            Column(f"{kind}time_to_rmse_{percent}_s", REAL, f"until the error {of} is {percent} %, by its variance")
+            Column(f"{kind}time_to_rmse_{percent}_s", REAL, f"time until the error {of} is {percent} %")
             for kind, of in (("", "of the map"), ("visible_", "of what the view shows"))
             for percent in THRESHOLDS
         ),
         Column("error_over_forecast", REAL, "difference of two independent maps / what their variances forecast"),
-        Column("buffer_bytes", WHOLE, "rays in flight"),
-        Column("texels", WHOLE, "that are lit"),
-        Column("charts", WHOLE, "in the map"),
+        Column("buffer_bytes", WHOLE, "memory of the rays in flight"),
+        Column("texels", WHOLE, "texels that are lit"),
+        Column("charts", WHOLE, "charts in the map"),
         Column("texels_lost", WHOLE, "faces without a texel"),
         Column("map_occupancy", REAL, "share of the map that is lit"),
-        Column("visible_share", REAL, "of its texels, those that the view shows"),
-        Column("culling_map_s", REAL, "finding these by the point's method"),
-        Column("atlas_s", REAL, "making charts and texels"),
+        Column("visible_share", REAL, "share of the texels that the view shows"),
+        Column("culling_map_s", REAL, "time to find the visible texels"),
+        Column("atlas_s", REAL, "time to make charts and texels"),
         Column("seam_step_ratio", REAL, "difference of both sides of seams, after / before stitching"),
         Column("denoised_ratio", REAL, "error denoised / raw of 4 x as many samples, the same in every process"),
-        Column("denoise_s", REAL, "denoising the map"),
+        Column("denoise_s", REAL, "time to denoise the map"),
         Column("adaptive_bias", REAL, "mean light of an adaptive map / of an independent full one, less 1"),
         Column("adaptive_bias_error", REAL, "standard error of adaptive_bias"),
         Column("adaptive_left_out", REAL, "share of the samples of a full map that an adaptive one leaves out"),

@@ -186,7 +186,7 @@ RENDER = Workload(
         *statistics_columns("primary_time{}_s", "primary visibility of a picture", series(primary(OWN))),
         *statistics_columns("speedup_forecast{}", "the gain over packets that Amdahl's law forecasts", _forecast),
         *statistics_columns("speedup_over_forecast{}", "the gain over packets / its forecast", _over_forecast),
-        *(Column(stage_column(name), REAL, f"of a picture: {help}", _stage(name)) for name, help in STAGES.items()),
+        *(Column(stage_column(name), REAL, f"in a picture: {help}", _stage(name)) for name, help in STAGES.items()),
         Column("stages_over_frame", REAL, "sum of all stages / time of a picture"),
         Column(
             "outside_embree", REAL, "share of a picture's time outside primary visibility and Embree",

@@ -52,7 +52,7 @@ def page(monkeypatch):
     monkeypatch.setattr(camera_page, "LEAVE_S", 0.5)
     with Baker(SCENE, ATLAS, threads=1) as baker:
         bake = ProgressiveBake(baker, TARGET)
-        one = Shown(bake, SCENE, ATLAS, TARGET, FIRST, 0, "the box", side=64, threads=1)
+        one = Shown(bake, SCENE, ATLAS, TARGET, first=FIRST, port=0, title="the box", side=64, threads=1)
         thread = threading.Thread(target=one.run)
         with bake:
             thread.start()
