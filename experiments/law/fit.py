@@ -228,8 +228,10 @@ KEYS = ["instruction_set", "scene", "view"]
 
 
 def measured_rows(table: pd.DataFrame) -> pd.DataFrame:
-    """The measured points of a table of `sweep=law` as rows of measured.parquet, without the bytes of arrays."""
-    rows = table[table["status"].eq("ok") & table["workload"].isin(list(WANTS))].reset_index(drop=True)
+    """The measured points of a table of `sweep=law` as rows of measured.parquet, without the bytes of arrays. Scenes that
+    stand for others are left out."""
+    own = table["stands_for"].isna() if "stands_for" in table else True
+    rows = table[table["status"].eq("ok") & table["workload"].isin(list(WANTS)) & own].reset_index(drop=True)
     widest = max(width for width in LANES if rows[f"packets_{width}_render_time_s"].notna().all())
     time_s = rows["render_time_s"].astype(float)
     packets_s = rows[f"packets_{widest}_render_time_s"].astype(float)

@@ -75,7 +75,7 @@ def test_instances_and_culling_are_told_apart():
 
 @pytest.mark.usefixtures("figures_unsaved")
 def test_a_measured_sweep_becomes_rows_and_looks_that_are_fitted(tmp_path):
-    given = ["scene=cornell_box,needles", "width=32", "height=32", "measure.rounds=3", "method.packet_width=null"]
+    given = ["scene=three_holes,needles", "width=32", "height=32", "measure.rounds=3", "method.packet_width=null"]
     aligned = ["method.split_x=4", "method.split_y=1", "method.culling=true", "method.geometry=copied"]
     done = run_here(tmp_path, "sweep=law", *given, "method=pixel,raster,aligned", *aligned)
     assert done.returncode == 0, done.stderr
