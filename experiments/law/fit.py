@@ -228,8 +228,8 @@ KEYS = ["instruction_set", "scene", "view"]
 
 
 def measured_rows(table: pd.DataFrame) -> pd.DataFrame:
-    """The measured points of a table of `sweep=law` as rows of measured.parquet, without the bytes of arrays. Scenes that
-    stand for others are left out."""
+    """The measured points of a table of `sweep=law` as rows of measured.parquet, without the bytes of arrays. Scenes
+    that stand for others are left out."""
     own = table["stands_for"].isna() if "stands_for" in table else True
     rows = table[table["status"].eq("ok") & table["workload"].isin(list(WANTS)) & own].reset_index(drop=True)
     widest = max(width for width in LANES if rows[f"packets_{width}_render_time_s"].notna().all())
@@ -251,20 +251,20 @@ def measured_rows(table: pd.DataFrame) -> pd.DataFrame:
 def add_tables(folder: Path, tables: Sequence[pd.DataFrame]) -> None:
     """Put rows of `sweep=law`, and looks at views that were not looked at, into measured.parquet and looks.parquet."""
     measured, looked = folder / "measured.parquet", folder / "looks.parquet"
-    looks = pd.read_parquet(looked) if looked.exists() else pd.DataFrame(columns=KEYS)
+    kept = pd.read_parquet(looked).to_dict("records") if looked.exists() else []
+    looks: dict[Any, Any] = {tuple(row[name] for name in KEYS): row for row in kept}
     parts = [pd.read_parquet(measured)] if measured.exists() else []
     for rows in map(measured_rows, tables):
         for key, of in rows.groupby(KEYS):
             choices = [choice_of(row) for row in of.to_dict("records")]
             row = {KEYS[0]: key[0], **look_at_view(str(key[1]), str(key[2]), int(of["width"].iloc[0]), choices)}
-            looks = pd.concat([looks[looks[KEYS].ne(key).any(axis=1)], pd.DataFrame([row])], ignore_index=True)
-            look = look_of(row)
+            looks[key], look = row, look_of(row)
             rows.loc[of.index, "bytes"] += [0.0 if one.method in COUNTED else array_bytes(look, one) for one in choices]
         rows.loc[rows["want"].ne("nearest"), "bytes"] = np.nan
         parts.append(rows)
     folder.mkdir(parents=True, exist_ok=True)
     pd.concat(parts, ignore_index=True).to_parquet(measured, index=False, compression="zstd")
-    looks.to_parquet(looked, index=False, compression="zstd")
+    pd.DataFrame(list(looks.values())).to_parquet(looked, index=False, compression="zstd")
 
 
 def main(given: Sequence[str]) -> None:
