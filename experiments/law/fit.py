@@ -18,9 +18,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from atra.compiled.instruction_sets import instruction_sets_here
+from atra.compiled.instruction_sets import LANES, instruction_sets_here
 from atra.errors import InputError
-from atra.tracing.options import LANES
 from experiments.law.looks import choice_of, kept_looks, look_at_view, look_of
 from experiments.law.model.formulas import NANO, SEEN, WHOLE, Counts, build_terms, family, fit, frame_terms
 from experiments.law.model.looking import Look

@@ -6,8 +6,6 @@ from collections.abc import Mapping, Sequence
 from numbers import Integral
 from typing import Any
 
-from atra.geometry.mesh import Mesh
-from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import Agreement, compare
 from experiments.harness.column import REAL, WHOLE, Column
@@ -58,9 +56,9 @@ def say_holes(row: Mapping[str, Any]) -> str:
     return f", of them {' and '.join(words)}" if words else ""
 
 
-def compared(mesh: Mesh, camera: View, own: Hits, single: Hits) -> dict[str, float]:
+def compared(own: Hits, single: Hits) -> dict[str, float]:
     """Verdicts on the pixels of an image beside that of single rays, and depth errors of both."""
-    agreements = [compare(mesh, camera, own, single)]
+    agreements = [compare(own, single)]
     return counts(agreements) | depth_errors(agreements)
 
 

@@ -61,7 +61,7 @@ def measure(point: Point) -> Measured:
         own, frames = tracers[OWN], {name: rounds.Frames(tracer) for name, tracer in tracers.items()}
 
         def compare() -> dict[str, Any]:
-            images = compared(own.mesh, own.camera, frames[OWN].latest(), frames[SINGLE].latest())
+            images = compared(frames[OWN].latest(), frames[SINGLE].latest())
             return images | rounds.plan_and_build_again(own)
 
         return rounds.race(point, frames, compare, results)

@@ -141,8 +141,8 @@ def measure(point: Point) -> Measured:
 
         def compare_last() -> dict[str, Any]:
             single, kept = frames[SINGLE].latest(), frames[KEPT].latest()
-            of_kept = compare(own.mesh, single.camera, kept, single)
-            return compared(own.mesh, single.camera, frames[OWN].latest(), single) | {
+            of_kept = compare(kept, single)
+            return compared(frames[OWN].latest(), single) | {
                 "plan_time_s": own.plan_time_s,
                 "build_time_s": own.build_time_s,
                 "kept_pixels_wrong": of_kept.pixels_wrong,

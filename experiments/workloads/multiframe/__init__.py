@@ -18,10 +18,9 @@ from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import compare
 from atra.tracing.lifetime import Lifetime
-from atra.tracing.options import option
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.method import AnyTracer
-from experiments.harness.options import Settings, settings
+from experiments.harness.options import Settings, option
 from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
 from experiments.methods.aligned import ALIGNED
@@ -39,7 +38,7 @@ SEPARATE, SEPARATE_VISIBLE, SEPARATE_RASTER = "separate", "visible_first", "rast
 """Names in the samples: one aligned tracer a frame, one visible-first tracer a frame, and one rasteriser a frame."""
 
 
-@settings
+@dataclass(frozen=True)
 class MultiframeOptions(Settings):
     """Raises InputError for fewer than two frames, and for two eyes of any other number."""
 
@@ -216,7 +215,7 @@ def measure(point: Point) -> Measured:
 
         def compare_all() -> dict[str, Any]:
             pairs = zip(frames[OWN].latest().images, frames[SINGLE].latest().images, strict=True)
-            agreements = [compare(hits.mesh, hits.camera, hits, reference) for hits, reference in pairs]
+            agreements = [compare(hits, reference) for hits, reference in pairs]
             return counts(agreements) | depth_errors(agreements) | rounds.plan_and_build_again(own)
 
         return rounds.race(point, frames, compare_all, results)
