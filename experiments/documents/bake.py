@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from typing import Any
 
 from experiments.documents.quotation import SCENES, Kept, interval, line, of, table_row
+from experiments.light.bake import RARE, STAGES
+from experiments.light.bake.claims import CLAIMS
 from experiments.light.bake_rays.shown import CLAIMS as PREDICTIONS
 from experiments.results.claims import judge_claim
-from experiments.workloads.bake import RARE, STAGES
-from experiments.workloads.bake.claims import CLAIMS
 
 _OF_OTHERS = {
     "finishing": ("target-denoised", "target-seams"), "buffers": ("buffers",),

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from experiments.documents.quotation import TIMES, Kept, digits, table_row
+from experiments.law.fit import choices_of, errors_of, named_if_known
 from experiments.law.model.defaults import DEFAULTS
 from experiments.law.model.formulas import IN_CACHE
-from experiments.law.predict import choices_of, errors_of, named_if_known
 from experiments.law.tiles import WAYS, fastest
 
 SETS = ("avx512", "avx2")

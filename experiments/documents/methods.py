@@ -25,7 +25,7 @@ from experiments.documents.quotation import (
     table_row,
 )
 from experiments.methods import find_method
-from experiments.paired import ratios
+from experiments.studies.paired import ratios
 from experiments.workloads.frame.break_even import baseline_costs, break_even_interval, cost_of
 from experiments.workloads.frame.exponents import exponents
 from experiments.workloads.frame.growth import growth_panels, growths

@@ -6,9 +6,9 @@ from collections.abc import Iterable
 from typing import Any
 
 from experiments.documents.quotation import SCENES, TIMES, Kept, digits, of, table_row
-from experiments.paper.candidates import ASKED_FOR, Candidate, Gain, candidates
 from experiments.paper.conclusion import scene_gains
-from experiments.paper.older_embree import gains
+from experiments.studies.candidates import ASKED_FOR, Candidate, Gain, candidates
+from experiments.studies.older_embree import gains
 
 
 def measured_points(kept: Kept) -> Iterable[str]:

@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from experiments.documents.quotation import SCENES, Kept, digits, estimate, interval, milliseconds, of, span, table_row
-from experiments.equal_error.measure import BEFORE, FAST, MITSUBA, OURS
+from experiments.light.equal_error.measure import BEFORE, FAST, MITSUBA, OURS
 from experiments.methods.peers.llvmpipe import LLVMPIPE
 
 _ALL_SCENES = (*SCENES, "weekend")

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.equal_error.figure import errors_figure
-from experiments.equal_error.measure import (
+from experiments.light.equal_error.figure import errors_figure
+from experiments.light.equal_error.measure import (
     BEFORE,
     FAST,
     MITSUBA,

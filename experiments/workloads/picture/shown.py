@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from atra.judge.compare import Verdict
+from atra.judge.marks import COLOURS
 from experiments.drawing.figure import Figure, FigureKind, Mark, Panel
-from experiments.drawing.shading import DIFFERENCE_COLOURS
 from experiments.methods.naming import best_of
 from experiments.results.table import workload_rows
 from experiments.workloads.panels import figure_of, make_panels
@@ -69,7 +69,7 @@ def differences_figure(rows: pd.DataFrame, pictures: Sequence[ScenePictures]) ->
 
 _MARKS = [
     Mark(_MEANINGS[kind], 0.0, 0.0, {"marker": _SHAPES[kind], "color": tuple(np.array(color) / 255)})
-    for kind, color in DIFFERENCE_COLOURS.items()
+    for kind, color in COLOURS.items()
 ]
 
 
