@@ -138,7 +138,7 @@ def other_instruction_sets(kept: Kept) -> Iterable[str]:
         yield line(name, rasteriser_held_to(kept, held), "speedup_vs_packets", interval)
 
 
-def rasteriser_held_to(kept: Kept, instruction_set: Any) -> Iterable[str]:
+def rasteriser_held_to(kept: Kept, instruction_set: Any) -> Any:
     return best_of_each(of(kept.points, workload="frame", instruction_set=instruction_set), method="raster")
 
 
