@@ -120,6 +120,8 @@ WALLS = (
     Wall("experiments.drawing",
          below("experiments", "harness", "methods", "workloads", "results", "report", "paper"),
          reason="drawing knows no method, workload or peer"),
+    Wall("experiments", ("matplotlib",), apart_from=("experiments.drawing.render", "experiments.law.figures"),
+         reason="a figure is a value; one module draws them all"),
     Wall("experiments.results",
          ("experiments.drawing", "experiments.report", "experiments.paper", "matplotlib", *WORKLOAD_ROOMS),
          reason="results know no figure"),

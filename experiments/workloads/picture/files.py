@@ -75,4 +75,5 @@ def _of_record(records: Path, point_id: str) -> dict[str, Any] | None:
 
 def _kept(folder: Path, scene: str) -> dict[str, Any] | None:
     paths = {name: folder / f"{scene}_{name}.png" for name in ("aligned", "pixel", "difference")}
-    return {name: path.read_bytes() for name, path in paths.items()} if paths["aligned"].exists() else None
+    are_kept = all(path.exists() for path in paths.values())
+    return {name: path.read_bytes() for name, path in paths.items()} if are_kept else None
