@@ -1,11 +1,14 @@
-"""Options as typed values, some of them the library's, as plain values for JSON, and as types that Hydra knows."""
+"""Options as typed values, some of them the library's, and as plain values for JSON.
+
+The library is imported only by options that are taken from it: the help of the command line has no time for Numba.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass, field, fields, make_dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field, fields
 from enum import Enum
-from functools import partial
+from functools import cache
 from typing import (
     TYPE_CHECKING,
     Any,
@@ -19,11 +22,26 @@ from typing import (
 )
 
 from atra.errors import InputError
-from atra.tracing.options import Choices, check_choices, option, option_of, types_of
-from atra.whole_numbers import is_whole_number
-from experiments.harness.column import default_of
+
+if TYPE_CHECKING:
+    from atra.tracing.options import Choices
 
 Type = TypeVar("Type", bound=type)
+
+
+def types_of(options: type) -> dict[str, Any]:
+    """The types of an options type's fields, by name."""
+    return _read_types(options)
+
+
+_read_types = cache(get_type_hints)
+"""Reading them takes longer than checking options by them."""
+
+
+def option(default: Any, help: str, *, choices: tuple[Any, ...] = (), unit: str = "", null: str | None = None) -> Any:
+    """An option. choices: the values there are, beside null where the type allows it; (): any of its type. unit: of a
+    number. null: what tables show for null where it is a choice like any other."""
+    return field(default=default, metadata={"help": help, "choices": choices, "unit": unit, "null": null})
 
 
 def whole(default: Any, help: str, least: int, most: int | None = None) -> Any:
@@ -34,7 +52,7 @@ def whole(default: Any, help: str, least: int, most: int | None = None) -> Any:
 
 
 class Settings:
-    """Options of a method or of a workload, some of which may be taken from the library (`taken`, `taking_all`).
+    """Options of a method or of a workload, some of which may be taken from the library (`taken`).
 
     section: where they stand on the command line. Raises InputError, naming a field as it is written there, for a value
     that is none of its choices or outside its range. The fields taken from the library are unknown to type checkers,
@@ -44,6 +62,8 @@ class Settings:
     section: ClassVar[str] = "workload"
 
     def __post_init__(self) -> None:
+        from atra.tracing.options import check_choices
+
         check_choices(self, f"{self.section}.", "null")
         ranges = {name: one.metadata.get("range") for name, one in self.__dataclass_fields__.items()}
         given = {name: one for name, one in ranges.items() if one and getattr(self, name) is not None}
@@ -76,6 +96,8 @@ def settings(cls: Type) -> Type:
     hints: dict[str, Any] = {}
     for name, value in values.items():
         if isinstance(value, _Taken):
+            from atra.tracing.options import option_of
+
             hints[name] = types_of(value.kind)[value.name or name]
             setattr(cls, name, option_of(value.kind, value.name or name, **value.changes))
         elif name in annotations:
@@ -85,38 +107,13 @@ def settings(cls: Type) -> Type:
     return made  # type: ignore[no-any-return]
 
 
-def taking_all(
-    kind: type[Choices], but: Iterable[str], names: Mapping[str, str], defaults: Mapping[str, Any]
-) -> Callable[[Type], Type]:
-    """Makes `settings` of a class, which begin with all options of the library's type `kind` that no base class has.
-
-    but: options that are left out. names: what an option is called here, where that is another name. defaults: where
-    they are others than the library's. An option that the class states itself is that of the class.
-    """
-    left_out = set(but)
-
-    def made(cls: Type) -> Type:
-        own = {name: vars(cls)[name] for name in cls.__annotations__ if name in vars(cls)}
-        for name in own:
-            delattr(cls, name)
-        known = getattr(cls, "__dataclass_fields__", {})
-        found: dict[str, Any] = {}
-        for one in fields(kind):
-            name = names.get(one.name, one.name)
-            if one.name not in left_out and name not in known:
-                found[name] = taken(kind, one.name, default=defaults.get(one.name, one.default))
-        for name, value in (found | own).items():  # one that is both stays in its place
-            setattr(cls, name, value)
-        return settings(cls)
-
-    return made
-
-
 def check_whole_numbers(options: Any, path: str, ranges: Mapping[str, tuple[int, int | None]]) -> None:
     """Raise InputError for a field that is no whole number from the least to the most that it may be, None = any.
 
     path: of the options on the command line, as "workload.".
     """
+    from atra.whole_numbers import is_whole_number
+
     for name, (least, most) in ranges.items():
         value = getattr(options, name)
         if not is_whole_number(value) or value < least or (most is not None and value > most):
@@ -165,28 +162,6 @@ def _typed(hint: Any, value: Any) -> Any:
     if enum is not None and value is not None:
         return value if isinstance(value, enum) else enum(value)
     return tuple(_typed(None, one) for one in value) if isinstance(value, list | tuple) else value
-
-
-def schema(group: str, named: Named) -> type:
-    """The options with the name before them, as a dataclass that Hydra can fill: not frozen, and without checks.
-
-    Lists stand for tuples, which OmegaConf does not know. It is called what chooses it on the command line.
-    """
-    hints = get_type_hints(named.options)
-    own = [
-        (one.name, hints[one.name], field(default_factory=partial(default_of, one))) for one in fields(named.options)
-    ]
-    return make_dataclass(f"{group}={named.name}", [("name", str, field(default=named.name)), *own])
-
-
-def say_unknown_field(kind: type, path: str) -> str:
-    """That `kind` has no such field, and which it has. path: with those it stands in, as "method.split_x"."""
-    section, _, name = path.rpartition(".")
-    is_schema = "=" in kind.__name__
-    owner = kind.__name__ if is_schema else section
-    names = [one.name for one in fields(kind)][is_schema:]  # the first of a schema is its name
-    expected = f"expected {'one of ' * (len(names) > 1)}{', '.join(names)}" if names else "which has none"
-    return f"unknown field {name!r}{' of ' * bool(owner)}{owner}, {expected}"
 
 
 def say_options(group: str, named: Named) -> str:

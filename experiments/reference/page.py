@@ -9,9 +9,11 @@ from dataclasses import Field, fields, is_dataclass
 from pathlib import Path
 from typing import Any, get_type_hints
 
+from omegaconf import OmegaConf
+
 from atra.command.render import add_render
 from experiments.harness.column import TEXT, Column, option_columns
-from experiments.harness.configuration import Action, Configuration
+from experiments.harness.configuration import CONFIGURATION, Configuration
 from experiments.harness.method import Method
 from experiments.harness.point import Workload
 from experiments.methods import METHODS
@@ -19,7 +21,6 @@ from experiments.reference.names import (
     choices_of,
     code,
     help_of,
-    paragraphs,
     public_names,
     say_default,
     say_type,
@@ -48,7 +49,7 @@ def command_line() -> str:
         for one in parser._actions
         if one.default != SUPPRESS
     ]
-    verbs = [(code(verb), what) for verb, what in _said_of_actions()]
+    verbs = [(code(verb), what) for verb, what in _said_of_verbs()]
     return "\n".join(
         [
             "## Command line\n",
@@ -61,12 +62,10 @@ def command_line() -> str:
     )
 
 
-def _said_of_actions() -> Iterator[tuple[str, str]]:
-    """ "verb = what it does; verb = ..." of the Action's docstring."""
-    (_, listed) = paragraphs(Action.__doc__)
-    for one in listed.rstrip(".").split("; "):
-        verb, _, what = one.partition(" = ")
-        yield Action(verb).value, what
+def _said_of_verbs() -> Iterator[tuple[str, str]]:
+    """Verbs and what they do, by the help of the command line."""
+    header = OmegaConf.load(CONFIGURATION / "config.yaml").hydra.help.header
+    yield from re.findall(r"^python run\.py ([a-z][a-z-]*) (?:.*?\S)?  +(\S.*)$", header, re.MULTILINE)
 
 
 def configuration_keys() -> str:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from numbers import Integral
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from atra.judge.compare import Agreement
 from experiments.harness.column import REAL, WHOLE, Column
+
+if TYPE_CHECKING:
+    from atra.judge.compare import Agreement
 
 PIXELS = ("pixels_equal", "pixels_tied", "pixels_edge", "pixels_wrong")
 

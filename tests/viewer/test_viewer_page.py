@@ -15,14 +15,11 @@ from dataclasses import replace
 import numpy as np
 import psutil
 import pytest
-from hydra import compose, initialize_config_dir
 from PIL import Image
 
 from atra.command.cameras import read_cameras
 from atra.errors import InputError
-from experiments.harness.configuration import read_configuration, register_schema
-from experiments.registry import known_kinds
-from experiments.sweeper import register_sweeper
+from experiments.configure import configure
 from experiments.viewer import camera_page, command
 from experiments.viewer.camera_page import HOST
 from experiments.viewer.command import run_view
@@ -98,10 +95,7 @@ def test_without_viser_one_line_says_what_to_install(monkeypatch):
 
 
 def viewed(*overrides):
-    register_schema(known_kinds())
-    register_sweeper()
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        run_view(read_configuration(compose("config", ["+verb=view", *overrides]), known_kinds()))
+    run_view(configure(["+verb=view", *overrides]))
 
 
 @pytest.mark.parametrize(("override", "told"), [

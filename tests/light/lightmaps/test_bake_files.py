@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import trimesh
-from hydra import compose, initialize_config_dir
 from PIL import Image
 
 import atra
@@ -18,9 +17,7 @@ from atra.light import Baker, BakeScene, ProgressiveBake, Surface, save_maps, sa
 from atra.light.lightmaps.maps import LIGHTS
 from examples import bake
 from experiments.commands import making
-from experiments.harness.configuration import register_schema
-from experiments.registry import known_kinds
-from experiments.sweeper import register_sweeper
+from experiments.configure import configure
 from experiments.workloads.bake.measure import bake_scene
 from experiments.workloads.rounds import load_mesh
 from scenes.lit.lighting import lit
@@ -120,13 +117,10 @@ def test_panes_of_a_model_are_a_mesh_of_their_own_that_blends(tmp_path):
 
 
 def test_the_verb_bakes_a_scene_in_its_own_materials_and_measurements_in_plain_ones():
-    register_schema(known_kinds())
-    register_sweeper()
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        assert compose("config", ["+verb=bake"]).workload.materials == "own"
-        for path in (ROOT / "conf" / "sweep").glob("bake*.yaml"):
-            workload = compose("config", [f"sweep={path.stem}"]).workload
-            assert workload.get("materials", "plain") == "plain", path
+    assert configure(["+verb=bake"]).workload.options.materials == "own"
+    for path in (ROOT / "conf" / "sweep").glob("bake*.yaml"):
+        workload = configure([f"sweep={path.stem}"]).workload.options
+        assert getattr(workload, "materials", "plain") == "plain", path
     room = {"name": "living_room"}
     own, plain = (planned("raster", "bake", scene=room, asked=asked).point for asked in ({"materials": "own"}, {}))
     mesh = load_mesh(own)
