@@ -10,7 +10,7 @@ from atra.compiled.intrinsics import fetch_add
 from atra.compiled.lanes import highest, is_below
 from atra.compiled.memory import load, store, stream
 from atra.compiled.store import kernel, njit
-from atra.compiled.vectors import bits_of, repeated, where
+from atra.compiled.vectors import bits_of, splat, where
 from atra.prim_ids import MISS
 
 _LANES = 16
@@ -23,10 +23,10 @@ _ROWS = 8
 @njit
 def _sort_many(counts, most, values, prim_ids, plane, kept):  # type: ignore[no-untyped-def]
     """Insertion sort of layers. Addresses as for `sort_few`."""
-    nothing = keys_of(repeated(np.float32(np.inf), _LANES), repeated(np.uint32(MISS), _LANES))
+    nothing = keys_of(splat(np.float32(np.inf), _LANES), splat(np.uint32(MISS), _LANES))
     for layer in range(most):
         place = layer * plane
-        has_hit = is_below(repeated(np.uint32(layer), _LANES), counts)
+        has_hit = is_below(splat(np.uint32(layer), _LANES), counts)
         depths = load(values + place, np.float32(0.0), _LANES)
         keys = where(has_hit, keys_of(depths, load(prim_ids + place, np.uint32(0), _LANES)), nothing)
         if layer >= kept:
@@ -79,7 +79,7 @@ def _write(numbers, address, is_aligned):  # type: ignore[no-untyped-def]
 def finish_layers(top, bottom, width, taken, image):  # type: ignore[no-untyped-def]
     """Sort the rows top ... bottom of a `Target` of layers and write them to `image`, which may be the same. Layers
     beyond a pixel's hits become misses. Rows aligned to cache lines are written past the caches."""
-    farthest, nobody = repeated(np.float32(np.inf), _LANES), repeated(np.uint32(MISS), _LANES)
+    farthest, nobody = splat(np.float32(np.inf), _LANES), splat(np.uint32(MISS), _LANES)
     is_aligned = (image.values | image.prim_ids | image.counts | image.row * 4) % (_LANES * 4) == 0
     for y in range(top, bottom + 1):
         for x in range(0, width, _LANES):

@@ -16,7 +16,7 @@ from atra.compiled.lanes import (
     store_rows_where,
 )
 from atra.compiled.store import njit
-from atra.compiled.vectors import bits_of, rarely, repeated, where
+from atra.compiled.vectors import bits_of, rarely, splat, where
 
 COUNT, THICKNESS, TRANSMITTANCE, LAYERS = range(4)
 """Kinds of reduction; constants in compiled code, so that each has kernels of its own."""
@@ -59,7 +59,7 @@ def _put_next(lanes, nx, free, bits, before, depth, prim_ids, pixel, target):  #
     lane = first_bit(bits | 1 << lanes - 1)
     count = uint32_at(target.counts + (pixel + lane // nx * target.row + lane % nx) * 4)
     layer = min(np.int64(count), target.layers - 1)
-    put = free & is_same(before, repeated(np.uint32(layer), lanes))
+    put = free & is_same(before, splat(np.uint32(layer), lanes))
     _put(lanes, nx, put, depth, prim_ids, (pixel + layer * target.plane) * 4, target)
     return bits & ~bits_of(put)
 
@@ -68,9 +68,9 @@ def _put_next(lanes, nx, free, bits, before, depth, prim_ids, pixel, target):  #
 def _take_layer(lanes, nx, taken, depth, prim_id, pixel, target):  # type: ignore[no-untyped-def]
     """Append the hit unsorted; layers are sorted at the end. Full layers keep the farthest hit last; farther ones only
     count."""
-    row, last = target.row * 4, repeated(np.uint32(target.layers - 1), lanes)
+    row, last = target.row * 4, splat(np.uint32(target.layers - 1), lanes)
     counts = target.counts + pixel * 4
-    before, prim_ids = load_rows(counts, row, np.uint32(0), lanes, nx), repeated(prim_id, lanes)
+    before, prim_ids = load_rows(counts, row, np.uint32(0), lanes, nx), splat(prim_id, lanes)
     full, free = taken & is_from(before, last), taken & is_below(before, last)
     if rarely(bits_of(full) != 0):
         place = (pixel + (target.layers - 1) * target.plane) * 4
@@ -98,9 +98,9 @@ def take(kind, lanes, nx, taken, depth, weight, prim_id, pixel, target):  # type
         store_rows(one_more(taken, load_rows(place, row, np.uint32(0), lanes, nx)), place, row, nx)
     elif kind == THICKNESS:
         old = load_rows(place, row, np.float32(0.0), lanes, nx)
-        store_rows(where(taken, old + repeated(weight, lanes) * depth, old), place, row, nx)
+        store_rows(where(taken, old + splat(weight, lanes) * depth, old), place, row, nx)
     elif kind == TRANSMITTANCE:
         old = load_rows(place, row, np.float32(0.0), lanes, nx)
-        store_rows(where(taken, old * repeated(weight, lanes), old), place, row, nx)
+        store_rows(where(taken, old * splat(weight, lanes), old), place, row, nx)
     else:
         _take_layer(lanes, nx, taken, depth, prim_id, pixel, target)

@@ -11,7 +11,7 @@ from numba.extending import intrinsic
 
 from atra.compiled.intrinsics import emitting, pointer_at
 from atra.compiled.memory import load_aligned, store_lanes
-from atra.compiled.vectors import HAS_MASK_REGISTERS, Mask, Vector, declared, packed, splat, unpacked
+from atra.compiled.vectors import HAS_MASK_REGISTERS, Mask, Vector, declared, emit_splat, packed, unpacked
 
 _I1, _I8, _I32, _I64 = ir.IntType(1), ir.IntType(8), ir.IntType(32), ir.IntType(64)
 
@@ -114,7 +114,7 @@ def marked_rows(typingctx: Any, address: Any, row_bytes: Any, mark: Any, lanes: 
 
     def emit(builder: ir.IRBuilder, address: ir.Value, row_bytes: ir.Value, mark: ir.Value, *_: ir.Value) -> ir.Value:
         marks = emit_load_rows(builder, _I8, address, row_bytes, columns, rows)
-        shared = builder.and_(marks, splat(builder, builder.trunc(mark, _I8), mask.lanes))
+        shared = builder.and_(marks, emit_splat(builder, builder.trunc(mark, _I8), mask.lanes))
         return packed(builder, builder.icmp_signed("!=", shared, ir.Constant(marks.type, None)))
 
     return mask(types.int64, types.int64, types.int64, lanes, nx), emitting(emit)

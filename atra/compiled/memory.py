@@ -10,7 +10,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from atra.compiled.intrinsics import emitting, pointer_at
-from atra.compiled.vectors import HAS_MASK_REGISTERS, Vector, declared, every_second, splat, unpacked
+from atra.compiled.vectors import HAS_MASK_REGISTERS, Vector, declared, emit_splat, every_second, unpacked
 
 _I1, _I16, _I32, _I64 = ir.IntType(1), ir.IntType(16), ir.IntType(32), ir.IntType(64)
 
@@ -87,7 +87,7 @@ def gather_at(typingctx: Any, base: Any, places: Any) -> Any:
     def emit(builder: ir.IRBuilder, base: ir.Value, places: ir.Value) -> ir.Value:
         integers = ir.VectorType(_I64, 8)
         distances = builder.shl(builder.fptosi(places, integers), ir.Constant(integers, [2] * 8))
-        addresses = builder.add(distances, splat(builder, base, 8))
+        addresses = builder.add(distances, emit_splat(builder, base, 8))
         return _gathered(builder, addresses, ir.VectorType(ir.FloatType(), 8), "v8f32", 4)
 
     return Vector(types.float32, 8)(types.int64, places), emitting(emit)
@@ -110,12 +110,12 @@ def columns_of(typingctx: Any, base: Any, numbers_address: Any) -> Any:
             number = builder.zext(builder.extract_element(numbers, _I32(k)), _I64)
             return load_aligned(builder, builder.add(values[0], builder.shl(number, _I64(6))), kind, 8)
 
-        same = builder.icmp_unsigned("==", numbers, splat(builder, builder.extract_element(numbers, _I32(0)), 8))
+        same = builder.icmp_unsigned("==", numbers, emit_splat(builder, builder.extract_element(numbers, _I32(0)), 8))
         all_same = builder.icmp_unsigned("==", builder.bitcast(same, ir.IntType(8)), ir.IntType(8)(255))
         with builder.if_else(all_same) as (shared, own):
             with shared:
                 one = row(0)
-                spread = [splat(builder, builder.extract_element(one, _I32(k)), 8) for k in range(8)]
+                spread = [emit_splat(builder, builder.extract_element(one, _I32(k)), 8) for k in range(8)]
                 spread_end = builder.block
             with own:
                 turned = _transposed(builder, [row(k) for k in range(8)])
@@ -280,7 +280,7 @@ integers_at, identities_at = _numbers_at(types.int64), _numbers_at(types.uint32)
 """Numbers from an address on, indexed like an array but without Numba's reference counting."""
 
 
-def emit_fetch(builder: ir.IRBuilder, address: ir.Value) -> None:
+def emit_prefetch(builder: ir.IRBuilder, address: ir.Value) -> None:
     """Emit the prefetch of the cache line at an address."""
     pointer = _pointer(builder, address, ir.IntType(8))
     kind = ir.FunctionType(ir.VoidType(), [pointer.type, _I32, _I32, _I32])
@@ -288,6 +288,6 @@ def emit_fetch(builder: ir.IRBuilder, address: ir.Value) -> None:
 
 
 @intrinsic
-def fetch(typingctx: Any, address: Any) -> Any:
+def prefetch(typingctx: Any, address: Any) -> Any:
     """Prefetch the cache line at an address."""
-    return types.void(types.int64), emitting(emit_fetch)
+    return types.void(types.int64), emitting(emit_prefetch)

@@ -69,7 +69,7 @@ def unpacked(builder: ir.IRBuilder, mask: ir.Value) -> ir.Value:
     return mask if HAS_MASK_REGISTERS else builder.icmp_signed("<", mask, ir.Constant(mask.type, [0] * mask.type.count))
 
 
-def splat(builder: ir.IRBuilder, value: ir.Value, lanes: int) -> ir.Value:
+def emit_splat(builder: ir.IRBuilder, value: ir.Value, lanes: int) -> ir.Value:
     """One value in each lane."""
     one = builder.insert_element(ir.Constant(ir.VectorType(value.type, lanes), ir.Undefined), value, _I32(0))
     return builder.shuffle_vector(one, one, ir.Constant(ir.VectorType(_I32, lanes), [0] * lanes))
@@ -86,20 +86,19 @@ def declared(builder: ir.IRBuilder, name: str, kind: ir.FunctionType) -> ir.Func
     return builder.module.globals.get(name) or ir.Function(builder.module, kind, name)
 
 
-Emit = Callable[[ir.IRBuilder, ir.Value, ir.Value], ir.Value]
-
-
-def _operator(function: Any, kind: type[types.Type], emit: Emit, gives_mask: bool = False) -> None:
-    """Define a Python operator for two vectors, or masks, of one type; the result has that type, or is a mask."""
+def _operator(
+    function: Any, kind: type[types.Type], emit: Callable[..., ir.Value], gives_mask: bool = False, count: int = 2
+) -> None:
+    """Define a Python operator for `count` vectors, or masks, of one type; the result has that type, or is a mask."""
 
     @infer_global(function)
     class _Typing(AbstractTemplate):
         def generic(self, arguments: Any, keywords: Any) -> Any:
-            if len(arguments) == 2 and isinstance(arguments[0], kind) and arguments[0] == arguments[1]:
+            if len(arguments) == count and isinstance(arguments[0], kind) and len(set(arguments)) == 1:
                 return signature(Mask(arguments[0].lanes) if gives_mask else arguments[0], *arguments)
             return None
 
-    lower_builtin(function, kind, kind)(lambda context, builder, signature, values: emit(builder, *values))
+    lower_builtin(function, *[kind] * count)(lambda context, builder, signature, values: emit(builder, *values))
 
 
 def _comparison(function: Any, sign: str) -> None:
@@ -134,15 +133,17 @@ larger = _between(">")
 """larger(a, b): of two float vectors the larger in each lane; b where one is NaN."""
 
 
+def _lane_by_lane(builder: ir.IRBuilder, name: str, *vectors: ir.Value) -> ir.Value:
+    """Call LLVM's function `name` on each lane of float vectors of one type."""
+    kind = vectors[0].type
+    bits = 64 if isinstance(kind.element, ir.DoubleType) else 32
+    function = declared(builder, f"llvm.{name}.v{kind.count}f{bits}", ir.FunctionType(kind, [kind] * len(vectors)))
+    return builder.call(function, vectors)
+
+
 def _each(name: str, vector: Any, count: int) -> tuple[Any, Any]:
     """An LLVM function of `count` vectors, applied lane by lane."""
-
-    def emit(builder: ir.IRBuilder, *values: ir.Value) -> ir.Value:
-        kind, suffix = values[0].type, f"v{vector.lanes}f{vector.element.bitwidth}"
-        function = declared(builder, f"llvm.{name}.{suffix}", ir.FunctionType(kind, [kind] * count))
-        return builder.call(function, values)
-
-    return vector(*[vector] * count), emitting(emit)
+    return vector(*[vector] * count), emitting(lambda builder, *values: _lane_by_lane(builder, name, *values))
 
 
 def _of_each(name: str) -> Any:
@@ -153,11 +154,13 @@ def _of_each(name: str) -> Any:
     return changed
 
 
-nearest_whole, next_whole, last_whole = _of_each("rint"), _of_each("ceil"), _of_each("floor")
+nearest_whole, ceil, floor = _of_each("rint"), _of_each("ceil"), _of_each("floor")
 """Round each number of a float vector to the nearest whole number, up, and down."""
 
-size, root = _of_each("fabs"), _of_each("sqrt")
-"""The absolute values and the square roots of a float vector."""
+root = _of_each("sqrt")
+"""The square roots of a float vector."""
+
+_operator(abs, Vector, lambda builder, value: _lane_by_lane(builder, "fabs", value), count=1)
 
 
 @intrinsic
@@ -191,19 +194,19 @@ def folded(typingctx: Any, vector: Any) -> Any:
 
 
 @intrinsic(prefer_literal=True)
-def repeated(typingctx: Any, value: Any, lanes: Any) -> Any:
+def splat(typingctx: Any, value: Any, lanes: Any) -> Any:
     """The same number in each lane."""
     vector = Vector(types.unliteral(value), lanes.literal_value)
-    return vector(vector.element, lanes), emitting(lambda builder, value, _: splat(builder, value, vector.lanes))
+    return vector(vector.element, lanes), emitting(lambda builder, value, _: emit_splat(builder, value, vector.lanes))
 
 
 @intrinsic(prefer_literal=True)
-def counted(typingctx: Any, first: Any, lanes: Any) -> Any:
+def arange(typingctx: Any, first: Any, lanes: Any) -> Any:
     """first, first + 1, first + 2, ...; first: float32 or float64."""
     vector = Vector(first, lanes.literal_value)
 
     def emit(builder: ir.IRBuilder, first: ir.Value, _: ir.Value) -> ir.Value:
-        start = splat(builder, first, vector.lanes)
+        start = emit_splat(builder, first, vector.lanes)
         return builder.fadd(start, ir.Constant(start.type, [float(lane) for lane in range(vector.lanes)]))
 
     return vector(first, lanes), emitting(emit)

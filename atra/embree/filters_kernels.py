@@ -15,7 +15,7 @@ from atra.compiled.intrinsics import pointer_at
 from atra.compiled.lanes import emit_load_rows, emit_store_rows
 from atra.compiled.memory import load_aligned, store
 from atra.compiled.store import njit
-from atra.compiled.vectors import repeated, splat
+from atra.compiled.vectors import emit_splat, splat
 from atra.embree import layout
 from atra.embree.layout import FilterArguments, RayQueryContext
 
@@ -95,7 +95,7 @@ def _emit_keep_nearest(builder: ir.IRBuilder, arguments: ir.Value, nx: int, ny: 
                 prim_base = builder.add(load(_I64, at(context, RayQueryContext.prim_id_address.offset), 8), cell_bytes)
                 old_prim_id = emit_load_rows(builder, _I32, prim_base, row_bytes, nx, ny)
                 kept_depth = builder.select(nearer, depth, old_depth)
-                kept_prim_id = builder.select(nearer, splat(builder, prim_id, width), old_prim_id)
+                kept_prim_id = builder.select(nearer, emit_splat(builder, prim_id, width), old_prim_id)
                 emit_store_rows(builder, kept_depth, depth_base, row_bytes, nx)
                 emit_store_rows(builder, kept_prim_id, prim_base, row_bytes, nx)
             store(ir.Constant(vector(_I32), [0] * width), valid_address)
@@ -107,6 +107,6 @@ def _emit_keep_nearest(builder: ir.IRBuilder, arguments: ir.Value, nx: int, ny: 
 @njit
 def refuse(context, valid, given):  # type: ignore[no-untyped-def]
     """Reject the hits of a packet of another width than was sent; `Workspace.wrong_width` then tells `given`."""
-    store(repeated(np.int64(given), 1), context + _WRONG_WIDTH)
+    store(splat(np.int64(given), 1), context + _WRONG_WIDTH)
     for lane in range(np.int64(given)):
-        store(repeated(np.int32(0), 1), valid + lane * 4)
+        store(splat(np.int32(0), 1), valid + lane * 4)

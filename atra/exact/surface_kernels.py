@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.memory import load, store
 from atra.compiled.store import kernel, njit
-from atra.compiled.vectors import bits_of, repeated, rounded
+from atra.compiled.vectors import bits_of, rounded, splat
 from atra.prim_ids import MISS
 
 ROWS = 16
@@ -132,24 +132,24 @@ def _weights(column, along):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _linear(slope_and_start, x):  # type: ignore[no-untyped-def]
-    return repeated(slope_and_start[0], _LANES) * x + repeated(slope_and_start[1], _LANES)
+    return splat(slope_and_start[0], _LANES) * x + splat(slope_and_start[1], _LANES)
 
 
 @njit(forceinline=True)
 def _weights_of_block(address, along):  # type: ignore[no-untyped-def]
     """u and v of a block of pixels, and whether all rays hit the triangle's plane; address: of their columns."""
     start, facing, u, v, ahead, noise, near = along
-    x = load(address, 0.0, _LANES) - repeated(start, _LANES)
+    x = load(address, 0.0, _LANES) - splat(start, _LANES)
     determinant = _linear(facing, x)
-    reciprocal, way = repeated(1.0, _LANES) / determinant, _linear(ahead, x)
+    reciprocal, way = splat(1.0, _LANES) / determinant, _linear(ahead, x)
     is_sure = (determinant * determinant > _linear(noise, x * x)) & (way * way > _linear(near, x * x))
-    has_some = is_sure & (way * reciprocal > repeated(0.0, _LANES))
+    has_some = is_sure & (way * reciprocal > splat(0.0, _LANES))
     return _linear(u, x) * reciprocal, _linear(v, x) * reciprocal, bits_of(has_some) == (1 << _LANES) - 1
 
 
 @njit(forceinline=True)
 def _linear_in_two(corner, e1, e2, u, v):  # type: ignore[no-untyped-def]
-    return rounded(repeated(corner, _LANES) + repeated(e1, _LANES) * u + repeated(e2, _LANES) * v)
+    return rounded(splat(corner, _LANES) + splat(e1, _LANES) * u + splat(e2, _LANES) * v)
 
 
 @njit(forceinline=True)

@@ -13,7 +13,7 @@ from atra.compiled.intrinsics import address_at, float_at, uint32_at
 from atra.compiled.lanes import nonzero_lanes
 from atra.compiled.memory import load, store
 from atra.compiled.store import callback
-from atra.compiled.vectors import repeated
+from atra.compiled.vectors import splat
 from atra.embree.filters_kernels import CONTEXT, HIT, RAY, RAY_COUNT, USER_DATA, VALID, refuse
 from atra.embree.layout import HIT_INST_ID, HIT_PRIM_ID, RAY_TFAR, RayQueryContext
 
@@ -53,7 +53,7 @@ def gathering_filter(kind: int, shape_x: int, shape_y: int, cells: str) -> int:
             depth = load(address_at(arguments + RAY) + tfar, np.float32(0.0), lanes)
             weight = float_at(target.weights + np.int64(prim_id) * 4) if weighted else np.float32(0.0)
             take(kind, lanes, nx, taken, depth, weight, prim_id, pixel, target)
-            store(repeated(np.int32(0), lanes), valid)
+            store(splat(np.int32(0), lanes), valid)
         else:
             refuse(context, valid, given)
 

@@ -6,129 +6,56 @@ from typing import NamedTuple
 
 import numpy as np
 
-from atra.compiled.memory import doubles_at, floats_at, load, store, store_where
+from atra.compiled.memory import doubles_at, load, store, store_where
 from atra.compiled.store import njit
 from atra.compiled.vectors import (
+    arange,
     bits_of,
-    counted,
+    ceil,
     larger,
     mask_of,
     nearest_whole,
-    next_whole,
     rarely,
-    repeated,
     rounded,
-    size,
     smaller,
+    splat,
     where,
 )
 from atra.exact.edges_kernels import SURELY_NEAREST, crossing_error, first_beyond, turn
-from atra.exact.intersection import NOISE
-from atra.raster.clusters import POINT_BYTES
+from atra.raster.corners import parallel_plane, plane_in_space
 from atra.raster.culling import is_hidden
 from atra.raster.image import GENTLE, SPAN
 from atra.raster.nearer import FEW, UNSURE, nearness_along, without_farther
-from atra.raster.triangles import NEAR_AND_FAR, corner_at
+from atra.raster.triangles import corner_at
 
 ROWS = 8
 """Rows whose spans are found at once."""
 
 
 @njit
-def holds_eye(eye, a, b, c):  # type: ignore[no-untyped-def]
-    """Whether the eye lies in the plane of a triangle, to the rounding of float64: then no ray hits it, by the rule of
-    `atra.exact.intersection`.
-
-    eye: its position. a, b, c: the corners, seen from it.
-    """
-    (x, y, z), (x1, y1, z1), (x2, y2, z2) = a, b, c
-    x1, y1, z1, x2, y2, z2 = x1 - x, y1 - y, z1 - z, x2 - x, y2 - y, z2 - z
-    volume = x * (y1 * z2 - z1 * y2) + y * (z1 * x2 - x1 * z2) + z * (x1 * y2 - y1 * x2)
-    one, other = x1 * x1 + y1 * y1 + z1 * z1, x2 * x2 + y2 * y2 + z2 * z2
-    reach = x * x + y * y + z * z + eye[0] * eye[0] + eye[1] * eye[1] + eye[2] * eye[2]
-    return abs(volume) <= NOISE * np.sqrt(reach * one * other)
-
-
-@njit(forceinline=True)
-def from_eye(eye, vertices, count, packed, corner):  # type: ignore[no-untyped-def]
-    """A corner, in the world's axes, seen from the eye; vertices: address of the `count` of its cluster."""
-    values, position = floats_at(vertices), doubles_at(eye.position)
-    place = ((packed >> (16 * corner)) & 0xFFFF) // POINT_BYTES
-    x, y, z = values[place], values[place + count], values[place + 2 * count]
-    return x - position[0], y - position[1], z - position[2]
-
-
-@njit(forceinline=True)
-def homogeneous(m, corner):  # type: ignore[no-untyped-def]
-    """(x, y, 1) times the depth of a corner, or (x, y, 1) where rays are parallel; x and y its pixel position."""
-    u, v, w = corner
-    return (
-        m[0] * u + m[1] * v + m[2] * w + m[3],
-        m[4] * u + m[5] * v + m[6] * w + m[7],
-        m[8] * u + m[9] * v + m[10] * w + m[11],
-    )
-
-
-@njit(forceinline=True)
-def _inverse_of(volume):  # type: ignore[no-untyped-def]
-    """1 / volume; for a volume of 0 something huge, which puts the plane at the eye."""
-    return 1.0 / volume if volume != 0.0 else 1e200
-
-
-@njit
-def pinhole_plane(m, a, b, c):  # type: ignore[no-untyped-def]
-    """Nearness A i + B j + C on the plane of a triangle that may reach behind the eye.
-
-    The plane of the corners p0, p1, p2, homogeneous, with normal n = (p1 - p0) x (p2 - p0), is met at 1 / depth =
-    n . (i, j, 1) / n . p0.
-    """
-    a0, b0, c0 = homogeneous(m, a)
-    a1, b1, c1 = homogeneous(m, b)
-    a2, b2, c2 = homogeneous(m, c)
-    a1, b1, c1 = a1 - a0, b1 - b0, c1 - c0
-    a2, b2, c2 = a2 - a0, b2 - b0, c2 - c0
-    na, nb, nc = b1 * c2 - c1 * b2, c1 * a2 - a1 * c2, a1 * b2 - b1 * a2
-    inverse = _inverse_of(na * a0 + nb * b0 + nc * c0)
-    return na * inverse, nb * inverse, nc * inverse
-
-
-@njit
-def _parallel_plane(x0, y0, w0, x1, y1, w1, x2, y2, w2):  # type: ignore[no-untyped-def]
-    """The same where rays are parallel."""
-    x1, y1, w1, x2, y2, w2 = x1 - x0, y1 - y0, w1 - w0, x2 - x0, y2 - y0, w2 - w0
-    inverse = _inverse_of(x1 * y2 - y1 * x2)
-    a, b = (w1 * y2 - w2 * y1) * inverse, (w2 * x1 - w1 * x2) * inverse
-    return a, b, w0 - a * x0 - b * y0
-
-
-@njit
-def _cut(px, py, qx, qy, is_left, top, count, width, workspace):  # type: ignore[no-untyped-def]
+def _cut(px, py, qx, qy, is_left, top, count, width, memory):  # type: ignore[no-untyped-def]
     """Cut the rows top, top + 1, ... off at an edge: before its first sample beyond, or from there on."""
-    address = workspace.first if is_left else workspace.last
+    address = memory.first if is_left else memory.last
     limits = doubles_at(address)
     ax, ay = (px, py) if abs(px) + abs(py) < abs(qx) + abs(qy) else (qx, qy)  # the nearer corner errs less
     slope = (qx - px) / (qy - py)
     error = crossing_error(ax, slope * max(abs(top - ay), abs(top + count - ay)))
-    if not error < SURELY_NEAREST:
-        for k in range(count):
-            beyond = first_beyond(px, py, qx, qy, float(top + k), width, workspace.exact)
-            limits[k] = max(limits[k], beyond) if is_left else min(limits[k], beyond - 1)
-        return
-    slopes, first_x, first_y = repeated(slope, ROWS), repeated(ax, ROWS), repeated(ay, ROWS)
-    lowest, highest, unsure = repeated(-0.5, ROWS), repeated(width + 0.5, ROWS), repeated(error, ROWS)
-    one = repeated(1.0, ROWS)
+    is_known = error < SURELY_NEAREST
+    slopes, first_x, first_y = splat(slope, ROWS), splat(ax, ROWS), splat(ay, ROWS)
+    lowest, highest, unsure = splat(-0.5, ROWS), splat(width + 0.5, ROWS), splat(error, ROWS)
+    one = splat(1.0, ROWS)
     for k in range(0, count, ROWS):
-        crossing = (counted(float(top + k), ROWS) - first_y) * slopes + first_x
+        crossing = (arange(float(top + k), ROWS) - first_y) * slopes + first_x
         crossing = smaller(larger(crossing, lowest), highest)
-        beyond = next_whole(crossing)
+        beyond = ceil(crossing)
         place = address + k * 8
         old = load(place, 0.0, ROWS)
         store(larger(old, beyond) if is_left else smaller(old, beyond - one), place)
-        doubts = bits_of(size(crossing - nearest_whole(crossing)) <= unsure)
-        if rarely(doubts != 0):
+        undecided = bits_of(abs(crossing - nearest_whole(crossing)) <= unsure)
+        if rarely(undecided != 0 or not is_known):
             store(old, place)
             for row in range(k, min(k + ROWS, count)):
-                exactly = first_beyond(px, py, qx, qy, float(top + row), width, workspace.exact)
+                exactly = first_beyond(px, py, qx, qy, float(top + row), width, memory.exact)
                 limits[row] = max(limits[row], exactly) if is_left else min(limits[row], exactly - 1)
 
 
@@ -148,7 +75,7 @@ class Spans(NamedTuple):
 
 
 @njit
-def rows_of(parallel, packed, band, points):  # type: ignore[no-untyped-def]
+def rows_met(parallel, packed, band, points):  # type: ignore[no-untyped-def]
     """First and last row of a band that may hold a sample of a triangle."""
     _, y0, w0 = corner_at(points, packed, 0)
     _, y1, w1 = corner_at(points, packed, 1)
@@ -159,39 +86,33 @@ def rows_of(parallel, packed, band, points):  # type: ignore[no-untyped-def]
 
 
 @njit
-def find_spans(parallel, eye, vertices, vertex_count, packed, width, band, workspace):  # type: ignore[no-untyped-def]
+def find_spans(parallel, eye, vertices, vertex_count, packed, width, band, memory):  # type: ignore[no-untyped-def]
     """The `Spans` of a triangle with these corners, of a cluster with the vertices from an address on; where each of
-    its rows starts and ends is written to the workspace.
+    its rows starts and ends is written to the memory.
 
     A corner behind the eye is projected to where its line through the eye meets the image, and turns the side of
     its edges that counts, each corner once; otherwise nothing is different for it.
     """
-    points = workspace.points
+    points = memory.points
     x0, y0, w0 = corner_at(points, packed, 0)
     x1, y1, w1 = corner_at(points, packed, 1)
     x2, y2, w2 = corner_at(points, packed, 2)
-    top, bottom = rows_of(parallel, packed, band, points)
+    top, bottom = rows_met(parallel, packed, band, points)
     nearest, farthest = max(w0, w1, w2), min(w0, w1, w2)
-    facing = turn(x0, y0, x1, y1, x2, y2, workspace.exact) if top <= bottom else 0
+    facing = turn(x0, y0, x1, y1, x2, y2, memory.exact) if top <= bottom else 0
     slope_x = slope_y = constant = least = 0.0
     if parallel:
-        slope_x, slope_y, constant = _parallel_plane(x0, y0, w0, x1, y1, w1, x2, y2, w2)
+        slope_x, slope_y, constant = parallel_plane(x0, y0, w0, x1, y1, w1, x2, y2, w2)
         least = -nearest
     else:
-        a = from_eye(eye, vertices, vertex_count, packed, 0)
-        b = from_eye(eye, vertices, vertex_count, packed, 1)
-        c = from_eye(eye, vertices, vertex_count, packed, 2)
-        slope_x, slope_y, constant = pinhole_plane(doubles_at(eye.to_pixels), a, b, c)
-        if nearest > NEAR_AND_FAR * farthest and (nearest < 0.0 or holds_eye(doubles_at(eye.position), a, b, c)):
-            facing = 0
-        if farthest < 0.0:
-            nearest, farthest = np.inf, np.inf
-            for w in (w0, w1, w2):
-                farthest = min(farthest, w if w > 0.0 else np.inf)
+        slope_x, slope_y, constant, nearest, farthest, is_seen = plane_in_space(
+            eye, vertices, vertex_count, packed, points, nearest, farthest
+        )
+        facing = facing if is_seen else 0
         least = farthest
     is_gentle = abs(slope_x) * SPAN <= GENTLE * least
     if facing != 0:
-        firsts, lasts = doubles_at(workspace.first), doubles_at(workspace.last)
+        firsts, lasts = doubles_at(memory.first), doubles_at(memory.last)
         for k in range(bottom - top + 1):
             firsts[k], lasts[k] = 0.0, width - 1.0
         for px, py, qx, qy, wanted in (
@@ -200,7 +121,7 @@ def find_spans(parallel, eye, vertices, vertex_count, packed, width, band, works
             (x0, y0, x1, y1, -facing if not parallel and w2 < 0.0 else facing),
         ):
             if qy != py:
-                _cut(px, py, qx, qy, (qy > py) == (wanted < 0), top, bottom - top + 1, width, workspace)
+                _cut(px, py, qx, qy, (qy > py) == (wanted < 0), top, bottom - top + 1, width, memory)
             else:
                 for k in range(bottom - top + 1):
                     if qx == px or wanted != (1 if (qx > px) == (top + k >= py) else -1):
@@ -213,23 +134,23 @@ def nearness_of(parallel, lanes, found, row, start):  # type: ignore[no-untyped-
     """Nearness, float32, from column `start` on. found: `Spans`. row: nearness in column 0 of the row."""
     if found.is_gentle:
         base = start // SPAN * SPAN
-        first = repeated(np.float32(row + found.slope_x * base), lanes)
-        along = counted(np.float32(start - base), lanes) * repeated(np.float32(found.slope_x), lanes)
-        return smaller(repeated(np.float32(found.nearest), lanes), first + along)
-    wide = repeated(row, lanes) + counted(float(start), lanes) * repeated(found.slope_x, lanes)
+        first = splat(np.float32(row + found.slope_x * base), lanes)
+        along = arange(np.float32(start - base), lanes) * splat(np.float32(found.slope_x), lanes)
+        return smaller(splat(np.float32(found.nearest), lanes), first + along)
+    wide = splat(row, lanes) + arange(float(start), lanes) * splat(found.slope_x, lanes)
     if not parallel:
-        wide = size(wide)  # the sign is wrong where the eye is in the plane but for rounding
-    return rounded(smaller(larger(wide, repeated(found.farthest, lanes)), repeated(found.nearest, lanes)))
+        wide = abs(wide)  # the sign is wrong where the eye is in the plane but for rounding
+    return rounded(smaller(larger(wide, splat(found.farthest, lanes)), splat(found.nearest, lanes)))
 
 
 @njit(forceinline=True)
 def _draw_row(lanes, parallel, prim_ids, doubt, spans, row, y, first, last, band):  # type: ignore[no-untyped-def]
     """Draw the row y of a triangle, from `first` to `last`, where it is surely nearer than what is drawn; returns
     whether a sample is in doubt. doubt: difference of nearness up to which it is. row: nearness in column 0."""
-    zero, nowhere = repeated(np.float32(0.0), lanes), repeated(np.float32(-np.inf), lanes)
-    before, end = repeated(np.float32(first - 1), lanes), repeated(np.float32(last), lanes)
-    columns, next_columns = counted(np.float32(first // lanes * lanes), lanes), repeated(np.float32(lanes), lanes)
-    byte, least = (y - band.top) * band.stride * 4, repeated(np.float32(np.inf), lanes)
+    zero, nowhere = splat(np.float32(0.0), lanes), splat(np.float32(-np.inf), lanes)
+    before, end = splat(np.float32(first - 1), lanes), splat(np.float32(last), lanes)
+    columns, next_columns = arange(np.float32(first // lanes * lanes), lanes), splat(np.float32(lanes), lanes)
+    byte, least = (y - band.top) * band.stride * 4, splat(np.float32(np.inf), lanes)
     for start in range(first // lanes * lanes, last + 1, lanes):
         place = byte + start * 4
         found = nearness_of(parallel, lanes, spans, row, start)
@@ -239,7 +160,7 @@ def _draw_row(lanes, parallel, prim_ids, doubt, spans, row, y, first, last, band
         ahead = where((columns > before) & (columns <= end), ahead, nowhere)
         store_where(ahead > doubt, found, band.nearness + place)
         store_where(ahead > doubt, prim_ids, band.prim_id + place)
-        least = smaller(least, size(ahead))
+        least = smaller(least, abs(ahead))
         columns = columns + next_columns
     return bits_of(least <= doubt) != 0
 
@@ -248,13 +169,13 @@ def _draw_row(lanes, parallel, prim_ids, doubt, spans, row, y, first, last, band
 def _decide_row(lanes, parallel, eye, clusters, prim_id, unsure, spans, row, y, first, last, band):  # type: ignore[no-untyped-def]
     """Draw the samples that `_draw_row` left in doubt. unsure: its doubt. Among its vectors, a call of what decides
     would have them kept in memory."""
-    doubt, less, at_eye = repeated(unsure, lanes), repeated(-unsure, lanes), repeated(np.float32(0.0), lanes)
-    prim_ids, byte = repeated(prim_id, lanes), (y - band.top) * band.stride * 4
-    before, end = repeated(np.float32(first - 1), lanes), repeated(np.float32(last), lanes)
+    doubt, less, at_eye = splat(unsure, lanes), splat(-unsure, lanes), splat(np.float32(0.0), lanes)
+    prim_ids, byte = splat(prim_id, lanes), (y - band.top) * band.stride * 4
+    before, end = splat(np.float32(first - 1), lanes), splat(np.float32(last), lanes)
     own = stored = nearness_along(parallel, eye, clusters, prim_id, y)
     known = prim_id
     for start in range(first // lanes * lanes, last + 1, lanes):
-        place, columns = byte + start * 4, counted(np.float32(start), lanes)
+        place, columns = byte + start * 4, arange(np.float32(start), lanes)
         found, ids = nearness_of(parallel, lanes, spans, row, start), band.prim_id + place
         ahead = found - load(band.nearness + place, np.float32(0.0), lanes)
         left = (load(ids, np.uint32(0), lanes) != prim_ids) & (columns > before) & (columns <= end) & (ahead >= less)
@@ -271,31 +192,31 @@ def _decide_row(lanes, parallel, eye, clusters, prim_id, unsure, spans, row, y, 
 
 
 @njit
-def draw_spans(lanes, parallel, eye, clusters, vertices, vertex_count, prim_id, packed, width, band, workspace):  # type: ignore[no-untyped-def]
+def draw_spans(lanes, parallel, eye, clusters, vertices, vertex_count, prim_id, packed, width, band, memory):  # type: ignore[no-untyped-def]
     """Draw a triangle with these corners, of a cluster with the vertices from an address on, with vectors of `lanes`,
     unless what is drawn hides its box."""
-    points = workspace.points
+    points = memory.points
     x0, _, w0 = corner_at(points, packed, 0)
     x1, _, w1 = corner_at(points, packed, 1)
     x2, _, w2 = corner_at(points, packed, 2)
     if parallel or min(w0, w1, w2) > 0.0:
-        top, bottom = rows_of(parallel, packed, band, points)
+        top, bottom = rows_met(parallel, packed, band, points)
         left, right = int(max(np.ceil(min(x0, x1, x2)), 0.0)), int(min(np.floor(max(x0, x1, x2)), width - 1.0))
         limit = np.float32(max(w0, w1, w2) * (1.0 - UNSURE if parallel else 1.0 + UNSURE))
-        if is_hidden(left, right, top - band.top, bottom - band.top, limit, width, workspace.tiles):
+        if is_hidden(left, right, top - band.top, bottom - band.top, limit, width, memory.tiles):
             return
-    spans = find_spans(parallel, eye, vertices, vertex_count, packed, width, band, workspace)
+    spans = find_spans(parallel, eye, vertices, vertex_count, packed, width, band, memory)
     if spans.facing == 0:
         return
-    firsts, lasts = doubles_at(workspace.first), doubles_at(workspace.last)
+    firsts, lasts = doubles_at(memory.first), doubles_at(memory.last)
     most = max(abs(spans.nearest), abs(spans.farthest))
-    prim_ids, unsure = repeated(prim_id, lanes), np.float32(UNSURE * most)
-    doubt = repeated(unsure, lanes)
+    prim_ids, unsure = splat(prim_id, lanes), np.float32(UNSURE * most)
+    doubt = splat(unsure, lanes)
     for k in range(spans.bottom - spans.top + 1):
         y, first, last = spans.top + k, int(firsts[k]), int(lasts[k])
         row = spans.slope_y * y + spans.constant
         if most == np.inf:  # it reaches behind the eye
             unsure = np.float32(UNSURE * max(abs(row + spans.slope_x * first), abs(row + spans.slope_x * last)))
-            doubt = repeated(unsure, lanes)
+            doubt = splat(unsure, lanes)
         if rarely(_draw_row(lanes, parallel, prim_ids, doubt, spans, row, y, first, last, band)):
             _decide_row(FEW, parallel, eye, clusters, prim_id, unsure, spans, row, y, first, last, band)

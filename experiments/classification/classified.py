@@ -10,13 +10,7 @@ from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from experiments.classification.bvh.tracer import BvhTracer
-from experiments.classification.own_bvh import (
-    BVH_BYTES,
-    TRAVERSAL_HELP,
-    TRAVERSALS,
-    BvhOptions,
-    keywords_of_bvh,
-)
+from experiments.classification.own_bvh import BVH_BYTES, traversal_option, width_option
 from experiments.classification.shafts.eye import EyeTracer
 from experiments.classification.shafts.options import SUBSETS, ShaftOptions
 from experiments.classification.shafts.scene import ShaftScene
@@ -25,18 +19,22 @@ from experiments.drawing.style import SKY
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.method import Method, Style, Tracing
 from experiments.harness.options import option
-from experiments.methods.options import say_robust
+from experiments.methods.options import MethodOptions, robust_option, say_robust
 
 EYE = "eye"
 """Subset of shafts: those of an image, one for each tile."""
 
+_PLAIN = ("packet_width", "traversal", "robust", "ray_order")
+"""Options that are called as in the library; the others are options of shafts here."""
+
 
 @dataclass(frozen=True)
-class ClassifiedOptions(BvhOptions):
-    """Packets are for batches of rays. Other options have the names of `ShaftOptions` without `shaft_`, `shaft_list`
-    that of `longest`."""
+class ClassifiedOptions(MethodOptions):
+    """Packets are for batches of rays."""
 
-    traversal: str = option("pop", TRAVERSAL_HELP, choices=TRAVERSALS)
+    packet_width: int = width_option()
+    traversal: str = traversal_option("pop")
+    robust: bool = robust_option("no ray slips through between triangles; off = a faster test")
     ray_order: str = option(
         "image",
         "order of a batch: image = as given, shaft = shaft by shaft, in packets that share a list",
@@ -57,26 +55,24 @@ class ClassifiedOptions(BvhOptions):
     )
     shaft_occlusion: bool = option(True, "sampled rays end at their first hit")
 
-
-def library_name(name: str) -> str:
-    """What `ShaftOptions` calls an option."""
-    return "longest" if name == "shaft_list" else name.removeprefix("shaft_")
-
-
-def _keywords(options: ClassifiedOptions, tracing: Tracing) -> dict[str, Any]:
-    given = {library_name(name): value for name, value in keywords_of_bvh(options, tracing).items()}
-    return given | ({"subset": ShaftOptions.subset} if options.shaft_subset == EYE else {})
+    def keywords(self, tracing: Tracing) -> dict[str, Any]:
+        """What the tracer takes beside what is traced."""
+        own = {name if name in _PLAIN else name.removeprefix("shaft_"): value for name, value in vars(self).items()}
+        own["longest"] = own.pop("list")
+        if self.shaft_subset == EYE:
+            own["subset"] = ShaftOptions.subset
+        return own | {"threads": tracing.threads, "ties": tracing.ties}
 
 
 def _make(mesh: Mesh, view: View, options: ClassifiedOptions, tracing: Tracing) -> BvhTracer:
     make = EyeTracer if options.shaft_subset == EYE else ClassifiedTracer
-    return make(mesh, view, **_keywords(options, tracing))
+    return make(mesh, view, **options.keywords(tracing))
 
 
 def _make_rays(mesh: Mesh, options: ClassifiedOptions, tracing: Tracing) -> ShaftScene:
     if options.shaft_subset == EYE:
         raise InputError("shaft_subset is eye, whose shafts are parts of an image; expected another one for a batch")
-    return ShaftScene(mesh, **_keywords(options, tracing))
+    return ShaftScene(mesh, **options.keywords(tracing))
 
 
 def _variant(row: Mapping[str, Any]) -> str:

@@ -13,7 +13,7 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 
 from atra.errors import InputError
 from experiments.harness.method import BUILD_QUALITIES, TIES, TIES_HELP, Tracing
-from experiments.harness.options import check_whole_numbers, option, typed_options
+from experiments.harness.options import check_choice, check_whole_numbers, option, typed_options
 from experiments.harness.point import Kinds
 from scenes.loading import SceneSource
 
@@ -245,7 +245,6 @@ def check_configuration(configuration: Configuration) -> None:
     ):
         check_whole_numbers(section, path, ranges)
     from atra.compiled.threads import resolve_threads
-    from atra.tracing.options import check_choice
 
     resolve_threads(configuration.threads)
     for name in ("build_quality", "ties"):

@@ -32,10 +32,11 @@ def packet_width_option() -> Any:
     return option(None, "rays in a packet; 1 = single rays, null = the widest native packets", choices=(1, *LANES))
 
 
-def robust_option() -> Any:
-    """The option `robust` of methods on Embree. The paper, and all tables without the column, measured Embree's fast
-    setting."""
-    return option(False, "no ray slips through between two triangles; off: Embree's fast setting, as in the paper")
+def robust_option(
+    help: str = "no ray slips through between two triangles; off: Embree's fast setting, as in the paper",
+) -> Any:
+    """The option `robust`. The paper, and all tables without the column, measured Embree's fast setting."""
+    return option(False, help)
 
 
 def say_robust(row: Mapping[str, Any]) -> list[str]:

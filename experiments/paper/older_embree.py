@@ -35,7 +35,7 @@ from atra.compiled.intrinsics import address_at, float_at, uint32_at
 from atra.compiled.memory import store
 from atra.compiled.store import callback
 from atra.compiled.threads import WorkerPool
-from atra.compiled.vectors import repeated
+from atra.compiled.vectors import splat
 from atra.embree import layout
 from atra.embree.packets_kernels import INFINITY, MISS, START
 from atra.errors import EmbreeError
@@ -90,9 +90,9 @@ def _keep_nearest() -> Any:
         context, depth = address_at(arguments + _CONTEXT), float_at(address_at(arguments + _RAY) + 32)
         pixel = 4 * (record >> 32)
         if depth < float_at(address_at(context + _DEPTH) + pixel):
-            store(repeated(depth, 1), address_at(context + _DEPTH) + pixel)
-            store(repeated(np.int32(record & 0xFFFFFFFF), 1), address_at(context + _PRIM_ID) + pixel)
-        store(repeated(np.int32(0), 1), address_at(arguments + _VALID))
+            store(splat(depth, 1), address_at(context + _DEPTH) + pixel)
+            store(splat(np.int32(record & 0xFFFFFFFF), 1), address_at(context + _PRIM_ID) + pixel)
+        store(splat(np.int32(0), 1), address_at(arguments + _VALID))
 
     return keep_nearest
 
@@ -237,7 +237,7 @@ def measure(path: str, rounds: int) -> dict[str, Any]:
         add_aligned(str(split_x), Split.of_image((split_x, 1), camera), culling=True)
     timed = measure_rounds(frames, rounds=rounds, warmup=1)
     hits = {name: Hits(*image, (0.5, 0.5), mesh, camera) for name, image in images.items()}
-    wrong = sum(compare(mesh, camera, hits[name], hits[NEAREST]).pixels_wrong for name in hits if name != NEAREST)
+    wrong = sum(compare(hits[name], hits[NEAREST]).pixels_wrong for name in hits if name != NEAREST)
     seconds = {name: np.array(samples) for name, samples in timed.samples.items()}
     told = {f"{name}_s": float(np.median(samples)) for name, samples in seconds.items()}
     told |= {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from atra.compiled.memory import fetch
+from atra.compiled.memory import prefetch
 from atra.compiled.store import float_kernel, njit
 from atra.embree.packets_kernels import INFINITY
 from atra.light.lightmaps.charts.texels_kernels import corners_of, edges_of, point_at, slopes_of, weights_at
@@ -54,8 +54,8 @@ def sequence_key(number, seed):  # type: ignore[no-untyped-def]
 def fetch_row(array, row):  # type: ignore[no-untyped-def]
     """Prefetch a row of up to two cache lines."""
     address = np.int64(array.ctypes.data) + np.int64(row) * array.strides[0]
-    fetch(address)
-    fetch(address + array.strides[0] - 1)
+    prefetch(address)
+    prefetch(address + array.strides[0] - 1)
 
 
 @njit(forceinline=True)

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.compiled.memory import columns_of, fetch, gather_at, halves, load, low_and_high, store
+from atra.compiled.memory import columns_of, gather_at, halves, load, low_and_high, prefetch, store
 from atra.compiled.store import float_part, njit
-from atra.compiled.vectors import bits_of, fused, repeated, root, rounded, size, where, widened
+from atra.compiled.vectors import bits_of, fused, root, rounded, splat, where, widened
 from atra.light.numbers_kernels import HALF, ONE, ZERO, unit
 from atra.light.pictures.path_kernels import TILE, pixel_line, place_of
 from atra.light.scattering.spots_kernels import emission_at
@@ -68,7 +68,7 @@ def fetch_ahead(first, end, pixels):  # type: ignore[no-untyped-def]
     """Prefetch the prim_ids of a chunk from pixel `first` on; they were written past the caches."""
     for pixel in range(first, min(first + CHUNK, end), TILE):
         x, y = place_of(pixels, pixel)
-        fetch(np.int64(pixels.prim_id.ctypes.data) + 4 * (y * pixels.stride + x))
+        prefetch(np.int64(pixels.prim_id.ctypes.data) + 4 * (y * pixels.stride + x))
 
 
 @float_part
@@ -91,7 +91,7 @@ def find_surfaces(chunk, first, count, pixels, surfaces):  # type: ignore[no-unt
 def _at(lines, row, axis, x, y):  # type: ignore[no-untyped-def]
     """`line_at` for `_LANES` pixels, one axis, in unrounded float64."""
     start, right, down = lines[row, axis], lines[row + 2, axis], lines[row + 4, axis]
-    return fused(y, repeated(down, _LANES), fused(x, repeated(right, _LANES), repeated(start, _LANES)))
+    return fused(y, splat(down, _LANES), fused(x, splat(right, _LANES), splat(start, _LANES)))
 
 
 @njit(forceinline=True)
@@ -102,22 +102,22 @@ def _dot(ax, ay, az, bx, by, bz):  # type: ignore[no-untyped-def]
 @njit(forceinline=True)
 def _gradient(sky, axis, height):  # type: ignore[no-untyped-def]
     """`sky_colour` for `_LANES` pixels, one channel. height: y of unit vectors."""
-    above = fused(height, repeated(HALF, _LANES), repeated(HALF, _LANES))
-    below = repeated(ONE, _LANES) - above
-    return fused(below, repeated(sky[1 + axis], _LANES), above * repeated(sky[4 + axis], _LANES))
+    above = fused(height, splat(HALF, _LANES), splat(HALF, _LANES))
+    below = splat(ONE, _LANES) - above
+    return fused(below, splat(sky[1 + axis], _LANES), above * splat(sky[4 + axis], _LANES))
 
 
 @njit(forceinline=True)
 def _look_up(chunk, i, pixel, pixels):  # type: ignore[no-untyped-def]
     """Which triangles `_LANES` pixels see, from the i-th of the chunk on."""
     x, y = low_and_high(np.int64(pixels.places.ctypes.data) + 4 * pixel)
-    stride = repeated(np.float64(pixels.stride), _LANES)
+    stride = splat(np.float64(pixels.stride), _LANES)
     found = gather_at(np.int64(pixels.prim_id.ctypes.data), fused(y, stride, x))
     is_seen = found >= found  # MISS has the bits of a NaN
-    none = repeated(ZERO, _LANES)
+    none = splat(ZERO, _LANES)
     store(where(is_seen, found, none), np.int64(chunk.prim_id.ctypes.data) + 4 * i)
     seen = np.int64(chunk.floats.ctypes.data) + 4 * (SEEN * STRIDE + i)
-    store(where(is_seen, repeated(ONE, _LANES), none), seen)
+    store(where(is_seen, splat(ONE, _LANES), none), seen)
 
 
 @njit(forceinline=True)
@@ -128,21 +128,21 @@ def _find_places(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
     address, row = np.int64(chunk.floats.ctypes.data) + 4 * i, 4 * STRIDE
     numbers = np.int64(chunk.prim_id.ctypes.data) + 4 * i
     x, y = low_and_high(np.int64(pixels.places.ctypes.data) + 4 * pixel)
-    zero, none, one = repeated(0.0, _LANES), repeated(ZERO, _LANES), repeated(ONE, _LANES)
+    zero, none, one = splat(0.0, _LANES), splat(ZERO, _LANES), splat(ONE, _LANES)
     seen = load(address + SEEN * row, ZERO, _LANES) > none
     lines = pixels.lines
     ox, oy, oz = _at(lines, 0, 0, x, y), _at(lines, 0, 1, x, y), _at(lines, 0, 2, x, y)
     if pixels.directions.shape[1] > 0:
         width, plane = pixels.directions.shape[2], 4 * pixels.directions.shape[1] * pixels.directions.shape[2]
-        place, ways = fused(y, repeated(np.float64(width), _LANES), x), np.int64(pixels.directions.ctypes.data)
+        place, ways = fused(y, splat(np.float64(width), _LANES), x), np.int64(pixels.directions.ctypes.data)
         dx, dy = widened(gather_at(ways, place)), widened(gather_at(ways + plane, place))
         dz = widened(gather_at(ways + 2 * plane, place))
     else:
         dx, dy, dz = _at(lines, 1, 0, x, y), _at(lines, 1, 1, x, y), _at(lines, 1, 2, x, y)
     nx, ny, nz, plane, off, materials, colours, more = columns_of(np.int64(surfaces.records.ctypes.data), numbers)
-    facing, tiny = _dot(nx, ny, nz, dx, dy, dz), repeated(TINY, _LANES)
-    t = (plane - _dot(nx, ny, nz, ox, oy, oz)) / where(size(facing) > tiny, facing, tiny)
-    side = where(facing >= zero, repeated(-1.0, _LANES), repeated(1.0, _LANES))
+    facing, tiny = _dot(nx, ny, nz, dx, dy, dz), splat(TINY, _LANES)
+    t = (plane - _dot(nx, ny, nz, ox, oy, oz)) / where(abs(facing) > tiny, facing, tiny)
+    side = where(facing >= zero, splat(-1.0, _LANES), splat(1.0, _LANES))
     nx, ny, nz = side * nx, side * ny, side * nz
     px, py, pz = fused(t, dx, ox), fused(t, dy, oy), fused(t, dz, oz)
     store(rounded(fused(off, nx, px)), address + ORIGIN * row)
@@ -164,7 +164,7 @@ def _find_places(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
     left = bits_of(textured)
     while left:
         material = _first_material(chunk, i, left, surfaces)
-        number = repeated(np.float64(material), _LANES)
+        number = splat(np.float64(material), _LANES)
         own = textured & (materials >= number) & (number >= materials)
         left &= ~bits_of(own)
         if surfaces.materials[material, TEXTURE] == CHECKER:
@@ -203,8 +203,8 @@ def _first_material(chunk, i, lanes, surfaces):  # type: ignore[no-untyped-def]
 @njit(forceinline=True)
 def _find_images(chunk, i, surfaces):  # type: ignore[no-untyped-def]
     """Colours and sky of those of `_LANES` pixels that see images; the bits of pixels whose colours are unknown."""
-    address, row, zero = np.int64(chunk.floats.ctypes.data) + 4 * i, 4 * STRIDE, repeated(0.0, _LANES)
-    textured = load(address + LIGHT * row, ZERO, _LANES) > repeated(ZERO, _LANES)
+    address, row, zero = np.int64(chunk.floats.ctypes.data) + 4 * i, 4 * STRIDE, splat(0.0, _LANES)
+    textured = load(address + LIGHT * row, ZERO, _LANES) > splat(ZERO, _LANES)
     left = todo = bits_of(textured)
     if not left:
         return left
@@ -212,7 +212,7 @@ def _find_images(chunk, i, surfaces):  # type: ignore[no-untyped-def]
     u, v = load(address + UV * row, ZERO, _LANES), load(address + (UV + 1) * row, ZERO, _LANES)
     while todo:
         material = _first_material(chunk, i, todo, surfaces)
-        number = repeated(np.float32(material), _LANES)
+        number = splat(np.float32(material), _LANES)
         own = textured & (materials >= number) & (number >= materials)
         todo &= ~bits_of(own)
         image = packed_image(surfaces, material)
@@ -238,13 +238,13 @@ def _between_corners(nx, ny, nz, px, py, pz, dx, dy, dz, side, numbers, surfaces
     (ax, ay), (az, bx), (by, bz), (cx, cy) = halves(pairs[0]), halves(pairs[1]), halves(pairs[2]), halves(pairs[3])
     (cz, a_s), (a_t, b_s), (b_t, c_s), (c_t, _) = halves(pairs[4]), halves(pairs[5]), halves(pairs[6]), halves(pairs[7])
     v, w = fused(vx, px, fused(vy, py, fused(vz, pz, v))), fused(wx, px, fused(wy, py, fused(wz, pz, w)))
-    u, v, w = rounded(repeated(1.0, _LANES) - v - w), rounded(v), rounded(w)
+    u, v, w = rounded(splat(1.0, _LANES) - v - w), rounded(v), rounded(w)
     x, y, z = _dot(u, v, w, ax, bx, cx), _dot(u, v, w, ay, by, cy), _dot(u, v, w, az, bz, cz)
     squared = _dot(x, y, z, x, y, z)
     factor = side / root(squared)
     x, y, z = factor * x, factor * y, factor * z
     away = _dot(x, y, z, rounded(dx), rounded(dy), rounded(dz))
-    is_own = (repeated(LEAST_SQUARED, _LANES) >= squared) | (away >= repeated(ZERO, _LANES))
+    is_own = (splat(LEAST_SQUARED, _LANES) >= squared) | (away >= splat(ZERO, _LANES))
     normal = where(is_own, nx, x), where(is_own, ny, y), where(is_own, nz, z)
     return normal, (_dot(u, v, w, a_s, b_s, c_s), _dot(u, v, w, a_t, b_t, c_t))
 

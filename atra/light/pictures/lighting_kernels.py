@@ -10,7 +10,7 @@ import numpy as np
 from atra.compiled.intrinsics import ticks
 from atra.compiled.memory import load, store, stream
 from atra.compiled.store import float_kernel, float_part, njit
-from atra.compiled.vectors import bits_of, repeated, size, where
+from atra.compiled.vectors import bits_of, splat, where
 from atra.embree.layout import FLAG_COHERENT, RAY_DIR_X, RAY_ORG_X, RAY_TFAR, RAY_TNEAR
 from atra.embree.packets_kernels import SMALLEST_COMPONENT, START, occluded
 from atra.light.numbers_kernels import ONE, ZERO
@@ -54,9 +54,9 @@ def _occlude(width, chunk, count, surfaces, scene, packet):  # type: ignore[no-u
     floats = chunk.floats
     field = 4 * width
     rays, valid = _address(packet.floats), _address(packet.valid)
-    zero, tiny = repeated(ZERO, width), repeated(SMALLEST_COMPONENT, width)
+    zero, tiny = splat(ZERO, width), splat(SMALLEST_COMPONENT, width)
     every = load(_address(packet.all_lanes), ZERO, width)  # the bits of -1: all lanes valid
-    store(repeated(START, width), rays + RAY_TNEAR * field)
+    store(splat(START, width), rays + RAY_TNEAR * field)
     for first in range(0, count, width):
         at = _address(floats) + 4 * first
         length = load(at + LENGTH * STRIDE * 4, ZERO, width)
@@ -67,14 +67,14 @@ def _occlude(width, chunk, count, surfaces, scene, packet):  # type: ignore[no-u
             origin = load(at + (ORIGIN + axis) * STRIDE * 4, ZERO, width)
             direction = load(at + (DIRECTION + axis) * STRIDE * 4, ZERO, width)
             store(origin, rays + (RAY_ORG_X + axis) * field)
-            store(where(size(direction) >= tiny, direction, zero), rays + (RAY_DIR_X + axis) * field)
+            store(where(abs(direction) >= tiny, direction, zero), rays + (RAY_DIR_X + axis) * field)
         store(length, rays + RAY_TFAR * field)
         store(where(is_traced, every, zero), valid)
         light = load(at + LIGHT * STRIDE * 4, ZERO, width)
         if surfaces.has_holes:
             shadows(width, surfaces, scene, packet, chunk.free)
             store(light * load(_address(chunk.free), ZERO, width), at + LIGHT * STRIDE * 4)
-            store(repeated(START, width), rays + RAY_TNEAR * field)
+            store(splat(START, width), rays + RAY_TNEAR * field)
             continue
         occluded(width, packet.valid, scene, packet)
         is_free = load(rays + RAY_TFAR * field, ZERO, width) >= zero
@@ -97,7 +97,7 @@ def _add_light(floats, first, count, row, share, sums, is_first):  # type: ignor
     is_first: overwrite the sums without reading them. Returns whether all light was finite. Sums without new light are
     not touched, because memory traffic dominates.
     """
-    zero, most, shares = repeated(ZERO, LANES), repeated(_MOST, LANES), repeated(share, LANES)
+    zero, most, shares = splat(ZERO, LANES), splat(_MOST, LANES), splat(share, LANES)
     is_finite = zero >= zero
     for i in range(0, count, LANES):
         at = _address(floats) + 4 * i

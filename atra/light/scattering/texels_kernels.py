@@ -9,9 +9,9 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from atra.compiled.memory import emit_fetch, load_aligned
+from atra.compiled.memory import emit_prefetch, load_aligned
 from atra.compiled.store import njit
-from atra.compiled.vectors import Vector, larger, last_whole, repeated, rounded, smaller, where, widened
+from atra.compiled.vectors import Vector, floor, larger, rounded, smaller, splat, where, widened
 from atra.light.numbers_kernels import ONE, ZERO
 from atra.light.surface_kernels import (
     CLAMP,
@@ -75,7 +75,7 @@ def _fetch_each(typingctx: Any, base: Any, places: Any) -> Any:
         numbers = builder.fptosi(values[1], ir.VectorType(_I64, _LANES))
         for k in range(_LANES):
             distance = builder.shl(builder.extract_element(numbers, _I32(k)), _I64(2))
-            emit_fetch(builder, builder.add(values[0], distance))
+            emit_prefetch(builder, builder.add(values[0], distance))
         return context.get_dummy_value()
 
     return types.void(types.int64, places), codegen
@@ -98,9 +98,9 @@ def packed_image(surfaces, material):  # type: ignore[no-untyped-def]
 def places_in(surfaces, image, s, t):  # type: ignore[no-untyped-def]
     """(x, y), two vectors of float64: places in an image, 0 ... 1 and y down, of eight uv. NaN stays NaN."""
     s, t, row = widened(s), widened(t), surfaces.textures[image]
-    x = _scaled(row[PLACEMENT], s) + _scaled(row[PLACEMENT + 1], t) + repeated(row[PLACEMENT + 2], _LANES)
-    y = _scaled(row[PLACEMENT + 3], s) + _scaled(row[PLACEMENT + 4], t) + repeated(row[PLACEMENT + 5], _LANES)
-    return _wrapped(x, row[WRAP_X]), _wrapped(repeated(1.0, _LANES) - y, row[WRAP_Y])
+    x = _scaled(row[PLACEMENT], s) + _scaled(row[PLACEMENT + 1], t) + splat(row[PLACEMENT + 2], _LANES)
+    y = _scaled(row[PLACEMENT + 3], s) + _scaled(row[PLACEMENT + 4], t) + splat(row[PLACEMENT + 5], _LANES)
+    return _wrapped(x, row[WRAP_X]), _wrapped(splat(1.0, _LANES) - y, row[WRAP_Y])
 
 
 @njit(forceinline=True)
@@ -121,7 +121,7 @@ def colours_at(surfaces, image, x, y):  # type: ignore[no-untyped-def]
     curves += 4 * 256 * np.int64(row[CURVE])
     a, b = _linear(base, curves, y0 + x0), _linear(base, curves, y0 + x1)
     c, d = _linear(base, curves, y1 + x0), _linear(base, curves, y1 + x1)
-    one = repeated(ONE, _LANES)
+    one = splat(ONE, _LANES)
     weights = (one - fx) * (one - fy), fx * (one - fy), (one - fx) * fy, fx * fy
     return (
         _blended(row[FACTOR], weights, a[0], b[0], c[0], d[0]),
@@ -134,46 +134,46 @@ def colours_at(surfaces, image, x, y):  # type: ignore[no-untyped-def]
 def _around(row, x, y):  # type: ignore[no-untyped-def]
     """The columns of the texels left and right, the numbers of the first texels of the rows above and below, and how
     far right and down between them (float32)."""
-    columns, half, whole = row[TEXELS_X], repeated(0.5, _LANES), repeated(1.0, _LANES)
+    columns, half, whole = row[TEXELS_X], splat(0.5, _LANES), splat(1.0, _LANES)
     x, y = _scaled(columns, x) - half, _scaled(row[TEXELS_Y], y) - half
-    left, above = last_whole(x), last_whole(y)
+    left, above = floor(x), floor(y)
     between = rounded(x - left), rounded(y - above)
     x0, x1 = _inside(left, columns, row[WRAP_X]), _inside(left + whole, columns, row[WRAP_X])
     y0, y1 = _inside(above, row[TEXELS_Y], row[WRAP_Y]), _inside(above + whole, row[TEXELS_Y], row[WRAP_Y])
-    first = repeated(row[FIRST_TEXEL], _LANES)
+    first = splat(row[FIRST_TEXEL], _LANES)
     return (x0, x1), (first + _scaled(columns, y0), first + _scaled(columns, y1)), between
 
 
 @njit(forceinline=True)
 def _scaled(factor, vector):  # type: ignore[no-untyped-def]
-    return repeated(factor, _LANES) * vector
+    return splat(factor, _LANES) * vector
 
 
 @njit(forceinline=True)
 def _blended(factor, weights, a, b, c, d):  # type: ignore[no-untyped-def]
     wa, wb, wc, wd = weights
-    return repeated(np.float32(factor), _LANES) * (wa * a + wb * b + wc * c + wd * d)
+    return splat(np.float32(factor), _LANES) * (wa * a + wb * b + wc * c + wd * d)
 
 
 @njit(forceinline=True)
 def _wrapped(place, wrap):  # type: ignore[no-untyped-def]
     """Places along an axis of an image -> ones in [0, 1]."""
-    one = repeated(1.0, _LANES)
+    one = splat(1.0, _LANES)
     if wrap == CLAMP:
-        return smaller(one, larger(repeated(0.0, _LANES), place))
+        return smaller(one, larger(splat(0.0, _LANES), place))
     if wrap == MIRROR:
-        two = repeated(2.0, _LANES)
-        place = place - two * last_whole(repeated(0.5, _LANES) * place)
+        two = splat(2.0, _LANES)
+        place = place - two * floor(splat(0.5, _LANES) * place)
         return where(one >= place, place, two - place)
-    return place - last_whole(place)
+    return place - floor(place)
 
 
 @njit(forceinline=True)
 def _inside(place, count, wrap):  # type: ignore[no-untyped-def]
     """The numbers of texels that are at most one beyond an end."""
-    zero, most = repeated(0.0, _LANES), repeated(count - 1.0, _LANES)
+    zero, most = splat(0.0, _LANES), splat(count - 1.0, _LANES)
     if wrap == REPEAT:
-        all_ = repeated(count, _LANES)
+        all_ = splat(count, _LANES)
         return where(zero > place, place + all_, where(place > most, place - all_, place))
     return smaller(most, larger(zero, place))
 
@@ -182,11 +182,11 @@ def _inside(place, count, wrap):  # type: ignore[no-untyped-def]
 def checkered(own, red, green, blue, u, v, material, surfaces):  # type: ignore[no-untyped-def]
     """`colour_at` for the `own` pixels of a checker among `_LANES`; others keep their colours."""
     row = surfaces.materials[material]
-    scale = repeated(row[SCALE], _LANES)
-    cell = repeated(0.5, _LANES) * (last_whole(widened(u) * scale) + last_whole(widened(v) * scale))
-    is_odd = own & (rounded(cell - last_whole(cell)) > repeated(ZERO, _LANES))
+    scale = splat(row[SCALE], _LANES)
+    cell = splat(0.5, _LANES) * (floor(widened(u) * scale) + floor(widened(v) * scale))
+    is_odd = own & (rounded(cell - floor(cell)) > splat(ZERO, _LANES))
     return (
-        where(is_odd, repeated(np.float32(row[SECOND]), _LANES), red),
-        where(is_odd, repeated(np.float32(row[SECOND + 1]), _LANES), green),
-        where(is_odd, repeated(np.float32(row[SECOND + 2]), _LANES), blue),
+        where(is_odd, splat(np.float32(row[SECOND]), _LANES), red),
+        where(is_odd, splat(np.float32(row[SECOND + 1]), _LANES), green),
+        where(is_odd, splat(np.float32(row[SECOND + 2]), _LANES), blue),
     )

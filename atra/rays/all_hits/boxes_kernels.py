@@ -9,7 +9,7 @@ import numpy as np
 
 from atra.compiled.memory import load, store
 from atra.compiled.store import njit
-from atra.compiled.vectors import bits_of, fused, lane, larger, repeated, smaller
+from atra.compiled.vectors import bits_of, fused, lane, larger, smaller, splat
 from atra.exact.lines_kernels import UNIT
 from atra.trees.wide import CHILDREN, HIGH
 
@@ -81,13 +81,13 @@ def box_ray(o, d, s, tfar, sphere):  # type: ignore[no-untyped-def]
     ahead = ahead_of(s, tfar, margin)
     return (
         (
-            repeated(np.float32(o[0] + s * d[0]), CHILDREN), repeated(np.float32(o[1] + s * d[1]), CHILDREN),
-            repeated(np.float32(o[2] + s * d[2]), CHILDREN),
+            splat(np.float32(o[0] + s * d[0]), CHILDREN), splat(np.float32(o[1] + s * d[1]), CHILDREN),
+            splat(np.float32(o[2] + s * d[2]), CHILDREN),
         ),
-        (repeated(ix, CHILDREN), repeated(iy, CHILDREN), repeated(iz, CHILDREN)),
-        (repeated(mx, CHILDREN), repeated(my, CHILDREN), repeated(mz, CHILDREN)),
-        (repeated(-mx, CHILDREN), repeated(-my, CHILDREN), repeated(-mz, CHILDREN)),
-        (repeated(np.float32(-margin), CHILDREN), repeated(np.float32(ahead), CHILDREN)),
+        (splat(ix, CHILDREN), splat(iy, CHILDREN), splat(iz, CHILDREN)),
+        (splat(mx, CHILDREN), splat(my, CHILDREN), splat(mz, CHILDREN)),
+        (splat(-mx, CHILDREN), splat(-my, CHILDREN), splat(-mz, CHILDREN)),
+        (splat(np.float32(-margin), CHILDREN), splat(np.float32(ahead), CHILDREN)),
         (
             0 if ix > 0 else HIGH, row if iy > 0 else HIGH + row, 2 * row if iz > 0 else HIGH + 2 * row,
             HIGH if ix > 0 else 0, HIGH + row if iy > 0 else row, HIGH + 2 * row if iz > 0 else 2 * row,
@@ -100,7 +100,7 @@ def shortened(ray, s, t):  # type: ignore[no-untyped-def]
     """(the ray of box tests, made to end at t, where it enters boxes at the latest)."""
     origin, inverse, outer, inner, (start, _), places = ray
     ahead = np.float32((t - s) * (1.0 + BOX_MARGIN) - np.float64(lane(start, 0)))
-    return (origin, inverse, outer, inner, (start, repeated(ahead, CHILDREN)), places), ahead
+    return (origin, inverse, outer, inner, (start, splat(ahead, CHILDREN)), places), ahead
 
 
 @njit(forceinline=True)

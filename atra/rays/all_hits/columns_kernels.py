@@ -6,9 +6,9 @@ import numpy as np
 
 from atra.compiled.intrinsics import fetch_add, int32_at
 from atra.compiled.lanes import first_bit
-from atra.compiled.memory import fetch, load
+from atra.compiled.memory import load, prefetch
 from atra.compiled.store import float_kernel, njit
-from atra.compiled.vectors import bits_of, repeated
+from atra.compiled.vectors import bits_of, splat
 from atra.rays.all_hits.crossings_kernels import candidates, crossing, line_of, sure_crossing
 from atra.rays.all_hits.memory import CHUNK, LEAF
 from atra.trees.layout import BLOCK_BYTES
@@ -25,7 +25,7 @@ def _around(x):  # type: ignore[no-untyped-def]
     """Two float32, one below and one above a float64."""
     near = np.float32(x)
     low, high = (near * _DOWN, near * _UP) if near >= _ZERO else (near * _UP, near * _DOWN)
-    return repeated(low - _LEAST, CHILDREN), repeated(high + _LEAST, CHILDREN)
+    return splat(low - _LEAST, CHILDREN), splat(high + _LEAST, CHILDREN)
 
 
 @njit(forceinline=True)
@@ -95,9 +95,9 @@ def cross_columns(counter_address, tree, points, axis, low, high, middle, found,
                         continue
                     for block in range(first, first + blocks):
                         to = tree.blocks + block * BLOCK_BYTES
-                        fetch(to)
-                        fetch(to + 64)
-                        fetch(to + 128)
+                        prefetch(to)
+                        prefetch(to + 64)
+                        prefetch(to + 128)
                         found.stack[top] = to + LEAF
                         top += 1
             counts[number], turns[number] = count, turn

@@ -11,7 +11,7 @@ import numpy as np
 from atra.compiled.intrinsics import float_at, uint32_at
 from atra.compiled.memory import doubles_at, load, store
 from atra.compiled.store import njit
-from atra.compiled.vectors import bits_of, fused, larger, repeated, size, smaller, widened
+from atra.compiled.vectors import bits_of, fused, larger, smaller, splat, widened
 from atra.exact.lines_kernels import (
     UNIT,
     crossing_sign,
@@ -94,10 +94,10 @@ def line_of(o, d, sphere):  # type: ignore[no-untyped-def]
     error = ROUNDINGS * UNIT * reach
     inverse = 1.0 / dz
     return (
-        (repeated(ox, BLOCK), repeated(oy, BLOCK), repeated(oz, BLOCK)),
-        (repeated(-dx * inverse, BLOCK), repeated(-dy * inverse, BLOCK)),
+        (splat(ox, BLOCK), splat(oy, BLOCK), splat(oz, BLOCK)),
+        (splat(-dx * inverse, BLOCK), splat(-dy * inverse, BLOCK)),
         (one * _ROW, other * _ROW, major * _ROW),
-        (repeated(error, BLOCK), repeated(error * error, BLOCK)),
+        (splat(error, BLOCK), splat(error * error, BLOCK)),
         major,
         inverse, reach,
     )  # fmt: skip
@@ -124,7 +124,7 @@ def candidates(block, line, areas):  # type: ignore[no-untyped-def]
     rx, ry, rz = _corner(block + 6 * _ROW, line)
     u, v, w = qx * ry - qy * rx, rx * py - ry * px, px * qy - py * qx
     _, _, _, (error, square), _, _, _ = line
-    sizes = (size(px) + size(py)) + (size(qx) + size(qy)) + (size(rx) + size(ry))
+    sizes = (abs(px) + abs(py)) + (abs(qx) + abs(qy)) + (abs(rx) + abs(ry))
     slack = fused(sizes, error, square)
     none = slack - slack
     least, most = smaller(smaller(u, v), w), larger(larger(u, v), w)

@@ -10,7 +10,7 @@ import numpy as np
 
 from atra.compiled.intrinsics import fetch_add, int32_at, uint32_at
 from atra.compiled.lanes import first_bit
-from atra.compiled.memory import fetch
+from atra.compiled.memory import prefetch
 from atra.compiled.store import float_kernel, kernel, njit
 from atra.exact.lines_kernels import plane_parameter
 from atra.rays.all_hits.boxes_kernels import box_ray, entered, start_of
@@ -135,9 +135,9 @@ def _take(found, first, count, most, t, prim_id, u, v, close):  # type: ignore[n
 def _add_leaf(found, leaves, tree, node, child):  # type: ignore[no-untyped-def]
     """Add a leaf to those that a ray enters; returns their number. child: four times its number in the node."""
     block = tree.blocks + np.int64(int32_at(node + FIRSTS + child)) * BLOCK_BYTES
-    fetch(block)
-    fetch(block + 64)
-    fetch(block + 128)
+    prefetch(block)
+    prefetch(block + 64)
+    prefetch(block + 128)
     found.entered[leaves], found.remaining[leaves] = block, np.int64(int32_at(node + COUNTS + child))
     return leaves + 1
 
@@ -197,10 +197,10 @@ def all_hits_kernel(counting: bool) -> Callable[..., None]:
                                 leaves = _add_leaf(found, leaves, tree, node, child)
                                 continue
                             to = tree.nodes + np.int64(int32_at(node + FIRSTS + child)) * WIDE_BYTES
-                            fetch(to)
-                            fetch(to + 64)
-                            fetch(to + 128)
-                            fetch(to + 192)
+                            prefetch(to)
+                            prefetch(to + 64)
+                            prefetch(to + 128)
+                            prefetch(to + 192)
                             found.stack[top] = to
                             top += 1
                     while leaves > 0:

@@ -10,9 +10,9 @@ import numpy as np
 
 from atra.compiled.intrinsics import int32_at
 from atra.compiled.lanes import first_bit
-from atra.compiled.memory import fetch, load
+from atra.compiled.memory import load, prefetch
 from atra.compiled.store import njit
-from atra.compiled.vectors import bits_of, fused, larger, repeated, smaller
+from atra.compiled.vectors import bits_of, fused, larger, smaller, splat
 from atra.rays.all_hits.boxes_kernels import ahead_of, margin_of, reciprocal, start_of
 from atra.rays.all_hits.crossings_kernels import scaled_ray
 from atra.trees.wide import CHILDREN, COUNTS, FIRSTS, HIGH, WIDE_BYTES
@@ -58,7 +58,7 @@ def find_together(batch, first, last, tree, found):  # type: ignore[no-untyped-d
         return -1
     x, y = _axis(low_x, high_x, least_x, most_x, margin, 0), _axis(low_y, high_y, least_y, most_y, margin, ROW)
     z = _axis(low_z, high_z, least_z, most_z, margin, 2 * ROW)
-    start, end = repeated(np.float32(-margin), CHILDREN), repeated(np.float32(ahead), CHILDREN)
+    start, end = splat(np.float32(-margin), CHILDREN), splat(np.float32(ahead), CHILDREN)
     found.stack[0], top, nodes = tree.nodes, 1, 0
     while top > 0:
         top -= 1
@@ -73,10 +73,10 @@ def find_together(batch, first, last, tree, found):  # type: ignore[no-untyped-d
                 leaves |= 1 << one
                 continue
             to = tree.nodes + np.int64(int32_at(node + FIRSTS + 4 * one)) * WIDE_BYTES
-            fetch(to)
-            fetch(to + 64)
-            fetch(to + 128)
-            fetch(to + 192)
+            prefetch(to)
+            prefetch(to + 64)
+            prefetch(to + 128)
+            prefetch(to + 192)
             found.stack[top] = to
             top += 1
         if leaves:
@@ -95,8 +95,8 @@ def _axis(low, high, least, most, margin, row):  # type: ignore[no-untyped-def]
     is_up = least >= 0.0
     near, far = (high if is_up else low), (low if is_up else high)
     return (
-        repeated(near, CHILDREN), repeated(far, CHILDREN), repeated(one, CHILDREN), repeated(other, CHILDREN),
-        repeated(-outer, CHILDREN), repeated(outer, CHILDREN),
+        splat(near, CHILDREN), splat(far, CHILDREN), splat(one, CHILDREN), splat(other, CHILDREN),
+        splat(-outer, CHILDREN), splat(outer, CHILDREN),
         row if is_up else HIGH + row, HIGH + row if is_up else row,
     )  # fmt: skip
 

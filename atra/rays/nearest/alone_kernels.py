@@ -8,9 +8,9 @@ import numpy as np
 
 from atra.compiled.intrinsics import address_at, float_at, int32_at
 from atra.compiled.lanes import first_bit
-from atra.compiled.memory import fetch, store
+from atra.compiled.memory import prefetch, store
 from atra.compiled.store import float_part, njit
-from atra.compiled.vectors import repeated
+from atra.compiled.vectors import splat
 from atra.prim_ids import MISS
 from atra.rays.all_hits.boxes_kernels import box_ray, entered_at, shortened, start_of
 from atra.rays.all_hits.crossings_kernels import (
@@ -71,8 +71,8 @@ def memory_of(found):  # type: ignore[no-untyped-def]
 @njit(forceinline=True)
 def put(memory, place, node, entry):  # type: ignore[no-untyped-def]
     """Put a node, which the ray enters at `entry`, in a place on the stack."""
-    store(repeated(np.int64(node), 1), memory.stack + 8 * place)
-    store(repeated(np.float32(entry), 1), memory.reached + 4 * place)
+    store(splat(np.int64(node), 1), memory.stack + 8 * place)
+    store(splat(np.float32(entry), 1), memory.reached + 4 * place)
 
 
 @float_part
@@ -124,10 +124,10 @@ def hit_alone(any_hit, tree, o, d, tnear, tfar, memory, touches):  # type: ignor
             to, step = tree.blocks + first_of * BLOCK_BYTES + LEAF, BLOCK_BYTES
             if blocks == 0:
                 to, blocks = tree.nodes + first_of * WIDE_BYTES, 1
-            fetch(to)
-            fetch(to + 64)
-            fetch(to + 128)
-            fetch(to + 192)
+            prefetch(to)
+            prefetch(to + 64)
+            prefetch(to + 128)
+            prefetch(to + 192)
             for _ in range(blocks):
                 into = top  # the farthest stands lowest
                 while not any_hit and into > first:

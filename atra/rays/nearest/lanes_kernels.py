@@ -15,11 +15,10 @@ from atra.compiled.vectors import (
     fused,
     larger,
     mask_of,
-    repeated,
     rounded,
     signed_like,
-    size,
     smaller,
+    splat,
     where,
 )
 from atra.exact.lines_kernels import UNIT, major_axis
@@ -50,7 +49,7 @@ _PLACE, _INVERSE, AHEAD = 13 * WIDE, 16 * WIDE, 19 * WIDE
 
 @njit(forceinline=True)
 def spread(x):  # type: ignore[no-untyped-def]
-    return repeated(np.float64(x), LANES)
+    return splat(np.float64(x), LANES)
 
 
 @njit(forceinline=True)
@@ -70,7 +69,7 @@ def _three_narrow(at):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def largest_size(a, b, c):  # type: ignore[no-untyped-def]
-    return larger(larger(size(a), size(b)), size(c))
+    return larger(larger(abs(a), abs(b)), abs(c))
 
 
 @njit(forceinline=True)
@@ -84,7 +83,7 @@ def lowest_of(row):  # type: ignore[no-untyped-def]
 @njit(forceinline=True)
 def highest_of(row, zero):  # type: ignore[no-untyped-def]
     """The largest number of a row; zero: of its type."""
-    return -lowest_of(repeated(zero, LANES) - row)
+    return -lowest_of(splat(zero, LANES) - row)
 
 
 @njit(forceinline=True)
@@ -115,7 +114,7 @@ def load_rays(rays, first, last, near_by, memory):  # type: ignore[no-untyped-de
     (ox, oy, oz), (dx, dy, dz) = three_rows(memory + ORIGIN), three_rows(memory + DIRECTION)
     u, v, w = at[3 * LANES], at[4 * LANES], at[5 * LANES]
     major = major_axis(u, v, w)
-    way = size(row_at(memory + DIRECTION + major * WIDE))
+    way = abs(row_at(memory + DIRECTION + major * WIDE))
     moved = largest_size(ox - spread(at[0]), oy - spread(at[LANES]), oz - spread(at[2 * LANES]))
     turned = largest_size(dx - spread(u), dy - spread(v), dz - spread(w))
     is_alike = (moved <= spread(near_by)) & (turned <= spread(ALIKE_DIRECTIONS)) & (largest_size(dx, dy, dz) <= way)
@@ -145,9 +144,9 @@ def begin_rays(memory, sphere, farthest, margin):  # type: ignore[no-untyped-def
     store(rounded(py), memory + _PLACE + WIDE)
     store(rounded(pz), memory + _PLACE + 2 * WIDE)
     one, small = spread(1.0), spread(SMALLEST_COMPONENT)
-    store(rounded(signed_like(one / larger(size(dx), small), dx)), memory + _INVERSE)
-    store(rounded(signed_like(one / larger(size(dy), small), dy)), memory + _INVERSE + WIDE)
-    store(rounded(signed_like(one / larger(size(dz), small), dz)), memory + _INVERSE + 2 * WIDE)
+    store(rounded(signed_like(one / larger(abs(dx), small), dx)), memory + _INVERSE)
+    store(rounded(signed_like(one / larger(abs(dy), small), dy)), memory + _INVERSE + WIDE)
+    store(rounded(signed_like(one / larger(abs(dz), small), dz)), memory + _INVERSE + 2 * WIDE)
     store(rounded(fused(tfar - s, spread(1.0 + BOX_MARGIN), spread(margin))), memory + AHEAD)
     store(s, memory + START)
     store(tfar, memory + NEAREST)
@@ -160,7 +159,7 @@ def range_of(at, bits):  # type: ignore[no-untyped-def]
     """The least and the largest float32 of a row, of some rays."""
     row = load(at, ZERO, LANES)
     if bits != (1 << LANES) - 1:
-        row = where(mask_of(bits, LANES), row, repeated(float_at(at + 4 * first_bit(bits)), LANES))
+        row = where(mask_of(bits, LANES), row, splat(float_at(at + 4 * first_bit(bits)), LANES))
     return lowest_of(row), highest_of(row, ZERO)
 
 
@@ -174,8 +173,8 @@ def axis_of(memory, axis, bits, octant, margin):  # type: ignore[no-untyped-def]
     near, far = (low - margin, high + margin) if is_down else (high + margin, low - margin)
     row = axis * _ROW
     return (
-        repeated(np.float32(near), CHILDREN), repeated(np.float32(far), CHILDREN),
-        repeated(one, CHILDREN), repeated(other, CHILDREN),
+        splat(np.float32(near), CHILDREN), splat(np.float32(far), CHILDREN),
+        splat(one, CHILDREN), splat(other, CHILDREN),
         HIGH + row if is_down else row, row if is_down else HIGH + row,
     )  # fmt: skip
 
@@ -196,7 +195,7 @@ def exit_of(node, axis):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _side(at, margin):  # type: ignore[no-untyped-def]
-    return repeated(np.float32(float_at(at) + margin), LANES)
+    return splat(np.float32(float_at(at) + margin), LANES)
 
 
 @njit(forceinline=True)
@@ -212,7 +211,7 @@ def entering(at, memory, octant, margin):  # type: ignore[no-untyped-def]
     near += _ROW
     far += _ROW
     near_z, far_z = (_side(far, margin), _side(near, -margin)) if dz else (_side(near, -margin), _side(far, margin))
-    start, end = repeated(np.float32(-margin), LANES), load(memory + AHEAD, ZERO, LANES)
+    start, end = splat(np.float32(-margin), LANES), load(memory + AHEAD, ZERO, LANES)
     first = larger(start, larger((near_z - pz) * iz, larger((near_y - py) * iy, (near_x - px) * ix)))
     last = smaller(end, smaller((far_z - pz) * iz, smaller((far_y - py) * iy, (far_x - px) * ix)))
     return bits_of(first <= last)

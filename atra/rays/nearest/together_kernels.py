@@ -10,9 +10,9 @@ import numpy as np
 
 from atra.compiled.intrinsics import address_at, float_at, int32_at
 from atra.compiled.lanes import first_bit
-from atra.compiled.memory import doubles_at, fetch, store
+from atra.compiled.memory import doubles_at, prefetch, store
 from atra.compiled.store import float_part
-from atra.compiled.vectors import bits_of, larger, repeated, smaller
+from atra.compiled.vectors import bits_of, larger, smaller, splat
 from atra.exact.lines_kernels import UNIT
 from atra.rays.all_hits.boxes_kernels import BOX_MARGIN, FAR_MARGIN
 from atra.rays.all_hits.crossings_kernels import ROUNDINGS, prim_id_of
@@ -77,8 +77,8 @@ def hit_together(any_hit, tree, rays, first, last, near_by, found, touches, befo
     x, y = axis_of(memory, 0, left, octant, margin_32), axis_of(memory, 1, left, octant, margin_32)
     z, tube = axis_of(memory, 2, left, octant, margin_32), tube_of(line)
     _, ahead = range_of(memory + AHEAD, left)
-    start, end = repeated(-margin_32, CHILDREN), repeated(ahead, CHILDREN)
-    store(repeated(np.int64(0), LANES), places)
+    start, end = splat(-margin_32, CHILDREN), splat(ahead, CHILDREN)
+    store(splat(np.int64(0), LANES), places)
     put(waiting, 0, tree.nodes, -np.inf)
     top = 1
     if any_hit and before:
@@ -126,7 +126,7 @@ def hit_together(any_hit, tree, rays, first, last, near_by, found, touches, befo
                     break
             elif changed:
                 _, ahead = range_of(memory + AHEAD, left)
-                end = repeated(ahead, CHILDREN)
+                end = splat(ahead, CHILDREN)
             continue
         near = larger(start, larger(entry_of(node, y), larger(entry_of(node, z), entry_of(node, x))))
         far = smaller(end, smaller(exit_of(node, y), smaller(exit_of(node, z), exit_of(node, x))))
@@ -139,10 +139,10 @@ def hit_together(any_hit, tree, rays, first, last, near_by, found, touches, befo
             entry, to = float_at(waiting.entries + child), node + child + LEAF
             if int32_at(node + COUNTS + child) == 0:
                 to = tree.nodes + np.int64(int32_at(node + FIRSTS + child)) * WIDE_BYTES
-                fetch(to)
-                fetch(to + 64)
-                fetch(to + 128)
-                fetch(to + 192)
+                prefetch(to)
+                prefetch(to + 64)
+                prefetch(to + 128)
+                prefetch(to + 192)
             into = top  # the farthest stands lowest
             while into > lowest:
                 nearer = float_at(waiting.reached + 4 * (into - 1))

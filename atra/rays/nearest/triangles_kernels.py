@@ -8,7 +8,7 @@ from atra.compiled.intrinsics import address_at, float_at
 from atra.compiled.lanes import first_bit
 from atra.compiled.memory import doubles_at, load, store
 from atra.compiled.store import njit
-from atra.compiled.vectors import bits_of, fused, larger, mask_of, repeated, rounded, size, smaller, where, widened
+from atra.compiled.vectors import bits_of, fused, larger, mask_of, rounded, smaller, splat, where, widened
 from atra.compiled.vectors import lane as lane_of
 from atra.exact.lines_kernels import UNIT, major_axis
 from atra.rays.all_hits.boxes_kernels import BOX_MARGIN
@@ -58,7 +58,7 @@ def crossed(at, line, memory):  # type: ignore[no-untyped-def]
     rx, ry, rz = _corner(at + 6 * LINE, line)
     u, v, w = qx * ry - qy * rx, rx * py - ry * px, px * qy - py * qx
     _, _, _, (error, square), inverse_z = line
-    sizes = (size(px) + size(py)) + (size(qx) + size(qy)) + (size(rx) + size(ry))
+    sizes = (abs(px) + abs(py)) + (abs(qx) + abs(qy)) + (abs(rx) + abs(ry))
     slack = fused(sizes, error, square)
     none = slack - slack
     least, most = smaller(smaller(u, v), w), larger(larger(u, v), w)
@@ -69,9 +69,9 @@ def crossed(at, line, memory):  # type: ignore[no-untyped-def]
     inverse = spread(1.0) / whole
     t = (u * pz + v * qz + w * rz) * inverse * inverse_z
     extent = larger(larger(pz, qz), rz) - smaller(smaller(pz, qz), rz)
-    wrong = spread(16.0) * (slack * size(inverse)) * extent + spread(16.0 * UNIT) * largest_size(pz, qz, rz)
-    is_sure = ((least > slack) | (none > most + slack)) & (spread(PRECISE) * size(whole) > slack)
-    sure = bits_of(is_sure & (size(t - tnear) > wrong) & (size(t - tfar) > wrong))
+    wrong = spread(16.0) * (slack * abs(inverse)) * extent + spread(16.0 * UNIT) * largest_size(pz, qz, rz)
+    is_sure = ((least > slack) | (none > most + slack)) & (spread(PRECISE) * abs(whole) > slack)
+    sure = bits_of(is_sure & (abs(t - tnear) > wrong) & (abs(t - tfar) > wrong))
     store(t, memory + CROSSED)
     store(wrong, memory + CROSSED_ERROR)
     return sure & bits_of((t >= tnear) & (tfar > t)), maybe & ~sure
@@ -114,7 +114,7 @@ def take_nearer(hits, place, memory, places, margin, exact):  # type: ignore[no-
         store(where(mask, t, nearest), memory + NEAREST)
         store(where(mask, wrong, row_at(memory + NEAREST_ERROR)), memory + NEAREST_ERROR)
         store(where(mask, limit, ahead), memory + AHEAD)
-        store(where(mask, repeated(np.int64(place), LANES), held), places)
+        store(where(mask, splat(np.int64(place), LANES), held), places)
     return nearer
 
 
@@ -169,11 +169,11 @@ def tube_of(line):  # type: ignore[no-untyped-def]
     turned = 0.5 * max(most_x - least_x, most_y - least_y)
     return (
         (
-            repeated(0.5 * (low_x + high_x), BLOCK), repeated(0.5 * (low_y + high_y), BLOCK),
-            repeated(0.5 * (low_z + high_z), BLOCK),
+            splat(0.5 * (low_x + high_x), BLOCK), splat(0.5 * (low_y + high_y), BLOCK),
+            splat(0.5 * (low_z + high_z), BLOCK),
         ),
-        (repeated(0.5 * (least_x + most_x), BLOCK), repeated(0.5 * (least_y + most_y), BLOCK)),
-        rows, repeated(apart + lane_of(error, 0), BLOCK), repeated(turned, BLOCK),
+        (splat(0.5 * (least_x + most_x), BLOCK), splat(0.5 * (least_y + most_y), BLOCK)),
+        rows, splat(apart + lane_of(error, 0), BLOCK), splat(turned, BLOCK),
     )  # fmt: skip
 
 
@@ -193,7 +193,7 @@ def met_by(block, tube):  # type: ignore[no-untyped-def]
     qx, qy, qz = _middle_corner(block + 3 * LINE, tube)
     rx, ry, rz = _middle_corner(block + 6 * LINE, tube)
     u, v, w = qx * ry - qy * rx, rx * py - ry * px, px * qy - py * qx
-    sizes = (size(px) + size(py)) + (size(qx) + size(qy)) + (size(rx) + size(ry))
+    sizes = (abs(px) + abs(py)) + (abs(qx) + abs(qy)) + (abs(rx) + abs(ry))
     off = fused(largest_size(pz, qz, rz), tube[4], tube[3])
     slack = fused(sizes, off, (off + off) * off)
     none = slack - slack

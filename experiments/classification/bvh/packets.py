@@ -8,7 +8,7 @@ from atra.compiled.intrinsics import float_at, uint32_at
 from atra.compiled.lanes import is_below
 from atra.compiled.memory import load, store
 from atra.compiled.store import njit
-from atra.compiled.vectors import bits_of, lane, larger, repeated, size, smaller, where
+from atra.compiled.vectors import bits_of, lane, larger, smaller, splat, where
 from atra.embree.packets_kernels import MISS
 from atra.trees.layout import BLOCK, BLOCK_BYTES, IDS, NODE_BYTES, first_of, kind_of
 from experiments.classification.bvh.single import BLOCKS, BOXES, MARGIN, SLACK, STEPS, next_node
@@ -27,29 +27,29 @@ _NOTHING = np.float32(np.inf)
 def _reach(tree, axis, width, place):  # type: ignore[no-untyped-def]
     """The largest distance along an axis from origins to the ends of the root's box."""
     low, high = tree.nodes + 4 * axis, tree.nodes + NODE_BYTES // 2 + 4 * axis
-    return larger(size(repeated(float_at(low), width) - place), size(repeated(float_at(high), width) - place))
+    return larger(abs(splat(float_at(low), width) - place), abs(splat(float_at(high), width) - place))
 
 
 @njit(forceinline=True)
 def _margins(robust, tree, width, x, y, z, across, along, away, shear):  # type: ignore[no-untyped-def]
     """`bvh.single.margin_of` for the rays of a packet."""
     if not robust:
-        none = repeated(_ZERO, width)
+        none = splat(_ZERO, width)
         return none, none, none
     a, b, c = _reach(tree, 0, width, x), _reach(tree, 1, width, y), _reach(tree, 2, width, z)
-    major, share = where(shear[0], a, where(shear[1], b, c)), repeated(MARGIN, width)
-    return (a + major) * size(across) * share, (b + major) * size(along) * share, (c + major) * size(away) * share
+    major, share = where(shear[0], a, where(shear[1], b, c)), splat(MARGIN, width)
+    return (a + major) * abs(across) * share, (b + major) * abs(along) * share, (c + major) * abs(away) * share
 
 
 @njit(forceinline=True)
 def ways_through(robust, node, width, x, y, z, across, along, away, margins):  # type: ignore[no-untyped-def]
     """Where rays enter and leave the box of the node at an address. margins: from `_margins`."""
-    x0 = (repeated(float_at(node), width) - x) * across
-    x1 = (repeated(float_at(node + 16), width) - x) * across
-    y0 = (repeated(float_at(node + 4), width) - y) * along
-    y1 = (repeated(float_at(node + 20), width) - y) * along
-    z0 = (repeated(float_at(node + 8), width) - z) * away
-    z1 = (repeated(float_at(node + 24), width) - z) * away
+    x0 = (splat(float_at(node), width) - x) * across
+    x1 = (splat(float_at(node + 16), width) - x) * across
+    y0 = (splat(float_at(node + 4), width) - y) * along
+    y1 = (splat(float_at(node + 20), width) - y) * along
+    z0 = (splat(float_at(node + 8), width) - z) * away
+    z1 = (splat(float_at(node + 24), width) - z) * away
     x0, x1, y0, y1, z0, z1 = (
         smaller(x0, x1),
         larger(x0, x1),
@@ -83,12 +83,12 @@ def nearest_of_packet(  # type: ignore[no-untyped-def]
     along = load(bundle + INVERSE_Y * row, _ZERO, width)
     away = load(bundle + INVERSE_Z * row, _ZERO, width)
     tnear, best = load(bundle + TNEAR * row, _ZERO, width), load(bundle + TFAR * row, _ZERO, width)
-    prim_ids = repeated(MISS, width)
-    zero, one, nothing = repeated(_ZERO, width), repeated(_ONE, width), repeated(_NOTHING, width)
+    prim_ids = splat(MISS, width)
+    zero, one, nothing = splat(_ZERO, width), splat(_ONE, width), splat(_NOTHING, width)
     shear = shear_of(dx, dy, dz, zero, one)
     margins = _margins(robust, tree, width, x, y, z, across, along, away, shear)
     ahead = (1 if lane(dx, 0) > _ZERO else 0) | (2 if lane(dy, 0) > _ZERO else 0) | (4 if lane(dz, 0) > _ZERO else 0)
-    slack, top, left = repeated(SLACK, width), 0, np.int64(lists[start])
+    slack, top, left = splat(SLACK, width), 0, np.int64(lists[start])
     while top > 0 or left > 0:
         node, is_entry, left, top = next_node(counting, tree, lists, start, left, stack, top, counts)
         if not push or is_entry:
@@ -111,16 +111,16 @@ def nearest_of_packet(  # type: ignore[no-untyped-def]
                     for k in range(BLOCK):
                         at = tree.blocks + block * BLOCK_BYTES + 4 * k
                         step = 4 * BLOCK
-                        x0, y0 = repeated(float_at(at), width), repeated(float_at(at + step), width)
-                        z0, x1 = repeated(float_at(at + 2 * step), width), repeated(float_at(at + 3 * step), width)
-                        y1, z1 = repeated(float_at(at + 4 * step), width), repeated(float_at(at + 5 * step), width)
-                        x2, y2 = repeated(float_at(at + 6 * step), width), repeated(float_at(at + 7 * step), width)
-                        z2 = repeated(float_at(at + 8 * step), width)
+                        x0, y0 = splat(float_at(at), width), splat(float_at(at + step), width)
+                        z0, x1 = splat(float_at(at + 2 * step), width), splat(float_at(at + 3 * step), width)
+                        y1, z1 = splat(float_at(at + 4 * step), width), splat(float_at(at + 5 * step), width)
+                        x2, y2 = splat(float_at(at + 6 * step), width), splat(float_at(at + 7 * step), width)
+                        z2 = splat(float_at(at + 8 * step), width)
                         hits, t = meet_corners(
                             robust, x0, y0, z0, x1, y1, z1, x2, y2, z2, x, y, z, dx, dy, dz, shear, zero, one,
-                            repeated(np.float32(CLAMP_SLACK), width),
+                            splat(np.float32(CLAMP_SLACK), width),
                         )  # fmt: skip
-                        found = repeated(uint32_at(at + IDS), width)
+                        found = splat(uint32_at(at + IDS), width)
                         as_near = (t >= best) & (t <= best) & is_below(found, prim_ids)
                         hits = hits & (t > tnear) & ((best > t) | as_near)
                         if bits_of(hits):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from atra.compiled.intrinsics import uint32_at
-from atra.compiled.memory import fetch, load
+from atra.compiled.memory import load, prefetch
 from atra.compiled.store import njit
-from atra.compiled.vectors import bits_of, lane, larger, repeated, size, smaller, with_lane
+from atra.compiled.vectors import bits_of, lane, larger, smaller, splat, with_lane
 from atra.embree.packets_kernels import MISS
 from atra.trees.layout import BLOCK, BLOCK_BYTES, IDS, NODE_BYTES, first_of, kind_of
 from experiments.classification.bvh.triangles import CLAMP_SLACK, meet_corners, shear_of
@@ -41,7 +41,7 @@ FETCHED = 4
 @njit(forceinline=True)
 def fetch_node(tree, number):  # type: ignore[no-untyped-def]
     """Prefetch a node."""
-    fetch(tree.nodes + np.int64(number) * NODE_BYTES)
+    prefetch(tree.nodes + np.int64(number) * NODE_BYTES)
 
 
 @njit(forceinline=True)
@@ -55,20 +55,18 @@ def reciprocal(component):  # type: ignore[no-untyped-def]
 @njit(forceinline=True)
 def point(x, y, z):  # type: ignore[no-untyped-def]
     """(x, y, z, 0) as a vector."""
-    return with_lane(with_lane(with_lane(repeated(_ZERO, 4), 0, x), 1, y), 2, z)
+    return with_lane(with_lane(with_lane(splat(_ZERO, 4), 0, x), 1, y), 2, z)
 
 
 @njit(forceinline=True)
 def margin_of(robust, tree, origin, inverse, dx, dy, dz):  # type: ignore[no-untyped-def]
     """Margin of robust box tests in ray parameters, in the first three of four lanes (`MARGIN`)."""
     if not robust:
-        return repeated(_ZERO, 4)
-    reach = larger(
-        size(load(tree.nodes, _ZERO, 4) - origin), size(load(tree.nodes + NODE_BYTES // 2, _ZERO, 4) - origin)
-    )
+        return splat(_ZERO, 4)
+    reach = larger(abs(load(tree.nodes, _ZERO, 4) - origin), abs(load(tree.nodes + NODE_BYTES // 2, _ZERO, 4) - origin))
     x, y, z = abs(dx), abs(dy), abs(dz)
     major = lane(reach, 0) if x >= y and x >= z else lane(reach, 1) if y >= z else lane(reach, 2)
-    return (reach + repeated(major, 4)) * size(inverse) * repeated(MARGIN, 4)
+    return (reach + splat(major, 4)) * abs(inverse) * splat(MARGIN, 4)
 
 
 @njit(forceinline=True)
@@ -103,19 +101,19 @@ def nearest_of_block(robust, block, ray, shear, best, prim_id):  # type: ignore[
     """The nearest hit after the block at an address. shear: from `shear_of`."""
     x, y, z, dx, dy, dz, tnear = ray
     row = 4 * BLOCK
-    zero, one = repeated(_ZERO, BLOCK), repeated(_ONE, BLOCK)
-    away_x, away_y, away_z = repeated(dx, BLOCK), repeated(dy, BLOCK), repeated(dz, BLOCK)
+    zero, one = splat(_ZERO, BLOCK), splat(_ONE, BLOCK)
+    away_x, away_y, away_z = splat(dx, BLOCK), splat(dy, BLOCK), splat(dz, BLOCK)
     x0, y0 = load(block, _ZERO, BLOCK), load(block + row, _ZERO, BLOCK)
     z0, x1 = load(block + 2 * row, _ZERO, BLOCK), load(block + 3 * row, _ZERO, BLOCK)
     y1, z1 = load(block + 4 * row, _ZERO, BLOCK), load(block + 5 * row, _ZERO, BLOCK)
     x2, y2 = load(block + 6 * row, _ZERO, BLOCK), load(block + 7 * row, _ZERO, BLOCK)
     z2 = load(block + 8 * row, _ZERO, BLOCK)
-    ox, oy, oz = repeated(x, BLOCK), repeated(y, BLOCK), repeated(z, BLOCK)
-    slack = repeated(np.float32(CLAMP_SLACK), BLOCK)
+    ox, oy, oz = splat(x, BLOCK), splat(y, BLOCK), splat(z, BLOCK)
+    slack = splat(np.float32(CLAMP_SLACK), BLOCK)
     hits, t = meet_corners(
         robust, x0, y0, z0, x1, y1, z1, x2, y2, z2, ox, oy, oz, away_x, away_y, away_z, shear, zero, one, slack
     )
-    bits = bits_of(hits & (t > repeated(tnear, BLOCK)) & (t <= repeated(best, BLOCK)))
+    bits = bits_of(hits & (t > splat(tnear, BLOCK)) & (t <= splat(best, BLOCK)))
     if bits:
         best, prim_id = nearer(bits, 0, lane(t, 0), block + IDS, best, prim_id)
         best, prim_id = nearer(bits, 1, lane(t, 1), block + IDS, best, prim_id)
@@ -154,9 +152,7 @@ def nearest(push, any_hit, counting, robust, tree, ray, tfar, lists, start, stac
     x, y, z, dx, dy, dz, tnear = ray
     origin, inverse = point(x, y, z), point(reciprocal(dx), reciprocal(dy), reciprocal(dz))
     margin = margin_of(robust, tree, origin, inverse, dx, dy, dz)
-    shear = shear_of(
-        repeated(dx, BLOCK), repeated(dy, BLOCK), repeated(dz, BLOCK), repeated(_ZERO, BLOCK), repeated(_ONE, BLOCK)
-    )
+    shear = shear_of(splat(dx, BLOCK), splat(dy, BLOCK), splat(dz, BLOCK), splat(_ZERO, BLOCK), splat(_ONE, BLOCK))
     ahead = (1 if dx > _ZERO else 0) | (2 if dy > _ZERO else 0) | (4 if dz > _ZERO else 0)
     best, prim_id, top, left = tfar, MISS, 0, np.int64(lists[start])
     while top > 0 or left > 0:

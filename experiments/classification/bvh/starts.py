@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from atra.compiled.memory import load, store
 from atra.compiled.store import njit
-from atra.compiled.vectors import larger, last_whole, repeated, signed_like, size, smaller, where
+from atra.compiled.vectors import floor, larger, signed_like, smaller, splat, where
 from atra.trees.layout import ROOT
 from experiments.classification.bvh.memory import AHEAD
 from experiments.classification.bvh.single import FETCHED, FROM_ROOT, PROVEN, SMALLEST_COMPONENT, fetch_node
@@ -87,13 +87,13 @@ def set_ahead(ahead, k, ray):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _lanes(number):  # type: ignore[no-untyped-def]
-    return repeated(np.float32(number), LANES)
+    return splat(np.float32(number), LANES)
 
 
 @njit(forceinline=True)
 def _within(place, limit):  # type: ignore[no-untyped-def]
     """Floor of the coordinates, clamped to 0 ... limit - 1."""
-    return last_whole(larger(smaller(place, _lanes(limit - 1)), _lanes(0)))
+    return floor(larger(smaller(place, _lanes(limit - 1)), _lanes(0)))
 
 
 @njit(forceinline=True)
@@ -107,7 +107,7 @@ def _entry(low, high, place, inverse):  # type: ignore[no-untyped-def]
 def _inverse(direction):  # type: ignore[no-untyped-def]
     """Reciprocals of direction components; nearly zero ones count as SMALLEST_COMPONENT."""
     least = _lanes(SMALLEST_COMPONENT)
-    return _lanes(1) / where(size(direction) >= least, direction, signed_like(least, direction))
+    return _lanes(1) / where(abs(direction) >= least, direction, signed_like(least, direction))
 
 
 @njit(forceinline=True)
@@ -134,16 +134,16 @@ def find_shafts(grid, ahead):  # type: ignore[no-untyped-def]
         j = _within((y + enters * dy - _lanes(low[1])) * _lanes(scale[1]), voxels[1])
         k = _within((z + enters * dz - _lanes(low[2])) * _lanes(scale[2]), voxels[2])
         voxel = where(passes, _lanes(PASSES), (k * _lanes(voxels[1]) + j) * _lanes(voxels[0]) + i)
-        too_far = larger(larger(size(x), size(y)), size(z)) > _lanes(grid.reach)
+        too_far = larger(larger(abs(x), abs(y)), abs(z)) > _lanes(grid.reach)
         store(where(too_far, _lanes(UNKNOWN), voxel), at)
-        most = size(dy) > size(dx)
+        most = abs(dy) > abs(dx)
         heading, inverse, face = where(most, dy, dx), where(most, along, across), where(most, two, _lanes(0))
         u, v = where(most, dz, dy), where(most, dx, dz)
-        most = size(dz) > size(heading)
+        most = abs(dz) > abs(heading)
         heading, inverse, face = where(most, dz, heading), where(most, away, inverse), where(most, two + two, face)
         u, v = where(most, dx, u), where(most, dy, v)
         face = where(heading >= _lanes(0), face, face + one)
-        inverse, half = size(inverse), _lanes(0.5 * cells)
+        inverse, half = abs(inverse), _lanes(0.5 * cells)
         column, line = _within((u * inverse + one) * half, cells), _within((v * inverse + one) * half, cells)
         store((face * _lanes(cells) + line) * _lanes(cells) + column, at + row)
 

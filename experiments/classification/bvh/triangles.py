@@ -8,7 +8,7 @@ from llvmlite import ir
 from numba.extending import intrinsic
 
 from atra.compiled.store import njit
-from atra.compiled.vectors import bits_of, declared, larger, rarely, signed_like, size, smaller, where, widened
+from atra.compiled.vectors import bits_of, declared, larger, rarely, signed_like, smaller, where, widened
 
 CLAMP_SLACK = 2.0**-20
 """Relative margin by which a hit's parameter may lie outside those of the triangle's corners: sixteen roundings."""
@@ -48,7 +48,7 @@ def _plane(cx, cy, cz, ax, ay, az, bx, by, bz, dx, dy, dz, one):  # type: ignore
     `meet`."""
     nx, ny, nz = difference(ay, bz, az, by), difference(az, bx, ax, bz), difference(ax, by, ay, bx)
     facing = product(nx, dx, ny, dy, nz, dz)
-    sign, volume = signed_like(one, facing), size(facing)
+    sign, volume = signed_like(one, facing), abs(facing)
     return sign, volume, product(nx, cx, ny, cy, nz, cz) * sign / volume
 
 
@@ -99,8 +99,8 @@ def _areas(px, py, qx, qy, rx, ry):  # type: ignore[no-untyped-def]
 def shear_of(dx, dy, dz, zero, one):  # type: ignore[no-untyped-def]
     """(major axis is x, major axis is y, shear x, shear y, 1 / major component) of directions: the shear that lays a
     direction onto its major axis. See `meet_closed`."""
-    is_x = (size(dx) >= size(dy)) & (size(dx) >= size(dz))
-    is_y = size(dy) >= size(dz)  # if not x
+    is_x = (abs(dx) >= abs(dy)) & (abs(dx) >= abs(dz))
+    is_y = abs(dy) >= abs(dz)  # if not x
     across, along, away = _turned(is_x, is_y, dx, dy, dz)
     return is_x, is_y, across / away, along / away, one / away
 
@@ -133,5 +133,5 @@ def meet_closed(  # type: ignore[no-untyped-def]
     _, _, t = _plane(cx, cy, cz, ax, ay, az, bx, by, bz, dx, dy, dz, one)
     pz, qz, rz = pz * inverse, qz * inverse, rz * inverse
     near, far = smaller(smaller(pz, qz), rz), larger(larger(pz, qz), rz)
-    near, far = near - size(near) * slack, far + size(far) * slack
+    near, far = near - abs(near) * slack, far + abs(far) * slack
     return hits, larger(smaller(t, far), near)

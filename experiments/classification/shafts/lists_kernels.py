@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.memory import load
 from atra.compiled.store import kernel, njit
-from atra.compiled.vectors import bits_of, larger, repeated, smaller
+from atra.compiled.vectors import bits_of, larger, smaller, splat
 from atra.embree.packets_kernels import INFINITY
 from atra.trees.layout import NODE_BYTES, ROOT, Tree, first_of, kind_of
 from experiments.classification.bvh.images import set_ray
@@ -98,7 +98,7 @@ def _sample(building, number, memory):  # type: ignore[no-untyped-def]
 @njit
 def _seen(node, memory):  # type: ignore[no-untyped-def]
     """The number of sampled rays that enter the box of the node at an address before they hit anything."""
-    bundle, found, none = memory.bundle, 0, repeated(_ZERO, LANES)
+    bundle, found, none = memory.bundle, 0, splat(_ZERO, LANES)
     no_margins = none, none, none
     row = 4 * bundle.shape[1]
     for first in range(0, bundle.shape[1], LANES):
@@ -110,7 +110,7 @@ def _seen(node, memory):  # type: ignore[no-untyped-def]
             load(at + (INVERSE_X + 2) * row, _ZERO, LANES), no_margins,
         )  # fmt: skip
         limit = smaller(leaves, load(at + TFAR * row, _ZERO, LANES))
-        bits = bits_of(larger(enters, repeated(_ZERO, LANES)) <= limit)
+        bits = bits_of(larger(enters, splat(_ZERO, LANES)) <= limit)
         while bits:
             bits &= bits - 1
             found += 1

@@ -14,7 +14,7 @@ from atra.compiled.intrinsics import address_at, fetch_add, set_bits_at, uint32_
 from atra.compiled.lanes import nonzero_lanes
 from atra.compiled.memory import store
 from atra.compiled.store import callback, kernel
-from atra.compiled.vectors import bits_of, repeated
+from atra.compiled.vectors import bits_of, splat
 from atra.embree import layout
 from atra.embree.filters_kernels import CONTEXT, HIT, RAY_COUNT, USER_DATA, VALID, refuse
 from atra.embree.layout import RayQueryContext
@@ -41,7 +41,7 @@ def noting_filter(width: int) -> int:
             prim_id = uint32_at(address_at(arguments + HIT) + hit_prim_id)
             tile = address_at(address_at(arguments + USER_DATA) + np.int64(prim_id) * 8)
             set_bits_at(address_at(context + _ANSWERS) + 2 * tile, bits_of(nonzero_lanes(valid, width)))
-            store(repeated(np.int32(0), width), valid)
+            store(splat(np.int32(0), width), valid)
         else:
             refuse(context, valid, given)
 
