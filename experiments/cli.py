@@ -13,7 +13,6 @@ import traceback
 from argparse import ArgumentParser
 from collections.abc import Callable, Sequence
 from importlib import import_module
-from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
@@ -28,12 +27,8 @@ CONFIGURED = {
     "fetch": "experiments.commands.fetching:run_fetch",
     "report": "experiments.report.writing:run_report",
     "doctor": "experiments.commands.doctor:run_doctor",
-    "render": "experiments.commands.making:run_picture",
-    "bake": "experiments.commands.making:run_bake",
-    "view": "experiments.viewer.command:run_view",
 }
-"""Verbs that take a configuration -> what takes it, imported only when asked for. conf/verb/ holds the defaults of
-some verbs."""
+"""Verbs that take a configuration -> what takes it, imported only when asked for."""
 
 PLAIN = {
     "new-method": "experiments.commands.new_method:run_new_method",
@@ -96,21 +91,13 @@ def _run_verb(verb: str, words: Sequence[str], flags: dict[str, Any]) -> None:
     if verb not in CONFIGURED:
         function([*words, *flags["unknown"]])
         return
-    from experiments.commands.model_files import take_model_file
     from experiments.configure import configure
 
-    asked = list(words)
-    if verb == "render":
-        from experiments.commands.making import picture_arguments
-
-        asked = picture_arguments([*words, *flags["unknown"]])
-    elif flags["unknown"] or flags["cfg"] or flags["info"]:
+    if flags["unknown"] or flags["cfg"] or flags["info"]:
         given = " ".join(flags["unknown"]) or "--cfg or --info"
         raise InputError(f"{verb} takes no {given}; expected fields, as in {COMMAND} {verb} scene=cornell_box")
-    asked = take_model_file(asked)
-    _use_method_files(asked)
-    defaults = [f"+verb={verb}"] if Path(__file__).parents[1].joinpath("conf", "verb", f"{verb}.yaml").exists() else []
-    configuration = configure([*defaults, *asked], flags["config_name"] or "config", flags["config_dir"])
+    _use_method_files(words)
+    configuration = configure(words, flags["config_name"] or "config", flags["config_dir"])
     if verb == "measure" and configuration.sweep.grids:
         raise InputError(f"measure takes one point, expected for a sweep: {COMMAND} {' '.join(words)}")
     function(configuration)

@@ -22,8 +22,6 @@ CORE = {
     "moving": "experiments.workloads.moving:MOVING",
     "gather": "experiments.workloads.gather:GATHER",
     "views": "experiments.workloads.views:VIEWS",
-    "render": "experiments.workloads.render:RENDER",
-    "bake": "experiments.workloads.bake:BAKE",
     "rays": "experiments.workloads.rays:RAYS",
 }
 """Name -> where the workload is defined, as entry points say it; in the order of tables and pages."""

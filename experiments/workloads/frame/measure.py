@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from typing import Any
 
 from atra.geometry.mesh import Mesh
-from atra.judge.compare import compare
 from atra.tracing.budgets import EMBREE_BYTES_PER_COPY, check_needed_bytes
 from experiments.harness.method import AnyTracer
 from experiments.harness.point import Measured, Point, make_own
 from experiments.workloads import rounds
 from experiments.workloads.baselines import OWN, SINGLE
-from experiments.workloads.images import counts, depth_errors
+from experiments.workloads.images import compared
 
 _BYTES_PER_PIXEL = 8
 
@@ -33,9 +33,10 @@ def measure(point: Point) -> Measured:
     rounds.warm_up(point, rounds.own_and_baselines(rounds.shrunk(point)))
     with ExitStack() as stack:
         tracers, results = rounds.build_with_baselines(point, stack)
-        own = tracers[OWN]
-        images = {name: rounds.Frames(tracer) for name, tracer in tracers.items()}
-        timed = rounds.timed_rounds(point, {name: one.trace for name, one in images.items()})
-        agreements = [compare(images[OWN].latest(), images[SINGLE].latest())]
-        results |= counts(agreements) | depth_errors(agreements) | rounds.plan_and_build_again(own)
-    return rounds.measured(results, timed)
+        own, frames = tracers[OWN], {name: rounds.Frames(tracer) for name, tracer in tracers.items()}
+
+        def compare() -> dict[str, Any]:
+            images = compared(frames[OWN].latest(), frames[SINGLE].latest())
+            return images | rounds.plan_and_build_again(own)
+
+        return rounds.race(point, frames, compare, results)
