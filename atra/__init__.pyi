@@ -41,11 +41,14 @@ from .errors import (
 from .errors import (
     MemoryBudgetError as MemoryBudgetError,
 )
+from .errors import (
+    StorageError as StorageError,
+)
 from .files.cameras.bop import read_bop as read_bop
 from .files.cameras.calibration_files import read_calibration as read_calibration
 from .files.cameras.colmap import read_colmap as read_colmap
 from .files.cameras.nerf import read_transforms as read_transforms
-from .files.cameras.trimesh_scene import read_trimesh as read_trimesh
+from .files.cameras.trimesh import cameras_from_trimesh as cameras_from_trimesh
 from .files.meshes.face_sources import FaceSources as FaceSources
 from .files.meshes.face_sources import load_face_sources as load_face_sources
 from .files.meshes.loading import load_mesh as load_mesh

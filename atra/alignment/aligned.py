@@ -138,14 +138,14 @@ class PreparedAligned:
     ) -> None:
         """See `Gathering.gather`; of one image. The first call builds BVHs with a filter."""
         if self._all_hits is None:
-            from atra.raster.all_hits.doubts_kernels import Precision
+            from atra.raster.all_hits.undecided_kernels import Precision
 
             (mesh,), alignment = self._meshes, self._pass.alignment
             (camera,) = alignment.cameras
             direction, origin = longest_ray(camera)
             shift = sum(float(np.linalg.norm(shears, axis=1).max()) for shears in alignment.shears)
             stretch, shift = (1.0, origin + shift) if camera.is_parallel else (1.0 + shift, 0.0)
-            precision = Precision.of(camera.pixel_pitch, direction, stretch, shift, self._options.robust)
+            precision = Precision(camera.pixel_pitch, direction, stretch, shift, self._options.robust)
             self._all_hits = EmbreeAllHits(
                 mesh, camera, self._ray_batches(), self.gathering_stride, precision, self._pool, **self._settings
             )

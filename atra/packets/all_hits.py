@@ -25,8 +25,8 @@ from atra.tracing.gathering import check_rays_without_lens, target_of
 from atra.tracing.geometry import AlignedGeometry
 
 if TYPE_CHECKING:  # loaded by the first `gather`, which nearest hits do without
-    from atra.raster.all_hits.doubts import Doubts
-    from atra.raster.all_hits.doubts_kernels import Precision
+    from atra.raster.all_hits.undecided import UndecidedHits
+    from atra.raster.all_hits.undecided_kernels import Precision
 
 
 class RayBatch(NamedTuple):
@@ -74,7 +74,7 @@ class EmbreeAllHits:
         **settings: Any,
     ) -> None:
         self._mesh, self._camera, self._row, self._precision, self._pool = mesh, camera, row, precision, pool
-        self._doubts: tuple[tuple[float, float], Doubts] | None = None
+        self._doubts: tuple[tuple[float, float], UndecidedHits] | None = None
         self._batches: list[tuple[RayBatch, EmbreeScene]] = []
         for batch in planned:
             scene = build_scene(batch.geometry, pool.threads, filter_in_arguments=True, **settings)
@@ -89,7 +89,7 @@ class EmbreeAllHits:
         workspaces: Sequence[Workspace],
     ) -> None:
         """See `Gathering.gather`."""
-        from atra.raster.all_hits.doubts_kernels import settling_kernel
+        from atra.raster.all_hits.undecided_kernels import settling_kernel
 
         for name, plane in what.planes().items():
             if not plane.before:  # layers are filled at the end
@@ -105,11 +105,11 @@ class EmbreeAllHits:
             size, address = (camera.height, camera.width), block.ctypes.data
             self._pool.run(lambda _, counter: finish_image(counter, *size, address))
 
-    def _found_doubts(self, offset: tuple[float, float]) -> Doubts:
+    def _found_doubts(self, offset: tuple[float, float]) -> UndecidedHits:
         if self._doubts is None or self._doubts[0] != offset:
-            from atra.raster.all_hits.doubts import find_doubts
+            from atra.raster.all_hits.undecided import decide_hits
 
-            self._doubts = offset, find_doubts(self._mesh, self._camera, offset, self._precision, self._row, self._pool)
+            self._doubts = offset, decide_hits(self._mesh, self._camera, offset, self._precision, self._row, self._pool)
         return self._doubts[1]
 
     def _shoot(

@@ -159,11 +159,11 @@ class PreparedPixel:
     ) -> None:
         """See `Gathering.gather`. The first call builds a BVH with a filter."""
         if self._all_hits is None:
-            from atra.raster.all_hits.doubts_kernels import Precision
+            from atra.raster.all_hits.undecided_kernels import Precision
 
             camera, shape = self.camera, self.method.packet_shape
             direction, origin = longest_ray(camera)
-            precision = Precision.of(camera.pixel_pitch, direction, 1.0, origin, self.method.robust)
+            precision = Precision(camera.pixel_pitch, direction, 1.0, origin, self.method.robust)
             batch = image_rays(self.geometry, camera, shape, self.tiles)
             self._all_hits = EmbreeAllHits(
                 self._mesh, camera, [batch], self.gathering_stride, precision, self.pool, **self._settings

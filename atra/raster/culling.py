@@ -40,7 +40,7 @@ def extent(a, b, c, box):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True)
-def projected_extent(a, b, c, d, e, f, box):  # type: ignore[no-untyped-def]
+def _projected_extent(a, b, c, d, e, f, box):  # type: ignore[no-untyped-def]
     """Lowest and highest (a x + b y + c z) / (d x + e y + f z) of a box that lies where the divisor is above 0."""
     x = where(mask_of(0b10101010, 8), splat(box[3], 8), splat(box[0], 8))
     y = where(mask_of(0b11001100, 8), splat(box[4], 8), splat(box[1], 8))
@@ -49,6 +49,24 @@ def projected_extent(a, b, c, d, e, f, box):  # type: ignore[no-untyped-def]
     position = above / (splat(d, 8) * x + splat(e, 8) * y + splat(f, 8) * z)
     low, high = folded(folded(folded(position))), folded(folded(folded(splat(0.0, 8) - position)))
     return lane(low, 0), -lane(high, 0)
+
+
+@njit(forceinline=True)
+def pixels_met(m, row, d, box, near, depth_size, margin, last):  # type: ignore[no-untyped-def]
+    """First and last of the columns (row 0) or rows (row 4) up to `last` that may show something of a box in front of
+    the eye. m, d: `to_pixels` and `depth_axis` of `Eye`. margin: pixels from a sample to its whole number."""
+    a, b, c = m[row], m[row + 1], m[row + 2]
+    low, high = _projected_extent(a, b, c, d[0], d[1], d[2], box)
+    doubt = ROUNDINGS * (extent(a, b, c, box)[2] + max(abs(low), abs(high)) * depth_size) / near + margin
+    return np.ceil(max(low - doubt, 0.0)), np.floor(min(high + doubt, last))
+
+
+@njit(forceinline=True)
+def _parallel_pixels_met(m, row, box, last):  # type: ignore[no-untyped-def]
+    """As `pixels_met`, where rays are parallel."""
+    low, high, size = extent(m[row], m[row + 1], m[row + 2], box)
+    doubt = ROUNDINGS * (size + abs(m[row + 3]))
+    return np.ceil(max(low + m[row + 3] - doubt, 0.0)), np.floor(min(high + m[row + 3] + doubt, last))
 
 
 @njit
@@ -87,8 +105,6 @@ def cull_clusters(  # type: ignore[no-untyped-def]
             near, far, depth_size = extent(d[0], d[1], d[2], box)
             doubt = ROUNDINGS * depth_size + least_depth
             near, far = near - doubt, far + doubt
-            low_x, high_x, size_x = extent(m[0], m[1], m[2], box)
-            low_y, high_y, size_y = extent(m[4], m[5], m[6], box)
             if far < 0.0:
                 continue
             if not parallel and near <= least_depth:
@@ -107,17 +123,13 @@ def cull_clusters(  # type: ignore[no-untyped-def]
                     rectangles[cluster, 2], rectangles[cluster, 3] = first, last
                 continue
             if parallel:
-                low_x, high_x, low_y, high_y = low_x + m[3], high_x + m[3], low_y + m[7], high_y + m[7]
-                doubt_x, doubt_y = ROUNDINGS * (size_x + abs(m[3])), ROUNDINGS * (size_y + abs(m[7]))
+                left, right = _parallel_pixels_met(m, 0, box, width - 1.0)
+                top, bottom = _parallel_pixels_met(m, 4, box, height - 1.0)
                 bounds[cluster] = -near + abs(near) * NEARER
             else:
-                low_x, high_x = projected_extent(m[0], m[1], m[2], d[0], d[1], d[2], box)
-                low_y, high_y = projected_extent(m[4], m[5], m[6], d[0], d[1], d[2], box)
-                doubt_x = ROUNDINGS * (size_x + max(abs(low_x), abs(high_x)) * depth_size) / near
-                doubt_y = ROUNDINGS * (size_y + max(abs(low_y), abs(high_y)) * depth_size) / near
+                left, right = pixels_met(m, 0, d, box, near, depth_size, 0.0, width - 1.0)
+                top, bottom = pixels_met(m, 4, d, box, near, depth_size, 0.0, height - 1.0)
                 bounds[cluster] = (1.0 + NEARER) / near
-            left, right = np.ceil(max(low_x - doubt_x, 0.0)), np.floor(min(high_x + doubt_x, width - 1.0))
-            top, bottom = np.ceil(max(low_y - doubt_y, 0.0)), np.floor(min(high_y + doubt_y, height - 1.0))
             if left <= right and top <= bottom:
                 rectangles[cluster, 0], rectangles[cluster, 1] = int(left), int(right)
                 rectangles[cluster, 2], rectangles[cluster, 3] = int(top), int(bottom)

@@ -22,8 +22,9 @@ from atra.raster.clusters import CLUSTER
 from atra.raster.culling import find_farthest, forget_tiles, is_hidden
 from atra.raster.image import CACHE_LINE, Band
 from atra.raster.narrow import decide_narrow, draw_narrow
+from atra.raster.set_up import LEFT, RIGHT, set_up
 from atra.raster.spans import draw_spans
-from atra.raster.triangles import BATCH, LEFT, LIST_ROOM, RIGHT, list_triangles, project_vertices, set_up
+from atra.raster.triangles import BATCH, LIST_ROOM, list_one_by_one, list_triangles, project_vertices
 
 STALE = 16
 """Triangles listed, for each row of a band, until tiles are looked at again."""
@@ -90,9 +91,9 @@ def fetch_vertices(clusters, cluster):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True)
-def open_cluster(parallel, eye, clusters, cluster, width, band, workspace):  # type: ignore[no-untyped-def]
+def open_cluster(lens, parallel, margin, eye, clusters, cluster, width, band, memory):  # type: ignore[no-untyped-def]
     """List what a cluster may have in a band. Returns how many triangles, the addresses of its prim_ids and its
-    vertices, and how many those are."""
+    vertices, and how many those are. lens, margin: as for `list_one_by_one`."""
     start, firsts = cluster * CLUSTER, integers_at(clusters.firsts)
     corners, prim_ids = clusters.corners + start * 8, clusters.prim_ids + start * 4
     for line in range(0, CLUSTER * 8, CACHE_LINE):
@@ -100,21 +101,26 @@ def open_cluster(parallel, eye, clusters, cluster, width, band, workspace):  # t
     for line in range(0, CLUSTER * 4, CACHE_LINE):
         prefetch(prim_ids + line)
     vertices, vertex_count = clusters.vertices + firsts[cluster] * 12, firsts[cluster + 1] - firsts[cluster]
-    in_front = project_vertices(parallel, vertices, vertex_count, vertex_count, eye, workspace.points)
+    in_front = project_vertices(parallel, vertices, vertex_count, vertex_count, eye, memory.points)
     triangles = min(CLUSTER, clusters.triangles - start)
-    count = list_triangles(parallel, in_front, corners, triangles, workspace.points, width, band, workspace.listed)
+    if lens:
+        count = list_one_by_one(True, corners, triangles, memory.points, margin, width, band, memory.listed)
+    else:
+        count = list_triangles(parallel, in_front, corners, triangles, memory.points, width, band, memory.listed)
     return count, prim_ids, vertices, vertex_count
 
 
 @njit
-def _draw_cluster(lanes, half, parallel, eye, clusters, cluster, width, band, workspace):  # type: ignore[no-untyped-def]
+def _draw_cluster(lanes, half, parallel, eye, clusters, cluster, width, band, memory):  # type: ignore[no-untyped-def]
     """Draw what a cluster has in a band; returns how many triangles were listed for it."""
-    count, prim_ids, vertices, vertex_count = open_cluster(parallel, eye, clusters, cluster, width, band, workspace)
-    listed, floats, identities = integers_at(workspace.listed), floats_at(workspace.floats), identities_at(prim_ids)
+    count, prim_ids, vertices, vertex_count = open_cluster(
+        False, parallel, 0.0, eye, clusters, cluster, width, band, memory
+    )
+    listed, floats, identities = integers_at(memory.listed), floats_at(memory.floats), identities_at(prim_ids)
     for batch in range(0, count, BATCH):
         # np.bool_ of a constant is none for Numba: `set_up` is compiled once, for drawing and for all hits.
         may_be_seen, ordinary = set_up(
-            np.bool_(parallel), np.bool_(True), np.bool_(True), width, batch, band, workspace
+            False, np.bool_(parallel), np.bool_(True), np.bool_(True), 0.0, width, batch, band, memory
         )
         left = may_be_seen & ((1 << min(BATCH, count - batch)) - 1)
         while left != 0:  # by the bits that are set: a branch for each triangle would often be mispredicted
@@ -123,16 +129,14 @@ def _draw_cluster(lanes, half, parallel, eye, clusters, cluster, width, band, wo
             packed = listed[batch + k]
             prim_id = identities[packed >> 48]
             if not (ordinary >> k) & 1:
-                draw_spans(
-                    lanes, parallel, eye, clusters, vertices, vertex_count, prim_id, packed, width, band, workspace
-                )
+                draw_spans(lanes, parallel, eye, clusters, vertices, vertex_count, prim_id, packed, width, band, memory)
                 continue
             if floats[RIGHT * BATCH + k] - floats[LEFT * BATCH + k] < half:
-                in_doubt = draw_narrow(half, parallel, False, eye, clusters, prim_id, packed, k, band, workspace)
+                in_doubt = draw_narrow(half, parallel, False, eye, clusters, prim_id, packed, k, band, memory)
             else:
-                in_doubt = draw_narrow(lanes, parallel, False, eye, clusters, prim_id, packed, k, band, workspace)
+                in_doubt = draw_narrow(lanes, parallel, False, eye, clusters, prim_id, packed, k, band, memory)
             if rarely(in_doubt):
-                decide_narrow(parallel, eye, clusters, prim_id, packed, k, band, workspace)
+                decide_narrow(parallel, eye, clusters, prim_id, packed, k, band, memory)
     return count
 
 
@@ -142,7 +146,7 @@ def drawing_kernel(lanes: int, parallel: bool) -> Callable[..., None]:
     half = max(lanes // 2, 4)
 
     @kernel
-    def draw_bands(counter_address, eye, clusters, rectangles, bounds, order, band_rows, doubled, image, workspace):  # type: ignore[no-untyped-def]
+    def draw_bands(counter_address, eye, clusters, rectangles, bounds, order, band_rows, doubled, image, memory):  # type: ignore[no-untyped-def]
         """Draw all bands, until the shared counter runs past the last: `doubled` ones of 2 band_rows, then others.
 
         rectangles, bounds: of `cull_clusters`. order (N,) int64: the clusters to be drawn unless they are hidden, the
@@ -151,37 +155,32 @@ def drawing_kernel(lanes: int, parallel: bool) -> Callable[..., None]:
         """
         stride, nothing = band_stride(image.width), np.float32(-np.inf if parallel else 0.0)
         most_rows = 2 * band_rows if doubled > 0 else band_rows
-        clear(lanes, nothing, most_rows, stride, image.width, workspace.band)
+        clear(lanes, nothing, most_rows, stride, image.width, memory.band)
         for place in range(LIST_ROOM):  # a batch reads beyond its list, and there has to be the corners of a triangle
-            integers_at(workspace.listed)[place] = 0
+            integers_at(memory.listed)[place] = 0
         while True:
             number = fetch_add(counter_address, 1)
             rows = 2 * band_rows if number < doubled else band_rows
             top = (number + min(number, doubled)) * band_rows
             if top >= image.height:
                 return
-            band = Band(
-                workspace.band,
-                workspace.band + most_rows * stride * 4,
-                stride,
-                top,
-                min(top + rows, image.height) - 1,
-            )
-            forget_tiles(nothing, rows, image.width, workspace.tiles)
-            here, count = integers_at(workspace.here), list_clusters(order, rectangles, band, workspace.here)
+            bottom = min(top + rows, image.height) - 1
+            band = Band(memory.band, memory.band + most_rows * stride * 4, stride, top, bottom)
+            forget_tiles(nothing, rows, image.width, memory.tiles)
+            here, count = integers_at(memory.here), list_clusters(order, rectangles, band, memory.here)
             listed = 0
             for place in range(count):
                 cluster = here[place]
                 if place + 1 < count:
                     fetch_vertices(clusters, here[place + 1])
                 if listed >= STALE * rows:
-                    find_farthest(band, image.width, workspace.tiles)
+                    find_farthest(band, image.width, memory.tiles)
                     listed = 0
                 left, right = rectangles[cluster, 0], rectangles[cluster, 1]
                 top = max(rectangles[cluster, 2], band.top) - band.top
                 bottom = min(rectangles[cluster, 3], band.bottom) - band.top
-                if not is_hidden(left, right, top, bottom, bounds[cluster], image.width, workspace.tiles):
-                    listed += _draw_cluster(lanes, half, parallel, eye, clusters, cluster, image.width, band, workspace)
+                if not is_hidden(left, right, top, bottom, bounds[cluster], image.width, memory.tiles):
+                    listed += _draw_cluster(lanes, half, parallel, eye, clusters, cluster, image.width, band, memory)
             finish(lanes, parallel, nothing, band, image)
 
     return draw_bands

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.all_hits.target_kernels import band_stride
+from atra.compiled.aligned_memory import aligned_empty
 from atra.compiled.threads import WorkerPool
 from atra.exact.edges_kernels import SUMMANDS
 from atra.geometry.mesh import Mesh
@@ -17,9 +18,10 @@ from atra.geometry.view import View
 from atra.raster.clusters import CLUSTER, POINT_BYTES, VERTICES, Clusters, clusters_of
 from atra.raster.culling import TILE, cull_clusters, tile_stride
 from atra.raster.drawing import drawing_kernel
-from atra.raster.image import CACHE_LINE, Eye, Image, Viewpoint, Workspace
+from atra.raster.image import CACHE_LINE, Eye, ImageAddresses, ThreadMemory, eye_of
+from atra.raster.set_up import DOUBLES, FLOATS
 from atra.raster.spans import ROWS
-from atra.raster.triangles import BATCH, DOUBLES, FLOATS, LIST_ROOM
+from atra.raster.triangles import BATCH, LIST_ROOM
 
 _BAND_PIXELS, _BAND_ROWS = 1 << 16, (16, 64)
 """Pixels of a band, half a megabyte of image; and its least and most rows. The first bands have twice as many rows, as
@@ -33,18 +35,18 @@ _CLUSTERS_A_THREAD = 4096
 
 
 @dataclass(frozen=True, eq=False)
-class Scratch:
-    """A mesh in clusters, and memory of its frames. rectangles, bounds: of `cull_clusters`. parts: of the memory of
-    `workspaces`, by what they were asked for."""
+class FrameMemory:
+    """A mesh in clusters, and memory that its frames share. rectangles, bounds: of `cull_clusters`. blocks: of each
+    thread, reused; parts: addresses of their parts, by what was asked for."""
 
     clusters: Clusters
     rectangles: NDArray[np.int32]
     bounds: NDArray[np.float32]
-    workspaces: list[NDArray[np.uint8]] = field(default_factory=list)
-    parts: dict[tuple[int, ...], list[Workspace]] = field(default_factory=dict)
+    blocks: list[NDArray[np.uint8]] = field(default_factory=list)
+    parts: dict[tuple[int, ...], list[ThreadMemory]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, mesh: Mesh, pool: WorkerPool) -> Scratch:
+    def of(cls, mesh: Mesh, pool: WorkerPool) -> FrameMemory:
         """Make the clusters of a mesh."""
         clusters = clusters_of(mesh, pool)
         return cls(clusters, np.empty((clusters.count, 4), np.int32), np.empty(clusters.count, np.float32))
@@ -52,35 +54,31 @@ class Scratch:
     @property
     def bytes(self) -> int:
         """Memory of all arrays."""
-        own = self.rectangles.nbytes + self.bounds.nbytes + sum(memory.nbytes for memory in self.workspaces)
+        own = self.rectangles.nbytes + self.bounds.nbytes + sum(block.nbytes for block in self.blocks)
         return self.clusters.bytes + own
 
-    def workspaces_for(self, threads: int, width: int, band_rows: int, band_bytes: int) -> list[Workspace]:
-        """One for each thread; band_bytes: of its image of a band."""
+    def of_threads(self, threads: int, width: int, band_rows: int, band_bytes: int) -> list[ThreadMemory]:
+        """Memory for each thread; band_bytes: of its image of a band."""
         key = threads, width, band_rows, band_bytes
         if key in self.parts:
             return self.parts[key]
-        sizes = (
-            band_bytes,
-            8 * SUMMANDS,
-            8 * (band_rows + ROWS),
-            8 * (band_rows + ROWS),
-            (3 * CLUSTER + VERTICES) * POINT_BYTES,
-            8 * LIST_ROOM,
-            8 * BATCH * DOUBLES,
-            4 * BATCH * FLOATS,
-            4 * -(-band_rows // TILE) * tile_stride.py_func(width),
-            8 * (self.clusters.count + 1),
+        sizes = ThreadMemory(
+            band=band_bytes,
+            exact=8 * SUMMANDS,
+            first=8 * (band_rows + ROWS),
+            last=8 * (band_rows + ROWS),
+            points=(3 * CLUSTER + VERTICES) * POINT_BYTES,
+            listed=8 * LIST_ROOM,
+            doubles=8 * BATCH * DOUBLES,
+            floats=4 * BATCH * FLOATS,
+            tiles=4 * -(-band_rows // TILE) * tile_stride.py_func(width),
+            here=8 * (self.clusters.count + 1),
         )
-        parts = [-(-part // CACHE_LINE) * CACHE_LINE for part in sizes]
-        wanted = sum(parts) + CACHE_LINE
-        if len(self.workspaces) != threads or len(self.workspaces[0]) < wanted:
-            self.workspaces[:] = [np.empty(wanted, np.uint8) for _ in range(threads)]
+        starts = list(accumulate((-(-size // CACHE_LINE) * CACHE_LINE for size in sizes), initial=0))
+        if len(self.blocks) != threads or len(self.blocks[0]) < starts[-1]:
+            self.blocks[:] = [aligned_empty((starts[-1],), np.uint8) for _ in range(threads)]
             self.parts.clear()
-        made = []
-        for memory in self.workspaces:
-            start = -(-memory.ctypes.data // CACHE_LINE) * CACHE_LINE
-            made.append(Workspace(*accumulate((start, *parts[:-1]))))
+        made = [ThreadMemory(*(block.ctypes.data + start for start in starts[:-1])) for block in self.blocks]
         self.parts[key] = made
         return made
 
@@ -108,25 +106,19 @@ def draw_frame(
     camera: View,
     offset: tuple[float, float],
     lanes: int,
-    scratch: Scratch,
+    memory: FrameMemory,
     pool: WorkerPool,
     out: tuple[NDArray[np.float32], NDArray[np.uint32]],
 ) -> None:
     """Write depth and prim_id of all pixels to `out`, two arrays (H, W)."""
     depth, prim_id = out
-    width, height, parallel = camera.width, camera.height, camera.is_parallel
-    viewpoint = Viewpoint.of(mesh, camera, offset)
+    width, height, clusters = camera.width, camera.height, memory.clusters.addresses
+    eye, _numbers = eye_of(mesh, camera, offset)
     band_rows, doubled = bands_of(width, height)
-    image = Image(depth.ctypes.data, prim_id.ctypes.data, width, height)
-    eye, addresses = viewpoint.eye, scratch.clusters.addresses
-    rectangles, bounds = scratch.rectangles, scratch.bounds
-    draw_bands: Any = drawing_kernel(lanes, parallel)
-    scratch.cull(eye, camera, band_rows, pool)
-    order = scratch.order()
+    image = ImageAddresses(depth.ctypes.data, prim_id.ctypes.data, width, height)
+    draw_bands: Any = drawing_kernel(lanes, camera.is_parallel)
+    memory.cull(eye, camera, band_rows, pool)
+    culled = memory.rectangles, memory.bounds, memory.order(), band_rows, doubled
     most_rows = 2 * band_rows if doubled else band_rows
-    workspaces = scratch.workspaces_for(pool.threads, width, most_rows, 8 * most_rows * band_stride.py_func(width))
-
-    def draw(worker: int, counter: int) -> None:
-        draw_bands(counter, eye, addresses, rectangles, bounds, order, band_rows, doubled, image, workspaces[worker])
-
-    pool.run(draw)
+    threads = memory.of_threads(pool.threads, width, most_rows, 8 * most_rows * band_stride.py_func(width))
+    pool.run(lambda worker, counter: draw_bands(counter, eye, clusters, *culled, image, threads[worker]))

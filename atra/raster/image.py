@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -25,15 +24,17 @@ GENTLE = 2.0
 """Nearness whose slope over so many pixels is at most so many times the least it has is gentle: rounding to float32
 along the row changes it by few units of itself. What is steeper is computed in float64, between its corners'."""
 
-
 CACHE_LINE = 64
-"""Bytes of one."""
+"""Bytes of a cache line."""
+
+EYE_NUMBERS = 18
+"""Numbers of an `Eye`: position, to_pixels and depth_axis."""
 
 _LEAST_DEPTH = 1e-25
 """Depth that a corner has at least, of the mesh's distance from the eye: its inverse has to be a float32."""
 
 
-class Image(NamedTuple):
+class ImageAddresses(NamedTuple):
     """depth, prim_id: addresses of the first pixel, 4 bytes each, rows one after another."""
 
     depth: int
@@ -72,40 +73,17 @@ def eye_at(numbers, least_depth):  # type: ignore[no-untyped-def]
     return Eye(numbers, numbers + 3 * 8, numbers + 15 * 8, least_depth)
 
 
-@dataclass(frozen=True, eq=False)
-class Viewpoint:
-    """The numbers of an `Eye`, which have to live as long as it is used.
+def eye_of(mesh: Mesh, camera: View, offset: tuple[float, float]) -> tuple[Eye, NDArray[np.float64]]:
+    """What a mesh is seen from, around its own origin, with the samples of an offset at whole numbers.
 
-    numbers: (18,) float64, position, to_pixels and depth_axis one after another.
+    Returns the eye, and its numbers (18,) float64, which have to live as long as it is used.
     """
-
-    numbers: NDArray[np.float64]
-    least_depth: float
-
-    @classmethod
-    def of(cls, mesh: Mesh, camera: View, offset: tuple[float, float]) -> Viewpoint:
-        """What a mesh is seen from, around its own origin, with the samples of an offset at whole numbers."""
-        mesh, camera = own_space(mesh, camera)
-        numbers = np.concatenate([camera.eye, camera.to_pixels.reshape(-1), camera.axes[2]])
-        for row, part in zip((numbers[3:7], numbers[7:11]), offset, strict=True):
-            row -= part * numbers[11:15]
-        return cls(numbers, 0.0 if camera.is_parallel else least_depth_of(mesh, numbers[:3]))
-
-    @property
-    def position(self) -> NDArray[np.float64]:
-        """(3,), as of `Eye`."""
-        return self.numbers[:3]
-
-    @property
-    def to_pixels(self) -> NDArray[np.float64]:
-        """(12,), as of `Eye`."""
-        return self.numbers[3:15]
-
-    @property
-    def eye(self) -> Eye:
-        """The numbers by their addresses."""
-        first = self.numbers.ctypes.data
-        return Eye(first, first + 3 * 8, first + 15 * 8, self.least_depth)
+    mesh, camera = own_space(mesh, camera)
+    numbers = np.concatenate([camera.eye, camera.to_pixels.reshape(-1), camera.axes[2]])
+    for row, part in zip((numbers[3:7], numbers[7:11]), offset, strict=True):
+        row -= part * numbers[11:15]
+    least_depth = 0.0 if camera.is_parallel else least_depth_of(mesh, numbers[:3])
+    return eye_at.py_func(numbers.ctypes.data, least_depth), numbers
 
 
 def least_depth_of(mesh: Mesh, eye: NDArray[np.float64]) -> float:
@@ -113,7 +91,7 @@ def least_depth_of(mesh: Mesh, eye: NDArray[np.float64]) -> float:
     return _LEAST_DEPTH * float(np.abs(mesh.bounds - eye).max())
 
 
-class Workspace(NamedTuple):
+class ThreadMemory(NamedTuple):
     """Addresses of memory of one thread. band: an image of a band, such as nearness and then prim_id. exact: SUMMANDS
     float64 for edges. first, last: float64, where each row of a triangle starts and ends, with room for whole vectors.
     points: a cluster's vertices in pixels. listed, doubles, floats: of `triangles`. tiles: of `culling`. here: int64,

@@ -9,26 +9,12 @@ from atra.compiled.store import njit
 from atra.compiled.vectors import arange, bits_of, mask_of, smaller, splat
 from atra.exact.edges_kernels import side
 from atra.raster.nearer import FEW, nearness_along, without_farther
-from atra.raster.triangles import (
-    BATCH,
-    CAP,
-    COLUMN,
-    FIRST,
-    INSIDE,
-    LAST,
-    LEFT,
-    NEARNESS,
-    RIGHT,
-    ROUNDING,
-    ROW,
-    SLOPE_X,
-    SLOPE_Y,
-    corner_at,
-)
+from atra.raster.set_up import CAP, FIRST, LAST, LEFT, NEARNESS, RIGHT, ROUNDING, SLOPE_X, SLOPE_Y, edges_at
+from atra.raster.triangles import BATCH, corner_at
 
 
 @njit
-def facing_of(points, packed):  # type: ignore[no-untyped-def]
+def winding(points, packed):  # type: ignore[no-untyped-def]
     """1 or -1: which way an ordinary triangle with these corners turns."""
     x0, y0, _ = corner_at(points, packed, 0)
     x1, y1, _ = corner_at(points, packed, 1)
@@ -42,7 +28,7 @@ def decided(points, packed, left, top, lanes, nx, exact):  # type: ignore[no-unt
     x0, y0, _ = corner_at(points, packed, 0)
     x1, y1, _ = corner_at(points, packed, 1)
     x2, y2, _ = corner_at(points, packed, 2)
-    facing, bits = facing_of(points, packed), 0
+    facing, bits = winding(points, packed), 0
     for lane in range(lanes):
         i, j = float(left + lane % nx), float(top + lane // nx)
         if (
@@ -55,31 +41,24 @@ def decided(points, packed, left, top, lanes, nx, exact):  # type: ignore[no-unt
 
 
 @njit(forceinline=True)
-def draw_narrow(lanes, parallel, exactly, eye, clusters, prim_id, packed, k, band, workspace):  # type: ignore[no-untyped-def]
+def draw_narrow(lanes, parallel, exactly, eye, clusters, prim_id, packed, k, band, memory):  # type: ignore[no-untyped-def]
     """Draw of an ordinary triangle, the k-th of its batch and with these corners, what lies surely in it and surely
     before what is drawn, with vectors of `lanes`; returns whether other samples are in doubt. exactly: draw those, too.
 
     A sample is as sure as the least of how far inside it lies and how far before what is drawn, which `set_up` measures
     in one unit. Nothing is drawn nearer than the nearest corner, whatever rounding makes of the plane.
     """
-    values, doubles = floats_at(workspace.floats + k * 4), doubles_at(workspace.doubles + k * 8)
+    values, doubles = floats_at(memory.floats + k * 4), doubles_at(memory.doubles + k * 8)
     left, right = int(values[LEFT * BATCH]), int(values[RIGHT * BATCH])
     first, last = int(values[FIRST * BATCH]), int(values[LAST * BATCH])
     slope_y, doubt = doubles[SLOPE_Y * BATCH], splat(values[ROUNDING * BATCH], lanes)
     prim_ids, at_eye = splat(prim_id, lanes), splat(np.float32(0.0), lanes)
     cap, slope = splat(values[CAP * BATCH], lanes), splat(values[SLOPE_X * BATCH], lanes)
-    column0 = splat(values[COLUMN * BATCH], lanes)
-    column1 = splat(values[(COLUMN + 1) * BATCH], lanes)
-    column2 = splat(values[(COLUMN + 2) * BATCH], lanes)
-    row0 = splat(values[ROW * BATCH], lanes)
-    row1 = splat(values[(ROW + 1) * BATCH], lanes)
-    row2 = splat(values[(ROW + 2) * BATCH], lanes)
+    (first0, first1, first2), (column0, column1, column2), (row0, row1, row2) = edges_at(values, lanes)
     least = splat(np.float32(np.inf), lanes)
     for start in range(left, right + 1, lanes):
         columns = arange(np.float32(start - left), lanes)
-        inside0 = splat(values[INSIDE * BATCH], lanes) + columns * column0
-        inside1 = splat(values[(INSIDE + 1) * BATCH], lanes) + columns * column1
-        inside2 = splat(values[(INSIDE + 2) * BATCH], lanes) + columns * column2
+        inside0, inside1, inside2 = first0 + columns * column0, first1 + columns * column1, first2 + columns * column2
         along = columns * slope
         place, row = ((first - band.top) * band.stride + start) * 4, doubles[NEARNESS * BATCH]
         for y in range(first, last + 1):
@@ -94,7 +73,7 @@ def draw_narrow(lanes, parallel, exactly, eye, clusters, prim_id, packed, k, ban
                 others = load(ids, np.uint32(0), lanes) != prim_ids
                 bits = bits_of(others & (unsure <= doubt))
                 if bits != 0:
-                    bits &= decided(workspace.points, packed, start, y, lanes, lanes, workspace.exact)
+                    bits &= decided(memory.points, packed, start, y, lanes, lanes, memory.exact)
                     if parallel:
                         bits &= bits_of(at_eye > found)
                     own, close = nearness_along(parallel, eye, clusters, prim_id, y), bits_of(found - old <= doubt)
@@ -114,7 +93,7 @@ def draw_narrow(lanes, parallel, exactly, eye, clusters, prim_id, packed, k, ban
 
 
 @njit
-def decide_narrow(parallel, eye, clusters, prim_id, packed, k, band, workspace):  # type: ignore[no-untyped-def]
+def decide_narrow(parallel, eye, clusters, prim_id, packed, k, band, memory):  # type: ignore[no-untyped-def]
     """Draw the samples that `draw_narrow` left in doubt: `side` decides what lies inside, `without_farther` what is
     nearer. Among its rows, a call of these would have vectors kept in memory."""
-    draw_narrow(FEW, parallel, True, eye, clusters, prim_id, packed, k, band, workspace)
+    draw_narrow(FEW, parallel, True, eye, clusters, prim_id, packed, k, band, memory)

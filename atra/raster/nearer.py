@@ -14,6 +14,9 @@ UNSURE = 2.0**-20
 """Difference of two stored values of nearness, as a share of them, up to which float64 decides. Each is off by at most
 8 roundings of float32: a gentle slope adds at most 2 times the value along a row."""
 
+UNSURE_OF_LENS = 2.0 * UNSURE
+"""As UNSURE: samples beside whole numbers add as many roundings, those of what a row and a column add."""
+
 FEW = 8
 """Lanes of vectors of samples that are decided: all drawing kernels share the code."""
 
@@ -26,9 +29,12 @@ class Corners(NamedTuple):
 
 
 @njit
-def _plane(parallel, eye, clusters, prim_id):  # type: ignore[no-untyped-def]
-    """A corner of a triangle, homogeneous as its pixel position and depth, and the normal there. Edges are subtracted
-    before anything is rounded."""
+def nearness_along(parallel, eye, clusters, prim_id, row):  # type: ignore[no-untyped-def]
+    """Nearness on the plane of a triangle in a row of samples: what each column adds, and that in column 0.
+
+    p: a corner, homogeneous as its pixel position and depth; n: the normal there. Edges are subtracted before anything
+    is rounded.
+    """
     m, axis, position = doubles_at(eye.to_pixels), doubles_at(eye.depth_axis), doubles_at(eye.position)
     values, corners = floats_at(clusters.mesh_vertices), identities_at(clusters.mesh_faces + prim_id * 12)
     v0, v1, v2 = int(corners[0]) * 3, int(corners[1]) * 3, int(corners[2]) * 3
@@ -44,14 +50,6 @@ def _plane(parallel, eye, clusters, prim_id):  # type: ignore[no-untyped-def]
     n0, n1, n2 = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
     if parallel:
         p0, p1 = p0 + m[3], p1 + m[7]
-    return p0, p1, p2, n0, n1, n2
-
-
-@njit
-def nearness_along(parallel, eye, clusters, prim_id, row):  # type: ignore[no-untyped-def]
-    """Nearness on the plane of a triangle in a row of samples: what each column adds, and that in column 0."""
-    p0, p1, p2, n0, n1, n2 = _plane(parallel, eye, clusters, prim_id)
-    if parallel:
         inverse = 1.0 / n2 if n2 != 0.0 else 0.0
         return n0 * inverse, (n1 * (row - p1) - n0 * p0) * inverse - (p2 if n2 != 0.0 else 0.0)
     ahead = n0 * p0 + n1 * p1 + n2 * p2

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from atra.compiled.memory import doubles_at, floats_at, load, store, store_where
+from atra.compiled.memory import doubles_at, load, store, store_where
 from atra.compiled.store import njit
 from atra.compiled.vectors import (
     arange,
@@ -22,97 +22,25 @@ from atra.compiled.vectors import (
     where,
 )
 from atra.exact.edges_kernels import SURELY_NEAREST, crossing_error, first_beyond, turn
-from atra.exact.intersection import NOISE
-from atra.raster.clusters import POINT_BYTES
+from atra.raster.corners import parallel_plane, plane_in_space
 from atra.raster.culling import is_hidden
 from atra.raster.image import GENTLE, SPAN
 from atra.raster.nearer import FEW, UNSURE, nearness_along, without_farther
-from atra.raster.triangles import NEAR_AND_FAR, corner_at
+from atra.raster.triangles import corner_at
 
 ROWS = 8
 """Rows whose spans are found at once."""
 
 
 @njit
-def holds_eye(eye, a, b, c):  # type: ignore[no-untyped-def]
-    """Whether the eye lies in the plane of a triangle, to the rounding of float64: then no ray hits it, by the rule of
-    `atra.exact.intersection`.
-
-    eye: its position. a, b, c: the corners, seen from it.
-    """
-    (x, y, z), (x1, y1, z1), (x2, y2, z2) = a, b, c
-    x1, y1, z1, x2, y2, z2 = x1 - x, y1 - y, z1 - z, x2 - x, y2 - y, z2 - z
-    volume = x * (y1 * z2 - z1 * y2) + y * (z1 * x2 - x1 * z2) + z * (x1 * y2 - y1 * x2)
-    one, other = x1 * x1 + y1 * y1 + z1 * z1, x2 * x2 + y2 * y2 + z2 * z2
-    reach = x * x + y * y + z * z + eye[0] * eye[0] + eye[1] * eye[1] + eye[2] * eye[2]
-    return abs(volume) <= NOISE * np.sqrt(reach * one * other)
-
-
-@njit(forceinline=True)
-def from_eye(eye, vertices, count, packed, corner):  # type: ignore[no-untyped-def]
-    """A corner, in the world's axes, seen from the eye; vertices: address of the `count` of its cluster."""
-    values, position = floats_at(vertices), doubles_at(eye.position)
-    place = ((packed >> (16 * corner)) & 0xFFFF) // POINT_BYTES
-    x, y, z = values[place], values[place + count], values[place + 2 * count]
-    return x - position[0], y - position[1], z - position[2]
-
-
-@njit(forceinline=True)
-def homogeneous(m, corner):  # type: ignore[no-untyped-def]
-    """(x, y, 1) times the depth of a corner, or (x, y, 1) where rays are parallel; x and y its pixel position."""
-    u, v, w = corner
-    return (
-        m[0] * u + m[1] * v + m[2] * w + m[3],
-        m[4] * u + m[5] * v + m[6] * w + m[7],
-        m[8] * u + m[9] * v + m[10] * w + m[11],
-    )
-
-
-@njit(forceinline=True)
-def _inverse_of(volume):  # type: ignore[no-untyped-def]
-    """1 / volume; for a volume of 0 something huge, which puts the plane at the eye."""
-    return 1.0 / volume if volume != 0.0 else 1e200
-
-
-@njit
-def pinhole_plane(m, a, b, c):  # type: ignore[no-untyped-def]
-    """Nearness A i + B j + C on the plane of a triangle that may reach behind the eye.
-
-    The plane of the corners p0, p1, p2, homogeneous, with normal n = (p1 - p0) x (p2 - p0), is met at 1 / depth =
-    n . (i, j, 1) / n . p0.
-    """
-    a0, b0, c0 = homogeneous(m, a)
-    a1, b1, c1 = homogeneous(m, b)
-    a2, b2, c2 = homogeneous(m, c)
-    a1, b1, c1 = a1 - a0, b1 - b0, c1 - c0
-    a2, b2, c2 = a2 - a0, b2 - b0, c2 - c0
-    na, nb, nc = b1 * c2 - c1 * b2, c1 * a2 - a1 * c2, a1 * b2 - b1 * a2
-    inverse = _inverse_of(na * a0 + nb * b0 + nc * c0)
-    return na * inverse, nb * inverse, nc * inverse
-
-
-@njit
-def _parallel_plane(x0, y0, w0, x1, y1, w1, x2, y2, w2):  # type: ignore[no-untyped-def]
-    """The same where rays are parallel."""
-    x1, y1, w1, x2, y2, w2 = x1 - x0, y1 - y0, w1 - w0, x2 - x0, y2 - y0, w2 - w0
-    inverse = _inverse_of(x1 * y2 - y1 * x2)
-    a, b = (w1 * y2 - w2 * y1) * inverse, (w2 * x1 - w1 * x2) * inverse
-    return a, b, w0 - a * x0 - b * y0
-
-
-@njit
-def _cut(px, py, qx, qy, is_left, top, count, width, workspace):  # type: ignore[no-untyped-def]
+def _cut(px, py, qx, qy, is_left, top, count, width, memory):  # type: ignore[no-untyped-def]
     """Cut the rows top, top + 1, ... off at an edge: before its first sample beyond, or from there on."""
-    address = workspace.first if is_left else workspace.last
+    address = memory.first if is_left else memory.last
     limits = doubles_at(address)
     ax, ay = (px, py) if abs(px) + abs(py) < abs(qx) + abs(qy) else (qx, qy)  # the nearer corner errs less
     slope = (qx - px) / (qy - py)
     error = crossing_error(ax, slope * max(abs(top - ay), abs(top + count - ay)))
-    if not error < SURELY_NEAREST:
-        for k in range(count):
-            beyond = first_beyond(px, py, qx, qy, float(top + k), width, workspace.exact)
-            limits[k] = max(limits[k], beyond) if is_left else min(limits[k], beyond - 1)
-        return
+    is_known = error < SURELY_NEAREST
     slopes, first_x, first_y = splat(slope, ROWS), splat(ax, ROWS), splat(ay, ROWS)
     lowest, highest, unsure = splat(-0.5, ROWS), splat(width + 0.5, ROWS), splat(error, ROWS)
     one = splat(1.0, ROWS)
@@ -123,11 +51,11 @@ def _cut(px, py, qx, qy, is_left, top, count, width, workspace):  # type: ignore
         place = address + k * 8
         old = load(place, 0.0, ROWS)
         store(larger(old, beyond) if is_left else smaller(old, beyond - one), place)
-        doubts = bits_of(abs(crossing - nearest_whole(crossing)) <= unsure)
-        if rarely(doubts != 0):
+        undecided = bits_of(abs(crossing - nearest_whole(crossing)) <= unsure)
+        if rarely(undecided != 0 or not is_known):
             store(old, place)
             for row in range(k, min(k + ROWS, count)):
-                exactly = first_beyond(px, py, qx, qy, float(top + row), width, workspace.exact)
+                exactly = first_beyond(px, py, qx, qy, float(top + row), width, memory.exact)
                 limits[row] = max(limits[row], exactly) if is_left else min(limits[row], exactly - 1)
 
 
@@ -147,7 +75,7 @@ class Spans(NamedTuple):
 
 
 @njit
-def rows_of(parallel, packed, band, points):  # type: ignore[no-untyped-def]
+def rows_met(parallel, packed, band, points):  # type: ignore[no-untyped-def]
     """First and last row of a band that may hold a sample of a triangle."""
     _, y0, w0 = corner_at(points, packed, 0)
     _, y1, w1 = corner_at(points, packed, 1)
@@ -158,39 +86,33 @@ def rows_of(parallel, packed, band, points):  # type: ignore[no-untyped-def]
 
 
 @njit
-def find_spans(parallel, eye, vertices, vertex_count, packed, width, band, workspace):  # type: ignore[no-untyped-def]
+def find_spans(parallel, eye, vertices, vertex_count, packed, width, band, memory):  # type: ignore[no-untyped-def]
     """The `Spans` of a triangle with these corners, of a cluster with the vertices from an address on; where each of
-    its rows starts and ends is written to the workspace.
+    its rows starts and ends is written to the memory.
 
     A corner behind the eye is projected to where its line through the eye meets the image, and turns the side of
     its edges that counts, each corner once; otherwise nothing is different for it.
     """
-    points = workspace.points
+    points = memory.points
     x0, y0, w0 = corner_at(points, packed, 0)
     x1, y1, w1 = corner_at(points, packed, 1)
     x2, y2, w2 = corner_at(points, packed, 2)
-    top, bottom = rows_of(parallel, packed, band, points)
+    top, bottom = rows_met(parallel, packed, band, points)
     nearest, farthest = max(w0, w1, w2), min(w0, w1, w2)
-    facing = turn(x0, y0, x1, y1, x2, y2, workspace.exact) if top <= bottom else 0
+    facing = turn(x0, y0, x1, y1, x2, y2, memory.exact) if top <= bottom else 0
     slope_x = slope_y = constant = least = 0.0
     if parallel:
-        slope_x, slope_y, constant = _parallel_plane(x0, y0, w0, x1, y1, w1, x2, y2, w2)
+        slope_x, slope_y, constant = parallel_plane(x0, y0, w0, x1, y1, w1, x2, y2, w2)
         least = -nearest
     else:
-        a = from_eye(eye, vertices, vertex_count, packed, 0)
-        b = from_eye(eye, vertices, vertex_count, packed, 1)
-        c = from_eye(eye, vertices, vertex_count, packed, 2)
-        slope_x, slope_y, constant = pinhole_plane(doubles_at(eye.to_pixels), a, b, c)
-        if nearest > NEAR_AND_FAR * farthest and (nearest < 0.0 or holds_eye(doubles_at(eye.position), a, b, c)):
-            facing = 0
-        if farthest < 0.0:
-            nearest, farthest = np.inf, np.inf
-            for w in (w0, w1, w2):
-                farthest = min(farthest, w if w > 0.0 else np.inf)
+        slope_x, slope_y, constant, nearest, farthest, is_seen = plane_in_space(
+            eye, vertices, vertex_count, packed, points, nearest, farthest
+        )
+        facing = facing if is_seen else 0
         least = farthest
     is_gentle = abs(slope_x) * SPAN <= GENTLE * least
     if facing != 0:
-        firsts, lasts = doubles_at(workspace.first), doubles_at(workspace.last)
+        firsts, lasts = doubles_at(memory.first), doubles_at(memory.last)
         for k in range(bottom - top + 1):
             firsts[k], lasts[k] = 0.0, width - 1.0
         for px, py, qx, qy, wanted in (
@@ -199,7 +121,7 @@ def find_spans(parallel, eye, vertices, vertex_count, packed, width, band, works
             (x0, y0, x1, y1, -facing if not parallel and w2 < 0.0 else facing),
         ):
             if qy != py:
-                _cut(px, py, qx, qy, (qy > py) == (wanted < 0), top, bottom - top + 1, width, workspace)
+                _cut(px, py, qx, qy, (qy > py) == (wanted < 0), top, bottom - top + 1, width, memory)
             else:
                 for k in range(bottom - top + 1):
                     if qx == px or wanted != (1 if (qx > px) == (top + k >= py) else -1):
@@ -270,23 +192,23 @@ def _decide_row(lanes, parallel, eye, clusters, prim_id, unsure, spans, row, y, 
 
 
 @njit
-def draw_spans(lanes, parallel, eye, clusters, vertices, vertex_count, prim_id, packed, width, band, workspace):  # type: ignore[no-untyped-def]
+def draw_spans(lanes, parallel, eye, clusters, vertices, vertex_count, prim_id, packed, width, band, memory):  # type: ignore[no-untyped-def]
     """Draw a triangle with these corners, of a cluster with the vertices from an address on, with vectors of `lanes`,
     unless what is drawn hides its box."""
-    points = workspace.points
+    points = memory.points
     x0, _, w0 = corner_at(points, packed, 0)
     x1, _, w1 = corner_at(points, packed, 1)
     x2, _, w2 = corner_at(points, packed, 2)
     if parallel or min(w0, w1, w2) > 0.0:
-        top, bottom = rows_of(parallel, packed, band, points)
+        top, bottom = rows_met(parallel, packed, band, points)
         left, right = int(max(np.ceil(min(x0, x1, x2)), 0.0)), int(min(np.floor(max(x0, x1, x2)), width - 1.0))
         limit = np.float32(max(w0, w1, w2) * (1.0 - UNSURE if parallel else 1.0 + UNSURE))
-        if is_hidden(left, right, top - band.top, bottom - band.top, limit, width, workspace.tiles):
+        if is_hidden(left, right, top - band.top, bottom - band.top, limit, width, memory.tiles):
             return
-    spans = find_spans(parallel, eye, vertices, vertex_count, packed, width, band, workspace)
+    spans = find_spans(parallel, eye, vertices, vertex_count, packed, width, band, memory)
     if spans.facing == 0:
         return
-    firsts, lasts = doubles_at(workspace.first), doubles_at(workspace.last)
+    firsts, lasts = doubles_at(memory.first), doubles_at(memory.last)
     most = max(abs(spans.nearest), abs(spans.farthest))
     prim_ids, unsure = splat(prim_id, lanes), np.float32(UNSURE * most)
     doubt = splat(unsure, lanes)

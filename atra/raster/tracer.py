@@ -20,7 +20,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range
 from atra.geometry.view import View
 from atra.raster.all_hits.frames import gather_frame
-from atra.raster.frames import Scratch, draw_frame
+from atra.raster.frames import FrameMemory, draw_frame
 from atra.raster.lenses.frames import LensDrawing
 from atra.tracing.gathering import check_rays_without_lens, target_of
 from atra.tracing.tracer import Tracer
@@ -51,7 +51,7 @@ class Raster:
 
 
 class PreparedRaster:
-    """A mesh in clusters, which serve every camera, and memory that frames share: `scratch`."""
+    """A mesh in clusters, which serve every camera, and memory that frames share: `memory`."""
 
     embree_bytes = 0
     plan_time_s = 0.0
@@ -59,7 +59,7 @@ class PreparedRaster:
     def __init__(self, mesh: Mesh, camera: View, lanes: int, pool: WorkerPool) -> None:
         self._mesh, self._camera, self._lanes, self._pool = mesh, camera, lanes, pool
         start = perf_counter()
-        self.scratch = Scratch.of(mesh, pool)
+        self.memory = FrameMemory.of(mesh, pool)
         self.build_time_s = perf_counter() - start
         self.lens_drawing = LensDrawing()
 
@@ -75,7 +75,7 @@ class PreparedRaster:
 
     def draw(self, offset: tuple[float, float], depth: NDArray[np.float32], prim_id: NDArray[np.uint32]) -> None:
         """See `Prepared.draw`."""
-        camera, rest = self._camera, (offset, self._lanes, self.scratch, self._pool, (depth, prim_id))
+        camera, rest = self._camera, (offset, self._lanes, self.memory, self._pool, (depth, prim_id))
         if isinstance(camera, LensView):
             self.lens_drawing.draw(self._mesh, camera, *rest)
         else:
@@ -96,7 +96,7 @@ class PreparedRaster:
     ) -> None:
         """See `Gathering.gather`."""
         target = target_of(images, weights, None, is_known)
-        gather_frame(self._mesh, self._camera, offset, self._lanes, self.scratch, self._pool, what.kind, target)
+        gather_frame(self._mesh, self._camera, offset, self._lanes, self.memory, self._pool, what.kind, target)
 
     @property
     def triangle_count(self) -> int:
@@ -106,7 +106,7 @@ class PreparedRaster:
     @property
     def counters(self) -> Mapping[str, float]:
         """scratch_bytes: memory that frames share."""
-        return {"scratch_bytes": self.scratch.bytes + self.lens_drawing.bytes}
+        return {"scratch_bytes": self.memory.bytes + self.lens_drawing.bytes}
 
     def close(self) -> None:
         """Nothing to release but memory."""

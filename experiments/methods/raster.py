@@ -13,7 +13,7 @@ from atra.compiled.instruction_sets import LANES
 from atra.compiled.threads import WorkerPool
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.raster.frames import Scratch
+from atra.raster.frames import FrameMemory
 from atra.raster.image import Eye
 from atra.raster.tracer import PreparedRaster, Raster
 from atra.tracing.tracer import Tracer
@@ -45,7 +45,7 @@ class RasterOptions(MethodOptions):
     )
 
 
-class WithoutOcclusion(Scratch):
+class WithoutOcclusion(FrameMemory):
     """Clusters come nearest first, and none counts as hidden."""
 
     def order(self) -> NDArray[np.int64]:
@@ -54,7 +54,7 @@ class WithoutOcclusion(Scratch):
         return found
 
 
-class WithoutClusters(Scratch):
+class WithoutClusters(FrameMemory):
     """Every cluster may show its triangles anywhere."""
 
     def cull(self, eye: Eye, camera: View, band_rows: int, pool: WorkerPool) -> None:
@@ -62,24 +62,24 @@ class WithoutClusters(Scratch):
         self.bounds[:] = np.inf
 
 
-_SCRATCHES = dict(zip(CLUSTERS, (Scratch, WithoutOcclusion, WithoutClusters), strict=True))
+_MEMORIES = dict(zip(CLUSTERS, (FrameMemory, WithoutOcclusion, WithoutClusters), strict=True))
 
 
 @dataclass(frozen=True)
 class _Ablated(Raster):
-    """The rasteriser without a part. scratch_type: what culls its clusters."""
+    """The rasteriser without a part. memory_type: what culls its clusters."""
 
-    scratch_type: type[Scratch] = Scratch
+    memory_type: type[FrameMemory] = FrameMemory
 
     def prepare(self, mesh: Mesh, camera: View, pool: WorkerPool) -> PreparedRaster:
         prepared = super().prepare(mesh, camera, pool)
-        scratch = prepared.scratch
-        prepared.scratch = self.scratch_type(scratch.clusters, scratch.rectangles, scratch.bounds)
+        memory = prepared.memory
+        prepared.memory = self.memory_type(memory.clusters, memory.rectangles, memory.bounds)
         return prepared
 
 
 def _make(mesh: Mesh, view: View, options: RasterOptions, tracing: Tracing) -> Tracer:
-    method = _Ablated(options.lanes, _SCRATCHES[options.left_out])
+    method = _Ablated(options.lanes, _MEMORIES[options.left_out])
     return Tracer(mesh, view, method, threads=tracing.threads, ties=tracing.ties)
 
 

@@ -26,8 +26,8 @@ from atra.all_hits.target_kernels import band_stride
 from atra.compiled.aligned_memory import aligned_empty
 from atra.compiled.instruction_sets import chosen_instruction_set, instruction_sets_here, native_lanes
 from atra.compiled.threads import WorkerPool
-from atra.raster.frames import Scratch, bands_of
-from atra.raster.image import Image, Viewpoint
+from atra.raster.frames import FrameMemory, bands_of
+from atra.raster.image import ImageAddresses, eye_of
 from experiments.harness.environment import read_environment
 from experiments.roofline import stages_kernels as stages
 from experiments.roofline.figure import draw_stages
@@ -84,24 +84,24 @@ def _rows_of(table: Path) -> list[dict[str, str]]:
 def _measured(scene: Any, size: int, frames: int) -> Iterator[dict[str, Any]]:
     """The rows of a scene, in the order of a frame."""
     camera, pool, lanes = atra.Camera(width=size, height=size, **scene.camera), WorkerPool(1), native_lanes()
-    scratch, viewpoint = Scratch.of(scene.mesh, pool), Viewpoint.of(scene.mesh, camera, (0.5, 0.5))
+    memory, (eye, _numbers) = FrameMemory.of(scene.mesh, pool), eye_of(scene.mesh, camera, (0.5, 0.5))
     depth, prim_id = aligned_empty((size, size), np.float32), aligned_empty((size, size), np.uint32)
     band_rows, doubled = bands_of(size, size)
     stride = int(band_stride.py_func(size))
-    workspace = scratch.workspaces_for(1, size, 2 * band_rows, 16 * band_rows * stride)[0]
+    workspace = memory.of_threads(1, size, 2 * band_rows, 16 * band_rows * stride)[0]
     nearer = np.full((4 * band_rows + 1, stride), np.inf, np.float32)
     draw: Any = stages.watched_kernel(lanes)
-    image = Image(depth.ctypes.data, prim_id.ctypes.data, size, size)
+    image = ImageAddresses(depth.ctypes.data, prim_id.ctypes.data, size, size)
 
     def frame(purpose: int) -> tuple[NDArray[np.int64], NDArray[np.int64], float, float]:
         counter, took, counts = np.zeros(1, np.int64), np.zeros(10, np.int64), np.zeros(13, np.int64)
         start = perf_counter()
-        scratch.cull(viewpoint.eye, camera, band_rows, pool)
+        memory.cull(eye, camera, band_rows, pool)
         culled = perf_counter()
-        order = scratch.order()
+        order = memory.order()
         ordered = perf_counter()
         draw(
-            counter.ctypes.data, viewpoint.eye, scratch.clusters.addresses, scratch.rectangles, scratch.bounds, order,
+            counter.ctypes.data, eye, memory.clusters.addresses, memory.rectangles, memory.bounds, order,
             band_rows, doubled, image, workspace, purpose, nearer.ctypes.data, took, counts,
         )  # fmt: skip
         return took, counts, culled - start, ordered - culled
@@ -118,7 +118,7 @@ def _measured(scene: Any, size: int, frames: int) -> Iterator[dict[str, Any]]:
     ms[stages.DOUBTS] = hot_ms[stages.DOUBTS] = counts[stages.DOUBTS] * per_row / 999 * tick_ms
     for name, place, of in (("culling of clusters", 2, "clusters"), ("order of clusters", 3, "clusters seen")):
         least = 1e3 * min(float(run[place]) for run in timed)
-        count = scratch.clusters.count
+        count = memory.clusters.count
         yield _row(name, of, count, least, np.nan, (24 if place == 2 else 12, 20 if place == 2 else 8), np.nan)
     for stage, name in enumerate(stages.STAGES):
         idle = float(1.0 - counts[12] / max(counts[11], 1)) if stage == stages.NARROW else np.nan

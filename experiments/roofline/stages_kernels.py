@@ -17,22 +17,19 @@ from atra.raster.culling import find_farthest, forget_tiles, is_hidden
 from atra.raster.drawing import STALE, clear, fetch_vertices, finish, list_clusters
 from atra.raster.image import Band
 from atra.raster.narrow import decide_narrow, decided, draw_narrow
-from atra.raster.spans import draw_spans
-from atra.raster.triangles import (
-    BATCH,
+from atra.raster.set_up import (
     COLUMN,
     FIRST,
     INSIDE,
     LAST,
     LEFT,
-    LIST_ROOM,
     RIGHT,
     ROUNDING,
     ROW,
-    list_triangles,
-    project_vertices,
     set_up,
 )
+from atra.raster.spans import draw_spans
+from atra.raster.triangles import BATCH, LIST_ROOM, list_triangles, project_vertices
 
 BANDS, TILES, HIDDEN, PROJECT, LIST, SET_UP, NARROW, SPANS, OUTPUT, DOUBTS = range(10)
 """Places of stages."""
@@ -194,7 +191,7 @@ def watched_kernel(lanes: int) -> Callable[..., None]:
                     for _ in range(times):
                         start = ticks()
                         seen, ordinary = set_up(
-                            np.bool_(False), np.bool_(True), np.bool_(True), width, batch, band, workspace
+                            False, np.bool_(False), np.bool_(True), np.bool_(True), 0.0, width, batch, band, workspace
                         )
                         spent = ticks() - start
                     took[SET_UP] += spent

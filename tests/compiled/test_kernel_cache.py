@@ -23,7 +23,7 @@ from atra.light.pictures import lighting_kernels, path_kernels
 from atra.light.pictures.paths import waves_kernels
 from atra.packets import pixel_kernels, shooting_kernels
 from atra.raster import drawing, spans
-from atra.raster.all_hits import doubts_kernels
+from atra.raster.all_hits import undecided_kernels
 from atra.raster.all_hits.drawing_kernels import gathering_kernel
 from atra.raster.drawing import drawing_kernel
 from atra.rays import rays_kernels
@@ -63,7 +63,7 @@ KERNELS = {
     "verify_kernel": aligned_kernels.verify_kernel(4, 2),
     "drawing_kernel": drawing_kernel(4, False),
     "gathering_kernel": gathering_kernel(4, False, LAYERS),
-    "settling_kernel": doubts_kernels.settling_kernel(LAYERS),
+    "settling_kernel": undecided_kernels.settling_kernel(LAYERS),
     "shooting_kernel": shooting_kernels.shooting_kernel(4, 2, False),
 }
 

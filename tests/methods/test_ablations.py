@@ -6,8 +6,8 @@ import pytest
 from atra.compiled.threads import WorkerPool
 from atra.geometry.camera import Camera
 from atra.light import Atlas, Texels
-from atra.raster.frames import Scratch, bands_of
-from atra.raster.image import Viewpoint
+from atra.raster.frames import FrameMemory, bands_of
+from atra.raster.image import eye_of
 from experiments.harness.method import Tracing
 from experiments.light.bake_rays import AlignedTiles, directions_of
 from experiments.light.sun.tiles import Tiles
@@ -35,18 +35,19 @@ def test_the_rasteriser_draws_the_same_without_occlusion_without_clusters_and_wi
 
 
 @pytest.mark.parametrize(("kind", "hides", "culls"), [
-    (Scratch, True, True), (WithoutOcclusion, False, True), (WithoutClusters, False, False),
+    (FrameMemory, True, True), (WithoutOcclusion, False, True), (WithoutClusters, False, False),
 ])  # fmt: skip
 def test_without_occlusion_nothing_counts_as_hidden_and_without_clusters_every_band_draws_all(kind, hides, culls):
     mesh, camera, pool = cornell_box(), CAMERA, WorkerPool(1)
-    scratch = kind.of(mesh, pool)
-    scratch.cull(Viewpoint.of(mesh, camera, (0.5, 0.5)).eye, camera, bands_of(*SIZE)[0], pool)
-    order = scratch.order()
+    memory = kind.of(mesh, pool)
+    eye, _numbers = eye_of(mesh, camera, (0.5, 0.5))
+    memory.cull(eye, camera, bands_of(*SIZE)[0], pool)
+    order = memory.order()
     pool.close()
-    assert bool(np.isfinite(scratch.bounds[order]).any()) == hides
-    whole = (scratch.rectangles == (0, SIZE[0] - 1, 0, SIZE[1] - 1)).all(axis=1)
+    assert bool(np.isfinite(memory.bounds[order]).any()) == hides
+    whole = (memory.rectangles == (0, SIZE[0] - 1, 0, SIZE[1] - 1)).all(axis=1)
     assert bool(whole.all()) != culls
-    assert len(order) == scratch.clusters.count or culls
+    assert len(order) == memory.clusters.count or culls
 
 
 def test_without_the_shortcut_more_triangles_are_copied_and_every_ray_sees_the_same():

@@ -62,7 +62,7 @@ class AllDrawn:
         ]
         for tracer in self._tracers:
             tracer.build()
-            tracer.prepared.scratch.clusters.boxes[:] = [-1e12] * 3 + [1e12] * 3
+            tracer.prepared.memory.clusters.boxes[:] = [-1e12] * 3 + [1e12] * 3
 
     def look(self, camera):
         for tracer in self._tracers:
@@ -174,7 +174,7 @@ def test_of_equal_depths_the_lowest_triangle_is_stored_in_whatever_order_they_ar
                 one_of_twins = 2 * len(first)  # the first triangles of the mesh, and the last are the same again
                 assert (hits.prim_id < one_of_twins).any()
                 assert not (hits.prim_id[hits.hit] >= mesh.triangle_count - one_of_twins).any()
-                clusters = tracer.prepared.scratch.clusters
+                clusters = tracer.prepared.memory.clusters
                 order = np.random.default_rng(0).permutation(mesh.triangle_count)
                 packed = clusters.corners & np.uint64((1 << 48) - 1)
                 for start in range(0, mesh.triangle_count, CLUSTER):  # each cluster the other way round
@@ -241,4 +241,4 @@ def test_hidden_copies_cost_no_bytes_per_frame_and_clusters_less_than_the_bvh_of
         atra.PixelTracer(mesh, camera, threads=1, ties="any") as packets,
     ):
         tracer.trace()
-        assert tracer.prepared.scratch.bytes < packets.embree_bytes
+        assert tracer.prepared.memory.bytes < packets.embree_bytes

@@ -44,7 +44,7 @@ def test_every_sample_lies_where_its_tile_says():
     for lens in (BARREL, atra.OpenCVLens(k1=-0.6), atra.FisheyeLens(k1=0.05), PANORAMA):
         camera = lens_camera(lens, cornell_camera(200, 150), 200, 150)
         planes = planes_of(camera)
-        for tile in range(planes.rows * planes.columns):
+        for tile in range(len(planes.forms)):
             top, left = tile // planes.columns * planes.side, tile % planes.columns * planes.side
             y, x = np.mgrid[top : min(top + planes.side, camera.height), left : min(left + planes.side, camera.width)]
             directions = camera.rays(x, y)[1]

@@ -71,8 +71,8 @@ WINGS = ("light",)
 
 SHARED_BY_METHODS = {
     ("alignment", "packets"): ("atra.packets",),
-    ("alignment", "raster"): ("atra.raster.all_hits.doubts_kernels",),
-    ("packets", "raster"): ("atra.raster.all_hits.doubts", "atra.raster.all_hits.doubts_kernels"),
+    ("alignment", "raster"): ("atra.raster.all_hits.undecided_kernels",),
+    ("packets", "raster"): ("atra.raster.all_hits.undecided", "atra.raster.all_hits.undecided_kernels"),
 }
 """What a method may import of another: aligned images are finished by packets, and samples near an edge are decided as
 the rasteriser decides them, so that all methods count the same hits."""

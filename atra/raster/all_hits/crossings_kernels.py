@@ -15,9 +15,10 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import own_space
 from atra.geometry.view import View
 from atra.raster.clusters import POINT_BYTES, VERTICES
-from atra.raster.image import Viewpoint
-from atra.raster.spans import holds_eye, homogeneous
-from atra.raster.triangles import NEAR_AND_FAR, project_vertices
+from atra.raster.corners import holds_eye, homogeneous
+from atra.raster.image import eye_of
+from atra.raster.set_up import NEAR_AND_FAR
+from atra.raster.triangles import project_vertices
 
 _CHUNK = 512 * VERTICES
 """Vertices a thread takes at a time."""
@@ -36,13 +37,13 @@ def projected(
 ) -> tuple[ViewOfMesh, NDArray[np.float64]]:
     """The view with the samples of `offset` at whole numbers, and at least (V, 4) float64, of `project_vertices`."""
     mesh, camera = own_space(mesh, camera)
-    viewpoint, count = Viewpoint.of(mesh, camera, offset), len(mesh.vertices)
+    (eye, numbers), count = eye_of(mesh, camera, offset), len(mesh.vertices)
     whole = -(-count // VERTICES) * VERTICES
     columns, points = np.zeros((3, whole), np.float32), np.empty((whole, 4))
     columns[:, :count] = mesh.vertices.T
-    rest = camera.is_parallel, columns.ctypes.data, whole, viewpoint.eye, points.ctypes.data
+    rest = camera.is_parallel, columns.ctypes.data, whole, eye, points.ctypes.data
     pool.run(lambda _, counter: project(counter, *rest))
-    return ViewOfMesh(mesh.vertices, viewpoint.position, viewpoint.to_pixels), points
+    return ViewOfMesh(mesh.vertices, numbers[:3], numbers[3:15]), points
 
 
 @kernel
@@ -59,19 +60,14 @@ def project(counter_address, parallel, vertices, count, eye, points):  # type: i
 @njit(forceinline=True)
 def homogeneous_of(view, vertex):  # type: ignore[no-untyped-def]
     """`homogeneous` of a vertex."""
-    return homogeneous(view.to_pixels, _from_eye(view, vertex))
+    return homogeneous(view.to_pixels, corner_of(view, vertex))
 
 
 @njit(forceinline=True)
-def _from_eye(view, vertex):  # type: ignore[no-untyped-def]
+def corner_of(view, vertex):  # type: ignore[no-untyped-def]
+    """A vertex, in the world's axes, seen from the eye."""
     vertices, eye = view.vertices, view.eye
     return vertices[vertex, 0] - eye[0], vertices[vertex, 1] - eye[1], vertices[vertex, 2] - eye[2]
-
-
-@njit
-def _holds_eye(view, v0, v1, v2):  # type: ignore[no-untyped-def]
-    """Whether the eye lies in the plane of a triangle, to the last digits of float64: then it is seen edge-on."""
-    return holds_eye(view.eye, _from_eye(view, v0), _from_eye(view, v1), _from_eye(view, v2))
 
 
 @njit
@@ -85,7 +81,11 @@ def facing_of(parallel, view, points, v0, v1, v2, exact):  # type: ignore[no-unt
     if parallel:
         return facing if min(w0, w1, w2) < 0.0 else 0
     nearest, farthest = max(w0, w1, w2), min(w0, w1, w2)
-    if nearest > NEAR_AND_FAR * farthest and (nearest < 0.0 or _holds_eye(view, v0, v1, v2)):
+    if nearest < 0.0:
+        return 0
+    if nearest > NEAR_AND_FAR * farthest and holds_eye(
+        view.eye, corner_of(view, v0), corner_of(view, v1), corner_of(view, v2)
+    ):  # the eye lies in its plane, to the last digits of float64
         return 0
     for w in (w0, w1, w2):
         if w < 0.0:

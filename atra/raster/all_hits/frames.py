@@ -10,8 +10,8 @@ from atra.compiled.threads import WorkerPool
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.raster.all_hits.drawing_kernels import SPARE, gathering_kernel
-from atra.raster.frames import Scratch
-from atra.raster.image import Viewpoint
+from atra.raster.frames import FrameMemory
+from atra.raster.image import eye_of
 
 _BAND_BYTES, _LEAST_ROWS, _MOST_ROWS = 5 << 18, 16, 256
 """Bytes of a band, which stay in the cache while it is drawn; its least and most rows, powers of two."""
@@ -25,7 +25,7 @@ def gather_frame(
     camera: View,
     offset: tuple[float, float],
     lanes: int,
-    scratch: Scratch,
+    memory: FrameMemory,
     pool: WorkerPool,
     kind: int,
     target: Target,
@@ -39,19 +39,11 @@ def gather_frame(
         band_rows * row_bytes > _BAND_BYTES or band_rows * _BANDS * pool.threads > height
     ):
         band_rows //= 2
-    viewpoint = Viewpoint.of(mesh, camera, offset)
-    eye, clusters, rectangles = viewpoint.eye, scratch.clusters.addresses, scratch.rectangles
-    scratch.cull(eye, camera, band_rows, pool)
-    order = scratch.order()  # what is near first leaves little to be sorted
+    eye, _numbers = eye_of(mesh, camera, offset)
+    memory.cull(eye, camera, band_rows, pool)
+    order = memory.order()  # what is near first leaves little to be sorted
     numbers = 2 * (target.layers + SPARE) + 1 if kind == LAYERS else 1
-    workspaces = scratch.workspaces_for(pool.threads, width, band_rows, band_rows * numbers * target.row * 4)
+    threads = memory.of_threads(pool.threads, width, band_rows, band_rows * numbers * target.row * 4)
     gather_bands: Any = gathering_kernel(lanes, camera.is_parallel, kind)
-    block = target.block()
-    address = block.ctypes.data
-
-    def gather(worker: int, counter: int) -> None:
-        gather_bands(
-            counter, eye, clusters, rectangles, order, band_rows, width, height, workspaces[worker], address
-        )  # fmt: skip
-
-    pool.run(gather)
+    rest, block = (eye, memory.clusters.addresses, memory.rectangles, order, band_rows, width, height), target.block()
+    pool.run(lambda worker, counter: gather_bands(counter, *rest, threads[worker], block.ctypes.data))

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from atra.compiled.memory import doubles_at
 from atra.compiled.store import njit
-from atra.raster.culling import NEARER, ROUNDINGS, extent, projected_extent
+from atra.raster.culling import NEARER, ROUNDINGS, extent, pixels_met
 
 _SLACK = 1e-7
 """Widening of a cluster's ball, as a share of its distance: rounding of squared distances moves it by less."""
@@ -65,13 +65,8 @@ def place_cluster(boxes, cluster, eye, side, margin, cosine):  # type: ignore[no
         return 0, -1, 0, -1, np.float32(0.0)
     if near <= eye.least_depth:
         return 0, side - 1, 0, side - 1, np.float32(bound)
-    low_x, high_x = projected_extent(m[0], m[1], m[2], d[0], d[1], d[2], box)
-    low_y, high_y = projected_extent(m[4], m[5], m[6], d[0], d[1], d[2], box)
-    size_x, size_y = extent(m[0], m[1], m[2], box)[2], extent(m[4], m[5], m[6], box)[2]
-    doubt_x = ROUNDINGS * (size_x + max(abs(low_x), abs(high_x)) * depth_size) / near + margin
-    doubt_y = ROUNDINGS * (size_y + max(abs(low_y), abs(high_y)) * depth_size) / near + margin
-    left, right = np.ceil(max(low_x - doubt_x, 0.0)), np.floor(min(high_x + doubt_x, side - 1.0))
-    top, bottom = np.ceil(max(low_y - doubt_y, 0.0)), np.floor(min(high_y + doubt_y, side - 1.0))
+    left, right = pixels_met(m, 0, d, box, near, depth_size, margin, side - 1.0)
+    top, bottom = pixels_met(m, 4, d, box, near, depth_size, margin, side - 1.0)
     if left <= right and top <= bottom:
         return int(left), int(right), int(top), int(bottom), np.float32(min((1.0 + NEARER) / near, bound))
     return 0, -1, 0, -1, np.float32(0.0)

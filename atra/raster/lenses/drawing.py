@@ -11,7 +11,7 @@ import numpy as np
 
 from atra.all_hits.target_kernels import band_stride
 from atra.compiled.intrinsics import fetch_add
-from atra.compiled.memory import doubles_at, floats_at, identities_at, integers_at, load, prefetch, store, store_where
+from atra.compiled.memory import doubles_at, floats_at, identities_at, integers_at, load, store, store_where
 from atra.compiled.store import kernel, njit
 from atra.compiled.vectors import (
     arange,
@@ -26,34 +26,30 @@ from atra.compiled.vectors import (
     widened,
 )
 from atra.prim_ids import MISS
-from atra.raster.clusters import CLUSTER
 from atra.raster.culling import TILE, find_farthest, forget_tiles, is_hidden
-from atra.raster.drawing import fetch_vertices
-from atra.raster.image import CACHE_LINE, SPAN, Band, eye_at
+from atra.raster.drawing import fetch_vertices, open_cluster
+from atra.raster.image import EYE_NUMBERS, SPAN, Band, eye_at
 from atra.raster.lenses.culling import meets, place_cluster
-from atra.raster.lenses.planes import REGION
-from atra.raster.lenses.triangles import (
-    ALONG,
+from atra.raster.lenses.triangles import decided, plane_through
+from atra.raster.nearer import UNSURE_OF_LENS, Corners, without_farther_of_lens
+from atra.raster.set_up import (
+    CAP,
     COLUMN,
-    CONSTANT,
-    DOWN,
-    FARTHEST,
     FIRST,
     INSIDE,
     LAST,
     LEFT,
-    NEAREST,
+    LENS_FARTHEST,
+    LENS_SLOPE_X,
+    NEARNESS,
     RIGHT,
     ROW,
-    UNSURE_OF_LENS,
-    decided,
+    SLOPE_Y,
     doubt_of,
-    list_near,
-    plane_through,
+    edges_at,
     set_up,
 )
-from atra.raster.nearer import Corners, without_farther_of_lens
-from atra.raster.triangles import BATCH, LIST_ROOM, project_vertices
+from atra.raster.triangles import BATCH, LIST_ROOM
 
 _STALE = 256
 """Triangles listed until it is looked again what hides others."""
@@ -61,16 +57,12 @@ _STALE = 256
 _LEVEL = 1e-12
 """Slope of an edge from column to column below which it cuts no row."""
 
-_EYE_NUMBERS = 18
-"""Numbers of an `Eye`: position, to_pixels and depth_axis."""
 
-
-class Tiles(NamedTuple):
+class LensTiles(NamedTuple):
     """What `LensPlanes` says, for kernels. eyes: address of the numbers of each tile's `Eye`; least_depth as there.
     places: address of the places."""
 
     side: int
-    rows: int
     columns: int
     eyes: int
     least_depth: float
@@ -110,43 +102,31 @@ def _finish(lanes, band, scales, left, top, side, image):  # type: ignore[no-unt
 @njit(forceinline=True)
 def _limits(values, edge, slack):  # type: ignore[no-untyped-def]
     """Column in row 0, and what each row adds, before which all samples are outside of an edge; and from which on."""
-    inside, column, row = (
-        values[(INSIDE + edge) * BATCH],
-        values[(COLUMN + edge) * BATCH],
-        values[(ROW + edge) * BATCH],
-    )
+    inside, column = values[(INSIDE + edge) * BATCH], values[(COLUMN + edge) * BATCH]
     across = -1.0 / column if abs(column) > _LEVEL else -1.0 / _LEVEL
-    crossing, step = (inside + slack) * across, row * across
+    crossing, step = (inside + slack) * across, values[(ROW + edge) * BATCH] * across
     if across < 0.0:
         return crossing, step, np.inf, 0.0
     return -np.inf, 0.0, crossing, step
 
 
 @njit
-def _draw(lanes, numbers, mesh, k, prim_id, packed, is_gentle, side, margin, places, band, workspace):  # type: ignore[no-untyped-def]
+def _draw(lanes, numbers, mesh, k, prim_id, packed, is_gentle, side, margin, places, band, memory):  # type: ignore[no-untyped-def]
     """Draw the k-th triangle of a batch, with these corners, with vectors of `lanes`.
 
     Where a sum is within its rounding of 0, `decided` decides; where what is drawn is as near but for float32's
     rounding, `without_farther_of_lens`. Nothing is drawn nearer than the nearest corner, whatever rounding makes of it.
     """
-    values, doubles = floats_at(workspace.floats + k * 4), doubles_at(workspace.doubles + k * 8)
+    values, doubles = floats_at(memory.floats + k * 4), doubles_at(memory.doubles + k * 8)
     left, right = int(values[LEFT * BATCH]), int(values[RIGHT * BATCH])
     first, last = int(values[FIRST * BATCH]), int(values[LAST * BATCH])
-    along, down = doubles[ALONG * BATCH], doubles[DOWN * BATCH]
-    inside0 = splat(values[INSIDE * BATCH], lanes)
-    inside1 = splat(values[(INSIDE + 1) * BATCH], lanes)
-    inside2 = splat(values[(INSIDE + 2) * BATCH], lanes)
-    column0 = splat(values[COLUMN * BATCH], lanes)
-    column1 = splat(values[(COLUMN + 1) * BATCH], lanes)
-    column2 = splat(values[(COLUMN + 2) * BATCH], lanes)
-    row0 = splat(values[ROW * BATCH], lanes)
-    row1 = splat(values[(ROW + 1) * BATCH], lanes)
-    row2 = splat(values[(ROW + 2) * BATCH], lanes)
-    nearest, farthest = values[NEAREST * BATCH], values[FARTHEST * BATCH]
+    along, down = doubles[LENS_SLOPE_X * BATCH], doubles[SLOPE_Y * BATCH]
+    (inside0, inside1, inside2), (column0, column1, column2), (row0, row1, row2) = edges_at(values, lanes)
+    nearest, farthest = values[CAP * BATCH], values[LENS_FARTHEST * BATCH]
     limit = np.float32(nearest * (1.0 + UNSURE_OF_LENS))
     above = splat(np.float32(1.0 + UNSURE_OF_LENS), lanes)
     below = splat(np.float32(1.0 - UNSURE_OF_LENS), lanes)
-    if max(right - left, last - first) > TILE and is_hidden(left, right, first, last, limit, side, workspace.tiles):
+    if max(right - left, last - first) > TILE and is_hidden(left, right, first, last, limit, side, memory.tiles):
         return
     prim_ids, doubt = splat(prim_id, lanes), doubt_of(side, margin)
     surely, hardly = splat(doubt, lanes), splat(-doubt, lanes)
@@ -158,17 +138,15 @@ def _draw(lanes, numbers, mesh, k, prim_id, packed, is_gentle, side, margin, pla
         low0, low_step0, high0, high_step0 = _limits(values, 0, slack)
         low1, low_step1, high1, high_step1 = _limits(values, 1, slack)
         low2, low_step2, high2, high_step2 = _limits(values, 2, slack)
-    nearness, row = doubles[CONSTANT * BATCH] + down * first, values[FIRST * BATCH]
+    nearness, row = doubles[NEARNESS * BATCH] + down * first, values[FIRST * BATCH]
     for y in range(first, last + 1):
         if is_wide:
             low = max(low0 + low_step0 * y, low1 + low_step1 * y, low2 + low_step2 * y, left)
             high = min(high0 + high_step0 * y, high1 + high_step1 * y, high2 + high_step2 * y, right)
             begin, right_most = int(low) // lanes * lanes, int(high)
         for start in range(begin, right_most + 1, lanes):
-            base, byte = (
-                start if lanes == SPAN else start // SPAN * SPAN if is_wide else left,
-                (y * band.stride + start) * 4,
-            )
+            base = start if lanes == SPAN else start // SPAN * SPAN if is_wide else left
+            byte = (y * band.stride + start) * 4
             here = nearness + along * base
             steps = arange(np.float32(start - base), lanes)
             right_by = load(places + byte, np.float32(0.0), lanes)
@@ -189,7 +167,7 @@ def _draw(lanes, numbers, mesh, k, prim_id, packed, is_gentle, side, margin, pla
             drawn = (inside > hardly) & (found * above >= old)
             close = found * below <= old
             if rarely(bits_of(drawn & ((inside <= surely) | close)) != 0):
-                exactly = decided(workspace.points, packed, places + byte, places + plane + byte, start, y, lanes)
+                exactly = decided(memory.points, packed, places + byte, places + plane + byte, start, y, lanes)
                 doubts = bits_of(drawn & close) & exactly
                 if doubts != 0:
                     exactly = without_farther_of_lens(
@@ -203,93 +181,78 @@ def _draw(lanes, numbers, mesh, k, prim_id, packed, is_gentle, side, margin, pla
 
 
 @njit
-def _draw_cluster(lanes, eye, clusters, cluster, side, margin, places, band, workspace):  # type: ignore[no-untyped-def]
+def _draw_cluster(lanes, eye, clusters, cluster, side, margin, places, band, memory):  # type: ignore[no-untyped-def]
     """Draw what a cluster has in a tile; returns how many triangles were listed for it."""
-    start, firsts = cluster * CLUSTER, integers_at(clusters.firsts)
-    corners, prim_ids = clusters.corners + start * 8, clusters.prim_ids + start * 4
-    for line in range(0, CLUSTER * 8, CACHE_LINE):
-        prefetch(corners + line)
-    vertices, vertex_count = clusters.vertices + firsts[cluster] * 12, firsts[cluster + 1] - firsts[cluster]
-    project_vertices(False, vertices, vertex_count, vertex_count, eye, workspace.points)
-    triangles = min(CLUSTER, clusters.triangles - start)
-    count = list_near(corners, triangles, workspace.points, side, margin, workspace.listed)
-    listed, identities = integers_at(workspace.listed), identities_at(prim_ids)
+    count, prim_ids, vertices, vertex_count = open_cluster(
+        True, False, margin, eye, clusters, cluster, side, band, memory
+    )
+    listed, identities = integers_at(memory.listed), identities_at(prim_ids)
     mesh = Corners(clusters.mesh_vertices, clusters.mesh_faces)
     for batch in range(0, count, BATCH):
-        may_be_seen, ordinary = set_up(side, margin, batch, workspace)
+        may_be_seen, ordinary = set_up(True, False, True, True, margin, side, batch, band, memory)
         for k in range(min(BATCH, count - batch)):
             if not (may_be_seen >> k) & 1:
                 continue
             packed, is_seen, is_gentle = listed[batch + k], True, True
             if not (ordinary >> k) & 1:
-                is_seen, is_gentle = plane_through(eye, vertices, vertex_count, packed, k, margin, workspace)
+                is_seen, is_gentle = plane_through(eye, vertices, vertex_count, packed, k, margin, memory)
             if is_seen:
                 prim_id = identities[packed >> 48]
-                _draw(lanes, eye.position, mesh, k, prim_id, packed, is_gentle, side, margin, places, band, workspace)
+                _draw(lanes, eye.position, mesh, k, prim_id, packed, is_gentle, side, margin, places, band, memory)
     return count
 
 
 @njit
 def _draw_tile(  # type: ignore[no-untyped-def]
-    lanes, tile, tiles, cones, margin, balls, order, count, boxes, clusters, image, workspace
+    lanes, tile, tiles, cones, margin, balls, order, boxes, clusters, image, memory
 ):  # fmt: skip
-    """Draw one tile; count: places in `balls` listed in the workspace."""
+    """Draw one tile, with the clusters that its cone meets."""
     side, stride = tiles.side, band_stride(tiles.side)
-    numbers = tiles.eyes + tile * _EYE_NUMBERS * 8
+    numbers = tiles.eyes + tile * EYE_NUMBERS * 8
     eye = eye_at(numbers, tiles.least_depth)
     places = tiles.places + tile * 3 * side * stride * 4
-    band = Band(workspace.band, workspace.band + side * stride * 4, stride, 0, side - 1)
-    _clear(lanes, side, stride, places, workspace.band)
-    forget_tiles(np.float32(0.0), side, side, workspace.tiles)
-    here, listed = integers_at(workspace.here), 0
+    band = Band(memory.band, memory.band + side * stride * 4, stride, 0, side - 1)
+    _clear(lanes, side, stride, places, memory.band)
+    forget_tiles(np.float32(0.0), side, side, memory.tiles)
+    here, count, listed = integers_at(memory.here), 0, 0
+    for place in range(len(balls)):
+        here[count] = place
+        count += meets(balls, place, cones, tile)
     for k in range(count):
-        if not meets(balls, here[k], cones, tile):
-            continue
         cluster = order[here[k]]
         fetch_vertices(clusters, cluster)
         left, right, top, bottom, bound = place_cluster(boxes, cluster, eye, side, margin, cones[tile, 3])
         if right < left:
             continue
         if listed >= _STALE:
-            find_farthest(band, side, workspace.tiles)
+            find_farthest(band, side, memory.tiles)
             listed = 0
-        if not is_hidden(left, right, top, bottom, bound, side, workspace.tiles):
-            listed += _draw_cluster(lanes, eye, clusters, cluster, side, margin, places, band, workspace)
+        if not is_hidden(left, right, top, bottom, bound, side, memory.tiles):
+            listed += _draw_cluster(lanes, eye, clusters, cluster, side, margin, places, band, memory)
     scales = places + 2 * side * stride * 4
     _finish(lanes, band, scales, tile % tiles.columns * side, tile // tiles.columns * side, side, image)
 
 
 @cache
 def lens_drawing_kernel(lanes: int) -> Callable[..., None]:
-    """The loop over regions of tiles, with vectors of so many lanes, a constant of the compiled code."""
+    """The loop over tiles, with vectors of so many lanes, a constant of the compiled code."""
 
     @kernel
     def draw_tiles(  # type: ignore[no-untyped-def]
-        counter_address, tiles, cones, regions, margins, balls, order, boxes, clusters, image, workspace
+        counter_address, tiles, cones, margins, balls, order, boxes, clusters, image, memory
     ):  # fmt: skip
-        """Draw all tiles, until the shared counter runs past the last region.
+        """Draw all tiles, until the shared counter runs past the last.
 
-        cones, regions, margins: of `LensPlanes`, with cones in the world's axes. balls, order: of `balls_of`. boxes: of
+        cones, margins: of `LensPlanes`, with cones in the world's axes. balls, order: of `balls_of`. boxes: of
         `Clusters`. image: written completely.
         Whatever the order, a sample gets the nearest triangle, and of several the lowest prim_id.
         """
-        here, across = integers_at(workspace.here), (tiles.columns + REGION - 1) // REGION
         for place in range(LIST_ROOM):  # a batch reads beyond its list, and there has to be the corners of a triangle
-            integers_at(workspace.listed)[place] = 0
+            integers_at(memory.listed)[place] = 0
         while True:
-            region = fetch_add(counter_address, 1)
-            if region >= len(regions):
+            tile = fetch_add(counter_address, 1)
+            if tile >= len(cones):
                 return
-            count = 0
-            for place in range(len(balls)):
-                here[count] = place
-                count += meets(balls, place, regions, region)
-            top, left = region // across * REGION, region % across * REGION
-            for row in range(top, min(top + REGION, tiles.rows)):
-                for column in range(left, min(left + REGION, tiles.columns)):
-                    tile = row * tiles.columns + column
-                    _draw_tile(
-                        lanes, tile, tiles, cones, margins[tile], balls, order, count, boxes, clusters, image, workspace
-                    )
+            _draw_tile(lanes, tile, tiles, cones, margins[tile], balls, order, boxes, clusters, image, memory)
 
     return draw_tiles

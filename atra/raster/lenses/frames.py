@@ -12,10 +12,10 @@ from atra.compiled.threads import WorkerPool
 from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import own_space
-from atra.raster.frames import Scratch
-from atra.raster.image import Image, least_depth_of
+from atra.raster.frames import FrameMemory
+from atra.raster.image import EYE_NUMBERS, ImageAddresses, least_depth_of
 from atra.raster.lenses.culling import balls_of
-from atra.raster.lenses.drawing import Tiles, lens_drawing_kernel
+from atra.raster.lenses.drawing import LensTiles, lens_drawing_kernel
 from atra.raster.lenses.planes import LensPlanes, lens_planes
 from atra.tracing.lens_rays import LensRays, rays_key
 
@@ -49,27 +49,24 @@ class LensDrawing:
         camera: LensView,
         offset: tuple[float, float],
         lanes: int,
-        scratch: Scratch,
+        memory: FrameMemory,
         pool: WorkerPool,
         out: tuple[NDArray[np.float32], NDArray[np.uint32]],
     ) -> None:
         """Write depth and prim_id of all pixels to `out`, two arrays (H, W)."""
         mesh, camera = own_space(mesh, camera)
         planes, (depth, prim_id) = self.planes(camera, offset, pool), out
-        side, clusters = planes.side, scratch.clusters
+        side, clusters = planes.side, memory.clusters
         turned = planes.forms @ camera.axes
-        eyes = np.zeros((len(turned), 18))
+        eyes = np.zeros((len(turned), EYE_NUMBERS))
         eyes[:, :3], eyes[:, 3:15].reshape(-1, 3, 4)[:, :, :3], eyes[:, 15:] = camera.eye, turned, turned[:, 2]
-        cones, regions = (
-            np.column_stack([part[:, :3] @ camera.axes, part[:, 3:]]) for part in (planes.cones, planes.regions)
-        )
+        cones = np.column_stack([planes.cones[:, :3] @ camera.axes, planes.cones[:, 3:]])
         balls, order = balls_of(clusters.boxes, np.array(camera.eye))
-        tiles = Tiles(
-            side, planes.rows, planes.columns, eyes.ctypes.data, least_depth_of(mesh, eyes[0, :3]),
-            planes.places.ctypes.data,
-        )  # fmt: skip
-        image = Image(depth.ctypes.data, prim_id.ctypes.data, camera.width, camera.height)
-        workspaces = scratch.workspaces_for(pool.threads, side, side, 8 * side * int(band_stride.py_func(side)))
-        rest = tiles, cones, regions, planes.margins, balls, order, clusters.boxes, clusters.addresses, image
+        tiles = LensTiles(
+            side, planes.columns, eyes.ctypes.data, least_depth_of(mesh, eyes[0, :3]), planes.places.ctypes.data
+        )
+        image = ImageAddresses(depth.ctypes.data, prim_id.ctypes.data, camera.width, camera.height)
+        threads = memory.of_threads(pool.threads, side, side, 8 * side * int(band_stride.py_func(side)))
+        rest = tiles, cones, planes.margins, balls, order, clusters.boxes, clusters.addresses, image
         kernel: Any = lens_drawing_kernel(lanes)
-        pool.run(lambda worker, counter: kernel(counter, *rest, workspaces[worker]))
+        pool.run(lambda worker, counter: kernel(counter, *rest, threads[worker]))

@@ -21,9 +21,6 @@ LARGEST_SIDE = 128
 _BENT_SIDE, _BENT_MARGIN = 64, 5.0
 """Pixels along the sides where samples would lie farther from a grid than so many pixels on average."""
 
-REGION = 1
-"""Tiles along the sides of a region, for which clusters are culled together."""
-
 _LEAST_COSINE = 0.5
 """Cosine of the largest angle between a ray and the axis of its tile's plane."""
 
@@ -33,31 +30,26 @@ _LEAST_TURN = 0.01
 _LEAST_SPREAD = 1e-9
 """Least determinant of the samples' spread, as a share of its squared size; below, they lie on a line."""
 
-_LARGEST_ANGLE = 1.4
-"""Largest angle of a region's cone, radians; beyond there is none."""
-
 _SLACK = 1e-9
 """Widening of cones, for rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class LensPlanes:
-    """The planes of a camera's T tiles, `rows` of `columns` each, in camera space.
+    """The planes of a camera's T tiles, `columns` in a row, in camera space.
 
     side: pixels along the sides of a tile. forms: (T, 3, 3) float64, points in camera space to (a, b, c), the position
     (a / c, b / c) on the tile's grid, whose samples are near whole numbers, and the depth c along the tile's axis.
-    cones: (T, 5) float64, axis of a cone around all rays of the tile, cosine and sine of its angle. regions: (G, 5)
-    float64, the same for regions; all 0 where there is no cone. margins: (T,) float64, largest distance, along a row or
-    column, of a sample from its whole numbers. places: (T, 3, side, stride) float32, for each pixel that distance along
-    the row and the column, and the ray parameter at depth 1; NaN for pixels without a ray or outside the image.
+    cones: (T, 5) float64, axis of a cone around all rays of the tile, cosine and sine of its angle. margins: (T,)
+    float64, largest distance, along a row or column, of a sample from its whole numbers. places: (T, 3, side, stride)
+    float32, for each pixel that distance along the row and the column, and the ray parameter at depth 1; NaN for pixels
+    without a ray or outside the image.
     """
 
     side: int
-    rows: int
     columns: int
     forms: NDArray[np.float64]
     cones: NDArray[np.float64]
-    regions: NDArray[np.float64]
     margins: NDArray[np.float64]
     places: NDArray[np.float32]
 
@@ -100,7 +92,7 @@ def _planes_of(directions: NDArray[np.float64], side: int, pitch: float, pool: W
             margins[here] = _place(tiled, forms[here], places[here, :, :, :side])
 
     pool.run(fit_rows)
-    return LensPlanes(side, rows, columns, forms, cones, _regions(cones, rows, columns), margins, places)
+    return LensPlanes(side, columns, forms, cones, margins, places)
 
 
 def _fitted(
@@ -154,18 +146,3 @@ def _place(
         places[:, 0], places[:, 1], places[:, 2] = columns, rows, 1.0 / depth
     farthest = np.maximum(np.abs(columns), np.abs(rows)).reshape(len(forms), -1)
     return np.asarray(np.where(np.isfinite(farthest), farthest, 0.0).max(axis=1) * 1.000001 + 1e-6)
-
-
-def _regions(cones: NDArray[np.float64], rows: int, columns: int) -> NDArray[np.float64]:
-    """Cones around those of regions' tiles."""
-    found = []
-    tiled = cones.reshape(rows, columns, 5)
-    for top in range(0, rows, REGION):
-        for left in range(0, columns, REGION):
-            own = tiled[top : top + REGION, left : left + REGION].reshape(-1, 5)
-            axis = own[:, :3].sum(axis=0)
-            axis /= max(np.linalg.norm(axis), 1e-300)
-            angle = (np.arccos(np.clip(own[:, :3] @ axis, -1.0, 1.0)) + np.arccos(own[:, 3])).max() + 1e-6
-            is_cone = angle < _LARGEST_ANGLE
-            found.append((*axis, np.cos(angle), np.sin(angle)) if is_cone else (0.0,) * 5)
-    return np.array(found)

@@ -16,7 +16,7 @@ from atra.geometry.projection import project_vertices
 from atra.geometry.ray_space import check_range, own_space, unseen_from
 from atra.geometry.split import Split
 from atra.geometry.view import View
-from atra.raster.frames import Scratch, draw_frame
+from atra.raster.frames import FrameMemory, draw_frame
 from atra.tracing.images import outputs
 from atra.tracing.rays import ray_grid
 from atra.trees.building import Draft, bound_triangles
@@ -91,27 +91,27 @@ def look_at(mesh: Mesh, camera: View) -> Look:
     check_range(mesh, camera)
     mesh, camera = own_space(mesh, camera)
     pool, lanes = WorkerPool(1), native_lanes()
-    scratch = Scratch.of(mesh, pool)
+    memory = FrameMemory.of(mesh, pool)
     images = outputs((camera.height, camera.width), camera.width, None)
     frames_s = []
     for _ in range(2):  # the first finds caches cold, and may compile
         start = thread_time()
-        draw_frame(mesh, camera, (0.5, 0.5), lanes, scratch, pool, images)
+        draw_frame(mesh, camera, (0.5, 0.5), lanes, memory, pool, images)
         frames_s.append(thread_time() - start)
     widest = load_library().native_packet_widths[-1]
     shapes = ((1, 1), *((widest >> k, 1 << k) for k in range(widest.bit_length())))
     kept = np.ones(mesh.triangle_count, np.bool_)
     kept[unseen_from(camera, mesh)] = False
-    order = scratch.clusters.prim_ids.astype(np.int64)
+    order = memory.clusters.prim_ids.astype(np.int64)
     order = order[kept[order]]
     corners, depths = _sampled_pixels(camera, images[0])
     counted = _count(mesh, camera, order, corners, depths, shapes, pool)
-    bvh_bytes = bytes_of_clusters(mesh, scratch.clusters.prim_ids, pool)
+    bvh_bytes = bytes_of_clusters(mesh, memory.clusters.prim_ids, pool)
     sample = Sample.of(mesh, order, camera, images[0], pool)
     pool.close()
     return Look(
         camera.width, camera.height, mesh.triangle_count, len(mesh.vertices), camera.is_parallel, shapes, *counted,
-        float(np.isfinite(images[0]).mean()), min(frames_s), scratch.bytes, bvh_bytes, sample,
+        float(np.isfinite(images[0]).mean()), min(frames_s), memory.bytes, bvh_bytes, sample,
     )  # fmt: skip
 
 

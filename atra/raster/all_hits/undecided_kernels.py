@@ -1,4 +1,4 @@
-"""Doubts: the samples so near an edge of a triangle that float32 may not tell whether their ray crosses it.
+"""Undecided samples, so near an edge of a triangle that float32 may not tell whether their ray crosses it.
 
 Embree decides about a ray and a triangle by the signs of three volumes, each the product of the ray's direction, a
 corner and an edge. In float32 they are off by few roundings of the largest such product, so that only samples in a
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from atra.all_hits.target_kernels import LIST_END, MARKS, target_at
 from atra.compiled.intrinsics import fetch_add, float_at
 from atra.compiled.store import kernel, njit
 from atra.compiled.vectors import mask_of, splat
-from atra.raster.all_hits.crossings_kernels import covers, depth_at, facing_of, homogeneous_of
+from atra.raster.all_hits.crossings_kernels import corner_of, covers, depth_at, facing_of, homogeneous_of
 
 ROUNDINGS = 16.0
 """Roundings, of the largest product, that a volume may be off by: those of the corners, of the ray, of two edges, of
@@ -55,19 +55,14 @@ _CHUNK = 1024
 
 class Precision(NamedTuple):
     """How exact float32 rays are. pitch: of pixels. direction: the longest. stretch: times that a shear lengthens at
-    most. shift: length that is added to corners, in origins of rays and in translations, at most. roundings: ROUNDINGS
-    or ROBUST_ROUNDINGS."""
+    most. shift: length that is added to corners, in origins of rays and in translations, at most. robust: whether
+    Embree's robust test of triangles decides, not its fast one."""
 
     pitch: float
     direction: float
     stretch: float
     shift: float
-    roundings: float
-
-    @classmethod
-    def of(cls, pitch: float, direction: float, stretch: float, shift: float, robust: bool) -> Self:
-        """The bound of Embree's robust test of triangles, or of its fast one."""
-        return cls(pitch, direction, stretch, shift, ROBUST_ROUNDINGS if robust else ROUNDINGS)
+    robust: bool
 
 
 @njit(forceinline=True)
@@ -77,22 +72,29 @@ def _whole(low, high, last):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True)
-def _is_beside(i, j, edge, tolerance):  # type: ignore[no-untyped-def]
-    return edge[0] * i + edge[1] * j + edge[2] < -tolerance
+def _add(keys, count, i, j, width, triangle):  # type: ignore[no-untyped-def]
+    """List a sample, and count it at an address."""
+    place = fetch_add(count, 1)
+    if place < len(keys):
+        keys[place] = (j * width + i) << 32 | triangle
+
+
+@njit(forceinline=True)
+def _value(edge, i, j):  # type: ignore[no-untyped-def]
+    return edge[0] * i + edge[1] * j + edge[2]
 
 
 @njit
-def _walk(edge, tolerance, second, second_tolerance, third, third_tolerance, box, size, triangle, keys, count):  # type: ignore[no-untyped-def]
-    """List the samples of a box where |a i + b j + c| <= tolerance of an edge, and that are not surely beside the
-    other two. box: left, right, top, bottom. size: width, height of the image. count: address of their number."""
-    a, b, c = edge
+def _walk(edges, tolerances, box, size, triangle, keys, count):  # type: ignore[no-untyped-def]
+    """List the samples of a box where the first edge, |a i + b j + c|, is at most its tolerance, and that are not
+    surely beside the other two. box: left, right, top, bottom. size: width, height of the image."""
+    (a, b, c), (width, height) = edges[0], size
     left, right, top, bottom = box
-    width, height = size
     if a == 0.0 and b == 0.0:
         return
     is_flat = abs(b) >= abs(a)
     across, along = (b, a) if is_flat else (a, b)
-    slope, start, reach = -along / across, -c / across, tolerance / abs(across)
+    slope, start, reach = -along / across, -c / across, tolerances[0] / abs(across)
     low, high, low_across, high_across = (left, right, top, bottom) if is_flat else (top, bottom, left, right)
     last_along, last_across = (width - 1.0, height - 1.0) if is_flat else (height - 1.0, width - 1.0)
     first, last = _whole(low, high, last_along)
@@ -101,33 +103,8 @@ def _walk(edge, tolerance, second, second_tolerance, third, third_tolerance, box
         near, far = _whole(max(middle - reach, low_across), min(middle + reach, high_across), last_across)
         for other in range(near, far + 1):
             i, j = (at, other) if is_flat else (other, at)
-            if _is_beside(i, j, second, second_tolerance) or _is_beside(i, j, third, third_tolerance):
-                continue
-            place = fetch_add(count, 1)
-            if place < len(keys):
-                keys[place] = (j * width + i) << 32 | triangle
-
-
-@njit(forceinline=True)
-def _normal(view, v, w):  # type: ignore[no-untyped-def]
-    """(a, b, c): the volume of samples, the eye and two corners is a i + b j + c."""
-    ax, ay, az = homogeneous_of(view, v)
-    bx, by, bz = homogeneous_of(view, w)
-    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-
-
-@njit(forceinline=True)
-def _sizes(view, v0, v1, v2):  # type: ignore[no-untyped-def]
-    """(farthest corner from the eye, longest edge)."""
-    vertices, eye = view.vertices, view.eye
-    x0, y0, z0 = vertices[v0, 0] - eye[0], vertices[v0, 1] - eye[1], vertices[v0, 2] - eye[2]
-    x1, y1, z1 = vertices[v1, 0] - eye[0], vertices[v1, 1] - eye[1], vertices[v1, 2] - eye[2]
-    x2, y2, z2 = vertices[v2, 0] - eye[0], vertices[v2, 1] - eye[1], vertices[v2, 2] - eye[2]
-    far = max(x0 * x0 + y0 * y0 + z0 * z0, x1 * x1 + y1 * y1 + z1 * z1, x2 * x2 + y2 * y2 + z2 * z2)
-    a = (x1 - x0) ** 2 + (y1 - y0) ** 2 + (z1 - z0) ** 2
-    b = (x2 - x1) ** 2 + (y2 - y1) ** 2 + (z2 - z1) ** 2
-    c = (x0 - x2) ** 2 + (y0 - y2) ** 2 + (z0 - z2) ** 2
-    return np.sqrt(far), np.sqrt(max(a, b, c))
+            if not (_value(edges[1], i, j) < -tolerances[1] or _value(edges[2], i, j) < -tolerances[2]):
+                _add(keys, count, i, j, width, triangle)
 
 
 @njit
@@ -135,24 +112,27 @@ def _list_edges(edges, tolerances, beyond, box, size, triangle, keys, count):  #
     """List what is near the edges of a triangle. edges: (a, b, c) each, not negative inside. beyond: whether samples
     past the ends of edges are to be listed, too: which side is inside is not known then."""
     free = np.inf if beyond else 1.0
-    for k in range(3):
-        one, two, three = edges[k], edges[(k + 1) % 3], edges[(k + 2) % 3]
-        t1, t2, t3 = tolerances[k], free * tolerances[(k + 1) % 3], free * tolerances[(k + 2) % 3]
-        _walk(one, t1, two, t2, three, t3, box, size, triangle, keys, count)
+    (one, two, three), (t1, t2, t3) = edges, tolerances
+    _walk((one, two, three), (t1, free * t2, free * t3), box, size, triangle, keys, count)
+    _walk((two, three, one), (t2, free * t3, free * t1), box, size, triangle, keys, count)
+    _walk((three, one, two), (t3, free * t1, free * t2), box, size, triangle, keys, count)
 
 
 @njit
 def _list_all(edges, tolerance, size, triangle, keys, count):  # type: ignore[no-untyped-def]
     """List all samples of the image that are beside no edge for sure, whichever side is inside."""
     width, height = size
-    (a0, b0, c0), (a1, b1, c1), (a2, b2, c2) = edges
     for j in range(height):
         for i in range(width):
-            u, v, w = a0 * i + b0 * j + c0, a1 * i + b1 * j + c1, a2 * i + b2 * j + c2
+            u, v, w = _value(edges[0], i, j), _value(edges[1], i, j), _value(edges[2], i, j)
             if min(u, v, w) >= -tolerance or max(u, v, w) <= tolerance:
-                place = fetch_add(count, 1)
-                if place < len(keys):
-                    keys[place] = (j * width + i) << 32 | triangle
+                _add(keys, count, i, j, width, triangle)
+
+
+@njit(forceinline=True)
+def _normal(a, b, sign):  # type: ignore[no-untyped-def]
+    """(a, b, c): the volume of samples, the eye and two corners, `homogeneous_of` each, is a i + b j + c."""
+    return sign * (a[1] * b[2] - a[2] * b[1]), sign * (a[2] * b[0] - a[0] * b[2]), sign * (a[0] * b[1] - a[1] * b[0])
 
 
 @njit(forceinline=True)
@@ -171,17 +151,28 @@ def _depth_line(x0, y0, w0, x1, y1, w1, x2, y2, w2):  # type: ignore[no-untyped-
 
 
 @njit(forceinline=True)
-def _turned(edge, sign):  # type: ignore[no-untyped-def]
-    return edge[0] * sign, edge[1] * sign, edge[2] * sign
+def _squared(p, q):  # type: ignore[no-untyped-def]
+    return (p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2 + (p[2] - q[2]) ** 2
+
+
+@njit(forceinline=True)
+def _sizes(view, v0, v1, v2):  # type: ignore[no-untyped-def]
+    """(farthest corner from the eye, longest edge)."""
+    a, b, c, eye = corner_of(view, v0), corner_of(view, v1), corner_of(view, v2), (0.0, 0.0, 0.0)
+    far, long = max(_squared(a, eye), _squared(b, eye), _squared(c, eye)), max(_squared(a, b), _squared(b, c))
+    return np.sqrt(far), np.sqrt(max(long, _squared(c, a)))
 
 
 @kernel
-def list_doubts(counter_address, parallel, view, points, faces, width, height, precision, keys, count):  # type: ignore[no-untyped-def]
-    """List samples in doubt, some of them twice; the int64 at `count` counts them.
+def list_undecided(  # type: ignore[no-untyped-def]
+    counter_address, parallel, view, points, faces, width, height, precision, exact, keys, count, facings
+):  # fmt: skip
+    """List undecided samples, some of them twice; the int64 at `count` counts them.
 
-    points: of `projected`. keys: (N,) int64, (y * width + x) << 32 | triangle, written as far as they reach.
+    points: of `projected`. exact: as `turn` needs it, of this thread. keys: (N,) int64, (y * width + x) << 32 |
+    triangle, written as far as they reach. facings: (F,) float32, of each triangle as `facing_of` has it.
     """
-    unit = precision.roundings * _FLOAT32_UNIT
+    unit = (ROBUST_ROUNDINGS if precision.robust else ROUNDINGS) * _FLOAT32_UNIT
     per_pixel, size = precision.direction / precision.pitch**2, (width, height)
     while True:
         start = fetch_add(counter_address, 1) * _CHUNK
@@ -189,6 +180,7 @@ def list_doubts(counter_address, parallel, view, points, faces, width, height, p
             return
         for triangle in range(start, min(start + _CHUNK, len(faces))):
             v0, v1, v2 = np.int64(faces[triangle, 0]), np.int64(faces[triangle, 1]), np.int64(faces[triangle, 2])
+            facings[triangle] = facing_of(parallel, view, points, v0, v1, v2, exact)
             x0, y0, w0 = points[v0, 0], points[v0, 1], points[v0, 2]
             x1, y1, w1 = points[v1, 0], points[v1, 1], points[v1, 2]
             x2, y2, w2 = points[v2, 0], points[v2, 1], points[v2, 2]
@@ -200,16 +192,16 @@ def list_doubts(counter_address, parallel, view, points, faces, width, height, p
             largest = unit * per_pixel * far * long
             of_depth = unit * far * long * long / precision.pitch**2
             if not parallel and not farthest > 0.0:
-                edges = _normal(view, v1, v2), _normal(view, v2, v0), _normal(view, v0, v1)
-                x, y, z = homogeneous_of(view, v0)
-                volume = edges[0][0] * x + edges[0][1] * y + edges[0][2] * z
-                if abs(volume) <= of_depth:  # the plane is so near the eye that all of it is in doubt
-                    _list_all(edges, largest, size, triangle, keys, count)
-                    continue
+                a, b, c = homogeneous_of(view, v0), homogeneous_of(view, v1), homogeneous_of(view, v2)
+                normal = _normal(b, c, 1.0)
+                volume = normal[0] * a[0] + normal[1] * a[1] + normal[2] * a[2]
                 sign = 1.0 if volume > 0.0 else -1.0
-                turned = _turned(edges[0], sign), _turned(edges[1], sign), _turned(edges[2], sign)
-                box = 0.0, width - 1.0, 0.0, height - 1.0
-                _list_edges(turned, (largest, largest, largest), False, box, size, triangle, keys, count)
+                edges = _normal(b, c, sign), _normal(c, a, sign), _normal(a, b, sign)
+                if abs(volume) <= of_depth:  # the plane is so near the eye that all of it is undecided
+                    _list_all(edges, largest, size, triangle, keys, count)
+                else:
+                    box = 0.0, width - 1.0, 0.0, height - 1.0
+                    _list_edges(edges, (largest, largest, largest), False, box, size, triangle, keys, count)
                 continue
             area = (x1 - x0) * (y2 - y0) - (y1 - y0) * (x2 - x0)
             tolerances = (
@@ -218,38 +210,36 @@ def list_doubts(counter_address, parallel, view, points, faces, width, height, p
             worst = max(tolerances[0], tolerances[1], tolerances[2])
             is_thin = not abs(area) > 4.0 * worst
             low_x, high_x, low_y, high_y = min(x0, x1, x2), max(x0, x1, x2), min(y0, y1, y2), max(y0, y1, y2)
-            wide, high = high_x - low_x, high_y - low_y
             # What is beside no edge by more than a tolerance is the triangle, enlarged by their sum over its area.
-            share = _BEYOND if is_thin else 3.0 * worst / abs(area)
-            aside = 1.0 if is_thin else _ROUNDING
-            at_x, at_y = share * wide + aside, share * high + aside
-            box = low_x - at_x, high_x + at_x, low_y - at_y, high_y + at_y
-            if not (box[1] >= 0.0 and box[0] <= width - 1.0 and box[3] >= 0.0 and box[2] <= height - 1.0):
+            share, aside = (_BEYOND, 1.0) if is_thin else (3.0 * worst / abs(area), _ROUNDING)
+            at_x, at_y = share * (high_x - low_x) + aside, share * (high_y - low_y) + aside
+            left, right, top, bottom = low_x - at_x, high_x + at_x, low_y - at_y, high_y + at_y
+            if not (
+                np.ceil(max(left, 0.0)) <= min(right, width - 1.0)
+                and np.ceil(max(top, 0.0)) <= min(bottom, height - 1.0)
+            ):
                 continue
-            if max(np.ceil(box[0]), 0.0) > box[1] or max(np.ceil(box[2]), 0.0) > box[3]:
-                continue
-            sign = 1.0 if area > 0.0 else -1.0
+            box, sign = (left, right, top, bottom), 1.0 if area > 0.0 else -1.0
             edges = _line(x1, y1, x2, y2, sign), _line(x2, y2, x0, y0, sign), _line(x0, y0, x1, y1, sign)
             _list_edges(edges, tolerances, is_thin, box, size, triangle, keys, count)
             if parallel and nearest >= 0.0:
                 plane = _depth_line(x0, y0, w0, x1, y1, w1, x2, y2, w2)
-                _walk(plane, of_depth, plane, np.inf, plane, np.inf, box, size, triangle, keys, count)
+                _walk((plane, plane, plane), (of_depth, np.inf, np.inf), box, size, triangle, keys, count)
 
 
 @kernel
-def decide(parallel, view, points, faces, width, keys, exact, facings, depths):  # type: ignore[no-untyped-def]
-    """Which of the samples in doubt cross their triangle. facings: (N,) float32, 1 or -1 as `facing_of` has it, 0 =
-    not crossed; depths: (N,) float32."""
+def decide(parallel, view, points, faces, turns, width, keys, exact, facings, depths):  # type: ignore[no-untyped-def]
+    """Which of the undecided samples cross their triangle. turns: (F,) float32, facings of triangles. facings: (N,)
+    float32, 1 or -1 as `facing_of` has it, 0 = not crossed; depths: (N,) float32."""
     for k in range(len(keys)):
         triangle, pixel = keys[k] & 0xFFFFFFFF, keys[k] >> 32
         i, j = float(pixel % width), float(pixel // width)
         v0, v1, v2 = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
-        facing = facing_of(parallel, view, points, v0, v1, v2, exact)
         facings[k], depths[k] = 0.0, 0.0
-        if facing != 0 and covers(parallel, points, v0, v1, v2, i, j, exact):
+        if turns[triangle] != 0.0 and covers(parallel, points, v0, v1, v2, i, j, exact):
             depth = np.float32(depth_at(parallel, view, points, v0, v1, v2, i, j))
             if depth > 0.0:
-                facings[k], depths[k] = facing, depth
+                facings[k], depths[k] = turns[triangle], depth
 
 
 @kernel
@@ -273,18 +263,6 @@ def mark(keys, width, marks, first, listed):  # type: ignore[no-untyped-def]
         listed[place] = LIST_END
 
 
-@kernel
-def face(counter_address, parallel, view, points, faces, exact, facings):  # type: ignore[no-untyped-def]
-    """facings: (F,) float32, of each triangle as `facing_of` has it. exact: as `turn` needs it, of this thread."""
-    while True:
-        start = fetch_add(counter_address, 1) * _CHUNK
-        if start >= len(faces):
-            return
-        for triangle in range(start, min(start + _CHUNK, len(faces))):
-            v0, v1, v2 = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
-            facings[triangle] = facing_of(parallel, view, points, v0, v1, v2, exact)
-
-
 @cache
 def settling_kernel(kind: int) -> Callable[..., None]:
     """The loop over decided samples; kind, of reduction, is a constant of the compiled code."""
@@ -292,7 +270,7 @@ def settling_kernel(kind: int) -> Callable[..., None]:
 
     @kernel
     def settle(keys, facings, depths, width, block):  # type: ignore[no-untyped-def]
-        """Take the hits among the samples in doubt. keys, facings, depths: of `decide`. block: of a `Target`."""
+        """Take the hits among undecided samples. keys, facings, depths: of `decide`. block: of a `Target`."""
         target = target_at(block)
         for k in range(len(keys)):
             if facings[k] != 0.0:
