@@ -16,7 +16,7 @@ from atra.geometry.ray_space import NARROWEST_WORLD_PITCH, check_range, check_wo
 from atra.geometry.view import View
 from atra.tracing.rays import check_pinhole
 from atra.tracing.tracer import Tracer
-from atra.trees.bvh import bvh_of
+from experiments.classification.bvh.binary import bvh_of
 from experiments.classification.bvh.images import Start
 from experiments.classification.bvh.starts import NO_SHAFTS, Shafts
 from experiments.classification.bvh.tracer import OwnBvh, PreparedBvh
