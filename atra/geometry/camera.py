@@ -27,6 +27,10 @@ FARTHEST_AXIS_PIXELS = 1e6
 """Largest distance of the principal point from the image, beyond which float32 cannot tell rays apart."""
 
 
+FOV_Y_DEGREES = 60.0
+"""Default vertical field of view."""
+
+
 @dataclass(frozen=True)
 class Camera(View):
     """A pinhole camera and its pixel grid.
@@ -50,7 +54,7 @@ class Camera(View):
     eye: Vector
     target: Vector
     up: Vector = (0.0, 1.0, 0.0)
-    fov_y_degrees: float = 60.0
+    fov_y_degrees: float = FOV_Y_DEGREES
     width: int = 1024
     height: int = 1024
 
@@ -138,7 +142,7 @@ class Camera(View):
         direction: Vector = (-0.5, -0.4, -1.0),
         *,
         up: Vector = (0.0, 1.0, 0.0),
-        fov_y_degrees: float = 45.0,
+        fov_y_degrees: float = FOV_Y_DEGREES,
         width: int = 1024,
         height: int = 1024,
     ) -> Camera:
