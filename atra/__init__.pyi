@@ -15,16 +15,16 @@ from .all_hits.reductions import (
     Transmittance as Transmittance,
 )
 from .all_hits.results import (
-    Counts as Counts,
+    CountResult as CountResult,
 )
 from .all_hits.results import (
-    LayerHits as LayerHits,
+    LayersResult as LayersResult,
 )
 from .all_hits.results import (
-    Thicknesses as Thicknesses,
+    ThicknessResult as ThicknessResult,
 )
 from .all_hits.results import (
-    Transmittances as Transmittances,
+    TransmittanceResult as TransmittanceResult,
 )
 from .errors import (
     AtraError as AtraError,
@@ -41,11 +41,14 @@ from .errors import (
 from .errors import (
     MemoryBudgetError as MemoryBudgetError,
 )
+from .errors import (
+    StorageError as StorageError,
+)
 from .files.cameras.bop import read_bop as read_bop
 from .files.cameras.calibration_files import read_calibration as read_calibration
 from .files.cameras.colmap import read_colmap as read_colmap
 from .files.cameras.nerf import read_transforms as read_transforms
-from .files.cameras.trimesh_scene import read_trimesh as read_trimesh
+from .files.cameras.trimesh import cameras_from_trimesh as cameras_from_trimesh
 from .files.meshes.face_sources import FaceSources as FaceSources
 from .files.meshes.face_sources import load_face_sources as load_face_sources
 from .files.meshes.loading import load_mesh as load_mesh
@@ -95,6 +98,8 @@ from .rays.all_hits.lists import RayHitLists as RayHitLists
 from .rays.rays import RayHits as RayHits
 from .rays.rays import Rays as Rays
 from .rays.scene import RayScene as RayScene
+from .tracing.method import Method as Method
+from .tracing.method import Prepared as Prepared
 from .tracing.tracer import Tracer as Tracer
 from .views.face_counts import FaceCounts as FaceCounts
 from .views.face_counts import face_counts as face_counts

@@ -111,8 +111,8 @@ class Hits:
         """Write the image, whole or not at all, in the format that the suffix names.
 
         ".npz": depth, prim_id, u, v, points and normals, for `np.load`. ".exr": channels Z (depth), prim_id, N.X, N.Y,
-        N.Z; needs the package OpenEXR. ".png": depth as grey from white (nearest hit) to dark grey, black = miss; needs
-        Pillow. ".ply": the hits as a point cloud with normals.
+        N.Z; needs the package OpenEXR. ".png": depth as grey from white (nearest hit) to dark grey, black = miss.
+        ".ply": the hits as a point cloud with normals.
         Raises InputError for other suffixes, a missing package and a point cloud without points, StorageError if the
         file cannot be written.
         """

@@ -63,7 +63,7 @@ def trace(view: atra.Camera) -> tuple[atra.Alignment, NDArray[np.float64]]:
         atra.PixelTracer(mesh, view, packet_width=1, threads=1) as single,
     ):
         hits, reference = aligned.trace(), single.trace()
-    agreement = atra.compare(mesh, view, hits, reference)
+    agreement = atra.compare(hits, reference)
     if agreement.pixels_wrong:
         raise atra.AtraError(f"the drawing would be wrong: {agreement}")
     return atra.Alignment.of_cells(view, atra.Split.of_image(split, view)), np.array(hits.depth[0], np.float64)

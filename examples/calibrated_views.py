@@ -59,7 +59,7 @@ def main(arguments: list[str] | None = None) -> Mapping[str, atra.Hits]:
     )
     name, hits = next(iter(found.items()))
     with atra.PixelTracer(mesh, hits.camera, packet_width=1, threads=options.threads) as alone:
-        print(f"{name} against single rays:", atra.compare(mesh, hits.camera, hits, alone.trace()))
+        print(f"{name} against single rays:", atra.compare(hits, alone.trace()))
     return found
 
 

@@ -61,7 +61,7 @@ def main(arguments: list[str] | None = None) -> atra.Frames:
     parts.save(options.out / "frames.png", np.concatenate([part for row in rows for part in (gap, row)][1:]))
     for number, hits in enumerate(frames):
         with atra.PixelTracer(hits.mesh, hits.camera, packet_width=1, threads=options.threads) as alone:
-            print(f"frame {number}, alone:", atra.compare(hits.mesh, hits.camera, hits, alone.trace()))
+            print(f"frame {number}, alone:", atra.compare(hits, alone.trace()))
     return frames
 
 

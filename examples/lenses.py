@@ -44,7 +44,7 @@ def main(arguments: list[str] | None = None) -> dict[str, atra.Hits]:
         with atra.PixelTracer(mesh, camera, threads=options.threads) as tracer:
             seen[name] = tracer.trace()
         with atra.RasterTracer(mesh, camera, threads=options.threads) as other:
-            print(f"{name}, packets against the rasteriser:", atra.compare(mesh, camera, seen[name], other.trace()))
+            print(f"{name}, packets against the rasteriser:", atra.compare(seen[name], other.trace()))
     parts.save(options.out / "lenses.png", parts.beside([shade(hits) for hits in seen.values()]))
     return seen
 

@@ -63,7 +63,7 @@ def _check(latest: dict[str, atra.Hits]) -> None:
     """Every method must have traced the same frame."""
     reference, *others = latest.values()
     for hits in others:
-        agreement = atra.compare(hits.mesh, hits.camera, hits, reference)
+        agreement = atra.compare(hits, reference)
         if agreement.pixels_wrong:
             raise atra.AtraError(f"the methods do not agree: {agreement}")
 

@@ -54,7 +54,7 @@ def main(arguments: list[str] | None = None) -> atra.Hits:
     from_light = parts.resized(shade(light), options.height, options.height)
     parts.save(options.out / "shadow_map.png", parts.beside([np.rint(picture).astype(np.uint8), from_light]))
     with atra.PixelTracer(mesh, sun, packet_width=1, threads=options.threads) as alone:
-        print("shadow map against rtcIntersect1:", atra.compare(mesh, sun, light, alone.trace()))
+        print("shadow map against rtcIntersect1:", atra.compare(light, alone.trace()))
     return light
 
 

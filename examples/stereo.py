@@ -50,7 +50,7 @@ def main(arguments: list[str] | None = None) -> atra.Frames:
         with atra.PixelTracer(mesh, hits.camera, packet_width=1, threads=options.threads) as alone:
             print(
                 f"{name} eye against its image traced alone:",
-                atra.compare(mesh, hits.camera, hits, alone.trace()),
+                atra.compare(hits, alone.trace()),
             )
     return frames
 

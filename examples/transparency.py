@@ -37,7 +37,7 @@ PANES = (
 """Lowest and highest corner, colour and opacity of upright panes; in no order of depth."""
 
 
-def all_layers(mesh: atra.Mesh, camera: View, threads: int = 1) -> atra.LayerHits:
+def all_layers(mesh: atra.Mesh, camera: View, threads: int = 1) -> atra.LayersResult:
     """As many layers as any pixel has."""
     with atra.RasterTracer(mesh, camera, threads=threads) as tracer:
         most = int(tracer.gather(atra.Count()).count.max())
@@ -45,7 +45,7 @@ def all_layers(mesh: atra.Mesh, camera: View, threads: int = 1) -> atra.LayerHit
 
 
 def composite(
-    layers: atra.LayerHits, colours: NDArray[np.float64], opacities: NDArray[np.float64]
+    layers: atra.LayersResult, colours: NDArray[np.float64], opacities: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(H, W, 3) colours in front of BACKGROUND, and (H, W), the share of it that is seen.
 
@@ -107,7 +107,7 @@ def colours_of_bodies(mesh: atra.Mesh, camera: View) -> NDArray[np.float64]:
     return _PALETTE[bodies % len(_PALETTE)] * (0.35 + 0.65 * facing)[:, None]
 
 
-def main(arguments: list[str] | None = None) -> atra.LayerHits:
+def main(arguments: list[str] | None = None) -> atra.LayersResult:
     made = parts.parser(__doc__, scene="parcel", width=640, height=480)
     made.add_argument("--opacity", type=float, default=0.3, help="of every surface")
     options = made.parse_args(arguments)

@@ -127,7 +127,7 @@ def _read_sky(path):
 
 
 def _read_calibration(path):
-    camera = read_calibration(path, (8, 8))
+    (camera,) = read_calibration(path, (8, 8)).values()
     assert np.isfinite(camera.rays(np.array([4]), np.array([4]))[0]).all()
     return True
 

@@ -42,7 +42,7 @@ def draw(mesh, camera, offset=(0.5, 0.5), **options):
 
 
 def assert_no_pixel_wrong(mesh, camera, hits, reference):
-    agreement = atra.compare(mesh, camera, hits, reference)
+    agreement = atra.compare(hits, reference)
     assert agreement.pixels_wrong == 0, str(agreement)
     return agreement
 

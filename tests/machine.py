@@ -1,9 +1,9 @@
 """What the library can do on this machine. Tests ask here for packet widths and lanes; tests/walls/test_machines.py
 refuses those that name some."""
 
+from atra.compiled.instruction_sets import LANES as ALL_LANES
 from atra.compiled.instruction_sets import chosen_instruction_set, instruction_sets_here, native_lanes
 from atra.embree.library import load_library
-from atra.tracing.options import LANES as ALL_LANES
 
 WIDTHS = load_library().native_packet_widths
 """Embree's native packet widths, narrowest first: 1 for single rays, 4 everywhere, 8 and 16 on some machines."""

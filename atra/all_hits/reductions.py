@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.all_hits.closed import check_closed
-from atra.all_hits.results import Counts, LayerHits, Thicknesses, Transmittances
+from atra.all_hits.results import CountResult, LayersResult, ThicknessResult, TransmittanceResult
 from atra.all_hits.taking_kernels import COUNT, LAYERS, THICKNESS, TRANSMITTANCE
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
@@ -26,7 +26,7 @@ from atra.whole_numbers import is_whole_number
 MOST_LAYERS = 1024
 """Most layers of an image; a layer takes eight bytes per pixel."""
 
-Gathered = TypeVar("Gathered", bound=Counts | Thicknesses | Transmittances | LayerHits)
+Gathered = TypeVar("Gathered", bound=CountResult | ThicknessResult | TransmittanceResult | LayersResult)
 
 
 class Plane(NamedTuple):
@@ -54,10 +54,10 @@ class Reduction(ABC, Generic[Gathered]):
 
 
 @dataclass(frozen=True)
-class Count(Reduction[Counts]):
+class Count(Reduction[CountResult]):
     """The number of triangles each ray crosses."""
 
-    result = Counts
+    result = CountResult
     kind = COUNT
 
     def planes(self) -> dict[str, Plane]:
@@ -65,13 +65,13 @@ class Count(Reduction[Counts]):
 
 
 @dataclass(frozen=True)
-class Thickness(Reduction[Thicknesses]):
+class Thickness(Reduction[ThicknessResult]):
     """The length of each ray inside closed meshes, whose triangles are counterclockwise seen from outside.
 
     `gather` raises InputError for a mesh with open edges, naming some, and for one that is inside out.
     """
 
-    result = Thicknesses
+    result = ThicknessResult
     kind = THICKNESS
 
     def planes(self) -> dict[str, Plane]:
@@ -82,7 +82,7 @@ class Thickness(Reduction[Thicknesses]):
 
 
 @dataclass(frozen=True, eq=False)
-class Transmittance(Reduction[Transmittances]):
+class Transmittance(Reduction[TransmittanceResult]):
     """The product of a factor for each triangle that the ray crosses.
 
     factors: in [0, 1], one number for all triangles, or (F,) one per triangle; kept as float32. Raises InputError for a
@@ -90,7 +90,7 @@ class Transmittance(Reduction[Transmittances]):
     """
 
     factors: NDArray[np.float32] = field(repr=False)
-    result = Transmittances
+    result = TransmittanceResult
     kind = TRANSMITTANCE
 
     def __init__(self, factors: ArrayLike) -> None:
@@ -111,14 +111,14 @@ class Transmittance(Reduction[Transmittances]):
 
 
 @dataclass(frozen=True)
-class Layers(Reduction[LayerHits]):
+class Layers(Reduction[LayersResult]):
     """The k nearest hits of each ray, sorted by depth, and the number of all its hits.
 
     k: layers, 1 to MOST_LAYERS. Raises InputError for any other k.
     """
 
     k: int
-    result = LayerHits
+    result = LayersResult
     kind = LAYERS
 
     def __post_init__(self) -> None:

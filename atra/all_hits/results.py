@@ -16,7 +16,7 @@ from atra.geometry.view import View
 
 
 @dataclass(frozen=True, eq=False)
-class Counts:
+class CountResult:
     """The number of triangles the ray of every pixel crosses; row 0 is the top of the image.
 
     count: (H, W) uint32; even for a closed mesh seen from outside. offset: the sub-pixel offset of the rays. mesh,
@@ -30,12 +30,12 @@ class Counts:
 
 
 @dataclass(frozen=True, eq=False)
-class Thicknesses:
+class ThicknessResult:
     """The length of every ray inside closed meshes; overlapping meshes count separately.
 
     thickness: (H, W) float32, scene units along the view axis, like depth: the depths at which the ray leaves minus
     those at which it enters. As a difference it is as precise as depths are, about 1e-6 of the farthest. offset, mesh,
-    camera: as in `Counts`.
+    camera: as in `CountResult`.
     """
 
     thickness: NDArray[np.float32]
@@ -59,11 +59,11 @@ class Thicknesses:
 
 
 @dataclass(frozen=True, eq=False)
-class Transmittances:
+class TransmittanceResult:
     """The light that passes all triangles a ray crosses.
 
     transmittance: (H, W) float32, the product of their factors; 1 where nothing is hit. offset, mesh, camera: as in
-    `Counts`.
+    `CountResult`.
     """
 
     transmittance: NDArray[np.float32]
@@ -73,11 +73,11 @@ class Transmittances:
 
 
 @dataclass(frozen=True, eq=False)
-class LayerHits:
+class LayersResult:
     """The nearest k hits of every pixel, sorted by depth and then prim_id.
 
     depth: (k, H, W) float32, along the view axis in scene units; inf = no such layer. prim_id: (k, H, W) uint32, `MISS`
-    = none. count: (H, W) uint32, all hits, which may be more than k. offset, mesh, camera: as in `Counts`.
+    = none. count: (H, W) uint32, all hits, which may be more than k. offset, mesh, camera: as in `CountResult`.
     """
 
     depth: NDArray[np.float32]

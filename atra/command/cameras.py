@@ -12,7 +12,7 @@ from atra.errors import InputError
 from atra.files.cameras.bop import read_bop
 from atra.files.cameras.calibration_files import read_calibration
 from atra.files.cameras.colmap import read_colmap
-from atra.files.cameras.entries import Broken, Entries, allowance_of, pixels, read_json
+from atra.files.cameras.entries import Broken, pixels, read_entries, read_json
 from atra.files.cameras.nerf import read_transforms
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
@@ -81,7 +81,7 @@ def read_cameras(
     memory_per_byte: as for `atra.load_mesh`. Raises InputError, naming the file, if no camera can be used.
     """
     if path.suffix.lower() in (".yaml", ".yml"):
-        return {path.stem: read_calibration(path, size)}
+        return dict(read_calibration(path, size))
     if path.is_dir():
         return dict(read_colmap(path, broken=broken, memory_per_byte=memory_per_byte))
     given = read_json(path)
@@ -90,11 +90,9 @@ def read_cameras(
     if any(isinstance(one, dict) and "cam_K" in one for one in given.values()):
         return dict(read_bop(path, size, broken=broken, memory_per_byte=memory_per_byte))
     if "camera_matrix" in given or "distortion_model" in given:
-        return {path.stem: read_calibration(path, size)}
-    entries: Entries[View] = Entries(path, "camera", broken, allowance_of(memory_per_byte, path))
-    for name, fields in given.items():
-        entries.add(name, f"camera {name!r:.100}", partial(_camera, fields, size))
-    return entries.all()
+        return dict(read_calibration(path, size))
+    entries = ((name, f"camera {name!r:.100}", partial(_camera, fields, size)) for name, fields in given.items())
+    return read_entries((path,), "camera", entries, broken, memory_per_byte)
 
 
 def _camera(fields: Any, size: tuple[int, int] | None) -> View:

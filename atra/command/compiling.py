@@ -137,7 +137,7 @@ def _find_all_hits() -> None:
 def _compare() -> None:
     mesh, camera = _mesh(), _cameras()["pinhole"]
     with atra.RasterTracer(mesh, camera) as one, atra.PixelTracer(mesh, camera) as other:
-        atra.compare(mesh, camera, one.trace(), other.trace())
+        atra.compare(one.trace(), other.trace())
 
 
 def _place_hits() -> None:

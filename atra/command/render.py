@@ -139,8 +139,8 @@ def _check_formats(given: Namespace) -> None:
         if suffix not in known:
             without = "without" if given.planes is None else "with"
             raise InputError(f"the format is {suffix}, expected one of {', '.join(known)} {without} --planes")
-        if given.planes is None or suffix == "exr":
-            check_package(f".{suffix}")
+        if suffix == "exr":
+            check_package(".exr")
 
 
 def _written(given: Namespace, hits: Hits, stem: Path, sources: FaceSources | None) -> list[Path]:

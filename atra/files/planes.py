@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import io
-import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from struct import pack
 from typing import Any
 
 import numpy as np
@@ -14,7 +11,16 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.files.paths import write_atomically
-from atra.files.saving import check_package, depth_shading, encode_exr
+from atra.files.saving import (
+    check_package,
+    depth_shading,
+    encode_exr,
+    encode_npy,
+    encode_npz,
+    encode_png,
+    encode_tiff,
+    exr_channels,
+)
 from atra.prim_ids import MISS
 
 PLANES = (
@@ -28,7 +34,7 @@ SOURCES = {"instance": "node", "material": "material"}
 """Planes that need a mesh's `FaceSources`, and the fields they show."""
 
 _PREVIEWS: dict[str, tuple[str, Callable[[NDArray[Any]], NDArray[np.uint8]]]] = {
-    "preview": ("depth", lambda depth: depth_shading(depth)),
+    "preview": ("depth", depth_shading),
     "preview_ids": ("prim_id", lambda prim_id: id_colours(prim_id)),
     "preview_normals": ("normals", lambda normals: normal_colours(normals)),
 }
@@ -72,26 +78,25 @@ def write_planes(
     names = plane_names(planes)
     if kind not in PLANE_FORMATS:
         raise InputError(f"the format of planes is {kind!r}, expected one of {', '.join(PLANE_FORMATS)}")
-    check_package(f".{kind}" if kind == "exr" else "")
+    if kind == "exr":
+        check_package(".exr")  # before anything is computed
     found = {
         name: _PREVIEWS[name][1](plane(_PREVIEWS[name][0])) if name in _PREVIEWS else plane(name) for name in names
     }
-    if kind == "npz":
-        content = io.BytesIO()
-        np.savez(content, **found)  # type: ignore[arg-type]
-        files = {stem.with_name(f"{stem.name}.npz"): content.getvalue()}
-    elif kind == "exr":
-        files = {stem.with_name(f"{stem.name}.exr"): encode_exr(_channels(found))}
+    if kind in ("npz", "exr"):
+        files = {f".{kind}": encode_npz(found) if kind == "npz" else encode_exr(exr_channels(found))}
+    elif kind == "png":
+        files = {
+            f".{name}.png": encode_png(_as_integers(name, array, depth_scale, saturate))
+            for name, array in found.items()
+        }
     else:
-        encode = {
-            "npy": lambda _, array: _npy(array),
-            "png": lambda name, array: encode_png(_as_integers(name, array, depth_scale, saturate)),
-            "tiff": lambda _, array: encode_tiff(array),
-        }[kind]
-        files = {stem.with_name(f"{stem.name}.{name}.{kind}"): encode(name, array) for name, array in found.items()}
-    for path, bytes_ in files.items():
-        write_atomically(path, bytes_)
-    return list(files)
+        encode = encode_npy if kind == "npy" else encode_tiff
+        files = {f".{name}.{kind}": encode(array) for name, array in found.items()}
+    paths = {stem.with_name(stem.name + end): content for end, content in files.items()}
+    for path, content in paths.items():
+        write_atomically(path, content)
+    return list(paths)
 
 
 def id_colours(prim_id: NDArray[np.uint32]) -> NDArray[np.uint8]:
@@ -138,68 +143,3 @@ def _as_integers(name: str, array: NDArray[Any], depth_scale: float, saturate: b
     if name in _PREVIEWS:
         return array
     raise InputError(f"{name} as PNG would lose digits, expected npz, npy, exr or tiff for it")
-
-
-def _channels(found: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Planes as the channels of an EXR file."""
-    channels: dict[str, NDArray[Any]] = {}
-    for name, array in found.items():
-        if name in _PREVIEWS:
-            layers = array[..., None] if array.ndim == 2 else array
-            channels |= {
-                f"{name}.{letter}" if array.ndim == 3 else name: layers[..., number].astype(np.float32)
-                for number, letter in enumerate("RGB"[: layers.shape[-1]])
-            }
-        elif array.ndim == 3:
-            if array.dtype.itemsize > 4:
-                raise InputError(f"{name} of this mesh as EXR would lose digits, expected npz, npy or tiff for it")
-            letter = "N" if name == "normals" else "P"
-            channels |= {f"{letter}.{axis}": array[..., number] for number, axis in enumerate("XYZ")}
-        elif name == "mask":
-            channels[name] = array.astype(np.float32)
-        else:
-            channels["Z" if name == "depth" else name] = array
-    return channels
-
-
-def _npy(array: NDArray[Any]) -> bytes:
-    content = io.BytesIO()
-    np.save(content, array, allow_pickle=False)
-    return content.getvalue()
-
-
-def encode_png(image: NDArray[Any]) -> bytes:
-    """A PNG file of (H, W) or (H, W, 3) uint8 or uint16."""
-    height, width = image.shape[:2]
-    rows = np.ascontiguousarray(image, image.dtype.newbyteorder(">")).reshape(height, -1).view(np.uint8)
-    lines = np.concatenate([np.zeros((height, 1), np.uint8), rows], axis=1)  # each without a filter
-    colour = 2 if image.ndim == 3 else 0
-    header = pack(">IIBBBBB", width, height, 8 * image.dtype.itemsize, colour, 0, 0, 0)
-    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(lines.tobytes(), 1)), (b"IEND", b""))
-    return b"\x89PNG\r\n\x1a\n" + b"".join(
-        pack(">I", len(data)) + kind + data + pack(">I", zlib.crc32(kind + data)) for kind, data in chunks
-    )
-
-
-def encode_tiff(image: NDArray[Any]) -> bytes:
-    """An uncompressed TIFF file of (H, W) or (H, W, 3), floats of 32 or 64 bits, whole numbers of 8 or 32."""
-    if image.dtype == np.bool_:
-        image = np.where(image, 255, 0).astype(np.uint8)
-    image = np.ascontiguousarray(image, image.dtype.newbyteorder("<"))
-    height, width = image.shape[:2]
-    samples, bits = image.shape[2] if image.ndim == 3 else 1, 8 * image.dtype.itemsize
-    tags = {
-        256: (4, width), 257: (4, height), 258: (3, bits), 259: (3, 1), 262: (3, 2 if samples == 3 else 1),
-        273: (4, 0), 277: (3, samples), 278: (4, height), 279: (4, image.nbytes), 284: (3, 1),
-        339: (3, 3 if image.dtype.kind == "f" else 1),
-    }  # fmt: skip
-    beside = 8 + 2 + 12 * len(tags) + 4  # header and directory; behind them what a tag has three numbers of
-    tags[273] = (4, beside + 12)
-    entries = b""
-    for tag, (kind, value) in tags.items():
-        is_per_sample = tag in (258, 339) and samples == 3
-        place = beside + (6 if tag == 339 else 0) if is_per_sample else value
-        entries += pack("<HHII", tag, kind, 3 if is_per_sample else 1, place)
-    per_sample = pack("<6H", *[bits] * 3, *[tags[339][1]] * 3)
-    header = b"II*\0" + pack("<I", 8) + pack("<H", len(tags)) + entries + pack("<I", 0)
-    return header + per_sample + image.tobytes()

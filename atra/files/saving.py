@@ -1,12 +1,14 @@
-"""Saved images: arrays (.npz), layers (.exr), pictures (.png) and point clouds (.ply)."""
+"""Images as files: their encoders, and arrays (.npz), layers (.exr), pictures (.png) and point clouds (.ply)."""
 
 from __future__ import annotations
 
 import io
 import os
+import zlib
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
+from struct import pack
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -16,14 +18,17 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.files.paths import write_atomically
 
-Layers = dict[str, NDArray[Any]]
+Layers = Mapping[str, NDArray[Any]]
 """Arrays of an image by their names in `atra.Hits`."""
 
-_PACKAGES = {".exr": "OpenEXR", ".png": "PIL"}
-"""Packages that a suffix needs beside those of atra itself."""
+_PACKAGES = {".exr": ("OpenEXR", "openexr"), ".png": ("PIL", "pillow")}
+"""Package that reading files with a suffix needs, or writing .exr, and its name for pip."""
 
 _DARKEST = 40
 """Grey value of the farthest hit; misses are 0."""
+
+_VECTORS = {"normals": "N", "points": "P"}
+"""First letters of the channels of vectors in an EXR file."""
 
 
 def save_layers(path: str | os.PathLike[str], layer: Callable[[str], NDArray[Any]]) -> None:
@@ -35,36 +40,37 @@ def save_layers(path: str | os.PathLike[str], layer: Callable[[str], NDArray[Any
     path = Path(path)
     if path.suffix.lower() not in _WRITERS:
         raise InputError(f"{path} has the suffix {path.suffix!r}, expected one of {', '.join(_WRITERS)}")
-    check_package(path.suffix.lower())
     names, encode = _WRITERS[path.suffix.lower()]
     write_atomically(path, encode({name: layer(name) for name in names}))
 
 
 def check_package(suffix: str) -> None:
     """Raise InputError if the package that files with this suffix need is missing."""
-    name = _PACKAGES.get(suffix, "numpy")
+    name, install = _PACKAGES.get(suffix, ("numpy", "numpy"))
     try:
         import_module(name)
     except ImportError:
-        install = {"PIL": "pillow"}.get(name, name.lower())
         message = f"{suffix} files need the package {name}, which is not installed: pip install {install}"
         raise InputError(message) from None
 
 
-def _npz(layers: Layers) -> bytes:
+def encode_npz(layers: Layers) -> bytes:
+    """An .npz file of named arrays."""
     content = io.BytesIO()
     np.savez(content, **layers)  # type: ignore[arg-type]
     return content.getvalue()
 
 
-def _exr(layers: Layers) -> bytes:
-    normals = np.moveaxis(layers["normals"], 2, 0)
-    named_normals = dict(zip(("N.X", "N.Y", "N.Z"), normals, strict=True))
-    return encode_exr({"Z": layers["depth"], "prim_id": layers["prim_id"], **named_normals})
+def encode_npy(array: NDArray[Any]) -> bytes:
+    """An .npy file of an array."""
+    content = io.BytesIO()
+    np.save(content, array, allow_pickle=False)
+    return content.getvalue()
 
 
-def encode_exr(channels: Mapping[str, NDArray[Any]]) -> bytes:
-    """An EXR file of named (H, W) arrays of 32 bits; needs the package OpenEXR."""
+def encode_exr(channels: Layers) -> bytes:
+    """An EXR file of named (H, W) arrays of 32 bits. Raises InputError without the package OpenEXR."""
+    check_package(".exr")
     import OpenEXR
 
     whole = {name: np.ascontiguousarray(channel) for name, channel in channels.items()}
@@ -76,20 +82,55 @@ def encode_exr(channels: Mapping[str, NDArray[Any]]) -> bytes:
         return path.read_bytes()
 
 
-def _png(layers: Layers) -> bytes:
-    return encode_png(depth_shading(layers["depth"]))
+def exr_channels(layers: Layers) -> dict[str, NDArray[Any]]:
+    """Layers as the channels of an EXR file. Raises InputError for one of 64 bits, which an EXR file would round."""
+    channels: dict[str, NDArray[Any]] = {}
+    for name, array in layers.items():
+        if array.dtype.itemsize > 4:
+            raise InputError(f"{name} of this mesh as EXR would lose digits, expected npz, npy or tiff for it")
+        if array.dtype.itemsize < 4:  # masks and colours
+            array = array.astype(np.float32)
+        if array.ndim == 2:
+            channels["Z" if name == "depth" else name] = array
+        else:
+            letters = "XYZ" if name in _VECTORS else "RGB"
+            channels |= {f"{_VECTORS.get(name, name)}.{letter}": array[..., k] for k, letter in enumerate(letters)}
+    return channels
 
 
-def encode_png(picture: NDArray[np.uint8]) -> bytes:
-    """A PNG file of (H, W) grey values or (H, W, 3) colours; needs Pillow."""
-    from PIL import Image
+def encode_png(image: NDArray[Any]) -> bytes:
+    """A PNG file of (H, W) or (H, W, 3) uint8 or uint16."""
+    height, width = image.shape[:2]
+    rows = np.ascontiguousarray(image, image.dtype.newbyteorder(">")).reshape(height, -1).view(np.uint8)
+    lines = np.concatenate([np.zeros((height, 1), np.uint8), rows], axis=1)  # each without a filter
+    colour = 2 if image.ndim == 3 else 0
+    header = pack(">IIBBBBB", width, height, 8 * image.dtype.itemsize, colour, 0, 0, 0)
+    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(lines.tobytes(), 1)), (b"IEND", b""))
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        pack(">I", len(data)) + kind + data + pack(">I", zlib.crc32(kind + data)) for kind, data in chunks
+    )
 
-    content = io.BytesIO()
-    Image.fromarray(picture).save(content, "png")
-    return content.getvalue()
+
+def encode_tiff(image: NDArray[Any]) -> bytes:
+    """An uncompressed TIFF file of (H, W) or (H, W, 3), floats of 32 or 64 bits, whole numbers of 8 or 32."""
+    if image.dtype == np.bool_:
+        image = np.where(image, 255, 0).astype(np.uint8)
+    image = np.ascontiguousarray(image, image.dtype.newbyteorder("<"))
+    height, width = image.shape[:2]
+    samples, bits, kind = image[0, 0].size, 8 * image.dtype.itemsize, 3 if image.dtype.kind == "f" else 1
+    directory = 8 + 2 + 12 * 11 + 4  # bytes of header and directory; then bits and kind of three samples, then pixels
+    places = (bits, kind) if samples == 1 else (directory, directory + 6)
+    tags = (
+        (256, 4, 1, width), (257, 4, 1, height), (258, 3, samples, places[0]), (259, 3, 1, 1),
+        (262, 3, 1, 2 if samples == 3 else 1), (273, 4, 1, directory + 12), (277, 3, 1, samples), (278, 4, 1, height),
+        (279, 4, 1, image.nbytes), (284, 3, 1, 1), (339, 3, samples, places[1]),
+    )  # fmt: skip
+    entries = b"".join(pack("<HHII", *tag) for tag in tags)
+    header = b"II*\0" + pack("<IH", 8, len(tags)) + entries + pack("<I", 0)
+    return header + pack("<6H", *[bits] * 3, *[kind] * 3) + image.tobytes()
 
 
-def _ply(layers: Layers) -> bytes:
+def _point_cloud(layers: Layers) -> bytes:
     is_placed = np.isfinite(layers["points"]).all(axis=-1)
     if not is_placed.any():
         raise InputError("nothing is hit, so a .ply file would have no point; save as .npz, .exr or .png")
@@ -113,8 +154,9 @@ def depth_shading(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 
 _WRITERS: dict[str, tuple[tuple[str, ...], Callable[[Layers], bytes]]] = {
-    ".npz": (("depth", "prim_id", "u", "v", "points", "normals"), _npz),
-    ".exr": (("depth", "prim_id", "normals"), _exr),
-    ".png": (("depth",), _png),
-    ".ply": (("points", "normals"), _ply),
+    ".npz": (("depth", "prim_id", "u", "v", "points", "normals"), encode_npz),
+    ".exr": (("depth", "prim_id", "normals"), lambda layers: encode_exr(exr_channels(layers))),
+    ".png": (("depth",), lambda layers: encode_png(depth_shading(layers["depth"]))),
+    ".ply": (("points", "normals"), _point_cloud),
 }
+"""Layers that a file has, and its encoder, by its suffix."""

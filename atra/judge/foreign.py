@@ -184,7 +184,7 @@ def judge_image(
                     f"{OFFSETS[other.offset]}; expected the same rays"
                 )
             reference = _in_own_words(against, other, right)
-    return ForeignJudgement(compare(mesh, camera, hits, reference), found, agreeing, own, hits, reference)
+    return ForeignJudgement(compare(hits, reference), found, agreeing, own, hits, reference)
 
 
 def _fitting(image: ForeignImage, tracer: Tracer, given: Convention | None) -> tuple[Convention, float, float, Hits]:

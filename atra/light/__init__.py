@@ -10,7 +10,6 @@ from atra.light.lightmaps.finish.seams import Seams, dilated
 from atra.light.lightmaps.finish.views import clay_view, lit_view
 from atra.light.lightmaps.gather.probes import LightProbes
 from atra.light.lightmaps.maps import Lightmap, relative_error
-from atra.light.lightmaps.options import BakeOptions
 from atra.light.lightmaps.progressive import ProgressiveBake
 from atra.light.lightmaps.surface import BakeScene, Surface
 from atra.light.lights import PointLight, SphereLight, SpotLight, Sun
@@ -18,7 +17,6 @@ from atra.light.materials import Dielectric, Emissive, Lambertian, Metal, Metall
 from atra.light.pictures.finish.accumulate import Progress, accumulate
 from atra.light.pictures.finish.tone import stops_of, toned
 from atra.light.pictures.hybrid import HybridRenderer
-from atra.light.pictures.options import HybridOptions, PathOptions
 from atra.light.pictures.paths.renderer import PathRenderer
 from atra.light.reading.scenes import load_scene
 from atra.light.scene import Scene, ScenePart
@@ -27,14 +25,12 @@ from atra.light.textures import Checker, Image
 
 __all__ = [
     "Atlas",
-    "BakeOptions",
     "BakeScene",
     "Baker",
     "Checker",
     "Dielectric",
     "Emissive",
     "GradientSky",
-    "HybridOptions",
     "HybridRenderer",
     "Image",
     "Lambertian",
@@ -43,7 +39,6 @@ __all__ = [
     "Metal",
     "MetallicRoughness",
     "PanoramaSky",
-    "PathOptions",
     "PathRenderer",
     "PointLight",
     "Progress",

@@ -8,6 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.choices import check_choice, check_flags
+from atra.compiled.instruction_sets import chosen_instruction_set
+from atra.compiled.threads import resolve_threads
+from atra.embree.scene import BUILD_QUALITIES, resolve_packet_width
 from atra.errors import InputError
 from atra.geometry.numbers import as_number, checked_vector
 from atra.whole_numbers import is_whole_number
@@ -23,6 +27,16 @@ def checked_number(name: str, value: Any, low: float, high: float = inf, *, abov
         most = "" if high == inf else f" and at most {high:g}"
         raise InputError(f"{name} is {value!r}, expected a finite number {least}{most}")
     return number
+
+
+def check_rays(options: Any) -> None:
+    """Raise InputError for options of scenes of rays that cannot be. options: has threads, packet_width, build_quality
+    and robust."""
+    resolve_threads(options.threads)
+    chosen_instruction_set()
+    resolve_packet_width(options.packet_width)
+    check_choice("build_quality", options.build_quality, BUILD_QUALITIES)
+    check_flags(robust=options.robust)
 
 
 def check_whole(name: str, value: Any, low: int, high: float = inf) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from atra.all_hits.reductions import Reduction
 from atra.all_hits.target_kernels import band_stride
 from atra.choices import check_choice
-from atra.compiled.instruction_sets import native_lanes
+from atra.compiled.instruction_sets import LANES, native_lanes
 from atra.compiled.threads import WorkerPool
 from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.mesh import Mesh
@@ -23,7 +23,6 @@ from atra.raster.all_hits.frames import gather_frame
 from atra.raster.frames import FrameMemory, draw_frame
 from atra.raster.lenses.frames import LensDrawing
 from atra.tracing.gathering import check_rays_without_lens, target_of
-from atra.tracing.options import LANES
 from atra.tracing.tracer import Tracer
 
 

@@ -42,7 +42,7 @@ class Tracer(Lifetime):
     mesh, camera :
         What is traced, and by which rays.
     method :
-        A value such as `atra.raster.tracer.Raster()`, which `atra.RasterTracer` and the like make.
+        A value of the protocol `atra.Method`, such as `atra.RasterTracer` and the like make, or one of your own.
     threads : int, optional
         Threads of a frame; None takes every core that the process may use.
     ties : {"lowest", "any"}
@@ -131,7 +131,7 @@ class Tracer(Lifetime):
         with self._in_use():
             camera, prepared = self.camera, self.prepared
             assert prepared is not None
-            depth, prim_id = outputs((camera.height, camera.width), prepared.row_stride, images_of(out))
+            depth, prim_id = outputs((camera.height, camera.width), prepared.row_stride or camera.width, images_of(out))
             prepared.draw(offset, depth, prim_id)
             if self.ties == "lowest":
                 settle_ties(self.mesh, camera, self._find_ties(), offset, prim_id, self._pool)
@@ -155,7 +155,7 @@ class Tracer(Lifetime):
 
         Returns
         -------
-        The result of the reduction, such as `Thicknesses`, with arrays of (H, W) or (k, H, W).
+        The result of the reduction, such as `ThicknessResult`, with arrays of (H, W) or (k, H, W).
 
         Raises
         ------

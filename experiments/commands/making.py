@@ -185,7 +185,7 @@ def run_bake(configuration: Configuration) -> Path:
         views = Views(tracer.trace(), scene)
     print(f"charts of {mesh!r}")
     options = settings.options(point.threads, point.build_quality)
-    with Baker(scene, room.atlas_of(point, mesh), **options.keywords()) as baker:
+    with Baker(scene, room.atlas_of(point, mesh), **vars(options)) as baker:
         texels = baker.texels
         print(
             f"{len(texels):,} texels in {texels.atlas.charts} charts on {texels.atlas.width} x {texels.atlas.height}, "

@@ -16,13 +16,14 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 from atra.compiled.threads import resolve_threads
 from atra.embree.scene import BUILD_QUALITIES
 from atra.errors import InputError
-from atra.tracing.options import check_choice, option
 from atra.tracing.tracer import TIES
 from experiments.harness.method import TIES_HELP, Tracing
 from experiments.harness.options import (
     Named,
+    check_choice,
     check_whole_numbers,
     find_named,
+    option,
     say_options,
     say_unknown_field,
     schema,

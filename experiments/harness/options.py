@@ -1,29 +1,50 @@
-"""Options as typed values, some of them the library's, as plain values for JSON, and as types that Hydra knows."""
+"""Options as typed values with help and choices, as plain values for JSON, and as types that Hydra knows."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass, field, fields, make_dataclass
+from dataclasses import Field, asdict, dataclass, field, fields, make_dataclass
 from enum import Enum
-from functools import partial
-from typing import (
-    TYPE_CHECKING,
-    Any,
-    ClassVar,
-    NamedTuple,
-    Protocol,
-    TypeVar,
-    dataclass_transform,
-    get_args,
-    get_type_hints,
-)
+from functools import cache, partial
+from types import NoneType
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar, get_args, get_type_hints
 
 from atra.errors import InputError
-from atra.tracing.options import Choices, check_choices, option, option_of, types_of
 from atra.whole_numbers import is_whole_number
 from experiments.harness.column import default_of
 
-Type = TypeVar("Type", bound=type)
+
+def option(default: Any, help: str, *, choices: tuple[Any, ...] = (), unit: str = "", null: str | None = None) -> Any:
+    """A field of an options type.
+
+    choices: the values there are, beside None where the type allows it; (): any of its type. unit: of a number. null:
+    what tables show for None where it is a choice like any other; without it they show that nothing is known.
+    """
+    return field(default=default, metadata={"help": help, "choices": choices, "unit": unit, "null": null})
+
+
+types_of: Callable[[type], dict[str, Any]] = cache(get_type_hints)
+"""The types of an options type's fields, by name; reading them takes longer than checking options by them."""
+
+
+def check_choices(options: Any, section: str = "", null: str = "None") -> None:
+    """Raise InputError, with the value, for the first field of a dataclass that is none of its choices, or neither True
+    nor False though it has to be. section: what is said before its name. null: how None is written."""
+    for one in fields(options):
+        check_choice(one, types_of(type(options))[one.name], getattr(options, one.name), section + one.name, null)
+
+
+def check_choice(one: Field[Any], kind: Any, value: Any, name: str, null: str = "None") -> None:
+    """`check_choices` of one field, whose type is `kind`."""
+    choices = one.metadata.get("choices", ())
+    if kind is bool and not isinstance(value, bool):
+        raise InputError(f"{name} is {value!r}, expected True or False")
+    may_be_none = NoneType in get_args(kind)
+    if not choices or (value is None and may_be_none):
+        return
+    if not (isinstance(value, str) or is_whole_number(value)) or value not in choices:
+        or_none = f", or {null}" if may_be_none else ""
+        raise InputError(f"{name} is {value!r}, expected one of {', '.join(map(str, choices))}{or_none}")
 
 
 def whole(default: Any, help: str, least: int, most: int | None = None) -> Any:
@@ -34,11 +55,10 @@ def whole(default: Any, help: str, least: int, most: int | None = None) -> Any:
 
 
 class Settings:
-    """Options of a method or of a workload, some of which may be taken from the library (`taken`, `taking_all`).
+    """Options of a method or of a workload.
 
     section: where they stand on the command line. Raises InputError, naming a field as it is written there, for a value
-    that is none of its choices or outside its range. The fields taken from the library are unknown to type checkers,
-    which let all pass.
+    that is none of its choices or outside its range.
     """
 
     section: ClassVar[str] = "workload"
@@ -51,65 +71,6 @@ class Settings:
 
     if TYPE_CHECKING:
         __dataclass_fields__: ClassVar[dict[str, Any]]
-
-        def __init__(self, *values: Any, **fields: Any) -> None: ...
-
-        def __getattr__(self, name: str) -> Any: ...
-
-
-class _Taken(NamedTuple):
-    kind: type[Choices]
-    name: str
-    changes: Mapping[str, Any]
-
-
-def taken(kind: type[Choices], name: str = "", **changes: Any) -> Any:
-    """In a class of `settings`: an option of the library's type `kind`, of the same name unless that is given, with its
-    type, default, choices, unit and help. changes: arguments of `atra.tracing.options.option` that are to be others."""
-    return _Taken(kind, name, changes)
-
-
-@dataclass_transform(frozen_default=True, field_specifiers=(option, whole))
-def settings(cls: Type) -> Type:
-    """A frozen dataclass, in which `name = taken(...)` is a field, too."""
-    annotations, values = dict(cls.__annotations__), dict(vars(cls))
-    hints: dict[str, Any] = {}
-    for name, value in values.items():
-        if isinstance(value, _Taken):
-            hints[name] = types_of(value.kind)[value.name or name]
-            setattr(cls, name, option_of(value.kind, value.name or name, **value.changes))
-        elif name in annotations:
-            hints[name] = annotations[name]
-    cls.__annotations__ = hints
-    made: Any = dataclass(frozen=True)(cls)
-    return made  # type: ignore[no-any-return]
-
-
-def taking_all(
-    kind: type[Choices], but: Iterable[str], names: Mapping[str, str], defaults: Mapping[str, Any]
-) -> Callable[[Type], Type]:
-    """Makes `settings` of a class, which begin with all options of the library's type `kind` that no base class has.
-
-    but: options that are left out. names: what an option is called here, where that is another name. defaults: where
-    they are others than the library's. An option that the class states itself is that of the class.
-    """
-    left_out = set(but)
-
-    def made(cls: Type) -> Type:
-        own = {name: vars(cls)[name] for name in cls.__annotations__ if name in vars(cls)}
-        for name in own:
-            delattr(cls, name)
-        known = getattr(cls, "__dataclass_fields__", {})
-        found: dict[str, Any] = {}
-        for one in fields(kind):
-            name = names.get(one.name, one.name)
-            if one.name not in left_out and name not in known:
-                found[name] = taken(kind, one.name, default=defaults.get(one.name, one.default))
-        for name, value in (found | own).items():  # one that is both stays in its place
-            setattr(cls, name, value)
-        return settings(cls)
-
-    return made
 
 
 def check_whole_numbers(options: Any, path: str, ranges: Mapping[str, tuple[int, int | None]]) -> None:

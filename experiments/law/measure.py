@@ -23,8 +23,8 @@ from typing import Any
 
 import atra
 from atra.compiled.instruction_sets import instruction_sets_here
+from atra.embree.library import load_library
 from atra.errors import AtraError
-from atra.tracing.options import native_packet_widths
 from experiments.classification.bvh.tracer import BvhTracer
 from experiments.classification.shafts.tracer import ClassifiedTracer
 from experiments.methods.culled.tracer import TiledTracer
@@ -78,7 +78,7 @@ Case = tuple[str, dict[str, Any], Callable[[], Any]]
 
 def cases(mesh: atra.Mesh, camera: atra.Camera) -> Iterator[Case]:
     """The method, what distinguishes the case, and a call that makes its tracer."""
-    widest = native_packet_widths()[-1]
+    widest = load_library().native_packet_widths[-1]
     same = {"threads": 1, "ties": "any"}
 
     def of(method: str, kind: Any, split: tuple[int, int] | None = None, **options: Any) -> Case:
@@ -149,7 +149,7 @@ def measure_view(name: str, view: str, path: Path) -> None:
     """Write the rows of a view."""
     mesh, camera = mesh_and_camera(name, view)
     isa = os.environ.get("ATRA_ISA") or instruction_sets_here()[-1]
-    widest = native_packet_widths()[-1]
+    widest = load_library().native_packet_widths[-1]
     rows = []
     slow_count = False
     with atra.PixelTracer(mesh, camera, packet_width=widest, threads=1, ties="any") as packets:

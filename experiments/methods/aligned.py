@@ -11,11 +11,11 @@ from atra.alignment.alignment import REFERENCES
 from atra.alignment.cells import GEOMETRIES
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.tracing.options import option
 from atra.tracing.tracer import Tracer
 from experiments.drawing.style import BLUE
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Method, Style, Tracing
+from experiments.harness.options import option
 from experiments.methods.aligned_cells import AlignedCellOptions
 from experiments.methods.options import VERIFIED, keywords_of, resolve_split, say_robust
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from atra.tracing.options import option
+from experiments.harness.options import option
 from experiments.methods.options import CellOptions
 
 

@@ -5,36 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from inspect import signature
-from typing import Any, ClassVar, TypeVar
+from typing import Any, TypeVar
 
-from atra.tracing.options import LANES, Choices, option
+from atra.compiled.instruction_sets import LANES
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Tracing
-from experiments.harness.options import Settings, Type, taking_all, whole
+from experiments.harness.options import Settings, option, whole
 
 WATERTIGHT = {"robust": True}
 """Options for pictures that are shown and not measured."""
 
-MEASURED = {"robust": False}
-"""Defaults that differ from the library's. The paper, and all tables without the column `robust`, measured Embree's
-fast setting."""
-
 
 class MethodOptions(Settings):
-    """Options of a method of ours. library: the type that its tracer has. names: what options of that are called here,
-    where that is another name."""
+    """Options of a method of ours."""
 
     section = "method"
-    library: ClassVar[type[Choices]]
-    names: ClassVar[Mapping[str, str]]
-
-    def keywords(self, tracing: Tracing, kind: type[Choices] | None = None) -> dict[str, Any]:
-        """What the tracer takes beside what is traced. kind: the options of another tracer, which are some of these."""
-        of_point = vars(tracing)
-        return {
-            one.name: of_point[one.name] if one.name in of_point else getattr(self, self.names.get(one.name, one.name))
-            for one in fields(kind or self.library)
-        }
 
 
 def keywords_of(make: Callable[..., Any], options: Any, tracing: Tracing) -> dict[str, Any]:
@@ -48,22 +33,11 @@ def packet_width_option() -> Any:
     return option(None, "rays in a packet; 1 = single rays, null = the widest native packets", choices=(1, *LANES))
 
 
-def robust_option() -> Any:
-    """The option `robust` of methods on Embree. The paper, and all tables without the column, measured Embree's fast
-    setting."""
-    return option(False, "no ray slips through between two triangles; off: Embree's fast setting, as in the paper")
-
-
-def options_of(kind: type[Choices], names: Mapping[str, str] | None = None) -> Callable[[Type], Type]:
-    """Makes a class the options of a method: those of the library's type, but for those that hold for the whole point,
-    and then its own."""
-    named = names or {}
-
-    def made(cls: Type) -> Type:
-        cls.library, cls.names = kind, named  # type: ignore[attr-defined]
-        return taking_all(kind, (one.name for one in fields(Tracing)), named, MEASURED)(cls)
-
-    return made
+def robust_option(
+    help: str = "no ray slips through between two triangles; off: Embree's fast setting, as in the paper",
+) -> Any:
+    """The option `robust`. The paper, and all tables without the column, measured Embree's fast setting."""
+    return option(False, help)
 
 
 def say_robust(row: Mapping[str, Any]) -> list[str]:

@@ -10,11 +10,11 @@ from atra.embree.scene import BUILD_QUALITIES
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.packets.pixel import PixelTracer
-from atra.tracing.options import option
 from atra.tracing.rays import TILE_ORDERS
 from atra.tracing.tracer import Tracer
 from experiments.drawing.style import GREEN, TIMES
 from experiments.harness.method import Method, Style, Tracing
+from experiments.harness.options import option
 from experiments.methods.options import MethodOptions, keywords_of, packet_width_option, robust_option
 
 SAME = "same"

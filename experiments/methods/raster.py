@@ -9,17 +9,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.compiled.instruction_sets import LANES
 from atra.compiled.threads import WorkerPool
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.raster.frames import FrameMemory
 from atra.raster.image import Eye
 from atra.raster.tracer import PreparedRaster, Raster
-from atra.tracing.options import LANES, option
 from atra.tracing.tracer import Tracer
 from experiments.drawing.style import BLACK
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Method, Style, Tracing
+from experiments.harness.options import option
 from experiments.methods.options import MethodOptions
 
 CLUSTERS = ("hidden", "outside", "none")

@@ -237,7 +237,7 @@ def measure(path: str, rounds: int) -> dict[str, Any]:
         add_aligned(str(split_x), Split.of_image((split_x, 1), camera), culling=True)
     timed = measure_rounds(frames, rounds=rounds, warmup=1)
     hits = {name: Hits(*image, (0.5, 0.5), mesh, camera) for name, image in images.items()}
-    wrong = sum(compare(mesh, camera, hits[name], hits[NEAREST]).pixels_wrong for name in hits if name != NEAREST)
+    wrong = sum(compare(hits[name], hits[NEAREST]).pixels_wrong for name in hits if name != NEAREST)
     seconds = {name: np.array(samples) for name, samples in timed.samples.items()}
     told = {f"{name}_s": float(np.median(samples)) for name, samples in seconds.items()}
     told |= {

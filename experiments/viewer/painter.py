@@ -93,7 +93,7 @@ class Painter:
         if shade != "wrong":
             return Picture(_coloured(hits, shade), renderer.stage_s)
         with PixelTracer(hits.mesh, request.camera, packet_width=1, **self._tracing.ours | WATERTIGHT) as single:
-            agreement = compare(hits.mesh, request.camera, hits, single.trace())
+            agreement = compare(hits, single.trace())
         return Picture(mark_verdicts(agreement.verdict), renderer.stage_s, f"against `rtcIntersect1`: {agreement}")
 
     def _without_noise(self, renderer: Renderer, request: Request) -> Picture:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from atra.tracing.options import LANES
+from atra.compiled.instruction_sets import LANES
 from experiments.drawing.style import BLACK, DASHED, DOTTED, GREEN
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.records import Record

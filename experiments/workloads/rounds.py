@@ -184,7 +184,7 @@ class Frames:
     def trace(self) -> float | None:
         """Trace a frame. Returns the seconds it took by the tracer's own word, None = it has none."""
         self._images = self._tracer.trace(out=self._images)
-        return getattr(self._tracer, "frame_time_s", None)
+        return getattr(getattr(self._tracer, "prepared", None), "frame_time_s", None)
 
     def latest(self) -> Any:
         """The images traced last; traces them if none were."""

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from atra.errors import InputError
 from atra.light import PanoramaSky, Scene
-from atra.tracing.options import PacketOptions, option
-from experiments.harness.options import Settings, settings, taken
+from experiments.harness.options import Settings, option
 
 
-@settings
+@dataclass(frozen=True)
 class UnderSky(Settings):
     """Options of a workload whose scene a file may light.
 
@@ -22,7 +21,9 @@ class UnderSky(Settings):
 
     sky: str | None = option(None, "an EXR or Radiance HDR all around, in place of the scene's own sky", null="own")
     sky_sha256: str | None = option(None, "hash of that file, which is found and not set", null="own")
-    robust_rays = taken(PacketOptions, "robust")
+    robust_rays: bool = option(
+        True, "no ray slips through between two triangles; off: Embree's fast setting, as in the paper"
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

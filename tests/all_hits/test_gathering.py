@@ -192,12 +192,12 @@ def test_an_earlier_result_is_overwritten_and_one_of_something_else_refused(meth
         again = tracer.gather(atra.Count(), out=first)
         assert again.count.ctypes.data == first.count.ctypes.data
         np.testing.assert_array_equal(again.count, tracer.gather(atra.Count()).count)
-        with pytest.raises(atra.InputError, match="expected Thicknesses of this tracer"):
+        with pytest.raises(atra.InputError, match="expected ThicknessResult of this tracer"):
             tracer.gather(atra.Thickness(), out=again)
         layers = tracer.gather(atra.Layers(2))
         with pytest.raises(atra.InputError, match=r"out has depth of \(2, 30, 48\), expected \(3, 30, 48\)"):
             tracer.gather(atra.Layers(3), out=layers)
-        own = atra.Counts(np.zeros((30, 48), np.uint32), (0.5, 0.5), mesh, camera)
+        own = atra.CountResult(np.zeros((30, 48), np.uint32), (0.5, 0.5), mesh, camera)
         with pytest.raises(atra.InputError, match="not made for this tracer"):
             tracer.gather(atra.Count(), out=own)
 

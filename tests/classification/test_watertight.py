@@ -50,7 +50,7 @@ def test_from_outside_no_ray_passes_through_the_front(method):
     mesh = scenes.ball(3)
     view = atra.Camera((0, 0, 3), (0, 0, 0), (0, 1, 0), 40.0, scenes.SIZE, scenes.SIZE)
     with TRACERS[method](mesh, view) as tracer:
-        found = atra.compare(mesh, view, tracer.trace(), draw(mesh, view))
+        found = atra.compare(tracer.trace(), draw(mesh, view))
     assert (found.pixels_wrong, found.pixels_hole) == (0, 0)
 
 

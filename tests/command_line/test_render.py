@@ -159,9 +159,9 @@ def test_a_view_that_sees_nothing_has_no_points_and_does_not_cost_the_others(fol
 
 
 def test_a_package_that_a_format_needs_is_missed_before_anything_is_traced(folder, monkeypatch, capsys):
-    monkeypatch.setitem(sys.modules, "PIL", None)
-    assert render(monkeypatch, "--format", "npz", "png") == 2
-    assert ".png files need the package PIL, which is not installed: pip install pillow" in capsys.readouterr().err
+    monkeypatch.setitem(sys.modules, "OpenEXR", None)
+    assert render(monkeypatch, "--format", "npz", "exr") == 2
+    assert ".exr files need the package OpenEXR, which is not installed: pip install openexr" in capsys.readouterr().err
     assert not (folder / "out").exists()
 
 

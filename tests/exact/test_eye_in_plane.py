@@ -31,7 +31,7 @@ def test_a_pane_no_farther_from_the_eye_than_float64_can_tell_may_be_named_or_no
     mesh, camera = joined(pane, WALL), replace(CAMERA, eye=(0, 0, -before))
     near, far = image_of(0, before, mesh, camera), brute_force(mesh, camera)
     assert (far.depth == 5.0).all()
-    agreement = atra.compare(mesh, camera, near, far)
+    agreement = atra.compare(near, far)
     assert set(np.unique(agreement.verdict)) == {Verdict.EDGE}
     assert not examine(mesh, camera, far, near, agreement).hits.wrong.any()
 
@@ -43,7 +43,7 @@ def test_a_pane_that_float64_tells_from_the_eye_must_be_named():
         assert not hits.prim_id.any()
         assert_no_pixel_wrong(mesh, camera, hits, brute_force(mesh, camera))
     through = image_of(2, 5.0, mesh, camera)
-    assert atra.compare(mesh, camera, through, brute_force(mesh, camera)).pixels_wrong == through.depth.size
+    assert atra.compare(through, brute_force(mesh, camera)).pixels_wrong == through.depth.size
 
 
 def panes(random):

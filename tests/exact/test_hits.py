@@ -252,11 +252,10 @@ def test_another_suffix_is_refused_by_its_name_and_nothing_is_written(seen, tmp_
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(("suffix", "module"), [("exr", "OpenEXR"), ("png", "PIL")])
-def test_a_missing_package_is_named_with_what_installs_it(seen, tmp_path, monkeypatch, suffix, module):
-    monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(InputError, match="not installed: pip install"):
-        seen.save(tmp_path / f"view.{suffix}")
+def test_a_missing_package_is_named_with_what_installs_it(seen, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "OpenEXR", None)
+    with pytest.raises(InputError, match="not installed: pip install openexr"):
+        seen.save(tmp_path / "view.exr")
 
 
 def test_what_was_there_before_stays_when_an_image_cannot_be_written(seen, tmp_path, monkeypatch):

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 import atra
-from atra.files.cameras.colmap_files import MODELS
+from atra.files.cameras.lens_models import CAMERA_MODELS
 
 SENSORS = {1: ("PINHOLE", 64, 48, (70.5, 65.25, 31.0, 25.5)), 7: ("SIMPLE_PINHOLE", 32, 24, (40.0, 15.5, 12.25))}
 
@@ -46,7 +46,7 @@ def write_text(folder, sensors=SENSORS, images=None):
 
 
 def write_binary(folder, sensors=SENSORS, images=None):
-    numbers = {name: number for number, (name, _) in enumerate(MODELS)}
+    numbers = {name: number for number, name in enumerate(CAMERA_MODELS)}
     cameras = pack("<Q", len(sensors))
     for sensor, (model, width, height, parameters) in sensors.items():
         cameras += pack("<IiQQ", sensor, numbers[model], width, height) + pack(f"<{len(parameters)}d", *parameters)
@@ -263,7 +263,7 @@ def test_a_field_of_view_alone_means_square_pixels_about_the_middle_and_the_size
     (transforms(h=0), "h is 0, expected a whole number of pixels"),
     (transforms(w="64"), "w is '64', expected a finite number"),
     (transforms(fl_x=None, fl_y=None), "the focal length is missing, expected fl_x or camera_angle_x"),
-    (transforms(fl_x=0), "fl_x is 0, expected a number of pixels above 0"),
+    (transforms(fl_x=0), r"the focal length fx is 0\.0, expected a finite number of pixels above 0"),
     (transforms(fl_x=None, camera_angle_x=4), "camera_angle_x is 4, expected radians between 0 and pi"),
     (transforms({"cy": float("nan")}), r"frame 0 .*: cy is nan, expected a finite number"),
     (transforms({}, {}, {"transform_matrix": None}), r"frame 2 .*: it has no transform_matrix"),
@@ -321,7 +321,7 @@ def test_the_camera_of_a_trimesh_scene_sees_along_trimesh_s_own_rays():
     scene = trimesh.Scene(trimesh.creation.box())
     scene.camera = trimesh.scene.Camera("above", resolution=(64, 48), fov=(50, 40))
     scene.camera_transform = matrix_of(1)
-    ((name, camera),) = atra.read_trimesh(scene).items()
+    ((name, camera),) = atra.cameras_from_trimesh(scene).items()
     assert name == "above"
     origins, directions, pixels = scene.camera_rays()
     np.testing.assert_allclose(origins, np.broadcast_to(camera.eye, origins.shape), atol=1e-12)
@@ -332,6 +332,6 @@ def test_the_camera_of_a_trimesh_scene_sees_along_trimesh_s_own_rays():
 
 def test_a_scene_without_a_camera_and_what_is_no_scene_are_refused():
     with pytest.raises(atra.InputError, match="the scene has no camera"):
-        atra.read_trimesh(trimesh.Scene(trimesh.creation.box()))
+        atra.cameras_from_trimesh(trimesh.Scene(trimesh.creation.box()))
     with pytest.raises(atra.InputError, match=r"expected a trimesh\.Scene"):
-        atra.read_trimesh("scene.glb")
+        atra.cameras_from_trimesh("scene.glb")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import atra
-from atra.files.cameras.colmap_files import MODELS
+from atra.files.cameras.lens_models import CAMERA_MODELS
 from tests.images import assert_equal_images
 from tests.judge.reference import brute_force
 from tests.meshes import cornell_box
@@ -63,7 +63,7 @@ KINDS = {
 
 
 def write_colmap(folder, model, parameters, turn=(1.0, 0.0, 0.0, 0.0), place=(0.0, 0.0, 0.0), size=(64, 48)):
-    number = [name for name, _ in MODELS].index(model)
+    number = list(CAMERA_MODELS).index(model)
     (folder / "cameras.bin").write_bytes(
         pack("<QIiQQ", 1, 1, number, *size) + pack(f"<{len(parameters)}d", *parameters)
     )
@@ -164,10 +164,10 @@ MESSAGE = {"width": 64, "height": 48, "k": [70, 0, 30.5, 0, 65, 25, 0, 0, 1], "d
 ])  # fmt: skip
 def test_a_calibration_of_opencv_or_ros_is_read(name, text, expected, tmp_path):
     (tmp_path / name).write_text(text)
-    camera = atra.read_calibration(tmp_path / name)
+    (camera,) = atra.read_calibration(tmp_path / name).values()
     assert (camera.width, camera.height) == (64, 48)
     np.testing.assert_allclose(camera.project(RAYS), KINDS[expected][1] * [70, 65] + [31, 25.5], rtol=0, atol=1e-9)
-    moved = atra.read_calibration(tmp_path / name, R=np.diag([1, -1, -1]), t=(0, 0, 2))
+    (moved,) = atra.read_calibration(tmp_path / name, R=np.diag([1, -1, -1]), t=(0, 0, 2)).values()
     assert moved.eye == (0.0, 0.0, 2.0)
 
 

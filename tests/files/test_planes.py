@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 import atra
-from atra.files.planes import encode_png, encode_tiff
+from atra.files.saving import encode_png, encode_tiff
 from tests.images import draw
 from tests.meshes import cornell_box, cornell_camera
 

@@ -50,7 +50,7 @@ def pixels_wrong(method, seed):
     wrong = 0
     for hits in images:
         with atra.PixelTracer(of, hits.camera, packet_width=1, threads=1) as single:
-            wrong += atra.compare(of, hits.camera, hits, single.trace(offset)).pixels_wrong
+            wrong += atra.compare(hits, single.trace(offset)).pixels_wrong
     return wrong
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.all_hits.results import Counts, LayerHits, Thicknesses
+from atra.all_hits.results import CountResult, LayersResult, ThicknessResult
 from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.exact.intersection import intersect_pixels, triangles_in_camera_space
 from atra.exact.rounding import ROUNDINGS
@@ -68,20 +68,20 @@ def all_hits(
     return AllHits(least, most, nearer.reshape(shape), thickness.reshape(shape), products.reshape(shape))
 
 
-def wrong_counts(counts: Counts, threads: int | None = 1) -> NDArray[np.bool_]:
+def wrong_counts(counts: CountResult, threads: int | None = 1) -> NDArray[np.bool_]:
     """(H, W) bool, whether float64 excludes a count."""
     truth = all_hits(counts.mesh, counts.camera, counts.offset, threads=threads)
     return (counts.count < truth.least) | (counts.count > truth.most)
 
 
-def wrong_thicknesses(found: Thicknesses, threads: int | None = 1) -> NDArray[np.bool_]:
+def wrong_thicknesses(found: ThicknessResult, threads: int | None = 1) -> NDArray[np.bool_]:
     """(H, W) bool, whether a thickness errs by more than allowed; False where float64 cannot decide what is hit."""
     truth = all_hits(found.mesh, found.camera, found.offset, threads=threads)
     allowed = TOLERANCE * truth.thickness + ROUNDINGS * truth.products
     return (truth.least == truth.most) & ~(np.abs(found.thickness - truth.thickness) <= allowed)
 
 
-def wrong_layers(found: LayerHits, threads: int | None = 1) -> NDArray[np.bool_]:
+def wrong_layers(found: LayersResult, threads: int | None = 1) -> NDArray[np.bool_]:
     """(H, W) bool, whether layers are not the nearest hits in order, each once, or float64 excludes their `count`."""
     depth, prim_id = found.depth.astype(np.float64), found.prim_id
     given = prim_id != MISS

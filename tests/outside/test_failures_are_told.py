@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+import atra
 import tests.command
 from atra.errors import InputError
 from experiments.harness.processes.launching import run_worker
-from experiments.methods.outside.tracer import OutsideTracer
+from experiments.methods.outside.guarded import Guarded
 from experiments.workloads.rounds import warm_up
 from tests.command import run_here
 from tests.points import planned
@@ -14,45 +15,41 @@ from tests.points import planned
 TOY = ("scene=cornell_box", "width=16", "height=16", "measure.rounds=3", "measure.warmup=1", "measure.processes=1")
 
 FAILS = """
-class Tracer:
-    def __init__(self, mesh, camera, options, threads):
-        self.faces = mesh.faces
+import atra
+class Mine(atra.Method):
+    def prepare(self, mesh, camera, pool):
+        print(f"building {mesh.triangle_count} triangles")
+        return Prepared()
 
-    def build(self):
-        print(f"building {len(self.faces)} triangles")
-
-    def trace(self):
-        return self.helper(0)
+class Prepared(atra.Prepared):
+    def draw(self, offset, depth, prim_id):
+        self.helper(0)
 
     def helper(self, divisor):
         return WHAT
-
-    def close(self):
-        pass
 """
 RAISES = FAILS.replace("WHAT", "1 / divisor")
-REFUSED = FAILS.replace("WHAT", "'no images', 'at all', divisor")
+REFUSED = FAILS.replace("WHAT", "'no image at all'")
 
 
 def test_other_peoples_methods_warm_up_with_no_triangle_that_the_eye_sees_edge_on_and_none_twice():
     seen = []
 
-    class Careful:
-        def __init__(self, mesh, camera, options, threads):
+    class Nothing(atra.Prepared):
+        pass
+
+    class Careful(atra.Method):
+        def prepare(self, mesh, camera, pool):
             a, b, c = mesh.vertices.astype(np.float64)[mesh.faces].transpose(1, 0, 2)
             normals = np.cross(b - a, c - a)
             assert np.abs(((np.array(camera.eye) - a) * normals).sum(-1)).min() > 0.1
             assert np.linalg.norm(normals, axis=-1).min() > 0.1
             assert len({tuple(sorted(face)) for face in mesh.faces.tolist()}) == mesh.triangle_count
             seen.append(mesh)
-
-        def build(self):
-            pass
-
-        close = build
+            return Nothing()
 
     point = planned("program", "frame").point
-    make = lambda mesh, view: OutsideTracer(Careful, mesh, view, None, point.tracing)  # noqa: E731
+    make = lambda mesh, view: atra.Tracer(mesh, view, Guarded(Careful()), threads=1)  # noqa: E731
     warm_up(point, [make], use=lambda tracer: None)
     assert len(seen) == 1
 
@@ -76,7 +73,7 @@ def test_what_fails_in_the_warm_up_names_mesh_and_camera():
 
 @pytest.mark.parametrize(("text", "told", "code"), [
     (RAISES, "ZeroDivisionError: division by zero; while warming up", 1),
-    (REFUSED, "trace returned a tuple, expected depth and prim_id; while warming up", 2),
+    (REFUSED, "draw left a depth of NaN at pixel (0, 0), expected inf for a miss; while warming up", 2),
 ])  # fmt: skip
 def test_a_single_point_shows_what_the_method_printed_and_why_it_failed(tmp_path, monkeypatch, text, told, code):
     monkeypatch.setattr(tests.command, "measure_here", run_worker)
@@ -94,7 +91,7 @@ def test_a_sweep_shows_the_methods_own_lines_and_the_path_of_the_record(tmp_path
     assert done.returncode == 1
     (path,) = (tmp_path / "results" / "records").glob("*.json")
     lines = [line.strip() for line in done.stderr.splitlines()]
-    assert f"{tmp_path / 'mine.py'}:10 in trace: return self.helper(0)" in lines
+    assert f"{tmp_path / 'mine.py'}:10 in draw: self.helper(0)" in lines
     assert f"{tmp_path / 'mine.py'}:13 in helper: return 1 / divisor" in lines
     assert f"record: {path.relative_to(tmp_path)}" in lines
-    assert not any("tracer.py:" in line for line in lines)
+    assert not any("guarded.py:" in line for line in lines)

@@ -18,13 +18,13 @@ from experiments.results.table import read_tables
 from experiments.sweep import GridPoint, run_sweep
 from tests.harness.processes.test_outcome import POINT
 from tests.harness.test_identity import CODE
-from tests.outside.test_misbehaving import START
+from tests.outside.test_misbehaving import GOOD
 from tests.points import configured, planned
 
 pytestmark = [pytest.mark.uncovered, pytest.mark.usefixtures("figures_unsaved")]
 
-TRACER = START.removesuffix("class Bad(Tracer):\n")
-HELPED = TRACER.replace("return hits.depth, hits.prim_id", "return shifted(hits.depth), hits.prim_id")
+HELPED = GOOD.replace("= hits.depth, hits.prim_id", "= shifted(hits.depth), hits.prim_id")
+PLAIN = "class Mine:\n    def prepare(self, mesh, camera, pool): ...\n"
 SHIFTED = "def shifted(depth):\n    return depth + SHIFT\n"
 
 
@@ -103,7 +103,7 @@ def test_a_helper_that_changes_while_a_sweep_runs_is_not_measured(write, tmp_pat
 
 
 def test_a_file_beside_it_hides_no_installed_package_and_what_it_does_not_name_is_no_part_of_it(write, tmp_path):
-    write(mine=TRACER, numpy="raise RuntimeError('shadow')\n", other="A = 1\n")
+    write(mine=GOOD, numpy="raise RuntimeError('shadow')\n", other="A = 1\n")
     before = use(tmp_path).version()
     write(numpy="", other="A = 2\n")
     assert use(tmp_path).version() == before
@@ -113,7 +113,7 @@ def test_a_file_beside_it_hides_no_installed_package_and_what_it_does_not_name_i
 
 
 def test_a_module_that_the_file_names_nowhere_is_not_found(write, tmp_path):
-    write(mine="import importlib\nimportlib.import_module('shif' + 'ting')\n" + TRACER, shifting="")
+    write(mine="import importlib\nimportlib.import_module('shif' + 'ting')\n" + GOOD, shifting="")
     with pytest.raises(InputError, match="cannot be imported, ModuleNotFoundError: No module named 'shifting'"):
         use(tmp_path)
 
@@ -139,7 +139,7 @@ def test_two_files_of_one_folder_share_a_helper(write, tmp_path):
 
 @pytest.mark.parametrize("where", ["mine", "shifting"])
 def test_what_a_file_or_its_helper_imports_of_this_project_is_part_of_its_code(write, tmp_path, where):
-    files = {"mine": "import shifting\n" + TRACER.replace("import atra\n", ""), "shifting": ""}
+    files = {"mine": "import shifting\n" + PLAIN, "shifting": ""}
 
     def code(line):
         write(**files | {where: line + files[where]})

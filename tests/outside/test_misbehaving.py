@@ -10,64 +10,67 @@ import pytest
 from atra.errors import InputError
 from experiments import methods
 from experiments.harness.processes.launching import run_worker
-from experiments.methods.outside import guards, tracer
+from experiments.methods.outside import guarded, guards
 from experiments.sweep import GridPoint, run_sweep
 from tests.command import measure_here
 from tests.points import configured, planned
 
 pytestmark = [pytest.mark.uncovered, pytest.mark.usefixtures("figures_unsaved")]
 
-START = """
+PREPARED = """
 import os, time, threading
 import numpy as np
 import atra
 
-class Tracer:
-    def __init__(self, mesh, camera, options, threads):
+class Prepared(atra.Prepared):
+    def __init__(self, mesh, camera):
         self.mesh, self.camera = mesh, camera
         self.inner = atra.PixelTracer(mesh, camera, threads=1)
-
-    def build(self):
         self.inner.build()
 
-    def trace(self):
-        hits = self.inner.trace()
-        return hits.depth, hits.prim_id
+    def draw(self, offset, depth, prim_id):
+        hits = self.inner.trace(offset)
+        depth[:], prim_id[:] = hits.depth, hits.prim_id
 
     def close(self):
         self.inner.close()
 
-class Bad(Tracer):
 """
+METHOD = """
+class Mine(atra.Method):
+    def prepare(self, mesh, camera, pool):
+        return KIND(mesh, camera)
+"""
+GOOD = PREPARED + METHOD.replace("KIND", "Prepared")
+
+
+def bad(body):
+    """A method whose frames are drawn by a class with this body."""
+    return f"{PREPARED}class Bad(Prepared):\n{body}\n{METHOD.replace('KIND', 'Bad')}"
+
+
+DRAW, DRAWN = "    def draw(self, *images):\n        ", "super().draw(*images)"
 
 BAD = {
-    "crashes": ("    def trace(self):\n        os.abort()", "killed by SIGABRT|exit code"),
-    "hangs": ("    def trace(self):\n        time.sleep(600)", "time limit of 3 s"),
-    "misshapen": (
-        "    def trace(self):\n        depth, ids = super().trace()\n        return depth.T, ids.T",
-        r"depth of shape \(48, 32\) and type float32, expected \(32, 48\)",
-    ),
-    "not_a_number": (
-        "    def trace(self):\n        depth, ids = super().trace()\n        depth[3, 5] = np.nan\n"
-        "        return depth, ids",
-        r"depth of NaN at pixel \(5, 3\)",
-    ),
+    "crashes": (f"{DRAW}os.abort()", "killed by SIGABRT|exit code"),
+    "hangs": (f"{DRAW}time.sleep(600)", "time limit of 3 s"),
+    "unfinished": (f"{DRAW}{DRAWN}\n        images[1][7, 2] = np.nan", r"left a depth of NaN at pixel \(2, 7\)"),
+    "idle": (f"{DRAW}pass", r"left a depth of NaN at pixel \(0, 0\)"),
     "too_fast": (
-        "    time_s = 1e-9\n    def trace(self):\n        time.sleep(0.02)\n        return super().trace()",
+        f"    time_s = 1e-9\n{DRAW}time.sleep(0.02)\n        {DRAWN}",
         r"says that a frame took 1e-09 s; the harness never waited less than 0\.\d+ s",
     ),
     "vandal": (
-        "    def build(self):\n        super().build()\n        import ctypes\n"
-        "        ctypes.c_float.from_address(self.mesh.vertices.ctypes.data).value += 1.0",
+        "    def __init__(self, mesh, camera):\n        super().__init__(mesh, camera)\n        import ctypes\n"
+        "        ctypes.c_float.from_address(mesh.vertices.ctypes.data).value += 1.0",
         "the method changed the mesh",
     ),
     "talkative": (
-        "    def trace(self):\n        for _ in range(80):\n            print('x' * (1 << 20))\n"
-        "        return super().trace()",
+        f"{DRAW}for _ in range(80):\n            print('x' * (1 << 20))\n        {DRAWN}",
         "it printed [0-9]+ MiB, more than the 64 MiB that are kept",
     ),
     "greedy": (
-        "    def trace(self):\n        def work():\n            a = np.ones(1 << 17)\n"
+        f"{DRAW}def work():\n            a = np.ones(1 << 17)\n"
         "            end = time.thread_time() + 0.05\n            while time.thread_time() < end:\n"
         "                np.sin(a, out=a)\n"
         "            self.wait.wait()\n"
@@ -76,13 +79,13 @@ BAD = {
         "            from concurrent.futures import ThreadPoolExecutor\n"
         "            self.pool = ThreadPoolExecutor(4)\n"
         "        for one in [self.pool.submit(work) for _ in range(4)]:\n            one.result()\n"
-        "        return super().trace()",
+        f"        {DRAWN}",
         "the method ran [45] threads, the point has threads=1",
     ),
 }
-"""Name -> what the class adds, and the reason that the row gives."""
+"""Name -> what the class that draws adds, and the reason that the row gives."""
 
-IN_PROCESS = ("good", "misshapen", "not_a_number", "too_fast", "vandal")
+IN_PROCESS = ("good", "unfinished", "idle", "too_fast", "vandal")
 """Methods whose points may be measured in the process of the test, which takes less time than one of their own."""
 
 
@@ -108,8 +111,8 @@ def files(tmp_path, monkeypatch):
 
 def test_each_misbehaving_method_is_a_row_with_its_reason_and_the_others_are_measured(files, tmp_path):
     for name, (body, _) in BAD.items():
-        files(name, f"{START}{body}\nMETHOD = Bad\n")
-    files("good", START.removesuffix("class Bad(Tracer):\n"))
+        files(name, bad(body))
+    files("good", GOOD)
     given = []
     for name in ("good", *BAD):
         measure = {"processes": 1, "time_limit_s": 3.0 if name == "hangs" else 60.0, "rounds": 3, "warmup": 1}
@@ -137,17 +140,17 @@ def test_waiting_for_a_core_while_threads_are_counted_excuses_no_clock(files, mo
             return counting(self)
 
         monkeypatch.setattr(guards.ThreadGuard, name, waiting)
-    monkeypatch.setattr(tracer, "delays_s", lambda _: delay_s[0])
+    monkeypatch.setattr(guarded, "delays_s", lambda _: delay_s[0])
     body, reason = BAD["too_fast"]
-    files("too_fast", f"{START}{body}\nMETHOD = Bad\n")
+    files("too_fast", bad(body))
     outcome = measure_here(planned("too_fast", "frame").point)
     assert outcome.status == "failed"
     assert re.search(reason, outcome.error), outcome.error
 
 
 def test_a_file_that_changes_while_a_sweep_runs_is_not_measured(files, tmp_path):
-    method = files("mine", START.removesuffix("class Bad(Tracer):\n"))
-    (tmp_path / "mine.py").write_text(START + "    pass\nMETHOD = Bad\n", encoding="utf-8")
+    method = files("mine", GOOD)
+    (tmp_path / "mine.py").write_text(GOOD + "# changed\n", encoding="utf-8")
     outcome = run_worker(planned("mine", "frame").point)
     assert outcome.status == "failed"
     assert "changed since this run began" in outcome.error
@@ -156,12 +159,9 @@ def test_a_file_that_changes_while_a_sweep_runs_is_not_measured(files, tmp_path)
 
 @pytest.mark.parametrize(("text", "reason"), [
     ("import no_such_package_of_anybody", "cannot be imported, ModuleNotFoundError"),
-    ("x = 1", "build, trace and close: none"),
-    (START + "    pass", "build, trace and close: Tracer, Bad"),
-    (
-        "class A:\n    Options = 3\n    def build(self): ...\n    def trace(self): ...\n    def close(self): ...",
-        "dataclass",
-    ),
+    ("x = 1", "function prepare: none"),
+    (bad("    pass") + "class Other(Mine): pass", "function prepare: Mine, Other"),
+    ("from dataclasses import dataclass\n@dataclass\nclass A:\n    rows: int\n    def prepare(self): ...", "a default"),
 ])  # fmt: skip
 def test_a_file_without_a_method_is_refused_with_the_reason(files, text, reason):
     with pytest.raises(ValueError, match=reason):
@@ -170,11 +170,11 @@ def test_a_file_without_a_method_is_refused_with_the_reason(files, text, reason)
 
 def test_a_name_of_ours_is_refused(files):
     with pytest.raises(ValueError, match="a name of letters that atra does not use"):
-        files("pixel", START.removesuffix("class Bad(Tracer):\n"))
+        files("pixel", GOOD)
 
 
 def test_changed_code_has_another_version(files):
-    text = START.removesuffix("class Bad(Tracer):\n")
+    text = GOOD
     before = files("mine", text).version()
     assert files("mine", text).version() == before
     assert files("mine", text + "# changed\n").version() != before

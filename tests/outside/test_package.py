@@ -36,21 +36,21 @@ from dataclasses import dataclass
 import atra
 
 @dataclass(frozen=True)
-class Options:
+class Theirs(atra.Method):
+    label = "their method"
     breadth: str = "narrow"
 
-class Theirs:
-    label = "their method"
-    Options = Options
+    def prepare(self, mesh, camera, pool):
+        return Prepared(atra.PixelTracer(mesh, camera, packet_width=1, threads=pool.threads))
 
-    def __init__(self, mesh, camera, options, threads):
-        self.tracer = atra.PixelTracer(mesh, camera, packet_width=1, threads=threads)
+class Prepared(atra.Prepared):
+    def __init__(self, tracer):
+        self.tracer = tracer
+        tracer.build()
 
-    def build(self):
-        self.tracer.build()
-
-    def trace(self):
-        return self.tracer.trace()
+    def draw(self, offset, depth, prim_id):
+        hits = self.tracer.trace(offset)
+        depth[:], prim_id[:] = hits.depth, hits.prim_id
 
     def close(self):
         self.tracer.close()

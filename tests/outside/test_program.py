@@ -13,7 +13,7 @@ import pytest
 
 from atra.errors import AtraError, ClockError, InputError
 from atra.prim_ids import MISS
-from experiments.methods.outside.guards import ClockGuard, checked_images, delays_s
+from experiments.methods.outside.guards import ClockGuard, check_images, delays_s
 from tests.folders import ROOT
 from tests.points import measured, planned
 
@@ -98,25 +98,19 @@ def test_a_changed_program_is_another_point(tmp_path):
     assert len(found) == 2
 
 
-MISSES = np.full((2, 3), np.inf), np.full((2, 3), MISS)
+MISSES = np.full((2, 3), np.inf, np.float32), np.full((2, 3), MISS)
 
 
-@pytest.mark.parametrize(("found", "reason"), [
-    (None, "returned a NoneType"),
-    ((MISSES[0], MISSES[1].astype(float)), "prim_id of shape .* type float64"),
-    ((np.zeros((2, 3), int), MISSES[1]), "depth of shape"),
-    ((np.zeros((2, 3)), MISSES[1]), "expected inf and 0xffffffff for a miss"),
-    ((np.zeros((2, 3)), np.full((2, 3), 7)), "prim_id 7, expected one below 5"),
+@pytest.mark.parametrize(("depth", "prim_id", "reason"), [
+    (np.zeros((2, 3), np.float32), MISSES[1], "expected inf and 0xffffffff for a miss"),
+    (MISSES[0], np.zeros((2, 3), np.uint32), "expected inf and 0xffffffff for a miss"),
+    (np.zeros((2, 3), np.float32), np.full((2, 3), 7, np.uint32), "prim_id 7, expected one below 5"),
+    (np.full((2, 3), np.nan, np.float32), MISSES[1], r"NaN at pixel \(0, 0\)"),
 ])  # fmt: skip
-def test_images_that_are_none_are_refused(found, reason):
+def test_images_that_are_none_are_refused(depth, prim_id, reason):
+    check_images(*MISSES, 5)
     with pytest.raises(InputError, match=reason):
-        checked_images(found, 2, 3, 5)
-
-
-def test_minus_one_is_a_miss_and_float64_becomes_float32():
-    depth, prim_id = checked_images((MISSES[0], np.full((2, 3), -1)), 2, 3, 5)
-    assert (depth.dtype, prim_id.dtype) == (np.float32, np.uint32)
-    assert (prim_id == MISS).all()
+        check_images(depth, prim_id, 5)
 
 
 def test_a_clock_may_leave_out_handing_over_but_not_the_tracing():

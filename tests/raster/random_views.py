@@ -48,7 +48,7 @@ def random_view(mesh, seed, parallel=None):
 
 def wrong_pixels(mesh, camera, hits, reference, seed):
     """How many pixels of `hits` are wrong, and whether all triangles were tested in each of those in dispute."""
-    agreement = atra.compare(mesh, camera, hits, reference)
+    agreement = atra.compare(hits, reference)
     disputed = np.flatnonzero(agreement.verdict.reshape(-1) != atra.Verdict.EQUAL)
     most = int(MOST_TESTS / mesh.triangle_count)
     tested = np.random.default_rng(seed).permutation(disputed)[:most]

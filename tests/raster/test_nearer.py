@@ -24,7 +24,7 @@ FOUND = {
 
 def wrong_pixels(mesh, camera):
     hits, reference = draw(mesh, camera, ties="any"), brute_force(mesh, camera)
-    agreement = atra.compare(mesh, camera, hits, reference)
+    agreement = atra.compare(hits, reference)
     return int(examine(mesh, camera, hits, reference, agreement).hits.wrong.sum())
 
 
@@ -94,5 +94,5 @@ def test_views_that_had_wrong_pixels_have_none(scene):
         hits = draw(mesh, camera)
         with atra.PixelTracer(mesh, camera, threads=1) as tracer:
             reference = tracer.trace()
-        found = examine(mesh, camera, hits, reference, atra.compare(mesh, camera, hits, reference))
+        found = examine(mesh, camera, hits, reference, atra.compare(hits, reference))
         assert not found.hits.wrong.any()

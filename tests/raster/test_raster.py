@@ -86,7 +86,7 @@ def test_the_eye_on_a_surface_sees_the_float64_image():
         target = eye + random.normal(size=3)
         camera = atra.Camera(tuple(eye), tuple(target), (0.1, 1, 0.2), random.uniform(20, 150), 32, 24)
         # Whether the triangle under the eye is before or behind it, float64 cannot say.
-        agreement = atra.compare(mesh, camera, draw(mesh, camera), brute_force(mesh, camera))
+        agreement = atra.compare(draw(mesh, camera), brute_force(mesh, camera))
         assert agreement.pixels_wrong == 0, str(agreement)
 
 
@@ -129,7 +129,7 @@ def test_every_size_gives_the_image_of_single_rays_with_any_lanes_and_threads(si
     )
     camera = cornell_camera(*size)
     hits = draw(mesh, camera)
-    agreement = atra.compare(mesh, camera, hits, trace_pixels(mesh, camera))
+    agreement = atra.compare(hits, trace_pixels(mesh, camera))
     assert agreement.pixels_wrong == 0, str(agreement)
     for lanes in QUICK_LANES:
         for threads in (1, 2):
@@ -139,9 +139,9 @@ def test_every_size_gives_the_image_of_single_rays_with_any_lanes_and_threads(si
 def test_a_depth_is_off_by_two_units_of_float32_where_a_triangle_is_not_steep():
     mesh, camera = cornell_box(), cornell_camera(256, 256)
     hits = draw(mesh, camera)
-    own = atra.compare(mesh, camera, hits, hits).depth_errors
+    own = atra.compare(hits, hits).depth_errors
     rays = trace_pixels(mesh, camera)
-    of_rays = atra.compare(mesh, camera, rays, rays).depth_errors
+    of_rays = atra.compare(rays, rays).depth_errors
     assert own.largest <= 2.0**-22
     assert own.largest <= of_rays.largest
     assert own.p999 <= of_rays.p999
@@ -174,5 +174,5 @@ def test_boards_seen_along_their_length_give_the_image_of_single_rays():
     for mesh in (boards(), boards(tilted=True)):
         camera = atra.Camera(**EYE_AT_ORIGIN, width=96, height=64, fov_y_degrees=90)
         hits = draw(mesh, camera)
-        agreement = atra.compare(mesh, camera, hits, brute_force(mesh, camera))
+        agreement = atra.compare(hits, brute_force(mesh, camera))
         assert agreement.pixels_wrong == 0, str(agreement)

@@ -8,9 +8,9 @@ from functools import cache
 import pytest
 from rich.console import Console
 
-from atra.tracing.options import types_of
 from experiments.harness.configuration import Chosen
 from experiments.harness.identity import measure
+from experiments.harness.options import types_of
 from experiments.harness.point import Point
 from experiments.harness.points import plan_points
 from experiments.methods import METHODS

@@ -132,8 +132,8 @@ def test_judges_of_a_far_mesh_are_those_of_the_near_one(view):
     np.testing.assert_array_equal(far.prim_id, near.prim_id)
     np.testing.assert_array_equal(far.depth, near.depth)
     hits = traced("raster", FAR, far_camera)
-    agreement = atra.compare(FAR, far_camera, hits, far)
-    same = atra.compare(NEAR, near_camera, traced("raster", NEAR, near_camera), near)
+    agreement = atra.compare(hits, far)
+    same = atra.compare(traced("raster", NEAR, near_camera), near)
     assert agreement.pixels_wrong == 0
     np.testing.assert_array_equal(agreement.verdict, same.verdict)
     examined = examine(FAR, far_camera, hits, far, agreement, np.arange(200))

@@ -31,7 +31,7 @@ def trace(view, method, packet_width, **options):
 
 def assert_agree(view, hits, reference):
     """No pixel is wrong."""
-    y, x = np.nonzero(atra.compare(view.mesh, view.camera, hits, reference).verdict == Verdict.WRONG)
+    y, x = np.nonzero(atra.compare(hits, reference).verdict == Verdict.WRONG)
     if len(y):
         pixel = y[0], x[0]
         found, expected = ((image.prim_id[pixel], image.depth[pixel]) for image in (hits, reference))

@@ -10,7 +10,8 @@ import pytest
 import atra
 from tests.images import assert_same_bits
 from tests.tracing.stress import Expected, any_of, pose, rebuild, stress
-from tests.tracing.test_threads import CAMERA, CAMERAS, GATHERING, MAKE, MESH, SMALL
+from tests.tracing.test_look import KINDS, PARALLEL, tracer
+from tests.tracing.test_threads import CAMERA, CAMERAS, MESH, SMALL
 from tests.tracing.watertight_scenes import ball
 
 OFFSETS = ((0.5, 0.5), (0.25, 0.75))
@@ -19,11 +20,11 @@ COMMON = {"build": rebuild, "update": pose, "counters": lambda one, random: one.
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", MAKE)
+@pytest.mark.parametrize("kind", KINDS)
 def test_images_of_a_tracer_that_threads_turn_trace_and_close_are_those_of_one_thread(kind):
     def find(camera, offset):
-        with MAKE[kind](camera) as one:
-            return one.trace(offset), one.gather(atra.Count(), offset).count if kind in GATHERING else None
+        with tracer(kind, camera) as one:
+            return one.trace(offset), one.gather(atra.Count(), offset).count if kind in PARALLEL else None
 
     expected, earlier = Expected(find), threading.local()
 
@@ -48,7 +49,7 @@ def test_images_of_a_tracer_that_threads_turn_trace_and_close_are_those_of_one_t
         "counters": counters,
     }
     refusals = "closed", "out has an image"  # of another camera's size
-    stress(partial(MAKE[kind], CAMERA, threads=2), calls | ({"gather": gather} if kind in GATHERING else {}), refusals)
+    stress(partial(tracer, kind, CAMERA, threads=2), calls | ({"gather": gather} if kind in PARALLEL else {}), refusals)
 
 
 @pytest.mark.slow

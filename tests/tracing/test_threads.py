@@ -17,15 +17,10 @@ SMALL = replace(CAMERA, width=32, height=16, eye=tuple(np.add(CAMERA.eye, (0.1, 
 LARGE = replace(CAMERA, width=96, height=80, target=tuple(np.add(CAMERA.target, (0.2, 0.1, 0.0)).tolist()))
 CAMERAS = (CAMERA, SMALL, LARGE)
 
-MAKE = {
-    **{
-        kind: lambda camera, kind=kind, **options: make_tracer(kind, MESH, camera, (16, 1), **options)
-        for kind in ("pixels", "aligned", "instanced", "visible_first")
-    },
-    "raster": lambda camera, **options: atra.RasterTracer(MESH, camera, **{"threads": 1, **options}),
-}
-GATHERING = ("pixels", "aligned", "instanced", "raster")
-every_kind = pytest.mark.parametrize("kind", MAKE)
+
+def make(camera, **options):
+    """The lock is the tracer's, whatever its method."""
+    return make_tracer("aligned", MESH, camera, (16, 1), **options)
 
 
 class Interrupted:
@@ -53,11 +48,10 @@ class Interrupted:
         self._let_others()
 
 
-@every_kind
-def test_a_frame_is_wholly_that_of_the_camera_that_came_last_before_it(kind):
-    with MAKE[kind](LARGE) as new:
+def test_a_frame_is_wholly_that_of_the_camera_that_came_last_before_it():
+    with make(LARGE) as new:
         expected = new.trace((0.3, 0.6))
-    with MAKE[kind](CAMERA) as one:
+    with make(CAMERA) as one:
         one.trace()
         Interrupted(one, lambda: one.look(LARGE), lambda: one.look(SMALL))
         hits = one.trace((0.3, 0.6))
@@ -66,31 +60,28 @@ def test_a_frame_is_wholly_that_of_the_camera_that_came_last_before_it(kind):
         assert one.camera is SMALL
 
 
-@pytest.mark.parametrize("kind", GATHERING)
-def test_all_hits_are_wholly_those_of_the_camera_that_came_last_before(kind):
-    with MAKE[kind](LARGE) as new:
+def test_all_hits_are_wholly_those_of_the_camera_that_came_last_before():
+    with make(LARGE) as new:
         expected = new.gather(atra.Count())
-    with MAKE[kind](CAMERA) as one:
+    with make(CAMERA) as one:
         Interrupted(one, lambda: one.look(LARGE), lambda: one.look(SMALL))
         counts = one.gather(atra.Count())
         assert counts.camera is LARGE
         np.testing.assert_array_equal(counts.count, expected.count)
 
 
-@every_kind
-def test_an_earlier_result_is_refused_where_it_has_the_size_of_another_camera(kind):
-    with MAKE[kind](CAMERA) as one:
+def test_an_earlier_result_is_refused_where_it_has_the_size_of_another_camera():
+    with make(CAMERA) as one:
         earlier = one.trace()
         Interrupted(one, lambda: one.look(LARGE))
         with pytest.raises(atra.InputError, match="out has an image"):
             one.trace(out=earlier)
 
 
-@every_kind
-def test_counters_are_those_of_one_camera(kind):
-    with MAKE[kind](LARGE) as new:
+def test_counters_are_those_of_one_camera():
+    with make(LARGE) as new:
         expected = {name: value for name, value in new.counters.items() if not name.endswith("_s")}
-    with MAKE[kind](CAMERA) as one:
+    with make(CAMERA) as one:
         Interrupted(one, lambda: one.look(LARGE), lambda: one.look(SMALL))
         found = one.counters
         assert {name: value for name, value in found.items() if not name.endswith("_s") and "bytes" not in name} == {
@@ -102,8 +93,7 @@ FRAMES = atra.Alignment.of_frames([CAMERA, CAMERA], atra.Split(16, 1, 64, 48))
 RAYS = (atra.Rays(np.zeros((1, 3)), np.ones((1, 3))),)
 ALL = {"trace": (), "build": (), "look": (SMALL,), "update": (MESH,)}
 CALLS = {
-    **{kind: (partial(MAKE[kind], CAMERA), ALL) for kind in MAKE},
-    **{f"all hits of {kind}": (partial(MAKE[kind], CAMERA), {"gather": (atra.Count(),)}) for kind in GATHERING},
+    "tracer": (partial(make, CAMERA), ALL | {"gather": (atra.Count(),)}),
     "frames": (lambda: atra.FramesTracer(MESH, FRAMES, threads=1), ALL | {"look": (FRAMES,)}),
     "rays": (
         lambda: atra.RayScene(MESH, threads=1),
@@ -114,8 +104,8 @@ CALLS = {
 
 @pytest.mark.parametrize(("kind", "call"), [(kind, call) for kind, (_, calls) in CALLS.items() for call in calls])
 def test_a_call_that_another_thread_closes_before_ends_in_a_clear_error(kind, call):
-    make, calls = CALLS[kind]
-    with make() as one:
+    make_one, calls = CALLS[kind]
+    with make_one() as one:
         Interrupted(one, one.close)
         with pytest.raises(atra.ClosedError, match="closed"):
             getattr(one, call)(*calls[call])

@@ -81,7 +81,7 @@ def test_from_outside_no_ray_passes_through_the_front(method):
     mesh = scenes.ball(3)
     view = atra.Camera((0, 0, 3), (0, 0, 0), (0, 1, 0), 40.0, scenes.SIZE, scenes.SIZE)
     with atra.RasterTracer(mesh, view, threads=1) as raster:
-        found = compare(mesh, view, traced(method, mesh, view), raster.trace())
+        found = compare(traced(method, mesh, view), raster.trace())
     assert (found.pixels_wrong, found.pixels_hole) == (0, 0)
 
 
@@ -112,8 +112,8 @@ def test_a_hole_punched_into_an_image_at_a_shared_edge_is_wrong():
     right = traced("packets", mesh, view)
     wrong = punched(right, ROWS, COLUMNS)
     for found, own, other in (
-        (compare(mesh, view, wrong, right), "pixels_hole", "reference_pixels_hole"),
-        (compare(mesh, view, right, wrong), "reference_pixels_hole", "pixels_hole"),
+        (compare(wrong, right), "pixels_hole", "reference_pixels_hole"),
+        (compare(right, wrong), "reference_pixels_hole", "pixels_hole"),
     ):
         assert (found.pixels_wrong, getattr(found, own), getattr(found, other)) == (40, 40, 0)
         assert str(found).endswith("0 edge, 40 wrong, 40 of them holes")
@@ -122,7 +122,7 @@ def test_a_hole_punched_into_an_image_at_a_shared_edge_is_wrong():
 def test_the_fast_setting_has_holes_and_the_judge_says_whose():
     mesh, view = scenes.roof(), scenes.camera(40.0)
     fast, robust = traced("packets", mesh, view, robust=False), traced("packets", mesh, view)
-    found = compare(mesh, view, fast, robust)
+    found = compare(fast, robust)
     assert found.pixels_hole == (~fast.hit).sum() > 0
     np.testing.assert_array_equal(found.holes, ~fast.hit)
     assert found.reference_pixels_hole == 0
@@ -137,7 +137,7 @@ def test_at_an_open_rim_and_at_a_silhouette_float32_may_miss():
         right = draw(mesh, view)
         at = right.hit[ROWS, COLUMNS]
         assert at.any() or mesh is open_rim
-        found = compare(mesh, view, punched(right, ROWS, COLUMNS), right)
+        found = compare(punched(right, ROWS, COLUMNS), right)
         assert (found.pixels_wrong, found.pixels_edge) == (0, int(at.sum())), mesh.name
         assert not (found.verdict == Verdict.WRONG).any()
 
@@ -148,11 +148,11 @@ def test_what_shines_through_a_hole_is_a_hole_and_the_other_triangle_at_the_edge
     behind = traced("packets", atra.Mesh(mesh.vertices, mesh.faces[2:]), view)
     depth, prim_id = right.depth.copy(), right.prim_id.copy()
     depth[ROWS, COLUMNS], prim_id[ROWS, COLUMNS] = behind.depth[ROWS, COLUMNS], behind.prim_id[ROWS, COLUMNS] + 2
-    found = compare(mesh, view, replace(right, depth=depth, prim_id=prim_id), right)
+    found = compare(replace(right, depth=depth, prim_id=prim_id), right)
     assert (found.pixels_hole, found.pixels_wrong) == (40, 40)
     prim_id = right.prim_id.copy()
     prim_id[ROWS, COLUMNS] = 1 - prim_id[ROWS, COLUMNS]
-    assert compare(mesh, view, replace(right, prim_id=prim_id), right).pixels_wrong == 0
+    assert compare(replace(right, prim_id=prim_id), right).pixels_wrong == 0
 
 
 def many_meshes():
@@ -193,5 +193,5 @@ def test_far_from_the_world_origin_and_from_outside_there_are_no_holes():
             view = atra.Camera(tuple(eye), tuple(place), (0.1, 1.0, 0.2), 50.0, 260, 260)
             right = draw(moved, view)
             for method in IMAGES:
-                found = compare(moved, view, traced(method, moved, view), right)
+                found = compare(traced(method, moved, view), right)
                 assert (found.pixels_hole, found.reference_pixels_hole, found.pixels_wrong) == (0, 0, 0), method

@@ -20,13 +20,13 @@ from matplotlib.figure import Figure
 
 import experiments
 from atra.packets.pixel import Pixel, PreparedPixel
-from atra.tracing.options import option
 from atra.tracing.tracer import Tracer
 from experiments import methods
 from experiments.drawing.figure import FigureKind, of_table
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.configuration import read_configuration, register_schema
 from experiments.harness.method import Method, Style
+from experiments.harness.options import option
 from experiments.harness.point import Workload
 from experiments.harness.processes.outcome import Outcome
 from experiments.harness.processes.worker import Job, measure_point

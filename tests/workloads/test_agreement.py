@@ -147,7 +147,7 @@ def test_a_tie_is_listed_though_nobody_is_wrong_and_a_miss_is_an_empty_field():
     prim_id[1, 2] += 2  # its twin
     prim_id[3, 0], depth[3, 0] = MISS, np.inf
     hits = replace(reference, prim_id=prim_id, depth=depth)
-    found = examine(mesh, camera, hits, reference, atra.compare(mesh, camera, hits, reference))
+    found = examine(mesh, camera, hits, reference, atra.compare(hits, reference))
     listed = agreement._disagreements(found, (0.5, 0.5))
     assert list(zip(listed["x"], listed["y"], listed["verdict"], strict=True)) == [(2, 1, "tied"), (0, 3, "wrong")]
     assert listed["method_correctness"] == ["tied", "hole"]

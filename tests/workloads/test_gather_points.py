@@ -18,7 +18,7 @@ pytestmark = pytest.mark.uncovered
 
 
 def counted(count):
-    return atra.Counts(np.array(count, np.uint32), (0.5, 0.5), cornell_box(), cornell_camera(2, 2))
+    return atra.CountResult(np.array(count, np.uint32), (0.5, 0.5), cornell_box(), cornell_camera(2, 2))
 
 
 def test_lost_and_doubled_hits_are_counted_and_do_not_cancel():

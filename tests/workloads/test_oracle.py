@@ -45,7 +45,7 @@ def changed(image, prim_id=None, depth=None):
 
 
 def examined(mesh, hits, reference, sample=None):
-    return examine(mesh, CAMERA, hits, reference, compare(mesh, CAMERA, hits, reference), sample)
+    return examine(mesh, CAMERA, hits, reference, compare(hits, reference), sample)
 
 
 @pytest.mark.parametrize(("offset", "threads"), [((0.5, 0.5), 1), ((0.0, 0.0), 1), ((0.25, 0.75), 2)])

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from atra.errors import InputError
-from atra.files.cameras.entries import Broken, Cameras, Entries, allowance_of, number, pixels, read_json
+from atra.files.cameras.entries import Broken, Cameras, number, pixels, read_entries, read_json
 from atra.geometry.camera import CalibratedCamera, Camera, LensCamera
 
 
@@ -24,20 +24,34 @@ def read_bop(
     """Read the cameras of a BOP dataset's `scene_camera.json`, by image number, in the order of the file.
 
     Poses are `cam_R_w2c` and `cam_t_w2c` in millimetres, as BOP's models; without them the world is the camera's.
-    size: width and height of the images; None: of the dataset's `camera.json`, two or three folders up.
-    broken, memory_per_byte: as for `read_transforms`.
 
-    Raises InputError, naming file, image and value, for what is missing or broken.
+    Parameters
+    ----------
+    path : path
+    size : (int, int), optional
+        Width and height of the images, pixels; None: of the dataset's `camera.json`, two or three folders up.
+    broken, memory_per_byte : optional
+        As for `read_colmap`.
+
+    Returns
+    -------
+    dict of CalibratedCamera
+
+    Raises
+    ------
+    InputError
+        Naming file, image and value, for what is missing or broken.
+
+    Notes
+    -----
     Source: BOP toolkit, "Format of the BOP datasets".
     """
     path = Path(path)
     images, width, height = read_json(path), *(size or image_size(path))
-    entries: Entries[CalibratedCamera | LensCamera] = Entries(
-        path, "image", broken, allowance_of(memory_per_byte, path)
+    entries = (
+        (name, f"image {name!r:.100}", partial(camera_of_image, given, width, height)) for name, given in images.items()
     )
-    for name, given in images.items():
-        entries.add(name, f"image {name!r:.100}", partial(camera_of_image, given, width, height))
-    return entries.all()
+    return read_entries((path,), "image", entries, broken, memory_per_byte)
 
 
 def image_size(path: Path) -> tuple[int, int]:

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from atra.errors import InputError
-from atra.files.cameras.entries import entry, number, pixels, read_file
-from atra.files.cameras.paths import open3d_matrix
+from atra.files.cameras.entries import Cameras, entry, number, pixels, read_file
+from atra.files.cameras.nerf import open3d_matrix
 from atra.files.reading import parse_json
-from atra.geometry.camera import CalibratedCamera, Camera, LensCamera
+from atra.geometry.camera import Camera
 
 _NAMES = {
     "width": ("image_width", "width"),
@@ -27,11 +27,11 @@ _NAMES = {
 }
 """Names of a value in files of OpenCV, of ROS's camera_calibration, and in ROS's messages."""
 
-_MODELS = {"plumb_bob": "pinhole", "rational_polynomial": "pinhole", "equidistant": "fisheye", "fisheye": "fisheye"}
-"""Distortion models of ROS, as `Camera.from_opencv` calls them."""
-
-_KALIBR = {"radtan": "plumb_bob", "equidistant": "equidistant", "none": "plumb_bob"}
-"""Distortion models of Kalibr, by ROS's names."""
+_MODELS = {
+    "plumb_bob": "pinhole", "rational_polynomial": "pinhole", "radtan": "pinhole", "none": "pinhole",
+    "equidistant": "fisheye", "fisheye": "fisheye",
+}  # fmt: skip
+"""Distortion models of ROS and Kalibr, as `Camera.from_opencv` calls them."""
 
 _MOST_BYTES = 1 << 20
 """Upper limit of a calibration file, which has a few hundred bytes."""
@@ -44,100 +44,87 @@ def read_calibration(
     R: ArrayLike = ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
     t: ArrayLike = (0, 0, 0),
     model: str | None = None,
-) -> CalibratedCamera | LensCamera:
-    """Read the camera of a calibration file: OpenCV's (YAML, XML or JSON), ROS's `camera_info`, Kalibr's `camchain`
-    of one camera, or Open3D's intrinsics. YAML needs the package PyYAML.
+) -> Cameras:
+    """Read the camera of a calibration file, by the file's name without suffix.
 
-    Such files have no pose. R, t: world to camera, as for `Camera.from_opencv`; by default at the origin along +Z.
-    size: width and height of the image where the file has none. model: "pinhole" or "fisheye"; None: what the file's
-    distortion_model says, else pinhole.
-    Raises InputError, naming file and value, for missing or broken values, unknown distortion models, and a YAML file
-    where the package PyYAML is missing.
+    The file is OpenCV's (YAML, XML or JSON), ROS's `camera_info`, Kalibr's `camchain` of one camera, or Open3D's
+    intrinsics. YAML needs the package PyYAML. Such files have no pose.
+
+    Parameters
+    ----------
+    path : path
+    size : (int, int), optional
+        Width and height of the image, pixels, where the file has none.
+    R, t : (3, 3) and (3,) array_like of float, optional
+        World to camera, as for `Camera.from_opencv`; by default at the origin along +Z.
+    model : {"pinhole", "fisheye"}, optional
+        None: what the file's distortion_model says, else pinhole.
+
+    Returns
+    -------
+    dict of one CalibratedCamera or LensCamera
+
+    Raises
+    ------
+    InputError
+        Naming file and value, for missing or broken values, unknown distortion models, and a YAML file where the
+        package PyYAML is missing.
     """
     path = Path(path)
     content = read_file(path)
     with entry(str(path)):
         if len(content) > _MOST_BYTES:
             raise InputError(f"it has {len(content):,} bytes, expected a calibration of at most {_MOST_BYTES:,}")
-        return camera_of_calibration(_parsed(path, content), size, R, t, model)
+        found = _as_opencv(_parsed(path, content))
+        given = {name: next((found[one] for one in names if one in found), None) for name, names in _NAMES.items()}
+        if given["K"] is None:
+            raise InputError(f"it has no camera_matrix, expected one of {', '.join(_NAMES['K'])}")
+        told: dict[str, Any] = dict(zip(("width", "height"), size or (), strict=False))
+        told |= {name: given[name] for name in ("width", "height") if given[name] is not None}
+        if len(told) < 2:
+            raise InputError("the size of the image is missing, expected image_width and image_height; or give a size")
+        width, height = pixels("width", told["width"]), pixels("height", told["height"])
+        if model is None:
+            name = "none" if given["model"] is None else given["model"]
+            if not (isinstance(name, str) and name in _MODELS):
+                raise InputError(f"its distortion_model is {name!r:.100}, expected one of {', '.join(_MODELS)}")
+            model = _MODELS[name]
+        K = _values("camera_matrix", given["K"])
+        if K.size != 9:
+            raise InputError(f"camera_matrix has {K.size} numbers, expected 9")
+        D = np.empty(0) if given["D"] is None else _values("distortion_coefficients", given["D"])
+        distortion = D if D.size else None  # ROS writes none for a camera without distortion
+        return {path.stem: Camera.from_opencv(K.reshape(3, 3), R, t, width, height, distortion, model)}
 
 
-def camera_of_calibration(
-    found: Any, size: tuple[int, int] | None, R: ArrayLike, t: ArrayLike, model: str | None = None
-) -> CalibratedCamera | LensCamera:
-    """As `read_calibration`, from what is parsed."""
+def _as_opencv(found: Any) -> dict[str, Any]:
+    """What Kalibr or Open3D wrote, by OpenCV's names; another object is returned as it is."""
     if not isinstance(found, dict):
         raise InputError(f"it holds a {type(found).__name__}, expected a calibration with camera_matrix")
-    found = _as_opencv(found)
-    given = {name: next((found[one] for one in names if one in found), None) for name, names in _NAMES.items()}
-    if given["K"] is None:
-        raise InputError(f"it has no camera_matrix, expected one of {', '.join(_NAMES['K'])}")
-    if size is None and (given["width"] is None or given["height"] is None):
-        raise InputError("the size of the image is missing, expected image_width and image_height; or give a size")
-    width, height = (
-        pixels(name, given[name] if given[name] is not None else default)
-        for name, default in zip(("width", "height"), size or (None, None), strict=True)
-    )
-    if model is None:
-        told = given["model"]
-        if told is not None and not (isinstance(told, str) and told in _MODELS):
-            raise InputError(f"its distortion_model is {told!r:.100}, expected one of {', '.join(_MODELS)}")
-        model = "pinhole" if told is None else _MODELS[told]
-    K = _values("camera_matrix", given["K"])
-    if K.size != 9:
-        raise InputError(f"camera_matrix has {K.size} numbers, expected 9")
-    distortion = None if given["D"] is None else _values("distortion_coefficients", given["D"])
-    return Camera.from_opencv(K.reshape(3, 3), R, t, width, height, _without_end(distortion), model)
-
-
-def _as_opencv(found: dict[str, Any]) -> dict[str, Any]:
-    """What Kalibr or Open3D wrote, by OpenCV's names; anything else is returned as it is."""
     kind = found.get("class_name")
     if isinstance(kind, str) and kind.startswith("PinholeCamera") and kind != "PinholeCameraIntrinsic":
         raise InputError(f"it is Open3D's {kind}, which has poses; a trajectory is read by read_transforms")
     if "intrinsic_matrix" in found:
-        with entry("intrinsic_matrix"):
-            try:
-                return {**found, "camera_matrix": open3d_matrix(found).tolist()}
-            except (TypeError, ValueError):
-                raise InputError(f"it is {found['intrinsic_matrix']!r:.100}, expected 9 numbers") from None
+        try:
+            return {**found, "camera_matrix": open3d_matrix(found).tolist()}
+        except (TypeError, ValueError):
+            raise InputError(f"intrinsic_matrix is {found['intrinsic_matrix']!r:.100}, expected 9 numbers") from None
     cameras = [name for name, one in found.items() if isinstance(one, dict) and "intrinsics" in one]
     if not cameras:
         return found
     if len(cameras) > 1:
         raise InputError(f"it is Kalibr's calibration of {', '.join(map(str, cameras)):.100}; keep one in a file")
     given = found[cameras[0]]
-    told = given.get("camera_model"), given.get("distortion_model", "none")
-    if told[0] != "pinhole" or told[1] not in _KALIBR:
-        raise InputError(f"its models are {told!r:.100}, expected pinhole with one of {', '.join(_KALIBR)}")
+    if given.get("camera_model") != "pinhole":
+        raise InputError(f"its camera_model is {given.get('camera_model')!r:.100}, expected pinhole")
     numbers, size = _values("intrinsics", given["intrinsics"]), given.get("resolution")
     if numbers.size != 4 or not isinstance(size, list) or len(size) != 2:
         raise InputError("its intrinsics or its resolution are incomplete, expected four numbers and two")
     fx, fy, cx, cy = numbers.tolist()
     return {
-        "image_width": size[0], "image_height": size[1], "camera_matrix": [fx, 0, cx, 0, fy, cy, 0, 0, 1],
-        "distortion_model": _KALIBR[told[1]], "distortion_coefficients": given.get("distortion_coeffs", []),
+        "width": size[0], "height": size[1], "K": [fx, 0, cx, 0, fy, cy, 0, 0, 1],
+        "D": given.get("distortion_coeffs"), "distortion_model": given.get("distortion_model"),
     }  # fmt: skip
-
-
-def _parsed_xml(content: bytes) -> dict[str, Any]:
-    """The values of OpenCV's XML, by name."""
-    if b"<!" in re.sub(rb"<!--.*?-->", b"", content, flags=re.DOTALL):
-        raise InputError("its XML declares entities, which are not read")
-    try:
-        root = ElementTree.fromstring(content)
-    except ElementTree.ParseError as error:
-        raise InputError(f"it is no XML: {error}") from None
-    found: dict[str, Any] = {}
-    for one in root:
-        data = one.find("data")
-        words = ((one if data is None else data).text or "").split()
-        try:
-            numbers: list[Any] = [float(word) for word in words]
-        except ValueError:
-            numbers = words
-        found[one.tag] = numbers if data is not None else numbers[0] if len(numbers) == 1 else " ".join(words)
-    return found
 
 
 def _values(name: str, given: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -146,11 +133,6 @@ def _values(name: str, given: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
     rows = data if isinstance(data, list) else [data]
     flat = [value for row in rows for value in (row if isinstance(row, list) else [row])]
     return np.array([number(f"a number of {name}", value) for value in flat], np.float64)
-
-
-def _without_end(distortion: np.ndarray[Any, np.dtype[np.float64]] | None) -> Any:
-    """No coefficients where there is none, which is how ROS writes a camera without distortion."""
-    return None if distortion is None or distortion.size == 0 else distortion
 
 
 def _parsed(path: Path, content: bytes) -> Any:
@@ -168,3 +150,24 @@ def _parsed(path: Path, content: bytes) -> Any:
         return yaml.safe_load(rest if first.startswith("%YAML") else text)
     except (ValueError, RecursionError, yaml.YAMLError) as error:  # ValueError: a number of thousands of digits, too
         raise InputError(f"it is no YAML: {' '.join(str(error).split())}") from None
+
+
+def _parsed_xml(content: bytes) -> dict[str, Any]:
+    """The values of OpenCV's XML, by name; numbers where all words are."""
+    if b"<!" in re.sub(rb"<!--.*?-->", b"", content, flags=re.DOTALL):
+        raise InputError("its XML declares entities, which are not read")
+    try:
+        root = ElementTree.fromstring(content)
+    except ElementTree.ParseError as error:
+        raise InputError(f"it is no XML: {error}") from None
+    found: dict[str, Any] = {}
+    for one in root:
+        data = one.find("data")
+        text = (one if data is None else data).text or ""
+        try:
+            numbers = [float(word) for word in text.split()]
+        except ValueError:
+            found[one.tag] = text.strip()
+        else:
+            found[one.tag] = numbers[0] if data is None and len(numbers) == 1 else numbers
+    return found

@@ -7,22 +7,13 @@ from functools import cache, partial
 from math import hypot
 from os import PathLike
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
+from struct import Struct
+from typing import Any, NamedTuple
 
 from atra.errors import InputError
-from atra.files.cameras.colmap_files import (
-    Intrinsics,
-    Pose,
-    binary_cameras,
-    binary_images,
-    text_cameras,
-    text_images,
-)
-from atra.files.cameras.entries import Broken, Cameras, Entries, allowance_of, entry, number, pixels
-from atra.files.cameras.lens_models import sensor_of
+from atra.files.cameras.entries import Broken, Cameras, entry, number, pixels, read_entries, read_file
+from atra.files.cameras.lens_models import CAMERA_MODELS, sensor_of
+from atra.files.rotation import rotation_of_quaternion
 from atra.geometry.calibration import pose_of
 from atra.geometry.camera import CalibratedCamera, LensCamera, camera_of
 from atra.geometry.image_plane import ImagePlane
@@ -31,82 +22,188 @@ from atra.geometry.lenses.models import Lens
 UNIT_TOLERANCE = 1e-3
 """Largest distance of a quaternion's length from 1."""
 
+_TWO_LINES = "every image has two lines, the second of which may be empty"
+
+_COUNT, _CAMERA, _IMAGE, _POINT_BYTES = Struct("<Q"), Struct("<IiQQ"), Struct("<I7dI"), 24
+
+
+class _Sensor(NamedTuple):
+    """An entry of `cameras`; what should be a number may be a word."""
+
+    camera_id: int
+    model: str
+    width: Any
+    height: Any
+    parameters: tuple[Any, ...]
+
+
+class _Image(NamedTuple):
+    """An entry of `images`; pose: a quaternion (w, x, y, z) and a translation, world to camera in OpenCV's axes.
+    Numbers as for `_Sensor`."""
+
+    image_id: Any
+    pose: tuple[Any, ...]
+    camera_id: Any
+    name: str
+
 
 def read_colmap(
     folder: str | PathLike[str], *, broken: Broken | None = None, memory_per_byte: float | None = None
 ) -> Cameras:
     """Read the cameras of a COLMAP model, by image name, in the order of `images.bin` or `images.txt`.
 
-    folder: holds `cameras` and `images`, such as `sparse/0`; binary files go before text, as in COLMAP. Cameras
-    with distortion have a lens; of COLMAP's models all are known but RAD_TAN_THIN_PRISM_FISHEYE, SIMPLE_DIVISION,
-    DIVISION and EUCM.
-    broken: a dict that receives the InputError of each image that cannot be used, by name; None: the first is raised.
-    memory_per_byte: bound on the memory that reading may take, as for `atra.load_mesh`.
+    Parameters
+    ----------
+    folder : path
+        Holds `cameras` and `images`, such as `sparse/0`; binary files go before text, as in COLMAP. Cameras with
+        distortion have a lens; of COLMAP's models all are known but RAD_TAN_THIN_PRISM_FISHEYE, SIMPLE_DIVISION,
+        DIVISION and EUCM.
+    broken : dict, optional
+        Receives the InputError of each image that cannot be used, by name; None: the first is raised.
+    memory_per_byte : float, optional
+        Bound on the memory that reading may take, as for `atra.load_mesh`.
 
-    Raises InputError, naming file, entry and value, for files that are missing or cut short, broken entries, images
-    without a camera, and unknown camera models; with `broken` only if a file or all images are unusable.
+    Returns
+    -------
+    dict of CalibratedCamera and LensCamera
+
+    Raises
+    ------
+    InputError
+        Naming file, entry and value: files that are missing or cut short, broken entries, images without a camera,
+        unknown camera models; with `broken` only if a file or all images are unusable.
+
+    Notes
+    -----
     Source: COLMAP's documentation, "Output Format".
     """
-    folder = Path(folder)
-    for suffix, read_cameras, read_images in (
-        (".bin", binary_cameras, binary_images),
-        (".txt", text_cameras, text_images),
-    ):
-        files = folder / f"cameras{suffix}", folder / f"images{suffix}"
-        if all(path.is_file() for path in files):
-            entries: Entries[CalibratedCamera | LensCamera] = Entries(
-                files[1], "image", broken, allowance_of(memory_per_byte, *files)
-            )
-            return _read(files[0], read_cameras(files[0]), read_images(files[1]), entries)
-    raise InputError(f"{folder} is no COLMAP model, expected cameras.bin and images.bin, or both as .txt, in it")
-
-
-def _read(
-    cameras_path: Path,
-    given: Iterator[Intrinsics],
-    images: Iterator[Pose],
-    entries: Entries[CalibratedCamera | LensCamera],
-) -> Cameras:
-    intrinsics = {}
-    for camera in given:
-        if camera.camera_id in intrinsics:
-            raise InputError(f"{cameras_path}: camera {camera.camera_id} is there twice")
-        intrinsics[camera.camera_id] = camera
+    pairs = ((Path(folder) / f"cameras{suffix}", Path(folder) / f"images{suffix}") for suffix in (".bin", ".txt"))
+    files = next((pair for pair in pairs if all(path.is_file() for path in pair)), None)
+    if files is None:
+        raise InputError(f"{folder} is no COLMAP model, expected cameras.bin and images.bin, or both as .txt, in it")
+    is_text = files[0].suffix == ".txt"
+    read_sensors, read_images = (_text_sensors, _text_images) if is_text else (_binary_sensors, _binary_images)
+    sensors = dict[int, _Sensor]()
+    for one in read_sensors(files[0]):
+        if one.camera_id in sensors:
+            raise InputError(f"{files[0]}: camera {one.camera_id} is there twice")
+        sensors[one.camera_id] = one
 
     @cache
     def sensor(camera_id: int) -> tuple[Lens, ImagePlane, int, int]:
-        if camera_id not in intrinsics:
-            raise InputError(f"its camera is {camera_id!r}, which is not in {cameras_path.name}")
-        with entry(f"{cameras_path}, camera {camera_id}"):
-            return _sensor(intrinsics[camera_id])
+        if camera_id not in sensors:
+            raise InputError(f"its camera is {camera_id!r}, which is not in {files[0].name}")
+        one = sensors[camera_id]
+        with entry(f"{files[0]}, camera {camera_id}"):
+            size = pixels("its width", one.width), pixels("its height", one.height)
+            return *sensor_of(one.model, one.parameters), *size
 
-    def placed(image: Pose) -> CalibratedCamera | LensCamera:
+    def placed(image: _Image) -> CalibratedCamera | LensCamera:
         lens, plane, width, height = sensor(image.camera_id)
-        translation = [number("a translation", value) for value in image.translation]
-        eye, axes = pose_of(_rotation(image.quaternion), translation)
+        translation = [number("a translation", value) for value in image.pose[4:]]
+        quaternion = [number("a part of its rotation", part) for part in image.pose[:4]]
+        length = hypot(*quaternion)
+        if not abs(length - 1.0) <= UNIT_TOLERANCE:
+            raise InputError(f"its rotation {image.pose[:4]} has length {length:g}, expected a unit quaternion")
+        eye, axes = pose_of(rotation_of_quaternion(*(part / length for part in quaternion)), translation)
         return camera_of(lens, eye, axes, plane, width, height)
 
-    for image in images:
-        entries.add(image.name, f"image {image.image_id} ({image.name!r})", partial(placed, image))
-    return entries.all()
-
-
-def _sensor(camera: Intrinsics) -> tuple[Lens, ImagePlane, int, int]:
-    """Lens, sensor, width and height."""
-    plane, lens = sensor_of(camera.model, camera.parameters)
-    return lens, plane, pixels("its width", camera.width), pixels("its height", camera.height)
-
-
-def _rotation(quaternion: tuple[Any, ...]) -> NDArray[np.float64]:
-    """The rotation (3, 3) float64 of a quaternion (w, x, y, z). Raises InputError if its length is not 1."""
-    length = hypot(*(number("a part of its rotation", part) for part in quaternion))
-    if not abs(length - 1.0) <= UNIT_TOLERANCE:
-        raise InputError(f"its rotation {quaternion} has length {length:g}, expected a unit quaternion")
-    w, x, y, z = (part / length for part in quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
+    images = (
+        (image.name, f"image {image.image_id} ({image.name!r})", partial(placed, image))
+        for image in read_images(files[1])
     )
+    return read_entries(files, "image", images, broken, memory_per_byte)
+
+
+def _text_sensors(path: Path) -> Iterator[_Sensor]:
+    """Read cameras.txt. Raises InputError naming the first line that is not CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]."""
+    for line, words in _lines(path):
+        where = f"{path}, line {line}"
+        if words and len(words) < 4:
+            raise InputError(f"{where} has {len(words)} words, expected CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]")
+        if words:
+            camera_id, width, height, *parameters = (_value(word) for word in (words[0], *words[2:]))
+            if not isinstance(camera_id, int):
+                raise InputError(f"{where} starts with {words[0]!r}, expected a whole number")
+            yield _Sensor(camera_id, words[1], width, height, tuple(parameters))
+
+
+def _text_images(path: Path) -> Iterator[_Image]:
+    """Read images.txt, two lines an image. Raises InputError naming the first line that does not fit its format."""
+    is_points = False
+    for line, words in _lines(path):
+        where = f"{path}, line {line} has {len(words)} words, expected"
+        if is_points and len(words) % 3:
+            raise InputError(f"{where} X Y POINT3D_ID for every point of the image before; {_TWO_LINES}")
+        if not is_points and words:
+            if len(words) < 10:
+                raise InputError(f"{where} IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME; {_TWO_LINES}")
+            image_id, *pose, camera_id = (_value(word) for word in words[:9])
+            yield _Image(image_id, tuple(pose), camera_id, " ".join(words[9:]))
+        is_points = bool(words) and not is_points
+
+
+def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
+    """Number and words of each line that is not a comment."""
+    try:
+        text = read_file(path).decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path} is no UTF-8 text: {error}") from None
+    for count, line in enumerate(text.splitlines(), 1):
+        if not line.lstrip().startswith("#"):
+            yield count, line.split()
+
+
+def _value(word: str) -> int | float | str:
+    """A word as a number, or unchanged: its use refuses what should be a number."""
+    for kind in (int, float):
+        try:
+            return kind(word)
+        except ValueError:
+            pass
+    return word
+
+
+def _binary_sensors(path: Path) -> Iterator[_Sensor]:
+    """Read cameras.bin. Raises InputError naming the entry that has an unknown model or in which the file ends."""
+    file, names = _Bytes(path), list(CAMERA_MODELS)
+    for index in range(*file.take(_COUNT, "the number of cameras")):
+        camera_id, model, width, height = file.take(_CAMERA, f"camera entry {index}")
+        if not 0 <= model < len(names):
+            raise InputError(f"{path}, camera {camera_id}: its model is number {model}, expected 0 to {len(names) - 1}")
+        count = len(CAMERA_MODELS[names[model]].parameters.split())
+        parameters = file.take(Struct(f"<{count}d"), f"camera {camera_id}")
+        yield _Sensor(camera_id, names[model], width, height, parameters)
+
+
+def _binary_images(path: Path) -> Iterator[_Image]:
+    """Read images.bin. Raises InputError naming the entry in which the file ends."""
+    file = _Bytes(path)
+    for index in range(*file.take(_COUNT, "the number of images")):
+        image_id, *pose, camera_id = file.take(_IMAGE, f"image entry {index}")
+        what = f"image {image_id}"
+        length = (file.content.find(b"\0", file.at) + 1 or len(file.content) + 1) - file.at
+        (name,) = file.take(Struct(f"{length}s"), what)
+        (points,) = file.take(_COUNT, what)
+        file.skip(points * _POINT_BYTES, what)
+        try:
+            yield _Image(image_id, tuple(pose), camera_id, name[:-1].decode("utf-8"))
+        except UnicodeDecodeError as error:
+            raise InputError(f"{path}, {what}: its name is no UTF-8 text: {error}") from None
+
+
+class _Bytes:
+    """A file, read piece by piece; the error of a file that is cut short names `what` was being read."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.content, self.at = path, read_file(path), 0
+
+    def take(self, layout: Struct, what: str) -> tuple[Any, ...]:
+        start = self.at
+        self.skip(layout.size, what)
+        return layout.unpack_from(self.content, start)
+
+    def skip(self, size: int, what: str) -> None:
+        if self.at + size > len(self.content):
+            raise InputError(f"{self.path} ends in {what}, after {len(self.content)} bytes; is it cut off?")
+        self.at += size

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from math import isfinite
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, TypeVar
 
 from atra.errors import InputError
 from atra.files.reading import Allowance, parse_json, read_regular_file
@@ -26,48 +26,42 @@ _BYTES_PER_ENTRY, _COUNTED = 3000, 1000
 """Memory that an entry takes, and the number of entries after which the bound is checked again."""
 
 
-class Entries(Generic[Kind]):
-    """The cameras of a file, added entry by entry.
+def read_entries(
+    files: tuple[Path, ...],
+    kind: str,
+    entries: Iterable[tuple[Any, str, Callable[[], Kind]]],
+    broken: Broken | None,
+    memory_per_byte: float | None,
+) -> dict[str, Kind]:
+    """The cameras of a file's entries, by name.
 
-    kind: what the file calls an entry. broken: receives the errors of unusable entries; None: the first one is raised.
-    allowance: the memory that all entries together may take.
+    files: what is read; the last one has the entries. kind: what it calls an entry. entries: name, place in the file
+    and reader of each. broken: receives the errors of unusable entries; None: the first one is raised, naming file and
+    place. Raises InputError, too, where there is no camera, a name is there twice, and for more entries than
+    memory_per_byte allows.
     """
-
-    def __init__(self, path: Path, kind: str, broken: Broken | None, allowance: Allowance) -> None:
-        self._path, self._kind, self._broken, self._allowance = path, kind, broken, allowance
-        self._cameras: dict[str, Kind] = {}
-        self._count = 0
-
-    def add(self, name: Any, place: str, read: Callable[[], Kind]) -> None:
-        """Add the camera that `read` returns, or keep or raise its InputError, which then names file and place.
-
-        Raises InputError for a name that is there already, and for more entries than the allowance covers.
-        """
-        if self._count % _COUNTED == 0:
-            with entry(str(self._path)):
-                needed = (self._count + _COUNTED) * _BYTES_PER_ENTRY
-                self._allowance.check(f"{self._count:,} {self._kind}s and more", needed)
-        self._count += 1
+    path, cameras = files[-1], dict[str, Kind]()
+    allowance = Allowance(sum(one.stat().st_size for one in files), memory_per_byte)
+    for count, (name, place, read) in enumerate(entries):
+        if count % _COUNTED == 0:
+            with entry(str(path)):
+                allowance.check(f"{count:,} {kind}s and more", (count + _COUNTED) * _BYTES_PER_ENTRY)
         try:
-            with entry(f"{self._path}, {place}"):
+            with entry(f"{path}, {place}"):
                 camera = read()
-                if name in self._cameras:
+                if name in cameras:
                     raise InputError(f"the name {name!r} is there twice, expected another for every camera")
-                self._cameras[name] = camera
+                cameras[name] = camera
         except InputError as error:
-            if self._broken is None:
+            if broken is None:
                 raise
-            is_its_own = isinstance(name, str) and name not in self._cameras and name not in self._broken
-            self._broken[name if is_its_own else place] = error
-
-    def all(self) -> dict[str, Kind]:
-        """The cameras by name. Raises InputError if there is none."""
-        if self._cameras:
-            return self._cameras
-        if self._broken:
-            first = next(iter(self._broken.values()))
-            raise InputError(f"{self._path} has no {self._kind} that can be used, expected at least one; {first}")
-        raise InputError(f"{self._path} has no {self._kind}, expected at least one")
+            is_its_own = isinstance(name, str) and name not in cameras and name not in broken
+            broken[name if is_its_own else place] = error
+    if not cameras:
+        first = next(iter((broken or {}).values()), None)
+        usable = "" if first is None else " that can be used"
+        raise InputError(f"{path} has no {kind}{usable}, expected at least one{'' if first is None else f'; {first}'}")
+    return cameras
 
 
 @contextmanager
@@ -87,11 +81,6 @@ def read_json(path: Path) -> dict[str, Any]:
     if not isinstance(found, dict):
         raise InputError(f"{path} holds a {type(found).__name__}, expected an object with frames")
     return found
-
-
-def allowance_of(memory_per_byte: float | None, *paths: Path) -> Allowance:
-    """The memory that reading these files together may take."""
-    return Allowance(sum(path.stat().st_size for path in paths), memory_per_byte)
 
 
 def read_file(path: Path) -> bytes:

@@ -1,9 +1,11 @@
-"""The cameras of a `transforms.json`, the format of NeRF programs."""
+"""The cameras of a `transforms.json`, the format of NeRF programs, and of paths of cameras in JSON."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
-from math import pi, tan
+from math import pi, radians, tan
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -12,15 +14,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.files.cameras.entries import Broken, Cameras, Entries, allowance_of, entry, number, pixels, read_json
+from atra.files.cameras.entries import Broken, Cameras, entry, number, pixels, read_entries, read_json
 from atra.files.cameras.lens_models import PANORAMA, model_of, panorama_plane
-from atra.files.cameras.paths import as_transforms
 from atra.geometry.calibration import image_plane_of_focals, pose_of_matrix
 from atra.geometry.camera import CalibratedCamera, LensCamera, camera_of
+from atra.geometry.image_plane import ImagePlane
 from atra.geometry.lenses.models import EquirectangularLens, FisheyeLens, Lens, OpenCVLens
 
 _ALL = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
 """Names of the distortion's coefficients."""
+
+_KINDS = {"perspective": {}, "equirectangular": {"camera_model": PANORAMA}}
+"""What a `transforms.json` says for the camera types of Nerfstudio's `camera_path.json`."""
+
+_FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
+"""OpenCV's axes in OpenGL's."""
 
 
 def read_transforms(
@@ -38,26 +46,90 @@ def read_transforms(
     `camera_angle_x` and `camera_angle_y` in radians (pixels are square if one axis is missing); the principal point
     `cx` and `cy`, from the image's corner (default: its middle); a lens by `camera_model` (COLMAP's names, or
     EQUIRECTANGULAR) or `is_fisheye`, and `k1` to `k6`, `p1`, `p2`. `transform_matrix`: camera to world, OpenGL's axes.
-    size: width and height of frames without them, as Blender writes them.
-    broken: a dict that receives the InputError of each frame that cannot be used, by name; None: the first is raised.
-    memory_per_byte: bound on the memory that reading may take, as for `atra.load_mesh`.
 
-    Raises InputError, naming file, frame and value, for missing or broken values and unknown models; with `broken`
-    only if the file or all frames are unusable.
+    Parameters
+    ----------
+    path : path
+    size : (int, int), optional
+        Width and height, pixels, of frames without them, as Blender writes them.
+    broken : dict, optional
+        Receives the InputError of each frame that cannot be used, by name; None: the first is raised.
+    memory_per_byte : float, optional
+        Bound on the memory that reading may take, as for `atra.load_mesh`.
+
+    Returns
+    -------
+    dict of CalibratedCamera and LensCamera
+
+    Raises
+    ------
+    InputError
+        Naming file, frame and value, for missing or broken values and unknown models; with `broken` only if the file
+        or all frames are unusable.
     """
     path = Path(path)
-    shared = as_transforms(read_json(path), path)
+    with entry(str(path)):
+        shared = _as_transforms(read_json(path))
     frames = shared.get("frames")
     if not isinstance(frames, list):
         raise InputError(f"{path} has no list of frames, expected a transforms.json")
-    entries: Entries[CalibratedCamera | LensCamera] = Entries(
-        path, "frame", broken, allowance_of(memory_per_byte, path)
-    )
-    for index, frame in enumerate(frames):
-        name = frame.get("file_path") if isinstance(frame, dict) else None
-        place = f"frame {index}{f' ({name!r:.100})' if name is not None else ''}"
-        entries.add(name, place, partial(_camera, name, shared, frame, size))
-    return entries.all()
+
+    def entries() -> Any:
+        for index, frame in enumerate(frames):
+            name = frame.get("file_path") if isinstance(frame, dict) else None
+            place = f"frame {index}{f' ({name!r:.100})' if name is not None else ''}"
+            yield name, place, partial(_camera, name, shared, frame, size)
+
+    return read_entries((path,), "frame", entries(), broken, memory_per_byte)
+
+
+def _as_transforms(found: dict[str, Any]) -> dict[str, Any]:
+    """A path of cameras as the content of a `transforms.json`; what is neither is returned as it is.
+
+    Raises InputError for other camera types.
+    """
+    if isinstance(found.get("camera_path"), list):
+        kind = found.get("camera_type", "perspective")
+        if not isinstance(kind, str) or kind not in _KINDS:
+            raise InputError(f"its camera_type is {kind!r:.50}, expected one of {', '.join(_KINDS)}")
+        shared = {ours: found[name] for ours, name in (("w", "render_width"), ("h", "render_height")) if name in found}
+        return shared | _KINDS[kind] | {"frames": _frames(found["camera_path"], _nerfstudio_frame)}
+    if found.get("class_name") == "PinholeCameraTrajectory" and isinstance(found.get("parameters"), list):
+        return {"frames": _frames(found["parameters"], _open3d_frame)}
+    return found
+
+
+def _frames(given: list[Any], read: Callable[[Any], dict[str, Any]]) -> list[dict[str, Any]]:
+    """Frames called by their numbers; one that is broken has no matrix, which is what its error says."""
+    frames: list[dict[str, Any]] = [{"file_path": str(number)} for number in range(len(given))]
+    for frame, one in zip(frames, given, strict=True):
+        with suppress(InputError, LookupError, TypeError, ValueError):
+            frame |= read(one)
+    return frames
+
+
+def _nerfstudio_frame(given: Any) -> dict[str, Any]:
+    angle = {"camera_angle_y": radians(number("fov", given["fov"]))} if "fov" in given else {}
+    return {"transform_matrix": _matrix(given["camera_to_world"], 4).tolist(), **angle}
+
+
+def _open3d_frame(given: Any) -> dict[str, Any]:
+    sensor, extrinsic = given["intrinsic"], _matrix(given["extrinsic"], 4).T
+    K = open3d_matrix(sensor)
+    return {
+        "transform_matrix": (np.linalg.inv(extrinsic) @ _FLIP).tolist(), "w": sensor["width"], "h": sensor["height"],
+        "fl_x": K[0, 0], "fl_y": K[1, 1], "cx": K[0, 2] + 0.5, "cy": K[1, 2] + 0.5,  # from the image's corner
+    }  # fmt: skip
+
+
+def open3d_matrix(sensor: dict[str, Any]) -> NDArray[np.float64]:
+    """K (3, 3) of Open3D's `PinholeCameraIntrinsic`, whose numbers stand column by column."""
+    return _matrix(sensor["intrinsic_matrix"], 3).T
+
+
+def _matrix(given: Any, size: int) -> NDArray[np.float64]:
+    flat = [value for row in given for value in (row if isinstance(row, list) else [row])]
+    return np.array([number("a number of a matrix", value) for value in flat]).reshape(size, size)
 
 
 def _camera(
@@ -65,25 +137,25 @@ def _camera(
 ) -> CalibratedCamera | LensCamera:
     if not isinstance(name, str) or not name:
         raise InputError("it has no file_path, expected the name of an image")
-    given = {**shared, **frame}
-    if size is None and not ("w" in given and "h" in given):
+    given = dict(zip("wh", size or (), strict=False)) | shared | frame
+    if not ("w" in given and "h" in given):
         raise InputError("the size of the image is missing, expected w and h; or give size=(width, height)")
-    default_w, default_h = size or (None, None)
-    width, height = pixels("w", given.get("w", default_w)), pixels("h", given.get("h", default_h))
-    if given.get("camera_model") == PANORAMA:
-        return camera_of(EquirectangularLens(), *_pose(given), panorama_plane(width, height), width, height)
-    fx, fy = _focal(given, "x", width), _focal(given, "y", height)
-    if fx is None and fy is None:
-        raise InputError("the focal length is missing, expected fl_x or camera_angle_x")
-    axis_x, axis_y = number("cx", given.get("cx", width / 2)), number("cy", given.get("cy", height / 2))
-    plane = image_plane_of_focals(fx or fy or 0.0, fy or fx or 0.0, axis_x, axis_y)
-    return camera_of(_lens(given), *_pose(given), plane, width, height)
-
-
-def _pose(given: dict[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    width, height = pixels("w", given["w"]), pixels("h", given["h"])
+    lens, plane = _sensor(given, width, height)
     if "transform_matrix" not in given:
         raise InputError("it has no transform_matrix, expected (4, 4) numbers, camera to world")
-    return pose_of_matrix(given["transform_matrix"], "opengl")
+    return camera_of(lens, *pose_of_matrix(given["transform_matrix"], "opengl"), plane, width, height)
+
+
+def _sensor(given: dict[str, Any], width: int, height: int) -> tuple[Lens, ImagePlane]:
+    if given.get("camera_model") == PANORAMA:
+        return EquirectangularLens(), panorama_plane(width, height)
+    both = _focal(given, "x", width), _focal(given, "y", height)
+    focals = [one for one in both if one is not None]
+    if not focals:
+        raise InputError("the focal length is missing, expected fl_x or camera_angle_x")
+    axis_x, axis_y = number("cx", given.get("cx", width / 2)), number("cy", given.get("cy", height / 2))
+    return _lens(given), image_plane_of_focals(focals[0], focals[-1], axis_x, axis_y)
 
 
 def _lens(given: dict[str, Any]) -> Lens:
@@ -96,7 +168,7 @@ def _lens(given: dict[str, Any]) -> Lens:
     if model.lens not in (OpenCVLens, FisheyeLens):
         raise InputError(f"the camera model is {name}, whose parameters have no names in a transforms.json")
     # Programs write "OPENCV" for all that OpenCV's model has, but disagree about k4 and what follows.
-    known = set(model.coefficients.split()) | ({"k3"} if name == "OPENCV" else set())
+    known = {*model.coefficients, *(["k3"] if name == "OPENCV" else [])}
     for one in told:
         if one not in known:
             raise InputError(f"{one} is {told[one]:g}, but the camera model {name} has only {sorted(known)}")
@@ -106,10 +178,7 @@ def _lens(given: dict[str, Any]) -> Lens:
 def _focal(given: dict[str, Any], axis: str, size: int) -> float | None:
     """The focal length along one axis in pixels, None = not given."""
     if f"fl_{axis}" in given:
-        focal = number(f"fl_{axis}", given[f"fl_{axis}"])
-        if focal <= 0.0:
-            raise InputError(f"fl_{axis} is {focal:g}, expected a number of pixels above 0")
-        return focal
+        return number(f"fl_{axis}", given[f"fl_{axis}"])
     name = f"camera_angle_{axis}"
     if name not in given:
         return None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from contextlib import redirect_stdout
-from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -14,15 +13,11 @@ import numpy as np
 from atra.errors import InputError
 from atra.files.meshes.parts import MeshFile, polygon_part
 
-FORMATS = {
-    "avs": ("avsucd",), "bdf": ("nastran",), "cgns": ("cgns",), "dat": ("tecplot",), "e": ("exodus",),
-    "ex2": ("exodus",), "exo": ("exodus",), "f3grid": ("flac3d",), "fem": ("nastran",), "h5m": ("h5m",),
-    "hmf": ("hmf",), "inp": ("abaqus", "avsucd"), "mdpa": ("mdpa",), "med": ("med",), "mesh": ("medit",),
-    "meshb": ("medit",),
-    "msh": ("gmsh", "ansys"), "nas": ("nastran",), "post": ("permas",), "su2": ("su2",), "tec": ("tecplot",),
-    "ugrid": ("ugrid",), "vol": ("netgen",), "vtk": ("vtk",), "vtu": ("vtu",), "xdmf": ("xdmf",), "xmf": ("xdmf",),
-}  # fmt: skip
-"""Modules of meshio to try, by the ending of a file's name."""
+FORMATS = (
+    "avs", "bdf", "cgns", "dat", "e", "ex2", "exo", "f3grid", "fem", "h5m", "hmf", "inp", "mdpa", "med", "mesh",
+    "meshb", "msh", "nas", "post", "su2", "tec", "ugrid", "vol", "vtk", "vtu", "xdmf", "xmf",
+)  # fmt: skip
+"""Endings of the names of files that meshio reads."""
 
 _CORNERS = {"triangle": 3, "quad": 4}
 
@@ -32,10 +27,6 @@ def read_cells_file(content: bytes, suffix: str) -> MeshFile:
 
     Other cells, such as lines and tetrahedra, are left out. Raises InputError where meshio is not installed, or fails.
     """
-    try:
-        import meshio  # noqa: F401  # slow to import, and needed only here
-    except ImportError:
-        raise InputError("its format needs the package meshio, which is not installed: pip install meshio") from None
     found = _read(content, suffix)
     points = np.asarray(found.points, np.float64)
     vertices = np.zeros((len(points), 3))
@@ -63,14 +54,18 @@ def read_cells_file(content: bytes, suffix: str) -> MeshFile:
 
 def _read(content: bytes, suffix: str) -> Any:
     """What meshio reads: from a file only, and it prints."""
+    try:
+        import meshio  # slow to import, and needed only here
+    except ImportError:
+        raise InputError("its format needs the package meshio, which is not installed: pip install meshio") from None
     reasons = []
-    with TemporaryDirectory() as folder:
+    with TemporaryDirectory() as folder, redirect_stdout(io.StringIO()) as said:
         path = Path(folder) / f"mesh.{suffix}"
         path.write_bytes(content)
-        for kind in FORMATS[suffix]:
+        more = ["avsucd"] if suffix == "inp" else []  # AVS gives its files the ending of Abaqus's
+        for kind in [*meshio.extension_to_filetypes.get(f".{suffix}", []), *more]:
             try:
-                with redirect_stdout(io.StringIO()):
-                    return import_module(f"meshio.{kind}").read(str(path))
+                return meshio.read(path, kind)
             except (Exception, SystemExit) as error:  # a reader of damaged bytes may raise anything
-                reasons.append(f"{kind}: {str(error).strip() or type(error).__name__}")
-    raise InputError(f"meshio does not read it ({'; '.join(reasons)})")
+                reasons.append(f"{kind}: {str(error).replace(str(path), 'it').strip() or type(error).__name__}")
+    raise InputError(f"meshio does not read it ({'; '.join(reasons)}; {' '.join(said.getvalue().split())})")

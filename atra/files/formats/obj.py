@@ -6,21 +6,10 @@ import codecs
 import re
 
 import numpy as np
-from numpy.typing import NDArray
 
 from atra.errors import InputError, printable
-from atra.files.formats.text_kernels import (
-    CORNERS,
-    FACES,
-    FAULT,
-    MATERIALS,
-    NO_INDEX,
-    OTHERS,
-    PLACE,
-    VERTICES,
-    read_obj,
-)
-from atra.files.meshes.parts import NONE, MeshFile, check_rows, line_of, polygon_part
+from atra.files.formats.words import code_of, ranges, split_text
+from atra.files.meshes.parts import NONE, MeshFile, check_rows, polygon_part
 from atra.files.reading import Allowance
 
 
@@ -30,45 +19,39 @@ def read_obj_file(content: bytes, allowance: Allowance) -> MeshFile:
     Vertices keep the numbers that they have in the file. Texture coordinates, normals, groups, lines and points are not
     read. Raises InputError naming the first line that is broken.
     """
-    content = content.removeprefix(codecs.BOM_UTF8)
-    text, found = np.frombuffer(content, np.uint8), np.zeros(PLACE + 1, np.int64)
-    read_obj(text, False, found, np.empty((0, 3)), *np.empty((2, 0), np.int64), np.empty((0, 2), np.int64))
-    count = found[VERTICES]
-    if not found[FAULT]:
-        check_rows(int(count + found[CORNERS]), allowance)
-        vertices, materials = np.empty((count, 3)), np.empty((found[MATERIALS], 2), np.int64)
-        sizes, corners = np.empty(found[FACES], np.int64), np.empty(found[CORNERS], np.int64)
-        read_obj(text, True, found, vertices, sizes, corners, materials)
-    if found[FAULT]:
-        raise InputError(_fault(content, int(found[FAULT]), int(found[PLACE]), int(count)))
-    of_face, names = _materials(content, len(sizes), materials)
-    part, notes = polygon_part(vertices, sizes, corners, of_face)
-    if found[OTHERS]:
-        notes.append(f"{found[OTHERS]:,} lines and points are left out")
-    return MeshFile([part], names, notes=tuple(notes))
+    words = split_text(content, allowance, len(codecs.BOM_UTF8) * content.startswith(codecs.BOM_UTF8))
+    firsts, ends = words.firsts[:-1], words.firsts[1:]
+    kinds = words.codes[firsts]
+    is_vertex, lines = kinds == code_of("v"), np.flatnonzero(kinds == code_of("f"))
+    sizes = ends[lines] - firsts[lines] - 1
+    check_rows(int(is_vertex.sum() + sizes.sum()), allowance)
+    vertices = words.triples(firsts[is_vertex], 1, ends[is_vertex], "has no three numbers, expected a vertex")
+    at = ranges(firsts[lines] + 1, sizes)
+    corners, is_whole = words.wholes(at, most_code=1)
+    if (corners < 0).any():  # counted back from the vertices above the face
+        above = np.cumsum(is_vertex)[lines]
+        corners = np.where(corners < 0, corners + np.repeat(above, sizes), corners - 1)
+    else:
+        corners -= 1
+    is_good = is_whole & (corners >= 0) & (corners < len(vertices))
+    if not is_good.all():
+        word = int(at[is_good.argmin()])
+        raise InputError(
+            f"{words.line(word)} names vertex {words.word(word).split('/')[0]}, expected 1 to {len(vertices)}, or -1 "
+            "to the number of vertices above it"
+        )
+    with_material, names = np.flatnonzero(kinds == code_of("usemtl")), dict[str, int]()
+    numbers = [names.setdefault(_name(content, place), len(names)) for place in words.places[with_material].tolist()]
+    material = np.array([*numbers, NONE], np.int32)[np.searchsorted(with_material, lines) - 1] if numbers else None
+    part, notes = polygon_part(vertices, sizes, corners, material)
+    others = int(((kinds == code_of("l")) | (kinds == code_of("p"))).sum())
+    if others:
+        notes.append(f"{others:,} lines and points are left out")
+    return MeshFile([part], tuple(names), notes=tuple(notes))
 
 
-def _materials(
-    content: bytes, faces: int, found: NDArray[np.int64]
-) -> tuple[NDArray[np.int32] | None, tuple[str, ...]]:
-    """The material of each face, None if the file has none, and the materials' names."""
-    if not len(found):
-        return None, ()
-    names: dict[str, int] = {}
-    numbers = []
-    for _, place in found:
-        end = min((at for at in (content.find(sign, place) for sign in b"\r\n#") if at >= 0), default=len(content))
-        name = printable(content[place:end].decode(errors="replace").strip())
-        numbers.append(names.setdefault(name, len(names)))
-    of_face = np.full(faces, NONE, np.int32)
-    until = np.diff(found[:, 0], append=faces)
-    of_face[found[0, 0] :] = np.repeat(np.array(numbers, np.int32), until)
-    return of_face, tuple(names)
-
-
-def _fault(content: bytes, kind: int, place: int, count: int) -> str:
-    line = line_of(content, place)
-    if kind == NO_INDEX:
-        index = re.split(rb"[\s/\\#]", content[place : place + 50], maxsplit=1)[0].decode(errors="replace")
-        return f"{line} names vertex {index}, expected 1 to {count}, or -1 to the number of vertices above it"
-    return f"{line} has no three numbers, expected a vertex"
+def _name(content: bytes, place: int) -> str:
+    """The name of a material, behind the word `usemtl` at a place."""
+    line = re.compile(rb"[^\r\n#]*").match(content, place + len("usemtl"))
+    assert line is not None
+    return printable(line[0].decode(errors="replace").strip())

@@ -7,15 +7,13 @@ import logging
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.files.meshes.parts import NONE, MeshFile, Part, placed_part, polygon_part
+from atra.files.meshes.parts import MeshFile, Part, placed_part, polygon_part
 from atra.files.reading import read_regular_file
 
 NEEDED = {
@@ -80,14 +78,13 @@ def _warnings_of_trimesh_refused() -> Iterator[None]:
 
 
 def _folder_of(path: Path) -> Any:
-    """The resolver that gives trimesh the files which a mesh file names, each read once."""
+    """The resolver that gives trimesh the files which a mesh file names."""
     from trimesh.resolvers import FilePathResolver
 
     class Folder(FilePathResolver):  # type: ignore[misc]
         def get(self, name: str) -> bytes:
-            return _once(self.absolute(name))
+            return read_regular_file(self.absolute(name))
 
-    _once = cache(read_regular_file)
     return Folder(str(path))
 
 
@@ -99,22 +96,9 @@ def _flattened(scene: Any, notes: dict[str, None]) -> Iterator[Part]:
         if isinstance(part, trimesh.Trimesh) and len(part.faces):
             faces = np.asarray(part.faces, np.int64)
             vertices = np.asarray(part.vertices, np.float64)
-            parts[name], more = polygon_part(vertices, np.full(len(faces), 3), faces.ravel())
+            parts[name], more = polygon_part(vertices, np.broadcast_to(3, len(faces)), faces.ravel())
             notes |= dict.fromkeys(more)
-    world, nodes = _world_transforms(scene.graph), scene.graph.transforms.node_data
     for node in scene.graph.nodes_geometry:
-        part = parts.get(nodes[node]["geometry"])
-        if part is not None:
-            yield placed_part(part.vertices, part.faces, world[node], NONE)
-
-
-def _world_transforms(graph: Any) -> dict[Any, NDArray[np.float64]]:
-    """World transforms of all nodes below the base, each from its parent's; trimesh would multiply whole paths."""
-    children, edges = graph.transforms.children, graph.transforms.edge_data
-    world, waiting = {graph.base_frame: np.eye(4)}, [graph.base_frame]
-    while waiting:
-        parent = waiting.pop()
-        for child in children.get(parent, ()):
-            world[child] = world[parent] @ edges[parent, child]["matrix"]
-            waiting.append(child)
-    return world
+        to_world, name = scene.graph[node]
+        if name in parts:
+            yield placed_part(parts[name].vertices, parts[name].faces, to_world)

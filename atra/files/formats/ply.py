@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.files.formats.ply_kernels import FLOAT, SIGNED, UNSIGNED, read_binary_rows, read_text_rows
-from atra.files.formats.text_kernels import FAULT, PLACE, VERTICES, read_words
-from atra.files.meshes.parts import MeshFile, check_rows, line_of, polygon_part
+from atra.files.formats.ply_kernels import FLOAT, SIGNED, UNSIGNED, read_rows
+from atra.files.formats.words import split_text
+from atra.files.meshes.parts import MeshFile, check_rows, polygon_part
 from atra.files.reading import Allowance
 
 _TYPES = {
@@ -42,31 +42,47 @@ class Element(NamedTuple):
     properties: list[Property]
 
 
+class _Rows(NamedTuple):
+    """The rows of all elements. floats: bytes that hold them, read as floats. wholes: the same, read as whole numbers:
+    of a binary PLY the file, of a text its numbers, of eight bytes each."""
+
+    floats: NDArray[np.uint8]
+    wholes: NDArray[np.uint8]
+    order: str
+    allowance: Allowance
+
+
 def read_ply_file(content: bytes, allowance: Allowance) -> MeshFile:
     """The faces of a PLY, in their order. Raises InputError for a file that promises more than it holds."""
     order, elements, at = _header(content)
-    numbers = _numbers(content, at, allowance) if order == "" else None
-    at = 0 if order == "" else at
+    whole = np.frombuffer(content, np.uint8)
+    rows = _Rows(whole, whole, order, allowance)
+    if order == "":
+        rows, at = _numbers(content, at, allowance), 0
+        for one in elements:
+            kind = "f8" if one.name == "vertex" else "i8"
+            one.properties[:] = [Property(name, kind, length and "i8") for name, _, length in one.properties]
     vertices: NDArray[np.floating] = np.empty((0, 3))
     faces = None
     notes = []
     for element in elements:
         if element.name == "vertex" and not any(one.length for one in element.properties):
-            vertices, at = _vertices(content, numbers, at, element, order, allowance)
+            vertices, at = _vertices(rows, at, element)
         elif element.name in ("face", "tristrips") and element.rows and element.properties:
             if faces is not None:
                 raise InputError("it has faces beside tristrips, expected one of both; export faces alone")
-            faces, at = _faces(content, numbers, at, element, order, allowance)
+            faces, at = _faces(rows, at, element)
             if element.name == "tristrips":
                 faces = _of_strips(*faces, allowance)
         else:
-            _, _, at = _rows(content, numbers, at, element, order, None, allowance)
+            _, at = _lists(rows, at, element, None)
             if element.name not in ("vertex", "face") and element.rows:
                 notes.append(f"{element.rows:,} rows of the element {element.name} are left out")
-    if numbers is not None and at < len(numbers):
-        raise InputError(f"its rows hold {len(numbers) - at:,} numbers more than its header says")
-    if numbers is None and at < len(content):
-        notes.append(f"{len(content) - at:,} bytes after the last row are left out")
+    left = len(rows.floats) - at
+    if left and order == "":
+        raise InputError(f"its rows hold {left // 8:,} numbers more than its header says")
+    if left:
+        notes.append(f"{left:,} bytes after the last row are left out")
     if faces is None:
         return MeshFile([])
     part, more = polygon_part(vertices, *faces)
@@ -102,68 +118,56 @@ def _header(content: bytes) -> tuple[str, list[Element], int]:
     raise InputError("its header has no end; it seems cut short")
 
 
-def _numbers(content: bytes, at: int, allowance: Allowance) -> NDArray[np.float64]:
-    """All numbers after the header of a text."""
-    text, found = np.frombuffer(content, np.uint8), np.zeros(PLACE + 1, np.int64)
-    numbers = np.empty(0)
-    for fills in (False, True):
-        read_words(text, at, fills, found, numbers)
-        if found[FAULT]:
-            raise InputError(f"{line_of(content, int(found[PLACE]))} holds what is no number")
-        if not fills:
-            allowance.check(f"{found[VERTICES]:,} numbers", 8 * int(found[VERTICES]))
-            numbers = np.empty(found[VERTICES])
-    return numbers
+def _numbers(content: bytes, at: int, allowance: Allowance) -> _Rows:
+    """All numbers after the header of a text; those that are not whole are -1 among the whole ones."""
+    words = split_text(content, allowance, at)
+    whole, is_whole = words.wholes(slice(None))
+    if words.codes.any():
+        raise InputError(f"{words.line(int((words.codes != 0).argmax()))} holds what is no number")
+    whole[~is_whole] = -1
+    floats, wholes = words.values.astype("<f8").view(np.uint8), whole.astype("<i8").view(np.uint8)
+    wholes.setflags(write=False)  # as the bytes of a file, for which the kernel is compiled
+    return _Rows(floats, wholes, "<", allowance)
 
 
-def _check(element: Element, least: int, left: int, allowance: Allowance) -> None:
-    """Check that rows of at least so many bytes or numbers each fit what is left."""
-    if element.rows * max(least, 1) > left:
+def _check(rows: _Rows, at: int, element: Element, least: int) -> None:
+    """Check that an element's rows of at least so many bytes each fit what is left."""
+    if element.rows * max(least, 1) > len(rows.floats) - at:
         raise InputError(
             f"it promises {element.rows:,} rows of the element {element.name}, but ends before; it seems cut short"
         )
-    check_rows(element.rows, allowance)
+    check_rows(element.rows, rows.allowance)
 
 
-def _vertices(
-    content: bytes, numbers: NDArray[np.float64] | None, at: int, element: Element, order: str, allowance: Allowance
-) -> tuple[NDArray[np.floating], int]:
+def _vertices(rows: _Rows, at: int, element: Element) -> tuple[NDArray[np.floating], int]:
     """(V, 3) float64, or float32 where the file has that, and the place behind them."""
     names = [one.name for one in element.properties]
     if not {"x", "y", "z"} <= set(names):
         raise InputError(f"its vertices have {', '.join(names) or 'nothing'}, expected x, y and z")
     columns = [names.index(axis) for axis in "xyz"]
-    if numbers is not None:
-        width = len(names)
-        _check(element, width, len(numbers) - at, allowance)
-        end = at + element.rows * width
-        return numbers[at:end].reshape(-1, width)[:, columns], end
-    kind = np.dtype([(str(k), order + one.values) for k, one in enumerate(element.properties)])
-    _check(element, kind.itemsize, len(content) - at, allowance)
-    rows = np.frombuffer(content, kind, element.rows, at)
+    kind = np.dtype([(str(k), rows.order + one.values) for k, one in enumerate(element.properties)])
+    _check(rows, at, element, kind.itemsize)
+    found = np.ndarray(element.rows, kind, rows.floats, at)
     is_single = all(element.properties[column].values == "f4" for column in columns)
     vertices = np.empty((element.rows, 3), np.float32 if is_single else np.float64)
     for axis, column in enumerate(columns):
-        vertices[:, axis] = rows[str(column)]
+        vertices[:, axis] = found[str(column)]
     return vertices, at + element.rows * kind.itemsize
 
 
-def _faces(
-    content: bytes, numbers: NDArray[np.float64] | None, at: int, element: Element, order: str, allowance: Allowance
-) -> tuple[tuple[NDArray[np.int64], NDArray[np.int64]], int]:
-    """Number of corners (P,) and the corners of the faces, and the place behind them."""
+_Polygons = tuple[NDArray[np.int64], NDArray[np.int64]]
+"""Number of corners (P,) of polygons, and the corners of all."""
+
+
+def _faces(rows: _Rows, at: int, element: Element) -> tuple[_Polygons, int]:
+    """The faces, and the place behind them."""
     lists = [k for k, one in enumerate(element.properties) if one.length]
-    named = [k for k in lists if element.properties[k].name in _FACES]
     if not lists:
         raise InputError("its faces have no list of vertices")
-    wanted = (named or lists)[0]
+    wanted = next((k for k in lists if element.properties[k].name in _FACES), lists[0])
     if element.properties[wanted].values[0] == "f":
         raise InputError("its faces name vertices by numbers that are not whole")
-    found = None if numbers is not None else _alike(content, at, element, order, wanted, allowance)
-    if found is not None:
-        return found
-    sizes, corners, end = _rows(content, numbers, at, element, order, wanted, allowance)
-    return (sizes, corners), end
+    return _alike(rows, at, element, wanted) or _lists(rows, at, element, wanted)
 
 
 def _of_strips(
@@ -183,75 +187,59 @@ def _of_strips(
     is_odd = within[third] % 2 == 1
     triangles = np.stack([np.where(is_odd, b, a), np.where(is_odd, a, b), c], axis=1)
     triangles = triangles[(a != b) & (b != c) & (c != a)]
-    return np.full(len(triangles), 3), triangles.ravel()
+    return np.broadcast_to(3, len(triangles)), triangles.ravel()
 
 
-def _alike(
-    content: bytes, at: int, element: Element, order: str, wanted: int, allowance: Allowance
-) -> tuple[tuple[NDArray[np.int64], NDArray[np.int64]], int] | None:
-    """As `_faces` where each list is as long as in the first row, read as fast as bytes; None where they are not."""
-    place, fields = at, list[Any]()
-    lengths = {}
+def _alike(rows: _Rows, at: int, element: Element, wanted: int) -> tuple[_Polygons, int] | None:
+    """As `_lists` where each list is as long as in the first row, read as fast as bytes; None where they are not."""
+    place, fields, lengths = at, list[Any](), dict[int, int]()
     for k, one in enumerate(element.properties):
         count = 1
         if one.length:
-            kind = np.dtype(order + one.length)
-            if kind.kind == "f" or place + kind.itemsize > len(content):
+            kind = np.dtype(rows.order + one.length)
+            if kind.kind == "f" or place + kind.itemsize > len(rows.wholes):
                 return None
-            count = lengths[k] = int(np.frombuffer(content, kind, 1, place)[0])
+            count = lengths[k] = int(np.ndarray(1, kind, rows.wholes, place)[0])
             fields.append((f"length {k}", kind))
             place += kind.itemsize
-        kind = np.dtype(order + one.values)
-        if count < 0 or place + count * kind.itemsize > len(content):
+        kind = np.dtype(rows.order + one.values)
+        if count < 0 or place + count * kind.itemsize > len(rows.wholes):
             return None
         fields.append((f"values {k}", kind, (count,)))
         place += count * kind.itemsize
     row = np.dtype(fields)
-    if element.rows * row.itemsize > len(content) - at:
+    if element.rows * row.itemsize > len(rows.wholes) - at:
         return None
-    rows = np.frombuffer(content, row, element.rows, at)
-    if any((rows[f"length {k}"] != length).any() for k, length in lengths.items()):
+    found = np.ndarray(element.rows, row, rows.wholes, at)
+    if any((found[f"length {k}"] != length).any() for k, length in lengths.items()):
         return None
-    check_rows(element.rows * max(1, lengths[wanted]), allowance)
+    check_rows(element.rows * max(1, lengths[wanted]), rows.allowance)
     sizes = np.broadcast_to(np.int64(lengths[wanted]), element.rows)
-    # Triangles keep the file's type of numbers; kernels that cut other polygons take int64.
-    corners = rows[f"values {wanted}"]
+    # Triangles keep the file's type of numbers; other polygons are cut as int64.
+    corners = found[f"values {wanted}"]
     kind = corners.dtype.newbyteorder("=") if lengths[wanted] == 3 else np.dtype(np.int64)
     return (sizes, corners.astype(kind).ravel()), at + element.rows * row.itemsize
 
 
-def _rows(
-    content: bytes,
-    numbers: NDArray[np.float64] | None,
-    at: int,
-    element: Element,
-    order: str,
-    wanted: int | None,
-    allowance: Allowance,
-) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
+def _lists(rows: _Rows, at: int, element: Element, wanted: int | None) -> tuple[_Polygons, int]:
     """Lengths and values of the wanted list of each row, one behind the other, and the place behind the rows."""
-    least = [np.dtype(one.length or one.values).itemsize if numbers is None else 1 for one in element.properties]
-    if not least:
-        return np.empty(0, np.int64), np.empty(0, np.int64), at
-    _check(element, sum(least), (len(content) if numbers is None else len(numbers)) - at, allowance)
-    table = np.array([_code(one.length) + _code(one.values) for one in element.properties], np.int64)
-    place = -1 if wanted is None else wanted
     sizes, corners = np.zeros(element.rows, np.int64), np.empty(0, np.int64)
+    if not element.properties:
+        return (sizes, corners), at
+    _check(rows, at, element, sum(np.dtype(one.length or one.values).itemsize for one in element.properties))
+    table = np.array([_code(one.length) + _code(one.values) for one in element.properties], np.int64)
     for fills in (False, True) if wanted is not None else (False,):
-        if numbers is None:
-            text = np.frombuffer(content, np.uint8)
-            end, total, row = read_binary_rows(text, at, table, order == ">", place, sizes, corners, fills)
-        else:
-            end, total, row = read_text_rows(numbers, at, table, place, sizes, corners, fills)
+        place = -1 if wanted is None else wanted
+        end, total, row = read_rows(rows.wholes, at, table, rows.order == ">", place, sizes, corners, fills)
         if end < 0:
             raise InputError(
                 f"it promises {element.rows:,} rows of the element {element.name}, but row {row} is broken or missing; "
                 "it seems cut short"
             )
         if not fills:
-            check_rows(element.rows + int(total), allowance)
+            check_rows(element.rows + int(total), rows.allowance)
             corners = np.empty(total, np.int64)
-    return sizes, corners, end
+    return (sizes, corners), end
 
 
 def _code(name: str | None) -> tuple[int, int]:

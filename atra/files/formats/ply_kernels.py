@@ -18,14 +18,14 @@ def _whole(content, at, size, kind, is_big):  # type: ignore[no-untyped-def]
     value = np.int64(0)
     for k in range(size):
         value = (value << 8) | np.int64(content[at + (k if is_big else size - 1 - k)])
-    if kind == SIGNED and value >> (8 * size - 1):
+    if kind == SIGNED and size < 8 and value >> (8 * size - 1):
         value -= np.int64(1) << (8 * size)
     return value
 
 
 @kernel
-def read_binary_rows(content, start, properties, is_big, wanted, sizes, corners, fills):  # type: ignore[no-untyped-def]
-    """Walk over rows of a binary element; the place behind them and the length of all wanted lists, -1 if they are not
+def read_rows(content, start, properties, is_big, wanted, sizes, corners, fills):  # type: ignore[no-untyped-def]
+    """Walk over rows of an element; the place behind them and the length of all wanted lists, -1 if they are not
     there, and the row where that shows.
 
     properties: (K, 4) int64; bytes and kind of a list's count, 0 bytes = no list; bytes and kind of the values. wanted:
@@ -49,28 +49,4 @@ def read_binary_rows(content, start, properties, is_big, wanted, sizes, corners,
                     corners[total + item] = _whole(content, place, properties[k, 2], properties[k, 3], is_big)
                 total += length
             at += length * properties[k, 2]
-    return at, total, -1
-
-
-@kernel
-def read_text_rows(numbers, start, properties, wanted, sizes, corners, fills):  # type: ignore[no-untyped-def]
-    """As `read_binary_rows`, from the numbers of a text; `start` and the place are counted in numbers."""
-    at, total = start, 0
-    for row in range(len(sizes)):
-        for k in range(len(properties)):
-            length = 1
-            if properties[k, 0]:
-                if at >= len(numbers) or not 0.0 <= numbers[at] <= len(numbers) - at - 1:
-                    return -1, total, row
-                length = int(numbers[at])
-                at += 1
-            if length > len(numbers) - at:
-                return -1, total, row
-            if k == wanted:
-                sizes[row] = length
-                for item in range(length if fills else 0):
-                    value = numbers[at + item]
-                    corners[total + item] = int(value) if np.floor(value) == value and abs(value) < 1e15 else -1
-                total += length
-            at += length
     return at, total, -1

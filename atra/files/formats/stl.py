@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.files.formats.text_kernels import FACES, FAULT, MATERIALS, NO_NUMBER, OTHERS, PLACE, VERTICES, read_stl
-from atra.files.meshes.parts import MeshFile, check_rows, line_of, polygon_part
+from atra.files.formats.words import code_of, ranges, split_text
+from atra.files.meshes.parts import MeshFile, check_rows, polygon_part
 from atra.files.reading import Allowance
 
 _HEADER_BYTES = 84
@@ -37,25 +37,27 @@ def read_stl_file(content: bytes, allowance: Allowance) -> MeshFile:
         check_rows(4 * count, allowance)
         facets = np.frombuffer(content, _FACET, count, _HEADER_BYTES)
         vertices = facets["corners"].reshape(-1, 3)  # a copy: of float32, which the file has
-    part, more = polygon_part(vertices, np.full(len(vertices) // 3, 3), np.arange(len(vertices)))
+    part, more = polygon_part(vertices, np.broadcast_to(3, len(vertices) // 3), np.arange(len(vertices)))
     return MeshFile([part], notes=tuple(notes + more))
 
 
 def _text_vertices(content: bytes, allowance: Allowance) -> NDArray[np.float64]:
     """(3 F, 3) float64."""
-    text, found = np.frombuffer(content, np.uint8), np.zeros(PLACE + 1, np.int64)
-    vertices = np.empty((0, 3))
-    for fills in (False, True):
-        read_stl(text, fills, found, vertices)
-        if found[FAULT]:
-            kind = "no vertex of three numbers" if found[FAULT] == NO_NUMBER else "in a facet without three vertices"
-            raise InputError(f"{line_of(content, int(found[PLACE]))} is {kind}")
-        if found[VERTICES] != 3 * found[FACES] or found[OTHERS] < found[MATERIALS]:
-            raise InputError(
-                f"it has {found[VERTICES]:,} vertices in {found[FACES]:,} facets, and {found[MATERIALS]:,} solids of "
-                f"which {found[OTHERS]:,} end; it seems cut short"
-            )
-        if not fills:
-            check_rows(int(found[VERTICES] + found[FACES]), allowance)
-            vertices = np.empty((found[VERTICES], 3))
+    words = split_text(content, allowance)
+    firsts, codes = words.firsts, words.codes.copy()
+    is_solid = np.isin(codes[firsts[:-1]], [code_of("solid"), code_of("endsolid")])
+    codes[ranges(firsts[:-1][is_solid] + 1, np.diff(firsts)[is_solid] - 1)] = 1  # names of solids
+    at, begins = np.flatnonzero(codes == code_of("vertex")), codes == code_of("facet")
+    check_rows(len(at) * 4 // 3, allowance)
+    vertices = words.triples(at, 1, len(codes), "is no vertex of three numbers")
+    facets = np.flatnonzero(begins | (codes == code_of("endfacet")))
+    is_whole = np.searchsorted(at, facets) == 3 * (np.cumsum(begins[facets]) - begins[facets])
+    if not is_whole.all():
+        raise InputError(f"{words.line(int(facets[is_whole.argmin()]))} is in a facet without three vertices")
+    solids, ends = (int((codes == code_of(word)).sum()) for word in ("solid", "endsolid"))
+    if len(at) != 3 * begins.sum() or ends < solids:
+        raise InputError(
+            f"it has {len(at):,} vertices in {begins.sum():,} facets, and {solids:,} solids of which {ends:,} end; it "
+            "seems cut short"
+        )
     return vertices

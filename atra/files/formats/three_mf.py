@@ -145,7 +145,7 @@ def _parts(model: Any, root: _Model, allowance: Allowance) -> Iterator[Part]:
             if (name, number) not in made:
                 vertices = np.array(found.numbers).reshape(-1, 3)
                 faces = np.array(found.indices, np.int64).reshape(-1, 3)
-                check_indices(np.full(len(faces), 3), faces.ravel(), len(vertices))
+                check_indices(np.broadcast_to(3, len(faces)), faces.ravel(), len(vertices))
                 made[name, number] = vertices, faces
             vertices, faces = made[name, number]
             rows += len(vertices) + len(faces)

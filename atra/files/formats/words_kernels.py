@@ -1,7 +1,7 @@
 """Words and numbers of a text, read from its bytes.
 
-A line ends at a line feed, a carriage return or the end of the text. Blanks are spaces, tabs, form feeds, and in an OBJ
-a backslash before the end of a line.
+A line ends at a line feed, a carriage return or the end of the text. Blanks are spaces, tabs, form feeds, and a
+backslash before the end of a line, as in an OBJ.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from atra.compiled.store import njit
+from atra.compiled.store import kernel, njit
 
 _LEAST_POWER, _MOST_POWER = -330, 308
 _POWERS = [Fraction(10) ** power for power in range(_LEAST_POWER, _MOST_POWER + 1)]
@@ -21,7 +21,7 @@ _LOW = np.array([float(power - Fraction(float(power))) for power in _POWERS])
 _SPLITTER = 134217729.0
 """2^27 + 1: halves a float64 (Veltkamp, Dekker)."""
 
-_NEW_LINE, _RETURN, _MINUS, _PLUS, _POINT, SLASH, HASH, BACKSLASH = 10, 13, 45, 43, 46, 47, 35, 92
+_NEW_LINE, _RETURN, _MINUS, _PLUS, _POINT, _SLASH, _HASH, _BACKSLASH = 10, 13, 45, 43, 46, 47, 35, 92
 
 
 @njit
@@ -36,9 +36,9 @@ def after_blanks(text, i):  # type: ignore[no-untyped-def]
         sign = text[i]
         if sign == 32 or sign == 9 or sign == 11 or sign == 12:
             i += 1
-        elif sign == BACKSLASH and i + 1 < len(text) and text[i + 1] == _NEW_LINE:
+        elif sign == _BACKSLASH and i + 1 < len(text) and text[i + 1] == _NEW_LINE:
             i += 2
-        elif sign == BACKSLASH and i + 1 < len(text) and text[i + 1] == _RETURN:
+        elif sign == _BACKSLASH and i + 1 < len(text) and text[i + 1] == _RETURN:
             i += 3 if i + 2 < len(text) and text[i + 2] == _NEW_LINE else 2
         else:
             break
@@ -47,9 +47,9 @@ def after_blanks(text, i):  # type: ignore[no-untyped-def]
 
 @njit
 def is_word_end(text, i):  # type: ignore[no-untyped-def]
-    if i < len(text) and text[i] > HASH and text[i] != BACKSLASH:
+    if i < len(text) and text[i] > 32 and text[i] != _BACKSLASH:
         return False  # as most do
-    return is_end(text, i) or text[i] == HASH or after_blanks(text, i) > i
+    return is_end(text, i) or after_blanks(text, i) > i
 
 
 @njit
@@ -60,17 +60,14 @@ def after_word(text, i):  # type: ignore[no-untyped-def]
 
 
 @njit
-def line_end(text, i):  # type: ignore[no-untyped-def]
-    """The end of the line, however often a backslash continues it."""
-    while not is_end(text, i):
-        i = max(i + 1, after_blanks(text, i)) if text[i] == BACKSLASH else i + 1
-    return i
-
-
-@njit
 def is_letter(text, i, letter):  # type: ignore[no-untyped-def]
     """Whether a small letter stands at a place, or its capital."""
     return i < len(text) and (text[i] | 32) == letter
+
+
+@njit
+def is_digit(text, i):  # type: ignore[no-untyped-def]
+    return i < len(text) and 48 <= text[i] <= 57
 
 
 @njit
@@ -125,17 +122,16 @@ def number(text, i):  # type: ignore[no-untyped-def]
         if is_letter(text, i, 105) and is_letter(text, i + 1, 110) and is_letter(text, i + 2, 102):  # inf
             return -np.inf if is_negative else np.inf, after_word(text, i), True
         return 0.0, i, False
-    if has_point and i < len(text) and text[i] == HASH and (is_letter(text, i + 1, 105) or is_letter(text, i + 1, 113)):
-        while not is_end(text, i) and text[i] != 32 and text[i] != 9:
-            i += 1
-        return np.nan, i, True
+    is_coded = has_point and i < len(text) and text[i] == _HASH
+    if is_coded and (is_letter(text, i + 1, 105) or is_letter(text, i + 1, 113)):  # #IND, #INF and #QNAN
+        return np.nan, after_word(text, i), True
     if is_letter(text, i, 101) or is_letter(text, i, 100):  # e, and Fortran's d
         at = i + 1
         is_small = at < len(text) and text[at] == _MINUS
         if at < len(text) and (text[at] == _MINUS or text[at] == _PLUS):
             at += 1
         exponent, first = 0, at
-        while at < len(text) and 48 <= text[at] <= 57:
+        while is_digit(text, at):
             exponent = min(exponent * 10 + (text[at] - 48), 100000)
             at += 1
         if at == first:
@@ -146,23 +142,35 @@ def number(text, i):  # type: ignore[no-untyped-def]
     return -value if is_negative else value, i, is_word_end(text, i)
 
 
-@njit
-def whole_number(text, i):  # type: ignore[no-untyped-def]
-    """As `number`, of a whole number."""
-    is_negative = i < len(text) and text[i] == _MINUS
-    if i < len(text) and (text[i] == _MINUS or text[i] == _PLUS):
-        i += 1
-    whole, first = 0, i
-    while i < len(text) and 48 <= text[i] <= 57:
-        whole = min(whole * 10 + (text[i] - 48), 1 << 50)
-        i += 1
-    return -whole if is_negative else whole, i, i > first
+@kernel
+def split_words(text, start, fills, values, codes, firsts, places):  # type: ignore[no-untyped-def]
+    """Split a text into words, from a place on; returns the number of words, and of lines that have any.
 
-
-@njit
-def is_name(text, i, name):  # type: ignore[no-untyped-def]
-    """Whether a word in small letters stands at a place, in letters of any size, and ends there."""
-    for k in range(len(name)):
-        if not is_letter(text, i + k, name[k]):
-            return False
-    return is_word_end(text, i + len(name))
+    Written if `fills`: values: (W,) float64. codes: (W,) uint64, as for `Words`. firsts, places: (L,) int64, the first
+    word of each line, and its place in the text. A word that begins with # begins a comment, up to the end of the line.
+    """
+    i, words, lines, is_new = start, 0, 0, True
+    while i < len(text):
+        i = after_blanks(text, i)
+        if is_end(text, i):
+            i, is_new = i + 1, True
+            continue
+        if text[i] == _HASH:
+            while not is_end(text, i):
+                i = max(i + 1, after_blanks(text, i))  # a comment is continued, too
+            continue
+        if fills:
+            if is_new:
+                firsts[lines], places[lines] = words, i
+            values[words], after, is_number = number(text, i)
+            codes[words] = 0
+            if not is_number and after < len(text) and text[after] == _SLASH and is_digit(text, after - 1):
+                codes[words] = 1
+            elif not is_number:
+                for k in range(i, min(after_word(text, i), i + 8)):
+                    codes[words] = codes[words] << np.uint64(8) | np.uint64(text[k] | 32)
+            i = max(i, after)
+        lines += is_new
+        words, is_new = words + 1, False
+        i = after_word(text, i)
+    return words, lines

@@ -12,6 +12,7 @@ from atra.errors import InputError
 from atra.files.gltf.numbers import Numbers
 from atra.files.gltf.tree import entry
 from atra.files.reading import Allowance
+from atra.files.rotation import rotation_of_quaternion
 
 _BYTES_PER_PLACE = 300
 
@@ -50,38 +51,28 @@ def places_of(node: Node, numbers: Numbers, allowance: Allowance) -> list[NDArra
     if many is None:
         return [node.to_world]
     found = {
-        name: numbers.floats(number, 4 if name == "ROTATION" else 3)
+        name.lower(): numbers.floats(number, 4 if name == "ROTATION" else 3)
         for name, number in many.get("attributes", {}).items()
         if name in ("TRANSLATION", "ROTATION", "SCALE")
     }
     count = min((len(rows) for rows in found.values()), default=0)
     allowance.check(f"{count:,} instances", count * _BYTES_PER_PLACE)
-    keys = {"TRANSLATION": "translation", "ROTATION": "rotation", "SCALE": "scale"}
-    return [
-        node.to_world @ _transform(node.number, {keys[name]: rows[k] for name, rows in found.items()})
-        for k in range(count)
-    ]
+    places = ({name: rows[k] for name, rows in found.items()} for k in range(count))
+    return [node.to_world @ _transform(node.number, place) for place in places]
 
 
 def _transform(number: int, node: Any) -> NDArray[np.float64]:
     if "matrix" in node:
         matrix = np.asarray(node["matrix"], np.float64).reshape(4, 4).T
     else:
-        x, y, z, w = _unit(np.asarray(node.get("rotation", (0, 0, 0, 1)), np.float64).reshape(4))
+        quaternion = np.asarray(node.get("rotation", (0, 0, 0, 1)), np.float64).reshape(4)
+        length = float(np.linalg.norm(quaternion))
+        x, y, z, w = quaternion / length if length > 0.0 else (0.0, 0.0, 0.0, 1.0)
         matrix = np.eye(4)
-        matrix[:3, :3] = [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
+        matrix[:3, :3] = rotation_of_quaternion(w, x, y, z)
         with np.errstate(invalid="ignore"):  # what is not finite is refused below
             matrix[:3, :3] *= np.asarray(node.get("scale", (1, 1, 1)), np.float64).reshape(3)
         matrix[:3, 3] = np.asarray(node.get("translation", (0, 0, 0)), np.float64).reshape(3)
     if not np.isfinite(matrix).all():
         raise InputError(f"node {number} has a transform that is not finite")
     return matrix
-
-
-def _unit(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    length = float(np.linalg.norm(quaternion))
-    return quaternion / length if length > 0.0 else np.array([0.0, 0.0, 0.0, 1.0])

@@ -23,8 +23,7 @@ class Numbers:
         self._tree, self._folder = tree, folder
         rest = glb_chunks(content)[1] if suffix == "glb" else memoryview(b"")
         self._chunk = rest[8 : 8 + int.from_bytes(rest[:4], "little")] if len(rest) >= 8 else None
-        self._buffers: dict[int, bytes | memoryview] = {}
-        self._files: dict[Path, bytes] = {}
+        self._buffers: dict[int | Path, bytes | memoryview] = {}
 
     def view(self, number: Any) -> bytes:
         """The bytes of a buffer view."""
@@ -39,28 +38,23 @@ class Numbers:
         return memoryview(buffer)[start : start + length]
 
     def _buffer(self, number: int) -> bytes | memoryview:
-        if number not in self._buffers:
-            buffer = entry(self._tree, "buffers", number)
-            if "uri" in buffer:
-                self._buffers[number] = self._read(buffer["uri"])
+        """The bytes of a buffer; a file that several name is read once."""
+        buffer = entry(self._tree, "buffers", number)
+        uri = buffer.get("uri")
+        is_file = uri is not None and not (isinstance(uri, str) and uri.startswith("data:"))
+        key = self._folder.path_of(uri) if is_file else number
+        if key not in self._buffers:
+            if uri is not None:
+                self._buffers[key] = self._folder.read(uri)
             elif number == 0 and self._chunk is not None:
-                self._buffers[number] = self._chunk
+                self._buffers[key] = self._chunk
             else:
                 raise InputError(f"buffer {number} has no bytes")
-        return self._buffers[number]
-
-    def _read(self, uri: Any) -> bytes:
-        """What a buffer names; a file that several name is read once."""
-        if isinstance(uri, str) and uri.startswith("data:"):
-            return self._folder.read(uri)
-        path = self._folder.path_of(uri)
-        if path not in self._files:
-            self._files[path] = self._folder.read(uri)
-        return self._files[path]
+        return self._buffers[key]
 
     def floats(self, number: Any, size: int) -> NDArray[np.float64]:
         """(N, size) float64 of an accessor; normalised whole numbers become fractions."""
-        accessor, rows = self._rows(number)
+        accessor, rows = self.rows(number)
         if rows.shape[1] != size:
             raise InputError(f"accessor {number} has {rows.shape[1]} numbers each, expected {size}")
         found = rows.astype(np.float64)
@@ -68,13 +62,9 @@ class Numbers:
             found = np.maximum(found / np.iinfo(rows.dtype).max, -1.0)
         return found
 
-    def rows(self, number: Any) -> tuple[Any, NDArray[Any]]:
-        """An accessor, and its (N, size) numbers as they are stored."""
-        return self._rows(number)
-
     def whole(self, number: Any) -> NDArray[np.int64]:
         """(N,) int64 of an accessor of indices."""
-        _, rows = self._rows(number)
+        _, rows = self.rows(number)
         if rows.shape[1] != 1 or rows.dtype.kind != "u":
             raise InputError(f"accessor {number} is {rows.dtype} of {rows.shape[1]} each, expected indices")
         return rows[:, 0].astype(np.int64)
@@ -83,7 +73,8 @@ class Numbers:
         """Numbers of each element of an accessor."""
         return _NUMBERS.get(entry(self._tree, "accessors", number)["type"], 0)
 
-    def _rows(self, number: Any) -> tuple[Any, NDArray[Any]]:
+    def rows(self, number: Any) -> tuple[Any, NDArray[Any]]:
+        """An accessor, and its (N, size) numbers as they are stored."""
         accessor = entry(self._tree, "accessors", number)
         count, size = accessor["count"], _NUMBERS.get(accessor["type"])
         if size is None or accessor["componentType"] not in _TYPES or type(count) is not int or count < 0:
@@ -96,8 +87,7 @@ class Numbers:
             rows = np.zeros((count, size), dtype)
         sparse = accessor.get("sparse")
         if sparse:
-            rows, few = rows.copy(), sparse["count"]
-            of_indices = sparse["indices"]
+            rows, few, of_indices = rows.copy(), sparse["count"], sparse["indices"]
             kind = np.dtype(_TYPES[of_indices["componentType"]])
             places = self._plain(of_indices["bufferView"], of_indices.get("byteOffset", 0), few, 1, kind)[:, 0]
             if len(places) and places.max() >= count:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.files.gltf.numbers import Numbers
 from atra.files.gltf.tree import entry
+from atra.files.meshes.parts import check_indices
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
 """Modes of a primitive of triangles; lower ones are points and lines."""
@@ -53,9 +54,7 @@ def read_primitive(tree: Any, primitive: Any, numbers: Numbers) -> tuple[NDArray
         vertices = numbers.floats(position, 3)
         corners = np.arange(len(vertices)) if indices is None else numbers.whole(indices)
         faces = triangles_of_mode(primitive.get("mode", TRIANGLES), corners)
-    if len(faces) and (faces.min() < 0 or faces.max() >= len(vertices)):
-        face = int(np.argmax(((faces < 0) | (faces >= len(vertices))).any(axis=1)))
-        raise InputError(f"face {face} names {faces[face].tolist()}, but there are {len(vertices)} vertices")
+    check_indices(np.broadcast_to(3, len(faces)), faces.ravel(), len(vertices))
     return vertices, faces
 
 

@@ -11,9 +11,7 @@ _GLB_MAGIC, _GLB_JSON = b"glTF", b"JSON"
 
 
 def gltf_tree(content: bytes, suffix: str) -> Any:
-    """The JSON of a glTF or GLB, None for other formats. Raises InputError for text that is no JSON."""
-    if suffix not in ("gltf", "glb"):
-        return None
+    """The JSON of a glTF or GLB. Raises InputError for text that is no JSON."""
     return parse_json(glb_chunks(content)[0] if suffix == "glb" else content)
 
 

@@ -15,12 +15,15 @@ from atra.files.meshes.loading import read_mesh_file
 class FaceSources:
     """The places of a mesh's triangles in its file; row i is the triangle with `prim_id` i.
 
-    face: (F,) uint32, number of the face in the file, from 0; in a glTF, of the triangle in its primitive; in a 3MF, in
-    its object.
-    material: (F,) int32, index into `materials`, -1 = none.
-    node: (F,) int32, index into `nodes`, -1 = none.
-    materials: names in the order of the file, of OBJ and glTF; in a glTF a number stands for a missing name.
-    nodes: names in the order of the file, of glTF; as for `materials`.
+    Attributes
+    ----------
+    face : (F,) uint32
+        Number of the face in the file, from 0; in a glTF, of the triangle in its primitive; in a 3MF, in its object.
+    material, node : (F,) int32
+        Index into `materials` and `nodes`, -1 = none.
+    materials, nodes : tuple of str
+        Names in the order of the file: materials of OBJ and glTF, nodes of glTF, where a number stands for a missing
+        name.
     """
 
     face: NDArray[np.uint32]
@@ -33,7 +36,19 @@ class FaceSources:
 def load_face_sources(path: str | Path, *, memory_per_byte: float | None = None) -> FaceSources:
     """The face, material and node that each triangle of `load_mesh(path)` comes from.
 
-    memory_per_byte: as for `load_mesh`. Raises InputError as `load_mesh`.
+    Parameters
+    ----------
+    path, memory_per_byte :
+        As for `load_mesh`.
+
+    Returns
+    -------
+    FaceSources
+
+    Raises
+    ------
+    InputError
+        As `load_mesh`.
     """
     found = read_mesh_file(Path(path).expanduser(), memory_per_byte)
     counts = [len(part.faces) for part in found.parts]

@@ -32,27 +32,38 @@ _GLTF = ("gltf", "glb")
 def load_mesh(path: str | Path, *, scale: float = 1.0, memory_per_byte: float | None = None) -> Mesh:
     """Read the triangles of a mesh file, in the order of the file; vertices are not merged.
 
-    path: a file in a format that is read here (OBJ, PLY, STL, OFF, glTF, GLB, 3MF), or by trimesh or meshio where they
-    are installed; `~` is expanded. docs/trust.md says what of a file is read. `mesh.units` is the unit that it states;
-    `mesh.notes` says what is left out or doubtful, as does one warning.
-    scale: factor for all coordinates, such as 0.0254 from inches to metres; with one the mesh has no unit.
+    Parameters
+    ----------
+    path : path
+        A file in a format that is read here (OBJ, PLY, STL, OFF, glTF, GLB, 3MF), or by trimesh or meshio where they
+        are installed; `~` is expanded. The file need not be trusted; docs/trust.md says what of it is read.
+    scale : float
+        Factor for all coordinates, such as 0.0254 from inches to metres; with one the mesh has no unit.
+    memory_per_byte : float, optional
+        Bound on the memory that reading may take, in bytes for each byte of the file and of the buffers it names;
+        128 MiB are always allowed. None: the environment variable ATRA_MEMORY_PER_BYTE, or 100. inf: free memory.
 
-    memory_per_byte: bound on the memory that reading may take, in bytes for each byte of the file and of the buffers it
-    names; 128 MiB are always allowed. None: the environment variable ATRA_MEMORY_PER_BYTE, or 100. inf: free memory.
+    Returns
+    -------
+    Mesh
+        `mesh.units` is the unit that the file states; `mesh.notes` says what is left out or doubtful, as does one
+        warning.
 
-    The file need not be trusted (docs/trust.md). Raises InputError naming the path: missing, no regular file, an
-    unknown format or one that needs a package, unreadable, cut short, without triangles, beyond memory_per_byte, or
-    with values that `Mesh` refuses.
+    Raises
+    ------
+    InputError
+        Naming the path: missing, no regular file, an unknown format or one that needs a package, unreadable, cut
+        short, without triangles, beyond memory_per_byte, or with values that `Mesh` refuses.
     """
     path, factor = Path(path).expanduser(), as_number(scale)
     if not (isfinite(factor) and factor > 0.0):
         raise InputError(f"scale is {scale!r}, expected a number above 0")
     found = read_mesh_file(path, memory_per_byte)
-    first_vertex = np.cumsum([0] + [len(part.vertices) for part in found.parts[:-1]])
     vertices, faces = found.parts[0].vertices, found.parts[0].faces
     if len(found.parts) > 1:
+        firsts = np.cumsum([0] + [len(part.vertices) for part in found.parts[:-1]])
         vertices = np.concatenate([part.vertices for part in found.parts])
-        faces = np.concatenate([part.faces + start for part, start in zip(found.parts, first_vertex, strict=True)])
+        faces = np.concatenate([part.faces + first for part, first in zip(found.parts, firsts, strict=True)])
     if factor != 1.0:
         vertices = vertices * factor
     try:
@@ -67,15 +78,20 @@ def load_mesh(path: str | Path, *, scale: float = 1.0, memory_per_byte: float | 
 
 def read_mesh_file(path: Path, memory_per_byte: float | None = None) -> MeshFile:
     """What a mesh file holds, at least one part with triangles. Raises InputError as `load_mesh`."""
-    if path.is_dir():
-        raise InputError(f"{path} is a folder, expected a mesh file")
-    if not path.exists():
-        raise InputError(f"{path} does not exist, expected a mesh file")
+    if not path.exists() or path.is_dir():
+        raise InputError(f"{path} {'is a folder' if path.is_dir() else 'does not exist'}, expected a mesh file")
     suffix = path.suffix.lower().lstrip(".")
+    if suffix not in _READERS and suffix not in (*_GLTF, *FORMATS):
+        _check_other(path, suffix)
     try:
-        found = _read(path, suffix, memory_per_byte)
-    except _UnknownFormatError as error:
-        raise InputError(f"{path} {error}") from None
+        content = read_regular_file(path)
+        allowance = Allowance(len(content), memory_per_byte)
+        if suffix in _READERS:
+            found = _READERS[suffix](content, allowance)
+        elif suffix in _GLTF:
+            found = read_gltf_file(path, content, suffix, memory_per_byte)
+        else:
+            found = read_cells_file(content, suffix) if suffix in FORMATS else read_other_file(path, content, suffix)
     except Exception as error:  # a reader of damaged bytes may raise anything
         reason = str(error).strip() or type(error).__name__
         raise InputError(f"{path} cannot be read as {suffix}: {reason}") from None
@@ -86,24 +102,11 @@ def read_mesh_file(path: Path, memory_per_byte: float | None = None) -> MeshFile
     return found._replace(parts=parts, notes=tuple(printable(note) for note in found.notes))
 
 
-class _UnknownFormatError(InputError):
-    """No package that is installed reads a format."""
-
-
-def _read(path: Path, suffix: str, memory_per_byte: float | None) -> MeshFile:
-    if suffix not in (*_READERS, *_GLTF, *FORMATS):
-        formats = known_formats()
-        if suffix in NEEDED and suffix not in formats:
-            raise _UnknownFormatError(f"needs a package to be read: pip install {NEEDED[suffix]}")
-        if suffix not in formats:
-            known = ", ".join(sorted({*_READERS, *_GLTF, *FORMATS, *NEEDED, *formats}))
-            raise _UnknownFormatError(
-                f"has the unknown format {suffix!r}, expected one of {known} (unpack an archive first)"
-            )
-    content = read_regular_file(path)
-    if suffix in _GLTF:
-        return read_gltf_file(path, content, suffix, memory_per_byte)
-    allowance = Allowance(len(content), memory_per_byte)
-    if suffix in _READERS:
-        return _READERS[suffix](content, allowance)
-    return read_cells_file(content, suffix) if suffix in FORMATS else read_other_file(path, content, suffix)
+def _check_other(path: Path, suffix: str) -> None:
+    """Raise InputError for a format that trimesh does not read."""
+    formats = known_formats()
+    if suffix in NEEDED and suffix not in formats:
+        raise InputError(f"{path} needs a package to be read: pip install {NEEDED[suffix]}")
+    if suffix not in formats:
+        known = ", ".join(sorted({*_READERS, *_GLTF, *FORMATS, *NEEDED, *formats}))
+        raise InputError(f"{path} has the unknown format {suffix!r}, expected one of {known} (unpack an archive first)")

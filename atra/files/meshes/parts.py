@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import NamedTuple
 
 import numpy as np
@@ -107,12 +106,3 @@ def check_rows(rows: int, allowance: Allowance, more_bytes: int = 0) -> None:
     """Check the memory of so many faces and vertices, and of bytes beside them."""
     beside = f" and {more_bytes:,} bytes beside them" if more_bytes else ""
     allowance.check(f"{rows:,} faces and vertices{beside}", rows * _BYTES_PER_ROW + more_bytes)
-
-
-def line_of(content: bytes, place: int) -> str:
-    """The number of the line in which a place lies, from 1, and its text."""
-    before = content[:place]
-    number = 1 + before.count(b"\n") + before.count(b"\r") - before.count(b"\r\n")
-    start = max(before.rfind(b"\n"), before.rfind(b"\r")) + 1
-    text = re.split(rb"[\r\n]", content[start : start + 200], maxsplit=1)[0].decode(errors="replace").strip()
-    return f"line {number}, {text!r:.100},"

@@ -8,11 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.files.meshes.polygons_kernels import BENT, CONCAVE, CROSSING, find_shapes, make_fans
+
+_CONCAVE, _CROSSING, _BENT = 1, 2, 4
+"""Bits of a polygon's shape: has to be cut by ear clipping, crosses itself, does not lie in a plane."""
+
+_NO_TURN = 1e-9
+"""Largest turn to the wrong side at a corner that counts as none, as a fraction of the polygon's area."""
+
+_FLAT = 0.01
+"""Largest distance of a corner to its polygon's plane for it to count as flat, as a fraction of the polygon's size."""
 
 _MANY_CORNERS, _MOST_WORK = 200, 400_000_000
 """The time of ear clipping may grow with the square of a polygon's corners: upper limit of the sum of these squares,
 over concave polygons of many corners. It takes up to ten seconds."""
+
+_AT_ONCE = 1 << 16
+"""Corners that are worked on at once, which bounds the memory."""
 
 
 def cut_polygons(
@@ -27,39 +38,87 @@ def cut_polygons(
     """
     if (sizes == 3).all():
         return corners.reshape(-1, 3), np.arange(len(sizes)), []
-    vertices, sizes, corners = vertices.astype(np.float64), np.ascontiguousarray(sizes), corners.astype(np.int64)
-    shapes, starts = np.empty(len(sizes), np.uint8), np.empty(len(sizes), np.int64)
-    find_shapes(vertices, sizes, corners, shapes, starts)
-    clipped = _clipped(vertices, sizes, corners, shapes)
-    is_fan, counts = np.ones(len(sizes), np.bool_), np.maximum(sizes - 2, 0)
+    vertices, first = vertices.astype(np.float64), np.cumsum(sizes) - sizes
+    shapes, starts = np.zeros(len(sizes), np.uint8), np.zeros(len(sizes), np.int64)
+    for size, group in _groups(sizes, 4):
+        shapes[group], starts[group] = _shapes(vertices[corners[first[group][:, None] + np.arange(size)]])
+    clipped = _clipped(vertices, sizes, corners, first, shapes)
+    counts = np.maximum(sizes - 2, 0)
     for polygon, triangles in clipped.items():
-        is_fan[polygon], counts[polygon] = False, len(triangles)
-    count = int(counts.sum())
-    faces, polygon_of = np.empty((count, 3), np.int64), np.empty(count, np.int64)
-    make_fans(sizes, corners, counts, starts, is_fan, faces, polygon_of)
-    if clipped:
-        place = np.cumsum(counts) - counts
-        for polygon, triangles in clipped.items():
-            faces[place[polygon] : place[polygon] + len(triangles)] = triangles
-    return faces, polygon_of, list(_notes(sizes, shapes))
+        counts[polygon] = len(triangles)
+    place = np.cumsum(counts) - counts
+    faces = np.empty((counts.sum(), 3), np.int64)
+    for size, group in _groups(np.where(np.isin(np.arange(len(sizes)), list(clipped)), 0, sizes), 3):
+        turned = (starts[group][:, None] + np.arange(size)) % size
+        fan = corners[first[group][:, None] + turned]
+        for k in range(size - 2):
+            faces[place[group] + k] = fan[:, [0, k + 1, k + 2]]
+    for polygon, triangles in clipped.items():
+        faces[place[polygon] : place[polygon] + len(triangles)] = triangles
+    return faces, np.repeat(np.arange(len(sizes)), counts), list(_notes(sizes, shapes))
+
+
+def _groups(sizes: NDArray[np.int64], least: int) -> Iterator[tuple[int, NDArray[np.int64]]]:
+    """Sizes from `least` on, and numbers of polygons of that size, few enough to be worked on at once."""
+    order = np.argsort(sizes, kind="stable")
+    kinds, begins = np.unique(sizes[order], return_index=True)
+    for size, begin, end in zip(kinds.tolist(), begins, [*begins[1:], len(sizes)], strict=True):
+        step = max(_AT_ONCE // max(size, 1), 1)
+        for start in range(begin, end, step) if size >= least else ():
+            yield size, order[start : min(start + step, end)]
+
+
+@np.errstate(all="ignore")
+def _shapes(points: NDArray[np.float64]) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+    """Shapes (P,) of polygons (P, N, 3) of more than three corners, and the corners (P,) where their fans begin."""
+    size = points.shape[1]
+    around = points - points[:, :1]
+    parts = np.cross(around[:, 1:-1], around[:, 2:])
+    normals, apart = parts.sum(axis=1), np.linalg.norm(parts, axis=2).sum(axis=1)
+    axis = np.abs(normals).argmax(axis=1)[:, None]
+    signed = np.take_along_axis(normals, axis, 1)
+    area = np.abs(signed)
+    flat = np.take_along_axis(points, (axis[:, None] + [[[1, 2]]]) % 3, 2)  # seen along the axis nearest to the normal
+    ahead = np.roll(flat, -1, axis=1) - flat
+    after = np.roll(ahead, -1, axis=1)
+    turn = np.where(signed < 0.0, -1.0, 1.0) * (ahead[..., 0] * after[..., 1] - ahead[..., 1] * after[..., 0])
+    is_inward = turn < -_NO_TURN * area
+    has_no_area = area[:, 0] <= _NO_TURN * apart
+    starts = np.zeros(len(points), np.int64)
+    if size == 4:
+        is_crossing, is_concave = is_inward.sum(axis=1) > 1, False
+        starts = np.where(is_inward.any(axis=1) & ~is_crossing, (turn.argmin(axis=1) + 1) % 4, 0)
+    else:
+        turned = np.arctan2(turn, (ahead * after).sum(axis=2)).sum(axis=1)
+        is_crossing, is_concave = False, is_inward.any(axis=1) | (turned > 3.0 * np.pi)  # more than once around
+    is_crossing = np.where(has_no_area, apart > 0.0, is_crossing)
+    off = (around * normals[:, None]).sum(axis=2)
+    extent = np.ptp(points, axis=1).max(axis=1)
+    is_bent = ~has_no_area & (np.ptp(off, axis=1) > 2.0 * _FLAT * extent * np.linalg.norm(normals, axis=1))
+    shapes = _CONCAVE * (is_concave & ~has_no_area) + _CROSSING * is_crossing + _BENT * is_bent
+    return shapes.astype(np.uint8), np.where(is_crossing, 0, starts)
 
 
 def _clipped(
-    vertices: NDArray[np.floating], sizes: NDArray[np.int64], corners: NDArray[np.integer], shapes: NDArray[np.uint8]
+    vertices: NDArray[np.floating],
+    sizes: NDArray[np.int64],
+    corners: NDArray[np.integer],
+    first: NDArray[np.int64],
+    shapes: NDArray[np.uint8],
 ) -> dict[int, NDArray[np.integer]]:
     """Triangles (N, 3) of concave polygons, by polygon. One that crosses itself is left out, and `shapes` says so."""
-    concave = np.flatnonzero(shapes & CONCAVE)
+    concave = np.flatnonzero(shapes & _CONCAVE)
     large = sizes[concave][sizes[concave] > _MANY_CORNERS]
     if (large.astype(np.float64) ** 2).sum() > _MOST_WORK:
         raise InputError(f"concave polygons of up to {large.max():,} corners take too long; export them as triangles")
-    first, clipped = np.cumsum(sizes) - sizes, {}
-    for polygon in concave:
+    clipped = {}
+    for polygon in concave.tolist():
         own = corners[first[polygon] : first[polygon] + sizes[polygon]]
         triangles = _clip_ears(vertices[own])
         if triangles is None:
-            shapes[polygon] |= CROSSING
+            shapes[polygon] |= _CROSSING
         else:
-            clipped[int(polygon)] = own[triangles]
+            clipped[polygon] = own[triangles]
     return clipped
 
 
@@ -86,8 +145,8 @@ def _clip_ears(points: NDArray[np.floating]) -> NDArray[np.int64] | None:
 def _notes(sizes: NDArray[np.int64], shapes: NDArray[np.uint8]) -> Iterator[str]:
     for found, told in (
         (sizes < 3, "have fewer than 3 corners and are left out"),
-        (shapes & CROSSING != 0, "are polygons that cross themselves, and may have been meant otherwise"),
-        (shapes & BENT != 0, "are polygons that do not lie in a plane, and may have been meant otherwise"),
+        (shapes & _CROSSING != 0, "are polygons that cross themselves, and may have been meant otherwise"),
+        (shapes & _BENT != 0, "are polygons that do not lie in a plane, and may have been meant otherwise"),
     ):
         if found.any():
             yield f"{found.sum():,} of {len(sizes):,} faces {told} (first: face {np.argmax(found)})"

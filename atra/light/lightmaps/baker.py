@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from time import perf_counter
-from typing import Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from atra.errors import AtraError
 from atra.geometry.view import View
 from atra.light.checks import check_whole
-from atra.light.lightmaps.batches import BATCH_BYTES, Job, Stages, Work, add_batch, new_batch
+from atra.light.lightmaps.batches import BATCH_BYTES, Job, Stages, Work, add_batch, new_batch, stage_seconds
 from atra.light.lightmaps.charts.atlas import Atlas
 from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.gather.adaptive import is_enough, is_looked_at, until_next_look
@@ -21,15 +20,14 @@ from atra.light.lightmaps.gather.probes import BLOCK, LightProbes, ProbeSums
 from atra.light.lightmaps.gather.tables import tables_of
 from atra.light.lightmaps.gather.tables_kernels import SUMS, Batch
 from atra.light.lightmaps.maps import Lightmap
-from atra.light.lightmaps.options import BakeKeywords, BakeOptions
-from atra.light.lightmaps.priority import on_least_converged_map, visible_texels
+from atra.light.lightmaps.options import BakeOptions
+from atra.light.lightmaps.priority import on_least_converged_map, ordered, visible_texels
 from atra.light.lightmaps.shadows import ShadowScenes
 from atra.light.lightmaps.surface import BakeScene
 from atra.raster.tracer import RasterTracer
 from atra.rays.scene import Query, scene_for_kernels
 from atra.tracing.budgets import check_needed_bytes
 from atra.tracing.lifetime import Lifetime, check_same_faces
-from atra.tracing.options import PacketOptions, lists_options
 from atra.tracing.tracer import Tracer
 
 
@@ -38,25 +36,59 @@ class Baker(Lifetime):
 
         with Baker(BakeScene(mesh, lights=[...]), size=512) as baker:
             baker.add(64)
-            save_maps(baker.maps, folder)
 
-    scene: see `BakeScene`. atlas: where its triangles lie on the map; None: charts by xatlas on a map of `size` texels.
-    options: see `BakeOptions`.
+    With single rays the number of threads, batch_rays, expansion and compaction do not change a bit of the map.
 
-    texels: the texels to light. samples: (N,) int32, of each texel so far. stage_s: seconds by stage since the last
-    restart, averaged over threads. rays, lanes: rays traced, and lanes of their batches, idle ones included. visible:
-    (N,) bool, texels that the view shows; None without a view.
+    Parameters
+    ----------
+    scene, atlas :
+        What is lit, and where its triangles lie on the map (default: charts by xatlas on a map of `size` texels).
+    threads, packet_width, build_quality, robust :
+        Of the scene for rays, as for `atra.PixelTracer`.
+    bounces, roulette_from : int
+        Most reflections of light before it reaches a texel, 0 = direct light alone; bounces after which Russian
+        roulette by albedo ends paths, None = never.
+    open_length : float
+        Distance below which a thing counts as occluding, scene units.
+    environment : {"mis", "light", "bsdf"}
+        What finds a panorama's light: both kinds of rays by the balance heuristic, rays aimed at bright parts, or
+        scattered rays; for other skies always scattered rays.
+    lights : {"uniform", "grid"}
+        Light that a ray after a bounce is aimed at: any; or by what each may give in a cell of a grid (less noise).
+    adaptive : bool
+        Stop texels whose mean is within 1 % with a confidence of 99 %, after 64, 128, ... samples: a little biased.
+    batch_rays, expansion, seed : int
+        Rays in flight of all threads, which determine the memory; samples of a texel side by side; of random numbers.
+    compaction : {"none", "texels", "bounces"}
+        Lanes packed together: all texels of the map, lit texels, or also the paths that go on after a bounce.
 
-    Raises InputError as `Texels.of`, `Atlas` and the options do; MemoryBudgetError before anything large is allocated.
+    Attributes
+    ----------
+    texels, samples, visible :
+        The texels to light; samples of each, (N,) int32; those that the view shows, (N,) bool, None without a view.
+    stage_s, rays, lanes :
+        Seconds by stage since the last restart, averaged over threads; rays traced, and lanes of their batches.
+
+    Raises
+    ------
+    InputError
+        As `Texels.of` and `Atlas` do, and for an option's value.
+    MemoryBudgetError
+        Before anything large is allocated.
     """
 
-    @lists_options(BakeOptions)
     def __init__(
-        self, scene: BakeScene, atlas: Atlas | None = None, size: int = 512, **options: Unpack[BakeKeywords]
-    ) -> None:
+        self, scene: BakeScene, atlas: Atlas | None = None, size: int = 512, *,
+        threads: int | None = None, packet_width: int | None = 1, build_quality: str = "medium", robust: bool = True,
+        bounces: int = 4, roulette_from: int | None = 2, open_length: float = 1.0, environment: str = "mis",
+        lights: str = "uniform", adaptive: bool = False, batch_rays: int = 1 << 19, expansion: int = 16,
+        compaction: str = "bounces", seed: int = 0,
+    ) -> None:  # fmt: skip
         super().__init__()
-        self.options = BakeOptions.of(type(self).__name__, options)
-        self._ray_options = PacketOptions.part_of(self.options)
+        self.options = BakeOptions(
+            threads, packet_width, build_quality, robust, bounces, roulette_from, open_length, environment, lights,
+            adaptive, batch_rays, expansion, compaction, seed,
+        )  # fmt: skip
         self._take(scene)
         self._given, self._size = atlas, size
         self.visible: NDArray[np.bool_] | None = None
@@ -64,8 +96,8 @@ class Baker(Lifetime):
         self._restart()
 
     def _take(self, scene: BakeScene) -> None:
-        rays_scene = scene_for_kernels(scene.mesh, self._ray_options)
-        self.shadow_scenes = ShadowScenes(scene, self._ray_options)
+        rays_scene = scene_for_kernels(scene.mesh, self.options)
+        self.shadow_scenes = ShadowScenes(scene, self.options)
         self.rays_scene, self.scene = rays_scene, scene
 
     def _build(self) -> tuple[float, float]:
@@ -121,7 +153,7 @@ class Baker(Lifetime):
                 return
             tables, paint = tables_of(scene, self.texels, self.options), scene.paint
             if not self.shadow_scenes.serve(scene):
-                shadow_scenes = ShadowScenes(scene, self._ray_options)
+                shadow_scenes = ShadowScenes(scene, self.options)
                 self.shadow_scenes.close()
                 self.shadow_scenes = shadow_scenes
             self.scene, self._tables, self._paint = scene, tables, paint
@@ -193,7 +225,7 @@ class Baker(Lifetime):
         """Add `count` samples to the wanted texels; returns whether it finished."""
         with self._in_use():
             start = perf_counter()
-            order = self._order(wanted)
+            order = ordered(self.texels, wanted, whole_rows=self.options.compaction == "none")
             ordered_s = perf_counter() - start
             rays = max(self.options.batch_rays // self.rays_scene.threads, self.options.expansion)
             job = Job(self.texels, self._tables, order, count, self.samples, self._sums)
@@ -201,10 +233,15 @@ class Baker(Lifetime):
             def add(first: int, texels: int, batch: Batch, stages: Stages) -> None:
                 bad = add_batch(job, first, texels, batch, stages)
                 if bad >= 0:
-                    raise self._not_finite(bad)
+                    row, column = divmod(int(self.texels.number[bad]), self.texels.atlas.width)
+                    texel = f"texel ({column}, {row}) is not finite at sample {self.samples[bad]}"
+                    raise AtraError(f"the light of {texel}; make lights or materials darker")
 
             done, works = self._in_batches(len(order), rays, count, add, stop)
-            self._count(works, ordered_s, perf_counter() - start)
+            self.rays += sum(one.rays for one in works)
+            self.lanes += sum(one.lanes for one in works)
+            for stage, seconds in stage_seconds(works, ordered_s, perf_counter() - start).items():
+                self.stage_s[stage] = self.stage_s.get(stage, 0.0) + seconds
             return done
 
     def _in_batches(
@@ -256,41 +293,11 @@ class Baker(Lifetime):
         kind = self.rays_scene.packet_width, self.shadow_scenes.addresses(query.scene)
         return Stages((self._tables, self._paint), self.options, kind, query, works[query.worker])
 
-    def _order(self, wanted: NDArray[np.bool_]) -> NDArray[np.int32]:
-        """Numbers of wanted texels, neighbours together; with compaction "none", those of the whole map in rows, -1
-        elsewhere."""
-        if self.options.compaction != "none":
-            numbers = self.texels.along_curve
-            return numbers[wanted[numbers]]
-        numbers, atlas = np.flatnonzero(wanted).astype(np.int32), self.texels.atlas
-        order = np.full(atlas.width * atlas.height, -1, np.int32)
-        order[self.texels.number[numbers]] = numbers
-        return order
-
-    def _count(self, works: list[Work], ordered_s: float, whole_s: float) -> None:
-        stages = {"order": ordered_s}
-        for one in works:
-            self.rays += one.rays
-            self.lanes += one.lanes
-            for stage, seconds in one.stage_s.items():
-                stages[stage] = stages.get(stage, 0.0) + seconds / len(works)
-        stages["other"] = whole_s - sum(stages.values())
-        for stage, seconds in stages.items():
-            self.stage_s[stage] = self.stage_s.get(stage, 0.0) + seconds
-
-    def _not_finite(self, texel: int) -> AtraError:
-        row, column = divmod(int(self.texels.number[texel]), self.texels.atlas.width)
-        return AtraError(
-            f"the light of texel ({column}, {row}) is not finite at sample {self.samples[texel]}; "
-            "make lights or materials darker"
-        )
-
     @property
     def maps(self) -> Lightmap:
         """The means of all samples so far; a copy."""
         with self._lock:
-            texels = self.texels
-            return Lightmap.of(texels, self.samples.copy(), self._sums.copy())
+            return Lightmap.of(self.texels, self.samples.copy(), self._sums.copy())
 
     def _release(self) -> None:
         self.rays_scene.close()

@@ -39,6 +39,15 @@ class Work:
         self.lanes += lanes
 
 
+def stage_seconds(works: list[Work], ordered_s: float, whole_s: float) -> dict[str, float]:
+    """Seconds by stage, the mean of all threads; "other" is what is left of the whole."""
+    stages = {"order": ordered_s}
+    for one in works:
+        for stage, seconds in one.stage_s.items():
+            stages[stage] = stages.get(stage, 0.0) + seconds / len(works)
+    return stages | {"other": whole_s - sum(stages.values())}
+
+
 class Stages:
     """The stages that all batches of a thread pass.
 

@@ -68,3 +68,13 @@ def on_least_converged_map(texels: Texels, samples: NDArray[np.int32], wanted: N
     count, total = (np.bincount(on_map[wanted], of_each) for of_each in (None, samples[wanted]))
     means = np.divide(total, count, out=np.full(len(count), np.inf), where=count > 0)
     return np.asarray(on_map == np.argmin(means))
+
+
+def ordered(texels: Texels, wanted: NDArray[np.bool_], *, whole_rows: bool) -> NDArray[np.int32]:
+    """Numbers of wanted texels, neighbours together. whole_rows: those of the whole map in rows, -1 elsewhere."""
+    if not whole_rows:
+        return texels.along_curve[wanted[texels.along_curve]]
+    numbers = np.flatnonzero(wanted).astype(np.int32)
+    order = np.full(texels.atlas.width * texels.atlas.height, -1, np.int32)
+    order[texels.number[numbers]] = numbers
+    return order

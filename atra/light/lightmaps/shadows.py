@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from atra.light.lightmaps.options import BakeOptions
 from atra.light.lightmaps.surface import BakeScene
 from atra.rays.scene import scene_for_kernels
-from atra.tracing.options import PacketOptions
 
 
 class ShadowScenes:
@@ -17,7 +17,7 @@ class ShadowScenes:
     does.
     """
 
-    def __init__(self, scene: BakeScene, options: PacketOptions) -> None:
+    def __init__(self, scene: BakeScene, options: BakeOptions) -> None:
         assert scene.surface is not None
         self._panes = scene.surface.panes
         kinds = (~self._panes, self._panes) if self._panes.any() else ()

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections import deque
-from collections.abc import Callable, Mapping
-from dataclasses import fields
+from collections.abc import Callable
+from dataclasses import fields, replace
 from functools import partial
 from time import perf_counter
-from typing import Any, ClassVar, Unpack
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,14 +22,13 @@ from atra.light.checks import check_whole
 from atra.light.laps import Laps
 from atra.light.pictures.film import Film
 from atra.light.pictures.finish.finisher import CENTRE, Finisher
-from atra.light.pictures.options import RenderKeywords, RenderOptions
+from atra.light.pictures.options import RenderOptions
 from atra.light.pictures.path_kernels import BLOCK, Pixels
 from atra.light.pictures.pixels import LensPixels, pixels_of
 from atra.light.scene import Scene
 from atra.light.surface_kernels import Surfaces
 from atra.raster.tracer import RasterTracer
 from atra.rays.scene import Query, scene_for_kernels
-from atra.tracing.options import PacketOptions, lists_options
 from atra.tracing.tracer import Tracer
 from atra.views.sampling import sub_pixel_offsets
 
@@ -45,21 +44,18 @@ class Renderer(Finisher):
 
     scene: see `Scene`. camera: of any kind; through a lens all pixels of a sample have one offset, whatever
     `jitter` is, and those without a ray are black. primary: makes the tracer of primary visibility from mesh
-    and camera; None: the rasteriser. options: fields of `options_type` by name.
+    and camera; None: the rasteriser. options: of the renderer.
 
     stage_s: seconds by stage of the last `add`, which sum to its duration. Stages in several threads count their mean;
     "other" is the rest: waiting, Python. ray_count: rays of the last `add` beside those of primary visibility.
     """
 
-    options_type: ClassVar[type[RenderOptions]]
-    options: RenderOptions
-
     _ray_bytes: ClassVar[int] = 80  # upper limit in a wave
     _sets_sums: ClassVar[bool] = False  # `is_set` of `Film`
 
-    def __init__(self, scene: Scene, camera: View, primary: Primary | None, options: Mapping[str, Any]) -> None:
+    def __init__(self, scene: Scene, camera: View, primary: Primary | None, options: RenderOptions) -> None:
         super().__init__()
-        self.options = self.options_type.of(type(self).__name__, options)
+        self.options = options
         check_range(scene.mesh, camera, takes_lenses=True)
         self.rays = self._new_rays(scene.mesh.local)
         make_tracer = primary or partial(RasterTracer, threads=self.options.threads)
@@ -73,8 +69,9 @@ class Renderer(Finisher):
         """A `RayScene`, or what a renderer takes in its place."""
         return scene_for_kernels(mesh, self._ray_options())
 
-    def _ray_options(self) -> PacketOptions:
-        return PacketOptions.part_of(self.options)
+    def _ray_options(self) -> RenderOptions:
+        """Options of the scene for all rays but those of primary visibility."""
+        return self.options
 
     @property
     @abstractmethod
@@ -217,24 +214,21 @@ class Renderer(Finisher):
         self.camera = camera
         self._start_film()
 
-    @lists_options(RenderOptions, as_changes=True)
-    def update(self, scene: Scene | None = None, **changes: Unpack[RenderKeywords]) -> None:
+    def update(self, scene: Scene | None = None, **changes: Any) -> None:
         """Go on with another scene, or with other options.
 
-        scene: its mesh may have other vertices, but the same faces. Samples stay where their sums would be the same
-        (`HybridRenderer`: powers and colours of lights, power of the sky); otherwise it starts anew with none.
-        Raises InputError for a mesh of other faces, and for options that the scene was built with; ClosedError after
-        `close`.
+        scene: its mesh may have other vertices, but the same faces. changes: options by name; others stay as they are.
+        Samples stay where their sums would be the same (`HybridRenderer`: powers and colours of lights, power of the
+        sky); otherwise it starts anew with none.
+        Raises InputError for a mesh of other faces, and for options that the scene was built with; TypeError for
+        options that there are not; ClosedError after `close`.
         """
-        self._update(scene, changes)
-
-    def _update(self, scene: Scene | None, changes: Mapping[str, Any]) -> None:
         with self._lock:
             self._check_open()
             fixed = sorted(self.options.built_with & changes.keys())
             if fixed:
                 raise InputError(f"{fixed[0]} is what the scene was built with; make a new {type(self).__name__}")
-            options = self.options.changed(type(self).__name__, changes)
+            options = replace(self.options, **changes)
             moves = scene is not None and scene.mesh is not self.scene.mesh
             has_other_sums = moves or (scene is not None and not self._same_sums(scene))
             if scene is not None and moves:

@@ -54,9 +54,9 @@ class RayHitLists:
         return self.geometries.geometry_ids(self.traced_id)
 
     @property
-    def counts(self) -> NDArray[np.int64]:
+    def counts(self) -> NDArray[np.uint32]:
         """The number of hits of every ray, in the rays' own shape."""
-        return np.diff(self.ray_splits).reshape(self.shape)
+        return np.diff(self.ray_splits).astype(np.uint32).reshape(self.shape)
 
     @cached_property
     def ray_ids(self) -> NDArray[np.int64]:

@@ -4,26 +4,31 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from atra.tracing.options import LANES, ThreadKeywords, ThreadOptions, TieKeywords, TieOptions, option
-
-
-class BvhKeywords(ThreadKeywords, TieKeywords, total=False):
-    packet_width: int
-    traversal: str
-    robust: bool
+from atra.choices import check_choice, check_flags
+from atra.compiled.instruction_sets import LANES, chosen_instruction_set
+from atra.compiled.threads import resolve_threads
+from atra.tracing.tracer import TIES
 
 
 @dataclass(frozen=True)
-class BvhOptions(ThreadOptions, TieOptions):
+class BvhOptions:
     """Options of `BvhTracer` and `BvhScene`. All traversals find the same hits.
 
-    robust: on = the watertight triangle test of Woop, Benthin, Wald 2013, off = a faster test.
+    packet_width: 1 = single rays. traversal: when a node's box is tested: push = with its sibling's, nearer first, pop
+    = when it is popped. robust: on = the watertight triangle test of Woop, Benthin, Wald 2013, off = a faster test.
+    Raises InputError, with the value.
     """
 
-    packet_width: int = option(1, "rays in a packet; 1 = single rays", choices=(1, *LANES))
-    traversal: str = option(
-        "push",
-        "when a node's box is tested: push = with its sibling's, nearer first, pop = when it is popped",
-        choices=("push", "pop"),
-    )
-    robust: bool = option(True, "no ray slips through between triangles; off = a faster test")
+    threads: int | None = None
+    ties: str = "lowest"
+    packet_width: int = 1
+    traversal: str = "push"
+    robust: bool = True
+
+    def __post_init__(self) -> None:
+        resolve_threads(self.threads)
+        chosen_instruction_set()
+        check_choice("ties", self.ties, TIES)
+        check_choice("packet_width", self.packet_width, (1, *LANES))
+        check_choice("traversal", self.traversal, ("push", "pop"))
+        check_flags(robust=self.robust)

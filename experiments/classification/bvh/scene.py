@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any, ClassVar, Unpack
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +16,10 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_world_range
 from atra.rays.rays import RayHits, Rays
 from atra.tracing.lifetime import Lifetime, check_same_faces, synchronized
-from atra.tracing.options import lists_options
 from atra.trees.bvh import Bvh, bvh_of
 from experiments.classification.bvh.batches import Batch, batch_kernel
 from experiments.classification.bvh.memory import Memory
-from experiments.classification.bvh.options import BvhKeywords, BvhOptions
+from experiments.classification.bvh.options import BvhOptions
 from experiments.classification.bvh.starts import NO_SHAFTS, ROOT_LIST, Shafts
 
 
@@ -59,14 +58,13 @@ class BvhScene(Lifetime):
     options_type: ClassVar[type[BvhOptions]] = BvhOptions
     options: BvhOptions
 
-    @lists_options(BvhOptions)
-    def __init__(self, mesh: Mesh, **options: Unpack[BvhKeywords]) -> None:
+    def __init__(self, mesh: Mesh, **options: Any) -> None:
         self._set_up(mesh, options)
 
     def _set_up(self, mesh: Mesh, options: Mapping[str, Any]) -> None:
         super().__init__()
         self._take(mesh)
-        self.options = self.options_type.of(type(self).__name__, options)
+        self.options = self.options_type(**options)
         self.packet_width = int(self.options.packet_width)
         self.threads = resolve_threads(self.options.threads)
         self._pool = WorkerPool(self.threads)

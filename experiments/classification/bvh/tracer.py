@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from time import perf_counter
-from typing import Any, ClassVar, Unpack
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,21 +17,20 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range, from_eye_space, ray_axes, unseen_from
 from atra.geometry.view import View, check_offset
 from atra.hits import Hits
+from atra.tracing.budgets import check_image_memory
 from atra.tracing.geometry import plan_plain_geometry
 from atra.tracing.images import images_of, outputs
 from atra.tracing.lens_rays import LensRays
-from atra.tracing.lifetime import synchronized
-from atra.tracing.options import lists_options
+from atra.tracing.lifetime import Lifetime, check_same_faces, synchronized
 from atra.tracing.rays import SQUAREST_SHAPE, image_ray_grid, pixel_tiles
 from atra.trees.bvh import Bvh, bvh_of
 from experiments.classification.bvh.images import Start, image_kernel, lens_kernel
 from experiments.classification.bvh.memory import Memory
-from experiments.classification.bvh.options import BvhKeywords, BvhOptions
+from experiments.classification.bvh.options import BvhOptions
 from experiments.classification.bvh.starts import NO_LISTS, NO_SHAFTS, Shafts
-from experiments.methods.one_view import OneViewTracer
 
 
-class BvhTracer(OneViewTracer):
+class BvhTracer(Lifetime):
     """One ray per pixel, single or in packets, through a binary BVH of the library's own; without Embree.
 
     options: see `BvhOptions`. Like `PixelTracer`, it keeps the BVH while the camera turns about its eye. Raises
@@ -44,13 +43,12 @@ class BvhTracer(OneViewTracer):
     _start = Start.root
     _takes_lenses = True
 
-    @lists_options(BvhOptions)
-    def __init__(self, mesh: Mesh, camera: View, **options: Unpack[BvhKeywords]) -> None:
+    def __init__(self, mesh: Mesh, camera: View, **options: Any) -> None:
         self._set_up(mesh, camera, options)
 
     def _set_up(self, mesh: Mesh, camera: View, options: Mapping[str, Any]) -> None:
         super().__init__()
-        self.options = self.options_type.of(type(self).__name__, options)
+        self.options = self.options_type(**options)
         self.packet_width = int(self.options.packet_width)
         self.threads = resolve_threads(self.options.threads)
         self._pool = WorkerPool(self.threads)
@@ -61,11 +59,31 @@ class BvhTracer(OneViewTracer):
 
     def _show(self, mesh: Mesh, camera: View) -> None:
         check_range(mesh, camera, self._takes_lenses)
-        super()._show(mesh, camera)
+        check_image_memory(camera.height, camera.width)
+        self.mesh, self.camera = mesh, camera
         self._tie_tiles: TieTiles | None = None
         self._tiles = pixel_tiles(camera.width, camera.height)
 
+    @synchronized
+    def look(self, camera: View) -> None:
+        """As `atra.Tracer.look`."""
+        self._check_open()
+        before = self.camera
+        self._show(self.mesh, camera)
+        if self._is_built and not self._still_serves(before):
+            self.build()
+
+    @synchronized
+    def update(self, mesh: Mesh) -> None:
+        """As `atra.Tracer.update`."""
+        self._check_open()
+        check_same_faces(self.mesh, mesh)
+        self._show(mesh, self.camera)
+        if self._is_built:
+            self.build()
+
     def _still_serves(self, before: View) -> bool:
+        """Whether what is built for the camera before serves the one just taken."""
         camera = self.camera
         serves = camera.eye == before.eye and np.array_equal(from_eye_space(camera), from_eye_space(before))
         if serves:
@@ -92,6 +110,12 @@ class BvhTracer(OneViewTracer):
         vertices = plan_plain_geometry(self.mesh, self.camera).vertices
         self._bvh = bvh_of(self.mesh, vertices, self._pool, unseen_from(self.camera, self.mesh))
         return perf_counter() - start
+
+    def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Hits | None = None) -> Hits:
+        """As `atra.Tracer.trace`."""
+        check_offset(offset)
+        with self._in_use():
+            return self._trace(offset, out)
 
     def _trace(self, offset: tuple[float, float], out: Hits | None) -> Hits:
         camera = self.camera
@@ -144,6 +168,21 @@ class BvhTracer(OneViewTracer):
     def _shared(self) -> NDArray[np.float32]:
         """(3,) float32: the direction of parallel rays, or the eye where rays start there."""
         return ray_axes(self.camera)[2].astype(np.float32)
+
+    @property
+    def triangle_count(self) -> int:
+        """Triangles of the mesh."""
+        return self.mesh.triangle_count
+
+    @property
+    def embree_bytes(self) -> int:
+        """0: there is no Embree."""
+        return 0
+
+    @property
+    def views(self) -> tuple[tuple[Mesh, View], ...]:
+        """The one mesh and camera."""
+        return ((self.mesh, self.camera),)
 
     @property
     @synchronized

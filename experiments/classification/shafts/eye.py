@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from time import perf_counter
-from typing import Any, ClassVar, Unpack
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,6 @@ from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import NARROWEST_WORLD_PITCH, check_world_range, from_eye_space
 from atra.geometry.view import View
-from atra.tracing.options import lists_options
 from atra.tracing.rays import check_pinhole
 from atra.trees.bvh import bvh_of
 from experiments.classification.bvh.images import Start
@@ -21,7 +20,7 @@ from experiments.classification.bvh.options import BvhOptions
 from experiments.classification.bvh.starts import NO_SHAFTS, Shafts
 from experiments.classification.bvh.tracer import BvhTracer
 from experiments.classification.shafts.lists_kernels import build_lists
-from experiments.classification.shafts.options import ShaftKeywords, ShaftOptions
+from experiments.classification.shafts.options import ShaftOptions
 from experiments.classification.shafts.shafts import HasShafts, ShaftLists, building_of, stored_lists
 from experiments.classification.shafts.shape_kernels import (
     ACROSS,
@@ -64,8 +63,7 @@ class EyeTracer(HasShafts, BvhTracer):
     _bvh_mesh: Mesh | None = None
     """The mesh that the BVH is of."""
 
-    @lists_options(ShaftOptions)
-    def __init__(self, mesh: Mesh, camera: View, **options: Unpack[ShaftKeywords]) -> None:
+    def __init__(self, mesh: Mesh, camera: View, **options: Any) -> None:
         self._set_up(mesh, camera, options)
 
     def _show(self, mesh: Mesh, camera: View) -> None:

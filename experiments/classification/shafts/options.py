@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from atra.choices import check_choice, check_flags
 from atra.errors import InputError
-from atra.tracing.options import option, option_of
 from atra.whole_numbers import is_whole_number
-from experiments.classification.bvh.options import BvhKeywords, BvhOptions
+from experiments.classification.bvh.options import BvhOptions
 
 LONGEST_LIST = 255
 """Most nodes of a list."""
@@ -23,49 +23,39 @@ OF_RAYS = ("sampled", "hits")
 """Subsets that depend on the rays to trace."""
 
 
-class ShaftKeywords(BvhKeywords, total=False):
-    ray_order: str
-    cells: int | None
-    directions: int
-    memory: float
-    probability: float
-    rays: int
-    longest: int
-    subset: str
-    share: float
-    empty: str
-    occlusion: bool
-
-
 @dataclass(frozen=True)
 class ShaftOptions(BvhOptions):
     """Options of `ClassifiedTracer` and `ShaftScene`, beside those of `BvhTracer`.
 
+    ray_order: of a batch: as given, or shaft by shaft, in packets that share a list. cells: number of voxels; None = as
+    many as the memory allows. directions: cells along each side of a cube's faces. memory: of look-up and lists where
+    cells is None, in sizes of the BVH, at least 64 KiB. probability: of a hit, from which a node is opened. rays:
+    sampled in each shaft. longest: most nodes of a list. subset: shafts that have lists (`SUBSETS`). share: of a
+    sample's rays whose shafts get lists, for subset sampled. empty: what an empty list means, a proven miss, or the
+    root. occlusion: sampled rays end at their first hit.
     Raises InputError, with the value, for cells, directions, rays and longest that are not whole or below 1, longest
     above 255, directions above 1,024, a probability or share outside (0, 1], and a memory not above 0.
     """
 
-    traversal: str = option_of(BvhOptions, "traversal", default="pop")
-    ray_order: str = option(
-        "image",
-        "order of a batch: image = as given, shaft = shaft by shaft, in packets that share a list",
-        choices=("image", "shaft"),
-    )
-    cells: int | None = option(None, "number of voxels; null = as many as the memory allows", null="by memory")
-    directions: int = option(4, "cells along each side of a cube's faces")
-    memory: float = option(1.0, "memory of look-up and lists if cells is null, at least 64 KiB", unit="times the BVH's")
-    probability: float = option(0.5, "hit probability from which a node is opened")
-    rays: int = option(20, "rays sampled in each shaft")
-    longest: int = option(31, "most nodes of a list")
-    subset: str = option("complete", "which shafts have lists", choices=SUBSETS)
-    share: float = option(0.9, "fraction of a sample's rays whose shafts get lists, for subset sampled")
-    empty: str = option(
-        "miss", "what an empty list means: miss = a proven miss, root = start at the root", choices=("miss", "root")
-    )
-    occlusion: bool = option(True, "sampled rays end at their first hit")
+    traversal: str = "pop"
+    ray_order: str = "image"
+    cells: int | None = None
+    directions: int = 4
+    memory: float = 1.0
+    probability: float = 0.5
+    rays: int = 20
+    longest: int = 31
+    subset: str = "complete"
+    share: float = 0.9
+    empty: str = "miss"
+    occlusion: bool = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        check_choice("ray_order", self.ray_order, ("image", "shaft"))
+        check_choice("subset", self.subset, SUBSETS)
+        check_choice("empty", self.empty, ("miss", "root"))
+        check_flags(occlusion=self.occlusion)
         for name in ("cells", "directions", "rays", "longest"):
             value = getattr(self, name)
             if not (name == "cells" and value is None) and not (is_whole_number(value) and value >= 1):

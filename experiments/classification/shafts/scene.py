@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from time import perf_counter
-from typing import Any, ClassVar, Unpack
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.geometry.mesh import Mesh
 from atra.rays.rays import Rays
-from atra.tracing.options import lists_options
 from experiments.classification.bvh.batches import classify
 from experiments.classification.bvh.options import BvhOptions
 from experiments.classification.bvh.scene import BvhScene, PreparedRays, batch_of
 from experiments.classification.bvh.starts import EMPTY_LIST, NO_SHAFTS, PASSES, ROOT_LIST, UNKNOWN, Shafts
-from experiments.classification.shafts.options import OF_RAYS, ShaftKeywords, ShaftOptions
+from experiments.classification.shafts.options import OF_RAYS, ShaftOptions
 from experiments.classification.shafts.shafts import HasShafts, build_shafts
 
 SAMPLE = 64
@@ -32,8 +31,7 @@ class ShaftScene(HasShafts, BvhScene):
 
     options_type: ClassVar[type[BvhOptions]] = ShaftOptions
 
-    @lists_options(ShaftOptions)
-    def __init__(self, mesh: Mesh, **options: Unpack[ShaftKeywords]) -> None:
+    def __init__(self, mesh: Mesh, **options: Any) -> None:
         self._set_up(mesh, options)
 
     def prepare(self, rays: Rays) -> PreparedRays:

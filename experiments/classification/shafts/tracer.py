@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Unpack
+from typing import Any, ClassVar
 
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.tracing.options import lists_options
 from experiments.classification.bvh.images import Start
 from experiments.classification.bvh.options import BvhOptions
 from experiments.classification.bvh.tracer import BvhTracer
-from experiments.classification.shafts.options import OF_RAYS, ShaftKeywords, ShaftOptions
+from experiments.classification.shafts.options import OF_RAYS, ShaftOptions
 from experiments.classification.shafts.shafts import HasShafts
 
 
@@ -26,8 +25,7 @@ class ClassifiedTracer(HasShafts, BvhTracer):
     options_type: ClassVar[type[BvhOptions]] = ShaftOptions
     _start = Start.shaft
 
-    @lists_options(ShaftOptions)
-    def __init__(self, mesh: Mesh, camera: View, **options: Unpack[ShaftKeywords]) -> None:
+    def __init__(self, mesh: Mesh, camera: View, **options: Any) -> None:
         self._set_up(mesh, camera, options)
         if self.packet_width != 1:
             raise InputError(f"packet_width is {self.packet_width}, expected 1: pixels of a packet share no shaft")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
@@ -16,7 +17,6 @@ from atra.prim_ids import MISS
 from atra.raster.tracer import RasterTracer
 from atra.rays.rays import RayHits, Rays
 from atra.rays.scene import RayScene
-from atra.tracing.options import option
 from atra.trees.layout import BLOCK_BYTES, NODE_BYTES
 from experiments.classification.bvh.scene import BvhScene, PreparedRays
 from experiments.classification.bvh.single import BLOCKS, BOXES, LISTED, STEPS
@@ -24,7 +24,7 @@ from experiments.classification.ray_sets import ray_set
 from experiments.classification.workload.path_rays import PATH_KINDS, path_rays
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.environment import peak_rss_bytes, reset_peak_rss, rss_bytes
-from experiments.harness.options import Settings, settings
+from experiments.harness.options import Settings, option
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
 from experiments.results.statistics import statistics_columns
@@ -57,7 +57,7 @@ KINDS = ("primary", "occlusion", "diffuse")
 """What rays there are (`ray_sets`)."""
 
 
-@settings
+@dataclass(frozen=True)
 class RayOptions(Settings):
     """Which rays are traced."""
 

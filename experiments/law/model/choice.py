@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from atra.alignment.cells import choose_packet_shape
+from atra.embree.library import load_library
 from atra.errors import InputError
 from atra.geometry.split import Split
 from atra.geometry.view import View
-from atra.tracing.options import native_packet_widths
 from atra.tracing.rays import SQUAREST_SHAPE
 from atra.whole_numbers import is_whole_number
 
@@ -80,7 +80,7 @@ class Choice:
 
 def candidates(camera: View, want: str = "nearest") -> tuple[Choice, ...]:
     """Every choice that the core can make for a view and finds what is wanted."""
-    widest = native_packet_widths()[-1]
+    widest = load_library().native_packet_widths[-1]
     choices = [Choice("raster"), Choice("pixel", packet_width=widest), Choice("pixel"), Choice("bvh")]
     for method, cells in CELLS.items():
         splits = {_split(camera, *cell) for cell in cells}

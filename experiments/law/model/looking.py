@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from atra.compiled.instruction_sets import native_lanes
 from atra.compiled.threads import WorkerPool
+from atra.embree.library import load_library
 from atra.geometry.mesh import Mesh
 from atra.geometry.projection import project_vertices
 from atra.geometry.ray_space import check_range, own_space, unseen_from
@@ -17,7 +18,6 @@ from atra.geometry.split import Split
 from atra.geometry.view import View
 from atra.raster.frames import FrameMemory, draw_frame
 from atra.tracing.images import outputs
-from atra.tracing.options import native_packet_widths
 from atra.tracing.rays import ray_grid
 from atra.trees.building import Draft, bound_triangles
 from experiments.law.model.copying import Copied, Sample, apart, bytes_of_clusters, spread
@@ -98,7 +98,7 @@ def look_at(mesh: Mesh, camera: View) -> Look:
         start = thread_time()
         draw_frame(mesh, camera, (0.5, 0.5), lanes, memory, pool, images)
         frames_s.append(thread_time() - start)
-    widest = native_packet_widths()[-1]
+    widest = load_library().native_packet_widths[-1]
     shapes = ((1, 1), *((widest >> k, 1 << k) for k in range(widest.bit_length())))
     kept = np.ones(mesh.triangle_count, np.bool_)
     kept[unseen_from(camera, mesh)] = False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from dataclasses import dataclass
 from functools import partial
 from statistics import median
 from time import perf_counter
@@ -17,9 +18,8 @@ from atra.exact.intersection import intersect_rays
 from atra.geometry.mesh import Mesh
 from atra.light import Atlas, Texels
 from atra.rays.rays import Rays
-from atra.tracing.options import option
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.options import Settings, settings, whole
+from experiments.harness.options import Settings, option, whole
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
 from experiments.light.sun.rays import TileRays
@@ -41,7 +41,7 @@ USES = ("sun", "sky", "bundle")
 hits of parallel rays across the whole scene."""
 
 
-@settings
+@dataclass(frozen=True)
 class BakeRaysSettings(Settings):
     """Which rays share their directions."""
 

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from time import perf_counter
-from typing import Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from atra.choices import check_choice, check_flags
 from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.embree.callbacks_kernels import memory_monitor
-from atra.embree.scene import EmbreeScene, resolve_packet_width
+from atra.embree.scene import BUILD_QUALITIES, EmbreeScene, resolve_packet_width
 from atra.embree.workspace import Workspace, check_widths
 from atra.errors import InputError
 from atra.geometry.ray_space import padded_vertices
 from atra.geometry.view import check_offset
 from atra.tracing.budgets import EMBREE_BYTES_PER_COPY, PLAN_BYTES_PER_COPY, check_needed_bytes
 from atra.tracing.lifetime import Lifetime
-from atra.tracing.options import PacketKeywords, PacketOptions, lists_options
 from experiments.light.sun.meeting_kernels import Shots, meeting_kernel, noting_filter, spread_answers
 from experiments.light.sun.tiles_kernels import BoxTree, Prisms, carry_triangles, find_triangles
 
@@ -32,18 +31,29 @@ class TileRays(Lifetime):
     """Whether parallel rays of tiles hit a mesh: tracing one tile's rays answers for K tiles.
 
     tree: the mesh. prisms: what each tile's rays sweep, and the maps onto the rays of the one tile, which start at z =
-    0 along z. size: rays along a side of a tile, 1 apart, around (0, 0). options: see `PacketOptions`. Triangles are
-    copied for each tile they lie in front of (paper §3.3); a tile fully covered by one triangle needs no copies. Raises
-    InputError as the options do, MemoryBudgetError in `plan`.
+    0 along z. size: rays along a side of a tile, 1 apart, around (0, 0). Other arguments: as for `atra.PixelTracer`.
+    Triangles are copied for each tile they lie in front of (paper §3.3); a tile fully covered by one triangle needs no
+    copies. Raises InputError for an option's value, MemoryBudgetError in `plan`.
     """
 
-    @lists_options(PacketOptions)
-    def __init__(self, tree: BoxTree, prisms: Prisms, size: int, **options: Unpack[PacketKeywords]) -> None:
+    def __init__(
+        self,
+        tree: BoxTree,
+        prisms: Prisms,
+        size: int,
+        *,
+        threads: int | None = None,
+        packet_width: int | None = None,
+        build_quality: str = "medium",
+        robust: bool = True,
+    ) -> None:
         super().__init__()
-        self.options = PacketOptions.of(type(self).__name__, options)
+        check_choice("build_quality", build_quality, BUILD_QUALITIES)
+        check_flags(robust=robust)
+        self._build_quality, self._robust = build_quality, robust
         self.tree, self.prisms, self.size = tree, prisms, size
-        self.packet_width = resolve_packet_width(self.options.packet_width)
-        self._pool = WorkerPool(resolve_threads(self.options.threads))
+        self.packet_width = resolve_packet_width(packet_width)
+        self._pool = WorkerPool(resolve_threads(threads))
         self._workspaces = [
             Workspace(self.packet_width, coherent=True, direction=(0.0, 0.0, 1.0)) for _ in range(self._pool.threads)
         ]
@@ -60,7 +70,7 @@ class TileRays(Lifetime):
         self._covered = np.empty(count, np.uint64)
         kept = np.empty(_COPIES, np.uint32)
         copies = self._find(kept)
-        needed = copies * (PLAN_BYTES_PER_COPY + EMBREE_BYTES_PER_COPY[self.options.build_quality])
+        needed = copies * (PLAN_BYTES_PER_COPY + EMBREE_BYTES_PER_COPY[self._build_quality])
         what = f"{copies:,} copies of triangles for {count:,} tiles"
         check_needed_bytes(needed, None, what, "use fewer tiles, or more memory")
         if copies > len(kept):
@@ -91,9 +101,9 @@ class TileRays(Lifetime):
         self._scene = EmbreeScene(
             self._vertices,
             faces,
-            build_quality=self.options.build_quality,
+            build_quality=self._build_quality,
             threads=self._pool.threads,
-            robust=self.options.robust,
+            robust=self._robust,
             filter_address=filter_address,
             user_data=self._tile_of,
             monitor_address=monitor_address,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Unpack
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +15,6 @@ from atra.light.checks import check_whole
 from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.gather.tables import start_off
 from atra.prim_ids import MISS
-from atra.tracing.options import PacketKeywords, PacketOptions, lists_options
 from atra.trees.bvh import bvh_of
 from experiments.light.sun.rays import TileRays
 from experiments.light.sun.tiles_kernels import BoxTree, Prisms
@@ -130,9 +129,8 @@ class Tiles:
         middle, half = self._rectangles
         return Prisms(onto, shift, off, middle[tiles], half[tiles])
 
-    @lists_options(PacketOptions)
-    def towards(self, tiles: NDArray[np.int64], direction: ArrayLike, **options: Unpack[PacketKeywords]) -> TileRays:
-        """`TileRays` of this direction from tiles; options: see `atra.tracing.options.PacketOptions`."""
+    def towards(self, tiles: NDArray[np.int64], direction: ArrayLike, **options: Any) -> TileRays:
+        """`TileRays` of this direction from tiles, with its options."""
         return TileRays(self.tree, self.prisms(tiles, direction), self.size, **options)
 
     def rays(

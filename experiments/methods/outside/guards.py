@@ -18,8 +18,6 @@ from atra.errors import ClockError, InputError
 from atra.geometry.mesh import Mesh
 from atra.prim_ids import MISS
 
-Images = tuple[NDArray[np.float32], NDArray[np.uint32]]
-
 _FRAMES_TO_JUDGE = 3
 """Frames after which the method's own clock is judged by the shortest frame; one alone may have been disturbed."""
 
@@ -38,42 +36,33 @@ _BUSY_S, _BUSY_SHARE = 0.03, 0.05
 clock would count fewer threads on a busy machine."""
 
 
-def checked_images(found: Any, height: int, width: int, triangles: int) -> Images:
-    """Depth and prim_id of what `trace` returned: a pair, or an object with these two attributes.
-
-    Raises InputError for other shapes and types, NaN, ids that the mesh does not have, and pixels where one array says
-    hit and the other one miss.
-    """
-    if hasattr(found, "depth") and hasattr(found, "prim_id"):
-        found = found.depth, found.prim_id
-    if not isinstance(found, tuple | list) or len(found) != 2:
-        raise InputError(f"trace returned a {type(found).__name__}, expected depth and prim_id")
-    depth, prim_id = (np.asarray(one) for one in found)
-    for name, one, kind, types in (("depth", depth, "f", "floats"), ("prim_id", prim_id, "iu", "integers")):
-        if one.shape != (height, width) or one.dtype.kind not in kind:
-            raise InputError(
-                f"trace returned {name} of shape {one.shape} and type {one.dtype}, expected ({height}, {width}) {types}"
-            )
+def check_images(depth: NDArray[np.float32], prim_id: NDArray[np.uint32], triangles: int) -> None:
+    """Raise InputError for NaN, which are pixels that were not drawn, too, for ids that the mesh does not have, and for
+    pixels where one array says hit and the other one miss."""
     if np.isnan(depth).any():
         y, x = np.argwhere(np.isnan(depth))[0]
-        raise InputError(f"trace returned a depth of NaN at pixel ({x}, {y}), expected inf for a miss")
-    ids = prim_id.astype(np.uint32, copy=False)  # -1 becomes MISS
-    unknown = (ids >= triangles) & (ids != MISS)
+        raise InputError(f"draw left a depth of NaN at pixel ({x}, {y}), expected inf for a miss")
+    unknown = (prim_id >= triangles) & (prim_id != MISS)
     if unknown.any():
-        raise InputError(f"trace returned prim_id {ids[unknown][0]}, expected one below {triangles} or {MISS:#x}")
-    torn = (ids == MISS) != np.isinf(depth)
+        raise InputError(f"draw wrote prim_id {prim_id[unknown][0]}, expected one below {triangles} or {MISS:#x}")
+    torn = (prim_id == MISS) != np.isinf(depth)
     if torn.any():
         y, x = np.argwhere(torn)[0]
         raise InputError(
-            f"trace returned depth {depth[y, x]} and prim_id {ids[y, x]} at pixel ({x}, {y}), "
+            f"draw wrote depth {depth[y, x]} and prim_id {prim_id[y, x]} at pixel ({x}, {y}), "
             f"expected inf and {MISS:#x} for a miss"
         )
-    return np.ascontiguousarray(depth, np.float32), np.ascontiguousarray(ids)
 
 
 def mesh_digest(mesh: Mesh) -> tuple[int, int]:
     """Check sums of vertices and faces."""
     return crc32(mesh.vertices.data), crc32(mesh.faces.data)
+
+
+def check_mesh(mesh: Mesh, digest: tuple[int, int]) -> None:
+    """Raise InputError where the mesh has other check sums."""
+    if mesh_digest(mesh) != digest:
+        raise InputError("the method changed the mesh, which other methods trace, too")
 
 
 class ClockGuard:

@@ -17,13 +17,14 @@ from typing import Any, get_args, get_type_hints
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
+from atra.tracing.tracer import Tracer
 from experiments.harness.column import default_of
 from experiments.harness.entry_points import digest_of_files, offers
-from experiments.harness.method import AnyTracer, Method, Style, Tracing
+from experiments.harness.method import Method, Style, Tracing
 from experiments.harness.options import NoOptions
 from experiments.harness.point import Point
 from experiments.methods.outside.beside import use_helpers, uses
-from experiments.methods.outside.tracer import OutsideTracer
+from experiments.methods.outside.guarded import Guarded, PreparedGuarded
 
 GROUP = "atra.methods"
 """Group of entry points: `mine = "my_package.tracing:MyTracer"`."""
@@ -58,8 +59,8 @@ def outside_methods(taken: Collection[str], files: Collection[str]) -> Iterator[
 
 
 def load_file(path: str | Path, number: int, taken: Collection[str], in_use: Collection[str] = ()) -> Method:
-    """The method that a file defines: its one class with `build`, `trace` and `close`, or the one that it calls
-    `METHOD`. The method is called as the file is. Modules beside the file that it imports are part of its version.
+    """The method that a file defines: its one class with `prepare`, or the one that it calls `METHOD`. The method is
+    called as the file is. Modules beside the file that it imports are part of its version.
     number: of methods from outside before it, for its colour. in_use: the method files of this run.
 
     Raises InputError for a file that cannot be read or imported, and as `use_helpers` and `method_of`.
@@ -96,47 +97,45 @@ def _method_class(module: ModuleType, path: Path) -> Any:
     if hasattr(module, "METHOD"):
         return module.METHOD
     own = [one for one in vars(module).values() if isinstance(one, type) and one.__module__ == module.__name__]
-    found = [one for one in own if not _missing_calls(one)]
+    found = [one for one in own if _is_method(one)]
     if len(found) != 1:
         names = ", ".join(one.__name__ for one in found) or "none"
         raise InputError(
-            f"method_file {path} has these classes with build, trace and close: {names}; "
-            "expected one, or METHOD = its name"
+            f"method_file {path} has these classes with a function prepare: {names}; expected one, or METHOD = its name"
         )
     return found[0]
 
 
-def _missing_calls(kind: Any) -> list[str]:
-    return [name for name in ("build", "trace", "close") if not callable(getattr(kind, name, None))]
+def _is_method(kind: Any) -> bool:
+    return isinstance(kind, type) and callable(getattr(kind, "prepare", None))
 
 
 def method_of(name: str, kind: Any, version: str, number: int, taken: Collection[str]) -> Method:
-    """A class with the protocol `ForeignMethod` as a method. Raises InputError for what is no such class, for a name
-    that is taken, and for options that no command line could set."""
+    """A class with the protocol `atra.Method` as a method; its fields are its options, where it is a dataclass, and
+    `label` is its name in figures. Raises InputError for what is no such class, for a name that is taken, and for
+    options that no command line could set."""
     if not _NAME.fullmatch(name) or name in taken:
         raise InputError(f"a method from outside is called {name!r}, expected a name of letters that atra does not use")
-    if not isinstance(kind, type) or _missing_calls(kind):
-        raise InputError(f"method {name} is {kind!r:.100}, expected a class with build, trace and close")
-    options = getattr(kind, "Options", NoOptions)
+    if not _is_method(kind):
+        raise InputError(f"method {name} is {kind!r:.100}, expected a class with a function prepare")
+    options: Any = kind if is_dataclass(kind) else NoOptions
     _check_options(name, options)
-    label = str(getattr(kind, "label", name))
 
-    def make(mesh: Mesh, view: View, options: Any, tracing: Tracing) -> AnyTracer:
-        return OutsideTracer(kind, mesh, view, options, tracing)
+    def make(mesh: Mesh, view: View, options: Any, tracing: Tracing) -> Tracer:
+        own = options if isinstance(options, kind) else kind()
+        return Tracer(mesh, view, Guarded(own), threads=tracing.threads, ties="any")
 
     def variant(row: Any) -> str:
         known = {one.name: row[one.name] for one in fields(options) if row.get(one.name, one.default) != one.default}
         return ", ".join(f"{name} {value}" for name, value in known.items())
 
     return Method(
-        name, label, _style(number), options, make, OutsideTracer.__module__, variant=variant,
-        version=partial(str, version), is_ours=False,
+        name, str(getattr(kind, "label", name)), _style(number), options, make, PreparedGuarded.__module__,
+        variant=variant, version=partial(str, version), is_ours=False,
     )  # fmt: skip
 
 
 def _check_options(name: str, options: Any) -> None:
-    if not isinstance(options, type) or not is_dataclass(options):
-        raise InputError(f"Options of method {name} is {options!r:.100}, expected a dataclass")
     hints = get_type_hints(options)
     for one in fields(options):
         kinds = set(get_args(hints[one.name])) - {NoneType} if _is_union(hints[one.name]) else {hints[one.name]}
@@ -151,11 +150,11 @@ def _is_union(hint: Any) -> bool:
 
 
 def _unusable(name: str, problem: str, version: str, number: int) -> Method:
-    def make(mesh: Mesh, view: View, options: Any, tracing: Tracing) -> AnyTracer:
+    def make(mesh: Mesh, view: View, options: Any, tracing: Tracing) -> Tracer:
         raise InputError(problem)
 
     return Method(
-        name, name, _style(number), NoOptions, make, OutsideTracer.__module__, problem=partial(str, problem),
+        name, name, _style(number), NoOptions, make, PreparedGuarded.__module__, problem=partial(str, problem),
         version=partial(str, version), is_ours=False,
     )  # fmt: skip
 

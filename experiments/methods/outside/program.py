@@ -34,15 +34,18 @@ import numpy as np
 import psutil
 from numpy.typing import NDArray
 
+from atra.compiled.threads import WorkerPool
 from atra.errors import ClockError, InputError, printable
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.tracing.options import option
+from atra.tracing.method import Method as TracingMethod
+from atra.tracing.method import Prepared
+from atra.tracing.tracer import Tracer
 from experiments.drawing.style import GREY
 from experiments.harness.entry_points import digest_of_files
 from experiments.harness.method import Method, Style, Tracing
-from experiments.methods.outside.guards import Images
-from experiments.methods.outside.tracer import OutsideTracer
+from experiments.harness.options import option
+from experiments.methods.outside.guarded import Guarded, PreparedGuarded
 from experiments.methods.peers.pixel_rays import world_directions
 
 VERSION = 1
@@ -124,24 +127,34 @@ class Conversation:
         self._process.stdout.close()
 
 
-class ProgramMethod:
-    """A program as a foreign method. time_s, build_time_s: by its own clock."""
+@dataclass(frozen=True)
+class Program(TracingMethod):
+    """An external program as a method. command: as in a shell."""
 
-    Options: ClassVar[type] = ProgramOptions
+    command: str
 
-    def __init__(self, mesh: Mesh, camera: View, options: ProgramOptions, threads: int) -> None:
+    def prepare(self, mesh: Mesh, camera: View, pool: WorkerPool) -> PreparedProgram:
+        """Start it and hand over the mesh."""
+        return PreparedProgram(self.command, mesh, camera, pool.threads)
+
+
+class PreparedProgram(Prepared):
+    """A program that has the mesh and the rays of the last offset. time_s, build_time_s: by its own clock."""
+
+    def __init__(self, command: str, mesh: Mesh, camera: View, threads: int) -> None:
         self._camera, self._count = camera, camera.height * camera.width
-        self._mesh = mesh
         self._folder = tempfile.TemporaryDirectory(prefix="atra-rays-", ignore_cleanup_errors=True)
         self._conversation: Conversation | None = None
-        self._offset: tuple[float, float] | None = None
         self.time_s: float | None = None
-        self.build_time_s = 0.0
-        self._path("mesh").write_bytes(mesh.vertices.astype("<f4").tobytes() + mesh.faces.astype("<u4").tobytes())
         try:
-            self._conversation = Conversation(shlex.split(options.command))
-            self.version = self._conversation.ask("atra-rays", VERSION)
-            self._conversation.ask("threads", threads)
+            path = self._path("mesh")
+            path.write_bytes(mesh.vertices.astype("<f4").tobytes() + mesh.faces.astype("<u4").tobytes())
+            self._conversation = Conversation(shlex.split(command))
+            self._ask("atra-rays", VERSION)
+            self._ask("threads", threads)
+            counts = len(mesh.vertices), mesh.triangle_count
+            self.build_time_s = self._conversation.ask_seconds("mesh", *counts, path)
+            self._send_rays(_PIXEL_CENTRE)
         except BaseException:
             self.close()
             raise
@@ -152,29 +165,25 @@ class ProgramMethod:
         assert self._conversation is not None
         return self._conversation.process
 
+    def _ask(self, *words: object) -> str:
+        assert self._conversation is not None
+        return self._conversation.ask(*words)
+
     def _path(self, name: str) -> Path:
         return Path(self._folder.name, name)
 
-    def build(self) -> None:
-        """Hand over the mesh, and the rays of the pixels' centres."""
-        assert self._conversation is not None
-        counts = len(self._mesh.vertices), self._mesh.triangle_count
-        self.build_time_s = self._conversation.ask_seconds("mesh", *counts, self._path("mesh"))
-        self._send_rays(_PIXEL_CENTRE)
-
     def _send_rays(self, offset: tuple[float, float]) -> None:
-        assert self._conversation is not None
         self._path("rays").write_bytes(camera_rays(self._camera, offset).tobytes())
-        self._conversation.ask("rays", self._count, self._path("rays"))
-        self._offset = offset
+        self._ask("rays", self._count, self._path("rays"))
+        self._offset = tuple(offset)
 
-    def trace(self, offset: tuple[float, float] = _PIXEL_CENTRE) -> Images:
-        """Depth and prim_id of an image. Raises InputError for a file of another length."""
+    def draw(self, offset: tuple[float, float], depth: NDArray[np.float32], prim_id: NDArray[np.uint32]) -> None:
+        """See `Prepared.draw`. Raises InputError for a file of another length."""
         assert self._conversation is not None
         if tuple(offset) != self._offset:
-            self._send_rays((offset[0], offset[1]))
+            self._send_rays(offset)
         self.time_s = self._conversation.ask_seconds("trace", self._path("hits"))
-        return read_hits(self._path("hits"), self._count, (self._camera.height, self._camera.width))
+        depth[:], prim_id[:] = read_hits(self._path("hits"), self._count, depth.shape)
 
     def close(self) -> None:
         """End the program and remove the files."""
@@ -191,7 +200,7 @@ def camera_rays(camera: View, offset: tuple[float, float] = _PIXEL_CENTRE) -> ND
     return rays
 
 
-def read_hits(path: Path, count: int, shape: tuple[int, ...]) -> Images:
+def read_hits(path: Path, count: int, shape: tuple[int, ...]) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
     """t and faces of a file of hits, in this shape. Raises InputError for a file of another length."""
     found = np.fromfile(path, "<u4") if path.is_file() else np.empty(0, "<u4")
     if len(found) != 2 * count:
@@ -199,24 +208,32 @@ def read_hits(path: Path, count: int, shape: tuple[int, ...]) -> Images:
     return found[:count].view("<f4").reshape(shape), found[count:].reshape(shape)
 
 
-class ProgramTracer(OutsideTracer):
-    """`OutsideTracer` of a program: what starts it and writes files is no part of its build."""
+class PreparedProgramGuarded(PreparedGuarded):
+    """What starts a program and writes files is no part of its build, which its own clock tells."""
 
-    def __init__(self, mesh: Mesh, camera: View, options: ProgramOptions, tracing: Tracing) -> None:
-        files = _files(options.command)
-        if not files:
-            raise InputError(f"method.command is {options.command!r}, expected a program that is there")
-        if digest_of_files(files) != options.program_sha256:
-            raise InputError(f"program {options.command} changed since this run began; start it again")
-        super().__init__(ProgramMethod, mesh, camera, options, tracing)
-
-    def _build(self) -> tuple[float, float]:
-        super()._build()
-        return 0.0, float(self._own.build_time_s)
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        self.build_time_s = self.own.build_time_s
 
     def _processes(self) -> list[psutil.Process]:
-        program = self._own.process
+        program = self.own.process
         return [program, *program.children(recursive=True)]
+
+
+@dataclass(frozen=True)
+class GuardedProgram(Guarded):
+    """An external program, held to what it promises."""
+
+    prepared: ClassVar[type[PreparedGuarded]] = PreparedProgramGuarded
+
+
+def _make(mesh: Mesh, view: View, options: ProgramOptions, tracing: Tracing) -> Tracer:
+    files = _files(options.command)
+    if not files:
+        raise InputError(f"method.command is {options.command!r}, expected a program that is there")
+    if digest_of_files(files) != options.program_sha256:
+        raise InputError(f"program {options.command} changed since this run began; start it again")
+    return Tracer(mesh, view, GuardedProgram(Program(options.command)), threads=tracing.threads, ties="any")
 
 
 def _files(command: str) -> list[Path]:
@@ -248,5 +265,5 @@ def _variant(row: Mapping[str, Any]) -> str:
 
 
 PROGRAM = Method(
-    "program", "program", Style(GREY, "h"), ProgramOptions, ProgramTracer, __name__, _resolve, _variant, is_ours=False
+    "program", "program", Style(GREY, "h"), ProgramOptions, _make, __name__, _resolve, _variant, is_ours=False
 )

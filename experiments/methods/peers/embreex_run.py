@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from atra.embree.library import wheel_problem
-from experiments.methods.peers.peer import Answer, BlockwiseTracer, RayArrays, peer_method
+from experiments.methods.peers.peer import Answer, PreparedBlocks, RayArrays, peer_method
 
 
-class EmbreexTracer(BlockwiseTracer):
+class PreparedEmbreex(PreparedBlocks):
     """`EmbreeScene.run(origins, directions, output=True)`: a loop over `rtcIntersect1`, robust as is its default.
 
-    Inside `trace`: that call, which also stores u, v and the normal of each hit and allocates its arrays; it is the
+    Timed: that call, which also stores u, v and the normal of each hit and allocates its arrays; it is the
     one way to get depth and triangle of a ray from one traversal. What it returns needs no conversion. The BVH is
     built by every core.
     """
@@ -46,4 +46,4 @@ def _check() -> str | None:
     return None
 
 
-EMBREEX = peer_method("embreex", "embreex", _check, EmbreexTracer, wheel_problem)
+EMBREEX = peer_method("embreex", "embreex", _check, PreparedEmbreex, wheel_problem)

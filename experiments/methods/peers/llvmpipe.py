@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.geometry.view import View
 from atra.prim_ids import MISS
-from experiments.methods.peers.peer import PeerTracer, peer_method
+from experiments.methods.peers.peer import PreparedPeer, peer_method
 
 _EGL = "libEGL.so.1"
 _DEBIAN = "Debian's libegl1 libgl1-mesa-dri libgles2"
@@ -62,10 +63,10 @@ class _Drawing:
         self.context.release()
 
 
-class LlvmpipeTracer(PeerTracer):
+class PreparedLlvmpipe(PreparedPeer):
     """Triangles drawn by llvmpipe: `gl_PrimitiveID` to R32UI, depth along the view axis as a varying to R32F.
 
-    Inside `trace`: clearing, drawing with a depth buffer of 32-bit floats, nearer ones larger, and reading both images
+    Timed: clearing, drawing with a depth buffer of 32-bit floats, nearer ones larger, and reading both images
     back. The corners are rounded to float32 relative to the eye, and to 1/256 pixel by the rasteriser, so outlines are
     not exact, nor are depths, which it interpolates in float32; what is nearer to the eye than a millionth of the
     mesh's distance is cut away. No BVH is built; the build hands over the triangles and compiles the shaders.
@@ -75,7 +76,7 @@ class LlvmpipeTracer(PeerTracer):
     package = "moderngl"
     interface = "OpenGL 4.5 by moderngl: draw, read back"
     setting = "corners rounded to 1/256 pixel"
-    packet_width = 0
+    rays_per_packet = 0
 
     def _rays_through(self, offset: tuple[float, float]) -> NDArray[np.float64]:
         """(5, 4): clip coordinates of points relative to the eye, then their depth."""
@@ -91,8 +92,6 @@ class LlvmpipeTracer(PeerTracer):
         return np.stack([x, y, nearer, w, depth])
 
     def _build_scene(self) -> _Drawing:
-        if self._scene is not None:
-            self._scene.release()
         context = opengl_context(self.threads)
         context.enable(context.DEPTH_TEST)
         context.depth_func = ">"
@@ -110,6 +109,10 @@ class LlvmpipeTracer(PeerTracer):
             program, [(context.buffer(relative), "3f", "position")], context.buffer(self.mesh.faces)
         )
         return _Drawing(context, framebuffer, prim_ids, triangles, MISS.tobytes() * (size[0] * size[1]))
+
+    def still_serves(self, camera: View) -> bool:
+        """Never: corners are relative to the eye, and images have the camera's size."""
+        return False
 
     def _warm_up(self) -> None:
         """Draw once, as Mesa compiles some of the shaders only then."""
@@ -129,10 +132,9 @@ class LlvmpipeTracer(PeerTracer):
         framebuffer.read_into(depth, components=1, attachment=1, dtype="f4")
         return depth, prim_id
 
-    def _release(self) -> None:
-        if self._scene is not None:
-            self._scene.release()
-        super()._release()
+    def close(self) -> None:
+        """Let go of OpenGL's context."""
+        self._scene.release()
 
 
 def opengl_context(threads: int) -> Any:
@@ -163,4 +165,4 @@ def _check() -> str | None:
     return None
 
 
-LLVMPIPE = peer_method("llvmpipe", "llvmpipe", _check, LlvmpipeTracer)
+LLVMPIPE = peer_method("llvmpipe", "llvmpipe", _check, PreparedLlvmpipe)

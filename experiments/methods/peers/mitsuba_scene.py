@@ -12,7 +12,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.prim_ids import MISS
 from experiments.methods.peers.availability import reinstall
-from experiments.methods.peers.peer import RayPeerTracer, peer_method
+from experiments.methods.peers.peer import PreparedRays, peer_method
 
 MITSUBA_VARIANT = "llvm_ad_mono"
 """Vectorised on the CPU, with one colour channel, since ray queries need no colour."""
@@ -26,10 +26,10 @@ INSTALL_LLVM = (
 )
 
 
-class MitsubaTracer(RayPeerTracer):
+class PreparedMitsuba(PreparedRays):
     """`Scene.ray_intersect_preliminary(rays, coherent=True)` in the variant `llvm_ad_mono`.
 
-    Inside `trace`: recording the query, Dr.Jit's look-up of the compiled kernel, its run until all threads are done,
+    Timed: recording the query, Dr.Jit's look-up of the compiled kernel, its run until all threads are done,
     and numpy views of the two result arrays. The mark of a miss is set in the kernel. The kernel itself is compiled
     at the end of `build`, off the clock. Packets are as wide as Dr.Jit's vectors, which follow the machine. Dr.Jit
     has one pool of threads per process; every build and frame sets its size if another tracer changed it.
@@ -38,13 +38,13 @@ class MitsubaTracer(RayPeerTracer):
     package = "mitsuba"
     interface = "Scene.ray_intersect_preliminary(coherent=True), llvm_ad_mono"
     setting = "fast, its default"
-    packet_width = 0
+    rays_per_packet = 0
 
-    def __init__(self, mesh: Mesh, camera: View, threads: int | None = None) -> None:
-        super().__init__(mesh, camera, threads)
+    def __init__(self, mesh: Mesh, camera: View, threads: int) -> None:
         self._mitsuba = import_module("mitsuba")
         self._mitsuba.set_variant(MITSUBA_VARIANT)
         self._drjit = import_module("drjit")
+        super().__init__(mesh, camera, threads)
 
     def make_rays(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Any:
         """Vectors of Dr.Jit, in memory."""
@@ -99,4 +99,4 @@ def _check() -> str | None:
     return None
 
 
-MITSUBA3 = peer_method("mitsuba3", "Mitsuba 3", _check, MitsubaTracer)
+MITSUBA3 = peer_method("mitsuba3", "Mitsuba 3", _check, PreparedMitsuba)

@@ -13,16 +13,16 @@ from numpy.typing import NDArray
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from experiments.methods.peers.availability import reinstall
-from experiments.methods.peers.peer import RayPeerTracer, peer_method
+from experiments.methods.peers.peer import PreparedRays, peer_method
 from experiments.methods.peers.questions import Answering, Asked
 
 _FIRST_PYTHON_WITHOUT_WHEEL = (3, 15)  # of Open3D 0.20
 
 
-class Open3DTracer(RayPeerTracer):
+class PreparedOpen3D(PreparedRays):
     """`RaycastingScene.cast_rays(rays, nthreads=threads)`: single rays, shared out among TBB's threads.
 
-    Inside `trace`: that call, which also stores geometry, u, v and the normal of each hit, and numpy views of depth
+    Timed: that call, which also stores geometry, u, v and the normal of each hit, and numpy views of depth
     and triangle. What it returns needs no conversion: its miss has depth inf and the id 0xFFFFFFFF.
     """
 
@@ -30,9 +30,9 @@ class Open3DTracer(RayPeerTracer):
     interface = "RaycastingScene.cast_rays, single rays"
     setting = "robust, no other"
 
-    def __init__(self, mesh: Mesh, camera: View, threads: int | None = None) -> None:
-        super().__init__(mesh, camera, threads)
+    def __init__(self, mesh: Mesh, camera: View, threads: int) -> None:
         self._open3d = import_module("open3d")
+        super().__init__(mesh, camera, threads)
 
     def make_rays(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Any:
         """A tensor of six numbers a ray."""
@@ -87,4 +87,4 @@ def _no_wheel() -> str | None:
     return f"it has no wheel for Python {here}, use Python {newest} or older"
 
 
-OPEN3D = peer_method("open3d", "Open3D", _check, Open3DTracer, _no_wheel)
+OPEN3D = peer_method("open3d", "Open3D", _check, PreparedOpen3D, _no_wheel)

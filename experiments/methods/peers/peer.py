@@ -1,4 +1,4 @@
-"""Other people's tracers behind the `Tracer` protocol: their lifetime, their timing and their rays.
+"""Other people's tracers as methods: their timing and their rays.
 
 Ray tracers run on an Embree of their own: `embreex` and `trimesh` on the one `atra` loads, too, Mitsuba 3 and Open3D on
 copies in their wheels. They get the rays of `PixelTracer` ready made, in blocks of pixels, as neighbours meet the same
@@ -18,19 +18,19 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.all_hits.reductions import Count, Gathered, Reduction, Thickness
-from atra.all_hits.results import Counts, Thicknesses
-from atra.compiled.threads import resolve_threads
+from atra.all_hits.reductions import Count, Reduction, Thickness
+from atra.compiled.threads import WorkerPool
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
-from atra.geometry.view import View, check_offset
-from atra.hits import Hits
+from atra.geometry.view import View
+from atra.tracing.method import Method as TracingMethod
+from atra.tracing.method import Prepared
+from atra.tracing.tracer import Tracer
 from experiments.drawing.style import PURPLE
 from experiments.harness.column import TEXT, Column
 from experiments.harness.environment import package_version
 from experiments.harness.method import Method, Style, Tracing, always_available
 from experiments.harness.options import NoOptions
-from experiments.methods.one_view import OneViewTracer
 from experiments.methods.peers.availability import package_problem
 from experiments.methods.peers.pixel_rays import block_order, world_directions
 from experiments.methods.peers.questions import Answering
@@ -44,45 +44,51 @@ PEER_COLUMNS = (
 )
 
 
-class PeerTracer(OneViewTracer):
-    """A foreign tracer that offers what `atra.Tracer` asks for.
+class PreparedPeer(Prepared):
+    """A foreign tracer's scene of a mesh, and the rays of a camera.
 
-    `build` makes the rays through the pixel centres, hands over the triangles and has the BVH built, also where the
-    peer would put that off until the first query.
-    trace: the peer's own query of all rays at once and the conversion of its answer to `Hits`, nothing else. Rays of
-    the last offset are kept; another offset makes them anew, inside the call. Measure a standing camera with one.
+    Making it makes the rays through the pixel centres, hands over the triangles and has the BVH built, also where the
+    peer would put that off until the first query. Rays of the last offset are kept; another offset makes them anew,
+    inside `draw`. Measure a standing camera with one.
 
-    packet_width: rays per query of Embree, 0 where the peer decides and does not tell. embree_bytes: 0, no peer tells.
-    threads: None takes every core; how many build the BVH is up to the peer.
-    frame_time_s: of the last frame, the peer's own query and conversion alone.
-    package, interface, setting: what is imported, what is called, and how exact it is, in words.
+    rays_per_packet: of Embree, 0 where the peer decides and does not tell. frame_time_s: of the last frame, the peer's
+    own query of all rays at once and the conversion of its answer, nothing else. threads: how many build the BVH is up
+    to the peer. package, interface, setting: what is imported, what is called, and how exact it is, in words.
     """
 
-    packet_width = 1
+    rays_per_packet: ClassVar[int] = 1
     package: ClassVar[str]
     interface: ClassVar[str]
     setting: ClassVar[str]
 
-    def __init__(self, mesh: Mesh, camera: View, threads: int | None = None) -> None:
-        super().__init__()
-        self.threads = resolve_threads(threads)
-        self._rays: Any = None
-        self._scene: Any = None
+    def __init__(self, mesh: Mesh, camera: View, threads: int) -> None:
+        self.mesh, self.camera, self.threads = mesh, camera, threads
         self.frame_time_s: float | None = None
-        self._show(mesh, camera)
+        start = perf_counter()
+        self._plan()
+        self.plan_time_s = perf_counter() - start
+        start = perf_counter()
+        self._scene: Any = self._build_scene()
+        self.build_time_s = perf_counter() - start
+        self._warm_up()
 
-    def _show(self, mesh: Mesh, camera: View) -> None:
-        super()._show(mesh, camera)
-        self._rays_offset: tuple[float, float] | None = None
-
-    def _still_serves(self, before: View) -> bool:
-        return True
+    @property
+    def triangle_count(self) -> int:
+        """Triangles of the mesh."""
+        return self.mesh.triangle_count
 
     @property
     def counters(self) -> Mapping[str, Any]:
-        """Triangles traced, and what is measured, in words."""
+        """What is measured, in words."""
         told = package_version(self.package) or "unknown", self.interface, self.setting
-        return {**super().counters, **dict(zip((one.name for one in PEER_COLUMNS), told, strict=True))}
+        return dict(zip((one.name for one in PEER_COLUMNS), told, strict=True))
+
+    def still_serves(self, camera: View) -> bool:
+        """Take any camera of the same size: the world is the peer's."""
+        if (camera.width, camera.height) != (self.camera.width, self.camera.height):
+            return False
+        self.camera, self._offset = camera, None
+        return True
 
     def _in_rows(self, values: NDArray[Any]) -> NDArray[Any]:
         """Answers, one for each pixel, as an image."""
@@ -107,50 +113,36 @@ class PeerTracer(OneViewTracer):
     def _warm_up(self) -> None:
         """Have compiled what the first frame calls, off the clock."""
 
-    def _build(self) -> tuple[float, float]:
-        start = perf_counter()
-        self._plan()
-        plan_time_s = perf_counter() - start
-        self._scene = None  # release the old one first; both together may not fit
-        start = perf_counter()
-        self._scene = self._build_scene()
-        build_time_s = perf_counter() - start
-        self._warm_up()
-        return plan_time_s, build_time_s
-
-    def _trace(self, offset: tuple[float, float], out: Hits | None) -> Hits:
-        """See the class for what is inside the call. out: left alone; peers answer with arrays of their own, which the
-        result holds without a copy."""
-        if self._rays_offset != tuple(offset):
-            self._prepare_rays(offset)
+    def draw(self, offset: tuple[float, float], depth: NDArray[np.float32], prim_id: NDArray[np.uint32]) -> None:
+        """See `Prepared.draw`, and the class for what is timed."""
+        self._prepare_rays(offset)
         start = perf_counter()
         answers = self._cast(self._scene, self._rays)
         self.frame_time_s = perf_counter() - start
-        depth, prim_id = map(self._in_rows, answers)
-        return Hits(depth, prim_id, offset, self.mesh, self.camera, self.threads)
+        depth[:], prim_id[:] = map(self._in_rows, answers)
+
+    @property
+    def gathering_stride(self) -> int:
+        """The image's width, pixels."""
+        return self.camera.width
 
     def gather(
-        self, what: Reduction[Gathered], offset: tuple[float, float] = _PIXEL_CENTRE, out: Gathered | None = None
-    ) -> Counts | Thicknesses:
+        self,
+        what: Reduction[Any],
+        offset: tuple[float, float],
+        images: dict[str, NDArray],
+        weights: Any,
+        is_known: bool,
+    ) -> None:
         """How many hits the peer finds along each ray, some of them perhaps twice and others not at all, or how long
-        they say that the way inside is.
-
-        out: as in `trace`. Raises InputError for anything but `atra.Count()` and `atra.Thickness()`, for a mesh that is
-        not closed, and where the peer cannot do it.
-        """
+        they say that the way inside is. Raises InputError for anything else, and where the peer cannot do it."""
         if not isinstance(what, Count | Thickness):
-            raise InputError(
-                f"{type(self).__name__} cannot gather {what!r:.100}, expected atra.Count() or atra.Thickness()"
-            )
-        what.weights(self.mesh)
-        check_offset(offset)
-        with self._in_use():
-            if self._rays_offset != tuple(offset):
-                self._prepare_rays(offset)
-            find: Any = self._count if isinstance(what, Count) else self._thickness
-            found = find(self._scene, self._rays)
-            found = found.astype(next(iter(what.planes().values())).kind, copy=False)
-            return what.result(self._in_rows(found), offset, self.mesh, self.camera)
+            name = type(self).__name__
+            raise InputError(f"{name} cannot gather {what!r:.100}, expected atra.Count() or atra.Thickness()")
+        self._prepare_rays(offset)
+        find: Any = self._count if isinstance(what, Count) else self._thickness
+        (image,) = images.values()
+        image[: self.camera.height] = self._in_rows(find(self._scene, self._rays))
 
     def _count(self, scene: Any, rays: Any) -> NDArray[np.integer]:
         """Hits of each of the H W rays in their order."""
@@ -160,15 +152,15 @@ class PeerTracer(OneViewTracer):
         """The length inside of each of the H W rays in the order of the rows."""
         raise InputError(f"{type(self).__name__} does not tell depths of all hits; use method=trimesh")
 
+    _offset: tuple[float, float] | None = None
+
     def _prepare_rays(self, offset: tuple[float, float]) -> None:
-        self._rays = self._rays_through(offset)
-        self._rays_offset = (float(offset[0]), float(offset[1]))
-
-    def _release(self) -> None:
-        self._scene = self._rays = self._rays_offset = None
+        if self._offset != tuple(offset):
+            self._rays: Any = self._rays_through(offset)
+            self._offset = (float(offset[0]), float(offset[1]))
 
 
-class RayPeerTracer(PeerTracer):
+class PreparedRays(PreparedPeer):
     """A foreign ray tracer, given rays ready made. The world is the peer's, the eye its rays' origin."""
 
     _blocks: tuple[tuple[int, int], NDArray[np.int64]] | None = None
@@ -178,17 +170,13 @@ class RayPeerTracer(PeerTracer):
         """The peer's own form of rays. origins: (N, 3), or (1, 3) of all; directions: (N, 3) of any length."""
 
     def cast(self, rays: Any) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-        """What rays of `make_rays` hit: t in lengths of their directions, inf = miss, and prim_id, (N,) each.
-
-        Raises ClosedError after `close`."""
-        with self._in_use():
-            return self._cast(self._scene, rays)
+        """What rays of `make_rays` hit: t in lengths of their directions, inf = miss, and prim_id, (N,) each."""
+        return self._cast(self._scene, rays)
 
     def answer_to(self, question: str) -> Answering:
         """The peer's own function for a question, from plain arrays to plain arrays. Raises InputError where it has
-        none, ClosedError after `close`."""
-        with self._in_use():
-            found = self._answers(self._scene).get(question)
+        none."""
+        found = self._answers(self._scene).get(question)
         if found is None:
             raise InputError(f"{type(self).__name__} has no answer to workload.question={question}")
         return found
@@ -216,23 +204,42 @@ class RayPeerTracer(PeerTracer):
         return super()._in_rows(image)
 
 
+@dataclass(frozen=True)
+class Peer(TracingMethod):
+    """A foreign tracer as a method. kind: what prepares a mesh for it."""
+
+    kind: type[PreparedPeer]
+
+    @property
+    def rays_per_packet(self) -> int:
+        """Rays per query of Embree, 0 where nobody tells."""
+        return self.kind.rays_per_packet
+
+    def check_gathering(self, camera: View) -> None:
+        """Nothing: what is asked for decides."""
+
+    def prepare(self, mesh: Mesh, camera: View, pool: WorkerPool) -> PreparedPeer:
+        """Hand over the mesh."""
+        return self.kind(mesh, camera, pool.threads)
+
+
 def peer_method(
     name: str,
     label: str,
     check: Callable[[], str | None],
-    tracer: type[PeerTracer],
+    kind: type[PreparedPeer],
     no_wheel: Callable[[], str | None] = always_available,
 ) -> Method:
     """The method that measures a peer. check, no_wheel: as of `package_problem`."""
 
     def problem() -> str | None:
-        return package_problem(tracer.package, check, no_wheel)
+        return package_problem(kind.package, check, no_wheel)
 
-    def make(mesh: Mesh, view: View, options: NoOptions, tracing: Tracing) -> PeerTracer:
+    def make(mesh: Mesh, view: View, options: NoOptions, tracing: Tracing) -> Tracer:
         obstacle = problem()
         if obstacle is not None:
             raise InputError(obstacle)
-        return tracer(mesh, view, tracing.threads)
+        return Tracer(mesh, view, Peer(kind), threads=tracing.threads, ties="any")
 
     return Method(
         name,
@@ -240,10 +247,10 @@ def peer_method(
         Style(PURPLE, "P"),
         NoOptions,
         make,
-        tracer.__module__,
+        kind.__module__,
         problem=problem,
         counters=PEER_COLUMNS,
-        version=lambda: package_version(tracer.package),
+        version=lambda: package_version(kind.package),
         is_ours=False,
         is_peer=True,
     )
@@ -262,14 +269,14 @@ class RayArrays:
     directions: NDArray[np.float32]
 
 
-class BlockwiseTracer(RayPeerTracer):
+class PreparedBlocks(PreparedRays):
     """With one thread all rays go into one call. With more, the rays are cut into blocks of neighbours, each
     with a call of its own, and the threads share the blocks: the peer has no threads, but releases Python's lock while
     it traverses."""
 
-    def __init__(self, mesh: Mesh, camera: View, threads: int | None = None) -> None:
+    def __init__(self, mesh: Mesh, camera: View, threads: int) -> None:
+        self._executor = ThreadPoolExecutor(threads, "peer") if threads > 1 else None
         super().__init__(mesh, camera, threads)
-        self._executor = ThreadPoolExecutor(self.threads, "peer") if self.threads > 1 else None
 
     def make_rays(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> RayArrays:
         """One array of each."""
@@ -291,6 +298,6 @@ class BlockwiseTracer(RayPeerTracer):
         return self._executor.map(cast, blocks)
 
     def close(self) -> None:
-        super().close()
+        """End the threads."""
         if self._executor is not None:
             self._executor.shutdown()

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from atra.compiled.store import keep_on_disk
 from atra.embree.library import wheel_problem
-from experiments.methods.peers.peer import Answer, BlockwiseTracer, RayArrays, peer_method
+from experiments.methods.peers.peer import Answer, PreparedBlocks, RayArrays, peer_method
 from experiments.methods.peers.questions import Answering, Asked
 
 
@@ -26,10 +26,10 @@ class _Planes:
     distances: NDArray[np.float64]
 
 
-class TrimeshTracer(BlockwiseTracer):
+class PreparedTrimesh(PreparedBlocks):
     """`mesh.ray.intersects_first(origins, directions)`: copies, scales and normalises the rays and runs embreex.
 
-    Inside `trace`: that call, which returns triangles without depth, and one compiled pass that computes the depth
+    Timed: that call, which returns triangles without depth, and one compiled pass that computes the depth
     from planes prepared by `build`; trimesh's own function that returns locations takes longer. The BVH is built by
     every core. Normalising goes through numpy's BLAS, which uses every core whatever `threads` says, unless
     OPENBLAS_NUM_THREADS was set before numpy was imported.
@@ -149,4 +149,4 @@ def _check() -> str | None:
     return None
 
 
-TRIMESH = peer_method("trimesh", "trimesh", _check, TrimeshTracer)
+TRIMESH = peer_method("trimesh", "trimesh", _check, PreparedTrimesh)

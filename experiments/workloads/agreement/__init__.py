@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from contextlib import ExitStack
+from dataclasses import dataclass
 from enum import IntEnum
 from math import isfinite
 from typing import Any
@@ -16,9 +17,8 @@ from atra.errors import InputError
 from atra.geometry.view import check_offset
 from atra.judge.compare import Verdict, compare
 from atra.prim_ids import MISS
-from atra.tracing.options import option
 from experiments.harness.column import WHOLE, Column
-from experiments.harness.options import Settings, settings, whole
+from experiments.harness.options import Settings, option, whole
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
 from experiments.workloads.agreement.oracle import Correctness, Examination, examine, sample_pixels
@@ -29,7 +29,7 @@ from experiments.workloads.rounds import build_own, make_single, measured
 Offset = tuple[float, float]
 
 
-@settings
+@dataclass(frozen=True)
 class AgreementOptions(Settings):
     """Raises InputError for values no image could use."""
 
@@ -84,7 +84,7 @@ def measure(point: Point) -> Measured:
         listed: dict[str, list[Any]] = {}
         for number, offset in enumerate(options.offsets):
             hits, reference = own.trace(offset), single.trace(offset)
-            agreement = compare(mesh, camera, hits, reference)
+            agreement = compare(hits, reference)
             agreements.append(agreement)
             # Every image of every point draws a sample of its own, so that a scene's samples add up.
             sample = sample_pixels(camera, options.sample_rays, [_seed(point), number])

@@ -180,7 +180,7 @@ def examine(
     for image, pairs in zip((hits, reference), named, strict=True):
         depth_is_wrong = np.zeros(len(pixels), bool)
         if agreement.pixels_wrong:  # the verdict does not tell which image's depth is wrong
-            depth_is_wrong = compare(mesh, camera, image, image).verdict[y, x] == Verdict.WRONG
+            depth_is_wrong = compare(image, image).verdict[y, x] == Verdict.WRONG
         answers.append(_judge_answer(pairs, image.depth[y, x], truth, depth_is_wrong))
     return Examination(x, y, verdict[pixels], sampled[pixels], truth, answers[0], answers[1])
 

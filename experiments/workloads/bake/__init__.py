@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
 import numpy as np
 
+from atra.compiled.instruction_sets import LANES
 from atra.errors import InputError
-from atra.light import BakeOptions
+from atra.light.lightmaps.options import BakeOptions
 from atra.light.oidn import check_denoiser
-from atra.tracing.options import option
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.options import settings, taken, whole
+from experiments.harness.options import option, whole
 from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
 from experiments.results.statistics import Series, statistics_columns
@@ -42,7 +43,7 @@ AGAINST = (
 the sky; code for translucent faces; uniform choice of lights; as many paths by Mitsuba 3."""
 
 
-@settings
+@dataclass(frozen=True)
 class BakeSettings(UnderSky):
     """Raises InputError for values that no bake could use."""
 
@@ -52,8 +53,10 @@ class BakeSettings(UnderSky):
     )
     samples: int = whole(16, "of a texel, in a round", 1, 1 << 20)
     final_samples: int = whole(512, "samples of a finished map, which nobody waits for", 1, 1 << 20)
-    bounces = taken(BakeOptions)
-    roulette_from = taken(BakeOptions)
+    bounces: int = option(4, "most reflections of light before it reaches a texel; 0 = direct light alone")
+    roulette_from: int | None = option(
+        2, "bounces after which Russian roulette by albedo ends paths; null = never", null="never"
+    )
     materials: str = option(
         "plain",
         "surfaces and lights: plain = of measurements: grey, a sun and a sky, but for the built-in box; own = as "
@@ -62,15 +65,32 @@ class BakeSettings(UnderSky):
     )
     albedo: float | None = option(None, "of all faces; null: the scene's own", null="own")
     panorama: bool = option(False, "whether the sky is a panorama with a sun in it, and the only light")
-    environment = taken(BakeOptions)
+    environment: str = option(
+        "mis",
+        "what finds a panorama's light: light = rays aimed at bright parts, bsdf = scattered rays, mis = both, by the "
+        "balance heuristic; for other skies always scattered rays",
+        choices=("mis", "light", "bsdf"),
+    )
     lamps: int = whole(0, "point lights all over the scene, in place of its own; 0: its own", 0, 1 << 16)
-    compaction = taken(BakeOptions)
+    compaction: str = option(
+        "bounces",
+        "which lanes are packed together: none = all texels of the map, texels = lit texels, bounces = also the "
+        "paths that continue after every bounce",
+        choices=("none", "texels", "bounces"),
+    )
     priority: bool = option(False, "whether texels that the view shows come first")
-    lights = taken(BakeOptions)
-    adaptive = taken(BakeOptions)
-    packets = taken(BakeOptions, "packet_width", null="widest")
-    batch_rays = taken(BakeOptions)
-    expansion = taken(BakeOptions)
+    lights: str = option(
+        "uniform",
+        "which light a ray after a bounce is aimed at: uniform = all are as likely, grid = by what lights may give "
+        "in a cell of a grid, with less noise for many lights",
+        choices=("uniform", "grid"),
+    )
+    adaptive: bool = option(False, "skip texels whose mean is within 1 % with a confidence of 99 %")
+    packets: int | None = option(
+        1, "rays in a packet; 1 = single rays, null = the widest native packets", choices=(1, *LANES), null="widest"
+    )
+    batch_rays: int = option(1 << 19, "rays in flight, of all threads together; determines the memory")
+    expansion: int = option(16, "samples of a texel side by side in a batch")
     denoise: bool = option(False, "whether the finished map is denoised")
     against: str = option("nothing", "what a round is held against in the same rounds", choices=AGAINST)
 

@@ -121,7 +121,7 @@ def measure(point: Point) -> Measured:
     with ExitStack() as stack:
 
         def baker(scene: BakeScene = scene, atlas: Atlas = atlas, **changes: Any) -> Baker:
-            one: Baker = stack.enter_context(Baker(scene, atlas, **options.keywords() | changes))
+            one: Baker = stack.enter_context(Baker(scene, atlas, **vars(options) | changes))
             one.add(1)  # compiles
             return one
 

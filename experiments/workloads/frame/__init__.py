@@ -61,6 +61,6 @@ def measure(point: Point) -> Measured:
         own = tracers[OWN]
         images = {name: rounds.Frames(tracer) for name, tracer in tracers.items()}
         timed = rounds.timed_rounds(point, {name: one.trace for name, one in images.items()})
-        agreements = [compare(own.mesh, own.camera, images[OWN].latest(), images[SINGLE].latest())]
+        agreements = [compare(images[OWN].latest(), images[SINGLE].latest())]
         results |= counts(agreements) | depth_errors(agreements) | rounds.plan_and_build_again(own)
     return rounds.measured(results, timed)

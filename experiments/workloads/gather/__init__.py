@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,8 @@ from numpy.typing import NDArray
 
 from atra import Count, Layers, Thickness, Transmittance
 from atra.all_hits.reductions import Reduction
-from atra.tracing.options import option
 from experiments.harness.column import WHOLE, Column
-from experiments.harness.options import Settings, settings
+from experiments.harness.options import Settings, option
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
 from experiments.workloads import rounds
@@ -26,7 +26,7 @@ WHAT = ("count", "thickness", "transmittance", "layers")
 """What is made of all hits (`atra.all_hits.reductions`)."""
 
 
-@settings
+@dataclass(frozen=True)
 class GatherOptions(Settings):
     """Raises InputError for values that no ray could use."""
 

@@ -141,8 +141,8 @@ def measure(point: Point) -> Measured:
         calls = {name: one.trace for name, one in images.items()} | {STILL: rounds.Frames(own).trace}
         timed = rounds.timed_rounds(point, calls)
         single, kept = images[SINGLE].latest(), images[KEPT].latest()
-        agreements = [compare(own.mesh, single.camera, images[OWN].latest(), single)]
-        of_kept = compare(own.mesh, single.camera, kept, single)
+        agreements = [compare(images[OWN].latest(), single)]
+        of_kept = compare(kept, single)
         results |= counts(agreements) | depth_errors(agreements)
         results |= {
             "plan_time_s": own.plan_time_s,

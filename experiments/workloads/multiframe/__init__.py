@@ -18,10 +18,9 @@ from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import compare
 from atra.tracing.lifetime import Lifetime
-from atra.tracing.options import option
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.method import AnyTracer
-from experiments.harness.options import Settings, settings
+from experiments.harness.options import Settings, option
 from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
 from experiments.methods.aligned import ALIGNED
@@ -39,7 +38,7 @@ SEPARATE, SEPARATE_VISIBLE, SEPARATE_RASTER = "separate", "visible_first", "rast
 """Names in the samples: one aligned tracer a frame, one visible-first tracer a frame, and one rasteriser a frame."""
 
 
-@settings
+@dataclass(frozen=True)
 class MultiframeOptions(Settings):
     """Raises InputError for fewer than two frames, and for two eyes of any other number."""
 
@@ -215,6 +214,6 @@ def measure(point: Point) -> Measured:
         images = {name: rounds.Frames(tracer) for name, tracer in tracers.items()}
         timed = rounds.timed_rounds(point, {name: one.trace for name, one in images.items()})
         pairs = zip(images[OWN].latest().images, images[SINGLE].latest().images, strict=True)
-        agreements = [compare(hits.mesh, hits.camera, hits, reference) for hits, reference in pairs]
+        agreements = [compare(hits, reference) for hits, reference in pairs]
         results |= counts(agreements) | depth_errors(agreements) | rounds.plan_and_build_again(own)
     return rounds.measured(results, timed)

@@ -29,7 +29,7 @@ def measure(point: Point) -> Measured:
         own, results = build_own(point, stack)
         single = stack.enter_context(make_single(point, own.mesh, own.camera))
         hits, reference = own.trace(), single.trace()
-        agreement = compare(own.mesh, own.camera, hits, reference)
+        agreement = compare(hits, reference)
     images = {
         "aligned": shade(hits),
         "pixel": shade(reference),

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
@@ -16,12 +17,11 @@ from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
 from atra.rays.scene import RayScene
-from atra.tracing.options import option
 from experiments.harness.column import WHOLE, Column
-from experiments.harness.options import Settings, settings, whole
+from experiments.harness.options import Settings, option, whole
 from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
-from experiments.methods.peers.peer import RayPeerTracer
+from experiments.methods.peers.peer import PreparedRays
 from experiments.methods.peers.questions import QUESTIONS, Asked
 from experiments.methods.peers.trimesh_ray import TRIMESH
 from experiments.results.statistics import statistics_columns
@@ -39,7 +39,7 @@ BATCHES = ("coherent", "parallel", "incoherent")
 direction. incoherent: as many, from anywhere in the mesh's box, every way as likely."""
 
 
-@settings
+@dataclass(frozen=True)
 class RaysOptions(Settings):
     """What is asked of which rays."""
 
@@ -153,8 +153,8 @@ def parallel_rays(mesh: Mesh, columns: int, rows: int) -> tuple[NDArray[np.float
 def _calls(
     point: Point, mesh: Mesh, question: str, given: tuple[NDArray[np.float32], ...], stack: ExitStack
 ) -> Mapping[str, Callable[[], Asked]]:
-    own = stack.enter_context(make_own(point, mesh))
-    if not isinstance(own, RayPeerTracer):
+    own = getattr(stack.enter_context(make_own(point, mesh)), "prepared", None)
+    if not isinstance(own, PreparedRays):
         raise InputError(f"method={point.method.name} takes no rays, expected a ray tracer of others")
     answer = own.answer_to(question)
     scene = stack.enter_context(RayScene(mesh, threads=point.tracing.threads))

@@ -4,17 +4,17 @@ same with single rays and packets in its place, round by round."""
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from math import ceil
 from typing import Any
 
 import numpy as np
 
 from atra.errors import InputError
-from atra.light import HybridOptions, PathOptions
-from atra.tracing.options import option
+from atra.light.pictures.options import HybridOptions, PathOptions
 from atra.whole_numbers import is_whole_number as is_whole_number
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.options import settings, taken, whole
+from experiments.harness.options import option, whole
 from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
 from experiments.results.statistics import statistics_columns
@@ -60,20 +60,37 @@ RIVALS = ("none", "scalar_rgb", "llvm_ad_rgb")
 """Variants of Mitsuba 3: scalar_rgb = ray by ray; llvm_ad_rgb = compiled for vectors, by a libLLVM new enough."""
 
 
-@settings
+@dataclass(frozen=True)
 class RenderOptions(UnderSky):
     """Raises InputError for values that no picture can have."""
 
     frame: str = option("hybrid", "how a picture is made: hybrid or path", choices=("hybrid", "path"))
     samples: int = whole(16, "samples of each pixel of a picture", 1)
-    jitter = taken(HybridOptions)
-    shadow_rays = taken(HybridOptions)
-    occlusion_rays = taken(HybridOptions)
+    jitter: str = option(
+        "shared",
+        "sub-pixel offset of rays: shared = one for all pixels, new for each sample, off = the centre",
+        choices=("shared", "off"),
+    )
+    shadow_rays: int = option(1, "rays to each light per sample, 0 to 64")
+    occlusion_rays: int = option(1, "rays into the sky per sample, 0 to 64")
     occlusion_part: float = option(0.1, "hybrid: how far things occlude, of the diagonal of the scene's box")
-    occlusion_directions = taken(HybridOptions)
-    max_depth = taken(PathOptions)
-    lights = taken(PathOptions)
-    order = taken(PathOptions)
+    occlusion_directions: str = option(
+        "shifted",
+        "directions into the sky: shared by all pixels, or shifted per pixel",
+        choices=("shared", "shifted"),
+    )
+    max_depth: int = option(5, "most rays of a path, the primary ray included")
+    lights: str = option(
+        "aimed",
+        "how emitters are found: aimed = a ray from every surface but mirrors is aimed at one, and both ways share its "
+        "light, found = by scattered rays alone, which never meet lamps without extent",
+        choices=("aimed", "found"),
+    )
+    order: str = option(
+        "depth_first",
+        "depth_first = one path after the other, waves = many paths stage by stage, with times of stages",
+        choices=("depth_first", "waves"),
+    )
     mitsuba: str = option(
         "none", "path: Mitsuba 3's variant that makes the same picture in every round", choices=RIVALS
     )
@@ -88,12 +105,16 @@ class RenderOptions(UnderSky):
 
     def of_library(self, diagonal: float) -> dict[str, Any]:
         """The renderer's own options, checked. diagonal: of the scene's box."""
-        of_both = {"jitter": self.jitter, "robust": self.robust_rays}
+        of_both: dict[str, Any] = {"jitter": self.jitter, "robust": self.robust_rays}
         if self.frame == "path":
-            of_paths = of_both | {"max_depth": self.max_depth, "lights": self.lights, "order": self.order}
+            of_paths: dict[str, Any] = of_both | {
+                "max_depth": self.max_depth,
+                "lights": self.lights,
+                "order": self.order,
+            }
             PathOptions(**of_paths)
             return of_paths
-        hybrid = of_both | {
+        hybrid: dict[str, Any] = of_both | {
             "shadow_rays": self.shadow_rays,
             "occlusion_rays": self.occlusion_rays,
             "occlusion_length": self.occlusion_part * diagonal,

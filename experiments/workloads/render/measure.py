@@ -125,7 +125,7 @@ def measure(point: Point) -> Measured:
         rays = pictures.renderer.ray_count  # of whichever came last: all shoot the same, but for ties
         stages = {name: of_all[-timed.rounds :] for name, of_all in pictures.stages.items()}
         (hits, image), (single, single_image) = (pictures.sample(name) for name in (OWN, SINGLE))
-        agreements = [compare(own.mesh, own.camera, hits, single)]
+        agreements = [compare(hits, single)]
         unlike = (image != single_image).any(axis=-1) & (hits.prim_id == single.prim_id)
         images = 1 if options.jitter == "off" else options.samples
         shares = [sum(one.values()) / whole for one, whole in zip(stages[OWN], timed.samples[OWN], strict=True)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from math import cos, pi, radians, sin
 from statistics import median
 from typing import Any
@@ -17,12 +18,11 @@ from atra.errors import InputError
 from atra.geometry.camera import CalibratedCamera, Camera
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.tracing.options import option
 from experiments.harness.column import REAL, Column
-from experiments.harness.options import Settings, settings, whole
+from experiments.harness.options import Settings, option, whole
 from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
-from experiments.methods.peers.peer import RayPeerTracer
+from experiments.methods.peers.peer import PreparedRays
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, over, series
 from experiments.workloads.batches import camera_rays, random_rays
@@ -37,7 +37,7 @@ JOBS = ("views", "camera_rays", "random_rays")
 call with as many rays as the image has pixels, of the camera or random in the mesh; building is not counted."""
 
 
-@settings
+@dataclass(frozen=True)
 class ViewsOptions(Settings):
     """What is asked for."""
 
@@ -144,8 +144,8 @@ def _of_rays(point: Point, mesh: Mesh, stack: ExitStack) -> tuple[Callable[[], I
         origins, directions = camera_rays(point.camera)
     else:
         origins, directions = random_rays(mesh, point.camera.width * point.camera.height)
-    tracer = stack.enter_context(make_own(point, mesh))
-    if not isinstance(tracer, RayPeerTracer):
+    tracer = getattr(stack.enter_context(make_own(point, mesh)), "prepared", None)
+    if not isinstance(tracer, PreparedRays):
         raise InputError(f"method={point.method.name} takes no rays, expected a ray tracer of others")
     rays = tracer.make_rays(origins, directions)
     scene = stack.enter_context(RayScene(mesh, threads=point.tracing.threads))

@@ -27,7 +27,7 @@ POINTS = [
     ("raster", "frame", {"raster"}, {"raster"}),
     ("tiles", "build", {"alignment"}, {"culled", "tiles"}),
     ("visible_first", "memory", {"alignment"}, {"visible_first", "aligned_cells"}),
-    ("bvh", "frame", {"rays", "trees"}, {"one_view"}),
+    ("bvh", "frame", {"rays", "trees"}, set()),
 ]
 """Method, workload, and the rooms of the library and the modules of methods that they may use beside those."""
 

@@ -14,6 +14,7 @@ from PIL import Image
 import atra
 from atra import light
 from atra.light.pictures.files import srgb_of
+from atra.light.pictures.options import HybridOptions, PathOptions
 from scenes.lit.weekend import WEEKEND_CAMERA, weekend
 from tests.meshes import quads
 from tests.shown import down, floor
@@ -57,19 +58,19 @@ WRONG = [
     (lambda: light.Scene(MESH, normals=[(0, 1, 0)] * 3 + [(0, 0, 0)]), "normal of vertex 3 is zero"),
     (lambda: light.Scene(MESH, normals=[(0, 1, 0)] * 3 + [(0, NAN, 0)]), "normal of vertex 3"),
     (lambda: light.Scene(MESH, [light.Lambertian(light.Checker(1, 0))]), "material 0 has a texture, exp"),
-    (lambda: light.PathOptions(max_depth=0), "max_depth is 0"),
-    (lambda: light.PathOptions(order="sideways"), "order is 'sideways'"),
-    (lambda: light.PathOptions(jitter="none"), "jitter is 'none', expected one of shared, off, pixel"),
-    (lambda: light.HybridOptions(jitter="pixel"), "jitter is 'pixel', expected one of shared, off"),
-    (lambda: light.PathOptions(wave_rays=1000), "wave_rays is 1000, expected a multiple of 2048"),
-    (lambda: light.HybridOptions(occlusion_rays=65), "occlusion_rays is 65"),
-    (lambda: light.HybridOptions(shadow_rays=-1), "shadow_rays is -1"),
-    (lambda: light.HybridOptions(occlusion_length=0.0), "occlusion_length is 0.0"),
-    (lambda: light.HybridOptions(occlusion_length=NAN), "occlusion_length is nan"),
-    (lambda: light.HybridOptions(shadow_length=-1.0), "shadow_length is -1.0"),
-    (lambda: light.PathOptions(start_off=NAN), "start_off is nan, expected a finite number of at least 0"),
-    (lambda: light.HybridOptions(occlusion="none"), "occlusion is 'none'"),
-    (lambda: light.HybridOptions(occlusion_directions="own"), "occlusion_directions is 'own'"),
+    (lambda: PathOptions(max_depth=0), "max_depth is 0"),
+    (lambda: PathOptions(order="sideways"), "order is 'sideways'"),
+    (lambda: PathOptions(jitter="none"), "jitter is 'none', expected one of shared, off, pixel"),
+    (lambda: HybridOptions(jitter="pixel"), "jitter is 'pixel', expected one of shared, off"),
+    (lambda: PathOptions(wave_rays=1000), "wave_rays is 1000, expected a multiple of 2048"),
+    (lambda: HybridOptions(occlusion_rays=65), "occlusion_rays is 65"),
+    (lambda: HybridOptions(shadow_rays=-1), "shadow_rays is -1"),
+    (lambda: HybridOptions(occlusion_length=0.0), "occlusion_length is 0.0"),
+    (lambda: HybridOptions(occlusion_length=NAN), "occlusion_length is nan"),
+    (lambda: HybridOptions(shadow_length=-1.0), "shadow_length is -1.0"),
+    (lambda: PathOptions(start_off=NAN), "start_off is nan, expected a finite number of at least 0"),
+    (lambda: HybridOptions(occlusion="none"), "occlusion is 'none'"),
+    (lambda: HybridOptions(occlusion_directions="own"), "occlusion_directions is 'own'"),
 ]  # fmt: skip
 
 
@@ -100,7 +101,7 @@ def test_a_picture_needs_a_sample_and_a_number_of_them():
                 renderer.add(wrong)
         with pytest.raises(atra.InputError, match="light is 1, but the scene has 1"):
             renderer.lit(1)
-        with pytest.raises(TypeError, match="has no option 'depth'"):
+        with pytest.raises(TypeError, match="unexpected keyword argument 'depth'"):
             renderer.update(depth=3)
     with pytest.raises(atra.ClosedError, match="closed"):
         renderer.add(1)

@@ -1,6 +1,7 @@
 """Rows of the two articles' tables: what restarts, what stops, what is summed, and that nothing is ever torn."""
 
 from dataclasses import fields, replace
+from inspect import signature
 from math import inf, nan
 
 import numpy as np
@@ -9,9 +10,11 @@ import pytest
 import atra
 from atra import light as render
 from atra.light import textures
+from atra.light.lightmaps.options import BakeOptions
 from atra.light.pictures.carrying import carried
 from atra.light.pictures.files import srgb_of
 from atra.light.pictures.film import Film
+from atra.light.pictures.options import HybridOptions, PathOptions
 from tests.meshes import quads
 from tests.shown import BLACK, down, floor, hybrid, sphere
 
@@ -53,8 +56,8 @@ def test_no_more_samples_are_added_than_a_picture_is_to_have(given, kept):
         renderer.update(most_samples=50)
         renderer.add(99)
         assert renderer.samples == 50
-    assert render.HybridOptions().most_samples == 512
-    assert render.PathOptions().most_samples is None
+    assert HybridOptions().most_samples == 512
+    assert PathOptions().most_samples is None
 
 
 @pytest.mark.parametrize(("width", "height"), [(4, 4), (13, 7), (3, 9), (1, 6), (16, 2)])
@@ -88,11 +91,22 @@ RESTARTS = {
     "most_kept": 4, "max_depth": 3, "roulette": 2,
 }  # fmt: skip
 STAYS = {"most_samples": 100}
-REFUSED = {name for kind in (render.HybridOptions, render.PathOptions) for name in kind.built_with}
 
 
 @pytest.mark.parametrize(
-    ("kind", "options"), [(render.HybridRenderer, render.HybridOptions), (render.PathRenderer, render.PathOptions)]
+    ("kind", "options"),
+    [(render.HybridRenderer, HybridOptions), (render.PathRenderer, PathOptions), (render.Baker, BakeOptions)],
+)
+def test_a_keyword_has_the_default_that_its_options_value_has(kind, options):
+    shown = {one.name: one.default for one in signature(kind).parameters.values() if one.kind is one.KEYWORD_ONLY}
+    assert shown == vars(options())
+
+
+REFUSED = {name for kind in (HybridOptions, PathOptions) for name in kind.built_with}
+
+
+@pytest.mark.parametrize(
+    ("kind", "options"), [(render.HybridRenderer, HybridOptions), (render.PathRenderer, PathOptions)]
 )
 def test_every_option_restarts_or_stays_or_is_refused_as_the_table_says(kind, options):
     names = {field.name for field in fields(options)}
@@ -149,8 +163,8 @@ MAKERS = {
     render.Sun: ("direction", "angle_degrees", "colour", "power"),
     render.PointLight: ("position", "colour", "power"), render.SphereLight: ("position", "radius", "colour", "power"),
     render.Scene: ("mesh", "materials", "face_materials", "lights", "sky", "normals", "uv"),
-    render.HybridOptions: tuple(RESTARTS.keys() - {"max_depth", "roulette"}) + ("start_off", "most_samples"),
-    render.PathOptions: ("jitter", "wave_rays", "max_depth", "roulette", "order", "start_off", "most_samples"),
+    HybridOptions: tuple(RESTARTS.keys() - {"max_depth", "roulette"}) + ("start_off", "most_samples"),
+    PathOptions: ("jitter", "wave_rays", "max_depth", "roulette", "order", "start_off", "most_samples"),
 }  # fmt: skip
 USUAL = {
     render.Checker: {"first": 0.1, "second": 0.2}, render.Image: {"texels": np.zeros((1, 1, 3))},

@@ -116,7 +116,7 @@ def test_frame_by_frame_is_traced_with_each_frame_s_own_camera_and_mesh(motion):
 
 
 def _wrong(frame, other):
-    return compare(frame.mesh, frame.camera, frame, other).pixels_wrong
+    return compare(frame, other).pixels_wrong
 
 
 def _with_image(frame, other):

@@ -84,7 +84,7 @@ class Finisher(Lifetime):
             self._film.restore(state)
 
     def _fingerprint(self) -> NDArray[np.uint8]:
-        options = self.options.keywords()
+        options = dict(vars(self.options))
         for name in ("threads", "wave_rays", "most_samples"):  # which change no sample
             options.pop(name, None)
         version = import_module("atra").__version__

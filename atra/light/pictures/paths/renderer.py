@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import count as count_from
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from atra.light.emitters.emitters_kernels import has_emitters
 from atra.light.emitters.tables import emitters_of, no_emitters
 from atra.light.laps import Laps
 from atra.light.pictures.hybrid import albedo_of
-from atra.light.pictures.options import PathKeywords, PathOptions
+from atra.light.pictures.options import PathOptions
 from atra.light.pictures.path_kernels import BLOCK, ROW_PADDING, Pixels
 from atra.light.pictures.paths.depth_first_kernels import follow_depth_first
 from atra.light.pictures.paths.tracing import Batches, MakeScene, Packets
@@ -32,7 +32,6 @@ from atra.light.scene import Scene
 from atra.light.surface_kernels import Surfaces
 from atra.light.tables import surfaces_of
 from atra.rays.scene import Query, RayScene
-from atra.tracing.options import PacketOptions, lists_options
 
 
 class PathRenderer(Renderer):
@@ -45,27 +44,71 @@ class PathRenderer(Renderer):
     Each sample traces one path per pixel. It ends at the sky, at an `Emissive` surface, dark after `max_depth` rays, or
     by chance where little of its light is left (option `roulette`). From every surface but mirrors another ray is aimed
     at an emitter (option `lights`): a triangle that shines, a panorama, or one of the scene's lights. Random numbers
-    are Sobol' points, scrambled for each pixel and bounce. rays: makes what traces rays, of
-    the mesh, for `order="waves"`: a `RayScene`, as without it, or a `BatchScene`, which takes a wave as one batch,
-    without surfaces that have holes. Other arguments: see `Renderer`; options: see `PathOptions`.
-    Stages: primary and depth_first; for waves primary, generate, trace, compact (which also sums up light), connect and
-    shade.
+    are Sobol' points, scrambled for each pixel and bounce. Stages: primary and depth_first; for waves primary,
+    generate, trace, compact (which also sums up light), connect and shade.
+
+    Parameters
+    ----------
+    scene, camera, primary :
+        As for `Renderer`.
+    rays : optional
+        Makes what traces rays, of the mesh, for `order="waves"`: a `RayScene`, as without it, or a `BatchScene`, which
+        takes a wave as one batch, without surfaces that have holes.
+    threads, packet_width, build_quality, robust :
+        Of the scene for all rays but the primary ones, as for `atra.PixelTracer`.
+    jitter : {"shared", "off", "pixel"}
+        Sub-pixel offset of rays: one for all pixels, new for each sample; the centre; or one per pixel, whose rays the
+        renderer traces itself.
+    wave_rays : int
+        Pixels (rays in waves) that a thread takes at a time, a multiple of 2,048.
+    start_off : float, optional
+        Offset of rays from the triangle they leave, scene units (default: as far as float32 needs).
+    most_samples : int, optional
+        Most samples of a picture (default: any number).
+    max_depth : int
+        Most rays of a path, the primary ray included.
+    lights : {"aimed", "found"}
+        How emitters are found: a ray from every surface but mirrors is aimed at one, and both ways share its light; or
+        by scattered rays alone, which never meet lamps without extent.
+    roulette : int
+        Rays after which a path may end by chance, the likelier the less light it carries.
+    order : {"depth_first", "waves"}
+        One path after the other, or many paths stage by stage, with times of stages.
+
+    Raises
+    ------
+    InputError
+        For an option's value.
     """
 
-    options_type = PathOptions
     options: PathOptions
 
     _planes = 3
 
-    @lists_options(PathOptions)
     def __init__(
         self,
         scene: Scene,
         camera: View,
         primary: Primary | None = None,
         rays: MakeScene | None = None,
-        **options: Unpack[PathKeywords],
+        *,
+        threads: int | None = None,
+        packet_width: int | None = None,
+        build_quality: str = "medium",
+        robust: bool = True,
+        jitter: str = "shared",
+        wave_rays: int = 8 * BLOCK,
+        start_off: float | None = None,
+        most_samples: int | None = None,
+        max_depth: int = 5,
+        lights: str = "aimed",
+        roulette: int = 4,
+        order: str = "depth_first",
     ) -> None:
+        options = PathOptions(
+            threads, packet_width, build_quality, robust, jitter, wave_rays, start_off, most_samples,
+            max_depth, lights, roulette, order,
+        )  # fmt: skip
         self._make_scene = rays
         super().__init__(scene, camera, primary, options)
 
@@ -77,13 +120,8 @@ class PathRenderer(Renderer):
         made = self._make_scene(mesh)
         return made if isinstance(made, RayScene) else Batches(made)
 
-    @lists_options(PathOptions, as_changes=True)
-    def update(self, scene: Scene | None = None, **changes: Unpack[PathKeywords]) -> None:
-        self._update(scene, changes)
-
-    def _ray_options(self) -> PacketOptions:
-        options = super()._ray_options()
-        return options if self.options.order == "waves" else replace(options, packet_width=1)
+    def _ray_options(self) -> PathOptions:
+        return self.options if self.options.order == "waves" else replace(self.options, packet_width=1)
 
     def _tables(self) -> Surfaces:
         self._emitters = emitters_of(self.scene) if self.options.lights == "aimed" else no_emitters()

@@ -10,10 +10,21 @@ from atra.geometry.calibration import image_plane_of_focals, pose_of_matrix
 from atra.geometry.camera import CalibratedCamera
 
 
-def read_trimesh(scene: Any) -> Cameras:
+def cameras_from_trimesh(scene: Any) -> Cameras:
     """The camera of a `trimesh.Scene`, by its name: `scene.camera` at `scene.camera_transform`.
 
-    Raises InputError for anything but a scene with a camera (trimesh would invent one) whose transform is a rotation.
+    Parameters
+    ----------
+    scene : trimesh.Scene
+
+    Returns
+    -------
+    dict of CalibratedCamera
+
+    Raises
+    ------
+    InputError
+        For anything but a scene with a camera (trimesh would invent one) whose transform is a rotation.
     """
     if not hasattr(scene, "has_camera"):
         raise InputError(f"scene is {scene!r:.100}, expected a trimesh.Scene")

@@ -1,0 +1,86 @@
+"""Words of a text, such as an OBJ or the rows of a text PLY, as arrays."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.errors import InputError
+from atra.files.formats.words_kernels import split_words
+from atra.files.reading import Allowance
+
+_BYTES_PER_WORD = 40
+"""Memory for a word: its value and code, and what is made of them."""
+
+
+def code_of(word: str) -> int:
+    """The code of a word in letters of any size, of which eight count."""
+    return int.from_bytes(word.encode()[:8])
+
+
+def ranges(starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The whole numbers from each start on, as many as its length, one range behind the other."""
+    return np.repeat(starts - (np.cumsum(lengths) - lengths), lengths) + np.arange(lengths.sum())
+
+
+class Words(NamedTuple):
+    """The words of a text.
+
+    values: (W,) float64, numbers. codes: (W,) uint64: 0 for a number, 1 for one before a slash, else `code_of` the
+    word. firsts: (L + 1,) int64, the first word of each line that has one, and W. places: (L,) int64, where these
+    lines begin in the text.
+    """
+
+    text: bytes
+    values: NDArray[np.float64]
+    codes: NDArray[np.uint64]
+    firsts: NDArray[np.int64]
+    places: NDArray[np.int64]
+
+    def line(self, word: int) -> str:
+        """Number and text of the line of a word, for messages."""
+        place = int(self.places[np.searchsorted(self.firsts, word, "right") - 1])
+        before = self.text[:place]
+        number = 1 + before.count(b"\n") + before.count(b"\r") - before.count(b"\r\n")
+        text = re.split(rb"[\r\n]", self.text[place : place + 200], maxsplit=1)[0].decode(errors="replace").strip()
+        return f"line {number}, {text!r:.100},"
+
+    def word(self, word: int) -> str:
+        """A word as it is written, for messages."""
+        line = int(np.searchsorted(self.firsts, word, "right")) - 1
+        text = re.sub(rb"\\(?=[\r\n])", b" ", self.text[self.places[line] :])
+        return text.split()[word - self.firsts[line]][:50].decode(errors="replace")
+
+    def triples(
+        self, named: NDArray[np.int64], skipped: int, ends: NDArray[np.int64] | int, message: str
+    ) -> NDArray[np.float64]:
+        """(N, 3) float64, three numbers from each named word on, but so many skipped; they stand before `ends`.
+
+        Raises InputError for the first that are not there: the named word's line, and the message.
+        """
+        at = named[:, None] + skipped + np.arange(3)
+        is_there = at[:, 2] < ends
+        is_there &= (self.codes[np.minimum(at, len(self.codes) - 1)] == 0).all(axis=1)
+        if not is_there.all():
+            raise InputError(f"{self.line(int(named[is_there.argmin()]))} {message}")
+        return self.values[at]
+
+    def wholes(self, at: NDArray[np.int64] | slice, most_code: int = 0) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """Whole numbers (N,) at words, and whether they are such."""
+        with np.errstate(invalid="ignore"):
+            found = self.values[at].astype(np.int64)
+        return found, (found == self.values[at]) & (self.codes[at] <= most_code)
+
+
+def split_text(text: bytes, allowance: Allowance, start: int = 0) -> Words:
+    """The words of a text from a place on; comments from a word that begins with # on are left out."""
+    given, none = np.frombuffer(text, np.uint8), np.empty(0, np.int64)
+    words, lines = split_words(given, start, False, np.empty(0), none.view(np.uint64), none, none)
+    allowance.check(f"{words:,} words", words * _BYTES_PER_WORD)
+    values, codes = np.empty(words), np.empty(words, np.uint64)
+    firsts, places = np.full(lines + 1, words), np.empty(lines, np.int64)
+    split_words(given, start, True, values, codes, firsts, places)
+    return Words(text, values, codes, firsts, places)
