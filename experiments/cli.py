@@ -28,11 +28,8 @@ _ACTIONS = {
     "fetch": "experiments.commands.fetching:run_fetch",
     "report": "experiments.report.writing:run_report",
     "doctor": "experiments.commands.doctor:run_doctor",
-    "render": "experiments.commands.making:run_picture",
-    "bake": "experiments.commands.making:run_bake",
-    "view": "experiments.viewer.command:run_view",
 }
-"""Verb -> the function that does it, imported only when asked for. conf/verb/ holds the defaults of some verbs."""
+"""Verb -> the function that does it, imported only when asked for."""
 
 _PLAIN = {
     "new-method": "experiments.commands.new_method:run_new_method",
@@ -51,10 +48,8 @@ def main() -> int:
     if sys.argv[1:2] == ["measure"]:
         del sys.argv[1]  # what a run does that says no other
     elif len(sys.argv) > 1 and sys.argv[1] in _ACTIONS:
-        verb = sys.argv[1]
-        begins_with = [f"+verb={verb}"] if Path(_CONFIGURATION, "verb", f"{verb}.yaml").exists() else []
         # hydra.mode: a sweep's file asks for many runs, but there is one thing to do.
-        sys.argv[1:2] = [f"action={verb}", "hydra.mode=RUN", *begins_with]
+        sys.argv[1:2] = [f"action={sys.argv[1]}", "hydra.mode=RUN"]
     from atra.command import escape_what_stdout_lacks
 
     escape_what_stdout_lacks()
@@ -77,17 +72,12 @@ def main() -> int:
     from omegaconf.errors import OmegaConfBaseException
 
     from atra.errors import AtraError
-    from experiments.commands.model_files import take_model_file
-    from experiments.harness.configuration import Action, register_schema
+    from experiments.harness.configuration import register_schema
     from experiments.registry import known_kinds, take_method_files
     from experiments.sweeper import register_sweeper
 
-    if f"action={Action.render.value}" in sys.argv[1:2]:
-        from experiments.commands.making import picture_arguments
-
-        sys.argv[2:] = picture_arguments(sys.argv[2:])
     try:
-        sys.argv[1:] = take_method_files(take_model_file(sys.argv[1:]))
+        sys.argv[1:] = take_method_files(sys.argv[1:])
     except AtraError as error:
         return _refuse(error)
     register_schema(known_kinds())

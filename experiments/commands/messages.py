@@ -1,4 +1,4 @@
-"""Messages that several commands have: errors of Hydra, shortened to one line, and what must not be published."""
+"""Errors of Hydra, shortened to one line."""
 
 from __future__ import annotations
 
@@ -6,12 +6,9 @@ import re
 from dataclasses import is_dataclass
 
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException, ValidationError
-from rich.console import Console
 
 from experiments.harness.configuration import say_unknown
 from experiments.harness.point import Kinds
-from experiments.harness.progress import say
-from scenes.manifest import picture_restriction
 
 _NOISE = ("full_key:", "object_type=", "reference_type=", "To append to your config", "Config search path", "provider=")
 
@@ -53,10 +50,3 @@ def shorten_configuration_error(error: BaseException, kinds: Kinds) -> str:
 def _say_brackets(field: str) -> str:
     """Without them its numbers are values of a sweep."""
     return f"{field} is a list, which brackets hold together, and quotes the brackets: '{field}=[0,1,3]'"
-
-
-def tell_restriction(scene: str, console: Console) -> None:
-    """Say why no picture of a scene may be published, if so."""
-    restriction = picture_restriction(scene)
-    if restriction is not None:
-        say(console, f"not to be published: {restriction}")

@@ -38,17 +38,13 @@ class Action(Enum):
     """What a run does; `python run.py fetch ...` is short for action=fetch, and so on.
 
     measure = points and sweeps; fetch = download a scene; report = write figures, claims and page of a sweep anew;
-    doctor = say what this machine has and lacks; view = show a scene on a page of the browser; render = make one
-    picture; bake = make a lightmap.
+    doctor = say what this machine has and lacks.
     """
 
     measure = "measure"
     fetch = "fetch"
     report = "report"
     doctor = "doctor"
-    view = "view"
-    render = "render"
-    bake = "bake"
 
 
 @dataclass
@@ -123,19 +119,6 @@ class MeasureConfiguration:
 
 
 @dataclass
-class ViewConfiguration:
-    """The viewer, and how pictures are shown. port: of its page on this machine; 0 = any that is free. sky: an EXR or
-    Radiance HDR in place of the scene's own sky; a bake's and a picture's is `workload.sky`. exposure: of a PNG, stops
-    or auto. tone: the tone map. denoise: whether Open Image Denoise removes the noise, in the viewer at rest."""
-
-    port: int = 8080
-    sky: str | None = None
-    exposure: str = "auto"
-    tone: str = "neutral"
-    denoise: bool = False
-
-
-@dataclass
 class Configuration:
     """One point.
 
@@ -143,14 +126,12 @@ class Configuration:
     measured; its options are workload.*. threads: number of threads, null = every core, baselines included. width:
     pixels of a row. height: rows of pixels. method_file: a Python file with a method of one's own, several apart as in
     PATH; a sweep measures it beside its own methods. results_dir: folder for all results; each sweep has a folder of
-    its name in it. output: the file of a picture, or the folder of a bake; null = one below results_dir. live: a bake
-    is shown on a page of the browser, at view.port. debug: whether an error shows its traceback.
+    its name in it. debug: whether an error shows its traceback.
     """
 
     scene: SceneConfiguration = field(default_factory=SceneConfiguration)
     sweep: SweepConfiguration = field(default_factory=SweepConfiguration)
     measure: MeasureConfiguration = field(default_factory=MeasureConfiguration)
-    view: ViewConfiguration = field(default_factory=ViewConfiguration)
     action: Action = Action.measure
     method: Any = MISSING
     workload: Any = MISSING
@@ -163,8 +144,6 @@ class Configuration:
     ties: str = option(Tracing.ties, TIES_HELP, choices=TIES)
     method_file: str | None = None
     results_dir: str = "results"
-    output: str | None = None
-    live: bool = False
     debug: bool = False
 
 
@@ -263,7 +242,6 @@ def check_configuration(configuration: Configuration) -> None:
         (sweep, "sweep.", {"repeats": (0, None)}),
         (scene, "scene.", {"subdivided": (0, None), "copies": (1, None)}),
         (measure, "measure.", {"processes": (1, None), "process": (0, None), "rounds": (1, None), "warmup": (0, None)}),
-        (configuration.view, "view.", {"port": (0, 65535)}),
     ):
         check_whole_numbers(section, path, ranges)
     resolve_threads(configuration.threads)

@@ -20,12 +20,12 @@ from experiments.harness.processes.launching import run_worker
 from experiments.harness.processes.worker import measure_point
 from experiments.harness.rounds import measure_rounds
 from experiments.harness.sources import Code, Part, Source
+from experiments.light.bake import BAKE
 from experiments.methods import METHODS
 from experiments.methods.aligned import ALIGNED
 from experiments.methods.pixel import PIXEL
 from experiments.methods.raster import RASTER
 from experiments.workloads import WORKLOADS
-from experiments.workloads.bake import BAKE
 from experiments.workloads.frame import FRAME
 from tests.folders import ROOT
 from tests.harness.processes.test_outcome import POINT
@@ -138,7 +138,7 @@ def test_what_only_tells_of_results_is_no_part_of_a_record():
     found = {part for point in (*EVERY_METHOD, *EVERY_WORKLOAD) for part in CODE.parts(code_roots(point))}
     registries = {Part("experiments.methods"), Part("experiments.workloads"), Part("experiments.methods", "METHODS")}
     assert registries.isdisjoint(found)
-    rooms = tuple(f"experiments.{name}." for name in ("report", "paper", "commands", "viewer", "results", "drawing"))
+    rooms = tuple(f"experiments.{name}." for name in ("report", "paper", "commands", "results", "drawing"))
     # What a workload makes a picture with, which its record holds, decides what is in the record.
     names = {part.module for part in found} - {"experiments.drawing.shading"}
     assert not [name for name in names if name.startswith(rooms) or name.endswith((".shown", ".classification.claims"))]

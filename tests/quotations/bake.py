@@ -1,9 +1,9 @@
 """What pages quote of sweep=bake and of the other sweeps of lightmaps."""
 
+from experiments.light.bake import RARE, STAGES
+from experiments.light.bake.claims import CLAIMS
 from experiments.light.bake_rays.shown import CLAIMS as PREDICTIONS
 from experiments.results.claims import judge_claim
-from experiments.workloads.bake import RARE, STAGES
-from experiments.workloads.bake.claims import CLAIMS
 from tests.quotations.quotation import SCENES, interval, line, of, table_row
 
 _OF_OTHERS = {

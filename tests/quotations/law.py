@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from experiments.law.fit import choices_of, errors_of, named_if_known
 from experiments.law.model.defaults import DEFAULTS
 from experiments.law.model.formulas import IN_CACHE
-from experiments.law.predict import choices_of, errors_of, named_if_known
 from experiments.law.tiles import WAYS, fastest
 from tests.quotations.quotation import TIMES, digits, table_row
 

@@ -1,4 +1,4 @@
-"""What docs/cameras.md says of the table of `python -m experiments.lens_speed`, one thread."""
+"""What docs/cameras.md says of the table of `python -m experiments.studies lens_speed`, one thread."""
 
 import pandas as pd
 

@@ -1,6 +1,6 @@
-"""What reports/reference/tables.md says of `python -m experiments.paired`."""
+"""What reports/reference/tables.md says of `python -m experiments.studies paired`."""
 
-from experiments.paired import ratios
+from experiments.studies.paired import ratios
 from tests.quotations.quotation import SCENES, digits, table_row
 
 

@@ -1,8 +1,8 @@
 """What the pages quote of sweep=paper."""
 
-from experiments.paper.candidates import ASKED_FOR, Candidate, Gain, candidates
 from experiments.paper.conclusion import scene_gains
-from experiments.paper.older_embree import gains
+from experiments.studies.candidates import ASKED_FOR, Candidate, Gain, candidates
+from experiments.studies.older_embree import gains
 from tests.quotations.quotation import SCENES, TIMES, digits, of, table_row
 
 

@@ -1,6 +1,6 @@
 """What the pages quote of the sweep of whole pictures."""
 
-from experiments.equal_error.measure import BEFORE, FAST, MITSUBA, OURS
+from experiments.light.equal_error.measure import BEFORE, FAST, MITSUBA, OURS
 from experiments.methods.peers.llvmpipe import LLVMPIPE
 from tests.quotations.quotation import SCENES, digits, estimate, interval, milliseconds, of, table_row
 

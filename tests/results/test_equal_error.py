@@ -5,8 +5,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.equal_error import figure
-from experiments.equal_error.measure import (
+from experiments.light.equal_error import figure
+from experiments.light.equal_error.measure import (
     BEFORE,
     FAST,
     MITSUBA,

@@ -47,11 +47,11 @@ WORKLOAD_ROOMS = tuple(workload.room for workload in WORKLOADS)
 
 USERS = tuple(
     f"experiments.{room}"
-    for room in ("report", "paper", "viewer", "commands", "registry", "sweep", "launched", "sweeper", "worker")
+    for room in ("report", "paper", "commands", "registry", "sweep", "launched", "sweeper", "worker")
 )
 """Who runs methods and workloads, and who tells of what came of them."""
 
-EVIDENCE = ("experiments.classification", "experiments.light", "experiments.law")
+EVIDENCE = ("experiments.classification", "experiments.light", "experiments.law", "experiments.studies")
 """Wings of the harness, from the ground up: each imports only those that stand before it. The core of the harness names
 them in tables of import paths alone."""
 
@@ -66,6 +66,9 @@ CORE = (
 )  # fmt: skip
 """Rooms of the library, from the ground up: each imports only those that stand before it."""
 
+IN_FULL_LIGHT = ("atra.command.baking", "atra.command.picture", "atra.command.viewing")
+"""Modules of the command that make pictures, lightmaps and pages."""
+
 WINGS = ("light",)
 """They stand on the core, which does not know them. The command stands on all."""
 
@@ -77,8 +80,9 @@ SHARED_BY_METHODS = {
 """What a method may import of another: aligned images are finished by packets, and samples near an edge are decided as
 the rasteriser decides them, so that all methods count the same hits."""
 
-LIGHT = ("atra.light", "atra.light.pictures", "atra.light.lightmaps")
-"""Parts of the wing, from the ground up: scenes, lights and sky; pictures; lightmaps, which save as pictures do."""
+LIGHT = ("atra.light", "atra.light.pictures", "atra.light.lightmaps", "atra.light.viewer")
+"""Parts of the wing, from the ground up: scenes, lights and sky; pictures; lightmaps, which save as pictures do; the
+viewer of both."""
 
 COMPILED_ROOMS = ("atra.compiled", "atra.embree", "atra.trees", "atra.raster")
 """Rooms where every module may compile; elsewhere those whose names end in `_kernels` do."""
@@ -100,11 +104,12 @@ WALLS = (
     *(Wall(f"atra.{room}", (f"atra.{other}",), but=SHARED_BY_METHODS.get((room, other), ()),
            reason=f"methods stand side by side: this one does not know {other}/")
       for room, other in permutations(METHOD_ROOMS, 2)),
-    *(Wall("atra", (f"atra.{wing}",), apart_from=(f"atra.{wing}", "atra.command.picture"),
+    *(Wall("atra", (f"atra.{wing}",), apart_from=(f"atra.{wing}", *IN_FULL_LIGHT),
            reason="the core knows no wing") for wing in WINGS),
-    Wall("atra.command.picture", ("atra.light.lightmaps",), reason="pictures need no lightmaps"),
+    Wall("atra.command.picture", LIGHT[2:], reason="pictures need no lightmaps and no page"),
     Wall(LIGHT[0], LIGHT[1:], apart_from=LIGHT[1:], faces=False, reason="scenes do not know what is made of them"),
-    Wall(LIGHT[1], LIGHT[2:], reason="pictures know no lightmaps"),
+    *(Wall(part, LIGHT[number + 1 :], reason="a part of the wing imports only those before it")
+      for number, part in enumerate(LIGHT) if number),
     # Modules of the harness are below "experiments", too.
     Wall("experiments.harness", ("experiments",), but=("experiments.harness",),
          reason="the harness names no workload and no method; it is given both"),
@@ -120,7 +125,7 @@ WALLS = (
          reason="results know no figure"),
     *(Wall(room, tuple(other for other in WORKLOAD_ROOMS if other != room), reason="a workload never imports another")
       for room in WORKLOAD_ROOMS),
-    Wall("experiments", ("viser",), apart_from=("experiments.viewer.camera_page", "experiments.viewer.page"),
+    Wall("atra", ("viser",), apart_from=("atra.light.viewer.camera_page", "atra.light.viewer.page"),
          reason="only pages know viser"),
     Wall("experiments", EVIDENCE, apart_from=EVIDENCE, reason="the core of the harness knows no wing"),
     *(Wall(wing, EVIDENCE[number + 1 :], reason="a wing imports only wings before it")
@@ -273,6 +278,9 @@ def test_a_folder_is_not_too_full(folder):
 NAMED_TUPLE = ("_replace", "_asdict", "_fields")
 """Public in spite of their underscore."""
 
+OF_VISER = ("_impl",)
+"""The viewer needs identifiers of controls, for which viser has no public name."""
+
 
 def private_names(path):
     """Names with an underscore that a file takes from other modules or from objects that are not its own `self`."""
@@ -282,7 +290,7 @@ def private_names(path):
         elif isinstance(node, ast.Attribute) and node.attr.startswith("_") and not node.attr.endswith("__"):
             owner = node.value.func if isinstance(node.value, ast.Call) else node.value
             own = isinstance(owner, ast.Name) and owner.id in ("self", "cls", "super")
-            if not own and node.attr not in NAMED_TUPLE:
+            if not own and node.attr not in (*NAMED_TUPLE, *OF_VISER):
                 yield node.attr
 
 

@@ -15,6 +15,11 @@ from atra.light.lightmaps.gather.adaptive import FIRST_LOOK
 from experiments.drawing.figure import draw_figure
 from experiments.harness.processes.worker import measure_point
 from experiments.harness.records import Record
+from experiments.light.bake import AGAINST, BAKE, STAGES, BakeSettings
+from experiments.light.bake.claims import CLAIMS
+from experiments.light.bake.measure import lamps
+from experiments.light.bake.mitsuba import adaptive_bias
+from experiments.light.bake.shown import CLAIMS_FILE, FIGURES
 from experiments.light.bake_rays.shown import CLAIMS as PREDICTIONS
 from experiments.methods.peers.mitsuba_light import load_mitsuba
 from experiments.results.claims import (
@@ -27,11 +32,6 @@ from experiments.results.claims import (
     judge_claim,
 )
 from experiments.results.table import frame_of
-from experiments.workloads.bake import AGAINST, BAKE, STAGES, BakeSettings
-from experiments.workloads.bake.claims import CLAIMS
-from experiments.workloads.bake.measure import lamps
-from experiments.workloads.bake.mitsuba import adaptive_bias
-from experiments.workloads.bake.shown import CLAIMS_FILE, FIGURES
 from scenes.built_in import make_scene
 from scenes.directory import PAPER_SCENES
 from tests.baked import cube, sheet
@@ -150,8 +150,8 @@ def test_finishing_is_measured_against_a_map_of_other_random_numbers():
 
 @xatlas
 def test_a_map_that_is_not_denoised_has_at_least_twice_the_error_of_four_times_the_samples(monkeypatch):
-    monkeypatch.setattr("experiments.workloads.bake.check_denoiser", lambda: None)
-    monkeypatch.setattr("experiments.workloads.bake.finishing.denoised", lambda lightmap, threads: lightmap)
+    monkeypatch.setattr("experiments.light.bake.check_denoiser", lambda: None)
+    monkeypatch.setattr("experiments.light.bake.finishing.denoised", lambda lightmap, threads: lightmap)
     _, found = measured(denoise=True, final_samples=16)
     assert 1.9 < found.results["denoised_ratio"] < 6.0  # 2 for independent samples, 4 for evenly spread ones
 

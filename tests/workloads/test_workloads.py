@@ -3,7 +3,8 @@
 import base64
 import io
 import json
-from dataclasses import replace
+import re
+from dataclasses import fields, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -95,6 +96,17 @@ def test_a_memory_has_the_bytes_of_each_step_and_no_times(fields):
     assert min(results[name] for name in ("rss_start_bytes", "rss_mesh_bytes", "embree_bytes")) > 0
     assert results["rss_bytes"] <= results["peak_rss_bytes"]
     assert not [name for name in results if name.endswith("_s")]
+
+
+def test_every_help_is_a_phrase_that_needs_no_row_above():
+    leaning = re.compile(r"(of|and|these|those|that|the same|what it|until|finding|making)\b")
+    helps = {f"{one.name}.{column.name}": column.help for one in WORKLOADS for column in one.columns}
+    helps |= {
+        f"{one.name}.{option.name}": option.metadata.get("help", "")
+        for one in WORKLOADS
+        for option in fields(one.options)
+    }
+    assert not {name: help for name, help in helps.items() if leaning.match(help)}
 
 
 def test_instances_hold_fewer_triangles_than_copies_without_culling():

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from atra.files.paths import write_atomically
 from atra.judge.compare import Verdict
+from atra.judge.marks import mark_verdicts
 from experiments.drawing.axes import tidy_axis
 from experiments.drawing.pages import write_notes
-from experiments.drawing.shading import encode_png, mark_verdicts
+from experiments.drawing.shading import encode_png
 from experiments.drawing.style import BLACK, BLUE, GREY, SMALL, TIMES
 from experiments.drawing.values import column, numbers
 from experiments.harness.records import load_record

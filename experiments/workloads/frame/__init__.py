@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from typing import Any
 
 import numpy as np
 
 from atra.geometry.mesh import Mesh
-from atra.judge.compare import compare
 from atra.tracing.budgets import EMBREE_BYTES_PER_COPY, check_needed_bytes
 from experiments.harness.method import AnyTracer
 from experiments.harness.options import NoOptions
@@ -15,7 +15,7 @@ from experiments.harness.point import Measured, Point, Workload, make_own
 from experiments.harness.records import Record
 from experiments.workloads import rounds
 from experiments.workloads.baselines import BESIDE_BASELINES, OWN, SINGLE, TIME_COLUMNS
-from experiments.workloads.images import IMAGE_COLUMNS, PIXELS, counts, depth_errors
+from experiments.workloads.images import IMAGE_COLUMNS, PIXELS, compared
 from experiments.workloads.resources import PREPARATION, PREPARATION_COLUMNS, RESOURCE_COLUMNS, RESOURCES
 
 
@@ -58,9 +58,10 @@ def measure(point: Point) -> Measured:
     rounds.warm_up(point, rounds.own_and_baselines(rounds.shrunk(point)))
     with ExitStack() as stack:
         tracers, results = rounds.build_with_baselines(point, stack)
-        own = tracers[OWN]
-        images = {name: rounds.Frames(tracer) for name, tracer in tracers.items()}
-        timed = rounds.timed_rounds(point, {name: one.trace for name, one in images.items()})
-        agreements = [compare(images[OWN].latest(), images[SINGLE].latest())]
-        results |= counts(agreements) | depth_errors(agreements) | rounds.plan_and_build_again(own)
-    return rounds.measured(results, timed)
+        own, frames = tracers[OWN], {name: rounds.Frames(tracer) for name, tracer in tracers.items()}
+
+        def compare() -> dict[str, Any]:
+            images = compared(frames[OWN].latest(), frames[SINGLE].latest())
+            return images | rounds.plan_and_build_again(own)
+
+        return rounds.race(point, frames, compare, results)

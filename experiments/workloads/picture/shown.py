@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from atra.judge.compare import Verdict
+from atra.judge.marks import COLOURS
 from experiments.drawing.figure import FigureKind
 from experiments.drawing.pages import stand_in_note
-from experiments.drawing.shading import DIFFERENCE_COLOURS
 from experiments.drawing.style import GREY, SMALL, TIMES
 from experiments.methods.naming import best_of
 from experiments.results.table import workload_rows
@@ -89,7 +89,7 @@ def draw_differences_figure(pictures: Sequence[ScenePictures]) -> Figure:
             [], [], linestyle="none", marker=_MARKERS[kind], markersize=6, color=np.array(colour) / 255,
             label=_MEANINGS[kind],
         )
-        for kind, colour in DIFFERENCE_COLOURS.items()
+        for kind, colour in COLOURS.items()
     ]  # fmt: skip
     figure.legend(handles=shown, loc="outside upper center", ncols=3, frameon=False)
     figure.supxlabel(_foot(pictures), fontsize=8, color=GREY)

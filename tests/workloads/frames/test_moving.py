@@ -41,7 +41,7 @@ def test_every_frame_is_of_the_next_camera():
         frames = MovingFrames(tracer, PATH[:2])
         seen = []
         for _ in range(3):
-            frames.trace()
+            frames()
             seen.append(frames.latest().camera)
         assert seen == [PATH[0], PATH[1], PATH[0]]
 
