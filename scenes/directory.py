@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,6 @@ import numpy as np
 
 from atra.errors import InputError
 from atra.files.meshes.loading import load_mesh
-from atra.files.paths import expand_home
 from atra.files.reading import parse_json, read_regular_file
 from atra.geometry.mesh import Mesh
 from scenes.built_in import stand_in_for
@@ -27,6 +27,13 @@ PAPER_SCENES = ("cornell_box", "mitsuba", "fireplace_room", "sponza")
 # From the front, a little right and above: shows three sides of a box and looks along no coordinate plane.
 _DEFAULT_DIRECTION = (0.5, 0.4, 1.0)
 _DEFAULT_FOV_Y_DEGREES = 45.0
+
+
+def expand_home(path: str) -> Path:
+    """`path` with `~` expanded. For a user without a home folder, as in some containers, `~` is the system's folder for
+    temporary files."""
+    expanded = os.path.expanduser(path)
+    return Path(tempfile.gettempdir(), expanded[2:]) if expanded.startswith("~/") else Path(expanded)
 
 
 def default_cache() -> Path:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import product
 from os import PathLike
 from typing import Any, NamedTuple
@@ -56,6 +57,9 @@ class _Window(NamedTuple):
     depth: NDArray[np.float32]
 
 
+_NOTHING = _Window(0, 0, np.full((1, 1), np.inf, np.float32))
+
+
 class Renderer:
     """The interface of the BOP toolkit's renderers, by the rasteriser: depth is exact, and no OpenGL is needed.
 
@@ -63,9 +67,23 @@ class Renderer:
         renderer.add_object(1, "models/obj_000001.ply")
         depth = renderer.render_object(1, R, t, fx, fy, cx, cy)["depth"]
 
-    width, height: of the images, pixels. mode: "depth", all there is. pixel_centre: place of the first pixel's centre
-    in the pixels of cx and cy: 0 as OpenCV and the toolkit's own functions count, 0.5 as its OpenGL renderers draw.
-    Raises InputError for a size below 1, another mode, and a pixel_centre that is no number.
+    Parameters
+    ----------
+    width, height : int
+        Size of the images, pixels.
+    mode : {"depth"}
+        All there is.
+    pixel_centre : float
+        Place of the first pixel's centre in the pixels of cx and cy: 0 as OpenCV and the toolkit's own functions count,
+        0.5 as its OpenGL renderers draw.
+
+    Raises
+    ------
+    InputError
+        For a size below 1, another mode, and a pixel_centre that is no number.
+
+    Notes
+    -----
     Source: T. Hodan et al., BOP toolkit, `renderer.py`.
     """
 
@@ -80,7 +98,6 @@ class Renderer:
         self.width, self.height, self.pixel_centre = int(width), int(height), float(pixel_centre)
         self._meshes: dict[Hashable, Mesh] = {}
         self._tracers: dict[Hashable, Tracer] = {}
-        self._kept: tuple[tuple[float, float, float, float], ImagePlane] | None = None
 
     def add_object(self, obj_id: Hashable, model_path: str | PathLike[str] | Mesh, **kwargs: Any) -> None:
         """Load a model, a file in millimetres or an `atra.Mesh`; `surf_color` and others of the toolkit do nothing.
@@ -160,26 +177,19 @@ class Renderer:
         part = window.depth[rows.start - window.top :, columns.start - window.left :]
         return rows, columns, part[: rows.stop - rows.start, : columns.stop - columns.start]
 
-    def _plane(self, intrinsics: tuple[float, float, float, float]) -> ImagePlane:
-        """The image plane of fx, fy, cx and cy, mostly those of the last object."""
-        if self._kept is None or self._kept[0] != intrinsics:
-            (fx, fy, cx, cy), off = intrinsics, self.pixel_centre
-            self._kept = intrinsics, image_plane_of([(fx, 0.0, cx - off), (0.0, fy, cy - off), (0.0, 0.0, 1.0)])
-        return self._kept[1]
-
     def _window(self, pose: Pose, intrinsics: tuple[float, float, float, float], beyond: int) -> _Window:
         """Draw an object in the part of the canvas where it may be seen. beyond: sizes of the image that the canvas
         has on every side of it."""
         if pose.obj_id not in self._meshes:
             raise InputError(f"object {pose.obj_id!r} is unknown, expected one of {sorted(map(str, self._meshes))}")
         mesh = self._meshes[pose.obj_id]
-        plane = self._plane(intrinsics)
+        plane = _plane(*intrinsics, self.pixel_centre)
         eye, axes = pose_of(pose.R, np.asarray(pose.t, np.float64).ravel())
         sizes = np.array([self.width, self.height])
         low, high = -beyond * sizes, (1 + beyond) * sizes
         corners = (np.array(list(product(*mesh.bounds.T.astype(np.float64)))) - eye) @ axes.T
         if not (corners[:, 2] > 0.0).any():
-            return _Window(0, 0, np.full((1, 1), np.inf, np.float32))
+            return _NOTHING
         if (corners[:, 2] > 0.0).all():  # otherwise it reaches behind the eye and may be anywhere
             seen = corners[:, :2] / corners[:, 2:] / (plane.pitch_x, plane.pitch_y) + plane.axis_in_image
             low, high = (
@@ -187,7 +197,7 @@ class Renderer:
                 for ends in (np.floor(seen.min(axis=0)) - 1, np.ceil(seen.max(axis=0)) + 1)
             )
         if (high <= low).any():
-            return _Window(0, 0, np.full((1, 1), np.inf, np.float32))
+            return _NOTHING
         (width, height), (left, top) = (high - low).tolist(), low.tolist()
         camera = CalibratedCamera.at(eye, axes, replace(plane, left=left, top=top), width, height)
         tracer = self._tracers.get(pose.obj_id)
@@ -198,14 +208,14 @@ class Renderer:
         return _Window(left, top, tracer.trace().depth)
 
 
+@lru_cache(maxsize=16)  # objects of a frame share it
+def _plane(fx: float, fy: float, cx: float, cy: float, off: float) -> ImagePlane:
+    return image_plane_of([(fx, 0.0, cx - off), (0.0, fy, cy - off), (0.0, 0.0, 1.0)])
+
+
 def _box(mask: NDArray[np.bool_], left: int, top: int) -> list[int]:
     """x, y, width and height of the pixels of a mask, whose own place is given."""
     if not mask.any():
         return list(NO_BOX)
     columns, rows = np.flatnonzero(mask.any(axis=0)), np.flatnonzero(mask.any(axis=1))
-    return [
-        left + int(columns[0]),
-        top + int(rows[0]),
-        int(columns[-1] - columns[0]) + 1,
-        int(rows[-1] - rows[0]) + 1,
-    ]
+    return [left + int(columns[0]), top + int(rows[0]), int(np.ptp(columns)) + 1, int(np.ptp(rows)) + 1]

@@ -15,10 +15,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from atra.compat.trimesh_kernels import hand_out, locate_hits, scale_rays
+from atra.compat.trimesh_kernels import locate_hits, scale_rays
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
-from atra.rays.all_hits.lists import RayHitLists
 from atra.rays.rays import Rays
 from atra.rays.scene import RayScene
 
@@ -46,10 +45,19 @@ class RayMeshIntersector:
     """Ray queries of a trimesh mesh, also after it has changed; hits are found as `atra.RayScene` finds them. Rays with
     NaN, infinities or no direction hit nothing, as in trimesh.
 
-    geometry: a `trimesh.Trimesh`. scale_to_box: taken and kept, as trimesh has it; queries always scale, by a power of
-    two, which rounds nothing. threads: None = every core.
-    Queries raise InputError for a ray that heads for the mesh from so far away, 1e9 times its size, that float64 cannot
-    tell what it hits.
+    Parameters
+    ----------
+    geometry : trimesh.Trimesh
+    scale_to_box : bool
+        Taken and kept, as trimesh has it; queries always scale, by a power of two, which rounds nothing.
+    threads : int, optional
+        None: every core.
+
+    Raises
+    ------
+    InputError
+        By queries, for a ray that heads for the mesh from so far away, 1e9 times its size, that float64 cannot tell
+        what it hits.
     """
 
     def __init__(self, geometry: Any, scale_to_box: bool = True, *, threads: int | None = None) -> None:
@@ -110,7 +118,7 @@ class RayMeshIntersector:
         inside_box = (np.abs(scaled) <= 2.0 * built.size).all(axis=1)  # False for NaN, too
         some = scaled[inside_box]
         is_closed = built.scene.open_edges == 0
-        contains[inside_box] = built.scene.parity(some) if is_closed else _probably_inside(built, some)
+        contains[inside_box] = built.scene.contains(some) if is_closed else _probably_inside(built, some)
         return contains
 
     def _hits(
@@ -123,7 +131,11 @@ class RayMeshIntersector:
         rays, moved = _scaled_rays(built, origins, directions)
         if multiple:
             hits = built.scene.all_hits(rays, max_hits=int(max_hits))
-            index_tri, index_ray, t = _in_trimeshs_order(hits)
+            counts = np.diff(hits.ray_splits)
+            nearer = np.arange(len(hits)) - np.repeat(hits.ray_splits[:-1], counts)  # hits of the ray before a hit
+            order = np.argsort(nearer.astype(np.min_scalar_type(int(max_hits))), kind="stable")
+            index_tri, t = hits.traced_id[order].astype(np.int64), hits.t[order].astype(np.float64)
+            index_ray = np.repeat(np.arange(len(counts)), counts)[order]
         else:
             first = built.scene.intersect(rays)
             index_ray = np.flatnonzero(first.hit)
@@ -193,17 +205,6 @@ def _scaled_rays(
             "float64 cannot tell what it hits; move it closer"
         )
     return Rays(placed, units, tfar=tfar), moved
-
-
-def _in_trimeshs_order(hits: RayHitLists) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """(index_tri, index_ray, t): the first hits of all rays, then the second ones, and so on."""
-    count = len(hits)
-    counts = np.bincount(np.diff(hits.ray_splits), minlength=1)
-    rays_with = np.cumsum(counts[::-1])[::-1][1:]  # rays with more than 0, 1, ... hits
-    starts = np.append(0, np.cumsum(rays_with))
-    index_tri, index_ray, t = np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count)
-    hand_out(hits.ray_splits, hits.traced_id, hits.t, starts, index_tri, index_ray, t)
-    return index_tri, index_ray, t
 
 
 def _probably_inside(built: _Scaled, points: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -59,21 +59,6 @@ def scale_rays(origins, directions, low, scale, size, placed, units, tfar, moved
 
 
 @kernel
-def hand_out(splits, traced_id, t, starts, index_tri, index_ray, ordered_t):  # type: ignore[no-untyped-def]
-    """Write the hits in trimesh's order: the first ones of all rays, then the second ones, and so on.
-
-    splits: (N + 1,) int64. traced_id: (M,) uint32. t: (M,) float64. starts: (K,) int64, where the k-th hits start; used
-    up. index_tri, index_ray: (M,) int64. ordered_t: (M,) float64.
-    """
-    for ray in range(len(splits) - 1):
-        for place in range(splits[ray], splits[ray + 1]):
-            k = place - splits[ray]
-            into = starts[k]
-            starts[k] = into + 1
-            index_tri[into], index_ray[into], ordered_t[into] = traced_id[place], ray, t[place]
-
-
-@kernel
 def locate_hits(origins, directions, index_ray, index_tri, t, corners, faces, normals, locations):  # type: ignore[no-untyped-def]
     """Write where rays meet the planes of triangles, (M, 3) float64.
 

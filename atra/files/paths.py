@@ -1,4 +1,4 @@
-"""Home folders, and atomic writing: files are written whole or not at all."""
+"""Atomic writing: files are written whole or not at all."""
 
 from __future__ import annotations
 
@@ -10,21 +10,8 @@ from pathlib import Path
 
 from atra.errors import StorageError
 
-_UNFINISHED = ".unfinished"
-
-
-def expand_home(path: str) -> Path:
-    """`path` with `~` expanded. For a user without a home folder, as in some containers, `~` is the system's folder for
-    temporary files."""
-    expanded = os.path.expanduser(path)
-    return Path(tempfile.gettempdir(), expanded[2:]) if expanded.startswith("~/") else Path(expanded)
-
-
-def remove_abandoned_files(folder: Path) -> None:
-    """Remove unfinished files that killed writers left in `folder`, in which nobody may be writing."""
-    for path in folder.glob(f".*{_UNFINISHED}"):
-        with contextlib.suppress(OSError):  # on Windows another program may have it open
-            path.unlink()
+UNFINISHED = ".unfinished"
+"""Suffix of files that are being written; a killed writer leaves them."""
 
 
 def write_atomically(path: Path, content: bytes) -> None:
@@ -45,7 +32,7 @@ def write_together(contents: Mapping[Path, bytes]) -> None:
     try:
         for path, content in contents.items():
             path.parent.mkdir(parents=True, exist_ok=True)
-            handle, temporary[path] = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=_UNFINISHED)
+            handle, temporary[path] = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=UNFINISHED)
             with os.fdopen(handle, "wb") as file:
                 file.write(content)
                 file.flush()

@@ -20,11 +20,21 @@ from atra.views.visible_points import list_cameras
 class FaceCounts:
     """The triangles that each view shows: a sparse matrix of C views and F triangles, row by row.
 
-    view_splits: (C + 1,) int64: the entries of view i are those from view_splits[i] up to view_splits[i + 1].
-    prim_id: (M,) uint32, ascending in each view. pixels: (M,) int64.
-    angle: (M,) float32, mean angle between the rays of these pixels and the triangle's normal, in radians, 0 = seen
-    head-on; distance: (M,) float32, their mean length, scene units; None where they were not asked for.
-    face_count: F. `scipy.sparse.csr_array((pixels, prim_id, view_splits), (C, F))` is the matrix.
+    `scipy.sparse.csr_array((pixels, prim_id, view_splits), (C, F))` is the matrix.
+
+    Attributes
+    ----------
+    view_splits : (C + 1,) int64
+        The entries of view i are those from view_splits[i] up to view_splits[i + 1].
+    prim_id : (M,) uint32
+        Ascending in each view.
+    pixels : (M,) int64
+    angle : (M,) float32, optional
+        Mean angle between the rays of these pixels and the triangle's normal, in radians, 0 = seen head-on.
+    distance : (M,) float32, optional
+        Mean length of these rays, scene units.
+    face_count : int
+        F.
     """
 
     view_splits: NDArray[np.int64]
@@ -52,15 +62,31 @@ def face_counts(
 ) -> FaceCounts:
     """The pixels of each triangle in each view, by the rasteriser.
 
-    angle, distance: whether to find these, too.
-    Raises InputError for anything that is not a camera, and as `render_views` does.
+    Parameters
+    ----------
+    mesh : Mesh
+    cameras : mapping or iterable of cameras
+        Views of any kind, by name or in a list.
+    angle, distance : bool
+        Whether to find these, too.
+    threads : int, optional
+        None: every core.
+
+    Returns
+    -------
+    FaceCounts
+
+    Raises
+    ------
+    InputError
+        For anything that is not a camera, and as `render_views` does.
     """
     splits, parts = [0], []
     listed = list_cameras(cameras)
     for _, hits in render_views(mesh, listed, threads=threads):
         parts.append(_seen(hits, angle, distance))
         splits.append(splits[-1] + len(parts[-1][0]))
-    empty = (np.zeros(0, np.uint32), np.zeros(0, np.int64), np.zeros(0, np.float32), np.zeros(0, np.float32))
+    empty = tuple(np.zeros(0, kind) for kind in ("u4", "i8", "f4", "f4"))
     prim_id, pixels, angles, distances = (np.concatenate(part) for part in zip(empty, *parts, strict=True))
     found = angles if angle else None, distances if distance else None
     return FaceCounts(np.array(splits), prim_id, pixels, *found, mesh.triangle_count)

@@ -26,9 +26,24 @@ def orbit(
         for number, hits in atra.render_views(mesh, atra.orbit(mesh, views=36)):
             ...
 
-    views: number of cameras. elevation_degrees: how far above the mesh they are, between -90 and 90.
-    up, fov_y_degrees, width, height: as for `Camera`.
-    Raises InputError for a number of views below 1, an elevation outside (-90, 90), and as `Camera` does.
+    Parameters
+    ----------
+    mesh : Mesh
+    views : int
+        Number of cameras.
+    elevation_degrees : float
+        How far above the mesh they are, between -90 and 90.
+    up, fov_y_degrees, width, height :
+        As for `Camera`.
+
+    Returns
+    -------
+    tuple of Camera
+
+    Raises
+    ------
+    InputError
+        For a number of views below 1, an elevation outside (-90, 90), and as `Camera` does.
     """
     if not is_whole_number(views) or views < 1:
         raise InputError(f"views is {views!r}, expected a whole number of at least 1")

@@ -40,17 +40,39 @@ def render_views(
         for name, hits in atra.render_views(mesh, atra.read_colmap("sparse/0")):
             ...
 
-    cameras: by name, as readers return them; other iterables, such as generators, give the names 0, 1, ...
-    method: as for `atra.trace`. options: of its tracer, such as threads, ties or split.
-    executor: of `concurrent.futures`, or with its `submit`, as Dask and Ray have; None = this process, one view at a
-    time, on every core. With an executor a view has one thread (default of `threads`), processes of one machine share
-    the mesh, and those of other machines are sent it once.
-    in_flight: upper limit of views that are being traced or are not yet yielded, which bounds the memory; None = 1, or
-    two for each core of this machine with an executor (raise it for a cluster).
+    Parameters
+    ----------
+    mesh : Mesh
+    cameras : mapping or iterable of cameras
+        By name, as readers return them; other iterables, such as generators, give the names 0, 1, ...
+    method : str
+        As for `atra.trace`.
+    executor : concurrent.futures.Executor, optional
+        Or with its `submit`, as Dask and Ray have; None: this process, one view at a time, on every core. With an
+        executor a view has one thread (default of `threads`), processes of one machine share the mesh, and those of
+        other machines are sent it once.
+    offset : (float, float)
+        Where rays pass through their pixels, in [0, 1).
+    in_flight : int, optional
+        Upper limit of views that are being traced or are not yet yielded, which bounds the memory; None: 1, or two for
+        each core of this machine with an executor (raise it for a cluster).
+    **options :
+        Of the method's tracer, such as threads, ties or split.
 
-    After the last view an ExceptionGroup has the errors of views that failed; each names its view.
-    Raises InputError for an unknown method, an offset outside the pixel and an in_flight below 1, MemoryBudgetError for
-    too many overlapping triangles, and TypeError for unknown options.
+    Yields
+    ------
+    name, Hits
+
+    Raises
+    ------
+    InputError
+        For an unknown method, an offset outside the pixel and an in_flight below 1.
+    MemoryBudgetError
+        For too many overlapping triangles.
+    TypeError
+        For unknown options.
+    ExceptionGroup
+        After the last view: the errors of views that failed; each names its view.
     """
     if method not in METHODS:
         raise InputError(f"method is {method!r}, expected one of {', '.join(METHODS)}")

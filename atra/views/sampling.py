@@ -13,9 +13,25 @@ _PLASTIC = 1.324717957244746
 
 
 def sub_pixel_offsets(count: int, first: int = 0) -> NDArray[np.float64]:
-    """(count, 2) float64 in [0, 1), offsets `first`, `first` + 1, ... of a sequence whose prefixes fill a pixel evenly.
+    """Offsets of a sequence whose prefixes fill a pixel evenly; offset 0 is the pixel's centre.
 
-    Offset 0 is the pixel's centre. Raises InputError unless count and first are whole numbers of at least 0.
+    Parameters
+    ----------
+    count, first : int
+        Offsets `first`, `first` + 1, ..., so many of them.
+
+    Returns
+    -------
+    (count, 2) ndarray of float64
+        In [0, 1).
+
+    Raises
+    ------
+    InputError
+        Unless both are whole numbers of at least 0.
+
+    Notes
+    -----
     Source: M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018 (the R2 sequence).
     """
     if not all(is_whole_number(value) and value >= 0 for value in (count, first)):

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.rays.all_hits.contains import FARTHEST, check_points
+from atra.rays.all_hits.contains import FARTHEST_POINT, check_points
 from atra.rays.rays import Rays
 from atra.rays.scene import RayScene
 
@@ -24,15 +24,32 @@ def visible_points(
     tolerance: float = 1e-4,
     threads: int | None = None,
 ) -> NDArray[np.bool_]:
-    """(C, P) bool: whether camera c sees point p, by a ray for each pair that no triangle is lost by.
+    """Whether cameras see points, by one exact ray per camera and point.
 
-    points: (P, 3), scene units; they may lie on the mesh. cameras: views of any kind, by name or in a list.
-    tolerance: share of the way from the camera to the point, at its end, on which triangles hide nothing: points on the
-    mesh are rounded. threads: None = every core.
-    Raises InputError for points that are not finite or beyond 1e19 in size, anything that is not a camera, and a
-    tolerance outside [0, 1).
+    Parameters
+    ----------
+    mesh : Mesh
+    points : (P, 3) array_like of float
+        Scene units; they may lie on the mesh.
+    cameras : mapping or iterable of cameras
+        Views of any kind, by name or in a list.
+    tolerance : float
+        Share of the way from the camera to the point, at its end, on which triangles hide nothing: points on the mesh
+        are rounded.
+    threads : int, optional
+        None: every core.
+
+    Returns
+    -------
+    (C, P) ndarray of bool
+
+    Raises
+    ------
+    InputError
+        For points that are not finite or beyond 1e19 in size, anything that is not a camera, and a tolerance outside
+        [0, 1).
     """
-    found, listed = check_points(points, FARTHEST), list_cameras(cameras)
+    found, listed = check_points(points, FARTHEST_POINT), list_cameras(cameras)
     if not 0.0 <= tolerance < 1.0:
         raise InputError(f"tolerance is {tolerance!r}, expected a share in [0, 1)")
     visible = np.zeros((len(listed), len(found)), np.bool_)
@@ -52,10 +69,9 @@ def visible_points(
 
 def list_cameras(cameras: Mapping[Any, View] | Iterable[View]) -> list[View]:
     """The cameras themselves. Raises InputError for anything else."""
-    listed: list[Any] = []
-    if not isinstance(cameras, View) and isinstance(cameras, Iterable):
-        listed = list(cameras.values()) if isinstance(cameras, Mapping) else list(cameras)
-    if not all(isinstance(one, View) for one in listed) or isinstance(cameras, View):
+    is_several = isinstance(cameras, Iterable) and not isinstance(cameras, View)
+    listed: list[Any] = list(cameras.values() if isinstance(cameras, Mapping) else cameras) if is_several else []
+    if not is_several or not all(isinstance(one, View) for one in listed):
         raise InputError(f"cameras is {cameras!r:.100}, expected several: by name, or a list of them")
     return listed
 

@@ -8,13 +8,13 @@ import os
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from atra.errors import InputError, RecordError, StorageError
-from atra.files.paths import remove_abandoned_files, write_atomically
+from atra.files.paths import UNFINISHED, write_atomically
 
 FORMAT = 2
 """Version of the file's layout. A file of another version is not used."""
@@ -159,7 +159,14 @@ def exclusive(results: Path, *folders: Path) -> Iterator[None]:
         raise StorageError(f"{results} cannot be locked: {error}; choose another results_dir") from None
     try:
         for folder in (results, *folders):
-            remove_abandoned_files(folder)
+            _remove_abandoned_files(folder)
         yield
     finally:
         lock.release()
+
+
+def _remove_abandoned_files(folder: Path) -> None:
+    """Remove unfinished files that killed writers left in `folder`, in which nobody may be writing."""
+    for path in folder.glob(f".*{UNFINISHED}"):
+        with suppress(OSError):  # on Windows another program may have it open
+            path.unlink()

@@ -21,11 +21,10 @@ import pandas as pd
 from numba import njit, types
 from numpy.typing import NDArray
 
-from atra.alignment.aligned import SECOND_PASS_TILE
 from atra.alignment.alignment import Alignment
 from atra.alignment.cells import CellOptions, reference_rays
-from atra.alignment.culling import plan_aligned_geometry
-from atra.alignment.visibility import Tiles, nearest_in_tiles
+from atra.alignment.copies import copied_geometry
+from atra.alignment.second_pass import SECOND_PASS_TILE, nearest_in_tiles
 from atra.compiled.aligned_memory import aligned_empty
 from atra.compiled.intrinsics import address_at, float_at, uint32_at
 from atra.compiled.memory import store
@@ -214,7 +213,7 @@ def measure(path: str, rounds: int) -> dict[str, Any]:
     def add_aligned(name: str, split: Split, culling: bool) -> None:
         alignment = Alignment.of_cells(camera, split)
         options = CellOptions(culling=culling, packet_width=1, robust=False)
-        geometry = plan_aligned_geometry((mesh,), alignment, options, _WIDTH, pool)
+        geometry = copied_geometry((mesh,), alignment, options, _WIDTH, pool)
         rays, built, image = reference_rays(alignment, (0.5, 0.5)), embree.build(geometry), images[name]
         (left_out,) = geometry.left_out
         if left_out is None:
@@ -223,7 +222,7 @@ def measure(path: str, rounds: int) -> dict[str, Any]:
         others = np.ones(mesh.triangle_count, np.bool_)
         others[left_out.prim_ids] = False
         second = embree.build(plan_plain_geometry(mesh, camera, others))
-        nearest = nearest_in_tiles(mesh, camera, Tiles(*SECOND_PASS_TILE, _WIDTH, _WIDTH), left_out)
+        nearest = nearest_in_tiles(mesh, camera, left_out)
 
         def both() -> None:
             embree.trace_cell(built, ray, context, *rays, *image)

@@ -71,7 +71,7 @@ def test_the_drawing_shows_sixteen_rays_hits_on_four_at_the_same_depths(tmp_path
     for pixel in np.nonzero(np.isfinite(depths))[0].tolist():
         cell, ray = divmod(pixel, 4)
         along = np.array([(pixel + 0.5 - 8) * pitch, 1]) * depths[pixel]
-        reference = np.array([(alignment.first_x_pixels + ray + 0.5) * pitch, 1]) * depths[pixel]
+        reference = np.array([(alignment.corner_pixels[0] + ray + 0.5) * pitch, 1]) * depths[pixel]
         np.testing.assert_allclose(alignment_drawing.sheared(alignment, cell, along[None]), reference[None], atol=1e-9)
     drawn = picture(tmp_path / "alignment.png")
     shown = picture(ROOT / "docs" / "images" / "alignment.png")

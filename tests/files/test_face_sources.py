@@ -8,59 +8,30 @@ import trimesh
 
 import atra
 from atra.errors import InputError
+from tests.files.samples import CORNERS, FORMS, QUADS, obj, written
 
-QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
 MIXED = [(0, 1, 3, 2), (4, 6, 7), (0, 4, 5, 1, 3), (2, 3, 7, 6), (0, 2, 6), (1, 5, 7, 3, 2, 0)]
-CORNERS = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
 
 
-def write(kind, faces, folder):
-    """The corners of a box and these faces, as a file."""
-    lines = "".join(" ".join(map(str, row)) + "\n" for row in (*CORNERS, *((len(face), *face) for face in faces)))
-    header = "element vertex 8\nproperty float x\nproperty float y\nproperty float z\n"
-    header += f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
-    path = folder / f"box.{kind.removeprefix('binary ')}"
-    if kind == "ply":
-        path.write_text(f"ply\nformat ascii 1.0\n{header}{lines}", encoding="utf-8")
-    elif kind == "binary ply":
-        rows = b"".join(np.uint8(len(face)).tobytes() + np.array(face, "<i4").tobytes() for face in faces)
-        header = f"ply\nformat binary_little_endian 1.0\n{header}".encode()
-        path.write_bytes(header + np.array(CORNERS, "<f4").tobytes() + rows)
-    elif kind == "off":
-        path.write_text(f"OFF # a box\n8 {len(faces)} 0\n{lines}", encoding="utf-8")
-    else:
-        rows = ["mtllib none.mtl", *(f"v {x} {y} {z}" for x, y, z in CORNERS)]
-        for number, face in enumerate(faces):
-            rows += [f"usemtl {'red' if number % 3 else 'blue sky'}"] * (number > 0)
-            rows.append("f " + " ".join(f"{corner + 1}" for corner in face))
-        path.write_text("\n".join(rows) + "\n", encoding="utf-8")
-    return path
-
-
-KINDS = ("ply", "binary ply", "off", "obj")
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("faces", [*([face] * 3 for face in MIXED[:3]), QUADS, MIXED])
-@pytest.mark.filterwarnings("ignore:.*do not lie in a plane")
-def test_every_triangle_lies_in_the_face_that_it_is_said_to_be_of(kind, faces, tmp_path):
-    path = write(kind, faces, tmp_path)
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("faces", [[MIXED[1]] * 3, [MIXED[2]] * 3, QUADS, MIXED])
+@pytest.mark.filterwarnings("ignore:.*do not lie in a plane", "ignore:.*that cross themselves")
+def test_every_triangle_lies_in_the_face_that_it_is_said_to_be_of_in_the_order_of_the_file(form, faces, tmp_path):
+    path = written(tmp_path, f"box.{form}", FORMS[form](CORNERS, faces))
     mesh, sources = atra.load_mesh(path), atra.load_face_sources(path)
-    assert np.bincount(sources.face, minlength=len(faces)).tolist() == [len(face) - 2 for face in faces]
+    assert sources.face.tolist() == [number for number, face in enumerate(faces) for _ in face[2:]]
     places = np.array(CORNERS, float)
     for corners, face in zip(mesh.triangles(np.arange(mesh.triangle_count)), sources.face, strict=True):
         own = {tuple(places[corner]) for corner in faces[face]}
         assert {tuple(corner) for corner in corners} <= own
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_both_halves_of_a_quad_come_one_after_the_other(kind, tmp_path):
-    face = atra.load_face_sources(write(kind, QUADS, tmp_path)).face
-    assert face.tolist() == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5]
-
-
 def test_the_materials_of_an_obj_are_those_of_its_lines(tmp_path):
-    sources = atra.load_face_sources(write("obj", MIXED, tmp_path))
+    lines = iter(obj(CORNERS, MIXED).splitlines())
+    rows = ["mtllib none.mtl", *(next(lines) for _ in CORNERS)]
+    for number, face in enumerate(lines):
+        rows += [f"usemtl {'red' if number % 3 else 'blue sky'}"] * (number > 0) + [face]
+    sources = atra.load_face_sources(written(tmp_path, "box.obj", "\n".join(rows)))
     assert sources.materials == ("red", "blue sky")
     expected = np.array([-1, 0, 0, 1, 0, 0])
     np.testing.assert_array_equal(sources.material, expected[sources.face])

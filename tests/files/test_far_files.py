@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -13,21 +12,17 @@ import atra
 from atra.command.main import main
 from experiments.commands.scene_files import ply_of
 from tests.far import AWAY, FAR, NEAR, SEEN_FAR, SEEN_NEAR
+from tests.files.samples import obj, off, three_mf
 
 UTM = np.array([512345.67, 4598765.43, 120.25])
 
 
 def write_obj(path, mesh):
-    rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in mesh.vertices.tolist()]
-    rows += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in mesh.faces.tolist()]
-    path.write_text("\n".join(rows) + "\n", encoding="ascii")
+    path.write_text(obj(mesh.vertices.tolist(), mesh.faces.tolist()), encoding="ascii")
 
 
 def write_off(path, mesh):
-    rows = ["OFF", f"{len(mesh.vertices)} {mesh.triangle_count} 0"]
-    rows += [f"{x!r} {y!r} {z!r}" for x, y, z in mesh.vertices.tolist()]
-    rows += [f"3 {a} {b} {c}" for a, b, c in mesh.faces.tolist()]
-    path.write_text("\n".join(rows) + "\n", encoding="ascii")
+    path.write_text(off(mesh.vertices.tolist(), mesh.faces.tolist()), encoding="ascii")
 
 
 def write_ply(path, mesh):
@@ -45,17 +40,8 @@ def write_glb(path, mesh):
 
 def write_3mf(path, mesh):
     """The near mesh, placed by the transform of its item."""
-    corners = "".join(f'<vertex x="{x!r}" y="{y!r}" z="{z!r}"/>' for x, y, z in mesh.local_vertices.tolist())
-    faces = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in mesh.faces.tolist())
-    place = " ".join(map(repr, mesh.origin.tolist()))
-    model = (
-        '<model unit="meter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><resources>'
-        f'<object id="1" type="model"><mesh><vertices>{corners}</vertices>'
-        f"<triangles>{faces}</triangles></mesh></object>"
-        f'</resources><build><item objectid="1" transform="1 0 0 0 1 0 0 0 1 {place}"/></build></model>'
-    )
-    with ZipFile(path, "w") as archive:
-        archive.writestr("3D/3dmodel.model", model)
+    place = "1 0 0 0 1 0 0 0 1 " + " ".join(map(repr, mesh.origin.tolist()))
+    three_mf(path, [place], vertices=mesh.local_vertices.tolist(), faces=mesh.faces.tolist())
 
 
 WRITERS = {"obj": write_obj, "off": write_off, "ply": write_ply, "glb": write_glb, "3mf": write_3mf}
@@ -136,21 +122,8 @@ def test_atra_render_shows_a_file_at_map_coordinates_as_the_same_near_the_origin
 
 def test_atra_render_frames_a_file_at_map_coordinates(tmp_path, monkeypatch):
     write_obj(tmp_path / "far.obj", FAR)
-    monkeypatch.setattr(
-        "sys.argv",
-        [
-            "atra",
-            "render",
-            str(tmp_path / "far.obj"),
-            "--out",
-            str(tmp_path / "out"),
-            "--format",
-            "npz",
-            "--size",
-            "32",
-            "32",
-        ],
-    )
+    out = ["--out", str(tmp_path / "out"), "--format", "npz", "--size", "32", "32"]
+    monkeypatch.setattr("sys.argv", ["atra", "render", str(tmp_path / "far.obj"), *out])
     assert main() == 0
     with np.load(next((tmp_path / "out").glob("*.npz"))) as stored:
         assert np.isfinite(stored["depth"]).mean() > 0.1

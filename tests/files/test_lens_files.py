@@ -1,13 +1,12 @@
 """Files of cameras with a lens, made here and read back; COLMAP's models as OpenCV and closed forms have them."""
 
 import json
-from struct import pack
 
 import numpy as np
 import pytest
 
 import atra
-from atra.files.cameras.lens_models import CAMERA_MODELS
+from tests.files.test_camera_files import WRITERS
 from tests.images import assert_equal_images
 from tests.judge.reference import brute_force
 from tests.meshes import cornell_box
@@ -62,34 +61,25 @@ KINDS = {
 }
 
 
-def write_colmap(folder, model, parameters, turn=(1.0, 0.0, 0.0, 0.0), place=(0.0, 0.0, 0.0), size=(64, 48)):
-    number = list(CAMERA_MODELS).index(model)
-    (folder / "cameras.bin").write_bytes(
-        pack("<QIiQQ", 1, 1, number, *size) + pack(f"<{len(parameters)}d", *parameters)
-    )
-    (folder / "images.bin").write_bytes(pack("<QI7dI", 1, 1, *turn, *place, 1) + b"a.png\0" + pack("<Q", 0))
-    (folder / "text").mkdir()
-    (folder / "text" / "cameras.txt").write_text(f"1 {model} {size[0]} {size[1]} {' '.join(map(repr, parameters))}\n")
-    numbers = " ".join(repr(float(value)) for value in (*turn, *place))
-    (folder / "text" / "images.txt").write_text(f"1 {numbers} 1 a.png\n\n")
+def read_colmap(folder, write, model, parameters, turn=(1.0, 0.0, 0.0, 0.0), place=(0.0, 0.0, 0.0)):
+    write(folder, {1: (model, 64, 48, parameters)}, [(1, turn, place, 1, "a.png")])
+    return atra.read_colmap(folder)["a.png"]
 
 
+@pytest.mark.parametrize("write", WRITERS.values(), ids=WRITERS)
 @pytest.mark.parametrize("model", KINDS)
-def test_a_colmap_camera_sees_points_where_its_model_says(model, tmp_path):
+def test_a_colmap_camera_sees_points_where_its_model_says(model, write, tmp_path):
     parameters, expected = KINDS[model]
-    write_colmap(tmp_path, model, parameters)
     fx, fy, cx, cy = FOCALS if len(parameters) > 5 or model == "FOV" else (70.0, 70.0, 31.0, 25.5)
-    for folder in (tmp_path, tmp_path / "text"):
-        (camera,) = atra.read_colmap(folder).values()
-        seen = camera.project(RAYS)
-        np.testing.assert_allclose(seen, expected * [fx, fy] + [cx, cy], rtol=0, atol=1e-9)
+    seen = read_colmap(tmp_path, write, model, parameters).project(RAYS)
+    np.testing.assert_allclose(seen, expected * [fx, fy] + [cx, cy], rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("model", ["OPENCV", "OPENCV_FISHEYE"])
 def test_a_colmap_model_with_distortion_is_rendered_with_the_labels_of_the_reference(model, tmp_path):
     turn = (np.cos(0.1), 0.0, np.sin(0.1), 0.0)
-    write_colmap(tmp_path, model, (40.0, 42.0, 33.0, 23.0, -0.1, 0.05, 0.001, 0.002), turn, (0.1, -0.7, 0.9))
-    (camera,) = atra.read_colmap(tmp_path).values()
+    parameters = (40.0, 42.0, 33.0, 23.0, -0.1, 0.05, 0.001, 0.002)
+    camera = read_colmap(tmp_path, WRITERS["binary"], model, parameters, turn, (0.1, -0.7, 0.9))
     mesh = cornell_box()
     with atra.PixelTracer(mesh, camera, threads=1) as tracer:
         hits = tracer.trace()

@@ -23,7 +23,7 @@ from atra.tracing.images import images_of, outputs
 from atra.tracing.lens_rays import LensRays
 from atra.tracing.lifetime import Lifetime, check_same_faces, synchronized
 from atra.tracing.rays import SQUAREST_SHAPE, image_ray_grid, pixel_tiles
-from atra.trees.bvh import Bvh, bvh_of
+from experiments.classification.bvh.binary import Bvh, bvh_of
 from experiments.classification.bvh.images import Start, image_kernel, lens_kernel
 from experiments.classification.bvh.memory import Memory
 from experiments.classification.bvh.options import BvhOptions

@@ -17,7 +17,8 @@ from atra.prim_ids import MISS
 from atra.raster.tracer import RasterTracer
 from atra.rays.rays import RayHits, Rays
 from atra.rays.scene import RayScene
-from atra.trees.layout import BLOCK_BYTES, NODE_BYTES
+from atra.trees.layout import BLOCK_BYTES
+from experiments.classification.bvh.binary import NODE_BYTES
 from experiments.classification.bvh.scene import BvhScene, PreparedRays
 from experiments.classification.bvh.single import BLOCKS, BOXES, LISTED, STEPS
 from experiments.classification.ray_sets import ray_set

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from atra.compiled.instruction_sets import chosen_instruction_set, cpu_design, instruction_sets_here
-from atra.files.paths import expand_home, write_atomically
+from atra.files.paths import write_atomically
 from experiments.law.model.defaults import DEFAULTS
 from experiments.law.model.formulas import Constants
+from scenes.directory import expand_home
 
 FORMAT = 2
 """Version of the file."""
