@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from atra.compiled.instruction_sets import LANES
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.tracing.tracer import Tracer
@@ -15,7 +14,7 @@ from experiments.classification.bvh.scene import BvhScene
 from experiments.classification.bvh.tracer import BvhTracer
 from experiments.drawing.style import SKY
 from experiments.harness.column import WHOLE, Column
-from experiments.harness.method import Method, Style, Tracing
+from experiments.harness.method import LANES, Method, Style, Tracing
 from experiments.harness.options import option
 from experiments.methods.options import MethodOptions, keywords_of, robust_option, say_robust
 
