@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from experiments.documents.quotation import REFERENCE
 from experiments.law.fit import (
     add_tables,
     choices_of,
@@ -21,7 +22,6 @@ from experiments.law.model.looking import look_at
 from experiments.law.model.memory import array_bytes, byte_terms
 from tests.command import run_here
 from tests.meshes import cornell_box, cornell_camera
-from tests.quotations.quotation import REFERENCE
 
 
 def row(scene, method, measured_s, predicted_s=1.0, **fields):
