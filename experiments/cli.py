@@ -34,6 +34,7 @@ PLAIN = {
     "new-method": "experiments.commands.new_method:run_new_method",
     "pack": "experiments.board.pack:run_pack",
     "board": "experiments.board.command:run_board",
+    "tables": "experiments.documents.writing:run_tables",
 }
 """Verbs with words of their own in place of fields of a configuration -> what takes these. Wings and packages offer
 further ones by entry points."""

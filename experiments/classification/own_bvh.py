@@ -8,6 +8,7 @@ from typing import Any
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
+from atra.tracing.tracer import Tracer
 from experiments.classification.bvh import options as library
 from experiments.classification.bvh.scene import BvhScene
 from experiments.classification.bvh.tracer import BvhTracer
@@ -44,7 +45,7 @@ class BvhOptions(MethodOptions):
 BVH_BYTES = Column("bvh_bytes", WHOLE, "nodes and triangles of our own BVH")
 
 
-def _make(mesh: Mesh, view: View, options: BvhOptions, tracing: Tracing) -> BvhTracer:
+def _make(mesh: Mesh, view: View, options: BvhOptions, tracing: Tracing) -> Tracer:
     return BvhTracer(mesh, view, **keywords_of(library.BvhOptions, options, tracing))
 
 

@@ -22,11 +22,11 @@ from experiments.drawing.style import TIMES
 from experiments.drawing.values import numbers
 from experiments.methods.aligned import ALIGNED
 from experiments.methods.pixel import PIXEL
-from experiments.paper.claims import BEST_SPEEDUPS
 from experiments.results.settings import say_setting
 from experiments.results.statistics import Estimate, Pool, best_of
 from experiments.results.table import read_table
 from experiments.results.verdicts import Bounds
+from experiments.workloads.reported import BEST_SPEEDUPS
 
 ASKED_FOR = BEST_SPEEDUPS["cornell_box"]
 

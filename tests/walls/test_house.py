@@ -13,13 +13,12 @@ from types import ModuleType
 
 import pandas as pd
 import pytest
-from matplotlib.figure import Figure
 
 import experiments
 from atra.packets.pixel import Pixel, PreparedPixel
 from atra.tracing.tracer import Tracer
 from experiments.configure import configure
-from experiments.drawing.figure import FigureKind, of_table
+from experiments.drawing.figure import Axis, Figure, FigureKind, Line, Panel, of_table
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Method, Style
 from experiments.harness.options import option
@@ -96,17 +95,16 @@ def measure_game(point):
     return measured(results | {"moves": 7 * point.workload_options.players}, timed)
 
 
-def draw_game(rows, columns):
-    figure = Figure()
-    figure.subplots().plot(rows["moves"].to_numpy(float), rows["game_time_s"].to_numpy(float))
-    return figure
+def game_figure(rows):
+    line = Line("games", rows["moves"].to_numpy(float), rows["game_time_s"].to_numpy(float), {"color": "#123456"})
+    return Figure("lines", [Panel(lines=[line])], x=Axis("moves"), y=Axis("time of a game in s"))
 
 
 ROOM = {
     "measure": {"measure": measure_game},
     "shown": {
         "FIGURES": (
-            FigureKind("games", "Games played", lambda rows: workload_rows(rows, "game"), of_table(draw_game)),
+            FigureKind("games", "Games played", lambda rows: workload_rows(rows, "game"), of_table(game_figure)),
         ),
         "sweep_lines": lambda rows: [f"{rows['moves'].sum()} moves in all"],
     },
@@ -249,7 +247,7 @@ def test_no_file_compares_with_the_name_of_a_method_or_workload_but_its_own():
         for path in (ROOT / "experiments").rglob("*.py")
         if path not in REGISTRIES
         # which hold methods against each other by name
-        and not any(path.is_relative_to(ROOT / "experiments" / wing) for wing in ("law", "studies"))
+        and not any(path.is_relative_to(ROOT / "experiments" / wing) for wing in ("law", "studies", "documents"))
         for name in compared_names(path.read_text(encoding="utf-8"))
         if home[name] not in (path, *path.parents)
     }

@@ -7,18 +7,14 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
 from rich.table import Table
 
-from experiments.drawing.axes import label_axes, say_nothing_measured, write_plainly
-from experiments.drawing.bars import Bar, Stack, draw_stacks
-from experiments.drawing.style import BLUE, DASHED, GREY, ORANGE, SKY, VERMILLION
-from experiments.drawing.values import MILLISECONDS, column, numbers, row_interval, say_number
+from experiments.drawing.figure import Axis, Bar, Figure, Line, Panel
+from experiments.drawing.style import BLACK, BLUE, DASHED, GREY, ORANGE, SKY, VERMILLION
+from experiments.drawing.values import MILLISECONDS, column, drawable, numbers, row_interval, say_number
 from experiments.light.bake import BAKE, STAGES, THRESHOLDS
 from experiments.light.bake.claims import CLAIMS as CLAIMS
-from experiments.workloads.panels import Bars, bars_figure, bars_height, make_panels, panels_figure, workload_figure
+from experiments.workloads.panels import figure_of, make_panels, read_panels, workload_figure
 from experiments.workloads.tables import cell, points_table
 
 CLAIMS_FILE = "bake_claims"
@@ -43,12 +39,12 @@ _MEGA = 1e-6
 _COLOURS = {"none": GREY, "texels": ORANGE, "bounces": BLUE}
 
 _LINES: dict[str, tuple[str, str | None, dict[str, Any]]] = {
-    "what the view shows, first": ("visible_", None, {"color": BLUE, "marker": "o"}),
+    "what the view shows, first": ("visible_", None, {"color": BLUE, "marker": "o", "linewidth": 2.6}),
     "what the view shows, by place": ("visible_", "view_speedup", {"color": SKY, "marker": "s", "linestyle": DASHED}),
-    "whole map, the view first": ("", "whole_map_cost", {"color": VERMILLION, "marker": "o"}),
+    "whole map, the view first": ("", "whole_map_cost", {"color": VERMILLION, "marker": "o", "linewidth": 2.6}),
     "whole map, by place": ("", None, {"color": ORANGE, "marker": "s", "linestyle": DASHED}),
 }
-"""Lines of errors over time: kind of column, the column it is multiplied by, and style, the widest first."""
+"""Lines of errors over time: kind of column, the column it is multiplied by, and style."""
 
 
 def _measured(rows: pd.DataFrame, against: str) -> pd.DataFrame:
@@ -77,39 +73,25 @@ def _sizes(rows: pd.DataFrame) -> list[str]:
     return [f"maps of {sizes} texels a side, before room is added"] if sizes else []
 
 
-def draw_convergence(rows: pd.DataFrame, columns: int) -> Figure:
+def convergence_figure(rows: pd.DataFrame) -> Figure:
     """A panel a scene, both axes logarithmic: the error over the time until it is reached."""
-    panels = make_panels(rows, ("against", "compaction"))
-    foot = "an error is the root mean square over the mean, by the variance of samples"
-    shown = _without_image(rows)
-    return panels_figure(panels, _draw_errors, columns, shown, *_sizes(rows), foot, legend=list(_LINES))
+    return figure_of(
+        "lines", read_panels(make_panels(rows, ("against", "compaction")), _errors), _without_image(rows),
+        *_sizes(rows), "an error is the root mean square over the mean, by the variance of samples",
+        x=Axis("seconds"), y=Axis("error of the light", "ticks", "{:g} %".format), legend=list(_LINES),
+    )  # fmt: skip
 
 
-def _draw_errors(axis: Axes, rows: pd.DataFrame) -> None:
-    for place, (label, (kind, factor, style)) in enumerate(_LINES.items()):
+def _errors(rows: pd.DataFrame) -> Panel:
+    lines = []
+    for label, (kind, factor, style) in _LINES.items():
         times = [numbers(rows, f"{kind}time_to_rmse_{limit}_s") for limit in THRESHOLDS]
         seconds = np.array([np.nanmedian(one) if np.isfinite(one).any() else np.nan for one in times])
         seconds *= 1.0 if factor is None else np.nanmedian(numbers(rows, factor))
-        if np.isfinite(seconds).any():
-            width = 3.4 - 0.8 * place
-            axis.plot(seconds, THRESHOLDS, linewidth=width, markersize=3 + 1.5 * width, label=label, **style)
-    axis.set_xscale("log")
-    axis.set_yscale("log")
-    axis.set_yticks(THRESHOLDS, [f"{limit} %" for limit in THRESHOLDS])
-    axis.yaxis.set_minor_formatter(NullFormatter())
-    write_plainly(axis.xaxis)
-    label_axes(axis, "seconds", "error of the light")
-    if not axis.lines:
-        say_nothing_measured(axis)
-
-
-def draw_stages(rows: pd.DataFrame, columns: int) -> Figure:
-    """A panel a scene: milliseconds of a round, a bar for each occupancy and compaction, its parts the stages."""
-    panels = make_panels(rows, _SETTINGS)
-    return panels_figure(
-        panels, _draw_stages, columns, _without_image(rows), *_sizes(rows), "right of a label: time of a round", _FULL,
-        legend=STAGES, height=bars_height(panels),
-    )  # fmt: skip
+        known = drawable(seconds)
+        if known.any():
+            lines.append(Line(label, seconds[known], np.array(THRESHOLDS, np.float64)[known], style))
+    return Panel(lines=lines)
 
 
 _SETTINGS = ("compaction", "occupancy", "against")
@@ -126,41 +108,51 @@ def _ordered(rows: pd.DataFrame) -> pd.DataFrame:
     return rows.sort_values(["_place", "map_occupancy"], kind="stable")
 
 
-def _draw_stages(axis: Axes, rows: pd.DataFrame) -> None:
-    stacks = []
+def stages_figure(rows: pd.DataFrame) -> Figure:
+    """A panel a scene: milliseconds of a round, a bar for each occupancy and compaction, its parts the stages."""
+    return figure_of(
+        "bars", read_panels(make_panels(rows, _SETTINGS), _stages), _without_image(rows), *_sizes(rows), _FULL,
+        x=Axis("ms of a round", "linear"), parts=STAGES, headings=("", "time of a round"),
+    )  # fmt: skip
+
+
+def _stages(rows: pd.DataFrame) -> Panel:
+    bars = []
     for _, row in _ordered(rows).iterrows():
         parts = tuple(float(row[f"{stage}_s"]) * MILLISECONDS for stage in STAGES)
-        stacks.append(Stack(_label(row), parts, f"{say_number(sum(parts))} ms"))
-    draw_stacks(axis, stacks, STAGES, "ms of a round")
+        bars.append(Bar(_label(row), np.nan, np.nan, np.nan, BLACK, f"{say_number(sum(parts))} ms", parts=parts))
+    return Panel(bars=bars)
 
 
-def draw_rays(rows: pd.DataFrame, columns: int) -> Figure:
+def rays_figure(rows: pd.DataFrame) -> Figure:
     """A panel a scene: millions of rays in a second, with intervals, a bar for each occupancy and compaction."""
-    foot = "right of a label: rays/s, and of the lanes of all stages that trace, those with a ray"
-    panels, shown = make_panels(rows, _SETTINGS), _without_image(rows)
-    return bars_figure(panels, _rays, "million rays/s", columns, shown, *_sizes(rows), foot, _FULL)
+    return figure_of(
+        "bars", read_panels(make_panels(rows, _SETTINGS), _rays), _without_image(rows), *_sizes(rows), _FULL,
+        x=Axis("million rays/s", "linear"),
+        headings=("", "rays/s, and of the lanes of all stages that trace, those with a ray"),
+    )  # fmt: skip
 
 
-def _rays(rows: pd.DataFrame) -> Bars:
+def _rays(rows: pd.DataFrame) -> Panel:
     bars = []
     for _, row in _ordered(rows).iterrows():
         value, low, high = row_interval(row, "rays_per_s{}", _MEGA)
         text = f"{say_number(value)} million/s, lanes {float(row['lane_utilisation']):.0%}"
         bars.append(Bar(_label(row), value, low, high, _COLOURS[row["compaction"]], text))
-    return bars, ()
+    return Panel(bars=bars)
 
 
 FIGURES = (
     workload_figure(
         "bake_convergence", "Error of a lightmap over time, what the view shows first or by place", BAKE,
-        draw_convergence, _with_a_view,
+        convergence_figure, _with_a_view,
     ),
     workload_figure(
         "bake_stages", "Stages of a round of samples, by how full the map is and which lanes move together", BAKE,
-        draw_stages, _by_compaction,
+        stages_figure, _by_compaction,
     ),
     workload_figure(
         "bake_rays", "Rays that are traced in a second, by how full the map is and which lanes move together", BAKE,
-        draw_rays, _by_compaction,
+        rays_figure, _by_compaction,
     ),
 )  # fmt: skip

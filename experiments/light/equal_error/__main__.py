@@ -13,8 +13,9 @@ from pathlib import Path
 
 import pandas as pd
 
+from experiments.drawing.render import render
 from experiments.harness.environment import read_environment
-from experiments.light.equal_error.figure import draw_errors
+from experiments.light.equal_error.figure import errors_figure
 from experiments.light.equal_error.measure import BEFORE, FAST, MITSUBA, measure
 from scenes.lit.equal_error import SCENES
 
@@ -38,7 +39,7 @@ def main() -> None:
         table = pd.concat([table, pd.DataFrame(rows)]).drop_duplicates(_KEY, keep="last", ignore_index=True)
         table.to_parquet(path, index=False)
         print(pd.DataFrame(rows).round(4).drop(columns=list(same)).to_string(index=False), flush=True)
-    draw_errors(table, given.folder / "errors.png")
+    (given.folder / "errors.png").write_bytes(render(errors_figure(table), "png"))
 
 
 if __name__ == "__main__":

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import nan
 from typing import Any
 
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from rich.table import Table
 
-from experiments.drawing.bars import Stack, draw_stacks
-from experiments.drawing.pages import write_notes
+from experiments.drawing.figure import Axis, Bar, Figure, Panel
+from experiments.drawing.style import BLACK
 from experiments.drawing.values import MILLISECONDS, numbers, say_number
 from experiments.light.render import RENDER, STAGES, stage_column
 from experiments.methods.naming import best_of, say_kind
-from experiments.workloads.panels import bars_height, make_panels, panels_figure, workload_figure
+from experiments.workloads.panels import figure_of, make_panels, read_panels, workload_figure
 from experiments.workloads.resources import say_ms
-from experiments.workloads.series import BestPoint, best_points, count_series, say_ratio
+from experiments.workloads.series import BestPoint, best_points, say_ratio
 from experiments.workloads.tables import best_by_kind, narrow_table, plain, times
 
 _NUMBERS = ("a\nsample", "primary", "outside\nEmbree", "single\nrays", "packets", "by\nAmdahl", "paid back\nafter")
@@ -55,33 +54,33 @@ def say_break_even(samples: Any) -> str:
 _NAMES = [name.replace("_", " ") for name in STAGES]
 
 
-def draw_stages_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
+def stages_figure(table: pd.DataFrame) -> Figure:
     """One panel a scene (and a value of any other setting that varies); milliseconds of a sample, from zero.
 
     A bar is a method at its best split, its parts the stages.
     """
-    panels = make_panels(table, (*best_of(), "packet_width"))
-    foot = "right of a label: time of a sample, gain over packets and its interval, Amdahl's forecast"
-    height = bars_height(panels, count_series)
-    return panels_figure(panels, _draw_panel, columns, table, foot, legend=_NAMES, height=height)
+    panels = read_panels(make_panels(table, (*best_of(), "packet_width")), _panel)
+    headings = ("", "time of a sample, gain over packets and its interval, Amdahl's forecast")
+    return figure_of("bars", panels, table, x=Axis("ms of a sample", "linear"), parts=_NAMES, headings=headings)
 
 
-def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
+def _panel(rows: pd.DataFrame) -> Panel:
     found = list(best_points(rows))
-    draw_stacks(axis, [_stack(one) for one in found if len(one.best)], _NAMES, "ms of a sample")
-    write_notes(axis, [line for one in found for line in one.notes()])
+    return Panel(
+        bars=[_bar(one) for one in found if len(one.best)], notes=[line for one in found for line in one.notes()]
+    )
 
 
-def _stack(one: BestPoint) -> Stack:
+def _bar(one: BestPoint) -> Bar:
     row = one.best.iloc[0]
     of_a_sample = MILLISECONDS / float(row["samples"])
     parts = tuple(float(numbers(one.best, stage_column(name))[0]) * of_a_sample for name in STAGES)
-    text = f"{say_number(row['render_time_s'] * of_a_sample)} ms, {say_ratio(row)}"
-    return Stack(one.label, parts, f"{text}, {row['speedup_forecast']:.2f}")
+    text = f"{say_number(row['render_time_s'] * of_a_sample)} ms, {say_ratio(row)}, {row['speedup_forecast']:.2f}"
+    return Bar(one.label, nan, nan, nan, BLACK, text, parts=parts)
 
 
 FIGURES = (
     workload_figure(
-        "stages", "Stages of a sample of a picture, for every method of primary visibility", RENDER, draw_stages_figure
+        "stages", "Stages of a sample of a picture, for every method of primary visibility", RENDER, stages_figure
     ),
 )

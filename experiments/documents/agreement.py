@@ -1,14 +1,19 @@
 """What docs/trust.md quotes of sweep=agreement."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
 import pandas as pd
 
+from experiments.documents.quotation import SCENES, Kept, power_of_ten, table_row
 from experiments.methods import find_method
-from tests.quotations.quotation import SCENES, power_of_ten, table_row
 
 _SUMMED = "^(pixels|images$|rays_|method_|baseline_wrong|sampled_)"
 
 
-def kind_of(row):
+def kind_of(row: Any) -> Any:
     label = find_method(row["method"]).label
     if pd.isna(row["culling"]) or pd.isna(row["geometry"]):
         return f"{label} of {row['packet_width']}" if row["method"] == "pixel" else label
@@ -17,7 +22,7 @@ def kind_of(row):
     return f"{label}, culling {'on' if row['culling'] else 'off'}"
 
 
-def sums(table, by):
+def sums(table: Any, by: Any) -> Any:
     table = table.assign(
         kind=[kind_of(row) for _, row in table.iterrows()], pixels=table.filter(regex="^pixels_").sum(axis=1)
     )
@@ -26,7 +31,7 @@ def sums(table, by):
     return table.groupby(by, sort=False).agg(summed | largest)
 
 
-def by_kind(kept):
+def by_kind(kept: Kept) -> Iterable[str]:
     for kind, row in sums(kept.points, ["kind"]).iterrows():
         assert row["pixels_wrong"] == 0
         yield table_row(
@@ -42,7 +47,7 @@ def by_kind(kept):
         )
 
 
-def in_all(kept):
+def in_all(kept: Kept) -> Iterable[str]:
     table = kept.points
     totals, by_scene = table.sum(numeric_only=True), sums(table, ["scene"])
     errors = {scene: f"{row['method_wrong']:,.0f} : {row['baseline_wrong']:,.0f}" for scene, row in by_scene.iterrows()}
@@ -58,7 +63,7 @@ def in_all(kept):
     yield f"On mitsuba it is {errors['mitsuba']}"
 
 
-def of_the_rasteriser(kept):
+def of_the_rasteriser(kept: Kept) -> Iterable[str]:
     totals = kept.points.sum(numeric_only=True)
     pixels = totals.filter(regex="^pixels_").sum() / 1e6
     own, single = (f"{totals[name]:.0f}" for name in ("method_wrong", "baseline_wrong"))

@@ -1,22 +1,27 @@
 """What the pages quote of the law."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
 import numpy as np
 
+from experiments.documents.quotation import TIMES, Kept, digits, table_row
 from experiments.law.fit import choices_of, errors_of, named_if_known
 from experiments.law.model.defaults import DEFAULTS
 from experiments.law.model.formulas import IN_CACHE
 from experiments.law.tiles import WAYS, fastest
-from tests.quotations.quotation import TIMES, digits, table_row
 
 SETS = ("avx512", "avx2")
 WORDS = {"nearest": "nearest hit", "count": "all hits"}
 
 
-def percent(value):
+def percent(value: Any) -> Any:
     return f"{100 * value:.0f} %"
 
 
-def errors_of_methods(kept):
+def errors_of_methods(kept: Kept) -> Iterable[str]:
     """Median and ninth decile of the errors of frame times: all, then each family."""
     table = kept.points
     names = {"all frames": table["family"].notna()}
@@ -32,15 +37,15 @@ def errors_of_methods(kept):
         yield table_row(label, *cells)
 
 
-def errors_in_short(kept):
+def errors_in_short(kept: Kept) -> Iterable[str]:
     yield from list(errors_of_methods(kept))[:1]
 
 
-def choices_in_short(kept):
+def choices_in_short(kept: Kept) -> Iterable[str]:
     yield from list(choices_of_methods(kept))[:4]
 
 
-def choices_of_methods(kept):
+def choices_of_methods(kept: Kept) -> Iterable[str]:
     for isa in SETS:
         for want, said in WORDS.items():
             for without in ((), ("raster",)):
@@ -52,7 +57,7 @@ def choices_of_methods(kept):
                 )  # fmt: skip
 
 
-def rest_of_the_law(kept):
+def rest_of_the_law(kept: Kept) -> Iterable[str]:
     by_set = [kept.points[kept.points["instruction_set"] == isa] for isa in SETS]
     views = [rows.drop_duplicates(["scene", "view"]) for rows in by_set]
     yield table_row("scenes and views", *(f"{one['scene'].nunique()}, {len(one)}" for one in views))
@@ -71,7 +76,7 @@ def rest_of_the_law(kept):
     yield table_row("raster frames of a look, and of a plan, median", *(f"{one:.0f}, {two:.0f}" for one, two in frames))
 
 
-def _alignment(kept, want):
+def _alignment(kept: Kept, want: Any) -> Any:
     """For each view, gains of the best aligned packets over packets per pixel, measured and predicted, and the row."""
     rows = kept.points[(kept.points["instruction_set"] == "avx512") & (kept.points["want"] == want)]
     rows = rows[rows["packet_width"] == 16]
@@ -84,7 +89,7 @@ def _alignment(kept, want):
         yield scene, view, packets["measured_time_s"] / best["measured_time_s"], predicted, best
 
 
-def where_alignment_pays(kept):
+def where_alignment_pays(kept: Kept) -> Iterable[str]:
     for want, said in WORDS.items():
         found = list(_alignment(kept, want))
         gains, predicted = np.array([one[2] for one in found]), np.array([one[3] for one in found])
@@ -95,13 +100,13 @@ def where_alignment_pays(kept):
         )  # fmt: skip
 
 
-def best_axes(kept):
+def best_axes(kept: Kept) -> Iterable[str]:
     splits = [(one[4]["split_x"] > 1, one[4]["split_y"] > 1) for one in _alignment(kept, "nearest")]
     wanted = ((True, False), (False, True), (True, True), (False, False))
     yield table_row(*(splits.count(one) for one in wanted))
 
 
-def seven_and_a_half(kept):
+def seven_and_a_half(kept: Kept) -> Iterable[str]:
     """Nanoseconds a pixel of aligned single rays on the Cornell box by the law, and what the paper's gain asks for."""
     rows = kept.points[(kept.points["instruction_set"] == "avx512") & (kept.points["scene"] == "cornell_box")]
     rows = rows[(rows["view"] == "own") & (rows["want"] == "nearest") & (rows["packet_width"] == 1)]
@@ -119,7 +124,7 @@ def seven_and_a_half(kept):
     yield table_row(*map(digits, (*parts, sum(parts), per_ray, per_ray / 7.5)))
 
 
-def rays_of_tiles(kept):
+def rays_of_tiles(kept: Kept) -> Iterable[str]:
     """For each way to trace rays to the sun the errors of its time, and how often it is the fastest, and named."""
     rows = kept.points
     for way in WAYS:

@@ -1,13 +1,16 @@
-"""What the pages quote of the sweeps that compare methods, views and rays among them."""
+"""What the pages quote of the sweeps that compare methods, views, rays and versions, and of sweep=growth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
 
 import pandas as pd
 
-from experiments.methods import find_method
-from experiments.workloads.frame.break_even import baseline_costs, break_even_interval, cost_of
-from experiments.workloads.frame.shown import best_baselines
-from tests.quotations.quotation import (
+from experiments.documents.quotation import (
     SCENES,
     TIMES,
+    Kept,
     best,
     best_of_each,
     digits,
@@ -20,19 +23,26 @@ from tests.quotations.quotation import (
     of,
     split_of,
     table_row,
-)  # fmt: skip
+)
+from experiments.methods import find_method
+from experiments.studies.paired import ratios
+from experiments.workloads.frame.break_even import baseline_costs, break_even_interval, cost_of
+from experiments.workloads.frame.exponents import exponents
+from experiments.workloads.frame.growth import growth_panels, growths
+from experiments.workloads.frame.shown import best_baselines
 
 COMPARED = ("raster", "visible_first", "aligned")
 
 
-def _frame(number):
+def _frame(number: Any) -> Any:
     return "never" if number is None else f"{number:,}"
 
 
-def _gains_of_each_method(table):
+def _gains_of_each_method(table: Any) -> Any:
     for scene in SCENES:
         raster, visible_first, aligned = (best(table, scene=scene, method=name) for name in COMPARED)
         cost, packets = cost_of(visible_first), baseline_costs(of(table, scene=scene))
+        assert cost is not None
         gains = [visible_first[f"speedup_vs_packets{end}"] for end in ("", "_high", "_low")]
         middle, first, last = map(_frame, break_even_interval(cost, gains, packets.values()))
         yield table_row(
@@ -46,20 +56,26 @@ def _gains_of_each_method(table):
         )
 
 
-def frames_of_each_method(kept):
-    """Scene, triangles, packets in ms, and over packets: aligned, visible-first, from which frame on, raster."""
+def frames_in_short(kept: Kept) -> Iterable[str]:
+    """Scene, packets in ms, and over packets each method; and in how many images no pixel is wrong."""
     table = of(kept.points, workload="frame")
-    yield from _gains_of_each_method(table)
+    for scene in SCENES:
+        raster, visible_first, aligned = (best(table, scene=scene, method=name) for name in COMPARED)
+        gains = (number(row, "speedup_vs_packets") for row in (aligned, visible_first, raster))
+        yield table_row(f"`{scene}`", milliseconds(aligned["packets_render_time_s"]), *gains)
     images = table[table["pixels_equal"].notna()]
     assert (images["pixels_wrong"] == images["pixels_hole"] + images["baseline_pixels_hole"]).all()
     assert not of(images, method="raster")["pixels_hole"].any()
-    wrong = images["pixels_wrong"][images["pixels_wrong"] > 0]
-    yield f"In {len(images) - len(wrong)} of the {len(images)} images no pixel is wrong"
-    yield f"the others have 1 to {int(wrong.max())}"
+    yield f"In {int((images['pixels_wrong'] == 0).sum())} of the {len(images)} images no pixel is wrong"
 
 
-def methods_in_detail(kept):
-    def gain_and_split(row, column):
+def frames_of_each_method(kept: Kept) -> Iterable[str]:
+    """Scene, triangles, packets in ms, and over packets: aligned, visible-first, from which frame on, raster."""
+    return list(_gains_of_each_method(of(kept.points, workload="frame")))
+
+
+def methods_in_detail(kept: Kept) -> Iterable[str]:
+    def gain_and_split(row: Any, column: Any) -> Any:
         return number(row, column) + ("" if pd.isna(row["split_x"]) else f" ({split_of(row)})")
 
     for name in COMPARED:
@@ -68,7 +84,7 @@ def methods_in_detail(kept):
         yield line(f"{find_method(name).label}, {TIMES} `rtcIntersect1`", chosen, "speedup")
 
 
-def families(kept):
+def families(kept: Kept) -> Iterable[str]:
     """A scene made by code a row: triangles, packets in ms, and over packets each method at its best split."""
     table = of(kept.points)
     for scene in sorted(table["scene"].unique()):
@@ -79,7 +95,7 @@ def families(kept):
         yield table_row(f"`{scene}`", f"{found[0]['triangles']:,}", packets, *cells)
 
 
-def surfaces(kept):
+def surfaces(kept: Kept) -> Iterable[str]:
     """A frame with u, v and normals over one without, and over packets that store them."""
     for method in kept.points["method"].unique():
         chosen, label = each_scene(kept.points, method=method), find_method(method).label
@@ -87,14 +103,14 @@ def surfaces(kept):
         yield line(f"{label}: {TIMES} packets that store them", chosen, "speedup_vs_packets_with_surface", interval)
 
 
-def best_packets(kept):
+def best_packets(kept: Kept) -> Iterable[str]:
     for one in best_baselines(kept.processes):
         said = "more than noise" if one.is_faster else "no more than noise"
         margin = "too few processes" if one.margin is None else f"{one.margin}"
         yield table_row(f"`{one.scene}`", one.tried, one.name, margin, said)
 
 
-def other_tracers(kept):
+def other_tracers(kept: Kept) -> Iterable[str]:
     """Over rtcIntersect1 in the same rounds, and wrong pixels but the holes that rtcIntersect1 leaves."""
     table = of(kept.points, workload="frame")
     for method in table["method"].unique():
@@ -105,7 +121,7 @@ def other_tracers(kept):
         yield table_row(find_method(method).label, *cells, f"{int(wrong):,}")
 
 
-def what_was_called(kept):
+def what_was_called(kept: Kept) -> Iterable[str]:
     """Another tracer a row: its version, what of it was called, and how exact that is."""
     rows = of(kept.points, workload="frame")
     for method in rows["method"].unique():
@@ -116,37 +132,37 @@ def what_was_called(kept):
             yield table_row(find_method(method).label, *(told[name] for name in names), held)
 
 
-def other_instruction_sets(kept):
+def other_instruction_sets(kept: Kept) -> Iterable[str]:
     """The rasteriser over the packets that are native there."""
     for held, name in (("avx2", "AVX2, packets of 8"), ("sse4.2", "SSE4.2, packets of 4")):
         yield line(name, rasteriser_held_to(kept, held), "speedup_vs_packets", interval)
 
 
-def rasteriser_held_to(kept, instruction_set):
+def rasteriser_held_to(kept: Kept, instruction_set: Any) -> Any:
     return best_of_each(of(kept.points, workload="frame", instruction_set=instruction_set), method="raster")
 
 
-def frames_with_avx2(kept):
+def frames_with_avx2(kept: Kept) -> Iterable[str]:
     """As `frames_of_each_method`."""
     yield from _gains_of_each_method(of(kept.points, workload="frame", instruction_set="avx2"))
 
 
-def two_threads(kept):
+def two_threads(kept: Kept) -> Iterable[str]:
     for method in kept.points["method"].unique():
         yield table_row(find_method(method).label, *map(digits, gains_of_two_threads(kept.points, method)))
 
 
-def gains_of_two_threads(table, method):
+def gains_of_two_threads(table: Any, method: Any) -> Any:
     one, two = (each_scene(table, method=method, threads=threads) for threads in (1, 2))
     return [a["render_time_s"] / b["render_time_s"] for a, b in zip(one, two, strict=True)]
 
 
-def two_eyes(kept):
+def two_eyes(kept: Kept) -> Iterable[str]:
     for row in best_of_each(kept.points):
         yield table_row(f"`{row['scene']}`, {split_of(row)}", milliseconds(row["render_time_s"]), *_over_others(row))
 
 
-def several_frames(kept):
+def several_frames(kept: Kept) -> Iterable[str]:
     """A scene, a motion and a number of frames a row: together, over each other way to make them."""
     for scene in SCENES:
         rows = of(kept.points, scene=scene).sort_values(["motion", "frames"], ascending=[False, True])
@@ -155,12 +171,12 @@ def several_frames(kept):
             yield table_row(*cells, *_over_others(row))
 
 
-def _over_others(row):
+def _over_others(row: Any) -> Any:
     others = ("separate", "visible_first", "packets", "rasteriser")
     return [interval(row, f"speedup_vs_{name}") for name in others]
 
 
-def moving_cameras(kept):
+def moving_cameras(kept: Kept) -> Iterable[str]:
     """Over packets that build anew for every eye, and over those that keep a BVH in world space."""
     for name in COMPARED:
         chosen, label = best_of_each(of(kept.points, workload="moving"), method=name), find_method(name).label
@@ -176,10 +192,10 @@ ROBUST = {
 }
 
 
-def price_of_robust(kept):
+def price_of_robust(kept: Kept) -> Iterable[str]:
     """A frame in Embree's robust setting over one in its fast setting: time, each against packets of its own rounds."""
 
-    def speed(**values):
+    def speed(**values: Any) -> Any:
         return estimate(kept.processes, "speedup_vs_packets", workload="frame", **values)
 
     for label, point in ROBUST.items():
@@ -191,7 +207,7 @@ def price_of_robust(kept):
 _JOBS = {"camera_rays": "of a camera", "random_rays": "from anywhere to anywhere"}
 
 
-def twenty_views(kept):
+def twenty_views(kept: Kept) -> Iterable[str]:
     """A mesh a row: triangles, how many times as fast the library is as each tracer of others, and the least share of
     pixels with the same triangle."""
     table = of(kept.points, job="views")
@@ -202,9 +218,69 @@ def twenty_views(kept):
     yield from (f"{TIMES} {find_method(method).label}" for method in methods)
 
 
-def million_rays(kept):
+def million_rays(kept: Kept) -> Iterable[str]:
     """A mesh a row: triangles, and for rays of every kind how many times as fast the library is as embreex."""
     for triangles, of_mesh in of(kept.points, method="embreex").groupby("triangles"):
         gains = (interval(of(of_mesh, job=job).iloc[0], "library_gain") for job in _JOBS)
         yield table_row(f"{triangles:,}", *gains)
     yield from _JOBS.values()
+
+
+_WORDS = {"subdivided": "subdivided", "copies": "copies as one mesh", "pixels": "larger images"}
+_METHODS = ("pixel", "visible_first", "raster")
+
+
+def growth_of_methods(kept: Kept) -> Iterable[str]:
+    """What grows and how far, exponents of packets' time and of the others' over packets, and both ends of these."""
+    found = {(panel.title, method): k for panel, method, k in exponents(kept.processes)}
+    for panel in growth_panels(kept.points):
+        of_method = {one.method: one for one in growths(panel)}
+        assert set(of_method) == set(_METHODS), f"{panel.title} has {sorted(of_method)}"
+        fitted = [found.get((panel.title, name)) for name in _METHODS]
+        sizes = of_method["raster"].sizes
+        yield table_row(
+            f"`{panel.scene}`, {_WORDS[panel.axis]}",
+            f"{sizes[0]:,.0f} to {sizes[-1]:,.0f} {panel.unit}",
+            *("too few sizes" if k is None else f"{k.value:.2f} {k.interval()}" for k in fitted),
+            *(_both_ends(of_method[name]) for name in ("visible_first", "raster")),
+        )
+
+
+def both_ends_of_the_rasteriser(kept: Kept, *scenes: Any) -> Iterable[str]:
+    """ "`sponza`, subdivided: 4.55 to 2.23" for what grows of these scenes, as speed over packets."""
+    for panel in growth_panels(kept.points):
+        for one in growths(panel):
+            if one.method == "raster" and panel.scene in scenes and panel.axis != "copies":
+                yield f"`{panel.scene}`, {_WORDS[panel.axis]}: {_both_ends(one)}"
+
+
+def _both_ends(one: Any) -> Any:
+    return f"{digits(one.over_packets[0])} to {digits(one.over_packets[-1])}"
+
+
+def holes_at_edges(kept: Kept) -> Iterable[str]:
+    """The most holes that an image of each method has; those of single rays are counted in the same images."""
+    points = kept.points
+    most = [of(points, method=method)["pixels_hole"].max() for method in ("raster", "visible_first")]
+    raster, visible_first, single = (f"{count:.0f}" for count in (*most, points["baseline_pixels_hole"].max()))
+    yield f"The most holes in one image: rasteriser {raster}, visible-first {visible_first}, single rays {single}."
+
+
+def this_and_before(kept: Kept) -> Iterable[str]:
+    """How many times as fast this version is as the other one, by what was asked, on each scene with its interval."""
+    found = ratios(kept.points).set_index(["instruction_set", "threads", "what", "scene"])["ratio"]
+    known = [key for key in found.index if key[3] in SCENES]
+    for instruction_set, threads, what in dict.fromkeys(key[:3] for key in known):
+        cells = [found.get((instruction_set, threads, what, scene), "") for scene in SCENES]
+        yield table_row(f"{what.replace('_', ' ')}, {instruction_set}", threads, *cells)
+
+
+def small_triangles_before(kept: Kept) -> Iterable[str]:
+    """A scene made by code a row: triangles, images and packets as in `this_and_before`, and how many times as fast
+    as packets an image is now."""
+    table = kept.points
+    found = ratios(table).set_index(["scene", "what"])["ratio"]
+    for scene, rows in table[~table["scene"].isin(SCENES)].groupby("scene"):
+        mine = rows[rows["version"] == "this"].groupby("what")["median_ms"].median()
+        cells = (found[scene, what] for what in ("image", "packets"))
+        yield table_row(f"`{scene}`", f"{rows['triangles'].iloc[0]:,}", *cells, digits(mine["packets"] / mine["image"]))

@@ -17,8 +17,8 @@ from experiments.results.statistics import Estimate
 from experiments.results.table import rename_workloads
 from experiments.workloads.series import best_rows
 from scenes.directory import PAPER_SCENES as SCENES
-from tests.folders import ROOT
 
+ROOT = Path(__file__).resolve().parents[2]
 REFERENCE = ROOT / "reports" / "reference"
 TIMES = "\N{MULTIPLICATION SIGN}"
 

@@ -7,11 +7,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from experiments.documents.quotation import REFERENCE
 from experiments.paper.claims import judge_claims
 from experiments.results.claims import NOT_MEASURED, judge_all
 from experiments.results.table import read_table, workload_rows
 from experiments.workloads import WORKLOADS
-from tests.quotations.quotation import REFERENCE
 
 PAPERS = ("paper", "gather")
 """Sweeps whose tables answer the paper's claims."""

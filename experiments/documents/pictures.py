@@ -1,8 +1,15 @@
-"""What the pages quote of the sweep of whole pictures."""
+"""What the pages quote of whole pictures, and of lenses."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import pandas as pd
+
+from experiments.documents.quotation import SCENES, Kept, digits, estimate, interval, milliseconds, of, span, table_row
 from experiments.light.equal_error.measure import BEFORE, FAST, MITSUBA, OURS
 from experiments.methods.peers.llvmpipe import LLVMPIPE
-from tests.quotations.quotation import SCENES, digits, estimate, interval, milliseconds, of, table_row
 
 _ALL_SCENES = (*SCENES, "weekend")
 _PLAIN = {
@@ -10,19 +17,19 @@ _PLAIN = {
 }  # fmt: skip
 
 
-def _time(row):
+def _time(row: Any) -> Any:
     return milliseconds(row["render_time_s"])
 
 
-def _gain(row):
+def _gain(row: Any) -> Any:
     return interval(row, "speedup_vs_packets")
 
 
-def _outside(row):
+def _outside(row: Any) -> Any:
     return f"{100.0 * row['outside_embree']:.0f} %"
 
 
-_QUANTITIES = (
+_QUANTITIES: tuple[Any, ...] = (
     ("hybrid, ms a sample", {}, _time),
     ("hybrid, over packets", {}, _gain),
     ("forecast of that by Amdahl", {}, lambda row: digits(row["speedup_forecast"])),
@@ -36,7 +43,7 @@ _QUANTITIES = (
 """Label, what is other than in a plain sample, and what is quoted of that row."""
 
 
-def whole_pictures(kept):
+def whole_pictures(kept: Kept) -> Iterable[str]:
     """A quantity a row, a scene a column. Of images by our own methods none may have a wrong pixel, but where rays of
     Embree's fast setting slip through between triangles; the rasteriser's never do."""
     for label, other, quote in _QUANTITIES:
@@ -54,7 +61,7 @@ def whole_pictures(kept):
     assert set(of(own, method=_PLAIN["method"])["pixels_hole"]) == {0}
 
 
-def _time_of_waves(processes, scene):
+def _time_of_waves(processes: Any, scene: Any) -> Any:
     """Time of a path-traced sample in waves over its time depth first. The two share no process."""
     paths = _PLAIN | {"frame": "path", "scene": scene}
     waves, depth_first = (
@@ -63,7 +70,7 @@ def _time_of_waves(processes, scene):
     return waves.over(depth_first)
 
 
-def equal_error(kept):
+def equal_error(kept: Kept) -> Iterable[str]:
     """Seconds to a relative error of 5 %, by scene and number of threads: ours, with Mitsuba's settings of Embree,
     before lights were aimed at, and Mitsuba's two variants; then how many times ours with either settings is the faster
     variant's time, and the means of blocks."""
@@ -77,9 +84,25 @@ def equal_error(kept):
         yield table_row(scene, threads, *shown, *over, f"{100 * min(apart):.1f} %")
 
 
-def converged_blocks(kept):
+def converged_blocks(kept: Kept) -> Iterable[str]:
     """A scene a row: samples, blocks, and how far apart the means of ours and Mitsuba's are."""
     for row in kept.points.to_dict("records"):
         shares = (f"{100 * row[name]:.2f} %" for name in ("median_apart", "noise", "most_apart"))
         within = f"{100 * row['within_goal']:.0f} %"
         yield table_row(row["scene"], f"{row['samples']:,}", row["blocks"], *shares, within, row["surely_apart"])
+
+
+def through_lenses(kept: Kept) -> Iterable[str]:
+    """Packets with a lens over packets without; packets over the rasteriser, with a lens; both over the scenes and two
+    lenses. A BOP frame over llvmpipe's."""
+    one_thread = kept.points[kept.points["threads"] == 1]
+    ms = one_thread.groupby(["frame", "method", "lens"], dropna=False)["ms"].median()
+
+    def over(one: Any, other: Any) -> Any:
+        return [pd.Series(ms[scene, one] / ms[scene, other]) for scene in SCENES]
+
+    yield f"packets take {span(pd.concat(over('packets', 'packets without lens')))} times as long through a lens"
+    gains = ", ".join(digits(gain.min()) for gain in over("packets", "raster"))
+    yield f"at least {gains} times as fast as packets"
+    bop = ms["bop"]
+    yield f"{digits(float(bop['llvmpipe'].iloc[0] / bop['atra'].iloc[0]))} times as fast as OpenGL on llvmpipe"

@@ -1,35 +1,22 @@
-"""Quotations: rows and phrases of README and docs, made from the tables under reports/reference that they come from.
+"""Numbers of README and docs, made from the tables under reports/reference that they come from; `writing` says how."""
 
-    python -m tests.quotations
-
-judges every claim anew from the processes that are kept, by the one rule (`experiments.results.verdicts`), writes
-claims.json and the rows of the pages, below their marks (`<!-- rows: name -->`), and prints phrases that pages lack.
-With `--check` it writes nothing, and fails where anything differs.
-tests/documents/test_documents.py looks for each of them. reports/reference/tables.md has every table.
-"""
-
-from tests.quotations import (
-    ablations,
+from experiments.documents import (
     agreement,
     alignment,
     bake,
     classification,
-    gathering,
     glance,
-    growth,
     law,
-    lenses,
     methods,
-    paired,
     paper,
     pictures,
     rays,
 )
-from tests.quotations.quotation import Quotation
+from experiments.documents.quotation import Quotation
 
 QUOTED = {
     "README.md": {
-        "methods": [alignment.where_alignment_stands, methods.frames_of_each_method],
+        "methods": [methods.frames_in_short],
         "rays": [rays.closest_hit_over_trimesh],
     },
     "docs/methods.md": {
@@ -49,12 +36,12 @@ QUOTED = {
         "bake_mitsuba": [glance.mitsuba_in_short],
     },
     "docs/rays.md": {"rays": [rays.rays_in_short]},
-    "docs/cameras.md": {"lenses": [lenses.through_lenses]},
+    "docs/cameras.md": {"lenses": [pictures.through_lenses]},
     "docs/paper.md": {
         "methods": [alignment.where_alignment_stands],
         "paper": [paper.measured_points, paper.best_gains],
         "cornell_candidates": [paper.candidates_in_short],
-        "ablations": [ablations.sun_in_short],
+        "ablations": [alignment.sun_in_short],
         "law": [law.seven_and_a_half],
     },
     "docs/model.md": {"law": [law.errors_in_short, law.choices_in_short, law.rest_of_the_law]},
@@ -64,29 +51,31 @@ QUOTED = {
         "agreement_raster": [agreement.of_the_rasteriser],
     },
     "reports/reference/tables.md": {
-        "methods": [methods.methods_in_detail, methods.moving_cameras, methods.price_of_robust],
+        "methods": [
+            methods.frames_of_each_method, methods.methods_in_detail, methods.moving_cameras, methods.price_of_robust,
+        ],
         "methods_families": [methods.families],
-        "growth": [growth.growth_of_methods, growth.holes_at_edges],
+        "growth": [methods.growth_of_methods, methods.holes_at_edges],
         "instruction_sets": [methods.other_instruction_sets, methods.frames_with_avx2, rays.rays_with_avx2],
         "baselines": [methods.best_packets],
         "peers": [methods.other_tracers, methods.what_was_called],
-        "ablations": [ablations.worth_of_parts, ablations.worth_of_the_shortcut],
+        "ablations": [alignment.worth_of_parts, alignment.worth_of_the_shortcut],
         "cornell_candidates": [paper.candidates_for_the_gain],
         "older_embree": [paper.an_older_embree],
         "threads": [methods.two_threads],
-        "paired": [paired.this_and_before, paired.small_triangles_before],
+        "paired": [methods.this_and_before, methods.small_triangles_before],
         "views": [methods.twenty_views, methods.million_rays],
         "rays": [rays.rays_beside_others, rays.hits_lost_by_others, rays.nanoseconds_a_ray],
         "gather": [
-            gathering.counting, gathering.over_counting, gathering.counts_of_others, gathering.solids,
-            gathering.gains_where_every_hit_is_wanted, gathering.verdicts_where_every_hit_is_wanted,
+            rays.counting, rays.over_counting, rays.counts_of_others, rays.solids,
+            rays.gains_where_every_hit_is_wanted, rays.verdicts_where_every_hit_is_wanted,
         ],
         "law": [law.errors_of_methods, law.choices_of_methods, law.where_alignment_pays, law.best_axes],
         "law_tiles": [law.rays_of_tiles],
         "paper": [paper.instances, paper.verdicts],
         "stereo": [methods.two_eyes],
         "multiframe": [methods.several_frames],
-        "reference_rays": [ablations.our_reference_rays],
+        "reference_rays": [alignment.our_reference_rays],
         "surface": [methods.surfaces],
         "frame": [pictures.whole_pictures],
         "equal_error": [pictures.equal_error],

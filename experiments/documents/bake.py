@@ -1,10 +1,15 @@
 """What pages quote of sweep=bake and of the other sweeps of lightmaps."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from experiments.documents.quotation import SCENES, Kept, interval, line, of, table_row
 from experiments.light.bake import RARE, STAGES
 from experiments.light.bake.claims import CLAIMS
 from experiments.light.bake_rays.shown import CLAIMS as PREDICTIONS
 from experiments.results.claims import judge_claim
-from tests.quotations.quotation import SCENES, interval, line, of, table_row
 
 _OF_OTHERS = {
     "finishing": ("target-denoised", "target-seams"), "buffers": ("buffers",),
@@ -13,7 +18,7 @@ _OF_OTHERS = {
 """Claims that a sweep of their own decides."""
 
 
-def _row(kept, label, column, say=interval, **values):
+def _row(kept: Kept, label: Any, column: Any, say: Any = interval, **values: Any) -> Any:
     """A line with the ratio of each scene and its interval; of several points of a scene, of the emptiest map."""
     cells = []
     for scene in SCENES:
@@ -23,7 +28,7 @@ def _row(kept, label, column, say=interval, **values):
     return table_row(label, *cells)
 
 
-def _shares(kept, label, **values):
+def _shares(kept: Kept, label: Any, **values: Any) -> Any:
     """A line with what part of a round rare stages take."""
     cells = []
     for scene in SCENES:
@@ -42,7 +47,7 @@ _PANORAMA = {"against": "environment", "environment": "mis"}
 _LIGHTS = {"against": "lights", "lamps": 256}
 
 
-def means_of_a_bake(kept):
+def means_of_a_bake(kept: Kept) -> Iterable[str]:
     """Each means of a bake over a bake without it; above 1 is a gain, but where a label says what is over what."""
     share = "expansion and gathering of 16 samples side by side: of a round"
     for label, column, values in (
@@ -63,7 +68,7 @@ def means_of_a_bake(kept):
         yield _row(kept, label, column, **values) if column else _shares(kept, label, **values)
 
 
-def finished_maps(kept):
+def finished_maps(kept: Kept) -> Iterable[str]:
     """Error denoised over raw of four times the samples, and what is left of the steps at seams."""
     for label, column in (
         ("denoised at 64 samples over raw at 256: error", "denoised_ratio"),
@@ -73,7 +78,7 @@ def finished_maps(kept):
         yield table_row(label, *("not measured" if one.empty else f"{one.iloc[0]:.2f}" for one in found))
 
 
-def paths_beside_mitsuba(kept):
+def paths_beside_mitsuba(kept: Kept) -> Iterable[str]:
     """Paths a second over Mitsuba's, and its time to an error over ours, with robust rays and with its own settings."""
     for ours, settings in (
         ("robust rays", {"robust_rays": True}),
@@ -88,7 +93,7 @@ def paths_beside_mitsuba(kept):
             yield _row(kept, f"{ours}: {label}", column, against="mitsuba", **settings)
 
 
-def bias_of_adaptive(kept):
+def bias_of_adaptive(kept: Kept) -> Iterable[str]:
     """How far the mean light of adaptive maps is off, with its standard error, and what they leave out and save."""
     found = [of(kept.points, scene=scene, adaptive=True).iloc[0] for scene in SCENES]
     biases = (f"{100 * row['adaptive_bias']:+.2f} ± {100 * row['adaptive_bias_error']:.2f} %" for row in found)
@@ -97,38 +102,38 @@ def bias_of_adaptive(kept):
     yield line("full over adaptive: time", found, "adaptive_speedup")
 
 
-def _verdicts(kept, claims):
+def _verdicts(kept: Kept, claims: Any) -> Any:
     """A row a claim."""
     judged = (one for claim in claims for one in judge_claim(claim, kept.processes))
     return (table_row(one.text, one.value or "-", one.verdict) for one in judged)
 
 
-def _verdicts_on(kept, sweep):
+def _verdicts_on(kept: Kept, sweep: Any) -> Any:
     return _verdicts(kept, [claim for claim in CLAIMS if claim.id in _OF_OTHERS[sweep]])
 
 
-def verdicts_on_lightmaps(kept):
+def verdicts_on_lightmaps(kept: Kept) -> Iterable[str]:
     """On all claims that no other sweep decides."""
     others = {name for names in _OF_OTHERS.values() for name in names}
     return _verdicts(kept, [claim for claim in CLAIMS if claim.id not in others])
 
 
-def verdicts_on_finishing(kept):
+def verdicts_on_finishing(kept: Kept) -> Iterable[str]:
     return _verdicts_on(kept, "finishing")
 
 
-def verdicts_on_buffers(kept):
+def verdicts_on_buffers(kept: Kept) -> Iterable[str]:
     return _verdicts_on(kept, "buffers")
 
 
-def verdicts_on_mitsuba(kept):
+def verdicts_on_mitsuba(kept: Kept) -> Iterable[str]:
     return _verdicts_on(kept, "mitsuba")
 
 
-def verdicts_on_views(kept):
+def verdicts_on_views(kept: Kept) -> Iterable[str]:
     return _verdicts_on(kept, "views")
 
 
-def verdicts_on_alignment(kept):
+def verdicts_on_alignment(kept: Kept) -> Iterable[str]:
     """On the predictions of what alignment gains."""
     return _verdicts(kept, PREDICTIONS)
