@@ -42,7 +42,7 @@ with the harness, in a clone of atra's repository where `pip install -e '.[harne
   atra pack results/horizontal   make one file of a sweep
   atra board one.atra two.atra   make one page of several such files
   atra rays cornell_box          write rays, triangles and cameras for other programs
-  atra measure --help            every field
+  python run.py --help           every field
 """
 
 

@@ -9,11 +9,13 @@ from dataclasses import Field, fields, is_dataclass
 from pathlib import Path
 from typing import Any, get_type_hints
 
+from omegaconf import OmegaConf
+
 from atra.command.baking import add_bake
 from atra.command.render import add_render
 from atra.command.viewing import add_view
 from experiments.harness.column import TEXT, Column, option_columns
-from experiments.harness.configuration import Action, Configuration
+from experiments.harness.configuration import CONFIGURATION, Configuration
 from experiments.harness.method import Method
 from experiments.harness.point import Workload
 from experiments.methods import METHODS
@@ -21,7 +23,6 @@ from experiments.reference.names import (
     choices_of,
     code,
     help_of,
-    paragraphs,
     public_names,
     say_default,
     say_type,
@@ -38,7 +39,7 @@ _COLUMNS = ("column", "type", "unit", "meaning")
 
 def command_line() -> str:
     """The verbs of the harness, and the options of those of the library that have no keys."""
-    verbs = [(code(verb), what) for verb, what in _said_of_actions()]
+    verbs = [(code(verb), what) for verb, what in _said_of_verbs()]
     return "\n".join(
         [
             "## Command line\n",
@@ -69,12 +70,10 @@ def _options(verb: str, add: Callable[[ArgumentParser], None], what: str) -> tup
     return f"### `atra {verb} MESH`\n", f"{what} It needs the library alone.\n", table(_OPTIONS, rows)
 
 
-def _said_of_actions() -> Iterator[tuple[str, str]]:
-    """ "verb = what it does; verb = ..." of the Action's docstring."""
-    (_, listed) = paragraphs(Action.__doc__)
-    for one in listed.rstrip(".").split("; "):
-        verb, _, what = one.partition(" = ")
-        yield Action(verb).value, what
+def _said_of_verbs() -> Iterator[tuple[str, str]]:
+    """Verbs and what they do, by the help of the command line."""
+    header = OmegaConf.load(CONFIGURATION / "config.yaml").hydra.help.header
+    yield from re.findall(r"^python run\.py ([a-z][a-z-]*) (?:.*?\S)?  +(\S.*)$", header, re.MULTILINE)
 
 
 def configuration_keys() -> str:

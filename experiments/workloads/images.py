@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from numbers import Integral
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from atra.hits import Hits
-from atra.judge.compare import Agreement, compare
 from experiments.harness.column import REAL, WHOLE, Column
+
+if TYPE_CHECKING:
+    from atra.hits import Hits
+    from atra.judge.compare import Agreement
 
 PIXELS = ("pixels_equal", "pixels_tied", "pixels_edge", "pixels_wrong")
 
@@ -58,6 +60,8 @@ def say_holes(row: Mapping[str, Any]) -> str:
 
 def compared(own: Hits, single: Hits) -> dict[str, float]:
     """Verdicts on the pixels of an image beside that of single rays, and depth errors of both."""
+    from atra.judge.compare import compare
+
     agreements = [compare(own, single)]
     return counts(agreements) | depth_errors(agreements)
 

@@ -152,7 +152,7 @@ def test_arrays_of_another_size_are_not_written_to_when_steps_are_counted():
         image = one.trace()
         one.look(LARGE)
         with pytest.raises(atra.InputError, match="out has an image"):
-            one.count(image)
+            one.prepared.count(image)
 
 
 @pytest.mark.parametrize("make", [

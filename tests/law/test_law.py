@@ -85,7 +85,8 @@ def test_a_measured_sweep_becomes_rows_and_looks_that_are_fitted(tmp_path):
     assert rows.groupby("scene")["method"].unique().map(set).tolist() == [{"pixel", "raster", "aligned"}] * 2
     assert set(rows["want"]) == {"nearest", "count"}
     nearest = rows[rows["want"] == "nearest"]
-    assert (nearest["measured_bytes"] >= nearest["array_bytes"]).all()
+    of_scenes = nearest[nearest["method"] != "raster"]  # whose tracer counts all that it keeps
+    assert (of_scenes["measured_bytes"] > of_scenes["array_bytes"]).all()
     np.testing.assert_allclose(rows["over_packets"] * rows["time_s"], rows["packets_time_s"])
     judged = leave_one_out(rows)
     assert np.isfinite(judged[["predicted_time_s", "predicted_build_s"]]).all(axis=None)

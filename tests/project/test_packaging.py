@@ -114,7 +114,7 @@ def run(*command, folder, **variables):
 
 def test_a_script_beside_a_clone_imports_the_package_and_not_the_clone(tmp_path):
     clone = tmp_path / "atra"
-    for name in ("atra", "conf", "experiments", "scenes"):
+    for name in ("atra", "atra_wings-0.dist-info", "conf", "experiments", "hydra_plugins", "scenes"):
         shutil.copytree(ROOT / name, clone / name, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("pyproject.toml", "hatch_build.py", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, clone)

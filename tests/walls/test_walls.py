@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -53,7 +54,7 @@ USERS = tuple(
 
 EVIDENCE = ("experiments.classification", "experiments.light", "experiments.law", "experiments.studies")
 """Wings of the harness, from the ground up: each imports only those that stand before it. The core of the harness names
-them in tables of import paths alone."""
+them nowhere."""
 
 GROUND = ("atra.errors", "atra.prim_ids", "atra.whole_numbers", "atra.choices")
 """Words that everything uses; they import each other alone."""
@@ -204,6 +205,14 @@ def test_the_harness_loads_no_method_and_no_workload():
     assert {name for name in loaded if not is_below(name, ("experiments.harness",))} == {"experiments"}
 
 
+def test_the_core_of_the_harness_names_no_wing_not_even_in_a_text():
+    """Wings register by entry points."""
+    core = [path for name, path in modules("experiments").items() if not is_below(name, EVIDENCE)]
+    assert len(core) > 100
+    named = [path for path in core if re.search(rf"({'|'.join(EVIDENCE)})\b", path.read_text(encoding="utf-8"))]
+    assert not named
+
+
 def test_walls_are_seen_to_fall():
     assert breaches(Wall("atra.tracing", ("atra.embree",)))  # at the top of a module
     assert breaches(Wall("atra.files.formats", ("trimesh",)))  # inside of a function
@@ -318,3 +327,9 @@ def test_constructors_take_few_positional_arguments():
         if len({one.arg for one in node.args.args} - {"self"}) > MOST_ARGUMENTS
     ]
     assert not too_many
+
+
+def test_the_harness_uses_hydra_by_its_public_names_and_leaves_the_command_line_as_it_is():
+    paths = [*modules("experiments").values(), ROOT / "hydra_plugins" / "atra_points.py", ROOT / "run.py"]
+    private = re.compile(r"hydra\._internal|class_name_to_class|sys\.argv(\[.*\])? = |del sys\.argv")
+    assert not [path for path in paths if private.search(path.read_text(encoding="utf-8"))]

@@ -14,7 +14,7 @@ from PIL import Image
 from atra.alignment.visible_first import VisibleFirst
 from experiments.harness.processes.worker import read_point
 from experiments.methods import METHODS
-from experiments.registry import FIND
+from experiments.registry import KINDS
 from experiments.workloads import WORKLOADS, rounds
 from experiments.workloads.rounds import expert_packet_widths
 from tests import points
@@ -33,7 +33,7 @@ def test_a_point_of_any_method_and_workload_comes_back_from_plain_values(workloa
     for method in METHODS:
         of = {"method": method, "options": method.options(), "workload": workload}
         point = replace(POINT, **of, workload_options=workload.options())
-        assert read_point(json.loads(json.dumps(point.configuration())), FIND) == point
+        assert read_point(json.loads(json.dumps(point.configuration())), KINDS) == point
 
 
 def test_a_frame_has_samples_of_every_native_width_from_8_on_and_judges_every_pixel():

@@ -201,7 +201,7 @@ def _lists(
 
 
 class HasShafts(Lifetime):
-    """What tracers and scenes have whose rays start from lists, before `BvhTracer` or `BvhScene` among their bases."""
+    """What a scene has whose rays start from lists, before `BvhScene` among its bases."""
 
     options: Any
     _bvh: Bvh | None
