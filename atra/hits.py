@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.errors import InputError
 from atra.exact.intersection import intersect_pixels
-from atra.exact.surface_kernels import ROWS, PixelGrid, Triangles, orient_hits, place_hits, weigh_corners
+from atra.exact.surface_kernels import NORMALS, POINTS, ROWS, WEIGHTS, PixelGrid, Triangles, surface_kernel
 from atra.files.planes import SOURCES, write_planes
 from atra.files.saving import save_layers
 from atra.geometry.mesh import Mesh
@@ -92,14 +92,14 @@ class Hits:
         if self.camera.lens is not None:
             local = self._through_lens()[1]
         else:
-            local = self._computed(place_hits, (*self.prim_id.shape, 3))
+            local = self._computed(POINTS, (*self.prim_id.shape, 3))
         return local + self.mesh.origin if self.mesh.has_origin else local
 
     @cached_property
     def normals(self) -> NDArray[np.float32]:
         """(H, W, 3) float32, unit normals of the triangles a, b, c, world space, along (b - a) x (c - a): to the side
         from which the corners run anticlockwise."""
-        return self._computed(orient_hits, (*self.prim_id.shape, 3))
+        return self._computed(NORMALS, (*self.prim_id.shape, 3))
 
     def visible_triangles(self) -> VisibleTriangles:
         """The triangles that are hit, and the number of pixels of each."""
@@ -175,7 +175,7 @@ class Hits:
     def _barycentric(self) -> NDArray[np.float32]:
         if self.camera.lens is not None:
             return self._through_lens()[0]
-        return self._computed(weigh_corners, (2, *self.prim_id.shape))
+        return self._computed(WEIGHTS, (2, *self.prim_id.shape))
 
     def _through_lens(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Weights (2, H, W), and points (H, W, 3) around the mesh's origin, for rays that pass through no regular
@@ -203,16 +203,13 @@ class Hits:
         factor = directions[..., 2] if way == "axis" else np.linalg.norm(directions, axis=-1)
         return np.where(self.hit, self.depth * factor, np.inf).astype(np.float32)
 
-    def _computed(self, kernel: Callable[..., Any], shape: tuple[int, ...]) -> NDArray[np.float32]:
+    def _computed(self, kind: int, shape: tuple[int, ...]) -> NDArray[np.float32]:
         prim_id, found = read_only(np.ascontiguousarray(self.prim_id, np.uint32)), np.empty(shape, np.float32)
         mesh, camera = own_space(self.mesh, self.camera)
         triangles, pixels = Triangles(mesh.vertices, mesh.faces), self._pixels(camera)
-        absent = np.full(1, MISS, np.uint32)
-        pool = WorkerPool(min(resolve_threads(self.threads), -(-len(prim_id) // ROWS)))
-        try:
-            pool.run(lambda _, counter: kernel(counter, triangles, pixels, prim_id, absent, found))
-        finally:
-            pool.close()
+        absent, kernel = np.full(1, MISS, np.uint32), surface_kernel(kind)
+        pool, threads = _shared_pool(resolve_threads(self.threads)), -(-len(prim_id) // ROWS)
+        pool.run(lambda _, counter: kernel(counter, triangles, pixels, prim_id, absent, found), threads)
         if absent[0] != MISS:
             self.mesh.triangles(absent)  # raises InputError naming it
         return found
@@ -226,6 +223,12 @@ class Hits:
         columns = camera.rays(np.arange(width), np.zeros(width, int), self.offset)[on_plane][:, 0]
         rows = camera.rays(np.zeros(height, int), np.arange(height), self.offset)[on_plane][:, 1]
         return PixelGrid(camera.eye, axes, read_only(columns.copy()), read_only(rows.copy()), camera.is_parallel)
+
+
+@cache
+def _shared_pool(threads: int) -> WorkerPool:
+    """Threads that compute the properties of all images."""
+    return WorkerPool(threads)
 
 
 def read_only(array: NDArray[Any]) -> NDArray[Any]:

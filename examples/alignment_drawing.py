@@ -94,8 +94,8 @@ def pieces(cell: int) -> Iterator[NDArray[np.float64]]:
 
 def sheared(alignment: atra.Alignment, cell: int, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """(N, 2) across and along the view -> the same, as `alignment` lays the cell onto the reference cell."""
-    in_camera = np.stack([points[:, 0], np.zeros(len(points)), points[:, 1]], axis=1)
-    return alignment.shear_points(in_camera, cell, 0)[:, [0, 2]]
+    across, along = points.T
+    return np.stack([across - alignment.shifts[0][cell] * along, along], axis=1)
 
 
 def draw(alignment: atra.Alignment, depths: NDArray[np.float64]) -> Figure:
@@ -115,10 +115,11 @@ def draw(alignment: atra.Alignment, depths: NDArray[np.float64]) -> Figure:
             draw_piece(axes, sheared(alignment, cell, piece) + (BESIDE, 0), colour)
         draw_hits(axes, found, colour)
         draw_hits(axes, sheared(alignment, cell, found) + (BESIDE, 0), colour)
-    pixel = alignment.cameras[0].pixel_pitch
-    draw_cell(axes, alignment.first_x_pixels * pixel, BESIDE, "#444444")
+    pixel = alignment.camera.pixel_pitch
+    left = alignment.corner_pixels[0]
+    draw_cell(axes, left * pixel, BESIDE, "#444444")
     for number in range(PIXELS // CELLS):
-        draw_ray(axes, (alignment.first_x_pixels + number + 0.5) * pixel, FARTHEST, BESIDE)
+        draw_ray(axes, (left + number + 0.5) * pixel, FARTHEST, BESIDE)
     for x, lines in TITLES:
         for line, height in zip(lines, (1.6, 0.5), strict=True):
             axes.text(x, FARTHEST + height, line, fontsize=16, ha="center", va="baseline")

@@ -1,6 +1,5 @@
-"""Command line of the harness, `python run.py [VERB] key=value ...`; `--help` lists the verbs (conf/config.yaml).
-
-Without a verb it measures. With `atra` in place of `python run.py`, measuring needs a verb, too: `atra measure`.
+"""Command line of the harness: `python run.py key=value ...` is a Hydra program that measures a point or a sweep,
+`python run.py VERB ...` does something else; `--help` lists the verbs (conf/config.yaml).
 
 Exit codes: 0 done, 1 something failed, 2 the input cannot be used, 130 interrupted.
 """
@@ -11,139 +10,203 @@ import os
 import signal
 import sys
 import traceback
-from collections.abc import Callable
+from argparse import ArgumentParser
+from collections.abc import Callable, Sequence
 from importlib import import_module
-from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-from experiments.commands.program import PROGRAM
+from experiments.commands.program import COMMAND, PROGRAM
 
 # What takes time to import is imported in functions: Ctrl-C may come before that is done.
 if TYPE_CHECKING:
     from omegaconf import DictConfig
 
-_CONFIGURATION = str(Path(__file__).resolve().parents[1] / "conf")
-_ACTIONS = {
+CONFIGURED = {
     "measure": "experiments.commands.single:run_single_point",
     "fetch": "experiments.commands.fetching:run_fetch",
     "report": "experiments.report.writing:run_report",
     "doctor": "experiments.commands.doctor:run_doctor",
-    "render": "experiments.commands.making:run_picture",
-    "bake": "experiments.commands.making:run_bake",
-    "view": "experiments.viewer.command:run_view",
 }
-"""Verb -> the function that does it, imported only when asked for. conf/verb/ holds the defaults of some verbs."""
+"""Verbs that take a configuration -> what takes it, imported only when asked for."""
 
-_PLAIN = {
+PLAIN = {
     "new-method": "experiments.commands.new_method:run_new_method",
     "pack": "experiments.board.pack:run_pack",
     "board": "experiments.board.command:run_board",
-    "rays": "experiments.classification.ray_files:run_rays",
+    "tables": "experiments.documents.writing:run_tables",
 }
-"""Verbs with arguments of their own in place of fields of a configuration -> what takes these. `--help` shows USAGE
-and the docstring of its module."""
+"""Verbs with words of their own in place of fields of a configuration -> what takes these. Wings and packages offer
+further ones by entry points."""
+
+_FLAGS_WITH_VALUES = ("--config-path -cp", "--config-name -cn", "--config-dir -cd", "--package -p", "--cfg -c")
+"""Of Hydra; a value is no verb."""
 
 
 def main() -> int:
     """Run the command line and return its exit code."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _leave)
-    if sys.argv[1:2] == ["measure"]:
-        del sys.argv[1]  # what a run does that says no other
-    elif len(sys.argv) > 1 and sys.argv[1] in _ACTIONS:
-        verb = sys.argv[1]
-        begins_with = [f"+verb={verb}"] if Path(_CONFIGURATION, "verb", f"{verb}.yaml").exists() else []
-        # hydra.mode: a sweep's file asks for many runs, but there is one thing to do.
-        sys.argv[1:2] = [f"action={verb}", "hydra.mode=RUN", *begins_with]
     from atra.command import escape_what_stdout_lacks
 
     escape_what_stdout_lacks()
-    if sys.argv[1:2] and sys.argv[1] in _PLAIN:
-        where = _PLAIN[sys.argv[1]]
-        if {"-h", "--help"} & set(sys.argv[2:]):
-            module = import_module(where.partition(":")[0])
-            print(f"usage: {module.USAGE}\n\n{module.__doc__}".rstrip())
-            return 0
-        return _exit_code(lambda: _function(where)(sys.argv[2:]))
+    flags, words = _split(sys.argv[1:])
+    if words and "=" not in words[0] and words[0] in verbs():
+        return _exit_code(lambda: _run_verb(words[0], words[1:], flags))
+    return _exit_code(_run_hydra)
+
+
+def verbs() -> dict[str, str]:
+    """All verbs -> the functions that do them, as entry points say it."""
+    from experiments.harness.entry_points import VERBS_GROUP, offered
+
+    return CONFIGURED | PLAIN | {name: one.value for name, one in offered(VERBS_GROUP).items()}
+
+
+def _split(arguments: Sequence[str]) -> tuple[dict[str, Any], list[str]]:
+    """Hydra's flags with their values, those that it does not know under "unknown", and the words between them."""
+    parser = ArgumentParser(add_help=False, allow_abbrev=False)
+    for names in _FLAGS_WITH_VALUES:
+        parser.add_argument(*names.split(), default=None)
+    parser.add_argument("--info", "-i", nargs="?", const="all")
+    parser.add_argument("--help", "-h", action="store_true")
+    parser.add_argument("words", nargs="*")
+    try:
+        known, unknown = parser.parse_known_intermixed_args(list(arguments))
+    except SystemExit:  # Hydra says what is wrong with its flags
+        return {}, []
+    return vars(known) | {"unknown": unknown}, [*known.words]
+
+
+def _run_verb(verb: str, words: Sequence[str], flags: dict[str, Any]) -> None:
+    from atra.errors import InputError
+
+    where = verbs()[verb]
+    if flags["help"]:
+        module = import_module(where.partition(":")[0])
+        usage = getattr(module, "USAGE", f"{COMMAND} {verb} key=value ...    # fields: {COMMAND} --help")
+        print(f"usage: {usage}\n\n{module.__doc__}".rstrip())
+        return
+    function = _function(where)
+    _let_interrupts_pass()
+    if verb not in CONFIGURED:
+        function([*words, *flags["unknown"]])
+        return
+    from experiments.configure import configure
+
+    if flags["unknown"] or flags["cfg"] or flags["info"]:
+        given = " ".join(flags["unknown"]) or "--cfg or --info"
+        raise InputError(f"{verb} takes no {given}; expected fields, as in {COMMAND} {verb} scene=cornell_box")
+    _use_method_files(words)
+    configuration = configure(words, flags["config_name"] or "config", flags["config_dir"])
+    if verb == "measure" and configuration.sweep.grids:
+        raise InputError(f"measure takes one point, expected for a sweep: {COMMAND} {' '.join(words)}")
+    function(configuration)
+
+
+def _run_hydra() -> None:
     # Hydra then raises its errors instead of printing them at length; they are shown below, shortened.
     os.environ["HYDRA_FULL_ERROR"] = "1"
-
     try:
         import hydra
     except ModuleNotFoundError:
-        print(f"{PROGRAM}: the harness's packages are not installed; run: pip install -e '.[harness]'", file=sys.stderr)
-        return 2
-    from hydra.errors import HydraException
+        from atra.errors import InputError
+
+        raise InputError("the harness's packages are not installed; run: pip install -e '.[harness]'") from None
+    from experiments.harness.configuration import CONFIGURATION
+
+    _use_method_files(sys.argv[1:])
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    _let_interrupts_pass()
+    hydra.main(config_path=str(CONFIGURATION), config_name="config", version_base="1.3")(run_configured)()
+
+
+def run_configured(composed: DictConfig) -> None:
+    """What Hydra runs: measures one point, alone or as a job that a launcher runs for a sweep."""
+    from hydra.core.hydra_config import HydraConfig
+    from hydra.types import RunMode
     from omegaconf.errors import OmegaConfBaseException
 
-    from atra.errors import AtraError
-    from experiments.commands.model_files import take_model_file
-    from experiments.harness.configuration import Action, register_schema
-    from experiments.registry import known_kinds, take_method_files
-    from experiments.sweeper import register_sweeper
+    from atra.errors import AtraError, InputError
+    from experiments.commands.single import run_single_point
+    from experiments.harness.configuration import read_configuration
+    from experiments.launched import measure_launched
+    from experiments.registry import KINDS
 
-    if f"action={Action.render.value}" in sys.argv[1:2]:
-        from experiments.commands.making import picture_arguments
-
-        sys.argv[2:] = picture_arguments(sys.argv[2:])
+    hydra = HydraConfig.get()
+    choices, is_job = hydra.runtime.choices, hydra.mode is RunMode.MULTIRUN
+    sweeper = choices["hydra/sweeper"]
     try:
-        sys.argv[1:] = take_method_files(take_model_file(sys.argv[1:]))
-    except AtraError as error:
-        return _refuse(error)
-    register_schema(known_kinds())
-    register_sweeper()
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-
-    def run() -> None:
-        if signal.getsignal(signal.SIGINT) is _leave:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
-        hydra.main(config_path=_CONFIGURATION, config_name="config", version_base="1.3")(_run)()
-
-    return _exit_code(run, HydraException, OmegaConfBaseException)
+        if is_job and sweeper != "points":
+            raise InputError(f"hydra/sweeper={sweeper} makes no table; leave it out, or hydra/sweeper=points")
+        configuration = read_configuration(composed, choices, KINDS)
+        if is_job:
+            measure_launched(configuration)
+        else:
+            run_single_point(configuration)
+    except (AtraError, OmegaConfBaseException) as error:
+        if is_job and sweeper == "points":  # the sweep reports it
+            raise
+        raise SystemExit(_refuse(error)) from error  # which passes through Hydra, that announces other exceptions
 
 
-def _exit_code(run: Callable[[], object], *refused: type[Exception]) -> int:
-    """Run something, and say in a line why it was refused or that it was interrupted. refused: what is raised beside
-    errors of atra where the input cannot be used."""
+def _use_method_files(arguments: Sequence[str]) -> None:
+    """Make the methods of `method_file=...` known, here and to the processes that this one starts.
+
+    Without a sweep, and without a method of its own, the run takes the first of them (conf/config.yaml); a sweep
+    measures them beside its own methods (`experiments.sweeper`). Raises InputError for a file that holds no usable
+    method.
+    """
+    os.environ.pop("ATRA_METHOD", None)
+    given = [one.partition("=")[2].strip("'\"") for one in arguments if one.startswith("method_file=")]
+    if not given:
+        return
+    from atra.errors import InputError
+    from experiments.methods import use_method_file
+    from experiments.results.table import columns
+
+    methods = [use_method_file(path) for path in given[-1].split(os.pathsep)]
+    try:
+        columns()
+    except ValueError as error:
+        raise InputError(f"method_file {given[-1]}: {error}; call its option something else") from None
+    if not any(one.startswith("sweep=") for one in arguments):
+        os.environ["ATRA_METHOD"] = methods[0].name
+
+
+def _exit_code(run: Callable[[], object]) -> int:
+    """Run something, and say in a line why it was refused or that it was interrupted."""
     from atra.errors import AtraError
 
-    known: tuple[type[Exception], ...] = (AtraError, *refused)
     try:
         run()
-    except known as error:
+    except AtraError as error:
         return _refuse(error)
     except KeyboardInterrupt:
         print(f"{PROGRAM}: interrupted", file=sys.stderr)
         return 130
+    except Exception as error:
+        if not _is_of_hydra(error):
+            raise
+        return _refuse(error)
     return 0
 
 
-def _leave(*_: object) -> None:
+def _is_of_hydra(error: Exception) -> bool:
+    """Whether an error is a complaint of Hydra or OmegaConf about what was given, by the module that raised it."""
+    raised_in = [str(frame.f_globals.get("__name__")) for frame, _ in traceback.walk_tb(error.__traceback__)]
+    return raised_in[-1].partition(".")[0] in ("hydra", "omegaconf", "yaml")
+
+
+def _leave(number: int, frame: FrameType | None) -> None:
     """Nothing has begun, and KeyboardInterrupt inside an import may be taken for a missing package."""
     os.write(sys.stderr.fileno(), f"{PROGRAM}: interrupted\n".encode())
     os._exit(130)
 
 
-def _run(composed: DictConfig) -> None:
-    from hydra.core.hydra_config import HydraConfig
-    from hydra.types import RunMode
-    from omegaconf.errors import OmegaConfBaseException
-
-    from atra.errors import AtraError
-    from experiments.harness.configuration import read_configuration
-    from experiments.registry import known_kinds
-
-    if HydraConfig.get().mode is RunMode.MULTIRUN:  # a job that a launcher runs for a sweep, which reports its errors
-        from experiments.launched import measure_launched
-
-        measure_launched(read_configuration(composed, known_kinds()))
-        return
-    # SystemExit passes through Hydra silently; any other exception is announced by Hydra first.
-    try:
-        configuration = read_configuration(composed, known_kinds())
-        _function(_ACTIONS[configuration.action.value])(configuration)
-    except (AtraError, OmegaConfBaseException) as error:
-        raise SystemExit(_refuse(error)) from error
+def _let_interrupts_pass() -> None:
+    if signal.getsignal(signal.SIGINT) is _leave:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _function(where: str) -> Any:
@@ -154,11 +217,15 @@ def _function(where: str) -> Any:
 
 def _refuse(error: Exception) -> int:
     from atra.errors import AtraError, printable
-    from experiments.commands.messages import shorten_configuration_error
-    from experiments.registry import known_kinds
 
     if "debug=true" in (argument.lower() for argument in sys.argv):
         traceback.print_exception(error)
-    message = str(error) if isinstance(error, AtraError) else shorten_configuration_error(error, known_kinds())
+    if isinstance(error, AtraError):
+        message = str(error)
+    else:
+        from experiments.commands.messages import shorten_configuration_error
+        from experiments.registry import KINDS
+
+        message = shorten_configuration_error(error, KINDS)
     print(f"{PROGRAM}: {printable(message)}", file=sys.stderr)
     return 2

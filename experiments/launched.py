@@ -52,7 +52,7 @@ class Launched:
         """What earlier runs finished, by name: records of one machine, on which most of the points were measured."""
         of_machines: dict[str, dict[str, Record]] = {}
         for name, record in self._written():
-            if still_true(record, self._points[name]) is not None:
+            if reusable(record, self._points[name]) is not None:
                 of_machines.setdefault(repr(stable_fields(record.environment)), {})[name] = record
         return max(
             of_machines.values(), key=lambda found: sum(one.status == "ok" for one in found.values()), default={}
@@ -107,7 +107,7 @@ class Launched:
                 yield name, record
 
 
-def still_true(record: Record | None, planned: PlannedPoint) -> Record | None:
+def reusable(record: Record | None, planned: PlannedPoint) -> Record | None:
     """The record if measuring the point again would tell nothing new; a point that was skipped may be possible now."""
     if record is None or not record.finished or (record.status == "skipped" and planned.problem is None):
         return None

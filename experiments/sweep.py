@@ -22,7 +22,7 @@ from experiments.harness.processes.launching import run_worker
 from experiments.harness.processes.quiet import Waiting
 from experiments.harness.progress import SweepProgress, say, say_roughly
 from experiments.harness.records import Record, check_writable, exclusive, read_record, write_record
-from experiments.launched import Launch, Launched, still_true
+from experiments.launched import Launch, Launched, reusable
 from experiments.report.writing import check_figures, choose_folder, tell_whose_tables_are_replaced, write_results
 from experiments.results.best_so_far import best_splits
 from experiments.results.doubts import was_quiet
@@ -160,7 +160,7 @@ class _Sweep:
     def _finished(self) -> dict[str, Record]:
         """What was finished before on a machine and software like this."""
         read = {name: read_record(self.folder, name, _warn_on(self.console)) for name in self.points}
-        known = {name: still_true(record, self.points[name].planned) for name, record in read.items()}
+        known = {name: reusable(record, self.points[name].planned) for name, record in read.items()}
         return {name: record for name, record in known.items() if record is not None}
 
     def passes(self, names: Sequence[str]) -> list[list[str]]:

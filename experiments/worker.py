@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from experiments.harness.processes.worker import run_job
-from experiments.registry import FIND
+from experiments.registry import KINDS
 
 if __name__ == "__main__":
-    run_job(FIND)
+    run_job(KINDS)

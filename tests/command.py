@@ -20,7 +20,7 @@ from experiments import cli, methods
 from experiments.harness.identity import measure
 from experiments.harness.processes.outcome import Outcome
 from experiments.harness.processes.worker import Job, outcome_of
-from experiments.registry import FIND
+from experiments.registry import KINDS
 from tests.folders import ROOT
 
 NO_SCENES = tempfile.TemporaryDirectory(prefix="atra-tests-")
@@ -38,7 +38,7 @@ class Done:
 
 def measure_here(point):
     """Measure a point in this process, through the same JSON as a worker process."""
-    job = Job.from_json(Job(point, "", 0).to_json(), FIND)
+    job = Job.from_json(Job(point, "", 0).to_json(), KINDS)
     return Outcome.from_json(outcome_of(job.point).to_json(), point)
 
 

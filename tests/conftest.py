@@ -101,7 +101,7 @@ def _save_figures_as(monkeypatch, *formats):
     monkeypatch.setattr(Figure, "savefig", savefig)
 
 
-UNCOVERED = {"documents", "harness", "methods", "paper", "report", "results", "scenes", "viewer", "walls"}
+UNCOVERED = {"documents", "harness", "methods", "paper", "report", "results", "scenes", "walls"}
 """Folders all of whose tests are `uncovered`: what they test stands on the library."""
 
 

@@ -4,6 +4,7 @@ import io
 
 import pytest
 
+from experiments.drawing.render import draw
 from tests.report_samples import table_of
 
 MIB = 2**20
@@ -53,37 +54,45 @@ def skipped(row, error="needs 9 GiB, more than the memory budget of 4 GiB"):
     return row | dict.fromkeys(measured) | {"status": "skipped", "error": error}
 
 
-def line(axis, label):
-    """Abscissa -> ordinate of the line with this label."""
-    (one,) = [one for one in axis.get_lines() if one.get_label() == label]
-    return {float(x): pytest.approx(float(y)) for x, y in zip(*one.get_data(), strict=True)}
+def line(panel, label):
+    """Abscissa -> ordinate of what can be drawn of the line with this label."""
+    (one,) = [one for one in panel.lines if one.label == label]
+    return {float(x): pytest.approx(float(y)) for x, y in zip(one.x, one.y, strict=True) if y > 0}
 
 
-def level(axis, label):
+def interval_of(panel, label):
+    """Both ends of the first interval of the line with this label."""
+    (one,) = [one for one in panel.lines if one.label == label]
+    return [pytest.approx(float(end[0])) for end in one.interval]
+
+
+def level(panel, label):
     """Where the level line with this label lies."""
-    (ordinate,) = {place.expected for place in line(axis, label).values()}
-    return ordinate
+    (one,) = [one for one in panel.levels if one.label == label]
+    return pytest.approx(one.value)
 
 
-def bars(axis):
-    """Label -> length of each bar, in units of the axis, from the top down."""
-    return {one.get_label(): pytest.approx(one.patches[0].get_width()) for one in axis.containers}
+def crosses(panel):
+    return {split for one in panel.crosses for split in one.splits}
 
 
-def whiskers(axis):
-    return [pytest.approx(list(one.get_xdata())) for one in axis.get_lines() if one.get_label() == "_bars"]
+def bars(panel):
+    """Label -> length of each bar that has one, in units of the axis, from the top down."""
+    return {one.label: pytest.approx(one.value) for one in panel.bars if one.value > 0}
+
+
+def whiskers(panel):
+    return [pytest.approx([one.low, one.high]) for one in panel.bars]
 
 
 def words(figure):
-    texts = [text.get_text() for axis in figure.axes for text in (*axis.texts, axis.title, axis._left_title)]
-    ticks = [tick.get_text() for axis in figure.axes for tick in axis.get_yticklabels()]
-    return "\n".join([*texts, *ticks, figure.get_supxlabel()])
+    return figure.words
 
 
 def unfolded(figure):
-    """The same in one line: what is folded to its panel's or figure's width is whole."""
+    """The same in one line."""
     return " ".join(words(figure).split())
 
 
 def save(figure):
-    figure.savefig(io.BytesIO(), format="png", dpi=30)
+    draw(figure).savefig(io.BytesIO(), format="png", dpi=30)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from experiments.drawing.figure import DrawnFigure
+from experiments.drawing.figure import Axis, Figure, Line, NamedFigure, Panel
 from experiments.drawing.shading import encode_png
 from experiments.methods import METHODS, find_method
 from experiments.report import ReportContents
@@ -99,14 +99,12 @@ def scene_pictures(scene="cornell_box", **fields):
 
 _TONES = {"aligned": 90, "pixel": 120, "difference": 255}
 
-SVG = (
-    b'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 600 300">'
-    b'<rect width="600" height="300" fill="white"/><path d="M50 250 L550 50" stroke="black"/></svg>'
-)
-
 
 def drawn_figure(name, caption, *point_ids):
-    return DrawnFigure(name, caption, b"", SVG, SVG.replace(b"0 0 600", b"0 0 300"), frozenset(point_ids))
+    line = Line("one", np.array([1.0, 2.0]), np.array([3.0, 2.0]), {"color": "#123456"})
+    panels = [Panel(title, lines=[line], notes=[f"a note on {name}"]) for title in ("left", "right")]
+    figure = Figure("lines", panels, x=Axis("splits"), y=Axis("ms"), notes=["three processes"])
+    return NamedFigure(name, caption, figure, frozenset(point_ids))
 
 
 def small_contents(**fields):

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import kernel
@@ -19,15 +17,6 @@ _CONTEXT_DEPTH = RayQueryContext.depth_address.offset // 8
 _CONTEXT_PRIM_ID = RayQueryContext.prim_id_address.offset // 8
 
 
-class Hidden(NamedTuple):
-    """What the first pass left out. nearest: (tiles y, tiles x) float32, no ray of a tile meets it before this depth;
-    inf = never. tile_width, tile_height: pixels, whole packets."""
-
-    nearest: NDArray[np.float32]
-    tile_width: int
-    tile_height: int
-
-
 @cache
 def verify_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callable[..., None]:
     """The second pass for packets of shape_x x shape_y pixels. parallel: as for `aligned_kernel`."""
@@ -36,27 +25,28 @@ def verify_kernel(shape_x: int, shape_y: int, parallel: bool = False) -> Callabl
     prim_word, geom_word = (RAY_WORDS + HIT_PRIM_ID) * width, (RAY_WORDS + HIT_GEOM_ID) * width
 
     @kernel
-    def verify_pixels(counter_address, scene, packet, rays, hidden, image, traced):  # type: ignore[no-untyped-def]
+    def verify_pixels(counter_address, scene, packet, rays, nearest, grid, image, traced):  # type: ignore[no-untyped-def]
         """Trace again where something left out of the first pass may lie in front of its hits.
 
-        Each ray covers the stretch from the tile's depth in `hidden` to the hit found. Packet and rays as in
-        `trace_pixels`. image: the first pass's, updated with nearer hits. hidden: `Hidden`. traced: (1,) int64, this
-        thread's count of packets.
+        Each ray covers the stretch from the tile's depth in `nearest` to the hit found. Packet and rays as in
+        `trace_pixels`. nearest: (tile rows, tile columns) float32, no ray of a tile meets what was left out before this
+        depth; inf = never. grid: `TileGrid`, of whole packets. image: the first pass's, updated with nearer hits.
+        traced: (1,) int64, this thread's count of packets.
         """
         floats, ids = packet.floats, packet.ids
         depth, prim_id = image.depth, image.prim_id
-        tile_w, tile_h = hidden.tile_width, hidden.tile_height
+        tile_w, tile_h = grid.tile_width, grid.tile_height
         height, image_width = depth.shape
         while True:
             ty = fetch_add(counter_address, 1)
-            if ty >= hidden.nearest.shape[0]:
+            if ty >= nearest.shape[0]:
                 for lane in range(width):
                     floats[tnear + lane] = START  # other kernels expect this
                 return
             for y0 in range(ty * tile_h, min((ty + 1) * tile_h, height), shape_y):
                 rows = min(shape_y, height - y0)
-                for tx in range(hidden.nearest.shape[1]):
-                    limit = hidden.nearest[ty, tx]
+                for tx in range(nearest.shape[1]):
+                    limit = nearest[ty, tx]
                     if limit == np.inf:
                         continue
                     for x0 in range(tx * tile_w, min((tx + 1) * tile_w, image_width), shape_x):

@@ -1,31 +1,30 @@
-"""Cells: their options, the rays of the reference cell, and the pass that traces these through the geometry of all."""
+"""Cells: their options and checks, the rays of the reference cell, and the shape of their packets."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from atra.alignment.aligned_kernels import aligned_kernel
 from atra.alignment.alignment import Alignment
 from atra.choices import check_choice, check_flags
-from atra.compiled.threads import WorkerPool
-from atra.embree.packets_kernels import Image, RayGrid
-from atra.embree.scene import BUILD_QUALITIES, EmbreeScene, resolve_packet_width
-from atra.embree.workspace import check_widths
+from atra.embree.packets_kernels import RayGrid
+from atra.embree.scene import BUILD_QUALITIES, resolve_packet_width
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range
 from atra.geometry.split import Split
-from atra.tracing.budgets import check_image_size
-from atra.tracing.embree import make_workspaces
-from atra.tracing.rays import ray_grid, share_direction
+from atra.tracing.budgets import EMBREE_BYTES_PER_COPY, check_image_size, check_memory_budget, check_needed_bytes
+from atra.tracing.rays import ray_grid
 from atra.whole_numbers import is_whole_number
 
 GEOMETRIES = ("copied", "instanced")
 """A sheared copy of the triangles per cell, or one Embree instance of the mesh per cell."""
+
+BYTES_PER_INSTANCE = 48 + 8 + 600
+"""A transform, a record, and the growth of the process at the peak of a build, rounded up."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,56 +63,41 @@ class CellOptions:
         """Whether every cell is an instance of the mesh."""
         return self.geometry == "instanced"
 
+    @property
+    def scene_settings(self) -> dict[str, Any]:
+        """What `build_scene` is told of the BVH."""
+        return {"build_quality": self.build_quality, "robust": self.robust}
+
 
 def check_aligned(meshes: Sequence[Mesh], alignment: Alignment, options: CellOptions) -> None:
     """Raise InputError for what float32 cannot trace, packet rows that a packet or a cell cannot have, and an output
-    with too many pixels. meshes: one per image."""
+    with too many pixels; MemoryBudgetError for more copies or instances than the memory holds, where culling does not
+    decide their number. meshes: one per image."""
     for mesh, camera in zip(meshes, alignment.cameras, strict=True):
         check_range(mesh, camera)
-    split = alignment.split
+    split, images = alignment.split, len(alignment.cameras)
     packet_shape = choose_packet_shape(options.rays_per_packet, split, options.packet_rows)
-    check_image_size(split.height * alignment.image_count, _row_stride(split, packet_shape))
-
-
-class ReferencePass:
-    """Traces the rays of the reference cell for all cells of all images.
-
-    packet_shape: columns and rows of pixels in a packet. row_stride: pixels from one image row to the next, with room
-    for lanes of the last packet past the image. workspaces: memory of each thread's packets.
-    """
-
-    def __init__(self, alignment: Alignment, options: CellOptions, pool: WorkerPool) -> None:
-        self.alignment, self._pool = alignment, pool
-        self.packet_shape = choose_packet_shape(options.rays_per_packet, alignment.split, options.packet_rows)
-        self.row_stride = _row_stride(alignment.split, self.packet_shape)
-        self.workspaces = make_workspaces(alignment.cameras[0], options.rays_per_packet, pool.threads)
-
-    def trace(self, scene: EmbreeScene, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
-        """Write the nearest hits of all images, one below the other."""
-        alignment, camera, workspaces = self.alignment, self.alignment.cameras[0], self.workspaces
-        rays, image = reference_rays(alignment, offset), Image(depth, prim_id)
-        cell_rows = alignment.image_count * alignment.split.ny
-        kernel = aligned_kernel(*self.packet_shape, camera.is_parallel)
-        address = scene.address
-        for workspace in workspaces:
-            workspace.set_row_bytes(depth.strides[0])
-        share_direction(workspaces, camera)  # a second pass may have set another image's
-
-        def work(worker: int, counter: int) -> None:
-            kernel(counter, address, workspaces[worker].packet, rays, cell_rows, image)
-
-        self._pool.run(work)
-        check_widths(workspaces)
+    check_image_size(split.height * images, row_stride_of(split, packet_shape))
+    cells, mesh = split.cell_count * images, meshes[0]
+    if options.is_instanced:
+        needed = len(mesh.vertices) * 12 + mesh.triangle_count * EMBREE_BYTES_PER_COPY[options.build_quality]
+        needed += cells * BYTES_PER_INSTANCE
+        what = f"{mesh.triangle_count:,} triangles and {cells:,} instances of them"
+        check_needed_bytes(needed, options.memory_budget_bytes, what, "use fewer cells or more memory")
+    elif not options.culling:
+        copies = sum(mesh.triangle_count for mesh in meshes) * split.cell_count
+        check_memory_budget(copies, cells, options.build_quality, options.memory_budget_bytes)
 
 
 def reference_rays(alignment: Alignment, offset: tuple[float, float]) -> RayGrid:
     """The rays that are traced for all cells of an alignment, at a sub-pixel offset."""
-    columns = alignment.first_x_pixels + np.arange(alignment.split.cell_width)
-    rows = alignment.first_y_pixels + np.arange(alignment.split.cell_height)
-    return RayGrid(*ray_grid(alignment.cameras[0], columns + offset[0], rows + offset[1]))
+    (x, y), split = alignment.corner_pixels, alignment.split
+    columns, rows = x + np.arange(split.cell_width), y + np.arange(split.cell_height)
+    return RayGrid(*ray_grid(alignment.camera, columns + offset[0], rows + offset[1]))
 
 
-def _row_stride(split: Split, packet_shape: tuple[int, int]) -> int:
+def row_stride_of(split: Split, packet_shape: tuple[int, int]) -> int:
+    """Pixels from one image row to the next, with room for lanes of the last packet past the image."""
     return split.width + -split.cell_width % packet_shape[0]
 
 
@@ -123,8 +107,8 @@ def choose_packet_shape(packet_width: int, split: Split, packet_rows: int | None
     Rows must divide the cell's height, because tasks share out the image by rows. packet_rows: rows to take instead.
     Raises InputError if a packet or a cell cannot have them.
     """
-    shapes = [(packet_width >> k, 1 << k) for k in range(packet_width.bit_length())]
-    fitting = {y: (x, y) for x, y in shapes if split.cell_height % y == 0}
+    rows = [1 << k for k in range(packet_width.bit_length()) if split.cell_height % (1 << k) == 0]
+    fitting = {y: (packet_width // y, y) for y in rows}
     if packet_rows is not None:
         if not is_whole_number(packet_rows) or packet_rows not in fitting:
             raise InputError(

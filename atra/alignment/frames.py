@@ -6,12 +6,10 @@ from collections.abc import Mapping, Sequence
 from time import perf_counter
 from typing import final
 
-import numpy as np
-from numpy.typing import NDArray
-
-from atra.alignment.aligned import PreparedAligned, check_copies
+from atra.alignment.aligned import prepare_aligned
 from atra.alignment.alignment import Alignment
 from atra.alignment.cells import CellOptions, check_aligned
+from atra.alignment.prepared import PreparedCells
 from atra.choices import check_choice
 from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.errors import InputError
@@ -71,9 +69,9 @@ class FramesTracer(Lifetime):
         )  # fmt: skip
         self.threads, self.ties = resolve_threads(threads), ties
         self.packet_width = self.options.rays_per_packet
-        self.prepared: PreparedAligned | None = None
+        self.prepared: PreparedCells | None = None
         self._tie_tiles: list[TieTiles] = []
-        self._show(one_for_each(meshes, alignment.image_count), alignment)
+        self._show(one_for_each(meshes, len(alignment.cameras)), alignment)
         self._pool = WorkerPool(self.threads)
 
     def _show(self, meshes: tuple[Mesh, ...], alignment: Alignment) -> None:
@@ -83,11 +81,12 @@ class FramesTracer(Lifetime):
                 "geometry is 'instanced' and the frames have meshes of their own, but instances show one mesh; "
                 "use geometry='copied'"
             )
-        check_image_memory(alignment.split.height * alignment.image_count, alignment.split.width)
+        check_image_memory(alignment.split.height * len(meshes), alignment.split.width)
         check_aligned(meshes, alignment, self.options)
-        check_copies(meshes, alignment, self.options)
         self.meshes, self.alignment = meshes, alignment
-        self.mesh, self.camera = meshes[0], alignment.cameras[0]
+        self.mesh, self.camera = meshes[0], alignment.camera
+        if self._is_built:
+            self.build()
 
     @property
     def views(self) -> tuple[tuple[Mesh, View], ...]:
@@ -96,15 +95,14 @@ class FramesTracer(Lifetime):
 
     def _build(self) -> tuple[float, float]:
         self._forget()  # before anything is built: both together may not fit
-        prepared = self.prepared = PreparedAligned(self.meshes, self.alignment, self.options, self._pool)
-        ties_time_s = 0.0
-        if self.ties == "lowest":
-            for mesh in self.meshes:
-                coplanar_overlaps(mesh)  # found once per mesh, like reading it, and so outside the clock of a plan
-            start = perf_counter()
-            self._tie_tiles = [tie_tiles(mesh, camera) for mesh, camera in self.views]
-            ties_time_s = perf_counter() - start
-        return prepared.plan_time_s + ties_time_s, prepared.build_time_s
+        prepared = self.prepared = prepare_aligned(self.meshes, self.alignment, self.options, self._pool)
+        if self.ties == "any":
+            return prepared.plan_time_s, prepared.build_time_s
+        for mesh in self.meshes:
+            coplanar_overlaps(mesh)  # found once per mesh, like reading it, and so outside the clock
+        start = perf_counter()
+        self._tie_tiles = [tie_tiles(mesh, camera) for mesh, camera in self.views]
+        return prepared.plan_time_s + perf_counter() - start, prepared.build_time_s
 
     def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Frames | None = None) -> Frames:
         """Trace all frames; arguments and errors as for `Tracer.trace`."""
@@ -112,18 +110,12 @@ class FramesTracer(Lifetime):
         with self._in_use():
             prepared, cameras = self.prepared, self.alignment.cameras
             assert prepared is not None
-            height, width = self.camera.height, self.camera.width
-            rows, images = len(cameras) * height, images_of(out)
-            stacked = None if images is None else (_stacked(images[0]), _stacked(images[1]))
-            depth, prim_id = outputs((rows, width), prepared.row_stride, stacked)
-            prepared.draw(offset, depth, prim_id)
+            frames, height, width = len(cameras), self.camera.height, self.camera.width
+            depth, prim_id = outputs((frames, height, width), prepared.row_stride, images_of(out))
+            prepared.draw(offset, depth.reshape(frames * height, width), prim_id.reshape(frames * height, width))
             for image, tiles in enumerate(self._tie_tiles):
-                mesh, camera = self.views[image]
-                own_rows = prim_id[image * height : (image + 1) * height]
-                settle_ties(mesh, camera, tiles, offset, own_rows, self._pool)
-            shape = (len(cameras), height, width)
-            arrays = _unstacked(depth, shape), _unstacked(prim_id, shape)
-            return Frames(*arrays, offset, self.meshes, cameras, self.threads)
+                settle_ties(*self.views[image], tiles, offset, prim_id[image], self._pool)
+            return Frames(depth, prim_id, offset, self.meshes, cameras, self.threads)
 
     @synchronized
     def look(self, alignment: Alignment) -> None:
@@ -133,14 +125,12 @@ class FramesTracer(Lifetime):
         """
         self._check_open()
         count = len(self.meshes)
-        if not isinstance(alignment, Alignment) or alignment.image_count != count:
+        if not isinstance(alignment, Alignment) or len(alignment.cameras) != count:
             raise InputError(
                 f"FramesTracer shows {count} cameras at once and cannot look through {alignment!r:.100}; expected "
                 f"an Alignment of {count} frames, such as Alignment.of_frames makes"
             )
         self._show(self.meshes, alignment)
-        if self._is_built:
-            self.build()
 
     @synchronized
     def update(self, meshes: Mesh | Sequence[Mesh]) -> None:
@@ -153,8 +143,6 @@ class FramesTracer(Lifetime):
         for before, mesh in zip(self.meshes, others, strict=True):
             check_same_faces(before, mesh)
         self._show(others, self.alignment)
-        if self._is_built:
-            self.build()
 
     @property
     @synchronized
@@ -191,20 +179,3 @@ def one_for_each(meshes: Mesh | Sequence[Mesh], count: int) -> tuple[Mesh, ...]:
     if len(given) != count:
         raise InputError(f"{len(given)} meshes for {count} frames; expected one for each, or one for all")
     return given
-
-
-def _unstacked(images: NDArray, shape: tuple[int, int, int]) -> NDArray:
-    """View (K H, W) images, one below the other, as (K, H, W)."""
-    row_bytes, pixel_bytes = images.strides
-    return np.lib.stride_tricks.as_strided(images, shape, (shape[1] * row_bytes, row_bytes, pixel_bytes))
-
-
-def _stacked(images: NDArray) -> NDArray:
-    """The reverse of `_unstacked`. Arrays of other origin get strides that are refused later."""
-    if images.ndim != 3:
-        raise InputError(f"out has images of {images.shape}, expected (frames, height, width) of an earlier result")
-    count, height, width = images.shape
-    image_bytes, row_bytes, pixel_bytes = images.strides
-    if image_bytes != height * row_bytes:
-        raise InputError("out has images that do not follow each other in memory: pass a result of this tracer")
-    return np.lib.stride_tricks.as_strided(images, (count * height, width), (row_bytes, pixel_bytes))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,12 @@ from atra.geometry.ray_space import ray_axes
 from atra.geometry.view import View
 
 
-@dataclass(frozen=True, eq=False)
-class Roundings:
+class Roundings(NamedTuple):
     """Depth errors of float32, triangle by triangle.
 
-    depth_error: (F,) float64, relative error of a ray of the mesh itself; inf where the plane passes through the eye.
-    left_out: (F,) bool, a sheared copy may exceed the admitted error (COPY_MULTIPLE).
+    depth_error: (F,) float64, relative error of a ray of the mesh itself; inf where the plane passes through the eye, 0
+    for parallel rays, as there is no relative error near the image plane. left_out: (F,) bool, a sheared copy may
+    exceed the admitted error (COPY_MULTIPLE).
     """
 
     depth_error: NDArray[np.float64]
@@ -30,60 +30,37 @@ class Roundings:
 
 def roundings_of_copies(
     mesh: Mesh,
-    alignment: Alignment,
-    pool: WorkerPool,
-    points_pixels: NDArray[np.float64],
-    points_own: NDArray[np.float64],
-    points_ray: NDArray[np.float64],
-    admitted_multiple: float = COPY_MULTIPLE,
-    in_every_cell: bool = False,
-) -> Roundings:
-    """The rounding errors of a mesh seen through the cells of an alignment of pinhole cameras.
-
-    points_pixels, points_ray: from `project_vertices`, with the image's linear map. points_own: without it, in the ray
-    space of the mesh's own camera; for the first image they are the same.
-    """
-    depth_error, left_out = np.empty(mesh.triangle_count), np.empty(mesh.triangle_count, np.uint8)
-    points = points_pixels, points_own, points_ray
-    cell = alignment.split.cell_width, alignment.split.cell_height
-    rest = mesh.traced_faces, *alignment.shears, *cell, admitted_multiple, in_every_cell, depth_error, left_out
-    pool.run(lambda _, counter: judge_copies(counter, *points, *rest))
-    return Roundings(depth_error, left_out.view(np.bool_))
-
-
-def image_roundings(
-    mesh: Mesh,
     camera: View,
     alignment: Alignment,
-    pool: WorkerPool,
     points: tuple[NDArray[np.float64], NDArray[np.float64]],
+    pool: WorkerPool,
     *,
     is_instanced: bool = False,
     in_every_cell: bool = False,
 ) -> Roundings:
-    """The rounding errors of one image's mesh; for an orthographic camera `depth_error` is 0, as there is no relative
-    error near the image plane. points: from `project_vertices`, with the image's linear map. in_every_cell: there are
-    copies even in cells that do not see a triangle."""
-    own = points[1] if camera is alignment.cameras[0] else project_vertices(mesh, camera, pool)[1]
-    multiple = INSTANCE_MULTIPLE if is_instanced else COPY_MULTIPLE
+    """The rounding errors of a mesh seen by a camera of an alignment.
+
+    points: from `project_vertices`, with the image's map onto the first camera's ray space (`linear_onto`).
+    in_every_cell: there are copies even in cells that do not see a triangle.
+    """
+    own = points[1] if camera is alignment.camera else project_vertices(mesh, camera, pool)[1]
+    split, multiple = alignment.split, INSTANCE_MULTIPLE if is_instanced else COPY_MULTIPLE
+    depth_error, left_out = np.zeros(mesh.triangle_count), np.empty(mesh.triangle_count, np.uint8)
+    triangles, cells = (points[0], own, points[1], mesh.traced_faces), (split.cell_width, split.cell_height)
     if camera.is_parallel:
-        split, left_out = alignment.split, np.empty(mesh.triangle_count, np.uint8)
-        rays = _parallel_rays(camera, alignment), _parallel_rays(alignment.cameras[0], alignment)
-        rest = *alignment.shears, split.cell_width, split.cell_height, is_instanced, multiple, left_out
-        faces = mesh.traced_faces
-        pool.run(lambda _, counter: judge_translations(counter, points[0], own, points[1], faces, *rays, *rest))
-        roundings = Roundings(np.zeros(mesh.triangle_count), left_out.view(np.bool_))
+        rays = _parallel_rays(camera, alignment), _parallel_rays(alignment.camera, alignment)
+        rest = *rays, *alignment.shears, *cells, is_instanced, multiple, left_out
+        pool.run(lambda _, counter: judge_translations(counter, *triangles, *rest))
     else:
-        roundings = roundings_of_copies(mesh, alignment, pool, points[0], own, points[1], multiple, in_every_cell)
-    roundings.left_out[mesh.without_area] = False  # no ray hits them anyway
-    return roundings
+        bounds = *alignment.shears, *cells, multiple, in_every_cell, depth_error, left_out
+        pool.run(lambda _, counter: judge_copies(counter, *triangles, *bounds))
+    return Roundings(depth_error, left_out.view(np.bool_))
 
 
 def _parallel_rays(camera: View, alignment: Alignment) -> ParallelRays:
     right, down, forward = ray_axes(camera)
-    plane, split = camera.plane, alignment.split
+    plane, split, (first_x, first_y) = camera.plane, alignment.split, alignment.corner_pixels
     column, row = right * plane.pitch_x, down * plane.pitch_y
-    first_x, first_y = alignment.first_x_pixels, alignment.first_y_pixels
     farthest = np.abs(column) * max(abs(first_x), abs(first_x + split.cell_width))
     farthest += np.abs(row) * max(abs(first_y), abs(first_y + split.cell_height))
     middle = -np.array([float(plane.columns(0, 0.0)), float(plane.rows(0, 0.0))])

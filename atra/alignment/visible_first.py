@@ -1,8 +1,13 @@
-"""Visible-first tracing: align what is probably visible, then check what was left out, only where it could matter."""
+"""Visible-first tracing: align what is probably visible, then check what was left out, only where it could matter.
+
+The image is divided into small tiles. A probe estimates the visible depth of each. The first pass gets the copies of
+triangles that may lie nearer than that in some tile of their cell. For the rest, each tile stores the depth before
+which no ray of the tile, at any sub-pixel offset, can meet them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
@@ -11,14 +16,29 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.alignment.alignment import Alignment
-from atra.alignment.cells import CellOptions, ReferencePass, check_aligned
-from atra.alignment.second_pass import SecondPass
-from atra.alignment.visibility import PROBE_STEP, plan_visible_geometry, probed_depth, tiles_of
+from atra.alignment.cells import CellOptions, check_aligned
+from atra.alignment.copies import Fill, Points, filled_copies
+from atra.alignment.copies_kernels import CopyTarget
+from atra.alignment.prepared import PreparedCells
+from atra.alignment.rounding import roundings_of_copies
+from atra.alignment.second_pass import DEPTH_SLACK, SecondPass, nearest_of
+from atra.alignment.visibility_kernels import (
+    EVERYWHERE,
+    NOWHERE,
+    WHERE_NEAR,
+    TileGrid,
+    Wanted,
+    count_visible,
+    fill_visible,
+)
 from atra.compiled.threads import WorkerPool
-from atra.embree.callbacks_kernels import memory_monitor, nearest_hit_filter
 from atra.embree.packets_kernels import Image, RayGrid
+from atra.embree.scene import EmbreeScene
+from atra.embree.workspace import Workspace
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
+from atra.geometry.projection import project_vertices
+from atra.geometry.ray_space import unseen_from
 from atra.geometry.split import Split
 from atra.geometry.view import View
 from atra.hits import Hits
@@ -30,17 +50,33 @@ from atra.tracing.images import new_images
 from atra.tracing.rays import SQUAREST_SHAPE, check_pinhole, pixel_tiles, ray_grid
 from atra.tracing.tracer import Tracer
 
+SEEN_SLACK = 1e-3
+"""Relative margin behind the probe's depth within which copies are kept. It exceeds DEPTH_SLACK, or the surfaces that
+the probe saw would fail their own test."""
+
+PROBE_STEP = 4
+"""The default probe traces a ray every PROBE_STEP pixels, across and down, along the borders of tiles."""
+
+TILE_WIDTHS, TILE_HEIGHT = (4, 8), 4
+"""Tile sizes in pixels: the resolution of the visibility estimate. Tiles hold whole packets; they are no wider than
+narrow cells, because a copy is kept in every cell that its tile meets."""
+
 WHOLE_BUILD_QUALITY = "low"
 """Build quality of the whole mesh's BVH, which is also compact. Only the probe and a few packets use it, so build time
 and size matter more than tracing speed."""
 
+Probed = tuple[NDArray[np.bool_], NDArray[np.float64]]
+"""(F,), triangles to keep in every cell they meet; and (tile rows, tile columns), keep what may be nearer than this
+(inf: everything, 0: nothing). A wrong probe costs time, never a hit."""
+
 
 @dataclass(frozen=True, eq=False)
 class VisibleFirst:
-    """Visible-first tracing as a method. split, probe: see `VisibleFirstTracer`; options: its others."""
+    """Visible-first tracing as a method. split: see `VisibleFirstTracer`; probe: likewise, or (F,) bool, whether a
+    triangle is seen; options: its others."""
 
     split: tuple[int, int]
-    probe: Hits | NDArray[np.int64] | None = None
+    probe: Hits | NDArray[np.bool_] | None = None
     options: CellOptions = field(default_factory=CellOptions)
 
     @property
@@ -69,124 +105,113 @@ class VisibleFirst:
             "or AlignedTracer"
         )
 
-    def prepare(self, mesh: Mesh, camera: View, pool: WorkerPool) -> PreparedVisibleFirst:
-        """Probe, cull, shear and build."""
-        return PreparedVisibleFirst(self, mesh, camera, pool)
-
-
-class PreparedVisibleFirst:
-    """A BVH of sheared copies of what is probably visible, and a second pass through the whole mesh."""
-
-    def __init__(self, method: VisibleFirst, mesh: Mesh, camera: View, pool: WorkerPool) -> None:
-        self._mesh, self._camera, self._pool, self._options = mesh, camera, pool, method.options
-        alignment = method.alignment(camera)
-        self._pass = ReferencePass(alignment, method.options, pool)
-        self.packet_shape, self.row_stride = self._pass.packet_shape, self._pass.row_stride
-        self._tiles = tiles_of(alignment.split)
-        filter_address = nearest_hit_filter(*self.packet_shape)
-        memory_monitor()  # compiled, like the filter, before the clock starts
+    def prepare(self, mesh: Mesh, camera: View, pool: WorkerPool) -> PreparedCells:
+        """Probe, cull, shear and build: copies of what is probably visible, and a second pass through the mesh."""
+        alignment, options = self.alignment(camera), self.options
+        prepared, grid = PreparedCells((mesh,), alignment, options, pool), tiles_of(alignment.split)
         start = perf_counter()
         plain = plan_plain_geometry(mesh, camera)
-        self.plan_time_s = perf_counter() - start
+        ready = perf_counter()
+        settings = {**options.scene_settings, "build_quality": WHOLE_BUILD_QUALITY, "compact": True}
+        whole = build_scene(plain, pool.threads, **settings)
+        built = perf_counter()
+        seen, depth = np.zeros(mesh.triangle_count, np.bool_), np.zeros(grid.shape)
+        if self.probe is None:
+            depth = probed_depth(_trace_probe(whole, camera, grid, prepared.workspaces, pool), grid)
+        elif isinstance(self.probe, Hits):
+            depth = _farthest_in_tiles(self.probe.depth, grid)
+        else:
+            seen = self.probe
+        probed = perf_counter()
+        points = project_vertices(mesh, camera, pool)
+        counts, nearest, fill = visible_copies(mesh, alignment, grid, (seen, depth), points, pool)
+        geometry = filled_copies([counts], fill, alignment, options, prepared.row_stride)
+        prepared.second_passes = [SecondPass(whole, camera, grid, nearest, options.rays_per_packet)]
+        copied = perf_counter()
+        prepared.build(geometry)
+        prepared.triangle_count += mesh.triangle_count
+        prepared.plan_time_s = ready - start + copied - built
+        prepared.build_time_s = built - ready + perf_counter() - copied
+        prepared.told["probe_time_s"] = probed - built
+        return prepared
 
-        start = perf_counter()
-        robust = method.options.robust
-        self.whole = build_scene(plain, pool.threads, build_quality=WHOLE_BUILD_QUALITY, robust=robust, compact=True)
-        self.build_time_s = perf_counter() - start
 
-        start = perf_counter()
-        probed = self._probe(method.probe)
-        self._probe_time_s = perf_counter() - start
-        plan = plan_visible_geometry(
-            mesh, alignment, self._tiles, probed, method.options, row_stride=self.row_stride, pool=pool
-        )
-        self.second_pass = SecondPass(
-            self.whole, camera, self._tiles, plan.nearest_hidden, method.rays_per_packet, pool
-        )
-        self.plan_time_s += perf_counter() - start
+def tiles_of(split: Split) -> TileGrid:
+    """The tiles of an image with these cells."""
+    return TileGrid(TILE_WIDTHS[split.cell_width > TILE_WIDTHS[0]], TILE_HEIGHT, split.width, split.height)
 
-        start = perf_counter()
-        quality = method.options.build_quality
-        self._scene = build_scene(
-            plan.geometry, pool.threads, build_quality=quality, robust=robust, filter_address=filter_address
-        )
-        self.build_time_s += perf_counter() - start
-        self.geometry = plan.geometry
 
-    def _probe(self, probe: Hits | NDArray[np.int64] | None) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-        """Triangles to copy in any case, and the visible depth of each tile, as `plan_visible_geometry` takes them."""
-        seen = np.zeros(self._mesh.triangle_count, np.uint8)
-        if probe is None:
-            return seen, self._trace_probe()
-        if isinstance(probe, Hits):
-            return seen, self._farthest_in_tiles(probe.depth)
-        seen[probe] = 1
-        return seen, np.zeros(self._tiles.shape)
+def _trace_probe(
+    whole: EmbreeScene, camera: View, grid: TileGrid, workspaces: Sequence[Workspace], pool: WorkerPool
+) -> NDArray[np.float32]:
+    """The default probe: depths along the borders of tiles, which neighbours share. An outline that crosses a tile
+    probably separates two of its corners."""
+    shape = SQUAREST_SHAPE[workspaces[0].width]
+    rows, columns = grid.shape
+    width = columns * (grid.tile_width // PROBE_STEP) + 1
+    height = rows * (grid.tile_height // PROBE_STEP) + 1
 
-    def _trace_probe(self) -> NDArray[np.float64]:
-        """Trace the default probe: the visible depth of each tile, from rays on its border.
+    def positions(count: int, packet: int, pixels: int) -> NDArray[np.integer]:
+        return np.minimum(np.arange(count + -count % packet) * PROBE_STEP, pixels)
 
-        Neighbouring tiles share rays, and an outline that crosses a tile probably separates two of its corners.
-        """
-        camera, scene, workspaces = self._camera, self.whole.address, self._pass.workspaces
-        shape = SQUAREST_SHAPE[self._options.rays_per_packet]
-        tile_rows, tile_columns = self._tiles.shape
-        width = tile_columns * (self._tiles.tile_width // PROBE_STEP) + 1
-        height = tile_rows * (self._tiles.tile_height // PROBE_STEP) + 1
+    x = camera.plane.columns(positions(width, shape[0], camera.width))
+    y = camera.plane.rows(positions(height, shape[1], camera.height))
+    rays, image = RayGrid(*ray_grid(camera, x, y)), Image(*new_images((height, width), width))
+    kernel, tiles, scene = pixel_kernel(*shape), pixel_tiles(width, height), whole.address
+    pool.run(lambda worker, counter: kernel(counter, scene, workspaces[worker].packet, rays, tiles, image))
+    return image.depth
 
-        def positions(count: int, packet: int, pixels: int) -> NDArray[np.integer]:
-            return np.minimum(np.arange(count + -count % packet) * PROBE_STEP, pixels)
 
-        columns = camera.plane.columns(positions(width, shape[0], camera.width))
-        rows = camera.plane.rows(positions(height, shape[1], camera.height))
-        rays, image = RayGrid(*ray_grid(camera, columns, rows)), Image(*new_images(height, width, width))
-        kernel, tiles = pixel_kernel(*shape), pixel_tiles(width, height)
+def probed_depth(depth: NDArray[np.float32], grid: TileGrid) -> NDArray[np.float64]:
+    """(tile rows, tile columns) float64, the second farthest of each tile's corners; of two squares in a tile, the
+    farther.
 
-        def work(worker: int, counter: int) -> None:
-            kernel(counter, scene, workspaces[worker].packet, rays, tiles, image)
+    A single far corner does not count: keeping all that lies before it costs more than checking a few packets. depth:
+    float32, what rays every `PROBE_STEP` pixels along the borders of tiles see.
+    """
+    upper, lower = (pick(depth[:-1], depth[1:]) for pick in (np.maximum, np.minimum))
+    second = np.maximum(np.minimum(upper[:, :-1], upper[:, 1:]), np.maximum(lower[:, :-1], lower[:, 1:]))
+    rows, columns = grid.shape
+    steps = second.reshape(rows, grid.tile_height // PROBE_STEP, columns, grid.tile_width // PROBE_STEP)
+    return steps.max(axis=(1, 3)).astype(np.float64)
 
-        self._pool.run(work)
-        return probed_depth(image.depth, self._tiles)
 
-    def _farthest_in_tiles(self, depth: NDArray[np.float32]) -> NDArray[np.float64]:
-        """The farthest depth in each tile of an image."""
-        rows, columns = self._tiles.shape
-        farthest = np.maximum.reduceat(depth, np.arange(rows) * self._tiles.tile_height, axis=0)
-        farthest = np.maximum.reduceat(farthest, np.arange(columns) * self._tiles.tile_width, axis=1)
-        return farthest.astype(np.float64)
+def _farthest_in_tiles(depth: NDArray[np.float32], grid: TileGrid) -> NDArray[np.float64]:
+    """The farthest depth in each tile of an image."""
+    rows, columns = grid.shape
+    farthest = np.maximum.reduceat(depth, np.arange(rows) * grid.tile_height, axis=0)
+    return np.maximum.reduceat(farthest, np.arange(columns) * grid.tile_width, axis=1).astype(np.float64)
 
-    def still_serves(self, camera: View) -> bool:
-        """Never: copies hang on the camera."""
-        return False
 
-    def draw(self, offset: tuple[float, float], depth: NDArray[np.float32], prim_id: NDArray[np.uint32]) -> None:
-        """See `Prepared.draw`."""
-        self._pass.trace(self._scene, offset, depth, prim_id)
-        self.second_pass.trace(self._pass.workspaces, offset, depth, prim_id)
+def visible_copies(
+    mesh: Mesh, alignment: Alignment, grid: TileGrid, probed: Probed, points: Points, pool: WorkerPool
+) -> tuple[NDArray[np.int64], NDArray[np.float32], Fill]:
+    """The copies of every triangle for the cells in which a probe says it may be visible.
 
-    @property
-    def triangle_count(self) -> int:
-        """Triangles in both Embree scenes, copies included."""
-        return self.geometry.copy_count + self._mesh.triangle_count
+    alignment: the cells of one image. points: from `project_vertices`, for its camera. Returns (F,) int64, the cells
+    that keep each triangle; (tile rows, tile columns) float32, no ray of a tile meets a left-out triangle before this
+    depth, inf where none is left out; and what writes the copies for `filled_copies`.
+    """
+    split, camera, (seen, depth) = alignment.split, alignment.camera, probed
+    roundings = roundings_of_copies(mesh, camera, alignment, points, pool)
+    where = np.where(roundings.left_out, NOWHERE, np.where(seen, EVERYWHERE, WHERE_NEAR)).astype(np.uint8)
+    with np.errstate(divide="ignore"):
+        inverse_depth = (1.0 - SEEN_SLACK) / depth
+    columns = np.arange(grid.shape[1]) * grid.tile_width
+    last_cell = (np.minimum(columns + grid.tile_width, camera.width) - 1) // split.cell_width
+    wanted = Wanted(where, inverse_depth, columns // split.cell_width, last_cell, split.cell_height)
+    faces, slack = mesh.traced_faces, np.maximum(roundings.depth_error, DEPTH_SLACK)
+    counts, hidden = np.empty(mesh.triangle_count, np.int64), np.zeros((pool.threads, *grid.shape))
 
-    @property
-    def embree_bytes(self) -> int:
-        """Bytes that Embree holds for both scenes."""
-        return self._scene.embree_bytes + self.whole.embree_bytes
+    def count(worker: int, counter: int) -> None:
+        count_visible(counter, points[0], faces, grid, wanted, slack, hidden[worker], counts)
 
-    @property
-    def counters(self) -> Mapping[str, float]:
-        """Embree's memory, packets_verified and probe_time_s: see `Tracer.counters`."""
-        return {
-            "embree_bytes": self.embree_bytes,
-            "packets_verified": self.second_pass.packets_traced,
-            "probe_time_s": self._probe_time_s,
-        }
+    def fill(_: int, starts: NDArray[np.int64], target: CopyTarget) -> None:
+        pool.run(lambda _, counter: fill_visible(counter, *points, faces, grid, wanted, starts, target))
 
-    def close(self) -> None:
-        """Release the BVHs."""
-        self._scene.close()
-        self.whole.close()
+    pool.run(count)
+    counts[unseen_from(camera, mesh)] = 0
+    return counts, nearest_of(hidden.max(axis=0)), fill
 
 
 def VisibleFirstTracer(
@@ -217,8 +242,8 @@ def VisibleFirstTracer(
     split : (int, int)
         Columns and rows of cells; they must divide the image's width and height.
     probe : optional
-        None traces a few rays when planning; `Hits` of an image of the same size, such as an earlier frame or a nearby
-        camera; or an integer array of prim_ids for pass 1, which may be empty.
+        None traces a few rays while setting up; `Hits` of an image of the same size, such as an earlier frame or a
+        nearby camera; or an integer array of prim_ids for pass 1, which may be empty.
     threads, ties, packet_width, packet_rows, build_quality, robust, memory_budget_bytes :
         As for `AlignedTracer`; the build quality is that of pass 1.
 
@@ -233,7 +258,7 @@ def VisibleFirstTracer(
         For a split that does not divide the image, a probe of another size, an unknown prim_id, and parallel rays.
     """
     check_pinhole(camera, "VisibleFirstTracer")
-    checked = probe if probe is None or isinstance(probe, Hits) else _checked_prim_ids(mesh, probe)
+    checked = probe if probe is None or isinstance(probe, Hits) else _seen_triangles(mesh, probe)
     options = CellOptions(
         packet_width=packet_width, packet_rows=packet_rows, build_quality=build_quality, robust=robust,
         memory_budget_bytes=memory_budget_bytes,
@@ -241,9 +266,9 @@ def VisibleFirstTracer(
     return Tracer(mesh, camera, VisibleFirst(split, checked, options), threads=threads, ties=ties)
 
 
-def _checked_prim_ids(mesh: Mesh, probe: Any) -> NDArray[np.int64]:
-    """The triangles a probe names, as int64 without misses."""
-    prim_ids = np.asarray(probe)
+def _seen_triangles(mesh: Mesh, probe: Any) -> NDArray[np.bool_]:
+    """(F,) bool: the triangles that a probe names, which may name misses, too."""
+    prim_ids, is_seen = np.asarray(probe), np.zeros(mesh.triangle_count, np.bool_)
     if prim_ids.size and prim_ids.dtype.kind not in "iu":
         raise InputError(f"the probe has dtype {prim_ids.dtype}, expected whole numbers: prim_ids of triangles seen")
     prim_ids = prim_ids[prim_ids != MISS].astype(np.int64)
@@ -252,6 +277,5 @@ def _checked_prim_ids(mesh: Mesh, probe: Any) -> NDArray[np.int64]:
         raise InputError(
             f"the probe names prim_id {absent.min()}, but {mesh.name!r} has {mesh.triangle_count} triangles"
         )
-    is_seen = np.zeros(mesh.triangle_count, np.bool_)  # much faster than `np.unique`
     is_seen[prim_ids] = True
-    return np.flatnonzero(is_seen)
+    return is_seen

@@ -23,17 +23,23 @@ def open_edges(mesh: Mesh) -> NDArray[np.int64]:
 
     Vertices at one position count as one, named by the lowest number. Any number of triangles may share an edge.
     """
-    mesh = mesh.local
+    return edge_surplus(mesh.local, mesh.faces)[0]
+
+
+def edge_surplus(mesh: Mesh, faces: NDArray[np.uint32]) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
+    """(edges, surplus, odd) of some triangles, (F, 3), of a mesh: (E, 2) int64, `open_edges`; (E,) int64, how much more
+    often each is traversed; and the number of edges with an odd number of triangles."""
     lowest, same = np.unique(mesh.vertices + np.float32(0.0), axis=0, return_index=True, return_inverse=True)[1:]
-    faces = lowest[same.reshape(-1)][mesh.faces]
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    low, high = edges.min(axis=1), edges.max(axis=1)
-    key = low * np.int64(len(mesh.vertices)) + high
-    names, place = np.unique(key, return_inverse=True)
-    surplus = np.bincount(place.reshape(-1), np.sign(edges[:, 1] - edges[:, 0]), len(names))
-    found = np.flatnonzero(surplus)
-    pairs = np.stack(np.divmod(names[found], len(mesh.vertices)), axis=1)
-    return np.where(surplus[found, None] > 0, pairs, pairs[:, ::-1])
+    corners = lowest[same.reshape(-1)][faces]
+    edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+    edges = edges[edges[:, 0] != edges[:, 1]]
+    key = edges.min(axis=1) * np.int64(len(mesh.vertices)) + edges.max(axis=1)
+    names, place, times = np.unique(key, return_inverse=True, return_counts=True)
+    surplus = np.bincount(place.reshape(-1), np.sign(edges[:, 1] - edges[:, 0]), len(names)).astype(np.int64)
+    is_open = surplus != 0
+    pairs = np.stack(np.divmod(names[is_open], len(mesh.vertices)), axis=1)
+    pairs[surplus[is_open] < 0] = pairs[surplus[is_open] < 0][:, ::-1]
+    return pairs, np.abs(surplus[is_open]), int((times % 2).sum())
 
 
 def check_closed(mesh: Mesh) -> None:

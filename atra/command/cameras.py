@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from argparse import Namespace
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
@@ -62,6 +63,22 @@ def chosen_cameras(given: Any, mesh: Mesh, own: Mapping[str, View], broken: Brok
         f"the camera is {given.camera!r}, expected a file, one of {', '.join(DIRECTIONS)}, or a camera of "
         f"{given.mesh.name} ({names})"
     )
+
+
+def one_camera(given: Any, mesh: Mesh, own: Mapping[str, View]) -> Camera:
+    """The one pinhole camera that `--camera` asks for.
+
+    Raises InputError for several cameras, for one of another kind, and as `chosen_cameras` does.
+    """
+    broken: Broken = {}
+    found = chosen_cameras(Namespace(**{**vars(given), "size": None}), mesh, own, broken)
+    if len(found) + len(broken) != 1:
+        names = ", ".join(map(repr, [*found, *broken]))
+        raise InputError(f"{given.camera} holds {len(found) + len(broken)} cameras ({names}), expected one")
+    ((name, camera),) = found.items()
+    if not isinstance(camera, Camera):
+        raise InputError(f"camera {name!r} is a {type(camera).__name__}, expected one with a pinhole")
+    return camera
 
 
 def is_file_name(camera: str) -> bool:

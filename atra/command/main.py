@@ -19,7 +19,9 @@ from atra.errors import AtraError
 _VERBS = {
     "doctor": ("doctor", "say what this machine has and lacks; a bug report needs it"),
     "compile": ("compiling", "compile kernels now, such as for a container image"),
-    "render": ("render", "write what every view of a mesh sees: depth, triangles, normals, points"),
+    "render": ("render", "write what every view of a mesh sees, or a picture of it in full light"),
+    "view": ("viewing", "walk through a mesh with its materials and lights in the browser"),
+    "bake": ("baking", "make a lightmap of a mesh with its materials and lights"),
     "judge": ("judging", "judge an image of a mesh that any program has made, pixel by pixel"),
 }
 """Verbs: the module of this package that is loaded for one, and its help. The module has `run_VERB`, and `add_VERB`
@@ -27,7 +29,7 @@ where the verb has arguments."""
 
 _CLONE = Path(__file__).resolve().parents[2]
 _OF_THE_HARNESS = (
-    "measure", "report", "fetch", "view", "bake", "new-method", "pack", "board", "rays", "-m", "--multirun",
+    "measure", "report", "fetch", "new-method", "pack", "board", "rays", "-m", "--multirun",
 )  # fmt: skip
 _NEEDS_THE_HARNESS = "needs the harness; in a clone of atra's repository, run: pip install -e '.[harness]'"
 _WITH_THE_HARNESS = """\
@@ -36,14 +38,11 @@ with the harness, in a clone of atra's repository where `pip install -e '.[harne
   atra sweep=horizontal          measure a sweep; table and figures are in results/horizontal
   atra report sweep=horizontal   write its figures, claims and page anew, without measuring
   atra fetch scene=sponza        download a scene
-  atra view scene=atrium         walk through a scene in the browser
-  atra render scene=sponza samples=64 output=picture.exr   make a picture
-  atra bake scene=cornell_box    make a lightmap
   atra new-method mine           write mine.py, a method to change; measured with method_file=mine.py
   atra pack results/horizontal   make one file of a sweep
   atra board one.atra two.atra   make one page of several such files
   atra rays cornell_box          write rays, triangles and cameras for other programs
-  atra measure --help            every field
+  python run.py --help           every field
 """
 
 
@@ -51,7 +50,7 @@ def main() -> int:
     """Run the command line and return its exit code."""
     escape_what_stdout_lacks()
     verb = sys.argv[1] if len(sys.argv) > 1 else "--help"
-    if _is_of_the_harness(verb, sys.argv[2:3]):
+    if _is_of_the_harness(verb):
         if not _harness_is_here():
             print(f"atra: {verb} {_NEEDS_THE_HARNESS}", file=sys.stderr)
             return 2
@@ -76,10 +75,8 @@ def main() -> int:
         return 130
 
 
-def _is_of_the_harness(verb: str, first: list[str]) -> bool:
-    """Whether the harness runs this verb; its `render` has fields with "=" where that of the library has a file."""
-    if verb == "render":
-        return any("=" in one and not Path(one).exists() for one in first)
+def _is_of_the_harness(verb: str) -> bool:
+    """Whether the harness runs this verb."""
     return "=" in verb or verb in _OF_THE_HARNESS or (verb == "doctor" and _harness_is_here())
 
 
@@ -93,7 +90,7 @@ class _Parser(ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         if message.endswith("required: mesh"):
-            message = "no mesh is given, expected its file first, as in: atra render model.ply --planes depth"
+            message = f"no mesh is given, expected its file first, as in: {self.prog} model.glb"
         elif message.startswith("unrecognized arguments") and "=" in message:
             message += "; options begin with --, as in: --size 640 480"
         self.exit(2, f"atra: {message}\nmore by: {self.prog} --help\n")

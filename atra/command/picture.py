@@ -8,11 +8,12 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from atra.errors import InputError, printable
+from atra.files.reading import MEMORY_PER_BYTE, VARIABLE
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 
@@ -24,8 +25,6 @@ SAMPLES, BOUNCES = 64, 8
 """Defaults: samples without another limit, and most rays of a path."""
 
 CamerasOf = Callable[[Mesh, Mapping[str, View]], dict[str, View]]
-
-_Tell = Callable[["Progress", "int | None"], None]
 
 _LIMITS = ("samples", "error", "minutes")
 
@@ -40,12 +39,37 @@ def add_picture(parser: ArgumentParser) -> None:
     group.add_argument("--error", type=float, metavar="PERCENT", help="stop at this estimated error of the luminance")
     group.add_argument("--minutes", type=float, help="stop after so many minutes")
     group.add_argument("--exposure", default="auto", metavar="STOPS", help="of a PNG: stops, or auto (the default)")
-    group.add_argument(
+    add_shown(group)
+    group.add_argument("--bounces", type=int, default=BOUNCES, help=f"most rays of a path (default: {BOUNCES})")
+
+
+def add_shown(parser: Any) -> None:
+    """Add the options of everything that is shown in full light: tone map, denoising, and a sky of a file."""
+    parser.add_argument(
         "--tone", default="neutral", choices=("none", "neutral", "agx"), help="tone map of a PNG (default: neutral)"
     )
-    group.add_argument("--denoise", action="store_true", help="remove noise by Open Image Denoise (extra denoise)")
-    group.add_argument("--sky", type=Path, metavar="FILE", help="an EXR or HDR panorama that lights the scene")
-    group.add_argument("--bounces", type=int, default=BOUNCES, help=f"most rays of a path (default: {BOUNCES})")
+    parser.add_argument("--denoise", action="store_true", help="remove noise by Open Image Denoise (extra denoise)")
+    parser.add_argument("--sky", type=Path, metavar="FILE", help="an EXR or HDR panorama that lights the scene")
+
+
+def add_scene(parser: ArgumentParser) -> None:
+    """Add the file of a scene, and one camera of it."""
+    parser.add_argument("mesh", type=Path, help="a file of a mesh; glTF and OBJ keep their materials and lights")
+    parser.add_argument(
+        "--camera", metavar="CAMERA",
+        help="front, back, left, right, top or bottom; a camera's name in the file; or a JSON file of one camera "
+        "(default: one that frames the mesh)",
+    )  # fmt: skip
+
+
+def add_limits(parser: ArgumentParser) -> None:
+    """Add bounds on threads and memory."""
+    parser.add_argument("--threads", type=int, help="number of threads (default: every core)")
+    parser.add_argument(
+        "--memory-per-byte", type=float, metavar="NUMBER",
+        help="bound on the memory that reading mesh and cameras may take, in bytes for each byte of a file (default: "
+        f"{VARIABLE} or {MEMORY_PER_BYTE:g})",
+    )  # fmt: skip
 
 
 def wants_picture(given: Namespace) -> bool:
@@ -121,10 +145,10 @@ def _expose(renderer: Renderer, given: Namespace, path: Path) -> None:
     samples = given.samples if has_limit else SAMPLES
     if state.exists():
         print(f"atra: goes on with {printable(str(state))}", file=sys.stderr)
-    with _line() as tell:
+    with progress_line() as tell:
         try:
             for step in accumulate(renderer, samples, error=error, minutes=given.minutes, state=state):
-                tell(step, samples)
+                tell(say_progress(step, samples), step.is_done or step.samples & (step.samples - 1) == 0)
         except KeyboardInterrupt:
             if state.exists():
                 print(f"\natra: the same command goes on from {printable(str(state))}", file=sys.stderr)
@@ -132,13 +156,14 @@ def _expose(renderer: Renderer, given: Namespace, path: Path) -> None:
 
 
 @contextmanager
-def _line() -> Iterator[_Tell]:
-    """Tells of steps: one line that changes on a terminal, elsewhere a line when their number has doubled."""
+def progress_line() -> Iterator[Callable[[str, bool], None]]:
+    """Tells on standard error how far something is: one line that changes on a terminal; elsewhere a line for each text
+    that is said to be worth it."""
     is_terminal = sys.stderr.isatty()
 
-    def tell(step: Progress, samples: int | None) -> None:
-        if is_terminal or step.is_done or step.samples & (step.samples - 1) == 0:
-            print(say_progress(step, samples), end="\r" if is_terminal else "\n", file=sys.stderr, flush=True)
+    def tell(text: str, is_worth_a_line: bool) -> None:
+        if is_terminal or is_worth_a_line:
+            print(text.ljust(60), end="\r" if is_terminal else "\n", file=sys.stderr, flush=True)
 
     yield tell
     if is_terminal:
@@ -152,4 +177,4 @@ def say_progress(step: Progress, samples: int | None) -> str:
     left = f", {step.elapsed_s:.0f} s" if step.is_done else ""
     if step.left_s:
         left = f", about {step.left_s:.0f} s left" if step.left_s < 120 else f", about {step.left_s / 60:.0f} min left"
-    return f"{step.samples}{of} samples{error}{left}".ljust(60)
+    return f"{step.samples}{of} samples{error}{left}"

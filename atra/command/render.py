@@ -11,13 +11,12 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from atra.command.cameras import DIRECTIONS, chosen_cameras, is_file_name
-from atra.command.picture import add_picture, load_with_cameras, run_picture, wants_picture
+from atra.command.picture import add_limits, add_picture, load_with_cameras, run_picture, wants_picture
 from atra.errors import InputError, StorageError, printable
 from atra.files.cameras.entries import Broken
 from atra.files.meshes.face_sources import FaceSources, load_face_sources
 from atra.files.meshes.loading import load_mesh
 from atra.files.planes import PLANE_FORMATS, PLANES, SOURCES, plane_names
-from atra.files.reading import MEMORY_PER_BYTE, VARIABLE
 from atra.files.saving import check_package
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
@@ -74,12 +73,7 @@ def add_render(parser: ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--size", nargs=2, type=int, metavar=("WIDTH", "HEIGHT"), help="size of cameras without one")
     add_picture(parser)
-    parser.add_argument("--threads", type=int, help="number of threads (default: every core)")
-    parser.add_argument(
-        "--memory-per-byte", type=float, metavar="NUMBER",
-        help="bound on the memory that reading mesh and cameras may take, in bytes for each byte of a file (default: "
-        f"{VARIABLE} or {MEMORY_PER_BYTE:g})",
-    )  # fmt: skip
+    add_limits(parser)
 
 
 def run_render(given: Namespace) -> int:

@@ -118,7 +118,7 @@ class RayMeshIntersector:
         inside_box = (np.abs(scaled) <= 2.0 * built.size).all(axis=1)  # False for NaN, too
         some = scaled[inside_box]
         is_closed = built.scene.open_edges == 0
-        contains[inside_box] = built.scene.parity(some) if is_closed else _probably_inside(built, some)
+        contains[inside_box] = built.scene.contains(some) if is_closed else _probably_inside(built, some)
         return contains
 
     def _hits(

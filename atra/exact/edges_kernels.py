@@ -9,7 +9,6 @@ computed in float64 where that is sure; otherwise its six products, each the sum
 error. A sample on the line counts as moved by (e, e^2) with an infinitely small e > 0: the sign is that of -dy, or of
 dx if dy is 0. So every sample is on exactly one side of an edge, and none slips through between triangles that share
 the edge.
-Source: J. R. Shewchuk, "Adaptive precision floating-point arithmetic and fast robust geometric predicates", 1997.
 """
 
 from __future__ import annotations
@@ -18,13 +17,10 @@ import numpy as np
 
 from atra.compiled.memory import doubles_at
 from atra.compiled.store import njit
-from atra.compiled.vectors import multiply_add
+from atra.exact.sums_kernels import UNIT, add_product, sign_of
 
 SUMMANDS = 12
 """Summands of an exact sum; callers provide the address of memory for as many float64."""
-
-UNIT = 2.0**-53
-"""Largest relative error of one rounding in float64."""
 
 _SURE = 4.0 * UNIT
 """Largest error of the difference, a share of the sizes of its two products: three roundings and a little more."""
@@ -36,39 +32,20 @@ SURELY_NEAREST = 0.25
 """Error in pixels below which a crossing is next to only one whole number."""
 
 
-@njit(forceinline=True)
-def _add_product(sum_, count, a, b):  # type: ignore[no-untyped-def]
-    """Add a b to an exact sum of `count` float64, which do not overlap and ascend in size; returns the new count."""
-    high = a * b
-    for part in (multiply_add(a, b, -high), high):
-        for k in range(count):
-            total = part + sum_[k]
-            other = total - part
-            sum_[k] = (part - (total - other)) + (sum_[k] - other)
-            part = total
-        sum_[count] = part
-        count += 1
-    return count
-
-
 @njit
 def turn(px, py, qx, qy, x, y, exact):  # type: ignore[no-untyped-def]
     """The exact sign, -1, 0 or 1, of (qx - px) (y - py) - (qy - py) (x - px); exact: address of SUMMANDS float64."""
     left, right = (qx - px) * (y - py), (qy - py) * (x - px)
     found = left - right
-    if not abs(found) > _SURE * (abs(left) + abs(right)):
-        sum_ = doubles_at(exact)
-        count = _add_product(sum_, 0, px, qy)
-        count = _add_product(sum_, count, -qx, py)
-        count = _add_product(sum_, count, y, qx)
-        count = _add_product(sum_, count, -y, px)
-        count = _add_product(sum_, count, -x, qy)
-        count = _add_product(sum_, count, x, py)
-        found = 0.0
-        for k in range(count):  # the largest part that is not 0 has the sum's sign
-            if sum_[k] != 0.0:
-                found = sum_[k]
-    return 1 if found > 0.0 else -1 if found < 0.0 else 0
+    if abs(found) > _SURE * (abs(left) + abs(right)):
+        return 1 if found > 0.0 else -1
+    sum_ = doubles_at(exact)
+    count = add_product(sum_, 0, px, qy)
+    count = add_product(sum_, count, -qx, py)
+    count = add_product(sum_, count, y, qx)
+    count = add_product(sum_, count, -y, px)
+    count = add_product(sum_, count, -x, qy)
+    return sign_of(sum_, add_product(sum_, count, x, py))
 
 
 @njit

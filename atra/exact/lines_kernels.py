@@ -1,20 +1,18 @@
 """Exact decisions between a ray and a triangle: whether the ray crosses it, and on which side of t = s.
 
 The side of an edge from p to q that a ray (o, d) passes on is the sign of d . ((p - o) x (q - o)), a sum of products
-that is added without error where float64 is in doubt. A ray through an edge counts as moved by (e, e^2) along the two
+that is added without error (`atra.exact.sums_kernels`). A ray through an edge counts as moved by (e, e^2) along the two
 axes after its major one, with an infinitely small e > 0. So it crosses exactly the triangles that some nearby ray
 crosses: through an edge or corner of a closed mesh as often as it should, and a triangle seen edge-on never.
-Source: H. Edelsbrunner, E. P. Mücke, "Simulation of simplicity", 1990; J. R. Shewchuk, "Adaptive precision
-floating-point arithmetic and fast robust geometric predicates", 1997.
+Source: H. Edelsbrunner, E. P. Mücke, "Simulation of simplicity", 1990.
 """
 
 from __future__ import annotations
 
-import numpy as np
-
 from atra.compiled.memory import doubles_at
 from atra.compiled.store import njit
 from atra.compiled.vectors import multiply_add
+from atra.exact.sums_kernels import add_product, add_triple, sign_of, value_of
 
 PARTS = 512
 """Parts of exact sums; callers provide the address of memory for as many float64."""
@@ -23,51 +21,14 @@ _SUM_BYTES = 8 * 64
 """Memory of one of several sums; no sum has more parts, as they do not overlap and float64 has 2,100 bits."""
 
 
-@njit(forceinline=True)
-def _add(sum_, count, part):  # type: ignore[no-untyped-def]
-    """Add a number to an exact sum of `count` float64, which do not overlap and ascend in size; returns the count."""
-    kept = 0
-    for k in range(count):
-        total = part + sum_[k]
-        other = total - part
-        rest = (part - (total - other)) + (sum_[k] - other)
-        part = total
-        if rest != 0.0:
-            sum_[kept] = rest
-            kept += 1
-    if part != 0.0:
-        sum_[kept] = part
-        kept += 1
-    return kept
-
-
-@njit
-def _add_product(sum_, count, a, b, c):  # type: ignore[no-untyped-def]
-    """Add a b c."""
-    high = a * b
-    low = multiply_add(a, b, -high)
-    for part in (low, high):
-        if part != 0.0:
-            product = part * c
-            count = _add(sum_, count, multiply_add(part, c, -product))
-            count = _add(sum_, count, product)
-    return count
-
-
 @njit
 def _add_volume(sum_, count, a, b, c):  # type: ignore[no-untyped-def]
     """Add a . (b x c)."""
     for k in range(3):
         m, n = (k + 1) % 3, (k + 2) % 3
-        count = _add_product(sum_, count, a[k], b[m], c[n])
-        count = _add_product(sum_, count, -a[k], b[n], c[m])
+        count = add_triple(sum_, count, a[k], b[m], c[n])
+        count = add_triple(sum_, count, -a[k], b[n], c[m])
     return count
-
-
-@njit(forceinline=True)
-def _sign(sum_, count):  # type: ignore[no-untyped-def]
-    """The sign, -1, 0 or 1, of an exact sum: that of its largest part."""
-    return 0 if count == 0 else 1 if sum_[count - 1] > 0.0 else -1
 
 
 @njit
@@ -77,7 +38,7 @@ def _side_or_through(o, d, p, q, exact):  # type: ignore[no-untyped-def]
     count = _add_volume(sum_, 0, d, p, q)
     count = _add_volume(sum_, count, d, o, p)
     count = _add_volume(sum_, count, d, q, o)
-    return _sign(sum_, count)
+    return sign_of(sum_, count)
 
 
 @njit
@@ -89,11 +50,11 @@ def _side(o, d, p, q, major, exact):  # type: ignore[no-untyped-def]
         if found == 0:
             k = (major + step) % 3
             m, n = (k + 1) % 3, (k + 2) % 3
-            count = _add_product(sum_, 0, d[m], q[n], 1.0)
-            count = _add_product(sum_, count, -d[m], p[n], 1.0)
-            count = _add_product(sum_, count, -d[n], q[m], 1.0)
-            count = _add_product(sum_, count, d[n], p[m], 1.0)
-            found = _sign(sum_, count)
+            count = add_product(sum_, 0, d[m], q[n])
+            count = add_product(sum_, count, -d[m], p[n])
+            count = add_product(sum_, count, -d[n], q[m])
+            count = add_product(sum_, count, d[n], p[m])
+            found = sign_of(sum_, count)
     return found
 
 
@@ -132,7 +93,7 @@ def plane_sign(o, d, a, b, c, s, exact):  # type: ignore[no-untyped-def]
                 m, n = (k + 1) % 3, (k + 2) % 3
                 count = _add_scaled(sum_, count, -s, d[k], part[0][m], part[1][n])
                 count = _add_scaled(sum_, count, s, d[k], part[0][n], part[1][m])
-    return _sign(sum_, count)
+    return sign_of(sum_, count)
 
 
 @njit
@@ -141,8 +102,8 @@ def _add_scaled(sum_, count, s, a, b, c):  # type: ignore[no-untyped-def]
     high = s * a
     low = multiply_add(s, a, -high)
     if low != 0.0:
-        count = _add_product(sum_, count, b, c, low)
-    return _add_product(sum_, count, b, c, high)
+        count = add_triple(sum_, count, b, c, low)
+    return add_triple(sum_, count, b, c, high)
 
 
 @njit(forceinline=True)
@@ -171,25 +132,17 @@ def _add_plane(ahead, facing, o, d, a, b, c):  # type: ignore[no-untyped-def]
     return many, count
 
 
-@njit(forceinline=True)
-def _value(sum_, count):  # type: ignore[no-untyped-def]
-    value = 0.0
-    for k in range(count):
-        value += sum_[k]
-    return value
-
-
 @njit
 def plane_parameter(o, d, a, b, c, exact):  # type: ignore[no-untyped-def]
     """The parameter at which a ray meets the plane of a triangle that it crosses, right to a unit of float64. Arguments
     as for `crossing_sign`."""
     ahead, facing = doubles_at(exact), doubles_at(exact + _SUM_BYTES)
     many, count = _add_plane(ahead, facing, o, d, a, b, c)
-    below = _value(facing, count)
-    t = _value(ahead, many) / below
+    below = value_of(facing, count)
+    t = value_of(ahead, many) / below
     for k in range(count):
-        many = _add_product(ahead, many, facing[k], -t, 1.0)
-    return t + _value(ahead, many) / below
+        many = add_product(ahead, many, facing[k], -t)
+    return t + value_of(ahead, many) / below
 
 
 @njit
@@ -203,11 +156,11 @@ def plane_order(o, d, a, b, c, p, q, r, exact):  # type: ignore[no-untyped-def]
     sum_, used = doubles_at(exact + 4 * _SUM_BYTES), 0
     for k in range(many):
         for m in range(count_2):
-            used = _add_product(sum_, used, ahead[k], facing_2[m], 1.0)
+            used = add_product(sum_, used, ahead[k], facing_2[m])
     for k in range(many_2):
         for m in range(count):
-            used = _add_product(sum_, used, -ahead_2[k], facing[m], 1.0)
-    return _sign(sum_, used) * _sign(facing, count) * _sign(facing_2, count_2)
+            used = add_product(sum_, used, -ahead_2[k], facing[m])
+    return sign_of(sum_, used) * sign_of(facing, count) * sign_of(facing_2, count_2)
 
 
 @njit(forceinline=True)
@@ -215,7 +168,3 @@ def major_axis(x, y, z):  # type: ignore[no-untyped-def]
     """The axis of the largest of three components in size."""
     a, b, c = abs(x), abs(y), abs(z)
     return 0 if a >= b and a >= c else 1 if b >= c else 2
-
-
-UNIT = np.float64(2.0**-53)
-"""Largest relative error of one rounding in float64."""

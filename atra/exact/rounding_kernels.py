@@ -9,14 +9,7 @@ from numpy.typing import NDArray
 
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import kernel, njit
-from atra.geometry.projection_kernels import (
-    CORNERS,
-    cell_range,
-    columns_in_row,
-    front_part,
-    load_triangle,
-    pixel_range,
-)
+from atra.geometry.projection_kernels import CORNERS, cell_range, meet_cells
 
 FLOAT32_UNIT = 2.0**-24
 """Largest relative error of one rounding in float32."""
@@ -139,8 +132,8 @@ def judge_copies(  # type: ignore[no-untyped-def]
     are linear in its shear and largest at the image's corners; only if these are too large are single cells tested.
     """
     largest, nothing = np.empty((4, 3)), np.zeros(3)
-    polygon, first, second = np.empty((CORNERS, 3)), np.empty((CORNERS, 3)), np.empty((CORNERS, 3))
     nx, ny = len(shears_x), len(shears_y)
+    corners, columns = np.empty((3, CORNERS, 3)), np.empty((ny, 2), np.int64)
     while True:
         start = fetch_add(counter_address, 1) * CHUNK
         if start >= len(faces):
@@ -166,16 +159,9 @@ def judge_copies(  # type: ignore[no-untyped-def]
             if in_every_cell and _roundings(largest, volume)[1] > SIGN_ROUNDINGS:
                 left_out[triangle] = 1
                 continue
-            nearest, farthest, size = load_triangle(points_pixels, faces, triangle, polygon)
-            tiny = 1e-12 * size
-            corners = front_part(polygon, nearest, farthest, first)
-            y_low, y_high = pixel_range(polygon, corners, 1, tiny)
-            top, bottom = cell_range(y_low, y_high, cell_height, ny)
+            top, bottom = meet_cells(points_pixels, faces, triangle, nx, ny, cell_width, cell_height, corners, columns)
             for j in range(top, bottom + 1):
-                left, right = columns_in_row(
-                    polygon, corners, j, cell_width, cell_height, nx, y_low, y_high, tiny, first, second
-                )
-                for i in range(left, right + 1):
+                for i in range(columns[j, 0], columns[j, 1] + 1):
                     largest[:] = 0.0
                     volume = _enlarge(points_ray, faces, triangle, shears_x[i], shears_y[j], points_pixels, largest)
                     if _is_too_far_off(largest, volume, most_at_corner, most):

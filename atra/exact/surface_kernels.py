@@ -6,6 +6,8 @@ a row. The other volumes of Möller–Trumbore (`atra.exact.intersection.Volumes
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +18,9 @@ from atra.compiled.memory import load, store
 from atra.compiled.store import kernel, njit
 from atra.compiled.vectors import bits_of, rounded, splat
 from atra.prim_ids import MISS
+
+WEIGHTS, POINTS, NORMALS = 0, 1, 2
+"""What is computed of each hit."""
 
 ROWS = 16
 """Rows of pixels that a thread takes at a time."""
@@ -160,123 +165,77 @@ def _end_of_run(prim_id, y, start):  # type: ignore[no-untyped-def]
     return end
 
 
-# The kernels below index whole arrays: reference counting of slices would take as long as a triangle.
+@cache
+def surface_kernel(kind: int) -> Callable[..., None]:
+    """The loop over pixels for one kind of value: `WEIGHTS`, `POINTS` or `NORMALS`."""
 
+    @kernel
+    def compute(counter_address, mesh, camera, prim_id, absent, found):  # type: ignore[no-untyped-def]
+        """Compute what the hits of an image say; threads share rows of pixels.
 
-@kernel
-def weigh_corners(counter_address, mesh, camera, prim_id, absent, weights):  # type: ignore[no-untyped-def]
-    """Compute the barycentric weights of the second and third corner; threads share rows of pixels.
-
-    prim_id: (H, W) uint32. weights: (2, H, W) float32, u and v, written completely, NaN = miss. absent: (1,) uint32,
-    set to a `prim_id` that the mesh does not have, if there is one.
-    """
-    height, width = prim_id.shape
-    vertices, faces = mesh
-    eye, axes, columns, rows, is_parallel = camera
-    column_address, u_address, v_address = columns.ctypes.data, weights[0].ctypes.data, weights[1].ctypes.data
-    while True:
-        top = fetch_add(counter_address, 1) * ROWS
-        if top >= height:
-            return
-        for y in range(top, min(top + ROWS, height)):
-            x = 0
-            while x < width:
-                end, seen = _end_of_run(prim_id, y, x), prim_id[y, x]
-                if seen >= len(faces):
-                    if seen != _MISS:
-                        absent[0] = seen
-                    for i in range(x, end):
-                        weights[0, y, i] = weights[1, y, i] = np.nan
-                    x = end
-                    continue
-                along = _along_row(eye, axes, is_parallel, _triangle(vertices, faces, seen), rows[y])
-                while x < end:
-                    if x + _LANES <= width:
-                        u, v, has_some = _weights_of_block(column_address + 8 * x, along)
+        prim_id: (H, W) uint32. absent: (1,) uint32, set to a `prim_id` that the mesh does not have, if there is one.
+        found: float32, written completely, NaN = miss. Of `WEIGHTS` (2, H, W), barycentric weights of the second and
+        third corner; else (H, W, 3), world space: positions, or unit normals, NaN for a triangle without area.
+        """
+        height, width = prim_id.shape
+        vertices, faces = mesh
+        eye, axes, columns, rows, is_parallel = camera
+        block = np.empty((3, _LANES), np.float32)
+        column_address, block_address, found_address = columns.ctypes.data, block.ctypes.data, found.ctypes.data
+        while True:
+            top = fetch_add(counter_address, 1) * ROWS
+            if top >= height:
+                return
+            for y in range(top, min(top + ROWS, height)):
+                x = 0
+                while x < width:
+                    end, seen = _end_of_run(prim_id, y, x), prim_id[y, x]
+                    if seen >= len(faces):
+                        if seen != _MISS:
+                            absent[0] = seen
+                        for i in range(x, end):
+                            for k in range(2 if kind == WEIGHTS else 3):
+                                if kind == WEIGHTS:
+                                    found[k, y, i] = np.nan
+                                else:
+                                    found[y, i, k] = np.nan
+                        x = end
+                        continue
+                    triangle = _triangle(vertices, faces, seen)
+                    corner, e1, e2 = triangle
+                    if kind == NORMALS:
+                        normal = _cross(e1, e2)
+                        length = np.sqrt(_dot(normal, normal))
+                        scale = 1.0 / length if length > 0.0 else np.nan
+                        for i in range(x, end):  # a slice would be counted, which takes as long as a triangle
+                            for k in range(3):
+                                found[y, i, k] = normal[k] * scale
+                        x = end
+                        continue
+                    along = _along_row(eye, axes, is_parallel, triangle, rows[y])
+                    while x < end:
+                        has_some = False
+                        if x + _LANES <= width:
+                            u, v, has_some = _weights_of_block(column_address + 8 * x, along)
+                            if has_some and kind == WEIGHTS:
+                                store(rounded(u), found_address + 4 * (y * width + x))
+                                store(rounded(v), found_address + 4 * ((height + y) * width + x))
+                            elif has_some:
+                                for k in range(3):
+                                    store(_linear_in_two(corner[k], e1[k], e2[k], u, v), block_address + 4 * _LANES * k)
+                                for lane in range(min(_LANES, end - x)):
+                                    for k in range(3):
+                                        found[y, x + lane, k] = block[k, lane]
                         if has_some:
-                            store(rounded(u), u_address + 4 * (y * width + x))
-                            store(rounded(v), v_address + 4 * (y * width + x))
                             x += _LANES
                             continue
-                    weights[0, y, x], weights[1, y, x] = _weights(columns[x], along)
-                    x += 1
-                x = end
-
-
-@kernel
-def place_hits(counter_address, mesh, camera, prim_id, absent, points):  # type: ignore[no-untyped-def]
-    """Compute the positions of hits, (H, W, 3) float32, world space, NaN = miss; arguments as for `weigh_corners`."""
-    height, width = prim_id.shape
-    vertices, faces = mesh
-    eye, axes, columns, rows, is_parallel = camera
-    block = np.empty((3, _LANES), np.float32)
-    column_address, block_address = columns.ctypes.data, block.ctypes.data
-    while True:
-        top = fetch_add(counter_address, 1) * ROWS
-        if top >= height:
-            return
-        for y in range(top, min(top + ROWS, height)):
-            x = 0
-            while x < width:
-                end, seen = _end_of_run(prim_id, y, x), prim_id[y, x]
-                if seen >= len(faces):
-                    if seen != _MISS:
-                        absent[0] = seen
-                    for i in range(x, end):
-                        points[y, i, 0] = points[y, i, 1] = points[y, i, 2] = np.nan
+                        at_u, at_v = _weights(columns[x], along)
+                        if kind == WEIGHTS:
+                            found[0, y, x], found[1, y, x] = at_u, at_v
+                        else:
+                            for k in range(3):
+                                found[y, x, k] = corner[k] + at_u * e1[k] + at_v * e2[k]
+                        x += 1
                     x = end
-                    continue
-                triangle = _triangle(vertices, faces, seen)
-                corner, e1, e2 = triangle
-                along = _along_row(eye, axes, is_parallel, triangle, rows[y])
-                while x < end:
-                    if x + _LANES <= width:
-                        u, v, has_some = _weights_of_block(column_address + 8 * x, along)
-                        if has_some:
-                            store(_linear_in_two(corner[0], e1[0], e2[0], u, v), block_address)
-                            store(_linear_in_two(corner[1], e1[1], e2[1], u, v), block_address + 4 * _LANES)
-                            store(_linear_in_two(corner[2], e1[2], e2[2], u, v), block_address + 8 * _LANES)
-                            for lane in range(min(_LANES, end - x)):
-                                points[y, x + lane, 0] = block[0, lane]
-                                points[y, x + lane, 1] = block[1, lane]
-                                points[y, x + lane, 2] = block[2, lane]
-                            x += _LANES
-                            continue
-                    at_u, at_v = _weights(columns[x], along)
-                    points[y, x, 0] = corner[0] + at_u * e1[0] + at_v * e2[0]
-                    points[y, x, 1] = corner[1] + at_u * e1[1] + at_v * e2[1]
-                    points[y, x, 2] = corner[2] + at_u * e1[2] + at_v * e2[2]
-                    x += 1
-                x = end
 
-
-@kernel
-def orient_hits(counter_address, mesh, camera, prim_id, absent, normals):  # type: ignore[no-untyped-def]
-    """Compute the unit normals of triangles that are hit; arguments as for `weigh_corners`.
-
-    normals: (H, W, 3) float32, world space, written completely, NaN = miss or a triangle without area.
-    """
-    height, width = prim_id.shape
-    vertices, faces = mesh
-    while True:
-        top = fetch_add(counter_address, 1) * ROWS
-        if top >= height:
-            return
-        for y in range(top, min(top + ROWS, height)):
-            x = 0
-            while x < width:
-                end, seen = _end_of_run(prim_id, y, x), prim_id[y, x]
-                normal, scale = (0.0, 0.0, 0.0), np.nan
-                if seen < len(faces):
-                    _, e1, e2 = _triangle(vertices, faces, seen)
-                    normal = _cross(e1, e2)
-                    length = np.sqrt(_dot(normal, normal))
-                    if length > 0.0:
-                        scale = 1.0 / length
-                elif seen != _MISS:
-                    absent[0] = seen
-                for i in range(x, end):
-                    normals[y, i, 0] = normal[0] * scale
-                    normals[y, i, 1] = normal[1] * scale
-                    normals[y, i, 2] = normal[2] * scale
-                x = end
+    return compute

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
 from atra.geometry.image_plane import ImagePlane
-from atra.geometry.numbers import Vector, as_vector, cross
+from atra.geometry.numbers import Vector, as_vector, checked_array, cross
 
 AXES = ("opengl", "opencv")
 """Axes of camera space: X right, Y up, Z backward (OpenGL, Blender, NeRF); X right, Y down, Z forward (OpenCV)."""
@@ -32,7 +32,7 @@ def image_plane_of(K: ArrayLike) -> ImagePlane:
 
     Raises InputError for another shape or last row, numbers not finite, a singular matrix, skew, and bad focal lengths.
     """
-    matrix = _numbers("K", K, "(3, 3)", (3, 3))
+    matrix = checked_array("K", K, "(3, 3)", (3, 3))
     with np.errstate(over="ignore"):
         is_singular = np.linalg.det(matrix) == 0.0
     if is_singular:
@@ -62,7 +62,7 @@ def pose_of(R: ArrayLike, t: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np
     Raises InputError for an R that is no rotation and a t that is not three finite numbers.
     """
     rotation = rotation_of("R", R, " (cv2.Rodrigues makes one of a rotation vector)")
-    translation = _numbers("t", t, "three numbers", (3,), (3, 1), (1, 3)).reshape(3)
+    translation = checked_array("t", t, "three numbers", (3,), (3, 1), (1, 3)).reshape(3)
     with np.errstate(over="ignore", invalid="ignore"):  # such an eye is refused where it is used
         return -rotation.T @ translation, rotation
 
@@ -74,7 +74,7 @@ def pose_of_matrix(camera_to_world: ArrayLike, axes: str) -> tuple[NDArray[np.fl
     """
     if axes not in AXES:
         raise InputError(f"axes is {axes!r}, expected one of {', '.join(AXES)}")
-    matrix = _numbers("camera_to_world", camera_to_world, "(4, 4) or (3, 4)", (4, 4), (3, 4))
+    matrix = checked_array("camera_to_world", camera_to_world, "(4, 4) or (3, 4)", (4, 4), (3, 4))
     if matrix.shape == (4, 4) and matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
         raise InputError(f"the last row of camera_to_world is {matrix[3].tolist()}, expected [0, 0, 0, 1]")
     columns = rotation_of("the left part of camera_to_world", matrix[:3, :3], "; remove a scale first")
@@ -87,7 +87,7 @@ def rotation_of(name: str, given: ArrayLike, hint: str = "") -> NDArray[np.float
 
     Raises InputError, stating the error of R R^T, for any other matrix.
     """
-    matrix = _numbers(name, given, f"(3, 3){hint}", (3, 3))
+    matrix = checked_array(name, given, f"(3, 3){hint}", (3, 3))
     with np.errstate(over="ignore"):
         off = float(np.abs(matrix @ matrix.T - np.eye(3)).max())
     if not off <= ROTATION_TOLERANCE:
@@ -103,10 +103,11 @@ def rotation_of(name: str, given: ArrayLike, hint: str = "") -> NDArray[np.float
     return np.asarray(left @ right)
 
 
-def target_of(eye: NDArray[np.float64], forward: NDArray[np.float64]) -> Vector:
-    """A point in front of the eye, far enough away that their difference keeps the digits of `forward`.
+def placed(eye: NDArray[np.float64], axes: NDArray[np.float64]) -> tuple[Vector, Vector, Vector]:
+    """eye, target and up of a camera whose axes right, down, forward are the rows of `axes`.
 
-    Raises InputError for an eye beyond FARTHEST_EYE.
+    The target is so far away that its difference from the eye keeps the digits of forward. Raises InputError for an eye
+    beyond FARTHEST_EYE.
     """
     if not np.abs(eye).max() <= FARTHEST_EYE:
         raise InputError(
@@ -114,19 +115,4 @@ def target_of(eye: NDArray[np.float64], forward: NDArray[np.float64]) -> Vector:
             "coordinates would leave float64"
         )
     distance = 2.0 ** max(frexp(float(np.abs(eye).max()))[1], 0)
-    return as_vector(eye + distance * forward)
-
-
-def _numbers(name: str, given: ArrayLike, expected: str, *shapes: tuple[int, ...]) -> NDArray[np.float64]:
-    """`given` as float64. Raises InputError, naming it, unless it has one of `shapes` and is finite."""
-    try:
-        array = np.asarray(given)
-        if array.dtype.kind not in "iuf":
-            raise TypeError(f"it has dtype {array.dtype}")
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name} cannot be read as an array of real numbers: {error}") from None
-    if array.shape not in shapes:
-        raise InputError(f"{name} has shape {array.shape}, expected {expected}")
-    if not np.isfinite(array).all():
-        raise InputError(f"{name} is {array.tolist()}, expected finite numbers")
-    return array.astype(np.float64)
+    return as_vector(eye), as_vector(eye + distance * axes[2]), as_vector(-axes[1])

@@ -4,27 +4,37 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import atan, degrees, pi, radians, tan
+from math import atan, degrees, radians, tan
 from typing import ClassVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
-from atra.geometry.calibration import image_plane_of, pose_of, pose_of_matrix, target_of
+from atra.geometry.calibration import image_plane_of, placed, pose_of, pose_of_matrix
 from atra.geometry.framing import framing_distance
-from atra.geometry.image_plane import ImagePlane
+from atra.geometry.image_plane import ImagePlane, check_axis
 from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.lenses.models import EquirectangularLens, FisheyeLens, Lens, OpenCVLens
 from atra.geometry.mesh import Mesh
-from atra.geometry.numbers import Vector, as_number, as_vector, checked_vector, unit_vector
+from atra.geometry.numbers import (
+    Vector,
+    as_number,
+    as_vector,
+    checked_angle,
+    checked_vector,
+    unit_vector,
+)
 from atra.geometry.view import View, check_offset
-from atra.whole_numbers import is_whole_number
 
 __all__ = ["CalibratedCamera", "Camera", "Vector", "check_offset"]
 
-FARTHEST_AXIS_PIXELS = 1e6
-"""Largest distance of the principal point from the image, beyond which float32 cannot tell rays apart."""
+FOV_Y_DEGREES = 60.0
+"""Default full vertical field of view."""
+
+
+FOV_Y_DEGREES = 60.0
+"""Default vertical field of view."""
 
 
 @dataclass(frozen=True)
@@ -34,23 +44,30 @@ class Camera(View):
     Camera space has the eye at the origin, X to the right (forward x up), Y down (down = forward x right) and Z along
     the view axis; the image plane lies at Z = 1. The ray of pixel (x, y) at sub-pixel `offset` (ox, oy) has direction
     ((x + ox - W/2) p, (y + oy - H/2) p, 1) with pixel pitch p = 2 tan(fov_y / 2) / H, so a ray parameter *is* a depth.
-    `from_opencv`, `from_matrix` and `crop` return cameras with other image planes.
+    `from_opencv`, `from_matrix` and `crop` return cameras with other image planes. Source: paper §3.1; the axes are
+    ours, as the paper leaves them open.
 
-    eye: where rays start, three finite floats, scene units.
-    target: a point on the view axis, three finite floats, scene units.
-    up: direction that is up in the image, three finite floats.
-    fov_y_degrees: full vertical field of view, between 0 and 180.
-    width: columns of the image, pixels, at least 1.
-    height: rows of the image, pixels, at least 1.
+    Parameters
+    ----------
+    eye, target : tuple of three floats
+        Where rays start, and a point on the view axis; scene units.
+    up : tuple of three floats
+        Direction that is up in the image.
+    fov_y_degrees : float
+        Full vertical field of view, between 0 and 180.
+    width, height : int
+        Columns and rows of the image, pixels.
 
-    Raises InputError for a size below 1, a field of view outside (0, 180), eye = target, or up parallel to the view.
-    Source: paper §3.1; the axes are ours (the paper leaves them open).
+    Raises
+    ------
+    InputError
+        For a size below 1, a field of view outside (0, 180), eye = target, and up parallel to the view.
     """
 
     eye: Vector
     target: Vector
     up: Vector = (0.0, 1.0, 0.0)
-    fov_y_degrees: float = 60.0
+    fov_y_degrees: float = FOV_Y_DEGREES
     width: int = 1024
     height: int = 1024
 
@@ -58,10 +75,7 @@ class Camera(View):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        fov = as_number(self.fov_y_degrees)
-        if not 0.0 < fov < 180.0:
-            raise InputError(f"fov_y_degrees is {self.fov_y_degrees!r}, expected an angle between 0 and 180 degrees")
-        object.__setattr__(self, "fov_y_degrees", fov)
+        object.__setattr__(self, "fov_y_degrees", checked_angle("fov_y_degrees", self.fov_y_degrees))
 
     @overload
     @staticmethod
@@ -76,7 +90,7 @@ class Camera(View):
         width: int,
         height: int,
         distortion: ArrayLike | None,
-        model: str = "pinhole",
+        model: str = ...,
     ) -> CalibratedCamera | LensCamera: ...
 
     @staticmethod
@@ -94,19 +108,32 @@ class Camera(View):
         OpenCV's camera looks along +Z with X right and Y down. Its (0, 0) is the *centre* of the first pixel, here it
         is the corner: a point that `cv2.projectPoints` puts at (u, v) has pixel position (u + 0.5, v + 0.5).
 
-        K: (3, 3), focal lengths fx, fy and principal point cx, cy in pixels; no skew. R: (3, 3), t: three numbers,
-        world to camera. width, height: of the image, pixels. distortion: coefficients in OpenCV's order, see
-        `OpenCVLens.of` and `FisheyeLens.of`. model: "pinhole" or "fisheye". A pinhole camera whose coefficients are
-        all 0 has no lens.
-        Raises InputError for a K that is singular or has skew, an R that is no rotation, numbers not finite, another
-        number of coefficients and another model.
+        Parameters
+        ----------
+        K, R, t : (3, 3), (3, 3) and (3,) array
+            Focal lengths and principal point in pixels, without skew; rotation and translation from world to camera.
+        distortion : array, optional
+            Coefficients in OpenCV's order, see `OpenCVLens.of` and `FisheyeLens.of`.
+        model : {"pinhole", "fisheye"}
+            A pinhole camera whose coefficients are all 0 has no lens.
+
+        Returns
+        -------
+        CalibratedCamera or LensCamera
+            The latter if there is a lens.
+
+        Raises
+        ------
+        InputError
+            For a K that is singular or has skew, an R that is no rotation, numbers not finite, another number of
+            coefficients and another model.
         """
-        placed, sensor = pose_of(R, t), image_plane_of(K)
+        pose, sensor = pose_of(R, t), image_plane_of(K)
         kinds: dict[str, type[OpenCVLens] | type[FisheyeLens]] = {"pinhole": OpenCVLens, "fisheye": FisheyeLens}
         if model not in kinds:
             raise InputError(f"model is {model!r}, expected one of {', '.join(kinds)}")
         lens = kinds[model]() if distortion is None else kinds[model].of(distortion)
-        return camera_of(lens, *placed, sensor, width, height)
+        return camera_of(lens, *pose, sensor, width, height)
 
     @staticmethod
     def from_matrix(
@@ -120,17 +147,28 @@ class Camera(View):
     ) -> Camera:
         """The camera with a matrix from its space to world space.
 
-        camera_to_world: (4, 4) or (3, 4), a rotation and the eye. axes: of the camera's space, "opengl" for X right, Y
-        up, Z backward (OpenGL, Blender, NeRF), "opencv" for X right, Y down, Z forward. Give either fov_y_degrees, or K
-        as for `from_opencv`.
-        Raises InputError for a matrix with scale, reflection or no rotation, other axes, and neither or both of those.
+        Parameters
+        ----------
+        camera_to_world : (4, 4) or (3, 4) array
+            A rotation and the eye.
+        width, height :
+            As for `Camera`.
+        axes : {"opengl", "opencv"}
+            Of the camera's space: X right, Y up, Z backward (OpenGL, Blender, NeRF), or X right, Y down, Z forward.
+        fov_y_degrees, K : optional
+            One of both: full vertical field of view, or K as for `from_opencv`.
+
+        Raises
+        ------
+        InputError
+            For a matrix with scale, reflection or no rotation, other axes, and neither or both of those.
         """
         eye, rotation = pose_of_matrix(camera_to_world, axes)
         if (fov_y_degrees is None) == (K is None):
             raise InputError("expected either fov_y_degrees or K, neither or both were given")
         if K is not None:
             return CalibratedCamera.at(eye, rotation, image_plane_of(K), width, height)
-        return Camera(*_placed(eye, rotation), as_number(fov_y_degrees), width, height)
+        return Camera(*placed(eye, rotation), as_number(fov_y_degrees), width, height)
 
     @staticmethod
     def framing(
@@ -138,7 +176,7 @@ class Camera(View):
         direction: Vector = (-0.5, -0.4, -1.0),
         *,
         up: Vector = (0.0, 1.0, 0.0),
-        fov_y_degrees: float = 45.0,
+        fov_y_degrees: float = FOV_Y_DEGREES,
         width: int = 1024,
         height: int = 1024,
     ) -> Camera:
@@ -151,7 +189,7 @@ class Camera(View):
         centre = np.asarray(mesh.bounds, np.float64).mean(axis=0)
         size = float(np.abs(mesh.bounds - centre).max()) or 1.0
         turned = Camera(as_vector(centre - size * forward), as_vector(centre), up, fov_y_degrees, width, height)
-        away = framing_distance(mesh.bounds, turned.axes, fov_y_degrees, width, height)
+        away = framing_distance(mesh.bounds, turned.axes, turned.fov_y_degrees, turned.width, turned.height)
         return Camera(as_vector(centre - away * forward), turned.target, up, fov_y_degrees, width, height)
 
     @cached_property
@@ -195,28 +233,24 @@ class Camera(View):
 class LensCamera(LensView):
     """A camera with a lens: its rays pass through no regular grid on a plane.
 
-    `RasterTracer`, `PixelTracer`, and `RayScene` by `rays_world` take it; methods that need a plane refuse
-    it. Where the lens model folds over, pixels see nothing: their rays are NaN and they are misses in every image.
+    `RasterTracer` and `PixelTracer` trace its images, and `RayScene` takes its `rays_world`; methods that need a plane
+    refuse it. Where the lens model folds over, pixels see nothing: their rays are NaN, and they are misses.
     `Camera.from_opencv`, `LensCamera.panorama` and the readers of camera files return it.
 
-    eye, target, up, width, height: as for `Camera`.
-    lens: such as `OpenCVLens`. sensor: its grid of pixels; a pitch is 1 / focal length in pixels, or for a panorama
-    the angle of a pixel in radians.
+    Parameters
+    ----------
+    eye, target, up, width, height :
+        As for `Camera`.
+    lens : Lens
+        Such as `OpenCVLens`.
+    sensor : ImagePlane
+        Its grid of pixels; a pitch is 1 / focal length in pixels, or for a panorama the angle of a pixel in radians.
 
-    Raises InputError as `Camera`, and for a lens or sensor of another type.
+    Raises
+    ------
+    InputError
+        As `Camera`, and for a lens or sensor of another type.
     """
-
-    @classmethod
-    def panorama(cls, eye: Vector, target: Vector, up: Vector = (0.0, 1.0, 0.0), width: int = 2048) -> LensCamera:
-        """The equirectangular picture of all directions, twice as wide as high; the target is in its middle.
-
-        Raises InputError for a width that is no whole number of at least 1.
-        """
-        if not is_whole_number(width) or width < 1:
-            raise InputError(f"width is {width!r}, expected a whole number of pixels of at least 1")
-        height = max(int(width) // 2, 1)
-        sensor = ImagePlane(2.0 * pi / width, pi / height, width / 2, height / 2)
-        return cls(eye, target, up, width, height, lens=EquirectangularLens(), sensor=sensor)
 
     def undistorted(self) -> CalibratedCamera:
         """The pinhole camera with this sensor and no lens, as `cv2.undistort` makes images for.
@@ -227,11 +261,6 @@ class LensCamera(LensView):
             raise InputError("a panorama sees all around, and no pinhole camera does; make cameras of parts of it")
         return CalibratedCamera(self.eye, self.target, self.up, self.width, self.height, plane=self.sensor)
 
-    def crop(self, left: int, top: int, width: int, height: int) -> LensCamera:
-        """As `Camera.crop`."""
-        sensor = self.sensor.cropped((self.width, self.height), (left, top), (width, height))
-        return LensCamera(self.eye, self.target, self.up, width, height, lens=self.lens, sensor=sensor)
-
 
 @dataclass(frozen=True)
 class CalibratedCamera(Camera):
@@ -239,11 +268,17 @@ class CalibratedCamera(Camera):
 
     `Camera.from_opencv`, `Camera.from_matrix`, `Camera.crop` and the readers of camera files return it.
 
-    eye, target, up, width, height: as for `Camera`.
-    plane: grid of pixels on the image plane.
-    fov_y_degrees: angle between the upper and the lower border of the image, computed.
+    Parameters
+    ----------
+    eye, target, up, width, height :
+        As for `Camera`.
+    plane : ImagePlane
+        Grid of pixels on the image plane; `fov_y_degrees` is the angle between its upper and lower border.
 
-    Raises InputError as `Camera`, and for a principal point more than 1e6 pixels outside the image.
+    Raises
+    ------
+    InputError
+        As `Camera`, and for a principal point more than 1e6 pixels outside the image.
     """
 
     fov_y_degrees: float = field(init=False)
@@ -253,12 +288,7 @@ class CalibratedCamera(Camera):
         View.__post_init__(self)
         if not isinstance(self.plane, ImagePlane):
             raise InputError(f"plane is {self.plane!r}, expected atra.ImagePlane")
-        for name, axis, pixels in zip("xy", self.plane.axis_in_image, (self.width, self.height), strict=True):
-            if max(-axis, axis - pixels) > FARTHEST_AXIS_PIXELS:
-                raise InputError(
-                    f"the view axis meets the image plane at {name} = {axis:g} pixels, expected at most "
-                    f"{FARTHEST_AXIS_PIXELS:g} outside of the image: beyond, float32 cannot tell rays apart"
-                )
+        check_axis(self.plane, self.width, self.height)
         upper, lower = (float(self.plane.rows(y)) * self.plane.pitch_y for y in (0, self.height))
         object.__setattr__(self, "fov_y_degrees", degrees(atan(lower) - atan(upper)))
 
@@ -267,7 +297,7 @@ class CalibratedCamera(Camera):
         cls, eye: NDArray[np.float64], axes: NDArray[np.float64], plane: ImagePlane, width: int, height: int
     ) -> CalibratedCamera:
         """The camera at `eye` (3,) whose axes right, down, forward are the rows of `axes` (3, 3), a rotation."""
-        return cls(*_placed(eye, axes), width, height, plane=plane)
+        return cls(*placed(eye, axes), width, height, plane=plane)
 
 
 def camera_of(
@@ -276,9 +306,4 @@ def camera_of(
     """The camera with a lens, placed as `CalibratedCamera.at`; one without where the lens bends nothing."""
     if lens == OpenCVLens():
         return CalibratedCamera.at(eye, axes, sensor, width, height)
-    return LensCamera(*_placed(eye, axes), width, height, lens=lens, sensor=sensor)
-
-
-def _placed(eye: NDArray[np.float64], axes: NDArray[np.float64]) -> tuple[Vector, Vector, Vector]:
-    """eye, target and up of a camera whose axes right, down, forward are the rows of `axes`."""
-    return as_vector(eye), target_of(eye, axes[2]), as_vector(-axes[1])
+    return LensCamera(*placed(eye, axes), width, height, lens=lens, sensor=sensor)

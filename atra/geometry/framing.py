@@ -7,9 +7,6 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.errors import InputError
-from atra.geometry.numbers import as_number
-
 MARGIN = 0.05
 """Share of the image that is left free on either side."""
 
@@ -20,14 +17,10 @@ def framing_distance(
     """The least distance from a box's centre at which a pinhole camera with these axes sees all of the box.
 
     bounds: (2, 3), lowest and highest corner, scene units. axes: (3, 3), rows right, down, forward.
-    Raises InputError for a field of view outside (0, 180) degrees.
     """
-    fov = as_number(fov_y_degrees)
-    if not 0.0 < fov < 180.0:
-        raise InputError(f"fov_y_degrees is {fov_y_degrees!r}, expected an angle between 0 and 180 degrees")
     half = (np.asarray(bounds[1], np.float64) - bounds[0]) / 2.0
     x, y, z = (np.array(list(product((-1.0, 1.0), repeat=3))) * half @ axes.T).T
-    reach_y = np.tan(np.radians(fov) / 2.0) * (1.0 - 2.0 * MARGIN)
+    reach_y = np.tan(np.radians(fov_y_degrees) / 2.0) * (1.0 - 2.0 * MARGIN)
     reach_x = reach_y * width / height
     distance = float((np.maximum(np.abs(x) / reach_x, np.abs(y) / reach_y) - z).max())
     return max(distance, float(np.linalg.norm(half)) * 1.001) or 1.0

@@ -10,8 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
-from atra.geometry.numbers import as_number
+from atra.geometry.numbers import as_number, checked_positive
 from atra.whole_numbers import is_whole_number
+
+FARTHEST_AXIS_PIXELS = 1e6
+"""Largest distance of the principal point from the image, beyond which float32 cannot tell rays apart."""
 
 
 @dataclass(frozen=True)
@@ -22,14 +25,19 @@ class ImagePlane:
 
         (left + x + ox - axis_x) pitch_x,    (top + y + oy - axis_y) pitch_y
 
-    pitch_x: distance between neighbouring columns, above 0; for a pinhole camera 1 / focal length in pixels.
-    pitch_y: distance between neighbouring rows, likewise.
-    axis_x: column of the principal point, pixels; 0 is the left border of column 0, 0.5 its middle.
-    axis_y: row of the principal point, likewise.
-    left: first column of the image, a whole number; only this and `top` differ in a crop, whose rays stay the same.
-    top: first row of the image, a whole number.
+    Parameters
+    ----------
+    pitch_x, pitch_y : float
+        Distance between neighbouring columns, and rows; for a pinhole camera 1 / focal length in pixels.
+    axis_x, axis_y : float
+        Column and row of the principal point, pixels; 0 is the left border of column 0, 0.5 its middle.
+    left, top : int
+        First column and row of the image; only these differ in a crop, whose rays stay the same.
 
-    Raises InputError for a pitch not finite or not above 0, an axis not finite, and a left or top that is not whole.
+    Raises
+    ------
+    InputError
+        For a pitch not finite or not above 0, an axis not finite, and a left or top that is not whole.
     """
 
     pitch_x: float
@@ -41,10 +49,7 @@ class ImagePlane:
 
     def __post_init__(self) -> None:
         for name in ("pitch_x", "pitch_y"):
-            pitch = as_number(getattr(self, name))
-            if not (isfinite(pitch) and pitch > 0.0):
-                raise InputError(f"{name} is {getattr(self, name)!r}, expected a finite distance above 0")
-            object.__setattr__(self, name, pitch)
+            object.__setattr__(self, name, checked_positive(name, getattr(self, name), "distance"))
         for name in ("left", "top"):
             if not is_whole_number(getattr(self, name)):
                 raise InputError(f"{name} is {getattr(self, name)!r}, expected a whole number of pixels")
@@ -82,3 +87,13 @@ class ImagePlane:
     def rows(self, y: ArrayLike, offset: float = 0.0) -> NDArray[np.float64]:
         """Distances of rows `y`, at sub-pixel `offset`, below the view axis, in pixels, float64."""
         return np.asarray(y, np.float64) + self.top - self.axis_y + offset
+
+
+def check_axis(plane: ImagePlane, width: int, height: int) -> None:
+    """Raise InputError for a principal point too far outside of an image of this size."""
+    for name, axis, pixels in zip("xy", plane.axis_in_image, (width, height), strict=True):
+        if max(-axis, axis - pixels) > FARTHEST_AXIS_PIXELS:
+            raise InputError(
+                f"the view axis meets the image plane at {name} = {axis:g} pixels, expected at most "
+                f"{FARTHEST_AXIS_PIXELS:g} outside of the image: beyond, float32 cannot tell rays apart"
+            )

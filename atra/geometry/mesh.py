@@ -30,18 +30,37 @@ _LONGER_PRODUCT = 4.0
 class Mesh:
     """Indexed triangles in world space; the arrays are C-contiguous, read-only copies, with triangles without area.
 
-    vertices: (V, 3) float32, scene units; any real array-like is converted. float64 for a mesh with an origin.
-    faces: (F, 3) uint32, vertex indices; row i is the triangle with `prim_id` i. Any integer array-like is converted.
-    name: the mesh's name in messages and records.
-    units: the unit of length that its file states, such as "inch"; None: it states none.
-    notes: what reading its file left out, or what is doubtful.
-    origin: (3,) float64, where the stored vertices count from: zero, or where float32 would move a vertex by more than
-    1e-7 of the mesh's size, as at map coordinates, a point near its middle. All that is asked and answered stays in
-    world space. local_vertices: (V, 3) float32, vertices less the origin, as they are stored.
+    Parameters
+    ----------
+    vertices : (V, 3) array of real numbers
+        Scene units. Kept as float32; as float64 for a mesh with an origin.
+    faces : (F, 3) array of whole numbers
+        Vertex indices; row i is the triangle with `prim_id` i. Kept as uint32.
+    name : str
+        The mesh's name in messages and records.
+    units : str, optional
+        The unit of length that its file states, such as "inch".
+    notes : tuple of str
+        What reading its file left out, or what is doubtful.
 
-    Warns of a mesh that spans so much that float32 changes its short edges by more than a twentieth even so.
-    Raises InputError for a wrong shape or dtype, no triangle, the first coordinate that is not finite or beyond 1e12 in
-    size, and the first face with an index outside the vertices.
+    Attributes
+    ----------
+    origin : (3,) float64
+        Where the stored vertices count from: zero, or where float32 would move a vertex by more than 1e-7 of the mesh's
+        size, as at map coordinates, a point near its middle. All that is asked and answered stays in world space.
+    local_vertices : (V, 3) float32
+        Vertices less the origin, as they are stored.
+
+    Raises
+    ------
+    InputError
+        For a wrong shape or dtype, no triangle, the first coordinate that is not finite or beyond 1e12 in size, and the
+        first face with an index outside the vertices.
+
+    Warns
+    -----
+    UserWarning
+        Of a mesh that spans so much that float32 changes its short edges by more than a twentieth even so.
     """
 
     vertices: NDArray[np.floating]

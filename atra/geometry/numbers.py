@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from math import isfinite, nan
+from math import inf, isfinite, nan
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
+from atra.whole_numbers import is_whole_number
 
 Vector = tuple[float, float, float]
 """Three floats of Python."""
@@ -20,6 +21,44 @@ def as_number(value: Any) -> float:
         return float(value)
     except (TypeError, ValueError, OverflowError):
         return nan
+
+
+def checked_positive(name: str, value: object, what: str) -> float:
+    """`value` as a float; raises InputError naming it unless it is finite and above 0."""
+    number = as_number(value)
+    if not 0.0 < number < inf:
+        raise InputError(f"{name} is {value!r}, expected a finite {what} above 0")
+    return number
+
+
+def checked_angle(name: str, value: object) -> float:
+    """`value` as a float; raises InputError naming it unless it lies between 0 and 180 degrees."""
+    angle = as_number(value)
+    if not 0.0 < angle < 180.0:
+        raise InputError(f"{name} is {value!r}, expected an angle between 0 and 180 degrees")
+    return angle
+
+
+def checked_pixels(name: str, value: object) -> int:
+    """`value` as an int of Python; raises InputError naming it unless it is a whole number of at least 1."""
+    if not is_whole_number(value) or value < 1:
+        raise InputError(f"{name} is {value!r}, expected a whole number of pixels of at least 1")
+    return int(value)  # NumPy's small integers would overflow in products
+
+
+def checked_array(name: str, given: ArrayLike, expected: str, *shapes: tuple[int, ...]) -> NDArray[np.float64]:
+    """`given` as float64; raises InputError naming it unless it has one of `shapes` and holds finite real numbers."""
+    try:
+        array = np.asarray(given)
+        if array.dtype.kind not in "iuf":
+            raise TypeError(f"it has dtype {array.dtype}")
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} cannot be read as an array of real numbers: {error}") from None
+    if array.shape not in shapes:
+        raise InputError(f"{name} has shape {array.shape}, expected {expected}")
+    if not np.isfinite(array).all():
+        raise InputError(f"{name} is {array.tolist()}, expected finite numbers")
+    return array.astype(np.float64)
 
 
 def as_vector(array: NDArray[np.float64]) -> Vector:

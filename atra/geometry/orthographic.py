@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import hypot, isfinite
+from math import hypot
 from typing import ClassVar, Self
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
 from atra.geometry.image_plane import ImagePlane
-from atra.geometry.numbers import Vector, as_number, as_vector, checked_vector, unit_vector
+from atra.geometry.numbers import Vector, as_vector, checked_array, checked_positive, checked_vector, unit_vector
 from atra.geometry.view import View
 
 _WIDENING = 1e-9
@@ -26,11 +26,19 @@ class OrthographicCamera(View):
     (ox, oy) starts at ((x + ox - W/2) p, (y + oy - H/2) p, 0) with pixel pitch p = view_height / H and has direction
     (0, 0, 1), so a ray parameter *is* a depth, and nothing behind the image plane is seen.
 
-    eye: centre of the image plane, three finite floats, scene units.
-    target, up, width, height: as for `Camera`.
-    view_height: height of the image, scene units, above 0; pixels are square.
+    Parameters
+    ----------
+    eye : tuple of three floats
+        Centre of the image plane, scene units.
+    target, up, width, height :
+        As for `Camera`.
+    view_height : float
+        Height of the image, scene units; pixels are square.
 
-    Raises InputError for a size below 1, a view_height that is not above 0, eye = target, or up parallel to the view.
+    Raises
+    ------
+    InputError
+        For a size below 1, a view_height that is not above 0, eye = target, and up parallel to the view.
     """
 
     eye: Vector
@@ -44,10 +52,7 @@ class OrthographicCamera(View):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        view_height = as_number(self.view_height)
-        if not (isfinite(view_height) and view_height > 0.0):
-            raise InputError(f"view_height is {self.view_height!r}, expected a finite length above 0")
-        object.__setattr__(self, "view_height", view_height)
+        object.__setattr__(self, "view_height", checked_positive("view_height", self.view_height, "length"))
 
     @classmethod
     def of_light(cls, direction: Vector, bounds: ArrayLike, width: int, height: int, up: Vector | None = None) -> Self:
@@ -56,13 +61,26 @@ class OrthographicCamera(View):
         The box is centred and fills the image along one axis or both. The image plane lies one diagonal of the box
         before its centre, so that the whole box lies in front of it.
 
-        direction: the light's direction, three finite floats of any length but 0.
-        bounds: (2, 3), lowest and highest corner of the box, scene units, such as `Mesh.bounds`.
-        up: None = the world axis that is most across the light.
-        Raises InputError for a direction of length 0, corners of no box, and a box without extent across the light.
+        Parameters
+        ----------
+        direction : tuple of three floats
+            The light's direction, of any length but 0.
+        bounds : (2, 3) array
+            Lowest and highest corner of the box, scene units, such as `Mesh.bounds`.
+        width, height : int
+            Of the image, pixels.
+        up : tuple of three floats, optional
+            None takes the world axis that is most across the light.
+
+        Raises
+        ------
+        InputError
+            For a direction of length 0, corners of no box, and a box without extent across the light.
         """
         forward = unit_vector("direction", checked_vector("direction", direction))
-        low, high = _checked_bounds(bounds)
+        low, high = box = checked_array("bounds", bounds, "(2, 3): lowest and highest corner", (2, 3))
+        if not (low <= high).all():
+            raise InputError(f"bounds is {box.tolist()}, expected the lowest corner first")
         if up is None:
             up = as_vector(np.eye(3)[np.abs(forward).argmin()])
         centre, diagonal = (low + high) / 2, high - low
@@ -94,12 +112,3 @@ class OrthographicCamera(View):
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         origins = self._on_image_plane(x, y, offset, 0.0)
         return origins, np.broadcast_to([0.0, 0.0, 1.0], origins.shape)
-
-
-def _checked_bounds(bounds: ArrayLike) -> NDArray[np.float64]:
-    box = np.asarray(bounds, np.float64)
-    if box.shape != (2, 3):
-        raise InputError(f"bounds have shape {box.shape}, expected (2, 3): lowest and highest corner")
-    if not (np.isfinite(box).all() and (box[0] <= box[1]).all()):
-        raise InputError(f"bounds are {box.tolist()}, expected finite corners, the lowest first")
-    return box

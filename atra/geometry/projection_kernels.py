@@ -127,25 +127,33 @@ def columns_in_row(polygon, count, row, cell_width, cell_height, nx, y_low, y_hi
     return cell_range(low, high, cell_width, nx)
 
 
+@njit(forceinline=True)
+def meet_cells(points_pixels, faces, triangle, nx, ny, cell_width, cell_height, corners, columns):  # type: ignore[no-untyped-def]
+    """First and last row of cells that a triangle meets, first > last if there is none; columns[j] are the first and
+    last column in row j. corners: (3, CORNERS, 3) float64, for polygons. columns: (ny, 2) int64, written."""
+    polygon, first, second = corners[0], corners[1], corners[2]
+    nearest, farthest, largest = load_triangle(points_pixels, faces, triangle, polygon)
+    tiny = 1e-12 * largest
+    count = front_part(polygon, nearest, farthest, first)
+    y_low, y_high = pixel_range(polygon, count, 1, tiny)
+    top, bottom = cell_range(y_low, y_high, cell_height, ny)
+    for j in range(top, bottom + 1):
+        left, right = columns_in_row(polygon, count, j, cell_width, cell_height, nx, y_low, y_high, tiny, first, second)
+        columns[j, 0], columns[j, 1] = left, right
+    return top, bottom
+
+
 @kernel
 def count_copies(counter_address, points_pixels, faces, nx, ny, cell_width, cell_height, counts):  # type: ignore[no-untyped-def]
     """Set counts[t] to the number of cells that triangle t meets. points_pixels: (V, 3) float64 homogeneous pixels."""
-    polygon, first, second = np.empty((CORNERS, 3)), np.empty((CORNERS, 3)), np.empty((CORNERS, 3))
+    corners, columns = np.empty((3, CORNERS, 3)), np.empty((ny, 2), np.int64)
     while True:
         start = fetch_add(counter_address, 1) * CHUNK
         if start >= len(faces):
             return
         for triangle in range(start, min(start + CHUNK, len(faces))):
-            nearest, farthest, largest = load_triangle(points_pixels, faces, triangle, polygon)
-            tiny = 1e-12 * largest
             total = 0
-            corners = front_part(polygon, nearest, farthest, first)
-            if corners > 0:
-                y_low, y_high = pixel_range(polygon, corners, 1, tiny)
-                top, bottom = cell_range(y_low, y_high, cell_height, ny)
-                for j in range(top, bottom + 1):
-                    left, right = columns_in_row(
-                        polygon, corners, j, cell_width, cell_height, nx, y_low, y_high, tiny, first, second
-                    )
-                    total += max(0, right - left + 1)
+            top, bottom = meet_cells(points_pixels, faces, triangle, nx, ny, cell_width, cell_height, corners, columns)
+            for j in range(top, bottom + 1):
+                total += max(0, columns[j, 1] - columns[j, 0] + 1)
             counts[triangle] = total

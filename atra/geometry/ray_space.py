@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.geometry.lenses.models import bends_rays
 from atra.geometry.mesh import Mesh
+from atra.geometry.numbers import Vector
 from atra.geometry.view import View
 
 Seen = TypeVar("Seen", bound=View)
@@ -65,16 +66,10 @@ def check_range(mesh: Mesh, camera: View, takes_lenses: bool = False) -> None:
         raise InputError(f"camera is {camera!r:.100}, expected an atra.Camera or another view of atra")
     if camera.lens is not None and not takes_lenses:
         raise InputError(f"this method needs rays through a regular grid on a plane, but {bends_rays(camera.lens)}")
-    distance = float(np.abs(mesh.bounds - camera.eye).max())
-    if distance > FARTHEST_FROM_EYE:
+    size, distance = _check_extent(mesh, camera.eye, f"the eye {camera.eye}", "mesh and camera", "the eye")
+    if size < SMALLEST_IN_VIEW * distance and len(mesh.without_area) < mesh.triangle_count:
         raise InputError(
-            f"{mesh.name!r} reaches {distance:g} from the eye {camera.eye}, expected at most {FARTHEST_FROM_EYE:g}: "
-            "float32 would lose triangles; scale mesh and camera down by the same factor, or move the eye closer"
-        )
-    _check_size(mesh, "scale mesh and camera up by the same factor")
-    if _size(mesh) < SMALLEST_IN_VIEW * distance and len(mesh.without_area) < mesh.triangle_count:
-        raise InputError(
-            f"{mesh.name!r} is {_size(mesh):g} in size and {distance:g} from the eye {camera.eye}, expected at least "
+            f"{mesh.name!r} is {size:g} in size and {distance:g} from the eye {camera.eye}, expected at least "
             f"{SMALLEST_IN_VIEW:g} of the distance: float64 cannot resolve it from there; move the eye closer"
         )
 
@@ -82,13 +77,7 @@ def check_range(mesh: Mesh, camera: View, takes_lenses: bool = False) -> None:
 def check_world_range(mesh: Mesh) -> None:
     """Raise InputError unless this is a mesh that is large enough and near enough to the origin for float32."""
     _check_mesh(mesh)
-    distance = float(np.abs(mesh.bounds).max())
-    if distance > FARTHEST_FROM_EYE:
-        raise InputError(
-            f"{mesh.name!r} reaches {distance:g} from the world's origin, expected at most {FARTHEST_FROM_EYE:g}: "
-            "float32 would lose triangles; scale mesh and rays down by the same factor, or move them closer"
-        )
-    _check_size(mesh, "scale mesh and rays up by the same factor")
+    _check_extent(mesh, (0.0, 0.0, 0.0), "the world's origin", "mesh and rays", "them")
 
 
 def _check_mesh(mesh: object) -> None:
@@ -99,17 +88,20 @@ def _check_mesh(mesh: object) -> None:
         )
 
 
-def _check_size(mesh: Mesh, remedy: str) -> None:
-    size = _size(mesh)
+def _check_extent(mesh: Mesh, place: Vector, called: str, scaled: str, moved: str) -> tuple[float, float]:
+    """Size of a mesh, and distance to its farthest corner. Raises InputError for those that float32 cannot hold."""
+    size, distance = float((mesh.bounds[1] - mesh.bounds[0]).max()), float(np.abs(mesh.bounds - place).max())
+    if distance > FARTHEST_FROM_EYE:
+        raise InputError(
+            f"{mesh.name!r} reaches {distance:g} from {called}, expected at most {FARTHEST_FROM_EYE:g}: float32 would "
+            f"lose triangles; scale {scaled} down by the same factor, or move {moved} closer"
+        )
     if size < SMALLEST_SIZE and len(mesh.without_area) < mesh.triangle_count:
         raise InputError(
             f"{mesh.name!r} is {size:g} in size, expected at least {SMALLEST_SIZE:g}: float32 would lose triangles; "
-            f"{remedy}"
+            f"scale {scaled} up by the same factor"
         )
-
-
-def _size(mesh: Mesh) -> float:
-    return float((mesh.bounds[1] - mesh.bounds[0]).max())
+    return size, distance
 
 
 def unseen_from(camera: View, mesh: Mesh) -> NDArray[np.int64]:

@@ -14,12 +14,17 @@ from atra.whole_numbers import is_whole_number
 class Split:
     """The split of an image into nx x ny equal cells; cell (i, j) is column i, row j.
 
-    nx: columns of cells.
-    ny: rows of cells.
-    width: width of the image, pixels.
-    height: height of the image, pixels.
+    Parameters
+    ----------
+    nx, ny : int
+        Columns and rows of cells.
+    width, height : int
+        Of the image, pixels.
 
-    Raises InputError unless all are whole numbers of at least 1, and nx divides width and ny divides height.
+    Raises
+    ------
+    InputError
+        Unless all are whole numbers of at least 1, and nx divides width and ny divides height.
     """
 
     nx: int
@@ -53,10 +58,6 @@ class Split:
                 f"split is {counts!r}, expected two whole numbers, columns and rows of cells, such as (8, 1)"
             ) from None
         return cls(nx, ny, camera.width, camera.height)
-
-    def of(self, camera: View) -> Split:
-        """The split of another camera's image into as many cells."""
-        return Split(self.nx, self.ny, camera.width, camera.height)
 
     @property
     def cell_count(self) -> int:

@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from atra.errors import InputError
 from atra.geometry.image_plane import ImagePlane
 from atra.geometry.lenses.models import Lens
-from atra.geometry.numbers import Vector, as_vector, checked_vector, cross, unit_vector
-from atra.whole_numbers import is_whole_number
+from atra.geometry.numbers import Vector, as_vector, checked_pixels, checked_vector, cross, unit_vector
 
 _PARALLEL_SINE = 1e-6
 """Sine of the angle below which `up` counts as parallel to the view direction."""
@@ -45,10 +44,7 @@ class View(ABC):
         for name in ("eye", "target", "up"):
             object.__setattr__(self, name, checked_vector(name, getattr(self, name)))
         for name in ("width", "height"):
-            value = getattr(self, name)
-            if not is_whole_number(value) or value < 1:
-                raise InputError(f"{name} is {value!r}, expected a whole number of pixels of at least 1")
-            object.__setattr__(self, name, int(value))
+            object.__setattr__(self, name, checked_pixels(name, getattr(self, name)))
         _ = self.axes  # raises here, not at first use
 
     @cached_property

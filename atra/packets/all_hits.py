@@ -1,8 +1,8 @@
-"""Gathering all hits by Embree: a filter takes them, except those in doubt, which are decided exactly beforehand."""
+"""All hits by Embree: a filter takes them, except undecided ones near edges, which are decided exactly beforehand."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -56,10 +56,10 @@ def check_gathering(camera: View, build_quality: str) -> None:
 
 
 class EmbreeAllHits:
-    """All hits of the rays of an image, from BVHs of their own. The samples in doubt are found once per offset, and the
-    last offset's are kept.
+    """All hits of the rays of an image, from BVHs of their own. The undecided hits are found once per offset, and those
+    of the last offset are kept.
 
-    planned: the rays and what they are traced through. row: pixels from one row of gathered images to the next.
+    batches: the rays and what they are traced through. row: pixels from one row of gathered images to the next.
     precision: how exactly Embree's packets decide. settings: of `build_scene`.
     """
 
@@ -67,16 +67,16 @@ class EmbreeAllHits:
         self,
         mesh: Mesh,
         camera: View,
-        planned: Sequence[RayBatch],
+        batches: Iterable[RayBatch],
         row: int,
         precision: Precision,
         pool: WorkerPool,
         **settings: Any,
     ) -> None:
         self._mesh, self._camera, self._row, self._precision, self._pool = mesh, camera, row, precision, pool
-        self._doubts: tuple[tuple[float, float], UndecidedHits] | None = None
+        self._undecided: tuple[tuple[float, float], UndecidedHits] | None = None
         self._batches: list[tuple[RayBatch, EmbreeScene]] = []
-        for batch in planned:
+        for batch in batches:
             scene = build_scene(batch.geometry, pool.threads, filter_in_arguments=True, **settings)
             self._batches.append((batch, scene))
 
@@ -94,23 +94,24 @@ class EmbreeAllHits:
         for name, plane in what.planes().items():
             if not plane.before:  # layers are filled at the end
                 images[name].fill(plane.start)
-        doubts, kind = self._found_doubts(offset), what.kind
-        target = target_of(images, doubts.faces if kind == THICKNESS else weights, doubts.lists)
+        undecided, kind = self._find_undecided(offset), what.kind
+        target = target_of(images, undecided.faces if kind == THICKNESS else weights, undecided.lists)
         block = target.block()
         settle, camera = settling_kernel(kind), self._camera
-        settle(doubts.keys, doubts.facings, doubts.depths, camera.width, block.ctypes.data)
+        settle(undecided.keys, undecided.facings, undecided.depths, camera.width, block.ctypes.data)
         for batch, scene in self._batches:
             self._shoot(batch, scene, kind, offset, block, workspaces)
         if kind == LAYERS:
             size, address = (camera.height, camera.width), block.ctypes.data
             self._pool.run(lambda _, counter: finish_image(counter, *size, address))
 
-    def _found_doubts(self, offset: tuple[float, float]) -> UndecidedHits:
-        if self._doubts is None or self._doubts[0] != offset:
+    def _find_undecided(self, offset: tuple[float, float]) -> UndecidedHits:
+        if self._undecided is None or self._undecided[0] != offset:
             from atra.raster.all_hits.undecided import decide_hits
 
-            self._doubts = offset, decide_hits(self._mesh, self._camera, offset, self._precision, self._row, self._pool)
-        return self._doubts[1]
+            settings = self._precision, self._row, self._pool
+            self._undecided = offset, decide_hits(self._mesh, self._camera, offset, *settings)
+        return self._undecided[1]
 
     def _shoot(
         self,

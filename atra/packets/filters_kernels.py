@@ -27,7 +27,7 @@ def gathering_filter(kind: int, shape_x: int, shape_y: int, cells: str) -> int:
 
     kind: the reduction's, as for `take`. cells: "none" where the scene is the mesh; "copied" or "instanced" where the
     user data holds an int64 record per triangle or instance, as in `atra.embree.filters_kernels.keep_nearest`. The
-    filter rejects every hit, so that Embree continues, and leaves out hits in doubt.
+    filter rejects every hit, so that Embree continues, and leaves out undecided hits.
     """
     lanes, nx = shape_x * shape_y, shape_x
     weighted = kind in (THICKNESS, TRANSMITTANCE)

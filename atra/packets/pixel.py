@@ -259,7 +259,7 @@ def PixelTracer(
         For a mesh smaller than 1e-9 or farther than 1e11 from the eye, where float32 would lose triangles, and for an
         option's value.
     MemoryBudgetError
-        When planning, for more overlaps than can be kept.
+        While setting up, for more overlaps than can be kept.
     """
     method = Pixel(packet_width, build_quality, robust, packet_rows, coherent, compact, tile_order)
     return Tracer(mesh, camera, method, threads=threads, ties=ties)

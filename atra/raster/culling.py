@@ -12,7 +12,7 @@ from atra.compiled.intrinsics import fetch_add
 from atra.compiled.memory import doubles_at, load, store
 from atra.compiled.store import kernel, njit
 from atra.compiled.vectors import arange, bits_of, folded, lane, mask_of, smaller, splat, where
-from atra.exact.edges_kernels import UNIT
+from atra.exact.sums_kernels import UNIT
 from atra.raster.image import SPAN
 
 TILE = 8

@@ -7,7 +7,7 @@ import numpy as np
 from atra.compiled.memory import gather_at, points_of, store
 from atra.compiled.store import njit
 from atra.compiled.vectors import bits_of, ceil, floor, larger, rounded, signed_like, smaller, splat, where
-from atra.exact.edges_kernels import UNIT
+from atra.exact.sums_kernels import UNIT
 from atra.raster.culling import TILE, tile_stride
 from atra.raster.image import GENTLE, NARROW, SPAN
 from atra.raster.nearer import UNSURE, UNSURE_OF_LENS

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -18,9 +19,13 @@ from atra.rays.order_kernels import (
     order_rays,
     put_back,
 )
+from atra.rays.rays_kernels import batch_of
 
-Numbers = tuple[NDArray[np.floating], ...]
+Numbers = tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]
 """The arrays of a batch of rays, of one type: origins, directions, tnear, tfar."""
+
+ORDERED = 1 << 20
+"""Rays that are put in an order at a time, which bounds the memory that takes; more gain nothing."""
 
 _BOX_SAMPLES = 1024
 
@@ -40,7 +45,11 @@ class RayOrder:
         self._memory: tuple[NDArray[np.floating], NDArray[np.uint32]] | None = None
 
     def ordered(
-        self, origins: NDArray[np.floating], directions: NDArray[np.floating], *ends: NDArray[np.floating]
+        self,
+        origins: NDArray[np.floating],
+        directions: NDArray[np.floating],
+        tnear: NDArray[np.floating],
+        tfar: NDArray[np.floating],
     ) -> tuple[Numbers, NDArray[np.uint32], NDArray[np.uint32]]:
         """The same rays in an order in which those that start near each other and head the same way follow each other;
         the place of each in it; and room for two answers of each, (2, >= N). All of it until the next are ordered."""
@@ -56,11 +65,30 @@ class RayOrder:
         if memory is None or len(memory[0]) < count or memory[0].dtype != origins.dtype:
             self._memory = memory = aligned_empty((count, RECORD), origins.dtype.type), np.empty((3, count), np.uint32)
         records, places, room = memory[0][:count], memory[1][0, :count], memory[1][1:]
-        given = keys, starts, origins, directions, *ends
+        given = keys, starts, origins, directions, tnear, tfar
         self._pool.run(lambda _, counter: order_rays(counter, *given, records, places))
         return (records[:, :3], records[:, 4:7], records[:, 3], records[:, 7]), places, room
 
-    def put_back(self, places: NDArray[np.uint32], answers: NDArray[Any], output: NDArray[Any]) -> None:
+    def traced(self, rays: Numbers, in_order: bool, trace: Callable[..., None], *outputs: NDArray[Any]) -> None:
+        """Call trace(batch, *outputs), which writes what the rays of a `RayBatch` hit.
+
+        in_order: rays are put in an order before, and their answers back. outputs: (N,) each, or empty.
+        """
+        if not in_order:
+            trace(batch_of(*rays), *outputs)
+            return
+        for start in range(0, len(rays[0]), ORDERED):
+            some = slice(start, start + ORDERED)
+            ordered, places, room = self.ordered(rays[0][some], rays[1][some], rays[2][some], rays[3][some])
+            answers = [
+                room[k].view(output.dtype)[: len(places)] if len(output) else output for k, output in enumerate(outputs)
+            ]
+            trace(batch_of(*ordered), *answers)
+            for answer, output in zip(answers, outputs, strict=True):
+                if len(output):
+                    self._put_back(places, answer, output[some])
+
+    def _put_back(self, places: NDArray[np.uint32], answers: NDArray[Any], output: NDArray[Any]) -> None:
         """output = answers[places], (N,) each."""
         bits = np.dtype(f"u{output.itemsize}")  # one kernel for all that have as many
         given = places, answers.view(bits), output.view(bits)

@@ -33,16 +33,26 @@ _LATEST = 1e38
 class Rays:
     """N rays in world space, each from `tnear` to `tfar`; the point at t is origin + t direction.
 
-    origins: (N, 3), scene units. directions: (N, 3), of any length from 1e-20 to 1e20. tnear, tfar: (N,), or a number
-    for all, in lengths of the direction: 0 or more, and anything, inf included. A ray hits what lies from tnear on up
-    to, not including, tfar; where tfar is not above tnear it hits nothing.
-
     Any real array-like is copied. All arrays are float64 where origins or directions are given so, and float32
     otherwise; C-contiguous, private copies and read-only. Numbers below 1.4e-45 in size, float32's smallest, become 0,
     a tnear beyond 1e38 becomes that, and a tfar beyond it inf.
-    Raises InputError for a wrong shape or dtype, and naming the first ray, and its value, with: an origin that is not
-    finite, or beyond 1e11 in size; a direction that is not finite, or zero, or of another length; a tnear that is not
-    finite, or negative; a tfar that is NaN.
+
+    Parameters
+    ----------
+    origins : (N, 3)
+        Scene units, of at most 1e11 in size.
+    directions : (N, 3)
+        The largest component of each is from 1e-20 to 1e20 in size.
+    tnear, tfar : (N,), or a number for all
+        In lengths of the direction: 0 or more, and anything, inf included. A ray hits what lies from tnear on up to,
+        not including, tfar; where tfar is not above tnear it hits nothing.
+
+    Raises
+    ------
+    InputError
+        For a wrong shape or dtype, and naming the first ray, and its value, with: an origin that is not finite, or too
+        far away; a direction that is not finite, zero, too short or too long; a tnear that is not finite, or negative;
+        a tfar that is NaN.
     """
 
     origins: NDArray[np.floating]
@@ -51,10 +61,11 @@ class Rays:
     tfar: NDArray[np.floating] = np.inf  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
-        origins, directions = _vectors("origins", self.origins), _vectors("directions", self.directions)
+        origins, directions = vectors("origins", self.origins), vectors("directions", self.directions)
         if len(origins) != len(directions):
             raise InputError(f"there are {len(origins)} origins and {len(directions)} directions, expected as many")
-        tnear, tfar = _numbers("tnear", self.tnear, len(origins)), _numbers("tfar", self.tfar, len(origins))
+        ends = ("tnear", self.tnear), ("tfar", self.tfar)
+        tnear, tfar = (np.atleast_1d(_numbers(name, given, (len(origins),))) for name, given in ends)
         _check("tnear", tnear, (tnear >= 0.0) & (tnear < np.inf), "a finite number of at least 0")
         _check("tfar", tfar, ~np.isnan(tfar), "a number (inf: no limit; not above tnear: the ray hits nothing)")
         tnear, tfar = np.broadcast_to(tnear, len(origins)), np.broadcast_to(tfar, len(origins))
@@ -85,20 +96,14 @@ class Rays:
         return len(self.origins)
 
     def counted_from(self, origin: NDArray[np.float64]) -> Rays:
-        """The same rays in float64 with origins that count from `origin`, (3,) float64."""
+        """The same rays with origins that count from `origin`, (3,) float64: in float64 unless that is the world's."""
+        if not origin.any():
+            return self
         moved = object.__new__(Rays)
         numbers = self.origins - origin, self.directions, self.tnear, self.tfar
         arrays = (np.ascontiguousarray(array, np.float64) for array in numbers)
         moved.__setstate__(dict(zip(("origins", "directions", "tnear", "tfar"), arrays, strict=True)))
         return moved
-
-    def as_float32(self) -> Rays:
-        """The same rays rounded to float32, as Embree takes them."""
-        if self.origins.dtype == np.float32:
-            return self
-        with np.errstate(over="ignore", under="ignore"):
-            kept = (self.origins, self.directions, self.tnear, self.tfar)
-            return Rays(*(array.astype(np.float32) for array in kept))
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         # Copies and unpickled arrays can be written to, whatever the original was.
@@ -111,11 +116,17 @@ class Rays:
 class RayHits:
     """The closest hit of every ray of a batch.
 
-    All arrays have the leading shape of the rays as given, (N,) for `Rays`.
-    t: float32, in lengths of the ray's direction, inf = miss.
-    prim_id: uint32 in the mesh's own numbering, `MISS` (0xFFFFFFFF) = miss.
-    rays, mesh: what was traced; the properties are computed from them when first asked for. geometries: of a scene of
-    several meshes, which are joined to `mesh`.
+    All arrays have the leading shape of the rays as given, (N,) for `Rays`. The properties are computed when first
+    asked for.
+
+    Attributes
+    ----------
+    t : float32
+        In lengths of the ray's direction, inf = miss.
+    prim_id : uint32
+        In the mesh's own numbering, `MISS` (0xFFFFFFFF) = miss.
+    rays, mesh
+        What was traced. Of a scene of several meshes, `mesh` is all of them joined, and `geometries` tells which.
     """
 
     t: NDArray[np.float32]
@@ -154,15 +165,13 @@ class RayHits:
     def points(self) -> NDArray[np.float64]:
         """(..., 3) float64, places of the hits on their triangles, scene units; NaN = miss. Where a ray lies all but in
         the plane of its triangle, the place at t."""
-        points = np.full((*self.t.shape, 3), np.nan)
-        hit = self.hit
+        points, hit = np.full((*self.t.shape, 3), np.nan), self.hit
+        u, v = (weight[:, None] for weight in self._weights)
         corners = self.mesh.local.triangles(self._named[hit])
-        found = intersect_rays(self.mesh, *self._lines(hit), self._named[hit])
-        edges = corners[:, 1:] - corners[:, :1]
-        on_plane = corners[:, 0] + found.u[:, None] * edges[:, 0] + found.v[:, None] * edges[:, 1]
-        origins, directions = self._lines(hit)
+        first, edges = corners[:, 0], corners[:, 1:] - corners[:, :1]
+        origins, directions = self._lines
         along = origins + self.t[hit].astype(np.float64)[:, None] * directions
-        points[hit] = np.where(np.isnan(found.u)[:, None], along, on_plane + self.mesh.origin)
+        points[hit] = np.where(np.isnan(u), along, first + u * edges[:, 0] + v * edges[:, 1] + self.mesh.origin)
         return points
 
     @cached_property
@@ -178,16 +187,22 @@ class RayHits:
         """The triangles in the numbering of `mesh`."""
         return self.prim_id if self.traced_id is None else self.traced_id
 
-    def _lines(self, hit: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        one = hit.reshape(-1)
-        return self.rays.origins[one].astype(np.float64), self.rays.directions[one].astype(np.float64)
+    @property
+    def _lines(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Origins and directions of the rays that hit."""
+        hit = self.hit.reshape(-1)
+        return self.rays.origins[hit].astype(np.float64), self.rays.directions[hit].astype(np.float64)
+
+    @cached_property
+    def _weights(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Of the second and third corners of the triangles hit, as `mesh` numbers these; NaN: seen edge-on."""
+        found = intersect_rays(self.mesh, *self._lines, self._named[self.hit])
+        return found.u, found.v
 
     @cached_property
     def _barycentric(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        u, v = np.full(self.t.shape, np.nan, np.float32), np.full(self.t.shape, np.nan, np.float32)
-        hit = self.hit
-        found = intersect_rays(self.mesh, *self._lines(hit), self._named[hit])
-        u[hit], v[hit] = found.u, found.v
+        u, v = (np.full(self.t.shape, np.nan, np.float32) for _ in range(2))
+        u[self.hit], v[self.hit] = self._weights
         return (u, v) if self.geometries is None else self.geometries.own_weights(u, v, self._named)
 
 
@@ -210,7 +225,7 @@ def rays_of(
                 f"rays is {origins!r:.100}, expected atra.Rays, or origins and directions, or one array (..., 6)"
             )
         origins, directions = both[..., :3], both[..., 3:]
-    starts, ways = _triples("origins", origins), _triples("directions", directions)
+    starts, ways = vectors("origins", origins, ndim=None), vectors("directions", directions, ndim=None)
     try:
         shape = np.broadcast_shapes(starts.shape[:-1], ways.shape[:-1])
     except ValueError:
@@ -218,40 +233,26 @@ def rays_of(
             f"origins have shape {starts.shape} and directions {ways.shape}, expected as many, or one of either for all"
         ) from None
     flat = [np.broadcast_to(one, (*shape, 3)).reshape(-1, 3) for one in (starts, ways)]
-    ends = {name: _flat(name, value, shape) for name, value in interval.items()}
+    ends = {name: _numbers(name, value, shape) for name, value in interval.items()}
     return Rays(flat[0], flat[1], **ends), shape
 
 
-def _triples(name: str, given: ArrayLike) -> NDArray[Any]:
+def vectors(name: str, given: ArrayLike, ndim: int | None = 2) -> NDArray[Any]:
+    """(N, 3), or (..., 3) where `ndim` is None, real numbers. Raises InputError for anything else."""
     array = _real(name, given)
     if array.size == 0 and array.ndim < 2:
         array = array.reshape(0, 3)
-    if array.ndim == 0 or array.shape[-1] != 3:
-        raise InputError(f"{name} have shape {array.shape}, expected (..., 3)")
+    if array.ndim == 0 or array.shape[-1] != 3 or (ndim is not None and array.ndim != ndim):
+        raise InputError(f"{name} have shape {array.shape}, expected {'(..., 3)' if ndim is None else '(N, 3)'}")
     return array
 
 
-def _flat(name: str, given: ArrayLike, shape: tuple[int, ...]) -> NDArray[Any]:
+def _numbers(name: str, given: ArrayLike, shape: tuple[int, ...]) -> NDArray[Any]:
+    """A number, or as many as rays of a leading shape, (N,). Raises InputError for anything else."""
     array = _real(name, given)
     if array.shape not in ((), shape):
         raise InputError(f"{name} has shape {array.shape}, expected a number, or {shape} like the rays")
     return array.reshape(-1) if array.ndim else array
-
-
-def _vectors(name: str, given: ArrayLike) -> NDArray[Any]:
-    array = _real(name, given)
-    if array.size == 0 and array.ndim < 2:
-        array = array.reshape(0, 3)
-    if array.ndim != 2 or array.shape[1] != 3:
-        raise InputError(f"{name} have shape {array.shape}, expected (N, 3)")
-    return array
-
-
-def _numbers(name: str, given: ArrayLike, count: int) -> NDArray[Any]:
-    array = _real(name, given)
-    if array.shape not in ((), (count,)):
-        raise InputError(f"{name} has shape {array.shape}, expected a number, or ({count},) like the rays")
-    return array.reshape(-1) if count else array.reshape(-1)[:0]
 
 
 def _real(name: str, given: ArrayLike) -> NDArray[Any]:
@@ -287,3 +288,14 @@ def checked_out(name: str, array: Any, kind: type, shape: tuple[int, ...]) -> ND
             f"{'' if array.flags.writeable else ', read-only'}, {expected}"
         )
     return array
+
+
+def hits_memory(out: RayHits | None, shape: tuple[int, ...]) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+    """Memory for t and prim_id of hits, that of an earlier result if there is one. Raises as `checked_out`."""
+    if out is None:
+        return np.empty(shape, np.float32), np.empty(shape, np.uint32)
+    t = checked_out("out.t", getattr(out, "t", None), np.float32, shape)
+    prim_id = checked_out("out.prim_id", getattr(out, "prim_id", None), np.uint32, shape)
+    if np.may_share_memory(t, prim_id):
+        raise InputError("out has one memory for t and prim_id: pass a result of `intersect`")
+    return t, prim_id

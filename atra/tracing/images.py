@@ -12,12 +12,15 @@ from atra.errors import InputError
 
 
 def outputs(
-    shape: tuple[int, int], row_stride: int, out: tuple[NDArray[np.float32], NDArray[np.uint32]] | None
+    shape: tuple[int, ...], row_stride: int, out: tuple[NDArray[np.float32], NDArray[np.uint32]] | None
 ) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-    """depth and prim_id to write to: `out`, or new ones. Raises InputError for an `out` that does not fit."""
-    strides = (4 * row_stride, 4)
+    """depth and prim_id to write to: `out`, or new ones. shape: (H, W), or (K, H, W) of several images.
+
+    Raises InputError for an `out` that does not fit.
+    """
     if out is None:
-        return new_images(*shape, row_stride)
+        return new_images(shape, row_stride)
+    strides = (4 * row_stride * shape[-2], 4 * row_stride, 4)[-len(shape) :]
     # Rows of the right length in memory, not only in shape: packets may reach past the right border.
     for image, kind in zip(out, (np.float32, np.uint32), strict=True):
         if (image.dtype, image.shape, image.strides) != (kind, shape, strides) or not image.flags.writeable:
@@ -41,7 +44,8 @@ def images_of(out: Any) -> tuple[NDArray[np.float32], NDArray[np.uint32]] | None
     return images  # type: ignore[return-value]
 
 
-def new_images(height: int, width: int, row_stride: int) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-    """Uninitialised depth and prim_id, (height, width) each, their rows `row_stride` pixels apart in memory."""
-    depth, prim_id = (aligned_empty((height, row_stride), kind) for kind in (np.float32, np.uint32))
-    return depth[:, :width], prim_id[:, :width]
+def new_images(shape: tuple[int, ...], row_stride: int) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+    """Uninitialised depth and prim_id of a shape, their rows `row_stride` pixels apart in memory."""
+    *before, width = shape
+    depth, prim_id = (aligned_empty((*before, row_stride), kind) for kind in (np.float32, np.uint32))
+    return depth[..., :width], prim_id[..., :width]

@@ -187,11 +187,22 @@ class Tracer(Lifetime):
 
     @synchronized
     def look(self, camera: View) -> None:
-        """Trace what `camera` sees from the next frame on; it may be of another size or kind.
+        """Trace what another camera sees from the next frame on.
 
         What hangs on the camera and is built is built anew at once, and the times say what that took. A camera that is
         refused changes nothing; where building fails, the next use builds again.
-        Raises what making and building a new tracer would; ClosedError after `close`.
+
+        Parameters
+        ----------
+        camera : View
+            It may be of another size or kind.
+
+        Raises
+        ------
+        InputError, MemoryBudgetError, EmbreeError
+            As making and building a new tracer would.
+        ClosedError
+            After `close`.
         """
         self._check_open()
         self._show(self.mesh, camera)
@@ -200,10 +211,21 @@ class Tracer(Lifetime):
 
     @synchronized
     def update(self, mesh: Mesh) -> None:
-        """Go on with `mesh`: other vertices, such as another pose, of the same faces.
+        """Go on with other vertices, such as another pose, of the same faces.
 
         What is built is built anew at once; where that fails, the next use builds again.
-        Raises InputError for other faces, and what making and building a new tracer would; ClosedError after `close`.
+
+        Parameters
+        ----------
+        mesh : Mesh
+            With the faces of the mesh before.
+
+        Raises
+        ------
+        InputError, MemoryBudgetError, EmbreeError
+            For other faces, and as making and building a new tracer would.
+        ClosedError
+            After `close`.
         """
         self._check_open()
         check_same_faces(self.mesh, mesh)

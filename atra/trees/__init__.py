@@ -1,1 +1,1 @@
-"""Binary BVHs of triangles: how they are built, and how they lie in memory."""
+"""Trees of triangles: how they are built, and how they lie in memory."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import kernel, njit
-from atra.trees.layout import BIAS, BLOCK, DEEPEST
+from atra.trees.layout import BLOCK, DEEPEST
 
 BINS = 32
 
@@ -236,39 +236,6 @@ def build_subtrees(counter_address, draft, tasks):  # type: ignore[no-untyped-de
             top += 1
             stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3] = child, start, middle, deeper
             top += 1
-
-
-@kernel
-def lay_out(draft, nodes, leaves):  # type: ignore[no-untyped-def]
-    """Copy the nodes in traversal order; returns the numbers of nodes, leaves and blocks.
-
-    nodes: (>= 2 T, 8) uint32, laid out as in `atra.trees.layout`. leaves: (T, 3) int64: first position, triangles and
-    first block.
-    """
-    floats = nodes.view(np.float32)
-    stack = np.empty((DEEPEST + 2, 2), np.int64)
-    stack[0, 0], stack[0, 1] = 0, 0
-    top, used, leaf, block = 1, 2, 0, 0
-    while top > 0:
-        top -= 1
-        old, new = stack[top, 0], stack[top, 1]
-        for axis in range(3):
-            floats[new, axis], floats[new, 4 + axis] = draft.boxes[old, axis], draft.boxes[old, 3 + axis]
-        first, count, direction = draft.links[old, 0], draft.links[old, 1], draft.links[old, 2]
-        if count:
-            blocks = (count + BLOCK - 1) // BLOCK
-            leaves[leaf, 0], leaves[leaf, 1], leaves[leaf, 2] = first, count, block
-            nodes[new, 3], nodes[new, 7] = BIAS + block, BIAS + 4 * blocks
-            leaf += 1
-            block += blocks
-        else:
-            nodes[new, 3], nodes[new, 7] = BIAS + used, BIAS + direction
-            stack[top, 0], stack[top, 1] = first + 1, used + 1
-            top += 1
-            stack[top, 0], stack[top, 1] = first, used
-            top += 1
-            used += 2
-    return used, leaf, block
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""A BVH of eight children per node, collapsed from a binary one; all boxes of a node are tested at once."""
+"""A BVH of eight children per node; all boxes of a node are tested at once."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.compiled.store import kernel
-from atra.trees.bvh import Bvh
-from atra.trees.layout import BIAS
+from atra.compiled.threads import WorkerPool
+from atra.trees.building import Draft, bound_triangles, build_subtrees, fill_blocks, split_top
+from atra.trees.layout import BLOCK
 
 CHILDREN = 8
 
@@ -17,10 +18,15 @@ WIDE_BYTES = 32 * CHILDREN
 """A node: lowest x of its children's boxes, y, z, highest x, y, z; then first child or block, then the number of blocks
 of a leaf, 0 of an inner node; 4 bytes each. Unused children have NaN boxes, which no ray enters."""
 
-HIGH, FIRSTS, COUNTS = 12 * CHILDREN, 24 * CHILDREN, 28 * CHILDREN
+HIGH, FIRSTS, BLOCK_COUNTS = 12 * CHILDREN, 24 * CHILDREN, 28 * CHILDREN
 """Byte offsets of the highest corners, the first children and the numbers of blocks."""
 
 _DEEPEST = 64
+
+_CACHE_LINE = 64
+
+_TASKS = 64
+"""Subtrees that the build threads share; many more than threads, so that all stay busy."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,31 +36,68 @@ class WideBvh:
     nodes: NDArray[np.uint32]
     blocks: NDArray[np.uint32]
 
-    @property
-    def bytes(self) -> int:
-        """Memory of nodes and blocks."""
-        return self.nodes.nbytes + self.blocks.nbytes
+
+def wide_bvh(
+    vertices: NDArray[np.float32], faces: NDArray[np.uint32], kept: NDArray[np.bool_], pool: WorkerPool
+) -> WideBvh:
+    """The tree of the triangles selected by `kept`. The same to the bit for any number of threads.
+
+    vertices: (V, 3) float32. faces: (F, 3) uint32. kept: (F,) bool. Without triangles it is a tree that no ray enters.
+    """
+    count = int(kept.sum())
+    if not count:
+        nodes = aligned_zeros(8 * CHILDREN).reshape(1, 8, CHILDREN)
+        nodes[:, :6] = np.float32(np.nan).view(np.uint32)
+        return WideBvh(nodes, empty_blocks(1))
+    draft = drafted(vertices, faces, kept, pool)
+    wide, leaves = np.empty((count, 8, CHILDREN), np.uint32), np.empty((count, 3), np.int64)
+    node_count, leaf_count, block_count = _collapse(draft, wide, wide.view(np.float32), leaves)
+    nodes, blocks = aligned_zeros(8 * CHILDREN * node_count).reshape(-1, 8, CHILDREN), empty_blocks(block_count)
+    nodes[:] = wide[:node_count]
+    pool.run(lambda _, counter: fill_blocks(counter, vertices, faces, draft.order, leaves[:leaf_count], blocks))
+    return WideBvh(nodes, blocks)
 
 
-def widened_bvh(bvh: Bvh) -> WideBvh:
-    """The same triangles in a tree of eight children per node."""
-    inner = int((bvh.block_counts == 0).sum())
-    wide = np.empty((max(inner, 1), 8, CHILDREN), np.uint32)
-    count = _collapse(bvh.nodes, bvh.nodes.view(np.float32), wide, wide.view(np.float32))
-    memory = np.empty(count * WIDE_BYTES + 64, np.uint8)
-    start = -memory.ctypes.data % 64
-    nodes = memory[start : start + count * WIDE_BYTES].view(np.uint32).reshape(count, 8, CHILDREN)
-    nodes[:] = wide[:count]
-    return WideBvh(nodes, bvh.blocks)
+def drafted(
+    vertices: NDArray[np.float32], faces: NDArray[np.uint32], kept: NDArray[np.bool_], pool: WorkerPool
+) -> Draft:
+    """The binary BVH of some triangles, at least one, under construction: all nodes are there."""
+    order, triangles = np.flatnonzero(kept).astype(np.int32), np.empty((len(faces), 6), np.float32)
+    pool.run(lambda _, counter: bound_triangles(counter, vertices, faces, triangles))
+    count = len(order)
+    draft = Draft(np.empty((2 * count, 6), np.float32), np.empty((2 * count, 3), np.int32), triangles, order)
+    tasks = np.empty((_TASKS, 4), np.int64)
+    shared = tasks[: split_top(draft, tasks, max(count // _TASKS, BLOCK))]
+    pool.run(lambda _, counter: build_subtrees(counter, draft, shared))
+    return draft
+
+
+def empty_blocks(count: int) -> NDArray[np.uint32]:
+    """(count, 10, BLOCK) uint32: blocks with NaN corners and prim_ids 0."""
+    blocks = aligned_zeros(10 * BLOCK * count).reshape(-1, 10, BLOCK)
+    blocks.view(np.float32)[:, :9] = np.nan
+    return blocks
+
+
+def aligned_zeros(count: int) -> NDArray[np.uint32]:
+    """A zeroed uint32 array that starts at a cache line."""
+    memory = np.zeros(4 * count + _CACHE_LINE, np.uint8)
+    start = -memory.ctypes.data % _CACHE_LINE
+    return memory[start : start + 4 * count].view(np.uint32)
 
 
 @kernel
-def _collapse(nodes, floats, wide, wide_floats):  # type: ignore[no-untyped-def]
-    """Write the wide nodes, the root first; returns their number. A member with the largest box is opened first."""
+def _collapse(draft, wide, wide_floats, leaves):  # type: ignore[no-untyped-def]
+    """Write the wide nodes, the root first; returns the numbers of nodes, leaves and blocks. A member with the largest
+    box is opened first.
+
+    leaves: (T, 3) int64: first position, triangles and first block.
+    """
+    boxes, links = draft.boxes, draft.links
     stack = np.empty((_DEEPEST * CHILDREN, 2), np.int64)
     members = np.empty(CHILDREN, np.int64)
     stack[0, 0], stack[0, 1] = 0, 0
-    top, used = 1, 1
+    top, used, leaf, block = 1, 1, 0, 0
     while top > 0:
         top -= 1
         node, place = stack[top, 0], stack[top, 1]
@@ -64,31 +107,34 @@ def _collapse(nodes, floats, wide, wide_floats):  # type: ignore[no-untyped-def]
             best, largest = -1, -1.0
             for k in range(count):
                 one = members[k]
-                if (nodes[one, 7] - BIAS) >> 2 == 0:
-                    x = np.float64(floats[one, 4]) - floats[one, 0]
-                    y = np.float64(floats[one, 5]) - floats[one, 1]
-                    z = np.float64(floats[one, 6]) - floats[one, 2]
+                if links[one, 1] == 0:
+                    x = np.float64(boxes[one, 3]) - boxes[one, 0]
+                    y = np.float64(boxes[one, 4]) - boxes[one, 1]
+                    z = np.float64(boxes[one, 5]) - boxes[one, 2]
                     area = x * y + y * z + z * x
                     if area > largest:
                         best, largest = k, area
             if best < 0:
                 break
-            first = np.int64(nodes[members[best], 3]) - BIAS
+            first = np.int64(links[members[best], 0])
             members[best], members[count] = first, first + 1
             count += 1
         for k in range(CHILDREN):
-            for axis in range(3):
-                wide_floats[place, axis, k] = floats[members[k], axis] if k < count else np.nan
-                wide_floats[place, 3 + axis, k] = floats[members[k], 4 + axis] if k < count else np.nan
+            for row in range(6):
+                wide_floats[place, row, k] = boxes[members[k], row] if k < count else np.nan
             wide[place, 6, k], wide[place, 7, k] = 0, 0
-            if k < count:
-                blocks = (np.int64(nodes[members[k], 7]) - BIAS) >> 2
-                wide[place, 7, k] = blocks
-                if blocks:
-                    wide[place, 6, k] = np.int64(nodes[members[k], 3]) - BIAS
-                else:
-                    wide[place, 6, k] = used
-                    stack[top, 0], stack[top, 1] = members[k], used
-                    top += 1
-                    used += 1
-    return used
+            if k >= count:
+                continue
+            triangles = np.int64(links[members[k], 1])
+            if triangles:
+                blocks = (triangles + BLOCK - 1) // BLOCK
+                wide[place, 6, k], wide[place, 7, k] = block, blocks
+                leaves[leaf, 0], leaves[leaf, 1], leaves[leaf, 2] = links[members[k], 0], triangles, block
+                leaf += 1
+                block += blocks
+            else:
+                wide[place, 6, k] = used
+                stack[top, 0], stack[top, 1] = members[k], used
+                top += 1
+                used += 1
+    return used, leaf, block

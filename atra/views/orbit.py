@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from atra.errors import InputError
-from atra.geometry.camera import Camera
+from atra.geometry.camera import FOV_Y_DEGREES, Camera
 from atra.geometry.mesh import Mesh
 from atra.geometry.numbers import Vector, as_number, as_vector, checked_vector, unit_vector
 from atra.whole_numbers import is_whole_number
@@ -17,7 +17,7 @@ def orbit(
     *,
     elevation_degrees: float = 20.0,
     up: Vector = (0.0, 1.0, 0.0),
-    fov_y_degrees: float = 45.0,
+    fov_y_degrees: float = FOV_Y_DEGREES,
     width: int = 1024,
     height: int = 1024,
 ) -> tuple[Camera, ...]:

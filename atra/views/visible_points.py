@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.rays.all_hits.contains import FARTHEST, check_points
+from atra.rays.all_hits.contains import FARTHEST_POINT, check_points
 from atra.rays.rays import Rays
 from atra.rays.scene import RayScene
 
@@ -49,7 +49,7 @@ def visible_points(
         For points that are not finite or beyond 1e19 in size, anything that is not a camera, and a tolerance outside
         [0, 1).
     """
-    found, listed = check_points(points, FARTHEST), list_cameras(cameras)
+    found, listed = check_points(points, FARTHEST_POINT), list_cameras(cameras)
     if not 0.0 <= tolerance < 1.0:
         raise InputError(f"tolerance is {tolerance!r}, expected a share in [0, 1)")
     visible = np.zeros((len(listed), len(found)), np.bool_)

@@ -9,7 +9,7 @@ from typing import Any
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from experiments.classification.bvh.tracer import BvhTracer
+from atra.tracing.tracer import Tracer
 from experiments.classification.own_bvh import BVH_BYTES, traversal_option, width_option
 from experiments.classification.shafts.eye import EyeTracer
 from experiments.classification.shafts.options import SUBSETS, ShaftOptions
@@ -64,9 +64,9 @@ class ClassifiedOptions(MethodOptions):
         return own | {"threads": tracing.threads, "ties": tracing.ties}
 
 
-def _make(mesh: Mesh, view: View, options: ClassifiedOptions, tracing: Tracing) -> BvhTracer:
-    make = EyeTracer if options.shaft_subset == EYE else ClassifiedTracer
-    return make(mesh, view, **options.keywords(tracing))
+def _make(mesh: Mesh, view: View, options: ClassifiedOptions, tracing: Tracing) -> Tracer:
+    make: Any = EyeTracer if options.shaft_subset == EYE else ClassifiedTracer
+    return make(mesh, view, **options.keywords(tracing))  # type: ignore[no-any-return]
 
 
 def _make_rays(mesh: Mesh, options: ClassifiedOptions, tracing: Tracing) -> ShaftScene:

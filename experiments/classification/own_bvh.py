@@ -6,15 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from atra.compiled.instruction_sets import LANES
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
+from atra.tracing.tracer import Tracer
 from experiments.classification.bvh import options as library
 from experiments.classification.bvh.scene import BvhScene
 from experiments.classification.bvh.tracer import BvhTracer
 from experiments.drawing.style import SKY
 from experiments.harness.column import WHOLE, Column
-from experiments.harness.method import Method, Style, Tracing
+from experiments.harness.method import LANES, Method, Style, Tracing
 from experiments.harness.options import option
 from experiments.methods.options import MethodOptions, keywords_of, robust_option, say_robust
 
@@ -45,7 +45,7 @@ class BvhOptions(MethodOptions):
 BVH_BYTES = Column("bvh_bytes", WHOLE, "nodes and triangles of our own BVH")
 
 
-def _make(mesh: Mesh, view: View, options: BvhOptions, tracing: Tracing) -> BvhTracer:
+def _make(mesh: Mesh, view: View, options: BvhOptions, tracing: Tracing) -> Tracer:
     return BvhTracer(mesh, view, **keywords_of(library.BvhOptions, options, tracing))
 
 

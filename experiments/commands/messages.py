@@ -1,24 +1,22 @@
-"""Messages that several commands have: errors of Hydra, shortened to one line, and what must not be published."""
+"""Errors of Hydra, shortened to one line."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import is_dataclass
 
+from hydra.errors import MissingConfigException
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException, ValidationError
-from rich.console import Console
 
 from experiments.harness.configuration import say_unknown
 from experiments.harness.point import Kinds
-from experiments.harness.progress import say
-from scenes.manifest import picture_restriction
 
 _NOISE = ("full_key:", "object_type=", "reference_type=", "To append to your config", "Config search path", "provider=")
 
 
 def shorten_configuration_error(error: BaseException, kinds: Kinds) -> str:
     """One line: what is wrong and the choices that exist. kinds: what a configuration chooses from."""
-    lines, cause = [line.strip() for line in str(error).splitlines()], error.__cause__
+    cause = error.__cause__
     told = error if isinstance(error, OmegaConfBaseException) else cause
     if isinstance(told, ConfigAttributeError | ConfigKeyError) and is_dataclass(told.object_type):
         return say_unknown(told.object_type, str(told.full_key), kinds)
@@ -26,37 +24,19 @@ def shorten_configuration_error(error: BaseException, kinds: Kinds) -> str:
         if "is not a ListConfig" in str(told):
             return _say_brackets(str(told.full_key))
         return f"{told.full_key}: {str(told).splitlines()[0].rstrip('.')}"
-    if cause is not None and str(cause) not in str(error):
-        lines += [line.strip() for line in str(cause).splitlines()]
-    kept: list[str] = []
-    choices: list[str] = []
-    listing = False
-    for line in lines:
-        if line.startswith("Available options in"):
-            listing = True
-        elif listing and re.fullmatch(r"[\w.-]+", line):
-            choices.append(line)
-        elif line and not line.startswith(_NOISE):
-            listing = False
-            kept.append(line.rstrip("."))
+    if isinstance(error, MissingConfigException) and error.options and error.missing_cfg_file:
+        group, _, name = error.missing_cfg_file.rpartition("/")
+        return f"unknown {group} {name!r}, expected one of {', '.join(error.options)}"
+    lines = str(error).splitlines() + ([] if cause is None or str(cause) in str(error) else str(cause).splitlines())
+    kept = [line.strip().rstrip(".") for line in lines if line.strip() and not line.strip().startswith(_NOISE)]
     if kept and kept[0].startswith("Ambiguous value"):
-        vector = re.search(r"'(scene\.(?:eye|target|up))=", kept[0])
+        vector = re.search(r"'(scene\.(?:eye|target|up))=", kept[0])  # the one place where Hydra's words are read
         if vector:
             return _say_brackets(vector[1])
         return f"{kept[0]}: several values make a sweep; add sweep=horizontal or -m"
-    unknown = re.search(r"Could not (?:find|load) '(\w+)/([^']*)'", " ".join(kept))
-    if unknown and choices:
-        return f"unknown {unknown[1]} {unknown[2]!r}, expected one of {', '.join(choices)}"
     return "; ".join(dict.fromkeys(kept)) or type(error).__name__
 
 
 def _say_brackets(field: str) -> str:
     """Without them its numbers are values of a sweep."""
     return f"{field} is a list, which brackets hold together, and quotes the brackets: '{field}=[0,1,3]'"
-
-
-def tell_restriction(scene: str, console: Console) -> None:
-    """Say why no picture of a scene may be published, if so."""
-    restriction = picture_restriction(scene)
-    if restriction is not None:
-        say(console, f"not to be published: {restriction}")

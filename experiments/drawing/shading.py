@@ -10,17 +10,10 @@ from PIL import Image
 
 from atra.hits import Hits
 from atra.judge.compare import Verdict
+from atra.judge.marks import mark_verdicts
 
 BACKGROUND = (236, 238, 241)
 """RGB of a miss."""
-
-DIFFERENCE_COLOURS: dict[Verdict, tuple[int, int, int]] = {
-    Verdict.TIED: (0, 114, 178),
-    Verdict.EDGE: (230, 159, 0),
-    Verdict.WRONG: (213, 0, 50),
-}
-"""RGB of the marks of a difference picture; blue and orange are Okabe and Ito's. The shapes tell them apart, too: tied
-a square, edge a diamond, wrong a larger cross."""
 
 # To the light, in camera space (X right, Y down, Z into the picture): behind the eye, above its left shoulder.
 _TO_LIGHT = np.array([-0.45, -0.65, -0.61])
@@ -122,36 +115,10 @@ def difference_picture(
     return mark_verdicts(verdict, reach_pixels)
 
 
-def mark_verdicts(verdict: NDArray[np.uint8], reach_pixels: int | None = None) -> NDArray[np.uint8]:
-    """The difference picture of an image whose verdicts are known: (H, W, 3) uint8 RGB; see `difference_picture`."""
-    shape = verdict.shape
-    reach = max(1, round(max(shape) / 150)) if reach_pixels is None else reach_pixels
-    picture = np.full((*shape, 3), 255, np.uint8)
-    for kind, colour in DIFFERENCE_COLOURS.items():
-        y, x = np.nonzero(verdict == kind)
-        for dy, dx in _mark(kind, reach):
-            inside = (y + dy >= 0) & (y + dy < shape[0]) & (x + dx >= 0) & (x + dx < shape[1])
-            picture[y[inside] + dy, x[inside] + dx] = colour
-    return picture
-
-
 def _differs(aligned: Hits, pixel: Hits) -> NDArray[np.bool_]:
     with np.errstate(invalid="ignore"):  # inf - inf of two misses
         off = np.abs(aligned.depth - pixel.depth) > 1e-3 * np.minimum(aligned.depth, pixel.depth)
     return (aligned.prim_id != pixel.prim_id) | off
-
-
-def _mark(kind: Verdict, reach: int) -> list[tuple[int, int]]:
-    """Offsets (dy, dx) of a mark's pixels; its own pixel is among them."""
-    if kind is Verdict.WRONG:
-        arm, half = 2 * reach, reach // 3
-        near = [(dy, dx) for dy in range(-arm, arm + 1) for dx in range(-arm, arm + 1)]
-        return [(dy, dx) for dy, dx in near if abs(abs(dy) - abs(dx)) <= half]
-    square = [(dy, dx) for dy in range(-reach, reach + 1) for dx in range(-reach, reach + 1)]
-    if kind is Verdict.EDGE:
-        return [(dy, dx) for dy, dx in square if abs(dy) + abs(dx) <= reach]
-    half = reach - reach // 4  # as large to the eye as the diamond
-    return [(dy, dx) for dy, dx in square if max(abs(dy), abs(dx)) <= half]
 
 
 def encode_png(image: NDArray[np.uint8]) -> bytes:

@@ -8,9 +8,9 @@ DASHED, DOTTED, DASH_DOTTED = (0, (6, 2)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5))
 PARTS = tuple((color, hatch) for hatch in ("", "///") for color in (BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILLION))
 """Colour and hatching of the parts of a stacked bar."""
 
-PANEL_INCHES = 4.9
-"""Width of a panel with its margins: one fills a page of 400 px, whose margins leave 358."""
-SMALL = 9.0
-"""Size of the smallest text in points."""
+PANEL_INCHES = 3.3
+"""Width of a panel with its margins: two of them are a paper's page."""
+SMALL = 10.0
+"""Size of the smallest text in points: 9 px where two panels are 428 px wide."""
 
 TIMES = "\N{MULTIPLICATION SIGN}"

@@ -2,53 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from difflib import get_close_matches
-from enum import Enum
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING, DictConfig, OmegaConf
 
-from atra.compiled.threads import resolve_threads
-from atra.embree.scene import BUILD_QUALITIES
 from atra.errors import InputError
-from atra.tracing.tracer import TIES
-from experiments.harness.method import TIES_HELP, Tracing
-from experiments.harness.options import (
-    Named,
-    check_choice,
-    check_whole_numbers,
-    find_named,
-    option,
-    say_options,
-    say_unknown_field,
-    schema,
-    typed_options,
-)
+from experiments.harness.method import BUILD_QUALITIES, TIES, TIES_HELP, Tracing
+from experiments.harness.options import check_choice, check_whole_numbers, option, typed_options
 from experiments.harness.point import Kinds
-from scenes.built_in import package_scenes
 from scenes.loading import SceneSource
 
-
-class Action(Enum):
-    """What a run does; `python run.py fetch ...` is short for action=fetch, and so on.
-
-    measure = points and sweeps; fetch = download a scene; report = write figures, claims and page of a sweep anew;
-    doctor = say what this machine has and lacks; view = show a scene on a page of the browser; render = make one
-    picture; bake = make a lightmap.
-    """
-
-    measure = "measure"
-    fetch = "fetch"
-    report = "report"
-    doctor = "doctor"
-    view = "view"
-    render = "render"
-    bake = "bake"
+CONFIGURATION = Path(__file__).resolve().parents[2] / "conf"
+"""The folder of configuration files."""
 
 
 @dataclass
@@ -100,8 +70,8 @@ class SweepConfiguration:
 @dataclass
 class MeasureConfiguration:
     """How a point is measured. processes: how many processes, one after another and spread over the sweep, measure
-    each timed point. One process has its memory laid out in one way and meets one mood of the machine, so intervals
-    are of processes. process: which of them a launched job is; a sweep sets it.
+    each timed point. Memory layout and machine state stay fixed within a process, so intervals are of processes.
+    process: which of them a launched job is; a sweep sets it.
     rounds, warmup: rounds of a process that count and rounds before them. frame_budget_s: no further round starts past
     this many seconds of work, but three always run. time_limit_s: a worker that runs longer is stopped and fails.
     memory_budget_gib: points that need more are skipped until the next run; null = three quarters of what is free.
@@ -123,35 +93,19 @@ class MeasureConfiguration:
 
 
 @dataclass
-class ViewConfiguration:
-    """The viewer, and how pictures are shown. port: of its page on this machine; 0 = any that is free. sky: an EXR or
-    Radiance HDR in place of the scene's own sky; a bake's and a picture's is `workload.sky`. exposure: of a PNG, stops
-    or auto. tone: the tone map. denoise: whether Open Image Denoise removes the noise, in the viewer at rest."""
-
-    port: int = 8080
-    sky: str | None = None
-    exposure: str = "auto"
-    tone: str = "neutral"
-    denoise: bool = False
-
-
-@dataclass
 class Configuration:
     """One point.
 
-    action: what the run does; the verb sets it. method: what traces; its options are method.*. workload: what is
+    method: what traces; its options are method.*. workload: what is
     measured; its options are workload.*. threads: number of threads, null = every core, baselines included. width:
     pixels of a row. height: rows of pixels. method_file: a Python file with a method of one's own, several apart as in
     PATH; a sweep measures it beside its own methods. results_dir: folder for all results; each sweep has a folder of
-    its name in it. output: the file of a picture, or the folder of a bake; null = one below results_dir. live: a bake
-    is shown on a page of the browser, at view.port. debug: whether an error shows its traceback.
+    its name in it. debug: whether an error shows its traceback.
     """
 
     scene: SceneConfiguration = field(default_factory=SceneConfiguration)
     sweep: SweepConfiguration = field(default_factory=SweepConfiguration)
     measure: MeasureConfiguration = field(default_factory=MeasureConfiguration)
-    view: ViewConfiguration = field(default_factory=ViewConfiguration)
-    action: Action = Action.measure
     method: Any = MISSING
     workload: Any = MISSING
     threads: int | None = 1
@@ -163,8 +117,6 @@ class Configuration:
     ties: str = option(Tracing.ties, TIES_HELP, choices=TIES)
     method_file: str | None = None
     results_dir: str = "results"
-    output: str | None = None
-    live: bool = False
     debug: bool = False
 
 
@@ -181,41 +133,36 @@ class Chosen:
         return str(self.kind.name)
 
 
-def register_schema(kinds: Kinds) -> None:
-    """Make the types known to Hydra: `schema`, on which conf/config.yaml builds, and each method's and workload's
-    options, so that unknown keys are errors. `--help` asks for their help by `options_of` (conf/config.yaml)."""
-
-    def options_of(group: str, name: str) -> str:
-        return say_options(group, find_named(group, kinds.groups[group], name))
-
-    OmegaConf.register_new_resolver("options_of", options_of, replace=True)
-    store = ConfigStore.instance()
-    store.store(name="schema", node=Configuration, provider="atra")
-    for group, named in kinds.groups.items():
-        for kind in named:
-            store.store(group=group, name=kind.name, node=schema(group, kind), provider="atra")
-    for name in package_scenes():
-        store.store(group="scene", name=name, node={"name": name, "source": SceneSource.package.value}, provider="atra")
-
-
-def read_configuration(composed: DictConfig, kinds: Kinds) -> Configuration:
-    """The composed configuration as typed values; `method` and `workload` are `Chosen`.
+def read_configuration(composed: DictConfig, choices: Mapping[str, str], kinds: Kinds) -> Configuration:
+    """The composed configuration as typed values; `method` and `workload` are `Chosen`. choices: what Hydra chose of
+    each group, `hydra.runtime.choices`.
 
     Raises InputError for a value no point could use; what depends on the scene or the machine is checked later.
     """
-    typed = OmegaConf.get_type(composed) is Configuration
-    configuration = OmegaConf.to_object(composed if typed else type_configuration(composed))
+    is_typed = OmegaConf.get_type(composed) is Configuration and "hydra" not in composed
+    typed = composed if is_typed else type_configuration(composed)
+    _check_fields(typed, kinds)
+    configuration = OmegaConf.to_object(typed)
     assert isinstance(configuration, Configuration)
-    _check_fields(configuration, kinds)
-    for group, named in kinds.groups.items():
-        given = dict(vars(getattr(configuration, group)))
-        name = given.pop("name")
-        if type(getattr(configuration, group)).__name__ != f"{group}={name}":
-            raise InputError(f"{group}.name cannot be set, choose with {group}={name}")
-        kind = find_named(group, named, name)
+    for group in kinds:
+        section = typed[group]
+        kind = _chosen(group, choices[group], OmegaConf.get_type(section), kinds)
+        given: Any = OmegaConf.to_container(section, resolve=True)
         setattr(configuration, group, Chosen(kind, typed_options(kind.options, given)))
     check_configuration(configuration)
     return configuration
+
+
+def _chosen(group: str, choice: str, options: type | None, kinds: Kinds) -> Any:
+    """The method or workload that was chosen: the one of that name, or, where a file of the user's own presets options,
+    the one that has such options."""
+    names = kinds[group].names()
+    if choice in names:
+        return kinds[group].find(choice)
+    found = [kind for kind in map(kinds[group].find, names) if kind.options is options]
+    if len(found) != 1:
+        raise InputError(f"{group}={choice} has the options of no {group}; name one under defaults in its file")
+    return found[0]
 
 
 def type_configuration(composed: DictConfig) -> DictConfig:
@@ -226,31 +173,45 @@ def type_configuration(composed: DictConfig) -> DictConfig:
     return typed
 
 
-def _check_fields(section: Any, kinds: Kinds, path: str = "") -> None:
+def _check_fields(section: DictConfig, kinds: Kinds, path: str = "") -> None:
     """Raise InputError for a field that Hydra was made to add, as by `+field=value`."""
-    for name, value in vars(section).items():
-        if name not in section.__dataclass_fields__:
-            raise InputError(say_unknown(type(section), path + name, kinds))
-        if is_dataclass(value):
-            _check_fields(value, kinds, f"{path}{name}.")
+    kind = OmegaConf.get_type(section)
+    known = getattr(kind, "__dataclass_fields__", None)
+    for name in map(str, section):
+        if known is not None and name not in known:
+            raise InputError(say_unknown(kind, path + name, kinds))
+        if not OmegaConf.is_missing(section, name) and OmegaConf.is_dict(section[name]):
+            _check_fields(section[name], kinds, f"{path}{name}.")
 
 
-def say_unknown(kind: type, path: str, kinds: Kinds) -> str:
-    """That `kind` has no such field, which it has, and which was perhaps meant: one of that name elsewhere, or of a
-    name much like it."""
-    known = [one for one in _fields_of(Configuration, kinds.groups) if one != path]
-    name = path.rpartition(".")[2]
+def say_unknown(kind: Any, path: str, kinds: Kinds) -> str:
+    """That `kind` has no field `path`, such as "method.split_x", and which it has. Then who else has it: another method
+    or workload, or a section with a field of that name, or of a name much like it."""
+    section, _, name = path.rpartition(".")
+    everyone = {group: [one.find(named) for named in one.names()] for group, one in kinds.items()}
+    owner, users = section, []
+    if section in everyone:
+        chosen = [one.name for one in everyone[section] if one.options is kind]
+        owner = f"{section}={chosen[0]}" if len(chosen) == 1 else f"this {section}"
+        users = [one.name for one in everyone[section] if name in one.options.__dataclass_fields__]
+    names = [one.name for one in fields(kind)]
+    expected = f"expected {'one of ' * (len(names) > 1)}{', '.join(names)}" if names else "which has none"
+    told = f"unknown field {name!r}{' of ' * bool(owner)}{owner}, {expected}"
+    if users:
+        return f"{told}; it is an option of {section}={', '.join(users)}"
+    known = _fields_of(Configuration, everyone)
     meant = [one for one in known if one.rpartition(".")[2] == name] or get_close_matches(path, known, 1, 0.8)
-    return say_unknown_field(kind, path) + (f"; did you mean {' or '.join(meant)}?" if meant else "")
+    return told + (f"; did you mean {' or '.join(meant)}?" if meant else "")
 
 
-def _fields_of(kind: type, groups: Mapping[str, Sequence[Named]], path: str = "") -> list[str]:
-    """Every field that can be set, as it is written on the command line, each once."""
+def _fields_of(kind: Any, everyone: dict[str, list[Any]], path: str = "") -> list[str]:
+    """Every field that can be set, as it is written on the command line, each once. everyone: what there is to choose
+    from, by group."""
     found = []
     for one in fields(kind):
-        sections = [one.default_factory] if is_dataclass(one.default_factory) else []
-        sections += [chosen.options for chosen in groups.get(one.name, ())]
-        below = [name for section in sections for name in _fields_of(section, groups, f"{path}{one.name}.")]
+        sections: list[Any] = [one.default_factory] if is_dataclass(one.default_factory) else []
+        sections += [chosen.options for chosen in everyone.get(one.name, ())]
+        below = [name for section in sections for name in _fields_of(section, everyone, f"{path}{one.name}.")]
         found += [f"{path}{one.name}", *below]
     return list(dict.fromkeys(found))
 
@@ -263,9 +224,10 @@ def check_configuration(configuration: Configuration) -> None:
         (sweep, "sweep.", {"repeats": (0, None)}),
         (scene, "scene.", {"subdivided": (0, None), "copies": (1, None)}),
         (measure, "measure.", {"processes": (1, None), "process": (0, None), "rounds": (1, None), "warmup": (0, None)}),
-        (configuration.view, "view.", {"port": (0, 65535)}),
     ):
         check_whole_numbers(section, path, ranges)
+    from atra.compiled.threads import resolve_threads
+
     resolve_threads(configuration.threads)
     for name in ("build_quality", "ties"):
         check_choice(Configuration.__dataclass_fields__[name], str, getattr(configuration, name), name)

@@ -1,16 +1,37 @@
-"""What installed packages offer: their entry points of one group, loaded, and the version they are of."""
+"""What packages offer, installed ones and the wings of this project: their entry points, and their versions."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from hashlib import sha256
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+METHODS_GROUP = "atra.methods"
+"""`mine = "my_package.tracing:MyTracer"`: a class with build, trace and close, or a `Method` of that name."""
+
+WORKLOADS_GROUP = "atra.workloads"
+"""`mine = "my_package.measuring:MY_WORKLOAD"`: a `Workload` of that name."""
+
+VERBS_GROUP = "atra.verbs"
+"""`mine = "my_package.making:run_mine"`: a function that takes the words behind `python run.py mine`."""
+
+FORECASTS_GROUP = "atra.forecasts"
+"""`slow_points`: what predicts which points of a scene are slow (`sweep.skip_slower`)."""
+
 _NO_CODE = {"__pycache__", ".git"}
+
+_OURS = "experiments."
+"""Code of this project, which a record's identity tells apart from other code; it has no version of its own."""
+
+
+def name_of_file(path: str) -> str:
+    """What the method of a file is called."""
+    return Path(path).stem.replace("-", "_")
 
 
 @dataclass(frozen=True)
@@ -24,19 +45,27 @@ class Offer:
     version: str
 
 
-def offers(group: str) -> Iterator[Offer]:
-    """The entry points of a group, by name. Whatever loading one raises becomes its `problem`."""
-    for one in sorted(entry_points(group=group), key=lambda one: one.name):
+@cache
+def offered(group: str) -> dict[str, EntryPoint]:
+    """The entry points of a group by name, in the order of names; none is loaded."""
+    return {one.name: one for one in sorted(entry_points(group=group), key=lambda one: one.name)}
+
+
+def offers(group: str, names: Iterable[str] | None = None) -> Iterator[Offer]:
+    """The entry points of a group, by default all, loaded. Whatever loading one raises becomes its `problem`."""
+    known = offered(group)
+    for one in known.values() if names is None else [known[name] for name in names if name in known]:
         value, problem = None, None
         try:
             value = one.load()
         except Exception as error:  # a foreign package may raise anything
             told = f"{type(error).__name__}: {' '.join(str(error).split())}"
             problem = f"entry point {one.name} of {group} cannot be loaded from {one.value}, {told}"
-        yield Offer(one.name, value, problem, _version(one))
+        yield Offer(one.name, value, problem, "" if one.module.startswith(_OURS) else _version(one))
 
 
 def _version(one: EntryPoint) -> str:
+    """The package of an entry point, its version, and a hash of its files."""
     package = "unknown package" if one.dist is None else f"{one.dist.name} {one.dist.version}"
     return f"{package} sha256:{digest_of_module(one.module)}"
 

@@ -32,6 +32,9 @@ by its hash and a camera by its numbers, both fields of the point, however a sce
 not, so `scenes.lit` counts where it is used.
 """
 
+_REGISTRIES = ("experiments.methods", "experiments.workloads")
+"""Lists of all that there is, by which everything would lead to everything; what lies below them counts."""
+
 Runner = Callable[[Point], Outcome]
 
 
@@ -63,23 +66,18 @@ def code_sha256(point: Point) -> str:
     return _sha256(code_roots(point))
 
 
-def code_roots(point: Point) -> tuple[tuple[str, str | None], ...]:
-    """Where that code begins, as `Code.parts` takes it: the module of the method, and what its file uses; what measures
-    the workload, and its options; what starts a worker, and with it what runs there."""
-    workload = point.workload
-    return (
-        (point.method.module, None),
-        *(one for one in point.method.uses if decides(one[0]) and read_source(one[0]) is not None),
-        workload.code,
-        (workload.options.__module__, workload.options.__name__),
-        (run_worker.__module__, None),
-    )
+def code_roots(point: Point) -> tuple[str, ...]:
+    """Modules where that code begins: the method's, and what its file uses; the workload's; what starts a worker, and
+    with it what runs there."""
+    used = (module for one in point.method.uses for module in _code(frozenset(_OURS)).homes(one))
+    counted = (module for module in used if decides(module) and read_source(module) is not None)
+    return tuple(dict.fromkeys([point.method.module, *counted, *point.workload.modules, run_worker.__module__]))
 
 
 @cache
-def _sha256(roots: tuple[tuple[str, str | None], ...]) -> str:
+def _sha256(roots: tuple[str, ...]) -> str:
     """The sources are read once: what is changed while a sweep runs has no part in what that sweep has loaded."""
-    return _code(frozenset([*_OURS, *(module.partition(".")[0] for module, _ in roots)])).sha256(roots)
+    return _code(frozenset([*_OURS, *(module.partition(".")[0] for module in roots)])).sha256(roots)
 
 
 @cache
@@ -94,7 +92,8 @@ def _code(packages: frozenset[str]) -> Code:
 
 def decides(module: str) -> bool:
     """Whether the outcome of a worker may depend on the code of a module."""
-    return not f"{module}.".startswith(tuple(f"{name}." for name in _DECIDES_NOTHING))
+    below = tuple(f"{name}." for name in _DECIDES_NOTHING)
+    return module not in _REGISTRIES and not f"{module}.".startswith(below)
 
 
 def read_source(module: str) -> Source | None:

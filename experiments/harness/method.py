@@ -5,11 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
-from atra.geometry.mesh import Mesh
-from atra.geometry.view import View
 from experiments.harness.column import Column
+
+if TYPE_CHECKING:
+    from atra.geometry.mesh import Mesh
+    from atra.geometry.view import View
+    from experiments.harness.sources import Import
+
+# Stated again, as the help of the command line has no time for the library; a test holds them equal to it.
+LANES = (4, 8, 16)
+BUILD_QUALITIES = ("low", "medium", "high")
+TIES = ("lowest", "any")
 
 TIES_HELP = (
     "what is stored where triangles of one plane overlap: the lowest prim_id, or any, which float32 put in front"
@@ -85,7 +93,7 @@ def always_available() -> str | None:
     return None
 
 
-Make = Callable[[Mesh, View, Any, Tracing], AnyTracer]
+Make = Callable[["Mesh", "View", Any, Tracing], AnyTracer]
 
 
 @dataclass(frozen=True)
@@ -103,7 +111,7 @@ class Method:
     part of a record's identity. is_ours: a method of atra, no other people's tracer. is_peer: a tracer of other
     people that is installed beside atra, such as trimesh; methods of a file are neither. make_rays: mesh, options and
     what holds for the whole point -> what traces batches of rays that come from no camera; None where the method does
-    not. uses: what a method of a file imports of this project, part of its code, too, as `Code.parts` takes it.
+    not. uses: what a method of a file imports of this project, part of its code, too.
     """
 
     name: str
@@ -121,7 +129,7 @@ class Method:
     is_ours: bool = True
     is_peer: bool = False
     make_rays: Callable[[Mesh, Any, Tracing], Any] | None = None
-    uses: tuple[tuple[str, str | None], ...] = ()
+    uses: tuple[Import, ...] = ()
 
     def has(self, name: str) -> bool:
         """Whether its options have a field of this name."""

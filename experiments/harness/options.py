@@ -1,17 +1,16 @@
-"""Options as typed values with help and choices, as plain values for JSON, and as types that Hydra knows."""
+"""Options as typed values with help and choices, and as plain values for JSON."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import Field, asdict, dataclass, field, fields, make_dataclass
+from dataclasses import Field, asdict, dataclass, field, fields
 from enum import Enum
-from functools import cache, partial
+from functools import cache
 from types import NoneType
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar, get_args, get_type_hints
 
 from atra.errors import InputError
 from atra.whole_numbers import is_whole_number
-from experiments.harness.column import default_of
 
 
 def option(default: Any, help: str, *, choices: tuple[Any, ...] = (), unit: str = "", null: str | None = None) -> Any:
@@ -126,28 +125,6 @@ def _typed(hint: Any, value: Any) -> Any:
     if enum is not None and value is not None:
         return value if isinstance(value, enum) else enum(value)
     return tuple(_typed(None, one) for one in value) if isinstance(value, list | tuple) else value
-
-
-def schema(group: str, named: Named) -> type:
-    """The options with the name before them, as a dataclass that Hydra can fill: not frozen, and without checks.
-
-    Lists stand for tuples, which OmegaConf does not know. It is called what chooses it on the command line.
-    """
-    hints = get_type_hints(named.options)
-    own = [
-        (one.name, hints[one.name], field(default_factory=partial(default_of, one))) for one in fields(named.options)
-    ]
-    return make_dataclass(f"{group}={named.name}", [("name", str, field(default=named.name)), *own])
-
-
-def say_unknown_field(kind: type, path: str) -> str:
-    """That `kind` has no such field, and which it has. path: with those it stands in, as "method.split_x"."""
-    section, _, name = path.rpartition(".")
-    is_schema = "=" in kind.__name__
-    owner = kind.__name__ if is_schema else section
-    names = [one.name for one in fields(kind)][is_schema:]  # the first of a schema is its name
-    expected = f"expected {'one of ' * (len(names) > 1)}{', '.join(names)}" if names else "which has none"
-    return f"unknown field {name!r}{' of ' * bool(owner)}{owner}, {expected}"
 
 
 def say_options(group: str, named: Named) -> str:

@@ -7,16 +7,18 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from atra.geometry.camera import Camera, Vector
-from atra.geometry.mesh import Mesh
-from atra.geometry.view import View
 from experiments.harness.column import Column
-from experiments.harness.environment import memory_budget_bytes
 from experiments.harness.method import AnyTracer, Method, Tracing
-from experiments.harness.options import Named, plain, plain_options
+from experiments.harness.options import plain, plain_options
 from experiments.harness.records import Record
+
+# Types alone: the help of the command line imports this module and has no use for NumPy and Numba.
+if TYPE_CHECKING:
+    from atra.geometry.camera import Camera, Vector
+    from atra.geometry.mesh import Mesh
+    from atra.geometry.view import View
 
 _TYPED = ("method", "options", "workload", "workload_options")
 """Fields of a point that are no plain values."""
@@ -75,11 +77,15 @@ class Point:
     @property
     def camera(self) -> Camera:
         """The view; of several frames, the one that they are made of."""
+        from atra.geometry.camera import Camera
+
         return Camera(self.eye, self.target, self.up, self.fov_y_degrees, self.width, self.height)
 
     @property
     def tracing(self) -> Tracing:
         """What holds for everything traced at the point, in this process and now: the budget may follow the machine."""
+        from experiments.harness.environment import memory_budget_bytes
+
         return Tracing(self.threads, self.build_quality, self.ties, memory_budget_bytes(self.memory_budget_gib))
 
     @property
@@ -125,7 +131,7 @@ class Workload:
     canary: what a measured record says of the machine alone (`experiments.results.canary`).
     problem: why a point cannot be measured. once: the name under which older tables have its rows, those with a value
     of its first option. rays: a row -> the kind of rays it traces, None = the workload's name. want: what a frame asks
-    of the cost model (`experiments.law`), None = what it cannot predict.
+    of a forecast, None = what it cannot predict.
     """
 
     name: str
@@ -169,10 +175,10 @@ class Workload:
         return measured
 
     @property
-    def code(self) -> tuple[str, str | None]:
-        """Where the code that measures begins, as `Code.parts` takes it."""
-        module = f"{self.room}.measure"
-        return (module, None) if _is_there(module) else (self.room, "measure")
+    def modules(self) -> tuple[str, ...]:
+        """The modules that define and measure it."""
+        measure = f"{self.room}.measure"
+        return (self.room, measure) if _is_there(measure) else (self.room,)
 
 
 def _is_there(module: str) -> bool:
@@ -183,24 +189,16 @@ def _is_there(module: str) -> bool:
         return False
 
 
-@dataclass(frozen=True)
-class Kinds:
-    """The methods and workloads that a configuration chooses from."""
+class Kind(NamedTuple):
+    """What a group of the configuration chooses from. names: all that there are, none of which is imported. find: name
+    -> the method or workload, imported alone; raises InputError for a name that is none."""
 
-    methods: Sequence[Method]
-    workloads: Sequence[Workload]
-
-    @property
-    def groups(self) -> dict[str, Sequence[Named]]:
-        """By the group of the configuration that chooses one of them."""
-        return {"method": self.methods, "workload": self.workloads}
+    names: Callable[[], Sequence[str]]
+    find: Callable[[str], Any]
 
 
-class Find(NamedTuple):
-    """How a method and a workload are found by their names. Both raise InputError for a name that is none."""
-
-    method: Callable[[str], Method]
-    workload: Callable[[str], Workload]
+Kinds = Mapping[str, Kind]
+"""By group: `method` and `workload`."""
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,10 @@ from matplotlib.transforms import Bbox
 
 import atra
 from experiments.drawing.style import BLACK, BLUE, GREY, ORANGE, VERMILLION
+from experiments.law.fit import gather
 from experiments.law.model.choice import Choice
 from experiments.law.model.formulas import family, fit, frame_terms
 from experiments.law.model.looking import look_at
-from experiments.law.predict import gather
 from scenes.loading import SceneSource, load_scene
 
 PAPER = ("cornell_box", "mitsuba", "fireplace_room", "sponza")

@@ -19,7 +19,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from atra.light import Atlas, Texels
-from experiments.law.measure import scene_named
+from experiments.law.looks import scene_named
 from experiments.law.model.formulas import NANO, fit
 from experiments.law.tile_looks import TileLook, look_at_tiles
 from experiments.law.tile_terms import packet_terms, prepare_terms, trace_terms

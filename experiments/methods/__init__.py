@@ -1,27 +1,27 @@
 """Methods: what can be measured, ours and other people's; adding one is a line here and its file.
 
-Installed packages and files add methods without a line here (`experiments.methods.outside`).
+The wings of the experiments and installed packages add methods by entry points, files by `method_file=...`
+(`experiments.methods.outside`).
 """
 
 from __future__ import annotations
 
 import os
-from functools import cache
+from collections.abc import Iterable
 from pkgutil import resolve_name
 from typing import Any
 
 from atra.errors import InputError
+from experiments.harness.entry_points import METHODS_GROUP, name_of_file, offered, offers
 from experiments.harness.method import Method
 from experiments.harness.options import find_named
 
-OWN = {
+CORE = {
     "visible_first": "experiments.methods.visible_first:VISIBLE_FIRST",
     "aligned": "experiments.methods.aligned:ALIGNED",
     "tiles": "experiments.methods.tiles:TILES",
     "pixel": "experiments.methods.pixel:PIXEL",
     "raster": "experiments.methods.raster:RASTER",
-    "bvh": "experiments.classification.own_bvh:BVH",
-    "classified": "experiments.classification.classified:CLASSIFIED",
     "embreex": "experiments.methods.peers.embreex_run:EMBREEX",
     "trimesh": "experiments.methods.peers.trimesh_ray:TRIMESH",
     "mitsuba3": "experiments.methods.peers.mitsuba_scene:MITSUBA3",
@@ -35,8 +35,8 @@ METHOD_FILES = "ATRA_METHOD_FILES"
 """Environment variable with the paths of files that hold methods; processes of a run find them by it."""
 
 METHODS: list[Method]
-"""All methods in that order, those from outside last. They are imported when this list is first asked for: a worker
-measures one method and imports no other."""
+"""All methods: the core's in that order, those of wings and packages by name, those of files. They are imported when
+this list is first asked for: a worker measures one method and imports no other."""
 
 
 def __getattr__(name: str) -> Any:
@@ -47,30 +47,36 @@ def __getattr__(name: str) -> Any:
 
 def _methods() -> list[Method]:
     if "METHODS" not in globals():
-        globals()["METHODS"] = [*map(resolve_name, OWN.values()), *_outside()]
+        globals()["METHODS"] = [*map(resolve_name, CORE.values()), *_outside()]
     found: list[Method] = globals()["METHODS"]
     return found
 
 
-@cache
-def _outside() -> tuple[Method, ...]:
+def _outside(names: Iterable[str] | None = None) -> list[Method]:
+    """Methods of wings, packages and files, by default all."""
     from experiments.methods.outside.loading import outside_methods
 
-    return tuple(outside_methods(OWN, _method_files()))
+    return list(outside_methods(CORE, _method_files(), names))
 
 
 def _method_files() -> list[str]:
     return [one for one in os.environ.get(METHOD_FILES, "").split(os.pathsep) if one]
 
 
+def method_names() -> list[str]:
+    """The names of all methods, none of which is imported for that."""
+    return list(dict.fromkeys([*CORE, *offered(METHODS_GROUP), *map(name_of_file, _method_files())]))
+
+
 def find_method(name: str) -> Method:
-    """The method called `name`; one of ours is imported alone. Raises InputError, naming those there are, for any other
-    name."""
-    if name in OWN:
-        return resolve_name(OWN[name])  # type: ignore[no-any-return]
-    known = globals().get("METHODS") or _outside()
+    """The method called `name`, imported alone. Raises InputError, naming those there are, for any other name."""
+    if name in CORE:
+        return resolve_name(CORE[name])  # type: ignore[no-any-return]
+    offer = next(offers(METHODS_GROUP, [name]), None)
+    if offer is not None and isinstance(offer.value, Method) and offer.value.name == name:
+        return offer.value
     try:
-        return find_named("method", known, name, OWN)
+        return find_named("method", globals().get("METHODS") or _outside([name]), name, method_names())
     except InputError as error:
         raise InputError(f"{error}; for a method of your own, give its method_file=, too") from None
 
@@ -83,7 +89,8 @@ def use_method_file(path: str) -> Method:
     from experiments.methods.outside.loading import load_file
 
     known = _methods()
-    method = load_file(path, len(known) - len(OWN), OWN, _method_files())
+    others = sum(not one.is_ours and one.name not in CORE for one in known)
+    method = load_file(path, others, CORE, _method_files())
     known[:] = [one for one in known if one.name != method.name] + [method]
     whole = os.path.abspath(os.path.expanduser(path))
     os.environ[METHOD_FILES] = os.pathsep.join(dict.fromkeys([*_method_files(), whole]))

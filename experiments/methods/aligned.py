@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from atra.alignment.aligned import AlignedTracer
-from atra.alignment.alignment import REFERENCES
-from atra.alignment.cells import GEOMETRIES
-from atra.geometry.mesh import Mesh
-from atra.geometry.view import View
-from atra.tracing.tracer import Tracer
 from experiments.drawing.style import BLUE
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Method, Style, Tracing
 from experiments.harness.options import option
 from experiments.methods.aligned_cells import AlignedCellOptions
 from experiments.methods.options import VERIFIED, keywords_of, resolve_split, say_robust
+
+# The tracer is imported when one is made: the help of the command line has no time for it.
+if TYPE_CHECKING:
+    from atra.geometry.mesh import Mesh
+    from atra.geometry.view import View
+    from atra.tracing.tracer import Tracer
 
 
 @dataclass(frozen=True)
@@ -27,18 +27,20 @@ class AlignedOptions(AlignedCellOptions):
     geometry: str = option(
         "copied",
         "copied = a sheared copy of the triangles per cell, instanced = one Embree instance of them per cell",
-        choices=GEOMETRIES,
+        choices=("copied", "instanced"),
     )
     culling: bool = option(True, "keep only triangles that a cell's frustum meets")
     reference: str = option(
         "off_axis",
         "reference cell: off_axis = a quarter of the image from its centre, first_cell = as in the paper; the image is "
         "the same",
-        choices=REFERENCES,
+        choices=("off_axis", "first_cell"),
     )
 
 
 def _make(mesh: Mesh, view: View, options: AlignedOptions, tracing: Tracing) -> Tracer:
+    from atra.alignment.aligned import AlignedTracer
+
     return AlignedTracer(mesh, view, options.split, **keywords_of(AlignedTracer, options, tracing))
 
 

@@ -7,9 +7,8 @@ from dataclasses import dataclass, fields, replace
 from inspect import signature
 from typing import Any, TypeVar
 
-from atra.compiled.instruction_sets import LANES
 from experiments.harness.column import WHOLE, Column
-from experiments.harness.method import Tracing
+from experiments.harness.method import LANES, Tracing
 from experiments.harness.options import Settings, option, whole
 
 WATERTIGHT = {"robust": True}

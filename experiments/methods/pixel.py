@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from atra.embree.scene import BUILD_QUALITIES
-from atra.geometry.mesh import Mesh
-from atra.geometry.view import View
-from atra.packets.pixel import PixelTracer
-from atra.tracing.rays import TILE_ORDERS
-from atra.tracing.tracer import Tracer
 from experiments.drawing.style import GREEN, TIMES
-from experiments.harness.method import Method, Style, Tracing
+from experiments.harness.method import BUILD_QUALITIES, Method, Style, Tracing
 from experiments.harness.options import option
 from experiments.methods.options import MethodOptions, keywords_of, packet_width_option, robust_option
+
+# The tracer is imported when one is made: the help of the command line has no time for it.
+if TYPE_CHECKING:
+    from atra.geometry.mesh import Mesh
+    from atra.geometry.view import View
+    from atra.tracing.tracer import Tracer
 
 SAME = "same"
 """Build quality of its own BVH: that of the point, which the baselines beside it have, too."""
@@ -36,13 +36,15 @@ class PixelOptions(MethodOptions):
         "blocks",
         "which pixels follow each other: blocks of 32 x 16 row by row, rows as wide as the image, or 16 x 16 along a "
         "morton curve",
-        choices=TILE_ORDERS,
+        choices=("blocks", "rows", "morton"),
     )
     own_build_quality: str = option(SAME, "of its own BVH; same = build_quality", choices=(SAME, *BUILD_QUALITIES))
 
 
 def make_pixel(mesh: Mesh, view: View, options: PixelOptions, tracing: Tracing) -> Tracer:
     """One ray per pixel; packets of 1 are `rtcIntersect1`."""
+    from atra.packets.pixel import PixelTracer
+
     changed = {} if options.own_build_quality == SAME else {"build_quality": options.own_build_quality}
     return PixelTracer(mesh, view, **keywords_of(PixelTracer, options, tracing) | changed)
 

@@ -13,10 +13,9 @@ from experiments.paper import resources, speed
 from experiments.paper.evidence import Evidence
 from experiments.paper.judging import on_every_scene, on_paper_scene, on_paper_scenes, on_some_scene
 from experiments.paper.readings import EVERY_HIT, NEAREST, READINGS, readings_of
-from experiments.results.claims import Judge, JudgedClaim, Judgement, NotMeasuredError, judge_all, read_claims
-
-BEST_SPEEDUPS = {"cornell_box": 7.50, "mitsuba": 2.94, "fireplace_room": 1.85, "sponza": 1.71}
-"""What the paper reports of aligned single rays at the best split."""
+from experiments.results.claims import Judge, JudgedClaim, judge_all
+from experiments.results.queries import read_claims
+from experiments.workloads.reported import BEST_SPEEDUPS
 
 
 def best_speedup_id(scene: str) -> str:
@@ -37,15 +36,6 @@ def _alike(on_scenes: Callable[[Any], Judge], judge: Callable[..., Any]) -> dict
 def _each(on_scenes: Callable[[Any], Judge], judge: Callable[..., Any]) -> dict[str, Judge]:
     """Under each reading of the paper's baseline."""
     return {reading.name: on_scenes(partial(judge, reading=reading)) for reading in READINGS}
-
-
-def _no_number(why: str) -> dict[str, Judge]:
-    """A sentence that no table can judge."""
-
-    def judge(evidence: Any) -> Judgement:
-        raise NotMeasuredError(why)
-
-    return _alone(judge)
 
 
 _JUDGES: Mapping[str, Mapping[str, Judge]] = {
@@ -77,15 +67,6 @@ _JUDGES: Mapping[str, Mapping[str, Judge]] = {
     "larger-scenes-gain-less": _each(on_paper_scenes, speed.larger_scenes_gain_less),
     "culling-saves-memory": _alone(on_every_scene(resources.culling_saves_memory)),
     "any-divisor-works": _alone(on_every_scene(resources.any_divisor_works)),
-    "easy-to-implement": _no_number(
-        "how easy it is, no table says; ours is atra/alignment, beside a filter function of Embree"
-    ),
-    "no-early-end": _no_number(
-        "this follows from the method: a ray serves a pixel of every cell, and each may see a farther hit"
-    ),
-    "stereo-and-frames": _no_number(
-        "a proposal without a number; sweep=stereo and sweep=multiframe say what it brings"
-    ),
 }
 
 CLAIMS = read_claims(

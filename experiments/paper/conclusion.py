@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.paper.claims import BEST_SPEEDUPS, best_speedup_id
+from experiments.paper.claims import best_speedup_id
 from experiments.paper.evidence import TIMED, NotMeasuredError, SceneRows, collect_scenes
 from experiments.paper.judging import paper_scene
 from experiments.paper.readings import PACKETS_OVER, READINGS, BestGain, Reading, best_gain, readings_of
@@ -24,6 +24,7 @@ from experiments.results.claims import (
     verdict_on,
 )
 from experiments.results.verdicts import decide_greater
+from experiments.workloads.reported import BEST_SPEEDUPS
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,6 @@ from experiments.workloads.multiframe import MULTIFRAME
 PAPER_SCENES = {"cornell_box": 1_112, "mitsuba": 61_600, "fireplace_room": 143_173, "sponza": 262_267}
 """The paper's scenes with the triangles it reports, smallest first."""
 
-PAPER_SIZE = (1024, 1024)
-
 SPLITS = tuple(2**power for power in range(11))
 """Splits of one axis in the paper's figures 5 to 7."""
 

@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from experiments.drawing.axes import draw_baseline, draw_series, finish_split_axes
-from experiments.drawing.figure import FigureKind, of_table
-from experiments.drawing.missing import Missing, mark_missing, without_value
-from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot
+from experiments.drawing.figure import Axis, Figure, FigureKind, Line, Panel, median_level, of_table
+from experiments.drawing.missing import Missing, without_value
 from experiments.drawing.style import BLACK, DOTTED
 from experiments.drawing.values import numbers
 from experiments.methods.naming import FORM_OPTIONS, FORM_STYLES, INSTANCED, aligned_forms, aligned_rows
 from experiments.results.settings import say_setting
 from experiments.results.table import workload_rows
 from experiments.workloads.frame import FRAME
-from experiments.workloads.frame_figures import RATIO_LABELS, draw_ratios
+from experiments.workloads.frame_figures import RATIO_LABELS, SPLIT_AXES, ratios_panel
 from experiments.workloads.memory import MEMORY
 from experiments.workloads.memory.shown import baseline_rows, memory_mib
-from experiments.workloads.panels import Panel, make_panels
+from experiments.workloads.panels import PanelRows, figure_of, make_panels
 
 _BASELINE_STYLE = {"color": BLACK, "linestyle": DOTTED}
 _MEMORY_BASELINE = "one ray per pixel (memory)"
 
 
-def draw_instancing_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
+def instancing_figure(table: pd.DataFrame) -> Figure:
     """Two panels a scene over horizontal splits, all axes logarithmic: Embree's bytes, ratios within rounds.
 
     table: rows of both workloads. Copies are timed at the packet widths at which instances were timed
@@ -34,17 +30,15 @@ def draw_instancing_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     table = workload_rows(table, MEMORY.name, FRAME.name)
     memory, time = (table[table["workload"] == workload.name] for workload in (MEMORY, FRAME))
     time = _at_widths_of_instances(aligned_rows(time))
-    pairs = _pairs(pd.concat([time, aligned_rows(memory)]))
-    figure, axes = make_figure(2 * len(pairs), columns, panel_height=4.1)
-    for (title, panel), left, right in zip(pairs, axes[::2], axes[1::2], strict=True):
-        of_memory = panel.rows["workload"] == MEMORY.name
-        for axis, what in ((left, "memory"), (right, "speed-up")):
-            set_panel_title(axis, f"{title}: {what}", panel.stands_for)
-        _draw_memory(left, panel.rows[of_memory], baseline_rows(memory, panel.rows))
-        draw_ratios(right, panel.rows[~of_memory], "split_x")
-    add_legend(figure, axes, [*RATIO_LABELS, _MEMORY_BASELINE])
-    write_foot(figure, pd.concat([time, memory]), "memory: Embree's own account, each point one process")
-    return figure
+    panels = []
+    for one in _pairs(pd.concat([time, aligned_rows(memory)])):
+        of_memory = one.rows["workload"] == MEMORY.name
+        shown = _memory(one.rows[of_memory], baseline_rows(memory, one.rows))
+        panels += [one.panel(shown, ": memory"), one.panel(ratios_panel(one.rows[~of_memory], "split_x"), ": speed-up")]
+    return figure_of(
+        "lines", panels, pd.concat([time, memory]), "memory: Embree's own account, each point one process",
+        x=SPLIT_AXES["split_x"], legend=[*RATIO_LABELS, _MEMORY_BASELINE],
+    )  # fmt: skip
 
 
 def _at_widths_of_instances(time: pd.DataFrame) -> pd.DataFrame:
@@ -52,8 +46,8 @@ def _at_widths_of_instances(time: pd.DataFrame) -> pd.DataFrame:
     return time[time["packet_width"].isin(widths)] if len(widths) else time
 
 
-def _pairs(rows: pd.DataFrame) -> list[tuple[str, Panel]]:
-    """Title and rows of each pair of panels; memory rows stand beside the times of every packet width."""
+def _pairs(rows: pd.DataFrame) -> list[PanelRows]:
+    """Rows of each pair of panels; memory rows stand beside the times of every packet width."""
     pairs = []
     for panel in make_panels(rows, (*FORM_OPTIONS, "split_x", "packet_width")):
         of_memory = panel.rows["workload"] == MEMORY.name
@@ -62,23 +56,21 @@ def _pairs(rows: pd.DataFrame) -> list[tuple[str, Panel]]:
         for width in widths:
             of_width = time if width is None else time[time["packet_width"] == width]
             same = memory[memory["packet_width"] == width] if width is not None else memory
+            words = [panel.details, *([] if len(widths) == 1 else [say_setting("packet_width", width)])]
             chosen = pd.concat([of_width, same if len(same) else memory])
-            title = panel.title if len(widths) == 1 else f"{panel.title}, {say_setting('packet_width', width)}"
-            pairs.append((title, Panel(panel.scene, panel.details, chosen)))
+            pairs.append(PanelRows(panel.scene, ", ".join(filter(None, words)), chosen))
     return pairs
 
 
-def _draw_memory(axis: Axes, rows: pd.DataFrame, baseline: pd.DataFrame) -> None:
+def _memory(rows: pd.DataFrame, baseline: pd.DataFrame) -> Panel:
     missing: list[Missing] = []
+    lines = []
     for form, points in aligned_forms(rows).items():
-        style = FORM_STYLES[form]
-        value_mib = memory_mib(points, "embree_bytes")
-        draw_series(axis, numbers(points, "split_x"), value_mib, style, label=form)
+        value_mib, style = memory_mib(points, "embree_bytes"), FORM_STYLES[form]
+        lines.append(Line(form, numbers(points, "split_x"), value_mib, style))
         missing += without_value(points, value_mib, "split_x", form.removeprefix("aligned, "), style["color"])
-    baseline_mib = memory_mib(baseline, "embree_bytes")
-    draw_baseline(axis, baseline_mib, _BASELINE_STYLE, _MEMORY_BASELINE)
-    mark_missing(axis, missing)
-    finish_split_axes(axis, rows["split_x"], "split_x", "memory in MiB")
+    levels = median_level(_MEMORY_BASELINE, memory_mib(baseline, "embree_bytes"), _BASELINE_STYLE)
+    return Panel(lines=lines, levels=levels, crosses=missing, y=Axis("memory in MiB"))
 
 
 def _instances(table: pd.DataFrame) -> pd.DataFrame:
@@ -89,6 +81,6 @@ def _instances(table: pd.DataFrame) -> pd.DataFrame:
 FIGURES = (
     FigureKind(
         "figure7_instancing", "Beside figure 7: instances instead of copies, in memory and in speed", _instances,
-        of_table(draw_instancing_figure),
+        of_table(instancing_figure),
     ),
 )  # fmt: skip

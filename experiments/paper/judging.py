@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from experiments.paper.evidence import PAPER_SCENES, PAPER_SIZE, TIMED, Evidence, NotMeasuredError, SceneRows
+from experiments.paper.evidence import PAPER_SCENES, TIMED, Evidence, NotMeasuredError, SceneRows
 from experiments.results.claims import Judge, Judgement
 from experiments.results.verdicts import Outcome, on_cases
+from experiments.workloads.reported import PAPER_SIZE
 
 SceneJudge = Callable[[SceneRows], Outcome]
 

@@ -183,7 +183,11 @@ def help_of(owner: type, field: Field[Any]) -> str:
 
 
 def _said_of(kind: type, name: str) -> str:
-    """What a docstring like "width, height: pixels. fov: degrees. Raises ..." says of one name, up to the next name."""
+    """What a docstring says of one name: under it in NumPy's form, or behind it, up to the next name, in one like
+    "width, height: pixels. fov: degrees. Raises ..."."""
+    under = re.search(rf"^(?:\w+, )*{name}(?:, \w+)* :.*\n((?: +.*\n)+)", cleandoc(kind.__doc__ or "") + "\n", re.M)
+    if under:
+        return " ".join(under[1].split())
     names = "|".join(re.escape(one.name) for one in fields(kind))
     text = " ".join(cleandoc(kind.__doc__ or "").split())
     pieces = re.split(rf"(?<![\w`.])((?:{names})(?:, (?:{names}))*): ", text)

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import re
 from argparse import SUPPRESS, ArgumentParser
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import Field, fields, is_dataclass
 from pathlib import Path
 from typing import Any, get_type_hints
 
+from omegaconf import OmegaConf
+
+from atra.command.baking import add_bake
 from atra.command.render import add_render
+from atra.command.viewing import add_view
 from experiments.harness.column import TEXT, Column, option_columns
-from experiments.harness.configuration import Action, Configuration
+from experiments.harness.configuration import CONFIGURATION, Configuration
 from experiments.harness.method import Method
 from experiments.harness.point import Workload
 from experiments.methods import METHODS
@@ -19,7 +23,6 @@ from experiments.reference.names import (
     choices_of,
     code,
     help_of,
-    paragraphs,
     public_names,
     say_default,
     say_type,
@@ -30,13 +33,29 @@ from experiments.results.table import columns
 from experiments.workloads import WORKLOADS
 
 _KEYS = ("key", "type", "default", "choices", "unit", "meaning")
+_OPTIONS = ("option", "type", "default", "choices", "meaning")
 _COLUMNS = ("column", "type", "unit", "meaning")
 
 
 def command_line() -> str:
-    """The verbs, and the options of `atra render` for files of one's own, the only ones that are no keys."""
+    """The verbs of the harness, and the options of those of the library that have no keys."""
+    verbs = [(code(verb), what) for verb, what in _said_of_verbs()]
+    return "\n".join(
+        [
+            "## Command line\n",
+            "`atra VERB key=value …`, or in a clone `python run.py VERB key=value …`. Without a verb it measures.\n",
+            table(("verb", "what it does"), verbs),
+            *_options("render", add_render, "Writes what every view of a mesh sees, or a picture in full light."),
+            *_options("view", add_view, "Shows a mesh with its materials and lights on a page of the browser."),
+            *_options("bake", add_bake, "Makes a lightmap of a mesh with its materials and lights."),
+        ]
+    )
+
+
+def _options(verb: str, add: Callable[[ArgumentParser], None], what: str) -> tuple[str, str, str]:
+    """A verb of the library with a table of its options."""
     parser = ArgumentParser()
-    add_render(parser)
+    add(parser)
     rows = [
         (
             " ".join(map(code, one.option_strings)) or code(one.dest),
@@ -48,25 +67,13 @@ def command_line() -> str:
         for one in parser._actions
         if one.default != SUPPRESS
     ]
-    verbs = [(code(verb), what) for verb, what in _said_of_actions()]
-    return "\n".join(
-        [
-            "## Command line\n",
-            "`atra VERB key=value …`, or in a clone `python run.py VERB key=value …`. Without a verb it measures.\n",
-            table(("verb", "what it does"), verbs),
-            "### `atra render MESH --camera CAMERAS --out FOLDER`\n",
-            "Writes what every view of a mesh sees. It needs the library alone, not the harness.\n",
-            table(("option", "type", "default", "choices", "meaning"), rows),
-        ]
-    )
+    return f"### `atra {verb} MESH`\n", f"{what} It needs the library alone.\n", table(_OPTIONS, rows)
 
 
-def _said_of_actions() -> Iterator[tuple[str, str]]:
-    """ "verb = what it does; verb = ..." of the Action's docstring."""
-    (_, listed) = paragraphs(Action.__doc__)
-    for one in listed.rstrip(".").split("; "):
-        verb, _, what = one.partition(" = ")
-        yield Action(verb).value, what
+def _said_of_verbs() -> Iterator[tuple[str, str]]:
+    """Verbs and what they do, by the help of the command line."""
+    header = OmegaConf.load(CONFIGURATION / "config.yaml").hydra.help.header
+    yield from re.findall(r"^python run\.py ([a-z][a-z-]*) (?:.*?\S)?  +(\S.*)$", header, re.MULTILINE)
 
 
 def configuration_keys() -> str:

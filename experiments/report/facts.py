@@ -9,6 +9,7 @@ from typing import Any
 
 import pandas as pd
 
+from experiments.drawing.values import column
 from experiments.harness.column import TEXT, TRUTH, Column
 from experiments.harness.environment import BUSY_SHARE_OF_ALL_CORES
 from experiments.harness.point import Workload
@@ -59,16 +60,19 @@ def stand_ins(table: pd.DataFrame) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class ComparedImages:
-    """How many images were compared with that of rtcIntersect1, and the wrong pixels of all of them."""
+    """How many images were compared with that of rtcIntersect1, the wrong pixels of all of them, and the holes of ours
+    and of rtcIntersect1 among these."""
 
     images: int
     pixels_wrong: int
+    pixels_hole: int
 
 
 def compared_images(table: pd.DataFrame) -> ComparedImages:
     """How many images of measured points were compared, and how many of their pixels are wrong."""
-    wrong = table.loc[table["status"].isin(("ok", WRONG)), "pixels_wrong"].dropna()
-    return ComparedImages(len(wrong), int(wrong.sum()))
+    rows = table[table["status"].isin(("ok", WRONG)) & table["pixels_wrong"].notna()]
+    wrong, *holes = (int(column(rows, name).sum()) for name in ("pixels_wrong", "pixels_hole", "baseline_pixels_hole"))
+    return ComparedImages(len(rows), wrong, sum(holes))
 
 
 @dataclass(frozen=True)
@@ -119,8 +123,8 @@ def count_doubts(rows: pd.DataFrame) -> Doubts:
 
 
 def _with_ranges(kind: str, found: list[list[str]]) -> str:
-    for column in zip(*found, strict=True):
-        ordered = sorted(set(column), key=lambda text: float(text.replace(",", "")))
+    for numbers in zip(*found, strict=True):
+        ordered = sorted(set(numbers), key=lambda text: float(text.replace(",", "")))
         kind = kind.replace("#", ordered[0] if len(ordered) == 1 else f"{ordered[0]}{_TO}{ordered[-1]}", 1)
     return kind
 

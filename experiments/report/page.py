@@ -15,12 +15,13 @@ from markupsafe import Markup
 
 from atra.errors import printable
 from atra.files.paths import write_atomically
-from experiments.drawing.figure import DrawnFigure
+from experiments.drawing.figure import NamedFigure
+from experiments.drawing.render import render
 from experiments.paper.conclusion import SceneGains, conclude, scene_gains, where_packets_stand
 from experiments.paper.evidence import NotMeasuredError
 from experiments.paper.readings import readings_of
 from experiments.report import facts
-from experiments.report.load_figure import draw_load
+from experiments.report.load_figure import load_figure
 from experiments.results.canary import BAND
 from experiments.results.claims import (
     DOES_NOT_HOLD,
@@ -59,7 +60,7 @@ class ReportContents:
     command: str
     table: pd.DataFrame
     processes: pd.DataFrame
-    figures: Sequence[DrawnFigure]
+    figures: Sequence[NamedFigure]
     pictures: Sequence[ScenePictures]
     claims: Sequence[JudgedClaim]
     environment: dict[str, Any]
@@ -96,7 +97,7 @@ def render_report(contents: ReportContents) -> str:
         processes=facts.count_processes(table),
         band=BAND,
         load=facts.load_in_short(contents.processes),
-        load_figure=draw_load(contents.processes),
+        load_figure=load_figure(contents.processes),
         statuses=table["status"].value_counts().to_dict(),
         doubts=facts.count_doubts(table),
         claims=claims,
@@ -125,7 +126,7 @@ def _template() -> Template:
     )
     environment.filters["thousands"] = lambda value: f"{value:,}"
     environment.filters["ratio"] = lambda value: f"{value:.2f}"
-    environment.filters["svg"] = lambda content: _data_uri(content, "image/svg+xml")
+    environment.filters["svg"] = lambda figure: _data_uri(render(figure, "svg"), "image/svg+xml")
     environment.filters["png"] = lambda content: _data_uri(content, "image/png")
     return environment.get_template("template.html")
 
@@ -147,5 +148,5 @@ def _data_uri(content: bytes, media_type: str) -> str:
     return f"data:{media_type};base64,{base64.b64encode(content).decode('ascii')}"
 
 
-def _doubts_of(figure: DrawnFigure, table: pd.DataFrame) -> facts.Doubts:
+def _doubts_of(figure: NamedFigure, table: pd.DataFrame) -> facts.Doubts:
     return facts.count_doubts(table[["status", "doubts"]][table["point_id"].isin(figure.point_ids)])

@@ -15,7 +15,8 @@ from rich.console import Console
 
 from atra.errors import InputError, RecordError, StorageError
 from atra.files.paths import write_together
-from experiments.drawing.figure import DrawnFigure, FigureKind, draw_figure, figure_files
+from experiments.drawing.figure import FigureKind, NamedFigure, make_figures
+from experiments.drawing.render import figure_files
 from experiments.harness.configuration import Configuration, records_folder, results_folder
 from experiments.harness.environment import describe_difference
 from experiments.harness.identity import current_environment
@@ -84,10 +85,10 @@ def write_results(configuration: Configuration, tables: Tables, command: str) ->
     return f"{first.caption}: {folder / first.name}.png" if first else None
 
 
-def _most_telling(figures: Sequence[DrawnFigure], table: pd.DataFrame) -> DrawnFigure | None:
+def _most_telling(figures: Sequence[NamedFigure], table: pd.DataFrame) -> NamedFigure | None:
     """The first figure that names all methods of files in the table, if there are any; or else the first."""
     labels = [find_method(name).label for name in of_files(table)["method"].unique()]
-    named = [one for one in figures if all(re.search(rf"\b{re.escape(label)}\b", one.words) for label in labels)]
+    named = [one for one in figures if all(re.search(rf"\b{re.escape(label)}\b", one.figure.words) for label in labels)]
     return next(iter([*named, *figures]), None)
 
 
@@ -149,11 +150,11 @@ def _files_of_tables(folder: Path) -> list[Path]:
 
 def _what_follows(
     configuration: Configuration, tables: Tables, *, command: str, report: bool
-) -> tuple[list[DrawnFigure], dict[str, bytes]]:
+) -> tuple[list[NamedFigure], dict[str, bytes]]:
     """The figures, and the contents of the files of figures, claims and page by name, all from tables and records."""
     folder, records, table = results_folder(configuration), records_folder(configuration), tables.points
     environment = _environment(table, records)
-    figures = list(draw_figures(table, records, configuration.sweep.figures))
+    figures = list(figures_of(table, folder, configuration.sweep.figures))
     files = {name: content for figure in figures for name, content in figure_files(figure).items()}
     for workload in WORKLOADS:
         shown: Any = workload.part("shown")
@@ -174,7 +175,7 @@ def _what_follows(
             processes=tables.processes,
             # The pictures have a section of their own, and some must not be passed on.
             figures=[figure for figure in figures if figure.in_page],
-            pictures=read_pictures(table, records),
+            pictures=read_pictures(table, folder),
             claims=claims,
             environment=environment,
         )
@@ -262,12 +263,12 @@ def check_figures(figures: Mapping[str, Sequence[str]], grids: Collection[str]) 
                 raise InputError(f"sweep.figures.{name} names {grid!r}, expected one of {', '.join(grids)}")
 
 
-def draw_figures(
-    table: pd.DataFrame, records: Path, grids: Mapping[str, Sequence[str]] | None = None
-) -> Iterator[DrawnFigure]:
+def figures_of(
+    table: pd.DataFrame, folder: Path, grids: Mapping[str, Sequence[str]] | None = None
+) -> Iterator[NamedFigure]:
     """Every figure that the table allows; one none of whose points was measured is left out.
 
-    records: the folder of the records. grids: by name of the figure, the grids whose points it draws; without any,
+    folder: of the sweep. grids: by name of the figure, the grids whose points it draws; without any,
     every figure draws what it can of the table.
     """
     for kind in figure_kinds():
@@ -275,7 +276,7 @@ def draw_figures(
             continue
         rows = _of_grids(table, (*grids[kind.name], GRID_OF_FILES)) if grids else kind.rows(table)
         if len(rows):
-            yield from draw_figure(kind, rows, records)
+            yield from make_figures(kind, rows, folder)
 
 
 def _of_grids(table: pd.DataFrame, grids: Sequence[str]) -> pd.DataFrame:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import groupby
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -59,27 +57,6 @@ class Claim:
     how: str
     judges: Mapping[str, Judge]
     inferred: bool = False
-
-
-def read_claims(path: Path, judges: Mapping[str, Mapping[str, Judge]], **numbers: Any) -> tuple[Claim, ...]:
-    """The claims of a TOML file, in its order. judges: of each, by its id.
-
-    In `paper` and `how` of a claim, {name} stands for the text of that name in [words], or for one of the numbers.
-    Raises ValueError where the file and the judges do not have the same claims.
-    """
-    told = tomllib.loads(path.read_text(encoding="utf-8"))
-    if {one["id"] for one in told["claims"]} != judges.keys():
-        raise ValueError(f"{path} has the claims {[one['id'] for one in told['claims']]}, expected {[*judges]}")
-    words = dict(numbers)
-    for name, text in told["words"].items():
-        words[name] = text.format(**words)
-    return tuple(
-        Claim(
-            one["id"], one["section"], one["text"], one["paper"].format(**words), one.get("how", "").format(**words),
-            judges[one["id"]], one.get("inferred", False),
-        )
-        for one in told["claims"]
-    )  # fmt: skip
 
 
 @dataclass(frozen=True)

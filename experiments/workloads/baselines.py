@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from atra.compiled.instruction_sets import LANES
 from experiments.drawing.style import BLACK, DASHED, DOTTED, GREEN
 from experiments.harness.column import REAL, WHOLE, Column
+from experiments.harness.method import LANES
 from experiments.harness.records import Record
 from experiments.results.statistics import Series, choosing_column, reporting_columns, statistics_columns
 

@@ -6,19 +6,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from math import nan
-from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from experiments.drawing.axes import draw_baseline, draw_level, draw_series, finish_split_axes
-from experiments.drawing.bars import Bar
-from experiments.drawing.missing import Missing, absent_points, mark_missing, without_value
-from experiments.drawing.pages import write_lines
-from experiments.drawing.style import DASH_DOTTED, GREY, TIMES
+from experiments.drawing.figure import Axis, Bar, Figure, Level, Line, Mark, Panel
+from experiments.drawing.missing import Missing, absent_points, without_value
+from experiments.drawing.style import BLACK, DASH_DOTTED, GREY, TIMES
 from experiments.drawing.values import (
     MILLISECONDS,
     column,
@@ -44,76 +39,89 @@ from experiments.methods.pixel import PIXEL
 from experiments.results.doubts import WRONG
 from experiments.workloads import series
 from experiments.workloads.baselines import TIME_BASELINES
-from experiments.workloads.panels import Bars, Panel, bars_figure, make_panels, panels_figure
+from experiments.workloads.panels import PanelRows, Read, figure_of, make_panels, read_panels
+from experiments.workloads.reported import BEST_SPEEDUPS, PAPER_SIZE
 
 ALL_HITS = f"1 {TIMES} 1, culling off: all hits"
 """The paper's other possible baseline: the method with nothing to align."""
 
-RATIO_LABELS = (*FORM_STYLES, *TIME_BASELINES, ALL_HITS)
+PAPER_BEST = "the paper's best"
+
+RATIO_LABELS = (*FORM_STYLES, *TIME_BASELINES, ALL_HITS, PAPER_BEST)
 """In the order of the legends."""
 
-_RINGED = "ringed, and in words below: the best split, by the ratio in the same rounds"
+SPLIT_AXES = {"split_x": Axis("horizontal splits", "ticks"), "split_y": Axis("vertical splits", "ticks")}
 
-_RING: dict[str, Any] = {
-    "markersize": 13, "markerfacecolor": "none", "markeredgewidth": 1.8, "zorder": 4, "label": "_best",
-}  # fmt: skip
-"""Marks the best split; its numbers stand below the panel, where they hide no line."""
+_RINGED = "ringed: the best split, by the ratio in the same rounds"
+_STAR = f"star: {PAPER_BEST} speed-up of single rays, at whatever number of splits"
 
 
-def draw_split_times(table: pd.DataFrame, columns: int = 2, axis_name: str = "split_x") -> Figure:
+def split_times(table: pd.DataFrame, axis_name: str = "split_x") -> Figure:
     """One panel a scene (and a value of any other setting that varies); milliseconds a frame over splits, both
     logarithmic.
 
     axis_name: `split_x` (horizontal splits, the paper's figure 5) or `split_y` (vertical). The baselines, measured
     beside every point, are lines at their medians.
     """
-    return _draw(table, columns, axis_name, draw_times, "both axes are logarithmic")
+    return _over_splits(table, axis_name, times_panel, "time of a frame in ms")
 
 
-def draw_split_ratios(table: pd.DataFrame, columns: int = 2, axis_name: str = "split_x") -> Figure:
+def split_ratios(table: pd.DataFrame, axis_name: str = "split_x", with_paper: bool = False) -> Figure:
     """The same in speed-ups: ratios within rounds of single rays over rtcIntersect1 and of packets over packets, with
-    intervals. Horizontal lines are other baselines."""
-    return _draw(table, columns, axis_name, draw_ratios)
+    intervals. Horizontal lines are other baselines. with_paper: the paper's best stand among single rays."""
+    return _over_splits(table, axis_name, partial(ratios_panel, with_paper=with_paper), "speed-up")
 
 
-def _draw(table: pd.DataFrame, columns: int, axis_name: str, draw_panel: Callable[..., None], *foot: str) -> Figure:
+def _over_splits(table: pd.DataFrame, axis_name: str, read: Callable[..., Panel], quantity: str) -> Figure:
     panels = make_panels(aligned_rows(table), (axis_name, *FORM_OPTIONS))
     panels = [replace(one, rows=pd.concat([one.rows, series.beside(one.rows, table)])) for one in panels]
-    draw = partial(draw_panel, axis_name=axis_name)
+    shown = read_panels(panels, partial(read, axis_name=axis_name))
+    notes = [_RINGED, *([_STAR] if any(mark.label == PAPER_BEST for one in shown for mark in one.marks) else [])]
     legend = [*RATIO_LABELS, *(one.name for one in series.best_points(series.of_files(table)))]
-    return panels_figure(panels, draw, columns, table, *foot, _RINGED, legend=legend)
+    return figure_of(
+        "lines", shown, table, "both axes are logarithmic", *notes, legend=legend, x=SPLIT_AXES[axis_name],
+        y=Axis(quantity),
+    )  # fmt: skip
 
 
-def draw_times(axis: Axes, rows: pd.DataFrame, axis_name: str) -> None:
+def times_panel(rows: pd.DataFrame, axis_name: str) -> Panel:
     """Milliseconds a frame of one panel's aligned rows, each form of the geometry a line, with the baselines, and of
     methods of files, which have no splits, as levels."""
     others, rows = series.of_files(rows), aligned_rows(rows)
-    for label, (name, style) in TIME_BASELINES.items():
-        draw_baseline(axis, numbers(rows, name) * MILLISECONDS, style, label)
     say_best = partial(_say_best_time, axis_name=axis_name)
-    levels = _draw_levels(axis, others, ("render_time{}_s", MILLISECONDS), say_level)
-    notes = _unmeasured_baselines(rows)
-    _draw_forms(axis, rows, axis_name, ("render_time{}_s", MILLISECONDS), say_best, notes, levels)
-    finish_split_axes(axis, rows[axis_name], axis_name, "time of a frame in ms")
+    shown = _forms(rows, axis_name, ("render_time{}_s", MILLISECONDS), say_best, _unmeasured_baselines(rows))
+    return _beside(shown, series.time_levels(rows), others, ("render_time{}_s", MILLISECONDS), say_level)
 
 
-def draw_ratios(axis: Axes, rows: pd.DataFrame, axis_name: str) -> None:
+def ratios_panel(rows: pd.DataFrame, axis_name: str, with_paper: bool = False) -> Panel:
     """Ratios of one panel's aligned rows, each form of the geometry a line, with the baselines, and of methods of
     files, which have no splits, as levels."""
     others, rows = series.of_files(rows), aligned_rows(rows)
     ratio, start = series.own_ratio(rows), all_hits(rows)
-    series.draw_ratio_baselines(axis, rows, ratio)
-    for height in start:
-        axis.axhline(height, color=GREY, linestyle=DASH_DOTTED, linewidth=1.5, zorder=2, label=ALL_HITS)
+    levels = [Level(ALL_HITS, float(height), {"color": GREY, "linestyle": DASH_DOTTED}) for height in start]
 
     def say_best(best: pd.Series) -> str:
         over = "".join(f"; over all hits {best[ratio] / height:.2f}{TIMES}" for height in start)
         return f"{_say_best_time(best, axis_name)}, {best[ratio]:.2f}{TIMES}{over}"
 
     notes = [*([] if len(start) else [f"{ALL_HITS}: not measured"]), *_unmeasured_baselines(rows)]
-    levels = _draw_levels(axis, others, (ratio + "{}", 1.0), partial(say_level, ratio=ratio))
-    _draw_forms(axis, rows, axis_name, (ratio + "{}", 1.0), say_best, notes, levels)
-    finish_split_axes(axis, rows[axis_name], axis_name, f"speed-up over {series.say_baseline(ratio)}")
+    shown = _forms(rows, axis_name, (ratio + "{}", 1.0), say_best, notes)
+    levels = [*series.ratio_levels(rows, ratio), *levels]
+    shown = _beside(shown, levels, others, (ratio + "{}", 1.0), partial(say_level, ratio=ratio))
+    quantity = Axis(f"speed-up over {series.say_baseline(ratio)}")
+    stars = _paper_best(rows, axis_name) if with_paper and ratio == series.OVER_SINGLE else []
+    return replace(shown, y=quantity, marks=[*shown.marks, *stars])
+
+
+def _paper_best(rows: pd.DataFrame, axis_name: str) -> list[Mark]:
+    """The paper's best speed-up, where ours are of its scene and size: at the most splits, as it does not say at how
+    many."""
+    measured = rows[rows["status"] == "ok"]
+    known = [BEST_SPEEDUPS[one] for one in measured["scene"].unique() if one in BEST_SPEEDUPS]
+    if not (measured["width"].eq(PAPER_SIZE[0]) & measured["height"].eq(PAPER_SIZE[1])).all():
+        return []
+    looks = {"color": BLACK, "marker": "*", "markersize": 9}
+    return [Mark(PAPER_BEST, float(measured[axis_name].max()), value, looks) for value in known]
 
 
 def _say_best_time(best: pd.Series, axis_name: str) -> str:
@@ -136,24 +144,21 @@ def _unmeasured_baselines(rows: pd.DataFrame) -> list[str]:
     return [f"{label}: not measured" for label, name in columns.items() if not drawable(numbers(rows, name)).any()]
 
 
-_Levels = tuple[list[tuple[str, list[str]]], list[str]]
-"""Lines of `write_lines` and notes of `write_notes` on the levels of a panel."""
-
-
-def _draw_levels(
-    axis: Axes, rows: pd.DataFrame, drawn: tuple[str, float], say: Callable[[pd.Series], str]
-) -> _Levels:  # fmt: skip
-    """A level for each method of a file, at the best of its options. drawn: as of `_draw_forms`. say: its best row in
-    words."""
-    lines, notes = [], []
+def _beside(
+    shown: Panel, levels: Sequence[Level], rows: pd.DataFrame, drawn: tuple[str, float],
+    say: Callable[[pd.Series], str],
+) -> Panel:  # fmt: skip
+    """A panel with levels, and a level for each method of a file, at the best of its options. drawn: the columns and
+    the factor of `interval`. say: the best row in words."""
+    found, notes = list(levels), list(shown.notes)
     for one in series.best_points(rows):
-        notes += one.notes()
         for _, best in one.best.iterrows():
-            ends = row_interval(best, *drawn)
-            if ends[0] > 0:
-                draw_level(axis, ends, one.color, one.name)
-            lines.append((one.color, [f"{one.name}: {say(best)}"]))
-    return lines, notes
+            value, *ends = row_interval(best, *drawn)
+            if value > 0:
+                found.append(Level(one.name, value, {"color": one.color}, *ends))
+            notes.append(f"{one.name}: {say(best)}")
+        notes += one.notes()
+    return replace(shown, levels=found, notes=notes)
 
 
 def say_level(row: pd.Series, ratio: str | None = None) -> str:
@@ -163,34 +168,41 @@ def say_level(row: pd.Series, ratio: str | None = None) -> str:
     return ", ".join(filter(None, words))
 
 
-def _draw_forms(
-    axis: Axes, rows: pd.DataFrame, axis_name: str, drawn: tuple[str, float], say_best: Callable[[pd.Series], str],
-    notes: Sequence[str], levels: _Levels,
-) -> None:  # fmt: skip
-    """A line for each form, a ring around its best split, and below the panel what is best and what is missing.
+def _forms(
+    rows: pd.DataFrame, axis_name: str, drawn: tuple[str, float], say_best: Callable[[pd.Series], str],
+    notes: Sequence[str],
+) -> Panel:  # fmt: skip
+    """A line for each form, a ring around its best split, and in words what is best and what is missing.
 
-    drawn: the columns and the factor of `interval`. levels: lines and notes that follow.
+    drawn: the columns and the factor of `interval`. notes: more of these.
     """
+    lines: list[Line] = []
+    rings: list[Mark] = []
     missing: list[Missing] = []
-    lines: list[tuple[str, list[str]]] = []
+    told: list[str] = []
     forms = aligned_forms(rows)
     for form, points in forms.items():
         style, short = FORM_STYLES[form], form.removeprefix("aligned, ")
-        value, *ends = (only_measured(points, values) for values in interval(points, *drawn))
-        draw_series(axis, numbers(points, axis_name), value, style, ends, form)
+        value, low, high = (only_measured(points, values) for values in interval(points, *drawn))
+        lines.append(Line(form, numbers(points, axis_name), value, style, (low, high)))
         missing += without_value(points, value, axis_name, short, style["color"])
         missing += absent_points(points, set(rows[axis_name].dropna()), axis_name, short, style["color"])
         # A single one is no choice.
         for _, best in series.best_rows(points if drawable(value).sum() > 1 else points[:0]).iterrows():
-            height = value[(points[axis_name] == best[axis_name]).to_numpy(bool)]
-            axis.plot([best[axis_name]] * len(height), height, "o", **_RING, markeredgecolor=style["color"])
-            lines.append((style["color"], [f"{short}: {say_best(best)}"]))
+            heights = value[(points[axis_name] == best[axis_name]).to_numpy(bool)]
+            rings += [ring(float(best[axis_name]), float(height), style["color"]) for height in heights]
+            told.append(f"{short}: {say_best(best)}")
     absent = [f"{one.removeprefix('aligned, ')}: not in the table" for one in expected_forms(rows) if one not in forms]
-    beside, of_levels = levels
-    mark_missing(axis, missing, write_lines(axis, [*lines, *beside]), [*absent, *notes, *of_levels])
+    return Panel(lines=lines, marks=rings, crosses=missing, notes=[*told, *absent, *notes])
 
 
-def draw_methods_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
+def ring(x: float, y: float, color: str, drop: bool = False) -> Mark:
+    """A mark around a point of a line."""
+    looks = {"color": color, "marker": "o", "markersize": 10, "markerfacecolor": "none", "markeredgewidth": 1.6}
+    return Mark("", x, y, looks, drop)
+
+
+def methods_figure(table: pd.DataFrame) -> Figure:
     """One panel a scene (and a value of any other setting that varies); ratios within rounds, from zero.
 
     A bar is a method and packet width at its best split, its whisker the interval. Single rays and the fastest packets
@@ -198,11 +210,10 @@ def draw_methods_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     """
     rows = table[table["method"].isin([method.name for method in METHODS if not method.is_peer])]
     panels = make_panels(rows, (*best_of(), "packet_width"))
-    foot = "right of a label: time of a frame, packets / method and its interval"
-    return over_packets_figure(panels, _methods, columns, rows, foot, count=series.count_series)
+    return over_packets_figure(panels, _methods, rows, "time of a frame, packets / method and its interval")
 
 
-def _methods(rows: pd.DataFrame) -> Bars:
+def _methods(rows: pd.DataFrame) -> Panel:
     bars, notes = [], []
     lines = {1, None, *column(rows, "packets_width").dropna()}
     for one in series.best_points(rows):
@@ -210,8 +221,8 @@ def _methods(rows: pd.DataFrame) -> Bars:
             notes += series.say_unmeasured(one.points, one.name)
         else:
             notes += one.notes()
-            bars.append(ratio_bar(one, faint=one.packet_width == 1) if len(one.best) else _without_value(one))
-    return bars, notes
+            bars.append(ratio_bar(one, faint=one.is_single) if len(one.best) else _without_value(one))
+    return Panel(bars=bars, notes=notes)
 
 
 def _without_value(one: series.BestPoint) -> Bar:
@@ -228,13 +239,13 @@ def ratio_bar(one: series.BestPoint, faint: bool = False) -> Bar:
     return Bar(one.label, value, low, high, one.color, text, faint)
 
 
-def over_packets_figure(
-    panels: Sequence[Panel], read: Callable[[pd.DataFrame], Bars], columns: int, rows: pd.DataFrame, *foot: str,
-    count: Callable[[pd.DataFrame], int],
-) -> Figure:  # fmt: skip
-    """`bars_figure` of ratios over packets, with lines where both baselines of a panel's rows lie."""
-    return bars_figure(
-        panels, read, f"speed-up over {series.say_baseline(series.OVER_PACKETS)}", columns, rows, *foot,
-        draw_lines=partial(series.draw_ratio_baselines, ratio=series.OVER_PACKETS, upright=True),
-        legend=list(TIME_BASELINES), count=count,
+def over_packets_figure(panels: Sequence[PanelRows], read: Read, rows: pd.DataFrame, *notes: str) -> Figure:
+    """Bars of ratios over packets, with lines where both baselines of a panel's rows lie. notes: what bars' texts are,
+    and more."""
+    shown = [
+        one.panel(replace(read(one.rows), levels=series.ratio_levels(one.rows, series.OVER_PACKETS))) for one in panels
+    ]
+    quantity = Axis(f"speed-up over {series.say_baseline(series.OVER_PACKETS)}", "linear")
+    return figure_of(
+        "bars", shown, rows, *notes[1:], x=quantity, legend=list(TIME_BASELINES), headings=("", notes[0])
     )  # fmt: skip

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from numbers import Integral
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from atra.judge.compare import Agreement
 from experiments.harness.column import REAL, WHOLE, Column
+
+if TYPE_CHECKING:
+    from atra.hits import Hits
+    from atra.judge.compare import Agreement
 
 PIXELS = ("pixels_equal", "pixels_tied", "pixels_edge", "pixels_wrong")
 
@@ -23,12 +26,12 @@ IMAGE_COLUMNS = (
     Column("pixels_tied", WHOLE, "pixels with another triangle, equally deep"),
     Column("pixels_edge", WHOLE, "pixels whose ray passes within a thousandth of a pixel of a triangle's rim"),
     Column("pixels_wrong", WHOLE, "pixels without an excuse, holes of either image among them", over=max),
-    Column("pixels_hole", WHOLE, "wrong ones where the method's rays slip through between triangles", over=max),
-    Column("baseline_pixels_hole", WHOLE, "wrong ones where those of rtcIntersect1 do", over=max),
-    Column("depth_error_max", REAL, "largest relative error of a depth against float64, of the worst image"),
-    Column("depth_error_p999", REAL, "what 99.9 % of the relative errors stay below, of the worst image"),
-    Column("baseline_depth_error_max", REAL, "the same of rtcIntersect1"),
-    Column("baseline_depth_error_p999", REAL, "the same of rtcIntersect1"),
+    Column("pixels_hole", WHOLE, "wrong pixels where the method's ray slips between triangles", over=max),
+    Column("baseline_pixels_hole", WHOLE, "wrong pixels where an rtcIntersect1 ray slips through", over=max),
+    Column("depth_error_max", REAL, "largest relative depth error against float64, worst image"),
+    Column("depth_error_p999", REAL, "99.9th percentile of the relative depth errors, worst image"),
+    Column("baseline_depth_error_max", REAL, "largest relative depth error of rtcIntersect1, worst image"),
+    Column("baseline_depth_error_p999", REAL, "99.9th percentile of the depth errors of rtcIntersect1"),
 )
 
 
@@ -53,6 +56,14 @@ def say_holes(row: Mapping[str, Any]) -> str:
     if single:
         words.append(f"{single:,} of rtcIntersect1" if own else f"{single:,} {holes} of rtcIntersect1")
     return f", of them {' and '.join(words)}" if words else ""
+
+
+def compared(own: Hits, single: Hits) -> dict[str, float]:
+    """Verdicts on the pixels of an image beside that of single rays, and depth errors of both."""
+    from atra.judge.compare import compare
+
+    agreements = [compare(own, single)]
+    return counts(agreements) | depth_errors(agreements)
 
 
 def depth_errors(agreements: Sequence[Agreement]) -> dict[str, float]:

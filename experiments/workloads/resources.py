@@ -14,8 +14,8 @@ RESOURCE_COLUMNS = (
     Column("rss_start_bytes", WHOLE, "resident memory before the mesh"),
     Column("rss_mesh_bytes", WHOLE, "resident memory with the mesh"),
     Column("rss_bytes", WHOLE, "resident memory after the build"),
-    Column("peak_rss_bytes", WHOLE, "the most since the mesh (on Linux)"),
-    Column("embree_bytes", WHOLE, "what Embree holds by its own account"),
+    Column("peak_rss_bytes", WHOLE, "largest resident memory since the mesh was loaded (Linux only)"),
+    Column("embree_bytes", WHOLE, "Embree's memory, by its own account"),
 )
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from atra.all_hits.reductions import Reduction
 from atra.embree.library import load_library
 from atra.errors import InputError
 from atra.exact.ties import coplanar_overlaps
@@ -175,22 +176,49 @@ def shrunk(point: Point) -> Point:
 
 
 class Frames:
-    """Traces frame after frame into one image, so that no sample pays for fresh pages."""
+    """A contestant that traces frame after frame into one image, so that no sample pays for fresh pages."""
 
     def __init__(self, tracer: Any) -> None:
         self._tracer = tracer
-        self._images: Any = None
+        self._found: Any = None
 
-    def trace(self) -> float | None:
+    def __call__(self) -> float | None:
         """Trace a frame. Returns the seconds it took by the tracer's own word, None = it has none."""
-        self._images = self._tracer.trace(out=self._images)
+        self._found = self._tracer.trace(out=self._found)
         return getattr(getattr(self._tracer, "prepared", None), "frame_time_s", None)
 
     def latest(self) -> Any:
         """The images traced last; traces them if none were."""
-        if self._images is None:
-            self.trace()
-        return self._images
+        if self._found is None:
+            self()
+        return self._found
+
+
+class Gatherings(Frames):
+    """A contestant that gathers all hits again and again."""
+
+    def __init__(self, tracer: Any, what: Reduction[Any]) -> None:
+        super().__init__(tracer)
+        self._what = what
+
+    def __call__(self) -> None:
+        self._found = self._tracer.gather(self._what, out=self._found)
+
+
+def race(
+    point: Point,
+    contestants: Mapping[str, Callable[[], object]],
+    compare: Callable[[], Mapping[str, Any]] = dict,
+    results: dict[str, Any] | None = None,
+) -> Measured:
+    """Time contestants in rounds, and then compare what they found.
+
+    contestants: by the names of their samples, what each does in a round. compare: makes further results, once the
+    rounds are over. results: what is known before; all that comes is added to it.
+    """
+    timed, found = timed_rounds(point, contestants), {} if results is None else results
+    found |= compare()
+    return measured(found, timed)
 
 
 def timed_rounds(point: Point, methods: Mapping[str, Callable[[], object]]) -> RoundSamples:
@@ -214,12 +242,13 @@ def plan_and_build_again(own: Any) -> dict[str, Any]:
 
 
 def measured(results: dict[str, Any], timed: RoundSamples | None = None) -> Measured:
-    """Results and the samples of the rounds, if there were any, in the form of a record."""
+    """Results and the samples of the rounds, if there were any, in the form of a record. What is added to `results`
+    later, such as counters when a stack closes, is in the record, too."""
     if timed is None:
         return Measured(results)
-    occupancy = {} if timed.occupancy is None else asdict(timed.occupancy)
+    results |= {"rounds": timed.rounds} | ({} if timed.occupancy is None else asdict(timed.occupancy))
     return Measured(
-        results | {"rounds": timed.rounds} | occupancy,
+        results,
         {name: list(values) for name, values in timed.warmup.items()},
         {name: list(values) for name, values in timed.samples.items()},
     )

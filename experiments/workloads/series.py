@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from experiments.drawing.axes import draw_baseline
+from experiments.drawing.figure import Level, median_level
 from experiments.drawing.missing import missing_points
 from experiments.drawing.style import BLACK, DASHED, GREY, TIMES
-from experiments.drawing.values import column, numbers, say_things
+from experiments.drawing.values import MILLISECONDS, column, numbers, say_things
 from experiments.methods import METHODS, find_method
 from experiments.methods.naming import say_series, say_split
 from experiments.methods.pixel import PIXEL
@@ -95,13 +94,19 @@ def beside(rows: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
     return found
 
 
-def draw_ratio_baselines(axis: Axes, rows: pd.DataFrame, ratio: str, upright: bool = False) -> float:
-    """Draw a line at each baseline's ratio; one of the two is 1. Returns the end of the farther line's band."""
+def ratio_levels(rows: pd.DataFrame, ratio: str) -> list[Level]:
+    """A level at each baseline's ratio; one of the two is 1."""
     own_s = numbers(rows, TIME_BASELINES[_BASELINES[ratio]][0])
-    return max(
-        draw_baseline(axis, own_s / numbers(rows, name), style, label, upright)
-        for label, (name, style) in TIME_BASELINES.items()
-    )
+    return _levels(lambda name: own_s / numbers(rows, name))
+
+
+def time_levels(rows: pd.DataFrame) -> list[Level]:
+    """A level at each baseline's milliseconds."""
+    return _levels(lambda name: numbers(rows, name) * MILLISECONDS)
+
+
+def _levels(read: Callable[[str], NDArray[np.float64]]) -> list[Level]:
+    return [one for label, (name, style) in TIME_BASELINES.items() for one in median_level(label, read(name), style)]
 
 
 def series_of(rows: pd.DataFrame) -> Iterator[tuple[str, int | None, pd.DataFrame]]:
@@ -127,8 +132,9 @@ def style_of(name: str, packet_width: int | None) -> dict[str, Any]:
     """Colour, marker and line of a series; that of single rays is dashed and hollow."""
     if name == PIXEL.name and packet_width == 1:
         return {"color": BLACK, "marker": "^", "linestyle": DASHED}
-    style = vars(find_method(name).style)
-    return style | ({"linestyle": DASHED, "markerfacecolor": "white"} if packet_width == 1 else {})
+    method = find_method(name)
+    is_single = packet_width == 1 and method.has_packets
+    return vars(method.style) | ({"linestyle": DASHED, "markerfacecolor": "white"} if is_single else {})
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +153,11 @@ class BestPoint:
         return ", ".join(filter(None, [self.name, say_split(self.best.iloc[0])]))
 
     @property
+    def is_single(self) -> bool:
+        """It shoots single rays, by choice."""
+        return self.packet_width == 1 and find_method(self.method).has_packets
+
+    @property
     def color(self) -> str:
         return str(style_of(self.method, self.packet_width)["color"])
 
@@ -159,11 +170,6 @@ def best_points(rows: pd.DataFrame) -> Iterator[BestPoint]:
     """One for each series."""
     for method, width, points in series_of(rows):
         yield BestPoint(method, width, say_series(method, width), points, best_rows(points))
-
-
-def count_series(rows: pd.DataFrame) -> int:
-    """How many series the rows hold."""
-    return len(list(series_of(rows)))
 
 
 def say_ratio(row: pd.Series) -> str:

@@ -30,9 +30,9 @@ _FORWARD, _RIGHT = 0.5, 0.3
 def lit(name: str, mesh: Mesh, camera: Camera) -> Scene:
     """A scene to be shown, of the mesh of the scene called `name`.
 
-    Without materials of its own, or with other triangles (`why_grey`), it is grey, under the sky of "Ray Tracing in One
-    Weekend" and a sun behind the camera's left shoulder, 60 degrees high or so: that reaches into rooms through where
-    they are looked into.
+    Without materials of its own, or with a mesh that was subdivided or copied, it is grey, under the sky of "Ray
+    Tracing in One Weekend" and a sun behind the camera's left shoulder, 60 degrees high or so: that reaches into rooms
+    through where they are looked into.
     """
     own = _with_materials(name)
     if own is not None and own.mesh.triangle_count == mesh.triangle_count:
@@ -40,15 +40,6 @@ def lit(name: str, mesh: Mesh, camera: Camera) -> Scene:
     right, down, forward = camera.axes
     x, y, z = (down + _FORWARD * forward + _RIGHT * right).tolist()
     return Scene(mesh, [_GREY], lights=[Sun((x, y, z))], sky=GradientSky())
-
-
-def why_grey(name: str, mesh: Mesh) -> str | None:
-    """One line for people, where a scene's materials do not fit the mesh, such as one that was subdivided or copied."""
-    own = _with_materials(name)
-    if own is None or own.mesh.triangle_count == mesh.triangle_count:
-        return None
-    count = own.mesh.triangle_count
-    return f"{name} is grey: its materials are for {count:,} triangles, and the mesh has {mesh.triangle_count:,}"
 
 
 @cache

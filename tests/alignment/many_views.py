@@ -23,7 +23,7 @@ from atra.prim_ids import MISS
 from experiments.workloads.agreement.brute_force_kernels import SLACK
 from experiments.workloads.agreement.oracle import nearest_hits
 from scenes.directory import load_scene_from_directory
-from tests.rays.many_rays import hits_by_fractions
+from tests.rays.near_whole_numbers import hits_without_rounding
 
 SCENES = ("cornell_box", "mitsuba", "fireplace_room", "sponza")
 
@@ -76,7 +76,7 @@ def kinds_of(mesh, camera, x, y, prim_id, truth):
     for pixel in np.flatnonzero(found == 2):
         pair = np.sort([truth.prim_id[pixel], prim_id[pixel]])
         two = atra.Mesh(mesh.vertices, mesh.faces[pair])
-        nearest = hits_by_fractions(two, origins[pixel] + camera.eye, directions[pixel])
+        nearest = hits_without_rounding(two, origins[pixel] + camera.eye, directions[pixel])
         found[pixel] = 2 if nearest and pair[nearest[0][1]] == truth.prim_id[pixel] else 1
     return found
 

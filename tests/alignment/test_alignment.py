@@ -1,35 +1,15 @@
 """The shear of each cell, and where its reference rays lie."""
 
-from dataclasses import FrozenInstanceError
+from dataclasses import FrozenInstanceError, replace
 
 import numpy as np
 import pytest
 
 import atra
 from atra.alignment.alignment import REFERENCES
-from atra.alignment.instancing import instance_transforms
+from atra.alignment.copies import instance_transforms
 from tests.images import assert_equal_images, trace, trace_pixels
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera
-
-
-@pytest.mark.parametrize("place", REFERENCES)
-@pytest.mark.parametrize("counts", [(1, 1), (5, 1), (1, 3), (3, 9), (15, 9)])
-def test_the_shear_maps_each_ray_of_a_cell_onto_a_reference_ray_and_keeps_its_depth(place, counts):
-    camera = atra.Camera(**EYE_AT_ORIGIN, width=15, height=9, fov_y_degrees=70)
-    split = atra.Split(*counts, width=15, height=9)
-    alignment = atra.Alignment.of_cells(camera, split, place)
-    columns, rows = np.meshgrid(np.arange(split.cell_width), np.arange(split.cell_height))
-    reference_x = (alignment.first_x_pixels + columns.ravel() + 0.5) * camera.pixel_pitch
-    reference_y = (alignment.first_y_pixels + rows.ravel() + 0.5) * camera.pixel_pitch
-    for i in range(split.nx):
-        for j in range(split.ny):
-            x, y = columns.ravel() + i * split.cell_width, rows.ravel() + j * split.cell_height
-            depth = np.linspace(0.1, 100, len(x))
-            points = camera.directions(x, y) * depth[:, None]
-            sheared = alignment.shear_points(points, i, j)
-            np.testing.assert_array_equal(sheared[:, 2], depth)
-            np.testing.assert_allclose(sheared[:, 0] / depth, reference_x, atol=1e-14)
-            np.testing.assert_allclose(sheared[:, 1] / depth, reference_y, atol=1e-14)
 
 
 @pytest.mark.parametrize("options", [{}, {"culling": False}, {"culling": False, "geometry": "instanced"}], ids=str)
@@ -45,9 +25,8 @@ def test_the_papers_reference_gives_the_same_image(options):
 def test_the_papers_reference_leaves_the_first_cell_unsheared():
     camera = atra.Camera(**EYE_AT_ORIGIN, width=15, height=9)
     alignment = atra.Alignment.of_cells(camera, atra.Split(5, 3, 15, 9), "first_cell")
-    assert (alignment.first_x_pixels, alignment.first_y_pixels) == (-7.5, -4.5)
-    assert alignment.shift_x[0] == 0.0
-    assert alignment.shift_y[0] == 0.0
+    assert alignment.corner_pixels == (-7.5, -4.5)
+    assert [shifts[0] for shifts in alignment.shifts] == [0.0, 0.0]
 
 
 @pytest.mark.parametrize("view", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (-1, 0, 0)])
@@ -61,21 +40,22 @@ def test_reference_rays_lie_a_quarter_from_the_centre_away_from_the_world_axis_o
     camera = atra.Camera((0, 0, 0), target, fov_y_degrees=60, width=75, height=51)
     alignment = atra.Alignment.of_cells(camera, atra.Split(*counts, 75, 51))
     x, y, z = camera.to_camera_space(np.array([view], float))[0]  # where the axis is in the image
-    assert alignment.first_x_pixels == (-37.5 if counts[0] == 1 else -18.75 * np.sign(x / z))
-    assert alignment.first_y_pixels == (-25.5 if counts[1] == 1 else -12.75 * np.sign(y / z))
+    left, top = alignment.corner_pixels
+    assert left == (-37.5 if counts[0] == 1 else -18.75 * np.sign(x / z))
+    assert top == (-25.5 if counts[1] == 1 else -12.75 * np.sign(y / z))
 
 
 @pytest.mark.parametrize(("counts", "width", "height"), [((25, 17), 75, 51), ((2, 2), 74, 50)])
 def test_reference_rays_lie_left_and_above_where_the_world_axis_is_the_view(counts, width, height):
     camera = atra.Camera(**EYE_AT_ORIGIN, width=width, height=height)
     alignment = atra.Alignment.of_cells(camera, atra.Split(*counts, width, height))
-    assert (alignment.first_x_pixels, alignment.first_y_pixels) == (-width / 4, -height / 4)
+    assert alignment.corner_pixels == (-width / 4, -height / 4)
 
 
-def test_splits_and_alignments_cannot_be_changed_under_a_plan():
+def test_splits_and_alignments_cannot_be_changed_under_a_tracer():
     camera = atra.Camera(**EYE_AT_ORIGIN, width=15, height=9)
     alignment = atra.Alignment.of_cells(camera, atra.Split(5, 3, 15, 9), "first_cell")
-    for value, name in ((alignment, "shift_x"), (alignment.split, "nx")):
+    for value, name in ((alignment, "reference"), (alignment.split, "nx")):
         with pytest.raises(FrozenInstanceError):
             setattr(value, name, 1)
 
@@ -124,57 +104,32 @@ ALIGNMENTS = {
 
 
 @pytest.mark.parametrize("counts", [(1, 1), (4, 1), (3, 2), (12, 10)])
+@pytest.mark.parametrize("place", REFERENCES)
 @pytest.mark.parametrize("kind", ALIGNMENTS)
-def test_every_part_carries_its_rays_one_to_one_onto_the_reference_rays_and_keeps_their_parameter(kind, counts):
+def test_every_cell_s_transform_carries_its_rays_onto_the_reference_rays_and_keeps_their_parameter(kind, place, counts):
     split = atra.Split(*counts, **SIZE)
-    alignment = ALIGNMENTS[kind](split)
+    alignment = replace(ALIGNMENTS[kind](split), reference=place)
+    first, transforms = alignment.camera, alignment.transforms
+    assert transforms.shape == (len(alignment.cameras), split.ny, split.nx, 3, 4)
     columns, rows = (grid.ravel() for grid in np.meshgrid(np.arange(split.cell_width), np.arange(split.cell_height)))
-    reference = None
-    parts = list(alignment.parts())
-    assert len(parts) == alignment.image_count * split.cell_count
-    for part in parts:
-        camera = alignment.cameras[part.image]
-        t = np.linspace(0.1, 100, columns.size)[:, None]
-        origins, directions = camera.rays(columns + part.first_x, rows + part.first_y, (0.3, 0.8))
-        points = (origins + t * directions) @ camera.axes + camera.eye
-        carried = points @ part.transform[:, :3].T + part.transform[:, 3]
-        reference = carried if reference is None else reference
-        np.testing.assert_allclose(carried, reference, rtol=0, atol=1e-10)
-    first = alignment.cameras[0]
-    reference_x = (reference @ first.axes.T)[:, 0] / (1 if first.is_parallel else t[:, 0]) / first.pixel_pitch
-    np.testing.assert_allclose(reference_x, alignment.first_x_pixels + columns + 0.3, atol=1e-9)
-
-
-@pytest.mark.parametrize("image", [0, 1])
-def test_a_map_that_does_not_carry_the_rays_onto_each_other_is_refused_naming_a_ray(image):
-    good = atra.Alignment.of_frames([TURNED, MOVED], atra.Split(4, 1, **SIZE))
-    linear = good.linear.copy()
-    linear[image, 0, 1] += 1e-4
-    place = good.first_x_pixels, good.first_y_pixels, good.shift_x, good.shift_y
-    with pytest.raises(atra.InputError, match=rf"image {image}: .* ray of pixel \(0, 0\) .* §3.3"):
-        atra.Alignment(good.cameras, good.split, linear, *place)
-    with pytest.raises(atra.InputError, match="parameter kept"):
-        atra.Alignment(good.cameras, good.split, 2 * good.linear, *place)
-    atra.Alignment(good.cameras, good.split, good.linear, *place)
-
-
-@pytest.mark.parametrize("axis", ["x", "y"])
-def test_a_shift_that_misses_the_reference_rays_is_refused_naming_the_pixels(axis):
-    good = atra.Alignment.of_cells(TURNED, atra.Split(4, 5, **SIZE))
-    shifts = {"x": good.shift_x.copy(), "y": good.shift_y.copy()}
-    shifts[axis][2] *= 1.01
-    first = {"x": 6, "y": 4}[axis]
-    with pytest.raises(atra.InputError, match=rf"shift_{axis}\[2\].*pixels with {axis} = {first} "):
-        atra.Alignment(
-            good.cameras, good.split, good.linear, good.first_x_pixels, good.first_y_pixels, shifts["x"], shifts["y"]
-        )
+    t = np.linspace(0.1, 100, columns.size)[:, None]
+    at = [(corner + pixels + offset) * pitch for corner, pixels, offset, pitch in zip(
+        alignment.corner_pixels, (columns, rows), (0.3, 0.8), (first.plane.pitch_x, first.plane.pitch_y), strict=True
+    )]  # fmt: skip
+    reference = np.stack([*(at if first.is_parallel else np.stack(at) * t[:, 0]), t[:, 0]], axis=1)
+    for image, j, i in np.ndindex(transforms.shape[:3]):
+        camera, transform = alignment.cameras[image], transforms[image, j, i]
+        x, y = columns + i * split.cell_width, rows + j * split.cell_height
+        origins, directions = camera.rays(x, y, (0.3, 0.8))
+        points = (origins + t * directions) @ camera.axes + camera.eye - first.eye
+        carried = points @ transform[:, :3].T + transform[:, 3]
+        np.testing.assert_allclose(carried @ first.axes.T, reference, rtol=0, atol=1e-10)
 
 
 def test_the_second_eye_is_a_translation():
-    alignment = atra.Alignment.of_eyes(LEFT, RIGHT, atra.Split(1, 1, **SIZE))
-    np.testing.assert_array_equal(alignment.linear, [np.eye(3)] * 2)
-    left, right = alignment.parts()
-    np.testing.assert_allclose(left.transform - right.transform, [[0, 0, 0, 0.06], [0] * 4, [0] * 4], atol=1e-15)
+    left, right = atra.Alignment.of_eyes(LEFT, RIGHT, atra.Split(1, 1, **SIZE)).transforms[:, 0, 0]
+    np.testing.assert_array_equal([left[:, :3], right[:, :3]], [np.eye(3)] * 2)
+    np.testing.assert_allclose(left - right, [[0, 0, 0, 0.06], [0] * 4, [0] * 4], atol=1e-15)
 
 
 def test_the_transform_of_an_instance_is_the_shear_of_its_cell():
@@ -185,4 +140,5 @@ def test_the_transform_of_an_instance_is_the_shear_of_its_cell():
     assert (transforms[:, :, 3] == 0.0).all()
     for j, i in np.ndindex(2, 4):
         sheared = (points @ TURNED.axes) @ transforms[4 * j + i, :, :3].T
-        np.testing.assert_allclose(sheared @ TURNED.axes.T, alignment.shear_points(points, i, j), atol=1e-5)
+        shift = np.array([alignment.shifts[0][i], alignment.shifts[1][j], 0.0])
+        np.testing.assert_allclose(sheared @ TURNED.axes.T, points - shift * points[:, 2:], atol=1e-5)

@@ -7,7 +7,7 @@ import pytest
 
 import atra
 from atra.alignment.cells import CellOptions
-from atra.alignment.culling import plan_aligned_geometry
+from atra.alignment.copies import copied_geometry
 from atra.compiled.threads import WorkerPool
 from atra.exact.intersection import intersect_pixels
 from atra.geometry.projection import project_vertices
@@ -24,16 +24,16 @@ from tests.meshes import EYE_AT_ORIGIN, quads, random_triangles
 HIGH = np.int64(32)
 
 
-def plan(mesh, camera, counts, culling=True, threads=1, **options):
+def copies_of(mesh, camera, counts, culling=True, threads=1, **options):
     alignment = atra.Alignment.of_cells(camera, atra.Split(*counts, camera.width, camera.height))
     pool = WorkerPool(threads)
-    geometry = plan_aligned_geometry([mesh], alignment, CellOptions(culling=culling, **options), camera.width, pool)
+    geometry = copied_geometry([mesh], alignment, CellOptions(culling=culling, **options), camera.width, pool)
     pool.close()
     return alignment, geometry
 
 
 def kept_pairs(geometry, alignment, row_stride):
-    """{(prim_id, i, j)} of a plan."""
+    """{(prim_id, i, j)} of copies."""
     split = alignment.split
     prim_id, pixels = geometry.records & 0xFFFFFFFF, geometry.records >> HIGH
     i, j = pixels % row_stride // split.cell_width, pixels // row_stride // split.cell_height
@@ -49,7 +49,7 @@ def left_out(geometry):
 def test_culling_keeps_every_triangle_that_a_ray_of_the_cell_hits(seed, counts, fov):
     mesh = random_triangles(40, seed, size=1.5)
     camera = atra.Camera(**EYE_AT_ORIGIN, width=24, height=18, fov_y_degrees=fov)
-    alignment, geometry = plan(mesh, camera, counts)
+    alignment, geometry = copies_of(mesh, camera, counts)
     kept = kept_pairs(geometry, alignment, camera.width)
     y, x = (grid.ravel() for grid in np.mgrid[:18, :24])
     for prim_id in sorted(set(range(mesh.triangle_count)) - left_out(geometry)):
@@ -68,7 +68,7 @@ def test_culling_drops_what_lies_beside_behind_or_in_other_cells():
                   [(-1, -1, -5), (1, -1, -5), (1, 1, -5), (-1, 1, -5)],  # behind
                   [(-1, 90, 5), (1, 90, 5), (1, 91, 5), (-1, 91, 5)]])  # fmt: skip  # far above the view
     camera = atra.Camera(**EYE_AT_ORIGIN, width=64, height=64, fov_y_degrees=60)
-    alignment, geometry = plan(wall, camera, (8, 8))
+    alignment, geometry = copies_of(wall, camera, (8, 8))
     assert kept_pairs(geometry, alignment, 64) <= {(p, i, j) for p in (0, 1) for i in (4, 5) for j in (3, 4)}
     assert geometry.copy_count > 0
 
@@ -77,7 +77,7 @@ def test_a_slanted_triangle_is_kept_only_in_cells_along_it():
     # A thin sliver across the diagonal of the view: its bounding box covers all cells, the triangle few.
     sliver = atra.Mesh([[2, 2, 5], [-2, -2, 5], [-2.02, -2, 5]], [[0, 1, 2]])
     camera = atra.Camera(**EYE_AT_ORIGIN, width=64, height=64, fov_y_degrees=45)
-    _, geometry = plan(sliver, camera, (16, 16))
+    _, geometry = copies_of(sliver, camera, (16, 16))
     assert geometry.copy_count < 64
 
 
@@ -85,46 +85,46 @@ def test_copies_are_the_sheared_triangles():
     mesh = random_triangles(30, seed=3)
     camera = atra.Camera(**EYE_AT_ORIGIN, width=24, height=18)
     for culling in (True, False):
-        alignment, geometry = plan(mesh, camera, (6, 3), culling)
-        split = alignment.split
+        alignment, geometry = copies_of(mesh, camera, (6, 3), culling)
+        split, transforms = alignment.split, alignment.transforms[0]
         for copy in range(0, geometry.copy_count, 7):
             prim_id, pixels = geometry.records[copy] & 0xFFFFFFFF, geometry.records[copy] >> HIGH
             i, j = pixels % 24 // split.cell_width, pixels // 24 // split.cell_height
-            corners = camera.to_camera_space(mesh.vertices[mesh.traced_faces[prim_id]])
-            expected = alignment.shear_points(corners, i, j) @ camera.axes  # back to the world's axes
+            corners = mesh.vertices[mesh.traced_faces[prim_id]] - camera.eye
+            expected = corners @ transforms[j, i, :, :3].T + transforms[j, i, :, 3]
             np.testing.assert_allclose(geometry.vertices[geometry.faces[copy]], expected, rtol=1e-6, atol=1e-6)
 
 
 def test_without_culling_every_cell_has_every_triangle():
     mesh = random_triangles(10, seed=1)
     camera = atra.Camera(**EYE_AT_ORIGIN, width=24, height=18)
-    alignment, geometry = plan(mesh, camera, (4, 3), culling=False)
+    alignment, geometry = copies_of(mesh, camera, (4, 3), culling=False)
     assert len(kept_pairs(geometry, alignment, 24)) == geometry.copy_count == 10 * 12
 
 
-def test_the_plan_does_not_depend_on_the_number_of_threads():
+def test_copies_do_not_depend_on_the_number_of_threads():
     mesh = random_triangles(9000, seed=2, size=0.2)
     camera = atra.Camera(**EYE_AT_ORIGIN, width=32, height=32)
-    one, three = (plan(mesh, camera, (8, 2), threads=threads)[1] for threads in (1, 3))
+    one, three = (copies_of(mesh, camera, (8, 2), threads=threads)[1] for threads in (1, 3))
     np.testing.assert_array_equal(one.records, three.records)
     np.testing.assert_array_equal(one.vertices, three.vertices)
 
 
-def test_the_budget_counts_plan_and_bvh():
+def test_the_budget_counts_copies_and_bvh():
     mesh = random_triangles(100, seed=2)
     camera = atra.Camera(**EYE_AT_ORIGIN, width=32, height=32)
-    copies = 16 * (100 - len(left_out(plan(mesh, camera, (16, 1), culling=False)[1])))
+    copies = 16 * (100 - len(left_out(copies_of(mesh, camera, (16, 1), culling=False)[1])))
     assert copies > 1500
     needed = copies * (PLAN_BYTES_PER_COPY + EMBREE_BYTES_PER_COPY["medium"])
-    plan(mesh, camera, (16, 1), culling=False, memory_budget_bytes=needed)
+    copies_of(mesh, camera, (16, 1), culling=False, memory_budget_bytes=needed)
     with pytest.raises(atra.MemoryBudgetError, match=f"{copies:,} triangle copies over 16 cells"):
-        plan(mesh, camera, (16, 1), culling=False, memory_budget_bytes=needed - 1)
+        copies_of(mesh, camera, (16, 1), culling=False, memory_budget_bytes=needed - 1)
 
 
-def test_a_plan_holds_as_many_bytes_a_copy_as_its_budget_counts_and_cannot_be_changed():
+def test_geometry_holds_as_many_bytes_a_copy_as_its_budget_counts_and_cannot_be_changed():
     mesh = random_triangles(50, seed=4)
     camera = atra.Camera(**EYE_AT_ORIGIN, width=32, height=32)
-    _, geometry = plan(mesh, camera, (8, 4), culling=False)
+    _, geometry = copies_of(mesh, camera, (8, 4), culling=False)
     copies = geometry.copy_count
     held = 3 * copies * geometry.vertices[0].nbytes + geometry.faces.nbytes + geometry.records.nbytes
     assert held == copies * PLAN_BYTES_PER_COPY

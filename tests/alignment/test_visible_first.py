@@ -5,9 +5,12 @@ import pytest
 
 import atra
 from atra.alignment.cells import CellOptions
-from atra.alignment.visibility import Tiles, plan_visible_geometry
+from atra.alignment.copies import filled_copies
+from atra.alignment.visibility_kernels import TileGrid
+from atra.alignment.visible_first import visible_copies
 from atra.compiled.threads import WorkerPool
 from atra.exact.intersection import intersect_pixels
+from atra.geometry.projection import project_vertices
 from tests.images import assert_equal_images, make_tracer, trace, trace_pixels
 from tests.judge.reference import brute_force
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, joined, quads, random_triangles
@@ -70,14 +73,14 @@ def test_no_ray_meets_a_copy_left_out_before_the_depth_of_its_tile(seed, counts,
     mesh = random_triangles(40, seed, size=1.5)
     camera = atra.Camera(**EYE_AT_ORIGIN, width=24, height=18, fov_y_degrees=fov)
     split = atra.Split(*counts, camera.width, camera.height)
-    tiles, pool = Tiles(4, 4, camera.width, camera.height), WorkerPool(1)
+    tiles, pool = TileGrid(4, 4, camera.width, camera.height), WorkerPool(1)
     seen_depth = np.random.default_rng(seed).choice([0.0, 0.0, 0.0, 1.0], tiles.shape)
-    plan = plan_visible_geometry(
-        mesh, atra.Alignment.of_cells(camera, split), tiles, (np.zeros(40, np.uint8), seen_depth), CellOptions(),
-        row_stride=24, pool=pool,
-    )  # fmt: skip
-    assert np.isfinite(plan.nearest_hidden).any()
-    records = plan.geometry.records
+    probed, alignment = (np.zeros(40, np.bool_), seen_depth), atra.Alignment.of_cells(camera, split)
+    points = project_vertices(mesh, camera, pool)
+    counts, nearest_hidden, fill = visible_copies(mesh, alignment, tiles, probed, points, pool)
+    geometry = filled_copies([counts], fill, alignment, CellOptions(), row_stride=24)
+    assert np.isfinite(nearest_hidden).any()
+    records = geometry.records
     prim_id, pixels = records & 0xFFFFFFFF, records >> 32
     kept = set(zip(prim_id.tolist(), (pixels % 24).tolist(), (pixels // 24).tolist(), strict=True))
     y, x = (grid.ravel() for grid in np.mgrid[:18, :24])
@@ -89,7 +92,7 @@ def test_no_ray_meets_a_copy_left_out_before_the_depth_of_its_tile(seed, counts,
         for offset in ((0.0, 0.0), (0.5, 0.5), (0.999, 0.999)):
             found = intersect_pixels(mesh, camera, x, y, np.full(x.size, triangle), offset)
             hit = left_out & (found.edge_distance >= 0) & np.isfinite(found.depth)
-            assert (found.depth[hit] >= plan.nearest_hidden[y[hit] // 4, x[hit] // 4]).all()
+            assert (found.depth[hit] >= nearest_hidden[y[hit] // 4, x[hit] // 4]).all()
 
 
 def test_a_wall_hides_what_is_behind_and_nothing_need_be_verified():
@@ -101,7 +104,7 @@ def test_a_wall_hides_what_is_behind_and_nothing_need_be_verified():
         assert set(np.unique(tracer.trace().prim_id)) == {0, 1}
         assert tracer.counters["packets_verified"] == 0
         assert tracer.triangle_count - mesh.triangle_count <= 2 * 16
-        assert not np.isinf(tracer.prepared.second_pass._nearest).all()
+        assert not np.isinf(tracer.prepared.second_passes[0].nearest).all()
 
 
 def test_the_probe_is_timed_and_both_scenes_are_counted():

@@ -13,12 +13,12 @@ from experiments.board.command import board_page, run_board
 from experiments.board.pack import UNKNOWN, Pack, packed, read_pack, run_pack
 from experiments.board.rows import BoardRow, board_rows
 from experiments.commands.new_method import run_new_method
+from experiments.documents.quotation import digits, mark
 from experiments.drawing.style import TIMES
 from experiments.results.intervals import with_intervals
 from experiments.results.table import read_table
 from tests.drawn import make_rows, method_row
 from tests.folders import ROOT
-from tests.quotations.quotation import digits
 
 pytestmark = pytest.mark.uncovered
 
@@ -121,13 +121,14 @@ def test_the_best_split_is_chosen_by_one_half_of_the_processes_and_reported_by_t
     assert (row.ratio, row.low, row.high) == (1.2, 1.1, 1.3)
 
 
-def test_the_stored_board_has_the_ratios_of_the_readme(tmp_path, content):
+def test_the_stored_board_has_the_ratios_of_the_tables(tmp_path, content):
     path = tmp_path / "methods.atra"
     path.write_bytes(content)
     rows = [row for row in read_pack(path).rows if row.rays == "primary"]
     shown = {f"{digits(row.ratio)} [{digits(row.low)}, {digits(row.high)}]" for row in rows if row.ratio}
-    lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
-    cells = [line.split(" | ") for line in lines if line.startswith("| `") and "[" in line and "packets" not in line]
+    page = (ROOT / "reports" / "reference" / "tables.md").read_text(encoding="utf-8")
+    lines = page.partition(mark("frames_of_each_method"))[2].partition("\n\n")[0].splitlines()
+    cells = [line.split(" | ") for line in lines if line.startswith("| `")]
     ours = {cell.strip(" |") for line in cells for cell in line if "." in cell and "[" in cell}
     assert len(ours) == 12
     assert ours <= shown

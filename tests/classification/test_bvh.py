@@ -65,7 +65,7 @@ def test_what_is_counted_is_traced_as_what_is_timed(packet_width, traversal):
     with BvhTracer(mesh, camera, threads=1, packet_width=packet_width, traversal=traversal) as tracer:
         hits = tracer.trace()
         image = Image(np.empty_like(hits.depth), np.empty_like(hits.prim_id))
-        counts = tracer.count(image)
+        counts = tracer.prepared.count(image)
     np.testing.assert_array_equal(image.depth, hits.depth)
     assert counts[STEPS] > 0
     assert counts[BOXES] == counts[STEPS] if traversal == "pop" else counts[BOXES] > counts[STEPS]

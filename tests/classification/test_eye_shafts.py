@@ -29,15 +29,15 @@ def tracer_of(mesh, camera, **options):
 
 def from_the_root(tracer):
     """The same tracer without its lists."""
-    lists = tracer._lists
+    lists = tracer.prepared.lists
     table = np.full_like(lists.shafts.table, ROOT_LIST)
-    tracer._lists = replace(lists, shafts=lists.shafts._replace(table=table))
+    tracer.prepared.lists = replace(lists, shafts=lists.shafts._replace(table=table))
     return tracer
 
 
 def counts_of(tracer):
     height, width = tracer.camera.height, tracer.camera.width
-    return tracer.count(Image(np.empty((height, width), np.float32), np.empty((height, width), np.uint32)))
+    return tracer.prepared.count(Image(np.empty((height, width), np.float32), np.empty((height, width), np.uint32)))
 
 
 @pytest.mark.parametrize(("packet_width", "traversal"), KINDS)
@@ -64,7 +64,7 @@ def test_every_triangle_that_a_tile_shows_lies_below_its_list():
     for mesh, camera in VIEWS:
         prim_id = brute_force(mesh, camera, (0.5, 0.5)).prim_id
         with tracer_of(mesh, camera) as tracer:
-            shafts, tiles, bvh = tracer.lists.shafts, tracer._tiles, tracer._bvh
+            shafts, tiles, bvh = tracer.prepared.lists.shafts, tracer.prepared.tiles, tracer.prepared.bvh
             for (left, top), start in zip(tiles.corners, shafts.table[0], strict=True):
                 shown = prim_id[top : top + tiles.height, left : left + tiles.width]
                 nodes = shafts.lists[start + 1 :][: shafts.lists[start]].tolist()
@@ -88,12 +88,12 @@ def test_an_eye_that_moves_takes_new_lists_and_keeps_the_bvh():
     x, y, z = camera.eye
     moved = replace(camera, eye=(x + 0.07, y - 0.03, z + 0.1), width=60)
     with tracer_of(mesh, camera) as tracer, tracer_of(mesh, moved) as new:
-        bvh, lists = tracer._bvh, tracer.lists
+        bvh, lists = tracer.prepared.bvh, tracer.prepared.lists
         tracer.look(moved)
-        assert tracer._bvh is bvh
-        assert tracer.lists is not lists
+        assert tracer.prepared.bvh is bvh
+        assert tracer.prepared.lists is not lists
         assert_same_bits(tracer.trace(), new.trace())
-        assert tracer.counters["shafts"] == len(tracer._tiles.corners)
+        assert tracer.counters["shafts"] == len(tracer.prepared.tiles.corners)
 
 
 def test_a_mesh_without_area_is_hit_nowhere():

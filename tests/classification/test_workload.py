@@ -4,7 +4,7 @@ import pytest
 
 from experiments.classification.classified import CLASSIFIED, ClassifiedOptions
 from experiments.classification.workload.claims import CLAIMS, usual_value
-from experiments.classification.workload.shown import FIGURES, draw
+from experiments.classification.workload.shown import FIGURES, figure
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, judge_claim
 from experiments.results.table import frame_of
 from tests.three_processes import three_processes
@@ -122,6 +122,6 @@ def test_figures_draw_a_line_for_each_kind_of_rays_and_nothing_where_nothing_var
     drawn = probable.rows(table(*rows))
     assert len(drawn) == 6
     assert not len(shafts.rows(table(*rows)))
-    (axis,) = draw(drawn, 1, "shaft_probability").axes
-    lines = {line.get_label(): line.get_ydata().tolist() for line in axis.lines if not line.get_label().startswith("_")}
+    (panel,) = figure(drawn, "shaft_probability").panels
+    lines = {line.label: line.y.tolist() for line in panel.lines}
     assert lines == {"primary": [0.25, 0.5, 1.0], "diffuse": [0.25, 0.5, 1.0]}

@@ -96,6 +96,7 @@ SWEEPS = {
         + [f"~sweep.grids.rays_{name}" for name in ("questions", "questions_threads", "numbers")],
         ASKED,
     ),
+    "law": (["method.split_x=4", "method.split_y=4"], set()),
     "views": (["scene.copies=1", "workload.views=2", "width=32", "height=32"], set()),
     "classification_smoke": ([], {"classification_probability", "classification_shafts", "moving"}),
     "classification_smoke-single_rays": (
@@ -117,7 +118,7 @@ PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "paper"}
 SLOW = {
     "smoke", "methods", "methods_families", "peers", "baselines", "reference_rays", "threads", "growth",
     "bake_buffers", "bake_adaptive", "bake_culling_map", "classification_smoke", "paths", "gather-whole",
-    "rays-batches", "ablations", "cornell_candidates",
+    "rays-batches", "ablations", "cornell_candidates", "law",
 }  # fmt: skip
 """Sweeps of workloads that a quick one has, too."""
 

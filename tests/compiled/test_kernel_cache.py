@@ -13,7 +13,7 @@ import numba
 import pytest
 
 import atra
-from atra.alignment import aligned_kernels, culling_kernels, visibility_kernels
+from atra.alignment import aligned_kernels, copies_kernels, visibility_kernels
 from atra.all_hits.taking_kernels import LAYERS
 from atra.compiled import intrinsics, store, vectors
 from atra.embree import layout
@@ -26,7 +26,7 @@ from atra.raster import drawing, spans
 from atra.raster.all_hits import undecided_kernels
 from atra.raster.all_hits.drawing_kernels import gathering_kernel
 from atra.raster.drawing import drawing_kernel
-from atra.rays import rays_kernels
+from atra.rays import embree_kernels
 from atra.rays.nearest import batches_kernels
 from experiments.methods.culled import tiles_kernels
 from experiments.workloads.agreement import brute_force_kernels
@@ -36,12 +36,11 @@ KERNELS = {
         f"{module.__name__}.{name}": value
         for module in (
             brute_force_kernels,
-            surface_kernels,
             lighting_kernels,
             path_kernels,
             waves_kernels,
             projection_kernels,
-            culling_kernels,
+            copies_kernels,
             ties_kernels,
             settling_kernels,
             tiles_kernels,
@@ -51,11 +50,11 @@ KERNELS = {
         for name, value in vars(module).items()
         if getattr(value, "targetoptions", {}).get("nogil")
     },
+    "surface_kernel": surface_kernels.surface_kernel(surface_kernels.WEIGHTS),
     "pixel_kernel": pixel_kernels.pixel_kernel(4, 2),
     "aligned_kernel": aligned_kernels.aligned_kernel(4, 2),
     "tile_kernel": tiles_kernels.tile_kernel(4, 2),
-    "closest_hit_kernel": rays_kernels.closest_hit_kernel(4),
-    "occlusion_kernel": rays_kernels.occlusion_kernel(4),
+    "embree_kernel": embree_kernels.embree_kernel(4, False),
     "nearest_kernel": batches_kernels.nearest_kernel(False),
     "trace_kernel": waves_kernels.trace_kernel(4),
     "connect_kernel": waves_kernels.connect_kernel(4),

@@ -6,6 +6,7 @@ import re
 import shlex
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 from unittest.mock import Mock, patch
 
@@ -14,6 +15,7 @@ import pytest
 import trimesh
 
 import experiments.sweep
+from atra.command.main import _VERBS
 from atra.command.main import main as run_console
 from experiments import cli
 from experiments.commands.new_method import run_new_method
@@ -73,14 +75,15 @@ def say(argument):
 
 WITH_CODE = [page for page in PAGES if blocks(page, "python") and page.name not in (AS_PRINTED, A_PROGRAM)]
 COMMANDS = sorted({(page.name, tuple(one)) for page in PAGES for one in commands(page)})
-FOR_FILES = [(page, one) for page, one in COMMANDS if one[0] == "render" and "--camera" in one]
+OF_MODELS = [(page, one) for page, one in COMMANDS if one[0] in ("render", "view", "bake")]
+FOR_FILES = [(page, one) for page, one in OF_MODELS if one[0] == "render" and "--camera" in one]
 
 
 def for_the_harness():
     """The others, each once, without the launchers that a cluster would have, and the first page that has it."""
     first_pages = {}
     for page, one in COMMANDS:
-        if (page, one) not in FOR_FILES and one != ("doctor",):
+        if (page, one) not in OF_MODELS and one != ("doctor",):
             given = tuple(part for part in one if LAUNCHER not in part and "hydra.launcher." not in part)
             first_pages.setdefault(given, page)
     return [(page, given) for given, page in first_pages.items()]
@@ -155,6 +158,15 @@ def test_a_command_for_files_writes_its_views(page, arguments):
     with patch.object(sys, "argv", ["atra", *arguments]):
         assert run_console() == 0
     assert list(Path("out").iterdir())
+
+
+@pytest.mark.parametrize(("page", "arguments"), [one for one in OF_MODELS if one not in FOR_FILES], ids=say)
+def test_another_command_for_models_is_understood(page, arguments):
+    module = import_module(f"atra.command.{_VERBS[arguments[0]][0]}")
+    done = Mock(return_value=0)
+    with patch.object(sys, "argv", ["atra", *arguments]), patch.object(module, f"run_{arguments[0]}", done):
+        assert run_console() == 0
+    done.assert_called_once()
 
 
 @pytest.mark.parametrize(("page", "given"), for_the_harness(), ids=say)

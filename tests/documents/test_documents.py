@@ -6,9 +6,9 @@ import tomllib
 import pytest
 import yaml
 
+from experiments.documents import QUOTATIONS
+from experiments.documents.quotation import with_rows
 from tests.folders import ROOT
-from tests.quotations import QUOTATIONS
-from tests.quotations.quotation import with_rows
 
 REFERENCE = ROOT / "reports" / "reference"
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted(REFERENCE.glob("*.md"))]

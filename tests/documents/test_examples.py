@@ -4,7 +4,17 @@ import numpy as np
 from PIL import Image
 
 import atra
-from examples import alignment_drawing, calibrated_views, frames, lenses, progressive, shadow_map, stereo, weekend
+from examples import (
+    alignment_drawing,
+    calibrated_views,
+    frames,
+    interiors,
+    lenses,
+    progressive,
+    shadow_map,
+    stereo,
+    weekend,
+)
 from tests.folders import ROOT
 
 TOY = ["--scene", "cornell_box", "--width", "64", "--height", "48"]
@@ -61,7 +71,7 @@ def test_the_drawing_shows_sixteen_rays_hits_on_four_at_the_same_depths(tmp_path
     for pixel in np.nonzero(np.isfinite(depths))[0].tolist():
         cell, ray = divmod(pixel, 4)
         along = np.array([(pixel + 0.5 - 8) * pitch, 1]) * depths[pixel]
-        reference = np.array([(alignment.first_x_pixels + ray + 0.5) * pitch, 1]) * depths[pixel]
+        reference = np.array([(alignment.corner_pixels[0] + ray + 0.5) * pitch, 1]) * depths[pixel]
         np.testing.assert_allclose(alignment_drawing.sheared(alignment, cell, along[None]), reference[None], atol=1e-9)
     drawn = picture(tmp_path / "alignment.png")
     shown = picture(ROOT / "docs" / "images" / "alignment.png")
@@ -114,6 +124,13 @@ def test_the_weekend_is_shown_by_paths_and_below_by_hybrid_rendering(tmp_path):
     above, below = image[:32].astype(int), image[36:].astype(int)
     assert (above[:3] == below[:3]).mean() > 0.5  # both see the sky
     assert (above != below).mean() > 0.5
+
+
+def test_both_interiors_are_lit_side_by_side(tmp_path):
+    interiors.main(["--width", "32", "--height", "24", "--samples", "4", "--noisy", "--out", str(tmp_path)])
+    image = picture(tmp_path / "interiors.png")
+    assert image.shape == (24, 2 * 32 + 4, 3)
+    assert all(20 < half.mean() < 235 for half in (image[:, :32], image[:, 36:]))
 
 
 def test_a_point_behind_another_as_the_light_goes_is_in_shadow():

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 import atra
-from atra.alignment.aligned import SECOND_PASS_TILE
 from atra.alignment.rounding import roundings_of_copies
-from atra.alignment.visibility import Tiles, nearest_in_tiles
+from atra.alignment.second_pass import SECOND_PASS_TILE, nearest_in_tiles
 from atra.compiled.threads import WorkerPool
 from atra.exact.intersection import Pairs, intersect_pixels
 from atra.exact.rounding import Rounding
-from atra.exact.rounding_kernels import COPY_MULTIPLE, INSTANCE_MULTIPLE, MOST_ROUNDINGS
+from atra.exact.rounding_kernels import COPY_MULTIPLE, MOST_ROUNDINGS
 from atra.geometry.projection import project_vertices
 from scenes.special import NEEDLES_CAMERA, needles
 from tests.images import SHEARED, assert_no_pixel_wrong, trace, trace_pixels
@@ -29,11 +28,11 @@ from tests.meshes import (
 each_sheared = pytest.mark.parametrize("method", SHEARED)
 
 
-def left_out(mesh, camera, split, admitted=COPY_MULTIPLE):
+def left_out(mesh, camera, split, is_instanced=False):
     pool = WorkerPool(1)
     points = project_vertices(mesh, camera, pool)
     alignment = atra.Alignment.of_cells(camera, atra.Split.of_image(split, camera))
-    return roundings_of_copies(mesh, alignment, pool, points[0], points[1], points[1], admitted).left_out
+    return roundings_of_copies(mesh, camera, alignment, points, pool, is_instanced=is_instanced).left_out
 
 
 def depth_error_over_bound(mesh, camera, hits):
@@ -85,7 +84,7 @@ def test_small_triangles_of_walls_along_the_view_are_left_out_by_the_roundings_o
     camera = atra.Camera(**EYE_AT_ORIGIN, width=1024, height=64, fov_y_degrees=4)
     right, down, forward = camera.axes
     split = atra.Split.of_image((1024, 1), camera)
-    shifts = atra.Alignment.of_cells(camera, split).shift_x
+    shifts = atra.Alignment.of_cells(camera, split).shifts[0]
     column = np.arange(3.5, 1020, 4)  # a triangle about the middle of each
     slope = camera.plane.columns(column, 0.0) * camera.plane.pitch_x
     places = slope[:, None] * right + 1e-4 * down + forward
@@ -115,7 +114,7 @@ def test_without_a_shear_only_planes_next_to_the_eye_are_left_out():
     pool = WorkerPool(1)
     points = project_vertices(mesh, camera, pool)
     unsheared = atra.Alignment.of_cells(camera, atra.Split.of_image((1, 1), camera))
-    found = roundings_of_copies(mesh, unsheared, pool, points[0], points[1], points[1])
+    found = roundings_of_copies(mesh, camera, unsheared, points, pool)
     most = 4 * 2**-24 * MOST_ROUNDINGS
     np.testing.assert_array_equal(found.left_out, found.depth_error > most)
 
@@ -125,7 +124,7 @@ def test_the_wider_the_view_and_the_fewer_roundings_are_admitted_the_more_is_lef
     shares = []
     for fov in (30, 60, 120, 170):
         camera = atra.Camera(**EYE_AT_ORIGIN, width=64, height=64, fov_y_degrees=fov)
-        copies, instances = (left_out(mesh, camera, (16, 16), n) for n in (COPY_MULTIPLE, INSTANCE_MULTIPLE))
+        copies, instances = (left_out(mesh, camera, (16, 16), kind) for kind in (False, True))
         assert not (copies & ~instances).any()
         shares.append(copies.mean())
     assert shares == sorted(shares)
@@ -138,7 +137,7 @@ def test_no_ray_meets_a_triangle_left_out_before_the_depth_of_its_tile(fov):
     with atra.AlignedTracer(mesh, camera, (8, 2), threads=1) as tracer:
         (without,) = tracer.prepared.geometry.left_out
         assert tracer.counters["triangles_left_out"] == len(without.prim_ids) > 5
-    nearest = nearest_in_tiles(mesh, camera, Tiles(*SECOND_PASS_TILE, 40, 24), without)
+    nearest = nearest_in_tiles(mesh, camera, without)
     y, x = (grid.ravel() for grid in np.mgrid[:24, :40])
     seen = 0
     for prim_id in without.prim_ids:
@@ -159,7 +158,7 @@ def test_every_frame_has_a_second_pass_of_its_own_and_embree_counts_it():
         with atra.FramesTracer(mesh, alignment, threads=1, **options) as tracer:
             frames = tracer.trace()
             assert tracer.counters["triangles_left_out"] > 0
-            assert tracer.embree_bytes > tracer.prepared._scene.embree_bytes
+            assert tracer.embree_bytes > tracer.prepared.scene.embree_bytes
             second_scenes = [one.scene for one in tracer.prepared.second_passes]
         assert all(scene.closed for scene in second_scenes)
         for hits, camera in zip(frames, cameras, strict=True):

@@ -134,9 +134,9 @@ def test_the_view_of_a_light_takes_the_up_it_is_given_and_boxes_of_any_size():
 @pytest.mark.parametrize(("direction", "bounds", "message"), [
     ((0, 0, 0), [(0, 0, 0), (1, 1, 1)], r"direction is \(0.0, 0.0, 0.0\)"),
     ((0, 1), [(0, 0, 0), (1, 1, 1)], r"direction is \(0, 1\)"),
-    ((0, 1, 0), [0, 0, 0, 1, 1, 1], r"bounds have shape \(6,\)"),
-    ((0, 1, 0), [(0, 0, 0), (1, -1, 1)], r"bounds are .*-1.0.*lowest first"),
-    ((0, 1, 0), [(0, 0, 0), (1, np.inf, 1)], "bounds are .*inf"),
+    ((0, 1, 0), [0, 0, 0, 1, 1, 1], r"bounds has shape \(6,\)"),
+    ((0, 1, 0), [(0, 0, 0), (1, -1, 1)], r"bounds is .*-1.0.*lowest corner first"),
+    ((0, 1, 0), [(0, 0, 0), (1, np.inf, 1)], "bounds is .*inf.*expected finite numbers"),
     ((0, 1, 0), [(2, 0, 3), (2, 1, 3)], "no extent across the light"),
     ((0, 1, 0), [(2, 0, 3), (2, 0, 3)], "no extent across the light"),
 ])  # fmt: skip

@@ -32,6 +32,12 @@ def test_a_flat_mesh_and_a_direction_along_up_are_framed_or_refused():
         atra.Camera.framing(flat, fov_y_degrees=180)
 
 
+def test_whatever_makes_a_camera_it_has_the_same_field_of_view():
+    mesh = cornell_box()
+    made = [atra.Camera((0, 0, 3), (0, 0, 0)), atra.Camera.framing(mesh), *atra.orbit(mesh, views=2)]
+    assert {camera.fov_y_degrees for camera in made} == {60.0}
+
+
 def test_cameras_of_an_orbit_are_evenly_around_the_mesh_and_see_all_of_it():
     mesh = cornell_box()
     cameras = atra.orbit(mesh, views=7, elevation_degrees=30, width=64, height=48)

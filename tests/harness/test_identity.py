@@ -19,13 +19,13 @@ from experiments.harness.point import Point
 from experiments.harness.processes.launching import run_worker
 from experiments.harness.processes.worker import measure_point
 from experiments.harness.rounds import measure_rounds
-from experiments.harness.sources import Code, Part, Source
+from experiments.harness.sources import Code, Source
+from experiments.light.bake import BAKE
 from experiments.methods import METHODS
 from experiments.methods.aligned import ALIGNED
 from experiments.methods.pixel import PIXEL
 from experiments.methods.raster import RASTER
 from experiments.workloads import WORKLOADS
-from experiments.workloads.bake import BAKE
 from experiments.workloads.frame import FRAME
 from tests.folders import ROOT
 from tests.harness.processes.test_outcome import POINT
@@ -75,15 +75,8 @@ def sha256(point, changed=(), change=one_more_line):
     return of_changed_code(point, frozenset(changed), change)
 
 
-def of_measure(text):
-    """A change of what measures, in a module that holds more than that."""
-    found = re.sub(r"^(def measure\(.*\n)", r"\1    CHANGED = 1\n", text, flags=re.M)
-    assert found != text
-    return found
-
-
 def modules(*points):
-    return {part.module for point in points for part in CODE.parts(code_roots(point))}
+    return {module for point in points for module in CODE.modules(code_roots(point))}
 
 
 def test_comments_docstrings_and_blank_lines_anywhere_change_nothing():
@@ -118,6 +111,10 @@ def test_a_change_of_what_the_harness_measures_with_makes_other_records_of_every
         assert sha256(point, [code.__module__]) != sha256(point), (point.method.name, point.workload.name)
 
 
+MEASURED_WITH: dict[str, set[str]] = {}
+"""Workload -> those that import what measures it."""
+
+
 def test_a_change_of_a_method_or_a_workload_leaves_the_records_of_others_valid():
     for point in EVERY_METHOD:
         measured_beside = {PIXEL.name, point.method.name}  # every frame is measured beside rays per pixel
@@ -125,22 +122,22 @@ def test_a_change_of_a_method_or_a_workload_leaves_the_records_of_others_valid()
         assert sha256(point, [point.method.module]) != sha256(point)
         assert [sha256(one, [point.method.module]) for one in others] == [sha256(one) for one in others]
     for point in EVERY_WORKLOAD:
-        measure = [point.workload.code[0]]
-        assert sha256(point, measure, of_measure) != sha256(point)
-        others = [one for one in EVERY_WORKLOAD if one is not point]
-        assert [sha256(one, measure, of_measure) for one in others] == [sha256(one) for one in others]
-        headline = [point.workload.room]
-        assert [sha256(one, headline) for one in EVERY_WORKLOAD] == [sha256(one) for one in EVERY_WORKLOAD]
+        measure = point.workload.modules[-1:]
+        assert sha256(point, measure) != sha256(point)
+        others = [one for one in EVERY_WORKLOAD if not set(measure) & modules(one)]
+        assert {one.workload.name for one in EVERY_WORKLOAD} - {one.workload.name for one in others} <= {
+            point.workload.name, *MEASURED_WITH.get(point.workload.name, ())
+        }  # fmt: skip
+        assert [sha256(one, measure) for one in others] == [sha256(one) for one in others]
 
 
 def test_what_only_tells_of_results_is_no_part_of_a_record():
     """Figures, terminal lines and pages, and the registries, by which everything would lead to everything."""
-    found = {part for point in (*EVERY_METHOD, *EVERY_WORKLOAD) for part in CODE.parts(code_roots(point))}
-    registries = {Part("experiments.methods"), Part("experiments.workloads"), Part("experiments.methods", "METHODS")}
-    assert registries.isdisjoint(found)
-    rooms = tuple(f"experiments.{name}." for name in ("report", "paper", "commands", "viewer", "results", "drawing"))
+    found = modules(*EVERY_METHOD, *EVERY_WORKLOAD)
+    assert not found & {"experiments.registry", "experiments.methods", "experiments.workloads"}
+    rooms = tuple(f"experiments.{name}." for name in ("report", "paper", "commands", "results", "drawing"))
     # What a workload makes a picture with, which its record holds, decides what is in the record.
-    names = {part.module for part in found} - {"experiments.drawing.shading"}
+    names = found - {"experiments.drawing.shading"}
     assert not [name for name in names if name.startswith(rooms) or name.endswith((".shown", ".classification.claims"))]
 
 
@@ -228,7 +225,7 @@ def test_every_function_that_runs_while_a_point_is_measured_is_part_of_its_code(
     finally:
         sys.setprofile(None)
     ours = {name for name in ran if name.partition(".")[0] in OURS}
-    assert point.workload.code[0] in ours
+    assert point.workload.modules[-1] in ours
     ours = {name for name in ours if not name.startswith("scenes.")}  # the hash of the mesh tells of these
     missing = ours - modules(point)
     assert not missing, sorted(missing)
@@ -255,18 +252,12 @@ def made_up(**sources):
     return Code(read)
 
 
-def parts(code, *roots):
-    return {part.module if part.name is None else f"{part.module}:{part.name}" for part in code.parts(roots)}
-
-
 LIBRARY = {
     "lib": """
         '''The face.'''
         from lib.near import near
         from lib.far import far as distant
-        LIMIT = 3
-        def both(): return near(), LIMIT
-        def lonely(): return 1
+        def own(): return near()
     """,
     "lib__near": "def near(): return 1",
     "lib__far": "import lib.deep\ndef far(): return 2",
@@ -277,44 +268,25 @@ LIBRARY = {
 @pytest.mark.parametrize(("source", "expected"), [
     ("from lib import near", {"lib.near"}),
     ("from lib import distant", {"lib.far", "lib.deep"}),
-    ("from lib import both", {"lib:both", "lib:LIMIT", "lib.near"}),
-    ("from lib import lonely", {"lib:lonely"}),
+    ("from lib import own", {"lib", "lib.near", "lib.far", "lib.deep"}),
     ("from lib import deep", {"lib.deep"}),
     ("from lib.far import far", {"lib.far", "lib.deep"}),
     ("import lib.deep", {"lib.deep"}),
     ("def late():\n    from lib.near import near", {"lib.near"}),
     ("class A:\n    def late(self):\n        import lib.near", {"lib.near"}),
+    ("if TYPE_CHECKING:\n    import lib.near", set()),
     ("import lib", {"lib", "lib.near", "lib.far", "lib.deep"}),
-    ("from lib import unheard_of", {"lib", "lib.near", "lib.far", "lib.deep"}),
-    ("from importlib import import_module\nimport_module('lib.near')", {"lib.near"}),
-    ("from importlib import import_module\nDOES = {'it': 'lib.near:near'}", {"lib.near"}),
+    ("from lib import *", {"lib", "lib.near", "lib.far", "lib.deep"}),
     ("SAYS = 'lib.near'", set()),
     ("import numpy, os.path", set()),
 ])  # fmt: skip
-def test_of_a_package_face_only_the_names_that_are_taken_count(source, expected):
-    assert parts(made_up(**LIBRARY, user=source), ("user", None)) == expected | {"user"}
-
-
-LAZY = """
-    from importlib import import_module
-    from lib.near import near
-    _LAZY = {"far": "lib.far", "deep_one": ".deep"}
-    def __getattr__(name): return getattr(import_module(_LAZY[name], __name__), name)
-"""
-
-
-@pytest.mark.parametrize(("name", "expected"), [
-    ("near", {"lib.near"}), ("far", {"lib.far", "lib.deep"}), ("deep_one", {"lib.deep"}),
-    ("another", {"lib", "lib.near", "lib.far", "lib.deep"}),
-])  # fmt: skip
-def test_a_name_that_a_face_loads_when_it_is_asked_for_counts_as_if_it_were_imported(name, expected):
-    code = made_up(**LIBRARY | {"lib": LAZY}, user=f"from lib import {name}")
-    assert parts(code, ("user", None)) == {"user"} | expected
+def test_what_a_module_imports_counts_and_of_a_package_face_the_names_that_are_taken(source, expected):
+    assert made_up(**LIBRARY, user=source).modules(["user"]) == expected | {"user"}
 
 
 def test_modules_of_a_package_may_import_each_other_by_relative_names():
     code = made_up(lib="from .near import near", lib__near="from . import deep", lib__deep="from .deep import x")
-    assert parts(code, ("lib", "near")) == {"lib.near", "lib.deep"}
+    assert code.modules(["lib.near"]) == {"lib.near", "lib.deep"}
 
 
 @pytest.mark.parametrize(("other", "is_the_same"), [
@@ -329,16 +301,8 @@ def test_modules_of_a_package_may_import_each_other_by_relative_names():
     ("LIMIT = 3\n@cached\ndef f(x): return x", False),
 ])  # fmt: skip
 def test_what_runs_makes_the_hash_and_not_how_it_is_written(other, is_the_same):
-    one = made_up(user="LIMIT = 3\ndef f(x):\n    return x").sha256([("user", None)])
-    assert (made_up(user=other).sha256([("user", None)]) == one) is is_the_same
-
-
-def test_of_a_name_taken_from_a_face_only_its_own_statement_is_hashed():
-    def sha(face):
-        return made_up(lib=face, lib__near="", user="from lib import f").sha256([("user", None)])
-
-    assert sha("A = 1\nB = 2\ndef f(): return A") == sha("A = 1\nB = 3\ndef f(): return A")
-    assert sha("A = 1\nB = 2\ndef f(): return A") != sha("A = 2\nB = 2\ndef f(): return A")
+    one = made_up(user="LIMIT = 3\ndef f(x):\n    return x").sha256(["user"])
+    assert (made_up(user=other).sha256(["user"]) == one) is is_the_same
 
 
 def test_a_method_of_which_there_is_no_source_is_refused():

@@ -4,18 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-import atra
-from atra.alignment.aligned import Aligned
-from atra.packets.pixel import Pixel
-from atra.raster.tracer import Raster
-from experiments.classification.bvh.tracer import BvhTracer
-from experiments.law.keep import choice_of, kept_looks, look_of, told_of
-from experiments.law.measure import VIEWS, cases
-from experiments.law.model.choice import Choice
-from experiments.law.model.formulas import frame_terms
-from experiments.law.model.looking import look_at
-from experiments.law.model.memory import array_bytes, byte_terms
-from experiments.law.predict import (
+from experiments.documents.quotation import REFERENCE
+from experiments.law.fit import (
+    add_tables,
     choices_of,
     confusion_of,
     errors_of,
@@ -24,8 +15,13 @@ from experiments.law.predict import (
     named_if_known,
     residuals_of,
 )
+from experiments.law.looks import choice_of, kept_looks, look_of, told_of
+from experiments.law.model.choice import Choice
+from experiments.law.model.formulas import frame_terms
+from experiments.law.model.looking import look_at
+from experiments.law.model.memory import array_bytes, byte_terms
+from tests.command import run_here
 from tests.meshes import cornell_box, cornell_camera
-from tests.quotations.quotation import REFERENCE
 
 
 def row(scene, method, measured_s, predicted_s=1.0, **fields):
@@ -77,15 +73,25 @@ def test_instances_and_culling_are_told_apart():
     )
 
 
-def test_at_least_thirty_views_are_measured_and_every_case_has_a_tracer():
-    assert len(set(VIEWS)) == len(VIEWS) >= 30
-    mesh, camera = cornell_box(), cornell_camera(512, 512)
-    made = [make() for _, _, make in cases(mesh, camera)]
-    methods = {type(one.method) for one in made if isinstance(one, atra.Tracer)}
-    assert methods >= {Raster, Pixel, Aligned}
-    assert any(isinstance(one, BvhTracer) for one in made)
-    for tracer in made:
-        tracer.close()
+@pytest.mark.usefixtures("figures_unsaved")
+def test_a_measured_sweep_becomes_rows_and_looks_that_are_fitted(tmp_path):
+    given = ["scene=three_holes,needles", "width=32", "height=32", "measure.rounds=3", "method.packet_width=null"]
+    aligned = ["method.split_x=4", "method.split_y=1", "method.culling=true", "method.geometry=copied"]
+    done = run_here(tmp_path, "sweep=law", *given, "method=pixel,raster,aligned", *aligned)
+    assert done.returncode == 0, done.stderr
+    table, folder = pd.read_parquet(tmp_path / "results" / "law" / "table.parquet"), tmp_path / "law"
+    add_tables(folder, [table])
+    rows = gather(folder)
+    assert rows.groupby("scene")["method"].unique().map(set).tolist() == [{"pixel", "raster", "aligned"}] * 2
+    assert set(rows["want"]) == {"nearest", "count"}
+    nearest = rows[rows["want"] == "nearest"]
+    of_scenes = nearest[nearest["method"] != "raster"]  # whose tracer counts all that it keeps
+    assert (of_scenes["measured_bytes"] > of_scenes["array_bytes"]).all()
+    np.testing.assert_allclose(rows["over_packets"] * rows["time_s"], rows["packets_time_s"])
+    judged = leave_one_out(rows)
+    assert np.isfinite(judged[["predicted_time_s", "predicted_build_s"]]).all(axis=None)
+    add_tables(folder, [table])
+    assert len(kept_looks(folder / "looks.parquet")) == 2
 
 
 def test_what_is_kept_of_a_look_says_as_much_as_the_look():

@@ -13,7 +13,6 @@ from experiments import methods
 from experiments.harness.configuration import results_folder
 from experiments.harness.identity import code_roots, current_environment, identity
 from experiments.harness.processes.launching import run_worker
-from experiments.harness.sources import Part
 from experiments.results.table import read_tables
 from experiments.sweep import GridPoint, run_sweep
 from tests.harness.processes.test_outcome import POINT
@@ -143,9 +142,9 @@ def test_what_a_file_or_its_helper_imports_of_this_project_is_part_of_its_code(w
 
     def code(line):
         write(**files | {where: line + files[where]})
-        return CODE.parts(code_roots(replace(POINT, method=use(tmp_path))))
+        return CODE.modules(code_roots(replace(POINT, method=use(tmp_path))))
 
-    room = Part("atra.trees.building")
+    room = "atra.trees.building"
     assert room not in code("")
     assert room in code("from atra.trees.building import cheapest_split\n")
     assert room in code("def late():\n    import atra.trees.building\n")

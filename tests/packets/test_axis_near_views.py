@@ -11,7 +11,7 @@ import pytest
 
 import atra
 from atra.alignment.alignment import Alignment
-from atra.alignment.instancing import instance_transforms
+from atra.alignment.copies import instance_transforms
 from atra.geometry.ray_space import ray_axes
 from tests.images import METHODS, PARALLEL, trace
 from tests.machine import WIDTHS

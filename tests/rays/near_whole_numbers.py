@@ -94,3 +94,22 @@ class ExactRay:
             if t is not None and (best is None or t < best[0]):
                 best = t, face
         return best
+
+
+def exact_ray(corners, origin, direction):
+    """A ray and triangles, (F, 3, 3), of any float32 or float64 numbers."""
+    corners, origin, direction = (np.asarray(one, np.float64) for one in (corners, origin, direction))
+    return ExactRay(corners, origin, direction, (shift_of(corners, origin), shift_of(direction)))
+
+
+def hits_without_rounding(mesh, origin, direction, tnear=0.0, tfar=np.inf):
+    """(t, prim_id) of all hits of a ray, the nearest first, of equally near ones the lowest prim_id."""
+    ray = exact_ray(mesh.triangles(np.arange(mesh.triangle_count)), origin, direction)
+    found = ((ray.crosses(prim_id), prim_id) for prim_id in range(mesh.triangle_count))
+    near, far = Fraction(float(tnear)), None if tfar == np.inf else Fraction(float(tfar))
+    return sorted((t, prim_id) for t, prim_id in found if t is not None and near <= t and (far is None or t < far))
+
+
+def crosses(corners, origin, direction):
+    """Whether a ray crosses a triangle, (3, 3)."""
+    return exact_ray(corners[None], origin, direction).crosses(0) is not None

@@ -9,7 +9,7 @@ import trimesh
 import atra
 from atra.compat.trimesh import RayMeshIntersector
 from tests.closed_meshes import box, sphere
-from tests.rays.many_rays import crosses, hits_by_fractions
+from tests.rays.near_whole_numbers import crosses, hits_without_rounding
 
 each_precision = pytest.mark.parametrize("precision", ["exact", "watertight", "fast"])
 
@@ -148,7 +148,7 @@ def odd_scene(seed, kind, sizes):
 def test_numbers_of_any_size_lead_to_the_hits_that_fractions_find(sizes, kind, seed):
     mesh, rays = odd_scene(seed, kind, sizes)
     expected = [
-        hits_by_fractions(mesh, rays.origins[k], rays.directions[k], rays.tnear[k], rays.tfar[k]) for k in range(24)
+        hits_without_rounding(mesh, rays.origins[k], rays.directions[k], rays.tnear[k], rays.tfar[k]) for k in range(24)
     ]
     assert any(expected)
     with atra.RayScene(mesh, threads=1) as scene:
@@ -187,7 +187,7 @@ def test_rays_from_as_far_as_may_be_hit_what_fractions_say(size):
     directions = -origins * 2.0 ** -random.integers(0, 60, (40, 1))
     origins[20:], directions[20:, 0] = origins[20:] * [[0, 1, 1]], 0.0
     origins[20:, 0] = random.uniform(-2 * size, 2 * size, 20)
-    expected = [hits_by_fractions(mesh, *ray) for ray in zip(origins, directions, strict=True)]
+    expected = [hits_without_rounding(mesh, *ray) for ray in zip(origins, directions, strict=True)]
     assert 20 <= sum(map(bool, expected)) < 40
     with atra.RayScene(mesh, threads=1) as scene:
         assert scene.count(origins, directions).tolist() == [len(hits) for hits in expected]

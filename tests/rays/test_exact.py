@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 import atra
+from atra.rays.kernel_scene import KernelScene
 from scenes.directory import load_scene_from_directory
 from tests.closed_meshes import box, sphere
 from tests.machine import WIDTHS
 from tests.meshes import beams, random_triangles
-from tests.rays.many_rays import hits_by_fractions
+from tests.rays.near_whole_numbers import hits_without_rounding
 
 each_width = pytest.mark.parametrize("width", WIDTHS)
 
@@ -53,7 +54,7 @@ def assert_as_fractions_say(mesh, rays, **options):
             found, occluded = scene.intersect(rays, coherent=coherent), scene.occluded(rays, coherent=coherent)
             for ray in range(len(rays)):
                 ends = rays.tnear[ray], rays.tfar[ray]
-                every = hits_by_fractions(mesh, rays.origins[ray], rays.directions[ray], *ends)
+                every = hits_without_rounding(mesh, rays.origins[ray], rays.directions[ray], *ends)
                 expected = every[0] if every else None
                 assert occluded[ray] == (expected is not None), ray
                 if expected is None:
@@ -229,18 +230,23 @@ def test_only_the_faces_asked_for_are_met_and_meshes_are_told_apart():
         assert found.prim_id[found.hit].max() < mesh.triangle_count
 
 
-def test_kernels_of_ones_own_ask_an_embree_scene_that_the_first_of_them_builds():
-    mesh = box()
-    with atra.RayScene(mesh, threads=1) as scene:
-        assert scene.embree_bytes == 0
-        asked = []
-        scene.run(lambda query: asked.append(query.scene))
-        assert asked == [scene.address]
-        assert scene.embree_bytes > 0
-        scene.update(atra.Mesh(mesh.vertices + 1, mesh.faces))
-        before = scene._scene
-        assert scene.address
-        assert before.closed
+def test_kernels_ask_an_embree_scene_that_the_first_of_them_builds_and_an_update_builds_anew():
+    mesh, asked = box(), []
+    scene = KernelScene(mesh, threads=1)
+    assert scene.embree_bytes == 0
+    scene.run(lambda query: asked.append(query.scene))
+    assert asked == [scene.address]
+    assert scene.embree_bytes > 0
+    before = scene._scene
+    scene.update(atra.Mesh(mesh.vertices + 1, mesh.faces))
+    assert before.closed
+    assert scene.occluded([(1.1, 1.2, 9.0)], [(0.0, 0.0, -1.0)], tfar=[8.0]).all()
+    with pytest.raises(atra.InputError, match="expected other vertices of the same faces"):
+        scene.update(sphere(1))
+    scene.close()
+    assert scene.embree_bytes == 0
+    with pytest.raises(atra.ClosedError):
+        scene.run(lambda query: None)
 
 
 def test_degenerate_triangles_are_missed():

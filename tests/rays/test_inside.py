@@ -6,7 +6,6 @@ import trimesh
 
 import atra
 from atra.rays.all_hits.cells import FEWEST_POINTS
-from atra.rays.all_hits.contains import edge_surplus, winding_numbers
 from tests.closed_meshes import box, cornell_boxes, sphere
 from tests.meshes import random_triangles
 from tests.rays.whole_numbers import SIZE, whole_crossings, whole_meshes
@@ -63,11 +62,11 @@ def test_many_points_are_decided_as_few_are():
         points = np.random.default_rng(0).uniform(-1.1 * SIZE, 1.1 * SIZE, (FEWEST_POINTS, 3))
         points[:3000] = np.rint(points[:3000])
         with atra.RayScene(mesh, threads=1) as scene:
-            many = scene.parity(points)
-            assert (scene._cells is not None) == is_closed
-            assert (scene.parity(points[:5000]) == many[:5000]).all()
-        with atra.RayScene(mesh, threads=1) as scene:
-            few = (scene.crossings.columns(points).counts & 1).astype(bool)
+            interior = scene._current_interior()
+            many = interior.parity(points)
+            assert (interior.cells is not None) == is_closed
+            assert (interior.parity(points[:5000]) == many[:5000]).all()
+            few = (interior.finder.columns(points).counts & 1).astype(bool)
         on_surface = is_on_surface(mesh, points[:3000].astype(np.int64))
         assert (many == few)[3000:].all()
         assert (many == few)[:3000][~on_surface].all()
@@ -88,9 +87,8 @@ def test_winding_numbers_of_open_meshes_are_sums_of_solid_angles():
     random = np.random.default_rng(0)
     for mesh in (cup, random_triangles(30, 1), atra.Mesh(np.eye(3), [[0, 1, 2]] * 3), sphere()):
         points = random.uniform(-1.5, 1.5, (400, 3))
-        edges, surplus, _ = edge_surplus(mesh, mesh.faces)
         with atra.RayScene(mesh, threads=1) as scene:
-            found = winding_numbers(points, mesh.vertices[edges].astype(float), surplus, scene.crossings)
+            found = scene._current_interior().winding_numbers(points)
             expected = solid_angles(mesh, points)
             assert found == pytest.approx(expected, abs=1e-9)
             assert (scene.contains(points, method="winding") == (expected > 0.5)).all()

@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 
 import atra
-import atra.rays.plan
-import atra.rays.scene
+import atra.rays.all_hits.finding
+import atra.rays.kernel_scene
+import atra.rays.order
 from atra.compiled.instruction_sets import chosen_instruction_set, cpu_features
 from atra.compiled.threads import WorkerPool
 from atra.embree.layout import FLAG_COHERENT
 from atra.exact.intersection import intersect_rays
+from atra.rays.embree_kernels import CHUNK, embree_kernel
 from atra.rays.order import RayOrder, box_of
 from atra.rays.order_kernels import CELLS, SORTED_CHUNK
-from atra.rays.plan import FEWEST_RAYS, plan_of
-from atra.rays.rays_kernels import CHUNK, closest_hit_kernel
+from atra.rays.plan import FEWEST_RAYS
 from experiments.workloads.agreement.brute_force_kernels import nearest_triangles
 from tests.images import assert_no_pixel_wrong, assert_same_bits, trace
 from tests.machine import WIDEST, WIDTHS
@@ -339,9 +340,9 @@ def test_robust_loses_no_ray_far_from_the_origin_where_others_do(width):
 
 def test_embree_is_given_the_faces_that_tracers_trace(monkeypatch):
     given = []
-    made = atra.rays.scene.EmbreeScene
+    made, room = atra.rays.kernel_scene.EmbreeScene, atra.rays.kernel_scene
     monkeypatch.setattr(
-        atra.rays.scene, "EmbreeScene", lambda *arrays, **options: given.extend(arrays) or made(*arrays, **options)
+        room, "EmbreeScene", lambda *arrays, **options: given.extend(arrays) or made(*arrays, **options)
     )
     mesh = boards()
     traced(mesh, random_rays(1, 0, mesh))
@@ -475,9 +476,9 @@ def assert_same_bits_of_rays(found, expected):
 
 @each_width
 def test_the_order_that_a_large_batch_is_traced_in_changes_no_bit(width, monkeypatch):
-    monkeypatch.setattr(atra.rays.plan, "FEWEST_TRIANGLES", 1)
-    monkeypatch.setattr(atra.rays.plan, "FEWEST_TRIANGLES_EXACT", 1)
-    monkeypatch.setattr(atra.rays.scene, "ORDERED", FEWEST_RAYS - 700)  # in two parts, the second of 777
+    monkeypatch.setattr(atra.rays.kernel_scene, "FEWEST_TRIANGLES", 1)
+    monkeypatch.setattr(atra.rays.all_hits.finding, "FEWEST_TRIANGLES", 1)
+    monkeypatch.setattr(atra.rays.order, "ORDERED", FEWEST_RAYS - 700)  # in two parts, the second of 777
     mesh, ordered = MESHES["many small"], []
     order = RayOrder.ordered
     monkeypatch.setattr(RayOrder, "ordered", lambda *given: ordered.append(1) or order(*given))
@@ -521,50 +522,38 @@ def test_a_large_batch_is_ordered_by_where_rays_start_and_head_whoever_orders_it
 
 
 @each_native
-def test_packets_of_rays_that_are_alike_go_together_and_others_do_not(width):
+def test_packets_of_coherent_rays_go_together_and_others_do_not(width):
     mesh, camera = cornell_box(), cornell_camera(256, 256).crop(0, 100, 256, 16)
     y, x = np.divmod(np.arange(camera.width * camera.height), camera.width)
     directions = camera.directions(x, y) @ camera.axes
     origins = np.broadcast_to(camera.eye, directions.shape)
     with scene_of(mesh, width) as scene:
         found = scene.intersect(origins, directions)
-        assert scene._workspaces[width][0].flags[0] == FLAG_COHERENT
+        flags = scene._embree._workspaces[width][0].flags
+        assert flags[0] == FLAG_COHERENT
         assert_same_bits_of_rays(found, scene.intersect(origins, directions, coherent=True))
         scene.intersect(random_rays(64, 1, mesh))
-        assert scene._workspaces[width][0].flags[0] == (FLAG_COHERENT if width == 1 else 0)
+        assert flags[0] == (FLAG_COHERENT if width == 1 else 0)
 
 
 @each_native
-def test_rays_that_are_not_alike_are_traced_one_by_one_unless_a_width_is_given(width, monkeypatch):
+def test_rays_that_are_not_coherent_are_traced_one_by_one_unless_a_width_is_given(width, monkeypatch):
     mesh, widths = cornell_box(), []
-    alike = camera_rays(cornell_camera(256, 256).crop(0, 100, 256, 16))
+    coherent = camera_rays(cornell_camera(256, 256).crop(0, 100, 256, 16))
     others = random_rays(256, 1, mesh)
 
-    def kernel_of(width):
+    def kernel_of(width, any_hit):
         widths.append(width)
-        return closest_hit_kernel(width)
+        return embree_kernel(width, any_hit)
 
-    monkeypatch.setattr(atra.rays.scene, "closest_hit_kernel", kernel_of)
+    monkeypatch.setattr(atra.rays.kernel_scene, "embree_kernel", kernel_of)
     for given in (None, width):
         with atra.RayScene(mesh, packet_width=given, threads=1, precision="fast") as scene:
-            for rays in (alike, others):
+            for rays in (coherent, others):
                 scene.intersect(rays)
                 scene.intersect(rays, coherent=True)
                 scene.intersect(rays, coherent=False)
     assert widths == [WIDEST, WIDEST, 1, 1, WIDEST, 1] + [width] * 6
-
-
-def test_no_sample_is_looked_at_where_it_would_change_nothing(monkeypatch):
-    looked_at = []
-    monkeypatch.setattr(atra.rays.plan, "places_alike", lambda *_: looked_at.append(1) or 0)
-    mesh = cornell_box()
-    rays = random_rays(256, 1, mesh)
-    numbers = rays.origins, rays.directions, rays.tnear, rays.tfar
-    for coherent, widths in ((None, (WIDEST, WIDEST)), (True, (WIDEST, 1)), (False, (WIDEST, 1))):
-        assert plan_of(numbers, mesh, coherent, *widths).width == (1 if coherent is False else WIDEST)
-    assert looked_at == []
-    assert plan_of(numbers, mesh, None, WIDEST, 1).width == 1
-    assert looked_at == [1]
 
 
 def test_the_first_batch_builds_a_scene_that_is_not_built_and_none_builds_a_closed_one():

@@ -5,29 +5,30 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from matplotlib.axis import Tick
-from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from atra.errors import InputError
-from experiments.drawing.pages import describe_measurement
+from experiments.drawing.provenance import how_measured, provenance
+from experiments.drawing.render import draw as drawn
 from experiments.drawing.style import PANEL_INCHES, SMALL, TIMES
 from experiments.harness.configuration import Configuration, SweepConfiguration
-from experiments.paper.figures import draw_instancing_figure
-from experiments.report.writing import GRID_OF_FILES, draw_figures
+from experiments.paper.figures import instancing_figure
+from experiments.report.writing import GRID_OF_FILES, figures_of
 from experiments.sweep import GridPoint, run_sweep
-from experiments.workloads.build.shown import draw_build_figure
-from experiments.workloads.frame.break_even import draw_break_even_figure
-from experiments.workloads.frame.grid_figure import draw_grid_ratios, draw_grid_times
-from experiments.workloads.frame.growth import draw_growth_figure
-from experiments.workloads.frame.peers_figure import draw_peers_figure
-from experiments.workloads.frame.threads_figure import draw_threads_figure
-from experiments.workloads.frame_figures import draw_methods_figure, draw_split_ratios, draw_split_times
-from experiments.workloads.memory.shown import draw_memory_figure
-from experiments.workloads.moving.shown import draw_moving_figure
-from experiments.workloads.multiframe.shown import draw_multiframe_figure, draw_stereo_figure
+from experiments.workloads.build.shown import build_figure
+from experiments.workloads.frame.break_even import break_even_figure
+from experiments.workloads.frame.grid_figure import grid_ratios, grid_times
+from experiments.workloads.frame.growth import growth_figure
+from experiments.workloads.frame.peers_figure import peers_figure
+from experiments.workloads.frame.threads_figure import threads_figure
+from experiments.workloads.frame_figures import methods_figure, split_ratios, split_times
+from experiments.workloads.memory.shown import memory_figure
+from experiments.workloads.moving.shown import moving_figure
+from experiments.workloads.multiframe.shown import multiframe_figure, stereo_figure
 from tests.drawn import (
     MIB,
     build_row,
+    crosses,
     level,
     line,
     make_rows,
@@ -42,30 +43,29 @@ from tests.drawn import (
 from tests.report.test_frame_figures import walk
 
 
-def crosses(axis):
-    return {float(x) for line in axis.get_lines() if line.get_marker() == "x" for x in line.get_xdata()}
-
-
 @pytest.mark.parametrize(("axis_name", "said"), [("split_x", "horizontal splits"), ("split_y", "vertical splits")])
 def test_the_axis_of_splits_says_which_way_they_run(axis_name, said):
     rows = [time_row(1, time_s) | {axis_name: split} for split, time_s in ((1, 0.08), (2, 0.02))]
-    (axis,) = draw_split_times(make_rows(*rows), axis_name=axis_name).axes
-    assert axis.get_xlabel() == said
-    assert line(axis, "aligned, culling on") == {1: 80, 2: 20}
+    figure = split_times(make_rows(*rows), axis_name=axis_name)
+    assert figure.x.label == said
+    assert line(figure.panels[0], "aligned, culling on") == {1: 80, 2: 20}
 
 
-def test_processes_left_out_are_said_in_the_foot():
+def test_processes_left_out_are_said_beside_the_figure():
     unsteady = time_row(2, 0.1) | {"status": "unsteady", "error": "too noisy", "processes_left_out": 3}
-    figure = draw_split_times(make_rows(time_row(1, 0.1, processes_left_out=1), unsteady))
+    figure = split_times(make_rows(time_row(1, 0.1, processes_left_out=1), unsteady))
     assert "4 processes left out as unsteady" in unfolded(figure)
     assert "culling on, 2: unsteady, too noisy" in unfolded(figure)
+
+
+FROM = " (from 1 MiB on)"
 
 
 def test_the_build_figure_draws_plan_and_build_of_copies_and_the_build_of_instances():
     instanced = build_row(2, 0.001, 0.003, geometry="instanced", culling=False)
     table = make_rows(build_row(1, 0.002, 0.005), build_row(2, 0.003, 0.007), instanced, skipped(build_row(4, 0, 0)))
-    figure = draw_build_figure(table)
-    (axis,) = figure.axes
+    figure = build_figure(table)
+    (axis,) = figure.panels
     assert line(axis, "BVH build, culling on") == {1: 5, 2: 7}
     assert line(axis, "plan (culling and shear), culling on") == {1: 2, 2: 3}
     assert line(axis, "BVH build, instanced") == {2: 3}
@@ -82,29 +82,28 @@ def test_the_memory_figure_takes_the_mesh_off_and_draws_the_pixel_rows_as_baseli
         memory_row(1, 100, 900, 900, culling=False),
         skipped(memory_row(4, 0, 0, 0)),
     )
-    figure = draw_memory_figure(table)
-    (axis,) = figure.axes
-    assert line(axis, "RSS over the mesh, after the build") == {1: 10, 2: 20}
-    assert line(axis, "peak of RSS over the mesh") == {1: 30, 2: 40}
+    figure = memory_figure(table)
+    (axis,) = figure.panels
+    assert line(axis, f"RSS over the mesh, after the build{FROM}") == {1: 10, 2: 20}
+    assert line(axis, f"peak of RSS over the mesh{FROM}") == {1: 30, 2: 40}
     assert line(axis, "Embree's own account") == {1: 3, 2: 6}
-    dashed = {float(line.get_ydata()[0]) for line in axis.get_lines() if line.get_transform() != axis.transData}
-    assert {5.0, 6.0, 3.0} <= dashed
+    assert {5.0, 6.0, 3.0} == {one.value for one in axis.levels}
     assert crosses(axis) == {4}
 
 
 def test_rss_is_drawn_where_it_grew_by_more_than_the_noise_of_pages_and_embree_s_bytes_everywhere():
-    figure = draw_memory_figure(make_rows(memory_row(1, 100, 100, 130), memory_row(2, 100, 110, 130)))
-    (axis,) = figure.axes
-    assert line(axis, "RSS over the mesh, after the build") == {2: 10}
+    figure = memory_figure(make_rows(memory_row(1, 100, 100, 130), memory_row(2, 100, 110, 130)))
+    (axis,) = figure.panels
+    assert line(axis, f"RSS over the mesh, after the build{FROM}") == {2: 10}
     assert line(axis, "Embree's own account") == {1: 3, 2: 6}
-    assert "RSS is drawn from 1 MiB on" in unfolded(figure)
+    assert f"RSS over the mesh, after the build{FROM}" in figure.legend
 
 
 def test_a_failure_is_told_in_its_own_words_and_a_long_list_of_points_by_its_ends():
     rows = [skipped(memory_row(2**k, 0, 0, 0)) | {"status": "failed", "error": "memory ran out"} for k in range(7)]
-    figure = draw_memory_figure(make_rows(*rows))
+    figure = memory_figure(make_rows(*rows))
     assert "culling on, 1 to 64 (7 points): failed, memory ran out" in words(figure)
-    assert crosses(figure.axes[0]) == {1, 2, 4, 8, 16, 32, 64}
+    assert crosses(figure.panels[0]) == {1, 2, 4, 8, 16, 32, 64}
 
 
 def test_the_instancing_figure_sets_embree_s_bytes_beside_the_speed_up_at_the_width_of_the_instances():
@@ -118,7 +117,7 @@ def test_the_instancing_figure_sets_embree_s_bytes_beside_the_speed_up_at_the_wi
         time_row(2, 0.04, culling=False, geometry="instanced", ratio=0.5),
         time_row(2, 0.5, packet_width=1),
     )
-    memory, speed = draw_instancing_figure(table).axes
+    memory, speed = instancing_figure(table).panels
     assert line(memory, "aligned, culling on") == {2: 6}
     assert line(memory, "aligned, culling off") == {2: 9}
     assert line(memory, "aligned, instanced") == {2: 1}
@@ -129,7 +128,7 @@ def test_the_instancing_figure_sets_embree_s_bytes_beside_the_speed_up_at_the_wi
 
 
 def drawn_names(*rows, grids=None):
-    return [figure.name for figure in draw_figures(make_rows(*rows), Path(), grids)]
+    return [figure.name for figure in figures_of(make_rows(*rows), Path(), grids)]
 
 
 FIGURE5 = ["figure5", "figure5_speedup"]
@@ -162,8 +161,7 @@ INSTANCED = memory_row(2, 100, 102, 102, culling=False, geometry="instanced")
     ([skipped(row) for row in SPLITS], []),
     ([], []),
 ])  # fmt: skip
-def test_without_grids_a_table_draws_every_figure_that_has_something_to_show(rows, expected, monkeypatch):
-    monkeypatch.setattr(Figure, "savefig", lambda *_, **__: None)  # each three times; how they look, others test
+def test_without_grids_a_table_draws_every_figure_that_has_something_to_show(rows, expected):
     assert drawn_names(*rows) == expected
 
 
@@ -175,24 +173,13 @@ def test_a_sweep_that_names_figures_draws_these_of_the_points_of_their_grids_alo
 
 def test_the_methods_of_files_stand_in_every_figure_of_their_sweep():
     rows = [time_row(split, 0.1, grids=grid) for split, grid in ((1, "one"), (2, GRID_OF_FILES), (4, "other"))]
-    (figure,) = draw_figures(table := make_rows(*rows), Path(), {"figure5": ["one"]})
+    (figure,) = figures_of(table := make_rows(*rows), Path(), {"figure5": ["one"]})
     assert figure.point_ids == set(table["point_id"][:2])
-
-
-def test_a_long_foot_makes_the_figure_grow_and_touches_no_panel():
-    reasons = [skipped(method_row(name), "a reason " * 12) for name in ("tiles", "raster", "visible_first", "pixel")]
-    figure = draw_peers_figure(make_rows(method_row("aligned", 2), *reasons))
-    figure.canvas.draw()
-    foot = figure._supxlabel.get_window_extent()
-    assert foot.y0 >= 0
-    assert foot.y1 <= figure.axes[0].get_tightbbox().y0
-    assert figure.get_figheight() > draw_peers_figure(make_rows(method_row("aligned", 2))).get_figheight()
 
 
 def test_a_figure_of_one_packet_width_holds_the_points_of_that_width():
     table = make_rows(*SPLITS, *(row | {"packet_width": 1} for row in SPLITS))
-    drawn = draw_figures(table, Path())
-    single, packets = next(drawn), next(drawn)
+    single, packets, *_ = figures_of(table, Path())
     assert (single.point_ids, packets.point_ids) == (set(table["point_id"][2:]), set(table["point_id"][:2]))
 
 
@@ -209,29 +196,29 @@ def test_an_unknown_figure_or_grid_is_refused_with_the_known_names_before_anythi
     assert list(tmp_path.iterdir()) == []
 
 
-def draw_growth_to_larger_images(rows, columns=2):
+def growth_to_larger_images(rows):
     """Growth takes two sizes: each row is there again with four times the pixels."""
     larger = rows.assign(width=2 * rows["width"], height=2 * rows["height"])
-    return draw_growth_figure(pd.concat([rows, larger], ignore_index=True), columns)
+    return growth_figure(pd.concat([rows, larger], ignore_index=True))
 
 
 ONE_ROW = {
-    "split, times": (draw_split_times, time_row(1, 0.08)),
-    "split, ratios": (draw_split_ratios, time_row(1, 0.08)),
-    "grid, times": (draw_grid_times, time_row(1, 0.08)),
-    "grid, ratios": (draw_grid_ratios, time_row(1, 0.08)),
-    "build": (draw_build_figure, build_row(1, 0.002, 0.005)),
-    "memory": (draw_memory_figure, memory_row(1, 100, 110, 130)),
-    "instancing, memory": (draw_instancing_figure, memory_row(1, 100, 110, 130)),
-    "instancing, time": (draw_instancing_figure, time_row(1, 0.08)),
-    "methods": (draw_methods_figure, method_row("visible_first", 4)),
-    "break even": (draw_break_even_figure, method_row("visible_first", 4)),
-    "threads": (draw_threads_figure, method_row("visible_first", 4)),
-    "peers": (draw_peers_figure, method_row("visible_first", 4)),
-    "moving": (draw_moving_figure, method_row("visible_first", 4, workload="moving", kept_packets_time_s=0.04)),
-    "growth": (draw_growth_to_larger_images, method_row("visible_first", 4)),
-    "stereo": (draw_stereo_figure, walk(2, 0.02) | {"motion": "eyes"}),
-    "multiframe": (draw_multiframe_figure, walk(2, 0.02)),
+    "split, times": (split_times, time_row(1, 0.08)),
+    "split, ratios": (split_ratios, time_row(1, 0.08)),
+    "grid, times": (grid_times, time_row(1, 0.08)),
+    "grid, ratios": (grid_ratios, time_row(1, 0.08)),
+    "build": (build_figure, build_row(1, 0.002, 0.005)),
+    "memory": (memory_figure, memory_row(1, 100, 110, 130)),
+    "instancing, memory": (instancing_figure, memory_row(1, 100, 110, 130)),
+    "instancing, time": (instancing_figure, time_row(1, 0.08)),
+    "methods": (methods_figure, method_row("visible_first", 4)),
+    "break even": (break_even_figure, method_row("visible_first", 4)),
+    "threads": (threads_figure, method_row("visible_first", 4)),
+    "peers": (peers_figure, method_row("visible_first", 4)),
+    "moving": (moving_figure, method_row("visible_first", 4, workload="moving", kept_packets_time_s=0.04)),
+    "growth": (growth_to_larger_images, method_row("visible_first", 4)),
+    "stereo": (stereo_figure, walk(2, 0.02) | {"motion": "eyes"}),
+    "multiframe": (multiframe_figure, walk(2, 0.02)),
 }
 LEFT = ["scene", "status", "method", "split_x", "split_y", "culling", "workload", "width", "height", "triangles"]
 
@@ -240,25 +227,24 @@ LEFT = ["scene", "status", "method", "split_x", "split_y", "culling", "workload"
     "name", [pytest.param(name, marks=pytest.mark.slow if place % 3 else ()) for place, name in enumerate(ONE_ROW)]
 )
 def test_every_figure_copes_with_one_row_with_none_and_with_a_row_of_missing_values(name):
-    draw, row = ONE_ROW[name]
+    make, row = ONE_ROW[name]
     one = make_rows(row)
     missing = one.copy()
     missing[[name for name in one if name not in LEFT]] = pd.NA
     without = make_rows(skipped(row), skipped(row | {"threads": None, "packet_width": None}))
     older = one.drop(columns=["first_frame_time_s", "stands_for", "grids"])
     for table in (one, one.iloc[:0], missing, without, older, pd.concat([one, missing, without])):
-        save(draw(table))
+        save(make(table))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("columns", [1, 2])
 @pytest.mark.parametrize("name", ONE_ROW)
-def test_every_text_is_large_enough_for_a_page_of_400_px_and_inside_its_figure(name, columns):
-    draw, row = ONE_ROW[name]
+def test_every_text_of_a_figure_is_large_enough_and_inside_of_it(name):
+    make, row = ONE_ROW[name]
     scenes = ("fireplace_room", "living_room")
     long = [row | {"scene": scene, "triangles": 143_163, "stands_for": "sponza"} for scene in scenes]
-    figure = draw(make_rows(*long, *(skipped(one | {"split_x": 1024}) for one in long)), columns)
-    assert figure.get_figwidth() == pytest.approx(PANEL_INCHES * columns)
+    figure = drawn(make(make_rows(*long, *(skipped(one | {"split_x": 1024}) for one in long))))
+    assert figure.get_figwidth() == pytest.approx(2 * PANEL_INCHES)
     figure.draw_without_rendering()
     ticks = {text for tick in figure.findobj(Tick) for text in tick.findobj(Text)}
     for text in filter(Text.get_text, figure.findobj(Text)):
@@ -273,21 +259,23 @@ def test_every_text_is_large_enough_for_a_page_of_400_px_and_inside_its_figure(n
     "name", [pytest.param(name, marks=() if name == "methods" else pytest.mark.slow) for name in ONE_ROW]
 )
 def test_a_stand_in_is_named_as_one_and_no_other_scene_is(name):
-    draw, row = ONE_ROW[name]
-    assert "stand-in for sponza, not that scene" in words(draw(make_rows(row | {"stands_for": "sponza"})))
-    assert "stand-in" not in words(draw(make_rows(row)))
+    make, row = ONE_ROW[name]
+    of_stand_in = make(make_rows(row | {"stands_for": "sponza"}))
+    assert "stand-in for sponza, not that scene" in words(of_stand_in)
+    assert "stand-in" not in words(make(make_rows(row)))
+    titles = [axis.get_title(loc="left") for axis in drawn(of_stand_in).axes]
+    assert all("stand-in for sponza, not that scene" in " ".join(title.split()) for title in titles)
 
 
-def test_the_foot_says_only_what_the_table_tells():
-    assert (
-        describe_measurement(make_rows(memory_row(1, 1, 2, 3)))
-        == f"1000 {TIMES} 1000 pixels, threads 1, packet width 8"
-    )
+def test_the_foot_and_the_notes_say_only_what_the_table_tells():
+    one = make_rows(memory_row(1, 1, 2, 3))
+    assert (provenance(one), how_measured(one)) == (f"threads 1, 1000 {TIMES} 1000 pixels", "packet width 8")
     doubtful = time_row(1, 1.0, rounds=3, doubts="spread", cpu="some cpu")
     rows = make_rows(doubtful, time_row(2, 1.0, measured_at="2000-01-01T"))
-    said = describe_measurement(rows, "mark")
+    said = how_measured(rows, "mark")
     assert "of each the median of 3 to 9 rounds; bars: 95 % confidence intervals over processes" in said
-    assert said.endswith("some cpu, 2000-01-01, mark, 1 of 2 points carry doubts (see table)")
-    held = describe_measurement(rows.assign(instruction_set=["avx2", "none"]))
+    assert said.endswith("mark, 1 of 2 points carry doubts (see table)")
+    assert provenance(rows) == f"some cpu, 2000-01-01, threads 1, 1000 {TIMES} 1000 pixels"
+    held = provenance(rows.assign(instruction_set=["avx2", "none"]))
     assert "some cpu, held to avx2, 2000-01-01" in held
-    assert describe_measurement(rows.iloc[:0]) == ""
+    assert provenance(rows.iloc[:0]) == how_measured(rows.iloc[:0]) == ""

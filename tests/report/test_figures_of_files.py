@@ -3,15 +3,12 @@
 from pathlib import Path
 
 import pytest
-from matplotlib.figure import Figure
 
 from experiments.commands.new_method import run_new_method
-from experiments.drawing import figure as drawing
-from experiments.drawing.figure import is_empty
 from experiments.drawing.style import TIMES
-from experiments.report.writing import GRID_OF_FILES, draw_figures
-from experiments.workloads.frame.grid_figure import draw_grid_ratios, draw_grid_times
-from experiments.workloads.frame_figures import draw_split_ratios, draw_split_times
+from experiments.report.writing import GRID_OF_FILES, figures_of
+from experiments.workloads.frame.grid_figure import grid_ratios, grid_times
+from experiments.workloads.frame_figures import split_ratios, split_times
 from tests.command import run_here
 from tests.drawn import level, line, make_rows, method_row, skipped, time_row, unfolded, words
 
@@ -33,74 +30,69 @@ def splits(**fields):
     return time_row(1, 0.08, **fields), time_row(16, 0.02, **fields)
 
 
-@pytest.fixture
-def drawn(monkeypatch):
-    """Draws the figures of rows; returns them by name, each as Matplotlib has it with two panels side by side."""
-    kept: list[Figure] = []
-    monkeypatch.setattr(drawing, "_png", lambda figure: kept.append(figure) or b"")
+def drawn(*rows, figures=None):
+    """The figures of rows, by name."""
+    return {one.name: one.figure for one in figures_of(make_rows(*rows), Path(), figures)}
 
-    def draw(*rows, figures=None):
-        kept.clear()
-        named = [one.name for one in draw_figures(make_rows(*rows), Path(), figures)]
-        return dict(zip(named, kept, strict=True))
 
-    return draw
+def labels(panel):
+    return [one.label for one in panel.levels]
 
 
 def test_over_splits_it_is_a_level_for_comparison_in_time_and_in_speed_up():
     rows = make_rows(*splits(), theirs())
-    times, ratios = draw_split_times(rows), draw_split_ratios(rows)
-    assert level(times.axes[0], "program") == 30.0
-    assert level(ratios.axes[0], "program") == 0.75
+    times, ratios = split_times(rows), split_ratios(rows)
+    assert level(times.panels[0], "program") == 30.0
+    assert level(ratios.panels[0], "program") == 0.75
     assert "program: 30.0 ms" in words(times)
     assert f"program: 30.0 ms, 0.75{TIMES}" in words(ratios)
     for figure in (times, ratios):
-        assert "program" in [text.get_text() for text in figure.legends[0].get_texts()]
-        assert len(figure.axes) == 1
+        assert "program" in figure.legend
+        assert len(figure.panels) == 1
 
 
 def test_its_level_stands_in_the_panel_of_its_scene_alone():
     table = make_rows(*splits(), *splits(scene="hall"), theirs(scene="hall"))
-    box, hall = draw_split_times(table).axes
-    assert "program" not in box.get_legend_handles_labels()[1]
+    box, hall = split_times(table).panels
+    assert "program" not in labels(box)
     assert level(hall, "program") == 30.0
 
 
 def test_one_with_a_wrong_image_has_no_level_and_a_cross_in_words():
     wrong = {"status": "wrong", "error": "4,096 of 4,096 pixels wrong", "pixels_wrong": 4096}
-    figure = draw_split_times(make_rows(*splits(), theirs() | wrong))
-    assert "program" not in figure.axes[0].get_legend_handles_labels()[1]
+    figure = split_times(make_rows(*splits(), theirs() | wrong))
+    assert "program" not in labels(figure.panels[0])
     assert f"{TIMES} program: wrong, 4,096 of 4,096 pixels wrong" in unfolded(figure)
 
 
 def test_maps_of_both_axes_tell_it_below():
     rows = make_rows(*(time_row(x, 0.02, split_y=y) for x in (1, 2) for y in (1, 2)), theirs())
-    assert "program: 30.0 ms" in words(draw_grid_times(rows))
-    assert f"program: 30.0 ms, 0.75{TIMES}" in words(draw_grid_ratios(rows))
+    assert "program: 30.0 ms" in words(grid_times(rows))
+    assert f"program: 30.0 ms, 0.75{TIMES}" in words(grid_ratios(rows))
 
 
 @pytest.mark.parametrize("figures", [None, FIGURE5])
-def test_there_is_no_figure_of_packets_of_0(drawn, figures):
+def test_there_is_no_figure_of_packets_of_0(figures):
     found = drawn(*of_grid("horizontal", *splits()), *of_grid(GRID_OF_FILES, theirs()), figures=figures)
     assert not [name for name in found if "packets_of" in name]
-    assert level(found["figure5"].axes[0], "program") == 30.0
+    assert level(found["figure5"].panels[0], "program") == 30.0
 
 
-def test_where_packets_of_two_widths_have_a_figure_each_it_stands_in_both(drawn):
+def test_where_packets_of_two_widths_have_a_figure_each_it_stands_in_both():
     rows = of_grid("horizontal", *splits(packet_width=8), *splits(packet_width=16))
     found = drawn(*rows, *of_grid(GRID_OF_FILES, theirs()), figures=FIGURE5)
     assert list(found) == ["figure5_packets_of_8", "figure5_packets_of_16"]
     for figure in found.values():
-        assert level(figure.axes[0], "program") == 30.0
-        assert set(line(figure.axes[0], "aligned, culling on")) == {1, 16}
+        assert level(figure.panels[0], "program") == 30.0
+        assert set(line(figure.panels[0], "aligned, culling on")) == {1, 16}
 
 
-def test_a_figure_with_nothing_to_show_is_not_drawn(drawn):
+def test_a_figure_with_nothing_to_show_is_not_drawn():
     failed = [skipped(one) for one in splits()]
     alone = of_grid(GRID_OF_FILES, theirs(scene="hall"))
     assert drawn(*alone, figures=FIGURE5) == {}
     assert drawn(*of_grid("horizontal", *failed), *alone, figures=FIGURE5) == {}
-    assert is_empty(draw_split_times(make_rows(*failed)))
+    assert split_times(make_rows(*failed)).is_empty
 
 
 def test_the_figure_to_open_first_shows_the_method(tmp_path, monkeypatch):

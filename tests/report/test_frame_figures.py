@@ -1,8 +1,5 @@
 """The figures of several frames draw what the table says, on tables small enough to read."""
 
-import numpy as np
-import pytest
-
 from experiments.drawing.style import TIMES
 from experiments.workloads.multiframe.shown import (
     PACKETS,
@@ -10,10 +7,10 @@ from experiments.workloads.multiframe.shown import (
     TOGETHER,
     VISIBLE_FRAMES,
     best_place,
-    draw_multiframe_figure,
-    draw_stereo_figure,
+    multiframe_figure,
+    stereo_figure,
 )
-from tests.drawn import bars, line, make_rows, method_row, save, skipped, whiskers, words
+from tests.drawn import bars, interval_of, level, line, make_rows, method_row, save, skipped, whiskers, words
 
 NAMES = ("separate", "visible_first", "rasteriser")
 RASTER_S = 0.004
@@ -46,8 +43,8 @@ def test_each_way_has_the_split_at_which_packets_lose_most_to_it():
 
 
 def test_the_stereo_figure_draws_every_way_at_its_best_split_in_milliseconds_with_intervals_and_paired_ratios():
-    figure = draw_stereo_figure(make_rows(frames_row(64, 0.02, 0.05, 0.04), frames_row(128, 0.04, 0.02, 0.01)))
-    (axis,) = figure.axes
+    figure = stereo_figure(make_rows(frames_row(64, 0.02, 0.05, 0.04), frames_row(128, 0.04, 0.02, 0.01)))
+    (axis,) = figure.panels
     assert bars(axis) == {
         f"both together, 64 {TIMES} 1": 20, f"aligned, each eye, 128 {TIMES} 1": 20,
         f"visible-first, each eye, 128 {TIMES} 1": 10, "rasteriser, each eye": 4,
@@ -56,51 +53,42 @@ def test_the_stereo_figure_draws_every_way_at_its_best_split_in_milliseconds_wit
     assert f"20.0 ms, 2.50{TIMES} [1.75, 2.25]" in words(figure)
     assert f"20.0 ms, 0.50{TIMES} [0.75, 1.25]" in words(figure)
     assert f"10.0 ms, 0.25{TIMES} [0.75, 1.25]" in words(figure)
-    assert set(line(axis, "rtcIntersect1 per pixel")) == {100}
-    assert set(line(axis, "fastest packets per pixel")) == {50}
+    assert level(axis, "rtcIntersect1 per pixel") == 100
+    assert level(axis, "fastest packets per pixel") == 50
 
 
 def test_the_stereo_figure_draws_a_split_of_too_few_processes_for_an_interval():
     row = frames_row(64, 0.02, 0.05, 0.04)
     row |= {name: None for name in row if name.endswith(("_low", "_high", "_low_s", "_high_s"))}
-    assert f"20.0 ms, 2.50{TIMES}" in words(draw_stereo_figure(make_rows(row)))
+    assert f"20.0 ms, 2.50{TIMES}" in words(stereo_figure(make_rows(row)))
 
 
 def test_the_figures_of_frames_say_what_was_skipped_and_which_pixels_are_wrong():
     reason = "skipped, needs more memory than its budget"
     table = make_rows(frames_row(64, 0.02, 0.05, 0.04, pixels_wrong=7), skipped(frames_row(128, 0.04, 0.02, 0.01)))
-    for draw in (draw_stereo_figure, draw_multiframe_figure):
-        said = words(draw(table))
+    for make in (stereo_figure, multiframe_figure):
+        said = words(make(table))
         assert "7 pixels wrong" in said
         assert f"all frames together, 128 {TIMES} 1: {reason}" in " ".join(said.split())
-    assert "nothing measured" in words(draw_multiframe_figure(make_rows(skipped(walk(8, 0.02)))))
+    assert multiframe_figure(make_rows(skipped(walk(8, 0.02)))).is_empty
 
 
 def walk(frames, together_s, **fields):
     return frames_row(64, together_s, 2 * together_s, 0.5 * together_s, frames=frames, motion="walk", **fields)
 
 
-def lines_of(axis, color):
-    """Abscissae and ordinates of the lines of a colour, intervals left out."""
-    drawn = [one for one in axis.get_lines() if one.get_color() == color and one.get_label() != "_bars"]
-    return [(list(one.get_xdata()), list(one.get_ydata())) for one in drawn]
-
-
 def test_the_multiframe_figure_draws_the_time_of_one_frame_of_each_way_and_motion():
     turned_row = frames_row(64, 0.02, 0.05, 0.04, motion="turn", pixels_wrong=7)
     table = make_rows(walk(2, 0.02), walk(4, 0.02), turned_row)
-    figure = draw_multiframe_figure(table)
-    walked, _, turned, _ = figure.axes
+    figure = multiframe_figure(table)
+    walked, _, turned, _ = figure.panels
     assert line(walked, "all frames together") == {2.0: 10, 4.0: 5}
     assert line(walked, "aligned, frame by frame") == {2.0: 20, 4.0: 10}
     assert line(walked, "visible-first, frame by frame") == {2.0: 5, 4.0: 2.5}
     assert line(walked, "rasteriser, frame by frame") == {2.0: 2, 4.0: 1}
     assert line(walked, "fastest packets per pixel, frame by frame") == {2.0: 25, 4.0: 12.5}
     assert line(turned, "all frames together") == {2.0: 10}
-    low, high = 5, 20  # interval of the first point of the first line
-    bar = next(one for one in walked.get_lines() if one.get_label() == "_bars")
-    ordinates = bar.get_ydata()
-    assert (np.nanmin(ordinates[:9]), np.nanmax(ordinates[:9])) == (pytest.approx(low), pytest.approx(high))
+    assert interval_of(walked, "all frames together") == [5, 20]
     assert "the camera walks" in words(figure)
     assert "the mesh turns" in words(figure)
     assert f"4 frames, 64 {TIMES} 1" in words(figure)
@@ -111,8 +99,8 @@ def test_the_multiframe_figure_draws_the_time_of_one_frame_of_each_way_and_motio
 
 def test_the_multiframe_figure_draws_embree_s_bytes_and_the_peak_at_the_split_of_the_times():
     slower = walk(2, 0.04) | {"split_x": 128, "embree_bytes": 9 * 2**20, "peak_rss_bytes": 9 * 2**20}
-    figure = draw_multiframe_figure(make_rows(walk(2, 0.02), slower))
-    memory = figure.axes[-1]
-    assert lines_of(memory, TOGETHER.style["color"]) == [([2], [4])]
-    assert lines_of(memory, SEPARATE_FRAMES.style["color"]) == [([2], [5])]
-    assert line(memory, "peak of RSS over the mesh") == {2.0: 3.0}
+    figure = multiframe_figure(make_rows(walk(2, 0.02), slower))
+    memory = figure.panels[-1]
+    assert line(memory, TOGETHER.label) == {2: 4}
+    assert line(memory, SEPARATE_FRAMES.label) == {2: 5}
+    assert line(memory, "peak of RSS over the mesh") == {2: 3}

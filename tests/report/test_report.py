@@ -10,7 +10,7 @@ import pytest
 from experiments.paper.claims import judge_claims
 from experiments.report import write_report
 from experiments.report.facts import count_doubts, missing_points, workload_tables
-from experiments.report.load_figure import draw_load
+from experiments.report.load_figure import load_figure
 from experiments.report.page import render_report
 from experiments.results.canary import BAND
 from experiments.results.claims import NOT_MEASURED
@@ -37,8 +37,8 @@ def test_the_page_shows_when_each_process_measured_and_how_busy_the_machine_was(
     said = 'alt="load: When each process measured, and the part of the cores that others took meanwhile."'
     assert said not in page
     processes = small_table().assign(others_share=[0.0, 0.5, *[None] * 6], stolen_share=0.25)
-    assert render_report(small_contents(processes=processes)).count(said) == 2  # wide and narrow
-    shown = draw_load(processes)
+    assert render_report(small_contents(processes=processes)).count(said) == 1
+    shown = load_figure(processes)
     assert shown.point_ids == set(processes["point_id"][:2])  # those that tell
 
 
@@ -195,6 +195,19 @@ def test_doubts_of_a_kind_are_counted_together():
         ("spread is 12\N{EN DASH}31% of the median", 2),
         ("shortest sample is below 1 ms", 1),
     ]
+
+
+def test_over_every_figure_stands_what_it_shows_and_beside_it_its_notes(page):
+    figures = re.findall(r'<h3 id="figure-\d">(.*?)</h3>.*?<details class="beside">(.*?)</details>', page, re.S)
+    assert [title for title, _ in figures] == ["Frame time over horizontal splits.", "Memory over horizontal splits."]
+    for name, (_, beside) in zip(("figure5", "figure7"), figures, strict=True):
+        assert "three processes" in beside
+        assert beside.count(f"a note on {name}") == 2
+
+
+def test_the_page_says_what_a_wrong_pixel_is(page):
+    assert "wrong pixels in" in page
+    assert f"neither a tie nor a ray at a triangle{APOSTROPHE}s edge excuses" in page
 
 
 def test_a_figure_carries_the_doubts_of_its_own_points(page):

@@ -9,8 +9,9 @@ from PIL import Image
 import atra
 from atra.hits import Hits
 from atra.judge.compare import Verdict
+from atra.judge.marks import COLOURS
 from atra.prim_ids import MISS
-from experiments.drawing.shading import BACKGROUND, DIFFERENCE_COLOURS, difference_picture, encode_png, shade
+from experiments.drawing.shading import BACKGROUND, difference_picture, encode_png, shade
 from tests.meshes import EYE_AT_ORIGIN, quads
 
 ALL = np.ones((32, 32), bool)
@@ -71,8 +72,8 @@ def test_marks_have_the_verdict_s_colour_reach_beyond_their_pixel_and_stay_in_th
     verdict[0, 0], verdict[16, 16], verdict[31, 31] = Verdict.TIED, Verdict.WRONG, Verdict.EDGE
     picture = difference_picture(hits, hits, verdict, reach_pixels=2)
     for (y, x), kind in (((0, 0), Verdict.TIED), ((16, 16), Verdict.WRONG), ((31, 31), Verdict.EDGE)):
-        assert tuple(picture[y, x]) == DIFFERENCE_COLOURS[kind]
-    assert tuple(picture[20, 12]) == DIFFERENCE_COLOURS[Verdict.WRONG]  # an arm of the cross
+        assert tuple(picture[y, x]) == COLOURS[kind]
+    assert tuple(picture[20, 12]) == COLOURS[Verdict.WRONG]  # an arm of the cross
     assert tuple(picture[0, 31]) == tuple(picture[31, 0]) == (255, 255, 255)  # nothing comes in from the other side
     unjudged = difference_picture(hits, hits, verdict, reach_pixels=0)
     assert set(zip(*np.nonzero((unjudged != 255).any(axis=2)), strict=True)) == {(0, 0), (16, 16), (31, 31)}

@@ -1,12 +1,11 @@
 """Time to equal error: the estimate of the error, the time that follows from it, and the figure."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.equal_error import figure
-from experiments.equal_error.measure import (
+from experiments.light.equal_error.figure import errors_figure
+from experiments.light.equal_error.measure import (
     BEFORE,
     FAST,
     MITSUBA,
@@ -16,6 +15,7 @@ from experiments.equal_error.measure import (
     measured,
     relative_error,
 )
+from tests.drawn import save
 
 
 def test_the_error_of_a_picture_is_its_relative_noise():
@@ -63,17 +63,15 @@ def test_blocks_that_differ_say_by_how_much():
     assert block_differences(one, other) == pytest.approx(np.array([[0.1, 0.0], [0.0, 0.0]]))
 
 
-def test_the_figure_has_a_panel_for_each_scene_and_marks_for_each_renderer(tmp_path, monkeypatch):
+def test_the_figure_has_a_panel_for_each_scene_and_marks_for_each_renderer():
     row = {"threads": 1, "error_of_8": 0.2, "error_of_32": 0.1, "time_of_8_s": 1.0, "time_of_32_s": 4.0}
     renderers = OURS, FAST, BEFORE, *MITSUBA
     rows = [{**row, "scene": scene, "renderer": one} for scene in ("lamp", "window") for one in renderers]
     rows += [{**rows[0], "threads": 2, "scene": "another"}]
-    drawn = []
-    monkeypatch.setattr(plt, "close", drawn.append)
-    figure.draw_errors(pd.DataFrame(rows), tmp_path / "errors.png")
-    panels = [axis for axis in drawn[0].axes if axis.get_title()]
-    assert [axis.get_title() for axis in panels] == ["lamp", "window"]
-    for axis in panels:
-        marked = [line for line in axis.lines if line.get_marker() not in ("None", "", None)]
-        assert [tuple(line.get_xdata()) for line in marked] == [(1.0, 4.0)] * len(renderers)
-    assert (tmp_path / "errors.png").stat().st_size > 0
+    figure = errors_figure(pd.DataFrame(rows))
+    assert [panel.title for panel in figure.panels] == ["lamp", "window"]
+    for panel in figure.panels:
+        marked = [line for line in panel.lines if "marker" in line.style]
+        assert [tuple(line.x) for line in marked] == [(1.0, 4.0)] * len(renderers)
+        assert [tuple(line.y) for line in marked] == [(20.0, 10.0)] * len(renderers)
+    save(figure)

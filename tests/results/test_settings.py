@@ -20,10 +20,10 @@ from experiments.results.settings import settings, settings_that_vary
 from experiments.results.table import columns, make_table, make_tables
 from experiments.results.terminal import print_sweep
 from experiments.workloads import WORKLOADS
-from experiments.workloads.build.shown import draw_build_figure
-from experiments.workloads.frame.grid_figure import draw_grid_times
-from experiments.workloads.frame_figures import draw_split_times
-from experiments.workloads.memory.shown import draw_memory_figure
+from experiments.workloads.build.shown import build_figure
+from experiments.workloads.frame.grid_figure import grid_times
+from experiments.workloads.frame_figures import split_times
+from experiments.workloads.memory.shown import memory_figure
 from tests.drawn import build_row, make_rows, memory_row, time_row
 from tests.harness.test_sweep import Runner, configuration
 from tests.results.test_table import MEASURED
@@ -162,19 +162,19 @@ OF_OTHERS = {name for name in OF_METHODS if not ALIGNED.has(name)}
 
 
 FIGURES = (
-    (draw_split_times, time_row(1, 0.08)),
-    (draw_build_figure, build_row(1, 0.02, 0.04)),
-    (draw_memory_figure, memory_row(1, 1, 2, 3)),
-    (draw_grid_times, time_row(1, 0.08)),
+    (split_times, time_row(1, 0.08)),
+    (build_figure, build_row(1, 0.02, 0.04)),
+    (memory_figure, memory_row(1, 1, 2, 3)),
+    (grid_times, time_row(1, 0.08)),
 )
 NO_LINE_OF_ITS_OWN = [name for name in settings() if name not in {*TOLD_APART, *WORKLOAD_OF, *OF_OTHERS}]
 
 
-def assert_told_apart(draw, row, name):
+def assert_told_apart(make, row, name):
     values = tables_that_differ_in(name).points[name]
-    figure = draw(make_rows(*(row | {name: value} for value in values)))
+    figure = make(make_rows(*(row | {name: value} for value in values)))
     # A map of each form of the geometry stands beside the other.
-    written = {axis.get_title(loc="left").replace("\n", " ") for axis in figure.axes} - {""}
+    written = {panel.title for panel in figure.panels}
     titles = {re.sub(", culling (off|on)$", "", title) for title in written}
     assert len(titles) == 2
     assert f"box (10 triangles), {VALUES[name][2]}" in titles

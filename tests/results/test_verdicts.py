@@ -4,12 +4,12 @@ import json
 
 import pytest
 
+from experiments.documents.verdicts import folders, recomputed
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, NotMeasuredError
 from experiments.results.intervals import with_intervals
 from experiments.results.statistics import Estimate, Interval, Pool
 from experiments.results.table import frame_of
 from experiments.results.verdicts import Bounds, Outcome, exact, known_values, on_cases, ratio_judge, ratio_of
-from tests.quotations.verdicts import folders, recomputed
 
 YES, NO, OPEN, NONE = Outcome(True, "1"), Outcome(False, "1", None, "no"), Outcome(None, "1", None, "?"), Outcome(None)
 

@@ -10,7 +10,8 @@ import atra
 from atra.errors import InputError
 from atra.light import Atlas, Texels
 from atra.light.lightmaps.charts.atlas import UNMAPPED
-from experiments.drawing.figure import draw_figure
+from experiments.drawing.figure import make_figures
+from experiments.drawing.render import render
 from experiments.light.bake_rays import undecided
 from experiments.light.bake_rays.shown import CLAIMS, FIGURES
 from experiments.light.sun.tiles import Tiles
@@ -207,11 +208,12 @@ def test_the_figure_shows_every_use_at_all_its_points(tmp_path):
     ).assign(aligned_time_s=0.123, single_over_aligned=2.0, packet_width=None, tile_size=32)
     given["point_id"] = [str(number) for number in range(len(given))]
     (kind,) = FIGURES
-    (figure,) = draw_figure(kind, kind.rows(given), tmp_path)
+    (figure,) = make_figures(kind, kind.rows(given), tmp_path)
     assert len(figure.point_ids) == len(given)
     assert len(kind.rows(given.assign(workload="bake"))) == 0
     assert len(kind.rows(given.assign(use="light"))) == 0  # a use that kept tables have and sweeps no longer
-    (tmp_path / "bake_alignment.png").write_bytes(figure.png)
+    assert all(bar.value > 0 for panel in figure.figure.panels for bar in panel.bars)
+    assert b"<svg" in render(figure.figure, "svg")
 
 
 def test_aligned_rays_of_a_lightmap_to_the_sun_start_and_meet_in_a_far_scene_as_in_the_near_one():

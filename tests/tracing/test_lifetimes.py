@@ -41,7 +41,10 @@ def image(name):
 def devices(one):
     """Every Embree device a tracer holds."""
     prepared = getattr(one, "prepared", None)
-    return [] if prepared is None else [value for value in vars(prepared).values() if isinstance(value, EmbreeDevice)]
+    if prepared is None:
+        return []
+    second = [each.scene for each in getattr(prepared, "second_passes", ()) if each is not None]
+    return [value for value in (*vars(prepared).values(), *second) if isinstance(value, EmbreeDevice)]
 
 
 def in_threads(*works, timeout_s=60):

@@ -1,6 +1,5 @@
 """Options of tracers: keyword arguments with defaults, refused when they are given."""
 
-import inspect
 import re
 from functools import partial
 
@@ -18,25 +17,6 @@ TRACERS = {
     "frames": partial(atra.FramesTracer, MESH, atra.Alignment.of_frames([CAMERA] * 2, atra.Split(*SPLIT, 16, 16))),
     "visible_first": partial(atra.VisibleFirstTracer, MESH, CAMERA, SPLIT),
 }
-
-
-@pytest.mark.parametrize("make", TRACERS.values(), ids=TRACERS)
-def test_an_unknown_option_is_refused(make):
-    with pytest.raises(TypeError, match="packets"):
-        make(packets=8)
-
-
-def test_what_a_tracer_has_not_it_does_not_take():
-    for make, option in (("pixel", "memory_budget_bytes"), ("visible_first", "culling"), ("frames", "reference")):
-        with pytest.raises(TypeError, match=f"'{option}'"):
-            TRACERS[make](**{option: 1})
-
-
-def test_help_shows_options_with_their_defaults():
-    text = str(inspect.signature(atra.PixelTracer))
-    assert "packet_width: 'int | None' = None" in text
-    assert "tile_order: 'str' = 'blocks'" in text
-    assert "reference: 'str' = 'off_axis'" in str(inspect.signature(atra.AlignedTracer))
 
 
 @pytest.mark.parametrize(("make", "options", "message"), [

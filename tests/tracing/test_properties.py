@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import atra
 from atra.alignment.alignment import Alignment
 from atra.alignment.cells import CellOptions
-from atra.alignment.culling import plan_aligned_geometry
+from atra.alignment.copies import copied_geometry
 from atra.compiled.threads import WorkerPool
 from atra.exact.intersection import intersect_pixels
 from atra.judge.compare import Verdict
@@ -92,7 +92,7 @@ def test_culling_keeps_every_triangle_in_every_cell_where_a_float64_ray_hits_it(
     mesh, camera = view.mesh, view.camera
     alignment = Alignment.of_cells(camera, atra.Split(*view.split, camera.width, camera.height))
     pool = WorkerPool(1)
-    geometry = plan_aligned_geometry([mesh], alignment, CellOptions(), camera.width, pool)
+    geometry = copied_geometry([mesh], alignment, CellOptions(), camera.width, pool)
     pool.close()
     kept = set(zip(geometry.records & 0xFFFFFFFF, geometry.records >> 32, strict=True))  # prim_id, first pixel of cell
     left_out = {prim_id for one in geometry.left_out if one for prim_id in one.prim_ids}  # tests/exact/test_rounding.py

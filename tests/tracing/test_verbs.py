@@ -7,6 +7,7 @@ import pytest
 
 import atra
 from atra.light import Baker, BakeScene, HybridRenderer, PathRenderer, PointLight, Scene
+from atra.rays.kernel_scene import KernelScene
 from tests.images import assert_same_bits
 from tests.meshes import cornell_box, cornell_camera
 
@@ -121,8 +122,8 @@ def test_a_bake_takes_another_pose_on_the_charts_it_has(monkeypatch):
     assert (one.share_done(4), one.buffer_bytes) == (0.0, 0)  # asked before anything is built
     one.add(1)
     atlas = one.texels.atlas
-    built, build = [], atra.RayScene._build
-    monkeypatch.setattr(atra.RayScene, "_build", lambda scene: built.append(scene.mesh) or build(scene))
+    built, build = [], KernelScene._build
+    monkeypatch.setattr(KernelScene, "_build", lambda scene: built.append(scene.mesh) or build(scene))
     one.update(BakeScene(POSED, lights=[LAMP]))
     assert built == [POSED]  # one BVH
     one.add(2)

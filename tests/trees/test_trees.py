@@ -1,22 +1,23 @@
-"""Our own BVH: what it holds, and how well its boxes tell triangles apart."""
+"""Our own trees: what they hold, and how well their boxes tell triangles apart; the binary ones are the harness's."""
 
 import numpy as np
 import pytest
 
 import atra
 from atra.compiled.threads import WorkerPool
-from atra.trees.bvh import build_bvh
-from atra.trees.layout import BIAS, BLOCK, DEEPEST
+from atra.trees.layout import BLOCK, DEEPEST
+from atra.trees.wide import CHILDREN, wide_bvh
+from experiments.classification.bvh.binary import BIAS, build_bvh
 from experiments.workloads.build.bvh_cost import bvh_cost
 from tests.meshes import cornell_box, quads, random_triangles
 
 
-def built(mesh, threads=1):
+def built(mesh, threads=1, build=build_bvh):
     pool = WorkerPool(threads)
     kept = np.ones(mesh.triangle_count, np.bool_)
     kept[mesh.without_area] = False
     try:
-        return build_bvh(mesh.vertices, mesh.traced_faces, kept, pool)
+        return build(mesh.vertices, mesh.traced_faces, kept, pool)
     finally:
         pool.close()
 
@@ -59,6 +60,40 @@ def test_every_triangle_lies_in_one_leaf_and_in_all_boxes_above_it(name):
         middles = [boxes.sum(axis=0)[axis] for boxes in bvh.boxes[first : first + 2].astype(np.float64)]
         assert name == "one box" or middles[0] < middles[1]
     assert all(len(below(bvh, node)) <= BLOCK for node in range(2, len(bvh.nodes)) if bvh.block_counts[node])
+
+
+def in_children(bvh, node=0):
+    """(box, prim_ids) of each child of a node of eight, (2, 3) float32, and of all below."""
+    low, high = bvh.nodes.view(np.float32)[node, :3], bvh.nodes.view(np.float32)[node, 3:6]
+    first, blocks = bvh.nodes[node, 6:]
+    for child in np.flatnonzero(~np.isnan(low[0])):
+        box = np.stack([low[:, child], high[:, child]])
+        if blocks[child]:
+            own = bvh.blocks[first[child] : first[child] + blocks[child]]
+            yield box, own[:, 9][~np.isnan(own[:, 0].view(np.float32))].tolist()
+            continue
+        deeper = list(in_children(bvh, first[child]))
+        yield box, [prim_id for _, found in deeper for prim_id in found]
+        np.testing.assert_array_equal(box, [np.min([b[0] for b, _ in deeper], 0), np.max([b[1] for b, _ in deeper], 0)])
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_every_triangle_lies_in_one_leaf_of_the_tree_of_eight_and_in_all_boxes_above_it(name):
+    mesh = MESHES[name]
+    one, three = (built(mesh, threads, wide_bvh) for threads in (1, 3))
+    children = list(in_children(one))
+    assert sorted(prim_id for _, found in children for prim_id in found) == list(range(mesh.triangle_count))
+    for box, found in children:
+        corners = mesh.vertices[mesh.faces[found]].reshape(-1, 3)
+        np.testing.assert_array_equal(box, (corners.min(axis=0), corners.max(axis=0)))
+    assert one.nodes.shape[1:] == (8, CHILDREN)
+    np.testing.assert_array_equal(one.nodes, three.nodes)
+    np.testing.assert_array_equal(one.blocks, three.blocks)
+
+
+def test_a_tree_of_no_triangles_has_no_children():
+    pool, mesh = WorkerPool(1), MESHES["one"]
+    assert not list(in_children(wide_bvh(mesh.vertices, mesh.faces, np.zeros(1, np.bool_), pool)))
 
 
 def test_the_build_is_the_same_with_any_number_of_threads_and_leaves_out_triangles_without_area():

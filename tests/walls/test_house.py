@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import sys
 from contextlib import ExitStack
-from copy import deepcopy
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.machinery import ModuleSpec
@@ -14,30 +13,25 @@ from types import ModuleType
 
 import pandas as pd
 import pytest
-from hydra import compose, initialize_config_dir
-from hydra.core.config_store import ConfigStore
-from matplotlib.figure import Figure
 
 import experiments
 from atra.packets.pixel import Pixel, PreparedPixel
 from atra.tracing.tracer import Tracer
-from experiments import methods
-from experiments.drawing.figure import FigureKind, of_table
+from experiments.configure import configure
+from experiments.drawing.figure import Axis, Figure, FigureKind, Line, Panel, of_table
 from experiments.harness.column import WHOLE, Column
-from experiments.harness.configuration import read_configuration, register_schema
 from experiments.harness.method import Method, Style
 from experiments.harness.options import option
-from experiments.harness.point import Workload
+from experiments.harness.point import Kind, Workload
 from experiments.harness.processes.outcome import Outcome
 from experiments.harness.processes.worker import Job, measure_point
 from experiments.methods import METHODS
-from experiments.registry import FIND, known_kinds
+from experiments.registry import KINDS
 from experiments.report.writing import rewrite_report
 from experiments.results.statistics import statistics_columns
 from experiments.results.table import read_tables, workload_rows
 from experiments.results.terminal import print_point, results_console
 from experiments.sweep import GridPoint, run_sweep
-from experiments.sweeper import register_sweeper
 from experiments.workloads import WORKLOADS
 from experiments.workloads.baselines import series
 from experiments.workloads.rounds import build_own, measured, timed_rounds
@@ -101,17 +95,16 @@ def measure_game(point):
     return measured(results | {"moves": 7 * point.workload_options.players}, timed)
 
 
-def draw_game(rows, columns):
-    figure = Figure()
-    figure.subplots().plot(rows["moves"].to_numpy(float), rows["game_time_s"].to_numpy(float))
-    return figure
+def game_figure(rows):
+    line = Line("games", rows["moves"].to_numpy(float), rows["game_time_s"].to_numpy(float), {"color": "#123456"})
+    return Figure("lines", [Panel(lines=[line])], x=Axis("moves"), y=Axis("time of a game in s"))
 
 
 ROOM = {
     "measure": {"measure": measure_game},
     "shown": {
         "FIGURES": (
-            FigureKind("games", "Games played", lambda rows: workload_rows(rows, "game"), of_table(draw_game)),
+            FigureKind("games", "Games played", lambda rows: workload_rows(rows, "game"), of_table(game_figure)),
         ),
         "sweep_lines": lambda rows: [f"{rows['moves'].sum()} moves in all"],
     },
@@ -120,7 +113,7 @@ ROOM = {
 
 @pytest.fixture
 def toys(monkeypatch, tmp_path):
-    """One more line in each registry, the workload's room, and what Hydra knows; all is undone."""
+    """One more line in each registry, and the workload's room; all is undone."""
     for info in walk_packages(experiments.__path__, "experiments."):
         import_module(info.name)  # what is imported later would keep the toys
     for name, old, new in (("METHODS", METHODS, (*METHODS, TOY)), ("WORKLOADS", WORKLOADS, (*WORKLOADS, GAME))):
@@ -139,20 +132,20 @@ def toys(monkeypatch, tmp_path):
         part.__spec__ = ModuleSpec(part.__name__, None)
         vars(part).update(contents)
         monkeypatch.setitem(sys.modules, part.__name__, part)
-    monkeypatch.setattr(ConfigStore.instance(), "repo", deepcopy(ConfigStore.instance().repo))
-    register_schema(known_kinds())
-    register_sweeper()
+    for group, one in (("method", TOY), ("workload", GAME)):
+        names, find = KINDS[group]
+        own = Kind(lambda names=names, one=one: [*names(), one.name], find)
+        monkeypatch.setitem(KINDS, group, own)
 
 
 def configuration(folder, *overrides):
     image = ["width=16", "height=16", "measure.rounds=3", "measure.warmup=1", "sweep.name=toys", "sweep.report=true"]
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        return read_configuration(compose("config", [*image, f"results_dir={folder}", *overrides]), known_kinds())
+    return configure([*image, f"results_dir={folder}", *overrides])
 
 
 def run_here(point):
     """As the worker does, in this process."""
-    got = measure_point(Job.from_json(Job(point, "", 0).to_json(), FIND).point)
+    got = measure_point(Job.from_json(Job(point, "", 0).to_json(), KINDS).point)
     outcome = Outcome("ok", None, True, got.warmup_samples, got.samples, got.results)
     return Outcome.from_json(outcome.to_json(), point)
 
@@ -199,7 +192,7 @@ def test_a_new_method_and_a_new_workload_go_from_the_command_line_to_the_page(to
 NAMES = {one.name for one in (*METHODS, *WORKLOADS)}
 NO_NAME_OF_OURS = {
     ("drawing/missing.py", "memory"): "a word in the text of an error",
-    ("workloads/render/__init__.py", "rays"): "how many there are, among the results of a point",
+    ("light/render/__init__.py", "rays"): "how many there are, among the results of a point",
 }
 """Constants that are spelled like one of `NAMES` and compared, and why they are something else."""
 
@@ -239,8 +232,7 @@ def _names(node):
 def own_places():
     """Where a name is at home: a method in its file, a workload in its folder."""
     rooms = {one.name: ROOT / one.room.replace(".", "/") for one in WORKLOADS}
-    files = {name: ROOT / f"{place.partition(':')[0].replace('.', '/')}.py" for name, place in methods.OWN.items()}
-    assert files.keys() == {one.name for one in METHODS}
+    files = {one.name: ROOT / f"{one.module.replace('.', '/')}.py" for one in METHODS}
     return rooms | files
 
 
@@ -254,7 +246,8 @@ def test_no_file_compares_with_the_name_of_a_method_or_workload_but_its_own():
         (path.relative_to(ROOT / "experiments").as_posix(), name)
         for path in (ROOT / "experiments").rglob("*.py")
         if path not in REGISTRIES
-        and not path.is_relative_to(ROOT / "experiments" / "law")  # which holds methods against each other by name
+        # which hold methods against each other by name
+        and not any(path.is_relative_to(ROOT / "experiments" / wing) for wing in ("law", "studies", "documents"))
         for name in compared_names(path.read_text(encoding="utf-8"))
         if home[name] not in (path, *path.parents)
     }

@@ -18,7 +18,7 @@ from experiments.workloads import agreement, rounds
 from experiments.workloads.agreement import AgreementOptions
 from experiments.workloads.agreement.oracle import examine
 from experiments.workloads.agreement.shown import (
-    draw_agreement_figure,
+    agreement_figure,
     errs_too_often,
     read_disagreements,
     sweep_lines,
@@ -274,7 +274,7 @@ def test_twice_the_baseline_s_errors_are_allowed_and_no_more(method, baseline, t
 
 
 def said(table):
-    figure = draw_agreement_figure(table)
+    figure = agreement_figure(table)
     save(figure)
     return words(figure)
 
@@ -283,10 +283,10 @@ def test_the_figure_draws_method_beside_baseline_and_writes_the_counts():
     table = make_table(
         [make_record("a"), make_record("b", split_x=4), make_record("c", method="tiles", method_wrong=9)]
     )
-    (axis,) = draw_agreement_figure(table).axes
-    assert [bar.get_width() for bar in axis.patches] == [4, 2, 9, 1]
+    (panel,) = agreement_figure(table).panels
+    assert [bar.value for bar in panel.bars] == [4, 2, 9, 1]
     told = said(table)
-    assert "4 : 2\nof 0.0002 M pixels; 0 wrong, 6 edge, 4 tied" in told
+    assert "4 : 2 of 0.0002 M pixels; 0 wrong, 6 edge, 4 tied" in told
     assert "9 : 1, over 2\N{MULTIPLICATION SIGN}" in told
     assert "of 30 rays drawn from all pixels" in told.replace("\n   ", " ")
     assert "6 images" in told

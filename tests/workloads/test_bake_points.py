@@ -12,9 +12,17 @@ import pytest
 from atra.errors import InputError
 from atra.light import Baker, BakeScene, constant_sky
 from atra.light.lightmaps.gather.adaptive import FIRST_LOOK
-from experiments.drawing.figure import draw_figure
+from experiments.documents import QUOTED, bake
+from experiments.documents.quotation import Kept
+from experiments.drawing.figure import make_figures
+from experiments.drawing.render import render
 from experiments.harness.processes.worker import measure_point
 from experiments.harness.records import Record
+from experiments.light.bake import AGAINST, BAKE, STAGES, BakeSettings
+from experiments.light.bake.claims import CLAIMS
+from experiments.light.bake.measure import lamps
+from experiments.light.bake.mitsuba import adaptive_bias
+from experiments.light.bake.shown import CLAIMS_FILE, FIGURES
 from experiments.light.bake_rays.shown import CLAIMS as PREDICTIONS
 from experiments.methods.peers.mitsuba_light import load_mitsuba
 from experiments.results.claims import (
@@ -27,17 +35,10 @@ from experiments.results.claims import (
     judge_claim,
 )
 from experiments.results.table import frame_of
-from experiments.workloads.bake import AGAINST, BAKE, STAGES, BakeSettings
-from experiments.workloads.bake.claims import CLAIMS
-from experiments.workloads.bake.measure import lamps
-from experiments.workloads.bake.mitsuba import adaptive_bias
-from experiments.workloads.bake.shown import CLAIMS_FILE, FIGURES
 from scenes.built_in import make_scene
 from scenes.directory import PAPER_SCENES
 from tests.baked import cube, sheet
 from tests.points import planned
-from tests.quotations import QUOTED, bake
-from tests.quotations.quotation import Kept
 from tests.three_processes import three_processes
 
 xatlas = pytest.mark.skipif(importlib.util.find_spec("xatlas") is None, reason="xatlas is not installed (extra `bake`)")
@@ -150,8 +151,8 @@ def test_finishing_is_measured_against_a_map_of_other_random_numbers():
 
 @xatlas
 def test_a_map_that_is_not_denoised_has_at_least_twice_the_error_of_four_times_the_samples(monkeypatch):
-    monkeypatch.setattr("experiments.workloads.bake.check_denoiser", lambda: None)
-    monkeypatch.setattr("experiments.workloads.bake.finishing.denoised", lambda lightmap, threads: lightmap)
+    monkeypatch.setattr("experiments.light.bake.check_denoiser", lambda: None)
+    monkeypatch.setattr("experiments.light.bake.finishing.denoised", lambda lightmap, threads: lightmap)
     _, found = measured(denoise=True, final_samples=16)
     assert 1.9 < found.results["denoised_ratio"] < 6.0  # 2 for independent samples, 4 for evenly spread ones
 
@@ -315,12 +316,12 @@ def test_figures_show_errors_over_time_stages_and_rays(tmp_path):
     rows = rows[rows["scene"].isin(PAPER_SCENES[:2])]
     for kind in FIGURES:
         chosen = kind.rows(rows)
-        (figure,) = draw_figure(kind, chosen, tmp_path)
+        (figure,) = make_figures(kind, chosen, tmp_path)
         assert set(figure.point_ids) == set(chosen["point_id"])
         assert len(chosen) == (2 if kind.name == "bake_convergence" else 12)
         assert len(kind.rows(rows[:0])) == 0
-        assert b"nothing measured" not in figure.svg
-        (tmp_path / f"{kind.name}.png").write_bytes(figure.png)
+        assert not any(panel.is_empty for panel in figure.figure.panels)
+        assert b"<svg" in render(figure.figure, "svg")
 
 
 def test_rays_to_the_sun_without_their_shortcut_are_no_part_of_a_claim():

@@ -59,15 +59,15 @@ def test_what_no_ray_could_gather_is_refused_before_anything_is_measured():
         GatherOptions("transmittance", factor=2.0)
 
 
-def test_a_warm_up_has_something_that_no_copy_shows_and_leaves_few_samples_in_doubt():
+def test_a_warm_up_has_something_that_no_copy_shows_and_leaves_few_samples_undecided():
     point = planned("aligned", "gather", (64, 64)).point
-    left_out, in_doubt = [], []
+    left_out, undecided = [], []
 
     def gather(tracer):
         tracer.gather(atra.Count())
         left_out.append(tracer.counters.get("triangles_left_out"))
-        in_doubt.append(len(tracer.prepared._all_hits._doubts[1].keys))
+        undecided.append(len(tracer.prepared._all_hits._undecided[1].keys))
 
     warm_up(point, own_and_baselines(shrunk(point)), gather, CLOSED)
     assert left_out[0] > 0
-    assert 0 < max(in_doubt) < 64 * 64 / 4
+    assert 0 < max(undecided) < 64 * 64 / 4

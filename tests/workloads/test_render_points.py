@@ -1,29 +1,23 @@
-"""Workload render and the verb of that name: pictures that are timed, and one that is written."""
+"""Workload render: pictures that are timed."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from atra.errors import InputError
-from atra.files.saving import encode_exr
 from atra.geometry.camera import Camera
 from atra.light import Emissive, Metal, PathRenderer
-from experiments import cli
-from experiments.commands.making import picture_arguments
 from experiments.harness.processes.worker import measure_point
 from experiments.harness.records import Record
+from experiments.light.render import RENDER, STAGES, RenderOptions, outside_embree
 from experiments.methods import find_method
 from experiments.methods.peers.mitsuba_light import check_llvm
 from experiments.workloads.baselines import PACKETS
-from experiments.workloads.render import RENDER, STAGES, RenderOptions, outside_embree
 from experiments.workloads.rounds import expert_packet_widths
 from scenes.built_in import BUILT_IN, make_scene
 from scenes.lit.interiors import lit_atrium, lit_living_room
-from scenes.lit.lighting import WITH_MATERIALS, lit, why_grey
+from scenes.lit.lighting import WITH_MATERIALS, lit
 from tests import points
 
 pytestmark = pytest.mark.uncovered
@@ -123,15 +117,12 @@ def test_a_scene_has_its_own_materials_or_a_sun_that_shines_where_the_camera_loo
     for name, material in (("weekend", Metal), ("cornell_box", Emissive)):
         mesh = make_scene(name).mesh
         assert any(isinstance(one, material) for one in lit(name, mesh, camera).materials)
-        assert why_grey(name, mesh) is None
     for name, mesh in (("needles", make_scene("needles").mesh), ("weekend", make_scene("cornell_box").mesh)):
         grey = lit(name, mesh, camera)
         (sun,) = grey.lights
         assert len(grey.materials) == 1
         assert np.dot(sun.direction, camera.axes[2]) > 0
         assert sun.direction[1] < 0
-    assert "weekend is grey: its materials are for" in why_grey("weekend", mesh)
-    assert why_grey("needles", mesh) is None
 
 
 def test_an_interior_has_lamps_a_sun_and_an_opening_for_it():
@@ -145,17 +136,6 @@ def test_an_interior_has_lamps_a_sun_and_an_opening_for_it():
         assert len(made_of) == len(scene.materials)
 
 
-def test_a_built_in_scene_takes_the_options_that_files_take(capsys):
-    asked = picture_arguments(["scene=living_room", "--samples", "4", "-o", "a.png", "--exposure", "-1", "threads=1"])
-    said = dict(one.split("=") for one in asked)
-    assert said | {"scene": "living_room", "threads": "1", "output": "a.png", "workload.samples": "4"} == said
-    assert (said["workload.frame"], said["view.exposure"], said["view.tone"]) == ("path", "-1", "neutral")
-    assert picture_arguments(["scene=weekend", "samples=4"]) == ["scene=weekend", "workload.samples=4"]
-    with pytest.raises(SystemExit, match="2"):
-        picture_arguments(["scene=living_room", "--error", "1"])
-    assert "--error and --minutes are for files" in capsys.readouterr().err
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["living_room", "atrium"])
 def test_an_interior_by_paths_is_lit_in_every_block_of_the_picture(name):
@@ -166,55 +146,6 @@ def test_an_interior_by_paths_is_lit_in_every_block_of_the_picture(name):
         blocks = renderer.image.reshape(8, 4, 8, 4, 3).mean(axis=(1, 3, 4))
     assert blocks.min() > 0.005
     assert 0.05 < np.median(blocks) < 1.0
-
-
-def run(monkeypatch, *arguments):
-    size = f"width={WIDTH}", f"height={HEIGHT}"
-    monkeypatch.setattr(sys, "argv", ["run.py", "render", *size, "threads=1", *arguments])
-    try:
-        return cli.main()
-    except SystemExit as left:
-        return int(left.code or 0)
-
-
-def test_one_picture_is_written_with_its_progress(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert run(monkeypatch, "samples=5", "output=new/a.png") == 0
-    told = capsys.readouterr()
-    assert told.out.startswith(f"written: {Path('new', 'a.png')}, exposure ")
-    assert "[4/5] samples, about" in told.err
-    picture = np.asarray(Image.open(tmp_path / "new" / "a.png"))
-    assert picture.shape == (HEIGHT, WIDTH, 3)
-    assert len(np.unique(picture)) > 10
-    OpenEXR = pytest.importorskip("OpenEXR")
-    (tmp_path / "sky.exr").write_bytes(encode_exr({name: np.full((2, 4), 64.0, np.float32) for name in "RGB"}))
-    assert run(monkeypatch, "samples=1", "method=pixel", "frame=path", "sky=sky.exr", "output=b.exr") == 0
-    with OpenEXR.File(str(tmp_path / "b.exr")) as file:
-        assert {"RGB", "Z", "N.X", "prim_id"} <= set(file.channels())
-        assert file.channels()["RGB"].pixels.max() > 10
-
-
-@pytest.mark.parametrize(("arguments", "message"), [
-    (["output=a.jpg"], "expected a name that ends in .png or .exr"),
-    (["samples=0"], "workload.samples is 0"),
-    (["scene=nowhere"], "unknown scene 'nowhere'"),
-    (["frame=film"], "frame"),
-    (["output=run.py/a.png"], "results cannot be written to"),
-    (["view.denoise=true"], "denoising needs the package pyoidn"),
-])  # fmt: skip
-def test_what_cannot_be_made_is_one_line_before_any_work(
-    arguments, message, tmp_path, monkeypatch,
-    capsys,
-):  # fmt: skip
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setitem(sys.modules, "pyoidn", None)
-    (tmp_path / "run.py").touch()
-    assert run(monkeypatch, *arguments) == 2
-    told = capsys.readouterr()
-    assert message in told.err
-    assert told.err.count("\n") == 1
-    assert told.out == ""
-    assert [path.name for path in tmp_path.iterdir()] == ["run.py"]
 
 
 def test_a_libllvm_that_would_end_the_process_is_refused_by_its_version():

@@ -3,7 +3,8 @@
 import base64
 import io
 import json
-from dataclasses import replace
+import re
+from dataclasses import fields, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,7 +14,7 @@ from PIL import Image
 from atra.alignment.visible_first import VisibleFirst
 from experiments.harness.processes.worker import read_point
 from experiments.methods import METHODS
-from experiments.registry import FIND
+from experiments.registry import KINDS
 from experiments.workloads import WORKLOADS, rounds
 from experiments.workloads.rounds import expert_packet_widths
 from tests import points
@@ -32,7 +33,7 @@ def test_a_point_of_any_method_and_workload_comes_back_from_plain_values(workloa
     for method in METHODS:
         of = {"method": method, "options": method.options(), "workload": workload}
         point = replace(POINT, **of, workload_options=workload.options())
-        assert read_point(json.loads(json.dumps(point.configuration())), FIND) == point
+        assert read_point(json.loads(json.dumps(point.configuration())), KINDS) == point
 
 
 def test_a_frame_has_samples_of_every_native_width_from_8_on_and_judges_every_pixel():
@@ -95,6 +96,17 @@ def test_a_memory_has_the_bytes_of_each_step_and_no_times(fields):
     assert min(results[name] for name in ("rss_start_bytes", "rss_mesh_bytes", "embree_bytes")) > 0
     assert results["rss_bytes"] <= results["peak_rss_bytes"]
     assert not [name for name in results if name.endswith("_s")]
+
+
+def test_every_help_is_a_phrase_that_needs_no_row_above():
+    leaning = re.compile(r"(of|and|these|those|that|the same|what it|until|finding|making)\b")
+    helps = {f"{one.name}.{column.name}": column.help for one in WORKLOADS for column in one.columns}
+    helps |= {
+        f"{one.name}.{option.name}": option.metadata.get("help", "")
+        for one in WORKLOADS
+        for option in fields(one.options)
+    }
+    assert not {name: help for name, help in helps.items() if leaning.match(help)}
 
 
 def test_instances_hold_fewer_triangles_than_copies_without_culling():

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import ClassVar
+from dataclasses import dataclass, field, replace
+from math import pi
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
 from atra.geometry.image_plane import ImagePlane
-from atra.geometry.lenses.models import Lens, bends_rays
-from atra.geometry.numbers import Vector
+from atra.geometry.lenses.models import EquirectangularLens, Lens, bends_rays
+from atra.geometry.numbers import Vector, checked_pixels
 from atra.geometry.view import View, check_offset
 
 
@@ -34,6 +35,21 @@ class LensView(View):
         for name, kind in (("lens", Lens), ("sensor", ImagePlane)):
             if not isinstance(getattr(self, name), kind):
                 raise InputError(f"{name} is {getattr(self, name)!r:.100}, expected atra.{kind.__name__}")
+
+    @classmethod
+    def panorama(cls, eye: Vector, target: Vector, up: Vector = (0.0, 1.0, 0.0), width: int = 2048) -> Self:
+        """The equirectangular picture of all directions, twice as wide as high; the target is in its middle.
+
+        Raises InputError for a width that is no whole number of at least 1.
+        """
+        height = max(checked_pixels("width", width) // 2, 1)
+        sensor = ImagePlane(2.0 * pi / width, pi / height, width / 2, height / 2)
+        return cls(eye, target, up, width, height, lens=EquirectangularLens(), sensor=sensor)
+
+    def crop(self, left: int, top: int, width: int, height: int) -> Self:
+        """As `Camera.crop`."""
+        sensor = self.sensor.cropped((self.width, self.height), (left, top), (width, height))
+        return replace(self, width=width, height=height, sensor=sensor)
 
     @property
     def plane(self) -> ImagePlane:

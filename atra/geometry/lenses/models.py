@@ -22,10 +22,10 @@ from atra.geometry.lenses.numbers import (
 )
 from atra.geometry.numbers import as_number
 
-FARTHEST = 1e3
+LARGEST_TANGENT = 1e3
 """Largest tangent of the angle between a perspective lens's rays and its axis: 0.06 degrees short of 90."""
 
-LARGEST = 1e6
+LARGEST_COEFFICIENT = 1e6
 """Largest size of a coefficient; products of larger ones could leave float64."""
 
 _ANGLES, _SHARE = 256, 0.98
@@ -34,7 +34,7 @@ search of their own; folds change little from one radius to the next."""
 
 _NO_SHIFTS = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
-COUNTS = (4, 5, 8, 12, 14)
+COEFFICIENT_COUNTS = (4, 5, 8, 12, 14)
 """Numbers of coefficients that OpenCV's pinhole model may have."""
 
 
@@ -51,9 +51,11 @@ class Lens(ABC):
     def __post_init__(self) -> None:
         for one in fields(self):
             value = as_number(getattr(self, one.name))
-            if not abs(value) <= LARGEST:
+            if not abs(value) <= LARGEST_COEFFICIENT:
                 given = getattr(self, one.name)
-                raise InputError(f"{one.name} of the lens is {given!r}, expected a finite number up to {LARGEST:g}")
+                raise InputError(
+                    f"{one.name} of the lens is {given!r}, expected a finite number up to {LARGEST_COEFFICIENT:g}"
+                )
             object.__setattr__(self, one.name, value)
 
     @cached_property
@@ -70,8 +72,20 @@ class Lens(ABC):
 class OpenCVLens(Lens):
     """OpenCV's pinhole model with distortion, also COLMAP's SIMPLE_RADIAL, RADIAL, OPENCV and FULL_OPENCV.
 
-    k1 to k6: radial, a cubic in r^2 over another. p1, p2: tangential. s1 to s4: thin prism. tilt_x, tilt_y: of the
-    sensor, radians. Source: OpenCV's documentation, "Camera Calibration and 3D Reconstruction".
+    Parameters
+    ----------
+    k1, k2, k3, k4, k5, k6 : float
+        Radial: a cubic in r^2 over another.
+    p1, p2 : float
+        Tangential.
+    s1, s2, s3, s4 : float
+        Thin prism.
+    tilt_x, tilt_y : float
+        Tilt of the sensor, radians.
+
+    Notes
+    -----
+    OpenCV's documentation, "Camera Calibration and 3D Reconstruction".
     """
 
     k1: float = 0.0
@@ -98,22 +112,30 @@ class OpenCVLens(Lens):
         Raises InputError unless there are 4, 5, 8, 12 or 14 finite numbers.
         """
         names = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tilt_x", "tilt_y")
-        given = coefficients_of(distortion, COUNTS)
+        given = coefficients_of(distortion, COEFFICIENT_COUNTS)
         return cls(**dict(zip(names, given, strict=False)))
 
     @cached_property
     def numbers(self) -> LensNumbers:
         over, under = (1.0, self.k1, self.k2, self.k3), (1.0, self.k4, self.k5, self.k6)
         shifts = (self.p1, self.p2, self.s1, self.s2, self.s3, self.s4)
-        return _numbers(PERSPECTIVE, over, under, shifts, _tilt(self.tilt_x, self.tilt_y), FARTHEST)
+        return _numbers(PERSPECTIVE, over, under, shifts, _tilt(self.tilt_x, self.tilt_y), LARGEST_TANGENT)
 
 
 @dataclass(frozen=True)
 class FisheyeLens(Lens):
     """OpenCV's fisheye model, also COLMAP's OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, THIN_PRISM_FISHEYE.
 
-    The distance from the image's centre is a polynomial in the angle to the view axis. k1 to k4: its coefficients.
-    p1, p2: tangential. s1, s3: thin prism along x and along y.
+    The distance from the image's centre is a polynomial in the angle to the view axis.
+
+    Parameters
+    ----------
+    k1, k2, k3, k4 : float
+        Coefficients of the polynomial.
+    p1, p2 : float
+        Tangential.
+    s1, s3 : float
+        Thin prism along x and along y.
     """
 
     k1: float = 0.0
@@ -142,7 +164,14 @@ class FisheyeLens(Lens):
 class FovLens(Lens):
     """COLMAP's FOV: the distance from the image's centre is atan(2 r tan(omega / 2)) / omega.
 
-    omega: radians, above 0 and below pi. Source: F. Devernay, O. Faugeras, "Straight lines have to be straight", 2001.
+    Parameters
+    ----------
+    omega : float
+        Radians, above 0 and below pi.
+
+    Notes
+    -----
+    F. Devernay, O. Faugeras, "Straight lines have to be straight", 2001.
     """
 
     omega: float
@@ -156,7 +185,7 @@ class FovLens(Lens):
 
     @cached_property
     def numbers(self) -> LensNumbers:
-        return _numbers(FIELD_OF_VIEW, (1.0,), (1.0,), _NO_SHIFTS, np.eye(3), FARTHEST, self.omega)
+        return _numbers(FIELD_OF_VIEW, (1.0,), (1.0,), _NO_SHIFTS, np.eye(3), LARGEST_TANGENT, self.omega)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ class LensNumbers(NamedTuple):
     """A lens as kernels take it.
 
     kind: one of the four above. over, under: (5,) and (4,) float64, coefficients of the radial factor's numerator and
-    denominator in powers of r^2. rise: (8,) float64, numerator of the derivative of r times that factor; its
+    denominator in powers of r^2. rise: (9,) float64, numerator of the derivative of r times that factor; its
     denominator is the square of the factor's. parts: (4, 13) float64, polynomials in r^2 that the determinant of the
     Jacobian is made of. p1, p2: tangential. s1, s2: thin prism along u in r^2 and r^4; s3, s4:
     along v. tilt, untilt: (3, 3) float64, homography of a tilted sensor and its inverse. is_radial: neither tangential

@@ -25,7 +25,7 @@ from atra.light.lightmaps.priority import on_least_converged_map, ordered, visib
 from atra.light.lightmaps.shadows import ShadowScenes
 from atra.light.lightmaps.surface import BakeScene
 from atra.raster.tracer import RasterTracer
-from atra.rays.scene import Query, scene_for_kernels
+from atra.rays.kernel_scene import Query, scene_for_kernels
 from atra.tracing.budgets import check_needed_bytes
 from atra.tracing.lifetime import Lifetime, check_same_faces
 from atra.tracing.tracer import Tracer

@@ -18,7 +18,7 @@ from atra.light.lightmaps.paint_kernels import Paint
 from atra.light.lightmaps.samples_kernels import gather, generate
 from atra.light.lightmaps.shadows_kernels import shine_kernel
 from atra.light.pictures.path_kernels import ROW_PADDING
-from atra.rays.scene import Query
+from atra.rays.kernel_scene import Query
 
 BATCH_BYTES = 4 * (PATH_ROWS + 6 + RESULTS) + 1
 """Memory per ray in flight."""

@@ -11,10 +11,10 @@ from atra.hits import Hits
 from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.charts.texels_kernels import mark_shown
 from atra.light.lightmaps.gather.tables import start_off
-from atra.rays.scene import RayScene
+from atra.rays.kernel_scene import KernelScene
 
 
-def visible_texels(texels: Texels, hits: Hits, scene: RayScene) -> NDArray[np.bool_]:
+def visible_texels(texels: Texels, hits: Hits, scene: KernelScene) -> NDArray[np.bool_]:
     """(N,) bool: texels in the image and not hidden. Pixels decide for those they show, a ray to the eye for all
     others.
 
@@ -44,7 +44,7 @@ def _in_image(texels: Texels, camera: View) -> NDArray[np.bool_]:
     return np.asarray(inside & (points @ camera.axes[2] > 0.0) & ((texels.normals * facing).sum(axis=1) > 0.0))
 
 
-def _reach_the_eye(texels: Texels, numbers: NDArray[np.int64], camera: View, scene: RayScene) -> NDArray[np.bool_]:
+def _reach_the_eye(texels: Texels, numbers: NDArray[np.int64], camera: View, scene: KernelScene) -> NDArray[np.bool_]:
     if not len(numbers):
         return np.zeros(0, np.bool_)
     points = camera.to_eye_space(texels.positions[numbers])

@@ -6,15 +6,15 @@ import numpy as np
 
 from atra.light.lightmaps.options import BakeOptions
 from atra.light.lightmaps.surface import BakeScene
-from atra.rays.scene import scene_for_kernels
+from atra.rays.kernel_scene import scene_for_kernels
 
 
 class ShadowScenes:
     """What rays to lights meet if there are panes: a scene of opaque faces for occlusion, and one of panes for the rays
     that nothing blocks.
 
-    Without panes there are no such scenes; that of all faces serves. options: of both. Raises InputError as `RayScene`
-    does.
+    Without panes there are no such scenes; that of all faces serves. options: of both. Raises InputError as
+    `KernelScene` does.
     """
 
     def __init__(self, scene: BakeScene, options: BakeOptions) -> None:

@@ -30,7 +30,7 @@ from atra.light.scene import Scene
 from atra.light.sky import constant_sky
 from atra.light.surface_kernels import Surfaces
 from atra.light.tables import surfaces_of
-from atra.rays.scene import Query
+from atra.rays.kernel_scene import Query
 from atra.tracing.tracer import Tracer
 
 

@@ -28,7 +28,7 @@ from atra.light.pictures.pixels import LensPixels, pixels_of
 from atra.light.scene import Scene
 from atra.light.surface_kernels import Surfaces
 from atra.raster.tracer import RasterTracer
-from atra.rays.scene import Query, scene_for_kernels
+from atra.rays.kernel_scene import Query, scene_for_kernels
 from atra.tracing.tracer import Tracer
 from atra.views.sampling import sub_pixel_offsets
 
@@ -66,7 +66,7 @@ class Renderer(Finisher):
         self._start_film()
 
     def _new_rays(self, mesh: Mesh) -> Any:
-        """A `RayScene`, or what a renderer takes in its place."""
+        """A `KernelScene`, or what a renderer takes in its place."""
         return scene_for_kernels(mesh, self._ray_options())
 
     def _ray_options(self) -> RenderOptions:

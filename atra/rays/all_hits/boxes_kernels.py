@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from atra.compiled.memory import load, store
+from atra.compiled.intrinsics import int32_at
+from atra.compiled.memory import load, prefetch, store
 from atra.compiled.store import njit
 from atra.compiled.vectors import bits_of, fused, lane, larger, smaller, splat
-from atra.exact.lines_kernels import UNIT
-from atra.trees.wide import CHILDREN, HIGH
+from atra.exact.sums_kernels import UNIT
+from atra.trees.layout import BLOCK_BYTES
+from atra.trees.wide import CHILDREN, FIRSTS, HIGH, WIDE_BYTES
 
 _ZERO = np.float32(0.0)
 
@@ -130,3 +132,61 @@ def _interval(node, ray):  # type: ignore[no-untyped-def]
     # The second argument is kept where a number is NaN: unused children stay NaN and are not entered.
     first = larger(start, larger(first_y, larger(first_z, first_x)))
     return first, smaller(end, smaller(last_y, smaller(last_z, last_x)))
+
+
+@njit(forceinline=True)
+def slabs_of(low, high, one, other, is_down, margin, axis):  # type: ignore[no-untyped-def]
+    """What box tests of several rays need of an axis, all of which head the same way along it: where they start as seen
+    from near and far sides of boxes, reciprocals of directions, and where the sides lie in a node.
+
+    low, high: of where rays start; one, other: of the reciprocals. margin: by which boxes are enlarged.
+    """
+    near, far = (low - margin, high + margin) if is_down else (high + margin, low - margin)
+    row = axis * 4 * CHILDREN
+    return (
+        splat(np.float32(near), CHILDREN), splat(np.float32(far), CHILDREN),
+        splat(one, CHILDREN), splat(other, CHILDREN),
+        HIGH + row if is_down else row, row if is_down else HIGH + row,
+    )  # fmt: skip
+
+
+@njit(forceinline=True)
+def entry_of(node, slabs):  # type: ignore[no-untyped-def]
+    start, _, one, other, place, _ = slabs
+    way = load(node + place, _ZERO, CHILDREN) - start
+    return smaller(way * one, way * other)
+
+
+@njit(forceinline=True)
+def exit_of(node, slabs):  # type: ignore[no-untyped-def]
+    _, start, one, other, _, place = slabs
+    way = load(node + place, _ZERO, CHILDREN) - start
+    return larger(way * one, way * other)
+
+
+@njit(forceinline=True)
+def interval_in(node, start, end, x, y, z):  # type: ignore[no-untyped-def]
+    """Where any of several rays enters the children of a node at the earliest, and leaves them at the latest."""
+    near = larger(start, larger(entry_of(node, y), larger(entry_of(node, z), entry_of(node, x))))
+    return near, smaller(end, smaller(exit_of(node, y), smaller(exit_of(node, z), exit_of(node, x))))
+
+
+@njit(forceinline=True)
+def child_node(tree, node, child):  # type: ignore[no-untyped-def]
+    """The address of a child that is no leaf, which is prefetched. child: four times its number in the node."""
+    to = tree.nodes + np.int64(int32_at(node + FIRSTS + child)) * WIDE_BYTES
+    prefetch(to)
+    prefetch(to + 64)
+    prefetch(to + 128)
+    prefetch(to + 192)
+    return to
+
+
+@njit(forceinline=True)
+def first_block(tree, node, child):  # type: ignore[no-untyped-def]
+    """The address of the first block of a child that is a leaf, which is prefetched."""
+    to = tree.blocks + np.int64(int32_at(node + FIRSTS + child)) * BLOCK_BYTES
+    prefetch(to)
+    prefetch(to + 64)
+    prefetch(to + 128)
+    return to

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.compiled.threads import WorkerPool
-from atra.geometry.mesh import Mesh
 from atra.rays.all_hits.cells_kernels import OUTSIDE, UNKNOWN, look_up, mark_cells
-from atra.rays.all_hits.finding import Crossings
+from atra.rays.all_hits.finding import HitFinder
 
 FEWEST_POINTS = 1 << 16
 """Points, of all calls together, from which on cells are worth making."""
@@ -27,21 +26,22 @@ class Cells:
     bounds: NDArray[np.float64]
     inverse: NDArray[np.float64]
 
-    def parity(self, points: NDArray[np.float64], crossings: Crossings, pool: WorkerPool) -> NDArray[np.bool_]:
+    def parity(self, points: NDArray[np.float64], finder: HitFinder, pool: WorkerPool) -> NDArray[np.bool_]:
         """(P,) bool: whether a ray from each point, (P, 3) float64, crosses an odd number of triangles."""
         found = np.empty(len(points), np.uint8)
         given = points, *self.bounds, self.inverse, self.known
         pool.run(lambda _, counter: look_up(counter, *given, found))
         left = np.flatnonzero(found == UNKNOWN)
-        found[left] = crossings.columns(points[left]).counts & 1
+        found[left] = finder.columns(points[left]).counts & 1
         return found.view(np.bool_)
 
 
-def cells_of(mesh: Mesh, kept: NDArray[np.bool_] | None, crossings: Crossings) -> Cells:
+def cells_of(finder: HitFinder, kept: NDArray[np.bool_] | None) -> Cells:
     """The cells of a closed mesh, about `_PER_TRIANGLE` for each triangle. kept: (F,) bool, its triangles.
 
-    Cells of a row that no triangle parts are alike, so one ray decides for all of them.
+    Cells of a row that no triangle parts are equal, so one ray decides for all of them.
     """
+    mesh = finder.mesh
     low, high = mesh.bounds
     sizes = np.maximum(high - low, 1e-3 * (high - low).max() or 1.0)
     wanted = min(max(_PER_TRIANGLE * mesh.triangle_count, _FEWEST), _MOST)
@@ -54,7 +54,7 @@ def cells_of(mesh: Mesh, kept: NDArray[np.bool_] | None, crossings: Crossings) -
     starts = is_empty.copy()
     starts[:, :, 1:] &= ~is_empty[:, :, :-1]
     middles = low + (np.argwhere(starts) + 0.5) / inverse
-    odd = (crossings.columns(middles).counts & 1).astype(np.uint8)
+    odd = (finder.columns(middles).counts & 1).astype(np.uint8)
     run = np.cumsum(starts.reshape(-1)) - 1
     empty = is_empty.reshape(-1)
     known.reshape(-1)[empty] = odd[run[empty]]

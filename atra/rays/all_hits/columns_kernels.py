@@ -6,13 +6,14 @@ import numpy as np
 
 from atra.compiled.intrinsics import fetch_add, int32_at
 from atra.compiled.lanes import first_bit
-from atra.compiled.memory import load, prefetch
+from atra.compiled.memory import load
 from atra.compiled.store import float_kernel, njit
 from atra.compiled.vectors import bits_of, splat
-from atra.rays.all_hits.crossings_kernels import candidates, crossing, line_of, sure_crossing
+from atra.rays.all_hits.boxes_kernels import child_node, first_block
+from atra.rays.all_hits.crossings_kernels import candidates, crossing_of, line_of
 from atra.rays.all_hits.memory import CHUNK, LEAF
 from atra.trees.layout import BLOCK_BYTES
-from atra.trees.wide import CHILDREN, COUNTS, FIRSTS, HIGH, WIDE_BYTES
+from atra.trees.wide import BLOCK_COUNTS, CHILDREN, HIGH
 
 _ZERO = np.float32(0.0)
 _ROW = 4 * CHILDREN
@@ -75,11 +76,8 @@ def cross_columns(counter_address, tree, points, axis, low, high, middle, found,
                     while maybe:
                         k = first_bit(maybe)
                         maybe &= maybe - 1
-                        sign = 2
-                        if sure >> k & 1:
-                            sign = sure_crossing(areas, k, line, 0.0, np.inf)[0]
-                        if sign == 2:
-                            sign = crossing(node - LEAF, k, o, d, 0.0, np.inf, axis, exact, False)[0]
+                        is_sure, ends = sure >> k & 1, (0.0, np.inf)
+                        sign = crossing_of(node - LEAF, k, is_sure, line, areas, (o, d), ends, exact, False)[0]
                         count += abs(sign)
                         turn += sign
                     continue
@@ -87,17 +85,14 @@ def cross_columns(counter_address, tree, points, axis, low, high, middle, found,
                 while bits:
                     child = 4 * first_bit(bits)
                     bits &= bits - 1
-                    first = np.int64(int32_at(node + FIRSTS + child))
-                    blocks = np.int64(int32_at(node + COUNTS + child))
+                    blocks = int32_at(node + BLOCK_COUNTS + child)
                     if blocks == 0:
-                        found.stack[top] = tree.nodes + first * WIDE_BYTES
+                        found.stack[top] = child_node(tree, node, child)
                         top += 1
                         continue
-                    for block in range(first, first + blocks):
-                        to = tree.blocks + block * BLOCK_BYTES
-                        prefetch(to)
-                        prefetch(to + 64)
-                        prefetch(to + 128)
-                        found.stack[top] = to + LEAF
+                    to = first_block(tree, node, child) + LEAF
+                    for _ in range(blocks):
+                        found.stack[top] = to
+                        to += BLOCK_BYTES
                         top += 1
             counts[number], turns[number] = count, turn

@@ -1,7 +1,7 @@
 """Crossings of one ray and the triangles of a tree: each exactly once.
 
 Triangles are tested in float64, four at a time, with a bound of the error; where
-that leaves a doubt `atra.exact.lines_kernels` decides.
+that tells nothing `atra.exact.lines_kernels` decides.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from atra.compiled.memory import doubles_at, load, store
 from atra.compiled.store import njit
 from atra.compiled.vectors import bits_of, fused, larger, smaller, splat, widened
 from atra.exact.lines_kernels import (
-    UNIT,
     crossing_sign,
     major_axis,
     plane_order,
@@ -21,6 +20,7 @@ from atra.exact.lines_kernels import (
     plane_sign,
     touching_sign,
 )
+from atra.exact.sums_kernels import UNIT
 from atra.trees.layout import BLOCK, IDS
 
 _ZERO = np.float32(0.0)
@@ -39,43 +39,6 @@ PRECISE = 2.0**-34
 
 ROUNDINGS = 16.0
 """Largest error of a sheared corner, in roundings of the largest distance to the mesh; there are 7."""
-
-
-@njit(forceinline=True)
-def vector_at(address, is_double):  # type: ignore[no-untyped-def]
-    """Three float64, or float32 made such."""
-    if is_double:
-        at = doubles_at(address)
-        return at[0], at[1], at[2]
-    return np.float64(float_at(address)), np.float64(float_at(address + 4)), np.float64(float_at(address + 8))
-
-
-@njit(forceinline=True)
-def interval_of(rays, number):  # type: ignore[no-untyped-def]
-    """(tnear, tfar) of a ray of a `Batch`."""
-    near, far = rays.tnear + rays.number_bytes * number, rays.tfar + rays.number_bytes * number
-    if rays.is_double:
-        return doubles_at(near)[0], doubles_at(far)[0]
-    return np.float64(float_at(near)), np.float64(float_at(far))
-
-
-@njit(forceinline=True)
-def scale_of(x, y, z):  # type: ignore[no-untyped-def]
-    """(scale, 1 / scale): the power of two that brings a direction to a largest component of 1 to 2."""
-    largest = np.float64(max(abs(x), abs(y), abs(z)))
-    bits = largest.view(np.int64) & 0x7FF0000000000000
-    return np.int64(0x7FE0000000000000 - bits).view(np.float64), np.int64(bits).view(np.float64)
-
-
-@njit(forceinline=True)
-def scaled_ray(rays, number):  # type: ignore[no-untyped-def]
-    """(o, d, tnear, tfar, scale) of a ray of a `Batch` in float64, its direction multiplied by `scale_of`; parameters
-    times `scale` are those of the ray as given."""
-    o = vector_at(rays.origins + rays.vector_bytes * number, rays.is_double)
-    x, y, z = vector_at(rays.directions + rays.vector_bytes * number, rays.is_double)
-    tnear, tfar = interval_of(rays, number)
-    scale, length = scale_of(x, y, z)
-    return o, (x * scale, y * scale, z * scale), tnear * length, tfar * length, scale
 
 
 @njit(forceinline=True)
@@ -99,17 +62,33 @@ def line_of(o, d, sphere):  # type: ignore[no-untyped-def]
         (one * _ROW, other * _ROW, major * _ROW),
         (splat(error, BLOCK), splat(error * error, BLOCK)),
         major,
-        inverse, reach,
+        inverse,
     )  # fmt: skip
 
 
 @njit(forceinline=True)
-def _corner(place, line):  # type: ignore[no-untyped-def]
-    """A corner of four triangles, from an address, laid along the ray onto the plane across its major axis."""
-    (ox, oy, oz), (sx, sy), (row_x, row_y, row_z), _, _, _, _ = line
-    z = widened(load(place + row_z, _ZERO, BLOCK)) - oz
-    x = fused(sx, z, widened(load(place + row_x, _ZERO, BLOCK)) - ox)
-    return x, fused(sy, z, widened(load(place + row_y, _ZERO, BLOCK)) - oy), z
+def laid_corner(place, origin, shear, rows):  # type: ignore[no-untyped-def]
+    """A corner of four triangles, from an address, laid along a ray onto the plane across its major axis."""
+    z = widened(load(place + rows[2], _ZERO, BLOCK)) - origin[2]
+    x = fused(shear[0], z, widened(load(place + rows[0], _ZERO, BLOCK)) - origin[0])
+    return x, fused(shear[1], z, widened(load(place + rows[1], _ZERO, BLOCK)) - origin[1]), z
+
+
+@njit(forceinline=True)
+def areas_of(p, q, r, error, square):  # type: ignore[no-untyped-def]
+    """(twice the areas opposite three laid corners; the bound of their error; the least and the largest area; mask of
+    the triangles that a line may cross). error: of a corner. square: of a product of two such."""
+    u, v, w = q[0] * r[1] - q[1] * r[0], r[0] * p[1] - r[1] * p[0], p[0] * q[1] - p[1] * q[0]
+    sizes = (abs(p[0]) + abs(p[1])) + (abs(q[0]) + abs(q[1])) + (abs(r[0]) + abs(r[1]))
+    slack = fused(sizes, error, square)
+    least, most = smaller(smaller(u, v), w), larger(larger(u, v), w)
+    return (u, v, w), slack, least, most, (least + slack >= slack - slack) | (most <= slack)
+
+
+@njit(forceinline=True)
+def are_sure(least, most, slack):  # type: ignore[no-untyped-def]
+    """Mask of the triangles that a line surely crosses, by `areas_of`."""
+    return (least > slack) | (slack - slack > most + slack)
 
 
 @njit(forceinline=True)
@@ -119,26 +98,22 @@ def candidates(block, line, areas):  # type: ignore[no-untyped-def]
     areas: address of memory of 7 vectors, written where there are any: twice the areas opposite the three corners, the
     corners' distances along the major axis, and the bound of the areas' error.
     """
-    px, py, pz = _corner(block, line)
-    qx, qy, qz = _corner(block + 3 * _ROW, line)
-    rx, ry, rz = _corner(block + 6 * _ROW, line)
-    u, v, w = qx * ry - qy * rx, rx * py - ry * px, px * qy - py * qx
-    _, _, _, (error, square), _, _, _ = line
-    sizes = (abs(px) + abs(py)) + (abs(qx) + abs(qy)) + (abs(rx) + abs(ry))
-    slack = fused(sizes, error, square)
-    none = slack - slack
-    least, most = smaller(smaller(u, v), w), larger(larger(u, v), w)
-    maybe = bits_of((least + slack >= none) | (most <= slack))
+    origin, shear, rows, (error, square), _, _ = line
+    p = laid_corner(block, origin, shear, rows)
+    q = laid_corner(block + 3 * _ROW, origin, shear, rows)
+    r = laid_corner(block + 6 * _ROW, origin, shear, rows)
+    (u, v, w), slack, least, most, some = areas_of(p, q, r, error, square)
+    maybe = bits_of(some)
     if maybe == 0:
         return maybe, maybe
     store(u, areas)
     store(v, areas + _VECTOR)
     store(w, areas + 2 * _VECTOR)
-    store(pz, areas + 3 * _VECTOR)
-    store(qz, areas + 4 * _VECTOR)
-    store(rz, areas + 5 * _VECTOR)
+    store(p[2], areas + 3 * _VECTOR)
+    store(q[2], areas + 4 * _VECTOR)
+    store(r[2], areas + 5 * _VECTOR)
     store(slack, areas + 6 * _VECTOR)
-    return maybe, bits_of((least > slack) | (none > most + slack))
+    return maybe, bits_of(are_sure(least, most, slack))
 
 
 @njit(forceinline=True)
@@ -245,6 +220,18 @@ def crossing(block, k, o, d, tnear, tfar, major, exact, touches):  # type: ignor
 
 _EXACT = 2.0 * UNIT
 """Largest error of a parameter that was computed without rounding but once."""
+
+
+@njit(forceinline=True)
+def crossing_of(block, k, is_sure, line, areas, ray, ends, exact, touches):  # type: ignore[no-untyped-def]
+    """`crossing` of a candidate, in float64 where that tells. is_sure: by `candidates`. ray, ends: (o, d), (tnear,
+    tfar)."""
+    sign, t, error, u, v = 2, 0.0, 0.0, 0.0, 0.0
+    if is_sure:
+        sign, t, error, u, v = sure_crossing(areas, k, line, ends[0], ends[1])
+    if sign == 2:
+        sign, t, error, u, v = crossing(block, k, ray[0], ray[1], ends[0], ends[1], line[4], exact, touches)
+    return sign, t, error, u, v
 
 
 @njit

@@ -1,4 +1,5 @@
-"""All hits of rays, batch by batch: memory of threads grows where hits need it, and nothing is left out."""
+"""Hits of rays by our own tree, batch by batch: memory of threads grows where all hits need it, and nothing is left
+out."""
 
 from __future__ import annotations
 
@@ -16,13 +17,17 @@ from atra.rays.all_hits.columns_kernels import cross_columns
 from atra.rays.all_hits.crossings_kernels import AREAS
 from atra.rays.all_hits.finding_kernels import all_hits_kernel, lay_out
 from atra.rays.all_hits.groups_kernels import MOST_NODES
-from atra.rays.all_hits.memory import CHUNK, LANE_ROWS, LANES, LEAVES, STACK, Batch, Found, Lists, Tree
+from atra.rays.all_hits.memory import CHUNK, LANE_ROWS, LEAVES, RAY_LANES, STACK, Found, Lists, TreeAddresses
 from atra.rays.nearest.batches_kernels import nearest_kernel
-from atra.rays.order import Numbers
+from atra.rays.order import RayOrder
+from atra.rays.plan import plan_of
 from atra.rays.rays import Rays
+from atra.rays.rays_kernels import RayBatch, batch_of
 from atra.tracing.budgets import check_needed_bytes
-from atra.trees.bvh import build_bvh
-from atra.trees.wide import CHILDREN, WideBvh, widened_bvh
+from atra.trees.wide import CHILDREN, WideBvh, wide_bvh
+
+FEWEST_TRIANGLES = 1 << 15
+"""Smallest mesh whose rays are put in order; a smaller one fits the cache anyway."""
 
 BATCH = 1 << 16
 """Rays traced at a time; Ctrl-C is heard between batches."""
@@ -64,25 +69,25 @@ class Columns(NamedTuple):
     directions: NDArray[np.float64]
 
 
-class Crossings:
-    """A mesh whose crossings with rays are found, each exactly once.
+class HitFinder:
+    """A mesh whose hits by rays are found without rounding, each exactly once.
 
-    kept: (F,) bool, triangles that rays meet; None: all. pool: threads.
+    mesh: around its own origin, like all rays and points. kept: (F,) bool, triangles that rays meet; None: all. pool:
+    threads.
     """
 
     def __init__(self, mesh: Mesh, kept: NDArray[np.bool_] | None, pool: WorkerPool) -> None:
         kept = np.ones(mesh.triangle_count, np.bool_) if kept is None else kept
-        self.bvh: WideBvh = widened_bvh(build_bvh(mesh.vertices, mesh.faces, kept, pool))
+        self.bvh: WideBvh = wide_bvh(mesh.vertices, mesh.faces, kept, pool)
         middle, half = mesh.bounds.mean(axis=0), (mesh.bounds[1] - mesh.bounds[0]) / 2
         x, y, z = middle.tolist()
         sphere = x, y, z, float(np.linalg.norm(half))
         nodes, blocks, vertices, faces = (
             array.ctypes.data for array in (self.bvh.nodes, self.bvh.blocks, mesh.vertices, mesh.faces)
         )
-        self.tree = Tree(nodes, blocks, vertices, faces, sphere)
-        self._mesh = mesh  # kept, as kernels read its arrays
-        self._bounds = mesh.bounds
-        self._pool = pool
+        self.tree = TreeAddresses(nodes, blocks, vertices, faces, sphere)
+        self.mesh = mesh  # kept, as kernels read its arrays
+        self._pool, self._order = pool, RayOrder(pool)
         self._found = [_memory(0) for _ in range(pool.threads)]
 
     def find(self, rays: Rays, most: int = MOST, progress: Progress | None = None) -> HitArrays:
@@ -115,10 +120,9 @@ class Crossings:
         counts, kernel = np.empty(len(rays), np.int32), all_hits_kernel(True)
         for start in range(0, len(rays), BATCH):
             some = slice(start, min(start + BATCH, len(rays)))
-            lists = _lists(counts[some])
-            batch = _batch(rays, some)
+            lists, batch = _lists(counts[some]), _batch(rays, some)
 
-            def work(worker: int, counter: int, batch: Batch = batch, lists: Lists = lists) -> None:
+            def work(worker: int, counter: int, batch: RayBatch = batch, lists: Lists = lists) -> None:
                 kernel(counter, self.tree, batch, lists, self._found[worker], worker, most)
 
             self._pool.run(work)
@@ -126,27 +130,32 @@ class Crossings:
                 progress(some.stop, len(rays))
         return counts
 
-    def hit(self, rays: Numbers, near_by: float, touches: bool, t: NDArray[np.float32], answers: NDArray[Any]) -> None:
+    def hit(
+        self, rays: Rays, coherent: bool | None, t: NDArray[np.float32], answers: NDArray[Any], touches: bool = False
+    ) -> None:
         """Write the nearest hits of rays, or, where `t` is empty, whether they hit anything.
 
-        rays: origins, directions, tnear, tfar. near_by: how far apart rays start at most that are traced together;
-        below 0: each alone. touches: whether rays hit what they meet in an edge or a corner alone. t, answers: (N,), as
-        for `nearest_kernel`.
+        coherent: as for `RayScene.intersect`. t, answers: (N,), as for `nearest_kernel`. touches: whether rays hit what
+        they meet in an edge or a corner alone.
         """
-        batch, kernel = batch_of(*rays), nearest_kernel(not len(t))
+        numbers = rays.origins, rays.directions, rays.tnear, rays.tfar
+        plan, kernel = plan_of(numbers, self.mesh, coherent, FEWEST_TRIANGLES), nearest_kernel(not len(t))
+        near_by = plan.near_by if plan.is_coherent else -1.0
 
-        def work(worker: int, counter: int) -> None:
-            kernel(counter, self.tree, batch, near_by, self._found[worker], touches, t, answers)
+        def trace(batch: RayBatch, *out: NDArray[Any]) -> None:
+            self._pool.run(
+                lambda worker, counter: kernel(counter, self.tree, batch, near_by, self._found[worker], touches, *out)
+            )
 
         if len(answers):
-            self._pool.run(work)
+            self._order.traced(numbers, plan.in_order, trace, t, answers)
 
     def columns(self, points: NDArray[np.float64], everywhere: bool = False) -> Columns:
         """The crossings of a ray along an axis of the world from each point, (P, 3) float64.
 
         A point outside the mesh's box crosses nothing, which says no more than its parity, unless `everywhere`.
         """
-        low, high = self._bounds
+        low, high = self.mesh.bounds
         axis = int(np.argmin(high - low))
         outer = (np.full(3, -np.inf), np.full(3, np.inf)) if everywhere else (low, high)
         counts, turns = np.empty(len(points), np.int32), np.empty(len(points), np.int32)
@@ -166,11 +175,8 @@ class Crossings:
 
     def _traced(self, rays: Rays, some: slice, most: int) -> Lists:
         """The hits of some rays, in the threads' memory."""
-        lists, batch, kernel = (
-            _lists(np.empty(some.stop - some.start, np.int32)),
-            _batch(rays, some),
-            all_hits_kernel(False),
-        )
+        lists = _lists(np.empty(some.stop - some.start, np.int32))
+        batch, kernel = _batch(rays, some), all_hits_kernel(False)
         for found in self._found:
             found.used[0] = 0
         while True:
@@ -188,17 +194,9 @@ class Crossings:
         self._pool.run(lambda worker, counter: lay_out(counter, worker, lists, self._found[worker], starts, *hits))
 
 
-def _batch(rays: Rays, some: slice) -> Batch:
+def _batch(rays: Rays, some: slice) -> RayBatch:
     """The batch of some rays, which must stay alive."""
     return batch_of(rays.origins[some], rays.directions[some], rays.tnear[some], rays.tfar[some])
-
-
-def batch_of(
-    origins: NDArray[np.floating], directions: NDArray[np.floating], tnear: NDArray[np.floating], tfar: NDArray
-) -> Batch:
-    """Rays as kernels read them; the arrays must stay alive meanwhile."""
-    starts = origins.ctypes.data, directions.ctypes.data, origins.strides[0]
-    return Batch(*starts, tnear.ctypes.data, tfar.ctypes.data, tnear.strides[0], origins.dtype == np.float64)
 
 
 def _lists(counts: NDArray[np.int32]) -> Lists:
@@ -213,7 +211,7 @@ def _memory(size: int) -> Found:
     leaves, nodes = [np.empty((2, count), np.int64) for count in (LEAVES, MOST_NODES)]
     return Found(
         *arrays, np.zeros(1, np.int64), *stack, np.empty(PARTS), np.empty(AREAS), np.empty(CHILDREN, np.float32),
-        leaves[0], leaves[1], nodes[0], nodes[1], np.empty((LANE_ROWS, LANES)), np.empty(LANES, np.int64),
+        leaves[0], leaves[1], nodes[0], nodes[1], np.empty((LANE_ROWS, RAY_LANES)), np.empty(RAY_LANES, np.int64),
     )  # fmt: skip
 
 

@@ -10,23 +10,15 @@ import numpy as np
 
 from atra.compiled.intrinsics import fetch_add, int32_at, uint32_at
 from atra.compiled.lanes import first_bit
-from atra.compiled.memory import prefetch
 from atra.compiled.store import float_kernel, kernel, njit
 from atra.exact.lines_kernels import plane_parameter
-from atra.rays.all_hits.boxes_kernels import box_ray, entered, start_of
-from atra.rays.all_hits.crossings_kernels import (
-    candidates,
-    crossing,
-    line_of,
-    prim_id_of,
-    scaled_ray,
-    sure_crossing,
-    vector_at,
-)
+from atra.rays.all_hits.boxes_kernels import box_ray, child_node, entered, first_block, start_of
+from atra.rays.all_hits.crossings_kernels import candidates, crossing_of, line_of, prim_id_of
 from atra.rays.all_hits.groups_kernels import GROUP, find_together
-from atra.rays.all_hits.memory import CHUNK, LEAVES, WORKER_SHIFT, Tree
+from atra.rays.all_hits.memory import CHUNK, LEAVES, WORKER_SHIFT, TreeAddresses
+from atra.rays.rays_kernels import scaled_ray, vector_at
 from atra.trees.layout import BLOCK_BYTES
-from atra.trees.wide import CHILDREN, COUNTS, FIRSTS, WIDE_BYTES
+from atra.trees.wide import BLOCK_COUNTS, CHILDREN
 
 _GAPS = (701, 301, 132, 57, 23, 10, 4, 1)
 """Steps of a Shell sort. Source: M. Ciura, "Best increments for the average case of Shellsort", 2001."""
@@ -35,19 +27,16 @@ _GAPS = (701, 301, 132, 57, 23, 10, 4, 1)
 class Close(NamedTuple):
     """What decides the order of hits of one ray that are close to each other.
 
-    gap: how far apart t of hits is at most to be in doubt. o, d, scale: of `scaled_ray`. tree, exact: as elsewhere.
+    gap: largest difference of two t that leaves their order undecided: the errors of both. o, d, scale: of
+    `scaled_ray`. tree, exact: as elsewhere.
     """
 
     gap: float
     o: tuple[float, float, float]
     d: tuple[float, float, float]
     scale: float
-    tree: Tree
+    tree: TreeAddresses
     exact: int
-
-
-_CLOSE = 2.0**-28
-"""Gap of t in doubt, as a share of the farthest corner's distance: twice the error that `PRECISE` leaves."""
 
 
 @njit
@@ -60,16 +49,6 @@ def _settled(close, prim_id):  # type: ignore[no-untyped-def]
     return plane_parameter(close.o, close.d, a, b, c, close.exact) * close.scale
 
 
-@njit(forceinline=True)
-def _is_before(found, a, t, prim_id):  # type: ignore[no-untyped-def]
-    return found.t[a] < t or (found.t[a] == t and found.prim_id[a] < prim_id)
-
-
-@njit(forceinline=True)
-def _move(found, a, b):  # type: ignore[no-untyped-def]
-    found.t[b], found.prim_id[b], found.u[b], found.v[b] = found.t[a], found.prim_id[a], found.u[a], found.v[a]
-
-
 @njit
 def _sort(found, first, count):  # type: ignore[no-untyped-def]
     """Sort hits by t, and by prim_id where it is the same."""
@@ -79,66 +58,49 @@ def _sort(found, first, count):  # type: ignore[no-untyped-def]
         for place in range(first + gap, first + count):
             t, prim_id, u, v = found.t[place], found.prim_id[place], found.u[place], found.v[place]
             into = place
-            while into - gap >= first and not _is_before(found, into - gap, t, prim_id):
-                _move(found, into - gap, into)
-                into -= gap
+            while into - gap >= first:
+                before = into - gap
+                if found.t[before] < t or (found.t[before] == t and found.prim_id[before] < prim_id):
+                    break
+                found.t[into], found.prim_id[into] = found.t[before], found.prim_id[before]
+                found.u[into], found.v[into] = found.u[before], found.v[before]
+                into = before
             found.t[into], found.prim_id[into], found.u[into], found.v[into] = t, prim_id, u, v
 
 
 @njit
-def _settle(found, first, count, close):  # type: ignore[no-untyped-def]
-    """Make t of sorted hits that are close right, and sort anew."""
-    for place in range(first, first + count):
+def _settle(found, first, count, most, close):  # type: ignore[no-untyped-def]
+    """Make t of sorted hits that are close to each other right, and sort anew; beyond the first `most` only those that
+    are close to one of these."""
+    end = first + min(count, most)
+    while end < first + count and found.t[end] - found.t[end - 1] <= close.gap:
+        end += 1
+    for place in range(first, end):
         before = place > first and found.t[place] - found.t[place - 1] <= close.gap
-        if before or (place + 1 < first + count and found.t[place + 1] - found.t[place] <= close.gap):
+        if before or (place + 1 < end and found.t[place + 1] - found.t[place] <= close.gap):
             found.u[place] = -found.u[place] - 1.0  # a mark; t stays as neighbours need it
-    for place in range(first, first + count):
+    for place in range(first, end):
         if found.u[place] < -0.5:
             found.u[place] = -(found.u[place] + 1.0)
             found.t[place] = _settled(close, found.prim_id[place])
-    _sort(found, first, count)
+    _sort(found, first, end - first)
 
 
 @njit(forceinline=True)
-def _settle_close(found, first, count, close):  # type: ignore[no-untyped-def]
-    """`_settle` sorted hits where any are close."""
+def _put_in_order(found, first, count, most, close):  # type: ignore[no-untyped-def]
+    """Sort the hits of a ray, so that the first `most` are its nearest."""
+    _sort(found, first, count)
     for place in range(first + 1, first + count):
         if found.t[place] - found.t[place - 1] <= close.gap:
-            _settle(found, first, count, close)
+            _settle(found, first, count, most, close)
             return
-
-
-@njit(forceinline=True)
-def _take(found, first, count, most, t, prim_id, u, v, close):  # type: ignore[no-untyped-def]
-    """Add a hit behind the `count` of a ray, or, if there are `most`, in order; returns their number."""
-    if count < most:
-        into = first + count
-        found.t[into], found.prim_id[into], found.u[into], found.v[into] = t, prim_id, u, v
-        if count + 1 == most:
-            _sort(found, first, most)
-        return count + 1
-    last = first + most - 1
-    if abs(found.t[last] - t) <= close.gap:
-        _settle(found, first, most, close)
-        found.t[last], t = _settled(close, found.prim_id[last]), _settled(close, prim_id)
-    into = first + most
-    while into > first and not _is_before(found, into - 1, t, prim_id):
-        into -= 1
-        if into < first + most - 1:
-            _move(found, into, into + 1)
-    if into < first + most:
-        found.t[into], found.prim_id[into], found.u[into], found.v[into] = t, prim_id, u, v
-    return count + 1
 
 
 @njit(forceinline=True)
 def _add_leaf(found, leaves, tree, node, child):  # type: ignore[no-untyped-def]
     """Add a leaf to those that a ray enters; returns their number. child: four times its number in the node."""
-    block = tree.blocks + np.int64(int32_at(node + FIRSTS + child)) * BLOCK_BYTES
-    prefetch(block)
-    prefetch(block + 64)
-    prefetch(block + 128)
-    found.entered[leaves], found.remaining[leaves] = block, np.int64(int32_at(node + COUNTS + child))
+    found.entered[leaves] = first_block(tree, node, child)
+    found.remaining[leaves] = np.int64(int32_at(node + BLOCK_COUNTS + child))
     return leaves + 1
 
 
@@ -172,8 +134,7 @@ def all_hits_kernel(counting: bool) -> Callable[..., None]:
                     if not counting:
                         lists.truncated[number], lists.places[number] = False, worker << WORKER_SHIFT | start
                     continue
-                ray, line = box_ray(o, d, s, tfar, tree.sphere), line_of(o, d, tree.sphere)
-                close = Close(_CLOSE * line[6] * scale, o, d, scale, tree, exact)
+                ray, line, worst = box_ray(o, d, s, tfar, tree.sphere), line_of(o, d, tree.sphere), 0.0
                 place, top = 0, 0
                 if nodes < 0:
                     found.stack[0], top = tree.nodes, 1
@@ -193,15 +154,10 @@ def all_hits_kernel(counting: bool) -> Callable[..., None]:
                         while bits:
                             child = 4 * first_bit(bits)
                             bits &= bits - 1
-                            if int32_at(node + COUNTS + child):
+                            if int32_at(node + BLOCK_COUNTS + child):
                                 leaves = _add_leaf(found, leaves, tree, node, child)
                                 continue
-                            to = tree.nodes + np.int64(int32_at(node + FIRSTS + child)) * WIDE_BYTES
-                            prefetch(to)
-                            prefetch(to + 64)
-                            prefetch(to + 128)
-                            prefetch(to + 192)
-                            found.stack[top] = to
+                            found.stack[top] = child_node(tree, node, child)
                             top += 1
                     while leaves > 0:
                         block = found.entered[leaves - 1]
@@ -213,18 +169,19 @@ def all_hits_kernel(counting: bool) -> Callable[..., None]:
                         while maybe:
                             k = first_bit(maybe)
                             maybe &= maybe - 1
-                            sign, t, _, u, v = 2, 0.0, 0.0, 0.0, 0.0
-                            if sure >> k & 1:
-                                sign, t, _, u, v = sure_crossing(areas, k, line, tnear, tfar)
-                            if sign == 2:
-                                sign, t, _, u, v = crossing(block, k, o, d, tnear, tfar, line[4], exact, False)
+                            sign, t, error, u, v = crossing_of(
+                                block, k, sure >> k & 1, line, areas, (o, d), (tnear, tfar), exact, False
+                            )
                             if sign == 0:
                                 continue
                             if not counting:
-                                if start + min(count, most) >= len(found.t):
+                                into = start + count
+                                if into >= len(found.t):
                                     lists.done[chunk] = number - first
                                     return
-                                _take(found, start, count, most, t * scale, prim_id_of(block, k), u, v, close)
+                                found.t[into], found.prim_id[into] = t * scale, prim_id_of(block, k)
+                                found.u[into], found.v[into] = u, v
+                                worst = max(worst, error)
                             count += 1
                             if counting and count >= most:
                                 maybe = top = leaves = 0
@@ -233,11 +190,9 @@ def all_hits_kernel(counting: bool) -> Callable[..., None]:
                 if not counting:
                     lists.truncated[number] = count > most
                     lists.places[number] = worker << WORKER_SHIFT | start
-                    count = min(count, most)
-                    if 1 < count < most:
-                        _sort(found, start, count)
-                    _settle_close(found, start, count, close)
-                    found.used[0] = start + count
+                    if count > 1:
+                        _put_in_order(found, start, count, most, Close(2.0 * worst * scale, o, d, scale, tree, exact))
+                    found.used[0] = start + min(count, most)
             lists.done[chunk] = last - first
 
     return find_all

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from atra.all_hits.reductions import Count, Layers, Reduction, Thickness, Transmittance, check_reduction
 from atra.errors import InputError
-from atra.geometry.mesh import Mesh
 from atra.prim_ids import MISS
-from atra.rays.all_hits.finding import MOST, Crossings, Progress
+from atra.rays.all_hits.finding import MOST, HitFinder, Progress
 from atra.rays.all_hits.lists import RayHitLists
 from atra.rays.geometries import Geometries
 from atra.rays.rays import Rays
@@ -25,8 +24,14 @@ _RAYS = 1 << 18
 class RayLayers:
     """The k nearest hits of every ray, sorted by t; `...` is the leading shape of the rays.
 
-    t: (k, ...) float32, in lengths of the direction, inf = no hit. prim_id, geometry_id: (k, ...) uint32, `MISS` = no
-    hit. count: (...) uint32, the number of all hits.
+    Attributes
+    ----------
+    t : (k, ...) float32
+        In lengths of the direction, inf = no hit.
+    prim_id, geometry_id : (k, ...) uint32
+        `MISS` = no hit.
+    count : (...) uint32
+        The number of all hits.
     """
 
     t: NDArray[np.float32]
@@ -39,18 +44,17 @@ def gathered(
     what: Reduction,
     rays: Rays,
     shape: tuple[int, ...],
-    crossings: Crossings,
+    finder: HitFinder,
     geometries: Geometries,
-    met: Mesh | None,
     progress: Progress | None,
 ) -> NDArray | RayLayers:
-    """What `RayScene.gather` says. met: the triangles that rays meet, None where there are none."""
+    """What `RayScene.gather` says, of rays around the mesh's origin, and of their leading shape."""
     check_reduction(what)
     weights = None
     if not isinstance(what, Thickness):
         weights = what.weights(geometries.mesh)
-    elif met is not None:
-        what.weights(met)
+    elif geometries.met is not None:
+        what.weights(geometries.met)
 
     def in_parts(reduce: Callable[[Rays], tuple[NDArray, ...]]) -> list[NDArray]:
         parts = []
@@ -62,17 +66,16 @@ def gathered(
 
     match what:
         case Count():
-            return crossings.count(rays, progress).astype(np.uint32).reshape(shape)
+            return finder.count(rays, progress).astype(np.uint32).reshape(shape)
         case Thickness():
-            return in_parts(lambda some: (_thickness(some, crossings, geometries),))[0].reshape(shape)
+            return in_parts(lambda some: (_thickness(some, finder, geometries),))[0].reshape(shape)
         case Transmittance():
             assert weights is not None
-            return in_parts(lambda some: (_transmittance(some, crossings, weights),))[0].reshape(shape)
+            return in_parts(lambda some: (_transmittance(some, finder, weights),))[0].reshape(shape)
         case Layers():
-            t, traced_id, count = in_parts(lambda some: _layers(some, crossings, what.k))
-            geometry_id = geometries.geometry_ids(traced_id)
-            prim_id = geometries.own_ids(traced_id, geometry_id)
+            t, traced_id, count = in_parts(lambda some: _layers(some, finder, what.k))
             layered = what.k, *shape
+            prim_id, geometry_id = geometries.own_ids(traced_id), geometries.geometry_ids(traced_id)
             ids = prim_id.reshape(layered), geometry_id.reshape(layered)
             return RayLayers(t.reshape(layered), *ids, count.reshape(shape))
     raise InputError(f"cannot gather {what!r:.100}")
@@ -82,18 +85,18 @@ def _some(rays: Rays, which: slice) -> Rays:
     return Rays(rays.origins[which], rays.directions[which], rays.tnear[which], rays.tfar[which])
 
 
-def _thickness(rays: Rays, crossings: Crossings, geometries: Geometries) -> NDArray[np.float32]:
+def _thickness(rays: Rays, finder: HitFinder, geometries: Geometries) -> NDArray[np.float32]:
     """Every crossing counts with the part of the interval before it, which is right for rays that start or end inside,
     too: so the rays go on to infinity."""
     open_rays = Rays(rays.origins, rays.directions, rays.tnear)
-    found = RayHitLists(*crossings.find(open_rays), (len(rays),), open_rays, geometries)
+    found = RayHitLists(*finder.find(open_rays), (len(rays),), open_rays, geometries)
     before = np.minimum(found.t, rays.tfar[found.ray_ids].astype(np.float64)) - rays.tnear[found.ray_ids]
     inside = np.bincount(found.ray_ids, np.where(found.leaving, before, -before), len(rays))
     return np.where(rays.tfar > rays.tnear, inside, 0.0).astype(np.float32)
 
 
-def _transmittance(rays: Rays, crossings: Crossings, weights: NDArray[np.float32]) -> NDArray[np.float32]:
-    found = crossings.find(rays)
+def _transmittance(rays: Rays, finder: HitFinder, weights: NDArray[np.float32]) -> NDArray[np.float32]:
+    found = finder.find(rays)
     product, counts = np.ones(len(rays)), np.diff(found.ray_splits)
     has_hits = counts > 0
     factors = weights[found.prim_id].astype(np.float64)
@@ -102,11 +105,11 @@ def _transmittance(rays: Rays, crossings: Crossings, weights: NDArray[np.float32
     return product.astype(np.float32)
 
 
-def _layers(rays: Rays, crossings: Crossings, k: int) -> tuple[NDArray, ...]:
-    found = crossings.find(rays, min(k, MOST))
+def _layers(rays: Rays, finder: HitFinder, k: int) -> tuple[NDArray, ...]:
+    found = finder.find(rays, min(k, MOST))
     counts = np.diff(found.ray_splits)
     ray_ids = np.repeat(np.arange(len(rays)), counts)
     layer = np.arange(len(found.t)) - np.repeat(found.ray_splits[:-1], counts)
     t, traced_id = np.full((k, len(rays)), np.inf, np.float32), np.full((k, len(rays)), MISS)
     t[layer, ray_ids], traced_id[layer, ray_ids] = found.t, found.prim_id
-    return t, traced_id, crossings.count(rays).astype(np.uint32)
+    return t, traced_id, finder.count(rays).astype(np.uint32)

@@ -10,22 +10,25 @@ import numpy as np
 
 from atra.compiled.intrinsics import int32_at
 from atra.compiled.lanes import first_bit
-from atra.compiled.memory import load, prefetch
 from atra.compiled.store import njit
-from atra.compiled.vectors import bits_of, fused, larger, smaller, splat
-from atra.rays.all_hits.boxes_kernels import ahead_of, margin_of, reciprocal, start_of
-from atra.rays.all_hits.crossings_kernels import scaled_ray
-from atra.trees.wide import CHILDREN, COUNTS, FIRSTS, HIGH, WIDE_BYTES
+from atra.compiled.vectors import bits_of, splat
+from atra.rays.all_hits.boxes_kernels import (
+    ahead_of,
+    child_node,
+    interval_in,
+    margin_of,
+    reciprocal,
+    slabs_of,
+    start_of,
+)
+from atra.rays.rays_kernels import scaled_ray
+from atra.trees.wide import BLOCK_COUNTS, CHILDREN
 
 GROUP = 16
 """Rays that follow each other at most."""
 
 MOST_NODES = 128
 """Nodes with leaves that a group may find; rays of others go alone, as do those that head for several octants."""
-
-ROW = 4 * CHILDREN
-
-_ZERO = np.float32(0.0)
 
 
 @njit
@@ -56,28 +59,24 @@ def find_together(batch, first, last, tree, found):  # type: ignore[no-untyped-d
         return 0
     if least_x < 0.0 <= most_x or least_y < 0.0 <= most_y or least_z < 0.0 <= most_z:
         return -1
-    x, y = _axis(low_x, high_x, least_x, most_x, margin, 0), _axis(low_y, high_y, least_y, most_y, margin, ROW)
-    z = _axis(low_z, high_z, least_z, most_z, margin, 2 * ROW)
-    start, end = splat(np.float32(-margin), CHILDREN), splat(np.float32(ahead), CHILDREN)
+    margin_32 = np.float32(margin)
+    x = slabs_of(low_x, high_x, _inverse(least_x), _inverse(most_x), least_x < 0.0, margin_32, 0)
+    y = slabs_of(low_y, high_y, _inverse(least_y), _inverse(most_y), least_y < 0.0, margin_32, 1)
+    z = slabs_of(low_z, high_z, _inverse(least_z), _inverse(most_z), least_z < 0.0, margin_32, 2)
+    start, end = splat(-margin_32, CHILDREN), splat(np.float32(ahead), CHILDREN)
     found.stack[0], top, nodes = tree.nodes, 1, 0
     while top > 0:
         top -= 1
         node = found.stack[top]
-        near = larger(start, larger(_near(node, y), larger(_near(node, z), _near(node, x))))
-        far = smaller(end, smaller(_far(node, y), smaller(_far(node, z), _far(node, x))))
+        near, far = interval_in(node, start, end, x, y, z)
         bits, leaves = bits_of(near <= far), 0
         while bits:
             one = first_bit(bits)
             bits &= bits - 1
-            if int32_at(node + COUNTS + 4 * one):
+            if int32_at(node + BLOCK_COUNTS + 4 * one):
                 leaves |= 1 << one
                 continue
-            to = tree.nodes + np.int64(int32_at(node + FIRSTS + 4 * one)) * WIDE_BYTES
-            prefetch(to)
-            prefetch(to + 64)
-            prefetch(to + 128)
-            prefetch(to + 192)
-            found.stack[top] = to
+            found.stack[top] = child_node(tree, node, 4 * one)
             top += 1
         if leaves:
             if nodes == MOST_NODES:
@@ -88,28 +87,5 @@ def find_together(batch, first, last, tree, found):  # type: ignore[no-untyped-d
 
 
 @njit(forceinline=True)
-def _axis(low, high, least, most, margin, row):  # type: ignore[no-untyped-def]
-    """What box tests need of an axis: origins for the near and the far sides, both reciprocals, margins, places."""
-    one, other = np.float32(reciprocal(least)), np.float32(reciprocal(most))
-    outer = np.float32(margin * np.float64(max(abs(one), abs(other))))
-    is_up = least >= 0.0
-    near, far = (high if is_up else low), (low if is_up else high)
-    return (
-        splat(near, CHILDREN), splat(far, CHILDREN), splat(one, CHILDREN), splat(other, CHILDREN),
-        splat(-outer, CHILDREN), splat(outer, CHILDREN),
-        row if is_up else HIGH + row, HIGH + row if is_up else row,
-    )  # fmt: skip
-
-
-@njit(forceinline=True)
-def _near(node, axis):  # type: ignore[no-untyped-def]
-    origin, _, one, other, inner, _, place, _ = axis
-    way = load(node + place, _ZERO, CHILDREN) - origin
-    return smaller(fused(way, one, inner), fused(way, other, inner))
-
-
-@njit(forceinline=True)
-def _far(node, axis):  # type: ignore[no-untyped-def]
-    _, origin, one, other, _, outer, _, place = axis
-    way = load(node + place, _ZERO, CHILDREN) - origin
-    return larger(fused(way, one, outer), fused(way, other, outer))
+def _inverse(component):  # type: ignore[no-untyped-def]
+    return np.float32(reciprocal(component))

@@ -17,13 +17,20 @@ from atra.rays.rays import Rays
 class RayHitLists:
     """All hits of every ray of a batch, each crossing once, one ray after the other and sorted along each.
 
-    ray_splits: (N + 1,) int64: the hits of ray i are those from ray_splits[i] up to ray_splits[i + 1].
-    t: (M,) float64, in lengths of the ray's direction. Hits of one t are sorted by geometry_id and prim_id.
-    prim_id: (M,) uint32, in the numbering of the hit's own mesh. geometry_id: (M,) uint32, which of the scene's meshes.
-    u, v: (M,) float32, barycentric weights of the triangle's second and third vertex.
-    truncated: (N,) bool, the ray has more hits than `max_hits`; those kept are its nearest.
-    shape: leading shape of the rays as given; rays are counted flat, in C order.
-    rays, mesh: what was traced; several meshes are joined to one, in which `traced_id` counts.
+    Attributes
+    ----------
+    ray_splits : (N + 1,) int64
+        The hits of ray i are those from ray_splits[i] up to ray_splits[i + 1].
+    t : (M,) float64
+        In lengths of the ray's direction. Hits of one t are sorted by geometry_id and prim_id.
+    u, v : (M,) float32
+        Barycentric weights of the triangle's second and third vertex.
+    truncated : (N,) bool
+        The ray has more hits than `max_hits`; those kept are its nearest.
+    shape
+        Leading shape of the rays as given; rays are counted flat, in C order.
+    rays, mesh
+        What was traced; several meshes are joined to one, in which `traced_id` counts.
     """
 
     ray_splits: NDArray[np.int64]
@@ -45,12 +52,12 @@ class RayHitLists:
 
     @cached_property
     def prim_id(self) -> NDArray[np.uint32]:
-        return (
-            self.traced_id if self.geometries.count == 1 else self.geometries.own_ids(self.traced_id, self.geometry_id)
-        )
+        """(M,) uint32, in the numbering of the hit's own mesh."""
+        return self.geometries.own_ids(self.traced_id)
 
     @cached_property
     def geometry_id(self) -> NDArray[np.uint32]:
+        """(M,) uint32, which of the scene's meshes is hit."""
         return self.geometries.geometry_ids(self.traced_id)
 
     @property

@@ -20,7 +20,7 @@ CHUNK = 256
 LEAVES = 64
 """Leaves that a ray enters before their triangles are tested."""
 
-LANES = 16 if native_lanes() == 16 else 8
+RAY_LANES = 16 if native_lanes() == 16 else 8
 """Rays whose nearest hits are found together."""
 
 LANE_ROWS = 20
@@ -33,24 +33,7 @@ WORKER_SHIFT = 40
 """Bits of a ray's place in its thread's memory; the thread's number stands above them."""
 
 
-class Batch(NamedTuple):
-    """Rays, where their numbers lie in memory.
-
-    origins, directions: address of the first ray's three numbers; a ray's are `vector_bytes` behind those of the one
-    before. tnear, tfar: address of the first ray's; the next is `number_bytes` behind. is_double: whether they are
-    float64, otherwise float32.
-    """
-
-    origins: int
-    directions: int
-    vector_bytes: int
-    tnear: int
-    tfar: int
-    number_bytes: int
-    is_double: bool
-
-
-class Tree(NamedTuple):
+class TreeAddresses(NamedTuple):
     """Addresses of nodes, blocks, and the mesh's vertices and faces, and the sphere around it: its middle and radius,
     float64."""
 
@@ -67,8 +50,8 @@ class Found(NamedTuple):
     t: (M,) float64. prim_id: (M,) uint32. u, v: (M,) float32. used: (1,) int64, hits so far. stack: (STACK,) int64.
     reached: (STACK,) float32, where the ray comes to these nodes. exact: (PARTS,) float64. areas: (AREAS,) float64.
     entries: (CHILDREN,) float32. entered, remaining: (LEAVES,) int64, leaves that wait to be tested: next block and
-    blocks. nodes, leaves: (MOST_NODES,) int64, of `find_together`. lanes: (LANE_ROWS, LANES) float64 and
-    hit_places: (LANES,) int64, of `hit_together`.
+    blocks. nodes, leaves: (MOST_NODES,) int64, of `find_together`. lanes: (LANE_ROWS, RAY_LANES) float64 and
+    hit_places: (RAY_LANES,) int64, of `hit_together`.
     """
 
     t: NDArray[np.float64]

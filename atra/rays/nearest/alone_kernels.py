@@ -8,23 +8,15 @@ import numpy as np
 
 from atra.compiled.intrinsics import address_at, float_at, int32_at
 from atra.compiled.lanes import first_bit
-from atra.compiled.memory import prefetch, store
+from atra.compiled.memory import store
 from atra.compiled.store import float_part, njit
 from atra.compiled.vectors import splat
 from atra.prim_ids import MISS
-from atra.rays.all_hits.boxes_kernels import box_ray, entered_at, shortened, start_of
-from atra.rays.all_hits.crossings_kernels import (
-    candidates,
-    crossing,
-    is_before,
-    line_of,
-    parameter,
-    prim_id_of,
-    sure_crossing,
-)
+from atra.rays.all_hits.boxes_kernels import box_ray, child_node, entered_at, first_block, shortened, start_of
+from atra.rays.all_hits.crossings_kernels import candidates, crossing_of, is_before, line_of, parameter, prim_id_of
 from atra.rays.all_hits.memory import LEAF
 from atra.trees.layout import BLOCK_BYTES
-from atra.trees.wide import COUNTS, FIRSTS, WIDE_BYTES
+from atra.trees.wide import BLOCK_COUNTS
 
 NO_HIT = np.uint32(MISS)
 
@@ -44,8 +36,8 @@ def is_nearer(t, error, block, k, nearest, nearest_error, other, m, o, d, exact)
 
     other: the block of the nearest hit, 0: there is none.
     """
-    gap, doubt = t - nearest, error + nearest_error
-    return other == 0 or gap < -doubt or (not gap > doubt and is_before(block, k, other, m, o, d, exact))
+    gap, errors = t - nearest, error + nearest_error
+    return other == 0 or gap < -errors or (not gap > errors and is_before(block, k, other, m, o, d, exact))
 
 
 class Memory(NamedTuple):
@@ -100,11 +92,8 @@ def hit_alone(any_hit, tree, o, d, tnear, tfar, memory, touches):  # type: ignor
             while maybe:
                 k = first_bit(maybe)
                 maybe &= maybe - 1
-                sign, t, error = 2, 0.0, 0.0
-                if sure >> k & 1:
-                    sign, t, error, _, _ = sure_crossing(areas, k, line, tnear, tfar)
-                if sign == 2:
-                    sign, t, error, _, _ = crossing(block, k, o, d, tnear, tfar, line[4], exact, touches)
+                is_sure, ends = sure >> k & 1, (tnear, tfar)
+                sign, t, error, _, _ = crossing_of(block, k, is_sure, line, areas, (o, d), ends, exact, touches)
                 if sign == 0:
                     continue
                 if any_hit:
@@ -119,16 +108,9 @@ def hit_alone(any_hit, tree, o, d, tnear, tfar, memory, touches):  # type: ignor
             child = 4 * first_bit(bits)
             bits &= bits - 1
             entry = float_at(entries + child)
-            first_of = np.int64(int32_at(node + FIRSTS + child))
-            blocks = np.int64(int32_at(node + COUNTS + child))
-            to, step = tree.blocks + first_of * BLOCK_BYTES + LEAF, BLOCK_BYTES
-            if blocks == 0:
-                to, blocks = tree.nodes + first_of * WIDE_BYTES, 1
-            prefetch(to)
-            prefetch(to + 64)
-            prefetch(to + 128)
-            prefetch(to + 192)
-            for _ in range(blocks):
+            blocks = np.int64(int32_at(node + BLOCK_COUNTS + child))
+            to = first_block(tree, node, child) + LEAF if blocks else child_node(tree, node, child)
+            for _ in range(max(blocks, 1)):
                 into = top  # the farthest stands lowest
                 while not any_hit and into > first:
                     near = float_at(memory.reached + 4 * (into - 1))
@@ -137,7 +119,7 @@ def hit_alone(any_hit, tree, o, d, tnear, tfar, memory, touches):  # type: ignor
                     put(memory, into, address_at(memory.stack + 8 * (into - 1)), near)
                     into -= 1
                 put(memory, into, to, entry)
-                to += step
+                to += BLOCK_BYTES
                 top += 1
     if hit_block == 0:
         return np.inf, NO_HIT

@@ -9,13 +9,10 @@ import numpy as np
 
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import float_kernel
-from atra.rays.all_hits.crossings_kernels import scaled_ray
-from atra.rays.all_hits.memory import LANES
+from atra.rays.all_hits.memory import CHUNK, RAY_LANES
 from atra.rays.nearest.alone_kernels import NO_HIT, hit_alone, memory_of
 from atra.rays.nearest.together_kernels import hit_together
-
-CHUNK = 256
-"""Rays a thread takes at a time."""
+from atra.rays.rays_kernels import scaled_ray
 
 
 @cache
@@ -24,19 +21,19 @@ def nearest_kernel(any_hit: bool) -> Callable[..., None]:
 
     @float_kernel
     def hit_rays(counter_address, tree, rays, near_by, found, touches, t_of, answers):  # type: ignore[no-untyped-def]
-        """Write what each ray hits, those that are alike together.
+        """Write what each ray hits, those that are coherent together.
 
-        rays: `Batch`. near_by: how far apart rays start at most that are alike; below 0 none are. found: this thread's
-        memory. touches: as for `crossing`. t_of: (N,) float32, inf where nothing is hit. answers: (N,) uint32,
-        triangles, `MISS` = none. With any_hit t_of is empty, and answers is (N,) uint8, 0 or 1.
+        rays: `RayBatch`. near_by: how far apart coherent rays start at most; below 0: none are looked for.
+        found: this thread's memory. touches: as for `crossing`. t_of: (N,) float32, inf where nothing is hit.
+        answers: (N,) uint32, triangles, `MISS` = none. With any_hit t_of is empty, and answers is (N,) uint8, 0 or 1.
         """
         count, memory, before = len(answers), memory_of(found), np.int64(0)
         while True:
             start = fetch_add(counter_address, 1) * CHUNK
             if start >= count:
                 return
-            for first in range(start, min(start + CHUNK, count), LANES):
-                last = min(first + LANES, count)
+            for first in range(start, min(start + CHUNK, count), RAY_LANES):
+                last = min(first + RAY_LANES, count)
                 if near_by >= 0.0:
                     hit = hit_together(any_hit, tree, rays, first, last, near_by, found, touches, before, t_of, answers)
                     if hit >= 0:

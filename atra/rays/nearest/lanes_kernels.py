@@ -1,4 +1,4 @@
-"""Rays that start and head alike, side by side in rows of memory, and what boxes need of them."""
+"""Rays that are coherent, side by side in rows of memory, and what boxes need of them."""
 
 from __future__ import annotations
 
@@ -21,24 +21,18 @@ from atra.compiled.vectors import (
     splat,
     where,
 )
-from atra.exact.lines_kernels import UNIT, major_axis
-from atra.rays.all_hits.boxes_kernels import BOX_MARGIN, PADDING, SMALLEST_COMPONENT
-from atra.rays.all_hits.crossings_kernels import (
-    interval_of,
-    scale_of,
-    vector_at,
-)
-from atra.rays.all_hits.memory import LANES
+from atra.exact.lines_kernels import major_axis
+from atra.exact.sums_kernels import UNIT
+from atra.rays.all_hits.boxes_kernels import BOX_MARGIN, PADDING, SMALLEST_COMPONENT, slabs_of
+from atra.rays.all_hits.memory import RAY_LANES
+from atra.rays.rays_kernels import COHERENT_DIRECTIONS, direction_of, interval_of, origin_of, scale_of
 from atra.trees.layout import BLOCK
 from atra.trees.wide import CHILDREN, HIGH
-
-ALIKE_DIRECTIONS = 0.125
-"""How far apart the components of directions of 1 to 2 in size are at most for rays to head alike."""
 
 ZERO, ZERO_64 = np.float32(0.0), np.float64(0.0)
 _ROW = 4 * CHILDREN
 LINE = 4 * BLOCK
-WIDE = 8 * LANES
+WIDE = 8 * RAY_LANES
 """Bytes of a row of memory: a float64 of each ray; a row of float32 takes half of it."""
 
 ORIGIN, DIRECTION, NEAR, FAR = 0, 3 * WIDE, 6 * WIDE, 7 * WIDE
@@ -49,12 +43,12 @@ _PLACE, _INVERSE, AHEAD = 13 * WIDE, 16 * WIDE, 19 * WIDE
 
 @njit(forceinline=True)
 def spread(x):  # type: ignore[no-untyped-def]
-    return splat(np.float64(x), LANES)
+    return splat(np.float64(x), RAY_LANES)
 
 
 @njit(forceinline=True)
 def row_at(at):  # type: ignore[no-untyped-def]
-    return load(at, ZERO_64, LANES)
+    return load(at, ZERO_64, RAY_LANES)
 
 
 @njit(forceinline=True)
@@ -64,7 +58,7 @@ def three_rows(at):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def _three_narrow(at):  # type: ignore[no-untyped-def]
-    return load(at, ZERO, LANES), load(at + WIDE, ZERO, LANES), load(at + 2 * WIDE, ZERO, LANES)
+    return load(at, ZERO, RAY_LANES), load(at + WIDE, ZERO, RAY_LANES), load(at + 2 * WIDE, ZERO, RAY_LANES)
 
 
 @njit(forceinline=True)
@@ -75,7 +69,7 @@ def largest_size(a, b, c):  # type: ignore[no-untyped-def]
 @njit(forceinline=True)
 def lowest_of(row):  # type: ignore[no-untyped-def]
     """The least number of a row."""
-    if LANES == 16:
+    if RAY_LANES == 16:
         return vectors.lane(folded(folded(folded(folded(row)))), 0)
     return vectors.lane(folded(folded(folded(row))), 0)
 
@@ -83,47 +77,49 @@ def lowest_of(row):  # type: ignore[no-untyped-def]
 @njit(forceinline=True)
 def highest_of(row, zero):  # type: ignore[no-untyped-def]
     """The largest number of a row; zero: of its type."""
-    return -lowest_of(splat(zero, LANES) - row)
+    return -lowest_of(splat(zero, RAY_LANES) - row)
 
 
 @njit(forceinline=True)
 def _are_all(mask):  # type: ignore[no-untyped-def]
-    return bits_of(mask) == (1 << LANES) - 1
+    return bits_of(mask) == (1 << RAY_LANES) - 1
 
 
 @float_part
 def load_rays(rays, first, last, near_by, memory):  # type: ignore[no-untyped-def]
-    """(whether rays start and head alike, bits of those that are open, octant, major axis, scale) of rays from `first`
+    """(whether rays are coherent, bits of those that are open, octant, major axis, scale) of rays from `first`
     up to `last`. Writes their numbers to memory; lanes beyond the last ray get its numbers.
 
     Directions are multiplied by one `scale`, a power of two, which makes the largest component 0.75 to 2.25 in size.
     """
     at = doubles_at(memory)
-    u, v, w = vector_at(rays.directions + rays.vector_bytes * first, rays.is_double)
+    u, v, w = direction_of(rays, first)
     scale, length = scale_of(u, v, w)
-    for lane in range(LANES):
+    for lane in range(RAY_LANES):
         ray = min(first + lane, last - 1)
-        x, y, z = vector_at(rays.origins + rays.vector_bytes * ray, rays.is_double)
-        at[lane], at[LANES + lane], at[2 * LANES + lane] = x, y, z
-        x, y, z = vector_at(rays.directions + rays.vector_bytes * ray, rays.is_double)
-        at[3 * LANES + lane] = x * scale + 0.0  # -0.0 counts as 0.0
-        at[4 * LANES + lane] = y * scale + 0.0
-        at[5 * LANES + lane] = z * scale + 0.0
+        x, y, z = origin_of(rays, ray)
+        at[lane], at[RAY_LANES + lane], at[2 * RAY_LANES + lane] = x, y, z
+        x, y, z = direction_of(rays, ray)
+        at[3 * RAY_LANES + lane] = x * scale + 0.0  # -0.0 counts as 0.0
+        at[4 * RAY_LANES + lane] = y * scale + 0.0
+        at[5 * RAY_LANES + lane] = z * scale + 0.0
         near, far = interval_of(rays, ray)
-        at[6 * LANES + lane], at[7 * LANES + lane] = near * length, far * length
+        at[6 * RAY_LANES + lane], at[7 * RAY_LANES + lane] = near * length, far * length
     (ox, oy, oz), (dx, dy, dz) = three_rows(memory + ORIGIN), three_rows(memory + DIRECTION)
-    u, v, w = at[3 * LANES], at[4 * LANES], at[5 * LANES]
+    u, v, w = at[3 * RAY_LANES], at[4 * RAY_LANES], at[5 * RAY_LANES]
     major = major_axis(u, v, w)
     way = abs(row_at(memory + DIRECTION + major * WIDE))
-    moved = largest_size(ox - spread(at[0]), oy - spread(at[LANES]), oz - spread(at[2 * LANES]))
+    moved = largest_size(ox - spread(at[0]), oy - spread(at[RAY_LANES]), oz - spread(at[2 * RAY_LANES]))
     turned = largest_size(dx - spread(u), dy - spread(v), dz - spread(w))
-    is_alike = (moved <= spread(near_by)) & (turned <= spread(ALIKE_DIRECTIONS)) & (largest_size(dx, dy, dz) <= way)
-    zero, every = spread(0.0), (1 << LANES) - 1
+    is_coherent = (
+        (moved <= spread(near_by)) & (turned <= spread(COHERENT_DIRECTIONS)) & (largest_size(dx, dy, dz) <= way)
+    )
+    zero, every = spread(0.0), (1 << RAY_LANES) - 1
     x, y, z = bits_of(zero > dx), bits_of(zero > dy), bits_of(zero > dz)
     octant = (x & 1) | (y & 1) << 1 | (z & 1) << 2
     is_one = (x == 0 or x == every) and (y == 0 or y == every) and (z == 0 or z == every)
     bits = bits_of(row_at(memory + FAR) > row_at(memory + NEAR)) & ((1 << (last - first)) - 1)
-    return is_one and _are_all(is_alike), bits, octant, major, scale
+    return is_one and _are_all(is_coherent), bits, octant, major, scale
 
 
 @float_part
@@ -157,45 +153,23 @@ def begin_rays(memory, sphere, farthest, margin):  # type: ignore[no-untyped-def
 @njit(forceinline=True)
 def range_of(at, bits):  # type: ignore[no-untyped-def]
     """The least and the largest float32 of a row, of some rays."""
-    row = load(at, ZERO, LANES)
-    if bits != (1 << LANES) - 1:
-        row = where(mask_of(bits, LANES), row, splat(float_at(at + 4 * first_bit(bits)), LANES))
+    row = load(at, ZERO, RAY_LANES)
+    if bits != (1 << RAY_LANES) - 1:
+        row = where(mask_of(bits, RAY_LANES), row, splat(float_at(at + 4 * first_bit(bits)), RAY_LANES))
     return lowest_of(row), highest_of(row, ZERO)
 
 
 @njit(forceinline=True)
 def axis_of(memory, axis, bits, octant, margin):  # type: ignore[no-untyped-def]
-    """What box tests of all rays need of an axis: where they start as seen from near and far sides of boxes, the
-    reciprocals' range, and where the sides lie in a node."""
+    """`slabs_of` some of the rays."""
     low, high = range_of(memory + _PLACE + axis * WIDE, bits)
     one, other = range_of(memory + _INVERSE + axis * WIDE, bits)
-    is_down = octant >> axis & 1
-    near, far = (low - margin, high + margin) if is_down else (high + margin, low - margin)
-    row = axis * _ROW
-    return (
-        splat(np.float32(near), CHILDREN), splat(np.float32(far), CHILDREN),
-        splat(one, CHILDREN), splat(other, CHILDREN),
-        HIGH + row if is_down else row, row if is_down else HIGH + row,
-    )  # fmt: skip
-
-
-@njit(forceinline=True)
-def entry_of(node, axis):  # type: ignore[no-untyped-def]
-    start, _, one, other, place, _ = axis
-    way = load(node + place, ZERO, CHILDREN) - start
-    return smaller(way * one, way * other)
-
-
-@njit(forceinline=True)
-def exit_of(node, axis):  # type: ignore[no-untyped-def]
-    _, start, one, other, _, place = axis
-    way = load(node + place, ZERO, CHILDREN) - start
-    return larger(way * one, way * other)
+    return slabs_of(low, high, one, other, octant >> axis & 1, margin, axis)
 
 
 @njit(forceinline=True)
 def _side(at, margin):  # type: ignore[no-untyped-def]
-    return splat(np.float32(float_at(at) + margin), LANES)
+    return splat(np.float32(float_at(at) + margin), RAY_LANES)
 
 
 @njit(forceinline=True)
@@ -211,7 +185,7 @@ def entering(at, memory, octant, margin):  # type: ignore[no-untyped-def]
     near += _ROW
     far += _ROW
     near_z, far_z = (_side(far, margin), _side(near, -margin)) if dz else (_side(near, -margin), _side(far, margin))
-    start, end = splat(np.float32(-margin), LANES), load(memory + AHEAD, ZERO, LANES)
+    start, end = splat(np.float32(-margin), RAY_LANES), load(memory + AHEAD, ZERO, RAY_LANES)
     first = larger(start, larger((near_z - pz) * iz, larger((near_y - py) * iy, (near_x - px) * ix)))
     last = smaller(end, smaller((far_z - pz) * iz, smaller((far_y - py) * iy, (far_x - px) * ix)))
     return bits_of(first <= last)

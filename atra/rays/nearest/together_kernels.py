@@ -1,4 +1,4 @@
-"""The nearest hits of rays that start and head alike, or whether they hit anything, decided without rounding.
+"""The nearest hits of rays that are coherent, or whether they hit anything, decided without rounding.
 
 Such rays go through the tree together. All of them enter a node where the intervals that hold their numbers may; the
 box of a leaf is tested with each ray, and so are its triangles, with all rays at once.
@@ -10,13 +10,13 @@ import numpy as np
 
 from atra.compiled.intrinsics import address_at, float_at, int32_at
 from atra.compiled.lanes import first_bit
-from atra.compiled.memory import doubles_at, prefetch, store
+from atra.compiled.memory import doubles_at, store
 from atra.compiled.store import float_part
-from atra.compiled.vectors import bits_of, larger, smaller, splat
-from atra.exact.lines_kernels import UNIT
-from atra.rays.all_hits.boxes_kernels import BOX_MARGIN, FAR_MARGIN
+from atra.compiled.vectors import bits_of, splat
+from atra.exact.sums_kernels import UNIT
+from atra.rays.all_hits.boxes_kernels import BOX_MARGIN, FAR_MARGIN, child_node, interval_in
 from atra.rays.all_hits.crossings_kernels import ROUNDINGS, prim_id_of
-from atra.rays.all_hits.memory import LANES, LEAF
+from atra.rays.all_hits.memory import LEAF, RAY_LANES
 from atra.rays.nearest.alone_kernels import NO_HIT, finished, memory_of, put
 from atra.rays.nearest.lanes_kernels import (
     AHEAD,
@@ -27,8 +27,6 @@ from atra.rays.nearest.lanes_kernels import (
     axis_of,
     begin_rays,
     entering,
-    entry_of,
-    exit_of,
     highest_of,
     largest_size,
     load_rays,
@@ -36,30 +34,30 @@ from atra.rays.nearest.lanes_kernels import (
     spread,
     three_rows,
 )
-from atra.rays.nearest.triangles_kernels import crossed, decided, line_of, met_by, ray_of, take_nearer, tube_of
+from atra.rays.nearest.triangles_kernels import cross_exactly, crossed, line_of, met_by, ray_of, take_nearer, tube_of
 from atra.trees.layout import BLOCK_BYTES
-from atra.trees.wide import CHILDREN, COUNTS, FIRSTS, WIDE_BYTES
+from atra.trees.wide import BLOCK_COUNTS, CHILDREN, FIRSTS
 
 
 @float_part
 def hit_together(any_hit, tree, rays, first, last, near_by, found, touches, before, t_of, answers):  # type: ignore[no-untyped-def]
-    """Write the hits of rays from `first` up to, not including, `last`, LANES at most; returns -1 where they are not
-    alike, and nothing is written.
+    """Write the hits of rays from `first` up to, not including, `last`, RAY_LANES at most; returns -1 where they are
+    not coherent, and nothing is written.
 
-    near_by: how far apart alike rays start. before: what the last call returned, 0 at first: with any_hit the leaf in
-    which rays were hit, as it stands on the stack. These rays enter it first, as most of their neighbours hit what they
-    hit. t_of, answers: as for `nearest_kernel`. Other arguments as for `hit_alone`.
+    near_by: how far apart coherent rays start. before: what the last call returned, 0 at first: with any_hit the leaf
+    in which rays were hit, as it stands on the stack. These rays enter it first, as most of their neighbours hit what
+    they hit. t_of, answers: as for `nearest_kernel`. Other arguments as for `hit_alone`.
 
     Source: E. A. Haines, D. P. Greenberg, "The light buffer: a shadow-testing accelerator", 1986, which also asks the
     last occluder first.
     """
     memory, exact, waiting = found.lanes.ctypes.data, found.exact.ctypes.data, memory_of(found)
-    is_alike, left, octant, major, scale = load_rays(rays, first, last, near_by, memory)
-    if not is_alike:
+    is_coherent, left, octant, major, scale = load_rays(rays, first, last, near_by, memory)
+    if not is_coherent:
         return np.int64(-1)
     at, places, hit = doubles_at(memory), found.hit_places.ctypes.data, np.int64(0)
     cx, cy, cz, radius = tree.sphere
-    farthest = max(abs(at[0] - cx), abs(at[LANES] - cy), abs(at[2 * LANES] - cz)) + near_by
+    farthest = max(abs(at[0] - cx), abs(at[RAY_LANES] - cy), abs(at[2 * RAY_LANES] - cz)) + near_by
     if near_by == np.inf:
         ox, oy, oz = three_rows(memory + ORIGIN)
         farthest = highest_of(largest_size(ox - spread(cx), oy - spread(cy), oz - spread(cz)), ZERO_64)
@@ -78,7 +76,7 @@ def hit_together(any_hit, tree, rays, first, last, near_by, found, touches, befo
     z, tube = axis_of(memory, 2, left, octant, margin_32), tube_of(line)
     _, ahead = range_of(memory + AHEAD, left)
     start, end = splat(-margin_32, CHILDREN), splat(ahead, CHILDREN)
-    store(splat(np.int64(0), LANES), places)
+    store(splat(np.int64(0), RAY_LANES), places)
     put(waiting, 0, tree.nodes, -np.inf)
     top = 1
     if any_hit and before:
@@ -96,7 +94,7 @@ def hit_together(any_hit, tree, rays, first, last, near_by, found, touches, befo
                 continue
             changed = np.int64(0)
             block = tree.blocks + np.int64(int32_at(child + FIRSTS)) * BLOCK_BYTES
-            for _ in range(int32_at(child + COUNTS)):
+            for _ in range(int32_at(child + BLOCK_COUNTS)):
                 met = met_by(block, tube)
                 while met:
                     place = block + 4 * first_bit(met)
@@ -105,7 +103,7 @@ def hit_together(any_hit, tree, rays, first, last, near_by, found, touches, befo
                     hits &= active
                     unsure &= active
                     if unsure:
-                        hits |= decided(place, unsure, memory, exact, touches)
+                        hits |= cross_exactly(place, unsure, memory, exact, touches)
                     if hits == 0:
                         continue
                     if any_hit:
@@ -128,8 +126,7 @@ def hit_together(any_hit, tree, rays, first, last, near_by, found, touches, befo
                 _, ahead = range_of(memory + AHEAD, left)
                 end = splat(ahead, CHILDREN)
             continue
-        near = larger(start, larger(entry_of(node, y), larger(entry_of(node, z), entry_of(node, x))))
-        far = smaller(end, smaller(exit_of(node, y), smaller(exit_of(node, z), exit_of(node, x))))
+        near, far = interval_in(node, start, end, x, y, z)
         store(near, waiting.entries)
         bits = bits_of(near <= far)
         lowest = top
@@ -137,12 +134,8 @@ def hit_together(any_hit, tree, rays, first, last, near_by, found, touches, befo
             child = 4 * first_bit(bits)
             bits &= bits - 1
             entry, to = float_at(waiting.entries + child), node + child + LEAF
-            if int32_at(node + COUNTS + child) == 0:
-                to = tree.nodes + np.int64(int32_at(node + FIRSTS + child)) * WIDE_BYTES
-                prefetch(to)
-                prefetch(to + 64)
-                prefetch(to + 128)
-                prefetch(to + 192)
+            if int32_at(node + BLOCK_COUNTS + child) == 0:
+                to = child_node(tree, node, child)
             into = top  # the farthest stands lowest
             while into > lowest:
                 nearer = float_at(waiting.reached + 4 * (into - 1))

@@ -1,4 +1,4 @@
-"""Triangles and rays that start and head alike, all tested at once in float64, with bounds of the error."""
+"""Triangles and rays that are coherent, all tested at once in float64, with bounds of the error."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from atra.compiled.intrinsics import address_at, float_at
 from atra.compiled.lanes import first_bit
 from atra.compiled.memory import doubles_at, load, store
 from atra.compiled.store import njit
-from atra.compiled.vectors import bits_of, fused, larger, mask_of, rounded, smaller, splat, where, widened
+from atra.compiled.vectors import bits_of, fused, larger, mask_of, rounded, smaller, splat, where
 from atra.compiled.vectors import lane as lane_of
-from atra.exact.lines_kernels import UNIT, major_axis
+from atra.exact.lines_kernels import major_axis
+from atra.exact.sums_kernels import UNIT
 from atra.rays.all_hits.boxes_kernels import BOX_MARGIN
-from atra.rays.all_hits.crossings_kernels import PRECISE, crossing, is_before
-from atra.rays.all_hits.memory import LANES
+from atra.rays.all_hits.crossings_kernels import PRECISE, are_sure, areas_of, crossing, is_before, laid_corner
+from atra.rays.all_hits.memory import RAY_LANES
 from atra.rays.nearest.lanes_kernels import (
     AHEAD,
     CROSSED,
@@ -53,24 +54,18 @@ def crossed(at, line, memory):  # type: ignore[no-untyped-def]
 
     Writes the parameters of the sure ones and their errors to memory.
     """
-    px, py, pz = _corner(at, line)
-    qx, qy, qz = _corner(at + 3 * LINE, line)
-    rx, ry, rz = _corner(at + 6 * LINE, line)
-    u, v, w = qx * ry - qy * rx, rx * py - ry * px, px * qy - py * qx
     _, _, _, (error, square), inverse_z = line
-    sizes = (abs(px) + abs(py)) + (abs(qx) + abs(qy)) + (abs(rx) + abs(ry))
-    slack = fused(sizes, error, square)
-    none = slack - slack
-    least, most = smaller(smaller(u, v), w), larger(larger(u, v), w)
-    maybe = bits_of((least + slack >= none) | (most <= slack))
+    p, q, r = _corner(at, line), _corner(at + 3 * LINE, line), _corner(at + 6 * LINE, line)
+    (u, v, w), slack, least, most, some = areas_of(p, q, r, error, square)
+    maybe = bits_of(some)
     if maybe == 0:
         return maybe, maybe
     whole, tnear, tfar = u + v + w, row_at(memory + NEAR), row_at(memory + FAR)
     inverse = spread(1.0) / whole
-    t = (u * pz + v * qz + w * rz) * inverse * inverse_z
-    extent = larger(larger(pz, qz), rz) - smaller(smaller(pz, qz), rz)
-    wrong = spread(16.0) * (slack * abs(inverse)) * extent + spread(16.0 * UNIT) * largest_size(pz, qz, rz)
-    is_sure = ((least > slack) | (none > most + slack)) & (spread(PRECISE) * abs(whole) > slack)
+    t = (u * p[2] + v * q[2] + w * r[2]) * inverse * inverse_z
+    extent = larger(larger(p[2], q[2]), r[2]) - smaller(smaller(p[2], q[2]), r[2])
+    wrong = spread(16.0) * (slack * abs(inverse)) * extent + spread(16.0 * UNIT) * largest_size(p[2], q[2], r[2])
+    is_sure = are_sure(least, most, slack) & (spread(PRECISE) * abs(whole) > slack)
     sure = bits_of(is_sure & (abs(t - tnear) > wrong) & (abs(t - tfar) > wrong))
     store(t, memory + CROSSED)
     store(wrong, memory + CROSSED_ERROR)
@@ -95,26 +90,26 @@ def _before_others(rays, place, memory, places, exact):  # type: ignore[no-untyp
 def take_nearer(hits, place, memory, places, margin, exact):  # type: ignore[no-untyped-def]
     """Bits of the rays whose nearest hits so far lie behind a triangle that they cross; writes that in their place.
 
-    hits: bits of the rays that cross it. place: address of its first x. places: address of (LANES,) int64, those of the
-    nearest hits, 0: there is none.
+    hits: bits of the rays that cross it. place: address of its first x. places: address of (RAY_LANES,) int64, those of
+    the nearest hits, 0: there is none.
     """
     t, wrong = row_at(memory + CROSSED), row_at(memory + CROSSED_ERROR)
-    nearest, doubt = row_at(memory + NEAREST), row_at(memory + NEAREST_ERROR)
-    gap, doubt = t - nearest, wrong + doubt
-    is_before_all = spread(0.0) - doubt > gap
+    nearest, nearest_error = row_at(memory + NEAREST), row_at(memory + NEAREST_ERROR)
+    gap, errors = t - nearest, wrong + nearest_error
+    is_before_all = spread(0.0) - errors > gap
     nearer = hits & bits_of(is_before_all)
-    unclear = hits & ~bits_of(is_before_all | (gap > doubt))
+    unclear = hits & ~bits_of(is_before_all | (gap > errors))
     if unclear:
         nearer |= _before_others(unclear, place, memory, places, exact)
     if nearer:
-        mask = mask_of(nearer, LANES)
-        held = load(places, np.int64(0), LANES)
-        start, ahead = row_at(memory + START), load(memory + AHEAD, ZERO, LANES)
+        mask = mask_of(nearer, RAY_LANES)
+        held = load(places, np.int64(0), RAY_LANES)
+        start, ahead = row_at(memory + START), load(memory + AHEAD, ZERO, RAY_LANES)
         limit = rounded(fused(t + wrong - start, spread(1.0 + BOX_MARGIN), spread(margin)))
         store(where(mask, t, nearest), memory + NEAREST)
-        store(where(mask, wrong, row_at(memory + NEAREST_ERROR)), memory + NEAREST_ERROR)
+        store(where(mask, wrong, nearest_error), memory + NEAREST_ERROR)
         store(where(mask, limit, ahead), memory + AHEAD)
-        store(where(mask, splat(np.int64(place), LANES), held), places)
+        store(where(mask, splat(np.int64(place), RAY_LANES), held), places)
     return nearer
 
 
@@ -122,11 +117,11 @@ def take_nearer(hits, place, memory, places, margin, exact):  # type: ignore[no-
 def ray_of(memory, lane):  # type: ignore[no-untyped-def]
     """(origin, direction) of a ray."""
     at = doubles_at(memory + 8 * lane)
-    return (at[0], at[LANES], at[2 * LANES]), (at[3 * LANES], at[4 * LANES], at[5 * LANES])
+    return (at[0], at[RAY_LANES], at[2 * RAY_LANES]), (at[3 * RAY_LANES], at[4 * RAY_LANES], at[5 * RAY_LANES])
 
 
 @njit
-def decided(place, rays, memory, exact, touches):  # type: ignore[no-untyped-def]
+def cross_exactly(place, rays, memory, exact, touches):  # type: ignore[no-untyped-def]
     """Bits of the rays among some, which float64 does not tell of, that cross a triangle; writes their parameters."""
     at, hits = doubles_at(memory), np.int64(0)
     while rays:
@@ -159,7 +154,7 @@ def line_of(memory, major, error):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def tube_of(line):  # type: ignore[no-untyped-def]
-    """What `_met` needs: a ray in the middle of all, as `line_of` has it, and how far others lie from it, and how much
+    """What `met_by` needs: a ray in the middle of all, as `line_of` has it, how far others lie from it, and how much
     more with each step along the major axis."""
     (ox, oy, oz), (sx, sy), rows, (error, _), _ = line
     low_x, high_x, low_y, high_y = lowest_of(ox), highest_of(ox, ZERO_64), lowest_of(oy), highest_of(oy, ZERO_64)
@@ -178,24 +173,12 @@ def tube_of(line):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True)
-def _middle_corner(place, tube):  # type: ignore[no-untyped-def]
-    (ox, oy, oz), (sx, sy), (row_x, row_y, row_z), _, _ = tube
-    z = widened(load(place + row_z, ZERO, BLOCK)) - oz
-    x = fused(sx, z, widened(load(place + row_x, ZERO, BLOCK)) - ox)
-    return x, fused(sy, z, widened(load(place + row_y, ZERO, BLOCK)) - oy), z
-
-
-@njit(forceinline=True)
 def met_by(block, tube):  # type: ignore[no-untyped-def]
     """Bits of the triangles of a block that any of the rays may cross: each is seen from a ray in the middle, and its
     corners lie elsewhere by as much as the rays are apart there. No bit for entries that hold no triangle."""
-    px, py, pz = _middle_corner(block, tube)
-    qx, qy, qz = _middle_corner(block + 3 * LINE, tube)
-    rx, ry, rz = _middle_corner(block + 6 * LINE, tube)
-    u, v, w = qx * ry - qy * rx, rx * py - ry * px, px * qy - py * qx
-    sizes = (abs(px) + abs(py)) + (abs(qx) + abs(qy)) + (abs(rx) + abs(ry))
-    off = fused(largest_size(pz, qz, rz), tube[4], tube[3])
-    slack = fused(sizes, off, (off + off) * off)
-    none = slack - slack
-    least, most = smaller(smaller(u, v), w), larger(larger(u, v), w)
-    return bits_of((least + slack >= none) | (most <= slack))
+    origin, shear, rows, apart, turned = tube
+    p = laid_corner(block, origin, shear, rows)
+    q = laid_corner(block + 3 * LINE, origin, shear, rows)
+    r = laid_corner(block + 6 * LINE, origin, shear, rows)
+    off = fused(largest_size(p[2], q[2], r[2]), turned, apart)
+    return bits_of(areas_of(p, q, r, off, (off + off) * off)[4])

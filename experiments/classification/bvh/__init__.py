@@ -1,1 +1,1 @@
-"""Rays through our own BVH (`atra.trees`). Most modules are kernels, so none has the suffix `_kernels`."""
+"""Rays through a binary BVH of our own (`binary`). Most modules are kernels, so none has the suffix `_kernels`."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import float_kernel, njit
 from atra.embree.packets_kernels import INFINITY, MISS, ray_component
-from atra.rays.rays_kernels import ray_length
+from atra.rays.rays_kernels import scale_of
 from experiments.classification.bvh.images import hit_of, set_ray
 from experiments.classification.bvh.memory import AHEAD
 from experiments.classification.bvh.packets import nearest_of_packet
@@ -49,10 +49,17 @@ class Batch(NamedTuple):
 
 
 @njit(forceinline=True)
+def _length_of(directions, ray):  # type: ignore[no-untyped-def]
+    """(l, 1 / l), float32: the largest power of two that no component of the direction is below, all being less."""
+    scale, length = scale_of(directions[ray, 0], directions[ray, 1], directions[ray, 2])
+    return np.float32(length), np.float32(scale)
+
+
+@njit(forceinline=True)
 def _ray(batch, number):  # type: ignore[no-untyped-def]
     """Returns (ray, tfar, inverse scale). A power of two scales the direction so that its largest component is 1 to 2,
     and the interval with it; so hits do not depend on the direction's length."""
-    length, inverse = ray_length(batch.directions, number)
+    length, inverse = _length_of(batch.directions, number)
     x, y, z = batch.origins[number, 0], batch.origins[number, 1], batch.origins[number, 2]
     dx = ray_component(batch.directions[number, 0] * inverse)
     dy = ray_component(batch.directions[number, 1] * inverse)
@@ -123,7 +130,7 @@ def batch_kernel(
                 )  # fmt: skip
                 for lane in range(last - first):
                     number = batch.order[first + lane]
-                    _, inverse = ray_length(batch.directions, number)
+                    _, inverse = _length_of(batch.directions, number)
                     found, hit = hit_of(bundle, width, lane)
                     t[number] = found * inverse if hit != MISS else INFINITY
                     prim_id[number] = hit

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.trees.layout import STACK
+from experiments.classification.bvh.binary import STACK
 from experiments.classification.bvh.packets import ROWS
 from experiments.classification.bvh.single import COUNTS
 

@@ -10,7 +10,8 @@ from atra.compiled.memory import load, store
 from atra.compiled.store import njit
 from atra.compiled.vectors import bits_of, lane, larger, smaller, splat, where
 from atra.embree.packets_kernels import MISS
-from atra.trees.layout import BLOCK, BLOCK_BYTES, IDS, NODE_BYTES, first_of, kind_of
+from atra.trees.layout import BLOCK, BLOCK_BYTES, IDS
+from experiments.classification.bvh.binary import NODE_BYTES, first_of, kind_of
 from experiments.classification.bvh.single import BLOCKS, BOXES, MARGIN, SLACK, STEPS, next_node
 from experiments.classification.bvh.triangles import CLAMP_SLACK, meet_corners, shear_of
 

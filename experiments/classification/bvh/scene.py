@@ -16,8 +16,8 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_world_range
 from atra.rays.rays import RayHits, Rays
 from atra.tracing.lifetime import Lifetime, check_same_faces, synchronized
-from atra.trees.bvh import Bvh, bvh_of
 from experiments.classification.bvh.batches import Batch, batch_kernel
+from experiments.classification.bvh.binary import Bvh, bvh_of
 from experiments.classification.bvh.memory import Memory
 from experiments.classification.bvh.options import BvhOptions
 from experiments.classification.bvh.starts import NO_SHAFTS, ROOT_LIST, Shafts
@@ -113,7 +113,11 @@ class BvhScene(Lifetime):
 
     def _own(self, rays: Rays) -> Rays:
         """Rays in float32 that count from the mesh's origin, like the vertices that they meet."""
-        return (rays.counted_from(self.mesh.origin) if self.mesh.has_origin else rays).as_float32()
+        own = rays.counted_from(self.mesh.origin)
+        if own.origins.dtype == np.float32:
+            return own
+        with np.errstate(over="ignore", under="ignore"):
+            return Rays(*(array.astype(np.float32) for array in (own.origins, own.directions, own.tnear, own.tfar)))
 
     def intersect(self, prepared: PreparedRays, out: RayHits | None = None) -> RayHits:
         """The closest hit of every ray between its `tnear` and `tfar`.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from atra.compiled.memory import load, store
 from atra.compiled.store import njit
 from atra.compiled.vectors import floor, larger, signed_like, smaller, splat, where
-from atra.trees.layout import ROOT
+from experiments.classification.bvh.binary import ROOT
 from experiments.classification.bvh.memory import AHEAD
 from experiments.classification.bvh.single import FETCHED, FROM_ROOT, PROVEN, SMALLEST_COMPONENT, fetch_node
 

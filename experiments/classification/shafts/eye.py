@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from time import perf_counter
 from typing import Any, ClassVar
 
@@ -9,19 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.embree.packets_kernels import PixelTiles
-from atra.errors import InputError
+from atra.errors import InputError, MemoryBudgetError
 from atra.geometry.mesh import Mesh
-from atra.geometry.ray_space import NARROWEST_WORLD_PITCH, check_world_range, from_eye_space
+from atra.geometry.ray_space import NARROWEST_WORLD_PITCH, check_range, check_world_range, from_eye_space
 from atra.geometry.view import View
 from atra.tracing.rays import check_pinhole
-from atra.trees.bvh import bvh_of
+from atra.tracing.tracer import Tracer
+from experiments.classification.bvh.binary import bvh_of
 from experiments.classification.bvh.images import Start
-from experiments.classification.bvh.options import BvhOptions
 from experiments.classification.bvh.starts import NO_SHAFTS, Shafts
-from experiments.classification.bvh.tracer import BvhTracer
+from experiments.classification.bvh.tracer import OwnBvh, PreparedBvh
 from experiments.classification.shafts.lists_kernels import build_lists
 from experiments.classification.shafts.options import ShaftOptions
-from experiments.classification.shafts.shafts import HasShafts, ShaftLists, building_of, stored_lists
+from experiments.classification.shafts.shafts import ShaftLists, building_of, stored_lists
 from experiments.classification.shafts.shape_kernels import (
     ACROSS,
     AXIS,
@@ -35,6 +36,7 @@ from experiments.classification.shafts.shape_kernels import (
     PLANES,
     SHAPE,
 )
+from experiments.classification.shafts.tracer import PreparedShafts
 
 _SLOPE_SLACK = 2.0**-18
 """Margin on the slopes of a tile's border: many roundings of a float32 direction."""
@@ -44,29 +46,53 @@ _SLACK, _ROBUST_SLACK = 4.0, 64.0
 `shafts.shafts.ROBUST_SLACK`. The eye may be as far away as the farthest corner, on the other side."""
 
 
-class EyeTracer(HasShafts, BvhTracer):
-    """One ray per pixel, single or in packets; each tile of 32 x 16 pixels starts from the list of its own shaft.
+class PreparedEye(PreparedShafts):
+    """A BVH in world space, which serves every eye, and a list of nodes for each tile of a camera's image."""
 
-    All rays of such a shaft start at the eye. The BVH is in world space and serves every eye, so a camera that moves
-    needs new lists only. Rays start at the eye rounded to float32: an eye far from the mesh's origin makes images less
-    precise than those of `BvhTracer`, though the same to the bit for all options. options: see
-    `shafts.options.ShaftOptions`; those on voxels, memory, subsets and orders are not used. Raises what
-    `BvhTracer` does; InputError for parallel rays and for pixels so narrow that rays along the world's axes would
-    merge. Source: A. Reshetov, A. Soupikov, J. Hurley, "Multi-level ray tracing algorithm", 2005, for starting the rays
-    of a tile below the root; J. Hendrich et al., "Ray classification for accelerated BVH traversal", 2019, for the
-    lists.
-    """
+    start: ClassVar[Start] = Start.tile
 
-    options_type: ClassVar[type[BvhOptions]] = ShaftOptions
-    _start = Start.tile
-    _takes_lenses = False
-    _bvh_mesh: Mesh | None = None
-    """The mesh that the BVH is of."""
+    def _build(self) -> None:
+        self.bvh = bvh_of(self._mesh, self._mesh.local_vertices, self._pool)
+        self._build_lists()
 
-    def __init__(self, mesh: Mesh, camera: View, **options: Any) -> None:
-        self._set_up(mesh, camera, options)
+    def _build_lists(self) -> None:
+        start = perf_counter()
+        largest = max(float(np.abs(self.bvh.bounds).max()), float(np.abs(self._shared).max()))
+        slack = (_ROBUST_SLACK if self.options.robust else _SLACK) * float(np.spacing(np.float32(largest)))
+        shapes = shapes_of_tiles(self.camera, self._shared.astype(np.float64), self.tiles, slack)
+        building = building_of(self.bvh, self.options, NO_SHAFTS.grid)
 
-    def _show(self, mesh: Mesh, camera: View) -> None:
+        def build(counter: int, part: slice, lengths: Any, nodes: Any, memory: Any) -> None:
+            build_lists(counter, building, np.arange(len(lengths)), shapes[part], lengths, nodes, memory)
+
+        starts, lengths, lists, unique = stored_lists(len(shapes), self.options, self._pool, build)
+        shafts = Shafts(NO_SHAFTS.grid, NO_SHAFTS.rows, starts[None], lists, empty_is_miss=True)
+        taken_s = perf_counter() - start
+        self.lists = ShaftLists(shafts, self.bvh, len(shapes), len(shapes), unique, lengths, taken_s)
+
+    def still_serves(self, camera: View) -> bool:
+        """Take any camera, with new lists."""
+        self._take(camera)
+        try:
+            self._build_lists()
+        except MemoryBudgetError:  # building anew raises it where it is expected
+            return False
+        return True
+
+    @property
+    def _shared(self) -> NDArray[np.float32]:
+        """(3,) float32, the eye, around the mesh's origin."""
+        return (np.asarray(self.camera.eye) - self._mesh.origin).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class EyeShafts(OwnBvh):
+    """Rays that start from the lists of their tiles as a method."""
+
+    prepared: ClassVar[type[PreparedBvh]] = PreparedEye
+
+    def check(self, mesh: Mesh, camera: View) -> None:
+        """Raise InputError for parallel rays, a lens, and pixels so narrow that rays along the world's axes merge."""
         check_pinhole(camera, "EyeTracer")
         if not np.array_equal(from_eye_space(camera), np.eye(3)):
             raise InputError(
@@ -74,36 +100,21 @@ class EyeTracer(HasShafts, BvhTracer):
                 "rays in the world's axes merge; use BvhTracer"
             )
         check_world_range(mesh)
-        super()._show(mesh, camera)
+        check_range(mesh, camera)
 
-    def _still_serves(self, before: View) -> bool:
-        return False
 
-    def _build_trees(self) -> float:
-        start = perf_counter()
-        if self._bvh is None or self._bvh_mesh is not self.mesh:
-            self._bvh = None  # before another is built: both together may not fit
-            self._bvh_mesh = self.mesh
-            self._bvh = bvh_of(self.mesh, self.mesh.local_vertices, self._pool)
-        lists_start = perf_counter()
-        largest = max(float(np.abs(self._bvh.bounds).max()), float(np.abs(self._shared).max()))
-        slack = (_ROBUST_SLACK if self.options.robust else _SLACK) * float(np.spacing(np.float32(largest)))
-        shapes = shapes_of_tiles(self.camera, self._shared.astype(np.float64), self._tiles, slack)
-        building = building_of(self._bvh, self.options, NO_SHAFTS.grid)
+def EyeTracer(mesh: Mesh, camera: View, **options: Any) -> Tracer:
+    """One ray per pixel, single or in packets; each tile of 32 x 16 pixels starts from the list of its own shaft.
 
-        def build(counter: int, part: slice, lengths: Any, nodes: Any, memory: Any) -> None:
-            build_lists(counter, building, np.arange(len(lengths)), shapes[part], lengths, nodes, memory)
-
-        starts, lengths, lists, unique = stored_lists(len(shapes), self.options, self._pool, build)
-        shafts = Shafts(NO_SHAFTS.grid, NO_SHAFTS.rows, starts[None], lists, empty_is_miss=True)
-        taken_s = perf_counter() - lists_start
-        self._lists = ShaftLists(shafts, self._bvh, len(shapes), len(shapes), unique, lengths, taken_s)
-        return perf_counter() - start
-
-    @property
-    def _shared(self) -> NDArray[np.float32]:
-        """(3,) float32, the eye, around the mesh's origin."""
-        return (np.asarray(self.camera.eye) - self.mesh.origin).astype(np.float32)
+    All rays of such a shaft start at the eye. The BVH is in world space and serves every eye, so a camera that moves
+    needs new lists only. Rays start at the eye rounded to float32: an eye far from the mesh's origin makes images less
+    precise than those of `BvhTracer`, though the same to the bit for all options. options: fields of `ShaftOptions`;
+    those on voxels, memory, subsets and orders are not used. Raises what `BvhTracer` does; InputError for parallel rays
+    and for pixels so narrow that rays along the world's axes would merge. Source: A. Reshetov, A. Soupikov, J. Hurley,
+    "Multi-level ray tracing algorithm", 2005, for starting the rays of a tile below the root; J. Hendrich et al., "Ray
+    classification for accelerated BVH traversal", 2019, for the lists.
+    """
+    return EyeShafts(ShaftOptions(**options)).tracer(mesh, camera)
 
 
 def shapes_of_tiles(camera: View, eye: NDArray[np.float64], tiles: PixelTiles, slack: float) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ from atra.compiled.memory import load
 from atra.compiled.store import kernel, njit
 from atra.compiled.vectors import bits_of, larger, smaller, splat
 from atra.embree.packets_kernels import INFINITY
-from atra.trees.layout import NODE_BYTES, ROOT, Tree, first_of, kind_of
+from experiments.classification.bvh.binary import NODE_BYTES, ROOT, Tree, first_of, kind_of
 from experiments.classification.bvh.images import set_ray
 from experiments.classification.bvh.packets import INVERSE_X, TFAR, ways_through
 from experiments.classification.bvh.single import nearest

@@ -15,8 +15,7 @@ from atra.compiled.threads import WorkerPool
 from atra.errors import InputError, MemoryBudgetError
 from atra.tracing.budgets import check_needed_bytes
 from atra.tracing.lifetime import Lifetime, synchronized
-from atra.trees.bvh import Bvh
-from atra.trees.layout import STACK
+from experiments.classification.bvh.binary import STACK, Bvh
 from experiments.classification.bvh.packets import ROWS
 from experiments.classification.bvh.single import COUNTS
 from experiments.classification.bvh.starts import (
@@ -202,7 +201,7 @@ def _lists(
 
 
 class HasShafts(Lifetime):
-    """What tracers and scenes have whose rays start from lists, before `BvhTracer` or `BvhScene` among their bases."""
+    """What a scene has whose rays start from lists, before `BvhScene` among its bases."""
 
     options: Any
     _bvh: Bvh | None

@@ -6,7 +6,7 @@ import numpy as np
 
 from atra.compiled.intrinsics import float_at
 from atra.compiled.store import njit
-from atra.trees.layout import NODE_BYTES
+from experiments.classification.bvh.binary import NODE_BYTES
 
 LOW, HIGH, AXIS, SIGN, U0, U1, V0, V1, NEAR, FAR, ABOVE_U, BELOW_U, ABOVE_V, BELOW_V = (
     0, 3, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17,

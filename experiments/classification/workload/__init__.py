@@ -17,7 +17,8 @@ from atra.prim_ids import MISS
 from atra.raster.tracer import RasterTracer
 from atra.rays.rays import RayHits, Rays
 from atra.rays.scene import RayScene
-from atra.trees.layout import BLOCK_BYTES, NODE_BYTES
+from atra.trees.layout import BLOCK_BYTES
+from experiments.classification.bvh.binary import NODE_BYTES
 from experiments.classification.bvh.scene import BvhScene, PreparedRays
 from experiments.classification.bvh.single import BLOCKS, BOXES, LISTED, STEPS
 from experiments.classification.ray_sets import ray_set
@@ -110,16 +111,18 @@ CLASSIFICATION = Workload(
         Column("steps_ratio", REAL, "traversal_steps / those from the root"),
         Column("bytes_touched", WHOLE, "nodes, blocks and lists read, each as often as it is"),
         Column("plain_bytes_touched", WHOLE, "bytes_touched from the root"),
-        Column("bvh_build_time_s", REAL, "building the BVH"),
-        Column("sampling_time_s", REAL, "finding the shafts that rays use"),
-        Column("order_time_s", REAL, "classifying rays and putting them in order"),
+        Column("bvh_build_time_s", REAL, "time to build the BVH"),
+        Column("sampling_time_s", REAL, "time to find the shafts that rays use"),
+        Column("order_time_s", REAL, "time to classify and sort rays"),
         Column("break_even_batches", REAL, "batches until all preparation is paid back", _break_even),
         *statistics_columns("render_time{}_s", "one batch", series(OWN)),
-        *statistics_columns("plain_render_time{}_s", "the same from the root", series(PLAIN)),
+        *statistics_columns("plain_render_time{}_s", "one batch, traced from the root", series(PLAIN)),
         *statistics_columns("baseline_render_time{}_s", "rtcIntersect1 or rtcOccluded1", series(SINGLE)),
         *statistics_columns("packets_render_time{}_s", "the fastest packets of Embree", fastest),
-        *statistics_columns("packets_sorted_render_time{}_s", "the widest ones, rays sorted", series(SORTED)),
-        *_ratio_columns("speedup_vs_bvh", "the same from the root / this, in the same rounds", series(PLAIN)),
+        *statistics_columns(
+            "packets_sorted_render_time{}_s", "the widest packets of Embree, rays sorted", series(SORTED)
+        ),
+        *_ratio_columns("speedup_vs_bvh", "a batch from the root / this, in the same rounds", series(PLAIN)),
         *_ratio_columns("speedup", "rtcIntersect1 / this, in the same rounds", series(SINGLE)),
         *_ratio_columns("speedup_vs_packets", "the fastest packets / this, in the same rounds", fastest),
         *_ratio_columns("speedup_vs_sorted", "sorted packets of Embree / this, in the same rounds", series(SORTED)),

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
+from typing import Any
 
-import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from rich.table import Table
 
 from experiments.classification.workload import CLASSIFICATION
 from experiments.classification.workload.claims import CLAIMS as CLAIMS
 from experiments.classification.workload.claims import usual
-from experiments.drawing.style import BLUE, DASHED, DOTTED, GREY, ORANGE, VERMILLION
+from experiments.drawing.figure import Axis, Figure, Line, Panel
+from experiments.drawing.style import BLUE, DASHED, DOTTED, ORANGE, VERMILLION
 from experiments.drawing.values import numbers, say_number
 from experiments.methods.naming import best_of, say_kind
 from experiments.results.settings import settings_that_vary
-from experiments.workloads.panels import make_panels, panels_figure, workload_figure
+from experiments.workloads.panels import ONE, figure_of, make_panels, read_panels, workload_figure
 from experiments.workloads.resources import say_ms
 from experiments.workloads.tables import narrow_table, plain, varying_words
 
@@ -44,14 +43,16 @@ def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
     yield table
 
 
-_STYLES = {
-    "primary": (BLUE, "o", "solid"),
-    "occlusion": (ORANGE, "s", DASHED),
-    "diffuse": (VERMILLION, "^", DOTTED),
+_STYLES: dict[str, dict[str, Any]] = {
+    "primary": {"color": BLUE, "marker": "o"},
+    "occlusion": {"color": ORANGE, "marker": "s", "linestyle": DASHED},
+    "diffuse": {"color": VERMILLION, "marker": "^", "linestyle": DOTTED},
 }
-"""Colour, marker and dash of each kind of rays."""
+"""Of each kind of rays."""
 
-_SETTINGS = {"shaft_probability": "probability from which a node is opened", "shafts": "shafts"}
+_SETTINGS = {
+    "shaft_probability": Axis("probability from which a node is opened", "linear"), "shafts": Axis("shafts"),
+}  # fmt: skip
 _OPTIONS = {"shaft_probability": ("shaft_probability",), "shafts": ("shaft_cells", "shaft_directions")}
 
 
@@ -62,37 +63,29 @@ def _over(rows: pd.DataFrame, setting: str) -> pd.DataFrame:
     return rows[:0] if rows.empty or rows[setting].nunique() < 3 else rows
 
 
-def draw(rows: pd.DataFrame, columns: int, setting: str) -> Figure:
+def figure(rows: pd.DataFrame, setting: str) -> Figure:
     """A panel a scene: steps over those from the root, a line for each kind of rays, and of each number of
     directions."""
     panels = make_panels(rows, ("ray_kind", *_OPTIONS[setting]))
-    draw_panel = partial(_draw_panel, setting=setting)
-    return panels_figure(panels, draw_panel, columns, rows, "1: as many steps as from the root", legend=list(_STYLES))
+    return figure_of(
+        "lines", read_panels(panels, partial(_panel, setting=setting)), rows, "1: as many steps as from the root",
+        x=_SETTINGS[setting], y=Axis("steps / those from the root", "linear"), legend=list(_STYLES),
+    )  # fmt: skip
 
 
-def _draw_panel(axis: Axes, rows: pd.DataFrame, setting: str) -> None:
-    for kind, (color, marker, dash) in _STYLES.items():
+def _panel(rows: pd.DataFrame, setting: str) -> Panel:
+    shown = []
+    for kind, style in _STYLES.items():
         of_kind = rows[rows["ray_kind"].eq(kind)]
-        if of_kind.empty:
-            continue
         lines = of_kind.groupby("shaft_directions") if setting == "shafts" else [("", of_kind)]
-        for place, (_, line) in enumerate(lines):
-            x, y = numbers(line, setting), numbers(line, "steps_ratio")
-            order = np.argsort(x)
-            label = kind if place == 0 else "_nolegend_"
-            axis.plot(x[order], y[order], color=color, marker=marker, linestyle=dash, label=label)
-    axis.axhline(1.0, color=GREY, linewidth=1)
-    axis.set_xlabel(_SETTINGS[setting])
-    axis.set_ylabel("steps / those from the root")
-    axis.set_ylim(bottom=0)
-    if setting == "shafts":
-        axis.set_xscale("log")
+        shown += [Line(kind, numbers(one, setting), numbers(one, "steps_ratio"), style) for _, one in lines if len(one)]
+    return Panel(lines=shown, levels=[ONE])
 
 
 FIGURES = tuple(
     workload_figure(
         f"classification_{name}", f"Steps of classified rays over {caption}", CLASSIFICATION,
-        partial(draw, setting=setting), partial(_over, setting=setting),
+        partial(figure, setting=setting), partial(_over, setting=setting),
     )
     for name, caption, setting in (
         ("probability", "the probability from which nodes are opened", "shaft_probability"),

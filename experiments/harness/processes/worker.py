@@ -21,7 +21,7 @@ import psutil
 from atra.errors import AtraError, MemoryBudgetError, StorageError, printable
 from atra.files.paths import write_atomically
 from experiments.harness.options import typed_options
-from experiments.harness.point import Find, Measured, Point
+from experiments.harness.point import Kinds, Measured, Point
 from experiments.harness.processes.outcome import Outcome, skipped
 
 METHOD_LINES = "method_lines"
@@ -51,19 +51,19 @@ class Job:
         return json.dumps(fields | {"result_path": self.result_path, "run": self.run})
 
     @classmethod
-    def from_json(cls, text: str, find: Find) -> Job:
-        """find: how the point's method and workload are found."""
+    def from_json(cls, text: str, kinds: Kinds) -> Job:
+        """kinds: what finds the point's method and workload."""
         fields = json.loads(text)
-        return cls(read_point(fields["point"], find), fields["result_path"], fields["run"], fields["version"])
+        return cls(read_point(fields["point"], kinds), fields["result_path"], fields["run"], fields["version"])
 
 
-def read_point(fields: dict[str, Any], find: Find) -> Point:
+def read_point(fields: dict[str, Any], kinds: Kinds) -> Point:
     """The reverse of `Point.configuration`. Raises InputError for a method or a workload that is not found."""
     values: dict[str, Any] = {
         name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()
     }
-    method = find.method(values.pop("method"))
-    workload = find.workload(values.pop("workload"))
+    method = kinds["method"].find(values.pop("method"))
+    workload = kinds["workload"].find(values.pop("workload"))
     options = typed_options(method.options, values.pop("method_options"))
     of_workload = typed_options(workload.options, values.pop("workload_options"))
     return Point(**values, method=method, options=options, workload=workload, workload_options=of_workload)
@@ -128,9 +128,9 @@ def _end_with_the_run(run: int) -> None:
     os._exit(1)
 
 
-def run_job(find: Find) -> None:
-    """Measure the point of the job on standard input. find: how its method and workload are found."""
-    job = Job.from_json(sys.stdin.readline(), find)
+def run_job(kinds: Kinds) -> None:
+    """Measure the point of the job on standard input. kinds: what finds its method and workload."""
+    job = Job.from_json(sys.stdin.readline(), kinds)
     threading.Thread(target=_end_with_the_run, args=(job.run,), daemon=True).start()
     try:
         write_atomically(Path(job.result_path), outcome_of_job(job).to_json())

@@ -10,17 +10,18 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.aligned import SECOND_PASS_TILE
 from atra.alignment.alignment import Alignment
-from atra.alignment.rounding import image_roundings
-from atra.alignment.visibility import PROBE_STEP, Tiles, nearest_in_tiles, probed_depth, tiles_of, visible_copies
+from atra.alignment.rounding import roundings_of_copies
+from atra.alignment.second_pass import SECOND_PASS_TILE, nearest_in_tiles
+from atra.alignment.visibility_kernels import TileGrid
+from atra.alignment.visible_first import PROBE_STEP, probed_depth, tiles_of, visible_copies
 from atra.compiled.threads import WorkerPool
 from atra.geometry.mesh import Mesh
 from atra.geometry.projection import count_kept, project_vertices
 from atra.geometry.split import Split
 from atra.geometry.view import View
 from atra.tracing.geometry import LeftOut
-from atra.trees.bvh import bvh_of
+from experiments.classification.bvh.binary import bvh_of
 from experiments.methods.culled.tiles_kernels import list_cells
 
 MOST_COPIED = 1 << 15
@@ -93,17 +94,18 @@ class Sample:
             return Copied(0.0, 0.0, 0.0)
         alignment = Alignment.of_cells(self.camera, cells)
         with closing(WorkerPool(1)) as pool:
-            roundings = image_roundings(
-                self.mesh, self.camera, alignment, pool, self.points,
+            roundings = roundings_of_copies(
+                self.mesh, self.camera, alignment, self.points, pool,
                 is_instanced=is_instanced, in_every_cell=not culling,
             )  # fmt: skip
+            roundings.left_out[self.mesh.without_area] = False
             kept = self._kept(self.mesh, cells, culling, pool)
         kept[roundings.left_out] = 0
         left_out = LeftOut.of(roundings.left_out, roundings.depth_error, self.points[0])
         again = 0.0
         if left_out is not None:
-            tiles = Tiles(*SECOND_PASS_TILE, self.camera.width, self.camera.height)
-            again = self._again(tiles, nearest_in_tiles(self.mesh, self.camera, tiles, left_out))
+            tiles = TileGrid(*SECOND_PASS_TILE, self.camera.width, self.camera.height)
+            again = self._again(tiles, nearest_in_tiles(self.mesh, self.camera, left_out))
         return Copied(float(kept.sum()) * self.times, float(roundings.left_out.sum()) * self.times, again)
 
     def visible(self, cells: Split) -> Copied:
@@ -111,17 +113,17 @@ class Sample:
         if self.mesh is None:
             return Copied(0.0, 0.0, 0.0)
         tiles = tiles_of(cells)
-        probed = np.zeros(self.mesh.triangle_count, np.uint8), self._probed(tiles)
+        probed = np.zeros(self.mesh.triangle_count, np.bool_), self._probed(tiles)
         with closing(WorkerPool(1)) as pool:
             alignment = Alignment.of_cells(self.camera, cells)
-            counted = visible_copies(self.mesh, alignment, tiles, probed, self.points, pool)
-        return Copied(float(counted.counts.sum()) * self.times, 0.0, self._again(tiles, counted.nearest_hidden))
+            counts, nearest, _ = visible_copies(self.mesh, alignment, tiles, probed, self.points, pool)
+        return Copied(float(counts.sum()) * self.times, 0.0, self._again(tiles, nearest))
 
     def _kept(self, mesh: Mesh, cells: Split, culling: bool, pool: WorkerPool) -> NDArray[np.int64]:
         cell = cells.nx, cells.ny, cells.cell_width, cells.cell_height
         return count_kept(pool, self.points[0], mesh, culling, cell)
 
-    def _probed(self, tiles: Tiles) -> NDArray[np.float64]:
+    def _probed(self, tiles: TileGrid) -> NDArray[np.float64]:
         """What a probe through the image's own pixels finds."""
         rows, columns = (
             np.minimum(np.arange(-(-pixels // side) * side // PROBE_STEP + 1) * PROBE_STEP, pixels - 1)
@@ -135,7 +137,7 @@ class Sample:
         rows = np.maximum.reduceat(self.depth, np.arange(0, self.depth.shape[0], VERIFIED), axis=0)
         return np.maximum.reduceat(rows, np.arange(0, self.depth.shape[1], VERIFIED), axis=1)
 
-    def _again(self, tiles: Tiles, nearest: NDArray[np.float32]) -> float:
+    def _again(self, tiles: TileGrid, nearest: NDArray[np.float32]) -> float:
         """The share of squares of pixels that see as far as what lies hidden in their tile."""
         rows, columns = (np.arange(count) * VERIFIED for count in self._farthest.shape)
         hidden = nearest[np.ix_(rows // tiles.tile_height, columns // tiles.tile_width)]

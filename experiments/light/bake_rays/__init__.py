@@ -45,12 +45,12 @@ hits of parallel rays across the whole scene."""
 class BakeRaysSettings(Settings):
     """Which rays share their directions."""
 
-    use: str = option("sun", "what rays are for: sun, sky or bundle", choices=USES)
+    use: str = option("sun", "purpose of the rays: sun, sky or bundle", choices=USES)
     positions: int = whole(16, "sub-texel positions that rays of a direction start from", 1, 1 << 12)
     directions: int = whole(1, "directions of a round, where the use is not the sun", 1, 1 << 12)
     map_size: int = whole(512, "texels along a side of the map, and rays of a bundle", 1, 1 << 13)
     tile_size: int = whole(8, "texels along a side of a tile", 1, 1 << 10)
-    least_texels: int = whole(16, "of a tile; rays of smaller ones are not asked for", 1, 1 << 20)
+    least_texels: int = whole(16, "fewest texels of a tile whose rays are traced", 1, 1 << 20)
     shortcut: bool = option(True, "rays of tiles, or parts of them, that one triangle shadows are not traced")
 
 
@@ -69,12 +69,12 @@ BAKE_RAYS = Workload(
         *statistics_columns("aligned_time{}_s", "aligned rays, plan and build included", series(OWN)),
         *statistics_columns("single_over_aligned{}", "rays one by one / aligned", over_own(series(ONE_BY_ONE))),
         *statistics_columns("packets_over_aligned{}", "coherent packets / aligned", over_own(series(TOGETHER))),
-        Column("prepare_s", REAL, "of a round of aligned rays: plan and build"),
+        Column("prepare_s", REAL, "plan and build of aligned rays in a round"),
         Column("triangles_aligned", WHOLE, "copies of triangles for all tiles and directions"),
-        Column("aligned_texel_share", REAL, "of all texels that are lit, those in such tiles of flat charts"),
-        Column("tiles", WHOLE, "of flat charts"),
-        Column("rays_compared", WHOLE, "of which visibility, or the number of hits, was compared"),
-        Column("rays_different", WHOLE, "of these, those that see something else", over=max),
+        Column("aligned_texel_share", REAL, "share of the lit texels that lie in tiles of flat charts"),
+        Column("tiles", WHOLE, "tiles of flat charts"),
+        Column("rays_compared", WHOLE, "rays whose visibility, or number of hits, was compared"),
+        Column("rays_different", WHOLE, "compared rays whose answer differs", over=max),
         Column("rays_undecided", WHOLE, "others whose rounding decides: at a triangle's rim, or on one", over=max),
     ),
     headline=_headline,

@@ -6,46 +6,19 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pandas as pd
-from matplotlib.figure import Figure
 from rich.table import Table
 
-from experiments.drawing.bars import Bar
+from experiments.drawing.figure import Axis, Bar, Figure, Panel
 from experiments.drawing.style import BLUE, GREEN, ORANGE, TIMES
-from experiments.drawing.values import MILLISECONDS, column, row_interval, say_number, say_things
+from experiments.drawing.values import MILLISECONDS, row_interval, say_number, say_things
 from experiments.light.bake_rays import BAKE_RAYS
-from experiments.results.claims import Judge, read_claims
-from experiments.results.verdicts import Bounds, Which, ratio_judge
-from experiments.workloads.panels import Bars, bars_figure, draw_one, make_panels, workload_figure
+from experiments.results.queries import read_claims
+from experiments.workloads.panels import ONE, figure_of, make_panels, read_panels, workload_figure
 from experiments.workloads.tables import cell, points_table
-from scenes.built_in import stand_in_for
-
-_BOX = "cornell_box"
-_DEEP = [one for name in ("fireplace_room", "sponza") for one in (name, stand_in_for(name))]
-_FEW = 16
-
-
-def _judge(use: str, which: Which, gains: bool) -> Judge:
-    def of_use(rows: pd.DataFrame) -> pd.Series:
-        without = column(rows, "shortcut").eq(False).fillna(False).astype(bool)  # what that gains is no claim
-        return column(rows, "use").eq(use).fillna(False).astype(bool) & ~without & which(rows)
-
-    return ratio_judge("packets_over_aligned", of_use, Bounds(low=1.0) if gains else Bounds(high=1.0))
-
-
-def _all(rows: pd.DataFrame) -> pd.Series:
-    return rows["scene"].notna()
-
 
 CLAIMS_FILE = "predictions/claims"
 
-_JUDGES = {
-    "sun-gains-in-the-box": _judge("sun", lambda rows: rows["scene"].eq(_BOX) & (rows["positions"] >= _FEW), True),
-    "sun-gains-nothing-in-deep-scenes": _judge("sun", lambda rows: rows["scene"].isin(_DEEP), False),
-    "sky-loses-below-16": _judge("sky", lambda rows: rows["positions"] < _FEW, False),
-    "bundles-gain": _judge("bundle", _all, True),
-}
-
-CLAIMS = read_claims(Path(__file__).with_name("claims.toml"), {name: {"": judge} for name, judge in _JUDGES.items()})
+CLAIMS = read_claims(Path(__file__).with_name("claims.toml"), {})
 
 
 _COLUMNS = {
@@ -69,16 +42,15 @@ def _with_a_use(rows: pd.DataFrame) -> pd.DataFrame:
     return rows[rows["use"].isin(_COLOURS)] if "use" in rows else rows
 
 
-def draw_alignment(rows: pd.DataFrame, columns: int) -> Figure:
+def alignment_figure(rows: pd.DataFrame) -> Figure:
     """A panel a scene: packets over aligned rays, with intervals, a bar for each use and number of positions."""
-    panels = make_panels(rows, _SETTINGS)
+    panels = read_panels(make_panels(rows, _SETTINGS), _ratios)
     rows = rows.assign(width=pd.NA, height=pd.NA)  # no image is shown
-    foot = "right of a label: aligned rays' time, plan and build included, and packets / aligned"
-    quantity = "coherent packets / aligned rays"
-    return bars_figure(panels, _ratios, quantity, columns, rows, foot, draw_lines=draw_one)
+    told = ("", "aligned rays' time, plan and build included, and packets / aligned")
+    return figure_of("bars", panels, rows, x=Axis("coherent packets / aligned rays", "linear"), headings=told)
 
 
-def _ratios(rows: pd.DataFrame) -> Bars:
+def _ratios(rows: pd.DataFrame) -> Panel:
     place = rows["use"].map({use: number for number, use in enumerate(_COLOURS)})
     ordered = rows[rows["status"].eq("ok")].assign(_place=place).sort_values(["_place", *_SETTINGS[1:]], kind="stable")
     bars = []
@@ -86,7 +58,7 @@ def _ratios(rows: pd.DataFrame) -> Bars:
         value, low, high = row_interval(row, "packets_over_aligned{}")
         text = f"{say_number(1e3 * float(row['aligned_time_s']))} ms, {value:.2g}{TIMES}"
         bars.append(Bar(_label(row), value, low, high, _COLOURS[row["use"]], text))
-    return bars, ()
+    return Panel(bars=bars, levels=[ONE])
 
 
 def _label(row: pd.Series) -> str:
@@ -98,6 +70,6 @@ def _label(row: pd.Series) -> str:
 FIGURES = (
     workload_figure(
         "bake_alignment", "Rays of a bake of shared directions: packets over aligned rays, plan and build included",
-        BAKE_RAYS, draw_alignment, _with_a_use,
+        BAKE_RAYS, alignment_figure, _with_a_use,
     ),
 )  # fmt: skip

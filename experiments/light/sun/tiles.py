@@ -15,7 +15,7 @@ from atra.light.checks import check_whole
 from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.gather.tables import start_off
 from atra.prim_ids import MISS
-from atra.trees.bvh import bvh_of
+from experiments.classification.bvh.binary import bvh_of
 from experiments.light.sun.rays import TileRays
 from experiments.light.sun.tiles_kernels import BoxTree, Prisms
 

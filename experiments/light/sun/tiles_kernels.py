@@ -11,7 +11,7 @@ from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import kernel, njit
 from atra.embree.packets_kernels import MISS
 from atra.geometry.projection_kernels import MARGIN_PIXELS
-from atra.trees.layout import STACK
+from experiments.classification.bvh.binary import STACK
 
 SIDE = 8
 """Blocks along a side of the rectangle of a tile's texels; block (i, j) is bit 8 j + i of 64."""

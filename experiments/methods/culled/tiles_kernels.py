@@ -20,21 +20,13 @@ from atra.embree.packets_kernels import (
     set_pixel_ray,
     set_unlimited,
 )
-from atra.geometry.projection_kernels import (
-    CHUNK,
-    CORNERS,
-    cell_range,
-    columns_in_row,
-    front_part,
-    load_triangle,
-    pixel_range,
-)
+from atra.geometry.projection_kernels import CHUNK, CORNERS, meet_cells
 
 
 @kernel
 def list_cells(counter_address, points_pixels, faces, nx, ny, cell_width, cell_height, starts, cells):  # type: ignore[no-untyped-def]
     """Write the cells that triangle t meets, as row-major numbers, to cells[starts[t]:starts[t + 1]]."""
-    polygon, first, second = (np.empty((CORNERS, 3)), np.empty((CORNERS, 3)), np.empty((CORNERS, 3)))
+    corners, columns = np.empty((3, CORNERS, 3)), np.empty((ny, 2), np.int64)
     while True:
         start = fetch_add(counter_address, 1) * CHUNK
         if start >= len(faces):
@@ -43,16 +35,9 @@ def list_cells(counter_address, points_pixels, faces, nx, ny, cell_width, cell_h
             copy = starts[triangle]
             if copy == starts[triangle + 1]:
                 continue
-            nearest, farthest, largest = load_triangle(points_pixels, faces, triangle, polygon)
-            tiny = 1e-12 * largest
-            corners = front_part(polygon, nearest, farthest, first)
-            y_low, y_high = pixel_range(polygon, corners, 1, tiny)
-            top, bottom = cell_range(y_low, y_high, cell_height, ny)
+            top, bottom = meet_cells(points_pixels, faces, triangle, nx, ny, cell_width, cell_height, corners, columns)
             for j in range(top, bottom + 1):
-                left, right = columns_in_row(
-                    polygon, corners, j, cell_width, cell_height, nx, y_low, y_high, tiny, first, second
-                )
-                for i in range(left, right + 1):
+                for i in range(columns[j, 0], columns[j, 1] + 1):
                     cells[copy] = j * nx + i
                     copy += 1
 

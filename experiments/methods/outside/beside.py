@@ -11,7 +11,7 @@ from pathlib import Path
 from types import ModuleType
 
 from atra.errors import InputError
-from experiments.harness.sources import Source
+from experiments.harness.sources import Import, Source
 
 _OF_ATRA = ("atra", "experiments", "scenes")
 """Packages that are no helpers, even where a method's file stands beside them."""
@@ -75,12 +75,11 @@ def use_helpers(file: Path, in_use: Collection[Path]) -> list[Path]:
     return sorted({path for spec in helpers.values() for path in _files_of(spec)} - {file})
 
 
-def uses(files: Sequence[Path]) -> tuple[tuple[str, str | None], ...]:
-    """What these sources import of this project: modules, each with the name that is taken from it, None = itself."""
+def uses(files: Sequence[Path]) -> tuple[Import, ...]:
+    """What these sources import of this project."""
     sources = [Source("", path.read_text(encoding="utf-8")) for path in files if path.suffix in SOURCE_SUFFIXES]
-    imports = {given for one in sources for statement in one.statements for given in statement.imports}
-    ours = {(one.module, one.taken) for one in imports if one.module.partition(".")[0] in _OF_ATRA}
-    return tuple(sorted(ours, key=str))
+    imports = {given for one in sources for given in one.imports}
+    return tuple(sorted((one for one in imports if one.module.partition(".")[0] in _OF_ATRA), key=str))
 
 
 def _helpers_of(file: Path) -> Helpers:

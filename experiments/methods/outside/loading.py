@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import fields, is_dataclass, replace
 from enum import Enum
 from functools import partial
@@ -19,15 +19,12 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.tracing.tracer import Tracer
 from experiments.harness.column import default_of
-from experiments.harness.entry_points import digest_of_files, offers
+from experiments.harness.entry_points import METHODS_GROUP, digest_of_files, name_of_file, offers
 from experiments.harness.method import Method, Style, Tracing
 from experiments.harness.options import NoOptions
 from experiments.harness.point import Point
 from experiments.methods.outside.beside import use_helpers, uses
 from experiments.methods.outside.guarded import Guarded, PreparedGuarded
-
-GROUP = "atra.methods"
-"""Group of entry points: `mine = "my_package.tracing:MyTracer"`."""
 
 _COLORS, _MARKERS = ("#8C510A", "#01665E", "#762A83", "#B2182B"), "hpd<>8"
 
@@ -36,15 +33,21 @@ _PLAIN_TYPES = (int, float, str, bool)
 _NAME = re.compile(r"[A-Za-z]\w*")
 
 
-def outside_methods(taken: Collection[str], files: Collection[str]) -> Iterator[Method]:
-    """The methods of installed packages, then those of files. taken: names of our own.
+def outside_methods(
+    taken: Collection[str], files: Collection[str], names: Iterable[str] | None = None
+) -> Iterator[Method]:
+    """The methods of wings and installed packages, then those of files. taken: names of the core. names: of those that
+    are wanted, None = all.
 
     A package that cannot be used becomes a method whose points are skipped with the reason. Raises InputError for such
     a file.
     """
     number = 0
-    for offer in offers(GROUP):
+    for offer in offers(METHODS_GROUP, names):
         problem = offer.problem
+        if isinstance(offer.value, Method) and offer.value.name == offer.name not in taken:
+            yield offer.value
+            continue
         if problem is None:
             try:
                 yield method_of(offer.name, offer.value, offer.version, number, taken)
@@ -54,7 +57,8 @@ def outside_methods(taken: Collection[str], files: Collection[str]) -> Iterator[
             yield _unusable(offer.name, problem, offer.version, number)
         number += 1
     for path in files:
-        yield load_file(path, number, taken, files)
+        if names is None or name_of_file(path) in names:
+            yield load_file(path, number, taken, files)
         number += 1
 
 
@@ -66,7 +70,7 @@ def load_file(path: str | Path, number: int, taken: Collection[str], in_use: Col
     Raises InputError for a file that cannot be read or imported, and as `use_helpers` and `method_of`.
     """
     path = _whole(path)
-    name = path.stem.replace("-", "_")
+    name = name_of_file(str(path))
     if path.suffix != ".py" or not path.is_file():
         raise InputError(f"method_file is {str(path)!r}, expected a Python file; `atra new-method mine` writes one")
     helpers = use_helpers(path, [_whole(one) for one in in_use])

@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from experiments.drawing.axes import draw_baseline, draw_series, finish_split_axes
-from experiments.drawing.missing import Missing, mark_missing, missing_points, undrawable_points
+from experiments.drawing.figure import Axis, Figure, Line, Panel, median_level
+from experiments.drawing.missing import Missing, missing_points, undrawable_points
 from experiments.drawing.style import BLACK, BLUE, DASHED, GREEN, PURPLE, VERMILLION
 from experiments.drawing.values import MILLISECONDS, interval, numbers
 from experiments.methods.naming import (
@@ -21,7 +19,8 @@ from experiments.methods.naming import (
     aligned_rows,
 )
 from experiments.workloads.build import BUILD
-from experiments.workloads.panels import make_panels, panels_figure, workload_figure
+from experiments.workloads.frame_figures import SPLIT_AXES
+from experiments.workloads.panels import figure_of, make_panels, read_panels, workload_figure
 
 # Label -> form of the geometry, columns, line. The paper's own form, culling on, comes first.
 _SERIES: dict[str, tuple[str, str, dict[str, Any]]] = {
@@ -33,19 +32,21 @@ _SERIES: dict[str, tuple[str, str, dict[str, Any]]] = {
 _BASELINE = "BVH build for per-pixel rays"
 
 
-def draw_build_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
+def build_figure(table: pd.DataFrame) -> Figure:
     """One panel a scene (and a value of any other setting that varies); milliseconds over splits, both logarithmic.
 
     Points have bars over their intervals. The baseline is the build of the plain mesh, measured again with every point:
     a line at the median, a band between the quartiles. Series that were not measured are left out.
     """
     panels = make_panels(aligned_rows(table), ("split_x", *FORM_OPTIONS))
-    legend = [*_SERIES, _BASELINE]
-    return panels_figure(panels, _draw_panel, columns, table, legend=legend, mark="paid once a view")
+    return figure_of(
+        "lines", read_panels(panels, _panel), table, mark="paid once a view", x=SPLIT_AXES["split_x"],
+        y=Axis("time in ms"), legend=[*_SERIES, _BASELINE],
+    )  # fmt: skip
 
 
-def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
-    forms = aligned_forms(rows)
+def _panel(rows: pd.DataFrame) -> Panel:
+    forms, lines = aligned_forms(rows), []
     missing: list[Missing] = []
     marked: set[str] = set()
     for label, (form, stem, style) in _SERIES.items():
@@ -53,20 +54,17 @@ def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
             continue
         points = forms[form]
         time_ms, *ends = interval(points, stem, MILLISECONDS)
-        draw_series(axis, numbers(points, "split_x"), time_ms, style, ends, label)
+        lines.append(Line(label, numbers(points, "split_x"), time_ms, style, (ends[0], ends[1])))
         missing += undrawable_points(points, time_ms, "split_x", label, style["color"])
         # A form skipped once is said once, not for each of its series.
         if form not in marked:
             missing += missing_points(points, "split_x", form.removeprefix("aligned, "), style["color"])
             marked.add(form)
     baseline_ms = numbers(rows, "baseline_build_time_s") * MILLISECONDS
-    draw_baseline(axis, baseline_ms, {"color": BLACK, "linestyle": DASHED}, _BASELINE)
-    mark_missing(axis, missing)
-    finish_split_axes(axis, rows["split_x"], "split_x", "time in ms")
+    levels = median_level(_BASELINE, baseline_ms, {"color": BLACK, "linestyle": DASHED})
+    return Panel(lines=lines, levels=levels, crosses=missing)
 
 
 FIGURES = (
-    workload_figure(
-        "figure6", "Figure 6: plan and BVH build over horizontal splits, culling on", BUILD, draw_build_figure
-    ),
+    workload_figure("figure6", "Figure 6: plan and BVH build over horizontal splits, culling on", BUILD, build_figure),
 )

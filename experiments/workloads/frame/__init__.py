@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
-
 import numpy as np
 
-from atra.geometry.mesh import Mesh
-from atra.judge.compare import compare
-from atra.tracing.budgets import EMBREE_BYTES_PER_COPY, check_needed_bytes
-from experiments.harness.method import AnyTracer
 from experiments.harness.options import NoOptions
-from experiments.harness.point import Measured, Point, Workload, make_own
+from experiments.harness.point import Workload
 from experiments.harness.records import Record
-from experiments.workloads import rounds
 from experiments.workloads.baselines import BESIDE_BASELINES, OWN, SINGLE, TIME_COLUMNS
-from experiments.workloads.images import IMAGE_COLUMNS, PIXELS, counts, depth_errors
+from experiments.workloads.images import IMAGE_COLUMNS, PIXELS
 from experiments.workloads.resources import PREPARATION, PREPARATION_COLUMNS, RESOURCE_COLUMNS, RESOURCES
 
 
@@ -36,31 +29,3 @@ FRAME = Workload(
     want="nearest",
     **BESIDE_BASELINES,
 )
-
-
-_BYTES_PER_PIXEL = 8
-
-
-def make(point: Point, mesh: Mesh) -> AnyTracer:
-    """The point's own method. Raises MemoryBudgetError where its baselines alone need more, and as the tracers do."""
-    baselines = 1 + len(rounds.expert_packet_widths())
-    pixels = point.width * point.height
-    needed = mesh.triangle_count * EMBREE_BYTES_PER_COPY[point.build_quality] + pixels * _BYTES_PER_PIXEL
-    what = f"{baselines} baselines of {mesh.triangle_count:,} triangles and {pixels:,} pixels each"
-    cure = "use fewer triangles or pixels, or more memory"
-    check_needed_bytes(baselines * needed, point.tracing.memory_budget_bytes, what, cure)
-    return make_own(point, mesh)
-
-
-def measure(point: Point) -> Measured:
-    """Build the point's own method, read the memory, time it against the baselines round by round, and plan and build
-    it again for more samples of these. Raises InputError and MemoryBudgetError as the tracers do."""
-    rounds.warm_up(point, rounds.own_and_baselines(rounds.shrunk(point)))
-    with ExitStack() as stack:
-        tracers, results = rounds.build_with_baselines(point, stack)
-        own = tracers[OWN]
-        images = {name: rounds.Frames(tracer) for name, tracer in tracers.items()}
-        timed = rounds.timed_rounds(point, {name: one.trace for name, one in images.items()})
-        agreements = [compare(images[OWN].latest(), images[SINGLE].latest())]
-        results |= counts(agreements) | depth_errors(agreements) | rounds.plan_and_build_again(own)
-    return rounds.measured(results, timed)

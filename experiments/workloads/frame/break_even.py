@@ -5,23 +5,20 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from math import floor
-from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from experiments.drawing.axes import label_axes, mark_place, say_nothing_measured, write_plainly
-from experiments.drawing.pages import write_notes, write_table
+from experiments.drawing.figure import Axis, Figure, Line, Mark, Panel
 from experiments.drawing.style import DOTTED, GREEN, TIMES
 from experiments.drawing.values import MILLISECONDS, column, say_number
 from experiments.methods import METHODS
 from experiments.methods.naming import best_of, say_series, say_split
 from experiments.methods.pixel import PIXEL, SAME
 from experiments.workloads.frame import FRAME
-from experiments.workloads.panels import make_panels, panels_figure
+from experiments.workloads.frame_figures import ring
+from experiments.workloads.panels import figure_of, make_panels, read_panels
 from experiments.workloads.series import OVER_PACKETS, best_rows, choosing, say_unmeasured, series_of, style_of
 
 
@@ -130,24 +127,23 @@ def _ahead_of(cost: Cost, baseline: Cost) -> int | None:
 LAST_FRAME = 1000
 
 _BASELINE = "fastest packets per pixel"
-_HEADINGS = ("plan", "build", "first", "further", "bytes", "ahead from")
+_HEADINGS = ("ms, bytes over those of packets", "plan", "build", "first frame", "further ones", "bytes", "ahead from")
 
 
-def draw_break_even_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
+def break_even_figure(table: pd.DataFrame) -> Figure:
     """One panel a scene (and a value of any other setting that varies); seconds over frames.
 
     Both axes are logarithmic. A line is a method at its best split and packet width: plan, build and first frame, then
     further frames. A ring marks the frame from which on it is ahead of packets per pixel of any build quality; their
-    line shows the cheapest. Below each panel stand the parts of the cost.
+    line shows the cheapest. Beside each panel stand the parts of the cost.
     """
     rows = time_rows(table)
     rows = rows[rows["method"].isin([*_prepared(), PIXEL.name])]
-    panels = make_panels(rows, (*best_of(), "packet_width"))
-    return panels_figure(
-        panels, _draw_panel, columns, rows, f"ring: ahead of {_BASELINE} from this frame on, whatever their build",
-        "below a panel: ms once for plan and build, of the first frame and of every further one; Embree's bytes over "
-        "those of packets",
-        legend=[*(say_series(method, None) for method in _prepared()), _BASELINE], height=5.4,
+    panels = read_panels(make_panels(rows, (*best_of(), "packet_width")), _panel)
+    return figure_of(
+        "lines", panels, rows, f"ring: ahead of {_BASELINE} from this frame on, whatever their build",
+        x=Axis("frames of one view"), y=Axis("time in s, plan and build included"),
+        legend=[*(say_series(method, None) for method in _prepared()), _BASELINE], headings=_HEADINGS,
     )  # fmt: skip
 
 
@@ -156,10 +152,13 @@ def _prepared() -> list[str]:
     return [method.name for method in METHODS if not method.is_peer and method.name != PIXEL.name]
 
 
-def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
+def _panel(rows: pd.DataFrame) -> Panel:
     notes: list[str] = []
+    lines: list[Line] = []
+    rings: list[Mark] = []
+    table: list[tuple[str, ...]] = []
     baselines = baseline_costs(rows)
-    entries: list[tuple[str, str, dict[str, Any], Cost]] = []
+    packets = list(baselines.values())
     for method in _prepared():
         points = rows[rows["method"].eq(method).fillna(False).astype(bool)]
         for _, width, of_width in series_of(points):
@@ -170,16 +169,21 @@ def _draw_panel(axis: Axes, rows: pd.DataFrame) -> None:
             if points["status"].eq("ok").any():
                 notes.append(f"{TIMES} {say_series(method, None)}: plan, build or first frame not measured")
             continue
+        color = style_of(method, None)["color"]
+        lines.append(_line(say_series(method, None), [cost], {"color": color}))
         width = None if pd.isna(row["packet_width"]) else int(row["packet_width"])
-        name = ", ".join(filter(None, [say_series(method, width), say_split(row)]))
-        entries.append((say_series(method, None), name, style_of(method, None), cost))
-    if not baselines:
+        table.append(_parts(", ".join(filter(None, [say_series(method, width), say_split(row)])), cost, packets))
+        even = break_even_frames(cost, packets) if packets else None
+        if even is not None and even <= LAST_FRAME:
+            rings.append(ring(even, float(cumulative_time_s(cost, np.array([even]))[0]), color, drop=True))
+    if packets:
+        lines.append(_line(_BASELINE, packets, {"color": GREEN, "linestyle": DOTTED}))
+    else:
         notes.append(f"{TIMES} {_BASELINE}: not measured in full, so no break-even")
     for quality, baseline in baselines.items():
-        name = _BASELINE if baseline is next(iter(baselines.values())) else f"the same, {quality} build quality"
-        entries.append((_BASELINE, name, {"color": GREEN}, baseline))
-    _draw_lines(axis, entries, list(baselines.values()))
-    write_notes(axis, notes, _write_parts(axis, entries, list(baselines.values())))
+        name = _BASELINE if baseline is packets[0] else f"the same, {quality} build quality"
+        table.append(_parts(name, baseline, packets))
+    return Panel(lines=lines, marks=rings, notes=notes, table=table)
 
 
 def _best_of_all(points: pd.DataFrame) -> pd.Series | None:
@@ -190,41 +194,18 @@ def _best_of_all(points: pd.DataFrame) -> pd.Series | None:
     return best.iloc[int(np.argmax(choosing(best, OVER_PACKETS)))]
 
 
-def _draw_lines(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Cost]], baselines: list[Cost]) -> None:
+def _line(label: str, costs: list[Cost], style: dict[str, object]) -> Line:
+    """The least of these costs over the number of frames."""
     frames = np.unique(np.geomspace(1, LAST_FRAME, 200).round().astype(np.int64))
-    axis.set_xscale("log")
-    axis.set_yscale("log")
-    rings = []
-    for label, _, style, cost in entries:
-        if cost in baselines[1:]:
-            continue
-        times_s = [cumulative_time_s(one, frames) for one in (baselines if cost in baselines else [cost])]
-        line = {"color": style["color"], "linestyle": DOTTED if cost in baselines else "-"}
-        axis.plot(frames, np.min(times_s, axis=0), linewidth=1.6, label=label, zorder=3, **line)
-        even = None if not baselines or cost in baselines else break_even_frames(cost, baselines)
-        if even is not None and even <= LAST_FRAME:
-            rings.append((even, float(cumulative_time_s(cost, np.array([even]))[0]), style["color"]))
-    if entries:
-        low, high = axis.get_ylim()
-        axis.set_ylim(low / 4, high)
-    for place, (even, time_s, color) in enumerate(sorted(rings)):
-        mark_place(axis, (even, time_s), f"frame {even:,}", place, color, to_the_left=even**2 > LAST_FRAME)
-    axis.set_xlim(0.9, LAST_FRAME * 1.05)
-    write_plainly(axis.xaxis)
-    write_plainly(axis.yaxis)
-    label_axes(axis, "frames of one view", "time in s, plan and build included")
-    if not entries:
-        say_nothing_measured(axis)
+    times_s = np.min([cumulative_time_s(one, frames) for one in costs], axis=0)
+    return Line(label, frames.astype(np.float64), times_s, style)
 
 
-def _write_parts(axis: Axes, entries: list[tuple[str, str, dict[str, Any], Cost]], baselines: list[Cost]) -> int:
-    """The parts of every cost below the panel: times in ms, bytes over those of the usual packets, the break-even."""
-    lines = []
-    for _, name, style, cost in entries:
-        times = (cost.plan_time_s, cost.build_time_s, cost.first_frame_time_s, cost.frame_time_s)
-        cells = [*(_ms(time_s) for time_s in times), _say_bytes(cost, baselines), _say_even(cost, baselines)]
-        lines.append((style["color"], name, cells))
-    return write_table(axis, _HEADINGS, lines)
+def _parts(name: str, cost: Cost, baselines: list[Cost]) -> tuple[str, ...]:
+    """The parts of a cost: times in ms, bytes over those of the usual packets, the break-even."""
+    times = (cost.plan_time_s, cost.build_time_s, cost.first_frame_time_s, cost.frame_time_s)
+    said = (say_number(time_s * MILLISECONDS) for time_s in times)
+    return (name, *said, _say_bytes(cost, baselines), _say_even(cost, baselines))
 
 
 def _say_bytes(cost: Cost, baselines: list[Cost]) -> str:
@@ -237,7 +218,3 @@ def _say_even(cost: Cost, baselines: list[Cost]) -> str:
         return "-"
     even = break_even_frames(cost, baselines)
     return "never" if even is None else f"frame {even:,}"
-
-
-def _ms(time_s: float) -> str:
-    return say_number(time_s * MILLISECONDS)

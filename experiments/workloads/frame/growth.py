@@ -8,20 +8,18 @@ from itertools import combinations, pairwise
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
-from experiments.drawing.axes import draw_series, label_axes, mark_place, say_nothing_measured, write_plainly
-from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot, write_notes, write_table
-from experiments.drawing.style import BLACK, DOTTED, GREY, TIMES
+from experiments.drawing import figure as drawing
+from experiments.drawing.figure import Axis, Figure, Line, Mark
+from experiments.drawing.style import BLACK, DOTTED, TIMES
 from experiments.drawing.values import MEBIBYTES, MILLISECONDS, drawable, interval, numbers, say_number, varies
 from experiments.methods import METHODS, find_method
 from experiments.methods.naming import best_of, say_series
 from experiments.results.settings import say_setting, settings_that_vary
 from experiments.workloads import panels
 from experiments.workloads.frame.break_even import time_rows
+from experiments.workloads.frame_figures import ring
 from experiments.workloads.series import OVER_PACKETS, best_rows, say_unmeasured, say_wrong, series_of, style_of
 
 _PIXELS = ("width", "height")
@@ -60,7 +58,7 @@ class Growth:
 
 
 @dataclass(frozen=True, eq=False)
-class Panel(panels.Panel):
+class Panel(panels.PanelRows):
     """Rows of one scene that differ in one of `AXES`. details: the settings that all of them share."""
 
     axis: str
@@ -197,58 +195,47 @@ def growing_rows(table: pd.DataFrame) -> pd.DataFrame:
     return rows[[place in shown for place in rows.index]]
 
 
-_HEADINGS = ("frame", "grows", "prepared", "grows", "MiB", "grows")
+_HEADINGS = ("at the largest size", "frame, ms", "grows", "plan and build, ms", "grows", "MiB", "grows")
 _PREPARATION = "its plan and build"
 
 _ROOM = 20.0
-"""How far the axis reaches below the shortest time, for numbers of crossings."""
+"""How far the axis reaches below the shortest time: where nearly nothing is prepared, the page's table says so."""
 
 
-def draw_growth_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
+def growth_figure(table: pd.DataFrame) -> Figure:
     """One panel a scene and a thing that grows; both axes logarithmic.
 
-    A line is a method at its best split, dotted its plan and build. A ring marks where one overtakes another. Below
+    A line is a method at its best split, dotted its plan and build. A ring marks where one overtakes another. Beside
     each panel stand time, preparation and bytes at the largest size, and the fitted exponents of their growth.
     """
-    panels = growth_panels(table)
-    figure, axes = make_figure(len(panels), columns, 5.6)
-    for axis, panel in zip(axes, panels, strict=True):
-        set_panel_title(axis, panel.title, panel.stands_for)
-        _draw_panel(axis, panel)
     widths = [None, 1, 4, 8, 16]
     names = dict.fromkeys(say_series(method.name, width) for method in METHODS for width in widths)
-    add_legend(figure, axes, [*names, _PREPARATION])
-    write_foot(
-        figure, table, "dotted: plan and build; ring: one method overtakes another, by ratios within rounds",
-        "below a panel, at the largest size: ms of a frame, ms of plan and build, MiB that the method holds by its own "
-        "account; each followed by k of its growth as size to the power of k, fitted over all sizes",
+    return panels.figure_of(
+        "lines", [one.panel(_panel(one)) for one in growth_panels(table)], table,
+        "dotted: plan and build; ring: one method overtakes another, by ratios within rounds",
+        "grows: k of its growth as size to the power of k, fitted over all sizes; MiB: what the method holds by its "
+        "own account",
+        legend=[*names, _PREPARATION], headings=_HEADINGS,
     )  # fmt: skip
-    return figure
 
 
-def _draw_panel(axis: Axes, panel: Panel) -> None:
-    axis.set_xscale("log")
-    axis.set_yscale("log")
+def _panel(panel: Panel) -> drawing.Panel:
+    lines, table, notes = [], [], list(say_crossings(panel))
     drawn = list(growths(panel))
-    entries = []
     for one in drawn:
-        style = style_of(one.method, None if one.packet_width == 1 else one.packet_width)
+        style = style_of(one.method, None)
         interval = (one.low_s * MILLISECONDS, one.high_s * MILLISECONDS)
-        draw_series(axis, one.sizes, one.time_s * MILLISECONDS, style, interval, one.name)
-        prepared = drawable(one.preparation_s)
-        axis.plot(
-            one.sizes[prepared], one.preparation_s[prepared] * MILLISECONDS, linewidth=1.2, linestyle=DOTTED, zorder=2,
-            color=style["color"], label="_preparation",
-        )  # fmt: skip
-        entries.append((style["color"], one.name, _cells(one)))
-    _draw_crossings(axis, drawn)
-    axis.plot([], [], linewidth=1.2, linestyle=DOTTED, color=GREY, label=_PREPARATION)
-    _finish(axis, panel, drawn)
-    notes = list(say_crossings(panel))
+        lines.append(Line(one.name, one.sizes, one.time_s * MILLISECONDS, style, interval))
+        dotted = {"color": style["color"], "linestyle": DOTTED}
+        lines.append(Line(_PREPARATION, one.sizes, one.preparation_s * MILLISECONDS, dotted, thin=True))
+        table.append((one.name, *_cells(one)))
     for method, width, points in series_of(panel.rows):
         name = say_series(method, width)
         notes += [*say_unmeasured(points, name), *say_wrong(points, name)]
-    write_notes(axis, notes, write_table(axis, _HEADINGS, entries))
+    least = [one.time_s[drawable(one.time_s)].min() for one in drawn if drawable(one.time_s).any()]
+    low = min(least) * MILLISECONDS / _ROOM if least else None
+    sizes, times = Axis(panel.unit, "ticks", say_count), Axis("ms", low=low)
+    return drawing.Panel(lines=lines, marks=list(_rings(drawn)), notes=notes, table=table, x=sizes, y=times)
 
 
 def _cells(one: Growth) -> list[str]:
@@ -260,26 +247,9 @@ def _cells(one: Growth) -> list[str]:
     return cells
 
 
-def _draw_crossings(axis: Axes, drawn: list[Growth]) -> None:
+def _rings(drawn: list[Growth]) -> Iterator[Mark]:
+    """Where two lines pass, or nearly: they were measured hours apart."""
     found = [(one, other, at.size) for one, other in combinations(drawn, 2) for at in crossings(one, other)]
-    for place, (one, other, size) in enumerate(sorted(found, key=lambda crossing: crossing[2])):
-        # Where the two lines pass, or nearly: they were measured hours apart.
+    for one, other, size in sorted(found, key=lambda crossing: crossing[2]):
         times = [np.interp(np.log(size), np.log(of.sizes), np.log(of.time_s)) for of in (one, other)]
-        time_ms = float(np.exp(np.mean(times))) * MILLISECONDS
-        mark_place(axis, (size, time_ms), say_count(size), place, BLACK)
-
-
-def _finish(axis: Axes, panel: Panel, drawn: list[Growth]) -> None:
-    sizes = np.unique(np.concatenate([one.sizes for one in drawn])) if drawn else np.array([1.0])
-    axis.set_xticks(sizes, [say_count(size) for size in sizes])
-    axis.xaxis.set_minor_formatter(NullFormatter())
-    axis.minorticks_off()
-    axis.set_xlim(sizes[0] / 1.3, sizes[-1] * 1.3)
-    least = [one.time_s[drawable(one.time_s)].min() for one in drawn if drawable(one.time_s).any()]
-    if least:
-        # Where nearly nothing is prepared, the table below says so.
-        axis.set_ylim(bottom=min(least) * MILLISECONDS / _ROOM)
-    write_plainly(axis.yaxis)
-    label_axes(axis, panel.unit, "ms")
-    if not drawn:
-        say_nothing_measured(axis)
+        yield ring(size, float(np.exp(np.mean(times))) * MILLISECONDS, BLACK, drop=True)

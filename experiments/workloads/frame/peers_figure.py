@@ -6,18 +6,17 @@ from math import isfinite
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from experiments.drawing.bars import Bar
+from experiments.drawing.figure import Axis, Bar, Figure, Panel
 from experiments.drawing.values import numbers, say_number
 from experiments.methods.naming import best_of
 from experiments.workloads.frame.break_even import time_rows
-from experiments.workloads.panels import Bars, bars_figure, make_panels
+from experiments.workloads.panels import figure_of, make_panels, read_panels
 from experiments.workloads.series import BestPoint, best_points, best_rows, say_ratio, say_unmeasured, say_wrong
 
 
-def draw_peers_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
+def peers_figure(table: pd.DataFrame) -> Figure:
     """One panel a scene (and a value of any other setting that varies); Mray/s from zero.
 
     A bar is a method or a peer, ours at the best split; its whisker is the interval. What was not measured is listed
@@ -25,10 +24,9 @@ def draw_peers_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     """
     rows = time_rows(table)
     panels = [panel for panel in make_panels(rows, (*best_of(), "packet_width")) if len(best_rows(panel.rows))]
-    return bars_figure(
-        panels, _make_bars, "million rays a second", columns, rows,
-        "right of a label: the rate, packets / this and its interval", *_say_missing(rows),
-        count=lambda rows: len(_make_bars(rows)[0]),
+    return figure_of(
+        "bars", read_panels(panels, _bars), rows, *_say_missing(rows), x=Axis("million rays a second", "linear"),
+        headings=("", "the rate, packets / this and its interval"),
     )  # fmt: skip
 
 
@@ -39,18 +37,18 @@ def rays_per_s(rows: pd.DataFrame, name: str = "render_time_s") -> NDArray[np.fl
         return pixels / numbers(rows, name) / 1e6
 
 
-def _make_bars(rows: pd.DataFrame) -> Bars:
+def _bars(rows: pd.DataFrame) -> Panel:
     found = list(best_points(rows))
     bars = [_bar(one) for one in found if len(one.best)]
     ordered = sorted(bars, key=lambda bar: bar.value if isfinite(bar.value) else 0.0, reverse=True)
-    return ordered, [line for one in found for line in say_wrong(one.best, one.name)]
+    return Panel(bars=ordered, notes=[line for one in found for line in say_wrong(one.best, one.name)])
 
 
 def _bar(one: BestPoint) -> Bar:
     ends = ("", "_high", "_low")  # the longer time is the lower rate
     value, low, high = (float(rays_per_s(one.best, f"render_time{end}_s")[0]) for end in ends)
     text = f"{say_number(value)}, {say_ratio(one.best.iloc[0])}"
-    return Bar(one.label, value, low, high, one.color, text, faint=one.packet_width == 1)
+    return Bar(one.label, value, low, high, one.color, text, faint=one.is_single)
 
 
 def _say_missing(rows: pd.DataFrame) -> list[str]:

@@ -19,13 +19,13 @@ from experiments.results.statistics import Estimate
 from experiments.results.statistics import best_of as best_candidate
 from experiments.results.verdicts import decide_greater
 from experiments.workloads.frame import FRAME
-from experiments.workloads.frame.break_even import draw_break_even_figure
+from experiments.workloads.frame.break_even import break_even_figure
 from experiments.workloads.frame.exponents import exponent_lines
-from experiments.workloads.frame.grid_figure import draw_grid_ratios, draw_grid_times
-from experiments.workloads.frame.growth import draw_growth_figure, growing_rows, growth_lines
-from experiments.workloads.frame.peers_figure import draw_peers_figure
-from experiments.workloads.frame.threads_figure import draw_threads_figure
-from experiments.workloads.frame_figures import draw_methods_figure, draw_split_ratios, draw_split_times
+from experiments.workloads.frame.grid_figure import grid_ratios, grid_times
+from experiments.workloads.frame.growth import growing_rows, growth_figure, growth_lines
+from experiments.workloads.frame.peers_figure import peers_figure
+from experiments.workloads.frame.threads_figure import threads_figure
+from experiments.workloads.frame_figures import methods_figure, split_ratios, split_times
 from experiments.workloads.panels import where_varies, workload_figure
 from experiments.workloads.series import of_files
 from experiments.workloads.tables import best_split_table
@@ -89,20 +89,20 @@ def _with_peers(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 _OVER_SPLITS = (
-    ("figure4", "Figure 4: render time over the splits of both axes, culling off and on", draw_grid_times, _AXES),
-    ("figure4_speedup", "Figure 4 as speed-up, over the nearest hit and over all hits", draw_grid_ratios, _AXES),
-    ("figure5", "Figure 5: render time over horizontal splits, culling off and on", draw_split_times, _AXES[:1]),
+    ("figure4", "Figure 4: render time over the splits of both axes, culling off and on", grid_times, _AXES),
+    ("figure4_speedup", "Figure 4 as speed-up, over the nearest hit and over all hits", grid_ratios, _AXES),
+    ("figure5", "Figure 5: render time over horizontal splits, culling off and on", split_times, _AXES[:1]),
     (
-        "figure5_speedup", "Figure 5 as speed-up: over horizontal splits, culling off and on", draw_split_ratios,
-        _AXES[:1],
+        "figure5_speedup", "Figure 5 as speed-up: over horizontal splits, culling off and on",
+        partial(split_ratios, with_paper=True), _AXES[:1],
     ),
     (
         "figure5_vertical", "As figure 5, over vertical splits: render time, culling off and on",
-        partial(draw_split_times, axis_name="split_y"), _AXES[1:],
+        partial(split_times, axis_name="split_y"), _AXES[1:],
     ),
     (
         "figure5_vertical_speedup", "As figure 5, over vertical splits: speed-up, culling off and on",
-        partial(draw_split_ratios, axis_name="split_y"), _AXES[1:],
+        partial(split_ratios, axis_name="split_y"), _AXES[1:],
     ),
 )  # fmt: skip
 """Name, caption, what draws it, and the splits' axes that vary."""
@@ -116,16 +116,16 @@ _TELLING = (
         workload_figure(name, caption, FRAME, draw, where)
         for name, caption, draw, where in (
             (
-                "methods", "Speed-up over packets of every method at its best split", draw_methods_figure,
+                "methods", "Speed-up over packets of every method at its best split", methods_figure,
                 where_varies("method"),
             ),
             (
-                "break_even", "What a view costs in all, from frame 1 to frame 1,000", draw_break_even_figure,
+                "break_even", "What a view costs in all, from frame 1 to frame 1,000", break_even_figure,
                 where_varies("method"),
             ),
-            ("threads", "Speed-up over one thread", draw_threads_figure, where_varies("threads")),
-            ("growth", "Time, preparation and bytes over triangles and pixels", draw_growth_figure, growing_rows),
-            ("peers", "Rays per second beside other ray tracers", draw_peers_figure, _with_peers),
+            ("threads", "Speed-up over one thread", threads_figure, where_varies("threads")),
+            ("growth", "Time, preparation and bytes over triangles and pixels", growth_figure, growing_rows),
+            ("peers", "Rays per second beside other ray tracers", peers_figure, _with_peers),
         )
     ),
 )  # fmt: skip
@@ -136,7 +136,7 @@ def _untold(rows: pd.DataFrame) -> pd.DataFrame:
     return rows[:0] if len(rows) < 2 or any(len(kind.rows(rows)) for kind in _TELLING) else rows
 
 
-FIGURES = (*_TELLING, workload_figure("rates", "Rays per second", FRAME, draw_peers_figure, _untold))
+FIGURES = (*_TELLING, workload_figure("rates", "Rays per second", FRAME, peers_figure, _untold))
 
 
 @dataclass(frozen=True)

@@ -6,19 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
-from matplotlib.transforms import offset_copy
 from numpy.typing import NDArray
 
-from experiments.drawing.axes import label_axes, place_counts, say_nothing_measured
-from experiments.drawing.pages import add_legend, write_foot, write_lines, write_notes
+from experiments.drawing.figure import Axis, Figure, Line, Panel
 from experiments.drawing.style import BLACK, DOTTED, TIMES
 from experiments.drawing.values import column, drawable, interval, numbers
 from experiments.methods.naming import best_of, say_series, say_split
 from experiments.workloads.frame.break_even import time_rows
-from experiments.workloads.panels import draw_panels, make_panels
+from experiments.workloads.panels import figure_of, make_panels, read_panels
 from experiments.workloads.series import best_rows, say_unmeasured, series_of, style_of
 
 _IDEAL = "ideal"
@@ -39,19 +34,20 @@ class Scaling:
     split: str
 
 
-def draw_threads_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
+def threads_figure(table: pd.DataFrame) -> Figure:
     """One panel a scene (and a value of any other setting that varies); both axes logarithmic.
 
     Every series follows the split that was best on one thread. A bar spans the ratios that the intervals of both times
     allow, since no round has both.
     """
     rows = time_rows(table)
-    panels = make_panels(rows, (*best_of(), "packet_width", "threads"))
-    drawn: dict[str, None] = {}
-    figure, axes = draw_panels(panels, lambda axis, of_panel: drawn.update(_draw_panel(axis, of_panel)), columns, 4.6)
-    add_legend(figure, axes, [*drawn, _IDEAL])
-    write_foot(figure, rows, "bars here: the intervals of both times combined; below a panel: at the most threads")
-    return figure
+    panels = read_panels(make_panels(rows, (*best_of(), "packet_width", "threads")), _panel)
+    names = dict.fromkeys(line.label for panel in panels for line in panel.lines if line.label != _IDEAL)
+    return figure_of(
+        "lines", panels, rows, "bars here: the intervals of both times combined", x=Axis("threads", "ticks"),
+        y=Axis("speed-up over one thread", say="{:.3g}".format), legend=[*names, _IDEAL],
+        headings=("", "at the most threads"),
+    )  # fmt: skip
 
 
 def scaling_of(rows: pd.DataFrame) -> Scaling | None:
@@ -72,9 +68,8 @@ def scaling_of(rows: pd.DataFrame) -> Scaling | None:
     return Scaling(chosen["threads"].to_numpy(np.int64), time_s[0] / time_s, low, high, say_split(one.iloc[0]))
 
 
-def _draw_panel(axis: Axes, rows: pd.DataFrame) -> dict[str, None]:
-    """Draw one scene; returns the labels drawn, in their order."""
-    drawn, notes = [], []
+def _panel(rows: pd.DataFrame) -> Panel:
+    lines, notes, table = [], [], []
     for method, width, points in series_of(rows):
         name = say_series(method, width)
         for threads, of_threads in points.groupby("threads", dropna=False, sort=True):
@@ -85,44 +80,13 @@ def _draw_panel(axis: Axes, rows: pd.DataFrame) -> dict[str, None]:
             if points["status"].eq("ok").any():
                 notes.append(f"{TIMES} {name}: nothing to compare with on one thread")
             continue
-        drawn.append((name, style_of(method, width), scaling))
-    for place, (name, style, scaling) in enumerate(drawn):
-        line = {"color": style["color"], "linestyle": style.get("linestyle", "-")}
-        axis.plot(scaling.threads, scaling.speedup, linewidth=1.2, zorder=2, label="_line", **line)
-        # Series lie close together, so marks are shifted a little; lines are not, which would change their slope.
-        shift_points = 4.0 * (place - (len(drawn) - 1) / 2)
-        beside = offset_copy(axis.transData, axis.get_figure(root=True), x=shift_points, units="points")
-        axis.vlines(scaling.threads, scaling.low, scaling.high, color=style["color"], linewidth=1.1, transform=beside)
-        axis.plot(
-            scaling.threads, scaling.speedup, markersize=5, label=name, transform=beside, zorder=3,
-            **style | {"linestyle": "none"},
-        )  # fmt: skip
-    _finish(axis, [scaling for _, _, scaling in drawn])
-    lines = [
-        (style["color"], [", ".join(filter(None, [name, scaling.split])) + f": {_say_last(scaling)}"])
-        for name, style, scaling in drawn
-    ]
-    write_notes(axis, notes, write_lines(axis, lines))
-    return dict.fromkeys(name for name, _, _ in drawn)
-
-
-def _finish(axis: Axes, series: list[Scaling]) -> None:
-    counts = place_counts(axis, (count for scaling in series for count in scaling.threads), 1.15)
-    values = [value for scaling in series for value in (*scaling.speedup, *scaling.low, *scaling.high)]
-    values = [value for value in values if np.isfinite(value) and value > 0]
-    axis.set_yscale("log", base=2)
-    top = max([1.1, counts[-1], *values])
-    axis.plot([1, counts[-1]], [1, counts[-1]], color=BLACK, linestyle=DOTTED, linewidth=1.2, label=_IDEAL, zorder=4)
-    axis.set_ylim(min([1.0, *values]) / 1.06, top * 1.06)
-    step = 0.2 if top < 3 else 0.5 if top < 6 else 2
-    ticks = [1.0, *(tick for tick in np.arange(0, top * 1.06, step) if tick > 1)] if top < 12 else counts
-    axis.set_yticks(ticks)
-    axis.yaxis.set_minor_formatter(NullFormatter())
-    axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
-    axis.minorticks_off()
-    label_axes(axis, "threads", "speed-up over one thread")
-    if not series:
-        say_nothing_measured(axis)
+        counts = scaling.threads.astype(np.float64)
+        lines.append(Line(name, counts, scaling.speedup, style_of(method, width), (scaling.low, scaling.high)))
+        table.append((", ".join(filter(None, [name, scaling.split])), _say_last(scaling)))
+    if lines:
+        ends = np.array([1.0, max(line.x.max() for line in lines)])
+        lines.append(Line(_IDEAL, ends, ends, {"color": BLACK, "linestyle": DOTTED}, thin=True))
+    return Panel(lines=lines, notes=notes, table=table)
 
 
 def _say_last(scaling: Scaling) -> str:

@@ -30,9 +30,9 @@ WHAT = ("count", "thickness", "transmittance", "layers")
 class GatherOptions(Settings):
     """Raises InputError for values that no ray could use."""
 
-    what: str = option("count", "what is gathered: count, thickness, transmittance or layers", choices=WHAT)
+    what: str = option("count", "reduction of all hits: count, thickness, transmittance or layers", choices=WHAT)
     layers: int = option(8, "the nearest hits that are kept, where layers are gathered")
-    factor: float = option(0.5, "what each triangle lets through, where transmittance is gathered")
+    factor: float = option(0.5, "transmittance of each triangle, where transmittance is gathered")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -66,10 +66,10 @@ GATHER = Workload(
     options=GatherOptions,
     columns=(
         *RESOURCE_COLUMNS,
-        Column("hits_in_all", WHOLE, "hits along all rays, as single rays find them"),
-        Column("hits_missing", WHOLE, "of these, those not found, where hits are counted", over=max),
-        Column("hits_too_many", WHOLE, "hits found beside these, where hits are counted", over=max),
-        Column("pixels_different", WHOLE, "pixels of which something else was gathered than by single rays", over=max),
+        Column("hits_in_all", WHOLE, "hits that single rays find along all rays"),
+        Column("hits_missing", WHOLE, "hits of single rays that the method missed, where hits are counted", over=max),
+        Column("hits_too_many", WHOLE, "hits that single rays do not find, where hits are counted", over=max),
+        Column("pixels_different", WHOLE, "pixels that differ from those of single rays", over=max),
         *PREPARATION_COLUMNS,
         *TIME_COLUMNS,
     ),
@@ -91,17 +91,6 @@ CLOSED = ((0, 1, 6), (1, 2, 6), (2, 0, 6), (2, 1, 0))
 corner in the eye would put every sample in doubt, which takes seconds to decide."""
 
 
-class Gatherings:
-    """Gathers again and again into the same arrays."""
-
-    def __init__(self, tracer: Any, what: Reduction[Any]) -> None:
-        self._tracer, self._what = tracer, what
-        self.latest: Any = None
-
-    def gather(self) -> None:
-        self.latest = self._tracer.gather(self._what, out=self.latest)
-
-
 def measure(point: Point) -> Measured:
     """Build the point's own method, read the memory, and time it against the baselines. Raises InputError and
     MemoryBudgetError as the tracers do, and InputError for a mesh that is not for what is gathered."""
@@ -109,11 +98,13 @@ def measure(point: Point) -> Measured:
     rounds.warm_up(point, rounds.own_and_baselines(rounds.shrunk(point)), lambda tracer: tracer.gather(what), CLOSED)
     with ExitStack() as stack:
         tracers, results = rounds.build_with_baselines(point, stack)
-        gatherings = {name: Gatherings(tracer, what) for name, tracer in tracers.items()}
-        timed = rounds.timed_rounds(point, {name: one.gather for name, one in gatherings.items()})
-        results |= differences(gatherings[OWN].latest, gatherings[SINGLE].latest, what)
-        results |= rounds.plan_and_build_again(tracers[OWN])
-    return rounds.measured(results, timed)
+        gathered = {name: rounds.Gatherings(tracer, what) for name, tracer in tracers.items()}
+
+        def compare() -> dict[str, Any]:
+            found = differences(gathered[OWN].latest(), gathered[SINGLE].latest(), what)
+            return found | rounds.plan_and_build_again(tracers[OWN])
+
+        return rounds.race(point, gathered, compare, results)
 
 
 def differences(own: Any, single: Any, what: Reduction[Any]) -> dict[str, int]:

@@ -6,7 +6,7 @@ import pandas as pd
 from rich.table import Table
 
 from experiments.methods.naming import aligned_rows
-from experiments.workloads.frame_figures import draw_methods_figure, draw_split_ratios
+from experiments.workloads.frame_figures import methods_figure, split_ratios
 from experiments.workloads.gather import GATHER
 from experiments.workloads.panels import where_varies, workload_figure
 from experiments.workloads.tables import best_split_table
@@ -23,11 +23,11 @@ def _over_splits(rows: pd.DataFrame) -> pd.DataFrame:
 
 FIGURES = (
     workload_figure(
-        "gather", "All hits: speed-up over packets that gather the same", GATHER, draw_methods_figure,
+        "gather", "All hits: speed-up over packets that gather the same", GATHER, methods_figure,
         where_varies("method"),
     ),
     workload_figure(
         "figure5_gather", "As figure 5, where every ray gathers all hits: speed-up over horizontal splits", GATHER,
-        draw_split_ratios, _over_splits, per_packet_width=True,
+        split_ratios, _over_splits, per_packet_width=True,
     ),
 )  # fmt: skip

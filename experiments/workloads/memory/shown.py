@@ -7,33 +7,33 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from experiments.drawing.axes import draw_baseline, draw_series, finish_split_axes
-from experiments.drawing.missing import Missing, mark_missing, missing_points, undrawable_points
-from experiments.drawing.pages import add_legend, write_foot
-from experiments.drawing.style import BLACK, BLUE, DASHED, GREEN, ORANGE
+from experiments.drawing.figure import Axis, Figure, Line, Panel, median_level
+from experiments.drawing.missing import Missing, missing_points, undrawable_points
+from experiments.drawing.style import BLUE, DASHED, GREEN, ORANGE
 from experiments.drawing.values import MEBIBYTES, column, numbers
 from experiments.methods.naming import COPIED_ON, FORM_OPTIONS, aligned_forms, aligned_rows, best_of
 from experiments.methods.pixel import PIXEL
 from experiments.results.settings import settings
+from experiments.workloads.frame_figures import SPLIT_AXES
 from experiments.workloads.memory import MEMORY
-from experiments.workloads.panels import draw_panels, make_panels, workload_figure
+from experiments.workloads.panels import figure_of, make_panels, read_panels, workload_figure
+
+PAGE_NOISE_MIB = 1.0
+"""Growth of RSS below which it is noise."""
+_FROM = f" (from {PAGE_NOISE_MIB:.0f} MiB on)"
+_BASELINE = "dashed: one ray per pixel"
 
 # Label -> the column, and whether the process's size with only the mesh loaded is taken off it.
 _SERIES: dict[str, tuple[str, bool, dict[str, Any]]] = {
     "Embree's own account": ("embree_bytes", False, {"color": BLUE, "marker": "o"}),
-    "RSS over the mesh, after the build": ("rss_bytes", True, {"color": GREEN, "marker": "D"}),
-    "peak of RSS over the mesh": ("peak_rss_bytes", True, {"color": ORANGE, "marker": "v"}),
+    f"RSS over the mesh, after the build{_FROM}": ("rss_bytes", True, {"color": GREEN, "marker": "D"}),
+    f"peak of RSS over the mesh{_FROM}": ("peak_rss_bytes", True, {"color": ORANGE, "marker": "v"}),
 }
-PAGE_NOISE_MIB = 1.0
-"""Growth of RSS below which it is noise."""
-_BASELINE = "one ray per pixel (same colours)"
 
 
-def draw_memory_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
+def memory_figure(table: pd.DataFrame) -> Figure:
     """One panel a scene (and a value of any other setting that varies); MiB over splits, both logarithmic.
 
     Every point is one process. Beside Embree's own account stands how much the process has grown since the mesh was
@@ -42,13 +42,10 @@ def draw_memory_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     """
     panels = make_panels(aligned_rows(table), ("split_x", *FORM_OPTIONS))
     panels = [panel for panel in panels if COPIED_ON in aligned_forms(panel.rows)]
-    figure, axes = draw_panels(panels, partial(_draw_panel, table), columns)
-    # A line without data stands in the legend for the dashed lines of all colours.
-    for axis in axes[:1]:
-        axis.plot([], [], color=BLACK, linestyle=DASHED, label=_BASELINE)
-    add_legend(figure, axes, [*_SERIES, _BASELINE])
-    write_foot(figure, table, f"each point is one process; RSS is drawn from {PAGE_NOISE_MIB:.0f} MiB on")
-    return figure
+    return figure_of(
+        "lines", read_panels(panels, partial(_panel, table)), table, "each point is one process",
+        x=SPLIT_AXES["split_x"], y=Axis("memory in MiB"), legend=[*_SERIES, _BASELINE],
+    )  # fmt: skip
 
 
 def memory_mib(rows: pd.DataFrame, name: str, over_mesh: bool = False) -> NDArray[np.float64]:
@@ -71,20 +68,20 @@ def baseline_rows(table: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
     return table[chosen]
 
 
-def _draw_panel(table: pd.DataFrame, axis: Axes, rows: pd.DataFrame) -> None:
+def _panel(table: pd.DataFrame, rows: pd.DataFrame) -> Panel:
     points, baseline = aligned_forms(rows)[COPIED_ON], baseline_rows(table, rows)
     missing: list[Missing] = missing_points(points, "split_x", "culling on", BLUE)
+    lines, levels = [], []
     for label, (name, over_mesh, style) in _SERIES.items():
         value_mib, baseline_mib = (memory_mib(some, name, over_mesh) for some in (points, baseline))
         shown = value_mib >= PAGE_NOISE_MIB if over_mesh else np.full(len(points), True)
-        draw_series(axis, numbers(points[shown], "split_x"), value_mib[shown], style, label=label)
+        lines.append(Line(label, numbers(points[shown], "split_x"), value_mib[shown], style))
         missing += undrawable_points(points[shown], value_mib[shown], "split_x", label, style["color"])
         baseline_mib = baseline_mib[baseline_mib >= PAGE_NOISE_MIB] if over_mesh else baseline_mib
-        draw_baseline(axis, baseline_mib, {"color": style["color"], "linestyle": DASHED})
-    mark_missing(axis, missing)
-    finish_split_axes(axis, points["split_x"], "split_x", "memory in MiB")
+        # The first, of Embree's bytes, stands in the legend for the dashed lines of all colours.
+        dashed = {"color": style["color"], "linestyle": DASHED}
+        levels += median_level("_baseline" if over_mesh else _BASELINE, baseline_mib, dashed)
+    return Panel(lines=lines, levels=levels, crosses=missing)
 
 
-FIGURES = (
-    workload_figure("figure7", "Figure 7: memory over horizontal splits, culling on", MEMORY, draw_memory_figure),
-)
+FIGURES = (workload_figure("figure7", "Figure 7: memory over horizontal splits, culling on", MEMORY, memory_figure),)

@@ -27,7 +27,7 @@ from experiments.harness.records import Record
 from experiments.results.statistics import statistics_columns
 from experiments.workloads import rounds
 from experiments.workloads.baselines import BESIDE_BASELINES, OWN, SINGLE, TIME_COLUMNS, over, over_own, series
-from experiments.workloads.images import IMAGE_COLUMNS, PIXELS, counts, depth_errors
+from experiments.workloads.images import IMAGE_COLUMNS, PIXELS, compared
 from experiments.workloads.resources import PREPARATION, PREPARATION_COLUMNS, RESOURCE_COLUMNS, RESOURCES, say_ms
 
 STILL, KEPT = "own_still", "packets_kept"
@@ -55,7 +55,7 @@ MOVING = Workload(
         *statistics_columns("kept_packets_time{}_s", "the widest packets over a BVH of the world, kept", _kept),
         *statistics_columns("speedup_vs_kept_packets{}", "packets over a BVH of the world / this", over_own(_kept)),
         Column("kept_pixels_wrong", WHOLE, "pixels of packets over a BVH of the world without an excuse", over=max),
-        Column("kept_depth_error_p999", REAL, "what 99.9 % of their depths' relative errors stay below"),
+        Column("kept_depth_error_p999", REAL, "99.9th percentile of the depth errors of packets over a kept BVH"),
     ),
     headline=_headline,
     rays=lambda row: "primary, camera moving",
@@ -115,9 +115,9 @@ class MovingFrames(rounds.Frames):
         super().__init__(tracer)
         self._path = cycle(path)
 
-    def trace(self) -> None:
+    def __call__(self) -> None:
         self._tracer.look(next(self._path))
-        super().trace()
+        super().__call__()
 
 
 def kept_tracer(mesh: Mesh, camera: View, tracing: Tracing, packet_width: int | None = None) -> Tracer:
@@ -137,17 +137,16 @@ def measure(point: Point) -> Measured:
         tracers = {OWN: own} | rounds.build_baselines(point, own, stack)
         tracers[KEPT] = stack.enter_context(kept_tracer(own.mesh, camera, point.tracing))
         path = eyes_around(camera, own.mesh)
-        images: dict[str, rounds.Frames] = {name: MovingFrames(tracer, path) for name, tracer in tracers.items()}
-        calls = {name: one.trace for name, one in images.items()} | {STILL: rounds.Frames(own).trace}
-        timed = rounds.timed_rounds(point, calls)
-        single, kept = images[SINGLE].latest(), images[KEPT].latest()
-        agreements = [compare(images[OWN].latest(), single)]
-        of_kept = compare(kept, single)
-        results |= counts(agreements) | depth_errors(agreements)
-        results |= {
-            "plan_time_s": own.plan_time_s,
-            "build_time_s": own.build_time_s,
-            "kept_pixels_wrong": of_kept.pixels_wrong,
-            "kept_depth_error_p999": of_kept.depth_errors.p999,
-        }
-    return rounds.measured(results, timed)
+        frames: dict[str, rounds.Frames] = {name: MovingFrames(tracer, path) for name, tracer in tracers.items()}
+
+        def compare_last() -> dict[str, Any]:
+            single, kept = frames[SINGLE].latest(), frames[KEPT].latest()
+            of_kept = compare(kept, single)
+            return compared(frames[OWN].latest(), single) | {
+                "plan_time_s": own.plan_time_s,
+                "build_time_s": own.build_time_s,
+                "kept_pixels_wrong": of_kept.pixels_wrong,
+                "kept_depth_error_p999": of_kept.depth_errors.p999,
+            }
+
+        return rounds.race(point, frames | {STILL: rounds.Frames(own)}, compare_last, results)

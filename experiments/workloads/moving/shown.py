@@ -7,18 +7,17 @@ from math import nan
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 from rich.table import Table
 
-from experiments.drawing.bars import Bar
+from experiments.drawing.figure import Bar, Figure, Panel
 from experiments.drawing.style import GREEN
 from experiments.drawing.values import MILLISECONDS, numbers, say_number
 from experiments.methods.naming import best_of, say_split
 from experiments.workloads.frame_figures import over_packets_figure, ratio_bar
 from experiments.workloads.moving import MOVING
-from experiments.workloads.panels import Bars, make_panels, workload_figure
+from experiments.workloads.panels import make_panels, workload_figure
 from experiments.workloads.resources import say_ms
-from experiments.workloads.series import best_points, best_rows, count_series
+from experiments.workloads.series import best_points, best_rows
 from experiments.workloads.tables import best_by_kind, plain, times
 
 _LEFT = ("scene", "method")
@@ -40,7 +39,7 @@ def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
     yield best
 
 
-def draw_moving_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
+def moving_figure(table: pd.DataFrame) -> Figure:
     """One panel a scene (and a value of any other setting that varies); ratios within rounds, from zero.
 
     A bar is a method at its best split, its whisker the interval; a frame includes what a new eye requires. The two
@@ -48,16 +47,15 @@ def draw_moving_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
     """
     panels = make_panels(table, (*best_of(), "packet_width"))
     return over_packets_figure(
-        panels, _bars, columns, table,
-        "right of a label: time of a frame from another eye, packets / method and its interval",
-        "packets that keep a BVH of the world are not as exact", count=lambda rows: count_series(rows) + 1,
+        panels, _bars, table, "time of a frame from another eye, packets / method and its interval",
+        "packets that keep a BVH of the world are not as exact",
     )  # fmt: skip
 
 
-def _bars(rows: pd.DataFrame) -> Bars:
+def _bars(rows: pd.DataFrame) -> Panel:
     found = list(best_points(rows))
     bars = [ratio_bar(one) for one in found if len(one.best)] + _kept_bars(best_rows(rows))
-    return bars, [line for one in found for line in one.notes()]
+    return Panel(bars=bars, notes=[line for one in found for line in one.notes()])
 
 
 def _kept_bars(rows: pd.DataFrame) -> list[Bar]:
@@ -75,7 +73,5 @@ def _median(rows: pd.DataFrame, name: str) -> float:
 
 
 FIGURES = (
-    workload_figure(
-        "moving", "Speed-up over packets of every method while the camera moves", MOVING, draw_moving_figure
-    ),
+    workload_figure("moving", "Speed-up over packets of every method while the camera moves", MOVING, moving_figure),
 )

@@ -97,7 +97,7 @@ MULTIFRAME = Workload(
         *TIME_COLUMNS,
         *_separate_columns("{}_render_time{{}}_s", "", lambda read: read),
         *_separate_columns("speedup_vs_{}{{}}", " / this", over_own),
-        Column("separate_embree_bytes", WHOLE, "what Embree holds for one aligned tracer a frame"),
+        Column("separate_embree_bytes", WHOLE, "Embree's memory for one aligned tracer a frame"),
     ),
     headline=_headline,
     room=__name__,
@@ -211,9 +211,11 @@ def measure(point: Point) -> Measured:
             "baseline_build_time_s": float(tracers[SINGLE].build_time_s),
             "separate_embree_bytes": int(tracers[SEPARATE].embree_bytes),
         }
-        images = {name: rounds.Frames(tracer) for name, tracer in tracers.items()}
-        timed = rounds.timed_rounds(point, {name: one.trace for name, one in images.items()})
-        pairs = zip(images[OWN].latest().images, images[SINGLE].latest().images, strict=True)
-        agreements = [compare(hits, reference) for hits, reference in pairs]
-        results |= counts(agreements) | depth_errors(agreements) | rounds.plan_and_build_again(own)
-    return rounds.measured(results, timed)
+        frames = {name: rounds.Frames(tracer) for name, tracer in tracers.items()}
+
+        def compare_all() -> dict[str, Any]:
+            pairs = zip(frames[OWN].latest().images, frames[SINGLE].latest().images, strict=True)
+            agreements = [compare(hits, reference) for hits, reference in pairs]
+            return counts(agreements) | depth_errors(agreements) | rounds.plan_and_build_again(own)
+
+        return rounds.race(point, frames, compare_all, results)

@@ -9,23 +9,19 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from rich.table import Table
 
-from experiments.drawing.axes import draw_baseline, draw_series, label_axes, place_counts, say_nothing_measured
-from experiments.drawing.bars import Bar
-from experiments.drawing.pages import add_legend, make_figure, set_panel_title, write_foot, write_notes, write_table
-from experiments.drawing.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, TIMES, VERMILLION
+from experiments.drawing.figure import Axis, Bar, Figure, Line, Panel
+from experiments.drawing.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, TIMES, VERMILLION
 from experiments.drawing.values import MEBIBYTES, MILLISECONDS, column, drawable, interval, numbers, say_number
 from experiments.methods.naming import best_of, say_split
 from experiments.results.settings import settings_that_vary
 from experiments.workloads.baselines import TIME_BASELINES
 from experiments.workloads.multiframe import MULTIFRAME
-from experiments.workloads.panels import Bars, bars_figure, make_panels, workload_figure
+from experiments.workloads.panels import PanelRows, figure_of, make_panels, read_panels, workload_figure
 from experiments.workloads.resources import say_ms
-from experiments.workloads.series import OVER_PACKETS, choosing, say_ratio, say_unmeasured, say_wrong
+from experiments.workloads.series import OVER_PACKETS, choosing, say_ratio, say_unmeasured, say_wrong, time_levels
 from experiments.workloads.tables import best_rows_by, grid_of, narrow_table, plain, times, varying_words
 
 _RATIOS = {
@@ -112,35 +108,24 @@ _LABELS = {
 }  # fmt: skip
 
 
-def draw_stereo_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
+def stereo_figure(table: pd.DataFrame) -> Figure:
     """One panel a scene (and a value of any other setting that varies).
 
     A bar is the time of both images in milliseconds at the way's best split, its whisker the interval. Single rays and
     packets per pixel, eye by eye, are the two lines: the median of the points, with a band from quartile to quartile.
     """
-    panels = make_panels(table, (*best_of(), "motion", "frames"))
-    foot = (
-        "right of a label: the time, and over both together at that split: packets (first bar), each eye (the others); "
-        "without plan and build"
-    )
-    return bars_figure(
-        panels, _bars, "time of both images in ms", columns, table, foot,
-        draw_lines=_draw_baselines, legend=list(TIME_BASELINES), count=lambda rows: len(_LABELS),
+    panels = read_panels(make_panels(table, (*best_of(), "motion", "frames")), _bars)
+    told = "the time, and over both together at that split: packets (first bar), each eye (the others)"
+    return figure_of(
+        "bars", panels, table, "without plan and build", x=Axis("time of both images in ms", "linear"),
+        legend=list(TIME_BASELINES), headings=("", told),
     )  # fmt: skip
 
 
-def _bars(rows: pd.DataFrame) -> Bars:
+def _bars(rows: pd.DataFrame) -> Panel:
     bars = [_make_bar(rows, way, label) for way, label in _LABELS.items()]
-    return bars, [*say_wrong(rows, ""), *say_unmeasured(rows, TOGETHER.label)]
-
-
-def _draw_baselines(axis: Axes, rows: pd.DataFrame) -> float:
-    if all(best_place(rows, way) is None for way in _LABELS):
-        say_nothing_measured(axis)
-    return max(
-        draw_baseline(axis, numbers(rows, name) * MILLISECONDS, style, label, upright=True)
-        for label, (name, style) in TIME_BASELINES.items()
-    )
+    notes = [*say_wrong(rows, ""), *say_unmeasured(rows, TOGETHER.label)]
+    return Panel(bars=bars, levels=time_levels(rows), notes=notes)
 
 
 def _make_bar(rows: pd.DataFrame, way: Way, label: str) -> Bar:
@@ -159,35 +144,30 @@ MOTIONS = {"eyes": "two eyes", "walk": "the camera walks", "turn": "the mesh tur
 """In words, in the order of the panels."""
 
 _PEAK = "peak of RSS over the mesh"
-_HEADINGS = ("over aligned", "visible-first", "rasteriser", "packets")
+_HEADINGS = ("times as fast together", "aligned, frame by frame", "visible-first", "rasteriser", "packets")
 
 
-def draw_multiframe_figure(table: pd.DataFrame, columns: int = 2) -> Figure:
+def multiframe_figure(table: pd.DataFrame) -> Figure:
     """Two panels a scene and motion (and a value of any other setting that varies): milliseconds per frame over the
     number of frames, and the memory of all frames in MiB.
 
     A line is a way to trace the frames, at its best split for each number of frames, with bars over intervals. Bytes
-    are those of the same points, read before anything else was built. Below a panel: how many times as fast the frames
+    are those of the same points, read before anything else was built. Beside a panel: how many times as fast the frames
     are together.
     """
     motions = [motion for motion in MOTIONS if column(table, "motion").eq(motion).any()]
-    panels = make_panels(table, (*best_of(), "motion", "frames"))
-    pairs = [
-        (panel, motion, rows) for panel in panels for motion in motions if len(rows := _of_motion(panel.rows, motion))
-    ]
-    figure, axes = make_figure(2 * len(pairs), columns, panel_height=4.4)
-    for (panel, motion, rows), left, right in zip(pairs, axes[::2], axes[1::2], strict=True):
-        set_panel_title(left, f"{panel.title}: {MOTIONS[motion]}", panel.stands_for)
-        _draw_times(left, rows)
-        set_panel_title(right, f"{panel.scene}: {MOTIONS[motion]}, memory", panel.stands_for)
-        _draw_memory(right, rows)
-    add_legend(figure, axes, [*(way.label for way in WAYS), _PEAK])
-    write_foot(
-        figure, table,
-        "below a panel: how many times as fast all frames together are at their best split, with intervals; plan and "
-        "build are not in these times; memory in the colours of the times is Embree's own account",
+    panels: list[Panel] = []
+    for one in make_panels(table, (*best_of(), "motion", "frames")):
+        for motion in motions:
+            if len(rows := _of_motion(one.rows, motion)):
+                moving = PanelRows(one.scene, one.details, rows)
+                panels.append(moving.panel(_times(rows), f": {MOTIONS[motion]}"))
+                panels.append(moving.panel(_memory(rows), f": {MOTIONS[motion]}, memory"))
+    return figure_of(
+        "lines", panels, table, "with intervals, at the best split; plan and build are not in these times; memory in "
+        "the colours of the times is Embree's own account",
+        x=Axis("frames", "ticks"), legend=[*(way.label for way in WAYS), _PEAK], headings=_HEADINGS,
     )  # fmt: skip
-    return figure
 
 
 def _of_motion(rows: pd.DataFrame, motion: str) -> pd.DataFrame:
@@ -204,38 +184,32 @@ def _best_rows(rows: pd.DataFrame, way: Way) -> pd.DataFrame:
     return rows.iloc[found]
 
 
-def _draw_times(axis: Axes, rows: pd.DataFrame) -> None:
+def _times(rows: pd.DataFrame) -> Panel:
+    lines = []
     for way in WAYS:
         best = _best_rows(rows, way)
         frames = numbers(best, "frames")
-        middle, *ends = (times / frames for times in interval(best, way.time, MILLISECONDS))
-        draw_series(axis, frames, middle, way.style, ends, way.label)
-    _finish(axis, rows, "time per frame in ms")
-    entries = [
-        (GREY, f"{row['frames']} frames, {say_split(row)}", [say_speedup(row, way) or "-" for way in WAYS[1:]])
+        middle, low, high = (times / frames for times in interval(best, way.time, MILLISECONDS))
+        lines.append(Line(way.label, frames, middle, way.style, (low, high)))
+    table = [
+        (f"{row['frames']} frames, {say_split(row)}", *(say_speedup(row, way) or "-" for way in WAYS[1:]))
         for _, row in _best_rows(rows, TOGETHER).iterrows()
     ]
     wrong = [line for frames, of_count in rows.groupby("frames") for line in say_wrong(of_count, f"{frames} frames")]
-    write_notes(axis, [*wrong, *say_unmeasured(rows, TOGETHER.label)], write_table(axis, _HEADINGS, entries))
+    notes = [*wrong, *say_unmeasured(rows, TOGETHER.label)]
+    return Panel(lines=lines, notes=notes, table=table, y=Axis("time per frame in ms", "linear"))
 
 
-def _draw_memory(axis: Axes, rows: pd.DataFrame) -> None:
+def _memory(rows: pd.DataFrame) -> Panel:
     best = _best_rows(rows, TOGETHER)
-    for way, name in ((TOGETHER, "embree_bytes"), (SEPARATE_FRAMES, "separate_embree_bytes")):
-        draw_series(axis, numbers(best, "frames"), numbers(best, name) * MEBIBYTES, way.style, label="_")
+    frames = numbers(best, "frames")
     grown = (numbers(best, "peak_rss_bytes") - numbers(best, "rss_mesh_bytes")) * MEBIBYTES
-    draw_series(axis, numbers(best, "frames"), grown, {"color": PURPLE, "marker": "^"}, label=_PEAK)
-    _finish(axis, rows, "memory of all frames in MiB")
-
-
-def _finish(axis: Axes, rows: pd.DataFrame, quantity: str) -> None:
-    """Frames on a logarithmic axis with a tick for each number, the ordinate from zero."""
-    place_counts(axis, column(rows, "frames").dropna(), 1.25)
-    if any(drawable(np.asarray(line.get_ydata(), np.float64)).any() for line in axis.get_lines()):
-        axis.set_ylim(0, 1.08 * axis.dataLim.y1)
-    else:
-        say_nothing_measured(axis)
-    label_axes(axis, "frames", quantity)
+    lines = [
+        Line(way.label, frames, numbers(best, name) * MEBIBYTES, way.style)
+        for way, name in ((TOGETHER, "embree_bytes"), (SEPARATE_FRAMES, "separate_embree_bytes"))
+    ]
+    lines.append(Line(_PEAK, frames, grown, {"color": PURPLE, "marker": "^"}))
+    return Panel(lines=lines, y=Axis("memory of all frames in MiB", "linear"))
 
 
 def _of_eyes(rows: pd.DataFrame) -> pd.DataFrame:
@@ -244,10 +218,10 @@ def _of_eyes(rows: pd.DataFrame) -> pd.DataFrame:
 
 FIGURES = (
     workload_figure(
-        "stereo", "Time of the images of both eyes, together and eye by eye", MULTIFRAME, draw_stereo_figure, _of_eyes
+        "stereo", "Time of the images of both eyes, together and eye by eye", MULTIFRAME, stereo_figure, _of_eyes
     ),
     workload_figure(
         "multiframe", "Time per frame and memory over the number of frames, together and frame by frame", MULTIFRAME,
-        draw_multiframe_figure, lambda rows: rows.drop(_of_eyes(rows).index),
+        multiframe_figure, lambda rows: rows.drop(_of_eyes(rows).index),
     ),
 )  # fmt: skip

@@ -49,15 +49,31 @@ class ScenePictures:
     difference: bytes
 
 
-def read_pictures(table: pd.DataFrame, records: Path) -> list[ScenePictures]:
-    """The pictures of the table's rows that have some, in its order. records: the folder of the records."""
+KEPT = "pictures"
+"""Folder beside a kept table that holds its pictures as `<scene>_aligned.png` and the like, where records are gone."""
+
+
+def read_pictures(table: pd.DataFrame, folder: Path) -> list[ScenePictures]:
+    """The pictures of the table's rows that have some, in its order. folder: of the sweep; `records` is beside it."""
     found = []
     for _, row in table[(table["workload"] == PICTURE.name) & (table["status"] == "ok")].iterrows():
-        record = load_record(records, row["point_id"])
-        if record is None:
+        images = _of_record(folder.parent / "records", row["point_id"]) or _kept(folder / KEPT, str(row["scene"]))
+        if images is None:
             continue
         numbers: dict[str, Any] = {name: int(row[name]) for name in ("triangles", "width", "height", *PIXELS)}
-        images: dict[str, Any] = {name: base64.b64decode(text) for name, text in record.results["pictures"].items()}
         stands_for = None if pd.isna(row["stands_for"]) else str(row["stands_for"])
         found.append(ScenePictures(scene=str(row["scene"]), stands_for=stands_for, **numbers, **images))
     return found
+
+
+def _of_record(records: Path, point_id: str) -> dict[str, Any] | None:
+    record = load_record(records, point_id)
+    if record is None:
+        return None
+    return {name: base64.b64decode(text) for name, text in record.results["pictures"].items()}
+
+
+def _kept(folder: Path, scene: str) -> dict[str, Any] | None:
+    paths = {name: folder / f"{scene}_{name}.png" for name in ("aligned", "pixel", "difference")}
+    are_kept = all(path.exists() for path in paths.values())
+    return {name: path.read_bytes() for name, path in paths.items()} if are_kept else None

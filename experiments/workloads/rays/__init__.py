@@ -28,7 +28,7 @@ from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, over, series
 from experiments.workloads.batches import camera_rays, random_rays
 from experiments.workloads.rays.judging import judged, sample_of, truth_of
-from experiments.workloads.rounds import load_mesh, measured, timed_rounds
+from experiments.workloads.rounds import load_mesh, race
 
 LIBRARY, STAND_IN = "library", "stand_in"
 """Names in the samples: `atra.RayScene`, and atra's stand-in for the method's own class, where there is one."""
@@ -43,7 +43,7 @@ direction. incoherent: as many, from anywhere in the mesh's box, every way as li
 class RaysOptions(Settings):
     """What is asked of which rays."""
 
-    question: str = option("closest", "what is asked of rays: closest, any, count, all, or contains", choices=QUESTIONS)
+    question: str = option("closest", "question: closest, any, count, all, or contains", choices=QUESTIONS)
     ray_batch: str = option(
         "coherent", "coherent, parallel or incoherent rays; contains asks of random points", choices=BATCHES
     )
@@ -83,14 +83,14 @@ RAYS = Workload(
     options=RaysOptions,
     columns=(
         *statistics_columns("answer_time{}_s", "one call of the method, conversions of arrays included", _own),
-        *statistics_columns("answer_library_time{}_s", "the same by `atra.RayScene`", _library),
+        *statistics_columns("answer_library_time{}_s", "one call of `atra.RayScene`", _library),
         *statistics_columns("answer_gain{}", "the method's time / the library's, in the same rounds", _gain),
         *statistics_columns("stand_in_gain{}", "the method's time / its stand-in's", _stand_in_gain),
         Column("asked", WHOLE, "rays, or points, of one call"),
         Column("judged", WHOLE, "rays, or points, whose answers were judged"),
-        Column("judged_hits", WHOLE, "hits of these; of the closest one, rays that hit; of points, those inside"),
+        Column("judged_hits", WHOLE, "hits of the judged rays; for closest, rays that hit; for points, points inside"),
         *(
-            Column(f"{prefix}{fault}", WHOLE, f"of the judged hits, those that {who} {what}", over=max)
+            Column(f"{prefix}{fault}", WHOLE, f"judged hits that {who} {what}", over=max)
             for prefix, who in JUDGED.items()
             for fault, what in (("lost", "lost"), ("extra", "found twice, or where there are none"))
         ),
@@ -120,8 +120,7 @@ def measure(point: Point) -> Measured:
         for prefix, name in (("", OWN), ("library_", LIBRARY)):
             lost, extra = judged(asked.question, answers[name], sample, truth, mesh, some)
             results |= {f"{prefix}lost": lost, f"{prefix}extra": extra}
-        timed = timed_rounds(point, calls)
-    return measured(results, timed)
+        return race(point, calls, results=results)
 
 
 def _given(asked: RaysOptions, mesh: Mesh, camera: Camera) -> tuple[NDArray[np.float32], ...]:

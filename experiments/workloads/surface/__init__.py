@@ -24,7 +24,7 @@ from experiments.harness.records import Record
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, over, series
 from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms
-from experiments.workloads.rounds import Frames, build_own, make_single, measured, shrunk, timed_rounds, warm_up
+from experiments.workloads.rounds import Frames, build_own, make_single, race, shrunk, warm_up
 from experiments.workloads.surface.surface_kernels import Surface, surface_kernel
 
 OWN_SURFACE, PLAIN_PACKETS, PACKETS_SURFACE = "own_surface", "packets", "packets_surface"
@@ -49,8 +49,10 @@ SURFACE = Workload(
         *statistics_columns("surface_time{}_s", "one frame, and u, v and normals on demand", _surface),
         *statistics_columns("packets_time{}_s", "the widest packets per pixel", _packets),
         *statistics_columns("packets_surface_time{}_s", "the widest packets, storing u, v and normals", _stored),
-        *statistics_columns("surface_over_frame{}", "with u, v and normals / without", over(_surface, _own)),
-        *statistics_columns("packets_surface_over_frame{}", "the same of packets per pixel", over(_stored, _packets)),
+        *statistics_columns("surface_over_frame{}", "frame with u, v, normals / frame without", over(_surface, _own)),
+        *statistics_columns(
+            "packets_surface_over_frame{}", "packets with u, v and normals / packets without", over(_stored, _packets)
+        ),
         *statistics_columns(
             "speedup_vs_packets_with_surface{}", "packets / this, both with u, v and normals", over(_stored, _surface)
         ),
@@ -120,13 +122,11 @@ def measure(point: Point) -> Measured:
         demanded = Frames(own)
 
         def trace_and_ask() -> None:
-            demanded.trace()
+            demanded()
             surface_of(demanded.latest())
 
         trace_and_ask()  # compiles what computes them
-        calls = {name: one.trace for name, one in frames.items()}
-        timed = timed_rounds(point, calls | {OWN_SURFACE: trace_and_ask})
-    return measured(results, timed)
+        return race(point, {**frames, OWN_SURFACE: trace_and_ask}, results=results)
 
 
 def surface_of(hits: Hits) -> tuple[NDArray[np.float32], ...]:

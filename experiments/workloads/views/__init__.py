@@ -26,7 +26,7 @@ from experiments.methods.peers.peer import PreparedRays
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, over, series
 from experiments.workloads.batches import camera_rays, random_rays
-from experiments.workloads.rounds import load_mesh, measured, timed_rounds
+from experiments.workloads.rounds import load_mesh, race
 
 LIBRARY = "library"
 """Name in the samples of `atra.render_views` or `atra.RayScene.intersect`."""
@@ -41,7 +41,7 @@ call with as many rays as the image has pixels, of the camera or random in the m
 class ViewsOptions(Settings):
     """What is asked for."""
 
-    job: str = option("views", "what is asked for: views, camera_rays or random_rays", choices=JOBS)
+    job: str = option("views", "job to do: views, camera_rays or random_rays", choices=JOBS)
     views: int = whole(20, "cameras, where views are asked for", 1)
 
 
@@ -69,7 +69,7 @@ VIEWS = Workload(
     options=ViewsOptions,
     columns=(
         *statistics_columns("job_time{}_s", "all views, or all rays, by the method", _own),
-        *statistics_columns("library_time{}_s", "the same by the library, called without options", _library),
+        *statistics_columns("library_time{}_s", "all views, or all rays, by the library", _library),
         *statistics_columns("library_gain{}", "the method's time / the library's, in the same rounds", _gain),
         Column("ids_equal", REAL, "least share of pixels, or rays, with the same triangle", over=min),
     ),
@@ -114,8 +114,8 @@ def measure(point: Point) -> Measured:
         else:
             own, library = _of_rays(point, mesh, stack)
         ids_equal = min(float((one == other).mean()) for one, other in zip(own(), library(), strict=True))
-        timed = timed_rounds(point, {OWN: lambda: _exhaust(own()), LIBRARY: lambda: _exhaust(library())})
-    return measured({"ids_equal": ids_equal}, timed)
+        contestants = {OWN: lambda: _exhaust(own()), LIBRARY: lambda: _exhaust(library())}
+        return race(point, contestants, results={"ids_equal": ids_equal})
 
 
 def _of_views(point: Point, mesh: Mesh) -> tuple[Callable[[], Ids], Callable[[], Ids]]:

@@ -14,7 +14,7 @@ import pytest
 from atra.compiled.instruction_sets import VARIABLE
 from experiments.harness.processes.launching import run_worker
 from experiments.harness.processes.worker import CANNOT_WRITE, Job
-from experiments.registry import FIND
+from experiments.registry import KINDS
 from tests.folders import ROOT
 from tests.harness.processes.test_outcome import GOOD, POINT
 
@@ -171,8 +171,8 @@ def test_what_a_worker_prints_is_read_whatever_the_system_s_encoding(monkeypatch
 @pytest.mark.parametrize("platform", [sys.platform, "win32"])
 def test_the_worker_of_a_killed_run_does_not_outlive_it(platform):
     sleeping = (
-        "import experiments.harness.processes.worker as w, sys, time; from experiments.registry import FIND; "
-        f"sys.platform = {platform!r}; w.measure_point = lambda _: time.sleep(600); w.run_job(FIND)"
+        "import experiments.harness.processes.worker as w, sys, time; from experiments.registry import KINDS; "
+        f"sys.platform = {platform!r}; w.measure_point = lambda _: time.sleep(600); w.run_job(KINDS)"
     )
     run = (
         "import sys; from experiments.harness.processes.launching import run_worker; "
@@ -194,10 +194,10 @@ def test_the_worker_of_a_killed_run_does_not_outlive_it(platform):
 def test_a_worker_that_may_write_nothing_more_says_so(tmp_path):
     # Past this limit the system refuses to write, as a full disk does, for the result and for words alike.
     limited = (
-        "import resource, experiments.harness.processes.worker as w; from experiments.registry import FIND; "
+        "import resource, experiments.harness.processes.worker as w; from experiments.registry import KINDS; "
         "from experiments.harness.point import Measured; "
         "w.measure_point = lambda _: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0)) or Measured({'a': 1}); "
-        "w.run_job(FIND)"
+        "w.run_job(KINDS)"
     )
     outcome = run_worker(POINT, [sys.executable, "-c", limited])
     assert outcome.status == "failed"
@@ -207,4 +207,4 @@ def test_a_worker_that_may_write_nothing_more_says_so(tmp_path):
 def test_a_job_survives_its_line(tmp_path):
     job = Job(replace(POINT, scene="two\nlines"), str(tmp_path), os.getpid())
     assert "\n" not in job.to_json()
-    assert Job.from_json(job.to_json(), FIND) == job
+    assert Job.from_json(job.to_json(), KINDS) == job

@@ -42,8 +42,8 @@ def modules_of_worker(point, folder):
     """Names of all modules that a worker has imported when its point is measured."""
     told = folder / "modules"
     code = (
-        "import sys; from experiments.harness.processes.worker import run_job; from experiments.registry import FIND; "
-        f"run_job(FIND); open({str(told)!r}, 'w').write(' '.join(sys.modules))"
+        "import sys; from experiments.harness.processes.worker import run_job; from experiments.registry import KINDS; "
+        f"run_job(KINDS); open({str(told)!r}, 'w').write(' '.join(sys.modules))"
     )
     outcome = run_worker(replace(point, memory_budget_gib=1.0), [sys.executable, "-c", code])
     assert (outcome.status, outcome.error) == ("ok", None)

@@ -3,31 +3,22 @@
 import importlib.util
 import threading
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import trimesh
-from hydra import compose, initialize_config_dir
 from PIL import Image
 
 import atra
 from atra import light as render
 from atra.errors import InputError
 from atra.light import Baker, BakeScene, ProgressiveBake, Surface, save_maps, save_model
-from atra.light.lightmaps.maps import LIGHTS
 from examples import bake
-from experiments.commands import making
-from experiments.harness.configuration import register_schema
-from experiments.registry import known_kinds
-from experiments.sweeper import register_sweeper
-from experiments.workloads.bake.measure import bake_scene
+from experiments.light.bake.measure import bake_scene
 from experiments.workloads.rounds import load_mesh
 from scenes.lit.lighting import lit
 from tests.baked import baked, cube, sheet
-from tests.commands.test_command_line import run
-from tests.folders import ROOT
-from tests.points import configured, planned
+from tests.points import planned
 
 BOX = cube(inwards=True)
 COLOURS = np.repeat([(0.7, 0.6, 0.5), (0.2, 0.4, 0.1)], 6, axis=0)
@@ -119,14 +110,7 @@ def test_panes_of_a_model_are_a_mesh_of_their_own_that_blends(tmp_path):
         assert (colours[:, 3] == opacity).all() if colours.shape[1] == 4 else opacity == 255
 
 
-def test_the_verb_bakes_a_scene_in_its_own_materials_and_measurements_in_plain_ones():
-    register_schema(known_kinds())
-    register_sweeper()
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        assert compose("config", ["+verb=bake"]).workload.materials == "own"
-        for path in (ROOT / "conf" / "sweep").glob("bake*.yaml"):
-            workload = compose("config", [f"sweep={path.stem}"]).workload
-            assert workload.get("materials", "plain") == "plain", path
+def test_a_measured_bake_has_plain_materials_unless_the_scene_s_own_are_asked_for():
     room = {"name": "living_room"}
     own, plain = (planned("raster", "bake", scene=room, asked=asked).point for asked in ({"materials": "own"}, {}))
     mesh = load_mesh(own)
@@ -142,66 +126,6 @@ def test_the_verb_bakes_a_scene_in_its_own_materials_and_measurements_in_plain_o
     assert not grey.surface.emission.any()
     dark = replace(own, workload_options=replace(own.workload_options, albedo=0.25))
     np.testing.assert_array_equal(bake_scene(dark, mesh).surface.albedo, np.full_like(colours.albedo, 0.25))
-
-
-@pytest.mark.skipif(importlib.util.find_spec("xatlas") is None, reason="xatlas is not installed (extra `bake`)")
-def test_the_command_bakes_a_scene_by_name_under_the_sky_of_a_file(tmp_path):
-    (tmp_path / "sky.hdr").write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n" + bytes([128] * 4))
-    told = run(
-        tmp_path, "bake", "scene=cornell_box", "output=out", "workload.size=48", "workload.final_samples=4",
-        "workload.priority=true", "width=32", "height=32", "workload.sky=sky.hdr", "workload.lights=grid",
-        "workload.adaptive=true",
-    )  # fmt: skip
-    assert told.returncode == 0, told.stderr
-    assert "texels in 18 charts on 48 x 48" in told.stdout
-    assert {"combined.exr", "combined.png", "charts.png", "scene.glb"} <= {
-        path.name for path in (tmp_path / "out").iterdir()
-    }
-    assert np.asarray(Image.open(tmp_path / "out" / "environment.png")).max() > 0
-
-
-def test_the_bar_of_an_adaptive_bake_comes_to_its_end(monkeypatch):
-    shown, kept = [], []
-    monkeypatch.setattr(making.Progress, "update", lambda self, task, completed: shown.append(completed))
-    views = SimpleNamespace(keep=lambda name, lightmap: kept.append(name))
-    dark = replace(SCENE, surface=Surface.plain(BOX, 0.02))
-    with Baker(dark, ATLAS, threads=1, adaptive=True) as baker:
-        making._bake(baker, 1024, views)
-        assert baker.samples.mean() < 1024
-    assert shown == sorted(shown)
-    assert shown[-1] == 1.0
-    assert kept == ["view_1", "view_16", "view_256"]
-
-
-@pytest.mark.skipif(importlib.util.find_spec("xatlas") is None, reason="xatlas is not installed (extra `bake`)")
-@pytest.mark.parametrize("workload", [{}, {"denoise": True}])
-def test_an_interrupted_bake_writes_what_there_is_whole_and_shows_what_the_camera_saw(
-    tmp_path, monkeypatch, capsys, workload
-):
-    if workload:
-        pytest.importorskip("pyoidn", reason="pyoidn is not installed: pip install -e '.[denoise]'")
-    passes, advance = [], Baker.advance
-
-    def interrupted(self, target, stop=None):
-        passes.append(target)
-        if len(passes) == 3:
-            raise KeyboardInterrupt
-        return advance(self, target, stop)
-
-    monkeypatch.setattr(Baker, "advance", interrupted)
-    monkeypatch.setattr(
-        "experiments.commands.messages.picture_restriction", lambda name: f"so says the owner of {name}"
-    )
-    asked = {"size": 32, "final_samples": 64, **workload}
-    folder = making.run_bake(configured("raster", "bake", (32, 24), asked=asked, output=str(tmp_path / "out")))
-    assert capsys.readouterr().err == "not to be published: so says the owner of cornell_box\n"
-    lights = {f"{name}.{end}" for name in (*LIGHTS, "openness") for end in ("exr", "png")}
-    others = {"occupancy.png", "charts.png", "view_clay.png", "view_1.png", "view.png", "scene.glb"}
-    assert {path.name for path in folder.iterdir()} == lights | others
-    assert {np.asarray(Image.open(folder / f"view{name}.png")).shape for name in ("", "_clay", "_1")} == {(24, 32, 3)}
-    seen = [np.asarray(Image.open(folder / name), float) for name in ("view_1.png", "view.png")]
-    assert seen[1].std() > 10
-    assert not alive()
 
 
 @pytest.mark.skipif(importlib.util.find_spec("xatlas") is None, reason="xatlas is not installed (extra `bake`)")

@@ -3,6 +3,7 @@
 import functools
 import http.server
 import os
+import sys
 import threading
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from scipy.ndimage import minimum_filter
 
 import atra
 from atra import light
+from atra.command.main import main
 from atra.errors import InputError
 from atra.files.gltf.tree import gltf_tree
 from atra.light import Atlas, Baker, BakeScene, save_lit_model
@@ -22,7 +24,6 @@ from atra.light.lightmaps.finish.seams import Seams
 from atra.light.lightmaps.finish.views import looked_up
 from atra.light.pictures.files import png_of
 from tests.browser import chromium
-from tests.command import run_here
 
 LAMP = {"type": "point", "intensity": 30.0, "name": "lamp"}
 
@@ -166,12 +167,10 @@ def linear(levels):
     return np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
 
 
-def test_the_command_bakes_a_gltf_into_a_model_that_keeps_its_materials_and_a_page(source, tmp_path):
-    told = run_here(
-        tmp_path, "bake", str(source), "output=out", "workload.size=48", "workload.final_samples=2", "width=16",
-        "height=16",
-    )  # fmt: skip
-    assert told.returncode == 0, told.stderr
+def test_the_command_bakes_a_gltf_into_a_model_that_keeps_its_materials_and_a_page(source, tmp_path, monkeypatch):
+    given = "--out", str(tmp_path / "out"), "--size", "48", "--samples", "2", "--threads", "1"
+    monkeypatch.setattr(sys, "argv", ["atra", "bake", str(source), *given])
+    assert main() == 0
     assert {"scene.glb", "lit.glb", "lit.html", "lit_light.exr"} <= {one.name for one in (tmp_path / "out").iterdir()}
     tree, before = (gltf_tree(one.read_bytes(), "glb") for one in (tmp_path / "out" / "lit.glb", source))
     assert {one["name"] for one in tree["materials"]} == {one["name"] for one in before["materials"]}

@@ -7,6 +7,7 @@ import trimesh
 import atra
 from atra.light import Texels
 from atra.light.lightmaps.priority import visible_texels
+from atra.rays.kernel_scene import KernelScene
 from tests.baked import cube, sheet
 from tests.meshes import joined
 
@@ -37,7 +38,7 @@ def seen(mesh, place):
     there = moved(mesh, place)
     texels = Texels.of(there, sheet(there, 30))
     found = []
-    with atra.RayScene(there, threads=1) as scene:
+    with KernelScene(there, threads=1) as scene:
         for view in views(place):
             with atra.RasterTracer(there, view, threads=1) as tracer:
                 found.append(visible_texels(texels, tracer.trace(), scene))

@@ -263,12 +263,6 @@ def through(make, scene=None, **options):
         return renderer.image, renderer.ray_count
 
 
-def test_a_ray_scene_given_for_the_rays_of_paths_makes_the_same_bits():
-    (image, rays), (expected, own) = through(partial(atra.RayScene, threads=1)), through(None)
-    np.testing.assert_array_equal(image, expected)
-    assert rays == own
-
-
 def test_what_traces_batches_needs_waves():
     with pytest.raises(atra.InputError, match=r"order is 'depth_first' with rays given, expected 'waves'"):
         through(atra.RayScene, order="depth_first")

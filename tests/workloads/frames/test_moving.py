@@ -11,9 +11,9 @@ from experiments.harness.method import Tracing
 from experiments.results.terminal import results_console
 from experiments.workloads.baselines import OWN, SINGLE
 from experiments.workloads.moving import EYES, KEPT, RADIUS, STILL, MovingFrames, eyes_around, kept_tracer
-from experiments.workloads.moving.shown import draw_moving_figure, sweep_lines
+from experiments.workloads.moving.shown import moving_figure, sweep_lines
 from experiments.workloads.rounds import expert_packet_widths
-from tests.drawn import bars, line, make_rows, method_row, whiskers, words
+from tests.drawn import bars, level, make_rows, method_row, whiskers, words
 from tests.images import assert_no_pixel_wrong, trace_pixels
 from tests.meshes import cornell_box, cornell_camera
 from tests.points import measured
@@ -41,7 +41,7 @@ def test_every_frame_is_of_the_next_camera():
         frames = MovingFrames(tracer, PATH[:2])
         seen = []
         for _ in range(3):
-            frames.trace()
+            frames()
             seen.append(frames.latest().camera)
         assert seen == [PATH[0], PATH[1], PATH[0]]
 
@@ -77,13 +77,13 @@ def test_the_figure_draws_every_method_at_its_best_split_and_packets_that_keep_t
         moving_row("aligned", 128, 0.04, 1.5),
         moving_row("raster", 1, 0.01, 5.5, pixels_wrong=3) | {"split_x": None, "split_y": None},
     )
-    figure = draw_moving_figure(table)
-    (axis,) = figure.axes
+    figure = moving_figure(table)
+    (axis,) = figure.panels
     assert bars(axis) == {
         f"aligned, packets of 8, 128 {TIMES} 1": 1.5, "rasteriser": 5.5, "packets, BVH of the world kept": 2.0,
     }  # fmt: skip
     assert whiskers(axis)[:2] == [[1.75, 2.25]] * 2
-    assert set(line(axis, "fastest packets per pixel")) == {1}
+    assert level(axis, "fastest packets per pixel") == 1
     assert f"10.0 ms, 5.50{TIMES} [1.75, 2.25]" in words(figure)
     assert "25.0 ms" in words(figure)
     assert "3 pixels wrong" in words(figure)

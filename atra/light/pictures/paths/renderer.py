@@ -31,7 +31,7 @@ from atra.light.pictures.renderer import Primary, Renderer
 from atra.light.scene import Scene
 from atra.light.surface_kernels import Surfaces
 from atra.light.tables import surfaces_of
-from atra.rays.scene import Query, RayScene
+from atra.rays.kernel_scene import Query
 
 
 class PathRenderer(Renderer):
@@ -52,8 +52,8 @@ class PathRenderer(Renderer):
     scene, camera, primary :
         As for `Renderer`.
     rays : optional
-        Makes what traces rays, of the mesh, for `order="waves"`: a `RayScene`, as without it, or a `BatchScene`, which
-        takes a wave as one batch, without surfaces that have holes.
+        Makes what traces rays, of the mesh, for `order="waves"`: a `BatchScene`, which takes a wave as one batch,
+        without surfaces that have holes.
     threads, packet_width, build_quality, robust :
         Of the scene for all rays but the primary ones, as for `atra.PixelTracer`.
     jitter : {"shared", "off", "pixel"}
@@ -117,8 +117,7 @@ class PathRenderer(Renderer):
             return super()._new_rays(mesh)
         if self.options.order != "waves":
             raise InputError(f"order is {self.options.order!r} with rays given, expected 'waves'")
-        made = self._make_scene(mesh)
-        return made if isinstance(made, RayScene) else Batches(made)
+        return Batches(self._make_scene(mesh))
 
     def _ray_options(self) -> PathOptions:
         return self.options if self.options.order == "waves" else replace(self.options, packet_width=1)
@@ -127,7 +126,8 @@ class PathRenderer(Renderer):
         self._emitters = emitters_of(self.scene) if self.options.lights == "aimed" else no_emitters()
         surfaces = surfaces_of(self.scene, self.scene.sky.power, self.options.start_off)
         if surfaces.has_holes and isinstance(self.rays, Batches):
-            raise InputError(f"{type(self.rays.scene).__name__} traces no scene with holes, expected a RayScene")
+            name = type(self.rays.scene).__name__
+            raise InputError(f"{name} traces no scene with holes, expected none; leave out rays=")
         return surfaces
 
     def _same_sums(self, scene: Scene) -> bool:

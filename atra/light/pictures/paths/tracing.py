@@ -22,8 +22,8 @@ from atra.light.pictures.paths.batches_kernels import (
 )
 from atra.light.pictures.paths.waves_kernels import DIRECTION, NEAR, ORIGIN, Paths, connect_kernel, trace_kernel
 from atra.light.surface_kernels import Surfaces
+from atra.rays.kernel_scene import Query
 from atra.rays.rays import RayHits, Rays
-from atra.rays.scene import Query, RayScene
 
 
 class BatchScene(Protocol):
@@ -45,12 +45,12 @@ class BatchScene(Protocol):
     def close(self) -> None: ...
 
 
-MakeScene = Callable[[Mesh], RayScene | BatchScene]
-"""Makes what traces rays, of a mesh: `partial(RayScene, threads=1)`, or a `BatchScene`."""
+MakeScene = Callable[[Mesh], BatchScene]
+"""Makes what traces rays, of a mesh."""
 
 
 class Packets:
-    """A thread's packets of a `RayScene`."""
+    """A thread's packets of a `KernelScene`."""
 
     def __init__(self, query: Query, width: int) -> None:
         self._query, self._width = query, width
@@ -69,7 +69,7 @@ class Packets:
 
 
 class Batches:
-    """All rays of a wave as one batch of a scene, in place of a `RayScene` and of its packets.
+    """All rays of a wave as one batch of a scene, in place of a `KernelScene` and of its packets.
 
     Surfaces with holes are refused by the renderer: shadows pass them hit by hit. Waves are traced one after the other;
     the scene may have several threads.

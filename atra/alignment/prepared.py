@@ -1,0 +1,148 @@
+"""Meshes prepared for the cells of an alignment: one BVH of copies or instances, and second passes for the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.alignment.aligned_kernels import aligned_kernel
+from atra.alignment.alignment import Alignment
+from atra.alignment.cells import CellOptions, choose_packet_shape, reference_rays, row_stride_of
+from atra.alignment.second_pass import SECOND_PASS_TILE, SecondPass, nearest_in_tiles
+from atra.all_hits.reductions import Reduction
+from atra.compiled.threads import WorkerPool
+from atra.embree.callbacks_kernels import memory_monitor, nearest_hit_filter
+from atra.embree.packets_kernels import Image, PixelTiles
+from atra.embree.scene import EmbreeScene
+from atra.embree.workspace import check_widths
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.packets.all_hits import EmbreeAllHits, RayBatch
+from atra.packets.pixel import image_rays
+from atra.tracing.embree import build_scene, make_workspaces
+from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
+from atra.tracing.rays import SQUAREST_SHAPE, longest_ray, share_direction
+
+
+class PreparedCells:
+    """What is traced for the cells of an alignment's images; see `Prepared`.
+
+    meshes: one per image; with instances all are one mesh. packet_shape: columns and rows of pixels in a packet.
+    row_stride: pixels from one image row to the next, with room for lanes of the last packet past the image.
+    workspaces: memory of each thread's packets. geometry: what the first pass traces. second_passes: of each image,
+    None where nothing is left out. told: counters of what was prepared.
+    """
+
+    def __init__(self, meshes: Sequence[Mesh], alignment: Alignment, options: CellOptions, pool: WorkerPool) -> None:
+        self.alignment, self._meshes, self._options, self._pool = alignment, meshes, options, pool
+        self.workspaces = make_workspaces(alignment.camera, options.rays_per_packet, pool.threads)
+        self.packet_shape = choose_packet_shape(options.rays_per_packet, alignment.split, options.packet_rows)
+        self.row_stride = row_stride_of(alignment.split, self.packet_shape)
+        # Compiled here, before any clock starts.
+        self._filter_address = nearest_hit_filter(*self.packet_shape, options.is_instanced)
+        memory_monitor()
+        self.second_passes: list[SecondPass | None] = []
+        self.told: dict[str, float] = {}
+        self.plan_time_s = self.build_time_s = 0.0
+        self._all_hits: EmbreeAllHits | None = None
+
+    def build(self, geometry: AlignedGeometry) -> None:
+        """Build the BVH of the first pass, whose filter writes the pixels of all cells."""
+        self.geometry, self.triangle_count = geometry, geometry.copy_count
+        self.scene = build_scene(
+            geometry, self._pool.threads, filter_address=self._filter_address, **self._options.scene_settings
+        )
+
+    def still_serves(self, camera: View) -> bool:
+        """Never: copies depend on the camera."""
+        return False
+
+    def draw(self, offset: tuple[float, float], depth: NDArray[np.float32], prim_id: NDArray[np.uint32]) -> None:
+        """See `Prepared.draw`; of several images one stands below the other."""
+        alignment, workspaces, scene = self.alignment, self.workspaces, self.scene.address
+        rays, image = reference_rays(alignment, offset), Image(depth, prim_id)
+        cell_rows = len(alignment.cameras) * alignment.split.ny
+        kernel = aligned_kernel(*self.packet_shape, alignment.camera.is_parallel)
+        for workspace in workspaces:
+            workspace.set_row_bytes(depth.strides[0])
+        share_direction(workspaces, alignment.camera)  # a second pass may have set another image's
+
+        def work(worker: int, counter: int) -> None:
+            kernel(counter, scene, workspaces[worker].packet, rays, cell_rows, image)
+
+        self._pool.run(work)
+        check_widths(workspaces)
+        height = alignment.split.height
+        for number, one in enumerate(self.second_passes):
+            if one is not None:
+                own = slice(number * height, (number + 1) * height)
+                one.trace(workspaces, offset, depth[own], prim_id[own], self._pool)
+
+    @property
+    def gathering_stride(self) -> int:
+        """Pixels from one row of gathered images to the next: that of the records."""
+        return self.row_stride
+
+    def gather(
+        self,
+        what: Reduction[Any],
+        offset: tuple[float, float],
+        images: dict[str, NDArray],
+        weights: NDArray[np.float32] | None,
+        is_known: bool,
+    ) -> None:
+        """See `Gathering.gather`; of one image. The first call builds BVHs with a filter."""
+        if self._all_hits is None:
+            from atra.raster.all_hits.undecided_kernels import Precision
+
+            (mesh,), camera, options = self._meshes, self.alignment.camera, self._options
+            direction, origin = longest_ray(camera)
+            shift = sum(float(np.linalg.norm(shears, axis=1).max()) for shears in self.alignment.shears)
+            stretch, shift = (1.0, origin + shift) if camera.is_parallel else (1.0 + shift, 0.0)
+            precision = Precision(camera.pixel_pitch, direction, stretch, shift, options.robust)
+            batches, settings = self._ray_batches(mesh, camera), options.scene_settings
+            self._all_hits = EmbreeAllHits(mesh, camera, batches, self.row_stride, precision, self._pool, **settings)
+        self._all_hits.gather(what, offset, images, weights, self.workspaces)
+
+    def _ray_batches(self, mesh: Mesh, camera: View) -> Iterator[RayBatch]:
+        """The reference rays, in strips as high as a packet; and one per pixel where there are triangles without
+        copies."""
+        split, shape, (left_out,) = self.alignment.split, self.packet_shape, self.geometry.left_out
+        strips = np.zeros((split.cell_height // shape[1], 2), np.int32)
+        strips[:, 1] = np.arange(0, split.cell_height, shape[1])
+        tiles, cell = PixelTiles(strips, split.cell_width, shape[1]), (split.cell_width, split.cell_height)
+        rays = partial(reference_rays, self.alignment)  # no method: it would keep a reference to this object
+        yield RayBatch(self.geometry, self._options.geometry, shape, rays, tiles, cell)
+        if left_out is not None:
+            rows, columns = np.nonzero(np.isfinite(nearest_in_tiles(mesh, camera, left_out)))
+            corners = (np.stack([columns, rows], axis=1) * SECOND_PASS_TILE).astype(np.int32)
+            others = np.ones(mesh.triangle_count, np.bool_)
+            others[left_out.prim_ids] = False
+            plain, shape = plan_plain_geometry(mesh, camera, others), SQUAREST_SHAPE[self._options.rays_per_packet]
+            tiles = PixelTiles(corners, *SECOND_PASS_TILE)
+            yield image_rays(plain, camera, shape, tiles, is_alone=camera.width % shape[0] != 0)
+
+    @property
+    def _held(self) -> list[EmbreeScene | EmbreeAllHits]:
+        second = [one.scene for one in self.second_passes if one is not None]
+        return [self.scene, *second, *([] if self._all_hits is None else [self._all_hits])]
+
+    @property
+    def embree_bytes(self) -> int:
+        """Bytes that Embree holds for all BVHs."""
+        return sum(one.embree_bytes for one in self._held)
+
+    @property
+    def counters(self) -> Mapping[str, float]:
+        """Embree's memory, packets_verified and what was told: see `Tracer.counters`."""
+        verified = sum(one.packets_traced for one in self.second_passes if one is not None)
+        return {"embree_bytes": self.embree_bytes, "packets_verified": verified, **self.told}
+
+    def close(self) -> None:
+        """Release the BVHs."""
+        for one in self._held:
+            one.close()

@@ -1,0 +1,171 @@
+"""A request: all that a picture depends on, as one frozen value, so that no picture is half of one, half of another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+from math import cos, radians, sin, sqrt
+
+from atra.errors import InputError
+from atra.geometry.camera import Camera, Vector
+from atra.light.checks import check_one_of, check_whole, checked_number
+from atra.light.pictures.finish.tone import TONES
+from atra.methods import METHODS
+from atra.whole_numbers import is_whole_number
+
+FRAMES = ("hybrid", "path")
+SHADES = ("material", "normal", "depth", "prim_id", "occlusion", "wrong")
+OF_HITS = ("normal", "depth", "prim_id", "wrong")
+"""Shades that show primary hits, for which one sample is enough."""
+
+COLUMNS = 64
+"""Picture widths are multiples of this, so each can be cut into up to as many columns of cells."""
+
+SPLITS = (2, 4, 8, 16, 32, 64)
+
+WITH_CELLS = ("aligned", "visible_first")
+"""Methods that cut the image into cells."""
+
+_WIDEST = 5.0
+"""Largest ratio of the sides of a picture; a browser that opens may briefly report any page size."""
+
+_WHOLE = {
+    "samples": (1, 1 << 20), "side": (1, 4096), "split_x": (2, 64), "shadow_rays": (0, 64), "occlusion_rays": (0, 64),
+    "max_depth": (1, 1 << 20), "kept": (0, 64),
+}  # fmt: skip
+"""Least and most of whole numbers among `Settings`."""
+
+_RANGES = {
+    "shadow_length": (0.0, 1e12), "occlusion_length": (0.0, 1e12), "sun_cone": (0.0, 90.0),
+    "sun_heading": (-360.0, 360.0), "sun_height": (-360.0, 360.0), "sun_power": (0.0, 1e12), "sky_power": (0.0, 1e12),
+    "exposure": (-16.0, 16.0),
+}  # fmt: skip
+"""Least and most of other numbers."""
+
+_LIGHTING = frozenset({"sun_power", "sun_colour", "sky_power"})
+
+_SHOWN = frozenset({"samples", "shade", "frame", "exposure", "tone", "denoise"})
+"""What changes no light."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Parameters of both articles on whole frames, and what is shown of them.
+
+    frame: "hybrid" or "path". shade: "material", the picture; "normal", "depth", "prim_id", of what is seen;
+    "occlusion", the share of the sky; "wrong", pixels that differ from `rtcIntersect1`. samples: of a resting picture.
+    side: the picture has about side x side pixels. method, split_x: of primary visibility at rest (`atra.METHODS`), and
+    its columns of cells where it has cells. jitter: whether samples go through different points of their pixels.
+    exposure: stops. tone: the tone map's name. denoise: whether a picture with all its samples is shown without noise.
+    kept: samples that hybrid pixels keep when the camera moves; 0: none, and moving pictures
+    have no shadows. sun_power: 0 for no sun.
+    sun_heading, sun_height: in degrees, where the sun stands, about +y and above the horizon. sun_cone: half the angle
+    under which it appears, in degrees. shadow_shared, occlusion_shared: whether rays head the same way from all pixels.
+    All others: see `atra.light`'s options, lights and skies.
+    Raises InputError, with the value, for unknown words and for numbers outside of what can be drawn.
+    """
+
+    frame: str = "hybrid"
+    shade: str = "material"
+    samples: int = 64
+    side: int = 512
+    method: str = "raster"
+    split_x: int = COLUMNS
+    jitter: bool = True
+    shadow_rays: int = 1
+    shadow_length: float = 1e4
+    shadow_shared: bool = True
+    sun_cone: float = 0.5
+    sun_heading: float = 60.0
+    sun_height: float = 60.0
+    sun_power: float = 1.0
+    sun_colour: tuple[int, int, int] = (255, 255, 255)
+    sky_power: float = 0.5
+    occlusion_rays: int = 1
+    occlusion_length: float = 10.0
+    occlusion_shared: bool = False
+    cosine: bool = False
+    max_depth: int = 5
+    exposure: float = 0.0
+    tone: str = "neutral"
+    denoise: bool = False
+    kept: int = 0
+
+    def __post_init__(self) -> None:
+        for name, words in (("frame", FRAMES), ("shade", SHADES), ("tone", TONES), ("method", tuple(METHODS))):
+            check_one_of(name, getattr(self, name), words)
+        for name, ends in _WHOLE.items():
+            check_whole(name, getattr(self, name), *ends)
+        if self.split_x not in SPLITS:
+            raise InputError(f"split_x is {self.split_x}, expected one of {', '.join(map(str, SPLITS))}")
+        for name, (least, most) in _RANGES.items():
+            checked_number(name, getattr(self, name), least, most)
+        for name in ("jitter", "shadow_shared", "occlusion_shared", "cosine", "denoise"):
+            if not isinstance(getattr(self, name), bool):
+                raise InputError(f"{name} is {getattr(self, name)!r}, expected True or False")
+        colour = self.sun_colour
+        if not isinstance(colour, tuple) or len(colour) != 3 or not all(
+            is_whole_number(channel) and 0 <= channel <= 255 for channel in colour
+        ):  # fmt: skip
+            raise InputError(f"sun_colour is {colour!r}, expected three whole numbers from 0 to 255")
+
+    @property
+    def renderer(self) -> str:
+        """Which of `FRAMES` draws it: occlusion is hybrid rendering's alone."""
+        return FRAMES[0] if self.shade == "occlusion" else self.frame
+
+    @property
+    def enough(self) -> int:
+        """Samples after which the picture is done."""
+        return 1 if self.shade in OF_HITS else self.samples
+
+    @property
+    def sun_direction(self) -> Vector:
+        """The way its light travels."""
+        heading, height = radians(self.sun_heading), radians(self.sun_height)
+        return -cos(height) * sin(heading), -sin(height), -cos(height) * cos(heading)
+
+    def keeps_samples_of(self, old: Settings) -> bool:
+        """Whether samples added with `old` are samples of these: hybrid rendering adds up light apart from its colour
+        and power."""
+        changed = {one.name for one in fields(self) if getattr(self, one.name) != getattr(old, one.name)}
+        free = _SHOWN | (_LIGHTING if self.renderer == FRAMES[0] else frozenset())
+        has_sun = self.sun_power > 0.0, old.sun_power > 0.0
+        return self.renderer == old.renderer and changed <= free and has_sun[0] == has_sun[1]
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where a page looks from. aspect: its width over its height. The others: of `Camera`, which checks them.
+
+    Raises InputError for an aspect that is not finite and above 0.
+    """
+
+    eye: Vector
+    target: Vector
+    up: Vector
+    fov_y_degrees: float
+    aspect: float = 1.0
+
+    def __post_init__(self) -> None:
+        checked_number("aspect", self.aspect, 0.0, above=True)
+
+
+@dataclass(frozen=True)
+class Request:
+    """One camera and one set of parameters."""
+
+    pose: Pose
+    settings: Settings
+
+    @cached_property
+    def camera(self) -> Camera:
+        """With as many pixels as the settings ask for, as wide as the page. Raises InputError as `Camera` does."""
+        pose, side = self.pose, self.settings.side
+        aspect = min(max(pose.aspect, 1.0 / _WIDEST), _WIDEST)
+        width = COLUMNS * max(1, round(side * sqrt(aspect) / COLUMNS))
+        return Camera(pose.eye, pose.target, pose.up, pose.fov_y_degrees, width, max(1, round(width / aspect)))
+
+    def keeps_samples_of(self, old: Request) -> bool:
+        """Whether samples added for `old` are samples of this one."""
+        return self.pose == old.pose and self.settings.keeps_samples_of(old.settings)

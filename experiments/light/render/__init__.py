@@ -1,0 +1,226 @@
+"""Workload `render`: whole pictures, hybrid or path traced, with the point's own method for primary visibility, and the
+same with single rays and packets in its place, round by round."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import ceil
+from typing import Any
+
+import numpy as np
+
+from atra.errors import InputError
+from atra.light.pictures.options import HybridOptions, PathOptions
+from atra.whole_numbers import is_whole_number as is_whole_number
+from experiments.harness.column import REAL, WHOLE, Column
+from experiments.harness.options import option, whole
+from experiments.harness.point import Point, Workload
+from experiments.harness.records import Record
+from experiments.light.under_sky import UnderSky
+from experiments.results.statistics import statistics_columns
+from experiments.workloads.baselines import (
+    BESIDE_BASELINES,
+    OWN,
+    PACKETS,
+    SINGLE,
+    TIME_COLUMNS,
+    over_own,
+    packets_width,
+    series,
+)
+from experiments.workloads.images import IMAGE_COLUMNS, PIXELS
+from experiments.workloads.resources import PREPARATION, PREPARATION_COLUMNS, RESOURCE_COLUMNS, RESOURCES, say_ms
+
+STAGES = {
+    "primary": "primary visibility",
+    "surfaces": "what is seen: places, normals, colours",
+    "generate": "rays made",
+    "shadow": "Embree: rays to the lights",
+    "occlusion": "Embree: rays into the sky",
+    "trace": "Embree: rays of paths",
+    "depth_first": "paths followed one by one, Embree within",
+    "compact": "paths that end taken out",
+    "connect": "rays aimed at emitters, Embree within",
+    "shade": "paths scattered",
+    "accumulate": "light summed",
+    "other": "waiting, Python",
+}
+"""Stages of both renderers, in the order of figures, and what each does."""
+
+_EMBREE = ("primary", "shadow", "occlusion", "trace")
+
+_WITH_EMBREE_WITHIN = ("depth_first", "connect")
+
+MITSUBA = "mitsuba"
+"""Name in the samples: the same picture by Mitsuba 3."""
+
+
+RIVALS = ("none", "scalar_rgb", "llvm_ad_rgb")
+"""Variants of Mitsuba 3: scalar_rgb = ray by ray; llvm_ad_rgb = compiled for vectors, by a libLLVM new enough."""
+
+
+@dataclass(frozen=True)
+class RenderOptions(UnderSky):
+    """Raises InputError for values that no picture can have."""
+
+    frame: str = option("hybrid", "how a picture is made: hybrid or path", choices=("hybrid", "path"))
+    samples: int = whole(16, "samples of each pixel of a picture", 1)
+    jitter: str = option(
+        "shared",
+        "sub-pixel offset of rays: shared = one for all pixels, new for each sample, off = the centre",
+        choices=("shared", "off"),
+    )
+    shadow_rays: int = option(1, "rays to each light per sample, 0 to 64")
+    occlusion_rays: int = option(1, "rays into the sky per sample, 0 to 64")
+    occlusion_part: float = option(0.1, "hybrid: how far things occlude, of the diagonal of the scene's box")
+    occlusion_directions: str = option(
+        "shifted",
+        "directions into the sky: shared by all pixels, or shifted per pixel",
+        choices=("shared", "shifted"),
+    )
+    max_depth: int = option(5, "most rays of a path, the primary ray included")
+    lights: str = option(
+        "aimed",
+        "how emitters are found: aimed = a ray from every surface but mirrors is aimed at one, and both ways share its "
+        "light, found = by scattered rays alone, which never meet lamps without extent",
+        choices=("aimed", "found"),
+    )
+    order: str = option(
+        "depth_first",
+        "depth_first = one path after the other, waves = many paths stage by stage, with times of stages",
+        choices=("depth_first", "waves"),
+    )
+    mitsuba: str = option(
+        "none", "path: Mitsuba 3's variant that makes the same picture in every round", choices=RIVALS
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.of_library(1.0)
+        if self.mitsuba != "none" and self.frame != "path":
+            raise InputError("workload.mitsuba is set with workload.frame=hybrid, expected workload.frame=path")
+        if self.mitsuba != "none" and self.sky is not None:
+            raise InputError("workload.mitsuba is set with workload.sky, whose sky has one colour")
+
+    def of_library(self, diagonal: float) -> dict[str, Any]:
+        """The renderer's own options, checked. diagonal: of the scene's box."""
+        of_both: dict[str, Any] = {"jitter": self.jitter, "robust": self.robust_rays}
+        if self.frame == "path":
+            of_paths: dict[str, Any] = of_both | {
+                "max_depth": self.max_depth,
+                "lights": self.lights,
+                "order": self.order,
+            }
+            PathOptions(**of_paths)
+            return of_paths
+        hybrid: dict[str, Any] = of_both | {
+            "shadow_rays": self.shadow_rays,
+            "occlusion_rays": self.occlusion_rays,
+            "occlusion_length": self.occlusion_part * diagonal,
+            "occlusion_directions": self.occlusion_directions,
+            "most_samples": None,
+        }
+        HybridOptions(**hybrid)
+        return hybrid
+
+
+def primary(name: str) -> str:
+    """Name in the samples of what primary visibility took of a picture, of those called `name`."""
+    return f"{name}_primary"
+
+
+def _forecast(record: Record) -> Any:
+    """Amdahl: packets' picture over the same with primary visibility as fast as the point's own."""
+    width = packets_width(record)
+    own = series(primary(OWN))(record)
+    if width is None or own is None:
+        return None
+    whole, part = (series(name)(record) for name in (PACKETS[width], primary(PACKETS[width])))
+    return whole / (whole - part + own)
+
+
+def _over_forecast(record: Record) -> Any:
+    width, forecast = packets_width(record), _forecast(record)
+    return None if width is None or forecast is None else over_own(series(PACKETS[width]))(record) / forecast
+
+
+def _stage(name: str) -> Any:
+    return lambda record: record.results.get("stages", {}).get(name)
+
+
+def stage_column(name: str) -> str:
+    """The column of a stage."""
+    return f"stage_{name}_s"
+
+
+def outside_embree(stages: Mapping[str, float]) -> float | None:
+    """The share of a picture's time that is neither primary visibility nor Embree's; None where that is not known."""
+    if not stages or not stages.keys().isdisjoint(_WITH_EMBREE_WITHIN):
+        return None
+    return 1.0 - sum(stages.get(name, 0.0) for name in _EMBREE) / sum(stages.values())
+
+
+def _rays_per_second(record: Record) -> float | None:
+    rays, own = record.results.get("rays"), series(OWN)(record)
+    return None if rays is None or own is None else float(rays / np.median(own))
+
+
+def _break_even(record: Record) -> int | None:
+    """None where the packets' samples are the faster ones."""
+    width, own = packets_width(record), series(OWN)(record)
+    if width is None or own is None or "baseline_build_time_s" not in record.results:
+        return None
+    results, samples = record.results, record.configuration["workload_options"]["samples"]
+    ahead_s = float(np.median(series(PACKETS[width])(record) - own)) / samples
+    behind_s = results["plan_time_s"] + results["build_time_s"] - results["baseline_build_time_s"]
+    if behind_s <= 0:
+        return 1
+    return max(1, ceil(behind_s / ahead_s)) if ahead_s > 0 else None
+
+
+def _headline(record: Record) -> str:
+    options, own = record.configuration["workload_options"], series(OWN)(record)
+    width = packets_width(record)
+    gain = np.median(over_own(series(PACKETS[width]))(record)) if width is not None else np.nan
+    shares = record.results["stages"]["primary"] / np.median(own)
+    return (
+        f"{say_ms(float(np.median(own)))} a picture of {options['samples']} samples, {gain:.2f}x with packets, "
+        f"{np.median(_forecast(record)):.2f}x by Amdahl; primary {shares:.0%}"
+    )
+
+
+def _samples(point: Point) -> frozenset[str]:
+    beside = set() if point.workload_options.mitsuba == "none" else {MITSUBA}
+    return frozenset({OWN, SINGLE, primary(OWN), primary(SINGLE)} | beside)
+
+
+RENDER = Workload(
+    name="render",
+    options=RenderOptions,
+    columns=(
+        *RESOURCE_COLUMNS,
+        *IMAGE_COLUMNS,
+        Column("pixels_unlike", WHOLE, "pixels of another colour where rtcIntersect1 sees the same triangle", over=max),
+        *PREPARATION_COLUMNS,
+        *TIME_COLUMNS,
+        *statistics_columns("primary_time{}_s", "primary visibility of a picture", series(primary(OWN))),
+        *statistics_columns("speedup_forecast{}", "the gain over packets that Amdahl's law forecasts", _forecast),
+        *statistics_columns("speedup_over_forecast{}", "the gain over packets / its forecast", _over_forecast),
+        *(Column(stage_column(name), REAL, f"in a picture: {help}", _stage(name)) for name, help in STAGES.items()),
+        Column("stages_over_frame", REAL, "sum of all stages / time of a picture"),
+        Column(
+            "outside_embree", REAL, "share of a picture's time outside primary visibility and Embree",
+            lambda record: outside_embree(record.results.get("stages", {})),
+        ),
+        Column("rays_per_second", REAL, "rays of all kinds a second, primary visibility's included", _rays_per_second),
+        Column("break_even_subframes", WHOLE, "samples after which plan and build are paid back", _break_even),
+        *statistics_columns("mitsuba_time{}_s", "the same picture by Mitsuba 3", series(MITSUBA)),
+        *statistics_columns("samples_vs_mitsuba{}", "samples a second / Mitsuba 3's", over_own(series(MITSUBA))),
+    ),
+    headline=_headline,
+    room=__name__,
+    samples=_samples,
+    needs=(*RESOURCES, *PIXELS, *PREPARATION, "rays", "stages", "stages_over_frame"),
+    **BESIDE_BASELINES,
+)  # fmt: skip

@@ -1,0 +1,197 @@
+"""Time of pictures: one renderer, whose primary visibility is the point's own method's or a baseline's, in turns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from atra.geometry.camera import Camera
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from atra.hits import Hits
+from atra.judge.compare import compare
+from atra.light import HybridRenderer, Lambertian, MetallicRoughness, PathRenderer, Scene, constant_sky
+from atra.light.materials import Material
+from experiments.harness.method import AnyTracer
+from experiments.harness.point import Measured, Point, make_own
+from experiments.light.render import MITSUBA, RenderOptions, primary
+from experiments.methods.peers.mitsuba_light import load_mitsuba, parts_of
+from experiments.workloads import rounds
+from experiments.workloads.baselines import OWN, SINGLE
+from experiments.workloads.images import counts, depth_errors
+from scenes.lit.lighting import length_of, lit
+
+
+class Primaries:
+    """Several tracers of one view as one, so that a renderer runs the same code on the same memory with any of them.
+
+    The `chosen` one traces, each into its own image. Their owner plans, builds and closes them.
+    """
+
+    plan_time_s = build_time_s = 0.0
+
+    def __init__(self, tracers: Mapping[str, Any]) -> None:
+        self._tracers = tracers
+        self._images: dict[str, Hits] = {}
+        self.chosen = OWN
+
+    def trace(self, offset: tuple[float, float], out: object = None) -> Hits:
+        name = self.chosen
+        self._images[name] = self._tracers[name].trace(offset, out=self._images.get(name))
+        return self.latest
+
+    @property
+    def latest(self) -> Hits:
+        """What the chosen one traced last."""
+        return self._images[self.chosen]
+
+    def plan(self) -> None: ...
+
+    def build(self) -> None: ...
+
+    def close(self) -> None: ...
+
+
+class Pictures:
+    """Makes pictures with a choice of primary visibility, and keeps the seconds of their stages."""
+
+    def __init__(self, renderer: HybridRenderer | PathRenderer, primaries: Primaries, samples: int) -> None:
+        self.renderer, self._primaries, self._samples = renderer, primaries, samples
+        self.stages: dict[str, list[dict[str, float]]] = {}
+
+    def make(self, name: str) -> None:
+        """A picture from its first sample on."""
+        self._primaries.chosen = name
+        self.renderer.restart()
+        self.renderer.add(self._samples)
+        self.stages.setdefault(name, []).append(self.renderer.stage_s)
+
+    def sample(self, name: str) -> tuple[Hits, Any]:
+        """What is seen through the pixels' first sub-pixel position, and a picture of that sample alone."""
+        self._primaries.chosen = name
+        self.renderer.restart()
+        self.renderer.add(1)
+        return self._primaries.latest, self.renderer.image
+
+
+def make_renderer(point: Point, scene: Scene, view: View, tracer: Any) -> HybridRenderer | PathRenderer:
+    """The configured renderer, with this tracer for primary visibility."""
+    options = point.workload_options
+    kind = PathRenderer if options.frame == "path" else HybridRenderer
+    given = options.of_library(length_of(scene.mesh, 1.0)) | {
+        "threads": point.threads, "build_quality": point.build_quality,
+    }  # fmt: skip
+    made: Any = kind(scene, view, lambda mesh, camera: tracer, **given)  # type: ignore[arg-type]
+    return made  # type: ignore[no-any-return]
+
+
+def make(point: Point, mesh: Mesh) -> AnyTracer:
+    """The point's own method. Raises InputError for a sky that cannot be read, and as the tracers do."""
+    point.workload_options.under_sky(lit(point.scene, mesh, point.camera))
+    return make_own(point, mesh)
+
+
+def _one_picture(point: Point, tracer: Any) -> None:
+    scene = lit("", tracer.mesh, tracer.camera)
+    with make_renderer(point, scene, tracer.camera, tracer) as renderer:
+        renderer.add(1)
+
+
+def measure(point: Point) -> Measured:
+    """Build the point's own method and the baselines, and make pictures with each in turns. Raises InputError and
+    MemoryBudgetError as tracers and renderers do."""
+    rounds.warm_up(point, rounds.own_and_baselines(rounds.shrunk(point)), partial(_one_picture, point))
+    options = point.workload_options
+    with ExitStack() as stack:
+        tracers, results = rounds.build_with_baselines(point, stack)
+        own = tracers[OWN]
+        scene = options.under_sky(lit(point.scene, own.mesh, point.camera))
+        if options.mitsuba != "none":
+            scene = replace(scene, sky=constant_sky(0.8), lights=(), materials=[*map(_plain, scene.materials)])
+        primaries = Primaries(tracers)
+        renderer = make_renderer(point, scene, own.camera, primaries)
+        stack.enter_context(renderer)
+        pictures = Pictures(renderer, primaries, options.samples)
+        calls: dict[str, Any] = {name: partial(pictures.make, name) for name in tracers}
+        if options.mitsuba != "none":
+            theirs = MitsubaPicture(scene, point.camera, options, point.threads)
+            calls[MITSUBA] = partial(theirs.make, options.samples)
+        timed = rounds.timed_rounds(point, calls)
+        rays = pictures.renderer.ray_count  # of whichever came last: all shoot the same, but for ties
+        stages = {name: of_all[-timed.rounds :] for name, of_all in pictures.stages.items()}
+        (hits, image), (single, single_image) = (pictures.sample(name) for name in (OWN, SINGLE))
+        agreements = [compare(hits, single)]
+        unlike = (image != single_image).any(axis=-1) & (hits.prim_id == single.prim_id)
+        images = 1 if options.jitter == "off" else options.samples
+        shares = [sum(one.values()) / whole for one, whole in zip(stages[OWN], timed.samples[OWN], strict=True)]
+        results |= counts(agreements) | depth_errors(agreements) | rounds.plan_and_build_again(own)
+        results |= {
+            "pixels_unlike": int(np.count_nonzero(unlike)),
+            "rays": rays + images * point.width * point.height,
+            "stages_over_frame": float(np.median(shares)),
+            "stages": {name: float(np.median([one[name] for one in stages[OWN]])) for name in stages[OWN][0]},
+        }
+    made = rounds.measured(results, timed)
+    for name, of_rounds in stages.items():
+        made.samples[primary(name)] = [one["primary"] for one in of_rounds]
+    return made
+
+
+def _plain(material: Material) -> Material:
+    """Paint in place of glTF's material, which Mitsuba's plain materials are not."""
+    return Lambertian(material.plain) if isinstance(material, MetallicRoughness) else material
+
+
+_PATHS_AT_ONCE = 1 << 22
+"""A wavefront of them is kept in memory."""
+
+
+def mitsuba_scene(mi: Any, scene: Scene, camera: Camera, max_depth: int, roulette: int = 10_000) -> Any:
+    """A scene, in Mitsuba's variant of the moment. roulette: rays after which a path may end by chance. Raises
+    InputError as `parts_of` does."""
+    return mi.load_dict(parts_of(mi, scene) | {
+        "integrator": {"type": "path", "max_depth": max_depth, "rr_depth": roulette},
+        "camera": {
+            "type": "perspective", "fov": camera.fov_y_degrees, "fov_axis": "y", "near_clip": 1e-3,
+            "to_world": mi.ScalarTransform4f().look_at(origin=camera.eye, target=camera.target, up=camera.up),
+            "film": {
+                "type": "hdrfilm", "width": camera.width, "height": camera.height, "rfilter": {"type": "box"},
+                "component_format": "float32",
+            },
+            "sampler": {"type": "independent"},
+        },
+    })  # fmt: skip
+
+
+class MitsubaPicture:
+    """Pictures by Mitsuba's `path` integrator, a few million paths at a time.
+
+    It aims at a sky of one colour, too, which path tracing here leaves to scattering. Scene and camera as for
+    `mitsuba_scene`, threads as for tracers.
+    Raises InputError where Mitsuba, or what its variant needs, is missing.
+    """
+
+    def __init__(self, scene: Scene, camera: Camera, options: RenderOptions, threads: int | None) -> None:
+        variant = options.mitsuba
+        self._mi, _ = load_mitsuba(variant, f"workload.mitsuba={variant}", threads)
+        self._scene = mitsuba_scene(self._mi, scene, camera, options.max_depth)
+        self._most = max(1, _PATHS_AT_ONCE // (camera.width * camera.height))
+        self._seed = 0
+        self.make(1)
+
+    def make(self, samples: int) -> Any:
+        """(H, W, 3) float32, the mean of so many samples, other ones at every call."""
+        total: Any = 0.0
+        left = samples
+        while left:
+            count = min(left, self._most)
+            image = self._mi.render(self._scene, spp=count, seed=self._seed)
+            total = total + count * np.array(image)
+            left -= count
+            self._seed += 1
+        return total / samples

@@ -1,0 +1,102 @@
+"""Claims of a TOML file: most say by a query what judges them, the others name a function.
+
+    judge = {column = "speedup", where = {method = "aligned", positions = {at_least = 16}}, at_least = 1.0}
+
+column, over: a column of the table of processes, or its ratio to another one. where: column -> its value, a list of
+values, or {not = ...}, {at_least = ...}, {below = ...}, {at_most = ...}, {known = true}. least: of these rows those
+alone with the least number of this column. at_least, at_most: bounds. counted: it has no noise. some: one scene is
+enough. A claim that no table can judge has a text instead, which says why.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from experiments.results.claims import Claim, Judge, Judgement, NotMeasuredError
+from experiments.results.verdicts import Bounds, value_judge
+
+_KNOWN = {"column", "over", "where", "least", "at_least", "at_most", "counted", "some"}
+_TESTS: dict[str, Callable[[pd.Series, Any], Any]] = {
+    "not": lambda values, other: ~values.eq(other).fillna(False).astype(bool),
+    "at_least": lambda values, least: values >= least,
+    "at_most": lambda values, most: values <= most,
+    "below": lambda values, most: values < most,
+    "known": lambda values, _: values.notna(),
+}
+
+
+def read_claims(path: Path, judges: Mapping[str, Mapping[str, Judge]], **numbers: Any) -> tuple[Claim, ...]:
+    """The claims of a TOML file, in its order. judges: by id, of those that have no `judge` in the file, under each of
+    their readings.
+
+    In `paper` and `how` of a claim, {name} stands for the text of that name in [words], or for one of the numbers.
+    Raises ValueError where a claim has no judge or two, and for a query that cannot be read.
+    """
+    told = tomllib.loads(path.read_text(encoding="utf-8"))
+    ids = [one["id"] for one in told["claims"] if "judge" not in one]
+    if set(ids) != judges.keys():
+        raise ValueError(f"{path} leaves the claims {ids} to functions, expected {[*judges]}")
+    words = dict(numbers)
+    for name, text in told["words"].items():
+        words[name] = text.format(**words)
+    return tuple(
+        Claim(
+            one["id"], one["section"], one["text"], one["paper"].format(**words), one.get("how", "").format(**words),
+            {"": query_judge(one["judge"])} if "judge" in one else judges[one["id"]], one.get("inferred", False),
+        )
+        for one in told["claims"]
+    )  # fmt: skip
+
+
+def query_judge(query: Mapping[str, Any] | str) -> Judge:
+    """What judges a claim by a query, or says why nothing does. Raises ValueError for a key that no query has."""
+    if isinstance(query, str):
+        return _unjudged(query)
+    if unknown := query.keys() - _KNOWN:
+        raise ValueError(f"a judge has {sorted(unknown)}, expected some of {sorted(_KNOWN)}")
+    numerator, denominator = query["column"], query.get("over")
+    bounds = {end: float(query[name]) for end, name in (("low", "at_least"), ("high", "at_most")) if name in query}
+
+    def values(rows: pd.DataFrame) -> Any:
+        found = _numbers(rows, numerator)
+        return found if denominator is None else found / _numbers(rows, denominator)
+
+    def which(rows: pd.DataFrame) -> pd.Series:
+        return _chosen(rows, query.get("where", {}), query.get("least"))
+
+    return value_judge(values, which, Bounds(**bounds), query.get("counted", False), not query.get("some", False))
+
+
+def _unjudged(why: str) -> Judge:
+    def judge(evidence: Any) -> Judgement:
+        raise NotMeasuredError(why)
+
+    return judge
+
+
+def _chosen(rows: pd.DataFrame, where: Mapping[str, Any], least: str | None) -> pd.Series:
+    found = rows["scene"].notna()
+    for name, wanted in where.items():
+        values = rows[name] if name in rows else pd.Series(pd.NA, index=rows.index, dtype="object")
+        if isinstance(wanted, dict):
+            ((test, limit),) = wanted.items()
+            kept = _TESTS[test](values, limit)
+        else:
+            kept = values.isin(wanted) if isinstance(wanted, list) else values.eq(wanted)
+        found &= kept.fillna(False).astype(bool)
+    if least is not None:
+        numbers = _numbers(rows, least).where(found)
+        found &= numbers.eq(numbers.min())
+    return found
+
+
+def _numbers(rows: pd.DataFrame, name: str) -> pd.Series:
+    """The column as numbers, NaN where an older table has none."""
+    if name not in rows:
+        return pd.Series(float("nan"), index=rows.index)
+    return pd.to_numeric(rows[name], errors="coerce").astype(float)

@@ -1,0 +1,46 @@
+"""Run a study: `python -m experiments.studies NAME ARGUMENT... option=value...`; the study's file says which."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from typing import Any
+
+from atra.errors import AtraError, InputError
+
+STUDIES = ("candidates", "first_image", "lens_speed", "older_embree", "paired")
+
+
+def run(arguments: Sequence[str]) -> None:
+    """Run the study that the first argument names. Raises InputError for a name or an option that there is not."""
+    name, *rest = arguments or ("",)
+    if name not in STUDIES:
+        raise InputError(f"the study is {name!r}, expected one of {', '.join(STUDIES)}")
+    module = import_module(f"experiments.studies.{name}")
+    options = {key: _value(value) for key, _, value in (one.partition("=") for one in rest if "=" in one)}
+    given = [one for one in rest if "=" not in one]
+    try:
+        inspect.signature(module.study).bind(*given, **options)
+    except TypeError as error:
+        raise InputError(f"{name}: {error}\n{inspect.signature(module.study)}\n{module.__doc__}") from None
+    module.study(*given, **options)
+
+
+def _value(text: str) -> Any:
+    """A number, a truth or a text; with a comma in it, a tuple of these, as in `1,2` or `1,`."""
+    if "," in text:
+        return tuple(_value(one) for one in text.split(",") if one)
+    try:
+        return ast.literal_eval(text)
+    except (ValueError, SyntaxError):
+        return text
+
+
+if __name__ == "__main__":
+    try:
+        run(sys.argv[1:])
+    except AtraError as error:
+        sys.exit(str(error))

@@ -1,0 +1,114 @@
+"""`atra bake MESH`: files of a lightmap, what an interruption leaves, what is refused; and the help of verbs."""
+
+import importlib.util
+import sys
+import threading
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+from atra import light
+from atra.command import baking
+from atra.command.main import main
+from atra.light import Baker, BakeScene, Surface
+from atra.light.lightmaps.maps import LIGHTS
+from tests.baked import cube, sheet
+from tests.meshes import cornell_box
+
+needs_xatlas = pytest.mark.skipif(
+    importlib.util.find_spec("xatlas") is None, reason="xatlas is not installed (extra `bake`)"
+)
+FILES = {f"{name}.{end}" for name in (*LIGHTS, "openness") for end in ("exr", "png")}
+FILES |= {"culling_map.png", "occupancy.png", "charts.png", "view_clay.png", "view_1.png", "view.png", "scene.glb"}
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The working directory, with `room.obj`, a box without lights."""
+    monkeypatch.chdir(tmp_path)
+    mesh = cornell_box()
+    trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(tmp_path / "room.obj")
+    return tmp_path
+
+
+def bake(monkeypatch, *arguments):
+    given = ["--size", "32", "--samples", "2", "--threads", "1", *arguments]
+    monkeypatch.setattr(sys, "argv", ["atra", "bake", "room.obj", *given])
+    return main()
+
+
+@needs_xatlas
+def test_a_model_becomes_maps_and_views_of_a_named_side_under_the_sky_of_a_file(folder, monkeypatch, capsys):
+    (folder / "sky.hdr").write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n" + bytes([128] * 4))
+    assert bake(monkeypatch, "--sky", "sky.hdr", "--camera", "front", "--lights", "grid") == 0
+    told = capsys.readouterr()
+    assert "charts on 32 x 32" in told.out
+    assert "baked 100%, 2 of 2 samples" in told.err
+    assert {path.name for path in (folder / "room_baked").iterdir()} == FILES
+    assert np.asarray(Image.open(folder / "room_baked" / "environment.png")).max() > 0
+
+
+@needs_xatlas
+@pytest.mark.parametrize("denoise", [[], ["--denoise"]])
+def test_an_interrupted_bake_writes_what_there_is_and_shows_what_the_camera_saw(folder, monkeypatch, capsys, denoise):
+    if denoise:
+        pytest.importorskip("pyoidn", reason="pyoidn is not installed: pip install -e '.[denoise]'")
+    passes, advance = [], Baker.advance
+
+    def interrupted(self, target, stop=None):
+        passes.append(target)
+        if passes.count(16) == 2:
+            raise KeyboardInterrupt
+        return advance(self, target, stop)
+
+    monkeypatch.setattr(Baker, "advance", interrupted)
+    assert bake(monkeypatch, "--samples", "64", "--out", "out", *denoise) == 0
+    assert "interrupted after 1 samples of every texel; writing these" in capsys.readouterr().err
+    assert {path.name for path in (folder / "out").iterdir()} == FILES
+    seen = [np.asarray(Image.open(folder / "out" / name), float) for name in ("view_1.png", "view.png")]
+    assert seen[1].std() > 10
+    assert not [thread for thread in threading.enumerate() if thread.name == "atra-bake"]
+
+
+def test_what_is_told_of_an_adaptive_bake_comes_to_its_end():
+    told, kept = [], []
+    box = cube(inwards=True)
+    scene = BakeScene(box, Surface.plain(box, 0.7), [light.PointLight((0.3, 0.4, 0.1))])
+    views = SimpleNamespace(keep=lambda name, lightmap: kept.append(name))
+    with Baker(replace(scene, surface=Surface.plain(box, 0.02)), sheet(box, 8), threads=1, adaptive=True) as baker:
+        baking.bake(baker, 1024, views, lambda text, worth: told.append(int(text.split()[1].partition("%")[0])))
+        assert baker.samples.mean() < 1024
+    assert told == sorted(told)
+    assert told[-1] == 100
+    assert kept == ["view_1", "view_16", "view_256"]
+
+
+@pytest.mark.parametrize(("given", "told"), [
+    (("--samples", "0"), "samples is 0, expected a whole number from 1"),
+    (("--size", "7"), "size of a map is 7"),
+    (("--camera", "table"), "the camera is 'table', expected a file, one of front, back"),
+    (("--port", "-1"), "port is -1, expected a whole number from 0 to 65535"),
+    (("--denoise",), "denoising needs the package pyoidn"),
+])  # fmt: skip
+def test_what_cannot_be_baked_is_refused_in_one_line(folder, monkeypatch, capsys, given, told):
+    monkeypatch.setitem(sys.modules, "pyoidn", None)
+    assert bake(monkeypatch, *given) == 2
+    error = capsys.readouterr().err
+    assert told in error
+    assert error.count("\n") == 1
+    assert [path.name for path in folder.iterdir()] == ["room.obj"]
+
+
+@pytest.mark.parametrize("verb", ["view", "bake"])
+def test_the_help_of_a_verb_fits_a_screen(monkeypatch, capsys, verb):
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr(sys, "argv", ["atra", verb, "--help"])
+    with pytest.raises(SystemExit, match="0"):
+        main()
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) <= 40
+    assert max(map(len, lines)) <= 80

@@ -1,0 +1,92 @@
+"""The page of a lightmap: what a real browser shows while texels converge; skipped, with the reason, where viser or a
+browser is missing."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from atra import light
+from atra.light import Baker, BakeScene, ProgressiveBake, Surface, Texels
+from atra.light.viewer import camera_page
+from atra.light.viewer.request import Pose
+from tests.baked import cube, sheet
+from tests.light.viewer.test_viewer_page import PATIENCE_S, browser, screenshot, wait_for
+
+pytest.importorskip("viser", reason="viser is not installed: pip install -e '.[viewer]'")
+
+from atra.light.viewer.lightmap import LightmapPage, say_progress
+
+__all__ = ["browser"]
+
+BOX = cube(inwards=True)
+SCENE = BakeScene(BOX, Surface.plain(BOX, 0.6), [light.PointLight((0.3, 0.4, 0.1), power=0.2)])
+ATLAS = sheet(BOX, 24)
+FIRST = Pose((0.0, 0.0, 0.9), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 60.0)
+TARGET = 8
+
+
+def test_the_panel_says_how_far_texels_are():
+    samples = np.full(96, TARGET, np.int32)
+    assert say_progress(samples, TARGET, 1.0, True).startswith(f"**done**: {TARGET} samples of 96 texels")
+    samples[:24] = 2
+    assert say_progress(samples, TARGET, 0.8125, False) == "**2 to 8 of 8 samples** of 96 texels\n\n81% done"
+    assert "of 96 texels, 24 in view first" in say_progress(samples, TARGET, 0.8125, False, 24)
+    assert say_progress(samples, 64, 1.0, True).startswith("**done**: 2 to 8 samples")  # an adaptive bake's
+
+
+class Shown(LightmapPage):
+    """Keeps what went to the page."""
+
+    def __init__(self, *arguments, **options):
+        self.sent = []
+        super().__init__(*arguments, **options)
+
+    def send(self, image, is_still):
+        self.sent.append((is_still, float(image.mean())))
+        super().send(image, is_still)
+
+
+@pytest.fixture
+def page(monkeypatch):
+    monkeypatch.setattr(camera_page, "LEAVE_S", 0.5)
+    with Baker(SCENE, ATLAS, threads=1) as baker:
+        bake = ProgressiveBake(baker, TARGET)
+        one = Shown(bake, SCENE, ATLAS, TARGET, first=FIRST, port=0, title="the box", side=64, threads=1)
+        thread = threading.Thread(target=one.run)
+        with bake:
+            thread.start()
+            yield one, baker, thread
+            one.left()
+            thread.join(PATIENCE_S)
+        one.close()
+
+
+@pytest.mark.slow
+def test_a_browser_shows_the_map_and_its_camera_says_what_comes_first(page, browser):
+    shown, baker, thread = page
+    complaints = []
+    with browser.new_context(viewport={"width": 400, "height": 800}) as context:
+        tab = context.new_page()
+        tab.set_default_timeout(1e3 * PATIENCE_S)
+        tab.on("pageerror", lambda error: complaints.append(str(error)))
+        tab.goto(shown.address)
+        tab.get_by_text("done").wait_for()
+        assert tab.evaluate("document.documentElement.scrollWidth") <= 400
+        tab.set_viewport_size({"width": 640, "height": 400})
+        wait_for(lambda: np.ptp(screenshot(tab)[200, 20:200].astype(int)) > 20, "a picture on the canvas")
+        wait_for(lambda: baker.visible is not None, "what the camera sees")
+        before, count = baker.visible, len(shown.sent)
+        tab.mouse.move(150, 250)
+        tab.mouse.down()
+        for step in range(5):
+            tab.mouse.move(150 + 20 * step, 250)
+        tab.mouse.up()
+        wait_for(lambda: (baker.visible != before).any(), "what another camera sees")
+        wait_for(lambda: not all(one[0] for one in shown.sent[count:]), "a sketch of another camera")
+        wait_for(lambda: shown.sent[-1][0], "a picture at rest")
+    assert complaints == []
+    thread.join(PATIENCE_S)
+    assert not thread.is_alive(), "the last page is closed, the viewer is not"
+    texels = Texels.of(BOX, ATLAS)
+    assert 0 < baker.visible.sum() < len(texels)

@@ -1,0 +1,327 @@
+"""The viewer's page: its port, its errors, its ends, and what a real browser shows; skipped, with the reason, where
+viser or a browser is missing."""
+
+import io
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import replace
+
+import numpy as np
+import psutil
+import pytest
+import trimesh
+from PIL import Image
+
+from atra.command.cameras import read_cameras
+from atra.command.main import main
+from atra.errors import InputError
+from atra.light.viewer import camera_page
+from atra.light.viewer.camera_page import HOST
+from atra.light.viewer.page import Page, say_numbers
+from atra.light.viewer.request import Settings
+from atra.light.viewer.session import REST_S, Frame, Picture
+from tests.browser import chromium
+from tests.folders import ROOT
+from tests.light.viewer.test_viewer_painter import FIRST, made
+from tests.meshes import cornell_box
+
+pytest.importorskip("viser", reason="viser is not installed: pip install -e '.[viewer]'")
+
+PATIENCE_S = 60.0
+"""For what takes a second where nobody else computes."""
+
+
+def wait_for(happens, what):
+    end_s = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end_s:
+        if found := happens():
+            return found
+        time.sleep(0.05)
+    pytest.fail(f"waited in vain for {what}")
+
+
+@pytest.fixture
+def page(monkeypatch):
+    """It runs in a thread, at 64 x 64 pixels."""
+    monkeypatch.setattr(camera_page, "LEAVE_S", 0.5)
+    painter = made()
+    one = Page(painter, replace(FIRST, settings=replace(FIRST.settings, samples=3)), 0, "the box", 3.0)
+    one.prepare()
+    thread = threading.Thread(target=one.run)
+    thread.start()
+    one.thread = thread
+    yield one
+    one.session.close()
+    thread.join(PATIENCE_S)
+    one.close()
+    painter.close()
+
+
+def test_only_this_machine_reaches_it_and_nobody_can_share_it(page):
+    port = page._server.get_port()
+    listening = [one.laddr for one in psutil.Process().net_connections("inet") if one.status == psutil.CONN_LISTEN]
+    assert [address.ip for address in listening if address.port == port] == [HOST] == ["127.0.0.1"]
+    assert page._server.request_share_url() is None
+
+
+def test_samples_wait_for_a_page_that_looks(page):
+    assert page.session._shown is not None, "no first sketch is there"
+    time.sleep(2 * REST_S)
+    assert page.session._samples == 0
+    page.moved(FIRST.pose)  # the same that is there
+    wait_for(lambda: page.session._samples == 3, "the picture at rest")
+
+
+@pytest.fixture
+def model(tmp_path, monkeypatch):
+    """The working directory, with `box.glb`."""
+    monkeypatch.chdir(tmp_path)
+    mesh = cornell_box()
+    trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(tmp_path / "box.glb")
+    return tmp_path
+
+
+def view(monkeypatch, *arguments):
+    monkeypatch.setattr(sys, "argv", ["atra", "view", "box.glb", "--threads", "1", *arguments])
+    return main()
+
+
+def test_a_taken_port_is_told_in_one_line_and_not_evaded(model, monkeypatch, capsys):
+    with socket.socket() as other:
+        other.bind((HOST, 0))
+        other.listen()
+        port = other.getsockname()[1]
+        assert view(monkeypatch, "--port", str(port)) == 2
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert told.err == f"atra: port {port} is taken; choose another by --port, or 0 for any that is free\n"
+
+
+def test_without_viser_one_line_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "viser", None)
+    with pytest.raises(InputError, match=r"^the viewer needs viser, .*pip install -e '\.\[viewer\]'$"):
+        Page(made(), FIRST, 0, "the box", 3.0)
+
+
+@pytest.mark.parametrize(("given", "told"), [
+    (("--port", "70000"), "port is 70000, expected a whole number from 0 to 65535"),
+    (("--camera", "table"), "the camera is 'table', expected a file, one of front, back"),
+    (("--camera", "cameras.json"), "cameras.json holds 2 cameras ('left', 'right'), expected one"),
+    (("--sky", "none.hdr"), "none.hdr' is no file"),
+])  # fmt: skip
+def test_what_cannot_be_shown_is_refused_in_one_line(model, monkeypatch, capsys, given, told):
+    one = {"eye": [0, 0, 3], "target": [0, 0, 0], "width": 8, "height": 8}
+    (model / "cameras.json").write_text(json.dumps({"left": one, "right": one}), encoding="utf-8")
+    assert view(monkeypatch, *given) == 2
+    error = capsys.readouterr().err
+    assert told in error
+    assert error.count("\n") == 1
+
+
+def test_the_sky_of_a_file_stands_above_what_is_shown_from_the_side_that_is_asked_for(model, monkeypatch, capsys):
+    shown = []
+    (model / "sky.hdr").write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n" + bytes([128, 64, 32, 130]))
+
+    def keep(painter, first, *others):
+        shown.append((painter._scene_of(Settings(sky_power=2.0)).sky, first))
+        raise InputError("that is all")
+
+    monkeypatch.setattr("atra.light.viewer.page.Page", keep)
+    given = "--sky", "sky.hdr", "--camera", "top", "--method", "aligned", "--tone", "agx"
+    assert view(monkeypatch, *given) == 2
+    assert capsys.readouterr().err == "atra: that is all\n"
+    ((sky, first),) = shown
+    assert sky.power == 2.0
+    np.testing.assert_array_equal(sky.texels, [[[2.0, 1.0, 0.5]]])
+    assert first.pose.eye[1] > first.pose.target[1]
+    assert (first.settings.method, first.settings.frame, first.settings.tone) == ("aligned", "path", "agx")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no SIGINT to one process")
+def test_ctrl_c_ends_it_cleanly(model):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "atra.command", "view", "box.glb", "--port", "0", "--threads", "1"],
+        cwd=model, env=os.environ | {"PYTHONPATH": str(ROOT)}, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        text=True,
+    )  # fmt: skip
+    try:
+        assert process.stdout.readline().startswith("viewer: preparing; a first start compiles kernels")
+        said = process.stdout.readline()
+        assert re.fullmatch(r"viewer: http://127\.0\.0\.1:\d+ shows box\.glb; Ctrl-C ends it\n", said)
+        os.kill(process.pid, signal.SIGINT)
+        out, errors = process.communicate(timeout=PATIENCE_S)
+    finally:
+        process.kill()
+    assert (process.returncode, out, errors) == (0, "viewer: ended\n", "")
+
+
+def test_numbers_tell_samples_stages_and_rates():
+    picture = Picture(np.zeros((64, 64, 3), np.uint8), {"primary": 0.002, "shadow": 0.006}, "a note")
+    still = say_numbers(Frame(FIRST, picture, 2), None).split("\n\n")
+    assert still == [
+        "**2 of 2 samples**, 64 x 64",
+        "a note",
+        "primary 2.0, shadow 6.0 ms",
+        "primary: 2.0 million rays/s",
+        "whole: 0.51 million pixel samples/s",
+    ]
+    assert say_numbers(Frame(FIRST, picture), 0.04).startswith("**moving**, 25 frames/s, 64 x 64")
+    kept = Picture(picture.image, {"primary": 1e-6, "shadow": 0.006})
+    assert "primary:" not in say_numbers(Frame(FIRST, kept, 2), None)  # its hits are kept, none was traced
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium("--use-angle=swiftshader", "--enable-unsafe-swiftshader") as started:
+        yield started
+
+
+class Shown:
+    """Requests of frames that went to the page, and their formats."""
+
+    def __init__(self, page, monkeypatch):
+        self.frames = []
+        self.formats = []
+        show, send = page.show, page._server.scene.set_background_image
+
+        def shown(frame):
+            self.frames.append((frame.request, frame.samples))
+            show(frame)
+
+        def sent(image, format, **more):
+            self.formats.append((self.frames[-1][1] > 0, format))
+            send(image, format=format, **more)
+
+        monkeypatch.setattr(page, "show", shown)
+        monkeypatch.setattr(page._server.scene, "set_background_image", sent)
+
+
+def screenshot(tab):
+    return np.asarray(Image.open(io.BytesIO(tab.screenshot())).convert("RGB"))
+
+
+@pytest.mark.slow
+def test_a_browser_shows_the_picture_moves_the_camera_changes_parameters_and_ends_the_viewer(
+    page, browser, monkeypatch
+):
+    shown, complaints = Shown(page, monkeypatch), []
+    with browser.new_context(viewport={"width": 640, "height": 400}) as context:
+        tab = context.new_page()
+        tab.set_default_timeout(1e3 * PATIENCE_S)
+        tab.on("pageerror", lambda error: complaints.append(str(error)))
+        tab.goto(page.address)
+        done = tab.get_by_text("3 of 3 samples")
+        done.wait_for()
+        wait_for(lambda: page.session.wanted.pose.aspect == pytest.approx(1.6, abs=0.01), "the page's own camera")
+        wait_for(lambda: page.session.wanted.pose.eye == pytest.approx(FIRST.pose.eye, abs=1e-6), "the scene's view")
+        # The left wall has another brightness than the floor; before it came, all was white.
+        wait_for(lambda: np.ptp(screenshot(tab)[300, 20:200].astype(int)) > 20, "a picture on the canvas")
+
+        before = page.session.wanted.pose
+        tab.mouse.move(150, 250)
+        tab.mouse.down()
+        for step in range(5):
+            tab.mouse.move(150 + 12 * step, 250)
+        tab.mouse.up()
+        wait_for(lambda: page.session.wanted.pose != before, "the camera to move")
+        wait_for(lambda: shown.frames[-1][:2] == (page.session.wanted, 3), "the picture at rest")
+        from_middle = np.subtract(page.session.wanted.pose.eye, FIRST.pose.target)
+        assert np.linalg.norm(from_middle) == pytest.approx(3.4, abs=1e-3), "it moved, but in no orbit"
+        assert (page.session.wanted, 0) in shown.frames, "no sketch came before"
+
+        tab.get_by_label("jitter").click()
+        wait_for(lambda: not page.session.wanted.settings.jitter, "the checkbox")
+        wait_for(lambda: shown.frames[-1] == (page.session.wanted, 3), "the picture without jitter")
+        assert set(shown.formats) == {(False, "jpeg"), (True, "png")}
+    assert complaints == []
+    page.thread.join(PATIENCE_S)
+    assert not page.thread.is_alive(), "the last page is closed, the viewer is not"
+
+
+@pytest.mark.slow
+def test_walking_turns_the_head_moves_by_keys_and_buttons_and_picture_and_camera_are_saved(page, browser, tmp_path):
+    with browser.new_context(viewport={"width": 640, "height": 400}, accept_downloads=True) as context:
+        tab = context.new_page()
+        tab.set_default_timeout(1e3 * PATIENCE_S)
+        tab.goto(page.address)
+        tab.get_by_text("3 of 3 samples").wait_for()
+
+        def eye():
+            return np.array(page.session.wanted.pose.eye)
+
+        def choose(movement):
+            tab.get_by_label("movement").click()
+            tab.get_by_role("option", name=movement).click()
+
+        wait_for(lambda: page.session.wanted.pose.eye == pytest.approx(FIRST.pose.eye, abs=1e-6), "the scene's view")
+        choose("walk")
+        forward = tab.get_by_role("button", name="forward", exact=True)
+        forward.wait_for()
+        before = page.session.wanted.pose
+        tab.mouse.move(150, 250)
+        tab.mouse.down()
+        tab.mouse.move(210, 250, steps=5)
+        tab.mouse.up()
+        wait_for(lambda: abs(page.session.wanted.pose.target[0] - before.target[0]) > 0.1, "the head to turn")
+        np.testing.assert_allclose(eye(), before.eye, atol=0.02)
+
+        def steps(by, way, what):
+            """As often as it takes: on a busy machine what came before still moves the eye, too."""
+            start = eye()
+
+            def has_moved():
+                by()
+                ahead = np.subtract(page.session.wanted.pose.target, page.session.wanted.pose.eye)
+                return way * np.dot(eye() - start, ahead) > 0.05
+
+            wait_for(has_moved, what)
+            assert eye()[1] == pytest.approx(start[1], abs=0.01)
+
+        def press():
+            tab.keyboard.down("w")
+            tab.wait_for_timeout(300)
+            tab.keyboard.up("w")
+
+        steps(press, 1.0, "a step by the key")
+        steps(tab.get_by_role("button", name="back", exact=True).click, -1.0, "a step back")
+        wait_for(lambda: page._frame is not None and page._frame.samples == 3, "the picture at rest")
+
+        def saves_what_is_shown():
+            for name in ("picture.png", "camera.json"):
+                with tab.expect_download() as loaded:
+                    tab.get_by_role("button", name=f"save {name.partition('.')[0]}").click()
+                loaded.value.save_as(tmp_path / name)
+            (camera,) = read_cameras(tmp_path / "camera.json", None, {}).values()
+            picture = np.asarray(Image.open(tmp_path / "picture.png"))
+            return camera == page.session.wanted.camera and np.array_equal(picture, page._frame.picture.image)
+
+        wait_for(saves_what_is_shown, "picture and camera as they are shown")
+        choose("orbit")
+        forward.wait_for(state="hidden")
+
+
+@pytest.mark.slow
+def test_controls_are_reached_and_nothing_scrolls_sideways_on_desktop_and_phone(page, browser):
+    with browser.new_context(viewport={"width": 400, "height": 800}) as context:
+        tab = context.new_page()
+        tab.set_default_timeout(1e3 * PATIENCE_S)
+        tab.goto(page.address)
+        tab.get_by_text("3 of 3 samples").wait_for()
+        for width, height in ((400, 800), (1280, 900)):
+            tab.set_viewport_size({"width": width, "height": height})
+            for folder in ("Picture", "Camera", "Primary visibility", "Hybrid", "Sun", "Ambient occlusion", "Sky"):
+                assert tab.get_by_text(folder, exact=True).is_visible()
+            assert not tab.get_by_text("Paths", exact=True).is_visible()
+            assert tab.evaluate("document.documentElement.scrollWidth") <= width
+            wait_for(
+                lambda shape=width / height: page.session.wanted.pose.aspect == pytest.approx(shape, abs=0.01),
+                "its shape",
+            )
