@@ -6,7 +6,7 @@ import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from atra.compat.bop_datasets import Dataset, write_labels
+from atra.compat.bop_datasets import write_labels
 from atra.compiled.threads import resolve_threads
 from atra.errors import printable
 
@@ -33,10 +33,10 @@ def add_bop(parser: ArgumentParser) -> None:
 def run_bop(given: Namespace) -> int:
     """Write all labels; returns 1 if a frame could not be labelled. Raises InputError and StorageError."""
     size = None if given.size is None else tuple(given.size)
-    dataset = Dataset(given.dataset, given.split, given.models, size)
     out = given.out or given.dataset.with_name(f"{given.dataset.resolve().name}_labels")
     counts = {"done": 0, "kept": 0, "failed": 0}
-    for _, told in write_labels(dataset, out, resolve_threads(given.workers), saturate=given.saturate):
+    options = {"split": given.split, "models": given.models, "size": size, "saturate": given.saturate}
+    for _, told in write_labels(given.dataset, out, resolve_threads(given.workers), **options):
         if told not in counts:
             print(f"atra: {printable(told)}", file=sys.stderr)
         counts[told if told in counts else "failed"] += 1

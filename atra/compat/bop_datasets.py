@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 from threading import local
 from typing import Any, NamedTuple
@@ -20,7 +19,6 @@ from atra.files.meshes.loading import load_mesh
 from atra.files.paths import write_atomically
 from atra.files.planes import fit_16_bits
 from atra.files.saving import encode_png
-from atra.geometry.mesh import Mesh
 
 
 class Frame(NamedTuple):
@@ -37,45 +35,37 @@ class Frame(NamedTuple):
         return f"{self.scene.name}, image {self.number}"
 
 
-@dataclass(frozen=True)
-class Dataset:
-    """A dataset in BOP format. folder: holds the split's folder and that of models. size: of the images, None: of
-    `camera.json`."""
+def write_labels(
+    folder: Path,
+    out: Path,
+    workers: int,
+    *,
+    split: str = "test",
+    models: str = "models",
+    size: tuple[int, int] | None = None,
+    saturate: bool = False,
+) -> Iterator[tuple[Frame, str]]:
+    """Write the labels of every frame of a dataset in BOP format; yields each with "done", "kept" (written by an
+    earlier run), or what is wrong.
 
-    folder: Path
-    split: str
-    models: str = "models"
-    size: tuple[int, int] | None = None
-
-    def frames(self) -> list[Frame]:
-        """All frames of the split. Raises InputError, naming file and image, for what is missing or broken."""
-        scenes = sorted(path.parent for path in (self.folder / self.split).glob("*/scene_gt.json"))
-        if not scenes:
-            raise InputError(f"{self.folder / self.split} has no scene with a scene_gt.json, expected a BOP dataset")
-        return [frame for scene in scenes for frame in _frames_of(scene)]
-
-    def load_models(self, frames: list[Frame]) -> dict[int, Mesh]:
-        """The models that frames show, by number. Raises InputError for one that is missing."""
-        numbers = sorted({_number_of(one, frame) for frame in frames for one in frame.objects})
-        return {obj_id: load_mesh(self.folder / self.models / f"obj_{obj_id:06d}.ply") for obj_id in numbers}
-
-
-def write_labels(dataset: Dataset, out: Path, workers: int, *, saturate: bool = False) -> Iterator[tuple[Frame, str]]:
-    """Write the labels of every frame; yields each with "done", "kept" (written by an earlier run), or what is wrong.
-
-    out/SPLIT/SCENE holds depth/FRAME.png (times the frame's depth_scale: millimetres), mask/FRAME_OBJECT.png,
-    mask_visib/FRAME_OBJECT.png, and scene_gt_info.json, all as in the BOP format. workers: threads. saturate: depths
-    that do not fit 16 bits become 65,535.
+    folder: holds the folders of the split and of the models. out/SPLIT/SCENE holds depth/FRAME.png (times the frame's
+    depth_scale: millimetres), mask/FRAME_OBJECT.png, mask_visib/FRAME_OBJECT.png, and scene_gt_info.json, all as in the
+    BOP format. workers: threads. size: of the images, None: of `camera.json`. saturate: depths that do not fit 16 bits
+    become 65,535.
     Raises InputError, before anything is drawn, for a dataset that cannot be used, and StorageError.
     """
-    frames = dataset.frames()
-    meshes = dataset.load_models(frames)
-    width, height = dataset.size or image_size(frames[0].scene / "scene_gt.json")
+    scenes = sorted(path.parent for path in (folder / split).glob("*/scene_gt.json"))
+    if not scenes:
+        raise InputError(f"{folder / split} has no scene with a scene_gt.json, expected a BOP dataset")
+    frames = [frame for scene in scenes for frame in _frames_of(scene)]
+    numbers = sorted({_number_of(one, frame) for frame in frames for one in frame.objects})
+    meshes = {obj_id: load_mesh(folder / models / f"obj_{obj_id:06d}.ply") for obj_id in numbers}
+    width, height = size or image_size(scenes[0] / "scene_gt.json")
     kept = local()
 
     def draw(frame: Frame) -> str:
-        folder = out / dataset.split / frame.scene.name
-        record = folder / "info" / f"{frame.number:06d}.json"
+        labels = out / split / frame.scene.name
+        record = labels / "info" / f"{frame.number:06d}.json"
         if record.is_file():
             return "kept"
         if not hasattr(kept, "renderer"):
@@ -84,18 +74,18 @@ def write_labels(dataset: Dataset, out: Path, workers: int, *, saturate: bool = 
                 kept.renderer.add_object(obj_id, mesh)
         try:
             with entry(frame.where):
-                write_atomically(record, json.dumps(_label(kept.renderer, frame, folder, saturate)).encode())
+                write_atomically(record, json.dumps(_label(kept.renderer, frame, labels, saturate)).encode())
         except InputError as error:
             return str(error)
         return "done"
 
     with ThreadPoolExecutor(workers) as pool:
         yield from zip(frames, pool.map(draw, frames), strict=True)
-    for scene in dict.fromkeys(frame.scene for frame in frames):
-        folder = out / dataset.split / scene.name
-        records = sorted((folder / "info").glob("*.json"))
+    for scene in scenes:
+        labels = out / split / scene.name
+        records = sorted((labels / "info").glob("*.json"))
         gathered = {str(int(path.stem)): json.loads(path.read_bytes()) for path in records}
-        write_atomically(folder / "scene_gt_info.json", json.dumps(gathered).encode())
+        write_atomically(labels / "scene_gt_info.json", json.dumps(gathered).encode())
 
 
 def _label(renderer: Renderer, frame: Frame, folder: Path, saturate: bool) -> list[dict[str, Any]]:

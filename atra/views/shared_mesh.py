@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from itertools import accumulate
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from threading import Lock
 from uuid import uuid4
 
 from atra.exact.ties import CoplanarOverlaps, keep_overlaps
@@ -43,30 +42,28 @@ class SharedMesh:
 
 @dataclass(eq=False)
 class Stage:
-    """A mesh in one process, with its idle tracers."""
+    """A mesh in one process, with its idle tracers, in a list that threads take them from and put them back to."""
 
     mesh: Mesh
     _idle: list[Tracer] = field(default_factory=list)
     _is_struck: bool = False
-    _lock: Lock = field(default_factory=Lock)
 
     def take(self) -> Tracer | None:
         """An idle tracer, which the caller returns by `put`; None = there is none."""
-        with self._lock:
-            return self._idle.pop() if self._idle else None
+        try:
+            return self._idle.pop()
+        except IndexError:
+            return None
 
     def put(self, tracer: Tracer) -> None:
-        with self._lock:
-            if not self._is_struck:
-                self._idle.append(tracer)
-                return
-        tracer.close()
+        self._idle.append(tracer)
+        if self._is_struck:
+            self.strike()
 
     def strike(self) -> None:
         """Close all tracers, those in use at their `put`."""
-        with self._lock:
-            idle, self._idle, self._is_struck = self._idle, [], True
-        for tracer in idle:
+        self._is_struck = True
+        while (tracer := self.take()) is not None:
             tracer.close()
 
 

@@ -16,6 +16,10 @@ _BYTES_PER_WORD = 40
 """Memory for a word: its value and code, and what is made of them."""
 
 
+_AT_ONCE = 1 << 20
+"""Words that are split at once; the memory is checked after each time."""
+
+
 def code_of(word: str) -> int:
     """The code of a word in letters of any size, of which eight count."""
     return int.from_bytes(word.encode()[:8])
@@ -70,17 +74,22 @@ class Words(NamedTuple):
 
     def wholes(self, at: NDArray[np.int64] | slice, most_code: int = 0) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """Whole numbers (N,) at words, and whether they are such."""
+        values = self.values[at]
         with np.errstate(invalid="ignore"):
-            found = self.values[at].astype(np.int64)
-        return found, (found == self.values[at]) & (self.codes[at] <= most_code)
+            found = values.astype(np.int64)
+        return found, (found == values) & (self.codes[at] <= most_code)
 
 
 def split_text(text: bytes, allowance: Allowance, start: int = 0) -> Words:
     """The words of a text from a place on; comments from a word that begins with # on are left out."""
-    given, none = np.frombuffer(text, np.uint8), np.empty(0, np.int64)
-    words, lines = split_words(given, start, False, np.empty(0), none.view(np.uint64), none, none)
-    allowance.check(f"{words:,} words", words * _BYTES_PER_WORD)
-    values, codes = np.empty(words), np.empty(words, np.uint64)
-    firsts, places = np.full(lines + 1, words), np.empty(lines, np.int64)
-    split_words(given, start, True, values, codes, firsts, places)
-    return Words(text, values, codes, firsts, places)
+    given, at, is_new, words = np.frombuffer(text, np.uint8), start, True, 0
+    size = min(len(text) // 2 + 1, _AT_ONCE)
+    chunks = [[np.empty(0), np.empty(0, np.uint64), np.empty(0, np.int64), np.empty(0, np.int64)]]
+    while at < len(text):
+        values, codes, firsts, places = (np.empty(size, one.dtype) for one in chunks[0])
+        at, count, lines, is_new = split_words(given, at, is_new, values, codes, firsts, places)
+        chunks.append([values[:count], codes[:count], firsts[:lines] + words, places[:lines]])
+        words += count
+        allowance.check(f"{words:,} words and more", words * _BYTES_PER_WORD)
+    values, codes, firsts, places = (np.concatenate(one) for one in zip(*chunks, strict=True))
+    return Words(text, values, codes, np.append(firsts, words), places)

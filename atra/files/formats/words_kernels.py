@@ -143,14 +143,16 @@ def number(text, i):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def split_words(text, start, fills, values, codes, firsts, places):  # type: ignore[no-untyped-def]
-    """Split a text into words, from a place on; returns the number of words, and of lines that have any.
+def split_words(text, start, is_new, values, codes, firsts, places):  # type: ignore[no-untyped-def]
+    """Split a text into words, from a place on, until `values` is full or the text ends.
 
-    Written if `fills`: values: (W,) float64. codes: (W,) uint64, as for `Words`. firsts, places: (L,) int64, the first
-    word of each line, and its place in the text. A word that begins with # begins a comment, up to the end of the line.
+    Written: values: (W,) float64. codes: (W,) uint64, as for `Words`. firsts, places: (W,) int64, the first word of
+    each line, among these, and its place in the text. A word that begins with # begins a comment, up to the end of the
+    line. is_new: whether no word of the line stands before `start`. Returns the place reached, the number of words, and
+    of lines that begin, and is_new for the next words.
     """
-    i, words, lines, is_new = start, 0, 0, True
-    while i < len(text):
+    i, words, lines = start, 0, 0
+    while i < len(text) and words < len(values):
         i = after_blanks(text, i)
         if is_end(text, i):
             i, is_new = i + 1, True
@@ -159,18 +161,17 @@ def split_words(text, start, fills, values, codes, firsts, places):  # type: ign
             while not is_end(text, i):
                 i = max(i + 1, after_blanks(text, i))  # a comment is continued, too
             continue
-        if fills:
-            if is_new:
-                firsts[lines], places[lines] = words, i
-            values[words], after, is_number = number(text, i)
-            codes[words] = 0
-            if not is_number and after < len(text) and text[after] == _SLASH and is_digit(text, after - 1):
-                codes[words] = 1
-            elif not is_number:
-                for k in range(i, min(after_word(text, i), i + 8)):
-                    codes[words] = codes[words] << np.uint64(8) | np.uint64(text[k] | 32)
-            i = max(i, after)
-        lines += is_new
+        if is_new:
+            firsts[lines], places[lines] = words, i
+            lines += 1
+        values[words], after, is_number = number(text, i)
+        code = np.uint64(0)
+        if not is_number and after < len(text) and text[after] == _SLASH and is_digit(text, after - 1):
+            code = np.uint64(1)
+        elif not is_number:
+            for k in range(i, min(after_word(text, i), i + 8)):
+                code = code << np.uint64(8) | np.uint64(text[k] | 32)
+        codes[words] = code
         words, is_new = words + 1, False
-        i = after_word(text, i)
-    return words, lines
+        i = after_word(text, max(i, after))
+    return i, words, lines, is_new

@@ -73,7 +73,7 @@ def _parts(tree: Any, numbers: Numbers, allowance: Allowance, notes: dict[str, N
                     continue
                 if "targets" in primitive:
                     notes["morph targets are left out"] = None
-                count, rows = count + 1, rows + claimed_rows(tree, primitive)
+                count, rows = count + 1, rows + claimed_rows(primitive, numbers)
                 allowance.check(f"{count:,} parts and more", count * _BYTES_PER_PART)
                 check_rows(rows, allowance)
                 if (mesh, k) not in made:

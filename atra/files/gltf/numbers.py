@@ -69,16 +69,21 @@ class Numbers:
             raise InputError(f"accessor {number} is {rows.dtype} of {rows.shape[1]} each, expected indices")
         return rows[:, 0].astype(np.int64)
 
-    def width(self, number: Any) -> int:
-        """Numbers of each element of an accessor."""
-        return _NUMBERS.get(entry(self._tree, "accessors", number)["type"], 0)
+    def shape(self, number: Any) -> tuple[int, int]:
+        """Elements of an accessor, and numbers of each, as it claims. Raises InputError for what is not read."""
+        accessor = entry(self._tree, "accessors", number)
+        size, count = _NUMBERS.get(accessor["type"]), accessor["count"]
+        if size is None or accessor["componentType"] not in _TYPES:
+            raise InputError(
+                f"accessor {number} is {accessor['type']!r} of {accessor['componentType']!r}, which is not read"
+            )
+        if type(count) is not int or count < 0:
+            raise InputError(f"accessor {number} has the count {count!r:.50}, expected a whole number")
+        return count, size
 
     def rows(self, number: Any) -> tuple[Any, NDArray[Any]]:
         """An accessor, and its (N, size) numbers as they are stored."""
-        accessor = entry(self._tree, "accessors", number)
-        count, size = accessor["count"], _NUMBERS.get(accessor["type"])
-        if size is None or accessor["componentType"] not in _TYPES or type(count) is not int or count < 0:
-            raise InputError(f"accessor {number} is {accessor['type']!r} of {count!r}, which is not read")
+        (count, size), accessor = self.shape(number), entry(self._tree, "accessors", number)
         dtype = np.dtype(_TYPES[accessor["componentType"]])
         start = accessor.get("byteOffset", 0)
         if "bufferView" in accessor:

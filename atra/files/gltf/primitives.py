@@ -30,13 +30,10 @@ def triangles_of_mode(mode: int, corners: NDArray[np.int64]) -> NDArray[np.int64
     return np.column_stack([corners[k], corners[k + 1 + odd], corners[k + 2 - odd]])
 
 
-def claimed_rows(tree: Any, primitive: Any) -> int:
-    """Vertices and triangles of a primitive, by its accessors. Raises InputError for counts that are none."""
-    numbers = (primitive["attributes"]["POSITION"], primitive.get("indices"))
-    counts = [entry(tree, "accessors", number)["count"] for number in numbers if number is not None]
-    for count in counts:
-        if type(count) is not int or count < 0:
-            raise InputError(f"an accessor has the count {count!r:.50}, expected a whole number")
+def claimed_rows(primitive: Any, numbers: Numbers) -> int:
+    """Vertices and triangles of a primitive, by its accessors."""
+    accessors = (primitive["attributes"]["POSITION"], primitive.get("indices"))
+    counts = [numbers.shape(number)[0] for number in accessors if number is not None]
     return counts[0] + counts[-1] // (3 if primitive.get("mode", TRIANGLES) == TRIANGLES else 1)
 
 

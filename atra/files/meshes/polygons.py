@@ -41,7 +41,8 @@ def cut_polygons(
     vertices, first = vertices.astype(np.float64), np.cumsum(sizes) - sizes
     shapes, starts = np.zeros(len(sizes), np.uint8), np.zeros(len(sizes), np.int64)
     for size, group in _groups(sizes, 4):
-        shapes[group], starts[group] = _shapes(vertices[corners[first[group][:, None] + np.arange(size)]])
+        points = vertices[corners[first[group] + np.arange(size)[:, None]]]
+        shapes[group], starts[group] = _shapes(np.ascontiguousarray(points.transpose(0, 2, 1)))
     clipped = _clipped(vertices, sizes, corners, first, shapes)
     counts = np.maximum(sizes - 2, 0)
     for polygon, triangles in clipped.items():
@@ -49,10 +50,9 @@ def cut_polygons(
     place = np.cumsum(counts) - counts
     faces = np.empty((counts.sum(), 3), np.int64)
     for size, group in _groups(np.where(np.isin(np.arange(len(sizes)), list(clipped)), 0, sizes), 3):
-        turned = (starts[group][:, None] + np.arange(size)) % size
-        fan = corners[first[group][:, None] + turned]
+        fan = [corners[first[group] + (starts[group] + k) % size] for k in range(size)]
         for k in range(size - 2):
-            faces[place[group] + k] = fan[:, [0, k + 1, k + 2]]
+            faces[place[group] + k] = np.stack([fan[0], fan[k + 1], fan[k + 2]], axis=1)
     for polygon, triangles in clipped.items():
         faces[place[polygon] : place[polygon] + len(triangles)] = triangles
     return faces, np.repeat(np.arange(len(sizes)), counts), list(_notes(sizes, shapes))
@@ -70,31 +70,35 @@ def _groups(sizes: NDArray[np.int64], least: int) -> Iterator[tuple[int, NDArray
 
 @np.errstate(all="ignore")
 def _shapes(points: NDArray[np.float64]) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-    """Shapes (P,) of polygons (P, N, 3) of more than three corners, and the corners (P,) where their fans begin."""
-    size = points.shape[1]
-    around = points - points[:, :1]
-    parts = np.cross(around[:, 1:-1], around[:, 2:])
-    normals, apart = parts.sum(axis=1), np.linalg.norm(parts, axis=2).sum(axis=1)
-    axis = np.abs(normals).argmax(axis=1)[:, None]
-    signed = np.take_along_axis(normals, axis, 1)
+    """Shapes (P,) of polygons (N, 3, P) of N > 3 corners each, and the corners (P,) where their fans begin."""
+    size = len(points)
+    around = points - points[0]
+    parts = np.stack([
+        around[1:-1, (k + 1) % 3] * around[2:, (k + 2) % 3] - around[1:-1, (k + 2) % 3] * around[2:, (k + 1) % 3]
+        for k in range(3)
+    ], axis=1)  # fmt: skip
+    normals, apart = parts.sum(axis=0), np.sqrt((parts * parts).sum(axis=1)).sum(axis=0)
+    axis = np.abs(normals).argmax(axis=0)
+    polygons = np.arange(len(axis))
+    signed = normals[axis, polygons]
     area = np.abs(signed)
-    flat = np.take_along_axis(points, (axis[:, None] + [[[1, 2]]]) % 3, 2)  # seen along the axis nearest to the normal
-    ahead = np.roll(flat, -1, axis=1) - flat
-    after = np.roll(ahead, -1, axis=1)
-    turn = np.where(signed < 0.0, -1.0, 1.0) * (ahead[..., 0] * after[..., 1] - ahead[..., 1] * after[..., 0])
+    # Seen along the axis nearest to the normal.
+    ahead = [np.roll(flat, -1, axis=0) - flat for flat in (points[:, (axis + k) % 3, polygons] for k in (1, 2))]
+    after = [np.roll(one, -1, axis=0) for one in ahead]
+    turn = np.where(signed < 0.0, -1.0, 1.0) * (ahead[0] * after[1] - ahead[1] * after[0])
     is_inward = turn < -_NO_TURN * area
-    has_no_area = area[:, 0] <= _NO_TURN * apart
-    starts = np.zeros(len(points), np.int64)
+    has_no_area = area <= _NO_TURN * apart
+    starts = np.zeros(len(axis), np.int64)
     if size == 4:
-        is_crossing, is_concave = is_inward.sum(axis=1) > 1, False
-        starts = np.where(is_inward.any(axis=1) & ~is_crossing, (turn.argmin(axis=1) + 1) % 4, 0)
+        is_crossing, is_concave = is_inward.sum(axis=0) > 1, False
+        starts = np.where(is_inward.any(axis=0) & ~is_crossing, (turn.argmin(axis=0) + 1) % 4, 0)
     else:
-        turned = np.arctan2(turn, (ahead * after).sum(axis=2)).sum(axis=1)
-        is_crossing, is_concave = False, is_inward.any(axis=1) | (turned > 3.0 * np.pi)  # more than once around
+        turned = np.arctan2(turn, ahead[0] * after[0] + ahead[1] * after[1]).sum(axis=0)
+        is_crossing, is_concave = False, is_inward.any(axis=0) | (turned > 3.0 * np.pi)  # more than once around
     is_crossing = np.where(has_no_area, apart > 0.0, is_crossing)
-    off = (around * normals[:, None]).sum(axis=2)
-    extent = np.ptp(points, axis=1).max(axis=1)
-    is_bent = ~has_no_area & (np.ptp(off, axis=1) > 2.0 * _FLAT * extent * np.linalg.norm(normals, axis=1))
+    off = (around * normals).sum(axis=1)
+    extent = np.ptp(points, axis=0).max(axis=0)
+    is_bent = ~has_no_area & (np.ptp(off, axis=0) > 2.0 * _FLAT * extent * np.sqrt((normals * normals).sum(axis=0)))
     shapes = _CONCAVE * (is_concave & ~has_no_area) + _CROSSING * is_crossing + _BENT * is_bent
     return shapes.astype(np.uint8), np.where(is_crossing, 0, starts)
 

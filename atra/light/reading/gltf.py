@@ -113,7 +113,7 @@ def _primitive(
         rows[key] = _rows(numbers, attributes, name, size, len(vertices), left_out)
     colours = None
     if "COLOR_0" in attributes:
-        size = numbers.width(attributes["COLOR_0"])
+        size = numbers.shape(attributes["COLOR_0"])[1]
         colours = _rows(numbers, attributes, "COLOR_0", size, len(vertices), left_out)
         if colours is not None:
             opaque = np.ones((len(vertices), 4 - size))
