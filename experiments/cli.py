@@ -40,7 +40,7 @@ PLAIN = {
 further ones by entry points."""
 
 _FLAGS_WITH_VALUES = ("--config-path -cp", "--config-name -cn", "--config-dir -cd", "--package -p", "--cfg -c")
-"""Of Hydra; a value is no verb."""
+"""Flags of Hydra that take a value; that value is no verb."""
 
 
 def main() -> int:

@@ -197,8 +197,8 @@ def _store_edge(edge, dx, dy, x, y, floats):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def edges_at(values, lanes):  # type: ignore[no-untyped-def]
-    """Of each edge of a triangle, in each lane, how far inside the first sample lies, and what the next column and the
-    next row add to that; three tuples of three. values: of the triangle's place in a batch."""
+    """How far inside each edge of a triangle the first sample lies, in each lane, and what the next column and the next
+    row add to that; three tuples of three. values: those of the triangle's place in a batch."""
     return _three_of(values, INSIDE, lanes), _three_of(values, COLUMN, lanes), _three_of(values, ROW, lanes)
 
 

@@ -195,7 +195,7 @@ class RayHits:
 
     @cached_property
     def _weights(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Of the second and third corners of the triangles hit, as `mesh` numbers these; NaN: seen edge-on."""
+        """Weights of the second and third corners of the triangles hit, as `mesh` numbers these; NaN: seen edge-on."""
         found = intersect_rays(self.mesh, *self._lines, self._named[self.hit])
         return found.u, found.v
 

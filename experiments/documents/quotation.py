@@ -138,7 +138,7 @@ def estimate(processes: pd.DataFrame, column: str, **values: Any) -> Estimate:
 
 
 def best(table: pd.DataFrame, **values: Any) -> pd.Series:
-    """Of the rows with these values the best split, as everywhere (`experiments.workloads.series.best_rows`)."""
+    """The row of the best split among those with these values (`experiments.workloads.series.best_rows`)."""
     rows = best_rows(of(table, **values))
     assert len(rows) == 1, f"{len(rows)} best rows for {values}"
     return rows.iloc[0]

@@ -144,7 +144,7 @@ def table_columns() -> str:
             "A row of `table.parquet` is a point; a row of `processes.parquet` is a process that measured it. Every\n"
             "key of a method or workload above is a column of the same name. A column that several workloads or\n"
             "methods share stands with the first of them. What was not measured is missing, never zero.\n",
-            f"### Of every point\n\n{table(_COLUMNS, map(_column, point))}",
+            f"### Columns of every point\n\n{table(_COLUMNS, map(_column, point))}",
             *parts,
         ]
     )

@@ -64,7 +64,7 @@ class Interior:
 
     @cached_property
     def edges(self) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
-        """Of the triangles that rays meet, as `edge_surplus` has it."""
+        """Edges of the triangles that rays meet and their surplus, as `edge_surplus` returns them."""
         mesh = self.finder.mesh
         return edge_surplus(mesh, mesh.faces if self._faces is None else mesh.faces[self._faces])
 

@@ -33,7 +33,7 @@ class PreparedShafts(PreparedBvh):
 
     @property
     def counters(self) -> Mapping[str, float]:
-        """Of the BVH and of the shafts."""
+        """Counters of the BVH and of the shafts."""
         return {**super().counters, **self.lists.counters}
 
 

@@ -48,7 +48,7 @@ _STYLES: dict[str, dict[str, Any]] = {
     "occlusion": {"color": ORANGE, "marker": "s", "linestyle": DASHED},
     "diffuse": {"color": VERMILLION, "marker": "^", "linestyle": DOTTED},
 }
-"""Of each kind of rays."""
+"""Line style of each kind of rays."""
 
 _SETTINGS = {
     "shaft_probability": Axis("probability from which a node is opened", "linear"), "shafts": Axis("shafts"),

@@ -30,7 +30,7 @@ _ALONE = _where(against="compaction", compaction="bounces", priority=False, albe
 
 
 def _share_of(*stages: str) -> Callable[[pd.DataFrame], object]:
-    """Of a round."""
+    """The share of a round's time that some stages take."""
 
     def share(rows: pd.DataFrame) -> object:
         part, whole = (sum(numbers(rows, f"{stage}_s") for stage in some) for some in (stages, STAGES))

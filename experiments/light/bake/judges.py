@@ -21,7 +21,7 @@ from experiments.results.verdicts import (
 )
 
 _FORECAST = Bounds(low=1.5)
-"""Of packets over visible-first rays, written down before anything was measured."""
+"""Speed-up of visible-first rays over packets, forecast before anything was measured."""
 
 _DEVIATIONS = 4.0
 """Standard errors between the light of two that find the same."""

@@ -255,7 +255,8 @@ def _variance(lightmap: Lightmap, which: Any) -> float | None:
 
 
 def _error_over_forecast(one: Baker, other: Baker) -> float | None:
-    """Of two maps by other random numbers, where both have all their samples."""
+    """The difference of two maps of other random numbers over the error that they forecast, where both have all their
+    samples."""
     maps = [baker.maps for baker in (one, other)]
     used = maps[0].valid & maps[1].valid
     for lightmap in maps:
