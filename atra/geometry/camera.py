@@ -30,10 +30,6 @@ from atra.geometry.view import View, check_offset
 __all__ = ["CalibratedCamera", "Camera", "Vector", "check_offset"]
 
 FOV_Y_DEGREES = 60.0
-"""Default full vertical field of view."""
-
-
-FOV_Y_DEGREES = 60.0
 """Default vertical field of view."""
 
 

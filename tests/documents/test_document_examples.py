@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import trimesh
 
+import experiments.commands.single
 import experiments.sweep
 from atra.command.main import _VERBS
 from atra.command.main import main as run_console
@@ -175,7 +176,11 @@ def test_a_command_for_the_harness_names_what_there_is(page, given, folder):
     names_scene = any(one.partition("=")[0] == "scene" for one in given)
     one_scene = ["scene=cornell_box"] if given[0].startswith("sweep=") and not names_scene else []
     done = Mock(return_value=None)
-    with patch.object(cli, "_function", Mock(return_value=done)), patch.object(experiments.sweep, "run_sweep", done):
+    with (
+        patch.object(cli, "_function", Mock(return_value=done)),
+        patch.object(experiments.sweep, "run_sweep", done),
+        patch.object(experiments.commands.single, "run_single_point", done),
+    ):
         told = run_here(folder, *given, *one_scene)
     assert told.returncode == 0, told.stderr
     done.assert_called_once()

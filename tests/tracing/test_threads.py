@@ -97,7 +97,7 @@ CALLS = {
     "frames": (lambda: atra.FramesTracer(MESH, FRAMES, threads=1), ALL | {"look": (FRAMES,)}),
     "rays": (
         lambda: atra.RayScene(MESH, threads=1),
-        {"intersect": RAYS, "occluded": RAYS, "build": (), "update": (MESH,), "run": (lambda query: None,)},
+        {"intersect": RAYS, "occluded": RAYS, "all_hits": RAYS, "count": RAYS, "build": (), "update": (MESH,)},
     ),
 }
 

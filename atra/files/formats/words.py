@@ -84,7 +84,8 @@ def split_text(text: bytes, allowance: Allowance, start: int = 0) -> Words:
     """The words of a text from a place on; comments from a word that begins with # on are left out."""
     given, at, is_new, words = np.frombuffer(text, np.uint8), start, True, 0
     size = min(len(text) // 2 + 1, _AT_ONCE)
-    chunks: list[list[NDArray[Any]]] = [[np.empty(0, kind) for kind in ("f8", "u8", "i8", "i8")]]
+    chunks: list[list[NDArray[Any]]]
+    chunks = [[np.empty(0), np.empty(0, np.uint64), np.empty(0, np.int64), np.empty(0, np.int64)]]
     while at < len(text):
         values, codes, firsts, places = (np.empty(size, one.dtype) for one in chunks[0])
         at, count, lines, is_new = split_words(given, at, is_new, values, codes, firsts, places)

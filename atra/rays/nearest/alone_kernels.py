@@ -12,7 +12,7 @@ from atra.compiled.memory import store
 from atra.compiled.store import float_part, njit
 from atra.compiled.vectors import splat
 from atra.prim_ids import MISS
-from atra.rays.all_hits.boxes_kernels import box_ray, child_node, entered_at, first_block, shortened, start_of
+from atra.rays.all_hits.boxes_kernels import box_ray, child_node, entered, entered_at, first_block, shortened, start_of
 from atra.rays.all_hits.crossings_kernels import candidates, crossing_of, is_before, line_of, parameter, prim_id_of
 from atra.rays.all_hits.memory import LEAF
 from atra.trees.layout import BLOCK_BYTES
@@ -68,10 +68,10 @@ def put(memory, place, node, entry):  # type: ignore[no-untyped-def]
 
 
 @float_part
-def hit_alone(any_hit, tree, o, d, tnear, tfar, memory, touches):  # type: ignore[no-untyped-def]
+def nearest_alone(tree, o, d, tnear, tfar, memory, touches):  # type: ignore[no-untyped-def]
     """(t, prim_id) of the nearest hit of a ray; inf and `MISS` where there is none.
 
-    any_hit: of any hit in its place. o, d, tnear, tfar: of `scaled_ray`. touches: as for `crossing`.
+    o, d, tnear, tfar: of `scaled_ray`. touches: as for `crossing`.
     """
     exact, areas, entries = memory.exact, memory.areas, memory.entries
     is_near, s = start_of(o, d, tnear, tree.sphere)
@@ -96,8 +96,6 @@ def hit_alone(any_hit, tree, o, d, tnear, tfar, memory, touches):  # type: ignor
                 sign, t, error, _, _ = crossing_of(block, k, is_sure, line, areas, (o, d), ends, exact, touches)
                 if sign == 0:
                     continue
-                if any_hit:
-                    return t, prim_id_of(block, k)
                 if is_nearer(t, error, block, k, nearest, nearest_error, hit_block, hit_k, o, d, exact):
                     nearest, nearest_error, hit_block, hit_k = t, error, block, k
                     ray, limit = shortened(ray, s, t + error)
@@ -112,7 +110,7 @@ def hit_alone(any_hit, tree, o, d, tnear, tfar, memory, touches):  # type: ignor
             to = first_block(tree, node, child) + LEAF if blocks else child_node(tree, node, child)
             for _ in range(max(blocks, 1)):
                 into = top  # the farthest stands lowest
-                while not any_hit and into > first:
+                while into > first:
                     near = float_at(memory.reached + 4 * (into - 1))
                     if not near < entry:
                         break
@@ -124,3 +122,52 @@ def hit_alone(any_hit, tree, o, d, tnear, tfar, memory, touches):  # type: ignor
     if hit_block == 0:
         return np.inf, NO_HIT
     return finished(nearest, nearest_error, hit_block, hit_k, o, d, exact), prim_id_of(hit_block, hit_k)
+
+
+@float_part
+def is_hit_alone(tree, o, d, tnear, tfar, memory, touches):  # type: ignore[no-untyped-def]
+    """Whether a ray hits anything. Arguments as for `nearest_alone`.
+
+    A node's leaves are tested before its other children are entered: one hit is enough.
+    """
+    is_near, s = start_of(o, d, tnear, tree.sphere)
+    if not (is_near and tnear < tfar and s < tfar):
+        return False
+    ray, line = box_ray(o, d, s, tfar, tree.sphere), line_of(o, d, tree.sphere)
+    top, node = 0, np.int64(tree.nodes)
+    while True:
+        bits, leaves = entered(node, ray), np.int64(0)
+        while bits:
+            k = first_bit(bits)
+            bits &= bits - 1
+            if int32_at(node + BLOCK_COUNTS + 4 * k):
+                leaves |= np.int64(1) << k
+                first_block(tree, node, 4 * k)
+            else:
+                store(splat(child_node(tree, node, 4 * k), 1), memory.stack + 8 * top)
+                top += 1
+        while leaves:
+            child = 4 * first_bit(leaves)
+            leaves &= leaves - 1
+            block = first_block(tree, node, child)
+            for _ in range(int32_at(node + BLOCK_COUNTS + child)):
+                if is_crossed(block, line, (o, d), (tnear, tfar), memory, touches):
+                    return True
+                block += BLOCK_BYTES
+        if top == 0:
+            return False
+        top -= 1
+        node = address_at(memory.stack + 8 * top)
+
+
+@njit(forceinline=True)
+def is_crossed(block, line, ray, ends, memory, touches):  # type: ignore[no-untyped-def]
+    """Whether a ray crosses a triangle of a block."""
+    maybe, sure = candidates(block, line, memory.areas)
+    while maybe:
+        k = first_bit(maybe)
+        maybe &= maybe - 1
+        crossing = crossing_of(block, k, sure >> k & 1, line, memory.areas, ray, ends, memory.exact, touches)
+        if crossing[0] != 0:
+            return True
+    return False

@@ -10,7 +10,7 @@ import numpy as np
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import float_kernel
 from atra.rays.all_hits.memory import CHUNK, RAY_LANES
-from atra.rays.nearest.alone_kernels import NO_HIT, hit_alone, memory_of
+from atra.rays.nearest.alone_kernels import is_hit_alone, memory_of, nearest_alone
 from atra.rays.nearest.together_kernels import hit_together
 from atra.rays.rays_kernels import scaled_ray
 
@@ -41,10 +41,10 @@ def nearest_kernel(any_hit: bool) -> Callable[..., None]:
                         continue
                 for number in range(first, last):
                     o, d, tnear, tfar, scale = scaled_ray(rays, number)
-                    t, prim_id = hit_alone(any_hit, tree, o, d, tnear, tfar, memory, touches)
                     if any_hit:
-                        answers[number] = prim_id != NO_HIT
+                        answers[number] = is_hit_alone(tree, o, d, tnear, tfar, memory, touches)
                     else:
+                        t, prim_id = nearest_alone(tree, o, d, tnear, tfar, memory, touches)
                         t_of[number], answers[number] = t * scale, prim_id
 
     return hit_rays

@@ -46,7 +46,7 @@ def hit_together(any_hit, tree, rays, first, last, near_by, found, touches, befo
 
     near_by: how far apart coherent rays start. before: what the last call returned, 0 at first: with any_hit the leaf
     in which rays were hit, as it stands on the stack. These rays enter it first, as most of their neighbours hit what
-    they hit. t_of, answers: as for `nearest_kernel`. Other arguments as for `hit_alone`.
+    they hit. t_of, answers: as for `nearest_kernel`. Other arguments as for `nearest_alone`.
 
     Source: E. A. Haines, D. P. Greenberg, "The light buffer: a shadow-testing accelerator", 1986, which also asks the
     last occluder first.
