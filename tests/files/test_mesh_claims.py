@@ -9,6 +9,7 @@ import trimesh
 from atra.errors import InputError
 from atra.files.meshes.face_sources import load_face_sources
 from atra.files.meshes.loading import load_mesh
+from tests.files.samples import CORNERS, TRIANGLES, ply, written
 from tests.meshes import strips_ply
 
 BOX = trimesh.creation.box()
@@ -145,3 +146,11 @@ def test_the_strips_of_a_ply_are_triangles_that_wind_alike_and_begin_anew_at_min
         path.write_bytes(strips_ply([strip]))
         with pytest.raises(InputError, match=said):
             load_mesh(path)
+
+
+@pytest.mark.parametrize("kind", ["binary_little_endian", "binary_big_endian"])
+def test_a_ply_that_promises_more_rows_than_fit_the_memory_is_refused_before_any_is_made(kind, tmp_path, monkeypatch):
+    content = ply(CORNERS, TRIANGLES, kind).replace(b"face 12", b"face %d" % (2**32 - 1))
+    monkeypatch.setattr(np, "zeros", lambda shape, *_, **__: pytest.fail(f"zeros of {shape} are made"))
+    with pytest.raises(InputError, match="promises 4,294,967,295 rows of the element face, but ends before"):
+        load_mesh(written(tmp_path, "box.ply", content))

@@ -223,10 +223,11 @@ def _alike(rows: _Rows, at: int, element: Element, wanted: int) -> tuple[_Polygo
 
 def _lists(rows: _Rows, at: int, element: Element, wanted: int | None) -> tuple[_Polygons, int]:
     """Lengths and values of the wanted list of each row, one behind the other, and the place behind the rows."""
-    sizes, corners = np.zeros(element.rows, np.int64), np.empty(0, np.int64)
+    corners = np.empty(0, np.int64)
     if not element.properties:
-        return (sizes, corners), at
+        return (corners, corners), at
     _check(rows, at, element, sum(np.dtype(one.length or one.values).itemsize for one in element.properties))
+    sizes = np.zeros(element.rows, np.int64)
     table = np.array([_code(one.length) + _code(one.values) for one in element.properties], np.int64)
     for fills in (False, True) if wanted is not None else (False,):
         place = -1 if wanted is None else wanted
