@@ -142,7 +142,7 @@ class Panel:
         """Whether nothing of it is measured."""
         drawn = [
             *(np.isfinite(line.y).any() for line in self.lines),
-            *(bar.value > 0 or bar.parts for bar in self.bars),
+            *(np.isfinite(bar.value) or bar.parts for bar in self.bars),
         ]
         has_cells = self.cells is not None and bool(np.isfinite(self.cells.values).any())
         return not (any(drawn) or self.levels or has_cells or self.picture is not None)

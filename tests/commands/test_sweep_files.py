@@ -96,7 +96,7 @@ SWEEPS = {
         + [f"~sweep.grids.rays_{name}" for name in ("questions", "questions_threads", "numbers")],
         ASKED,
     ),
-    "law": (["method.split_x=4", "method.split_y=4"], set()),
+    "law": (["method.split_x=4", "method.split_y=4"], {"methods", "break_even", "gather"}),
     "views": (["scene.copies=1", "workload.views=2", "width=32", "height=32"], set()),
     "classification_smoke": ([], {"classification_probability", "classification_shafts", "moving"}),
     "classification_smoke-single_rays": (
