@@ -66,6 +66,7 @@ QUOTED = {
         "paired": [methods.this_and_before, methods.small_triangles_before],
         "views": [methods.twenty_views, methods.million_rays],
         "rays": [rays.rays_beside_others, rays.hits_lost_by_others, rays.nanoseconds_a_ray],
+        "rays_avx2": [rays.rays_in_short],
         "gather": [
             rays.counting, rays.over_counting, rays.counts_of_others, rays.solids,
             rays.gains_where_every_hit_is_wanted, rays.verdicts_where_every_hit_is_wanted,
