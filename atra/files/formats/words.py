@@ -21,7 +21,7 @@ _AT_ONCE = 1 << 20
 
 
 def code_of(word: str) -> int:
-    """The code of a word in letters of any size, of which eight count."""
+    """The number by which `split_words` writes a word, in capitals or not: the first eight bytes, lowercase."""
     return int.from_bytes(word.encode()[:8])
 
 
