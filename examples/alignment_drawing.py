@@ -1,4 +1,9 @@
-"""The paper's idea in one drawing: an image in four cells, and the four cells sheared onto one (paper §3.1).
+"""Alignment in one drawing
+========================
+
+The paper's idea in one drawing: an image in four cells, and the four cells sheared onto one (paper §3.1).
+
+::
 
     python -m examples.alignment_drawing
 
