@@ -9,7 +9,8 @@ The paper's idea in one drawing: an image in four cells, and the four cells shea
 
 A small scene seen from above: the eye looks up the page, a row of 16 pixels is cut into four cells. Left, a ray for
 every pixel; right, what each cell sees is sheared by the cell's own map of `atra.Alignment`, so that four rays stand
-for sixteen. The hits drawn are those that `AlignedTracer` found. Writes `alignment.png`.
+for sixteen. The hits drawn are those that `AlignedTracer` found. Writes `alignment.png`, and `steps.png`, the same
+in four steps.
 """
 
 from __future__ import annotations
@@ -139,6 +140,43 @@ def draw(alignment: atra.Alignment, depths: NDArray[np.float64]) -> Figure:
     return figure
 
 
+STEPS = ("1. cut the image into cells", "2. cull: one cell's triangles", "3. shear them", "4. all cells: four rays")
+EXAMPLE_CELL = 2  # the cell that the second and third step follow
+
+
+def draw_steps(alignment: atra.Alignment, depths: NDArray[np.float64]) -> Figure:
+    """The four steps, one panel each: cells, one cell culled, its sheared copy, all copies with the reference rays."""
+    figure = Figure(figsize=(13, 2.4))
+    hit = np.isfinite(depths)
+    slopes = HALF_WIDTH * (2 * (np.arange(PIXELS) + 0.5) / PIXELS - 1)
+    points = np.stack([slopes, np.ones(PIXELS)], axis=1) * np.where(hit, depths, 0)[:, None]
+    pixel, left = alignment.camera.pixel_pitch, alignment.corner_pixels[0]
+    for number, title in enumerate(STEPS):
+        axes = figure.add_axes((number / 4, 0, 1 / 4, 0.88))
+        for cell, colour in enumerate(COLOURS):
+            if number in (1, 2) and cell != EXAMPLE_CELL:
+                continue
+            own = slice(cell * PIXELS // CELLS, (cell + 1) * PIXELS // CELLS)
+            if number < 3:
+                draw_cell(axes, HALF_WIDTH * (2 * cell / CELLS - 1), 0.0, colour)
+            for piece in pieces(cell):
+                if number < 3:
+                    draw_piece(axes, piece, colour)
+                if number > 1:
+                    draw_piece(axes, sheared(alignment, cell, piece), colour)
+            if number == 3:
+                draw_hits(axes, sheared(alignment, cell, points[own][hit[own]]), colour)
+        if number > 1:
+            draw_cell(axes, left * pixel, 0.0, "#444444")
+        for ray in range(PIXELS // CELLS) if number == 3 else ():
+            draw_ray(axes, (left + ray + 0.5) * pixel, FARTHEST, 0.0)
+        axes.plot(0, 0, "o", color="black", markersize=7, zorder=4)
+        axes.set(xlim=(-10.3, 10.3), ylim=(-0.7, 11.3), aspect="equal")
+        axes.set_title(title, fontsize=14)
+        axes.axis("off")
+    return figure
+
+
 def draw_cell(axes: Axes, left: float, offset: float, colour: str) -> None:
     """A cell's wedge, `left` the slope of its left border, and its part of the image."""
     right = left + 2 * HALF_WIDTH / CELLS
@@ -168,6 +206,7 @@ def main(arguments: list[str] | None = None) -> tuple[atra.Alignment, NDArray[np
     alignment, depths = trace(camera())
     out.mkdir(parents=True, exist_ok=True)
     draw(alignment, depths).savefig(out / "alignment.png", dpi=150, metadata={"Software": None})
+    draw_steps(alignment, depths).savefig(out / "steps.png", dpi=100, metadata={"Software": None})
     print(out / "alignment.png")
     return alignment, depths
 
