@@ -219,7 +219,7 @@ RENDER = Workload(
         *statistics_columns("samples_vs_mitsuba{}", "samples a second / Mitsuba 3's", over_own(series(MITSUBA))),
     ),
     headline=_headline,
-    room=__name__,
+    package=__name__,
     samples=_samples,
     needs=(*RESOURCES, *PIXELS, *PREPARATION, "rays", "stages", "stages_over_frame"),
     **BESIDE_BASELINES,

@@ -66,7 +66,7 @@ AGREEMENT = Workload(
         Column("sampled_baseline_wrong", WHOLE, "sampled rays that rtcIntersect1 gets wrong"),
     ),
     headline=_headline,
-    room=__name__,
+    package=__name__,
     needs=(*RESOURCES, *PIXELS, "images", "disagreements", "method_wrong", "baseline_wrong"),
 )
 

@@ -51,7 +51,7 @@ BUILD = Workload(
         ),
     ),
     headline=_headline,
-    room=__name__,
+    package=__name__,
     samples=lambda point: frozenset((PLAN, BVH, BASELINE)),
     judged=BVH,
     needs=RESOURCES,

@@ -74,7 +74,7 @@ GATHER = Workload(
         *TIME_COLUMNS,
     ),
     headline=_headline,
-    room=__name__,
+    package=__name__,
     samples=lambda point: frozenset((OWN, SINGLE)),
     needs=(*RESOURCES, *DIFFERENCES, *PREPARATION),
     **BESIDE_BASELINES,

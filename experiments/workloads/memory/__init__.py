@@ -10,7 +10,7 @@ from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_mem
 from experiments.workloads.rounds import build_own, measured, shrunk, warm_up
 
 MEMORY = Workload(
-    name="memory", options=NoOptions, columns=RESOURCE_COLUMNS, headline=say_memory, room=__name__, needs=RESOURCES
+    name="memory", options=NoOptions, columns=RESOURCE_COLUMNS, headline=say_memory, package=__name__, needs=RESOURCES
 )
 
 

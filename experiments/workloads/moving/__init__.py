@@ -59,7 +59,7 @@ MOVING = Workload(
     ),
     headline=_headline,
     rays=lambda row: "primary, camera moving",
-    room=__name__,
+    package=__name__,
     samples=lambda point: frozenset((OWN, STILL, SINGLE, KEPT)),
     needs=(*RESOURCES, *PIXELS, *PREPARATION[:2]),
     **BESIDE_BASELINES,

@@ -100,7 +100,7 @@ MULTIFRAME = Workload(
         Column("separate_embree_bytes", WHOLE, "Embree's memory for one aligned tracer a frame"),
     ),
     headline=_headline,
-    room=__name__,
+    package=__name__,
     samples=lambda point: frozenset((OWN, SINGLE, SEPARATE, SEPARATE_VISIBLE, SEPARATE_RASTER)),
     needs=(*RESOURCES, *PIXELS, *PREPARATION),
     problem=_problem,

@@ -5,8 +5,9 @@ from __future__ import annotations
 import base64
 from contextlib import ExitStack
 
+from atra.files.saving import encode_png
 from atra.judge.compare import compare
-from experiments.drawing.shading import difference_picture, encode_png, shade
+from experiments.drawing.shading import difference_picture, shade
 from experiments.harness.options import NoOptions
 from experiments.harness.point import Measured, Point, Workload
 from experiments.workloads.images import IMAGE_COLUMNS, PIXELS, counts, depth_errors
@@ -18,7 +19,7 @@ PICTURE = Workload(
     options=NoOptions,
     columns=(*RESOURCE_COLUMNS, *IMAGE_COLUMNS),
     headline=say_memory,
-    room=__name__,
+    package=__name__,
     needs=(*RESOURCES, *PIXELS, "pictures"),
 )
 

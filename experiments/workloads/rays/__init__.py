@@ -96,7 +96,7 @@ RAYS = Workload(
         ),
     ),
     headline=_headline,
-    room=__name__,
+    package=__name__,
     samples=_samples,
     judged=OWN,
     needs=("asked", "judged", "judged_hits", "lost", "library_lost"),

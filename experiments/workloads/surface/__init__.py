@@ -58,7 +58,7 @@ SURFACE = Workload(
         ),
     ),
     headline=_headline,
-    room=__name__,
+    package=__name__,
     samples=lambda point: frozenset((OWN, OWN_SURFACE, PLAIN_PACKETS, PACKETS_SURFACE)),
     judged=OWN_SURFACE,
     needs=RESOURCES,

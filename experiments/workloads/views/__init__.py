@@ -74,7 +74,7 @@ VIEWS = Workload(
         Column("ids_equal", REAL, "least share of pixels, or rays, with the same triangle", over=min),
     ),
     headline=_headline,
-    room=__name__,
+    package=__name__,
     samples=lambda point: frozenset((OWN, LIBRARY)),
     judged=OWN,
     needs=("ids_equal",),
