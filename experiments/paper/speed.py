@@ -16,7 +16,7 @@ from experiments.paper.evidence import (
     measured_at_some,
     read_number,
 )
-from experiments.paper.readings import NEAREST, Reading, best_gain, over_start
+from experiments.paper.readings import NEAREST, Reading, best_gain, relative_to_baseline
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, UNDECIDED, Judgement
 from experiments.results.statistics import FEWEST_FITTED, Estimate, fit_exponent, geometric_mean
 from experiments.results.verdicts import Bounds, Outcome, decide_greater
@@ -101,7 +101,7 @@ def few_splits_gain(scene: SceneRows, reading: Reading) -> Outcome:
     found, missing = scene.over_splits(culling=False, workload=reading.workload)
     few = {splits: found[splits] for splits in FEW_SPLITS if splits in found}
     splits, value = best(few)
-    gain = over_start(value, scene, reading)
+    gain = relative_to_baseline(value, scene, reading)
     outcome = _gain(gain, f"{gain.value:.2f} at {splits} splits", f"{splits} splits are {gain} times as fast as none")
     if outcome.holds is not True and len(few) < len(FEW_SPLITS):
         raise NotMeasuredError(next(missing[splits] for splits in FEW_SPLITS if splits in missing))
@@ -114,7 +114,7 @@ def too_many_splits_slow_down(scene: SceneRows, reading: Reading) -> Outcome:
     found, missing = scene.over_splits(culling=False, workload=reading.workload)
     most = max(found, default=1)
     splits, value = best({one: found[one] for one in found if 1 < one < most})
-    gain, loss = over_start(value, scene, reading), value.over(estimate(found[most]))
+    gain, loss = relative_to_baseline(value, scene, reading), value.over(estimate(found[most]))
     said = f"{gain.value:.2f} at {splits:,} splits over none, {loss.value:.2f} over {most:,} splits"
     gains, loses = decide_greater(gain), decide_greater(loss)
     if gains and loses:
@@ -134,7 +134,7 @@ def too_many_splits_fall_below_start(scene: SceneRows, reading: Reading) -> Outc
     most = max(found, default=1)
     if most == 1:
         raise NotMeasuredError(next(iter(missing.values())))
-    ratio = over_start(estimate(found[most]), scene, reading).inverse()
+    ratio = relative_to_baseline(estimate(found[most]), scene, reading).inverse()
     outcome = _gain(ratio, f"{ratio.value:.2f} at {most:,} splits", f"{most:,} splits are faster than none: {ratio}")
     if missing and not outcome.holds:
         raise NotMeasuredError(next(iter(missing.values())))
@@ -147,7 +147,7 @@ def more_splits_faster(scene: SceneRows, reading: Reading) -> Outcome:
     most = SPLITS[-1]
     if missing:
         raise NotMeasuredError(next(iter(missing.values())))
-    gain = over_start(estimate(found[most]), scene, reading)
+    gain = relative_to_baseline(estimate(found[most]), scene, reading)
     # The worst of many differences is mostly noise, so it is chosen on some processes and judged on others.
     pairs = {(fewer, more): found[fewer].over(found[more]) for fewer in found for more in found if fewer < more}
     (fewer, more), loss = best(pairs)

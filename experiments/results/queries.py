@@ -3,9 +3,10 @@
     judge = {column = "speedup", where = {method = "aligned", positions = {at_least = 16}}, at_least = 1.0}
 
 column, over: a column of the table of processes, or its ratio to another one. where: column -> its value, a list of
-values, or {not = ...}, {at_least = ...}, {below = ...}, {at_most = ...}, {known = true}. least: of these rows those
-alone with the least number of this column. at_least, at_most: bounds. counted: it has no noise. some: one scene is
-enough. A claim that no table can judge has a text instead, which says why.
+values, or {not = ...}, {at_least = ...}, {below = ...}, {at_most = ...}, {known = true}, or {has = [...]} for names
+with commas, such as a point's grids. least: of these rows those alone with the least number of this column. at_least,
+at_most: bounds. counted: it has no noise. some: one scene is enough. A claim that no table can judge has a text
+instead, which says why.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ _TESTS: dict[str, Callable[[pd.Series, Any], Any]] = {
     "at_most": lambda values, most: values <= most,
     "below": lambda values, most: values < most,
     "known": lambda values, _: values.notna(),
+    "has": lambda values, names: values.fillna("").str.split(",").map(lambda found: not set(names).isdisjoint(found)),
 }
 
 
@@ -67,7 +69,11 @@ def query_judge(query: Mapping[str, Any] | str) -> Judge:
         return found if denominator is None else found / _numbers(rows, denominator)
 
     def which(rows: pd.DataFrame) -> pd.Series:
-        return _chosen(rows, query.get("where", {}), query.get("least"))
+        found = rows["scene"].notna() & chosen(rows, query.get("where", {}))
+        if "least" in query:
+            numbers = _numbers(rows, query["least"]).where(found)
+            found &= numbers.eq(numbers.min())
+        return found
 
     return value_judge(values, which, Bounds(**bounds), query.get("counted", False), not query.get("some", False))
 
@@ -79,8 +85,9 @@ def _unjudged(why: str) -> Judge:
     return judge
 
 
-def _chosen(rows: pd.DataFrame, where: Mapping[str, Any], least: str | None) -> pd.Series:
-    found = rows["scene"].notna()
+def chosen(rows: pd.DataFrame, where: Mapping[str, Any]) -> pd.Series:
+    """Which rows have these values; none where a column is missing."""
+    found = pd.Series(True, index=rows.index)
     for name, wanted in where.items():
         values = rows[name] if name in rows else pd.Series(pd.NA, index=rows.index, dtype="object")
         if isinstance(wanted, dict):
@@ -89,9 +96,6 @@ def _chosen(rows: pd.DataFrame, where: Mapping[str, Any], least: str | None) -> 
         else:
             kept = values.isin(wanted) if isinstance(wanted, list) else values.eq(wanted)
         found &= kept.fillna(False).astype(bool)
-    if least is not None:
-        numbers = _numbers(rows, least).where(found)
-        found &= numbers.eq(numbers.min())
     return found
 
 

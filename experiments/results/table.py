@@ -18,10 +18,10 @@ from experiments.harness.method import TIES_HELP
 from experiments.harness.point import Workload
 from experiments.harness.records import Record
 from experiments.methods import METHODS, find_method
-from experiments.results.canary import BAND, strays
+from experiments.results.canary import BAND, drifted
 from experiments.results.doubts import WRONG, doubts_of, say_doubts, why_wrong
 from experiments.results.intervals import with_intervals
-from experiments.results.people import columns_for_people
+from experiments.results.people import csv_columns
 from experiments.results.processes import by_point, check_one_environment, is_replacement
 from experiments.workloads import WORKLOADS, find_workload
 from scenes.built_in import BUILT_IN
@@ -158,7 +158,7 @@ def make_tables(records: Sequence[Record], grids: Mapping[str, Sequence[str]] | 
     Raises InputError as `check_one_environment`.
     """
     check_one_environment(records)
-    out = strays(records)
+    out = drifted(records)
     points, processes = [], []
     for of_point in by_point(records):
         first = of_point[0].point_id
@@ -205,7 +205,7 @@ def write_tables(folder: Path, tables: Tables) -> None:
 def table_files(tables: Tables) -> dict[str, bytes]:
     """The contents of `table.csv`, which has the columns that people read, `table.parquet` and `processes.parquet`, by
     name."""
-    found = {"table.csv": csv_bytes(tables.points[columns_for_people(tables.points)])}
+    found = {"table.csv": csv_bytes(tables.points[csv_columns(tables.points)])}
     for name, table in (("table", tables.points), ("processes", tables.processes)):
         buffer = io.BytesIO()
         table.to_parquet(buffer, index=False)

@@ -81,7 +81,7 @@ GAME = Workload(
         Column("moves", WHOLE, "of all who play"),
     ),
     headline=lambda record: f"{record.results['moves']} moves",
-    room="a_room",
+    package="a_room",
     samples=lambda point: frozenset(("game",)),
     judged="game",
     needs=("moves",),
@@ -231,7 +231,7 @@ def _names(node):
 
 def own_places():
     """Where a name is at home: a method in its file, a workload in its folder."""
-    rooms = {one.name: ROOT / one.room.replace(".", "/") for one in WORKLOADS}
+    rooms = {one.name: ROOT / one.package.replace(".", "/") for one in WORKLOADS}
     files = {one.name: ROOT / f"{one.module.replace('.', '/')}.py" for one in METHODS}
     return rooms | files
 

@@ -44,7 +44,7 @@ class Wall:
     reason: str = ""
 
 
-WORKLOAD_ROOMS = tuple(workload.room for workload in WORKLOADS)
+WORKLOAD_ROOMS = tuple(workload.package for workload in WORKLOADS)
 
 USERS = tuple(
     f"experiments.{room}"

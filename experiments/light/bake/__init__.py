@@ -241,7 +241,7 @@ BAKE = Workload(
         *statistics_columns("adaptive_speedup{}", "time of a full map / an adaptive one", _result("adaptive_speedup")),
     ),
     headline=_headline,
-    room=__name__,
+    package=__name__,
     samples=_of_view,
     judged=OWN,
     needs=("rays_per_round", "lane_utilisation", "buffer_bytes", "texels"),
