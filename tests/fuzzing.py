@@ -161,9 +161,7 @@ def _mesh_samples():
         texts = (mesh.export(**options) for mesh in meshes)
         return tuple(text.encode() if isinstance(text, str) else text for text in texts)
 
-    placed = gltf(
-        [{"mesh": 0}, {"mesh": 0, "translation": [3, 0, 0], "children": [2]}, {"mesh": 0, "scale": [-1, 2, 1]}]
-    )
+    placed = gltf([{"mesh": 0}, {"mesh": 0, "translation": [3, 0, 0], "scale": [-1, 2, 1]}])
     binary = {
         order: [ply(CORNERS, faces, f"binary_{order}_endian") for faces in (TRIANGLES, QUADS)]
         for order in ("little", "big")

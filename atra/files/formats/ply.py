@@ -185,7 +185,7 @@ def _walk(rows: _Rows, at: int, element: Element, wanted: int, *filled: NDArray[
     return end, total, is_alike
 
 
-def _faces(rows: _Rows, at: int, element: Element) -> tuple[tuple[NDArray[np.int64], NDArray[np.integer]], int]:
+def _faces(rows: _Rows, at: int, element: Element) -> tuple[tuple[NDArray[np.int64], NDArray[Any]], int]:
     """Number of corners (P,) of the faces and the corners of all; and the place behind them."""
     lists = [k for k, one in enumerate(element.properties) if one.length]
     if not lists:
