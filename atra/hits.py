@@ -34,8 +34,7 @@ _AT_ONCE = 1 << 18
 class VisibleTriangles:
     """The triangles that an image shows.
 
-    prim_id: (N,) uint32, ascending.
-    pixels: (N,) int64, number of pixels that show each.
+    prim_id: (N,) uint32, ascending. pixels: (N,) int64, number of pixels that show each.
     """
 
     prim_id: NDArray[np.uint32]
@@ -50,13 +49,21 @@ class Hits:
     except `normals`, for a ray that lies in its triangle's plane. They raise InputError for a bad offset and a
     `prim_id` that the mesh does not have.
 
-    depth: (H, W) float32, distance along the view axis in scene units, inf = miss; along the ray for lenses that see
-        sideways (`View.depth_is_along_ray`).
-    prim_id: (H, W) uint32 in the mesh's own numbering, `MISS` (0xFFFFFFFF) = miss.
-    offset: the sub-pixel position of the rays.
-    mesh: the mesh that was traced.
-    camera: the camera, pinhole, orthographic or with a lens.
-    threads: threads that compute the properties; None = every core.
+    Parameters
+    ----------
+    depth : (H, W) float32
+        Distance along the view axis in scene units, inf = miss; along the ray for lenses that see sideways
+        (`View.depth_is_along_ray`).
+    prim_id : (H, W) uint32
+        Triangles in the mesh's own numbering, `MISS` (0xFFFFFFFF) = miss.
+    offset : (float, float)
+        Sub-pixel position of the rays.
+    mesh : Mesh
+        The mesh that was traced.
+    camera : Camera, OrthographicCamera or LensCamera
+        Whose rays.
+    threads : int, optional
+        Threads that compute the properties; None = every core.
     """
 
     depth: NDArray[np.float32]
@@ -108,13 +115,19 @@ class Hits:
         return VisibleTriangles(seen.astype(np.uint32), pixels[seen])
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the image, whole or not at all, in the format that the suffix names.
+        """Write the image, whole or not at all.
 
-        ".npz": depth, prim_id, u, v, points and normals, for `np.load`. ".exr": channels Z (depth), prim_id, N.X, N.Y,
-        N.Z; needs the package OpenEXR. ".png": depth as grey from white (nearest hit) to dark grey, black = miss.
-        ".ply": the hits as a point cloud with normals.
-        Raises InputError for other suffixes, a missing package and a point cloud without points, StorageError if the
-        file cannot be written.
+        Parameters
+        ----------
+        path : path
+            The suffix names the format. ".npz": depth, prim_id, u, v, points and normals, for `np.load`. ".exr":
+            channels Z (depth), prim_id, N.X, N.Y, N.Z; needs the package OpenEXR. ".png": depth as grey from white
+            (nearest hit) to dark grey, black = miss. ".ply": the hits as a point cloud with normals.
+
+        Raises
+        ------
+        InputError, StorageError
+            For other suffixes, a missing package and a point cloud without points; if it cannot be written.
         """
         save_layers(path, partial(getattr, self))
 
@@ -129,17 +142,32 @@ class Hits:
         saturate: bool = False,
         sources: FaceSources | None = None,
     ) -> list[Path]:
-        """Write planes of the image, each file whole or not at all; returns the files.
+        """Write planes of the image, each whole or not at all, and return the files; only those asked for are made.
 
-        Only planes asked for are computed. stem: path of the files without suffix. planes: of depth, prim_id, normals,
-        points, u, v, mask (what is hit), instance and material (numbers of the file's nodes and materials + 1, 0 =
-        none), preview (depth as grey values), preview_ids and preview_normals (as colours). format: "npz" or "exr", one
-        file of all, or "npy", "png" or "tiff", a file each. PNGs are of 16 bits, masks and previews of 8: depth times
-        `depth_scale`, which makes millimetres of metres, 0 = miss; prim_id + 1, 0 = miss; normals from -1 to 1 as 0 to
-        65,535. depth_along: "axis" or "ray", as for `depth_along`; None: what `depth` is. saturate: depths that do not
-        fit become 0 or 65,535. sources: of `load_face_sources` for the mesh, for instances and materials.
-        Raises InputError for unknown names, a missing package, instances or materials without sources of this mesh, and
-        values that do not fit, which it counts; StorageError if a file cannot be written.
+        Parameters
+        ----------
+        stem : path
+            Path of the files without suffix.
+        planes : sequence of str
+            Of depth, prim_id, normals, points, u, v, mask (what is hit), instance and material (numbers of the file's
+            nodes and materials + 1, 0 = none), preview (depth as grey values), preview_ids and preview_normals.
+        format : {"npz", "exr", "npy", "png", "tiff"}
+            The first two hold all planes in one file. PNGs are of 16 bits, masks and previews of 8: prim_id + 1, 0 =
+            miss; normals from -1 to 1 as 0 to 65,535; depth times `depth_scale`, 0 = miss.
+        depth_along : {"axis", "ray"}, optional
+            As for the method `depth_along`; by default what `depth` is.
+        depth_scale : float
+            Units of a PNG's depth in a scene unit: 1000 makes millimetres of metres.
+        saturate : bool
+            Depths that do not fit into a PNG become 0 or 65,535.
+        sources : FaceSources, optional
+            Of `load_face_sources` for the mesh, for instances and materials.
+
+        Raises
+        ------
+        InputError, StorageError
+            For unknown names, a missing package, instances or materials without sources of this mesh, and values that
+            do not fit, which it counts; if a file cannot be written.
         """
 
         def plane(name: str) -> NDArray[Any]:
@@ -192,8 +220,8 @@ class Hits:
         return weights, points
 
     def depth_along(self, way: str) -> NDArray[np.float32]:
-        """(H, W) float32 depths "axis": along the view axis, negative behind the eye, or "ray": distances from where
-        rays start; inf = miss. `depth` is one of them. Raises InputError for another word."""
+        """Depths, (H, W) float32, inf = miss: along the view `"axis"`, negative behind the eye, or distances from where
+        rays start, along the `"ray"`; `depth` is one of them. Raises InputError for another word."""
         if way not in ("axis", "ray"):
             raise InputError(f"depth is asked for along {way!r}, expected axis or ray")
         if self.camera.is_parallel or (way == "ray") == self.camera.depth_is_along_ray:
@@ -242,12 +270,14 @@ def read_only(array: NDArray[Any]) -> NDArray[Any]:
 class Frames:
     """The nearest hits of K images of one size; `frames[k]` is frame k as `Hits`.
 
-    depth: (K, H, W) float32, along each frame's own view axis, scene units, inf = miss.
-    prim_id: (K, H, W) uint32 in the numbering of the frame's mesh, `MISS` = miss.
-    offset: the sub-pixel position of the rays.
-    meshes: the mesh of each frame.
-    cameras: the camera of each frame.
-    threads: as for `Hits`.
+    Parameters
+    ----------
+    depth, prim_id : (K, H, W) float32 and uint32
+        As for `Hits`, along each frame's own view axis, in the numbering of its mesh.
+    meshes, cameras : tuples of K
+        The mesh and the camera of each frame.
+    offset, threads :
+        As for `Hits`.
     """
 
     depth: NDArray[np.float32]

@@ -16,7 +16,7 @@ from atra.alignment.second_pass import SECOND_PASS_TILE, SecondPass, nearest_in_
 from atra.all_hits.reductions import Reduction
 from atra.compiled.threads import WorkerPool
 from atra.embree.callbacks_kernels import memory_monitor, nearest_hit_filter
-from atra.embree.packets_kernels import Image, PixelTiles
+from atra.embree.packets_kernels import PixelTiles, TracedImage
 from atra.embree.scene import EmbreeScene
 from atra.embree.workspace import check_widths
 from atra.geometry.mesh import Mesh
@@ -64,7 +64,7 @@ class PreparedCells:
     def draw(self, offset: tuple[float, float], depth: NDArray[np.float32], prim_id: NDArray[np.uint32]) -> None:
         """See `Prepared.draw`; of several images one stands below the other."""
         alignment, workspaces, scene = self.alignment, self.workspaces, self.scene.address
-        rays, image = reference_rays(alignment, offset), Image(depth, prim_id)
+        rays, image = reference_rays(alignment, offset), TracedImage(depth, prim_id)
         cell_rows = len(alignment.cameras) * alignment.split.ny
         kernel = aligned_kernel(*self.packet_shape, alignment.camera.is_parallel)
         for workspace in workspaces:

@@ -12,7 +12,7 @@ from atra.alignment.aligned_kernels import verify_kernel
 from atra.alignment.cells import CellOptions
 from atra.alignment.visibility_kernels import TileGrid, hide
 from atra.compiled.threads import WorkerPool
-from atra.embree.packets_kernels import Image, RayGrid
+from atra.embree.packets_kernels import RayGrid, TracedImage
 from atra.embree.scene import EmbreeScene
 from atra.embree.workspace import Workspace
 from atra.geometry.mesh import Mesh, position_keys
@@ -57,7 +57,7 @@ class SecondPass:
         """Update the first pass's image; depth, prim_id: (H, W), changed in place."""
         kernel = verify_kernel(*SQUAREST_SHAPE[self.packet_width], self.camera.is_parallel)
         rays, scene = RayGrid(*image_ray_grid(self.camera, offset)), self.scene.address
-        given = rays, self.nearest, self.grid, Image(depth, prim_id)
+        given = rays, self.nearest, self.grid, TracedImage(depth, prim_id)
         traced = np.zeros((len(workspaces), 16), np.int64)  # separate cache lines per thread
         share_direction(workspaces, self.camera)
         pool.run(lambda worker, counter: kernel(counter, scene, workspaces[worker].packet, *given, traced[worker]))

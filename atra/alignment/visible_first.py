@@ -32,7 +32,7 @@ from atra.alignment.visibility_kernels import (
     fill_visible,
 )
 from atra.compiled.threads import WorkerPool
-from atra.embree.packets_kernels import Image, RayGrid
+from atra.embree.packets_kernels import RayGrid, TracedImage
 from atra.embree.scene import EmbreeScene
 from atra.embree.workspace import Workspace
 from atra.errors import InputError
@@ -156,7 +156,7 @@ def _trace_probe(
 
     x = camera.plane.columns(positions(width, shape[0], camera.width))
     y = camera.plane.rows(positions(height, shape[1], camera.height))
-    rays, image = RayGrid(*ray_grid(camera, x, y)), Image(*new_images((height, width), width))
+    rays, image = RayGrid(*ray_grid(camera, x, y)), TracedImage(*new_images((height, width), width))
     kernel, tiles, scene = pixel_kernel(*shape), pixel_tiles(width, height), whole.address
     pool.run(lambda worker, counter: kernel(counter, scene, workspaces[worker].packet, rays, tiles, image))
     return image.depth

@@ -15,7 +15,7 @@ from atra.all_hits.target_kernels import band_stride
 from atra.choices import check_choice, check_flags
 from atra.compiled.threads import WorkerPool
 from atra.embree.callbacks_kernels import memory_monitor
-from atra.embree.packets_kernels import Image, PixelTiles, RayGrid
+from atra.embree.packets_kernels import PixelTiles, RayGrid, TracedImage
 from atra.embree.scene import BUILD_QUALITIES, resolve_packet_width
 from atra.errors import InputError
 from atra.geometry.lenses.lens_view import LensView
@@ -129,7 +129,7 @@ class PreparedPixel:
 
     def draw(self, offset: tuple[float, float], depth: NDArray[np.float32], prim_id: NDArray[np.uint32]) -> None:
         """See `Prepared.draw`."""
-        camera, tiles, scene, image = self.camera, self.tiles, self.scene.address, Image(depth, prim_id)
+        camera, tiles, scene, image = self.camera, self.tiles, self.scene.address, TracedImage(depth, prim_id)
         shape, workspaces = self.method.packet_shape, self.workspaces
         kernel: Any
         rays: Any
