@@ -53,7 +53,7 @@ class GridSweep:
 
         Hydra's default launcher is not asked: points run one by one here, as two at once would spoil each other's
         times. Any other launcher gets one job a process of a point, `max_batch_size` of them at once. Raises InputError
-        for values that leave no point, and for an option that no point has.
+        for values that leave no point, and for an option that no point has or can be measured with.
         """
         from experiments.sweep import GridPoint, run_sweep
 
@@ -63,7 +63,10 @@ class GridSweep:
             raise InputError(f"no point is left by {' '.join(arguments)}: a glob or a list of values is empty")
         asked = {argument.partition("=")[0] for argument in arguments}
         kept = self._where_they_fit([job for _, job in jobs], asked)
-        points = [GridPoint(grid, self._compose(job), job) for (grid, _), job in zip(jobs, kept, strict=True)]
+        points = [
+            GridPoint(grid, self._compose(job), job, frozenset(asked & {one.partition("=")[0] for one in job}))
+            for (grid, _), job in zip(jobs, kept, strict=True)
+        ]
         command = f"{COMMAND} {shlex.join(sys.argv[1:])}"
         name = self._config.hydra.runtime.choices["hydra/launcher"]
         if name == "basic":
