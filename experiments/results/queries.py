@@ -32,13 +32,19 @@ _TESTS: dict[str, Callable[[pd.Series, Any], Any]] = {
 }
 
 
-def read_claims(path: Path, judges: Mapping[str, Mapping[str, Judge]], **numbers: Any) -> tuple[Claim, ...]:
+def read_claims(
+    path: Path,
+    judges: Mapping[str, Mapping[str, Judge]],
+    judges_of: Callable[[Any], Mapping[str, Judge]] | None = None,
+    **numbers: Any,
+) -> tuple[Claim, ...]:
     """The claims of a TOML file, in its order. judges: by id, of those that have no `judge` in the file, under each of
-    their readings.
+    their readings. judges_of: what a `judge` means, under each reading; without it `query_judge`, under one.
 
     In `paper` and `how` of a claim, {name} stands for the text of that name in [words], or for one of the numbers.
     Raises ValueError where a claim has no judge or two, and for a query that cannot be read.
     """
+    judges_of = judges_of or (lambda query: {"": query_judge(query)})
     told = tomllib.loads(path.read_text(encoding="utf-8"))
     ids = [one["id"] for one in told["claims"] if "judge" not in one]
     if set(ids) != judges.keys():
@@ -49,7 +55,7 @@ def read_claims(path: Path, judges: Mapping[str, Mapping[str, Judge]], **numbers
     return tuple(
         Claim(
             one["id"], one["section"], one["text"], one["paper"].format(**words), one.get("how", "").format(**words),
-            {"": query_judge(one["judge"])} if "judge" in one else judges[one["id"]], one.get("inferred", False),
+            judges_of(one["judge"]) if "judge" in one else judges[one["id"]], one.get("inferred", False),
         )
         for one in told["claims"]
     )  # fmt: skip
