@@ -34,8 +34,8 @@ MODEL_R_SQUARED = 0.9
 
 def few_splits_gain(scene: SceneRows, reading: Reading) -> Outcome:
     """The fastest of 2, 4 and 8 horizontal splits over the baseline, culling off."""
-    found, missing = scene.over_splits(culling=False, workload=reading.workload)
-    few = {splits: found[splits] for splits in FEW_SPLITS if splits in found}
+    speedups, missing = scene.over_splits(culling=False, workload=reading.workload)
+    few = {splits: speedups[splits] for splits in FEW_SPLITS if splits in speedups}
     splits, value = best(few)
     gain = relative_to_baseline(value, scene, reading)
     outcome = _gain(gain, f"{gain.value:.2f} at {splits} splits", f"{splits} splits are {gain} times as fast as none")
@@ -47,10 +47,10 @@ def few_splits_gain(scene: SceneRows, reading: Reading) -> Outcome:
 def too_many_splits_slow_down(scene: SceneRows, reading: Reading) -> Outcome:
     """Whether time over horizontal splits, culling off, has its minimum inside: faster than the baseline, then slower
     again at the largest split."""
-    found, missing = scene.over_splits(culling=False, workload=reading.workload)
-    most = max(found, default=1)
-    splits, value = best({one: found[one] for one in found if 1 < one < most})
-    gain, loss = relative_to_baseline(value, scene, reading), value.over(estimate(found[most]))
+    speedups, missing = scene.over_splits(culling=False, workload=reading.workload)
+    most = max(speedups, default=1)
+    splits, value = best({one: speedups[one] for one in speedups if 1 < one < most})
+    gain, loss = relative_to_baseline(value, scene, reading), value.over(estimate(speedups[most]))
     said = f"{gain.value:.2f} at {splits:,} splits over none, {loss.value:.2f} over {most:,} splits"
     gains, loses = decide_greater(gain), decide_greater(loss)
     if gains and loses:
@@ -66,11 +66,11 @@ def too_many_splits_slow_down(scene: SceneRows, reading: Reading) -> Outcome:
 
 def too_many_splits_fall_below_start(scene: SceneRows, reading: Reading) -> Outcome:
     """The baseline over the largest split, culling off."""
-    found, missing = scene.over_splits(culling=False, workload=reading.workload)
-    most = max(found, default=1)
+    speedups, missing = scene.over_splits(culling=False, workload=reading.workload)
+    most = max(speedups, default=1)
     if most == 1:
         raise NotMeasuredError(next(iter(missing.values())))
-    ratio = relative_to_baseline(estimate(found[most]), scene, reading).inverse()
+    ratio = relative_to_baseline(estimate(speedups[most]), scene, reading).inverse()
     outcome = _gain(ratio, f"{ratio.value:.2f} at {most:,} splits", f"{most:,} splits are faster than none: {ratio}")
     if missing and not outcome.holds:
         raise NotMeasuredError(next(iter(missing.values())))
@@ -79,13 +79,15 @@ def too_many_splits_fall_below_start(scene: SceneRows, reading: Reading) -> Outc
 
 def more_splits_faster(scene: SceneRows, reading: Reading) -> Outcome:
     """Whether no number of horizontal splits, culling on, is slower than a smaller one, and 1,024 gain."""
-    found, missing = scene.over_splits(culling=True, workload=reading.workload)
+    speedups, missing = scene.over_splits(culling=True, workload=reading.workload)
     most = SPLITS[-1]
     if missing:
         raise NotMeasuredError(next(iter(missing.values())))
-    gain = relative_to_baseline(estimate(found[most]), scene, reading)
+    gain = relative_to_baseline(estimate(speedups[most]), scene, reading)
     # The worst of many differences is mostly noise, so it is chosen on some processes and judged on others.
-    pairs = {(fewer, more): found[fewer].over(found[more]) for fewer in found for more in found if fewer < more}
+    pairs = {
+        (fewer, more): speedups[fewer].over(speedups[more]) for fewer in speedups for more in speedups if fewer < more
+    }
     (fewer, more), loss = best(pairs)
     value = f"{gain.value:.2f} at {most:,} splits over none; largest loss {loss.value:.2f}, {more:,} against {fewer:,}"
     loses = decide_greater(loss, LARGEST_LOSS)
@@ -123,11 +125,11 @@ def nearest_alone_may_lose(scene: SceneRows) -> Outcome:
 
 def larger_scenes_gain_less(scenes: Mapping[str, SceneRows], reading: Reading) -> Judgement:
     """Best speed-ups of the scenes, smallest scene first: each above the next."""
-    found = {name: best_gain(scene, reading) for name, scene in scenes.items()}
-    for name, of_scene in found.items():
+    best_gains = {name: best_gain(scene, reading) for name, scene in scenes.items()}
+    for name, of_scene in best_gains.items():
         if of_scene.missing:
             raise NotMeasuredError(f"{name}: {of_scene.missing}")
-    gains = {name: of_scene.gain for name, of_scene in found.items()}
+    gains = {name: of_scene.gain for name, of_scene in best_gains.items()}
     names = list(gains)
     value = "; ".join(f"{name}: {gains[name].value:.2f}" for name in names)
     interval = "; ".join(f"{name} {gains[name].interval()}" for name in names)
@@ -158,12 +160,12 @@ def time_follows_cost_model(scene: SceneRows, workload: str = FRAME.name) -> Out
         rays = read_number(row, "width") * read_number(row, "height") / splits
         return math.log(read_number(row, "triangles_traced")) * rays, 1 / speedup.value
 
-    found, missing = measured_at(SPLITS, model_and_time)
-    if len(found) < FEWEST_FITTED:
-        raise NotMeasuredError(f"{len(found)} points, {FEWEST_FITTED} are needed; {next(iter(missing.values()))}")
-    model, time = zip(*found.values(), strict=True)
+    points, missing = measured_at(SPLITS, model_and_time)
+    if len(points) < FEWEST_FITTED:
+        raise NotMeasuredError(f"{len(points)} points, {FEWEST_FITTED} are needed; {next(iter(missing.values()))}")
+    model, time = zip(*points.values(), strict=True)
     fit = fit_exponent(model, time)
-    value = f"exponent {fit.exponent.value:.2f}, R2 {fit.r_squared:.2f}, {len(found)} points"
+    value = f"exponent {fit.exponent.value:.2f}, R2 {fit.r_squared:.2f}, {len(points)} points"
     state = MODEL_EXPONENT.decide(fit.exponent)
     if state is False:
         below = "below 1: however few the rays, they must find the hits of all cells"

@@ -46,7 +46,7 @@ def read_claims(
     """
     judges_of = judges_of or (lambda query: {"": query_judge(query)})
     told = tomllib.loads(path.read_text(encoding="utf-8"))
-    ids = [one["id"] for one in told["claims"] if "judge" not in one]
+    ids = [claim["id"] for claim in told["claims"] if "judge" not in claim]
     if set(ids) != judges.keys():
         raise ValueError(f"{path} leaves the claims {ids} to functions, expected {[*judges]}")
     words = dict(numbers)
@@ -54,10 +54,11 @@ def read_claims(
         words[name] = text.format(**words)
     return tuple(
         Claim(
-            one["id"], one["section"], one["text"], one["paper"].format(**words), one.get("how", "").format(**words),
-            judges_of(one["judge"]) if "judge" in one else judges[one["id"]], one.get("inferred", False),
+            claim["id"], claim["section"], claim["text"], claim["paper"].format(**words),
+            claim.get("how", "").format(**words),
+            judges_of(claim["judge"]) if "judge" in claim else judges[claim["id"]], claim.get("inferred", False),
         )
-        for one in told["claims"]
+        for claim in told["claims"]
     )  # fmt: skip
 
 
@@ -71,15 +72,15 @@ def query_judge(query: Mapping[str, Any] | str) -> Judge:
     bounds = {end: float(query[name]) for end, name in (("low", "at_least"), ("high", "at_most")) if name in query}
 
     def values(rows: pd.DataFrame) -> Any:
-        found = _numbers(rows, numerator)
-        return found if denominator is None else found / _numbers(rows, denominator)
+        numbers = _numbers(rows, numerator)
+        return numbers if denominator is None else numbers / _numbers(rows, denominator)
 
     def which(rows: pd.DataFrame) -> pd.Series:
-        found = rows["scene"].notna() & chosen(rows, query.get("where", {}))
+        asked = rows["scene"].notna() & chosen(rows, query.get("where", {}))
         if "least" in query:
-            numbers = _numbers(rows, query["least"]).where(found)
-            found &= numbers.eq(numbers.min())
-        return found
+            numbers = _numbers(rows, query["least"]).where(asked)
+            asked &= numbers.eq(numbers.min())
+        return asked
 
     return value_judge(values, which, Bounds(**bounds), query.get("counted", False), not query.get("some", False))
 
@@ -93,7 +94,7 @@ def _unjudged(why: str) -> Judge:
 
 def chosen(rows: pd.DataFrame, where: Mapping[str, Any]) -> pd.Series:
     """Which rows have these values; none where a column is missing."""
-    found = pd.Series(True, index=rows.index)
+    fits = pd.Series(True, index=rows.index)
     for name, wanted in where.items():
         values = rows[name] if name in rows else pd.Series(pd.NA, index=rows.index, dtype="object")
         if isinstance(wanted, dict):
@@ -101,8 +102,8 @@ def chosen(rows: pd.DataFrame, where: Mapping[str, Any]) -> pd.Series:
             kept = _TESTS[test](values, limit)
         else:
             kept = values.isin(wanted) if isinstance(wanted, list) else values.eq(wanted)
-        found &= kept.fillna(False).astype(bool)
-    return found
+        fits &= kept.fillna(False).astype(bool)
+    return fits
 
 
 def _numbers(rows: pd.DataFrame, name: str) -> pd.Series:
