@@ -9,7 +9,8 @@ shown: which ratio has the verdict and the interval, the mean of all, that at th
 bounds of that; each: bounds of every ratio (above, below, at_most, within), which fail where one is outside.
 value, fails, each_fails, open: texts with fields. {shown}, {n}: that ratio, and where it is. {bad}, {n}: the first
 outside. {each}: all ratios. {last}: the last n. Other fields are `_MORE`.
-some: one scene is enough. alike: asked of gathered hits, too, as a second reading.
+cost: what instances cost in frame time is told with its interval. some: one scene is enough. alike: asked of gathered
+hits, too, as a second reading.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from experiments.paper.evidence import (
 from experiments.paper.judging import on_every_scene, on_some_scene
 from experiments.paper.readings import EVERY_HIT
 from experiments.results.claims import Judge
-from experiments.results.queries import query_judge
+from experiments.results.queries import check_keys, query_judge
 from experiments.results.statistics import Estimate, geometric_mean
 from experiments.results.verdicts import Bounds, Known, Outcome, decide_greater
 from experiments.workloads.build import BUILD
@@ -39,6 +40,11 @@ from experiments.workloads.memory import MEMORY
 
 GRID_SPLITS = (2, 4, 8, 16)
 """Splits of one axis in the paper's figure 4, beside none."""
+
+_KEYS = (
+    "of", "one", "over", "at", "some_at", "lacking", "shown", "above", "within", "each", "cost", "value", "fails",
+    "each_fails", "open", "some", "alike",
+)  # fmt: skip
 
 TOO_WIDE = "the interval is wider than the difference"
 
@@ -56,9 +62,10 @@ Point = Mapping[str, Any]
 
 
 def paper_judges(query: Mapping[str, Any] | str) -> Mapping[str, Judge]:
-    """By reading, what judges a claim of claims.toml."""
+    """By reading, what judges a claim of claims.toml. Raises ValueError for a key that no judge has."""
     if isinstance(query, str):
         return {"": query_judge(query)}
+    check_keys("a judge", query, _KEYS)
     on_scenes = on_some_scene if query.get("some") else on_every_scene
     judge = partial(_judge, query)
     gathered = {EVERY_HIT.name: on_scenes(partial(judge, workload=EVERY_HIT.workload))} if query.get("alike") else {}

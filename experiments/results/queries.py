@@ -12,7 +12,7 @@ instead, which says why.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -66,8 +66,7 @@ def query_judge(query: Mapping[str, Any] | str) -> Judge:
     """What judges a claim by a query, or says why nothing does. Raises ValueError for a key that no query has."""
     if isinstance(query, str):
         return _unjudged(query)
-    if unknown := query.keys() - _KNOWN:
-        raise ValueError(f"a judge has {sorted(unknown)}, expected some of {sorted(_KNOWN)}")
+    check_keys("a judge", query, _KNOWN)
     numerator, denominator = query["column"], query.get("over")
     bounds = {end: float(query[name]) for end, name in (("low", "at_least"), ("high", "at_most")) if name in query}
 
@@ -83,6 +82,12 @@ def query_judge(query: Mapping[str, Any] | str) -> Judge:
         return asked
 
     return value_judge(values, which, Bounds(**bounds), query.get("counted", False), not query.get("some", False))
+
+
+def check_keys(what: str, told: Mapping[str, Any], known: Collection[str]) -> None:
+    """Raise ValueError for a key that nothing reads."""
+    if unknown := told.keys() - set(known):
+        raise ValueError(f"{what} has {sorted(unknown)}, expected some of {sorted(known)}")
 
 
 def _unjudged(why: str) -> Judge:
