@@ -155,7 +155,7 @@ def _use_method_files(arguments: Sequence[str]) -> None:
     method.
     """
     os.environ.pop("ATRA_METHOD", None)
-    given = [one.partition("=")[2].strip("'\"") for one in arguments if one.startswith("method_file=")]
+    given = [argument.partition("=")[2].strip("'\"") for argument in arguments if argument.startswith("method_file=")]
     if not given:
         return
     from atra.errors import InputError
@@ -167,7 +167,7 @@ def _use_method_files(arguments: Sequence[str]) -> None:
         columns()
     except ValueError as error:
         raise InputError(f"method_file {given[-1]}: {error}; call its option something else") from None
-    if not any(one.startswith("sweep=") for one in arguments):
+    if not any(argument.startswith("sweep=") for argument in arguments):
         os.environ["ATRA_METHOD"] = methods[0].name
 
 

@@ -18,7 +18,8 @@ FORM is one of `_FORMS`, or a format of Python; without one a number has three d
     corner          head of the first column
     align           a letter for each column, l or r
     function        instead: what `experiments.documents.functions` calls the function that makes the rows; head = heads
-    claims          instead: claims.json of the sweep, by ids or all; leave_out = those whose id begins so
+    claims          instead: claims.json of the sweep, by ids or all; leave_out = those whose id begins so; tell = the
+                    column between text and verdict
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ import pandas as pd
 
 from experiments.methods import find_method
 from experiments.results.intervals import with_intervals
-from experiments.results.queries import chosen
+from experiments.results.queries import check_keys, chosen
 from experiments.results.statistics import Estimate
 from experiments.results.table import rename_workloads
 from experiments.workloads.series import best_rows
@@ -47,6 +48,10 @@ ROOT = Path(__file__).resolve().parents[2]
 REFERENCE = ROOT / "reports" / "reference"
 TIMES = "\N{MULTIPLICATION SIGN}"
 _FIELD = re.compile(r"\{([^{}:]*)(?::([^{}]*))?\}")
+_OF_CELLS = ("sweep", "where", "pick", "cell", "over", "empty")
+_OF_TABLES = (
+    "rows", "columns", "each", "label", "corner", "align", "function", "head", "claims", "tell", "leave_out",
+)  # fmt: skip
 _SUMMARIES = ("sum", "max", "min", "median")
 
 Spec = Mapping[str, Any]
@@ -85,7 +90,8 @@ def united(*specs: Spec) -> dict[str, Any]:
 
 
 def table_lines(spec: Spec, functions: Mapping[str, Callable[..., Any]]) -> list[str]:
-    """The lines of a table in Markdown. Raises ValueError naming what a cell lacks."""
+    """The lines of a table in Markdown. Raises ValueError naming what a cell lacks, or a key that nothing reads."""
+    check_keys("a table", spec, {*_OF_CELLS, *_OF_TABLES})
     if "function" in spec:
         heads, rows = spec["head"], [list(row) for row in functions[spec["function"]](spec["sweep"])]
     elif "claims" in spec:
@@ -124,6 +130,7 @@ def _entries(entries: list[Any], quote: str) -> Iterator[Spec]:
         if entry == "scenes":
             yield from ({"head": f"{quote}{scene}{quote}", "where": {"scene": scene}} for scene in SCENES)
         else:
+            check_keys("a row or column", entry, {*_OF_CELLS, "head"})
             yield entry
 
 

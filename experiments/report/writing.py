@@ -204,10 +204,10 @@ def _environment(table: pd.DataFrame, records: Path) -> dict[str, Any]:
     cpus = sorted(set(table["cpu"].dropna()))
     if len(cpus) > 1:
         raise InputError(f"the table holds points of {' and of '.join(cpus)}; run the sweep again on one machine")
-    found = [record for name in table["point_id"] if (record := load_record(records, name)) is not None]
-    check_one_environment(found)
-    if found:
-        return found[0].environment
+    records_found = [record for name in table["point_id"] if (record := load_record(records, name)) is not None]
+    check_one_environment(records_found)
+    if records_found:
+        return records_found[0].environment
     return {"cpu": cpus[0]} if cpus else {}
 
 

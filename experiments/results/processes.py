@@ -45,8 +45,8 @@ def to_replace(records: Mapping[str, Record], repeats: float = inf) -> list[str]
     out = drifted(list(records.values()))
     for of_point in by_point(records.values()):
         if len(of_point) >= FEWEST_IN_EARNEST:
-            out.update(one.point_id for one in of_point if passing_doubts(one))
-    return [name for name, one in records.items() if one.point_id in out and _times(one) < repeats]
+            out.update(record.point_id for record in of_point if passing_doubts(record))
+    return [name for name, record in records.items() if record.point_id in out and _times(record) < repeats]
 
 
 def as_replacement(record: Record, before: Record) -> Record:

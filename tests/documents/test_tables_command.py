@@ -81,6 +81,12 @@ def test_no_point_or_several_are_refused_with_what_was_asked():
         cell_text({**GAIN, "where": {"scene": "box"}})
 
 
+@pytest.mark.parametrize("told", [{"wehre": {}}, {"columns": [{"head": "a", "cel": "b"}]}])
+def test_a_key_that_nothing_reads_is_refused_by_name(told):
+    with pytest.raises(ValueError, match=r"has \['(wehre|cel)'\], expected some of "):
+        table_lines({"sweep": "toys", **told}, {})
+
+
 def test_rows_of_another_length_than_the_head_are_refused():
     with pytest.raises(ValueError, match="rows of another length"):
         table_lines({"sweep": "toys", "function": "made", "head": ["a", "b"]}, {"made": lambda sweep: [["1"]]})
