@@ -11,8 +11,7 @@ from atra.geometry.mesh import Mesh
 from atra.hits import read_only
 from atra.light import surface_kernels as words
 from atra.light.emitters.harmonics_kernels import OF_COSINE, harmonics
-from atra.light.materials import Dielectric, Emissive, Material, MetallicRoughness, images_of
-from atra.light.scattering.physical_kernels import SMOOTH
+from atra.light.materials import Emissive, Material, MetallicRoughness, images_of
 from atra.light.scene import Scene
 from atra.light.sky import GradientSky, Sky
 from atra.light.surface_kernels import Surfaces
@@ -127,17 +126,14 @@ def _flags(scene: Scene) -> NDArray[np.uint8]:
 
 def _passes(material: Material, has_lamps: bool) -> int:
     """HOLES, ONE_SIDED and SOLID of a material."""
-    if not isinstance(material, MetallicRoughness):
-        return words.SOLID if isinstance(material, Dielectric) and has_lamps else 0
-    is_clear = material.transmission > 0.0 and (
-        material.roughness**2 < SMOOTH or material.metallic_roughness is not None
-    )
-    has_holes = material.alpha != "opaque" or (is_clear and material.is_thin)
-    return (
-        (words.HOLES if has_holes else 0)
-        | (0 if material.is_double else words.ONE_SIDED)
-        | (words.SOLID if is_clear and not material.is_thin and has_lamps else 0)
-    )
+    is_clear, is_thin, has_holes, bits = material.clear_share > 0.0, False, False, 0
+    if isinstance(material, MetallicRoughness):
+        is_clear |= material.transmission > 0.0 and material.metallic_roughness is not None
+        is_thin, has_holes = material.is_thin, material.alpha != "opaque"
+        bits = 0 if material.is_double else words.ONE_SIDED
+    if has_holes or (is_clear and is_thin):
+        bits |= words.HOLES
+    return bits | words.SOLID if is_clear and not is_thin and has_lamps else bits
 
 
 def _materials(scene: Scene) -> tuple[NDArray[np.float64], tuple[NDArray[Any], ...]]:
@@ -159,6 +155,7 @@ def _materials(scene: Scene) -> tuple[NDArray[np.float64], tuple[NDArray[Any], .
         else:
             row[words.COLOUR : words.COLOUR + 3] = colour
         row[words.EMISSION : words.EMISSION + 3] = material.emission
+        row[words.TRANSMISSION] = material.clear_share > 0.0
         for slot, image in enumerate(images_of(material)):
             if image is not None:
                 row[words.IMAGES + slot] = images.number_of(image)

@@ -16,7 +16,7 @@ from atra.light.lightmaps.paint import by_place, means_of, paint_of, plain_opaci
 from atra.light.lightmaps.paint_kernels import LARGEST_ALBEDO, OPACITY, Paint, look_up
 from atra.light.lights import Light, check_light
 from atra.light.materials import Emissive, Material
-from atra.light.scattering.diffuse import as_pane, clear_share
+from atra.light.scattering.diffuse import as_pane
 from atra.light.scene import Scene
 from atra.light.sky import Sky, constant_sky
 from atra.light.textures import Checker, Image
@@ -85,7 +85,7 @@ class Surface:
         holes; blended surfaces that do not shine let the rest of the light on, and clear glass most of it, straight and
         tinted by its colour."""
         numbers = np.asarray(scene.face_materials)
-        clear = [0.0 if any(one.emission) else clear_share(one) for one in scene.materials]
+        clear = [0.0 if any(one.emission) else one.clear_share for one in scene.materials]
         scene = replace(scene, materials=tuple(map(as_pane, scene.materials, clear)))
         albedo = np.array([_plain_albedo(one) for one in scene.materials], np.float32)[numbers]
         emission = np.array([one.emission for one in scene.materials], np.float32)[numbers]

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from atra.light.materials import Dielectric, Emissive, Lambertian, Material, MetallicRoughness
-from atra.light.scattering.physical_kernels import SMOOTH
+from atra.light.materials import Emissive, Lambertian, Material, MetallicRoughness
 from atra.light.textures import Image
 
 
@@ -22,20 +21,10 @@ def shown_of(material: Material) -> Material:
     """`plain_of` with what it emits; clear glass is a surface that lets most light straight on."""
     if isinstance(material, Emissive):
         return MetallicRoughness((0.0, 0.0, 0.0), emission=material.emission, is_double=True)
-    plain = as_pane(plain_of(material), clear_share(material))
+    plain = as_pane(plain_of(material), material.clear_share)
     if not isinstance(material, MetallicRoughness) or not isinstance(plain, MetallicRoughness):
         return plain
     return replace(plain, emission=material.emission, emission_image=material.emission_image)
-
-
-def clear_share(material: Material) -> float:
-    """The share of light that clear glass lets straight on at a right angle, colour left out; 0 of other materials."""
-    if isinstance(material, MetallicRoughness):
-        share = material.transmission * (1.0 - material.metallic) if material.roughness**2 < SMOOTH else 0.0
-    else:
-        share = 1.0 if isinstance(material, Dielectric) else 0.0
-    ior = getattr(material, "ior", 1.0)
-    return share * (1.0 - ((ior - 1.0) / (ior + 1.0)) ** 2)
 
 
 def as_pane(plain: Material, clear: float) -> Material:
