@@ -52,8 +52,12 @@ def say_default(field: Field[Any]) -> str:
 def choices_of(hint: Any, field: Field[Any] | None = None) -> tuple[str, ...]:
     """The values to choose from: those that the field's metadata lists, or those of an Enum, or none."""
     listed = field.metadata.get("choices") if field is not None else None
-    enums = [one for one in (hint, *get_args(hint)) if isinstance(one, type) and issubclass(one, Enum)]
-    return tuple(map(str, listed or ())) or tuple(str(one.value) for enum in enums for one in enum)
+    enums = [
+        candidate
+        for candidate in (hint, *get_args(hint))
+        if isinstance(candidate, type) and issubclass(candidate, Enum)
+    ]
+    return tuple(map(str, listed or ())) or tuple(str(member.value) for enum in enums for member in enum)
 
 
 def paragraphs(text: str | None) -> list[str]:
@@ -74,8 +78,8 @@ def help_of(owner: type, field: Field[Any]) -> str:
     if given:
         return str(given)
     for kind in owner.__mro__:
-        if is_dataclass(kind) and (found := _said_of(kind, field.name)):
-            return found
+        if is_dataclass(kind) and (text := _said_of(kind, field.name)):
+            return text
     hint = get_type_hints(owner)[field.name]
     return summary(hint.__doc__) if isinstance(hint, type) and issubclass(hint, Enum) else ""
 
@@ -86,7 +90,7 @@ def _said_of(kind: type, name: str) -> str:
     under = re.search(rf"^(?:\w+, )*{name}(?:, \w+)* :.*\n((?: +.*\n)+)", cleandoc(kind.__doc__ or "") + "\n", re.M)
     if under:
         return " ".join(under[1].split())
-    names = "|".join(re.escape(one.name) for one in fields(kind))
+    names = "|".join(re.escape(spec.name) for spec in fields(kind))
     text = " ".join(cleandoc(kind.__doc__ or "").split())
     pieces = re.split(rf"(?<![\w`.])((?:{names})(?:, (?:{names}))*): ", text)
     said = next(
