@@ -7,8 +7,8 @@ from typing import Any
 
 from experiments.documents.quotation import SCENES, TIMES, Kept, digits, of, table_row
 from experiments.paper.conclusion import scene_gains
+from experiments.results.statistics import best_of
 from experiments.studies.candidates import ASKED_FOR, Candidate, Gain, candidates
-from experiments.studies.older_embree import gains
 
 
 def measured_points(kept: Kept) -> Iterable[str]:
@@ -43,7 +43,11 @@ def candidates_for_the_gain(kept: Kept) -> Iterable[str]:
 def an_older_embree(kept: Kept) -> Iterable[str]:
     """The gains of the candidates by an older Embree, over both baselines."""
     assert not kept.points["pixels_wrong"].any()
-    found = (Gain(f"{split_x:,} {TIMES} 1", gain) for split_x, gain in gains(kept.points).values())
+    found = []
+    for baseline in ("nearest", "all_hits"):
+        ratios = {split_x: list(kept.points[f"{baseline}_over_{split_x}"]) for split_x in (64, 128, 256, 512)}
+        split_x, gain = best_of(ratios)
+        found.append(Gain(f"{split_x:,} {TIMES} 1", gain))
     yield _candidate_row(Candidate(f"Embree {kept.points['embree_version'].iloc[0]}", *found))
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from atra.errors import AtraError, InputError
 
-STUDIES = ("candidates", "first_image", "lens_speed", "older_embree", "paired")
+STUDIES = ("candidates", "first_image", "lens_speed", "paired")
 
 
 def run(arguments: Sequence[str]) -> None:
