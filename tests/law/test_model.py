@@ -8,7 +8,7 @@ import pytest
 
 import atra
 from atra.errors import InputError
-from experiments.classification.bvh.tracer import BvhTracer
+from experiments.classification.tracer import BvhTracer
 from experiments.law.model.choice import Choice
 from experiments.law.model.defaults import DEFAULTS
 from experiments.law.model.forecasting import forecast, known_constants

@@ -248,7 +248,7 @@ def test_importing_the_library_loads_no_wing_and_no_command():
     assert not [name for name in loaded if is_below(name, tuple(f"atra.{room}" for room in (*WINGS, "command")))]
 
 
-@pytest.mark.parametrize("name", ["atra.light", "experiments.classification.shafts.eye", "experiments.light.sun.tiles"])
+@pytest.mark.parametrize("name", ["atra.light", "experiments.classification.tracer", "experiments.light.sun.tiles"])
 def test_a_wing_is_loaded_by_its_own_name(name):
     subprocess.run([sys.executable, "-c", f"import {name}"], cwd=ROOT, check=True)
 
