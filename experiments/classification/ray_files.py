@@ -65,7 +65,7 @@ def run_rays(arguments: Sequence[str]) -> list[Path]:
     Raises InputError for no scene, an unknown one, and an unknown size."""
     options, names = split_options(arguments, ("size", "output", "files"))
     sizes = options.get("size", ",".join(SIZES)).split(",")
-    folder, keeps = Path(options.get("output", "rays")), options.get("files", "true")
+    folder, keeps = Path(options.pop("output", "rays")), options.get("files", "true")
     is_odd = any("=" in one for one in names) or keeps not in ("true", "false")
     if not names or is_odd or not set(sizes) <= SIZES.keys():
         raise InputError(f"expected: {USAGE}")
@@ -87,7 +87,7 @@ def run_rays(arguments: Sequence[str]) -> list[Path]:
                     if keeps == "true":
                         write(f"{scene.name}_{row['kind']}_{size}.npz", as_bytes(rays))
                     files.append(row)
-                    print(f"{scene.name}, {row['kind']}, {size}: {row['rays']:,} rays, {row['boxes']:.1f} boxes a ray")
+                    print(f"{scene.name}, {row['kind']}, {size}: {len(rays):,} rays, {row['boxes']:.1f} boxes a ray")
             views += [_view_row(scene, view, bvh) for view in VIEWS]
     write("rays.csv", _table(files))
     write("views.csv", _table(views))

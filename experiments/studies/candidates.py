@@ -34,9 +34,6 @@ ASKED_FOR = BEST_SPEEDUPS["cornell_box"]
 SETTINGS = ("scene", "view", "eye", "threads", "build_quality", "instruction_set", "robust")
 """What candidates may differ in."""
 
-Values = Mapping[Any, list[float]]
-"""A number of each process, by what tells points apart."""
-
 
 @dataclass(frozen=True)
 class Gain:
@@ -128,8 +125,8 @@ def _prepared_over_single(rows: pd.DataFrame) -> Any:
     return single / own
 
 
-def _speeds(rows: pd.DataFrame, read: Callable[[pd.DataFrame], Any]) -> Values:
-    """The speed-ups of each point, by its split; splits are None where a method has none."""
+def _speeds(rows: pd.DataFrame, read: Callable[[pd.DataFrame], Any]) -> dict[Any, list[float]]:
+    """The speed-ups of each point's processes, by its split; splits are None where a method has none."""
     found: dict[Any, list[float]] = {}
     for split, culling, value in zip(rows["split_x"], rows["culling"], read(rows), strict=True):
         if np.isfinite(value):
@@ -138,7 +135,7 @@ def _speeds(rows: pd.DataFrame, read: Callable[[pd.DataFrame], Any]) -> Values:
     return found
 
 
-def _gains(rows: pd.DataFrame, read: Callable[[pd.DataFrame], Any], base: Values) -> tuple[Gain, Gain]:
+def _gains(rows: pd.DataFrame, read: Callable[[pd.DataFrame], Any], base: dict[Any, list[float]]) -> tuple[Gain, Gain]:
     """Over rays that look for the nearest hit, and over aligned rays at 1 x 1 without culling. base: speed-ups of the
     former over `rtcIntersect1`, where they are something else."""
     speeds = _speeds(rows, read)

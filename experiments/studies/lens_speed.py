@@ -11,8 +11,6 @@ from typing import Any
 from experiments.studies.processes import Row, Turn, add_rows, in_processes
 from scenes.directory import PAPER_SCENES
 
-LENSES = ("barrel", "fisheye")
-
 
 def timed(scene: str, lens: str, source: str, size: int, threads: int, runs: int) -> list[Row]:
     """Milliseconds of every frame of a scene through a lens, and of the same camera without it."""
@@ -50,7 +48,7 @@ def study(
 ) -> None:  # fmt: skip
     """Measure images of `size` x `size` pixels of scenes (of a `scenes.loading.SceneSource`) through every lens."""
     for scene in scenes:
-        for lens in LENSES:
+        for lens in ("barrel", "fisheye"):
             given = {"scene": scene, "lens": lens, "source": source, "size": size, "threads": threads, "runs": runs}
             columns = {"frame": scene, "lens": lens, "width": size, "height": size, "threads": threads}
             add_rows(Path(table), in_processes(timed, 1, Turn(given, columns)).drop(columns="process"))

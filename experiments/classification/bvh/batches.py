@@ -49,7 +49,7 @@ def batch_of(
         arrays = [np.ascontiguousarray(one, np.float32) for one in (origins, directions, tnear, tfar)]
     for one in arrays:
         one.setflags(write=False)  # kernels are compiled for such arrays
-    return Batch(*arrays, np.arange(len(origins)) if order is None else order)
+    return Batch(arrays[0], arrays[1], arrays[2], arrays[3], np.arange(len(origins)) if order is None else order)
 
 
 class Memory(NamedTuple):
