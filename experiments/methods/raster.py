@@ -49,9 +49,9 @@ class WithoutOcclusion(FrameMemory):
     """Clusters come nearest first, and none counts as hidden."""
 
     def order(self) -> NDArray[np.int64]:
-        found = super().order()
+        order = super().order()
         self.bounds[:] = np.inf
-        return found
+        return order
 
 
 class WithoutClusters(FrameMemory):

@@ -114,10 +114,10 @@ def tile_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
                     for row in range(rows):
                         for column in range(columns):
                             lane = row * shape_x + column
-                            found = hit_prim_id(packet, width, lane)
-                            if found != MISS:
-                                found = np.uint32(cells.prim_ids[first + found])
+                            face = hit_prim_id(packet, width, lane)
+                            if face != MISS:
+                                face = np.uint32(cells.prim_ids[first + face])
                             depth[y0 + row, x0 + column] = hit_distance(packet, width, lane)
-                            prim_id[y0 + row, x0 + column] = found
+                            prim_id[y0 + row, x0 + column] = face
 
     return trace_tiles

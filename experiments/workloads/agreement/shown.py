@@ -120,9 +120,9 @@ def sweep_lines(rows: pd.DataFrame) -> Iterator[str]:
         total = {name: int(of_scene[name].sum()) for name in _COUNTS}
         holes = say_holes({name: column(of_scene, name).sum() for name in HOLES})
         beyond = [
-            f"{kind} {one['method_wrong'].sum():,} against {one['baseline_wrong'].sum():,}"
-            for kind, one in of_scene.groupby(of_scene.apply(say_kind, axis=1), sort=False)
-            if errs_too_often(one)
+            f"{kind} {of_kind['method_wrong'].sum():,} against {of_kind['baseline_wrong'].sum():,}"
+            for kind, of_kind in of_scene.groupby(of_scene.apply(say_kind, axis=1), sort=False)
+            if errs_too_often(of_kind)
         ]
         often = (
             f"more than {TARGET} times as often: {'; '.join(beyond)}" if beyond else f"no method over {TARGET} times"
