@@ -10,7 +10,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.tracing.tracer import Tracer
 from experiments.classification.options import ClassifiedOptions
-from experiments.classification.own_bvh import BVH_BYTES
+from experiments.classification.own_bvh import BVH_BYTES, series_of
 from experiments.classification.shafts.scene import ShaftScene
 from experiments.classification.tracer import BvhTracer
 from experiments.drawing.style import SKY
@@ -32,7 +32,7 @@ def _variant(row: Mapping[str, Any]) -> str:
     for field in fields(ClassifiedOptions):
         usual = field.metadata["null"] if field.default is None else field.default
         value = row.get(field.name)
-        if field.name != "packet_width" and value not in (None, usual):
+        if value not in (None, usual):
             words.append(f"{field.name.removeprefix('shaft_').replace('_', ' ')} {value}")
     return ", ".join(words)
 
@@ -61,4 +61,5 @@ CLASSIFIED = Method(
     variant=_variant,
     counters=SHAFT_COLUMNS,
     make_rays=_make_rays,
+    words=series_of("classified rays"),
 )

@@ -29,7 +29,6 @@ def _traversal(default: str) -> Any:
 class BvhOptions(MethodOptions):
     """Options of rays through our BVH. All find the same hits."""
 
-    packet_width: int = option(1, "single rays; older tables have packets, too", choices=(1,))
     traversal: str = _traversal("push")
 
 

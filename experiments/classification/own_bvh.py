@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from atra.geometry.mesh import Mesh
@@ -31,7 +31,18 @@ def variant(row: Mapping[str, Any]) -> str:
     return "tested when popped" if row.get("traversal") == "pop" else ""
 
 
+def series_of(label: str) -> Callable[[int | None], str]:
+    """`Method.words`: rays are single, but older tables have packets."""
+
+    def words(packet_width: int | None) -> str:
+        if packet_width is None:
+            return label
+        return f"{label}, single rays" if packet_width == 1 else f"{label}, packets of {packet_width}"
+
+    return words
+
+
 BVH = Method(
     "bvh", "own BVH", Style(SKY, "P"), BvhOptions, _make, __name__, variant=variant, counters=(BVH_BYTES,),
-    make_rays=_make_rays,
+    make_rays=_make_rays, words=series_of("own BVH"),
 )  # fmt: skip
