@@ -26,7 +26,7 @@ from atra.rays.rays import Rays
 from experiments.classification.bvh.scene import BvhScene
 from experiments.classification.bvh.single import BOXES
 from experiments.classification.options import BvhOptions
-from experiments.classification.ray_sets import SHORTEST, ray_set
+from experiments.classification.ray_sets import SHORTEST, ray_set, rays_between
 from experiments.commands.program import COMMAND, split_options
 from experiments.commands.scene_files import cameras_of, ply_of
 from scenes.built_in import BUILT_IN
@@ -146,24 +146,19 @@ def rays_of(kind: str, mesh: Mesh, hits: Hits) -> Rays:
     if kind == "shadow":
         places = hits.points[hits.hit].astype(np.float64)
         lamp = low + size * (0.5, 0.9, 0.5)
-        return _rays(places, lamp - places, SHORTEST, 1.0)
+        return rays_between(places, lamp - places, SHORTEST, 1.0)
     side = hits.camera.width
     if kind == "parallel":
         down, across = np.divmod(np.arange(side * side), side)
         direction = np.array([0.25, -1.0, 0.125])
         places = low + size * np.stack([(across + 0.5) / side, np.full(side * side, 1.0), (down + 0.5) / side], axis=1)
         reach = size[1] * direction
-        return _rays(places - reach, np.broadcast_to(direction, places.shape), 0.0, np.inf)
+        return rays_between(places - reach, np.broadcast_to(direction, places.shape), 0.0, np.inf)
     if kind == "random":
         random = np.random.default_rng(7)
         ends = low + size * random.random((2, side * side, 3))
-        return _rays(ends[0], ends[1] - ends[0], 0.0, np.inf)
+        return rays_between(ends[0], ends[1] - ends[0], 0.0, np.inf)
     raise InputError(f"kind of rays is {kind!r}, expected one of {', '.join(KINDS)}")
-
-
-def _rays(origins: np.ndarray, directions: np.ndarray, tnear: float, tfar: float) -> Rays:
-    ends = (np.full(len(origins), end, np.float32) for end in (tnear, tfar))
-    return Rays(origins.astype(np.float32), directions.astype(np.float32), *ends)
 
 
 _PARTS = ("origins", "directions", "tnear", "tfar")

@@ -57,7 +57,7 @@ def where_alignment_pays(table: pd.DataFrame) -> Figure:
         _points(name, x[is_faster == which], y[is_faster == which], color, marker)
         for which, (name, color, marker) in names.items()
     ]
-    axes = Axis("boxes a packet enters up to what it sees"), Axis("boxes below the shared levels, and triangles hit")
+    axes = Axis("boxes up to what is seen"), Axis("boxes and hits that alignment keeps")
     return Figure("lines", [Panel(lines=lines)], *axes, legend=[name for name, *_ in names.values()])
 
 

@@ -154,11 +154,6 @@ def test_fitting_finds_the_constants_that_made_the_times():
     assert fit(terms, times) == pytest.approx(constants, rel=0.05, abs=0.05)
 
 
-def test_no_constant_is_below_0():
-    terms = np.array([[1.0, 1.0], [1.0, 2.0], [1.0, 3.0]])
-    assert fit(terms, np.array([1.0, 0.9, 0.8])).min() >= 0.0
-
-
 CHOICES = {
     "nearest": [
         Choice("raster"), Choice("pixel"), Choice("pixel", packet_width=WIDEST), Choice("bvh"), Choice("classified"),
@@ -256,9 +251,3 @@ def test_a_camera_with_a_lens_is_refused():
 def test_a_choice_that_cannot_be_is_refused(fields, message):
     with pytest.raises(InputError, match=message):
         replace(Choice("pixel"), **fields)
-
-
-def test_more_cells_never_mean_fewer_bytes():
-    look, constants = look_at(cornell_box(), cornell_camera(64, 64)), known_constants()
-    kept = [forecast(look, Choice("aligned", (nx, 1), WIDEST), "nearest", constants).bytes for nx in (1, 8, 64)]
-    assert kept == sorted(kept)

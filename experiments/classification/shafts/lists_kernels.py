@@ -12,6 +12,7 @@ from atra.compiled.memory import load
 from atra.compiled.store import kernel, njit
 from atra.compiled.vectors import bits_of, larger, smaller, splat
 from atra.embree.packets_kernels import INFINITY
+from experiments.classification.bvh.batches import Memory
 from experiments.classification.bvh.binary import NODE_BYTES, ROOT, Tree, first_of, kind_of
 from experiments.classification.bvh.single import nearest, reciprocal
 from experiments.classification.bvh.starts import EMPTY_LIST, ROOT_LIST, Grid
@@ -42,15 +43,12 @@ class Building(NamedTuple):
 
 class Sampling(NamedTuple):
     """Memory of one thread. shape: (SHAPE,) float64. bundle: (ROWS, R) float32, sampled rays, padded with idle ones to
-    whole vectors: origins, inverses of directions, and where the rays end. root: the root's list. stack, nears, counts:
-    as in `bvh.batches.Memory`."""
+    whole vectors: origins, inverses of directions, and where the rays end. root: the root's list."""
 
     shape: NDArray[np.float64]
     bundle: NDArray[np.float32]
     root: NDArray[np.uint32]
-    stack: NDArray[np.int64]
-    nears: NDArray[np.float32]
-    counts: NDArray[np.int64]
+    walk: Memory
 
 
 @njit
@@ -90,9 +88,10 @@ def _sample(building, number, memory):  # type: ignore[no-untyped-def]
         ray = (*origin, np.float32(dx), np.float32(dy), np.float32(dz), np.float32(leaves))
         t = INFINITY
         if building.occlusion:
+            walk = memory.walk
             t, _ = nearest(
-                True, False, False, building.tree, ray, INFINITY, memory.root, ROOT_LIST, memory.stack, memory.nears,
-                memory.counts,
+                True, False, False, building.tree, ray, INFINITY, memory.root, ROOT_LIST, walk.stack, walk.nears,
+                walk.counts,
             )  # fmt: skip
         bundle[0, lane], bundle[1, lane], bundle[2, lane] = origin
         bundle[3, lane], bundle[4, lane], bundle[5, lane] = reciprocal(ray[3]), reciprocal(ray[4]), reciprocal(ray[5])
@@ -145,7 +144,7 @@ def _lowest(tree, shape, number):  # type: ignore[no-untyped-def]
 @njit
 def _collect(building, memory, probability, nodes):  # type: ignore[no-untyped-def]
     """Write the list of a shaft, far nodes first; returns its length, -1 if it is too long."""
-    tree, shape, stack = building.tree, memory.shape, memory.stack
+    tree, shape, stack = building.tree, memory.shape, memory.walk.stack
     count, top = 0, 1
     stack[0] = ROOT
     while top > 0:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from atra.compiled.threads import WorkerPool
 from atra.errors import InputError, MemoryBudgetError
 from atra.tracing.budgets import check_needed_bytes
-from experiments.classification.bvh.binary import STACK, Bvh
-from experiments.classification.bvh.single import COUNTS
+from experiments.classification.bvh.batches import Memory
+from experiments.classification.bvh.binary import Bvh
 from experiments.classification.bvh.starts import FIRST_LIST, MOST, NO_LISTS, ROOT_LIST, UNKNOWN, Grid, Shafts
 from experiments.classification.options import OF_RAYS, ClassifiedOptions
 from experiments.classification.shafts.lists_kernels import (
@@ -229,5 +229,4 @@ def _numbers(
 
 def _sampling(options: ClassifiedOptions) -> Sampling:
     lanes = options.shaft_rays + -options.shaft_rays % LANES
-    stack, nears, counts = np.empty(STACK, np.int64), np.empty(STACK, np.float32), np.zeros(COUNTS, np.int64)
-    return Sampling(np.zeros(SHAPE), np.zeros((ROWS, lanes), np.float32), NO_LISTS, stack, nears, counts)
+    return Sampling(np.zeros(SHAPE), np.zeros((ROWS, lanes), np.float32), NO_LISTS, Memory.new())
