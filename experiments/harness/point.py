@@ -16,8 +16,9 @@ from experiments.harness.records import Record
 
 # Types alone: the help of the command line imports this module and has no use for NumPy and Numba.
 if TYPE_CHECKING:
-    from atra.geometry.camera import Camera, Vector
+    from atra.geometry.camera import Camera
     from atra.geometry.mesh import Mesh
+    from atra.geometry.numbers import Vector
     from atra.geometry.view import View
 
 _TYPED = ("method", "options", "workload", "workload_options")
