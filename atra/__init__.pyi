@@ -77,9 +77,7 @@ from .hits import VisibleTriangles as VisibleTriangles
 from .judge.compare import Agreement as Agreement
 from .judge.compare import Verdict as Verdict
 from .judge.compare import compare as compare
-from .judge.foreign import (
-    Convention as Convention,
-)
+from .judge.conventions import Convention as Convention
 from .judge.foreign import (
     ForeignImage as ForeignImage,
 )

@@ -45,14 +45,33 @@ def write_labels(
     size: tuple[int, int] | None = None,
     saturate: bool = False,
 ) -> Iterator[tuple[Frame, str]]:
-    """Write the labels of every frame of a dataset in BOP format; yields each with "done", "kept" (written by an
-    earlier run), or what is wrong.
+    """Write the labels of every frame of a dataset in BOP format.
 
-    folder: holds the folders of the split and of the models. out/SPLIT/SCENE holds depth/FRAME.png (times the frame's
-    depth_scale: millimetres), mask/FRAME_OBJECT.png, mask_visib/FRAME_OBJECT.png, and scene_gt_info.json, all as in the
-    BOP format. workers: threads. size: of the images, None: of `camera.json`. saturate: depths that do not fit 16 bits
-    become 65,535.
-    Raises InputError, before anything is drawn, for a dataset that cannot be used, and StorageError.
+    Parameters
+    ----------
+    folder : Path
+        Holds the folders of the split and of the models.
+    out : Path
+        out/SPLIT/SCENE gets depth/FRAME.png (times the frame's depth_scale: millimetres), mask/FRAME_OBJECT.png,
+        mask_visib/FRAME_OBJECT.png, and scene_gt_info.json, all as in the BOP format.
+    workers : int
+        Threads.
+    size : (int, int), optional
+        Width and height of the images; None: those of `camera.json`.
+    saturate : bool
+        Depths that do not fit 16 bits become 65,535.
+
+    Yields
+    ------
+    Frame, str
+        Each with "done", "kept" (written by an earlier run), or what is wrong.
+
+    Raises
+    ------
+    InputError
+        Before anything is drawn, for a dataset that cannot be used.
+    StorageError
+        If a file cannot be written.
     """
     scenes = sorted(path.parent for path in (folder / split).glob("*/scene_gt.json"))
     if not scenes:

@@ -13,7 +13,7 @@ import numba
 import pytest
 
 import atra
-from atra.alignment import aligned_kernels, copies_kernels, visibility_kernels
+from atra.alignment import copies_kernels, visibility_kernels
 from atra.all_hits.taking_kernels import LAYERS
 from atra.compiled import intrinsics, store, vectors
 from atra.embree import layout
@@ -21,7 +21,7 @@ from atra.exact import edges_kernels, settling_kernels, surface_kernels, ties_ke
 from atra.geometry import projection_kernels
 from atra.light.pictures import lighting_kernels, path_kernels
 from atra.light.pictures.paths import waves_kernels
-from atra.packets import pixel_kernels, shooting_kernels
+from atra.packets import loop_kernels
 from atra.raster import drawing, spans
 from atra.raster.all_hits import undecided_kernels
 from atra.raster.all_hits.drawing_kernels import gathering_kernel
@@ -44,26 +44,22 @@ KERNELS = {
             ties_kernels,
             settling_kernels,
             tiles_kernels,
-            pixel_kernels,
             visibility_kernels,
         )
         for name, value in vars(module).items()
         if getattr(value, "targetoptions", {}).get("nogil")
     },
     "surface_kernel": surface_kernels.surface_kernel(surface_kernels.WEIGHTS),
-    "pixel_kernel": pixel_kernels.pixel_kernel(4, 2),
-    "aligned_kernel": aligned_kernels.aligned_kernel(4, 2),
+    "packet_kernel": loop_kernels.packet_kernel(4, 2),
     "tile_kernel": tiles_kernels.tile_kernel(4, 2),
     "embree_kernel": embree_kernels.embree_kernel(4, False),
     "nearest_kernel": batches_kernels.nearest_kernel(False),
     "trace_kernel": waves_kernels.trace_kernel(4),
     "connect_kernel": waves_kernels.connect_kernel(4),
     "lighting_kernel": lighting_kernels.lighting_kernel(4),
-    "verify_kernel": aligned_kernels.verify_kernel(4, 2),
     "drawing_kernel": drawing_kernel(4, False),
     "gathering_kernel": gathering_kernel(4, False, LAYERS),
     "settling_kernel": undecided_kernels.settling_kernel(LAYERS),
-    "shooting_kernel": shooting_kernels.shooting_kernel(4, 2, False),
 }
 
 
@@ -110,8 +106,8 @@ def test_the_sources_of_a_kernel_are_all_files_that_its_own_imports_and_no_other
 
     found = store.sources(file(drawing))
     assert found > {file(module) for module in (drawing, spans, edges_kernels, vectors)}
-    assert file(pixel_kernels) not in found
-    assert file(layout) in store.sources(file(pixel_kernels))
+    assert file(loop_kernels) not in found
+    assert file(layout) in store.sources(file(loop_kernels))
 
 
 def test_the_sources_of_a_kernel_outside_of_the_library_are_those_of_its_own_package_too(tmp_path):
