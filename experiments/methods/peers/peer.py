@@ -44,7 +44,7 @@ Answer = tuple[NDArray[np.float32], NDArray[np.uint32]]
 
 class PeerScene(Protocol):
     """A mesh as another's tracer has it: made of mesh, camera and threads, its BVH built, also where the peer would put
-    that off until the first query. Only `make_rays` and `cast` must be written.
+    that off until the first query. `cast` must be written, and `make_rays` by a ray tracer.
 
     package, interface, setting: what is imported, what is called, and how exact it is, in words. rays_per_packet: of
     Embree, 0 where the peer decides and does not tell. follows: whether it serves any camera; otherwise it is built
@@ -63,7 +63,7 @@ class PeerScene(Protocol):
 
     def make_rays(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Any:
         """The peer's own form of rays. origins: (N, 3), or (1, 3) of all; directions: (N, 3) of any length."""
-        raise NotImplementedError
+        raise InputError(f"{self.package} takes no rays, expected a ray tracer of others")
 
     def rays_through(self, camera: View, offset: tuple[float, float], order: NDArray[np.int64]) -> Any:
         """What the peer needs to know of the rays through this position of each pixel, in this order of the pixels."""
@@ -112,6 +112,7 @@ class PreparedPeer(Prepared):
     def __init__(self, make: MakeScene, mesh: Mesh, camera: View, threads: int) -> None:
         self.mesh, self.camera = mesh, camera
         self.frame_time_s: float | None = None
+        self._offset: tuple[float, float] | None = None
         start = perf_counter()
         self.scene = make(mesh, camera, threads)
         self.build_time_s = perf_counter() - start
@@ -147,7 +148,7 @@ class PreparedPeer(Prepared):
     def _prepare_rays(self, offset: tuple[float, float]) -> None:
         if self._offset != tuple(offset):
             self._rays = self.scene.rays_through(self.camera, offset, self._order)
-            self._offset: tuple[float, float] | None = (float(offset[0]), float(offset[1]))
+            self._offset = (float(offset[0]), float(offset[1]))
 
     def _in_rows(self, values: NDArray[Any]) -> NDArray[Any]:
         """Answers, one for each pixel, as an image."""
