@@ -16,9 +16,8 @@ from atra.compiled.threads import WorkerPool
 from atra.embree.layout import FLAG_COHERENT
 from atra.exact.intersection import intersect_rays
 from atra.rays.embree_kernels import CHUNK, embree_kernel
-from atra.rays.order import RayOrder, box_of
+from atra.rays.order import FEWEST_RAYS, RayOrder, box_of
 from atra.rays.order_kernels import CELLS, SORTED_CHUNK
-from atra.rays.plan import FEWEST_RAYS
 from experiments.workloads.agreement.brute_force_kernels import nearest_triangles
 from tests.images import assert_no_pixel_wrong, assert_same_bits, trace
 from tests.machine import WIDEST, WIDTHS
