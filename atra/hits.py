@@ -5,37 +5,37 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.errors import InputError
-from atra.exact.intersection import intersect_pixels
-from atra.exact.surface_kernels import NORMALS, POINTS, ROWS, WEIGHTS, PixelGrid, Triangles, surface_kernel
+from atra.exact.surface import place_hits, place_through_lens
+from atra.exact.surface import read_only as read_only
+from atra.exact.surface_kernels import NORMALS, POINTS, WEIGHTS
 from atra.files.planes import SOURCES, write_planes
 from atra.files.saving import save_layers
 from atra.geometry.mesh import Mesh
-from atra.geometry.ray_space import own_space
 from atra.geometry.view import View
 from atra.prim_ids import MISS
 
 if TYPE_CHECKING:  # reading files, which images need only where their planes name parts of one
-    from atra.files.meshes.face_sources import FaceSources
-
-_AT_ONCE = 1 << 18
-"""Pixels of a lens whose hits are placed at once, which bounds the memory."""
+    from atra.files.meshes.loading import FaceSources
 
 
 @dataclass(frozen=True, eq=False)
 class VisibleTriangles:
     """The triangles that an image shows.
 
-    prim_id: (N,) uint32, ascending.
-    pixels: (N,) int64, number of pixels that show each.
+    Attributes
+    ----------
+    prim_id : (N,) uint32
+        Ascending.
+    pixels : (N,) int64
+        Number of pixels that show each.
     """
 
     prim_id: NDArray[np.uint32]
@@ -46,17 +46,27 @@ class VisibleTriangles:
 class Hits:
     """The nearest hit of every pixel; row 0 is the top of the image.
 
+    Attributes
+    ----------
+    depth : (H, W) float32
+        Distance along the view axis, scene units, inf = miss; along the ray for lenses that see sideways
+        (`View.depth_is_along_ray`).
+    prim_id : (H, W) uint32
+        Row of `mesh.faces`; `MISS` (0xFFFFFFFF) = miss.
+    offset : (float, float)
+        The sub-pixel position of the rays.
+    mesh : Mesh
+        What was traced.
+    camera : View
+        Pinhole, orthographic or with a lens.
+    threads : int, optional
+        Threads that compute the properties; None takes every core.
+
+    Notes
+    -----
     The properties `u`, `v`, `points` and `normals` are computed in float64 at first use. They are NaN for a miss, and,
     except `normals`, for a ray that lies in its triangle's plane. They raise InputError for a bad offset and a
     `prim_id` that the mesh does not have.
-
-    depth: (H, W) float32, distance along the view axis in scene units, inf = miss; along the ray for lenses that see
-        sideways (`View.depth_is_along_ray`).
-    prim_id: (H, W) uint32 in the mesh's own numbering, `MISS` (0xFFFFFFFF) = miss.
-    offset: the sub-pixel position of the rays.
-    mesh: the mesh that was traced.
-    camera: the camera, pinhole, orthographic or with a lens.
-    threads: threads that compute the properties; None = every core.
     """
 
     depth: NDArray[np.float32]
@@ -90,7 +100,7 @@ class Hits:
     def points(self) -> NDArray[np.floating]:
         """(H, W, 3) float32, positions of the hits, world space, scene units; float64 for a mesh with an origin."""
         if self.camera.lens is not None:
-            local = self._through_lens()[1]
+            local = self._through_lens[1]
         else:
             local = self._computed(POINTS, (*self.prim_id.shape, 3))
         return local + self.mesh.origin if self.mesh.has_origin else local
@@ -110,11 +120,19 @@ class Hits:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the image, whole or not at all, in the format that the suffix names.
 
-        ".npz": depth, prim_id, u, v, points and normals, for `np.load`. ".exr": channels Z (depth), prim_id, N.X, N.Y,
-        N.Z; needs the package OpenEXR. ".png": depth as grey from white (nearest hit) to dark grey, black = miss.
-        ".ply": the hits as a point cloud with normals.
-        Raises InputError for other suffixes, a missing package and a point cloud without points, StorageError if the
-        file cannot be written.
+        Parameters
+        ----------
+        path : path-like
+            ".npz": depth, prim_id, u, v, points and normals, for `np.load`. ".exr": channels Z (depth), prim_id, N.X,
+            N.Y, N.Z; needs the package OpenEXR. ".png": depth as grey from white (nearest hit) to dark grey, black =
+            miss. ".ply": the hits as a point cloud with normals.
+
+        Raises
+        ------
+        InputError
+            For other suffixes, a missing package, and a point cloud without points.
+        StorageError
+            If the file cannot be written.
         """
         save_layers(path, partial(getattr, self))
 
@@ -129,17 +147,40 @@ class Hits:
         saturate: bool = False,
         sources: FaceSources | None = None,
     ) -> list[Path]:
-        """Write planes of the image, each file whole or not at all; returns the files.
+        """Write planes of the image, each file whole or not at all; only planes asked for are computed.
 
-        Only planes asked for are computed. stem: path of the files without suffix. planes: of depth, prim_id, normals,
-        points, u, v, mask (what is hit), instance and material (numbers of the file's nodes and materials + 1, 0 =
-        none), preview (depth as grey values), preview_ids and preview_normals (as colours). format: "npz" or "exr", one
-        file of all, or "npy", "png" or "tiff", a file each. PNGs are of 16 bits, masks and previews of 8: depth times
-        `depth_scale`, which makes millimetres of metres, 0 = miss; prim_id + 1, 0 = miss; normals from -1 to 1 as 0 to
-        65,535. depth_along: "axis" or "ray", as for `depth_along`; None: what `depth` is. saturate: depths that do not
-        fit become 0 or 65,535. sources: of `load_face_sources` for the mesh, for instances and materials.
-        Raises InputError for unknown names, a missing package, instances or materials without sources of this mesh, and
-        values that do not fit, which it counts; StorageError if a file cannot be written.
+        Parameters
+        ----------
+        stem : path-like
+            Path of the files without suffix.
+        planes : sequence of str
+            Of depth, prim_id, normals, points, u, v, mask (what is hit), instance and material (numbers of the file's
+            nodes and materials + 1, 0 = none), preview (depth as grey values), preview_ids and preview_normals (as
+            colours).
+        format : {"npz", "exr", "npy", "png", "tiff"}
+            npz and exr: one file of all planes; others: a file each. PNGs are of 16 bits, masks and previews of 8:
+            depth times `depth_scale`, 0 = miss; prim_id + 1, 0 = miss; normals from -1 to 1 as 0 to 65,535.
+        depth_along : {"axis", "ray"}, optional
+            As for `depth_along`; None: what `depth` is.
+        depth_scale : float
+            Steps of a PNG per scene unit; 1000 makes millimetres of metres.
+        saturate : bool
+            Depths that do not fit become 0 or 65,535.
+        sources : FaceSources, optional
+            Of `load_face_sources` for the mesh, for instances and materials.
+
+        Returns
+        -------
+        list of Path
+            The files.
+
+        Raises
+        ------
+        InputError
+            For unknown names, a missing package, instances or materials without sources of this mesh, and values that
+            do not fit, which it counts.
+        StorageError
+            If a file cannot be written.
         """
 
         def plane(name: str) -> NDArray[Any]:
@@ -174,26 +215,34 @@ class Hits:
     @cached_property
     def _barycentric(self) -> NDArray[np.float32]:
         if self.camera.lens is not None:
-            return self._through_lens()[0]
+            return self._through_lens[0]
         return self._computed(WEIGHTS, (2, *self.prim_id.shape))
 
+    @property
     def _through_lens(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Weights (2, H, W), and points (H, W, 3) around the mesh's origin, for rays that pass through no regular
-        grid."""
-        weights = np.full((2, *self.prim_id.shape), np.nan, np.float32)
-        points = np.full((*self.prim_id.shape, 3), np.nan, np.float32)
-        y, x = np.nonzero(self.hit)
-        for start in range(0, len(y), _AT_ONCE):
-            at = y[start : start + _AT_ONCE], x[start : start + _AT_ONCE]
-            found = intersect_pixels(self.mesh, self.camera, at[1], at[0], self.prim_id[at], self.offset)
-            a, b, c = np.moveaxis(self.mesh.local.triangles(self.prim_id[at]), 1, 0)
-            weights[:, *at] = found.u, found.v
-            points[at] = a + found.u[:, None] * (b - a) + found.v[:, None] * (c - a)
-        return weights, points
+        return place_through_lens(self.mesh, self.camera, self.prim_id, self.offset)
+
+    def _computed(self, kind: int, shape: tuple[int, ...]) -> NDArray[np.float32]:
+        return place_hits(kind, shape, self.mesh, self.camera, self.prim_id, self.offset, self.threads)
 
     def depth_along(self, way: str) -> NDArray[np.float32]:
-        """(H, W) float32 depths "axis": along the view axis, negative behind the eye, or "ray": distances from where
-        rays start; inf = miss. `depth` is one of them. Raises InputError for another word."""
+        """Depths along the view axis or the rays; `depth` is one of them.
+
+        Parameters
+        ----------
+        way : {"axis", "ray"}
+            Along the view axis, negative behind the eye, or from where rays start.
+
+        Returns
+        -------
+        (H, W) ndarray of float32
+            Scene units, inf = miss.
+
+        Raises
+        ------
+        InputError
+            For another word.
+        """
         if way not in ("axis", "ray"):
             raise InputError(f"depth is asked for along {way!r}, expected axis or ray")
         if self.camera.is_parallel or (way == "ray") == self.camera.depth_is_along_ray:
@@ -203,51 +252,23 @@ class Hits:
         factor = directions[..., 2] if way == "axis" else np.linalg.norm(directions, axis=-1)
         return np.where(self.hit, self.depth * factor, np.inf).astype(np.float32)
 
-    def _computed(self, kind: int, shape: tuple[int, ...]) -> NDArray[np.float32]:
-        prim_id, found = read_only(np.ascontiguousarray(self.prim_id, np.uint32)), np.empty(shape, np.float32)
-        mesh, camera = own_space(self.mesh, self.camera)
-        triangles, pixels = Triangles(mesh.vertices, mesh.faces), self._pixels(camera)
-        absent, kernel = np.full(1, MISS, np.uint32), surface_kernel(kind)
-        pool, threads = _shared_pool(resolve_threads(self.threads)), -(-len(prim_id) // ROWS)
-        pool.run(lambda _, counter: kernel(counter, triangles, pixels, prim_id, absent, found), threads)
-        if absent[0] != MISS:
-            self.mesh.triangles(absent)  # raises InputError naming it
-        return found
-
-    def _pixels(self, camera: View) -> PixelGrid:
-        height, width = self.prim_id.shape
-        axes = tuple(tuple(axis) for axis in camera.axes.tolist())
-        if camera.lens is not None:  # normals, which need no rays, are all that kernels compute then
-            return PixelGrid(camera.eye, axes, read_only(np.empty(0)), read_only(np.empty(0)), False)
-        on_plane = 0 if camera.is_parallel else 1  # origins lie, or directions end, on the image plane
-        columns = camera.rays(np.arange(width), np.zeros(width, int), self.offset)[on_plane][:, 0]
-        rows = camera.rays(np.zeros(height, int), np.arange(height), self.offset)[on_plane][:, 1]
-        return PixelGrid(camera.eye, axes, read_only(columns.copy()), read_only(rows.copy()), camera.is_parallel)
-
-
-@cache
-def _shared_pool(threads: int) -> WorkerPool:
-    """Threads that compute the properties of all images."""
-    return WorkerPool(threads)
-
-
-def read_only(array: NDArray[Any]) -> NDArray[Any]:
-    """A read-only view: Numba compiles read-only and writable arrays apart."""
-    view = array.view()
-    view.setflags(write=False)
-    return view
-
 
 @dataclass(frozen=True, eq=False)
 class Frames:
     """The nearest hits of K images of one size; `frames[k]` is frame k as `Hits`.
 
-    depth: (K, H, W) float32, along each frame's own view axis, scene units, inf = miss.
-    prim_id: (K, H, W) uint32 in the numbering of the frame's mesh, `MISS` = miss.
-    offset: the sub-pixel position of the rays.
-    meshes: the mesh of each frame.
-    cameras: the camera of each frame.
-    threads: as for `Hits`.
+    Attributes
+    ----------
+    depth : (K, H, W) float32
+        Along each frame's own view axis, scene units, inf = miss.
+    prim_id : (K, H, W) uint32
+        In the numbering of the frame's mesh, `MISS` = miss.
+    offset : (float, float)
+        The sub-pixel position of the rays.
+    meshes, cameras : tuple
+        The mesh and the camera of each frame.
+    threads : int, optional
+        As for `Hits`.
     """
 
     depth: NDArray[np.float32]

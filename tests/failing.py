@@ -7,10 +7,6 @@ class Injected(Exception):
     """What a test makes go wrong."""
 
 
-def raise_injected(*_, **__):
-    raise Injected
-
-
 class Failing:
     """A method, or what it prepared, that raises in a step, "prepare" or "draw", when its work is done or before."""
 

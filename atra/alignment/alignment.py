@@ -26,6 +26,33 @@ REFERENCES = ("off_axis", "first_cell")
 class Alignment:
     """Images whose rays, cell by cell, coincide with one set of reference rays after an affine map.
 
+    Parameters
+    ----------
+    cameras : tuple of View
+        One per image, all pinhole or all orthographic, of equal size in pixels.
+    split : Split
+        The cells of every image.
+    reference : {"off_axis", "first_cell"}
+        The reference cell: a quarter of the image from its centre, or the first cell, as in the paper.
+
+    Attributes
+    ----------
+    corner_pixels : (float, float)
+        Left and top border of the reference cell on the image plane, pixels from the view axis.
+    shifts : ((nx,) float64, (ny,) float64)
+        On the image plane, from the reference cell to each column and row of cells.
+    shears : ((nx, 3) float64, (ny, 3) float64)
+        The same in ray space, per unit of depth; for parallel rays the whole shift.
+    transforms : (K, ny, nx, 3, 4) float64
+        Affine maps that make the rays of each cell of each image the reference rays.
+
+    Raises
+    ------
+    InputError
+        For cameras of different sizes or kinds, a split of an image of another size, and another reference.
+
+    Notes
+    -----
     A linear map per image carries its eye space into the first camera's ray space, where all images have the same rays.
     A shear per cell then lays the cell onto the reference cell; in camera space, for pinhole cameras,
 
@@ -34,13 +61,6 @@ class Alignment:
     and for parallel rays the same with 1 in place of Z. Every ray keeps its parameter, which is the depth. The paper's
     reference cell is cell (0, 0) (§3.1). Any translate of it works; its place decides how tightly axis-aligned boxes
     fit the rays.
-
-    cameras: one per image, all pinhole or all orthographic, of equal size in pixels.
-    split: the cells of every image.
-    reference: "off_axis", a quarter of the image from its centre, or "first_cell", as in the paper.
-
-    Raises InputError for cameras of different sizes or kinds, a split of an image of another size, and another
-    reference.
     """
 
     cameras: tuple[View, ...]

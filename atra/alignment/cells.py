@@ -10,7 +10,7 @@ import numpy as np
 
 from atra.alignment.alignment import Alignment
 from atra.choices import check_choice, check_flags
-from atra.embree.packets_kernels import RayGrid
+from atra.embree.packets_kernels import PixelTiles, RayGrid
 from atra.embree.scene import BUILD_QUALITIES, resolve_packet_width
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
@@ -89,11 +89,18 @@ def check_aligned(meshes: Sequence[Mesh], alignment: Alignment, options: CellOpt
         check_memory_budget(copies, cells, options.build_quality, options.memory_budget_bytes)
 
 
-def reference_rays(alignment: Alignment, offset: tuple[float, float]) -> RayGrid:
-    """The rays that are traced for all cells of an alignment, at a sub-pixel offset."""
+def reference_rays(alignment: Alignment, offset: tuple[float, float], packet_columns: int = 1) -> RayGrid:
+    """The rays that are traced for all cells of an alignment, at a sub-pixel offset, filled up to whole packets."""
     (x, y), split = alignment.corner_pixels, alignment.split
-    columns, rows = x + np.arange(split.cell_width), y + np.arange(split.cell_height)
-    return RayGrid(*ray_grid(alignment.camera, columns + offset[0], rows + offset[1]))
+    columns, rows = np.arange(split.cell_width + -split.cell_width % packet_columns), np.arange(split.cell_height)
+    return ray_grid(alignment.camera, x + columns + offset[0], y + rows + offset[1])
+
+
+def reference_tiles(split: Split, packet_rows: int) -> PixelTiles:
+    """The reference cell in strips as high as a packet."""
+    strips = np.zeros((split.cell_height // packet_rows, 2), np.int32)
+    strips[:, 1] = np.arange(0, split.cell_height, packet_rows)
+    return PixelTiles(strips, split.cell_width, packet_rows)
 
 
 def row_stride_of(split: Split, packet_shape: tuple[int, int]) -> int:

@@ -9,19 +9,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.aligned_kernels import aligned_kernel
 from atra.alignment.alignment import Alignment
-from atra.alignment.cells import CellOptions, choose_packet_shape, reference_rays, row_stride_of
-from atra.alignment.second_pass import SECOND_PASS_TILE, SecondPass, nearest_in_tiles
+from atra.alignment.cells import CellOptions, choose_packet_shape, reference_rays, reference_tiles, row_stride_of
+from atra.alignment.second_pass import SecondPass, left_out_tiles
 from atra.all_hits.reductions import Reduction
 from atra.compiled.threads import WorkerPool
 from atra.embree.callbacks_kernels import memory_monitor, nearest_hit_filter
-from atra.embree.packets_kernels import Image, PixelTiles
+from atra.embree.packets_kernels import TracedImage
 from atra.embree.scene import EmbreeScene
-from atra.embree.workspace import check_widths
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.packets.all_hits import EmbreeAllHits, RayBatch
+from atra.packets.loop import Packets, trace_packets
+from atra.packets.loop_kernels import FILTERED
 from atra.packets.pixel import image_rays
 from atra.tracing.embree import build_scene, make_workspaces
 from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
@@ -42,6 +42,9 @@ class PreparedCells:
         self.workspaces = make_workspaces(alignment.camera, options.rays_per_packet, pool.threads)
         self.packet_shape = choose_packet_shape(options.rays_per_packet, alignment.split, options.packet_rows)
         self.row_stride = row_stride_of(alignment.split, self.packet_shape)
+        self._tiles = reference_tiles(alignment.split, self.packet_shape[1])
+        # No method: it would keep a reference to this object.
+        self._rays = partial(reference_rays, alignment, packet_columns=self.packet_shape[0])
         # Compiled here, before any clock starts.
         self._filter_address = nearest_hit_filter(*self.packet_shape, options.is_instanced)
         memory_monitor()
@@ -63,23 +66,18 @@ class PreparedCells:
 
     def draw(self, offset: tuple[float, float], depth: NDArray[np.float32], prim_id: NDArray[np.uint32]) -> None:
         """See `Prepared.draw`; of several images one stands below the other."""
-        alignment, workspaces, scene = self.alignment, self.workspaces, self.scene.address
-        rays, image = reference_rays(alignment, offset), Image(depth, prim_id)
-        cell_rows = len(alignment.cameras) * alignment.split.ny
-        kernel = aligned_kernel(*self.packet_shape, alignment.camera.is_parallel)
+        alignment, split, workspaces = self.alignment, self.alignment.split, self.workspaces
+        packets = Packets(
+            self.scene.address, self.packet_shape, alignment.camera.is_parallel, self._rays(offset), self._tiles,
+            (split.cell_width, split.cell_height), FILTERED, self.row_stride, len(alignment.cameras) * split.ny,
+        )  # fmt: skip
         for workspace in workspaces:
-            workspace.set_row_bytes(depth.strides[0])
+            workspace.set_row_bytes(4 * self.row_stride)
         share_direction(workspaces, alignment.camera)  # a second pass may have set another image's
-
-        def work(worker: int, counter: int) -> None:
-            kernel(counter, scene, workspaces[worker].packet, rays, cell_rows, image)
-
-        self._pool.run(work)
-        check_widths(workspaces)
-        height = alignment.split.height
+        trace_packets(packets, workspaces, self._pool, TracedImage(depth, prim_id))
         for number, one in enumerate(self.second_passes):
             if one is not None:
-                own = slice(number * height, (number + 1) * height)
+                own = slice(number * split.height, (number + 1) * split.height)
                 one.trace(workspaces, offset, depth[own], prim_id[own], self._pool)
 
     @property
@@ -109,21 +107,15 @@ class PreparedCells:
         self._all_hits.gather(what, offset, images, weights, self.workspaces)
 
     def _ray_batches(self, mesh: Mesh, camera: View) -> Iterator[RayBatch]:
-        """The reference rays, in strips as high as a packet; and one per pixel where there are triangles without
-        copies."""
+        """The reference rays, and one per pixel where there are triangles without copies."""
         split, shape, (left_out,) = self.alignment.split, self.packet_shape, self.geometry.left_out
-        strips = np.zeros((split.cell_height // shape[1], 2), np.int32)
-        strips[:, 1] = np.arange(0, split.cell_height, shape[1])
-        tiles, cell = PixelTiles(strips, split.cell_width, shape[1]), (split.cell_width, split.cell_height)
-        rays = partial(reference_rays, self.alignment)  # no method: it would keep a reference to this object
-        yield RayBatch(self.geometry, self._options.geometry, shape, rays, tiles, cell)
+        cell = split.cell_width, split.cell_height
+        yield RayBatch(self.geometry, self._options.geometry, shape, self._rays, self._tiles, cell)
         if left_out is not None:
-            rows, columns = np.nonzero(np.isfinite(nearest_in_tiles(mesh, camera, left_out)))
-            corners = (np.stack([columns, rows], axis=1) * SECOND_PASS_TILE).astype(np.int32)
+            tiles = left_out_tiles(mesh, camera, left_out)[0]
             others = np.ones(mesh.triangle_count, np.bool_)
             others[left_out.prim_ids] = False
             plain, shape = plan_plain_geometry(mesh, camera, others), SQUAREST_SHAPE[self._options.rays_per_packet]
-            tiles = PixelTiles(corners, *SECOND_PASS_TILE)
             yield image_rays(plain, camera, shape, tiles, is_alone=camera.width % shape[0] != 0)
 
     @property

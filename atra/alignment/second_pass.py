@@ -8,15 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.aligned_kernels import verify_kernel
 from atra.alignment.cells import CellOptions
 from atra.alignment.visibility_kernels import TileGrid, hide
 from atra.compiled.threads import WorkerPool
-from atra.embree.packets_kernels import Image, RayGrid
+from atra.embree.packets_kernels import PixelTiles, TracedImage
 from atra.embree.scene import EmbreeScene
 from atra.embree.workspace import Workspace
 from atra.geometry.mesh import Mesh, position_keys
 from atra.geometry.view import View
+from atra.packets.loop import Packets, trace_packets
+from atra.packets.loop_kernels import NEARER
 from atra.tracing.embree import build_scene
 from atra.tracing.geometry import LeftOut, plan_plain_geometry
 from atra.tracing.rays import SQUAREST_SHAPE, image_ray_grid, share_direction
@@ -35,13 +36,13 @@ class SecondPass:
     A packet is skipped if its hits are nearer than anything in the scene can be in its tile; otherwise it is traced
     from that depth to the depth found.
 
-    scene: triangles in the camera's ray space, with the mesh's prim_ids. nearest: (tile rows, tile columns) float32, no
-    ray of a tile meets the scene before this depth; inf = never. packets_traced: in the last frame.
+    scene: triangles in the camera's ray space, with the mesh's prim_ids. tiles: those whose rays may meet the scene,
+    and nearest: (N,) float32, not before this depth. packets_traced: in the last frame.
     """
 
     scene: EmbreeScene
     camera: View
-    grid: TileGrid
+    tiles: PixelTiles
     nearest: NDArray[np.float32]
     packet_width: int
     packets_traced: int = 0
@@ -55,13 +56,11 @@ class SecondPass:
         pool: WorkerPool,
     ) -> None:
         """Update the first pass's image; depth, prim_id: (H, W), changed in place."""
-        kernel = verify_kernel(*SQUAREST_SHAPE[self.packet_width], self.camera.is_parallel)
-        rays, scene = RayGrid(*image_ray_grid(self.camera, offset)), self.scene.address
-        given = rays, self.nearest, self.grid, Image(depth, prim_id)
-        traced = np.zeros((len(workspaces), 16), np.int64)  # separate cache lines per thread
-        share_direction(workspaces, self.camera)
-        pool.run(lambda worker, counter: kernel(counter, scene, workspaces[worker].packet, *given, traced[worker]))
-        self.packets_traced = int(traced[:, 0].sum())
+        camera, shape = self.camera, SQUAREST_SHAPE[self.packet_width]
+        rays, size = image_ray_grid(camera, offset, shape), (camera.width, camera.height)
+        packets = Packets(self.scene.address, shape, camera.is_parallel, rays, self.tiles, size, NEARER)
+        share_direction(workspaces, camera)
+        self.packets_traced = trace_packets(packets, workspaces, pool, TracedImage(depth, prim_id), self.nearest)
 
 
 def left_out_pass(
@@ -74,10 +73,9 @@ def left_out_pass(
     shown[left_out.prim_ids] = True
     if options.robust:
         shown |= _neighbours(mesh, left_out.prim_ids)
-    nearest = nearest_in_tiles(mesh, camera, left_out)
+    tiles = left_out_tiles(mesh, camera, left_out)
     scene = build_scene(plan_plain_geometry(mesh, camera, ~shown), pool.threads, **options.scene_settings)
-    grid = TileGrid(*SECOND_PASS_TILE, camera.width, camera.height)
-    return SecondPass(scene, camera, grid, nearest, options.rays_per_packet)
+    return SecondPass(scene, camera, *tiles, options.rays_per_packet)
 
 
 def _neighbours(mesh: Mesh, prim_ids: NDArray[np.integer]) -> NDArray[np.bool_]:
@@ -91,6 +89,19 @@ def _neighbours(mesh: Mesh, prim_ids: NDArray[np.integer]) -> NDArray[np.bool_]:
     found = np.minimum(np.searchsorted(wanted, keys), len(wanted) - 1)
     is_near: NDArray[np.bool_] = (wanted[found] == keys)[mesh.faces].any(axis=1)
     return is_near
+
+
+def left_out_tiles(mesh: Mesh, camera: View, left_out: LeftOut) -> tuple[PixelTiles, NDArray[np.float32]]:
+    """The tiles whose rays may meet a left-out triangle, and the depths before which they do not."""
+    grid = TileGrid(*SECOND_PASS_TILE, camera.width, camera.height)
+    return tiles_before(nearest_in_tiles(mesh, camera, left_out), grid)
+
+
+def tiles_before(nearest: NDArray[np.float32], grid: TileGrid) -> tuple[PixelTiles, NDArray[np.float32]]:
+    """The tiles of a grid, (tile rows, tile columns), whose depth is finite, and these depths."""
+    rows, columns = np.nonzero(np.isfinite(nearest))
+    corners = np.stack([columns * grid.tile_width, rows * grid.tile_height], axis=1).astype(np.int32)
+    return PixelTiles(corners, grid.tile_width, grid.tile_height), nearest[rows, columns]
 
 
 def nearest_in_tiles(mesh: Mesh, camera: View, left_out: LeftOut) -> NDArray[np.float32]:

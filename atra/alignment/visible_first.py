@@ -21,7 +21,7 @@ from atra.alignment.copies import Fill, Points, filled_copies
 from atra.alignment.copies_kernels import CopyTarget
 from atra.alignment.prepared import PreparedCells
 from atra.alignment.rounding import roundings_of_copies
-from atra.alignment.second_pass import DEPTH_SLACK, SecondPass, nearest_of
+from atra.alignment.second_pass import DEPTH_SLACK, SecondPass, nearest_of, tiles_before
 from atra.alignment.visibility_kernels import (
     EVERYWHERE,
     NOWHERE,
@@ -32,7 +32,7 @@ from atra.alignment.visibility_kernels import (
     fill_visible,
 )
 from atra.compiled.threads import WorkerPool
-from atra.embree.packets_kernels import Image, RayGrid
+from atra.embree.packets_kernels import TracedImage
 from atra.embree.scene import EmbreeScene
 from atra.embree.workspace import Workspace
 from atra.errors import InputError
@@ -42,7 +42,7 @@ from atra.geometry.ray_space import unseen_from
 from atra.geometry.split import Split
 from atra.geometry.view import View
 from atra.hits import Hits
-from atra.packets.pixel_kernels import pixel_kernel
+from atra.packets.loop import Packets, trace_packets
 from atra.prim_ids import MISS
 from atra.tracing.embree import build_scene
 from atra.tracing.geometry import plan_plain_geometry
@@ -126,7 +126,8 @@ class VisibleFirst:
         points = project_vertices(mesh, camera, pool)
         counts, nearest, fill = visible_copies(mesh, alignment, grid, (seen, depth), points, pool)
         geometry = filled_copies([counts], fill, alignment, options, prepared.row_stride)
-        prepared.second_passes = [SecondPass(whole, camera, grid, nearest, options.rays_per_packet)]
+        second_pass = SecondPass(whole, camera, *tiles_before(nearest, grid), options.rays_per_packet)
+        prepared.second_passes = [second_pass]
         copied = perf_counter()
         prepared.build(geometry)
         prepared.triangle_count += mesh.triangle_count
@@ -156,9 +157,8 @@ def _trace_probe(
 
     x = camera.plane.columns(positions(width, shape[0], camera.width))
     y = camera.plane.rows(positions(height, shape[1], camera.height))
-    rays, image = RayGrid(*ray_grid(camera, x, y)), Image(*new_images((height, width), width))
-    kernel, tiles, scene = pixel_kernel(*shape), pixel_tiles(width, height), whole.address
-    pool.run(lambda worker, counter: kernel(counter, scene, workspaces[worker].packet, rays, tiles, image))
+    image, tiles, size = TracedImage(*new_images((height, width), width)), pixel_tiles(width, height), (width, height)
+    trace_packets(Packets(whole.address, shape, False, ray_grid(camera, x, y), tiles, size), workspaces, pool, image)
     return image.depth
 
 

@@ -19,8 +19,14 @@ from atra.geometry.view import View
 class CountResult:
     """The number of triangles the ray of every pixel crosses; row 0 is the top of the image.
 
-    count: (H, W) uint32; even for a closed mesh seen from outside. offset: the sub-pixel offset of the rays. mesh,
-    camera: what was traced.
+    Attributes
+    ----------
+    count : (H, W) uint32
+        Even for a closed mesh seen from outside.
+    offset : (float, float)
+        The sub-pixel position of the rays.
+    mesh, camera :
+        What was traced, and by which rays.
     """
 
     count: NDArray[np.uint32]
@@ -33,9 +39,13 @@ class CountResult:
 class ThicknessResult:
     """The length of every ray inside closed meshes; overlapping meshes count separately.
 
-    thickness: (H, W) float32, scene units along the view axis, like depth: the depths at which the ray leaves minus
-    those at which it enters. As a difference it is as precise as depths are, about 1e-6 of the farthest. offset, mesh,
-    camera: as in `CountResult`.
+    Attributes
+    ----------
+    thickness : (H, W) float32
+        Scene units along the view axis, like depth: the depths at which the ray leaves minus those at which it enters.
+        As a difference it is as precise as depths are, about 1e-6 of the farthest.
+    offset, mesh, camera :
+        As in `CountResult`.
     """
 
     thickness: NDArray[np.float32]
@@ -62,8 +72,12 @@ class ThicknessResult:
 class TransmittanceResult:
     """The light that passes all triangles a ray crosses.
 
-    transmittance: (H, W) float32, the product of their factors; 1 where nothing is hit. offset, mesh, camera: as in
-    `CountResult`.
+    Attributes
+    ----------
+    transmittance : (H, W) float32
+        The product of their factors; 1 where nothing is hit.
+    offset, mesh, camera :
+        As in `CountResult`.
     """
 
     transmittance: NDArray[np.float32]
@@ -76,8 +90,16 @@ class TransmittanceResult:
 class LayersResult:
     """The nearest k hits of every pixel, sorted by depth and then prim_id.
 
-    depth: (k, H, W) float32, along the view axis in scene units; inf = no such layer. prim_id: (k, H, W) uint32, `MISS`
-    = none. count: (H, W) uint32, all hits, which may be more than k. offset, mesh, camera: as in `CountResult`.
+    Attributes
+    ----------
+    depth : (k, H, W) float32
+        Along the view axis, scene units; inf = no such layer.
+    prim_id : (k, H, W) uint32
+        `MISS` = none.
+    count : (H, W) uint32
+        All hits, which may be more than k.
+    offset, mesh, camera :
+        As in `CountResult`.
     """
 
     depth: NDArray[np.float32]

@@ -15,7 +15,8 @@ from atra.files.meshes.loading import load_mesh
 from atra.files.paths import write_atomically
 from atra.files.saving import encode_png
 from atra.geometry.view import View
-from atra.judge.foreign import Convention, ForeignImage, ForeignJudgement, judge_image
+from atra.judge.conventions import Convention
+from atra.judge.foreign import ForeignImage, ForeignJudgement, judge_image
 
 EXAMPLES = """\
 examples:

@@ -28,7 +28,15 @@ NO_BOX = [-1, -1, -1, -1]
 
 
 class Pose(NamedTuple):
-    """An object in a frame. R: (3, 3), t: three numbers in millimetres, model to camera, OpenCV's axes."""
+    """An object in a frame.
+
+    Attributes
+    ----------
+    obj_id : hashable
+        Of `Renderer.add_object`.
+    R, t : (3, 3) and (3,) array_like of float
+        Model to camera, OpenCV's axes; t in millimetres.
+    """
 
     obj_id: Hashable
     R: ArrayLike
@@ -39,8 +47,14 @@ class Pose(NamedTuple):
 class FrameLabels:
     """What the objects of a frame look like; lists are in the order of the poses.
 
-    depth: (H, W) float32, millimetres along the view axis, 0 = nothing. masks: (H, W) bool each, the whole object;
-    visible: without what others hide. info: entries of the toolkit's `scene_gt_info.json`.
+    Attributes
+    ----------
+    depth : (H, W) float32
+        Millimetres along the view axis, 0 = nothing.
+    masks, visible : list of (H, W) bool
+        The whole object, and without what others hide.
+    info : list of dict
+        Entries of the toolkit's `scene_gt_info.json`.
     """
 
     depth: NDArray[np.float32]
@@ -100,9 +114,21 @@ class Renderer:
         self._tracers: dict[Hashable, Tracer] = {}
 
     def add_object(self, obj_id: Hashable, model_path: str | PathLike[str] | Mesh, **kwargs: Any) -> None:
-        """Load a model, a file in millimetres or an `atra.Mesh`; `surf_color` and others of the toolkit do nothing.
+        """Load a model.
 
-        Raises InputError as `atra.load_mesh`.
+        Parameters
+        ----------
+        obj_id : hashable
+            Its name; a model of this name is replaced.
+        model_path : path-like or Mesh
+            A file in millimetres, or a mesh.
+        **kwargs :
+            `surf_color` and others of the toolkit do nothing.
+
+        Raises
+        ------
+        InputError
+            As `atra.load_mesh`.
         """
         given = model_path if isinstance(model_path, Mesh) else load_mesh(str(model_path))
         self.remove_object(obj_id)
@@ -118,10 +144,25 @@ class Renderer:
     def render_object(
         self, obj_id: Hashable, R: ArrayLike, t: ArrayLike, fx: float, fy: float, cx: float, cy: float
     ) -> dict[str, NDArray[np.float32]]:
-        """{"depth": (H, W) float32}, in the model's unit along the view axis, 0 = nothing.
+        """Draw one object.
 
-        R: (3, 3), t: three numbers, model to camera, OpenCV's axes. fx, fy, cx, cy: pixels.
-        Raises InputError for an unknown object, and as `Camera.from_opencv`.
+        Parameters
+        ----------
+        obj_id : hashable
+        R, t : (3, 3) and (3,) array_like of float
+            Model to camera, OpenCV's axes.
+        fx, fy, cx, cy : float
+            Pixels.
+
+        Returns
+        -------
+        dict
+            "depth": (H, W) float32, in the model's unit along the view axis, 0 = nothing.
+
+        Raises
+        ------
+        InputError
+            For an unknown object, and as `Camera.from_opencv`.
         """
         window = self._window(Pose(obj_id, R, t), (fx, fy, cx, cy), beyond=0)
         depth = np.zeros((self.height, self.width), np.float32)
@@ -135,7 +176,21 @@ class Renderer:
         As in the toolkit, `px_count_all` and `bbox_obj` include what lies outside the image, up to its size on every
         side, and `visib_fract` is `px_count_visib` over `px_count_all`. There is no captured depth, so
         `px_count_valid` counts the pixels in the image.
-        Raises InputError as `render_object`.
+
+        Parameters
+        ----------
+        poses : sequence of Pose
+        fx, fy, cx, cy : float
+            Pixels.
+
+        Returns
+        -------
+        FrameLabels
+
+        Raises
+        ------
+        InputError
+            As `render_object`.
         """
         windows = [self._window(pose, (fx, fy, cx, cy), beyond=1) for pose in poses]
         nearest = np.full((self.height, self.width), np.inf, np.float32)

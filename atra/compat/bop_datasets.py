@@ -13,8 +13,8 @@ import numpy as np
 
 from atra.compat.bop import Pose, Renderer
 from atra.errors import InputError
-from atra.files.cameras.bop import camera_of_image, image_size, matrix_of
-from atra.files.cameras.entries import entry, number, read_json
+from atra.files.cameras.bop import camera_of_image, image_size
+from atra.files.cameras.entries import entry, number, numbers, read_json
 from atra.files.meshes.loading import load_mesh
 from atra.files.paths import write_atomically
 from atra.files.planes import fit_16_bits
@@ -45,21 +45,40 @@ def write_labels(
     size: tuple[int, int] | None = None,
     saturate: bool = False,
 ) -> Iterator[tuple[Frame, str]]:
-    """Write the labels of every frame of a dataset in BOP format; yields each with "done", "kept" (written by an
-    earlier run), or what is wrong.
+    """Write the labels of every frame of a dataset in BOP format.
 
-    folder: holds the folders of the split and of the models. out/SPLIT/SCENE holds depth/FRAME.png (times the frame's
-    depth_scale: millimetres), mask/FRAME_OBJECT.png, mask_visib/FRAME_OBJECT.png, and scene_gt_info.json, all as in the
-    BOP format. workers: threads. size: of the images, None: of `camera.json`. saturate: depths that do not fit 16 bits
-    become 65,535.
-    Raises InputError, before anything is drawn, for a dataset that cannot be used, and StorageError.
+    Parameters
+    ----------
+    folder : Path
+        Holds the folders of the split and of the models.
+    out : Path
+        out/SPLIT/SCENE gets depth/FRAME.png (times the frame's depth_scale: millimetres), mask/FRAME_OBJECT.png,
+        mask_visib/FRAME_OBJECT.png, and scene_gt_info.json, all as in the BOP format.
+    workers : int
+        Threads.
+    size : (int, int), optional
+        Width and height of the images; None: those of `camera.json`.
+    saturate : bool
+        Depths that do not fit 16 bits become 65,535.
+
+    Yields
+    ------
+    Frame, str
+        Each with "done", "kept" (written by an earlier run), or what is wrong.
+
+    Raises
+    ------
+    InputError
+        Before anything is drawn, for a dataset that cannot be used.
+    StorageError
+        If a file cannot be written.
     """
     scenes = sorted(path.parent for path in (folder / split).glob("*/scene_gt.json"))
     if not scenes:
         raise InputError(f"{folder / split} has no scene with a scene_gt.json, expected a BOP dataset")
     frames = [frame for scene in scenes for frame in _frames_of(scene)]
-    numbers = sorted({_number_of(one, frame) for frame in frames for one in frame.objects})
-    meshes = {obj_id: load_mesh(folder / models / f"obj_{obj_id:06d}.ply") for obj_id in numbers}
+    used = sorted({_number_of(one, frame) for frame in frames for one in frame.objects})
+    meshes = {obj_id: load_mesh(folder / models / f"obj_{obj_id:06d}.ply") for obj_id in used}
     width, height = size or image_size(scenes[0] / "scene_gt.json")
     kept = local()
 
@@ -91,11 +110,15 @@ def write_labels(
 def _label(renderer: Renderer, frame: Frame, folder: Path, saturate: bool) -> list[dict[str, Any]]:
     """Write the images of a frame; returns its entry of scene_gt_info."""
     poses = [
-        Pose(_number_of(one, frame), matrix_of(one, "cam_R_m2c", 9).reshape(3, 3), matrix_of(one, "cam_t_m2c", 3))
+        Pose(
+            _number_of(one, frame),
+            numbers("cam_R_m2c", one.get("cam_R_m2c"), 9).reshape(3, 3),
+            numbers("cam_t_m2c", one.get("cam_t_m2c"), 3),
+        )
         for one in frame.objects
     ]
     camera_of_image(frame.camera, renderer.width, renderer.height)  # refuses what is no camera
-    fx, _, cx, _, fy, cy, *_ = matrix_of(frame.camera, "cam_K", 9).tolist()
+    fx, _, cx, _, fy, cy, *_ = numbers("cam_K", frame.camera["cam_K"], 9).tolist()
     labels = renderer.label(poses, fx, fy, cx, cy)
     scale = number("depth_scale", frame.camera.get("depth_scale", 1.0))
     if not scale > 0.0:

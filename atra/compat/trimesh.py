@@ -69,8 +69,25 @@ class RayMeshIntersector:
     def intersects_location(
         self, ray_origins: ArrayLike, ray_directions: ArrayLike, multiple_hits: bool = True
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
-        """(locations, index_ray, index_tri) of all hits, or of the first hit of each ray: (M, 3) float64, (M,) int64,
-        (M,) int64. First come the first hits of all rays, then the second ones, and so on."""
+        """All hits, or the first hit of each ray. First come the first hits of all rays, then the second ones.
+
+        Parameters
+        ----------
+        ray_origins, ray_directions : (N, 3) array_like of float
+            Directions of any length.
+        multiple_hits : bool
+            False: only the first hit of each ray.
+
+        Returns
+        -------
+        locations : (M, 3) float64
+        index_ray, index_tri : (M,) int64
+
+        Raises
+        ------
+        ValueError
+            For rays of other shapes, as trimesh; InputError as the class says.
+        """
         index_tri, index_ray, locations = self._hits(ray_origins, ray_directions, multiple_hits, 100, True)
         return locations, index_ray, index_tri
 
@@ -82,12 +99,27 @@ class RayMeshIntersector:
         max_hits: int = 100,
         return_locations: bool = False,
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]] | Located:
-        """(index_tri, index_ray), and locations if asked for, as `intersects_location`; at most max_hits of a ray."""
+        """As `intersects_location`, in another order.
+
+        Parameters
+        ----------
+        ray_origins, ray_directions, multiple_hits :
+            As for `intersects_location`.
+        max_hits : int
+            Hits of a ray at most, the nearest.
+        return_locations : bool
+
+        Returns
+        -------
+        index_tri, index_ray : (M,) int64
+        locations : (M, 3) float64
+            If asked for.
+        """
         found = self._hits(ray_origins, ray_directions, multiple_hits, max_hits, return_locations)
         return found if return_locations else found[:2]
 
     def intersects_first(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> NDArray[np.int32]:
-        """(N,) int32, the first triangle that each ray hits, -1 for none."""
+        """The first triangle that each ray hits: (N,) int32, -1 for none. Rays as for `intersects_location`."""
         origins, directions = _checked(ray_origins, ray_directions)
         first = np.full(len(origins), -1, np.int32)
         built = self._scene()
@@ -97,7 +129,7 @@ class RayMeshIntersector:
         return first
 
     def intersects_any(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> NDArray[np.bool_]:
-        """(N,) bool, whether each ray hits anything."""
+        """Whether each ray hits anything: (N,) bool. Rays as for `intersects_location`."""
         origins, directions = _checked(ray_origins, ray_directions)
         hit = np.zeros(len(origins), np.bool_)
         built = self._scene()
@@ -106,7 +138,22 @@ class RayMeshIntersector:
         return hit
 
     def contains_points(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """(N,) bool, whether points lie inside, by the parity of hits; for open meshes by that of both directions."""
+        """Whether points lie inside, by the parity of hits; for open meshes by that of both directions.
+
+        Parameters
+        ----------
+        points : (N, 3) array_like of float
+
+        Returns
+        -------
+        (N,) ndarray of bool
+            False for points that are not finite.
+
+        Raises
+        ------
+        ValueError
+            For another shape, as trimesh.
+        """
         array = np.asanyarray(points, dtype=np.float64)
         if array.ndim != 2 or array.shape[1] != 3:
             raise ValueError("points must be (n,3)")

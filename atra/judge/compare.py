@@ -43,8 +43,12 @@ class Verdict(IntEnum):
 class DepthErrors:
     """Relative errors of an image's depths against the planes of its triangles in float64.
 
-    largest: largest error of all hits, 0 without hits.
-    p999: error that 99.9 % of the hits do not exceed, 0 without hits.
+    Attributes
+    ----------
+    largest : float
+        Largest error of all hits, 0 without hits.
+    p999 : float
+        Error that 99.9 % of the hits do not exceed, 0 without hits.
     """
 
     largest: float = 0.0
@@ -61,16 +65,24 @@ class DepthErrors:
 class Agreement:
     """The verdict on every pixel of two images.
 
-    verdict: (H, W) uint8, values of `Verdict`.
-    depth_errors: errors of the first image's depths.
-    reference_depth_errors: errors of the reference's depths.
-    holes: (H, W) bool, pixels that are WRONG since the first image shows a miss, or a triangle behind, where the ray
-        hits the triangle that the reference names, or passes between it and a neighbour; None = no pixel.
-    reference_holes: the same for the reference.
-    pixels_equal, pixels_tied, pixels_edge, pixels_wrong: numbers of pixels by verdict.
-    pixels_hole, reference_pixels_hole: numbers of holes.
+    Attributes
+    ----------
+    verdict : (H, W) uint8
+        Values of `Verdict`.
+    depth_errors, reference_depth_errors : DepthErrors
+        Of the first image, and of the reference.
+    holes, reference_holes : (H, W) bool, optional
+        Pixels that are WRONG since the first image, or the reference, shows a miss or a triangle behind, where the ray
+        hits the triangle that the other names, or passes between it and a neighbour; None = no pixel.
+    pixels_equal, pixels_tied, pixels_edge, pixels_wrong : int
+        Numbers of pixels by verdict.
+    pixels_hole, reference_pixels_hole : int
+        Numbers of holes.
 
-    Raises InputError for another dtype, number of axes or code, and for holes of another shape or that are not WRONG.
+    Raises
+    ------
+    InputError
+        For another dtype, number of axes or code, and for holes of another shape or that are not WRONG.
     """
 
     verdict: NDArray[np.uint8]
@@ -119,16 +131,16 @@ def compare(hits: Hits, reference: Hits) -> Agreement:
     """Judge every pixel of two images of one mesh by one camera; symmetric in both images.
 
     A candidate is the triangle that an image names, or none for a miss. In float64 the ray hits it *surely*, misses it
-    *surely*, or it is *doubtful*: the ray passes within a thousandth of a pixel of its rim, or rounding of float32
-    could change the sign of a volume that decides it. A triangle edge-on to the ray or without area is doubtful on its
+    *surely*, or it is *undecided*: the ray passes within a thousandth of a pixel of its rim, or rounding of float32
+    could change the sign of a volume that decides it. A triangle edge-on to the ray or without area is undecided on its
     outline, where rounding may give it some width, and surely missed elsewhere. A plane that contains the eye is
-    doubtful.
+    undecided.
 
     Same candidate: EQUAL. Different ones, in this order:
     TIED   neither is surely missed, both have a depth, and the depths are equal to TIE_TOLERANCE;
-    WRONG  one is surely missed, or the doubtful one lies entirely behind the sure one, or none is doubtful and their
+    WRONG  one is surely missed, or the undecided one lies entirely behind the sure one, or none is undecided and their
            depths differ by more than rounding of float32;
-    WRONG  a hole: the doubtful one is in front of the other, or the other is a miss, and its surface continues all
+    WRONG  a hole: the undecided one is in front of the other, or the other is a miss, and its surface continues all
            around the ray;
     EDGE   otherwise.
 
@@ -211,12 +223,12 @@ def _are_equal(one: Mesh, other: Mesh) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Candidates:
-    """One candidate per pixel; a miss is neither surely missed nor doubtful, and has infinite depth."""
+    """One candidate per pixel; a miss is neither surely missed nor undecided, and has infinite depth."""
 
     depth: NDArray[np.float64]
     depth_error: NDArray[np.float64]  # bound of the depth's error in float32
     nearest: NDArray[np.float64]  # least depth of a corner in float32
-    doubtful: NDArray[np.bool_]
+    undecided: NDArray[np.bool_]
     surely_missed: NDArray[np.bool_]
 
 
@@ -230,7 +242,7 @@ def _judge(a: _Candidates, b: _Candidates) -> NDArray[np.uint8]:
         close = both & (apart <= a.depth_error + b.depth_error)
     # A sure hit in front decides; the rim of a triangle behind it does not matter.
     hidden = _is_sure_and_before(a, b) | _is_sure_and_before(b, a)
-    edge = ~missed & ~hidden & (a.doubtful | b.doubtful | close)
+    edge = ~missed & ~hidden & (a.undecided | b.undecided | close)
     return np.select([tied, edge], [np.uint8(Verdict.TIED), np.uint8(Verdict.EDGE)], np.uint8(Verdict.WRONG))
 
 
@@ -242,30 +254,30 @@ def _has_hole(judged: NDArray[np.uint8], lacking: _Candidates, seen: _Candidates
     with np.errstate(invalid="ignore"):  # inf - inf
         in_front = np.isfinite(seen.depth) & (seen.depth + seen.depth_error + lacking.depth_error < lacking.depth)
     in_front &= ~seen.surely_missed & (judged >= Verdict.EDGE)
-    holes = in_front & ~seen.doubtful & (judged == Verdict.WRONG)
-    asked = np.flatnonzero(in_front & seen.doubtful)
+    holes = in_front & ~seen.undecided & (judged == Verdict.WRONG)
+    asked = np.flatnonzero(in_front & seen.undecided)
     limit = lacking.depth[asked] - np.where(np.isfinite(lacking.depth[asked]), lacking.depth_error[asked], 0.0)
     holes[asked] = is_closed_around(pairs[asked], limit)
     return holes
 
 
 def _is_sure_and_before(a: _Candidates, b: _Candidates) -> NDArray[np.bool_]:
-    return ~a.doubtful & (a.depth + a.depth_error < b.nearest)
+    return ~a.undecided & (a.depth + a.depth_error < b.nearest)
 
 
 def _candidates(pairs: Pairs) -> _Candidates:
     named = pairs.prim_id != MISS
-    nothing = {"depth": np.inf, "depth_error": 0.0, "nearest": np.inf, "doubtful": False, "surely_missed": False}
+    nothing = {"depth": np.inf, "depth_error": 0.0, "nearest": np.inf, "undecided": False, "surely_missed": False}
     every = {name: np.full(len(named), value) for name, value in nothing.items()}
     pairs = pairs[named]
     found, rounding = pairs.intersections, Rounding.of(pairs)
-    doubtful = is_on_outline(pairs) | _is_undecided(pairs, rounding)
+    undecided = is_on_outline(pairs) | _is_undecided(pairs, rounding)
     every["depth"][named] = found.depth
     with np.errstate(invalid="ignore"):
         every["depth_error"][named] = rounding.depth * found.depth
     every["nearest"][named] = pairs.depths.min(axis=1) - rounding.corners
-    every["doubtful"][named] = doubtful
-    every["surely_missed"][named] = ~doubtful & (found.edge_distance < 0.0)
+    every["undecided"][named] = undecided
+    every["surely_missed"][named] = ~undecided & (found.edge_distance < 0.0)
     return _Candidates(**every)
 
 

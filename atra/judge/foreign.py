@@ -1,11 +1,10 @@
-"""Images made by other programs: the convention that each follows, and what is right in them."""
+"""Images made by other programs: the convention that fits each, and what is right in them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from itertools import product
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,22 +16,10 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import Agreement, Verdict, compare
+from atra.judge.conventions import OFFSETS, Convention
 from atra.prim_ids import MISS
 from atra.raster.tracer import RasterTracer
 from atra.tracing.tracer import Tracer
-
-_LAST = float(np.nextafter(1.0, 0.0))
-
-OFFSETS = {
-    (0.5, 0.5): "pixel centres",
-    (0.0, 0.0): "the upper left corners of pixels: a shift by half a pixel",
-    (_LAST, _LAST): "the lower right corners of pixels: a shift by half a pixel",
-    (0.0, 0.5): "the left edges of pixels: a shift by half a pixel",
-    (0.5, 0.0): "the upper edges of pixels: a shift by half a pixel",
-    (_LAST, 0.5): "the right edges of pixels: a shift by half a pixel",
-    (0.5, _LAST): "the lower edges of pixels: a shift by half a pixel",
-}
-"""Places of rays in their pixels that are looked for, and their names."""
 
 SAME_DEPTH = 1e-5
 """Relative difference up to which two depths agree, where a convention is looked for."""
@@ -44,48 +31,24 @@ _SAMPLED = 1 << 16
 """Pixels, about, that are looked at to find the convention."""
 
 
-@dataclass(frozen=True)
-class Convention:
-    """How a program stores an image. The defaults are atra's own; for lenses that see sideways see `own`.
-
-    offset: place of the rays in their pixels. flips_rows: row 0 is the bottom. flips_columns: column 0 is the right.
-    swaps_axes: stored (width, height); undone before rows and columns are flipped. along_ray: depth is the distance
-    from the eye, not along the view axis.
-    """
-
-    offset: tuple[float, float] = (0.5, 0.5)
-    flips_rows: bool = False
-    flips_columns: bool = False
-    swaps_axes: bool = False
-    along_ray: bool = False
-
-    @classmethod
-    def own(cls, camera: View) -> Self:
-        """Atra's own convention for the camera: along the ray where `View.depth_is_along_ray`, else the defaults."""
-        return cls(along_ray=camera.depth_is_along_ray)
-
-    def ordered(self, image: NDArray) -> NDArray:
-        """The image (H, W) with the top row and the left column first."""
-        image = image.T if self.swaps_axes else image
-        image = image[::-1] if self.flips_rows else image
-        return np.ascontiguousarray(image[:, ::-1] if self.flips_columns else image)
-
-    def __str__(self) -> str:
-        said = [f"rays through {OFFSETS.get(self.offset, self.offset)}"]
-        said += ["x and y are swapped"] if self.swaps_axes else []
-        said += ["rows are flipped: the first is the bottom"] if self.flips_rows else []
-        said += ["columns are flipped: the first is the right"] if self.flips_columns else []
-        return "; ".join((*said, f"depth along the {'ray' if self.along_ray else 'view axis'}"))
-
-
 @dataclass(frozen=True, eq=False)
 class ForeignImage:
     """An image of another program, checked.
 
-    depth: (H, W) floats, scene units. prim_id: (H, W) integers in the mesh's numbering, -1 or `MISS` for a miss; None:
-    the program stores none, and a depth that is not finite or not above 0 is a miss. rounding: by how much the file
-    may have rounded a depth, scene units; 0 for float32.
-    Raises InputError for other shapes, and for depths that are no numbers.
+    Parameters
+    ----------
+    depth : (H, W) array of float
+        Scene units.
+    prim_id : (H, W) array of int, optional
+        In the mesh's numbering, -1 or `MISS` for a miss. None: the program stores none, and a depth that is not finite
+        or not above 0 is a miss.
+    rounding : float
+        By how much the file may have rounded a depth, scene units; 0 for float32.
+
+    Raises
+    ------
+    InputError
+        For other shapes, and for depths that are no numbers.
     """
 
     depth: NDArray[np.float32]
@@ -114,9 +77,18 @@ class ForeignImage:
 class ForeignJudgement:
     """What `judge_image` finds.
 
-    agreement: the verdict on every pixel. convention: of the image; agreeing: share of pixels whose depths, within
-    SAME_DEPTH, speak for it. own_agreeing: the same for atra's own convention. hits: the image in atra's convention;
-    without ids of its own it names the triangle whose plane its depth fits. reference: what it is compared with.
+    Attributes
+    ----------
+    agreement : Agreement
+        The verdict on every pixel.
+    convention : Convention
+        Of the image.
+    agreeing, own_agreeing : float
+        Shares of pixels whose depths, to 1e-5, speak for this convention, and for atra's own.
+    hits : Hits
+        The image in atra's convention; without ids of its own it names the triangle whose plane its depth fits.
+    reference : Hits
+        What it is compared with.
     """
 
     agreement: Agreement
@@ -166,12 +138,30 @@ def judge_image(
 ) -> ForeignJudgement:
     """Judge an image that another program has made of `mesh`, pixel by pixel, in float64, as `compare` does.
 
-    against: compare with this image, in the convention that fits it, rather than with what the rasteriser finds.
-    convention: of the image, or of both; None: the one that most pixels speak for, by depths and by the ids that the
-        image has; of several the nearest to atra's own.
-    threads: None = every core.
-    Raises InputError for an image of another size, for ids that the mesh does not have, and for two images whose rays
-    pass through other places of their pixels; MemoryBudgetError as `RasterTracer`.
+    Parameters
+    ----------
+    mesh, camera :
+        What the image shows, and by which rays.
+    image : ForeignImage
+    against : ForeignImage, optional
+        Compare with this image, in the convention that fits it, rather than with what the rasteriser finds.
+    convention : Convention, optional
+        Of the image, or of both. None: the one that most pixels speak for, by depths and by the ids that the image has;
+        of several the nearest to atra's own.
+    threads : int, optional
+        None takes every core.
+
+    Returns
+    -------
+    ForeignJudgement
+
+    Raises
+    ------
+    InputError
+        For an image of another size, for ids that the mesh does not have, and for two images whose rays pass through
+        other places of their pixels.
+    MemoryBudgetError
+        As `RasterTracer`.
     """
     with RasterTracer(mesh, camera, threads=threads) as tracer:
         found, agreeing, own, right = _fitting(image, tracer, convention)

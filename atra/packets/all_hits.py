@@ -14,12 +14,13 @@ from atra.all_hits.taking_kernels import LAYERS, THICKNESS
 from atra.compiled.threads import WorkerPool
 from atra.embree.packets_kernels import PixelTiles, RayGrid
 from atra.embree.scene import EmbreeScene
-from atra.embree.workspace import Workspace, check_widths
+from atra.embree.workspace import Workspace
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.packets.filters_kernels import gathering_filter
-from atra.packets.shooting_kernels import shooting_kernel
+from atra.packets.loop import Packets, trace_packets
+from atra.packets.loop_kernels import FILTERED
 from atra.tracing.embree import build_scene
 from atra.tracing.gathering import check_rays_without_lens, target_of
 from atra.tracing.geometry import AlignedGeometry
@@ -122,22 +123,18 @@ class EmbreeAllHits:
         block: NDArray,
         workspaces: Sequence[Workspace],
     ) -> None:
-        rays, tiles, address = batch.rays(offset), batch.tiles, scene.address
-        kernel = shooting_kernel(*batch.packet_shape, self._camera.is_parallel)
+        packets = Packets(
+            scene.address, batch.packet_shape, self._camera.is_parallel, batch.rays(offset), batch.tiles, batch.size,
+            FILTERED, self._row, is_alone=batch.is_alone,
+        )  # fmt: skip
         filter_address = gathering_filter(kind, *batch.packet_shape, batch.cells)
         for workspace in workspaces:
             workspace.gather_with(filter_address, block.ctypes.data)
-
-        def work(worker: int, counter: int) -> None:
-            if worker == 0 or not batch.is_alone:
-                kernel(counter, address, workspaces[worker].packet, rays, tiles, *batch.size, self._row)
-
         try:
-            self._pool.run(work)
+            trace_packets(packets, workspaces, self._pool)
         finally:
             for workspace in workspaces:
                 workspace.gather_with(0, 0)
-        check_widths(workspaces)
 
     @property
     def embree_bytes(self) -> int:

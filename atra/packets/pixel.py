@@ -15,7 +15,7 @@ from atra.all_hits.target_kernels import band_stride
 from atra.choices import check_choice, check_flags
 from atra.compiled.threads import WorkerPool
 from atra.embree.callbacks_kernels import memory_monitor
-from atra.embree.packets_kernels import Image, PixelTiles, RayGrid
+from atra.embree.packets_kernels import PixelTiles, RayGrid, TracedImage
 from atra.embree.scene import BUILD_QUALITIES, resolve_packet_width
 from atra.errors import InputError
 from atra.geometry.lenses.lens_view import LensView
@@ -23,8 +23,8 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range, from_eye_space
 from atra.geometry.view import View
 from atra.packets.all_hits import EmbreeAllHits, RayBatch, check_gathering
-from atra.packets.lens_kernels import lens_kernel
-from atra.packets.pixel_kernels import pixel_kernel
+from atra.packets.loop import Packets, trace_packets
+from atra.packets.loop_kernels import NEAREST, NEAREST_OF_TABLE
 from atra.tracing.embree import build_scene, make_workspaces
 from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
 from atra.tracing.lens_rays import LensRays
@@ -129,20 +129,15 @@ class PreparedPixel:
 
     def draw(self, offset: tuple[float, float], depth: NDArray[np.float32], prim_id: NDArray[np.uint32]) -> None:
         """See `Prepared.draw`."""
-        camera, tiles, scene, image = self.camera, self.tiles, self.scene.address, Image(depth, prim_id)
-        shape, workspaces = self.method.packet_shape, self.workspaces
-        kernel: Any
-        rays: Any
+        camera, shape = self.camera, self.method.packet_shape
+        rays: RayGrid | NDArray[np.float32]
         if isinstance(camera, LensView):
-            rays, kernel = self._lens_rays.table(camera, offset, self.pool), lens_kernel(*shape)
+            rays, kind = self._lens_rays.table(camera, offset, self.pool), NEAREST_OF_TABLE
         else:
-            rays = RayGrid(*image_ray_grid(camera, offset, shape))
-            kernel = pixel_kernel(*shape, camera.is_parallel)
-
-        def work(worker: int, counter: int) -> None:
-            kernel(counter, scene, workspaces[worker].packet, rays, tiles, image)
-
-        self.pool.run(work)
+            rays, kind = image_ray_grid(camera, offset, shape), NEAREST
+        size = camera.width, camera.height
+        packets = Packets(self.scene.address, shape, camera.is_parallel, rays, self.tiles, size, kind)
+        trace_packets(packets, self.workspaces, self.pool, TracedImage(depth, prim_id))
 
     @property
     def gathering_stride(self) -> int:
@@ -202,7 +197,7 @@ def image_rays(
     """One ray per pixel of an image, through the mesh in the camera's ray space."""
 
     def rays(offset: tuple[float, float]) -> RayGrid:
-        return RayGrid(*image_ray_grid(camera, offset, packet_shape))
+        return image_ray_grid(camera, offset, packet_shape)
 
     return RayBatch(geometry, "none", packet_shape, rays, tiles, (camera.width, camera.height), is_alone)
 

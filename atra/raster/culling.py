@@ -57,16 +57,16 @@ def pixels_met(m, row, d, box, near, depth_size, margin, last):  # type: ignore[
     the eye. m, d: `to_pixels` and `depth_axis` of `Eye`. margin: pixels from a sample to its whole number."""
     a, b, c = m[row], m[row + 1], m[row + 2]
     low, high = _projected_extent(a, b, c, d[0], d[1], d[2], box)
-    doubt = ROUNDINGS * (extent(a, b, c, box)[2] + max(abs(low), abs(high)) * depth_size) / near + margin
-    return np.ceil(max(low - doubt, 0.0)), np.floor(min(high + doubt, last))
+    rounding = ROUNDINGS * (extent(a, b, c, box)[2] + max(abs(low), abs(high)) * depth_size) / near + margin
+    return np.ceil(max(low - rounding, 0.0)), np.floor(min(high + rounding, last))
 
 
 @njit(forceinline=True)
 def _parallel_pixels_met(m, row, box, last):  # type: ignore[no-untyped-def]
     """As `pixels_met`, where rays are parallel."""
     low, high, size = extent(m[row], m[row + 1], m[row + 2], box)
-    doubt = ROUNDINGS * (size + abs(m[row + 3]))
-    return np.ceil(max(low + m[row + 3] - doubt, 0.0)), np.floor(min(high + m[row + 3] + doubt, last))
+    rounding = ROUNDINGS * (size + abs(m[row + 3]))
+    return np.ceil(max(low + m[row + 3] - rounding, 0.0)), np.floor(min(high + m[row + 3] + rounding, last))
 
 
 @njit
@@ -75,8 +75,8 @@ def _beyond(a, b, c, depth_axis, position, least_depth, box):  # type: ignore[no
     of the image, with all that rounding may make of it."""
     d, e, f = position * depth_axis[0], position * depth_axis[1], position * depth_axis[2]
     low, high, size = extent(a - d, b - e, c - f, box)
-    doubt = ROUNDINGS * (size + extent(a, b, c, box)[2] + extent(d, e, f, box)[2]) + position * least_depth
-    return low - doubt, high + doubt
+    rounding = ROUNDINGS * (size + extent(a, b, c, box)[2] + extent(d, e, f, box)[2]) + position * least_depth
+    return low - rounding, high + rounding
 
 
 @kernel
@@ -103,8 +103,8 @@ def cull_clusters(  # type: ignore[no-untyped-def]
             rectangles[cluster, 2], rectangles[cluster, 3] = 0, -1
             bounds[cluster] = np.inf
             near, far, depth_size = extent(d[0], d[1], d[2], box)
-            doubt = ROUNDINGS * depth_size + least_depth
-            near, far = near - doubt, far + doubt
+            rounding = ROUNDINGS * depth_size + least_depth
+            near, far = near - rounding, far + rounding
             if far < 0.0:
                 continue
             if not parallel and near <= least_depth:

@@ -132,10 +132,10 @@ def _draw_cluster(lanes, half, parallel, eye, clusters, cluster, width, band, me
                 draw_spans(lanes, parallel, eye, clusters, vertices, vertex_count, prim_id, packed, width, band, memory)
                 continue
             if floats[RIGHT * BATCH + k] - floats[LEFT * BATCH + k] < half:
-                in_doubt = draw_narrow(half, parallel, False, eye, clusters, prim_id, packed, k, band, memory)
+                undecided = draw_narrow(half, parallel, False, eye, clusters, prim_id, packed, k, band, memory)
             else:
-                in_doubt = draw_narrow(lanes, parallel, False, eye, clusters, prim_id, packed, k, band, memory)
-            if rarely(in_doubt):
+                undecided = draw_narrow(lanes, parallel, False, eye, clusters, prim_id, packed, k, band, memory)
+            if rarely(undecided):
                 decide_narrow(parallel, eye, clusters, prim_id, packed, k, band, memory)
     return count
 

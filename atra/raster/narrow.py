@@ -43,7 +43,7 @@ def decided(points, packed, left, top, lanes, nx, exact):  # type: ignore[no-unt
 @njit(forceinline=True)
 def draw_narrow(lanes, parallel, exactly, eye, clusters, prim_id, packed, k, band, memory):  # type: ignore[no-untyped-def]
     """Draw of an ordinary triangle, the k-th of its batch and with these corners, what lies surely in it and surely
-    before what is drawn, with vectors of `lanes`; returns whether other samples are in doubt. exactly: draw those, too.
+    before what is drawn, with vectors of `lanes`; returns whether others are undecided. exactly: draw those, too.
 
     A sample is as sure as the least of how far inside it lies and how far before what is drawn, which `set_up` measures
     in one unit. Nothing is drawn nearer than the nearest corner, whatever rounding makes of the plane.
@@ -51,7 +51,7 @@ def draw_narrow(lanes, parallel, exactly, eye, clusters, prim_id, packed, k, ban
     values, doubles = floats_at(memory.floats + k * 4), doubles_at(memory.doubles + k * 8)
     left, right = int(values[LEFT * BATCH]), int(values[RIGHT * BATCH])
     first, last = int(values[FIRST * BATCH]), int(values[LAST * BATCH])
-    slope_y, doubt = doubles[SLOPE_Y * BATCH], splat(values[ROUNDING * BATCH], lanes)
+    slope_y, rounding = doubles[SLOPE_Y * BATCH], splat(values[ROUNDING * BATCH], lanes)
     prim_ids, at_eye = splat(prim_id, lanes), splat(np.float32(0.0), lanes)
     cap, slope = splat(values[CAP * BATCH], lanes), splat(values[SLOPE_X * BATCH], lanes)
     (first0, first1, first2), (column0, column1, column2), (row0, row1, row2) = edges_at(values, lanes)
@@ -71,29 +71,29 @@ def draw_narrow(lanes, parallel, exactly, eye, clusters, prim_id, packed, k, ban
             if exactly:
                 ids = band.prim_id + place
                 others = load(ids, np.uint32(0), lanes) != prim_ids
-                bits = bits_of(others & (unsure <= doubt))
+                bits = bits_of(others & (unsure <= rounding))
                 if bits != 0:
                     bits &= decided(memory.points, packed, start, y, lanes, lanes, memory.exact)
                     if parallel:
                         bits &= bits_of(at_eye > found)
-                    own, close = nearness_along(parallel, eye, clusters, prim_id, y), bits_of(found - old <= doubt)
+                    own, close = nearness_along(parallel, eye, clusters, prim_id, y), bits_of(found - old <= rounding)
                     bits, _, _ = without_farther(
                         parallel, bits, bits & close, prim_id, own, prim_id, own, ids, eye, clusters, start, y
                     )
                     store_where(mask_of(bits, lanes), found, band.nearness + place)
                     store_where(mask_of(bits, lanes), prim_ids, ids)
             else:
-                store_where(sure > doubt, found, band.nearness + place)
-                store_where(sure > doubt, prim_ids, band.prim_id + place)
+                store_where(sure > rounding, found, band.nearness + place)
+                store_where(sure > rounding, prim_ids, band.prim_id + place)
                 least = smaller(least, unsure)
             inside0, inside1, inside2 = inside0 + row0, inside1 + row1, inside2 + row2
             place += band.stride * 4
             row += slope_y
-    return bits_of(least <= doubt) != 0
+    return bits_of(least <= rounding) != 0
 
 
 @njit
 def decide_narrow(parallel, eye, clusters, prim_id, packed, k, band, memory):  # type: ignore[no-untyped-def]
-    """Draw the samples that `draw_narrow` left in doubt: `side` decides what lies inside, `without_farther` what is
+    """Draw the samples that `draw_narrow` left undecided: `side` decides what lies inside, `without_farther` what is
     nearer. Among its rows, a call of these would have vectors kept in memory."""
     draw_narrow(FEW, parallel, True, eye, clusters, prim_id, packed, k, band, memory)

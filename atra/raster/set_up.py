@@ -41,22 +41,11 @@ NEARNESS, SLOPE_Y, LENS_SLOPE_X = 0, 1, 2
 """Places in a set-up of what is float64, in units of a batch: nearness in the first row and column, and from row to
 row. Through a lens, nearness in row 0 and column 0, and from column to column."""
 
-LEFT, RIGHT, FIRST, LAST, SLOPE_X, CAP, ROUNDING, INSIDE, ROW, COLUMN, LENS_FARTHEST = (
-    0,
-    1,
-    2,
-    3,
-    4,
-    5,
-    6,
-    7,
-    10,
-    13,
-    16,
-)
+LEFT, RIGHT, FIRST, LAST, SLOPE_X, CAP, ROUNDING = range(7)
+INSIDE, ROW, COLUMN, LENS_FARTHEST = 7, 10, 13, 16
 """Places of what is float32: first and last column, first and last row, nearness from column to column and that of the
-nearest corner, up to what sums and differences of nearness are in doubt, and for each edge how far inside of it the
-first sample lies, and what the next row and the next column add to that, in units that make both doubts equal.
+nearest corner, up to what sums and differences of nearness are undecided, and for each edge how far inside of it the
+first sample lies, and what the next row and the next column add to that, in units that make both roundings equal.
 Through a lens, how far inside lies column 0 of row 0, in units that make both slopes sum up to 1 in size, and nearness
 of the farthest corner."""
 
@@ -158,7 +147,7 @@ def set_up(lens, parallel, hides, has_depth, margin, width, number, band, memory
     if not parallel:
         ordinary = ordinary & (splat(NEAR_AND_FAR, BATCH) * farthest >= nearest) & in_front
     roundings = (last - first + splat(float(_ROUNDINGS), BATCH)) * splat(_UNIT32, BATCH)
-    unit, doubt = one, roundings * largest + splat(_SMALLEST, BATCH)
+    unit, rounding = one, roundings * largest + splat(_SMALLEST, BATCH)
     if has_depth:
         slope_x, slope_y = _slopes(w0, w1, w2, dx1, dy1, dx2, dy2, area)
         least = zero - nearest if parallel else farthest
@@ -170,8 +159,8 @@ def set_up(lens, parallel, hides, has_depth, margin, width, number, band, memory
         store(slope_y, doubles + SLOPE_Y * BATCH * 8)
         _store_rounded(slope_x, floats, SLOPE_X)
         unsure = splat(UNSURE, BATCH) * deepest
-        unit, doubt = unsure / doubt, unsure
-    _store_rounded(doubt, floats, ROUNDING)
+        unit, rounding = unsure / rounding, unsure
+    _store_rounded(rounding, floats, ROUNDING)
     facing = signed_like(unit, area)
     _store_edge(0, facing * dx0, facing * dy0, left - x1, first - y1, floats)
     _store_edge(1, facing * dx1, facing * dy1, left - x2, first - y2, floats)
@@ -215,7 +204,7 @@ def reach_of(side, margin):  # type: ignore[no-untyped-def]
 
 
 @njit
-def doubt_of(side, margin):  # type: ignore[no-untyped-def]
+def rounding_of(side, margin):  # type: ignore[no-untyped-def]
     """Distance from an edge in pixels up to which float32 does not decide, through a lens."""
     return np.float32(_LENS_ROUNDINGS * _UNIT32 * reach_of(side, margin))
 
@@ -233,7 +222,7 @@ def _store_lens_edge(edge, margin, side, px, py, qx, qy, dx, dy, facing, floats)
     _store_rounded(row, floats, ROW + edge)
     lowest, highest = splat(-margin, BATCH), splat(side - 1.0 + margin, BATCH)
     farthest = larger(column * lowest, column * highest) + larger(row * lowest, row * highest)
-    return inside + farthest >= splat(-np.float64(doubt_of(side, margin)), BATCH)
+    return inside + farthest >= splat(-np.float64(rounding_of(side, margin)), BATCH)
 
 
 @njit(forceinline=True)

@@ -144,9 +144,9 @@ def nearness_of(parallel, lanes, found, row, start):  # type: ignore[no-untyped-
 
 
 @njit(forceinline=True)
-def _draw_row(lanes, parallel, prim_ids, doubt, spans, row, y, first, last, band):  # type: ignore[no-untyped-def]
+def _draw_row(lanes, parallel, prim_ids, rounding, spans, row, y, first, last, band):  # type: ignore[no-untyped-def]
     """Draw the row y of a triangle, from `first` to `last`, where it is surely nearer than what is drawn; returns
-    whether a sample is in doubt. doubt: difference of nearness up to which it is. row: nearness in column 0."""
+    whether a sample is undecided. rounding: difference of nearness up to which it is. row: nearness in column 0."""
     zero, nowhere = splat(np.float32(0.0), lanes), splat(np.float32(-np.inf), lanes)
     before, end = splat(np.float32(first - 1), lanes), splat(np.float32(last), lanes)
     columns, next_columns = arange(np.float32(first // lanes * lanes), lanes), splat(np.float32(lanes), lanes)
@@ -158,18 +158,18 @@ def _draw_row(lanes, parallel, prim_ids, doubt, spans, row, y, first, last, band
         if parallel:  # nothing is drawn that is not before the eye
             ahead = smaller(ahead, zero - found)
         ahead = where((columns > before) & (columns <= end), ahead, nowhere)
-        store_where(ahead > doubt, found, band.nearness + place)
-        store_where(ahead > doubt, prim_ids, band.prim_id + place)
+        store_where(ahead > rounding, found, band.nearness + place)
+        store_where(ahead > rounding, prim_ids, band.prim_id + place)
         least = smaller(least, abs(ahead))
         columns = columns + next_columns
-    return bits_of(least <= doubt) != 0
+    return bits_of(least <= rounding) != 0
 
 
 @njit
 def _decide_row(lanes, parallel, eye, clusters, prim_id, unsure, spans, row, y, first, last, band):  # type: ignore[no-untyped-def]
-    """Draw the samples that `_draw_row` left in doubt. unsure: its doubt. Among its vectors, a call of what decides
+    """Draw the samples that `_draw_row` left undecided. unsure: its rounding. Among its vectors, a call of what decides
     would have them kept in memory."""
-    doubt, less, at_eye = splat(unsure, lanes), splat(-unsure, lanes), splat(np.float32(0.0), lanes)
+    rounding, less, at_eye = splat(unsure, lanes), splat(-unsure, lanes), splat(np.float32(0.0), lanes)
     prim_ids, byte = splat(prim_id, lanes), (y - band.top) * band.stride * 4
     before, end = splat(np.float32(first - 1), lanes), splat(np.float32(last), lanes)
     own = stored = nearness_along(parallel, eye, clusters, prim_id, y)
@@ -183,7 +183,7 @@ def _decide_row(lanes, parallel, eye, clusters, prim_id, unsure, spans, row, y, 
             left = left & (at_eye > found)
         bits = bits_of(left)
         if bits != 0:
-            close = bits & bits_of(ahead <= doubt)
+            close = bits & bits_of(ahead <= rounding)
             bits, known, stored = without_farther(
                 parallel, bits, close, prim_id, own, known, stored, ids, eye, clusters, start, y
             )
@@ -211,12 +211,12 @@ def draw_spans(lanes, parallel, eye, clusters, vertices, vertex_count, prim_id, 
     firsts, lasts = doubles_at(memory.first), doubles_at(memory.last)
     most = max(abs(spans.nearest), abs(spans.farthest))
     prim_ids, unsure = splat(prim_id, lanes), np.float32(UNSURE * most)
-    doubt = splat(unsure, lanes)
+    rounding = splat(unsure, lanes)
     for k in range(spans.bottom - spans.top + 1):
         y, first, last = spans.top + k, int(firsts[k]), int(lasts[k])
         row = spans.slope_y * y + spans.constant
         if most == np.inf:  # it reaches behind the eye
             unsure = np.float32(UNSURE * max(abs(row + spans.slope_x * first), abs(row + spans.slope_x * last)))
-            doubt = splat(unsure, lanes)
-        if rarely(_draw_row(lanes, parallel, prim_ids, doubt, spans, row, y, first, last, band)):
+            rounding = splat(unsure, lanes)
+        if rarely(_draw_row(lanes, parallel, prim_ids, rounding, spans, row, y, first, last, band)):
             _decide_row(FEW, parallel, eye, clusters, prim_id, unsure, spans, row, y, first, last, band)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from atra.all_hits.reductions import Reduction
 from atra.all_hits.target_kernels import band_stride
 from atra.choices import check_choice
-from atra.compiled.instruction_sets import LANES, native_lanes
+from atra.compiled.instruction_sets import LANE_COUNTS, native_lanes
 from atra.compiled.threads import WorkerPool
 from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.mesh import Mesh
@@ -23,6 +23,7 @@ from atra.raster.all_hits.frames import gather_frame
 from atra.raster.frames import FrameMemory, draw_frame
 from atra.raster.lenses.frames import LensDrawing
 from atra.tracing.gathering import check_rays_without_lens, target_of
+from atra.tracing.method import Prepared
 from atra.tracing.tracer import Tracer
 
 
@@ -35,7 +36,7 @@ class Raster:
     rays_per_packet: ClassVar[int] = 1
 
     def __post_init__(self) -> None:
-        check_choice("lanes", self.lanes, LANES, or_none=True)
+        check_choice("lanes", self.lanes, LANE_COUNTS, or_none=True)
 
     def check(self, mesh: Mesh, camera: View) -> None:
         """See `Method.check`."""
@@ -50,11 +51,8 @@ class Raster:
         return PreparedRaster(mesh, camera, self.lanes or native_lanes(), pool)
 
 
-class PreparedRaster:
+class PreparedRaster(Prepared):
     """A mesh in clusters, which serve every camera, and memory that frames share: `memory`."""
-
-    embree_bytes = 0
-    plan_time_s = 0.0
 
     def __init__(self, mesh: Mesh, camera: View, lanes: int, pool: WorkerPool) -> None:
         self._mesh, self._camera, self._lanes, self._pool = mesh, camera, lanes, pool
@@ -107,9 +105,6 @@ class PreparedRaster:
     def counters(self) -> Mapping[str, float]:
         """scratch_bytes: memory that frames share."""
         return {"scratch_bytes": self.memory.bytes + self.lens_drawing.bytes}
-
-    def close(self) -> None:
-        """Nothing to release but memory."""
 
 
 def RasterTracer(

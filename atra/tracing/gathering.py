@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from math import prod
 from typing import Any
-from weakref import WeakSet
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.all_hits.reductions import Gathered, Reduction
 from atra.all_hits.target_kernels import Target
-from atra.compiled.aligned_memory import aligned_empty, aligned_part
+from atra.compiled.aligned_memory import aligned_empty
 from atra.errors import InputError
 from atra.geometry.view import View
 from atra.tracing.budgets import check_needed_bytes
@@ -20,78 +19,56 @@ from atra.tracing.budgets import check_needed_bytes
 ROOM = 16
 """Rows below an image: as high as the highest packet."""
 
-
-_unchanged: WeakSet[Any] = WeakSet()
-"""Results whose arrays nobody has written to. Unused layers of such a result are still empty, so clearing them is
-skipped when it is reused."""
+_memory: WeakKeyDictionary[Any, dict[str, NDArray]] = WeakKeyDictionary()
+"""The arrays of each result with the room beside them."""
 
 
-def keep_unchanged(result: Any) -> None:
-    """Remember that a result holds what was gathered; its arrays are read-only."""
-    _unchanged.add(result)
-
-
-def take_unchanged(out: Any, names: Iterable[str]) -> bool:
-    """Whether an earlier result still holds what was gathered. It is forgotten, as it will be overwritten."""
-    if out not in _unchanged:
-        return False
-    _unchanged.discard(out)
-    return not any(getattr(out, name).flags.writeable for name in names)
+def keep_memory(result: Any, images: dict[str, NDArray]) -> None:
+    """Remember of which arrays those of a result are parts, for a later call that overwrites them."""
+    _memory[result] = images
 
 
 def target_images(
     what: Reduction[Gathered], height: int, width: int, row: int, out: Gathered | None
-) -> dict[str, NDArray]:
-    """Memory of the arrays of a result by name, (..., height + ROOM, row), with anything in it.
+) -> tuple[dict[str, NDArray], bool]:
+    """Memory of the arrays of a result by name, (..., height + ROOM, row), with anything in it, or that of an earlier
+    result, which is then forgotten; and whether the earlier one still holds what was gathered: nobody has made its
+    arrays writeable. Unused layers of such a result are still empty, so clearing them is skipped.
 
-    out: an earlier result, whose memory it is then. Raises InputError for one that does not fit, MemoryBudgetError for
-    more than the memory that is free.
+    Raises InputError for an `out` that does not fit, MemoryBudgetError for more than the memory that is free.
     """
-    if out is not None and type(out) is not what.result:
-        raise InputError(f"out is {out!r:.100}, expected {what.result.__name__} of this tracer, or None")
+    shapes = {name: (*plane.before, height + ROOM, row) for name, plane in what.planes().items()}
     if out is None:
-        needed = sum(prod(one.before) * (height + ROOM) * row * 4 for one in what.planes().values())
+        needed = sum(4 * prod(shape) for shape in shapes.values())
         check_needed_bytes(
             needed, None, f"results of {height:,} rows of {width:,} pixels", "use fewer pixels or layers"
         )
-    images = {}
+        return {name: aligned_empty(shapes[name], plane.kind) for name, plane in what.planes().items()}, False
+    if type(out) is not what.result:
+        raise InputError(f"out is {out!r:.100}, expected {what.result.__name__} of this tracer, or None")
     for name, plane in what.planes().items():
-        shape = (*plane.before, height + ROOM, row)
-        if out is None:
-            images[name] = aligned_empty(shape, plane.kind)
-        else:
-            given, wanted = getattr(out, name), (*plane.before, height, width)
-            if given.shape != wanted:
-                raise InputError(f"out has {name} of {given.shape}, expected {wanted}: pass a result of this tracer")
-            images[name] = _memory(name, given, shape, plane.kind)
-    return images
-
-
-def _memory(name: str, given: Any, shape: tuple[int, ...], kind: type[np.generic]) -> NDArray:
-    """The array that an image of a result is a part of. Raises InputError where it is not."""
-    memory = getattr(given, "base", None)
-    if isinstance(memory, np.ndarray) and memory.dtype == np.uint8 and given.dtype == kind and memory.flags.writeable:
-        try:
-            image = aligned_part(memory, shape, kind)
-        except ValueError:
-            image = None
-        if image is not None and (image.ctypes.data, image.strides) == (given.ctypes.data, given.strides):
-            return image
-    raise InputError(f"out has a {name} that was not made for this tracer and as much of the same: pass its result")
+        given, wanted = getattr(out, name).shape, (*plane.before, height, width)
+        if given != wanted:
+            raise InputError(f"out has {name} of {given}, expected {wanted}: pass a result of this tracer")
+    images = _memory.get(out)
+    if images is None or any(images[name].shape != shape for name, shape in shapes.items()):
+        raise InputError("out was not made for this tracer and as much of the same: pass its result")
+    del _memory[out]
+    return images, not any(getattr(out, name).flags.writeable for name in shapes)
 
 
 def target_of(
     images: dict[str, NDArray],
     weights: NDArray[np.float32] | None,
-    doubts: tuple[NDArray, NDArray, NDArray] | None,
+    undecided: tuple[NDArray, NDArray, NDArray] | None,
     is_known: bool = False,
 ) -> Target:
-    """doubts: marks, first and listed of `Target`; None where nothing is in doubt. is_known: of `Target`."""
+    """undecided: marks, first and listed of `Target`; None where nothing is. is_known: of `Target`."""
     values, *others = images.values()
     prim_id, count = others or (values, values)
     layers = values.shape[0] if values.ndim == 3 else 1
     row = values.shape[-1]
-    marks, first, listed = (0, 0, 0) if doubts is None else (array.ctypes.data for array in doubts)
+    marks, first, listed = (0, 0, 0) if undecided is None else (array.ctypes.data for array in undecided)
     return Target(
         values.ctypes.data,
         prim_id.ctypes.data,

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.embree.packets_kernels import PixelTiles
+from atra.embree.packets_kernels import PixelTiles, RayGrid
 from atra.embree.workspace import Workspace
 from atra.errors import InputError
 from atra.geometry.ray_space import ray_axes
@@ -26,11 +26,8 @@ _TILE_SIZES = {"blocks": (32, 16), "morton": (16, 16)}
 """Width and height; tiles of rows are as wide as the image."""
 
 
-def ray_grid(
-    camera: View, columns: NDArray[np.floating], rows: NDArray[np.floating]
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The two summands of ray directions in ray space, (3, columns) and (3, rows) float32; of origins where rays are
-    parallel.
+def ray_grid(camera: View, columns: NDArray[np.floating], rows: NDArray[np.floating]) -> RayGrid:
+    """The two summands of ray directions in ray space, or of origins where rays are parallel.
 
     columns, rows: positions on the image plane in pixels, measured from the view axis.
     """
@@ -39,12 +36,10 @@ def ray_grid(
     row_rays = down * (rows * camera.plane.pitch_y)
     if not camera.is_parallel:
         row_rays = row_rays + forward
-    return column_rays.astype(np.float32), row_rays.astype(np.float32)
+    return RayGrid(column_rays.astype(np.float32), row_rays.astype(np.float32))
 
 
-def image_ray_grid(
-    camera: View, offset: tuple[float, float], packet_shape: tuple[int, int] = (1, 1)
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def image_ray_grid(camera: View, offset: tuple[float, float], packet_shape: tuple[int, int] = (1, 1)) -> RayGrid:
     """`ray_grid` of every pixel of the image at sub-pixel `offset`, filled up to whole packets of `packet_shape`."""
     x, y = (
         np.arange(pixels + -pixels % lanes)

@@ -19,7 +19,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View, check_offset
 from atra.hits import Hits
 from atra.tracing.budgets import check_image_memory
-from atra.tracing.gathering import keep_unchanged, take_unchanged, target_images
+from atra.tracing.gathering import keep_memory, target_images
 from atra.tracing.images import images_of, outputs
 from atra.tracing.lens_rays import lens_directions
 from atra.tracing.lifetime import Lifetime, check_same_faces, synchronized
@@ -176,13 +176,13 @@ class Tracer(Lifetime):
                 assert isinstance(prepared, Gathering)
                 weights = what.weights(self.mesh)
                 height, width = self.camera.height, self.camera.width
-                images = target_images(what, height, width, prepared.gathering_stride, out)
-                prepared.gather(what, offset, images, weights, take_unchanged(out, images))
+                images, is_known = target_images(what, height, width, prepared.gathering_stride, out)
+                prepared.gather(what, offset, images, weights, is_known)
                 arrays = {name: image[..., :height, :width] for name, image in images.items()}
                 for array in arrays.values():
                     array.setflags(write=False)
                 result = what.result(**arrays, offset=offset, mesh=self.mesh, camera=self.camera)
-                keep_unchanged(result)
+                keep_memory(result, images)
                 return result
 
     @synchronized

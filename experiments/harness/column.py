@@ -66,7 +66,7 @@ def option_columns(options: type, section: str) -> tuple[Column, ...]:
 
 def _option_column(field: Field[Any], hint: Any, section: str) -> Column:
     name, null = field.name, field.metadata.get("null")
-    dtype = _dtype(hint) if null is None else TEXT
+    dtype = dtype_of(hint) if null is None else TEXT
 
     def read(record: Record) -> Any:
         options = record.configuration.get(section, {})
@@ -78,7 +78,7 @@ def _option_column(field: Field[Any], hint: Any, section: str) -> Column:
     return Column(name, dtype, field.metadata.get("help", ""), read)
 
 
-def _dtype(hint: Any) -> str:
+def dtype_of(hint: Any) -> str:
     kinds = set(get_args(hint)) - {NoneType} if isinstance(hint, UnionType) else {hint}
     if kinds == {bool}:
         return TRUTH

@@ -48,8 +48,8 @@ def __getattr__(name: str) -> Any:
 def _methods() -> list[Method]:
     if "METHODS" not in globals():
         globals()["METHODS"] = [*map(resolve_name, CORE.values()), *_outside()]
-    found: list[Method] = globals()["METHODS"]
-    return found
+    known: list[Method] = globals()["METHODS"]
+    return known
 
 
 def _outside(names: Iterable[str] | None = None) -> list[Method]:
@@ -60,7 +60,7 @@ def _outside(names: Iterable[str] | None = None) -> list[Method]:
 
 
 def _method_files() -> list[str]:
-    return [one for one in os.environ.get(METHOD_FILES, "").split(os.pathsep) if one]
+    return [path for path in os.environ.get(METHOD_FILES, "").split(os.pathsep) if path]
 
 
 def method_names() -> list[str]:
@@ -89,9 +89,9 @@ def use_method_file(path: str) -> Method:
     from experiments.methods.outside.loading import load_file
 
     known = _methods()
-    others = sum(not one.is_ours and one.name not in CORE for one in known)
+    others = sum(not method.is_ours and method.name not in CORE for method in known)
     method = load_file(path, others, CORE, _method_files())
-    known[:] = [one for one in known if one.name != method.name] + [method]
+    known[:] = [other for other in known if other.name != method.name] + [method]
     whole = os.path.abspath(os.path.expanduser(path))
     os.environ[METHOD_FILES] = os.pathsep.join(dict.fromkeys([*_method_files(), whole]))
     return method

@@ -119,6 +119,6 @@ def _form_of_each(rows: pd.DataFrame) -> NDArray[np.object_]:
 def expected_forms(table: pd.DataFrame) -> tuple[str, ...]:
     """The forms that a figure of these rows has or misses: copies with and without culling, which belong together,
     and whatever else there is."""
-    found = set(_form_of_each(aligned_rows(table)))
-    copied = not found or COPIED_OFF in found or COPIED_ON in found
-    return tuple(form for form in FORM_STYLES if form in found or (copied and form != INSTANCED))
+    present = set(_form_of_each(aligned_rows(table)))
+    copied = not present or COPIED_OFF in present or COPIED_ON in present
+    return tuple(form for form in FORM_STYLES if form in present or (copied and form != INSTANCED))

@@ -23,7 +23,7 @@ class MethodOptions(Settings):
 
 def keywords_of(make: Callable[..., Any], options: Any, tracing: Tracing) -> dict[str, Any]:
     """The keyword arguments of a tracer's constructor that a method's options, or those of the whole point, have."""
-    known = {one.name: getattr(options, one.name) for one in fields(options)} | vars(tracing)
+    known = {field.name: getattr(options, field.name) for field in fields(options)} | vars(tracing)
     return {name: known[name] for name in signature(make).parameters if name in known}
 
 

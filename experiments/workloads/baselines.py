@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from experiments.drawing.style import BLACK, DASHED, DOTTED, GREEN
-from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.method import LANES
 from experiments.harness.records import Record
-from experiments.results.statistics import Series, choosing_column, reporting_columns, statistics_columns
+from experiments.results.statistics import Series
+from experiments.workloads.typed import Times, over, series
 
 OWN, SINGLE = "own", "rtcIntersect1"
 """Names in the samples of a time: the point's own method, the paper's baseline."""
@@ -47,30 +47,10 @@ def single_over_packets(record: Record) -> float | None:
     return float(np.median(np.divide(record.samples[SINGLE], widest[0])))
 
 
-def series(name: str) -> Series:
-    """A record -> its samples of `name`, None where it has none."""
-
-    def read(record: Record) -> Any:
-        values = record.samples.get(name)
-        return None if values is None else np.asarray(values, np.float64)
-
-    return read
-
-
 def fastest(record: Record) -> Any:
     """The samples of the fastest packets."""
     width = packets_width(record)
     return None if width is None else series(PACKETS[width])(record)
-
-
-def over(upper: Series, lower: Series) -> Series:
-    """A record -> the ratios of two series, round by round; None where it has not both."""
-
-    def ratios(record: Record) -> Any:
-        above, below = upper(record), lower(record)
-        return None if above is None or below is None else above / below
-
-    return ratios
 
 
 def over_own(read: Series) -> Series:
@@ -78,44 +58,40 @@ def over_own(read: Series) -> Series:
     return over(read, series(OWN))
 
 
-BESIDE_BASELINES: dict[str, Any] = {
-    "optional": frozenset(PACKETS.values()), "judged": OWN, "canary": single_over_packets,
-}  # fmt: skip
-"""Fields of a workload whose own method is timed beside single rays and packets."""
+def first_frame(record: Record) -> float | None:
+    """The seconds of the first frame, warm-up or not."""
+    return [*record.warmup_samples.get(OWN, []), *record.samples[OWN]][0] if OWN in record.samples else None
 
 
-def _first_frame(record: Record) -> Any:
-    return [*record.warmup_samples.get(OWN, []), *record.samples.get(OWN, [])][0] if OWN in record.samples else None
-
-
-def _spread(record: Record) -> Any:
+def spread(record: Record) -> float | None:
+    """The distance between the quartiles."""
     own = series(OWN)(record)
     return None if own is None else float(np.quantile(own, 0.75) - np.quantile(own, 0.25))
 
 
-TIME_COLUMNS: tuple[Column, ...] = (
-    *statistics_columns("render_time{}_s", "one frame, or all frames together", series(OWN)),
-    Column("first_frame_time_s", REAL, "the very first frame after the build", _first_frame),
-    Column("render_time_spread_s", REAL, "distance between the quartiles", _spread),
-    *statistics_columns("baseline_render_time{}_s", "rtcIntersect1 per pixel", series(SINGLE)),
-    *statistics_columns("packets_render_time{}_s", "the fastest packets per pixel", fastest),
-    *(
-        column
-        for name, help, ratios in (
-            ("speedup", "rtcIntersect1 / this, in the same rounds", over_own(series(SINGLE))),
-            ("speedup_vs_packets", "the fastest packets / this, in the same rounds", over_own(fastest)),
-        )
-        for column in (
-            *statistics_columns(name + "{}", help, ratios),
-            choosing_column(f"{name}_half", help, ratios),
-            *reporting_columns(name, help, ratios),
-        )
-    ),
-    Column("packets_width", WHOLE, "rays of the fastest packets per pixel", packets_width),
-    *(
-        column
-        for width, name in PACKETS.items()
-        for column in statistics_columns(name + "_render_time{}_s", f"packets of {width} per pixel", series(name))
-    ),
+def say_gains(record: Record, **over: str) -> str:
+    """ "20.0 ms, 7.50x rtcIntersect1": the point's own time, and ratios of others' times. over: their samples, by what
+    they are called with _ for a space."""
+    own = series(OWN)(record)
+    gains = (f"{np.median(series(name)(record) / own):.2f}x {words.replace('_', ' ')}" for words, name in over.items())
+    return ", ".join([f"{np.median(own) * 1e3:.1f} ms", *gains])
+
+
+BESIDE_BASELINES = Times(
+    {
+        "render_time{}_s": OWN,
+        "first_frame_time_s": first_frame,
+        "render_time_spread_s": spread,
+        "baseline_render_time{}_s": SINGLE,
+        "packets_render_time{}_s": fastest,
+        "speedup{}": (SINGLE, OWN),
+        "speedup_vs_packets{}": over_own(fastest),
+        "packets_width": packets_width,
+        **{f"{name}_render_time{{}}_s": name for name in PACKETS.values()},
+    },
+    judged=OWN,
+    optional=frozenset(PACKETS.values()),
+    chosen=("speedup{}", "speedup_vs_packets{}"),
+    canary=single_over_packets,
 )
-"""Columns of a point whose own method is timed in rounds with its baselines."""
+"""A point's own method, timed beside single rays and packets."""

@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.drawing.figure import Axis, Bar, Figure, Level, Line, Mark, Panel
-from experiments.drawing.missing import Missing, absent_points, without_value
+from experiments.drawing.missing import absent_points, without_value
 from experiments.drawing.style import BLACK, DASH_DOTTED, GREY, TIMES
 from experiments.drawing.values import (
     MILLISECONDS,
@@ -74,10 +74,10 @@ def split_ratios(table: pd.DataFrame, axis_name: str = "split_x", with_paper: bo
 
 def _over_splits(table: pd.DataFrame, axis_name: str, read: Callable[..., Panel], quantity: str) -> Figure:
     panels = make_panels(aligned_rows(table), (axis_name, *FORM_OPTIONS))
-    panels = [replace(one, rows=pd.concat([one.rows, series.beside(one.rows, table)])) for one in panels]
+    panels = [replace(panel, rows=pd.concat([panel.rows, series.beside(panel.rows, table)])) for panel in panels]
     shown = read_panels(panels, partial(read, axis_name=axis_name))
-    notes = [_RINGED, *([_STAR] if any(mark.label == PAPER_BEST for one in shown for mark in one.marks) else [])]
-    legend = [*RATIO_LABELS, *(one.name for one in series.best_points(series.of_files(table)))]
+    notes = [_RINGED, *([_STAR] if any(mark.label == PAPER_BEST for panel in shown for mark in panel.marks) else [])]
+    legend = [*RATIO_LABELS, *(point.name for point in series.best_points(series.of_files(table)))]
     return figure_of(
         "lines", shown, table, "both axes are logarithmic", *notes, legend=legend, x=SPLIT_AXES[axis_name],
         y=Axis(quantity),
@@ -87,100 +87,28 @@ def _over_splits(table: pd.DataFrame, axis_name: str, read: Callable[..., Panel]
 def times_panel(rows: pd.DataFrame, axis_name: str) -> Panel:
     """Milliseconds a frame of one panel's aligned rows, each form of the geometry a line, with the baselines, and of
     methods of files, which have no splits, as levels."""
-    others, rows = series.of_files(rows), aligned_rows(rows)
-    say_best = partial(_say_best_time, axis_name=axis_name)
-    shown = _forms(rows, axis_name, ("render_time{}_s", MILLISECONDS), say_best, _unmeasured_baselines(rows))
-    return _beside(shown, series.time_levels(rows), others, ("render_time{}_s", MILLISECONDS), say_level)
+    shown = _splits_panel(rows, axis_name, None, [])
+    return replace(shown, levels=[*series.time_levels(aligned_rows(rows)), *shown.levels])
 
 
 def ratios_panel(rows: pd.DataFrame, axis_name: str, with_paper: bool = False) -> Panel:
-    """Ratios of one panel's aligned rows, each form of the geometry a line, with the baselines, and of methods of
-    files, which have no splits, as levels."""
-    others, rows = series.of_files(rows), aligned_rows(rows)
-    ratio, start = series.own_ratio(rows), all_hits(rows)
-    levels = [Level(ALL_HITS, float(height), {"color": GREY, "linestyle": DASH_DOTTED}) for height in start]
-
-    def say_best(best: pd.Series) -> str:
-        over = "".join(f"; over all hits {best[ratio] / height:.2f}{TIMES}" for height in start)
-        return f"{_say_best_time(best, axis_name)}, {best[ratio]:.2f}{TIMES}{over}"
-
-    notes = [*([] if len(start) else [f"{ALL_HITS}: not measured"]), *_unmeasured_baselines(rows)]
-    shown = _forms(rows, axis_name, (ratio + "{}", 1.0), say_best, notes)
-    levels = [*series.ratio_levels(rows, ratio), *levels]
-    shown = _beside(shown, levels, others, (ratio + "{}", 1.0), partial(say_level, ratio=ratio))
-    quantity = Axis(f"speed-up over {series.say_baseline(ratio)}")
-    stars = _paper_best(rows, axis_name) if with_paper and ratio == series.OVER_SINGLE else []
-    return replace(shown, y=quantity, marks=[*shown.marks, *stars])
+    """The same in ratios, over all hits, too, where the row that splits and culls nothing was measured."""
+    aligned = aligned_rows(rows)
+    ratio, starts = series.own_ratio(aligned), [float(height) for height in all_hits(aligned)]
+    shown = _splits_panel(rows, axis_name, ratio, starts)
+    levels = [Level(ALL_HITS, height, {"color": GREY, "linestyle": DASH_DOTTED}) for height in starts]
+    stars = _paper_best(aligned, axis_name) if with_paper and ratio == series.OVER_SINGLE else []
+    return replace(
+        shown, levels=[*series.ratio_levels(aligned, ratio), *levels, *shown.levels], marks=[*shown.marks, *stars],
+        y=Axis(f"speed-up over {series.say_baseline(ratio)}"),
+    )  # fmt: skip
 
 
-def _paper_best(rows: pd.DataFrame, axis_name: str) -> list[Mark]:
-    """The paper's best speed-up, where ours are of its scene and size: at the most splits, as it does not say at how
-    many."""
-    measured = rows[rows["status"] == "ok"]
-    known = [BEST_SPEEDUPS[one] for one in measured["scene"].unique() if one in BEST_SPEEDUPS]
-    if not (measured["width"].eq(PAPER_SIZE[0]) & measured["height"].eq(PAPER_SIZE[1])).all():
-        return []
-    looks = {"color": BLACK, "marker": "*", "markersize": 9}
-    return [Mark(PAPER_BEST, float(measured[axis_name].max()), value, looks) for value in known]
-
-
-def _say_best_time(best: pd.Series, axis_name: str) -> str:
-    """ "128 best, 20.0 ms"."""
-    time_s = best.get("render_time_s")
-    return f"{best[axis_name]} best" + ("" if pd.isna(time_s) else f", {say_number(time_s * MILLISECONDS)} ms")
-
-
-def all_hits(rows: pd.DataFrame) -> NDArray[np.float64]:
-    """The ratio of a panel's aligned row that splits and culls nothing; empty where it was not measured."""
-    gathering = rows[rows["split_x"].eq(1) & rows["split_y"].eq(1) & ~rows["culling"].fillna(True)]
-    points = aligned_forms(gathering).get(COPIED_OFF, rows[:0])
-    ratios = only_measured(points, numbers(points, series.own_ratio(rows)))
-    return ratios[drawable(ratios)]
-
-
-def _unmeasured_baselines(rows: pd.DataFrame) -> list[str]:
-    """In words."""
-    columns = {label: name for label, (name, _) in TIME_BASELINES.items()}
-    return [f"{label}: not measured" for label, name in columns.items() if not drawable(numbers(rows, name)).any()]
-
-
-def _beside(
-    shown: Panel, levels: Sequence[Level], rows: pd.DataFrame, drawn: tuple[str, float],
-    say: Callable[[pd.Series], str],
-) -> Panel:  # fmt: skip
-    """A panel with levels, and a level for each method of a file, at the best of its options. drawn: the columns and
-    the factor of `interval`. say: the best row in words."""
-    found, notes = list(levels), list(shown.notes)
-    for one in series.best_points(rows):
-        for _, best in one.best.iterrows():
-            value, *ends = row_interval(best, *drawn)
-            if value > 0:
-                found.append(Level(one.name, value, {"color": one.color}, *ends))
-            notes.append(f"{one.name}: {say(best)}")
-        notes += one.notes()
-    return replace(shown, levels=found, notes=notes)
-
-
-def say_level(row: pd.Series, ratio: str | None = None) -> str:
-    """ "20.0 ms, 0.75×" of a row without splits; before it its options, where they are not the usual ones."""
-    words = [say_variant(row), f"{say_number(row['render_time_s'] * MILLISECONDS)} ms"]
-    words += [] if ratio is None or pd.isna(row[ratio]) else [f"{row[ratio]:.2f}{TIMES}"]
-    return ", ".join(filter(None, words))
-
-
-def _forms(
-    rows: pd.DataFrame, axis_name: str, drawn: tuple[str, float], say_best: Callable[[pd.Series], str],
-    notes: Sequence[str],
-) -> Panel:  # fmt: skip
-    """A line for each form, a ring around its best split, and in words what is best and what is missing.
-
-    drawn: the columns and the factor of `interval`. notes: more of these.
-    """
-    lines: list[Line] = []
-    rings: list[Mark] = []
-    missing: list[Missing] = []
-    told: list[str] = []
-    forms = aligned_forms(rows)
+def _splits_panel(table: pd.DataFrame, axis_name: str, ratio: str | None, starts: list[float]) -> Panel:
+    """A line for each form, a ring around its best split, a level for each method of a file at the best of its options;
+    and in words what is best and what is missing. ratio: None = milliseconds. starts: the ratio over all hits."""
+    rows, drawn = aligned_rows(table), ("render_time{}_s", MILLISECONDS) if ratio is None else (ratio + "{}", 1.0)
+    lines, rings, missing, levels, notes, forms = [], [], [], [], [], aligned_forms(rows)
     for form, points in forms.items():
         style, short = FORM_STYLES[form], form.removeprefix("aligned, ")
         value, low, high = (only_measured(points, values) for values in interval(points, *drawn))
@@ -191,9 +119,56 @@ def _forms(
         for _, best in series.best_rows(points if drawable(value).sum() > 1 else points[:0]).iterrows():
             heights = value[(points[axis_name] == best[axis_name]).to_numpy(bool)]
             rings += [ring(float(best[axis_name]), float(height), style["color"]) for height in heights]
-            told.append(f"{short}: {say_best(best)}")
-    absent = [f"{one.removeprefix('aligned, ')}: not in the table" for one in expected_forms(rows) if one not in forms]
-    return Panel(lines=lines, marks=rings, crosses=missing, notes=[*told, *absent, *notes])
+            notes.append(f"{short}: {_say_best(best, axis_name, ratio, starts)}")
+    absent = [form for form in expected_forms(rows) if form not in forms]
+    notes += [f"{form.removeprefix('aligned, ')}: not in the table" for form in absent]
+    baselines = [label for label, (name, _) in TIME_BASELINES.items() if not drawable(numbers(rows, name)).any()]
+    unmeasured = [*([ALL_HITS] if ratio is not None and not starts else []), *baselines]
+    notes += [f"{label}: not measured" for label in unmeasured]
+    for point in series.best_points(series.of_files(table)):
+        for _, best in point.best.iterrows():
+            height, *ends = row_interval(best, *drawn)
+            if height > 0:
+                levels.append(Level(point.name, height, {"color": point.color}, *ends))
+            notes.append(f"{point.name}: {say_level(best, ratio)}")
+        notes += point.notes()
+    return Panel(lines=lines, marks=rings, levels=levels, crosses=missing, notes=notes)
+
+
+def _say_best(best: pd.Series, axis_name: str, ratio: str | None, starts: list[float]) -> str:
+    """ "128 best, 20.0 ms, 1.50×; over all hits 7.50×"."""
+    time_s = best.get("render_time_s")
+    words = [f"{best[axis_name]} best", *([] if pd.isna(time_s) else [f"{say_number(time_s * MILLISECONDS)} ms"])]
+    if ratio is None:
+        return ", ".join(words)
+    over = "".join(f"; over all hits {best[ratio] / height:.2f}{TIMES}" for height in starts)
+    return ", ".join([*words, f"{best[ratio]:.2f}{TIMES}{over}"])
+
+
+def _paper_best(rows: pd.DataFrame, axis_name: str) -> list[Mark]:
+    """The paper's best speed-up, where ours are of its scene and size: at the most splits, as it does not say at how
+    many."""
+    measured = rows[rows["status"] == "ok"]
+    known = [BEST_SPEEDUPS[scene] for scene in measured["scene"].unique() if scene in BEST_SPEEDUPS]
+    if not (measured["width"].eq(PAPER_SIZE[0]) & measured["height"].eq(PAPER_SIZE[1])).all():
+        return []
+    looks = {"color": BLACK, "marker": "*", "markersize": 9}
+    return [Mark(PAPER_BEST, float(measured[axis_name].max()), value, looks) for value in known]
+
+
+def all_hits(rows: pd.DataFrame) -> NDArray[np.float64]:
+    """The ratio of a panel's aligned row that splits and culls nothing; empty where it was not measured."""
+    gathering = rows[rows["split_x"].eq(1) & rows["split_y"].eq(1) & ~rows["culling"].fillna(True)]
+    points = aligned_forms(gathering).get(COPIED_OFF, rows[:0])
+    ratios = only_measured(points, numbers(points, series.own_ratio(rows)))
+    return ratios[drawable(ratios)]
+
+
+def say_level(row: pd.Series, ratio: str | None = None) -> str:
+    """ "20.0 ms, 0.75×" of a row without splits; before it its options, where they are not the usual ones."""
+    words = [say_variant(row), f"{say_number(row['render_time_s'] * MILLISECONDS)} ms"]
+    words += [] if ratio is None or pd.isna(row[ratio]) else [f"{row[ratio]:.2f}{TIMES}"]
+    return ", ".join(filter(None, words))
 
 
 def ring(x: float, y: float, color: str, drop: bool = False) -> Mark:
@@ -216,35 +191,37 @@ def methods_figure(table: pd.DataFrame) -> Figure:
 def _methods(rows: pd.DataFrame) -> Panel:
     bars, notes = [], []
     lines = {1, None, *column(rows, "packets_width").dropna()}
-    for one in series.best_points(rows):
-        if one.method == PIXEL.name and one.packet_width in lines:
-            notes += series.say_unmeasured(one.points, one.name)
+    for point in series.best_points(rows):
+        if point.method == PIXEL.name and point.packet_width in lines:
+            notes += series.say_unmeasured(point.points, point.name)
         else:
-            notes += one.notes()
-            bars.append(ratio_bar(one, faint=one.is_single) if len(one.best) else _without_value(one))
+            notes += point.notes()
+            bars.append(ratio_bar(point, faint=point.is_single) if len(point.best) else _without_value(point))
     return Panel(bars=bars, notes=notes)
 
 
-def _without_value(one: series.BestPoint) -> Bar:
-    known = [str(status) for status in one.points["status"].dropna().unique() if status != "ok"]
+def _without_value(point: series.BestPoint) -> Bar:
+    known = [str(status) for status in point.points["status"].dropna().unique() if status != "ok"]
     status = [f"{TIMES} {WRONG} image" if status == WRONG else status for status in known]
-    return Bar(one.name, nan, nan, nan, one.color, " and ".join(status) or "not measured")
+    return Bar(point.name, nan, nan, nan, point.color, " and ".join(status) or "not measured")
 
 
-def ratio_bar(one: series.BestPoint, faint: bool = False) -> Bar:
+def ratio_bar(point: series.BestPoint, faint: bool = False) -> Bar:
     """The ratio over packets of a series that has a best point."""
-    row = one.best.iloc[0]
+    row = point.best.iloc[0]
     text = f"{say_number(row['render_time_s'] * MILLISECONDS)} ms, {series.say_ratio(row)}"
-    value, low, high = (float(end[0]) for end in interval(one.best, series.OVER_PACKETS + "{}"))
-    return Bar(one.label, value, low, high, one.color, text, faint)
+    value, low, high = (float(end[0]) for end in interval(point.best, series.OVER_PACKETS + "{}"))
+    return Bar(point.label, value, low, high, point.color, text, faint)
 
 
 def over_packets_figure(panels: Sequence[PanelRows], read: Read, rows: pd.DataFrame, *notes: str) -> Figure:
     """Bars of ratios over packets, with lines where both baselines of a panel's rows lie. notes: what bars' texts are,
     and more."""
-    shown = [
-        one.panel(replace(read(one.rows), levels=series.ratio_levels(one.rows, series.OVER_PACKETS))) for one in panels
-    ]
+
+    def with_baselines(rows: pd.DataFrame) -> Panel:
+        return replace(read(rows), levels=series.ratio_levels(rows, series.OVER_PACKETS))
+
+    shown = read_panels(panels, with_baselines)
     quantity = Axis(f"speed-up over {series.say_baseline(series.OVER_PACKETS)}", "linear")
     return figure_of(
         "bars", shown, rows, *notes[1:], x=quantity, legend=list(TIME_BASELINES), headings=("", notes[0])

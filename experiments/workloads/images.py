@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from numbers import Integral
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, cast
 
-from experiments.harness.column import REAL, WHOLE, Column
+from experiments.workloads.typed import Worst
 
 if TYPE_CHECKING:
-    from atra.hits import Hits
     from atra.judge.compare import Agreement
 
 PIXELS = ("pixels_equal", "pixels_tied", "pixels_edge", "pixels_wrong")
@@ -21,24 +20,33 @@ setting make up to 2 of 100,000 wrong, and a rasteriser whose depths have few bi
 HOLES = {"pixels_hole": "pixels_hole", "baseline_pixels_hole": "reference_pixels_hole"}
 """Columns of holes, and what `Agreement` calls them; tables from before they were told apart lack them."""
 
-IMAGE_COLUMNS = (
-    Column("pixels_equal", WHOLE, "pixels with the triangle and the depth of rtcIntersect1"),
-    Column("pixels_tied", WHOLE, "pixels with another triangle, equally deep"),
-    Column("pixels_edge", WHOLE, "pixels whose ray passes within a thousandth of a pixel of a triangle's rim"),
-    Column("pixels_wrong", WHOLE, "pixels without an excuse, holes of either image among them", over=max),
-    Column("pixels_hole", WHOLE, "wrong pixels where the method's ray slips between triangles", over=max),
-    Column("baseline_pixels_hole", WHOLE, "wrong pixels where an rtcIntersect1 ray slips through", over=max),
-    Column("depth_error_max", REAL, "largest relative depth error against float64, worst image"),
-    Column("depth_error_p999", REAL, "99.9th percentile of the relative depth errors, worst image"),
-    Column("baseline_depth_error_max", REAL, "largest relative depth error of rtcIntersect1, worst image"),
-    Column("baseline_depth_error_p999", REAL, "99.9th percentile of the depth errors of rtcIntersect1"),
-)
+
+class Images(TypedDict):
+    """Verdicts on the pixels of all images, and depth errors of the worst one."""
+
+    pixels_equal: int
+    pixels_tied: int
+    pixels_edge: int
+    pixels_wrong: Worst
+    pixels_hole: Worst
+    baseline_pixels_hole: Worst
+    depth_error_max: float
+    depth_error_p999: float
+    baseline_depth_error_max: float
+    baseline_depth_error_p999: float
 
 
-def counts(agreements: Sequence[Agreement]) -> dict[str, int]:
-    """Pixels of all images, by verdict, and holes."""
+def summed(agreements: Sequence[Agreement]) -> Images:
+    """What several comparisons come to."""
+    own, single = zip(*((image.depth_errors, image.reference_depth_errors) for image in agreements), strict=True)
     names = {name: name for name in PIXELS} | HOLES
-    return {name: sum(int(getattr(one, own)) for one in agreements) for name, own in names.items()}
+    counts = {name: sum(int(getattr(image, theirs)) for image in agreements) for name, theirs in names.items()}
+    depths = {
+        f"{prefix}depth_error_{end}": max(getattr(errors, name) for errors in images)
+        for prefix, images in (("", own), ("baseline_", single))
+        for end, name in (("max", "largest"), ("p999", "p999"))
+    }
+    return cast(Images, counts | depths)
 
 
 def say_wrong_image(results: Mapping[str, Any]) -> str | None:
@@ -49,29 +57,9 @@ def say_wrong_image(results: Mapping[str, Any]) -> str | None:
 
 def say_holes(row: Mapping[str, Any]) -> str:
     """ ", of them 2 holes and 1 of rtcIntersect1" of a row, or sums; "" without any."""
-    known = [int(count) if isinstance(count := row.get(name), Integral) else 0 for name in HOLES]
-    own, single = known
+    own, single = (int(count) if isinstance(count := row.get(name), Integral) else 0 for name in HOLES)
     holes = "hole" if (own or single) == 1 else "holes"
     words = [f"{own:,} {holes}"] if own else []
     if single:
         words.append(f"{single:,} of rtcIntersect1" if own else f"{single:,} {holes} of rtcIntersect1")
     return f", of them {' and '.join(words)}" if words else ""
-
-
-def compared(own: Hits, single: Hits) -> dict[str, float]:
-    """Verdicts on the pixels of an image beside that of single rays, and depth errors of both."""
-    from atra.judge.compare import compare
-
-    agreements = [compare(own, single)]
-    return counts(agreements) | depth_errors(agreements)
-
-
-def depth_errors(agreements: Sequence[Agreement]) -> dict[str, float]:
-    """Depth errors of the worst image, the method's and those of rtcIntersect1."""
-    own, single = zip(*((one.depth_errors, one.reference_depth_errors) for one in agreements), strict=True)
-    return {
-        "depth_error_max": max(one.largest for one in own),
-        "depth_error_p999": max(one.p999 for one in own),
-        "baseline_depth_error_max": max(one.largest for one in single),
-        "baseline_depth_error_p999": max(one.p999 for one in single),
-    }

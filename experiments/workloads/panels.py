@@ -78,7 +78,7 @@ def figure_of(
 
 def read_panels(panels: Sequence[PanelRows], read: Read) -> list[Panel]:
     """What each shows, with its title."""
-    return [one.panel(read(one.rows)) for one in panels]
+    return [panel.panel(read(panel.rows)) for panel in panels]
 
 
 def workload_figure(

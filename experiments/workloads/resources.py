@@ -2,31 +2,38 @@
 
 from __future__ import annotations
 
-from experiments.harness.column import REAL, WHOLE, Column
+from typing import NotRequired, TypedDict
+
 from experiments.harness.records import Record
-
-RESOURCES = ("triangles_traced", "packet_width", "threads", "rss_bytes", "peak_rss_bytes")
-"""Results of every point whose own method was built."""
-
-RESOURCE_COLUMNS = (
-    Column("packet_width", WHOLE, "rays in a packet; 0 where another's tracer does not tell"),
-    Column("triangles_traced", WHOLE, "triangles in the method's scenes, copies included"),
-    Column("rss_start_bytes", WHOLE, "resident memory before the mesh"),
-    Column("rss_mesh_bytes", WHOLE, "resident memory with the mesh"),
-    Column("rss_bytes", WHOLE, "resident memory after the build"),
-    Column("peak_rss_bytes", WHOLE, "largest resident memory since the mesh was loaded (Linux only)"),
-    Column("embree_bytes", WHOLE, "Embree's memory, by its own account"),
-)
+from experiments.workloads.typed import Unlisted
 
 
-PREPARATION = ("plan_time_s", "build_time_s", "baseline_build_time_s")
-"""Results of a workload whose preparation is timed."""
+class Resources(TypedDict):
+    """What every point tells whose own method was built."""
 
-PREPARATION_COLUMNS = (
-    Column("plan_time_s", REAL, "plan: culling and shear"),
-    Column("build_time_s", REAL, "BVH build"),
-    Column("baseline_build_time_s", REAL, "BVH build of the plain mesh"),
-)
+    packet_width: int
+    triangles_traced: int
+    rss_start_bytes: int
+    rss_mesh_bytes: int
+    rss_bytes: int
+    peak_rss_bytes: int
+    embree_bytes: NotRequired[int]
+    threads: Unlisted
+
+
+class Prepared(TypedDict):
+    """Medians and samples of plan and build; the first samples are those of the first build."""
+
+    plan_time_s: float
+    build_time_s: float
+    plan_samples_s: NotRequired[list[float]]
+    build_samples_s: NotRequired[list[float]]
+
+
+class Preparation(Prepared):
+    """The same beside the build of single rays."""
+
+    baseline_build_time_s: float
 
 
 def say_ms(seconds: float) -> str:

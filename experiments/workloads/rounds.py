@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, replace
+from functools import partial
+from itertools import cycle, islice
 from statistics import median
 from typing import Any
 
@@ -24,12 +26,14 @@ from experiments.harness.rounds import RoundSamples, measure_rounds
 from experiments.methods.options import two_cells
 from experiments.methods.pixel import PixelOptions, make_pixel
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE
+from experiments.workloads.resources import Prepared, Resources
 from scenes.loading import SceneSource, load_scene
 
 BUILDS, BUILDS_BUDGET_S = 5, 2.0
 """How often a timed point plans and builds, within a budget of seconds; a single sample is too noisy."""
 
-MakeTracer = Callable[[Mesh, Camera], Any]
+MakeTracer = Callable[..., Any]
+"""Point, mesh and view -> tracer."""
 
 _FEW = ((0, 1, 2), (0, 2, 3), (2, 1, 0), (4, 5, 6))
 
@@ -62,28 +66,28 @@ def expert_packet_widths() -> tuple[int, ...]:
     return tuple(width for width in native if width >= 8) or native[-1:]
 
 
-def build_own(point: Point, stack: ExitStack, make: MakeTracer | None = None) -> tuple[Any, dict[str, Any]]:
-    """Load the scene and build the point's own method while nothing else is in the process, reading its memory.
-
-    The method's counters join the results when the stack closes. make: in place of `make_own`.
-    """
-    results: dict[str, Any] = {"rss_start_bytes": rss_bytes()}
+def build_own(point: Point, stack: ExitStack) -> tuple[Any, dict[str, Any]]:
+    """Load the scene and build what the point's workload measures while nothing else is in the process. Returns the
+    tracer, and `Resources`; the method's counters join these when the stack closes."""
+    rss_start_bytes = rss_bytes()
     mesh = load_mesh(point)
     if point.ties == "lowest":
         coplanar_overlaps(mesh)  # cached with the mesh, so not part of the method's memory
     reset_peak_rss()  # reading a file may take more than tracing it
-    results["rss_mesh_bytes"] = rss_bytes()
-    own = make_own(point, mesh, point.camera) if make is None else make(mesh, point.camera)
-    stack.enter_context(own)
-    results |= {
-        "rss_bytes": rss_bytes(),
-        "peak_rss_bytes": peak_rss_bytes(),
-        "triangles_traced": int(own.triangle_count),
-        "packet_width": int(own.packet_width),
-        "threads": int(own.threads),
-    }
+    rss_mesh_bytes = rss_bytes()
+    own = stack.enter_context(point.workload.make(point, mesh))
+    resources = Resources(
+        packet_width=int(own.packet_width),
+        triangles_traced=int(own.triangle_count),
+        rss_start_bytes=rss_start_bytes,
+        rss_mesh_bytes=rss_mesh_bytes,
+        rss_bytes=rss_bytes(),
+        peak_rss_bytes=peak_rss_bytes(),
+        threads=int(own.threads),
+    )
     if own.embree_bytes:  # a peer does not tell
-        results["embree_bytes"] = int(own.embree_bytes)
+        resources["embree_bytes"] = int(own.embree_bytes)
+    results: dict[str, Any] = {**resources}
     counters = [column.name for column in point.method.counters]
     stack.callback(lambda: results.update({name: own.counters[name] for name in counters}))
     return own, results
@@ -102,30 +106,24 @@ def warm_up(
 ) -> None:
     """Compile every kernel of the point and start Embree's threads, before memory is read or a clock runs.
 
-    makers: mesh and camera -> tracer, the point's own method first; their cells must be those of `shrunk(point)`. use:
-    what is done with each. triangles: indices into the seven vertices here; by default two tie, and one cannot be shown
-    by a copy. Another's method gets two triangles without such cases; what it raises has a note of these.
+    makers: of tracers of `shrunk(point)`, the point's own method first. use: what is done with each. triangles: indices
+    into the seven vertices here; by default two tie, and one cannot be shown by a copy. Another's method gets two
+    triangles without such cases; what it raises has a note of these.
     """
     vertices = np.array(
         [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0), (0.3, 0.3, 2), (0, 0, 2), (0, 0, 1)], np.float32
     )
-    mesh = Mesh(vertices, np.array(triangles, np.uint32))
-    small = shrunk(point)
+    mesh, small = Mesh(vertices, np.array(triangles, np.uint32)), shrunk(point)
     camera = Camera((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 60.0, small.width, small.height)
-    own, *others = makers
-    try:
-        _use(own, mesh if point.method.is_ours else _EVERYDAY, camera, use)
-    except Exception as error:
-        if not point.method.is_ours:
-            error.add_note(f"while warming up, before the scene: {_say_everyday(camera)}")
-        raise
-    for make in others:
-        _use(make, mesh, camera, use)
-
-
-def _use(make: MakeTracer, mesh: Mesh, camera: Camera, use: Callable[[Any], object]) -> None:
-    with make(mesh, camera) as tracer:
-        use(tracer)
+    for number, make in enumerate(makers):
+        is_foreign = number == 0 and not point.method.is_ours
+        try:
+            with make(small, _EVERYDAY if is_foreign else mesh, camera) as tracer:
+                use(tracer)
+        except Exception as error:
+            if is_foreign:
+                error.add_note(f"while warming up, before the scene: {_say_everyday(camera)}")
+            raise
 
 
 def _say_everyday(camera: Camera) -> str:
@@ -137,29 +135,25 @@ def _say_everyday(camera: Camera) -> str:
     )
 
 
-def own_and_baselines(point: Point) -> list[MakeTracer]:
-    """Makers of the point's own method, single rays, and packets of every width an expert would try."""
-    widths = 1, *expert_packet_widths()
-    return [
-        lambda mesh, view: make_own(point, mesh, view),
-        *(lambda mesh, view, width=width: make_single(point, mesh, view, width) for width in widths),
-    ]
+def baseline_makers() -> dict[str, MakeTracer]:
+    """Makers of single rays, and of packets of every width an expert would try, by the names of their samples."""
+    widths = {SINGLE: 1} | {PACKETS[width]: width for width in expert_packet_widths()}
+    return {name: partial(make_single, packet_width=width) for name, width in widths.items()}
+
+
+def own_and_baselines() -> list[MakeTracer]:
+    """Makers of the point's own method and of its baselines."""
+    return [make_own, *baseline_makers().values()]
 
 
 def build_with_baselines(point: Point, stack: ExitStack) -> tuple[dict[str, Any], dict[str, Any]]:
     """`build_own`, then the baselines. Returns the tracers by the names of their samples, and the results."""
     own, results = build_own(point, stack)
-    tracers = {OWN: own} | build_baselines(point, own, stack)
+    tracers = {OWN: own}
+    for name, make in baseline_makers().items():
+        tracers[name] = stack.enter_context(make(point, own.mesh, own.camera))
     results["baseline_build_time_s"] = float(tracers[SINGLE].build_time_s)
     return tracers, results
-
-
-def build_baselines(point: Point, own: Any, stack: ExitStack) -> dict[str, Any]:
-    """Single rays and packets for the mesh and camera of the point's own method, by the names of their samples."""
-    widths = {SINGLE: 1} | {PACKETS[width]: width for width in expert_packet_widths()}
-    return {
-        name: stack.enter_context(make_single(point, own.mesh, own.camera, width)) for name, width in widths.items()
-    }
 
 
 def shrunk(point: Point) -> Point:
@@ -176,33 +170,31 @@ def shrunk(point: Point) -> Point:
 
 
 class Frames:
-    """A contestant that traces frame after frame into one image, so that no sample pays for fresh pages."""
+    """A contestant that traces frame after frame into one image, so that no sample pays for fresh pages.
 
-    def __init__(self, tracer: Any) -> None:
-        self._tracer = tracer
-        self._found: Any = None
+    path: cameras to move to before every frame, round and round. what: the reduction of all hits that is gathered in
+    place of the nearest.
+    """
+
+    def __init__(self, tracer: Any, path: Sequence[View] = (), what: Reduction[Any] | None = None) -> None:
+        self._tracer, self._path, self._what = tracer, cycle(path), what
+        self._latest: Any = None
 
     def __call__(self) -> float | None:
-        """Trace a frame. Returns the seconds it took by the tracer's own word, None = it has none."""
-        self._found = self._tracer.trace(out=self._found)
+        """Make a frame. Returns the seconds it took by the tracer's own word, None = it has none."""
+        for camera in islice(self._path, 1):
+            self._tracer.look(camera)
+        if self._what is not None:
+            self._latest = self._tracer.gather(self._what, out=self._latest)
+            return None
+        self._latest = self._tracer.trace(out=self._latest)
         return getattr(getattr(self._tracer, "prepared", None), "frame_time_s", None)
 
     def latest(self) -> Any:
-        """The images traced last; traces them if none were."""
-        if self._found is None:
+        """The images made last; makes them if none were."""
+        if self._latest is None:
             self()
-        return self._found
-
-
-class Gatherings(Frames):
-    """A contestant that gathers all hits again and again."""
-
-    def __init__(self, tracer: Any, what: Reduction[Any]) -> None:
-        super().__init__(tracer)
-        self._what = what
-
-    def __call__(self) -> None:
-        self._found = self._tracer.gather(self._what, out=self._found)
+        return self._latest
 
 
 def race(
@@ -211,14 +203,14 @@ def race(
     compare: Callable[[], Mapping[str, Any]] = dict,
     results: dict[str, Any] | None = None,
 ) -> Measured:
-    """Time contestants in rounds, and then compare what they found.
+    """Time contestants in rounds, and then compare their answers.
 
     contestants: by the names of their samples, what each does in a round. compare: makes further results, once the
     rounds are over. results: what is known before; all that comes is added to it.
     """
-    timed, found = timed_rounds(point, contestants), {} if results is None else results
-    found |= compare()
-    return measured(found, timed)
+    timed, results = timed_rounds(point, contestants), {} if results is None else results
+    results.update(compare())
+    return measured(results, timed)
 
 
 def timed_rounds(point: Point, methods: Mapping[str, Callable[[], object]]) -> RoundSamples:
@@ -226,19 +218,16 @@ def timed_rounds(point: Point, methods: Mapping[str, Callable[[], object]]) -> R
     return measure_rounds(methods, rounds=point.rounds, warmup=point.warmup, budget_s=point.frame_budget_s)
 
 
-def plan_and_build_again(own: Any) -> dict[str, Any]:
-    """Medians and samples of plan and build; the first samples are those of the first build."""
+def plan_and_build_again(own: Any) -> Prepared:
+    """Plan and build, and so often again as `BUILDS` and their budget say."""
     plans, builds = [own.plan_time_s], [own.build_time_s]
     while len(builds) < BUILDS and sum(plans) + sum(builds) + plans[0] + builds[0] <= BUILDS_BUDGET_S:
         own.build()
         plans.append(own.plan_time_s)
         builds.append(own.build_time_s)
-    return {
-        "plan_time_s": median(plans),
-        "build_time_s": median(builds),
-        "plan_samples_s": plans,
-        "build_samples_s": builds,
-    }
+    return Prepared(
+        plan_time_s=median(plans), build_time_s=median(builds), plan_samples_s=plans, build_samples_s=builds
+    )
 
 
 def measured(results: dict[str, Any], timed: RoundSamples | None = None) -> Measured:

@@ -87,11 +87,11 @@ _BESIDE = ("workload", "scene", "mesh_sha256", "view", "width", "height", "threa
 
 def beside(rows: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
     """The rows of methods of files in the table that measured what some rows measured: the same views and settings."""
-    found = of_files(table)
+    others = of_files(table)
     for name in _BESIDE:
-        if name in found and name in rows:
-            found = found[found[name].isin(rows[name]).to_numpy(bool)]
-    return found
+        if name in others and name in rows:
+            others = others[others[name].isin(rows[name]).to_numpy(bool)]
+    return others
 
 
 def ratio_levels(rows: pd.DataFrame, ratio: str) -> list[Level]:
@@ -106,7 +106,8 @@ def time_levels(rows: pd.DataFrame) -> list[Level]:
 
 
 def _levels(read: Callable[[str], NDArray[np.float64]]) -> list[Level]:
-    return [one for label, (name, style) in TIME_BASELINES.items() for one in median_level(label, read(name), style)]
+    lines = TIME_BASELINES.items()
+    return [level for label, (name, style) in lines for level in median_level(label, read(name), style)]
 
 
 def series_of(rows: pd.DataFrame) -> Iterator[tuple[str, int | None, pd.DataFrame]]:
@@ -172,9 +173,9 @@ def best_points(rows: pd.DataFrame) -> Iterator[BestPoint]:
         yield BestPoint(method, width, say_series(method, width), points, best_rows(points))
 
 
-def say_ratio(row: pd.Series) -> str:
-    """`speedup_vs_packets` with its interval."""
-    value, low, high = (row.get(f"speedup_vs_packets{end}") for end in ("", "_low", "_high"))
+def say_ratio(row: pd.Series, name: str = OVER_PACKETS) -> str:
+    """A speed-up with its interval, "" where it is missing. name: beginning of its columns."""
+    value, low, high = (row.get(f"{name}{end}") for end in ("", "_low", "_high"))
     # A peer may be a hundred times slower.
     digits = 2 if pd.isna(value) or value >= 0.095 else 3
     text = "" if pd.isna(value) else f"{value:.{digits}f}{TIMES}"
@@ -201,12 +202,12 @@ def say_unmeasured(rows: pd.DataFrame, name: str, whole: bool = False) -> list[s
     """
     lines = []
     told = rows[["status", "error"]].assign(split_x=rows["split_x"].fillna(0))
-    for one in missing_points(told, "split_x", name, GREY):
-        status = one.reason.partition(",")[0]
+    for missing in missing_points(told, "split_x", name, GREY):
+        status = missing.reason.partition(",")[0]
         points = rows[rows["status"].eq(status).fillna(False).astype(bool)]
         splits = list(dict.fromkeys(filter(None, (say_split(row) for _, row in points.iterrows()))))
         where = ", ".join(splits) if len(splits) <= 3 else f"{len(points)} points from {splits[0]} to {splits[-1]}"
         title = f"{TIMES} {', '.join(filter(None, [name, where]))}"
         errors = [str(error) for error in points["error"].dropna().unique()] if whole else []
-        lines += [f"{title}: {status}, {error}" for error in errors] or [f"{title}: {one.reason}"]
+        lines += [f"{title}: {status}, {error}" for error in errors] or [f"{title}: {missing.reason}"]
     return lines

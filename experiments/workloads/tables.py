@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 import pandas as pd
 from rich import box
@@ -49,7 +49,7 @@ def best_rows_by(
     rows: pd.DataFrame, words: Sequence[Sequence[str]], column: str
 ) -> Iterator[tuple[str, pd.Series, pd.DataFrame]]:
     """The words, the best row and all rows of each scene, words (of each row) and value of the column."""
-    told = pd.Series([", ".join(one) for one in words], index=rows.index, dtype="object")
+    told = pd.Series([", ".join(of_row) for of_row in words], index=rows.index, dtype="object")
     for (_, said, _), some in rows.groupby(["scene", told, column], sort=False, dropna=False):
         yield said, best_rows(some).iloc[0], some
 
@@ -59,24 +59,6 @@ def best_by_kind(rows: pd.DataFrame) -> Iterator[tuple[str, pd.Series, pd.DataFr
     varying = settings_that_vary(rows, (*best_of(), "packet_width"))
     words = [[say_kind(row), *varying_words(row, varying)] for _, row in rows.iterrows()]
     return best_rows_by(rows, words, "packet_width")
-
-
-def best_split_table(rows: pd.DataFrame, unlike: str) -> Table:
-    """The best split of each scene, kind of method and packet width, with all that is wrong over the splits.
-
-    rows: measured, of one workload. unlike: the column that counts deviating pixels.
-    """
-    headings = ("packets\nof", "split", "frame", "single\nrays", "packets", unlike.replace("_", "\n"))
-    table = narrow_table(
-        "best split of each scene, and speed-up over single rays and packets", "scene, method", headings
-    )
-    for kind, row, some in best_by_kind(rows):
-        width = str(row["packet_width"]) if pd.notna(row["packet_width"]) and row["packet_width"] > 0 else ""
-        table.add_row(
-            plain(row["scene"], kind), width, grid_of(row), say_ms(row["render_time_s"]),
-            *times(row, "speedup", "speedup_vs_packets"), str(some[unlike].sum()),
-        )  # fmt: skip
-    return table
 
 
 Cell = Callable[[pd.Series], str]
@@ -102,3 +84,37 @@ def points_table(
         name = plain(row["scene"], *words(row), *varying_words(row, varying))
         table.add_row(name, *(say(row) for say in columns.values()))
     return table
+
+
+def best_table(
+    title: str, first: str, best: Iterable[tuple[Sequence[object], pd.Series, pd.DataFrame]],
+    columns: Mapping[str, Cell], counted: str,
+) -> Table:  # fmt: skip
+    """A line for every best row: some of its numbers, and how many pixels count over all rows that it is the best of.
+
+    best: words after the scene, best row, all rows. columns: heading -> its cells. counted: a column of pixels.
+    """
+    table = narrow_table(title, first, [*columns, counted.replace("_", "\n")])
+    for words, row, some in best:
+        cells = (say(row) for say in columns.values())
+        table.add_row(plain(row["scene"], *words), *cells, str(some[counted].sum()))
+    return table
+
+
+def best_split_table(rows: pd.DataFrame, unlike: str) -> Table:
+    """The best split of each scene, kind of method and packet width, with all that is wrong over the splits.
+
+    rows: measured, of one workload. unlike: the column that counts deviating pixels.
+    """
+    title = "best split of each scene, and speed-up over single rays and packets"
+    best = (([kind], row, some) for kind, row, some in best_by_kind(rows))
+    return best_table(title, "scene, method", best, _OF_SPLITS, unlike)
+
+
+_OF_SPLITS: dict[str, Cell] = {
+    "packets\nof": lambda row: str(width) if pd.notna(width := row["packet_width"]) and width > 0 else "",
+    "split": grid_of,
+    "frame": lambda row: say_ms(row["render_time_s"]),
+    "single\nrays": cell("speedup"),
+    "packets": cell("speedup_vs_packets"),
+}

@@ -4,12 +4,8 @@ import numpy as np
 import pytest
 
 import atra
-from atra.alignment.cells import CellOptions, check_aligned
-from atra.alignment.copies import copied_geometry
-from atra.compiled.threads import WorkerPool
 from tests.images import assert_equal_images, trace_pixels
 from tests.judge.reference import brute_force
-from tests.machine import WIDTHS
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, random_triangles
 
 SIZE = {"width": 48, "height": 36}
@@ -68,15 +64,6 @@ def test_frames_of_a_camera_that_moves_turns_and_zooms_are_those_traced_alone(co
         assert_equal_images(hits.mesh, hits.camera, hits, trace_pixels(cornell_box(), hits.camera, (0.25, 0.75)))
 
 
-@pytest.mark.core
-@pytest.mark.parametrize("width", WIDTHS)
-def test_every_packet_width_gives_the_same_frames(width):
-    cameras = moving_cameras(3, width=35, height=21)
-    for split in ((7, 1), (5, 3)):
-        for hits in trace_frames(cornell_box(), alignment_of(cameras, split), packet_width=width, threads=2):
-            assert_equal_images(hits.mesh, hits.camera, hits, trace_pixels(cornell_box(), hits.camera))
-
-
 def test_each_frame_may_bring_vertices_and_triangles_of_its_own():
     meshes = [random_triangles(30 + 10 * seed, seed) for seed in range(3)]
     cameras = [atra.Camera(**EYE_AT_ORIGIN, **SIZE, fov_y_degrees=fov) for fov in (60, 90, 120)]
@@ -84,18 +71,6 @@ def test_each_frame_may_bring_vertices_and_triangles_of_its_own():
         frames = trace_frames(meshes, alignment_of(cameras, (8, 1)), **options)
         for hits, mesh in zip(frames, meshes, strict=True):
             assert hits.mesh is mesh
-            assert_equal_images(hits.mesh, hits.camera, hits, brute_force(mesh, hits.camera))
-
-
-def test_triangles_behind_around_and_through_the_eyes_give_the_float64_frames():
-    mesh = random_triangles(60, 4)
-    cameras = [
-        atra.Camera(**EYE_AT_ORIGIN, **SIZE, fov_y_degrees=70),
-        atra.Camera((0.3, 0.2, -0.4), (1.0, 2.0, 3.0), (0.2, 1.0, 0.1), **SIZE, fov_y_degrees=100),
-        atra.Camera((0.3, 0.2, -0.4), (-1.0, 2.0, -3.0), (0.2, 1.0, 0.1), **SIZE, fov_y_degrees=40),
-    ]
-    for options in GEOMETRIES:
-        for hits in trace_frames(mesh, alignment_of(cameras, (4, 2)), **options):
             assert_equal_images(hits.mesh, hits.camera, hits, brute_force(mesh, hits.camera))
 
 
@@ -113,22 +88,6 @@ def test_frames_of_another_tracer_are_refused_as_output():
             two.trace(out=apart)
         with pytest.raises(atra.InputError, match=r"float32 of \(36, 48\).*expected float32 of \(3, 36, 48\)"):
             three.trace(out=next(iter(frames)))
-
-
-@pytest.mark.parametrize(
-    ("count", "width", "height"), [(1, 8, 1), (2, 8, 1), (1, 1, 8), (3, 1, 1), (1, 1, 1), (2, 8, 4), (3, 48, 36)]
-)
-def test_frames_of_any_size_may_be_written_into_again(count, width, height):
-    cameras = moving_cameras(count, width=width, height=height)
-    alignment = atra.Alignment.of_frames(cameras, atra.Split(1, 1, width, height))
-    with atra.FramesTracer(cornell_box(), alignment, threads=1) as tracer:
-        first = tracer.trace()
-        expected = first.prim_id.copy()
-        other = tracer.trace((0.1, 0.2))
-        assert width < 48 or (other.prim_id != expected).any()
-        again = tracer.trace(out=other)
-        assert again.prim_id.ctypes.data == other.prim_id.ctypes.data
-        np.testing.assert_array_equal(again.prim_id, expected)
 
 
 @pytest.mark.parametrize(("count", "meshes", "options", "error", "message"), [
@@ -174,29 +133,3 @@ def test_eyes_with_another_field_of_view_are_refused_and_frames_are_not(fov_y_de
         atra.Alignment.of_eyes(left, turned, split)
     for other in (right, turned):
         assert atra.Alignment.of_frames([left, other], split).cameras == (left, other)
-
-
-def test_the_image_size_is_checked_for_all_frames_together():
-    camera = atra.Camera(**EYE_AT_ORIGIN, width=2**20, height=2**9)
-    for count in (3, 4):
-        alignment = alignment_of([camera] * count, (1, 1))
-        if count == 3:
-            check_aligned([cornell_box()] * 3, alignment, CellOptions())
-            continue
-        with pytest.raises(atra.InputError, match="an output of 2048 rows of 1048576 pixels is too large"):
-            check_aligned([cornell_box()] * 4, alignment, CellOptions())
-
-
-def test_copies_of_a_frame_s_triangles_say_which_frame_they_are_of():
-    meshes = [random_triangles(5 + k, seed=k, spread=2.0) for k in range(3)]
-    alignment = alignment_of(moving_cameras(3, **SIZE), (4, 2))
-    pool = WorkerPool(1)
-    rows, row_stride = SIZE["height"], SIZE["width"] + 8
-    geometry = copied_geometry(meshes, alignment, CellOptions(culling=False), row_stride, pool)
-    pool.close()
-    assert geometry.vertices.shape == (3 * geometry.copy_count, 3)
-    prim_id, pixel = geometry.records & 0xFFFFFFFF, geometry.records >> 32
-    image = pixel // (rows * row_stride)
-    for k, mesh in enumerate(meshes):
-        assert np.array_equal(np.unique(prim_id[image == k]), np.arange(mesh.triangle_count))
-        assert (image == k).sum() == 8 * mesh.triangle_count

@@ -146,14 +146,6 @@ def test_voxels_and_copies_use_the_stand_in():
         same([other.intersects_first(*rays)], [mesh.ray.intersects_first(*rays)], 1.0)
 
 
-def test_rays_through_corners_and_edges_meet_a_closed_mesh_an_even_number_of_times():
-    mesh = trimesh.creation.icosphere(subdivisions=4)
-    corners = np.concatenate([mesh.vertices, mesh.vertices[mesh.edges_unique].mean(axis=1)])
-    origins = np.tile((3.0, 0.5, 0.25), (len(corners), 1))
-    _, index_ray, _ = RayMeshIntersector(mesh).intersects_location(origins, corners - origins)
-    assert (np.bincount(index_ray, minlength=len(corners)) % 2 == 0).all()
-
-
 @pytest.mark.parametrize("offset", [1e3, 1e6])
 def test_rays_from_far_away_hit_the_triangles_that_rays_from_nearby_hit(offset):
     mesh = trimesh.creation.icosphere(subdivisions=3)
@@ -175,33 +167,3 @@ def test_a_ray_that_starts_on_the_surface_meets_it_there_at_any_scale():
         for scale_to_box in (True, False):
             ray = RayMeshIntersector(mesh, scale_to_box=scale_to_box)
             assert len(ray.intersects_id([[0, 0, scale / 2]], [[0, 0, -1]])[0]) == 2
-
-
-def test_a_ray_from_the_middle_meets_each_corner_and_edge_of_a_box_once():
-    mesh = trimesh.creation.box()
-    aims = np.concatenate([mesh.vertices, mesh.vertices[mesh.edges_unique].mean(axis=1)])
-    _, index_ray, _ = RayMeshIntersector(mesh).intersects_location(np.zeros_like(aims), aims)
-    np.testing.assert_array_equal(index_ray, np.arange(len(aims)))
-
-
-def test_a_cavity_is_outside():
-    inner = trimesh.creation.box((0.1, 0.1, 0.1))
-    inner.invert()
-    mesh = trimesh.util.concatenate([trimesh.creation.box(), inner])
-    mesh.ray = RayMeshIntersector(mesh)
-    points = np.random.default_rng(0).uniform(-0.6, 0.6, (5000, 3))
-    points[:2000] *= 0.1
-    largest = np.abs(points).max(axis=1)
-    assert (mesh.contains(points) == ((largest < 0.5) & (largest > 0.05))).all()
-
-
-def test_rays_along_the_edges_and_through_the_corners_of_an_outline_hit():
-    """Cases of trimesh's own tests: its issues 2317 and 2324."""
-    mesh = trimesh.creation.box((2, 2, 2))
-    ray = RayMeshIntersector(mesh)
-    origins = [[x, y, 5] for x in (-1, 0, 1) for y in (-1, 0, 1)]
-    down = np.tile((0.0, 0.0, -1.0), (9, 1))
-    assert ray.intersects_any(origins, down).all()
-    locations, index_ray, _ = ray.intersects_location(origins, down, multiple_hits=False)
-    np.testing.assert_array_equal(index_ray, np.arange(9))
-    assert locations == pytest.approx(np.array(origins) - (0, 0, 4), abs=1e-12)

@@ -24,8 +24,6 @@ from tests.meshes import boards, random_triangles
 # Both look along -z from the origin: camera (X, Y, Z) = world (x, -y, -z).
 CAMERA = Camera(eye=(0, 0, 0), target=(0, 0, -1), fov_y_degrees=90.0, width=8, height=8)
 PARALLEL = OrthographicCamera(eye=(0, 0, 0), target=(0, 0, -1), view_height=2.0, width=8, height=8)
-CENTRE = (4, 4)  # row, column: the ray through (1/8, 1/8) on the image plane
-
 both_cameras = pytest.mark.parametrize("camera", [CAMERA, PARALLEL], ids=["pinhole", "parallel"])
 
 

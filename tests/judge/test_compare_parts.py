@@ -14,7 +14,6 @@ from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
 from atra.geometry.orthographic import OrthographicCamera
 from atra.hits import Hits
-from atra.judge.compare import Verdict
 from atra.judge.depths import has_wrong_depth, relative_depth_error
 from atra.prim_ids import MISS
 from tests.judge.reference import brute_force
@@ -121,15 +120,6 @@ def one_triangle(*corners):
     return Mesh(np.array(corners), np.array([[0, 1, 2]]))
 
 
-@pytest.mark.parametrize(("depth", "expected"), [(1e-9, True), (-1e-9, True), (1e-3, False), (-1e-3, False)])
-def test_a_plane_just_behind_the_eye_is_undecided_as_one_just_before_it(depth, expected):
-    camera = FROM_ORIGIN["pinhole"]
-    # Not along an axis, where float32 would know. Well inside a triangle, and of rays that all go its way.
-    mesh = one_triangle(*((x, y, depth + 0.1 * x + 0.2 * y) for x, y in ((-50.0, -50.0), (50.0, -50.0), (0.0, 50.0))))
-    pairs = every_pair(mesh, camera)
-    assert (judge._is_undecided(pairs, Rounding.of(pairs)) == expected).all()
-
-
 @each_camera
 def test_a_depth_is_right_as_far_as_float32_may_be_off_and_no_farther(camera):
     mesh = random_triangles(60, seed=4, spread=2.0)
@@ -164,71 +154,3 @@ def test_a_ray_in_the_plane_of_a_triangle_may_have_any_depth(camera, depth, expe
     wrong = has_wrong_depth(mesh, camera, image, relative_depth_error(mesh, camera, image))
     assert wrong[4, 4] == expected
     assert wrong.sum() == expected
-
-
-@pytest.mark.parametrize(("depth", "expected"), [(0.0, False), (1e-9, False), (1e-3, True), (2.0, True)])
-def test_a_ray_through_a_plane_that_passes_through_the_eye_has_no_depth_to_speak_of(depth, expected):
-    mesh = one_triangle(*((x, y, 0.1 * x + 0.2 * y) for x, y in ((-50.0, -50.0), (50.0, -50.0), (0.0, 50.0))))
-    stored, prim_id = np.full((8, 8), depth, np.float32), np.zeros((8, 8), np.uint32)
-    image = Hits(stored, prim_id, (0.5, 0.5), mesh, FROM_ORIGIN["pinhole"])
-    wrong = has_wrong_depth(mesh, image.camera, image, relative_depth_error(mesh, image.camera, image))
-    assert (wrong == expected).all()
-
-
-def candidate(depth, nearest=None, error=0.0, doubtful=False, missed=False):
-    nearest = depth if nearest is None else nearest
-    return judge._Candidates(*(np.array([value]) for value in (depth, error, nearest, doubtful, missed)))
-
-
-NOTHING = candidate(np.inf)
-
-
-@pytest.mark.parametrize(("a", "b", "expected"), [
-    (candidate(1.0), candidate(1.0), Verdict.TIED),
-    (candidate(1.0), candidate(1.0 + 0.9e-9), Verdict.TIED),
-    (candidate(1.0), candidate(1.0 + 1.1e-9), Verdict.WRONG),
-    (candidate(1e3), candidate(1e3 + 0.9e-6), Verdict.TIED),
-    (candidate(1e3), candidate(1e3 + 1.1e-6), Verdict.WRONG),
-    (candidate(1.0, missed=True), candidate(1.0), Verdict.WRONG),
-    (candidate(1.0, doubtful=True), candidate(1.0), Verdict.TIED),
-    (candidate(1.0, doubtful=True), candidate(1.0, missed=True), Verdict.WRONG),
-    (candidate(1.0, doubtful=True), NOTHING, Verdict.EDGE),
-    (candidate(1.0), NOTHING, Verdict.WRONG),
-    (candidate(1.0, missed=True), NOTHING, Verdict.WRONG),
-    (candidate(np.inf, nearest=1.0, doubtful=True), NOTHING, Verdict.EDGE),
-    # Doubtful in front of a sure one: either may be seen. Behind it, hidden, unless one of its corners is nearer.
-    (candidate(1.0, doubtful=True), candidate(2.0), Verdict.EDGE),
-    (candidate(3.0, doubtful=True), candidate(2.0), Verdict.WRONG),
-    (candidate(3.0, nearest=1.9, doubtful=True), candidate(2.0), Verdict.EDGE),
-    (candidate(3.0, nearest=2.1, doubtful=True), candidate(2.0), Verdict.WRONG),
-    (candidate(3.0, nearest=2.1, doubtful=True), candidate(2.0, error=0.2), Verdict.EDGE),
-    (candidate(3.0, doubtful=True), candidate(2.0, doubtful=True), Verdict.EDGE),
-    # Both sure: what counts is whether float32 can order them.
-    (candidate(1.0, nearest=0.9, error=0.06), candidate(1.1, nearest=0.9, error=0.06), Verdict.EDGE),
-    (candidate(1.0, nearest=0.9, error=0.04), candidate(1.1, nearest=0.9, error=0.04), Verdict.WRONG),
-    (candidate(1.0, error=0.2), candidate(1.1), Verdict.EDGE),
-    (candidate(1.0, nearest=0.9, error=0.5), NOTHING, Verdict.WRONG),
-])  # fmt: skip
-def test_verdict_on_two_candidates(a, b, expected):
-    assert judge._judge(a, b) == judge._judge(b, a) == expected
-
-
-def test_candidates_say_what_is_known_of_each_triangle_and_of_nothing():
-    camera = Camera(**EYE_AT_ORIGIN, fov_y_degrees=90.0, width=8, height=8)
-    # Camera space is (-x, -y, z). A triangle at depth 2 to 3, one beside the ray of (4, 4), and nothing.
-    seen = [(5.0, 5.0, 2.0), (-5.0, 5.0, 2.0), (0.0, -5.0, 3.0)]
-    beside = [(5.0, 5.0, 2.0), (4.0, 5.0, 2.0), (5.0, 4.0, 2.0)]
-    mesh = Mesh(np.array([*seen, *beside]), np.arange(6).reshape(2, 3))
-    pairs = Pairs(mesh, camera, np.full(3, 4), np.full(3, 4), np.array([1, MISS, 0]), (0.5, 0.5))
-    found = judge._candidates(pairs)
-    # The plane Z = 2.5 - Y / 10 and the ray Y = Z / 8, with its sign turned by y: down is positive.
-    expected = 2.5 / (1 - 1 / 80)
-    assert found.depth[2] == pytest.approx(expected)
-    assert found.doubtful.tolist() == [False, False, False]
-    assert found.surely_missed.tolist() == [True, False, False]
-    assert found.depth[1] == found.nearest[1] == np.inf
-    assert found.depth_error[1] == 0.0
-    rounding = Rounding.of(pairs[np.array([2])])
-    assert found.nearest[2] == pytest.approx(2.0 - rounding.corners[0], abs=1e-12)
-    assert found.depth_error[2] == pytest.approx(rounding.depth[0] * expected)
-    assert 1e-7 < found.depth_error[2] < 1e-4

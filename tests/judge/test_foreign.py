@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 import atra
 from atra.errors import InputError
-from atra.judge.foreign import OFFSETS, Convention, ForeignImage, judge_image
+from atra.judge.conventions import OFFSETS, Convention
+from atra.judge.foreign import ForeignImage, judge_image
 from atra.prim_ids import MISS
 from tests.lenses import lens_camera
 from tests.meshes import cornell_box, cornell_camera
@@ -72,21 +73,6 @@ def test_the_convention_of_a_right_image_is_found_and_nothing_is_wrong(
     assert found.is_right, list(found.explained())
 
 
-@pytest.mark.parametrize(
-    ("convention", "said"),
-    [
-        (Convention(), "rays through pixel centres; depth along the view axis"),
-        (Convention(flips_rows=True), "rows are flipped"),
-        (Convention(flips_columns=True), "columns are flipped"),
-        (Convention(swaps_axes=True), "x and y are swapped"),
-        (Convention((0.0, 0.0)), "a shift by half a pixel"),
-        (Convention(along_ray=True), "depth along the ray"),
-    ],
-)
-def test_a_convention_is_named(convention: Convention, said: str) -> None:
-    assert said in str(convention)
-
-
 LENSES = {
     "fisheye": lens_camera(atra.FisheyeLens.of([0.02, 0.003, 0.0, 0.0]), cornell_camera(WIDTH, HEIGHT), WIDTH, HEIGHT),
     "fisheye seeing sideways and behind": lens_camera(
@@ -140,12 +126,6 @@ def test_the_ids_decide_which_way_a_ball_is_shown_when_depths_fit_both_ways() ->
     assert found.is_right
 
 
-def test_axes_of_a_square_image_may_be_swapped_too() -> None:
-    mesh, camera = cornell_box(), cornell_camera(40, 40)
-    convention = Convention(swaps_axes=True)
-    assert judge_image(mesh, camera, right_image(mesh, camera, convention)).convention == convention
-
-
 @pytest.mark.parametrize("has_ids", [True, False])
 @pytest.mark.parametrize("fault", ["depth", "miss"])
 def test_one_wrong_pixel_is_found_and_explained(fault: str, has_ids: bool, box: tuple[atra.Mesh, atra.Camera]) -> None:
@@ -169,14 +149,6 @@ def test_one_wrong_pixel_is_found_and_explained(fault: str, has_ids: bool, box: 
     assert (found.picture() == colours[fault]).all(axis=-1).sum() == 1
 
 
-def test_a_wrong_triangle_is_found(box: tuple[atra.Mesh, atra.Camera]) -> None:
-    image = right_image(*box)
-    assert image.prim_id is not None
-    prim_id = image.prim_id.copy()
-    prim_id[HEIGHT // 2, WIDTH // 2] = (prim_id[HEIGHT // 2, WIDTH // 2] + 7) % box[0].triangle_count
-    assert judge_image(*box, ForeignImage(image.depth, prim_id)).agreement.pixels_wrong == 1
-
-
 def test_depths_in_steps_are_right_within_half_a_step_and_no_farther(box: tuple[atra.Mesh, atra.Camera]) -> None:
     depth, step = right_image(*box).depth, 0.01
     rounded = np.rint(depth / step) * step
@@ -194,25 +166,6 @@ def test_two_images_are_compared_with_each_other(box: tuple[atra.Mesh, atra.Came
     assert not judge_image(*box, image, against=ForeignImage(broken)).is_right
     with pytest.raises(InputError, match="one image has its rays through pixel centres, the other through the upper"):
         judge_image(*box, image, against=right_image(*box, Convention((0.0, 0.0))))
-
-
-def test_rays_of_trimesh_are_judged_right_in_the_convention_they_were_made_in(
-    box: tuple[atra.Mesh, atra.Camera],
-) -> None:
-    mesh, camera = box
-    y, x = np.mgrid[:HEIGHT, :WIDTH]
-    directions = camera.rays(x, y)[1].reshape(-1, 3) @ camera.axes
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    other = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    origins = np.broadcast_to(camera.eye, directions.shape)
-    points, rays, faces = other.ray.intersects_location(origins, directions, multiple_hits=False)[0:3]
-    depth, prim_id = np.full(HEIGHT * WIDTH, np.inf), np.full(HEIGHT * WIDTH, -1)
-    depth[rays], prim_id[rays] = np.linalg.norm(points - camera.eye, axis=1), faces
-    found = judge_image(
-        mesh, camera, ForeignImage(depth.reshape(HEIGHT, WIDTH), prim_id.reshape(HEIGHT, WIDTH), rounding=1e-4)
-    )
-    assert found.convention == Convention(along_ray=True)
-    assert found.is_right, list(found.explained())
 
 
 def test_an_image_that_fits_no_convention_is_judged_in_our_own(box: tuple[atra.Mesh, atra.Camera]) -> None:

@@ -1,8 +1,5 @@
 """Culled tiles show the image of single rays, and hold what the cells of aligned rays hold."""
 
-import gc
-import threading
-import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -93,16 +90,3 @@ def test_parallel_rays_splits_that_do_not_divide_and_small_budgets_are_refused()
         tiled(MESH, cornell_camera(64, 64), (64, 64), memory_budget_bytes=1 << 12).build()
     with pytest.raises(TypeError, match="packet_rows"):
         tiled(MESH, CAMERA, packet_rows=1)
-
-
-def test_dropping_the_last_reference_ends_its_threads():
-    before = set(threading.enumerate())
-    one = tiled(MESH, CAMERA, threads=2)
-    one.trace()
-    started, reference = set(threading.enumerate()) - before, weakref.ref(one)
-    del one
-    gc.collect()
-    assert reference() is None
-    for thread in started:
-        thread.join(30)
-        assert not thread.is_alive()

@@ -33,31 +33,32 @@ REFUSED = FAILS.replace("WHAT", "'no image at all'")
 
 
 def test_other_peoples_methods_warm_up_with_no_triangle_that_the_eye_sees_edge_on_and_none_twice():
-    seen = []
+    meshes = []
 
     class Nothing(atra.Prepared):
         pass
 
     class Careful(atra.Method):
         def prepare(self, mesh, camera, pool):
-            a, b, c = mesh.vertices.astype(np.float64)[mesh.faces].transpose(1, 0, 2)
-            normals = np.cross(b - a, c - a)
-            assert np.abs(((np.array(camera.eye) - a) * normals).sum(-1)).min() > 0.1
-            assert np.linalg.norm(normals, axis=-1).min() > 0.1
-            assert len({tuple(sorted(face)) for face in mesh.faces.tolist()}) == mesh.triangle_count
-            seen.append(mesh)
+            meshes.append((mesh, camera))
             return Nothing()
 
-    point = planned("program", "frame").point
-    make = lambda mesh, view: atra.Tracer(mesh, view, Guarded(Careful()), threads=1)  # noqa: E731
-    warm_up(point, [make], use=lambda tracer: None)
-    assert len(seen) == 1
+    def make(point, mesh, view):
+        return atra.Tracer(mesh, view, Guarded(Careful()), threads=1)
+
+    warm_up(planned("program", "frame").point, [make], use=lambda tracer: None)
+    ((mesh, camera),) = meshes
+    a, b, c = mesh.vertices.astype(np.float64)[mesh.faces].transpose(1, 0, 2)
+    normals = np.cross(b - a, c - a)
+    assert np.abs(((np.array(camera.eye) - a) * normals).sum(-1)).min() > 0.1
+    assert np.linalg.norm(normals, axis=-1).min() > 0.1
+    assert len({tuple(sorted(face)) for face in mesh.faces.tolist()}) == mesh.triangle_count
 
 
 def test_what_fails_in_the_warm_up_names_mesh_and_camera():
     point = planned("program", "frame").point
 
-    def refuse(mesh, view):
+    def refuse(point, mesh, view):
         raise InputError("no")
 
     with pytest.raises(InputError) as caught:

@@ -107,33 +107,27 @@ def test_a_file_beside_it_hides_no_installed_package_and_what_it_does_not_name_i
     write(numpy="", other="A = 2\n")
     assert use(tmp_path).version() == before
     assert sys.modules["numpy"] is numpy
+    write(mine="import importlib\nimportlib.import_module('oth' + 'er')\n" + GOOD)
+    with pytest.raises(InputError, match="cannot be imported, ModuleNotFoundError: No module named 'other'"):
+        use(tmp_path)
+    write(mine=GOOD)
+    use(tmp_path)
     point = planned("mine", "frame", (16, 16)).point
     assert run_worker(replace(point, rounds=1, warmup=0)).status == "ok"
 
 
-def test_a_module_that_the_file_names_nowhere_is_not_found(write, tmp_path):
-    write(mine="import importlib\nimportlib.import_module('shif' + 'ting')\n" + GOOD, shifting="")
-    with pytest.raises(InputError, match="cannot be imported, ModuleNotFoundError: No module named 'shifting'"):
-        use(tmp_path)
-
-
 def test_two_files_with_helpers_of_one_name_in_two_folders_are_refused(write, tmp_path):
     imports = "from shifting import shifted\n" + HELPED
-    for name in ("one/first", "two/second"):
-        write(**{name: imports, f"{name[:3]}/shifting": SHIFTED})
+    for name in ("one/first", "one/other", "two/second"):
+        write(**{name: imports, f"{name[:3]}/shifting": "SHIFT = 0.0\n" + SHIFTED})
+    assert use(tmp_path / "one", "other").name == "other"  # files of one folder share a helper
     use(tmp_path / "one", "first")
     with pytest.raises(
-        InputError, match=r"second\.py and .*first\.py each import a module shifting of their own folder"
+        InputError, match=r"second\.py and .*other\.py each import a module shifting of their own folder"
     ):
         use(tmp_path / "two", "second")
     os.environ[methods.METHOD_FILES] = ""  # another run
     assert use(tmp_path / "two", "second").name == "second"
-
-
-def test_two_files_of_one_folder_share_a_helper(write, tmp_path):
-    imports = "from shifting import shifted\n" + HELPED
-    write(first=imports, second=imports, shifting="SHIFT = 0.0\n" + SHIFTED)
-    assert [use(tmp_path, name).name for name in ("first", "second")] == ["first", "second"]
 
 
 @pytest.mark.parametrize("where", ["mine", "shifting"])

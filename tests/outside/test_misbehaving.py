@@ -166,9 +166,6 @@ def test_a_file_that_changes_while_a_sweep_runs_is_not_measured(files, tmp_path)
 def test_a_file_without_a_method_is_refused_with_the_reason(files, text, reason):
     with pytest.raises(ValueError, match=reason):
         files("mine", text)
-
-
-def test_a_name_of_ours_is_refused(files):
     with pytest.raises(ValueError, match="a name of letters that atra does not use"):
         files("pixel", GOOD)
 

@@ -1,7 +1,5 @@
 """Clusters leave nothing out: the image is that of all triangles, whatever is culled, and in whatever order."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,6 @@ from atra.exact.intersection import intersect_pixels
 from atra.raster.clusters import CLUSTER, POINT_BYTES, clusters_of
 from tests.images import assert_same_bits, draw
 from tests.meshes import EYE_AT_ORIGIN, beams, boards, cornell_box, joined, quads, random_triangles
-from tests.raster.test_raster import every_width_the_native_quick
 
 
 def city(seed, count=6000):
@@ -104,29 +101,6 @@ def test_a_camera_that_walks_and_jumps_sees_the_image_of_all_triangles(seed):
             assert_same_bits(tracer.trace(offset), expected)  # and once more, for what a frame might remember
 
 
-@pytest.mark.core
-@pytest.mark.parametrize("seed", range(3))
-def test_what_hangs_out_from_behind_a_curtain_is_seen(seed):
-    """Slats of any length before a crowd of small triangles: every tile has another border of what hides them."""
-    random = np.random.default_rng(seed)
-    x, slats = np.linspace(-2, 2, 60), []
-    for left, right in pairwise(x.tolist()):
-        top, bottom = sorted(random.uniform(-2, 2, 2))
-        slats.append([(left, top, 2), (right, top, 2), (right, bottom, 2), (left, bottom, 2)])
-    curtain = joined(*[quads(slats)] * 20)  # twenty times, so that tiles are looked at again after it
-    crowd = random_triangles(30_000, seed, size=0.01, spread=3.0)
-    crowd = atra.Mesh(crowd.vertices + np.float32([0, 0, 5.5]), crowd.faces)
-    mesh = joined(curtain, crowd)
-    for camera in (
-        atra.Camera(**EYE_AT_ORIGIN, width=200, height=150, fov_y_degrees=80),
-        atra.OrthographicCamera((0, 0, 0), (0, 0, 1), view_height=4.0, width=150, height=200),
-    ):
-        with atra.RasterTracer(mesh, camera, threads=1, ties="any") as tracer:
-            hits = tracer.trace()
-            assert_same_bits(hits, AllDrawn(mesh, camera).trace())
-            assert 0.1 < (hits.prim_id < curtain.triangle_count).mean() < 0.9
-
-
 def test_what_lies_a_ten_thousandth_before_a_wall_is_seen():
     """The wall leans, so that its clusters, whose other end is nearer, are drawn first."""
     random = np.random.default_rng(0)
@@ -146,18 +120,6 @@ def test_what_lies_a_ten_thousandth_before_a_wall_is_seen():
         hits = draw(mesh, camera, ties="any")
         assert_same_bits(hits, AllDrawn(mesh, camera).trace())
         assert ((hits.prim_id >= wall.triangle_count) & hits.hit).mean() > 0.01
-
-
-@every_width_the_native_quick
-@pytest.mark.parametrize("threads", [1, 2])
-def test_lanes_and_threads_cull_the_same_image(lanes, threads):
-    mesh, views = city(9), list(cameras(9, 10))
-    all_drawn = AllDrawn(mesh, views[0])
-    with atra.RasterTracer(mesh, views[0], ties="any", lanes=lanes, threads=threads) as tracer:
-        for camera in views:
-            tracer.look(camera)
-            all_drawn.look(camera)
-            assert_same_bits(tracer.trace(), all_drawn.trace())
 
 
 def test_of_equal_depths_the_lowest_triangle_is_stored_in_whatever_order_they_are_drawn():
@@ -206,17 +168,6 @@ def test_clusters_hold_every_triangle_once_with_its_own_corners(count, threads):
         np.testing.assert_array_equal(clusters.boxes[cluster], [*vertices.min(axis=0), *vertices.max(axis=0)])
 
 
-def test_clusters_are_the_same_with_any_number_of_threads():
-    mesh, found = random_triangles(30_000, 2, 0.1), []
-    for threads in (1, 2, 5):
-        pool = WorkerPool(threads)
-        found.append(clusters_of(mesh, pool))
-        pool.close()
-    for other in found[1:]:
-        for one, array in zip(vars(found[0]).values(), vars(other).values(), strict=True):
-            np.testing.assert_array_equal(one, array)
-
-
 def test_a_sliver_seen_all_but_edge_on_is_not_drawn_nearer_than_its_nearest_corner():
     random = np.random.default_rng(3)
     camera = atra.Camera(**EYE_AT_ORIGIN, width=128, height=128, fov_y_degrees=90)
@@ -231,14 +182,3 @@ def test_a_sliver_seen_all_but_edge_on_is_not_drawn_nearer_than_its_nearest_corn
         seen = hits.hit
         # A projected corner is rounded, and so is a depth.
         assert (hits.depth[seen] >= nearest[hits.prim_id[seen]] * (1 - 2.0**-22)).all()
-
-
-def test_hidden_copies_cost_no_bytes_per_frame_and_clusters_less_than_the_bvh_of_packets():
-    mesh = random_triangles(50_000, 5, 0.05)
-    camera = atra.Camera(**EYE_AT_ORIGIN, width=64, height=64)
-    with (
-        atra.RasterTracer(mesh, camera, threads=1, ties="any") as tracer,
-        atra.PixelTracer(mesh, camera, threads=1, ties="any") as packets,
-    ):
-        tracer.trace()
-        assert tracer.prepared.memory.bytes < packets.embree_bytes

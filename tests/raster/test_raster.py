@@ -9,11 +9,8 @@ from tests.judge.reference import brute_force
 from tests.machine import FEW_LANES, LANES, NATIVE_LANES
 from tests.meshes import (
     EYE_AT_ORIGIN,
-    beams,
-    boards,
     cornell_box,
     cornell_camera,
-    needle_camera,
     quads,
     random_triangles,
 )
@@ -68,13 +65,6 @@ def test_small_triangles_give_the_float64_image(seed):
         atra.OrthographicCamera((0, 0, -3), (0, 0, 1), view_height=6.0, width=96, height=54),
     ):
         assert_equal_images(mesh, camera, draw(mesh, camera), brute_force(mesh, camera))
-
-
-@pytest.mark.parametrize("fov_y_degrees", [60.0, 150.0])
-@pytest.mark.parametrize("seed", range(3))
-def test_needles_give_the_image_of_single_rays(seed, fov_y_degrees):
-    mesh, camera = beams(seed), needle_camera(seed, fov_y_degrees)
-    assert_equal_images(mesh, camera, draw(mesh, camera), trace_pixels(mesh, camera))
 
 
 def test_the_eye_on_a_surface_sees_the_float64_image():
@@ -156,23 +146,3 @@ def test_of_triangles_in_one_plane_the_lowest_is_stored():
             offset = (0.3, 0.6)  # no ray through the diagonal
             reference = brute_force(mesh, camera, offset)
             np.testing.assert_array_equal(draw(mesh, camera, offset).prim_id, reference.prim_id)
-
-
-def test_an_image_handed_over_is_written_again():
-    mesh, camera = cornell_box(), cornell_camera(33, 20)
-    with atra.RasterTracer(mesh, camera, threads=1) as tracer:
-        first = tracer.trace()
-        depth, prim_id = first.depth.copy(), first.prim_id.copy()
-        first.depth[:], first.prim_id[:] = -1.0, 7
-        again = tracer.trace(out=first)
-        assert again.depth is first.depth
-        np.testing.assert_array_equal(again.depth, depth)
-        np.testing.assert_array_equal(again.prim_id, prim_id)
-
-
-def test_boards_seen_along_their_length_give_the_image_of_single_rays():
-    for mesh in (boards(), boards(tilted=True)):
-        camera = atra.Camera(**EYE_AT_ORIGIN, width=96, height=64, fov_y_degrees=90)
-        hits = draw(mesh, camera)
-        agreement = atra.compare(hits, brute_force(mesh, camera))
-        assert agreement.pixels_wrong == 0, str(agreement)

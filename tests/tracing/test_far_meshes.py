@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 import atra
-from experiments.harness.method import Tracing
-from experiments.methods import METHODS as MEASURED
 from experiments.workloads.agreement.oracle import examine, nearest_hits
 from tests.far import AWAY, FAR, NEAR, SEEN_FAR, SEEN_NEAR
 from tests.images import METHODS, make_tracer
@@ -46,29 +44,12 @@ def takes(kind, view):
     return view != "orthographic" or kind not in ("visible_first", "unprobed")
 
 
-def test_the_far_mesh_is_the_near_one_moved_without_rounding():
-    assert FAR.has_origin
-    assert not NEAR.has_origin
-    np.testing.assert_array_equal(FAR.vertices - AWAY, NEAR.vertices)
-    np.testing.assert_array_equal(FAR.origin, AWAY)
-
-
 @pytest.mark.parametrize(("kind", "view"), [(kind, view) for kind in KINDS for view in SEEN_FAR if takes(kind, view)])
 def test_every_tracer_sees_a_far_mesh_as_the_near_one(kind, view):
     far, near = traced(kind, FAR, SEEN_FAR[view]), traced(kind, NEAR, SEEN_NEAR[view])
     assert_seen_alike(far, near)
     assert far.mesh is FAR
     assert far.camera is SEEN_FAR[view]
-
-
-@pytest.mark.parametrize("method", [one for one in MEASURED if one.is_ours], ids=lambda method: method.name)
-def test_every_method_of_the_harness_sees_a_far_mesh_as_the_near_one(method):
-    images = []
-    for mesh, views in ((FAR, SEEN_FAR), (NEAR, SEEN_NEAR)):
-        options = method.resolve(method.options(), views["pinhole"].width)
-        with method.make(mesh, views["pinhole"], options, Tracing(1)) as tracer:
-            images.append(tracer.trace())
-    assert_seen_alike(*images)
 
 
 @pytest.mark.parametrize("geometry", ["copied", "instanced"])
@@ -82,14 +63,6 @@ def test_frames_of_a_far_mesh_are_those_of_the_near_one(geometry):
             images.append(tracer.trace())
     for far, near in zip(*images, strict=True):
         assert_seen_alike(far, near)
-
-
-def test_frames_may_have_meshes_of_different_origins():
-    views = SEEN_NEAR["pinhole"], SEEN_FAR["pinhole"]
-    split = atra.Split(4, 1, views[0].width, views[0].height)
-    with atra.FramesTracer([NEAR, FAR], atra.Alignment.of_frames(views, split), threads=1) as tracer:
-        near, far = tracer.trace()
-    assert_seen_alike(far, near)
 
 
 @pytest.mark.parametrize("kind", ["raster", "pixels", "aligned", "instanced"])
@@ -141,12 +114,3 @@ def test_judges_of_a_far_mesh_are_those_of_the_near_one(view):
     y, x = np.divmod(np.arange(100), far_camera.width)
     truths = nearest_hits(FAR, far_camera, x, y), nearest_hits(NEAR, near_camera, x, y)
     np.testing.assert_array_equal(truths[0].depth, truths[1].depth)
-
-
-def test_an_image_that_another_program_has_made_of_a_far_mesh_is_judged_right():
-    hits = traced("raster", FAR, SEEN_FAR["pinhole"])
-    found = atra.judge_image(FAR, SEEN_FAR["pinhole"], atra.ForeignImage(hits.depth.copy(), hits.prim_id.copy()))
-    assert found.agreement.pixels_wrong == 0
-    wrong = hits.depth.copy()
-    wrong[hits.hit] *= 1.001
-    assert atra.judge_image(FAR, SEEN_FAR["pinhole"], atra.ForeignImage(wrong)).agreement.pixels_wrong > 100

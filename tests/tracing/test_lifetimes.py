@@ -9,7 +9,6 @@ import weakref
 from concurrent.futures import Future
 
 import numpy as np
-import psutil
 import pytest
 
 import atra
@@ -18,9 +17,6 @@ from atra.embree.device import EmbreeDevice
 from tests.failing import Failing, Injected
 from tests.images import make_tracer
 from tests.meshes import cornell_box, cornell_camera
-from tests.strategies import NIGHTLY
-
-CYCLES = 1000 if NIGHTLY else 100
 
 pytestmark = pytest.mark.usefixtures("old_objects_set_aside")
 
@@ -67,21 +63,6 @@ def in_threads(*works, timeout_s=60):
         raise errors[0]
 
 
-@every_tracer
-def test_making_tracing_and_closing_again_and_again_keeps_the_memory(name):
-    def cycle():
-        with tracer(name, threads=2) as one:
-            one.trace()
-
-    for _ in range(20):
-        cycle()
-    before = psutil.Process().memory_info().rss
-    for _ in range(CYCLES):
-        cycle()
-    growth = psutil.Process().memory_info().rss / before - 1.0
-    assert growth < 0.01, f"{CYCLES} cycles grew the process by {growth:.2%}"
-
-
 def test_what_embree_reads_lives_as_long_as_the_scene():
     # The tracer forgets its plan; the scene must not.
     with tracer("aligned") as one:
@@ -126,40 +107,6 @@ def test_planning_and_building_again_gives_the_same_image_and_leaves_one_scene(n
         # Embree allocates in blocks of its own choosing.
         assert one.embree_bytes == pytest.approx(held, rel=0.2)
         np.testing.assert_array_equal(one.trace().prim_id, expected)
-
-
-def test_frames_of_two_tracers_may_alternate():
-    first = "visible_first"
-    expected, expected_other = image(first), image("aligned")
-    with tracer(first, 2) as one, tracer("aligned", 2) as other:
-        for _ in range(3):
-            np.testing.assert_array_equal(one.trace().prim_id, expected)
-            np.testing.assert_array_equal(other.trace().prim_id, expected_other)
-    with tracer("aligned") as other:
-        with tracer(first) as one:
-            one.trace()
-        np.testing.assert_array_equal(other.trace().prim_id, expected_other)
-
-
-def test_python_threads_may_share_a_tracer_and_build_it_anew_meanwhile_or_have_their_own():
-    name = "visible_first"
-    expected = image(name)
-    with tracer(name, 2) as one:
-
-        def trace():
-            for _ in range(20):
-                np.testing.assert_array_equal(one.trace().prim_id, expected)
-
-        def build():
-            for _ in range(5):
-                one.build()
-
-        def have_their_own():
-            for _ in range(5):
-                with tracer(name, 2) as own:
-                    np.testing.assert_array_equal(own.trace().prim_id, expected)
-
-        in_threads(trace, trace, build, have_their_own)
 
 
 def test_closing_waits_for_the_frame_in_progress(monkeypatch):

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import atra
-from tests.failing import Failing, Injected
 from tests.images import assert_same_bits, make_tracer
 from tests.meshes import cornell_box, cornell_camera, quads
-from tests.tracing.test_lifetimes import devices, in_threads
+from tests.tracing.test_lifetimes import devices
 
 MESH, CAMERA = cornell_box(), cornell_camera(64, 48)
 MOVED = replace(CAMERA, eye=tuple(np.add(CAMERA.eye, (0.11, -0.07, 0.05)).tolist()))
@@ -109,14 +108,6 @@ def test_a_probe_that_is_an_image_goes_on_serving_where_the_size_stays():
             one.look(replace(MOVED, height=24))
 
 
-def test_several_cameras_at_once_are_not_exchanged_for_one():
-    alignment = atra.Alignment.of_frames([CAMERA, MOVED], atra.Split(16, 1, 64, 48))
-    with atra.FramesTracer(MESH, alignment, threads=1) as one:
-        with pytest.raises(atra.InputError, match="shows 2 cameras at once and cannot look through"):
-            one.look(MOVED)
-        assert one.trace().images[1].camera is MOVED
-
-
 def test_rays_per_pixel_keep_their_bvh_while_the_eye_stays_and_build_another_where_it_moves():
     with tracer("pixels") as one:
         (scene,), built = devices(one), one.build_time_s
@@ -128,30 +119,3 @@ def test_rays_per_pixel_keep_their_bvh_while_the_eye_stays_and_build_another_whe
         one.look(MOVED)
         assert scene.closed
         assert devices(one) != [scene]
-
-
-@pytest.mark.parametrize("kind", ["pixels", "aligned", "visible_first"])
-def test_where_planning_fails_the_next_frame_plans_again(kind):
-    with tracer(kind) as one:
-        method, one.method = one.method, Failing(one.method, "prepare", after=False)
-        with pytest.raises(Injected):
-            one.look(MOVED)
-        one.method = method
-        assert_same_bits(one.trace(), image(kind, MOVED))
-
-
-@pytest.mark.parametrize("kind", ["pixels", "visible_first", "raster"])
-def test_threads_may_look_and_trace_at_once(kind):
-    expected = {camera: image(kind, camera) for camera in (CAMERA, MOVED, TURNED)}
-    with tracer(kind, threads=2) as one:
-
-        def trace():
-            for _ in range(10):
-                hits = one.trace()
-                assert_same_bits(hits, expected[hits.camera])
-
-        def look():
-            for camera in (MOVED, TURNED, CAMERA, MOVED, CAMERA):
-                one.look(camera)
-
-        in_threads(trace, trace, look)

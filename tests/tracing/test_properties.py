@@ -3,19 +3,12 @@
 `ATRA_HYPOTHESIS=nightly` draws many more examples, other ones each time.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 import atra
-from atra.alignment.alignment import Alignment
-from atra.alignment.cells import CellOptions
-from atra.alignment.copies import copied_geometry
-from atra.compiled.threads import WorkerPool
-from atra.exact.intersection import intersect_pixels
 from atra.judge.compare import Verdict
 from tests import images
 from tests.judge.reference import brute_force
@@ -84,39 +77,3 @@ def test_parallel_rays_give_the_float64_image(view, packet_width):
     reference = brute_force(view.mesh, view.camera, view.offset)
     for method in images.PARALLEL:
         assert_agree(view, trace(view, method, packet_width), reference)
-
-
-@EXAMPLES
-@given(views())
-def test_culling_keeps_every_triangle_in_every_cell_where_a_float64_ray_hits_it(view):
-    mesh, camera = view.mesh, view.camera
-    alignment = Alignment.of_cells(camera, atra.Split(*view.split, camera.width, camera.height))
-    pool = WorkerPool(1)
-    geometry = copied_geometry([mesh], alignment, CellOptions(), camera.width, pool)
-    pool.close()
-    kept = set(zip(geometry.records & 0xFFFFFFFF, geometry.records >> 32, strict=True))  # prim_id, first pixel of cell
-    left_out = {prim_id for one in geometry.left_out if one for prim_id in one.prim_ids}  # tests/exact/test_rounding.py
-    y, x = (grid.ravel() for grid in np.mgrid[: camera.height, : camera.width])
-    cell_x, cell_y = (pixels // count for pixels, count in zip((camera.width, camera.height), view.split, strict=True))
-    first_pixel = y // cell_y * cell_y * camera.width + x // cell_x * cell_x
-    for prim_id in set(range(mesh.triangle_count)) - left_out:
-        found = intersect_pixels(mesh, camera, x, y, np.full(x.size, prim_id), view.offset)
-        hit = (found.edge_distance >= 0.0) & (found.depth > 0.0)
-        assert {(prim_id, pixel) for pixel in first_pixel[hit]} <= kept
-
-
-@pytest.mark.parametrize("said", ["any triangles", "all triangles", "another camera's image"])
-@EXAMPLES
-@given(data=st.data(), view=views(), packet_width=packet_widths)
-def test_visible_first_gives_the_image_of_single_rays_whatever_the_probe_says(said, data, view, packet_width):
-    prim_ids = range(view.mesh.triangle_count)
-    if said == "another camera's image":
-        turned = replace(view.camera, eye=view.camera.target, target=view.camera.eye)
-        with atra.PixelTracer(view.mesh, turned, threads=1) as tracer:
-            probe = tracer.trace()
-    elif said == "any triangles":
-        probe = np.array(data.draw(st.lists(st.sampled_from(prim_ids))), np.uint32)
-    else:
-        probe = np.array(prim_ids, np.uint32)
-    hits = trace(view, "visible_first", packet_width, probe=probe)
-    assert_agree(view, hits, trace(view, "pixels", 1))

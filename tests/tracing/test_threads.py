@@ -78,17 +78,6 @@ def test_an_earlier_result_is_refused_where_it_has_the_size_of_another_camera():
             one.trace(out=earlier)
 
 
-def test_counters_are_those_of_one_camera():
-    with make(LARGE) as new:
-        expected = {name: value for name, value in new.counters.items() if not name.endswith("_s")}
-    with make(CAMERA) as one:
-        Interrupted(one, lambda: one.look(LARGE), lambda: one.look(SMALL))
-        found = one.counters
-        assert {name: value for name, value in found.items() if not name.endswith("_s") and "bytes" not in name} == {
-            name: value for name, value in expected.items() if "bytes" not in name
-        }
-
-
 FRAMES = atra.Alignment.of_frames([CAMERA, CAMERA], atra.Split(16, 1, 64, 48))
 RAYS = (atra.Rays(np.zeros((1, 3)), np.ones((1, 3))),)
 ALL = {"trace": (), "build": (), "look": (SMALL,), "update": (MESH,)}
@@ -165,17 +154,6 @@ def test_a_map_is_wholly_of_the_scene_that_came_last_before_it_was_asked_for_or_
         found = baker.maps
     np.testing.assert_array_equal(found.samples, expected.samples)
     np.testing.assert_array_equal(found.direct, expected.direct)
-
-
-def test_a_picture_that_is_asked_for_is_wholly_that_of_the_camera_that_came_last_before():
-    with light.PathRenderer(light.Scene(MESH, lights=LAMPS), LARGE, threads=1) as renderer:
-        renderer.add()
-        expected = renderer.image
-    with light.PathRenderer(light.Scene(MESH, lights=LAMPS), CAMERA, threads=1) as renderer:
-        renderer.add()
-        to_large = [lambda: renderer.look(LARGE), renderer.add]
-        Interrupted(renderer, lambda: [call() for call in to_large], lambda: renderer.look(SMALL))
-        np.testing.assert_array_equal(renderer.image, expected)
 
 
 @pytest.mark.parametrize("call", ["add", "advance", "update", "look", "probes"])

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import cache
-from itertools import product
 from types import SimpleNamespace
 
 import numpy as np
@@ -21,12 +20,10 @@ from tests.images import (
     trace_pixels,
 )
 from tests.judge.reference import brute_force
-from tests.machine import WIDEST, WIDTHS
+from tests.machine import WIDTHS
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
-from tests.strategies import divisors
 
 OFFSETS = [(0.5, 0.5), (0.0, 0.0), (0.999999, 0.999999), (0.0, 0.7)]
-SLANTED = {"eye": (0.3, 0.2, -0.4), "target": (1.0, 2.0, 3.0), "up": (0.2, 1.0, 0.1)}
 FLAT = atra.OrthographicCamera(**EYE_AT_ORIGIN, view_height=4.0, width=48, height=30)
 WALL = [(-9, -9, 5), (9, -9, 5), (9, 9, 5), (-9, 9, 5)]
 
@@ -85,14 +82,6 @@ def test_every_cell_shows_its_own_part_of_the_scene(method):
     np.testing.assert_allclose(hits.depth, depths[cells], rtol=1e-6)
 
 
-@each_method_of_cells
-def test_every_split_of_a_small_image_gives_the_float64_image(method):
-    mesh, camera = cornell_box(), cornell_camera(12, 6)
-    reference = cornell_reference(12, 6)
-    for split in product(divisors(12), divisors(6)):
-        assert_equal_images(mesh, camera, trace(method, mesh, camera, split), reference)
-
-
 @pytest.mark.core
 @each_width
 @each_method
@@ -118,35 +107,6 @@ def test_one_plan_gives_the_float64_image_of_every_offset_into_the_same_memory(m
             assert np.shares_memory(hits.depth, first.depth)
             assert_equal_images(mesh, camera, hits, cornell_reference(48, 36, offset))
         np.testing.assert_array_equal(hits.prim_id, expected)
-
-
-@cache
-def seen_from_within(seed):
-    """Triangles all around the eye, and their float64 images by rays through it and by parallel rays."""
-    mesh, pose = random_triangles(60, seed), SLANTED if seed % 2 else EYE_AT_ORIGIN
-    pinhole = atra.Camera(**pose, width=40, height=24, fov_y_degrees=[20, 90, 150, 170][seed])
-    flat = atra.OrthographicCamera(**pose, view_height=[1.0, 5.0, 12.0, 0.1][seed], width=40, height=24)
-    return mesh, [(camera, brute_force(mesh, camera)) for camera in (pinhole, flat)]
-
-
-@pytest.mark.core
-@each_method
-@pytest.mark.parametrize("seed", range(4))
-def test_triangles_behind_around_and_through_the_eye_give_the_float64_image(seed, method):
-    mesh, views = seen_from_within(seed)
-    for camera, reference in views if method in PARALLEL else views[:1]:
-        for split in ((1, 1), (8, 1), (1, 24), (5, 4), (40, 24)) if method in CELLS else ((1, 1),):
-            hits = trace(method, mesh, camera, split)
-            assert_equal_images(mesh, camera, hits, reference)
-            if method == "aligned":
-                assert_same_bits(hits, trace("unculled", mesh, camera, split))
-
-
-def test_a_triangle_with_a_corner_in_the_eye_is_never_lost_by_culling():
-    mesh = atra.Mesh([[0, 0, 0], [0.5, -3, 5], [-0.5, 3, 5.5]], [[0, 1, 2]])
-    camera = atra.Camera(**EYE_AT_ORIGIN, width=32, height=32, fov_y_degrees=80)
-    culled, whole = (trace(method, mesh, camera, (16, 4)) for method in ("aligned", "unculled"))
-    np.testing.assert_array_equal(culled.prim_id, whole.prim_id)
 
 
 @each_method
@@ -182,19 +142,6 @@ def test_plan_and_build_are_timed_and_what_embree_holds_is_counted(method):
             assert tracer.triangle_count == 16 * (triangles - left_out)
         else:
             assert 0 < tracer.triangle_count < 4 * triangles
-
-
-def test_instances_add_some_bytes_a_cell_and_copies_add_a_mesh_a_cell():
-    mesh, camera = random_triangles(5_000, 0), atra.Camera(**EYE_AT_ORIGIN, width=64, height=64)
-    held = {}
-    for method in ("unculled", "instanced"):
-        for split in ((1, 1), (16, 4)):
-            with make_tracer(method, mesh, camera, split) as tracer:
-                held[method, split] = tracer.embree_bytes
-    assert held["unculled", (16, 4)] > 40 * held["unculled", (1, 1)]
-    # Both scenes count: the triangles of the inner one, and some hundred bytes an instance, in blocks of some kB.
-    assert held["instanced", (1, 1)] > 0.9 * held["unculled", (1, 1)]
-    assert held["instanced", (1, 1)] < held["instanced", (16, 4)] < 1.3 * held["instanced", (1, 1)]
 
 
 @each_kind
@@ -280,31 +227,11 @@ def test_the_packet_shape_wastes_as_few_lanes_as_the_cell_allows(width, counts, 
     assert choose_packet_shape(width, atra.Split(*counts, 1024, 1024)) == shape
 
 
-@pytest.mark.parametrize("method", ["aligned", "visible_first"])
-def test_a_forced_packet_shape_gives_the_same_image(method):
-    mesh, camera = cornell_box(), cornell_camera(64, 32)
-    for rows in (1 << k for k in range(WIDEST.bit_length())):
-        with make_tracer(method, mesh, camera, (4, 2), packet_width=WIDEST, packet_rows=rows) as tracer:
-            assert tracer.prepared.packet_shape == (WIDEST // rows, rows)
-            assert_equal_images(mesh, camera, tracer.trace(), trace_pixels(mesh, camera))
-
-
-@pytest.mark.parametrize("rows", [3, 16, 0])
-def test_a_packet_shape_that_cannot_be_is_refused(rows):
-    with pytest.raises(atra.InputError, match=f"packet_rows is {rows}, expected one of 1, 2, 4, 8"):
-        choose_packet_shape(8, atra.Split(4, 1, 64, 64), rows)
-
-
 def test_culling_keeps_no_copy_that_parallel_rays_of_its_cell_cannot_meet():
     mesh = random_triangles(400, 1, size=0.1)
     with make_tracer("aligned", mesh, FLAT, (12, 1)) as tracer:
         # The view is a 4 units high and 6.4 wide part of 6 x 6 and more; a triangle meets about one cell of 0.5 units.
         assert tracer.triangle_count < 2 * mesh.triangle_count
-
-
-def test_a_method_that_needs_rays_through_one_point_refuses_parallel_ones():
-    with pytest.raises(atra.InputError, match=r"VisibleFirstTracer needs rays through one point.*use AlignedTracer"):
-        atra.VisibleFirstTracer(cornell_box(), FLAT, (4, 1))
 
 
 @each_method_of_cells
@@ -313,17 +240,6 @@ def test_a_triangle_with_two_equal_corners_on_a_line_through_the_eye_is_shown_no
     mesh = atra.Mesh([(0, 0, 0.5), (0, 1.5, 0.5)], [(0, 1, 1)])
     camera = atra.Camera((0, 0.25, 0.5), (0, 0, 0.5), (0, 0, 1), 1.0, width=13, height=7)
     assert not trace(method, mesh, camera, (13, 7), packet_width=1).hit.any()
-
-
-@each_method
-def test_no_method_shows_a_triangle_without_area(method):
-    random = np.random.default_rng(0)
-    ends = random.uniform(-2, 2, (300, 2, 3)).astype(np.float32)
-    vertices = np.concatenate([ends[:, :1], ends, ends[:, 1:]], axis=1).reshape(-1, 3)  # a, a, b, b
-    faces = np.concatenate([np.arange(1200).reshape(-1, 4)[:, corners] for corners in ([0, 1, 2], [0, 2, 3])])
-    camera = atra.Camera(**EYE_AT_ORIGIN, width=64, height=48, fov_y_degrees=120)
-    for width in (1, None):
-        assert not trace(method, atra.Mesh(vertices, faces), camera, (16, 1), packet_width=width).hit.any()
 
 
 @each_method

@@ -82,21 +82,6 @@ def test_frames_look_through_another_alignment_and_take_other_meshes():
     assert_same_bits(one.trace(), expected)
 
 
-def test_a_scene_of_rays_builds_on_first_use_and_takes_other_vertices():
-    directions = np.random.default_rng(3).normal(size=(500, 3)).astype(np.float32)
-    rays = atra.Rays(np.zeros((500, 3), np.float32) + np.float32([0.1, 1.0, 0.2]), directions)
-
-    one, new = (atra.RayScene(mesh, threads=1) for mesh in (MESH, POSED))
-    before = one.intersect(rays)
-    one.update(POSED)
-    after, expected = one.intersect(rays), new.intersect(rays)
-    np.testing.assert_array_equal(after.t, expected.t)
-    np.testing.assert_array_equal(after.prim_id, expected.prim_id)
-    assert (before.t != after.t).any()
-    with pytest.raises(atra.InputError, match=r"expected .* as before"):
-        one.update(OTHER)
-
-
 LAMP = PointLight((0.0, 1.5, 0.0), power=5.0)
 
 

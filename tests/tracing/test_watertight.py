@@ -85,16 +85,6 @@ def test_from_outside_no_ray_passes_through_the_front(method):
     assert (found.pixels_wrong, found.pixels_hole) == (0, 0)
 
 
-def test_an_orthographic_camera_loses_no_ray():
-    mesh = scenes.cube(3)
-    view = atra.OrthographicCamera((0, 0, 0), (0, 0, -1), view_height=0.25, width=64, height=64)
-    for offset in ((0.0, 0.0), (0.5, 0.5)):
-        for method in ("packets", "aligned"):
-            make = atra.AlignedTracer if method == "aligned" else None
-            with make(mesh, view, (16, 1), threads=1) if make else IMAGES[method](mesh, view) as tracer:
-                assert tracer.trace(offset).hit.all(), method
-
-
 def punched(image, rows, columns):
     """The image with nothing at some pixels."""
     depth, prim_id = image.depth.copy(), image.prim_id.copy()
@@ -117,15 +107,6 @@ def test_a_hole_punched_into_an_image_at_a_shared_edge_is_wrong():
     ):
         assert (found.pixels_wrong, getattr(found, own), getattr(found, other)) == (40, 40, 0)
         assert str(found).endswith("0 edge, 40 wrong, 40 of them holes")
-
-
-def test_the_fast_setting_has_holes_and_the_judge_says_whose():
-    mesh, view = scenes.roof(), scenes.camera(40.0)
-    fast, robust = traced("packets", mesh, view, robust=False), traced("packets", mesh, view)
-    found = compare(fast, robust)
-    assert found.pixels_hole == (~fast.hit).sum() > 0
-    np.testing.assert_array_equal(found.holes, ~fast.hit)
-    assert found.reference_pixels_hole == 0
 
 
 def test_at_an_open_rim_and_at_a_silhouette_float32_may_miss():
@@ -179,19 +160,3 @@ def test_ten_million_rays_in_many_closed_meshes_are_all_stopped():
     assert rays >= 1e7
     for method in IMAGES:
         assert lost(method, meshes[:4], views, robust=False) > 0
-
-
-@pytest.mark.slow
-def test_far_from_the_world_origin_and_from_outside_there_are_no_holes():
-    place = np.float32([1000.0, -700.0, 300.0])
-    meshes = [scenes.level_set("torus", 24), scenes.level_set("sphere", 17), scenes.ball(4), scenes.cube(5)]
-    for number, mesh in enumerate(meshes):
-        moved = atra.Mesh(mesh.vertices + place, mesh.faces, mesh.name)
-        for seed in range(4):
-            way = np.random.default_rng([seed, number]).normal(size=3)
-            eye = place + way / np.linalg.norm(way) * 4.0 * np.abs(mesh.vertices).max()
-            view = atra.Camera(tuple(eye), tuple(place), (0.1, 1.0, 0.2), 50.0, 260, 260)
-            right = draw(moved, view)
-            for method in IMAGES:
-                found = compare(traced(method, moved, view), right)
-                assert (found.pixels_hole, found.reference_pixels_hole, found.pixels_wrong) == (0, 0, 0), method

@@ -60,11 +60,6 @@ def test_all_views_are_drawn_in_this_process_by_one_tracer(expected, monkeypatch
     assert made == [1]
 
 
-def test_threads_give_the_same_images(expected):
-    with ThreadPoolExecutor(2) as executor:
-        assert_as_expected(list(atra.render_views(BOX, CAMERAS, executor=executor)), expected)
-
-
 def test_all_tracers_are_closed_in_the_end_busy_ones_when_they_come_back(monkeypatch):
     made = []
 
@@ -142,16 +137,6 @@ def test_a_worker_on_another_machine_is_sent_the_mesh_once_with_what_was_found_o
     assert calls == [mesh]
 
 
-def test_what_belongs_to_the_mesh_is_found_once(monkeypatch):
-    calls, find = [], ties._find
-    monkeypatch.setattr(ties, "_find", lambda mesh: calls.append(mesh) or find(mesh))
-    mesh = atra.Mesh(BOX.vertices, BOX.faces)
-    with ThreadPoolExecutor(2) as executor:
-        for _ in range(2):
-            assert len(list(atra.render_views(mesh, CAMERAS, "pixel", executor))) == len(CAMERAS)
-    assert calls == [mesh]
-
-
 @pytest.mark.parametrize("executor", [None, ThreadPoolExecutor(2)], ids=["here", "threads"])
 def test_a_view_that_fails_is_named_at_the_end_and_the_others_are_not_lost(executor, expected):
     far = replace(CAMERAS["view 0.png"], eye=(0, 1, 1e13))
@@ -163,28 +148,6 @@ def test_a_view_that_fails_is_named_at_the_end_and_the_others_are_not_lost(execu
     assert [error.__notes__ for error in raised.value.exceptions] == [["in view 'far.png'"], ["in view 'too.png'"]]
     assert all(isinstance(error, atra.InputError) for error in raised.value.exceptions)
     assert not shared_mesh._stages
-
-
-class Breaking(Executor):
-    """Does two calls, then is broken as a pool is whose worker was killed."""
-
-    def __init__(self):
-        self.calls = 0
-
-    def submit(self, call, *arguments):
-        self.calls += 1
-        if self.calls > 2:
-            raise RuntimeError("a process was terminated abruptly")
-        future = Future()
-        future.set_result(call(*arguments))
-        return future
-
-
-def test_a_broken_executor_loses_no_view_that_is_done(expected):
-    found = []
-    with pytest.raises(ExceptionGroup, match="3 of 5 views failed"):
-        found.extend(atra.render_views(BOX, CAMERAS, executor=Breaking()))
-    assert_as_expected(found, dict(list(expected.items())[:2]))
 
 
 def test_no_more_cameras_are_taken_than_may_be_in_flight_and_closing_ends_it():
@@ -216,11 +179,6 @@ def test_no_more_cameras_are_taken_than_may_be_in_flight_and_closing_ends_it():
 def test_what_cannot_be_rendered_is_refused_before_anything_is_done(arguments, message):
     with pytest.raises(atra.InputError, match=message):
         atra.render_views(BOX, **{"cameras": CAMERAS, **arguments})
-
-
-def test_an_option_that_the_method_has_not_ends_it_at_once():
-    with pytest.raises(TypeError, match="unexpected keyword argument 'split'"):
-        list(atra.render_views(BOX, CAMERAS, split=(4, 1)))
 
 
 NEEDS = {"dask": "distributed", "ray": "ray"}

@@ -39,13 +39,10 @@ def test_what_stood_out_in_the_processes_that_chose_it_alone_is_noise():
     assert lines[1] == "nowhere are packets per pixel faster than the usual ones by more than noise"
 
 
-def test_too_few_processes_decide_nothing():
+def test_too_few_processes_decide_nothing_and_the_usual_packets_alone_leave_no_choice():
     rows = table(rows_of("usual", (1.0, 1.0)), rows_of("robust", (1.2, 1.2), robust=True))
     assert list(baseline_lines(rows)) == [
         "best of 2 packets per pixel, box: packets of 16 per pixel, robust (not decided)"
     ]
-
-
-def test_where_only_the_usual_packets_were_measured_there_is_nothing_to_choose_from():
-    single = [one | {"packet_width": 1} for one in rows_of("single", NOISE)]
+    single = [row | {"packet_width": 1} for row in rows_of("single", NOISE)]
     assert not list(best_baselines(table(rows_of("usual", NOISE), single)))

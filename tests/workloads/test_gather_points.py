@@ -10,7 +10,7 @@ from atra.errors import InputError
 from experiments.harness.method import Tracing
 from experiments.methods import find_method
 from experiments.workloads.gather import CLOSED, GatherOptions, differences
-from experiments.workloads.rounds import own_and_baselines, shrunk, warm_up
+from experiments.workloads.rounds import own_and_baselines, warm_up
 from tests.meshes import cornell_box, cornell_camera
 from tests.points import planned
 
@@ -68,6 +68,6 @@ def test_a_warm_up_has_something_that_no_copy_shows_and_leaves_few_samples_undec
         left_out.append(tracer.counters.get("triangles_left_out"))
         undecided.append(len(tracer.prepared._all_hits._undecided[1].keys))
 
-    warm_up(point, own_and_baselines(shrunk(point)), gather, CLOSED)
+    warm_up(point, own_and_baselines(), gather, CLOSED)
     assert left_out[0] > 0
     assert 0 < max(undecided) < 64 * 64 / 4

@@ -83,9 +83,9 @@ def test_a_lone_ray_through_an_edge_or_a_corner_is_not_lost():
 
 def test_the_oracle_finds_no_hit_on_a_triangle_flattened_by_rounding_only():
     mesh = atra.Mesh([(0.1, 0.1, 0.1), (0.2, 0.2, 0.2), (0.4, 0.4, 0.4)], [(0, 1, 2)])
+    y, x = np.divmod(np.arange(81), 9)
     for eye_x in np.linspace(0.5, 2.5, 9):
         camera = atra.Camera(eye=(eye_x, 0.7, 2.9), target=(0.2, 0.2, 0.2), width=9, height=9)
-        y, x = np.divmod(np.arange(81), 9)
         assert (nearest_hits(mesh, camera, x, y).prim_id == MISS).all()
 
 
@@ -97,22 +97,20 @@ INSIDE, ASIDE = pytest.approx(1 / 12), pytest.approx(17 / 8)
 
 
 @pytest.mark.parametrize(("hits", "reference", "correctness", "off_by"), [
-    (HIDDEN, TRUE, (LACKS, RIGHT), (INSIDE, 0.0)), (TRUE, HIDDEN, (RIGHT, LACKS), (0.0, INSIDE)),
-    (HOLE, HIDDEN, (LACKS, LACKS), (INSIDE, INSIDE)),
-    ((BESIDE, 2.0), TRUE, (WRONG_TRIANGLE, RIGHT), (ASIDE, 0.0)), (TRUE, HOLE, (RIGHT, LACKS), (0.0, INSIDE)),
+    (HIDDEN, TRUE, (LACKS, RIGHT), (INSIDE, 0.0)), (TRUE, HOLE, (RIGHT, LACKS), (0.0, INSIDE)),
+    (HOLE, HIDDEN, (LACKS, LACKS), (INSIDE, INSIDE)), ((BESIDE, 2.0), TRUE, (WRONG_TRIANGLE, RIGHT), (ASIDE, 0.0)),
     (OFF, TRUE, (WRONG_DEPTH, RIGHT), None), (TRUE, OFF, (RIGHT, WRONG_DEPTH), None),
 ])  # fmt: skip
 def test_a_wrong_pixel_is_blamed_on_the_image_that_is_wrong_and_how_far(
     mesh, truth, hits, reference, correctness, off_by
 ):
-    found = examined(mesh, changed(truth, *hits), changed(truth, *reference))
-    assert [(found.x[0], found.y[0])] == [PIXEL]
-    assert list(found.verdict) == [Verdict.WRONG]
-    assert found.truth.exhaustive.all()
-    assert (found.truth.prim_id[0], found.truth.depth[0]) == (NEAR, 2.0)
-    assert (*found.hits.correctness, *found.reference.correctness) == correctness
-    assert (*found.hits.wrong, *found.reference.wrong) == tuple(one != RIGHT for one in correctness)
-    assert off_by is None or (*found.hits.off_by, *found.reference.off_by) == off_by
+    got = examined(mesh, changed(truth, *hits), changed(truth, *reference))
+    assert ([(got.x[0], got.y[0])], list(got.verdict)) == ([PIXEL], [Verdict.WRONG])
+    assert got.truth.exhaustive.all()
+    assert (got.truth.prim_id[0], got.truth.depth[0]) == (NEAR, 2.0)
+    assert (*got.hits.correctness, *got.reference.correctness) == correctness
+    assert (*got.hits.wrong, *got.reference.wrong) == tuple(one != RIGHT for one in correctness)
+    assert off_by is None or (*got.hits.off_by, *got.reference.off_by) == off_by
 
 
 def test_nobody_is_wrong_about_equally_deep_triangles(mesh, truth):

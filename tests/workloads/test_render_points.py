@@ -92,12 +92,9 @@ def test_amdahl_s_forecast_is_the_packets_picture_with_the_own_primary_in_it():
     assert value(record, "break_even_subframes") == 4  # 3.5 s behind, 1 s of each sample gained
     slower = replace(record, samples=record.samples | {"own": [11.0] * 3})
     assert value(slower, "break_even_subframes") is None
+    assert outside_embree({"primary": 1.0, "depth_first": 3.0}) is None  # paths one by one have Embree within
     nothing_behind = replace(record, results=record.results | {"baseline_build_time_s": 9.0})
     assert value(nothing_behind, "break_even_subframes") == 1
-
-
-def test_what_embree_takes_of_paths_followed_one_by_one_is_not_known():
-    assert outside_embree({"primary": 1.0, "depth_first": 3.0}) is None
 
 
 @pytest.mark.parametrize(("options", "message"), [

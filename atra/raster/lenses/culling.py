@@ -59,8 +59,8 @@ def place_cluster(boxes, cluster, eye, side, margin, cosine):  # type: ignore[no
     least = np.sqrt(x * x + y * y + z * z) * cosine
     bound = (1.0 + _NEARER_OF_BALL) / least if least > 0.0 else np.inf
     near, far, depth_size = extent(d[0], d[1], d[2], box)
-    doubt = ROUNDINGS * depth_size + eye.least_depth
-    near, far = near - doubt, far + doubt
+    rounding = ROUNDINGS * depth_size + eye.least_depth
+    near, far = near - rounding, far + rounding
     if far < 0.0:
         return 0, -1, 0, -1, np.float32(0.0)
     if near <= eye.least_depth:

@@ -30,7 +30,7 @@ from atra.raster.culling import TILE, find_farthest, forget_tiles, is_hidden
 from atra.raster.drawing import fetch_vertices, open_cluster
 from atra.raster.image import EYE_NUMBERS, SPAN, Band, eye_at
 from atra.raster.lenses.culling import meets, place_cluster
-from atra.raster.lenses.triangles import decided, plane_through
+from atra.raster.lenses.triangles import decided_of_lens, plane_through
 from atra.raster.nearer import UNSURE_OF_LENS, Corners, without_farther_of_lens
 from atra.raster.set_up import (
     CAP,
@@ -45,8 +45,8 @@ from atra.raster.set_up import (
     RIGHT,
     ROW,
     SLOPE_Y,
-    doubt_of,
     edges_at,
+    rounding_of,
     set_up,
 )
 from atra.raster.triangles import BATCH, LIST_ROOM
@@ -114,7 +114,7 @@ def _limits(values, edge, slack):  # type: ignore[no-untyped-def]
 def _draw(lanes, numbers, mesh, k, prim_id, packed, is_gentle, side, margin, places, band, memory):  # type: ignore[no-untyped-def]
     """Draw the k-th triangle of a batch, with these corners, with vectors of `lanes`.
 
-    Where a sum is within its rounding of 0, `decided` decides; where what is drawn is as near but for float32's
+    Where a sum is within its rounding of 0, `decided_of_lens` decides; where what is drawn is as near but for float32's
     rounding, `without_farther_of_lens`. Nothing is drawn nearer than the nearest corner, whatever rounding makes of it.
     """
     values, doubles = floats_at(memory.floats + k * 4), doubles_at(memory.doubles + k * 8)
@@ -128,9 +128,9 @@ def _draw(lanes, numbers, mesh, k, prim_id, packed, is_gentle, side, margin, pla
     below = splat(np.float32(1.0 - UNSURE_OF_LENS), lanes)
     if max(right - left, last - first) > TILE and is_hidden(left, right, first, last, limit, side, memory.tiles):
         return
-    prim_ids, doubt = splat(prim_id, lanes), doubt_of(side, margin)
-    surely, hardly = splat(doubt, lanes), splat(-doubt, lanes)
-    plane, slack = side * band.stride * 4, margin + 2.0 * doubt
+    prim_ids, rounding = splat(prim_id, lanes), rounding_of(side, margin)
+    surely, hardly = splat(rounding, lanes), splat(-rounding, lanes)
+    plane, slack = side * band.stride * 4, margin + 2.0 * rounding
     begin, right_most, is_wide = left, right, right - left >= SPAN
     low0 = low1 = low2 = high0 = high1 = high2 = low_step0 = low_step1 = low_step2 = 0.0
     high_step0 = high_step1 = high_step2 = 0.0
@@ -167,11 +167,11 @@ def _draw(lanes, numbers, mesh, k, prim_id, packed, is_gentle, side, margin, pla
             drawn = (inside > hardly) & (found * above >= old)
             close = found * below <= old
             if rarely(bits_of(drawn & ((inside <= surely) | close)) != 0):
-                exactly = decided(memory.points, packed, places + byte, places + plane + byte, start, y, lanes)
-                doubts = bits_of(drawn & close) & exactly
-                if doubts != 0:
+                exactly = decided_of_lens(memory.points, packed, places + byte, places + plane + byte, start, y, lanes)
+                undecided = bits_of(drawn & close) & exactly
+                if undecided != 0:
                     exactly = without_farther_of_lens(
-                        exactly, doubts, prim_id, band.prim_id + byte, numbers, mesh, start, y,
+                        exactly, undecided, prim_id, band.prim_id + byte, numbers, mesh, start, y,
                         places + byte, places + plane + byte,
                     )  # fmt: skip
                 drawn = drawn & mask_of(exactly, lanes)

@@ -40,7 +40,7 @@ def _is_inside(px, py, qx, qy, facing, i, j):  # type: ignore[no-untyped-def]
 
 
 @njit
-def decided(points, packed, places, down_places, start, y, lanes):  # type: ignore[no-untyped-def]
+def decided_of_lens(points, packed, places, down_places, start, y, lanes):  # type: ignore[no-untyped-def]
     """Bits of the samples that lie in a triangle, in float64; places, down_places: addresses of theirs, less start and
     y."""
     x0, y0, w0 = corner_at(points, packed, 0)

@@ -30,8 +30,9 @@ from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE, fastest, over_own, series, single_over_packets
-from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms
+from experiments.workloads.resources import Resources, say_ms
 from experiments.workloads.rounds import expert_packet_widths, load_mesh, measured, timed_rounds
+from experiments.workloads.typed import columns_of, needs_of
 
 PLAIN, SORTED = "plain", "packets_sorted"
 """Names in the samples: the same rays in the same order and packets, from the root; and Embree's widest packets in that
@@ -101,7 +102,7 @@ CLASSIFICATION = Workload(
     name="classification",
     options=RayOptions,
     columns=(
-        *RESOURCE_COLUMNS,
+        *columns_of(Resources),
         Column("rays_traced", WHOLE, "rays of the batch"),
         Column(
             "rays_different", WHOLE, "rays that hit another triangle, or at another t, than from the root", over=max
@@ -128,11 +129,11 @@ CLASSIFICATION = Workload(
         *_ratio_columns("speedup_vs_sorted", "sorted packets of Embree / this, in the same rounds", series(SORTED)),
     ),
     headline=_headline,
-    room=__name__,
+    package=__name__,
     samples=lambda point: frozenset((OWN, PLAIN, SINGLE)),
     optional=frozenset((*PACKETS.values(), SORTED)),
     judged=OWN,
-    needs=(*RESOURCES, *COUNTED, *PLAIN_COUNTED, "rays_different", "steps_ratio"),
+    needs=(*needs_of(Resources), *COUNTED, *PLAIN_COUNTED, "rays_different", "steps_ratio"),
     canary=single_over_packets,
     problem=_problem,
     once="rays",

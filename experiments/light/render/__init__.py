@@ -24,13 +24,13 @@ from experiments.workloads.baselines import (
     OWN,
     PACKETS,
     SINGLE,
-    TIME_COLUMNS,
     over_own,
     packets_width,
     series,
 )
-from experiments.workloads.images import IMAGE_COLUMNS, PIXELS
-from experiments.workloads.resources import PREPARATION, PREPARATION_COLUMNS, RESOURCE_COLUMNS, RESOURCES, say_ms
+from experiments.workloads.images import Images
+from experiments.workloads.resources import Preparation, Resources, say_ms
+from experiments.workloads.typed import columns_of, needs_of
 
 STAGES = {
     "primary": "primary visibility",
@@ -199,11 +199,10 @@ RENDER = Workload(
     name="render",
     options=RenderOptions,
     columns=(
-        *RESOURCE_COLUMNS,
-        *IMAGE_COLUMNS,
+        *columns_of(Resources, Images),
         Column("pixels_unlike", WHOLE, "pixels of another colour where rtcIntersect1 sees the same triangle", over=max),
-        *PREPARATION_COLUMNS,
-        *TIME_COLUMNS,
+        *columns_of(Preparation),
+        *BESIDE_BASELINES.columns,
         *statistics_columns("primary_time{}_s", "primary visibility of a picture", series(primary(OWN))),
         *statistics_columns("speedup_forecast{}", "the gain over packets that Amdahl's law forecasts", _forecast),
         *statistics_columns("speedup_over_forecast{}", "the gain over packets / its forecast", _over_forecast),
@@ -219,8 +218,10 @@ RENDER = Workload(
         *statistics_columns("samples_vs_mitsuba{}", "samples a second / Mitsuba 3's", over_own(series(MITSUBA))),
     ),
     headline=_headline,
-    room=__name__,
+    package=__name__,
     samples=_samples,
-    needs=(*RESOURCES, *PIXELS, *PREPARATION, "rays", "stages", "stages_over_frame"),
-    **BESIDE_BASELINES,
+    needs=(*needs_of(Resources, Images, Preparation), "rays", "stages", "stages_over_frame"),
+    optional=BESIDE_BASELINES.optional,
+    judged=OWN,
+    canary=BESIDE_BASELINES.canary,
 )  # fmt: skip

@@ -23,7 +23,7 @@ from experiments.light.render import MITSUBA, RenderOptions, primary
 from experiments.methods.peers.mitsuba_light import load_mitsuba, parts_of
 from experiments.workloads import rounds
 from experiments.workloads.baselines import OWN, SINGLE
-from experiments.workloads.images import counts, depth_errors
+from experiments.workloads.images import summed
 from scenes.lit.lighting import length_of, lit
 
 
@@ -105,7 +105,7 @@ def _one_picture(point: Point, tracer: Any) -> None:
 def measure(point: Point) -> Measured:
     """Build the point's own method and the baselines, and make pictures with each in turns. Raises InputError and
     MemoryBudgetError as tracers and renderers do."""
-    rounds.warm_up(point, rounds.own_and_baselines(rounds.shrunk(point)), partial(_one_picture, point))
+    rounds.warm_up(point, rounds.own_and_baselines(), partial(_one_picture, point))
     options = point.workload_options
     with ExitStack() as stack:
         tracers, results = rounds.build_with_baselines(point, stack)
@@ -129,8 +129,9 @@ def measure(point: Point) -> Measured:
         unlike = (image != single_image).any(axis=-1) & (hits.prim_id == single.prim_id)
         images = 1 if options.jitter == "off" else options.samples
         shares = [sum(one.values()) / whole for one, whole in zip(stages[OWN], timed.samples[OWN], strict=True)]
-        results |= counts(agreements) | depth_errors(agreements) | rounds.plan_and_build_again(own)
         results |= {
+            **summed(agreements),
+            **rounds.plan_and_build_again(own),
             "pixels_unlike": int(np.count_nonzero(unlike)),
             "rays": rays + images * point.width * point.height,
             "stages_over_frame": float(np.median(shares)),

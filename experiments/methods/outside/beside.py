@@ -23,12 +23,12 @@ Helpers = dict[str, ModuleSpec]
 class _Finder:
     """Finds helpers of the files in use. Python asks it last, so a `numpy.py` beside a file hides nothing installed.
 
-    helpers: by file. found: names of those that were imported through it.
+    helpers: by file. imported: names of those that were imported through it.
     """
 
     def __init__(self) -> None:
         self.helpers: dict[Path, Helpers] = {}
-        self.found: set[str] = set()
+        self.imported: set[str] = set()
 
     def find_spec(
         self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
@@ -36,15 +36,15 @@ class _Finder:
         """Where a module is, None where it is no helper."""
         for file, helpers in self.helpers.items():
             if name in helpers:
-                self.found.add(name)
+                self.imported.add(name)
                 return _spec_in(file.parent, name)
         return None
 
     def forget(self, file: Path) -> None:
         """Let the next import of the file's helpers run them anew: they may have changed."""
-        for name in self.found & self.helpers.pop(file, {}).keys():
-            self.found.remove(name)
-            for module in [one for one in sys.modules if one == name or one.startswith(f"{name}.")]:
+        for name in self.imported & self.helpers.pop(file, {}).keys():
+            self.imported.remove(name)
+            for module in [known for known in sys.modules if known == name or known.startswith(f"{name}.")]:
                 del sys.modules[module]
 
 
@@ -59,7 +59,7 @@ def use_helpers(file: Path, in_use: Collection[Path]) -> list[Path]:
     Raises InputError where another file has another helper of that name: Python keeps one module a name.
     """
     importlib.invalidate_caches()
-    for gone in [one for one in _FINDER.helpers if one == file or one not in in_use]:
+    for gone in [known for known in _FINDER.helpers if known == file or known not in in_use]:
         _FINDER.forget(gone)
     helpers = _helpers_of(file)
     for other, of_other in _FINDER.helpers.items():
@@ -78,8 +78,8 @@ def use_helpers(file: Path, in_use: Collection[Path]) -> list[Path]:
 def uses(files: Sequence[Path]) -> tuple[Import, ...]:
     """What these sources import of this project."""
     sources = [Source("", path.read_text(encoding="utf-8")) for path in files if path.suffix in SOURCE_SUFFIXES]
-    imports = {given for one in sources for given in one.imports}
-    return tuple(sorted((one for one in imports if one.module.partition(".")[0] in _OF_ATRA), key=str))
+    imports = {given for source in sources for given in source.imports}
+    return tuple(sorted((given for given in imports if given.module.partition(".")[0] in _OF_ATRA), key=str))
 
 
 def _helpers_of(file: Path) -> Helpers:
@@ -104,7 +104,7 @@ def _names_in(file: Path) -> tuple[set[str], set[str]]:
         nodes = [*ast.walk(ast.parse(file.read_bytes()))]
     except (OSError, SyntaxError, ValueError):
         return set(), set()
-    imported = {one.name for node in nodes if isinstance(node, ast.Import) for one in node.names}
+    imported = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
     imported |= {str(node.module) for node in nodes if isinstance(node, ast.ImportFrom) and not node.level}
     texts = {node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)}
     return {name.partition(".")[0] for name in imported}, {
@@ -118,9 +118,9 @@ def _spec_in(folder: Path, name: str) -> ModuleSpec | None:
 
 def _is_found_before(name: str, beside: ModuleSpec) -> bool:
     """Whether Python finds another module of this name before it comes to the one beside the file."""
-    loaded = None if name in _FINDER.found else getattr(sys.modules.get(name), "__spec__", None)
+    loaded = None if name in _FINDER.imported else getattr(sys.modules.get(name), "__spec__", None)
     specs = (finder.find_spec(name, None) for finder in sys.meta_path if finder is not _FINDER)
-    spec = loaded or next((one for one in specs if one is not None), None)
+    spec = loaded or next((place for place in specs if place is not None), None)
     return spec is not None and _places(spec) != _places(beside)
 
 

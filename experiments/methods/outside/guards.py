@@ -139,8 +139,9 @@ class ThreadGuard:
         return {thread for thread, cpu_s in self._cpu_times().items() if cpu_s - before.get(thread, 0.0) >= _SPIN_S}
 
     def _cpu_times(self) -> dict[tuple[int, int], float]:
-        found: dict[tuple[int, int], float] = {}
+        times_s: dict[tuple[int, int], float] = {}
         for process in self._known:
             with suppress(psutil.Error, OSError):
-                found |= {(process.pid, one.id): one.user_time + one.system_time for one in process.threads()}
-        return found
+                for thread in process.threads():
+                    times_s[process.pid, thread.id] = thread.user_time + thread.system_time
+        return times_s

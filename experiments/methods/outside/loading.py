@@ -73,7 +73,7 @@ def load_file(path: str | Path, number: int, taken: Collection[str], in_use: Col
     name = name_of_file(str(path))
     if path.suffix != ".py" or not path.is_file():
         raise InputError(f"method_file is {str(path)!r}, expected a Python file; `atra new-method mine` writes one")
-    helpers = use_helpers(path, [_whole(one) for one in in_use])
+    helpers = use_helpers(path, [_whole(file) for file in in_use])
     try:
         module = _imported(f"atra_method_file_{name}", path)
     except Exception as error:  # whatever the file raises is told
@@ -100,14 +100,14 @@ def _imported(module_name: str, path: Path) -> ModuleType:
 def _method_class(module: ModuleType, path: Path) -> Any:
     if hasattr(module, "METHOD"):
         return module.METHOD
-    own = [one for one in vars(module).values() if isinstance(one, type) and one.__module__ == module.__name__]
-    found = [one for one in own if _is_method(one)]
-    if len(found) != 1:
-        names = ", ".join(one.__name__ for one in found) or "none"
+    own = [kind for kind in vars(module).values() if isinstance(kind, type) and kind.__module__ == module.__name__]
+    methods = [kind for kind in own if _is_method(kind)]
+    if len(methods) != 1:
+        names = ", ".join(kind.__name__ for kind in methods) or "none"
         raise InputError(
             f"method_file {path} has these classes with a function prepare: {names}; expected one, or METHOD = its name"
         )
-    return found[0]
+    return methods[0]
 
 
 def _is_method(kind: Any) -> bool:
@@ -130,8 +130,9 @@ def method_of(name: str, kind: Any, version: str, number: int, taken: Collection
         return Tracer(mesh, view, Guarded(own), threads=tracing.threads, ties="any")
 
     def variant(row: Any) -> str:
-        known = {one.name: row[one.name] for one in fields(options) if row.get(one.name, one.default) != one.default}
-        return ", ".join(f"{name} {value}" for name, value in known.items())
+        defaults = {field.name: field.default for field in fields(options)}
+        told = {name: row.get(name, default) for name, default in defaults.items()}
+        return ", ".join(f"{name} {value}" for name, value in told.items() if value != defaults[name])
 
     return Method(
         name, str(getattr(kind, "label", name)), _style(number), options, make, PreparedGuarded.__module__,
@@ -141,12 +142,14 @@ def method_of(name: str, kind: Any, version: str, number: int, taken: Collection
 
 def _check_options(name: str, options: Any) -> None:
     hints = get_type_hints(options)
-    for one in fields(options):
-        kinds = set(get_args(hints[one.name])) - {NoneType} if _is_union(hints[one.name]) else {hints[one.name]}
+    for field in fields(options):
+        name_of, hint = f"option {field.name} of method {name}", hints[field.name]
+        kinds = set(get_args(hint)) - {NoneType} if _is_union(hint) else {hint}
         if not all(kind in _PLAIN_TYPES or (isinstance(kind, type) and issubclass(kind, Enum)) for kind in kinds):
-            raise InputError(f"option {one.name} of method {name} is of type {hints[one.name]}, expected a plain one")
-        if one.name in Point.__dataclass_fields__ or not isinstance(default_of(one), (*_PLAIN_TYPES, Enum, NoneType)):
-            raise InputError(f"option {one.name} of method {name} needs a default, and a name that no point has")
+            raise InputError(f"{name_of} is of type {hint}, expected a plain one")
+        is_plain = isinstance(default_of(field), (*_PLAIN_TYPES, Enum, NoneType))
+        if field.name in Point.__dataclass_fields__ or not is_plain:
+            raise InputError(f"{name_of} needs a default, and a name that no point has")
 
 
 def _is_union(hint: Any) -> bool:

@@ -202,10 +202,10 @@ def camera_rays(camera: View, offset: tuple[float, float] = _PIXEL_CENTRE) -> ND
 
 def read_hits(path: Path, count: int, shape: tuple[int, ...]) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
     """t and faces of a file of hits, in this shape. Raises InputError for a file of another length."""
-    found = np.fromfile(path, "<u4") if path.is_file() else np.empty(0, "<u4")
-    if len(found) != 2 * count:
-        raise InputError(f"the program wrote {found.nbytes:,} bytes of hits, expected {8 * count:,}")
-    return found[:count].view("<f4").reshape(shape), found[count:].reshape(shape)
+    words = np.fromfile(path, "<u4") if path.is_file() else np.empty(0, "<u4")
+    if len(words) != 2 * count:
+        raise InputError(f"the program wrote {words.nbytes:,} bytes of hits, expected {8 * count:,}")
+    return words[:count].view("<f4").reshape(shape), words[count:].reshape(shape)
 
 
 class PreparedProgramGuarded(PreparedGuarded):
@@ -243,7 +243,7 @@ def _files(command: str) -> list[Path]:
     except ValueError:
         return []
     program = shutil.which(words[0]) if words else None
-    return [] if program is None else [Path(program), *(Path(one) for one in words[1:] if Path(one).is_file())]
+    return [] if program is None else [Path(program), *(Path(word) for word in words[1:] if Path(word).is_file())]
 
 
 def _resolve(options: ProgramOptions, width: int) -> ProgramOptions:
@@ -255,7 +255,7 @@ def _resolve(options: ProgramOptions, width: int) -> ProgramOptions:
     words = shlex.split(command)
     whole = [
         str(files[0].absolute()),
-        *(str(Path(one).absolute()) if Path(one).is_file() else one for one in words[1:]),
+        *(str(Path(word).absolute()) if Path(word).is_file() else word for word in words[1:]),
     ]
     return replace(options, command=shlex.join(whole), program_sha256=digest_of_files(files))
 

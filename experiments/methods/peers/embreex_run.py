@@ -34,8 +34,8 @@ class PreparedEmbreex(PreparedBlocks):
 
     def _cast(self, scene: Any, rays: RayArrays) -> Answer:
         def cast(block: RayArrays) -> Answer:
-            found = scene.run(block.origins, block.directions, dists=np.inf, output=True)
-            return found["tfar"], found["primID"].view(np.uint32)  # -1 is a miss, that is MISS
+            hits = scene.run(block.origins, block.directions, dists=np.inf, output=True)
+            return hits["tfar"], hits["primID"].view(np.uint32)  # -1 is a miss, that is MISS
 
         return self._in_blocks(cast, rays)
 

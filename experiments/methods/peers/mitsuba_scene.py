@@ -73,10 +73,10 @@ class PreparedMitsuba(PreparedRays):
     def _cast(self, scene: Any, rays: Any) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
         dr = self._drjit
         self._use_own_threads()
-        found = scene.ray_intersect_preliminary(rays, coherent=True)
-        hit = found.is_valid()
-        depth = dr.select(hit, found.t, np.inf)
-        prim_id = dr.select(hit, found.prim_index, int(MISS))
+        hits = scene.ray_intersect_preliminary(rays, coherent=True)
+        hit = hits.is_valid()
+        depth = dr.select(hit, hits.t, np.inf)
+        prim_id = dr.select(hit, hits.prim_index, int(MISS))
         dr.eval(depth, prim_id)
         dr.sync_thread()
         return depth.numpy(), prim_id.numpy()

@@ -45,8 +45,8 @@ class PreparedOpen3D(PreparedRays):
         return scene
 
     def _cast(self, scene: Any, rays: Any) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-        found = scene.cast_rays(rays, nthreads=self.threads)
-        return found["t_hit"].numpy(), found["primitive_ids"].numpy()
+        hits = scene.cast_rays(rays, nthreads=self.threads)
+        return hits["t_hit"].numpy(), hits["primitive_ids"].numpy()
 
     def _count(self, scene: Any, rays: Any) -> NDArray[np.integer]:
         counted: NDArray[np.integer] = scene.count_intersections(rays, nthreads=self.threads).numpy()
@@ -59,8 +59,8 @@ class PreparedOpen3D(PreparedRays):
             return self._tensor(np.concatenate([origins, directions], axis=1))
 
         def all_hits(*given: NDArray[np.float32]) -> Asked:
-            found = scene.list_intersections(rays(*given), **threads)
-            return found["ray_ids"].numpy(), found["primitive_ids"].numpy()
+            hits = scene.list_intersections(rays(*given), **threads)
+            return hits["ray_ids"].numpy(), hits["primitive_ids"].numpy()
 
         return {
             "closest": lambda *given: scene.cast_rays(rays(*given), **threads)["primitive_ids"].numpy(),

@@ -81,7 +81,7 @@ class PreparedPeer(Prepared):
     def counters(self) -> Mapping[str, Any]:
         """What is measured, in words."""
         told = package_version(self.package) or "unknown", self.interface, self.setting
-        return dict(zip((one.name for one in PEER_COLUMNS), told, strict=True))
+        return dict(zip((column.name for column in PEER_COLUMNS), told, strict=True))
 
     def still_serves(self, camera: View) -> bool:
         """Take any camera of the same size: the world is the peer's."""
@@ -176,10 +176,10 @@ class PreparedRays(PreparedPeer):
     def answer_to(self, question: str) -> Answering:
         """The peer's own function for a question, from plain arrays to plain arrays. Raises InputError where it has
         none."""
-        found = self._answers(self._scene).get(question)
-        if found is None:
+        answer = self._answers(self._scene).get(question)
+        if answer is None:
             raise InputError(f"{type(self).__name__} has no answer to workload.question={question}")
-        return found
+        return answer
 
     def answer_of_stand_in(self, question: str, make: Callable[..., Any]) -> Answering | None:
         """The same of a class that stands in for the peer's, which `make` makes of the peer's mesh; None where none

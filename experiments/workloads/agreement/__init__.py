@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from enum import IntEnum
 from math import isfinite
-from typing import Any
+from typing import Any, TypedDict
 from zlib import crc32
 
 import numpy as np
@@ -17,14 +17,14 @@ from atra.errors import InputError
 from atra.geometry.view import check_offset
 from atra.judge.compare import Verdict, compare
 from atra.prim_ids import MISS
-from experiments.harness.column import WHOLE, Column
 from experiments.harness.options import Settings, option, whole
-from experiments.harness.point import Measured, Point, Workload
+from experiments.harness.point import Measured, Point
 from experiments.harness.records import Record
 from experiments.workloads.agreement.oracle import Correctness, Examination, examine, sample_pixels
-from experiments.workloads.images import IMAGE_COLUMNS, PIXELS, counts, depth_errors, say_holes
-from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES
+from experiments.workloads.images import Images, say_holes, summed
+from experiments.workloads.resources import Resources
 from experiments.workloads.rounds import build_own, make_single, measured
+from experiments.workloads.typed import workload
 
 Offset = tuple[float, float]
 
@@ -50,25 +50,21 @@ def _headline(record: Record) -> str:
     return f"{told}; depths off by up to {record.results['depth_error_max']:.1e}"
 
 
-AGREEMENT = Workload(
-    name="agreement",
-    options=AgreementOptions,
-    columns=(
-        *RESOURCE_COLUMNS,
-        *IMAGE_COLUMNS,
-        Column("images", WHOLE, "images compared, one an offset"),
-        Column("method_wrong", WHOLE, "pixels that differ where float64 finds the method wrong"),
-        Column("baseline_wrong", WHOLE, "pixels that differ where float64 finds rtcIntersect1 wrong"),
-        Column("method_holes", WHOLE, "wrong pixels where the method's ray slips through between triangles"),
-        Column("baseline_holes", WHOLE, "wrong pixels where an rtcIntersect1 ray slips through between triangles"),
-        Column("rays_sampled", WHOLE, "rays drawn from all pixels and tested with every triangle"),
-        Column("sampled_method_wrong", WHOLE, "sampled rays that the method gets wrong"),
-        Column("sampled_baseline_wrong", WHOLE, "sampled rays that rtcIntersect1 gets wrong"),
-    ),
-    headline=_headline,
-    room=__name__,
-    needs=(*RESOURCES, *PIXELS, "images", "disagreements", "method_wrong", "baseline_wrong"),
-)
+class Faults(TypedDict):
+    """What the oracle says of all images, and every pixel where two differ or one was found wrong, as columns."""
+
+    images: int
+    method_wrong: int
+    baseline_wrong: int
+    method_holes: int
+    baseline_holes: int
+    rays_sampled: int
+    sampled_method_wrong: int
+    sampled_baseline_wrong: int
+    disagreements: dict[str, list[Any]]
+
+
+AGREEMENT = workload("agreement", __name__, _headline, Resources, Images, Faults, options=AgreementOptions)
 
 
 def measure(point: Point) -> Measured:
@@ -79,58 +75,55 @@ def measure(point: Point) -> Measured:
         own, results = build_own(point, stack)
         mesh, camera = own.mesh, own.camera
         single = stack.enter_context(make_single(point, mesh, camera))
-        totals: Counter[str] = Counter()
-        agreements = []
-        listed: dict[str, list[Any]] = {}
+        agreements, examined = [], []
         for number, offset in enumerate(options.offsets):
             hits, reference = own.trace(offset), single.trace(offset)
-            agreement = compare(hits, reference)
-            agreements.append(agreement)
+            agreements.append(compare(hits, reference))
             # Every image of every point draws a sample of its own, so that a scene's samples add up.
             sample = sample_pixels(camera, options.sample_rays, [_seed(point), number])
-            found = examine(mesh, camera, hits, reference, agreement, sample, point.threads)
-            totals.update(counts([agreement]) | _errors(found))
-            for name, values in _disagreements(found, offset).items():
-                listed.setdefault(name, []).extend(values)
-    results |= totals | depth_errors(agreements) | {"images": len(options.offsets), "disagreements": listed}
-    return measured(results)
+            examined.append(examine(mesh, camera, hits, reference, agreements[-1], sample, point.threads))
+    return measured(results | {**summed(agreements), **_faults(examined, options.offsets)})
 
 
 def _seed(point: Point) -> int:
     return crc32(repr(sorted(point.row.items())).encode())
 
 
-def _errors(found: Examination) -> dict[str, int]:
-    """Counts of what the oracle says, by column of the table."""
-    disputed, sampled = found.disputed, found.sampled
-    return {
-        "method_wrong": int((disputed & found.hits.wrong).sum()),
-        "baseline_wrong": int((disputed & found.reference.wrong).sum()),
-        "method_holes": int((disputed & found.hits.holes).sum()),
-        "baseline_holes": int((disputed & found.reference.holes).sum()),
-        "rays_sampled": int(sampled.sum()),
-        "sampled_method_wrong": int((sampled & found.hits.wrong).sum()),
-        "sampled_baseline_wrong": int((sampled & found.reference.wrong).sum()),
-    }
+def _faults(examined: Sequence[Examination], offsets: Sequence[Offset]) -> Faults:
+    def count(chosen: Callable[[Examination], NDArray[np.bool_]]) -> int:
+        return sum(int(chosen(image).sum()) for image in examined)
+
+    parts = [_disagreements(image, offset) for image, offset in zip(examined, offsets, strict=True)]
+    return Faults(
+        images=len(examined),
+        method_wrong=count(lambda image: image.disputed & image.hits.wrong),
+        baseline_wrong=count(lambda image: image.disputed & image.reference.wrong),
+        method_holes=count(lambda image: image.disputed & image.hits.holes),
+        baseline_holes=count(lambda image: image.disputed & image.reference.holes),
+        rays_sampled=count(lambda image: image.sampled),
+        sampled_method_wrong=count(lambda image: image.sampled & image.hits.wrong),
+        sampled_baseline_wrong=count(lambda image: image.sampled & image.reference.wrong),
+        disagreements={name: [value for part in parts for value in part[name]] for name in parts[0]},
+    )
 
 
-def _disagreements(found: Examination, offset: Offset) -> dict[str, list[Any]]:
+def _disagreements(image: Examination, offset: Offset) -> dict[str, list[Any]]:
     """Columns of a list of every pixel where the images differ or one was found wrong; None = nothing, JSON has no
     infinity."""
-    rows = np.flatnonzero(found.disputed | found.hits.wrong | found.reference.wrong)
+    rows = np.flatnonzero(image.disputed | image.hits.wrong | image.reference.wrong)
     columns: dict[str, NDArray[Any]] = {
-        "offset_x": np.full(len(found.x), offset[0]),
-        "offset_y": np.full(len(found.x), offset[1]),
-        "x": found.x,
-        "y": found.y,
-        "verdict": _named(Verdict, found.verdict),
-        "sampled": found.sampled,
-        "truth_prim_id": found.truth.prim_id,
-        "truth_depth": found.truth.depth,
-        "truth_edge_distance": found.truth.edge_distance,
-        "truth_exhaustive": found.truth.exhaustive,
+        "offset_x": np.full(len(image.x), offset[0]),
+        "offset_y": np.full(len(image.x), offset[1]),
+        "x": image.x,
+        "y": image.y,
+        "verdict": _named(Verdict, image.verdict),
+        "sampled": image.sampled,
+        "truth_prim_id": image.truth.prim_id,
+        "truth_depth": image.truth.depth,
+        "truth_edge_distance": image.truth.edge_distance,
+        "truth_exhaustive": image.truth.exhaustive,
     }
-    for name, answer in (("method", found.hits), ("baseline", found.reference)):
+    for name, answer in (("method", image.hits), ("baseline", image.reference)):
         columns |= {
             f"{name}_prim_id": answer.prim_id,
             f"{name}_stored_depth": answer.stored_depth,
@@ -143,7 +136,7 @@ def _disagreements(found: Examination, offset: Offset) -> dict[str, list[Any]]:
 
 
 def _named(kind: type[IntEnum], codes: NDArray[np.uint8]) -> NDArray[np.str_]:
-    return np.array([one.name.lower().replace("_", " ") for one in kind])[codes]
+    return np.array([member.name.lower().replace("_", " ") for member in kind])[codes]
 
 
 def _json_value(value: Any) -> Any:

@@ -240,6 +240,6 @@ def _met(pairs: Pairs) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Depth and edge distance, (N,) float64 each, of every ray's own triangle; inf and NaN for a miss."""
     depth, edge_distance = np.full(len(pairs.prim_id), np.inf), np.full(len(pairs.prim_id), np.nan)
     named = pairs.prim_id != MISS
-    found = pairs[named].intersections
-    depth[named], edge_distance[named] = found.depth, found.edge_distance
+    met = pairs[named].intersections
+    depth[named], edge_distance[named] = met.depth, met.edge_distance
     return depth, edge_distance

@@ -12,10 +12,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from atra.files.paths import write_atomically
+from atra.files.saving import encode_png
 from atra.judge.compare import Verdict
 from atra.judge.marks import mark_verdicts
 from experiments.drawing.figure import Axis, Bar, Figure, Panel
-from experiments.drawing.shading import encode_png
 from experiments.drawing.style import BLACK, BLUE, GREY, TIMES
 from experiments.drawing.values import column, numbers
 from experiments.harness.records import load_record
@@ -120,9 +120,9 @@ def sweep_lines(rows: pd.DataFrame) -> Iterator[str]:
         total = {name: int(of_scene[name].sum()) for name in _COUNTS}
         holes = say_holes({name: column(of_scene, name).sum() for name in HOLES})
         beyond = [
-            f"{kind} {one['method_wrong'].sum():,} against {one['baseline_wrong'].sum():,}"
-            for kind, one in of_scene.groupby(of_scene.apply(say_kind, axis=1), sort=False)
-            if errs_too_often(one)
+            f"{kind} {of_kind['method_wrong'].sum():,} against {of_kind['baseline_wrong'].sum():,}"
+            for kind, of_kind in of_scene.groupby(of_scene.apply(say_kind, axis=1), sort=False)
+            if errs_too_often(of_kind)
         ]
         often = (
             f"more than {TARGET} times as often: {'; '.join(beyond)}" if beyond else f"no method over {TARGET} times"

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from statistics import median
-from typing import Any
+from typing import Any, NotRequired, TypedDict
 
-from experiments.harness.column import REAL, Column
-from experiments.harness.options import NoOptions
-from experiments.harness.point import Measured, Point, Workload, make_own
+from experiments.harness.point import Measured, Point, make_own
 from experiments.harness.records import Record
-from experiments.results.statistics import Series, statistics_columns
-from experiments.workloads.baselines import series
 from experiments.workloads.build.bvh_cost import cost_of
-from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms
-from experiments.workloads.rounds import build_own, make_single, measured, shrunk, timed_rounds, warm_up
+from experiments.workloads.resources import Resources, say_ms
+from experiments.workloads.rounds import build_own, make_single, race, warm_up
+from experiments.workloads.typed import Times, series, workload
 
 PLAN, BVH, BASELINE = "plan", "build", "baseline_build"
 """Names in the samples: the point's plan, its BVH build, the BVH build of the plain mesh."""
@@ -25,44 +22,30 @@ def _headline(record: Record) -> str:
     return f"plan {say_ms(median(record.samples[PLAN]))}, build {say_ms(median(record.samples[BVH]))}"
 
 
-def _over(*names: str) -> Series:
-    """A record -> the ratios of a sum of series and the build of the plain mesh, round by round."""
+class Cost(TypedDict):
+    """The surface area cost of the BVH, of a process that tells it."""
 
-    def ratios(record: Record) -> Any:
-        parts = [series(name)(record) for name in (*names, BASELINE)]
-        return None if any(part is None for part in parts) else sum(parts[:-1]) / parts[-1]
-
-    return ratios
+    boxes_entered: NotRequired[float]
+    triangles_tested: NotRequired[float]
 
 
-BUILD = Workload(
-    name="build",
-    options=NoOptions,
-    columns=(
-        *RESOURCE_COLUMNS,
-        *statistics_columns("plan_time{}_s", "plan: culling and shear", series(PLAN)),
-        *statistics_columns("build_time{}_s", "BVH build", series(BVH)),
-        *statistics_columns("baseline_build_time{}_s", "BVH build of the plain mesh", series(BASELINE)),
-        Column("boxes_entered", REAL, "boxes of the BVH that a random ray enters"),
-        Column("triangles_tested", REAL, "triangles that a random ray is tested with"),
-        *statistics_columns("build_over_plain{}", "BVH build / that of the plain mesh, in the same rounds", _over(BVH)),
-        *statistics_columns(
-            "plan_and_build_over_plain{}", "plan and build / BVH build of the plain mesh", _over(PLAN, BVH)
-        ),
-    ),
-    headline=_headline,
-    room=__name__,
-    samples=lambda point: frozenset((PLAN, BVH, BASELINE)),
-    judged=BVH,
-    needs=RESOURCES,
-)
+def _both_over_plain(record: Record) -> Any:
+    """Plan and build over the build of the plain mesh, round by round."""
+    plan, bvh, plain = (series(name)(record) for name in (PLAN, BVH, BASELINE))
+    return None if plan is None or bvh is None or plain is None else (plan + bvh) / plain
+
+
+BUILD = workload(
+    "build", __name__, _headline, Resources,
+    Times({"plan_time{}_s": PLAN, "build_time{}_s": BVH, "baseline_build_time{}_s": BASELINE}, judged=BVH),
+    Cost, Times({"build_over_plain{}": (BVH, BASELINE), "plan_and_build_over_plain{}": _both_over_plain}),
+)  # fmt: skip
 
 
 def measure(point: Point) -> Measured:
     """Samples of plan and build by the method's own clocks: they know which of its two BVHs is built while it plans,
     and stop to compile."""
-    small = shrunk(point)
-    warm_up(point, [lambda mesh, view: make_own(small, mesh, view), lambda mesh, view: make_single(small, mesh, view)])
+    warm_up(point, [make_own, make_single])
     plans: list[float] = []
     builds: list[float] = []
     with ExitStack() as stack:
@@ -74,11 +57,15 @@ def measure(point: Point) -> Measured:
             plans.append(own.plan_time_s)
             builds.append(own.build_time_s)
 
-        timed = timed_rounds(point, {BVH: prepare, BASELINE: baseline.build})
-        if point.process == 0:  # the same in every process, and takes long
-            cost = cost_of(own, point.build_quality)
-            results |= {} if cost is None else asdict(cost)
-    warmup = len(plans) - timed.rounds
-    for samples, chosen in ((timed.warmup, slice(warmup)), (timed.samples, slice(warmup, None))):
-        samples |= {PLAN: tuple(plans[chosen]), BVH: tuple(builds[chosen])}
-    return measured(results, timed)
+        def judge_bvh() -> dict[str, Any]:
+            # The same in every process, and takes long.
+            cost = cost_of(own, point.build_quality) if point.process == 0 else None
+            return {} if cost is None else asdict(cost)
+
+        raced = race(point, {BVH: prepare, BASELINE: baseline.build}, judge_bvh, results)
+    warmup = len(plans) - results["rounds"]
+    return replace(
+        raced,
+        warmup_samples=raced.warmup_samples | {PLAN: plans[:warmup], BVH: builds[:warmup]},
+        samples=raced.samples | {PLAN: plans[warmup:], BVH: builds[warmup:]},
+    )

@@ -2,30 +2,14 @@
 
 from __future__ import annotations
 
-import numpy as np
+from functools import partial
 
-from experiments.harness.options import NoOptions
-from experiments.harness.point import Workload
-from experiments.harness.records import Record
-from experiments.workloads.baselines import BESIDE_BASELINES, OWN, SINGLE, TIME_COLUMNS
-from experiments.workloads.images import IMAGE_COLUMNS, PIXELS
-from experiments.workloads.resources import PREPARATION, PREPARATION_COLUMNS, RESOURCE_COLUMNS, RESOURCES
+from experiments.workloads.baselines import BESIDE_BASELINES, SINGLE, say_gains
+from experiments.workloads.images import Images
+from experiments.workloads.resources import Preparation, Resources
+from experiments.workloads.typed import workload
 
-
-def _headline(record: Record) -> str:
-    own, single = np.asarray(record.samples[OWN]), np.asarray(record.samples[SINGLE])
-    return f"{np.median(own) * 1e3:.1f} ms, {np.median(single / own):.2f}x rtcIntersect1"
-
-
-FRAME = Workload(
-    name="frame",
-    options=NoOptions,
-    columns=(*RESOURCE_COLUMNS, *IMAGE_COLUMNS, *PREPARATION_COLUMNS, *TIME_COLUMNS),
-    headline=_headline,
-    room=__name__,
-    samples=lambda point: frozenset((OWN, SINGLE)),
-    needs=(*RESOURCES, *PIXELS, *PREPARATION),
-    rays=lambda row: "primary",
-    want="nearest",
-    **BESIDE_BASELINES,
-)
+FRAME = workload(
+    "frame", __name__, partial(say_gains, rtcIntersect1=SINGLE), Resources, Images, Preparation, BESIDE_BASELINES,
+    rays=lambda row: "primary", want="nearest",
+)  # fmt: skip

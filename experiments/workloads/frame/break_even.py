@@ -75,13 +75,13 @@ def baseline_costs(rows: pd.DataFrame) -> dict[str, Cost]:
     chosen = rows["method"].eq(PIXEL.name) & rows["packet_width"].gt(1)
     packets = rows[chosen.fillna(False).astype(bool)]
     qualities = column(packets, "own_build_quality").fillna(SAME).astype(str)
-    found: dict[str, Cost] = {}
-    for quality in sorted(qualities.unique(), key=lambda one: (one != SAME, one)):
+    fastest: dict[str, Cost] = {}
+    for quality in sorted(qualities.unique(), key=lambda name: (name != SAME, name)):
         costs = [cost_of(row) for _, row in best_rows(packets[(qualities == quality).to_numpy(bool)]).iterrows()]
         known = [cost for cost in costs if cost is not None]
         if known:
-            found[quality] = min(known, key=lambda one: one.frame_time_s)
-    return found
+            fastest[quality] = min(known, key=lambda cost: cost.frame_time_s)
+    return fastest
 
 
 def cumulative_time_s(cost: Cost, frames: NDArray[np.integer]) -> NDArray[np.float64]:
@@ -98,7 +98,7 @@ def break_even_frames(cost: Cost, baselines: Iterable[Cost]) -> int | None:
     1 = ahead from the first frame on; None = never, which includes a lead that further frames use up.
     """
     frames = [_ahead_of(cost, baseline) for baseline in baselines]
-    return None if None in frames else max(one for one in frames if one is not None)
+    return None if None in frames else max(count for count in frames if count is not None)
 
 
 def break_even_interval(cost: Cost, gains: Iterable[float], baselines: Collection[Cost]) -> list[int | None]:
@@ -197,7 +197,7 @@ def _best_of_all(points: pd.DataFrame) -> pd.Series | None:
 def _line(label: str, costs: list[Cost], style: dict[str, object]) -> Line:
     """The least of these costs over the number of frames."""
     frames = np.unique(np.geomspace(1, LAST_FRAME, 200).round().astype(np.int64))
-    times_s = np.min([cumulative_time_s(one, frames) for one in costs], axis=0)
+    times_s = np.min([cumulative_time_s(cost, frames) for cost in costs], axis=0)
     return Line(label, frames.astype(np.float64), times_s, style)
 
 

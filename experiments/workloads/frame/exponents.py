@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 
 from experiments.drawing.values import drawable
 from experiments.methods.pixel import PIXEL
-from experiments.results.statistics import FEWEST_PROCESSES, Interval, student
+from experiments.results.statistics import FEWEST_FITTED, FEWEST_PROCESSES, Interval, fit_exponent, student
 from experiments.workloads.frame.growth import Growth, Panel, fitted_slope, growth_panels, growths
-
-_FEWEST_SIZES = 3
 
 
 def exponents(processes: pd.DataFrame) -> Iterator[tuple[Panel, str, Interval]]:
@@ -22,40 +20,31 @@ def exponents(processes: pd.DataFrame) -> Iterator[tuple[Panel, str, Interval]]:
     Packets themselves: k of their time. Each process is fitted by itself, and the interval is Student's over processes;
     of fewer than three it is that of the straight line through all sizes. processes: rows of each that measured.
     """
-    found: dict[tuple[str, str], tuple[Panel, list[Growth]]] = {}
+    known: dict[tuple[str, str], tuple[Panel, list[Growth]]] = {}
     for _, rows in processes.groupby(processes["process"].fillna(0), sort=True):
         for panel in growth_panels(rows):
-            for one in growths(panel):
-                found.setdefault((panel.title, one.method), (panel, []))[1].append(one)
-    for (_, method), (panel, several) in found.items():
+            for growth in growths(panel):
+                known.setdefault((panel.title, growth.method), (panel, []))[1].append(growth)
+    for (_, method), (panel, several) in known.items():
         interval = _over_processes(several)
         if interval is not None:
             yield panel, method, interval
 
 
-def _values(one: Growth) -> NDArray[np.float64]:
-    return one.time_s if one.method == PIXEL.name else 1.0 / one.over_packets
+def _values(growth: Growth) -> NDArray[np.float64]:
+    return growth.time_s if growth.method == PIXEL.name else 1.0 / growth.over_packets
 
 
 def _over_processes(several: Sequence[Growth]) -> Interval | None:
-    slopes = [slope for one in several if (slope := fitted_slope(one.sizes, _values(one))) is not None]
-    if not slopes:
-        return None
-    middle = float(np.mean(slopes))
+    slopes = [slope for growth in several if (slope := fitted_slope(growth.sizes, _values(growth))) is not None]
     if len(slopes) >= FEWEST_PROCESSES:
+        middle = float(np.mean(slopes))
         half = student(len(slopes) - 1) * float(np.std(slopes, ddof=1)) / np.sqrt(len(slopes))
         return Interval(middle, middle - half, middle + half)
-    sizes, values = (
-        np.concatenate(parts) for parts in zip(*((one.sizes, _values(one)) for one in several), strict=True)
-    )
+    sizes, values = np.concatenate([(growth.sizes, _values(growth)) for growth in several], axis=1)
     known = drawable(values)
-    if len(np.unique(sizes[known])) < _FEWEST_SIZES:
-        return None
-    from scipy import stats  # takes a second to import
-
-    line = stats.linregress(np.log(sizes[known]), np.log(values[known]))
-    half = student(int(known.sum()) - 2) * float(line.stderr)
-    return Interval(float(line.slope), float(line.slope) - half, float(line.slope) + half)
+    is_enough = known.sum() >= FEWEST_FITTED and len(np.unique(sizes[known])) > 1
+    return fit_exponent(sizes[known], values[known]).exponent if is_enough else None
 
 
 def exponent_lines(processes: pd.DataFrame) -> Iterator[str]:

@@ -37,8 +37,8 @@ def grid_times(table: pd.DataFrame) -> Figure:
         return numbers(rows, "render_time_s") * MILLISECONDS
 
     panels = []
-    for one in _panels(table):
-        panels += _maps(one, read, say_number, _say_beside(one, table))
+    for panel in _panels(table):
+        panels += _maps(panel, read, say_number, _say_beside(panel, table))
     return _figure(table, panels, "in each cell: milliseconds of a frame")
 
 
@@ -46,20 +46,20 @@ def grid_ratios(table: pd.DataFrame) -> Figure:
     """The same in speed-ups under both readings of the paper's 1 x 1: over rays of the same kind (single rays or
     packets), and below over all hits, which is 1 x 1 without culling."""
     panels, over = [], ""
-    for one in _panels(table):
-        ratio, start = own_ratio(one.rows), next(iter(all_hits(one.rows)), np.nan)
+    for panel in _panels(table):
+        ratio, start = own_ratio(panel.rows), next(iter(all_hits(panel.rows)), np.nan)
         notes = [] if np.isfinite(start) else [f"{ALL_HITS}: not measured, so no speed-up over it"]
-        notes += _say_beside(one, table, ratio)
-        panels += _maps(one, partial(numbers, name=ratio), partial(_say_ratios, start), notes)
+        notes += _say_beside(panel, table, ratio)
+        panels += _maps(panel, partial(numbers, name=ratio), partial(_say_ratios, start), notes)
         over = say_baseline(ratio)
     return _figure(table, panels, f"in each cell: speed-up over {over}; below, over all hits")
 
 
 def _say_beside(panel: PanelRows, table: pd.DataFrame, ratio: str | None = None) -> list[str]:
     """A line for each method of a file, which has no splits and no cell."""
-    found = list(best_points(beside(panel.rows, table)))
-    told = [f"{one.name}: {say_level(best, ratio)}" for one in found for _, best in one.best.iterrows()]
-    return [*told, *(line for one in found for line in one.notes())]
+    points = list(best_points(beside(panel.rows, table)))
+    told = [f"{point.name}: {say_level(best, ratio)}" for point in points for _, best in point.best.iterrows()]
+    return [*told, *(line for point in points for line in point.notes())]
 
 
 def _say_ratios(start: float, ratio: float) -> str:
@@ -86,7 +86,7 @@ def _maps(
     shown = only_measured(panel.rows, read(panel.rows))
     shown = shown[drawable(shown)]
     low, high = (float(shown.min()), float(shown.max())) if len(shown) else (1.0, 1.0)
-    splits_x, splits_y = (sorted(int(one) for one in panel.rows[name].dropna().unique()) for name in _AXES)
+    splits_x, splits_y = (sorted(int(split) for split in panel.rows[name].dropna().unique()) for name in _AXES)
     forms, maps = aligned_forms(panel.rows), []
     for form in expected_forms(panel.rows):
         points, words = forms.get(form, panel.rows[:0]), form.removeprefix("aligned, ")

@@ -26,8 +26,6 @@ _PIXELS = ("width", "height")
 AXES = {"subdivided": ("subdivided",), "copies": ("copies",), "pixels": _PIXELS}
 """What grows -> the settings that change it."""
 
-UNITS = {"subdivided": "triangles", "copies": "triangles", "pixels": "pixels"}
-
 _TITLES = {"subdivided": "subdivided", "copies": "copies of it as one mesh", "pixels": "larger images"}
 
 TOO_CLOSE = 0.02
@@ -69,13 +67,13 @@ class Panel(panels.PanelRows):
 
     @property
     def unit(self) -> str:
-        return UNITS[self.axis]
+        return "pixels" if self.axis == "pixels" else "triangles"
 
 
 def growth_panels(table: pd.DataFrame) -> list[Panel]:
     """One a scene, an axis, and a value of every other setting that varies, where at least two sizes are."""
     rows = time_rows(table)
-    found = []
+    grown = []
     for scene in rows["scene"].unique():
         of_scene = rows[rows["scene"] == scene]
         for axis, names in AXES.items():
@@ -86,12 +84,12 @@ def growth_panels(table: pd.DataFrame) -> list[Panel]:
             for key, some in groups:
                 if any(varies(some, name) for name in names):
                     words = [say_setting(name, value) for name, value in zip(others, key, strict=True)]
-                    found.append(Panel(str(scene), ", ".join(words), some, axis))
-    return found
+                    grown.append(Panel(str(scene), ", ".join(words), some, axis))
+    return grown
 
 
 def growths(panel: Panel) -> Iterator[Growth]:
-    """One a method and packet width that was measured in the panel."""
+    """The growth of every method and packet width that was measured in the panel."""
     for method, width, points in series_of(panel.rows):
         best = best_rows(points)
         sizes = numbers(best, "triangles")
@@ -100,14 +98,17 @@ def growths(panel: Panel) -> Iterator[Growth]:
         order = np.argsort(sizes, kind="stable")
         best, sizes = best.iloc[order], sizes[order]
         if len(best):
-            time_s, low_s, high_s = interval(best, "render_time{}_s")
             prepared_s = np.nan_to_num(numbers(best, "plan_time_s")) + numbers(best, "build_time_s")
+            time_s, low_s, high_s = interval(best, "render_time{}_s")
             over = numbers(best, OVER_PACKETS)
             yield Growth(method, width, sizes, time_s, low_s, high_s, over, prepared_s, _bytes(best, method))
 
 
 def _bytes(rows: pd.DataFrame, method: str) -> NDArray[np.float64]:
-    names = ["embree_bytes", *(one.name for one in find_method(method).counters if one.name.endswith("_bytes"))]
+    names = [
+        "embree_bytes",
+        *(name for counter in find_method(method).counters if (name := counter.name).endswith("_bytes")),
+    ]
     held = np.nansum([numbers(rows, name) for name in names], axis=0)
     return np.where(held > 0, held, np.nan)
 
@@ -129,49 +130,44 @@ class Crossing:
     behind: Growth
 
 
-def crossings(one: Growth, other: Growth) -> list[Crossing]:
+def crossings(first: Growth, second: Growth) -> list[Crossing]:
     """Where one overtakes the other, interpolated linearly in logarithms between sizes that both were measured at.
 
     Compares speed-ups over packets in the same rounds, which drift of the machine does not change.
     """
-    sizes, ratio = advantage(one, other)
+    sizes, ratio = advantage(first, second)
     sizes, ratio = sizes[(decided := np.abs(np.log(ratio)) > TOO_CLOSE)], ratio[decided]
-    found = []
+    crossed = []
     for (low, before), (high, after) in pairwise(zip(np.log(sizes), np.log(ratio), strict=True)):
         if before * after < 0:
             size = float(np.exp(low + (high - low) * before / (before - after)))
-            found.append(Crossing(size, *((one, other) if after > 0 else (other, one))))
-    return found
+            crossed.append(Crossing(size, *((first, second) if after > 0 else (second, first))))
+    return crossed
 
 
-def advantage(one: Growth, other: Growth) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Sizes at which both were measured, and how many times as fast `one` is there; (N,) each."""
-    sizes, own, others = np.intersect1d(one.sizes, other.sizes, return_indices=True)
-    ratio = one.over_packets[own] / other.over_packets[others]
+def advantage(first: Growth, second: Growth) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Sizes at which both were measured, and how many times as fast `first` is there; (N,) each."""
+    sizes, own, others = np.intersect1d(first.sizes, second.sizes, return_indices=True)
+    ratio = first.over_packets[own] / second.over_packets[others]
     return sizes[(known := drawable(ratio))], ratio[known]
 
 
 def say_crossings(panel: Panel) -> Iterator[str]:
     """For every two methods: where one overtakes the other, or by how much it leads everywhere."""
-    for one, other in combinations(growths(panel), 2):
-        sizes, ratio = advantage(one, other)
+    for first, second in combinations(growths(panel), 2):
+        sizes, ratio = advantage(first, second)
         if len(sizes) == 0:
             continue
-        found = crossings(one, other)
-        for crossing in found:
-            yield (
-                f"{crossing.ahead.name} overtakes {crossing.behind.name} at about {say_count(crossing.size)} "
-                f"{panel.unit}"
-            )
-        if found:
-            continue
-        leads = float(np.exp(np.log(ratio).mean())) >= 1
-        ahead, behind = (one, other) if leads else (other, one)
-        least, most = (ratio.min(), ratio.max()) if leads else (1 / ratio.max(), 1 / ratio.min())
-        yield (
-            f"{ahead.name} is {least:.2f} to {most:.2f}{TIMES} as fast as {behind.name} from {say_count(sizes[0])} to "
-            f"{say_count(sizes[-1])} {panel.unit}"
-        )
+        crossed = crossings(first, second)
+        for crossing in crossed:
+            size = f"{say_count(crossing.size)} {panel.unit}"
+            yield f"{crossing.ahead.name} overtakes {crossing.behind.name} at about {size}"
+        if not crossed:
+            leads = float(np.exp(np.log(ratio).mean())) >= 1
+            ahead, behind = (first, second) if leads else (second, first)
+            least, most = (ratio.min(), ratio.max()) if leads else (1 / ratio.max(), 1 / ratio.min())
+            where = f"from {say_count(sizes[0])} to {say_count(sizes[-1])} {panel.unit}"
+            yield f"{ahead.name} is {least:.2f} to {most:.2f}{TIMES} as fast as {behind.name} {where}"
 
 
 def growth_lines(rows: pd.DataFrame) -> Iterator[str]:
@@ -211,7 +207,7 @@ def growth_figure(table: pd.DataFrame) -> Figure:
     widths = [None, 1, 4, 8, 16]
     names = dict.fromkeys(say_series(method.name, width) for method in METHODS for width in widths)
     return panels.figure_of(
-        "lines", [one.panel(_panel(one)) for one in growth_panels(table)], table,
+        "lines", [panel.panel(_panel(panel)) for panel in growth_panels(table)], table,
         "dotted: plan and build; ring: one method overtakes another, by ratios within rounds",
         "grows: k of its growth as size to the power of k, fitted over all sizes; MiB: what the method holds by its "
         "own account",
@@ -222,34 +218,34 @@ def growth_figure(table: pd.DataFrame) -> Figure:
 def _panel(panel: Panel) -> drawing.Panel:
     lines, table, notes = [], [], list(say_crossings(panel))
     drawn = list(growths(panel))
-    for one in drawn:
-        style = style_of(one.method, None)
-        interval = (one.low_s * MILLISECONDS, one.high_s * MILLISECONDS)
-        lines.append(Line(one.name, one.sizes, one.time_s * MILLISECONDS, style, interval))
+    for growth in drawn:
+        style, sizes = style_of(growth.method, None), growth.sizes
+        ends = growth.low_s * MILLISECONDS, growth.high_s * MILLISECONDS
+        lines.append(Line(growth.name, sizes, growth.time_s * MILLISECONDS, style, ends))
         dotted = {"color": style["color"], "linestyle": DOTTED}
-        lines.append(Line(_PREPARATION, one.sizes, one.preparation_s * MILLISECONDS, dotted, thin=True))
-        table.append((one.name, *_cells(one)))
+        lines.append(Line(_PREPARATION, sizes, growth.preparation_s * MILLISECONDS, dotted, thin=True))
+        table.append((growth.name, *_cells(growth)))
     for method, width, points in series_of(panel.rows):
         name = say_series(method, width)
         notes += [*say_unmeasured(points, name), *say_wrong(points, name)]
-    least = [one.time_s[drawable(one.time_s)].min() for one in drawn if drawable(one.time_s).any()]
-    low = min(least) * MILLISECONDS / _ROOM if least else None
-    sizes, times = Axis(panel.unit, "ticks", say_count), Axis("ms", low=low)
-    return drawing.Panel(lines=lines, marks=list(_rings(drawn)), notes=notes, table=table, x=sizes, y=times)
+    least = min((growth.time_s[drawable(growth.time_s)].min(initial=np.inf) for growth in drawn), default=np.inf)
+    times = Axis("ms", low=least * MILLISECONDS / _ROOM if np.isfinite(least) else None)
+    x = Axis(panel.unit, "ticks", say_count)
+    return drawing.Panel(lines=lines, marks=list(_rings(drawn)), notes=notes, table=table, x=x, y=times)
 
 
-def _cells(one: Growth) -> list[str]:
+def _cells(growth: Growth) -> list[str]:
     cells = []
-    for values, unit in ((one.time_s, MILLISECONDS), (one.preparation_s, MILLISECONDS), (one.bytes, MEBIBYTES)):
-        slope = fitted_slope(one.sizes, values)
-        known = values[np.isfinite(values)]
+    quantities = (growth.time_s, MILLISECONDS), (growth.preparation_s, MILLISECONDS), (growth.bytes, MEBIBYTES)
+    for values, unit in quantities:
+        slope, known = fitted_slope(growth.sizes, values), values[np.isfinite(values)]
         cells += [say_number(known[-1] * unit) if len(known) else "-", "-" if slope is None else f"k = {slope:.2f}"]
     return cells
 
 
 def _rings(drawn: list[Growth]) -> Iterator[Mark]:
     """Where two lines pass, or nearly: they were measured hours apart."""
-    found = [(one, other, at.size) for one, other in combinations(drawn, 2) for at in crossings(one, other)]
-    for one, other, size in sorted(found, key=lambda crossing: crossing[2]):
-        times = [np.interp(np.log(size), np.log(of.sizes), np.log(of.time_s)) for of in (one, other)]
+    crossed = [(pair, crossing.size) for pair in combinations(drawn, 2) for crossing in crossings(*pair)]
+    for pair, size in sorted(crossed, key=lambda known: known[1]):
+        times = [np.interp(np.log(size), np.log(growth.sizes), np.log(growth.time_s)) for growth in pair]
         yield ring(size, float(np.exp(np.mean(times))) * MILLISECONDS, BLACK, drop=True)

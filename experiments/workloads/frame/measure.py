@@ -6,19 +6,20 @@ from contextlib import ExitStack
 from typing import Any
 
 from atra.geometry.mesh import Mesh
+from atra.judge.compare import compare
 from atra.tracing.budgets import EMBREE_BYTES_PER_COPY, check_needed_bytes
 from experiments.harness.method import AnyTracer
 from experiments.harness.point import Measured, Point, make_own
 from experiments.workloads import rounds
 from experiments.workloads.baselines import OWN, SINGLE
-from experiments.workloads.images import compared
+from experiments.workloads.images import summed
 
 _BYTES_PER_PIXEL = 8
 
 
 def make(point: Point, mesh: Mesh) -> AnyTracer:
     """The point's own method. Raises MemoryBudgetError where its baselines alone need more, and as the tracers do."""
-    baselines = 1 + len(rounds.expert_packet_widths())
+    baselines = len(rounds.baseline_makers())
     pixels = point.width * point.height
     needed = mesh.triangle_count * EMBREE_BYTES_PER_COPY[point.build_quality] + pixels * _BYTES_PER_PIXEL
     what = f"{baselines} baselines of {mesh.triangle_count:,} triangles and {pixels:,} pixels each"
@@ -30,13 +31,13 @@ def make(point: Point, mesh: Mesh) -> AnyTracer:
 def measure(point: Point) -> Measured:
     """Build the point's own method, read the memory, time it against the baselines round by round, and plan and build
     it again for more samples of these. Raises InputError and MemoryBudgetError as the tracers do."""
-    rounds.warm_up(point, rounds.own_and_baselines(rounds.shrunk(point)))
+    rounds.warm_up(point, rounds.own_and_baselines())
     with ExitStack() as stack:
         tracers, results = rounds.build_with_baselines(point, stack)
-        own, frames = tracers[OWN], {name: rounds.Frames(tracer) for name, tracer in tracers.items()}
+        frames = {name: rounds.Frames(tracer) for name, tracer in tracers.items()}
 
-        def compare() -> dict[str, Any]:
-            images = compared(frames[OWN].latest(), frames[SINGLE].latest())
-            return images | rounds.plan_and_build_again(own)
+        def compare_last() -> dict[str, Any]:
+            images = summed([compare(frames[OWN].latest(), frames[SINGLE].latest())])
+            return {**images, **rounds.plan_and_build_again(tracers[OWN])}
 
-        return rounds.race(point, frames, compare, results)
+        return rounds.race(point, frames, compare_last, results)

@@ -38,25 +38,25 @@ def rays_per_s(rows: pd.DataFrame, name: str = "render_time_s") -> NDArray[np.fl
 
 
 def _bars(rows: pd.DataFrame) -> Panel:
-    found = list(best_points(rows))
-    bars = [_bar(one) for one in found if len(one.best)]
+    points = list(best_points(rows))
+    bars = [_bar(point) for point in points if len(point.best)]
     ordered = sorted(bars, key=lambda bar: bar.value if isfinite(bar.value) else 0.0, reverse=True)
-    return Panel(bars=ordered, notes=[line for one in found for line in say_wrong(one.best, one.name)])
+    return Panel(bars=ordered, notes=[line for point in points for line in say_wrong(point.best, point.name)])
 
 
-def _bar(one: BestPoint) -> Bar:
+def _bar(point: BestPoint) -> Bar:
     ends = ("", "_high", "_low")  # the longer time is the lower rate
-    value, low, high = (float(rays_per_s(one.best, f"render_time{end}_s")[0]) for end in ends)
-    text = f"{say_number(value)}, {say_ratio(one.best.iloc[0])}"
-    return Bar(one.label, value, low, high, one.color, text, faint=one.is_single)
+    value, low, high = (float(rays_per_s(point.best, f"render_time{end}_s")[0]) for end in ends)
+    text = f"{say_number(value)}, {say_ratio(point.best.iloc[0])}"
+    return Bar(point.label, value, low, high, point.color, text, faint=point.is_single)
 
 
 def _say_missing(rows: pd.DataFrame) -> list[str]:
     """Lines on what was not measured; a reason that holds for every scene is said once, without their names."""
     scenes: dict[str, list[str]] = {}
     for scene in rows["scene"].unique():
-        for one in best_points(rows[rows["scene"] == scene]):
-            for line in say_unmeasured(one.points, one.name, whole=True):
+        for point in best_points(rows[rows["scene"] == scene]):
+            for line in say_unmeasured(point.points, point.name, whole=True):
                 scenes.setdefault(line, []).append(str(scene))
     every = rows["scene"].nunique()
     return [line if len(names) == every else f"{line} ({', '.join(names)})" for line, names in scenes.items()]

@@ -173,13 +173,13 @@ def best_baselines(processes: pd.DataFrame) -> Iterator[BestBaseline]:
         if len(values) < 2:
             continue
         chosen, margin = _best(values)
-        scene = ", ".join([str(key[0]), *(say_setting(name, one) for name, one in zip(varying, key[1:], strict=True))])
-        yield BestBaseline(scene, say_point(firsts[chosen]), margin, len(values))
+        words = [say_setting(name, value) for name, value in zip(varying, key[1:], strict=True)]
+        yield BestBaseline(", ".join([str(key[0]), *words]), say_point(firsts[chosen]), margin, len(values))
 
 
 def _best(values: dict[int, np.ndarray]) -> tuple[int, Estimate | None]:
     try:
-        return best_candidate({place: list(one) for place, one in values.items()})
+        return best_candidate({place: list(ratios) for place, ratios in values.items()})
     except ValueError:  # too few processes
         return max(values, key=lambda place: float(np.log(values[place]).mean())), None
 
@@ -187,9 +187,10 @@ def _best(values: dict[int, np.ndarray]) -> tuple[int, Estimate | None]:
 def baseline_lines(processes: pd.DataFrame) -> Iterator[str]:
     """The best baselines, a line each."""
     best = list(best_baselines(processes))
-    for one in best:
-        margin = "" if one.margin is None else f", {one.margin} times as fast as the usual packets"
-        doubt = "" if one.is_faster else " (not decided)" if one.margin is None else " (no more than noise)"
-        yield f"best of {one.tried} packets per pixel, {one.scene}: {one.name}{margin}{doubt}"
-    if best and all(one.margin is not None for one in best) and not any(one.is_faster for one in best):
+    for baseline in best:
+        margin = "" if baseline.margin is None else f", {baseline.margin} times as fast as the usual packets"
+        doubt = "" if baseline.is_faster else " (not decided)" if baseline.margin is None else " (no more than noise)"
+        yield f"best of {baseline.tried} packets per pixel, {baseline.scene}: {baseline.name}{margin}{doubt}"
+    is_decided = best and all(baseline.margin is not None for baseline in best)
+    if is_decided and not any(baseline.is_faster for baseline in best):
         yield "nowhere are packets per pixel faster than the usual ones by more than noise"

@@ -52,12 +52,12 @@ def threads_figure(table: pd.DataFrame) -> Figure:
 
 def scaling_of(rows: pd.DataFrame) -> Scaling | None:
     """Scaling of one method and packet width on one scene, or None without a time on one thread."""
-    one = best_rows(rows[rows["threads"].eq(1).fillna(False).astype(bool)])
-    if len(one) == 0:
+    single = best_rows(rows[rows["threads"].eq(1).fillna(False).astype(bool)])
+    if len(single) == 0:
         return None
     chosen = rows[rows["status"].eq("ok") & drawable(numbers(rows, "render_time_s"))]
     for name in _SAME:
-        value, values = column(one, name).iloc[0], column(chosen, name)
+        value, values = column(single, name).iloc[0], column(chosen, name)
         same = values.isna() if pd.isna(value) else values.eq(value).fillna(False)
         chosen = chosen[same.astype(bool)]
     chosen = chosen[chosen["threads"].notna()].sort_values("threads", kind="stable").drop_duplicates("threads")
@@ -65,7 +65,7 @@ def scaling_of(rows: pd.DataFrame) -> Scaling | None:
     # One thread over itself is 1 whatever its spread.
     low, high = low_s[0] / high_s, high_s[0] / low_s
     low[0] = high[0] = 1.0
-    return Scaling(chosen["threads"].to_numpy(np.int64), time_s[0] / time_s, low, high, say_split(one.iloc[0]))
+    return Scaling(chosen["threads"].to_numpy(np.int64), time_s[0] / time_s, low, high, say_split(single.iloc[0]))
 
 
 def _panel(rows: pd.DataFrame) -> Panel:

@@ -4,22 +4,29 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra import Count, Layers, Thickness, Transmittance
 from atra.all_hits.reductions import Reduction
-from experiments.harness.column import WHOLE, Column
 from experiments.harness.options import Settings, option
-from experiments.harness.point import Measured, Point, Workload
+from experiments.harness.point import Measured, Point
 from experiments.harness.records import Record
 from experiments.workloads import rounds
-from experiments.workloads.baselines import BESIDE_BASELINES, OWN, SINGLE, TIME_COLUMNS
-from experiments.workloads.resources import PREPARATION, PREPARATION_COLUMNS, RESOURCE_COLUMNS, RESOURCES
+from experiments.workloads.baselines import BESIDE_BASELINES, OWN, SINGLE, say_gains
+from experiments.workloads.resources import Preparation, Resources
+from experiments.workloads.typed import Worst, workload
 
-DIFFERENCES = ("hits_in_all", "hits_missing", "hits_too_many", "pixels_different")
+
+class Differences(TypedDict):
+    """Gatherings of the method beside those of single rays; hits are 0 where they are not counted."""
+
+    hits_in_all: int
+    hits_missing: Worst
+    hits_too_many: Worst
+    pixels_different: Worst
 
 
 WHAT = ("count", "thickness", "transmittance", "layers")
@@ -49,9 +56,8 @@ class GatherOptions(Settings):
 
 
 def _headline(record: Record) -> str:
-    own, single = np.asarray(record.samples[OWN]), np.asarray(record.samples[SINGLE])
-    gain = f"{np.median(own) * 1e3:.1f} ms, {np.median(single / own):.2f}x single rays"
-    return f"{gain}; {record.results['pixels_different']} pixels other than theirs"
+    different = record.results["pixels_different"]
+    return f"{say_gains(record, single_rays=SINGLE)}; {different} pixels other than theirs"
 
 
 def _problem(point: Point) -> str | None:
@@ -61,26 +67,10 @@ def _problem(point: Point) -> str | None:
     return f"method={point.method.name} with workload.what={what}, expected count or thickness: theirs do no more"
 
 
-GATHER = Workload(
-    name="gather",
-    options=GatherOptions,
-    columns=(
-        *RESOURCE_COLUMNS,
-        Column("hits_in_all", WHOLE, "hits that single rays find along all rays"),
-        Column("hits_missing", WHOLE, "hits of single rays that the method missed, where hits are counted", over=max),
-        Column("hits_too_many", WHOLE, "hits that single rays do not find, where hits are counted", over=max),
-        Column("pixels_different", WHOLE, "pixels that differ from those of single rays", over=max),
-        *PREPARATION_COLUMNS,
-        *TIME_COLUMNS,
-    ),
-    headline=_headline,
-    room=__name__,
-    samples=lambda point: frozenset((OWN, SINGLE)),
-    needs=(*RESOURCES, *DIFFERENCES, *PREPARATION),
-    **BESIDE_BASELINES,
-    problem=_problem,
-    want="count",
-)
+GATHER = workload(
+    "gather", __name__, _headline, Resources, Differences, Preparation, BESIDE_BASELINES,
+    options=GatherOptions, problem=_problem, want="count",
+)  # fmt: skip
 
 
 _EXACT_TO = 1e-5
@@ -95,20 +85,20 @@ def measure(point: Point) -> Measured:
     """Build the point's own method, read the memory, and time it against the baselines. Raises InputError and
     MemoryBudgetError as the tracers do, and InputError for a mesh that is not for what is gathered."""
     what = point.workload_options.reduction
-    rounds.warm_up(point, rounds.own_and_baselines(rounds.shrunk(point)), lambda tracer: tracer.gather(what), CLOSED)
+    rounds.warm_up(point, rounds.own_and_baselines(), lambda tracer: tracer.gather(what), CLOSED)
     with ExitStack() as stack:
         tracers, results = rounds.build_with_baselines(point, stack)
-        gathered = {name: rounds.Gatherings(tracer, what) for name, tracer in tracers.items()}
+        gathered = {name: rounds.Frames(tracer, what=what) for name, tracer in tracers.items()}
 
         def compare() -> dict[str, Any]:
-            found = differences(gathered[OWN].latest(), gathered[SINGLE].latest(), what)
-            return found | rounds.plan_and_build_again(tracers[OWN])
+            unlike = differences(gathered[OWN].latest(), gathered[SINGLE].latest(), what)
+            return {**unlike, **rounds.plan_and_build_again(tracers[OWN])}
 
         return rounds.race(point, gathered, compare, results)
 
 
-def differences(own: Any, single: Any, what: Reduction[Any]) -> dict[str, int]:
-    """Differences of what was gathered, by the names of DIFFERENCES; hits are 0 where they are not counted."""
+def differences(own: Any, single: Any, what: Reduction[Any]) -> Differences:
+    """Differences of two results of `gather`."""
     differs: NDArray[np.bool_] = np.zeros((single.camera.height, single.camera.width), bool)
     hits = missing = too_many = 0
     for name in what.planes():
@@ -117,7 +107,9 @@ def differences(own: Any, single: Any, what: Reduction[Any]) -> dict[str, int]:
             more = ours.astype(np.int64) - theirs
             hits, missing, too_many = int(theirs.sum()), int(-more[more < 0].sum()), int(more[more > 0].sum())
         differs |= _unlike(ours, theirs).reshape(-1, *differs.shape).any(axis=0)
-    return dict(zip(DIFFERENCES, (hits, missing, too_many, int(differs.sum())), strict=True))
+    return Differences(
+        hits_in_all=hits, hits_missing=missing, hits_too_many=too_many, pixels_different=int(differs.sum())
+    )
 
 
 def _unlike(own: NDArray[Any], single: NDArray[Any]) -> NDArray[np.bool_]:

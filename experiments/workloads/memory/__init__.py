@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 
-from experiments.harness.options import NoOptions
-from experiments.harness.point import Measured, Point, Workload, make_own
-from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_memory
-from experiments.workloads.rounds import build_own, measured, shrunk, warm_up
+from experiments.harness.point import Measured, Point, make_own
+from experiments.workloads.resources import Resources, say_memory
+from experiments.workloads.rounds import build_own, measured, warm_up
+from experiments.workloads.typed import workload
 
-MEMORY = Workload(
-    name="memory", options=NoOptions, columns=RESOURCE_COLUMNS, headline=say_memory, room=__name__, needs=RESOURCES
-)
+MEMORY = workload("memory", __name__, say_memory, Resources)
 
 
 def measure(point: Point) -> Measured:
     """What the process and Embree hold once the method is built."""
-    small = shrunk(point)
-    warm_up(point, [lambda mesh, view: make_own(small, mesh, view)])
+    warm_up(point, [make_own])
     with ExitStack() as stack:
         _, results = build_own(point, stack)
     return measured(results)

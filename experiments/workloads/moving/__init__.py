@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from itertools import cycle
 from math import cos, pi, sin
 from statistics import median
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -19,16 +17,14 @@ from atra.judge.compare import compare
 from atra.packets.pixel import Pixel, PreparedPixel
 from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
 from atra.tracing.tracer import Tracer
-from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.method import Tracing
-from experiments.harness.options import NoOptions
-from experiments.harness.point import Measured, Point, Workload
+from experiments.harness.point import Measured, Point
 from experiments.harness.records import Record
-from experiments.results.statistics import statistics_columns
 from experiments.workloads import rounds
-from experiments.workloads.baselines import BESIDE_BASELINES, OWN, SINGLE, TIME_COLUMNS, over, over_own, series
-from experiments.workloads.images import IMAGE_COLUMNS, PIXELS, compared
-from experiments.workloads.resources import PREPARATION, PREPARATION_COLUMNS, RESOURCE_COLUMNS, RESOURCES, say_ms
+from experiments.workloads.baselines import BESIDE_BASELINES, OWN, SINGLE
+from experiments.workloads.images import Images, summed
+from experiments.workloads.resources import Prepared, Resources, say_ms
+from experiments.workloads.typed import Times, Worst, workload
 
 STILL, KEPT = "own_still", "packets_kept"
 """Names in the samples: the point's own method again from the same eye; the widest packets over a BVH of the world that
@@ -40,30 +36,24 @@ def _headline(record: Record) -> str:
     return f"{say_ms(own)} from another eye, {say_ms(still)} from the same"
 
 
-_own, _still, _kept = series(OWN), series(STILL), series(KEPT)
+class Kept(TypedDict):
+    """The last image of packets that keep their BVH."""
 
-MOVING = Workload(
-    name="moving",
-    options=NoOptions,
-    columns=(
-        *RESOURCE_COLUMNS,
-        *IMAGE_COLUMNS,
-        *PREPARATION_COLUMNS[:2],
-        *TIME_COLUMNS,
-        *statistics_columns("still_time{}_s", "one frame from the same eye as the one before", _still),
-        *statistics_columns("moving_over_still{}", "a frame from another eye / one from the same", over(_own, _still)),
-        *statistics_columns("kept_packets_time{}_s", "the widest packets over a BVH of the world, kept", _kept),
-        *statistics_columns("speedup_vs_kept_packets{}", "packets over a BVH of the world / this", over_own(_kept)),
-        Column("kept_pixels_wrong", WHOLE, "pixels of packets over a BVH of the world without an excuse", over=max),
-        Column("kept_depth_error_p999", REAL, "99.9th percentile of the depth errors of packets over a kept BVH"),
-    ),
-    headline=_headline,
+    kept_pixels_wrong: Worst
+    kept_depth_error_p999: float
+
+
+MOVING = workload(
+    "moving", __name__, _headline, Resources, Images, Prepared, BESIDE_BASELINES,
+    Times({
+        "still_time{}_s": STILL,
+        "moving_over_still{}": (OWN, STILL),
+        "kept_packets_time{}_s": KEPT,
+        "speedup_vs_kept_packets{}": (KEPT, OWN),
+    }),
+    Kept,
     rays=lambda row: "primary, camera moving",
-    room=__name__,
-    samples=lambda point: frozenset((OWN, STILL, SINGLE, KEPT)),
-    needs=(*RESOURCES, *PIXELS, *PREPARATION[:2]),
-    **BESIDE_BASELINES,
-)
+)  # fmt: skip
 
 
 EYES, RADIUS = 16, 1 / 400
@@ -108,18 +98,6 @@ class _PreparedKept(PreparedPixel):
         return True
 
 
-class MovingFrames(rounds.Frames):
-    """Moves to the next camera of a path before every frame, round and round."""
-
-    def __init__(self, tracer: Any, path: Sequence[View]) -> None:
-        super().__init__(tracer)
-        self._path = cycle(path)
-
-    def __call__(self) -> None:
-        self._tracer.look(next(self._path))
-        super().__call__()
-
-
 def kept_tracer(mesh: Mesh, camera: View, tracing: Tracing, packet_width: int | None = None) -> Tracer:
     """A tracer of `KeptPackets`; built once, so with medium quality, whatever others use for every frame."""
     method = KeptPackets(packet_width, robust=False)
@@ -129,24 +107,23 @@ def kept_tracer(mesh: Mesh, camera: View, tracing: Tracing, packet_width: int | 
 def measure(point: Point) -> Measured:
     """Build the point's own method, read the memory, time it from eye to eye against the baselines, and compare the
     last frame. Raises InputError and MemoryBudgetError as the tracers do."""
-    small = rounds.shrunk(point)
-    rounds.warm_up(point, [*rounds.own_and_baselines(small), lambda mesh, view: kept_tracer(mesh, view, small.tracing)])
+
+    def make_kept(point: Point, mesh: Mesh, view: View) -> Tracer:
+        return kept_tracer(mesh, view, point.tracing)
+
+    rounds.warm_up(point, [*rounds.own_and_baselines(), make_kept])
     with ExitStack() as stack:
-        own, results = rounds.build_own(point, stack)
-        camera = own.camera
-        tracers = {OWN: own} | rounds.build_baselines(point, own, stack)
-        tracers[KEPT] = stack.enter_context(kept_tracer(own.mesh, camera, point.tracing))
-        path = eyes_around(camera, own.mesh)
-        frames: dict[str, rounds.Frames] = {name: MovingFrames(tracer, path) for name, tracer in tracers.items()}
+        tracers, results = rounds.build_with_baselines(point, stack)
+        own = tracers[OWN]
+        tracers[KEPT] = stack.enter_context(make_kept(point, own.mesh, own.camera))
+        path = eyes_around(own.camera, own.mesh)
+        frames = {name: rounds.Frames(tracer, path) for name, tracer in tracers.items()}
 
         def compare_last() -> dict[str, Any]:
-            single, kept = frames[SINGLE].latest(), frames[KEPT].latest()
-            of_kept = compare(kept, single)
-            return compared(frames[OWN].latest(), single) | {
-                "plan_time_s": own.plan_time_s,
-                "build_time_s": own.build_time_s,
-                "kept_pixels_wrong": of_kept.pixels_wrong,
-                "kept_depth_error_p999": of_kept.depth_errors.p999,
-            }
+            single = frames[SINGLE].latest()
+            of_own, of_kept = (compare(frames[name].latest(), single) for name in (OWN, KEPT))
+            kept = Kept(kept_pixels_wrong=of_kept.pixels_wrong, kept_depth_error_p999=of_kept.depth_errors.p999)
+            prepared = Prepared(plan_time_s=own.plan_time_s, build_time_s=own.build_time_s)
+            return {**summed([of_own]), **prepared, **kept}
 
         return rounds.race(point, frames | {STILL: rounds.Frames(own)}, compare_last, results)

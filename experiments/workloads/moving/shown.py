@@ -18,25 +18,21 @@ from experiments.workloads.moving import MOVING
 from experiments.workloads.panels import make_panels, workload_figure
 from experiments.workloads.resources import say_ms
 from experiments.workloads.series import best_points, best_rows
-from experiments.workloads.tables import best_by_kind, plain, times
+from experiments.workloads.tables import best_by_kind, best_table, cell
 
-_LEFT = ("scene", "method")
-_RATIOS = {
-    "over the same eye": "moving_over_still",
-    "vs packets": "speedup_vs_packets",
-    "vs packets, kept": "speedup_vs_kept_packets",
+_COLUMNS = {
+    "frame": lambda row: say_ms(row["render_time_s"]),
+    "over the\nsame eye": cell("moving_over_still"),
+    "packets": cell("speedup_vs_packets"),
+    "packets,\nkept": cell("speedup_vs_kept_packets"),
 }
 
 
 def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
     """The best split of each scene and kind of method. rows: measured, of this workload."""
-    best = Table(title="a camera that moves: best split of each scene", title_justify="left")
-    for name in (*_LEFT, "frame", *_RATIOS, "pixels wrong"):
-        best.add_column(name, justify="left" if name in _LEFT else "right")
-    for kind, row, some in best_by_kind(rows):
-        wrong, method = str(some["pixels_wrong"].sum()), plain(*filter(None, [kind, say_split(row)]))
-        best.add_row(plain(row["scene"]), method, say_ms(row["render_time_s"]), *times(row, *_RATIOS.values()), wrong)
-    yield best
+    best = ((list(filter(None, [kind, say_split(row)])), row, some) for kind, row, some in best_by_kind(rows))
+    title = "a camera that moves: best split of each scene, and ratios"
+    yield best_table(title, "scene, method", best, _COLUMNS, "pixels_wrong")
 
 
 def moving_figure(table: pd.DataFrame) -> Figure:
@@ -53,9 +49,9 @@ def moving_figure(table: pd.DataFrame) -> Figure:
 
 
 def _bars(rows: pd.DataFrame) -> Panel:
-    found = list(best_points(rows))
-    bars = [ratio_bar(one) for one in found if len(one.best)] + _kept_bars(best_rows(rows))
-    return Panel(bars=bars, notes=[line for one in found for line in one.notes()])
+    points = list(best_points(rows))
+    bars = [ratio_bar(point) for point in points if len(point.best)] + _kept_bars(best_rows(rows))
+    return Panel(bars=bars, notes=[line for point in points for line in point.notes()])
 
 
 def _kept_bars(rows: pd.DataFrame) -> list[Bar]:

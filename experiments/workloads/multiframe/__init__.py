@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
-
-import numpy as np
+from typing import Any, TypedDict
 
 from atra.alignment.frames import FramesTracer
 from atra.errors import InputError
@@ -18,21 +16,19 @@ from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import compare
 from atra.tracing.lifetime import Lifetime
-from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.method import AnyTracer
 from experiments.harness.options import Settings, option
-from experiments.harness.point import Measured, Point, Workload, make_own
-from experiments.harness.records import Record
+from experiments.harness.point import Measured, Point, make_own
 from experiments.methods.aligned import ALIGNED
 from experiments.methods.aligned_cells import AlignedCellOptions
 from experiments.methods.raster import RASTER
 from experiments.methods.visible_first import VISIBLE_FIRST
-from experiments.results.statistics import Series, statistics_columns
 from experiments.workloads import rounds
-from experiments.workloads.baselines import BESIDE_BASELINES, OWN, PACKETS, SINGLE, TIME_COLUMNS, over_own, series
-from experiments.workloads.images import IMAGE_COLUMNS, PIXELS, counts, depth_errors
+from experiments.workloads.baselines import BESIDE_BASELINES, OWN, SINGLE, say_gains
+from experiments.workloads.images import Images, summed
 from experiments.workloads.multiframe.motion import MOTIONS, make_together
-from experiments.workloads.resources import PREPARATION, RESOURCE_COLUMNS, RESOURCES
+from experiments.workloads.resources import Preparation, Resources
+from experiments.workloads.typed import Times, workload
 
 SEPARATE, SEPARATE_VISIBLE, SEPARATE_RASTER = "separate", "visible_first", "rasteriser"
 """Names in the samples: one aligned tracer a frame, one visible-first tracer a frame, and one rasteriser a frame."""
@@ -57,10 +53,7 @@ class MultiframeOptions(Settings):
             )
 
 
-def _headline(record: Record) -> str:
-    own, single, separate = (np.asarray(record.samples[name]) for name in (OWN, SINGLE, SEPARATE))
-    ratio = f"{np.median(single / own):.2f}x rtcIntersect1, {np.median(separate / own):.2f}x separate frames"
-    return f"{np.median(own) * 1e3:.1f} ms, {ratio}"
+_headline = partial(say_gains, rtcIntersect1=SINGLE, separate_frames=SEPARATE)
 
 
 def _problem(point: Point) -> str | None:
@@ -72,43 +65,24 @@ def _problem(point: Point) -> str | None:
     )
 
 
-def _separate_columns(name: str, over: str, ratios: Callable[[Series], Series]) -> tuple[Column, ...]:
-    """Statistics of every way with a tracer a frame. name: with {} where the way's stands."""
-    return tuple(
-        column
-        for way, sample, tracer in (
-            ("separate", SEPARATE, "aligned tracer"),
-            ("visible_first", SEPARATE_VISIBLE, "visible-first tracer"),
-            ("rasteriser", SEPARATE_RASTER, "rasteriser"),
-        )
-        for column in statistics_columns(name.format(way), f"one {tracer} a frame{over}", ratios(series(sample)))
-    )
+class SeparateBytes(TypedDict):
+    """Memory of one aligned tracer a frame."""
+
+    separate_embree_bytes: int
 
 
-MULTIFRAME = Workload(
-    name="multiframe",
-    options=MultiframeOptions,
-    columns=(
-        *RESOURCE_COLUMNS,
-        *IMAGE_COLUMNS,
-        Column("plan_time_s", REAL, "plan of all frames together"),
-        Column("build_time_s", REAL, "BVH build of all frames together"),
-        Column("baseline_build_time_s", REAL, "BVH builds of the plain meshes, frame by frame"),
-        *TIME_COLUMNS,
-        *_separate_columns("{}_render_time{{}}_s", "", lambda read: read),
-        *_separate_columns("speedup_vs_{}{{}}", " / this", over_own),
-        Column("separate_embree_bytes", WHOLE, "Embree's memory for one aligned tracer a frame"),
+WAYS = {"separate": SEPARATE, "visible_first": SEPARATE_VISIBLE, "rasteriser": SEPARATE_RASTER}
+"""Ways with a tracer a frame, as columns call them -> their samples."""
+
+MULTIFRAME = workload(
+    "multiframe", __name__, _headline, Resources, Images, Preparation, BESIDE_BASELINES,
+    Times(
+        {f"{way}_render_time{{}}_s": name for way, name in WAYS.items()}
+        | {f"speedup_vs_{way}{{}}": (name, OWN) for way, name in WAYS.items()}
     ),
-    headline=_headline,
-    room=__name__,
-    samples=lambda point: frozenset((OWN, SINGLE, SEPARATE, SEPARATE_VISIBLE, SEPARATE_RASTER)),
-    needs=(*RESOURCES, *PIXELS, *PREPARATION),
-    problem=_problem,
-    **BESIDE_BASELINES,
-)
-
-
-Make = Callable[[Mesh, View], AnyTracer]
+    SeparateBytes,
+    options=MultiframeOptions, problem=_problem,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -166,56 +140,36 @@ def make(point: Point, mesh: Mesh) -> FramesTracer:
     return make_together(point, mesh, point.camera)
 
 
-def separate_makers(point: Point) -> dict[str, Make]:
-    """Makers of tracers of one frame, by name in the samples, with the point's split where there are cells.
-
-    Each frame may use the whole memory budget.
-    """
-    own = point.options
+def _visible(point: Point, mesh: Mesh, view: View) -> AnyTracer:
+    """The visible-first tracer of one frame, with the point's split."""
     names = "split_x", "split_y", "packet_width", "packet_rows", "robust"
-    visible = AlignedCellOptions(**{name: getattr(own, name) for name in names})
-    return {
-        SEPARATE: lambda mesh, view: make_own(point, mesh, view),
-        SEPARATE_VISIBLE: lambda mesh, view: VISIBLE_FIRST.make(mesh, view, visible, point.tracing),
-        SEPARATE_RASTER: lambda mesh, view: RASTER.make(mesh, view, RASTER.options(), point.tracing),
-    }
+    options = AlignedCellOptions(**{name: getattr(point.options, name) for name in names})
+    return VISIBLE_FIRST.make(mesh, view, options, point.tracing)
 
 
-def _single(point: Point, packet_width: int, mesh: Mesh, view: View) -> AnyTracer:
-    return rounds.make_single(point, mesh, view, packet_width)
+def _raster(point: Point, mesh: Mesh, view: View) -> AnyTracer:
+    return RASTER.make(mesh, view, RASTER.options(), point.tracing)
 
 
 def measure(point: Point) -> Measured:
-    """All frames together, timed in rounds with one tracer a frame of every other way, and compared frame by frame."""
-    packets = rounds.expert_packet_widths()
-    small = rounds.shrunk(point)
-    rounds.warm_up(
-        point,
-        [
-            lambda mesh, view: make_together(small, mesh, view),
-            *(partial(_single, small, width) for width in (1, *packets)),
-            *separate_makers(small).values(),
-        ],
-    )
+    """All frames together, timed in rounds with one tracer a frame of every other way, and compared frame by frame.
+    Each frame may use the whole memory budget."""
+    one_frame = rounds.baseline_makers()
+    one_frame |= {SEPARATE: make_own, SEPARATE_VISIBLE: _visible, SEPARATE_RASTER: _raster}
+    rounds.warm_up(point, [make_together, *one_frame.values()])
     with ExitStack() as stack:
-        own, results = rounds.build_own(point, stack, lambda mesh, camera: make_together(point, mesh, camera))
-
-        def for_each_frame(make: Make) -> SeparateFrames:
-            return stack.enter_context(SeparateFrames([make(mesh, view) for mesh, view in own.views]))
-
+        own, results = rounds.build_own(point, stack)
         tracers: dict[str, Any] = {OWN: own}
-        for name, width in ((SINGLE, 1), *((PACKETS[width], width) for width in packets)):
-            tracers[name] = for_each_frame(partial(_single, point, width))
-        tracers |= {name: for_each_frame(make) for name, make in separate_makers(point).items()}
-        results |= {
-            "baseline_build_time_s": float(tracers[SINGLE].build_time_s),
-            "separate_embree_bytes": int(tracers[SEPARATE].embree_bytes),
-        }
+        for name, make_one in one_frame.items():
+            made = [make_one(point, mesh, view) for mesh, view in own.views]
+            tracers[name] = stack.enter_context(SeparateFrames(made))
+        results["baseline_build_time_s"] = float(tracers[SINGLE].build_time_s)
+        results |= {**SeparateBytes(separate_embree_bytes=int(tracers[SEPARATE].embree_bytes))}
         frames = {name: rounds.Frames(tracer) for name, tracer in tracers.items()}
 
         def compare_all() -> dict[str, Any]:
             pairs = zip(frames[OWN].latest().images, frames[SINGLE].latest().images, strict=True)
-            agreements = [compare(hits, reference) for hits, reference in pairs]
-            return counts(agreements) | depth_errors(agreements) | rounds.plan_and_build_again(own)
+            images = summed([compare(hits, reference) for hits, reference in pairs])
+            return {**images, **rounds.plan_and_build_again(own)}
 
         return rounds.race(point, frames, compare_all, results)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from experiments.drawing.figure import Axis, Bar, Figure, Line, Panel
-from experiments.drawing.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, TIMES, VERMILLION
+from experiments.drawing.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILLION
 from experiments.drawing.values import MEBIBYTES, MILLISECONDS, column, drawable, interval, numbers, say_number
 from experiments.methods.naming import best_of, say_split
 from experiments.results.settings import settings_that_vary
@@ -22,36 +22,34 @@ from experiments.workloads.multiframe import MULTIFRAME
 from experiments.workloads.panels import PanelRows, figure_of, make_panels, read_panels, workload_figure
 from experiments.workloads.resources import say_ms
 from experiments.workloads.series import OVER_PACKETS, choosing, say_ratio, say_unmeasured, say_wrong, time_levels
-from experiments.workloads.tables import best_rows_by, grid_of, narrow_table, plain, times, varying_words
+from experiments.workloads.tables import best_rows_by, best_table, cell, grid_of, varying_words
 
-_RATIOS = {
-    "frame\nby frame": "speedup_vs_separate",
-    "visible-\nfirst": "speedup_vs_visible_first",
-    "raster-\niser": "speedup_vs_rasteriser",
-    "packets": "speedup_vs_packets",
+_COLUMNS = {
+    "split": grid_of,
+    "all\nframes": lambda row: say_ms(row["render_time_s"]),
+    "frame\nby frame": cell("speedup_vs_separate"),
+    "visible-\nfirst": cell("speedup_vs_visible_first"),
+    "raster-\niser": cell("speedup_vs_rasteriser"),
+    "packets": cell("speedup_vs_packets"),
 }
 
 
 def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
     """The split with the largest gain over packets, and all gains there. rows: measured, of this workload."""
-    headings = ("split", "all\nframes", *_RATIOS, "pixels\nwrong")
-    best = narrow_table("best split of all frames together, and speed-up over", "scene, frames", headings)
     varying = settings_that_vary(rows, (*best_of(), "motion", "frames"))
     words = [[row["motion"], *varying_words(row, varying)] for _, row in rows.iterrows()]
-    for motion, row, some in best_rows_by(rows, words, "frames"):
-        best.add_row(
-            plain(row["scene"], f"{row['frames']} frames", motion), grid_of(row), say_ms(row["render_time_s"]),
-            *times(row, *_RATIOS.values()), str(some["pixels_wrong"].sum()),
-        )  # fmt: skip
-    yield best
+    best = (([f"{row['frames']} frames", said], row, some) for said, row, some in best_rows_by(rows, words, "frames"))
+    title = "best split of all frames together, and speed-up over"
+    yield best_table(title, "scene, frames", best, _COLUMNS, "pixels_wrong")
 
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """A way to trace several frames. time: columns of its time, with {} for an interval's end. over: beginning of
-    those of the speed-up of all frames together over it, "" for that way itself."""
+    """A way to trace several frames. of_eyes: its label where the frames are two eyes. time: columns of its time, with
+    {} for an interval's end. over: beginning of those of the speed-up of all frames together over it."""
 
     label: str
+    of_eyes: str
     time: str
     over: str
     style: dict[str, Any]
@@ -61,23 +59,16 @@ class Way:
         return numbers(rows, self.time.format(""))
 
 
-TOGETHER = Way("all frames together", "render_time{}_s", "", {"color": BLUE, "marker": "o"})
-SEPARATE_FRAMES = Way(
-    "aligned, frame by frame", "separate_render_time{}_s", "speedup_vs_separate", {"color": ORANGE, "marker": "s"}
-)
-VISIBLE_FRAMES = Way(
-    "visible-first, frame by frame", "visible_first_render_time{}_s", "speedup_vs_visible_first",
-    {"color": VERMILLION, "marker": "D"},
-)  # fmt: skip
-RASTER_FRAMES = Way(
-    "rasteriser, frame by frame", "rasteriser_render_time{}_s", "speedup_vs_rasteriser", {"color": BLACK, "marker": "*"}
-)
-PACKETS = Way(
-    "fastest packets per pixel, frame by frame",
-    "packets_render_time{}_s",
-    "speedup_vs_packets",
-    {"color": GREEN, "marker": "v"},
-)
+def _separate(label: str, name: str, color: str, marker: str) -> Way:
+    time, over = f"{name}_render_time{{}}_s", f"speedup_vs_{name}"
+    return Way(f"{label}, frame by frame", f"{label}, each eye", time, over, {"color": color, "marker": marker})
+
+
+TOGETHER = Way("all frames together", "both together", "render_time{}_s", "", {"color": BLUE, "marker": "o"})
+SEPARATE_FRAMES = _separate("aligned", "separate", ORANGE, "s")
+VISIBLE_FRAMES = _separate("visible-first", "visible_first", VERMILLION, "D")
+RASTER_FRAMES = _separate("rasteriser", "rasteriser", BLACK, "*")
+PACKETS = _separate("fastest packets per pixel", "packets", GREEN, "v")
 WAYS = (TOGETHER, SEPARATE_FRAMES, VISIBLE_FRAMES, RASTER_FRAMES, PACKETS)
 """In the order of the legends."""
 
@@ -92,20 +83,6 @@ def best_place(rows: pd.DataFrame, way: Way) -> int | None:
         return None
     ratios = choosing(rows, OVER_PACKETS) if way is TOGETHER else PACKETS.times_s(rows) / way.times_s(rows)
     return int(np.flatnonzero(measured)[np.argmax(ratios[measured])])
-
-
-def say_speedup(row: pd.Series, way: Way) -> str:
-    """The speed-up of all frames together over `way` at this row's split, with its interval; "" if unknown."""
-    value, low, high = (row.get(f"{way.over}{end}") for end in ("", "_low", "_high"))
-    if pd.isna(value):
-        return ""
-    return f"{value:.2f}{TIMES}" + ("" if pd.isna(low) or pd.isna(high) else f" [{low:.2f}, {high:.2f}]")
-
-
-_LABELS = {
-    TOGETHER: "both together", SEPARATE_FRAMES: "aligned, each eye", VISIBLE_FRAMES: "visible-first, each eye",
-    RASTER_FRAMES: "rasteriser, each eye",
-}  # fmt: skip
 
 
 def stereo_figure(table: pd.DataFrame) -> Figure:
@@ -123,21 +100,19 @@ def stereo_figure(table: pd.DataFrame) -> Figure:
 
 
 def _bars(rows: pd.DataFrame) -> Panel:
-    bars = [_make_bar(rows, way, label) for way, label in _LABELS.items()]
     notes = [*say_wrong(rows, ""), *say_unmeasured(rows, TOGETHER.label)]
-    return Panel(bars=bars, levels=time_levels(rows), notes=notes)
+    return Panel(bars=[_bar(rows, way) for way in WAYS[:-1]], levels=time_levels(rows), notes=notes)
 
 
-def _make_bar(rows: pd.DataFrame, way: Way, label: str) -> Bar:
+def _bar(rows: pd.DataFrame, way: Way) -> Bar:
     place = best_place(rows, way)
     if place is None:
-        return Bar(label, nan, nan, nan, way.style["color"], "not measured")
+        return Bar(way.of_eyes, nan, nan, nan, way.style["color"], "not measured")
     row = rows.iloc[place]
     value, low, high = (float(end[place]) for end in interval(rows, way.time, MILLISECONDS))
-    ratio = say_ratio(row) if way is TOGETHER else say_speedup(row, way)
-    split = "" if way is RASTER_FRAMES else say_split(row)
-    name = ", ".join(filter(None, [label, split]))
-    return Bar(name, value, low, high, way.style["color"], f"{say_number(value)} ms, {ratio}")
+    name = ", ".join(filter(None, [way.of_eyes, "" if way is RASTER_FRAMES else say_split(row)]))
+    text = f"{say_number(value)} ms, {say_ratio(row, way.over or OVER_PACKETS)}"
+    return Bar(name, value, low, high, way.style["color"], text)
 
 
 MOTIONS = {"eyes": "two eyes", "walk": "the camera walks", "turn": "the mesh turns"}
@@ -157,10 +132,10 @@ def multiframe_figure(table: pd.DataFrame) -> Figure:
     """
     motions = [motion for motion in MOTIONS if column(table, "motion").eq(motion).any()]
     panels: list[Panel] = []
-    for one in make_panels(table, (*best_of(), "motion", "frames")):
+    for panel in make_panels(table, (*best_of(), "motion", "frames")):
         for motion in motions:
-            if len(rows := _of_motion(one.rows, motion)):
-                moving = PanelRows(one.scene, one.details, rows)
+            if len(rows := _of_motion(panel.rows, motion)):
+                moving = PanelRows(panel.scene, panel.details, rows)
                 panels.append(moving.panel(_times(rows), f": {MOTIONS[motion]}"))
                 panels.append(moving.panel(_memory(rows), f": {MOTIONS[motion]}, memory"))
     return figure_of(
@@ -176,12 +151,9 @@ def _of_motion(rows: pd.DataFrame, motion: str) -> pd.DataFrame:
 
 def _best_rows(rows: pd.DataFrame, way: Way) -> pd.DataFrame:
     """The best row of a way for every number of frames, ascending."""
-    found = []
-    for _, places in sorted(rows.groupby("frames").indices.items()):
-        place = best_place(rows.iloc[places], way)
-        if place is not None:
-            found.append(places[place])
-    return rows.iloc[found]
+    counts = [places for _, places in sorted(rows.groupby("frames").indices.items())]
+    best = ((places, best_place(rows.iloc[places], way)) for places in counts)
+    return rows.iloc[[places[place] for places, place in best if place is not None]]
 
 
 def _times(rows: pd.DataFrame) -> Panel:
@@ -192,7 +164,7 @@ def _times(rows: pd.DataFrame) -> Panel:
         middle, low, high = (times / frames for times in interval(best, way.time, MILLISECONDS))
         lines.append(Line(way.label, frames, middle, way.style, (low, high)))
     table = [
-        (f"{row['frames']} frames, {say_split(row)}", *(say_speedup(row, way) or "-" for way in WAYS[1:]))
+        (f"{row['frames']} frames, {say_split(row)}", *(say_ratio(row, way.over) or "-" for way in WAYS[1:]))
         for _, row in _best_rows(rows, TOGETHER).iterrows()
     ]
     wrong = [line for frames, of_count in rows.groupby("frames") for line in say_wrong(of_count, f"{frames} frames")]

@@ -4,36 +4,38 @@ from __future__ import annotations
 
 import base64
 from contextlib import ExitStack
+from typing import TypedDict
 
+from atra.files.saving import encode_png
 from atra.judge.compare import compare
-from experiments.drawing.shading import difference_picture, encode_png, shade
-from experiments.harness.options import NoOptions
-from experiments.harness.point import Measured, Point, Workload
-from experiments.workloads.images import IMAGE_COLUMNS, PIXELS, counts, depth_errors
-from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_memory
+from experiments.drawing.shading import difference_picture, shade
+from experiments.harness.point import Measured, Point
+from experiments.workloads.images import Images, summed
+from experiments.workloads.resources import Resources, say_memory
 from experiments.workloads.rounds import build_own, make_single, measured
+from experiments.workloads.typed import workload
 
-PICTURE = Workload(
-    name="picture",
-    options=NoOptions,
-    columns=(*RESOURCE_COLUMNS, *IMAGE_COLUMNS),
-    headline=say_memory,
-    room=__name__,
-    needs=(*RESOURCES, *PIXELS, "pictures"),
-)
+
+class Pictures(TypedDict):
+    """PNG files in base64, by what they show."""
+
+    pictures: dict[str, str]
+
+
+PICTURE = workload("picture", __name__, say_memory, Resources, Images, Pictures)
 
 
 def measure(point: Point) -> Measured:
-    """Three PNG files in base64, and how the two images agree."""
+    """Three pictures, and how the two images agree."""
     with ExitStack() as stack:
         own, results = build_own(point, stack)
         single = stack.enter_context(make_single(point, own.mesh, own.camera))
         hits, reference = own.trace(), single.trace()
-        agreement = compare(hits, reference)
+    agreement = compare(hits, reference)
     images = {
         "aligned": shade(hits),
         "pixel": shade(reference),
         "difference": difference_picture(hits, reference, agreement.verdict),
     }
-    results["pictures"] = {name: base64.b64encode(encode_png(image)).decode() for name, image in images.items()}
-    return measured(results | counts([agreement]) | depth_errors([agreement]))
+    pictures = {name: base64.b64encode(encode_png(image)).decode() for name, image in images.items()}
+    return measured(results | {**summed([agreement]), **Pictures(pictures=pictures)})

@@ -55,15 +55,15 @@ KEPT = "pictures"
 
 def read_pictures(table: pd.DataFrame, folder: Path) -> list[ScenePictures]:
     """The pictures of the table's rows that have some, in its order. folder: of the sweep; `records` is beside it."""
-    found = []
+    pictures = []
     for _, row in table[(table["workload"] == PICTURE.name) & (table["status"] == "ok")].iterrows():
         images = _of_record(folder.parent / "records", row["point_id"]) or _kept(folder / KEPT, str(row["scene"]))
         if images is None:
             continue
         numbers: dict[str, Any] = {name: int(row[name]) for name in ("triangles", "width", "height", *PIXELS)}
         stands_for = None if pd.isna(row["stands_for"]) else str(row["stands_for"])
-        found.append(ScenePictures(scene=str(row["scene"]), stands_for=stands_for, **numbers, **images))
-    return found
+        pictures.append(ScenePictures(scene=str(row["scene"]), stands_for=stands_for, **numbers, **images))
+    return pictures
 
 
 def _of_record(records: Path, point_id: str) -> dict[str, Any] | None:

@@ -34,34 +34,34 @@ def scenes_figure(rows: pd.DataFrame, pictures: Sequence[ScenePictures]) -> Figu
 
     Where a picture is missing, or must not be passed on, the notes say why.
     """
-    found = {one.scene: one for one in pictures}
+    known = {picture.scene: picture for picture in pictures}
     panels = []
-    for one in make_panels(rows, best_of()):
-        why = _why_none(one.rows.iloc[0], found)
-        shown = Panel(notes=[f"{one.scene}: {why}"]) if why else Panel(picture=_decode(found[one.scene].aligned))
-        panels.append(one.panel(shown))
+    for panel in make_panels(rows, best_of()):
+        why = _why_none(panel.rows.iloc[0], known)
+        shown = Panel(notes=[f"{panel.scene}: {why}"]) if why else Panel(picture=_decode(known[panel.scene].aligned))
+        panels.append(panel.panel(shown))
     return figure_of("pictures", panels, rows, _SHADED)
 
 
-def _why_none(row: pd.Series, found: dict[str, ScenePictures]) -> str:
+def _why_none(row: pd.Series, known: dict[str, ScenePictures]) -> str:
     """Why there is no picture to show, "" where there is."""
     if row["status"] != "ok":
         return f"{row['status']}: {row['error']}"
-    missing = "" if row["scene"] in found else "no picture: neither a record nor a kept file holds it"
+    missing = "" if row["scene"] in known else "no picture: neither a record nor a kept file holds it"
     return picture_restriction(str(row["scene"])) or missing
 
 
 def differences_figure(rows: pd.DataFrame, pictures: Sequence[ScenePictures]) -> Figure:
     """One row a scene: the picture from the aligned hits, the one from one ray per pixel, and where they differ."""
     panels = []
-    for one in pictures:
-        title, name = f"{one.scene} ({one.triangles:,} triangles)", one.stands_for
-        counts = f"{one.pixels_tied:,} tied, {one.pixels_edge:,} edge, {one.pixels_wrong:,} wrong"
-        told = f"{one.scene}: {one.pixels_equal:,} pixels equal, {counts}"
+    for shown in pictures:
+        title, name = f"{shown.scene} ({shown.triangles:,} triangles)", shown.stands_for
+        counts = f"{shown.pixels_tied:,} tied, {shown.pixels_edge:,} edge, {shown.pixels_wrong:,} wrong"
+        told = f"{shown.scene}: {shown.pixels_equal:,} pixels equal, {counts}"
         panels += [
-            Panel(f"{title}, aligned", name, picture=_decode(one.aligned)),
-            Panel("rtcIntersect1 per pixel", picture=_decode(one.pixel)),
-            Panel("difference", picture=_decode(one.difference), notes=[told], marks=_MARKS),
+            Panel(f"{title}, aligned", name, picture=_decode(shown.aligned)),
+            Panel("rtcIntersect1 per pixel", picture=_decode(shown.pixel)),
+            Panel("difference", picture=_decode(shown.difference), notes=[told], marks=_MARKS),
         ]
     marks = "marks in the difference are larger than their pixels"
     return figure_of("pictures", panels, rows, f"{_SHADED}; {marks}", legend=list(_MEANINGS.values()), columns=3)

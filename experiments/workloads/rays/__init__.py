@@ -6,8 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
-from statistics import median
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,18 +16,17 @@ from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
 from atra.rays.scene import RayScene
-from experiments.harness.column import WHOLE, Column
 from experiments.harness.options import Settings, option, whole
-from experiments.harness.point import Measured, Point, Workload, make_own
+from experiments.harness.point import Measured, Point, make_own
 from experiments.harness.records import Record
 from experiments.methods.peers.peer import PreparedRays
 from experiments.methods.peers.questions import QUESTIONS, Asked
 from experiments.methods.peers.trimesh_ray import TRIMESH
-from experiments.results.statistics import statistics_columns
-from experiments.workloads.baselines import OWN, over, series
+from experiments.workloads.baselines import OWN
 from experiments.workloads.batches import camera_rays, random_rays
 from experiments.workloads.rays.judging import judged, sample_of, truth_of
 from experiments.workloads.rounds import load_mesh, race
+from experiments.workloads.typed import Times, Worst, workload
 
 LIBRARY, STAND_IN = "library", "stand_in"
 """Names in the samples: `atra.RayScene`, and atra's stand-in for the method's own class, where there is one."""
@@ -50,19 +48,30 @@ class RaysOptions(Settings):
     judged_rays: int = whole(1000, "rays, or points, whose answers are judged by a test with every triangle", 0)
 
 
-_own, _library, _stand_in = series(OWN), series(LIBRARY), series(STAND_IN)
-_gain, _stand_in_gain = over(_own, _library), over(_own, _stand_in)
+TIMES = Times({
+    "answer_time{}_s": OWN,
+    "answer_library_time{}_s": LIBRARY,
+    "answer_gain{}": (OWN, LIBRARY),
+    "stand_in_gain{}": (OWN, STAND_IN),
+}, judged=OWN)  # fmt: skip
 
-JUDGED = {"": "the method", "library_": "the library"}
+
+class Judged(TypedDict):
+    """How many hits each loses, and finds twice or in vain, of rays and points tested with every triangle."""
+
+    asked: int
+    judged: int
+    judged_hits: int
+    lost: Worst
+    extra: Worst
+    library_lost: Worst
+    library_extra: Worst
 
 
 def _headline(record: Record) -> str:
-    own, library = (median(record.samples[name]) for name in (OWN, LIBRARY))
-    lost, others = record.results["library_lost"], record.results["lost"]
-    return (
-        f"{own:.3f} s; the library {library:.3f} s, {median(_gain(record)):.2f}x as fast; lost {lost} against {others} "
-        f"of {record.results['judged_hits']}"
-    )
+    own, library = (np.asarray(record.samples[name]) for name in (OWN, LIBRARY))
+    gain = f"{np.median(own):.3f} s; the library {np.median(library):.3f} s, {np.median(own / library):.2f}x as fast"
+    return f"{gain}; lost {{library_lost}} against {{lost}} of {{judged_hits}}".format(**record.results)
 
 
 def _samples(point: Point) -> frozenset[str]:
@@ -78,31 +87,10 @@ def _problem(point: Point) -> str | None:
     return f"method={point.method.name}, expected a tracer of others beside `atra.RayScene`: {others}"
 
 
-RAYS = Workload(
-    name="rays",
-    options=RaysOptions,
-    columns=(
-        *statistics_columns("answer_time{}_s", "one call of the method, conversions of arrays included", _own),
-        *statistics_columns("answer_library_time{}_s", "one call of `atra.RayScene`", _library),
-        *statistics_columns("answer_gain{}", "the method's time / the library's, in the same rounds", _gain),
-        *statistics_columns("stand_in_gain{}", "the method's time / its stand-in's", _stand_in_gain),
-        Column("asked", WHOLE, "rays, or points, of one call"),
-        Column("judged", WHOLE, "rays, or points, whose answers were judged"),
-        Column("judged_hits", WHOLE, "hits of the judged rays; for closest, rays that hit; for points, points inside"),
-        *(
-            Column(f"{prefix}{fault}", WHOLE, f"judged hits that {who} {what}", over=max)
-            for prefix, who in JUDGED.items()
-            for fault, what in (("lost", "lost"), ("extra", "found twice, or where there are none"))
-        ),
-    ),
-    headline=_headline,
-    room=__name__,
-    samples=_samples,
-    judged=OWN,
-    needs=("asked", "judged", "judged_hits", "lost", "library_lost"),
-    problem=_problem,
+RAYS = workload(
+    "rays", __name__, _headline, TIMES, Judged, options=RaysOptions, samples=_samples, problem=_problem,
     rays=lambda row: f"{row.get('ray_batch', 'own')}, {row.get('question', 'closest')}",
-)
+)  # fmt: skip
 
 
 def measure(point: Point) -> Measured:
@@ -116,11 +104,14 @@ def measure(point: Point) -> Measured:
         sample = sample_of(len(given[0]), asked.judged_rays)
         some = tuple(array[sample] for array in given)
         truth = truth_of(asked.question, mesh, *some)
-        results: dict[str, Any] = {"asked": len(given[0]), "judged": len(sample), "judged_hits": truth.hits}
-        for prefix, name in (("", OWN), ("library_", LIBRARY)):
-            lost, extra = judged(asked.question, answers[name], sample, truth, mesh, some)
-            results |= {f"{prefix}lost": lost, f"{prefix}extra": extra}
-        return race(point, calls, results=results)
+        (lost, extra), (library_lost, library_extra) = (
+            judged(asked.question, answers[name], sample, truth, mesh, some) for name in (OWN, LIBRARY)
+        )
+        results = Judged(
+            asked=len(given[0]), judged=len(sample), judged_hits=truth.hits,
+            lost=lost, extra=extra, library_lost=library_lost, library_extra=library_extra,
+        )  # fmt: skip
+        return race(point, calls, results={**results})
 
 
 def _given(asked: RaysOptions, mesh: Mesh, camera: Camera) -> tuple[NDArray[np.float32], ...]:
@@ -168,8 +159,8 @@ def _calls(
 
 
 def _all_hits(scene: RayScene, origins: NDArray[Any], directions: NDArray[Any]) -> Asked:
-    found = scene.all_hits(origins, directions)
-    return found.ray_ids, found.prim_id
+    hits = scene.all_hits(origins, directions)
+    return hits.ray_ids, hits.prim_id
 
 
 _ANSWERS: Mapping[str, Callable[..., Asked]] = {

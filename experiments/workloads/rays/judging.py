@@ -56,8 +56,8 @@ def truth_of(
         count = cross_every_triangle(corners, o, d, exact, prim_ids, t)
         of_rays.append(prim_ids[:count].copy())
         nearest[ray] = t[:count].min(initial=np.inf)
-    counts = np.array([len(one) for one in of_rays], np.int64)
-    ray_ids, found = np.repeat(np.arange(len(origins)), counts), np.concatenate([*of_rays, np.empty(0, np.int64)])
+    counts = np.array([len(prim_ids_of_ray) for prim_ids_of_ray in of_rays], np.int64)
+    ray_ids, crossed = np.repeat(np.arange(len(origins)), counts), np.concatenate([*of_rays, np.empty(0, np.int64)])
     match question:
         case "count" | "all":
             hits = int(counts.sum())
@@ -65,7 +65,7 @@ def truth_of(
             hits = int((counts % 2).sum())
         case "closest" | "any":
             hits = int((counts > 0).sum())
-    return Truth(ray_ids, found, nearest, hits)
+    return Truth(ray_ids, crossed, nearest, hits)
 
 
 def judged(
@@ -86,9 +86,9 @@ def judged(
     some = np.asarray(answer)[sample]
     match question:
         case "closest":
-            found = _distances(some.astype(np.int64).astype(np.uint32), mesh, *rays)
+            distances = _distances(some.astype(np.int64).astype(np.uint32), mesh, *rays)
             slack = _AS_NEAR * np.where(np.isfinite(truth.nearest), np.abs(truth.nearest), 0.0)
-            return int((found > truth.nearest + slack).sum()), int((found < truth.nearest - slack).sum())
+            return int((distances > truth.nearest + slack).sum()), int((distances < truth.nearest - slack).sum())
         case "any":
             missing = (truth.counts > 0).astype(np.int64) - some
         case "contains":

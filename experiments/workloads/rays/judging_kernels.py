@@ -36,14 +36,14 @@ def cross_every_triangle(corners, origin, direction, exact, prim_ids, t):  # typ
     for face in range(len(corners)):
         p, q, r = corners[face, 0], corners[face, 1], corners[face, 2]
         a, b, c = _minus(p, o), _minus(q, o), _minus(r, o)
-        one, two = _side(d, a, b), _side(d, b, c)
-        if one * two < 0:
+        first, second = _side(d, a, b), _side(d, b, c)
+        if first * second < 0:
             continue
-        three = _side(d, c, a)
-        if one * three < 0 or two * three < 0:
+        third = _side(d, c, a)
+        if first * third < 0 or second * third < 0:
             continue
         p, q, r = (p[0], p[1], p[2]), (q[0], q[1], q[2]), (r[0], r[1], r[2])
-        sign = one if one * two * three != 0 else crossing_sign(o, d, p, q, r, major, memory)
+        sign = first if first * second * third != 0 else crossing_sign(o, d, p, q, r, major, memory)
         if sign == 0 or plane_sign(o, d, p, q, r, 0.0, memory) == -sign:
             continue
         e, f = _minus(q, p), _minus(r, p)

@@ -4,13 +4,14 @@ tracers compute on demand."""
 from __future__ import annotations
 
 from contextlib import ExitStack
+from functools import partial
 from statistics import median
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.compiled.threads import WorkerPool
-from atra.embree.packets_kernels import Image, RayGrid
+from atra.embree.packets_kernels import RayGrid, TracedImage
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
@@ -18,14 +19,13 @@ from atra.packets.pixel import Pixel, PreparedPixel
 from atra.tracing.rays import image_ray_grid
 from atra.tracing.tracer import Tracer
 from experiments.harness.method import Tracing
-from experiments.harness.options import NoOptions
-from experiments.harness.point import Measured, Point, Workload, make_own
+from experiments.harness.point import Measured, Point, make_own
 from experiments.harness.records import Record
-from experiments.results.statistics import statistics_columns
-from experiments.workloads.baselines import OWN, over, series
-from experiments.workloads.resources import RESOURCE_COLUMNS, RESOURCES, say_ms
-from experiments.workloads.rounds import Frames, build_own, make_single, race, shrunk, warm_up
+from experiments.workloads.baselines import OWN
+from experiments.workloads.resources import Resources, say_ms
+from experiments.workloads.rounds import Frames, build_own, make_single, race, warm_up
 from experiments.workloads.surface.surface_kernels import Surface, surface_kernel
+from experiments.workloads.typed import Times, workload
 
 OWN_SURFACE, PLAIN_PACKETS, PACKETS_SURFACE = "own_surface", "packets", "packets_surface"
 """Names in the samples: the point's own method and then u, v and normals on demand; packets per pixel without them, and
@@ -38,30 +38,17 @@ def _headline(record: Record) -> str:
     return f"{say_ms(own)}, with u, v and normals {say_ms(surface)}; packets {say_ms(packets)} and {say_ms(stored)}"
 
 
-_own, _surface, _packets, _stored = map(series, (OWN, OWN_SURFACE, PLAIN_PACKETS, PACKETS_SURFACE))
-
-SURFACE = Workload(
-    name="surface",
-    options=NoOptions,
-    columns=(
-        *RESOURCE_COLUMNS,
-        *statistics_columns("render_time{}_s", "one frame", _own),
-        *statistics_columns("surface_time{}_s", "one frame, and u, v and normals on demand", _surface),
-        *statistics_columns("packets_time{}_s", "the widest packets per pixel", _packets),
-        *statistics_columns("packets_surface_time{}_s", "the widest packets, storing u, v and normals", _stored),
-        *statistics_columns("surface_over_frame{}", "frame with u, v, normals / frame without", over(_surface, _own)),
-        *statistics_columns(
-            "packets_surface_over_frame{}", "packets with u, v and normals / packets without", over(_stored, _packets)
-        ),
-        *statistics_columns(
-            "speedup_vs_packets_with_surface{}", "packets / this, both with u, v and normals", over(_stored, _surface)
-        ),
-    ),
-    headline=_headline,
-    room=__name__,
-    samples=lambda point: frozenset((OWN, OWN_SURFACE, PLAIN_PACKETS, PACKETS_SURFACE)),
-    judged=OWN_SURFACE,
-    needs=RESOURCES,
+SURFACE = workload(
+    "surface", __name__, _headline, Resources,
+    Times({
+        "render_time{}_s": OWN,
+        "surface_time{}_s": OWN_SURFACE,
+        "packets_time{}_s": PLAIN_PACKETS,
+        "packets_surface_time{}_s": PACKETS_SURFACE,
+        "surface_over_frame{}": (OWN_SURFACE, OWN),
+        "packets_surface_over_frame{}": (PACKETS_SURFACE, PLAIN_PACKETS),
+        "speedup_vs_packets_with_surface{}": (PACKETS_SURFACE, OWN_SURFACE),
+    }, judged=OWN_SURFACE),
 )  # fmt: skip
 
 
@@ -87,7 +74,7 @@ class PreparedSurface(PreparedPixel):
     def draw(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
         shape, workspaces = self.method.packet_shape, self.workspaces
         tiles, scene, surface = self.tiles, self.scene.address, self.surface
-        rays, image = RayGrid(*image_ray_grid(self.camera, offset, shape)), Image(depth, prim_id)
+        rays, image = RayGrid(*image_ray_grid(self.camera, offset, shape)), TracedImage(depth, prim_id)
         kernel = surface_kernel(*shape)
 
         def work(worker: int, counter: int) -> None:
@@ -104,21 +91,16 @@ def surface_tracer(mesh: Mesh, camera: View, tracing: Tracing) -> Tracer:
 
 def measure(point: Point) -> Measured:
     """Raises InputError and MemoryBudgetError as the tracers do."""
-    small = shrunk(point)
 
-    def make_packets(mesh: Mesh, view: View) -> Tracer:
+    def make_packets(point: Point, mesh: Mesh, view: View) -> Tracer:
         return surface_tracer(mesh, view, point.tracing)
 
-    warm_up(
-        point,
-        [lambda mesh, view: make_own(small, mesh, view), lambda mesh, view: make_single(small, mesh, view, None),
-         make_packets],
-    )  # fmt: skip
+    warm_up(point, [make_own, partial(make_single, packet_width=None), make_packets])
     with ExitStack() as stack:
         own, results = build_own(point, stack)
         plain = stack.enter_context(make_single(point, own.mesh, own.camera, None))
-        storing = stack.enter_context(make_packets(own.mesh, own.camera))
-        frames = {name: Frames(one) for name, one in ((OWN, own), (PLAIN_PACKETS, plain), (PACKETS_SURFACE, storing))}
+        storing = stack.enter_context(make_packets(point, own.mesh, own.camera))
+        tracers = {OWN: own, PLAIN_PACKETS: plain, PACKETS_SURFACE: storing}
         demanded = Frames(own)
 
         def trace_and_ask() -> None:
@@ -126,6 +108,7 @@ def measure(point: Point) -> Measured:
             surface_of(demanded.latest())
 
         trace_and_ask()  # compiles what computes them
+        frames = {name: Frames(tracer) for name, tracer in tracers.items()}
         return race(point, {**frames, OWN_SURFACE: trace_and_ask}, results=results)
 
 

@@ -13,7 +13,7 @@ from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import kernel
 from atra.embree.layout import HIT_NG_X, HIT_U, HIT_V, RAY_WORDS
 from atra.embree.packets_kernels import intersect, set_pixel_ray, set_unlimited
-from atra.packets.pixel_kernels import keep_hits
+from atra.packets.loop_kernels import keep_hits
 
 
 class Surface(NamedTuple):
@@ -27,12 +27,12 @@ class Surface(NamedTuple):
 
 @cache
 def surface_kernel(shape_x: int, shape_y: int) -> Callable[..., None]:
-    """As `pixel_kernel` of `atra.packets`, and it keeps where on the triangles the hits lie."""
+    """As `packet_kernel` of `atra.packets`, and it keeps where on the triangles the hits lie."""
     width = shape_x * shape_y
 
     @kernel
     def trace_surface(counter_address, scene, packet, rays, tiles, image, surface):  # type: ignore[no-untyped-def]
-        """As `trace_pixels`. surface: `Surface`, written completely; undefined where nothing is hit."""
+        """As `trace_packets`. surface: `Surface`, written completely; undefined where nothing is hit."""
         height, image_width = image.depth.shape
         while True:
             tile = fetch_add(counter_address, 1)

@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from math import cos, pi, radians, sin
-from statistics import median
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,15 +17,14 @@ from atra.errors import InputError
 from atra.geometry.camera import CalibratedCamera, Camera
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from experiments.harness.column import REAL, Column
 from experiments.harness.options import Settings, option, whole
-from experiments.harness.point import Measured, Point, Workload, make_own
+from experiments.harness.point import Measured, Point, make_own
 from experiments.harness.records import Record
 from experiments.methods.peers.peer import PreparedRays
-from experiments.results.statistics import statistics_columns
-from experiments.workloads.baselines import OWN, over, series
+from experiments.workloads.baselines import OWN
 from experiments.workloads.batches import camera_rays, random_rays
 from experiments.workloads.rounds import load_mesh, race
+from experiments.workloads.typed import Least, Times, workload
 
 LIBRARY = "library"
 """Name in the samples of `atra.render_views` or `atra.RayScene.intersect`."""
@@ -45,13 +43,19 @@ class ViewsOptions(Settings):
     views: int = whole(20, "cameras, where views are asked for", 1)
 
 
-_own, _library = series(OWN), series(LIBRARY)
-_gain = over(_own, _library)
+TIMES = Times({"job_time{}_s": OWN, "library_time{}_s": LIBRARY, "library_gain{}": (OWN, LIBRARY)}, judged=OWN)
+
+
+class Equality(TypedDict):
+    """How alike the answers of both are."""
+
+    ids_equal: Least
 
 
 def _headline(record: Record) -> str:
-    own, library = (median(record.samples[name]) for name in (OWN, LIBRARY))
-    return f"{own:.3f} s; the library {library:.3f} s, {median(_gain(record)):.2f}x as fast"
+    own, library = (np.asarray(record.samples[name]) for name in (OWN, LIBRARY))
+    gain = f"{np.median(own / library):.2f}x as fast"
+    return f"{np.median(own):.3f} s; the library {np.median(library):.3f} s, {gain}"
 
 
 def _problem(point: Point) -> str | None:
@@ -64,22 +68,7 @@ def _problem(point: Point) -> str | None:
     return f"method={point.method.name} with workload.job={job}, expected a tracer of others beside ours: {others}"
 
 
-VIEWS = Workload(
-    name="views",
-    options=ViewsOptions,
-    columns=(
-        *statistics_columns("job_time{}_s", "all views, or all rays, by the method", _own),
-        *statistics_columns("library_time{}_s", "all views, or all rays, by the library", _library),
-        *statistics_columns("library_gain{}", "the method's time / the library's, in the same rounds", _gain),
-        Column("ids_equal", REAL, "least share of pixels, or rays, with the same triangle", over=min),
-    ),
-    headline=_headline,
-    room=__name__,
-    samples=lambda point: frozenset((OWN, LIBRARY)),
-    judged=OWN,
-    needs=("ids_equal",),
-    problem=_problem,
-)  # fmt: skip
+VIEWS = workload("views", __name__, _headline, TIMES, Equality, options=ViewsOptions, problem=_problem)
 
 
 STEP, TURN_DEGREES = 1 / 50, 30.0
@@ -113,7 +102,7 @@ def measure(point: Point) -> Measured:
             own, library = _of_views(point, mesh)
         else:
             own, library = _of_rays(point, mesh, stack)
-        ids_equal = min(float((one == other).mean()) for one, other in zip(own(), library(), strict=True))
+        ids_equal = min(float((ours == theirs).mean()) for ours, theirs in zip(own(), library(), strict=True))
         contestants = {OWN: lambda: _exhaust(own()), LIBRARY: lambda: _exhaust(library())}
         return race(point, contestants, results={"ids_equal": ids_equal})
 

@@ -21,8 +21,15 @@ POINT = Point(
     threads=1, ties="lowest", build_quality="medium", rounds=4, warmup=1, frame_budget_s=1.0, time_limit_s=30.0,
     memory_budget_gib=1.0,
 )  # fmt: skip
-MEMORY = {"triangles_traced": 1, "packet_width": 1, "threads": 1, "rss_bytes": 100, "peak_rss_bytes": 120}
-COUNTS = {"pixels_equal": 60, "pixels_tied": 2, "pixels_edge": 1, "pixels_wrong": 1}
+MEMORY = {
+    "triangles_traced": 1, "packet_width": 1, "threads": 1, "rss_start_bytes": 60, "rss_mesh_bytes": 80,
+    "rss_bytes": 100, "peak_rss_bytes": 120,
+}  # fmt: skip
+COUNTS = {
+    "pixels_equal": 60, "pixels_tied": 2, "pixels_edge": 1, "pixels_wrong": 1, "pixels_hole": 0,
+    "baseline_pixels_hole": 0, "depth_error_max": 1e-7, "depth_error_p999": 1e-7, "baseline_depth_error_max": 1e-7,
+    "baseline_depth_error_p999": 1e-7,
+}  # fmt: skip
 TIMES = {"plan_time_s": 0.0, "build_time_s": 0.1, "baseline_build_time_s": 0.1, "rounds": 3}
 ROUNDS = {"rounds": 4}
 METHODS = ("own", "rtcIntersect1", "packets_8")
@@ -50,7 +57,7 @@ def timed(*names):
     (
         replace(POINT, workload=MULTIFRAME, workload_options=MultiframeOptions()),
         timed(*METHODS, "separate", "visible_first", "rasteriser")
-        | {"results": MEMORY | COUNTS | TIMES | ROUNDS | {"pixels_equal": 124}},
+        | {"results": MEMORY | COUNTS | TIMES | ROUNDS | {"pixels_equal": 124, "separate_embree_bytes": 9}},
     ),
 ])  # fmt: skip
 def test_each_workload_has_results_of_its_own(point, changes):

@@ -16,7 +16,7 @@ ROOMS = {"all_hits", "compiled", "embree", "exact", "files", "geometry", "judge"
 
 SHARED = {
     "experiments.methods": {"options", "pixel"},
-    "experiments.workloads": {"baselines", "images", "resources", "rounds"},
+    "experiments.workloads": {"baselines", "images", "resources", "rounds", "typed"},
     "scenes": {"built_in", "cornell_box", "loading", "scene", "shapes"},
 }
 """Modules that every point of the Cornell box may use."""

@@ -36,15 +36,10 @@ def test_cumulative_time_is_plan_build_first_frame_and_then_the_further_frames()
 
 @pytest.mark.parametrize(("once_s", "first_s", "frame_s", "expected"), [
     (0.5, 4.0, 4.0, 1),  # cheaper to set up, never overtaken
-    (0.5, 4.0, 2.0, 1),
     (1.0, 4.0, 2.0, 2),  # level after the first frame, ahead after the second
-    (2.0, 4.0, 2.0, 2),  # 1 s behind, gains 2 s a frame
     (3.0, 4.0, 2.0, 3),  # level after the second frame
-    (4.0, 4.0, 2.0, 3),
     (1.0, 11.0, 2.0, 5),  # a slow first frame counts as well: 7 s behind
     (1.0, 4.0, 4.0, None),  # as dear to the last frame
-    (9.0, 4.0, 4.0, None),
-    (1.0, 4.0, 8.0, None),
     (0.5, 1.0, 4.5, None),  # leads for a while, and then no more
 ])  # fmt: skip
 def test_break_even_is_the_first_frame_from_which_on_the_time_in_all_is_less(once_s, first_s, frame_s, expected):
@@ -52,10 +47,7 @@ def test_break_even_is_the_first_frame_from_which_on_the_time_in_all_is_less(onc
     assert break_even_frames(candidate, [BASELINE]) == expected
     frames = np.arange(1, 200)
     ahead = cumulative_time_s(candidate, frames) < cumulative_time_s(BASELINE, frames)
-    if expected is None:
-        assert not ahead[-1]
-    else:
-        np.testing.assert_array_equal(ahead, frames >= expected)
+    assert not ahead[-1] if expected is None else (ahead == (frames >= expected)).all()
 
 
 def test_the_best_row_has_the_largest_ratio_not_the_shortest_time_and_is_the_first_of_equals():
@@ -120,24 +112,18 @@ def test_the_price_of_a_row_is_its_columns_and_missing_ones_leave_no_price():
     assert [cost_of(one) for _, one in table.iterrows()] == [expected, None, None]
 
 
-def test_the_baseline_is_the_row_of_8_wide_packets_per_pixel_which_plans_nothing():
-    single = method_row("pixel", 1, time_s=0.5, packet_width=1, plan_time_s=None)
-    packets = method_row("pixel", 1, time_s=0.25, plan_time_s=None, build_time_s=0.5, first_frame_time_s=1.0)
-    table = make_rows(method_row("aligned", 64), single, packets)
-    assert baseline_costs(table) == {"same": Cost("pixel", 0.0, 0.5, 1.0, 0.25, 3000, 0.05)}
-    assert baseline_costs(make_rows(method_row("aligned", 64), single)) == {}
-
-
 def test_packets_have_a_baseline_of_each_build_quality_the_usual_one_first():
+    single = method_row("pixel", 1, time_s=0.1, packet_width=1)
     rows = [
-        method_row("pixel", 1, time_s=0.5, own_build_quality="low", build_time_s=0.25),
-        method_row("pixel", 1, time_s=0.25, own_build_quality="same", build_time_s=0.5),
-        method_row("pixel", 1, time_s=0.125, own_build_quality="same", build_time_s=0.5, packet_width=16),
+        method_row("pixel", 1, time_s=0.5, own_build_quality="low", plan_time_s=None, build_time_s=0.25),
+        method_row("pixel", 1, time_s=0.25, build_time_s=0.5),
+        method_row("pixel", 1, time_s=0.125, plan_time_s=None, build_time_s=0.5, packet_width=16),
     ]
-    found = baseline_costs(make_rows(*rows))
-    assert [(name, one.build_time_s, one.frame_time_s) for name, one in found.items()] == [
-        ("same", 0.5, 0.125), ("low", 0.25, 0.5),
+    costs = baseline_costs(make_rows(method_row("aligned", 64), single, *rows))
+    assert [(name, one.plan_time_s, one.build_time_s, one.frame_time_s) for name, one in costs.items()] == [
+        ("same", 0.0, 0.5, 0.125), ("low", 0.0, 0.25, 0.5),
     ]  # fmt: skip
+    assert baseline_costs(make_rows(method_row("aligned", 64), single)) == {}
 
 
 def test_break_even_is_with_whichever_build_of_packets_is_cheapest_so_far():
@@ -146,8 +132,6 @@ def test_break_even_is_with_whichever_build_of_packets_is_cheapest_so_far():
     assert break_even_frames(candidate, [BASELINE]) == 4  # 1 s behind, 0.5 s gained a frame
     assert break_even_frames(candidate, [cheap]) == 3  # 2 s behind, 1.5 s gained
     assert break_even_frames(candidate, [BASELINE, cheap]) == 4
-    assert break_even_frames(cost(1.25, 4.0, 2.0), [BASELINE]) == 2
-    assert break_even_frames(cost(3.5, 4.0, 2.0), [cheap, BASELINE]) == 3
     assert break_even_frames(cost(1.0, 4.0, 4.5), [BASELINE, cheap]) is None
 
 

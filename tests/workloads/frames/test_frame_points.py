@@ -75,14 +75,10 @@ def test_what_knows_one_frame_only_is_a_problem_of_that_point(method):
 
 
 def test_the_memory_budget_counts_the_copies_of_every_frame():
-    def copied(frames):
-        one = configuration(frames, "turn", culling=False)
-        one.measure.memory_budget_gib = 0.001
-        planned_point, _ = plan_points([one, configuration()])
-        return planned_point
-
-    assert copied(1).problem is None
-    assert "17,792 triangle copies over 16 cells" in str(copied(4).problem)
+    several = configuration(4, "turn", culling=False)
+    several.measure.memory_budget_gib = 0.001
+    planned_point, _ = plan_points([several, configuration()])
+    assert "17,792 triangle copies over 16 cells" in str(planned_point.problem)
 
 
 @pytest.mark.parametrize(("frames", "motion"), [(2, "eyes"), (3, "walk"), (3, "turn")])
@@ -95,11 +91,6 @@ def test_a_time_has_samples_of_every_way_and_judges_every_pixel_of_every_frame(f
     assert sum(outcome.results[f"pixels_{kind}"] for kind in ("equal", "tied", "edge", "wrong")) == frames * 48 * 32
     assert outcome.results["pixels_wrong"] == 0
     assert outcome.results["separate_embree_bytes"] > 0
-
-
-def test_a_memory_is_of_all_frames():
-    two, four = (measure_point(point(frames=frames)).results for frames in (2, 4))
-    assert four["triangles_traced"] > 1.5 * two["triangles_traced"]
 
 
 @pytest.mark.parametrize("motion", MOTIONS)

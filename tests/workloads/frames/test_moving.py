@@ -10,9 +10,9 @@ from experiments.drawing.style import TIMES
 from experiments.harness.method import Tracing
 from experiments.results.terminal import results_console
 from experiments.workloads.baselines import OWN, SINGLE
-from experiments.workloads.moving import EYES, KEPT, RADIUS, STILL, MovingFrames, eyes_around, kept_tracer
+from experiments.workloads.moving import EYES, KEPT, RADIUS, STILL, eyes_around, kept_tracer
 from experiments.workloads.moving.shown import moving_figure, sweep_lines
-from experiments.workloads.rounds import expert_packet_widths
+from experiments.workloads.rounds import Frames, expert_packet_widths
 from tests.drawn import bars, level, make_rows, method_row, whiskers, words
 from tests.images import assert_no_pixel_wrong, trace_pixels
 from tests.meshes import cornell_box, cornell_camera
@@ -38,7 +38,7 @@ def test_the_path_has_another_eye_in_every_frame_and_looks_the_same_way():
 
 def test_every_frame_is_of_the_next_camera():
     with atra.RasterTracer(MESH, CAMERA, threads=1) as tracer:
-        frames = MovingFrames(tracer, PATH[:2])
+        frames = Frames(tracer, PATH[:2])
         seen = []
         for _ in range(3):
             frames()
