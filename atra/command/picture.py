@@ -153,6 +153,8 @@ def _expose(renderer: Renderer, given: Namespace, path: Path) -> None:
             if state.exists():
                 print(f"\natra: the same command goes on from {printable(str(state))}", file=sys.stderr)
             raise
+    if state.exists():
+        print(f"atra: the error is not reached; the same command goes on from {printable(str(state))}", file=sys.stderr)
 
 
 @contextmanager

@@ -24,12 +24,12 @@ CORNERS = 8
 
 
 class MetRows(NamedTuple):
-    """Rows of cells that a polygon meets; first > last if there is none. count: its corners, 0 = all is behind the eye.
+    """Rows of cells that a polygon meets; first > last if there is none. corners: their number, 0 = all is behind the eye.
     y_low, y_high: its lowest and highest pixel position. tiny: a depth that is 0 but for rounding."""
 
     first: int
     last: int
-    count: int
+    corners: int
     y_low: float
     y_high: float
     tiny: float
@@ -145,9 +145,9 @@ def find_columns(met, polygon, row, cell_width, cell_height, nx, first, second):
     """First and last column that the polygon of `find_rows` meets in one row of cells; first, second: memory as its."""
     top, bottom = row * cell_height - MARGIN_PIXELS, (row + 1) * cell_height + MARGIN_PIXELS
     if met.y_low >= top and met.y_high <= bottom:
-        low, high = pixel_range(polygon, met.count, 0, met.tiny)
+        low, high = pixel_range(polygon, met.corners, 0, met.tiny)
     else:
-        count = _clip(polygon, met.count, first, 0.0, 1.0, -top)
+        count = _clip(polygon, met.corners, first, 0.0, 1.0, -top)
         count = _clip(first, count, second, 0.0, -1.0, bottom)
         low, high = pixel_range(second, count, 0, met.tiny)
     return cell_range(low, high, cell_width, nx)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from atra.light.checks import Colour, check_one_of, checked_colour, checked_number, set_fields
+from atra.light.scattering.physical_kernels import SMOOTH
 from atra.light.scattering.spots_kernels import DIELECTRIC, EMISSIVE, LAMBERTIAN, METAL, PHYSICAL
 from atra.light.textures import Checker, Image, Texture
 
@@ -33,6 +34,11 @@ class Material(ABC):
     def emission(self) -> Colour:
         """Radiance that its front emits."""
         return (0.0, 0.0, 0.0)
+
+    @property
+    def clear_share(self) -> float:
+        """The share of light that clear glass lets straight on at a right angle, colour left out; 0 of others."""
+        return 0.0
 
     @property
     def numbers(self) -> tuple[float, bool]:
@@ -113,6 +119,10 @@ class Dielectric(Material):
         return (1.0, 1.0, 1.0)
 
     @property
+    def clear_share(self) -> float:
+        return 1.0 - ((self.ior - 1.0) / (self.ior + 1.0)) ** 2
+
+    @property
     def numbers(self) -> tuple[float, bool]:
         return self.ior, self.fresnel == "schlick"
 
@@ -187,6 +197,12 @@ class MetallicRoughness(Material):
     @property
     def plain(self) -> Texture:
         return self.colour
+
+    @property
+    def clear_share(self) -> float:
+        if self.roughness**2 >= SMOOTH:
+            return 0.0
+        return self.transmission * (1.0 - self.metallic) * (1.0 - ((self.ior - 1.0) / (self.ior + 1.0)) ** 2)
 
     @property
     def numbers(self) -> tuple[float, bool]:

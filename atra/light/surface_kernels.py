@@ -35,9 +35,9 @@ second. FACTOR: of four channels. PLACEMENT: of the image's s and t by those of 
 
 REPEAT, MIRROR, CLAMP = 0, 1, 2
 
-SHINES, ENDS, HOLES = 1, 2, 4
-"""Bits of `flags`. SHINES: the front emits. ENDS: nothing is reflected. HOLES: light may pass as if nothing were
-there."""
+SHINES, ENDS, HOLES, ONE_SIDED, SOLID = 1, 2, 4, 8, 16
+"""Bits of `flags`. SHINES: the front emits. ENDS: nothing is reflected. HOLES: light may pass straight on. ONE_SIDED:
+the eye looks through the back. SOLID: clear glass that bends light, but lets that of lamps straight on."""
 
 GRADIENT, PANORAMA = 0, 1
 SKY_WORDS = 8
@@ -65,7 +65,8 @@ class Surfaces(NamedTuple):
     materials: (M, MATERIAL_WORDS) float64. textures: (N, TEXTURE_WORDS) float64. texels: (T, 4) float32, of all images
     of floats; coded: (T, 4) uint8, of all images of bytes; curves: (2, 256) float32, what a byte stands for, linearly
     and in sRGB. sky: (SKY_WORDS,) float32. panorama: (H, W, 3) float32, row 0 above; +y is up, the middle column looks
-    along -z. has_holes: whether any triangle has HOLES.
+    along -z; harmonics: (9, 3) float32, its light on surfaces, as for `reflected`. has_holes: whether rays to lights
+    may pass a triangle. is_looked_through: whether the eye may.
     """
 
     records: NDArray[np.float64]
@@ -80,7 +81,9 @@ class Surfaces(NamedTuple):
     curves: NDArray[np.float32]
     sky: NDArray[np.float32]
     panorama: NDArray[np.float32]
+    harmonics: NDArray[np.float32]
     has_holes: bool
+    is_looked_through: bool
 
 
 @njit(forceinline=True)

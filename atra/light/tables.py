@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from atra.geometry.mesh import Mesh
 from atra.hits import read_only
 from atra.light import surface_kernels as words
+from atra.light.emitters.harmonics_kernels import OF_COSINE, harmonics
 from atra.light.materials import Emissive, Material, MetallicRoughness, images_of
 from atra.light.scene import Scene
 from atra.light.sky import GradientSky, Sky
@@ -28,8 +29,7 @@ def surfaces_of(scene: Scene, sky_power: float, start_off: float | None) -> Surf
     scene = scene.local
     materials, images = _materials(scene)
     sky, panorama = sky_tables(scene.sky, sky_power)
-    numbers = np.asarray(scene.face_materials)
-    flags = _flags(scene)[numbers]
+    flags = _flags(scene)[np.asarray(scene.face_materials)]
     arrays = (
         _records(scene, materials, start_off),
         flags,
@@ -38,8 +38,11 @@ def surfaces_of(scene: Scene, sky_power: float, start_off: float | None) -> Surf
         *images,
         sky,
         panorama,
+        _sky_harmonics(panorama),
     )
-    tables: list[Any] = [*map(read_only, arrays), bool((flags & words.HOLES).any())]
+    either = int(np.bitwise_or.reduce(flags))
+    seen_through = bool(either & (words.HOLES | words.SOLID)), bool(either & (words.HOLES | words.ONE_SIDED))
+    tables: list[Any] = [*map(read_only, arrays), *seen_through]
     return Surfaces(*tables)
 
 
@@ -114,15 +117,23 @@ def _flags(scene: Scene) -> NDArray[np.uint8]:
         [
             (words.SHINES if any(one.emission) else 0)
             | (words.ENDS if isinstance(one, Emissive) else 0)
-            | (words.HOLES if _has_holes(one) else 0)
+            | _passes(one, bool(scene.lights))
             for one in scene.materials
         ],
         np.uint8,
     )
 
 
-def _has_holes(material: Material) -> bool:
-    return isinstance(material, MetallicRoughness) and (material.alpha != "opaque" or not material.is_double)
+def _passes(material: Material, has_lamps: bool) -> int:
+    """HOLES, ONE_SIDED and SOLID of a material."""
+    is_clear, is_thin, has_holes, bits = material.clear_share > 0.0, False, False, 0
+    if isinstance(material, MetallicRoughness):
+        is_clear |= material.transmission > 0.0 and material.metallic_roughness is not None
+        is_thin, has_holes = material.is_thin, material.alpha != "opaque"
+        bits = 0 if material.is_double else words.ONE_SIDED
+    if has_holes or (is_clear and is_thin):
+        bits |= words.HOLES
+    return bits | words.SOLID if is_clear and not is_thin and has_lamps else bits
 
 
 def _materials(scene: Scene) -> tuple[NDArray[np.float64], tuple[NDArray[Any], ...]]:
@@ -144,6 +155,7 @@ def _materials(scene: Scene) -> tuple[NDArray[np.float64], tuple[NDArray[Any], .
         else:
             row[words.COLOUR : words.COLOUR + 3] = colour
         row[words.EMISSION : words.EMISSION + 3] = material.emission
+        row[words.TRANSMISSION] = material.clear_share > 0.0
         for slot, image in enumerate(images_of(material)):
             if image is not None:
                 row[words.IMAGES + slot] = images.number_of(image)
@@ -201,6 +213,26 @@ def _four_channels(texels: NDArray[Any]) -> NDArray[Any]:
         return flat
     opaque = np.full((len(flat), 1), 255 if flat.dtype == np.uint8 else 1, flat.dtype)
     return np.concatenate([flat, opaque], axis=1)
+
+
+def _sky_harmonics(panorama: NDArray[np.float32]) -> NDArray[np.float32]:
+    """`harmonics` of `Surfaces`, of a panorama."""
+    rows, columns = panorama.shape[:2]
+    ends = np.cos(np.pi * np.arange(rows + 1) / rows)
+    middle, thick = 0.5 * (ends[:-1] + ends[1:])[:, None], (ends[:-1] - ends[1:]) * (2.0 * np.pi / columns)
+    light = np.tensordot(panorama, _waves(2.0 * np.pi * ((np.arange(columns) + 0.5) / columns - 0.5)), (1, 1))
+    # Within a row harmonics are sums of five waves; eight turns tell how much of each.
+    turns = np.arange(8) * (np.pi / 4.0)
+    across = np.sqrt(1.0 - middle**2)
+    found = np.stack(np.broadcast_arrays(*harmonics(across * np.sin(turns), middle, -across * np.cos(turns))))
+    of_waves = found @ np.linalg.pinv(_waves(turns).astype(np.float64))
+    return (OF_COSINE[:, None] * np.einsum("khw,hcw,h->kc", of_waves, light, thick)).astype(np.float32)
+
+
+def _waves(turns: NDArray[np.floating]) -> NDArray[np.float32]:
+    """(5, N): what the harmonics in a row of a panorama are made of, at N longitudes."""
+    waves = np.ones(len(turns)), np.sin(turns), np.cos(turns), np.sin(2.0 * turns), np.cos(2.0 * turns)
+    return np.stack(waves).astype(np.float32)
 
 
 def sky_tables(sky: Sky, power: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -59,14 +59,14 @@ def _fields(kind: type) -> Iterator[str]:
     hints = get_type_hints(kind)
     rows = [
         (
-            code(one.name),
-            code(say_type(one.type)),
-            "required" if say_default(one) == "required" else code(say_default(one)),
-            ", ".join(map(code, choices_of(hints[one.name], one))),
-            help_of(kind, one),
+            code(member.name),
+            code(say_type(member.type)),
+            "required" if say_default(member) == "required" else code(say_default(member)),
+            ", ".join(map(code, choices_of(hints[member.name], member))),
+            help_of(kind, member),
         )
-        for one in fields(kind)
-        if one.init and not one.name.startswith("_")
+        for member in fields(kind)
+        if member.init and not member.name.startswith("_")
     ]
     if rows:
         yield table(("field", "type", "default", "choices", "meaning"), rows)
@@ -74,8 +74,8 @@ def _fields(kind: type) -> Iterator[str]:
 
 def _members(kind: type) -> Iterator[str]:
     """A line for each public property and method that the library defines, a base class's included."""
-    own = [one for one in kind.__mro__ if one.__module__.partition(".")[0] == "atra"]
-    names = sorted({name for one in own for name in vars(one) if not name.startswith("_")})
+    own = [ancestor for ancestor in kind.__mro__ if ancestor.__module__.partition(".")[0] == "atra"]
+    names = sorted({name for ancestor in own for name in vars(ancestor) if not name.startswith("_")})
     for name in names:
         value = inspect.getattr_static(kind, name)
         text = summary(inspect.getdoc(getattr(kind, name, None)))
@@ -100,16 +100,23 @@ def _signature(function: Any, bound: bool = True) -> str:
 
 def _parameters(parameters: list[inspect.Parameter]) -> Iterator[str]:
     starred = False
-    for one in parameters:
-        if one.kind is one.VAR_POSITIONAL:
+    for parameter in parameters:
+        if parameter.kind is parameter.VAR_POSITIONAL:
             starred = True
-        elif one.kind is one.KEYWORD_ONLY and not starred:
+        elif parameter.kind is parameter.KEYWORD_ONLY and not starred:
             starred = True
             yield "*"
-        stars = "*" if one.kind is one.VAR_POSITIONAL else "**" if one.kind is one.VAR_KEYWORD else ""
-        kind = "" if one.annotation is one.empty else f": {say_type(one.annotation)}"
-        default = "" if one.default is one.empty else f"{' = ' if kind else '='}{say_value(one.default)}"
-        yield f"{stars}{one.name}{kind}{default}"
+        stars = (
+            "*"
+            if parameter.kind is parameter.VAR_POSITIONAL
+            else "**"
+            if parameter.kind is parameter.VAR_KEYWORD
+            else ""
+        )
+        kind = "" if parameter.annotation is parameter.empty else f": {say_type(parameter.annotation)}"
+        value, sign = parameter.default, " = " if kind else "="
+        default = "" if value is parameter.empty else f"{sign}{say_value(value)}"
+        yield f"{stars}{parameter.name}{kind}{default}"
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -154,8 +161,12 @@ def say_default(field: Field[Any]) -> str:
 def choices_of(hint: Any, field: Field[Any] | None = None) -> tuple[str, ...]:
     """The values to choose from: those that the field's metadata lists, or those of an Enum, or none."""
     listed = field.metadata.get("choices") if field is not None else None
-    enums = [one for one in (hint, *get_args(hint)) if isinstance(one, type) and issubclass(one, Enum)]
-    return tuple(map(str, listed or ())) or tuple(str(one.value) for enum in enums for one in enum)
+    enums = [
+        candidate
+        for candidate in (hint, *get_args(hint))
+        if isinstance(candidate, type) and issubclass(candidate, Enum)
+    ]
+    return tuple(map(str, listed or ())) or tuple(str(member.value) for enum in enums for member in enum)
 
 
 def paragraphs(text: str | None) -> list[str]:
@@ -176,8 +187,8 @@ def help_of(owner: type, field: Field[Any]) -> str:
     if given:
         return str(given)
     for kind in owner.__mro__:
-        if is_dataclass(kind) and (found := _said_of(kind, field.name)):
-            return found
+        if is_dataclass(kind) and (text := _said_of(kind, field.name)):
+            return text
     hint = get_type_hints(owner)[field.name]
     return summary(hint.__doc__) if isinstance(hint, type) and issubclass(hint, Enum) else ""
 
@@ -188,7 +199,7 @@ def _said_of(kind: type, name: str) -> str:
     under = re.search(rf"^(?:\w+, )*{name}(?:, \w+)* :.*\n((?: +.*\n)+)", cleandoc(kind.__doc__ or "") + "\n", re.M)
     if under:
         return " ".join(under[1].split())
-    names = "|".join(re.escape(one.name) for one in fields(kind))
+    names = "|".join(re.escape(spec.name) for spec in fields(kind))
     text = " ".join(cleandoc(kind.__doc__ or "").split())
     pieces = re.split(rf"(?<![\w`.])((?:{names})(?:, (?:{names}))*): ", text)
     said = next(

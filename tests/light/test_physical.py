@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from atra.compiled.store import float_kernel
-from atra.light.scattering.physical_kernels import physical_direction, physical_value
+from atra.light.scattering.physical_kernels import clear_light, physical_direction, physical_value
 from atra.light.scattering.spots_kernels import Matter
 
 F = np.float32
@@ -79,6 +79,10 @@ WHITE = {
 def test_in_a_furnace_nothing_white_shines_and_what_is_smooth_keeps_all(name, cosine):
     _, weights, _ = sampled(WHITE[name], cosine)
     mean = weights[:, 0].mean()
+    if name == "a clear thin pane":  # what passes straight on is not scattered
+        straight = clear_light(WHITE[name], F(cosine))[0]
+        assert straight == pytest.approx(0.96 * (1 - (1 - cosine) ** 5), abs=1e-4)
+        mean += straight
     if "rough" in name:  # light that meets a second microfacet is lost in this model
         assert 0.75 < mean < 1.005
     else:

@@ -145,8 +145,8 @@ def _to_lamp(emitters, origin, chance, second, u, v):  # type: ignore[no-untyped
 
 @njit(forceinline=True, error_model="numpy")
 def _candidate(surfaces, emitters, spot, direction, origin, chance, second, u, v):  # type: ignore[no-untyped-def]
-    """(length, direction, (r, g, b)): a point of an emitter, and the light that arrives from it along the path, over
-    how often it is chosen, if nothing is in its way.
+    """(length, direction, (r, g, b), whether of a lamp): a point of an emitter, and the light that arrives from it
+    along the path, over how often it is chosen, if nothing is in its way.
 
     Light that scattering finds, too, is divided between both by the power heuristic.
     Source: E. Veach and L. J. Guibas, "Optimally combining sampling techniques for Monte Carlo rendering", 1995.
@@ -163,18 +163,18 @@ def _candidate(surfaces, emitters, spot, direction, origin, chance, second, u, v
         towards, distance, density, light = _to_triangle(surfaces, emitters, origin, rest, second, u, v)
         length = distance * ALMOST
     if not density > ZERO:
-        return ZERO, towards, BLACK
+        return ZERO, towards, BLACK, is_lamp
     scattered, own = scattered_light(spot, direction, towards)
     factor = ONE if is_lamp else share_of(density, own) / density
     return length, towards, (
         factor * scattered[0] * light[0], factor * scattered[1] * light[1], factor * scattered[2] * light[2]
-    )  # fmt: skip
+    ), is_lamp  # fmt: skip
 
 
 @njit(forceinline=True, error_model="numpy")
 def aim(surfaces, emitters, spot, prim_id, direction, key, sample, bounce):  # type: ignore[no-untyped-def]
-    """(length, origin, direction, light): a ray from where a path meets `prim_id` to an emitter, and the (r, g, b) that
-    arrives along the path if nothing is in its way. Length 0: there is none.
+    """(length, origin, direction, light, is_lamp): a ray from where a path meets `prim_id` to an emitter, the (r, g, b)
+    that arrives along the path if nothing is in its way, and whether it is a lamp, as a float32. Length 0: no ray.
 
     Of several candidates, one is chosen by its light.
     Source: J. Talbot, D. Cline and P. Egbert, "Importance resampling for global illumination", 2005.
@@ -183,9 +183,9 @@ def aim(surfaces, emitters, spot, prim_id, direction, key, sample, bounce):  # t
     u, v = pair_of(key, sample, bounce * PAIRS + PLACE)
     left = unit_of(bits_of(key ^ np.uint32(sample), np.uint32(bounce)))
     origin = leaving(surfaces, prim_id, spot.point, spot.normal)
-    length, towards, light, weight, total = ZERO, direction, BLACK, ZERO, ZERO
+    length, towards, light, weight, total, from_lamp = ZERO, direction, BLACK, ZERO, ZERO, False
     for _ in range(emitters.candidates):
-        other, way, carried = _candidate(surfaces, emitters, spot, direction, origin, chance, second, u, v)
+        other, way, carried, is_lamp = _candidate(surfaces, emitters, spot, direction, origin, chance, second, u, v)
         chance, second, u, v = _next(chance, _S1), _next(second, _S2), _next(u, _S3), _next(v, _S4)
         more = luminance(carried)
         if not more > ZERO:
@@ -193,15 +193,16 @@ def aim(surfaces, emitters, spot, prim_id, direction, key, sample, bounce):  # t
         total += more
         share = more / total
         if left < share:
-            length, towards, light, weight = other, way, carried, more
+            length, towards, light, weight, from_lamp = other, way, carried, more, is_lamp
             left /= share
         else:
             left = (left - share) / (ONE - share)
     if not weight > ZERO:
-        return ZERO, origin, towards, BLACK
+        return ZERO, origin, towards, BLACK, ZERO
     if dot(towards, spot.normal) < ZERO:
         origin = leaving(surfaces, prim_id, spot.point, scaled(-ONE, spot.normal))
-    return length, origin, towards, scaled(total / (weight * np.float32(emitters.candidates)), light)
+    light = scaled(total / (weight * np.float32(emitters.candidates)), light)
+    return length, origin, towards, light, ONE if from_lamp else ZERO
 
 
 @njit(forceinline=True)

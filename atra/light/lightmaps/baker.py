@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from atra.errors import AtraError
 from atra.geometry.view import View
 from atra.light.checks import check_whole
-from atra.light.lightmaps.batches import BATCH_BYTES, Job, Stages, Work, add_batch, new_batch, stage_seconds
+from atra.light.lightmaps.batches import Job, Stages, Work, add_batch, needed_bytes, new_batch, stage_seconds
 from atra.light.lightmaps.charts.atlas import Atlas
 from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.gather.adaptive import is_enough, is_looked_at, until_next_look
@@ -103,7 +103,7 @@ class Baker(Lifetime):
     def _build(self) -> tuple[float, float]:
         start = perf_counter()
         self._given = atlas = self._given or Atlas.unwrap(self.scene.mesh, self._size)
-        needed = atlas.width * atlas.height * (8 * SUMS + 24) + self.options.batch_rays * BATCH_BYTES
+        needed = needed_bytes(atlas.width * atlas.height, self.options.batch_rays)
         what = f"sums of a map of {atlas.width} x {atlas.height} texels and rays in flight"
         check_needed_bytes(needed, None, what, "use a smaller map, or fewer batch_rays")
         self._texels = Texels.of(self.scene.mesh, atlas)
@@ -297,7 +297,7 @@ class Baker(Lifetime):
     def maps(self) -> Lightmap:
         """The means of all samples so far; a copy."""
         with self._lock:
-            return Lightmap.of(self.texels, self.samples.copy(), self._sums.copy())
+            return Lightmap.of(self.texels, self.samples.copy(), self._sums)
 
     def _release(self) -> None:
         self.rays_scene.close()

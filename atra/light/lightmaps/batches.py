@@ -12,7 +12,7 @@ from atra.light.laps import Laps
 from atra.light.lightmaps.bounces_kernels import compact, end_weak, scatter, shade, trace_kernel
 from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.gather.lights_kernels import aim, aim_at_sun, plane_of
-from atra.light.lightmaps.gather.tables_kernels import KIND, PATH_ROWS, RESULTS, SUN, Batch, Tables
+from atra.light.lightmaps.gather.tables_kernels import KIND, PATH_ROWS, RESULTS, SUMS, SUN, Batch, Tables
 from atra.light.lightmaps.options import BakeOptions
 from atra.light.lightmaps.paint_kernels import Paint
 from atra.light.lightmaps.samples_kernels import gather, generate
@@ -20,10 +20,18 @@ from atra.light.lightmaps.shadows_kernels import shine_kernel
 from atra.light.pictures.path_kernels import ROW_PADDING
 from atra.rays.kernel_scene import Query
 
-BATCH_BYTES = 4 * (PATH_ROWS + 6 + RESULTS) + 1
+_RAY_BYTES = 4 * (PATH_ROWS + 6 + RESULTS) + 1
 """Memory per ray in flight."""
 
+_TEXEL_BYTES = 2 * 8 * SUMS + 144
+"""Peak memory of a texel: its sums and their means, and the arrays of `Texels` and `Lightmap`."""
+
 _NEVER = 1 << 30
+
+
+def needed_bytes(texels: int, rays: int) -> int:
+    """Peak memory of a map of so many texels, all of them lit, with so many rays in flight."""
+    return texels * _TEXEL_BYTES + rays * _RAY_BYTES
 
 
 @dataclass

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +16,7 @@ from atra.light.lightmaps.paint import by_place, means_of, paint_of, plain_opaci
 from atra.light.lightmaps.paint_kernels import LARGEST_ALBEDO, OPACITY, Paint, look_up
 from atra.light.lights import Light, check_light
 from atra.light.materials import Emissive, Material
+from atra.light.scattering.diffuse import as_pane
 from atra.light.scene import Scene
 from atra.light.sky import Sky, constant_sky
 from atra.light.textures import Checker, Image
@@ -79,17 +80,21 @@ class Surface:
 
     @classmethod
     def of(cls, scene: Scene) -> Surface:
-        """The surface of a scene's materials: Lambertian and metal by their colour, glass as white as possible,
-        emitters black and shining. Textures and colours of vertices count by place, images of emission by their mean
-        over each triangle. A mask has holes; blended surfaces that do not shine let the rest of the light on."""
+        """The surface of a scene's materials: Lambertian and metal by their colour, emitters black and shining.
+        Textures and colours of vertices count by place, images of emission by their mean over each triangle. A mask has
+        holes; blended surfaces that do not shine let the rest of the light on, and clear glass most of it, straight and
+        tinted by its colour."""
         numbers = np.asarray(scene.face_materials)
+        clear = [0.0 if any(one.emission) else one.clear_share for one in scene.materials]
+        scene = replace(scene, materials=tuple(map(as_pane, scene.materials, clear)))
         albedo = np.array([_plain_albedo(one) for one in scene.materials], np.float32)[numbers]
         emission = np.array([one.emission for one in scene.materials], np.float32)[numbers]
         opacity = np.array([plain_opacity(one) for one in scene.materials], np.float32)[numbers]
-        if not by_place(scene).any():
-            return cls(albedo, emission, opacity)
-        means_of(scene, albedo, emission, opacity)
-        return cls(albedo, emission, np.minimum(opacity, np.float32(1.0)), scene=scene)
+        varies = bool(by_place(scene).any())
+        if varies:
+            means_of(scene, albedo, emission, opacity)
+        tint = np.where(np.array(clear)[numbers, None] > 0.0, albedo, np.float32(1.0))
+        return cls(albedo, emission, np.minimum(opacity, np.float32(1.0)), tint, scene if varies else None)
 
 
 @dataclass(frozen=True, eq=False)

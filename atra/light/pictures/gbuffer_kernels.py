@@ -7,19 +7,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.compiled.memory import columns_of, gather_at, halves, load, low_and_high, prefetch, store
+from atra.compiled.memory import gather_at, halves, load, low_and_high, prefetch, store, table_columns
 from atra.compiled.store import float_part, njit
 from atra.compiled.vectors import bits_of, fused, root, rounded, splat, where, widened
+from atra.light.emitters.harmonics_kernels import reflected
 from atra.light.numbers_kernels import HALF, ONE, ZERO, unit
-from atra.light.pictures.path_kernels import TILE, pixel_line, place_of
-from atra.light.scattering.spots_kernels import emission_at
+from atra.light.pictures.path_kernels import FREE_ROWS, TILE, pixel_line, place_of
 from atra.light.scattering.texels_kernels import checkered, colours_at, fetch_texels, packed_image, places_in
 from atra.light.surface_kernels import (
     CHECKER,
     GRADIENT,
     HAS_COLOURS,
     LEAST_SQUARED,
-    SHINES,
     TEXTURE,
     TINY,
     colour_at_inlined,
@@ -47,10 +46,9 @@ class Chunk(NamedTuple):
     """The G-buffer of at most `CHUNK` pixels, and one ray from each.
 
     floats: (_ROWS x STRIDE,) float32, row by row. Three rows each: ORIGIN of rays; shading NORMAL, 0 for a miss;
-    COLOUR; SKY, the colour times the sky in the normal's direction, or the sky that the pixel sees; DIRECTION of the
-    ray. LENGTH of the ray, 0 = none. LIGHT: what the ray carries, 0 once it is blocked. SEEN: 1, or 0 for a miss. UV:
-    two rows, if vertices have uv. prim_id: (STRIDE,) uint32, 0 for a miss. free: (2, LANES) float32, scratch for
-    shadows.
+    COLOUR; SKY, the colour times the sky's light there, or the sky that the pixel sees; DIRECTION of the ray. LENGTH of
+    the ray, 0 = none. LIGHT: what the ray carries, 0 once it is blocked. SEEN: 1, or 0 for a miss. UV: two rows, if
+    vertices have uv. prim_id: (STRIDE,) uint32, 0 for a miss. free: (FREE_ROWS, LANES) float32, as for `shadows`.
     """
 
     floats: NDArray[np.float32]
@@ -60,7 +58,9 @@ class Chunk(NamedTuple):
 
 def new_chunk() -> Chunk:
     """An empty chunk."""
-    return Chunk(np.zeros(_ROWS * STRIDE, np.float32), np.zeros(STRIDE, np.uint32), np.ones((2, LANES), np.float32))
+    return Chunk(
+        np.zeros(_ROWS * STRIDE, np.float32), np.zeros(STRIDE, np.uint32), np.zeros((FREE_ROWS, LANES), np.float32)
+    )
 
 
 @njit(forceinline=True)
@@ -72,10 +72,15 @@ def fetch_ahead(first, end, pixels):  # type: ignore[no-untyped-def]
 
 
 @float_part
-def find_surfaces(chunk, first, count, pixels, surfaces):  # type: ignore[no-untyped-def]
-    """Fill the chunk with what `count` pixels from number `first` on see, by the prim_ids of `pixels`."""
+def find_triangles(chunk, first, count, pixels):  # type: ignore[no-untyped-def]
+    """Fill the chunk with the triangles that `count` pixels from number `first` on see, by the prim_ids of `pixels`."""
     for i in range(0, count, _LANES):
         _look_up(chunk, i, first + i, pixels)
+
+
+@float_part
+def find_surfaces(chunk, first, count, pixels, surfaces):  # type: ignore[no-untyped-def]
+    """Fill the chunk with what `count` pixels from number `first` on see of its triangles."""
     for i in range(0, count, _LANES):
         _find_places(chunk, i, first + i, pixels, surfaces)
     for i in range(0, count, _LANES):
@@ -139,7 +144,7 @@ def _find_places(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
         dz = widened(gather_at(ways + 2 * plane, place))
     else:
         dx, dy, dz = _at(lines, 1, 0, x, y), _at(lines, 1, 1, x, y), _at(lines, 1, 2, x, y)
-    nx, ny, nz, plane, off, materials, colours, more = columns_of(np.int64(surfaces.records.ctypes.data), numbers)
+    nx, ny, nz, plane, off, materials, colours, more = table_columns(np.int64(surfaces.records.ctypes.data), numbers)
     facing, tiny = _dot(nx, ny, nz, dx, dy, dz), splat(TINY, _LANES)
     t = (plane - _dot(nx, ny, nz, ox, oy, oz)) / where(abs(facing) > tiny, facing, tiny)
     side = where(facing >= zero, splat(-1.0, _LANES), splat(1.0, _LANES))
@@ -233,8 +238,8 @@ def _find_images(chunk, i, surfaces):  # type: ignore[no-untyped-def]
 @njit(forceinline=True)
 def _between_corners(nx, ny, nz, px, py, pz, dx, dy, dz, side, numbers, surfaces):  # type: ignore[no-untyped-def]
     """`shading_normal` and uv for `_LANES` pixels."""
-    vx, vy, vz, v, wx, wy, wz, w = columns_of(np.int64(surfaces.weights.ctypes.data), numbers)
-    pairs = columns_of(np.int64(surfaces.corners.ctypes.data), numbers)
+    vx, vy, vz, v, wx, wy, wz, w = table_columns(np.int64(surfaces.weights.ctypes.data), numbers)
+    pairs = table_columns(np.int64(surfaces.corners.ctypes.data), numbers)
     (ax, ay), (az, bx), (by, bz), (cx, cy) = halves(pairs[0]), halves(pairs[1]), halves(pairs[2]), halves(pairs[3])
     (cz, a_s), (a_t, b_s), (b_t, c_s), (c_t, _) = halves(pairs[4]), halves(pairs[5]), halves(pairs[6]), halves(pairs[7])
     v, w = fused(vx, px, fused(vy, py, fused(vz, pz, v))), fused(wx, px, fused(wy, py, fused(wz, pz, w)))
@@ -280,26 +285,5 @@ def _find_colour(chunk, i, pixel, is_textured, pixels, surfaces):  # type: ignor
         set_vector(floats, COLOUR, i, colour)
     colour, sky = vector_of(floats, COLOUR, i), vector_of(floats, SKY, i)
     if surfaces.sky[0] != GRADIENT:
-        sky = sky_colour(surfaces, vector_of(floats, NORMAL, i))
+        sky = reflected(surfaces.harmonics, vector_of(floats, NORMAL, i))
     set_vector(floats, SKY, i, (colour[0] * sky[0], colour[1] * sky[1], colour[2] * sky[2]))
-
-
-@float_part
-def find_emission(chunk, count, surfaces):  # type: ignore[no-untyped-def]
-    """Replace SKY by what surfaces emit to the eye, and LIGHT by 1 where they do, else 0."""
-    floats = chunk.floats
-    for i in range(count):
-        prim_id = np.int64(chunk.prim_id[i])
-        shines = floats[SEEN * STRIDE + i] != ZERO and surfaces.flags[prim_id] & SHINES != 0
-        floats[LIGHT * STRIDE + i] = ONE if shines and _is_front(floats, i, prim_id, surfaces) else ZERO
-        if floats[LIGHT * STRIDE + i] != ZERO:
-            set_vector(floats, SKY, i, emission_at(surfaces, prim_id, vector_of(floats, ORIGIN, i)))
-
-
-@njit(forceinline=True)
-def _is_front(floats, i, prim_id, surfaces):  # type: ignore[no-untyped-def]
-    """Whether a pixel sees a triangle's front; normals face the eye."""
-    records, ahead = surfaces.records, 0.0
-    for axis in range(3):
-        ahead += records[prim_id, axis] * floats[(NORMAL + axis) * STRIDE + i]
-    return ahead > 0.0

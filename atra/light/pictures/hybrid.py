@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
+from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.light.emitters.panels import Panel, panels_of
 from atra.light.lights import Light, light_row
 from atra.light.lights_kernels import LIGHT_WORDS
-from atra.light.materials import Emissive, Lambertian, Material, MetallicRoughness
 from atra.light.pictures.aiming_kernels import Aim
 from atra.light.pictures.carrying import carried
 from atra.light.pictures.finish.finisher import CENTRE
@@ -26,12 +26,12 @@ from atra.light.pictures.lighting_kernels import LIGHT_PLANES, SKY_PLANES, STAGE
 from atra.light.pictures.options import HybridOptions
 from atra.light.pictures.path_kernels import BLOCK, Pixels
 from atra.light.pictures.renderer import Primary, Renderer, unlike_but_for
+from atra.light.scattering.diffuse import plain_of, shown_of
 from atra.light.scene import Scene
 from atra.light.sky import constant_sky
 from atra.light.surface_kernels import Surfaces
 from atra.light.tables import surfaces_of
-from atra.rays.kernel_scene import Query
-from atra.tracing.tracer import Tracer
+from atra.rays.kernel_scene import KernelScene, Query
 
 
 class _Sequence(NamedTuple):
@@ -52,25 +52,6 @@ _SKY, _LIGHT = _Sequence(_steps(2, 3), 0), _Sequence(_steps(5, 7), 2)
 spread."""
 
 
-def _plain(material: Material) -> Lambertian | MetallicRoughness:
-    """What is shown of a material: its plain colour, and its holes."""
-    if not isinstance(material, MetallicRoughness):
-        return Lambertian(material.plain)
-    return MetallicRoughness(
-        material.plain, material.opacity, material.alpha, material.cutoff, is_double=material.is_double
-    )
-
-
-def _shown(material: Material) -> Material:
-    """`_plain` with what it emits."""
-    if isinstance(material, Emissive):
-        return MetallicRoughness((0.0, 0.0, 0.0), emission=material.emission, is_double=True)
-    plain = _plain(material)
-    if not isinstance(material, MetallicRoughness) or not isinstance(plain, MetallicRoughness):
-        return plain
-    return replace(plain, emission=material.emission, emission_image=material.emission_image)
-
-
 class _Kept(NamedTuple):
     """Pictures from before the camera moved, in the film's order. means: (planes, pixels). counts: (1, pixels),
     samples, 0 = unknown."""
@@ -86,8 +67,9 @@ class HybridRenderer(Renderer):
             renderer.add(64)
             renderer.save("picture.png")
 
-    A surface reflects colour x (light x cosine x its unshadowed share, summed over lights, + sky in its normal's
-    direction x the unoccluded share), and shows what it emits. Materials show their plain colour: glass is white.
+    A surface reflects colour x (light x cosine x its unshadowed share, summed over lights, + sky x the unoccluded
+    share), and shows what it emits. Sky: of a gradient in its normal's direction; of a panorama all light that arrives
+    there. Materials show their plain colour; clear glass lets the eye and light straight on, uncoloured.
     Shining surfaces light others as rectangles or spheres of their area, the eight most powerful. Embree traces shared
     directions faster; shifted ones replace banding by noise. Stages: primary, surfaces, generate, shadow, occlusion,
     accumulate.
@@ -163,7 +145,7 @@ class HybridRenderer(Renderer):
     def _tables(self) -> Surfaces:
         rows = [light.row if isinstance(light, Panel) else light_row(light) for light in self._lit_by]
         self._lights = np.array(rows, np.float32).reshape(-1, LIGHT_WORDS)
-        shown = tuple(_shown(material) for material in self.scene.materials)
+        shown = tuple(shown_of(material) for material in self.scene.materials)
         return surfaces_of(replace(self.scene, materials=shown), 1.0, self.options.start_off)
 
     def _start_film(self) -> None:
@@ -278,22 +260,37 @@ class HybridRenderer(Renderer):
 
 def albedo_of(renderer: Renderer, samples: int) -> NDArray[np.float32]:
     """(H, W, 3) float32, base colours of what a renderer sees, mean of so many samples; 1 for the sky."""
-    plain = tuple(_plain(material) for material in renderer.scene.materials)
+    plain = tuple(plain_of(material) for material in renderer.scene.materials)
     white = replace(renderer.scene, materials=plain, lights=(), sky=constant_sky(1.0))
-    tracer: Any = _Borrowed(renderer.tracer)
-    options: Any = {"threads": renderer.options.threads, "occlusion_rays": 0, "shadow_rays": 0}
-    with HybridRenderer(white, renderer.camera, lambda mesh, view: tracer, **options) as seen:
+    with _Albedo(white, renderer) as seen:
         seen.add(samples)
         return seen.image
 
 
+class _Albedo(HybridRenderer):
+    """A scene without shadows, seen by the tracer of another renderer, whose scene for rays serves, too."""
+
+    def __init__(self, scene: Scene, other: Renderer) -> None:
+        self._other = other
+        tracer: Any = _Borrowed(other.tracer)
+        options: Any = {"threads": other.options.threads, "occlusion_rays": 0, "shadow_rays": 0}
+        super().__init__(scene, other.camera, lambda mesh, view: tracer, **options)
+
+    def _new_rays(self, mesh: Mesh) -> Any:
+        rays = self._other.rays
+        return _Borrowed(rays) if isinstance(rays, KernelScene) else super()._new_rays(mesh)
+
+
 class _Borrowed:
-    """A tracer of another renderer, which stays open."""
+    """Something of another renderer, which stays open."""
 
     plan_time_s = build_time_s = 0.0
 
-    def __init__(self, tracer: Tracer) -> None:
-        self.trace = tracer.trace
+    def __init__(self, owned: Any) -> None:
+        self._owned = owned
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._owned, name)
 
     def build(self) -> None: ...
 

@@ -12,8 +12,18 @@ from atra.compiled.memory import load, store, stream
 from atra.compiled.store import float_kernel, float_part, njit
 from atra.compiled.vectors import bits_of, splat, where
 from atra.embree.layout import FLAG_COHERENT, RAY_DIR_X, RAY_ORG_X, RAY_TFAR, RAY_TNEAR
-from atra.embree.packets_kernels import SMALLEST_COMPONENT, START, occluded
-from atra.light.numbers_kernels import ONE, ZERO
+from atra.embree.packets_kernels import (
+    INFINITY,
+    MISS,
+    SMALLEST_COMPONENT,
+    START,
+    hit_distance,
+    hit_prim_id,
+    intersect,
+    occluded,
+    set_no_hit,
+)
+from atra.light.numbers_kernels import ONE, ZERO, unit
 from atra.light.pictures.aiming_kernels import aim_at_light, aim_into_sky
 from atra.light.pictures.gbuffer_kernels import (
     CHUNK,
@@ -22,14 +32,20 @@ from atra.light.pictures.gbuffer_kernels import (
     LANES,
     LENGTH,
     LIGHT,
+    NORMAL,
     ORIGIN,
+    SEEN,
     SKY,
     STRIDE,
     fetch_ahead,
-    find_emission,
     find_surfaces,
+    find_triangles,
+    set_vector,
+    vector_of,
 )
-from atra.light.pictures.path_kernels import look_through, shadows
+from atra.light.pictures.path_kernels import load_ray, passed, passes_of, path_key, pixel_line, shadows
+from atra.light.scattering.spots_kernels import WHITE, emission_at
+from atra.light.surface_kernels import SHINES
 
 SKY_PLANES = LIGHT_PLANES = 4
 """Sums of the sky, and of each light: r, g, b, and the unblocked share."""
@@ -73,12 +89,42 @@ def _occlude(width, chunk, count, surfaces, scene, packet):  # type: ignore[no-u
         light = load(at + LIGHT * STRIDE * 4, ZERO, width)
         if surfaces.has_holes:
             shadows(width, surfaces, scene, packet, chunk.free)
-            store(light * load(_address(chunk.free), ZERO, width), at + LIGHT * STRIDE * 4)
+            passing = light * load(_address(chunk.free), ZERO, width)  # materials shown let all colours pass alike
+            store(where(is_traced, passing, light), at + LIGHT * STRIDE * 4)
             store(splat(START, width), rays + RAY_TNEAR * field)
             continue
         occluded(width, packet.valid, scene, packet)
         is_free = load(rays + RAY_TFAR * field, ZERO, width) >= zero
         store(where(is_free, light, zero), at + LIGHT * STRIDE * 4)
+
+
+@njit(forceinline=True)
+def _look_through(width, chunk, first, count, pixels, surfaces, scene, packet):  # type: ignore[no-untyped-def]
+    """Put what `count` pixels from number `first` on see behind triangles that the eye may look through into the
+    chunk. Returns the number of rays, traced by packets of `width`."""
+    rays, eye = 0, passes_of(0)
+    for i in range(count):
+        prim_id = chunk.prim_id[i]
+        if chunk.floats[SEEN * STRIDE + i] == ZERO or not surfaces.flags[prim_id] & eye:
+            continue
+        origin, direction = pixel_line(pixels, first + i)
+        direction, distance, passes = unit(direction), START, 0
+        while prim_id != MISS and surfaces.flags[prim_id] & eye:
+            random = path_key(first + i), pixels.sample, passes
+            near, _ = passed(surfaces, prim_id, origin, direction, distance, WHITE, True, random)
+            if not near > ZERO:
+                break
+            for lane in range(width):
+                packet.valid[lane] = -1 if lane == 0 else 0
+            load_ray(packet, width, 0, origin, direction, INFINITY, near)
+            set_no_hit(packet, width, 0)
+            intersect(width, packet.valid, scene, packet)
+            prim_id, distance = hit_prim_id(packet, width, 0), hit_distance(packet, width, 0)
+            passes += 1
+        rays += passes
+        chunk.floats[SEEN * STRIDE + i] = ZERO if prim_id == MISS else ONE
+        chunk.prim_id[i] = np.uint32(0) if prim_id == MISS else prim_id
+    return rays
 
 
 @njit(forceinline=True)
@@ -115,6 +161,27 @@ def _add_light(floats, first, count, row, share, sums, is_first):  # type: ignor
     return bits_of(is_finite) == (1 << LANES) - 1
 
 
+@float_part
+def _find_emission(chunk, count, surfaces):  # type: ignore[no-untyped-def]
+    """Replace SKY by what surfaces emit to the eye, and LIGHT by 1 where they do, else 0."""
+    floats = chunk.floats
+    for i in range(count):
+        prim_id = np.int64(chunk.prim_id[i])
+        shines = floats[SEEN * STRIDE + i] != ZERO and surfaces.flags[prim_id] & SHINES != 0
+        floats[LIGHT * STRIDE + i] = ONE if shines and _is_front(floats, i, prim_id, surfaces) else ZERO
+        if floats[LIGHT * STRIDE + i] != ZERO:
+            set_vector(floats, SKY, i, emission_at(surfaces, prim_id, vector_of(floats, ORIGIN, i)))
+
+
+@njit(forceinline=True)
+def _is_front(floats, i, prim_id, surfaces):  # type: ignore[no-untyped-def]
+    """Whether a pixel sees a triangle's front; normals face the eye."""
+    records, ahead = surfaces.records, 0.0
+    for axis in range(3):
+        ahead += records[prim_id, axis] * floats[(NORMAL + axis) * STRIDE + i]
+    return ahead > 0.0
+
+
 @njit(forceinline=True)
 def _lap(times, stage, start):  # type: ignore[no-untyped-def]
     """End a stage that began at `start`; returns the start of the next."""
@@ -142,8 +209,9 @@ def lighting_kernel(width: int) -> Callable[..., int]:
         for start in range(first, first + count, CHUNK):
             some = min(CHUNK, first + count - start)
             fetch_ahead(start + CHUNK, first + count, pixels)
-            if surfaces.has_holes:
-                rays += look_through(width, start, some, pixels, surfaces, query.scene, query.packet)
+            find_triangles(chunk, start, some, pixels)
+            if surfaces.is_looked_through:
+                rays += _look_through(width, chunk, start, some, pixels, surfaces, query.scene, query.packet)
             find_surfaces(chunk, start, some, pixels, surfaces)
             for i in range(some, some + LANES):  # no rays and no light behind the last pixel
                 floats[LENGTH * STRIDE + i] = floats[LIGHT * STRIDE + i] = ZERO
@@ -174,7 +242,7 @@ def lighting_kernel(width: int) -> Callable[..., int]:
                 is_finite &= _add_light(floats, start, some, SKY, share, sums, is_first and point == 0)
                 clock = _lap(times, _ACCUMULATE, clock)
             if len(sums) > SKY_PLANES + LIGHT_PLANES * len(lights):
-                find_emission(chunk, some, surfaces)
+                _find_emission(chunk, some, surfaces)
                 own = sums[SKY_PLANES + LIGHT_PLANES * len(lights) :]
                 is_finite &= _add_light(floats, start, some, SKY, ONE, own, is_first)
                 clock = _lap(times, _ACCUMULATE, clock)

@@ -13,6 +13,7 @@ from atra.embree.packets_kernels import (
     INFINITY,
     MISS,
     START,
+    hit_distance,
     hit_prim_id,
     intersect,
     occluded,
@@ -20,10 +21,10 @@ from atra.embree.packets_kernels import (
     set_no_hit,
 )
 from atra.light.emitters.emitters_kernels import found_share, found_sky_share
-from atra.light.numbers_kernels import ONE, ZERO, bits_of, dot, key_of, scaled, unit, unit_of
+from atra.light.numbers_kernels import ONE, ZERO, along, bits_of, dot, key_of, scaled, set_vector, unit_of, vector
 from atra.light.scattering.sampler_kernels import JITTER, LOBE, PAIRS, pair_of
-from atra.light.scattering.spots_kernels import emitted, opacity_at
-from atra.light.surface_kernels import HOLES, meet, sky_colour
+from atra.light.scattering.spots_kernels import BLACK, WHITE, emitted, opacity_at, spot_of, straight_light
+from atra.light.surface_kernels import HOLES, ONE_SIDED, SOLID, TRANSMISSION, material_of, meet, sky_colour
 
 BLOCK = 2048
 """Rays compacted together. Packets stay within a block, which starts at a multiple of BLOCK pixels; so a ray has the
@@ -35,8 +36,8 @@ TILE = 4
 ROW_PADDING = 80
 """Extra columns of a wave; rows a power of two apart would compete for the same cache sets."""
 
-MOST_HOLES = 64
-"""Most surfaces that a ray passes as if they were not there; it then ends, dark."""
+_HOLES = 1 << 16
+"""The first dimension of the hashes that decide which surfaces with HOLES a ray passes."""
 
 _SEED = 0x2545F491
 
@@ -157,23 +158,41 @@ def arriving(surfaces, emitters, prim_id, origin, direction, density):  # type: 
     return scaled(found_share(surfaces, emitters, prim_id, origin, direction, density), light)
 
 
-@njit
-def behind_hole(surfaces, prim_id, origin, direction, is_seen, chance):  # type: ignore[no-untyped-def]
-    """Where a ray starts anew, as a distance from its origin, if it passes a triangle with HOLES; 0 if it meets it.
+@njit(forceinline=True)
+def passes_of(bounce):  # type: ignore[no-untyped-def]
+    """Bits of `flags`, one of which a triangle has that a ray may pass; bounce: 0 for rays of the eye."""
+    return HOLES | ONE_SIDED if bounce == 0 else HOLES
 
-    is_seen: by the eye. chance: in [0, 1), decides where light passes in part.
+
+@njit(error_model="numpy")
+def passed(surfaces, prim_id, origin, direction, distance, weight, is_seen, random):  # type: ignore[no-untyped-def]
+    """(beyond, weight): whether a ray passes a triangle that light may pass, decided by chance. beyond: where it then
+    starts anew, as a distance from its origin; 0 if it meets the surface. weight: (r, g, b) of what goes on.
+
+    distance: to the hit, as far as known. is_seen: by the eye. random: (key, sample, number of surfaces met so far).
     """
-    opacity, beyond = _hole(surfaces, prim_id, origin, direction, is_seen)
-    return ZERO if chance < opacity else beyond
+    key, sample, number = random
+    light, opacity, beyond = _straight(surfaces, prim_id, origin, direction, distance, is_seen, False)
+    share = max(light[0], max(light[1], light[2]))
+    if unit_of(bits_of(key ^ np.uint32(sample), np.uint32(_HOLES + number))) < share:
+        return beyond, (weight[0] * light[0] / share, weight[1] * light[1] / share, weight[2] * light[2] / share)
+    return ZERO, scaled(opacity / (ONE - share), weight)
 
 
 @njit
-def _hole(surfaces, prim_id, origin, direction, is_seen):  # type: ignore[no-untyped-def]
-    """(opacity, distance behind) where a ray meets a triangle with HOLES."""
+def _straight(surfaces, prim_id, origin, direction, distance, is_seen, is_lamp):  # type: ignore[no-untyped-def]
+    """((r, g, b), opacity, beyond) where a ray meets a triangle: what passes straight on, the share that meets the
+    surface, and a distance behind it. is_lamp: whether the light is that of a lamp, which passes SOLID glass, too."""
     point, _, is_front = meet(surfaces, prim_id, origin, direction)
     way = np.float32(point[0]) - origin[0], np.float32(point[1]) - origin[1], np.float32(point[2]) - origin[2]
-    beyond = dot(way, direction) * _BEYOND + np.float32(surfaces.records[prim_id, 4])
-    return opacity_at(surfaces, prim_id, point, is_front, is_seen), beyond
+    beyond = max(distance, dot(way, direction)) * _BEYOND + np.float32(surfaces.records[prim_id, 4])
+    opacity = opacity_at(surfaces, prim_id, point, is_front, is_seen)
+    light = ONE - opacity, ONE - opacity, ONE - opacity
+    row = surfaces.materials[material_of(surfaces, prim_id)]
+    if opacity > ZERO and row[TRANSMISSION] > 0.0:
+        spot, _ = spot_of(surfaces, prim_id, origin, direction)
+        light = along(light, opacity, straight_light(spot, -dot(direction, spot.shaded), is_lamp))
+    return light, opacity, beyond
 
 
 @njit(forceinline=True, error_model="numpy")
@@ -185,77 +204,52 @@ def survival(weight, key, sample, bounce):  # type: ignore[no-untyped-def]
     return ONE / odds if pair_of(key, sample, bounce * PAIRS + LOBE)[1] < odds else ZERO
 
 
+FREE_LIGHT, FREE_LENGTH, FREE_LAMP = 0, 3, 4
+FREE_ROWS = 5
+"""Rows of what `shadows` finds for the rays of a packet: the share of light that passes (r, g, b); scratch; and, set by
+the caller, whether it comes from a lamp (1), for which clear glass lets light straight on, or not (0)."""
+
+
 @njit(forceinline=True)
 def shadows(width, surfaces, scene, packet, free):  # type: ignore[no-untyped-def]
     """Find the share of light that passes along the valid rays of a packet of `width`, which are not valid afterwards.
 
-    free: (2, width) float32; its first row gets the shares.
+    free: (FREE_ROWS, width) float32.
     """
     floats, valid = packet.floats, packet.valid
     if not surfaces.has_holes:
         occluded(width, valid, scene, packet)
         for lane in range(width):
-            free[0, lane] = ONE if valid[lane] != 0 and floats[RAY_TFAR * width + lane] >= ZERO else ZERO
+            is_free = valid[lane] != 0 and floats[RAY_TFAR * width + lane] >= ZERO
+            set_vector(free, FREE_LIGHT, lane, WHITE if is_free else BLACK)
         return
     waiting = 0
     for lane in range(width):
-        free[0, lane] = ONE if valid[lane] != 0 else ZERO
-        free[1, lane] = floats[RAY_TFAR * width + lane]
+        set_vector(free, FREE_LIGHT, lane, WHITE if valid[lane] != 0 else BLACK)
+        free[FREE_LENGTH, lane] = floats[RAY_TFAR * width + lane]
         waiting += 1 if valid[lane] != 0 else 0
-    for _ in range(MOST_HOLES):
-        if waiting == 0:
-            return
+    while waiting > 0:
         for lane in range(width):
-            floats[RAY_TFAR * width + lane] = free[1, lane]
+            floats[RAY_TFAR * width + lane] = free[FREE_LENGTH, lane]
             set_no_hit(packet, width, lane)
         intersect(width, valid, scene, packet)
         for lane in range(width):
             if valid[lane] == 0:
                 continue
             prim_id = hit_prim_id(packet, width, lane)
-            opacity, beyond = ZERO, ZERO
+            light, beyond = WHITE, INFINITY
             if prim_id != MISS:
-                opacity = ONE
-                if surfaces.flags[prim_id] & HOLES:
+                light, is_lamp = BLACK, free[FREE_LAMP, lane] != ZERO
+                if surfaces.flags[prim_id] & (HOLES | SOLID if is_lamp else HOLES):
                     origin, direction = _ray_of(packet, width, lane)
-                    opacity, beyond = _hole(surfaces, prim_id, origin, direction, False)
-            free[0, lane] *= ONE - opacity
+                    distance = hit_distance(packet, width, lane)
+                    light, _, beyond = _straight(surfaces, prim_id, origin, direction, distance, False, is_lamp)
+            for channel in range(3):
+                free[FREE_LIGHT + channel, lane] *= light[channel]
             floats[RAY_TNEAR * width + lane] = beyond
-            if prim_id == MISS or free[0, lane] == ZERO or beyond >= free[1, lane]:
+            if not dot(vector(free, FREE_LIGHT, lane), WHITE) > ZERO or beyond >= free[FREE_LENGTH, lane]:
                 valid[lane] = 0
                 waiting -= 1
-    for lane in range(width):
-        free[0, lane] = ZERO if valid[lane] != 0 else free[0, lane]
-
-
-@njit(forceinline=True)
-def look_through(width, first, count, pixels, surfaces, scene, packet):  # type: ignore[no-untyped-def]
-    """Put what pixels see behind triangles with HOLES into `prim_id` of `pixels`. Returns the number of rays,
-    traced by packets of `width`."""
-    rays = 0
-    for pixel in range(first, first + count):
-        prim_id = seen_by(pixels, pixel)
-        if prim_id == MISS or not surfaces.flags[prim_id] & HOLES:
-            continue
-        origin, direction = pixel_line(pixels, pixel)
-        direction = unit(direction)
-        for passed in range(MOST_HOLES):
-            if prim_id == MISS or not surfaces.flags[prim_id] & HOLES:
-                break
-            chance = unit_of(bits_of(path_key(pixel) ^ np.uint32(pixels.sample), np.uint32(MOST_HOLES + passed)))
-            near = behind_hole(surfaces, prim_id, origin, direction, True, chance)
-            if not near > ZERO:
-                break
-            for lane in range(width):
-                packet.valid[lane] = -1 if lane == 0 else 0
-            load_ray(packet, width, 0, origin, direction, INFINITY, near)
-            set_no_hit(packet, width, 0)
-            intersect(width, packet.valid, scene, packet)
-            prim_id = hit_prim_id(packet, width, 0)
-            rays += 1
-        x, y = place_of(pixels, pixel)
-        pixels.prim_id[y * pixels.stride + x] = prim_id
-    return rays
 
 
 @njit(forceinline=True)

@@ -61,11 +61,26 @@ def _shares(matter, cosine):  # type: ignore[no-untyped-def]
     ), own
 
 
+@njit(forceinline=True)
+def is_clear_pane(matter):  # type: ignore[no-untyped-def]
+    """Whether light passes straight on, as `clear_light` says, and is not scattered to the other side."""
+    return matter.is_thin and matter.alpha < SMOOTH
+
+
+@njit(error_model="numpy")
+def clear_light(matter, cosine):  # type: ignore[no-untyped-def]
+    """(r, g, b) that passes a clear surface straight on, at a cosine with its normal; on both sides of solid glass that
+    of the outside, as for a slab."""
+    own = _shares(matter, cosine)[1] if matter.is_thin else fresnel(cosine, max(matter.ior, ONE / matter.ior))
+    return scaled((ONE - matter.metallic) * matter.transmission * (ONE - own), matter.colour)
+
+
 @njit(error_model="numpy")
 def _chances(matter, cosine):  # type: ignore[no-untyped-def]
     """(to be mirrored, to pass), among microfacets' light at a cosine with their normal; they add up to 1."""
     mirrored, own = _shares(matter, cosine)
     through = (ONE - matter.metallic) * matter.transmission * (ONE - own) * luminance(matter.colour)
+    through = ZERO if is_clear_pane(matter) else through
     most = luminance(mirrored)
     total = most + through
     return (most / total, through / total) if total > ZERO else (ONE, ZERO)
@@ -77,7 +92,7 @@ def _diffuse_chance(matter, cosine):  # type: ignore[no-untyped-def]
     mirrored, own = _shares(matter, cosine)
     base = (ONE - matter.metallic) * (ONE - own) * luminance(matter.colour)
     diffuse = base * (ONE - matter.transmission)
-    total = diffuse + luminance(mirrored) + base * matter.transmission
+    total = diffuse + luminance(mirrored) + (ZERO if is_clear_pane(matter) else base * matter.transmission)
     return diffuse / total if total > ZERO else ZERO
 
 

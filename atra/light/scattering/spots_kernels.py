@@ -9,7 +9,14 @@ import numpy as np
 from atra.compiled.store import njit
 from atra.light.numbers_kernels import HALF, ONE, TWO, ZERO, along, around, cross, dot, on_sphere, scaled, unit
 from atra.light.scattering.bending_kernels import on_side, through_glass
-from atra.light.scattering.physical_kernels import physical_direction, physical_value
+from atra.light.scattering.physical_kernels import (
+    SMOOTH,
+    clear_light,
+    fresnel,
+    is_clear_pane,
+    physical_direction,
+    physical_value,
+)
 from atra.light.scattering.sampler_kernels import DIRECTION, LOBE, PAIRS, pair_of
 from atra.light.surface_kernels import (
     BACKS,
@@ -152,6 +159,18 @@ def spot_of(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-de
     far = ONE / ior if kind == PHYSICAL and not (is_front or is_variant) else ior
     matter = Matter(colour, metallic, roughness * roughness, transmission, far, is_variant)
     return Spot(point, normal, shaded, kind, material, is_variant, matter), is_front
+
+
+@njit(error_model="numpy")
+def straight_light(spot, cosine, is_lamp):  # type: ignore[no-untyped-def]
+    """(r, g, b) that passes a surface straight on, at a cosine with its normal: through a clear pane; and that of
+    lamps, which no bent ray finds, through clear glass of any form."""
+    matter = spot.matter
+    if spot.kind == DIELECTRIC and is_lamp:
+        return scaled(ONE - fresnel(cosine, max(matter.ior, ONE / matter.ior)), WHITE)
+    if spot.kind == PHYSICAL and (is_clear_pane(matter) or (is_lamp and matter.alpha < SMOOTH)):
+        return clear_light(matter, cosine)
+    return BLACK
 
 
 @njit(forceinline=True)

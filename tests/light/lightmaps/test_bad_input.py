@@ -1,5 +1,6 @@
 """Rays of a bake against brute force, and what becomes of meshes and sizes that no map could be made of as they are."""
 
+import tracemalloc
 from types import SimpleNamespace
 
 import numpy as np
@@ -122,3 +123,18 @@ def test_a_map_and_probes_that_are_too_large_are_refused_before_they_are_made(mo
         pytest.raises(MemoryBudgetError, match="500,000 probes"),
     ):
         baker.probes(np.zeros((500_000, 3)))
+
+
+def test_a_bake_asks_for_the_memory_that_it_takes(monkeypatch):
+    asked = []
+    monkeypatch.setattr("atra.light.lightmaps.baker.check_needed_bytes", lambda needed, *_: asked.append(needed))
+    plate = Atlas.of_uv(np.array([[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]]), 512, 512)
+    baked(BakeScene(PLATE), sheet(PLATE, 4), 1, expansion=1)  # compiles kernels
+    tracemalloc.start()
+    with Baker(BakeScene(PLATE), plate, threads=1, batch_rays=1 << 12, expansion=1) as baker:
+        baker.add(1)
+        lightmap = baker.maps
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(lightmap.samples) == 512 * 512
+    assert asked[-1] / 1.5 < peak < asked[-1]

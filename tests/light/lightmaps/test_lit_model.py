@@ -177,3 +177,42 @@ def test_the_command_bakes_a_gltf_into_a_model_that_keeps_its_materials_and_a_pa
     shown = [tree["meshes"][node["mesh"]] for node in tree["nodes"] if "mesh" in node]
     assert len(shown) == 3
     assert all("TEXCOORD_1" in one["attributes"] for mesh in shown for one in mesh["primitives"])
+
+
+def accessors(tree):
+    """How often meshes name each accessor."""
+    named = [
+        number for mesh in tree["meshes"] for one in mesh["primitives"]
+        for number in (*one["attributes"].values(), *([one["indices"]] if "indices" in one else []))
+    ]  # fmt: skip
+    return set(named)
+
+
+def test_a_lit_model_has_consecutive_sets_of_coordinates_and_no_geometry_but_its_own(source, tmp_path):
+    def bare(tree):
+        for mesh in tree["meshes"]:
+            for one in mesh["primitives"]:
+                del one["attributes"]["TEXCOORD_0"]
+        for material in tree["materials"]:
+            del material["pbrMetallicRoughness"]["baseColorTexture"]
+
+    loaded = trimesh.load(source)
+    plain = tmp_path / "plain.glb"
+    plain.write_bytes(loaded.export(file_type="glb", include_normals=True, tree_postprocessor=bare))
+    for path in (source, plain):
+        scene, _, _ = baked(path, tmp_path / "lit.glb", samples=1, size=64)
+        tree = tree_of(tmp_path / "lit.glb")
+        for mesh in tree["meshes"]:
+            for one in mesh["primitives"]:
+                sets = sorted(name for name in one["attributes"] if name.startswith("TEXCOORD"))
+                assert sets == [f"TEXCOORD_{k}" for k in range(len(sets))]
+                assert len(sets) == 2
+        assert sorted(node["mesh"] for node in tree["nodes"] if "mesh" in node) == list(range(len(tree["meshes"])))
+        assert accessors(tree) == set(range(len(tree["accessors"])))
+        views = {one["bufferView"] for one in tree["accessors"] + tree["images"]}
+        assert views == set(range(len(tree["bufferViews"])))
+        with pytest.warns(UserWarning, match="not used: MOZ_lightmap"):
+            read = light.load_scene(tmp_path / "lit.glb")
+        np.testing.assert_allclose(
+            read.mesh.vertices[read.mesh.faces], scene.mesh.vertices[scene.mesh.faces], atol=1e-6
+        )

@@ -153,7 +153,7 @@ def test_a_state_goes_on_to_the_same_bits_in_another_renderer(tmp_path, samples)
         steps = list(light.accumulate(other, 48, error=1e-9, state=path))
         assert steps[0].samples == samples + 1
         np.testing.assert_array_equal(other.image, expected)
-    assert not path.exists()
+    assert path.exists()  # the error was not reached
 
 
 def test_a_state_of_another_picture_is_refused(tmp_path):
@@ -220,3 +220,31 @@ def test_the_time_left_knows_nothing_of_the_first_sample_which_compiles(monkeypa
 
     left = [step.left_s for step in light.accumulate(Slow(), 5)]
     assert left == [None, 6.0, 4.0, 2.0, 0.0]
+
+
+def test_what_ends_before_the_asked_error_goes_on_where_it_was(tmp_path):
+    path = tmp_path / "state"
+    counts = []
+    for limits in ({"samples": 3}, {"minutes": 1e-4}, {"samples": 12}):
+        with made() as renderer:
+            steps = list(light.accumulate(renderer, error=1e-9, state=path, **limits))
+            counts.append((steps[0].samples, steps[-1].samples))
+    assert path.exists()
+    assert counts[0] == (1, 3)
+    assert counts[1][0] == 4
+    assert counts[2] == (counts[1][1] + 1, 12)
+    with made(most_samples=14) as renderer:
+        assert [step.samples for step in light.accumulate(renderer, 20, state=path)] == [13, 14]
+    assert path.exists()
+    with made() as renderer:
+        assert [step.samples for step in light.accumulate(renderer, 15, error=0.9, state=path)] == []
+    assert not path.exists()
+
+
+def test_layers_are_seen_by_the_scene_that_is_there(monkeypatch):
+    from atra.rays import kernel_scene
+
+    with made() as renderer:
+        renderer.add(1)
+        monkeypatch.setattr(kernel_scene, "EmbreeScene", None)  # a second one cannot be built
+        assert renderer.layers().albedo.max() > 0.5

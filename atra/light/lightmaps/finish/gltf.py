@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Iterator
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
@@ -28,6 +30,9 @@ _EXTENSION = "MOZ_lightmap"
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942
 _ARRAY, _ELEMENTS = 34962, 34963
 _LINEAR, _CLAMP = 9729, 33071
+_SAFE = _EXTENSION, "EXT_texture_webp", "EXT_mesh_gpu_instancing"
+"""Extensions that name accessors and buffer views as glTF does."""
+
 _MIME = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".webp": "image/webp"}
 _PAGE = Path(__file__).with_name("page.html")
 
@@ -77,8 +82,7 @@ class _Model:
         folder = Folder(source)
         self.tree: Any = deepcopy(gltf_tree(content, suffix))
         self._numbers = Numbers(self.tree, content, suffix, folder)
-        self._bytes = bytearray()
-        self._views: list[Any] = []
+        self._views: list[tuple[Any, bytes]] = []
         for number, view in enumerate(self.tree.get("bufferViews", [])):
             kept = {name: view[name] for name in ("byteStride", "target", "name") if name in view}
             self._add_view(self._numbers.view(number), **kept)
@@ -89,9 +93,7 @@ class _Model:
                 image["mimeType"] = _MIME.get(Path(uri).suffix.lower(), "image/png")
 
     def _add_view(self, content: bytes, **fields: Any) -> int:
-        self._bytes += b"\0" * (-len(self._bytes) % 4)
-        self._views.append({"buffer": 0, "byteOffset": len(self._bytes), "byteLength": len(content), **fields})
-        self._bytes += content
+        self._views.append((fields, content))
         return len(self._views) - 1
 
     def _add(self, kind: str, entry: Any) -> int:
@@ -107,7 +109,8 @@ class _Model:
 
     def light(self, scene: Scene, atlas: Atlas, textures: list[int], intensity: float) -> None:
         """Give each placed mesh coordinates on the map, and each material its texture."""
-        channel = 1 + ('"texCoord": 1' in json.dumps(self.tree.get("materials", [])))
+        sets = re.findall(r'"texCoord": (\d+)', json.dumps(self.tree.get("materials", [])))
+        channel = 1 + max(map(int, sets), default=0)
         placed: dict[int, list[Any]] = {}
         seen: set[tuple[int, int]] = set()
         materials: dict[tuple[int | None, int], int] = {}
@@ -144,18 +147,21 @@ class _Model:
         expected = np.arange(faces.size).reshape(-1, 3) if is_flat else faces
         if not np.array_equal(local, expected):  # a mirrored node turns the triangles of the scene
             uv = uv[:, ::-1]
-        on_map = np.where(np.isfinite(uv).all(axis=(1, 2)), atlas.map_of[own], 0) == number
-        if not on_map.any():
+        here = np.where(np.isfinite(uv).all(axis=(1, 2)), atlas.map_of[own], 0) == number
+        if not here.any():
             return None
-        places = np.clip(np.nan_to_num(uv[on_map].reshape(-1, 2)), 0.0, 1.0).astype(np.float32)
-        corners = faces[on_map].ravel()
+        places = np.clip(np.nan_to_num(uv[here].reshape(-1, 2)), 0.0, 1.0).astype(np.float32)
+        corners = faces[here].ravel()
         keys = np.column_stack([corners, places.view(np.int32)])
         _, first, corner = np.unique(keys, axis=0, return_index=True, return_inverse=True)
         vertices = corners[first]
         for attributes in (given["attributes"], *given.get("targets", ())):
             for name, accessor in attributes.items():
                 attributes[name] = self._add_rows(*self._numbers.rows(accessor), vertices)
-        given["attributes"][f"TEXCOORD_{channel}"] = self._add_rows({}, places[first])
+        on_map = self._add_rows({}, places[first])
+        for lower in range(channel):  # sets must be consecutive
+            given["attributes"].setdefault(f"TEXCOORD_{lower}", on_map)
+        given["attributes"][f"TEXCOORD_{channel}"] = on_map
         given["indices"] = self._add_rows({}, corner.reshape(-1, 1).astype(np.uint32), target=_ELEMENTS)
         given["mode"] = 4
         return given
@@ -184,16 +190,75 @@ class _Model:
         material.setdefault("extensions", {})[_EXTENSION] = map_of
         return self._add("materials", material)
 
+    def _keep(self, kind: str, places: list[Place]) -> None:
+        """Keep the entries that are named."""
+        self.tree[kind] = [self.tree[kind][number] for number in _renumbered(places)]
+
     def encoded(self) -> bytes:
-        """The file, a GLB."""
-        self.tree["bufferViews"] = self._views
-        self.tree["buffers"] = [{"byteLength": len(self._bytes)}]
-        text = json.dumps(self.tree, separators=(",", ":")).encode()
-        chunks = b""
-        for kind, content, blank in ((_JSON, text, b" "), (_BINARY, bytes(self._bytes), b"\0")):
-            content += blank * (-len(content) % 4)
-            chunks += len(content).to_bytes(4, "little") + kind.to_bytes(4, "little") + content
-        return b"glTF" + (2).to_bytes(4, "little") + (12 + len(chunks)).to_bytes(4, "little") + chunks
+        """The file, a GLB, without the geometry that has been replaced."""
+        used = set(self.tree.get("extensionsUsed", ()))
+        views = self._views
+        if all(
+            name.startswith("KHR_") or name in _SAFE for name in used
+        ):  # others may name numbers by keys of their own
+            self._keep("meshes", [(node, "mesh") for node in self.tree["nodes"] if "mesh" in node])
+            self._keep("accessors", list(_accessors_of(self.tree)))
+            views = [views[k] for k in _renumbered(list(_naming(self.tree, "bufferView")))]
+        content, entries = bytearray(), []
+        for fields, part in views:
+            content += b"\0" * (-len(content) % 4)
+            entries.append({"buffer": 0, "byteOffset": len(content), "byteLength": len(part), **fields})
+            content += part
+        self.tree["bufferViews"], self.tree["buffers"] = entries, [{"byteLength": len(content)}]
+        return _glb(self.tree, bytes(content))
+
+
+Place = tuple[Any, Any]
+"""Where a number stands: an object of the tree, and a key in it."""
+
+
+def _renumbered(places: list[Place]) -> list[int]:
+    """The numbers that stand at places, in order; there, each becomes its place in that order."""
+    unique = {(id(entry), key): (entry, key) for entry, key in places}.values()
+    kept = sorted({entry[key] for entry, key in unique})
+    number = {old: new for new, old in enumerate(kept)}
+    for entry, key in unique:
+        entry[key] = number[entry[key]]
+    return kept
+
+
+def _accessors_of(tree: Any) -> Iterator[Place]:
+    """Where accessors are named."""
+    for mesh in tree["meshes"]:
+        for primitive in mesh["primitives"]:
+            yield from ((primitive, "indices"),) if "indices" in primitive else ()
+            for attributes in (primitive["attributes"], *primitive.get("targets", ())):
+                yield from ((attributes, name) for name in attributes)
+    for animation in tree.get("animations", ()):
+        yield from ((sampler, key) for sampler in animation["samplers"] for key in ("input", "output"))
+    yield from ((skin, "inverseBindMatrices") for skin in tree.get("skins", ()) if "inverseBindMatrices" in skin)
+    for node in tree["nodes"]:
+        instances = node.get("extensions", {}).get("EXT_mesh_gpu_instancing", {}).get("attributes", {})
+        yield from ((instances, name) for name in instances)
+
+
+def _naming(tree: Any, key: str) -> Iterator[Place]:
+    """Where a key stands with a whole number."""
+    entries = tree.values() if isinstance(tree, dict) else tree
+    if isinstance(tree, dict) and isinstance(tree.get(key), int):
+        yield tree, key
+    for entry in entries:
+        if isinstance(entry, dict | list):
+            yield from _naming(entry, key)
+
+
+def _glb(tree: Any, binary: bytes) -> bytes:
+    text = json.dumps(tree, separators=(",", ":")).encode()
+    chunks = b""
+    for kind, content, blank in ((_JSON, text, b" "), (_BINARY, binary, b"\0")):
+        content += blank * (-len(content) % 4)
+        chunks += len(content).to_bytes(4, "little") + kind.to_bytes(4, "little") + content
+    return b"glTF" + (2).to_bytes(4, "little") + (12 + len(chunks)).to_bytes(4, "little") + chunks
 
 
 _KINDS = {"|i1": 5120, "|u1": 5121, "<i2": 5122, "<u2": 5123, "<u4": 5125, "<f4": 5126}

@@ -10,7 +10,6 @@ from atra.light.lightmaps.charts.atlas import Atlas
 from atra.light.lightmaps.finish.views_kernels import SkyTables, look_into_sky
 from atra.light.lightmaps.gather.tables import start_off
 from atra.light.lightmaps.surface import BakeScene
-from atra.light.pictures.path_kernels import MOST_HOLES
 from atra.light.sky import Sky
 from atra.light.tables import sky_tables
 from atra.rays.scene import RayScene
@@ -75,9 +74,7 @@ def _through(
     shown, passed = np.zeros((len(points), 3), np.float32), np.ones((len(points), 3), np.float32)
     left = np.arange(len(points))
     with RayScene(scene.mesh) as rays_scene:
-        for _ in range(MOST_HOLES):
-            if not len(left):
-                break
+        while len(left):
             found = rays_scene.intersect(points, ways[left], tnear=off / np.linalg.norm(ways[left], axis=1))
             out = left[~found.hit]
             shown[out] += passed[out] * _sky_along(scene.sky, ways[out])

@@ -13,15 +13,15 @@ from numpy.typing import ArrayLike, NDArray
 from atra.errors import AtraError, InputError
 from atra.files.paths import write_atomically
 from atra.light.checks import checked_rows
+from atra.light.emitters.harmonics_kernels import HARMONICS, OF_COSINE, harmonics
 from atra.light.lightmaps.batches import Stages
 from atra.light.lightmaps.gather.probes_kernels import (
     gather_light,
     gather_paths,
     generate_probes,
-    harmonics,
     look_around,
 )
-from atra.light.lightmaps.gather.tables_kernels import CHANNELS, DIRECT, ENVIRONMENT, HARMONICS, INDIRECT, Batch, Tables
+from atra.light.lightmaps.gather.tables_kernels import CHANNELS, DIRECT, ENVIRONMENT, INDIRECT, Batch, Tables
 from atra.tracing.budgets import check_needed_bytes
 
 BLOCK = 64
@@ -31,9 +31,6 @@ _FARTHEST = 1e11
 
 _BYTES = 32
 """Memory per coefficient: its sum, its mean, and temporaries."""
-
-_OF_COSINE = np.array([1.0, *[2 / 3] * 3, *[1 / 4] * 5])
-"""Factors of harmonics in the light on a surface, over pi. Source: as of `harmonics`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +59,7 @@ class LightProbes:
         """(P, 3) float32: what a white surface at each point reflects, in a lightmap's units. normals: its unit
         normals, (P, 3), or one for all. L2 blurs light: a sun is soft and may be negative on the far side."""
         x, y, z = np.broadcast_to(np.asarray(normals, np.float64), self.points.shape).T
-        weights = _OF_COSINE * np.stack(harmonics(x, y, z), axis=1)
+        weights = OF_COSINE * np.stack(harmonics(x, y, z), axis=1)
         return np.einsum("ph,phc->pc", weights, self.combined).astype(np.float32)
 
     def save(self, path: Path) -> Path:

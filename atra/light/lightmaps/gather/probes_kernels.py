@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from atra.compiled.store import float_kernel, njit
+from atra.light.emitters.harmonics_kernels import HARMONICS, harmonics_at
 from atra.light.lightmaps.gather.tables_kernels import (
     BACK,
     CHANNELS,
     DIRECTION,
-    HARMONICS,
     LENGTH,
     NORMAL,
     ORIGIN,
@@ -65,30 +65,9 @@ def look_around(batch, first, probes, sample, samples, tables):  # type: ignore[
             set_vector(batch.floats, DIRECTION, k * samples + e, direction)
 
 
-def harmonics(x, y, z):  # type: ignore[no-untyped-def]
-    """The nine real spherical harmonics up to L2 of unit vectors, float64, ordered by l and then m.
-
-    Source: R. Ramamoorthi and P. Hanrahan, "An efficient representation for irradiance environment maps", 2001.
-    """
-    return (
-        0.28209479177387814 + 0.0 * x,
-        0.4886025119029199 * y,
-        0.4886025119029199 * z,
-        0.4886025119029199 * x,
-        1.0925484305920792 * x * y,
-        1.0925484305920792 * y * z,
-        0.31539156525252005 * (3.0 * z * z - 1.0),
-        1.0925484305920792 * x * z,
-        0.5462742152960396 * (x * x - y * y),
-    )
-
-
-_harmonics = njit(harmonics)
-
-
 @njit(forceinline=True)
 def _project(results, direction, sums):  # type: ignore[no-untyped-def]
-    weights = _harmonics(np.float64(direction[0]), np.float64(direction[1]), np.float64(direction[2]))
+    weights = harmonics_at(np.float64(direction[0]), np.float64(direction[1]), np.float64(direction[2]))
     for channel in range(CHANNELS):
         for one in range(HARMONICS):
             sums[channel, one] += results[channel] * weights[one]

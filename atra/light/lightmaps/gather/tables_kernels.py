@@ -27,9 +27,6 @@ SQUARE = RESULTS
 SUMS = RESULTS + 1
 """float64 sums of a texel: its results, and the squared luminance of all light."""
 
-HARMONICS = 9
-"""Spherical harmonics of a probe's channel, up to L2."""
-
 LUMINANCE = np.float32(0.2126), np.float32(0.7152), np.float32(0.0722)
 """Weights of linear RGB (Rec. 709)."""
 

@@ -59,8 +59,9 @@ def accumulate(
 
     samples: at most so many. error: relative, such as 0.01; told by how the picture changes while samples double,
     which knows nothing of light that no sample found, and little of bright edges without `jitter="pixel"`. minutes: of
-    rendering. state: a file that keeps the samples, written every `save_every_s` seconds and removed at the end; where
-    it exists, the picture goes on from it, equal to the bit to one that was never interrupted. Raises InputError
+    this run. state: a file that keeps the samples, written every `save_every_s` seconds, and removed once the picture
+    has the error that was asked for, or, if none was, at the end; where it exists, the picture goes on from it, equal
+    to the bit to one that was never interrupted. Raises InputError
     without a limit, for limits that make no sense, and for a state of another scene, camera or option; StorageError.
     """
     _check(samples, error, minutes)
@@ -76,9 +77,10 @@ def accumulate(
         reached = (
             (samples is not None and count >= samples)
             or (error is not None and octaves.error is not None and octaves.error <= error)
-            or (minutes is not None and elapsed_s >= 60.0 * minutes)
+            or (minutes is not None and elapsed_s - before_s >= 60.0 * minutes)
         )
-        left_s = 0.0 if reached else _left_s(count, octaves.error, elapsed_s, pace_s, samples, error, minutes)
+        run_s = elapsed_s - before_s
+        left_s = 0.0 if reached else _left_s(count, octaves.error, run_s, pace_s, samples, error, minutes)
         return Progress(count, octaves.error, elapsed_s, left_s, reached)
 
     latest, warm, warm_s = progress(), 0, start
@@ -97,8 +99,12 @@ def accumulate(
             pace_s = (monotonic() - warm_s) / (renderer.samples - warm)
         latest = progress()
         yield latest
-    if path is not None:
+    if path is None:
+        return
+    if latest.is_done and (error is None or (octaves.error is not None and octaves.error <= error)):
         path.unlink(missing_ok=True)
+    elif renderer.samples:
+        _save(path, renderer, octaves, latest.elapsed_s)
 
 
 def _check(samples: int | None, error: float | None, minutes: float | None) -> None:
@@ -122,7 +128,7 @@ def _left_s(
 ) -> float | None:
     """Seconds until the first limit; errors fall with the square root of the number of samples.
 
-    pace_s: seconds that a sample takes; None: not known yet.
+    elapsed_s: of this run. pace_s: seconds that a sample takes; None: not known yet.
     """
     left = inf if minutes is None else 60.0 * minutes - elapsed_s
     if pace_s is not None and samples is not None:

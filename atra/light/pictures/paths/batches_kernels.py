@@ -24,7 +24,7 @@ def aim_paths(paths, chosen, surfaces, emitters, sample, aimed):  # type: ignore
             continue
         prim_id, direction = paths.prim_id[i], vector(paths.floats, DIRECTION, i)
         spot, _ = spot_of(surfaces, prim_id, vector(paths.floats, ORIGIN, i), direction)
-        length, origin, towards, light = aim(
+        length, origin, towards, light, _ = aim(
             surfaces, emitters, spot, prim_id, direction, path_key(paths.pixel[i]), sample, paths.bounce[i]
         )
         aimed[AIM_LENGTH, k] = length

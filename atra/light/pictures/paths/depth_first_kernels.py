@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from atra.compiled.store import float_kernel, njit
-from atra.embree.packets_kernels import INFINITY, MISS, START, hit_prim_id, intersect, set_no_hit
+from atra.embree.packets_kernels import INFINITY, MISS, START, hit_distance, hit_prim_id, intersect, set_no_hit
 from atra.light.emitters.emitters_kernels import aim, has_emitters
-from atra.light.numbers_kernels import ZERO, bits_of, scaled, unit, unit_of
+from atra.light.numbers_kernels import ZERO, scaled, unit, vector
 from atra.light.pictures.path_kernels import (
-    MOST_HOLES,
+    FREE_LAMP,
+    FREE_LIGHT,
     add_light,
     arriving,
-    behind_hole,
     load_ray,
+    passed,
+    passes_of,
     path_key,
     pixel_line,
     seen_by,
@@ -19,23 +21,23 @@ from atra.light.pictures.path_kernels import (
     survival,
 )
 from atra.light.scattering.spots_kernels import WHITE, scatter, spot_of
-from atra.light.surface_kernels import ENDS, HOLES, SHINES
+from atra.light.surface_kernels import ENDS, SHINES
 
 
 @njit(forceinline=True)
-def _prim_id_of_ray(scene, packet, origin, direction, near):  # type: ignore[no-untyped-def]
-    """What one ray hits beyond a distance, by a packet of 1."""
+def _hit_of_ray(scene, packet, origin, direction, near):  # type: ignore[no-untyped-def]
+    """What one ray hits beyond a distance, and how far away, by a packet of 1."""
     load_ray(packet, 1, 0, origin, direction, INFINITY, near)
     packet.valid[0] = -1
     set_no_hit(packet, 1, 0)
     intersect(1, packet.valid, scene, packet)
-    return hit_prim_id(packet, 1, 0)
+    return hit_prim_id(packet, 1, 0), hit_distance(packet, 1, 0)
 
 
 @float_kernel
 def follow_depth_first(first, count, pixels, scene, packet, surfaces, emitters, sums, free, max_depth, roulette):  # type: ignore[no-untyped-def]
     """All stages for one path after the other, with a packet of 1; the alternative to waves. Arguments as for the
-    stages. free: (2, 1) float32, scratch.
+    stages. free: (FREE_ROWS, 1) float32, scratch.
 
     Returns the number of rays traced, -1 if light was not finite.
     """
@@ -46,24 +48,22 @@ def follow_depth_first(first, count, pixels, scene, packet, surfaces, emitters, 
         origin, direction = pixel_line(pixels, pixel)
         direction = unit(direction)
         weight, density, near = WHITE, ZERO, START
-        bounce = passed = 0
+        bounce = passes = 0
         is_known = len(pixels.prim_id) > 0
         while True:
             if is_known:
-                prim_id = seen_by(pixels, pixel)
+                prim_id, distance = seen_by(pixels, pixel), START
                 is_known = False
             else:
                 rays += 1
-                prim_id = _prim_id_of_ray(scene, packet, origin, direction, near)
+                prim_id, distance = _hit_of_ray(scene, packet, origin, direction, near)
             flags = surfaces.flags[prim_id] if prim_id != MISS else ENDS | SHINES
-            if flags & HOLES:
-                chance = unit_of(bits_of(key ^ sample, MOST_HOLES + passed))
-                beyond = behind_hole(surfaces, prim_id, origin, direction, bounce == 0, chance)
-                if beyond > ZERO:
-                    near = beyond
-                    passed += 1
-                    if passed == MOST_HOLES:
-                        break
+            if flags & passes_of(bounce):
+                near, weight = passed(
+                    surfaces, prim_id, origin, direction, distance, weight, bounce == 0, (key, sample, passes + bounce)
+                )
+                if near > ZERO:
+                    passes += 1
                     continue
             if flags & SHINES:
                 light = arriving(surfaces, emitters, prim_id, origin, direction, density)
@@ -72,14 +72,17 @@ def follow_depth_first(first, count, pixels, scene, packet, surfaces, emitters, 
                 break
             spot, is_front = spot_of(surfaces, prim_id, origin, direction)
             if is_aimed:
-                length, start, towards, light = aim(surfaces, emitters, spot, prim_id, direction, key, sample, bounce)
+                length, start, towards, light, free[FREE_LAMP, 0] = aim(
+                    surfaces, emitters, spot, prim_id, direction, key, sample, bounce
+                )
                 if length > ZERO:
                     rays += 1
                     load_ray(packet, 1, 0, start, towards, length)
                     packet.valid[0] = -1
                     shadows(1, surfaces, scene, packet, free)
-                    if free[0, 0] > ZERO:
-                        is_finite &= add_light(sums, pixel, weight, scaled(free[0, 0], light))
+                    red, green, blue = vector(free, FREE_LIGHT, 0)
+                    if red + green + blue > ZERO:
+                        is_finite &= add_light(sums, pixel, weight, (red * light[0], green * light[1], blue * light[2]))
             goes_on, origin, direction, factor, density = scatter(
                 surfaces, spot, is_front, prim_id, direction, key, sample, bounce
             )

@@ -17,7 +17,7 @@ from atra.light.emitters.tables import emitters_of, no_emitters
 from atra.light.laps import Laps
 from atra.light.pictures.hybrid import albedo_of
 from atra.light.pictures.options import PathOptions
-from atra.light.pictures.path_kernels import BLOCK, ROW_PADDING, Pixels
+from atra.light.pictures.path_kernels import BLOCK, FREE_ROWS, ROW_PADDING, Pixels
 from atra.light.pictures.paths.depth_first_kernels import follow_depth_first
 from atra.light.pictures.paths.tracing import Batches, MakeScene, Packets
 from atra.light.pictures.paths.waves_kernels import (
@@ -29,7 +29,7 @@ from atra.light.pictures.paths.waves_kernels import (
 )
 from atra.light.pictures.renderer import Primary, Renderer
 from atra.light.scene import Scene
-from atra.light.surface_kernels import Surfaces
+from atra.light.surface_kernels import HOLES, Surfaces
 from atra.light.tables import surfaces_of
 from atra.rays.kernel_scene import Query
 
@@ -53,7 +53,7 @@ class PathRenderer(Renderer):
         As for `Renderer`.
     rays : optional
         Makes what traces rays, of the mesh, for `order="waves"`: a `BatchScene`, which takes a wave as one batch,
-        without surfaces that have holes.
+        without surfaces that have holes; clear glass stops its rays to lamps.
     threads, packet_width, build_quality, robust :
         Of the scene for all rays but the primary ones, as for `atra.PixelTracer`.
     jitter : {"shared", "off", "pixel"}
@@ -125,7 +125,7 @@ class PathRenderer(Renderer):
     def _tables(self) -> Surfaces:
         self._emitters = emitters_of(self.scene) if self.options.lights == "aimed" else no_emitters()
         surfaces = surfaces_of(self.scene, self.scene.sky.power, self.options.start_off)
-        if surfaces.has_holes and isinstance(self.rays, Batches):
+        if isinstance(self.rays, Batches) and (surfaces.flags & HOLES).any():
             name = type(self.rays.scene).__name__
             raise InputError(f"{name} traces no scene with holes, expected none; leave out rays=")
         return surfaces
@@ -147,7 +147,7 @@ class PathRenderer(Renderer):
         surfaces, emitters, options = self._surfaces, self._emitters, self.options
         lap = Laps(stages)
         if options.order == "depth_first":
-            free = np.empty((2, 1), np.float32)
+            free = np.empty((FREE_ROWS, 1), np.float32)
             arguments = pixels, query.scene, query.packet, surfaces, emitters, self._film.sums, free
             rays = follow_depth_first(first, count, *arguments, options.max_depth, options.roulette)
             lap("depth_first")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from atra.embree.packets_kernels import START
 from atra.geometry.mesh import Mesh
 from atra.light.emitters.emitters_kernels import Emitters
-from atra.light.pictures.path_kernels import BLOCK
+from atra.light.pictures.path_kernels import BLOCK, FREE_ROWS
 from atra.light.pictures.paths.batches_kernels import (
     AIM_DIRECTION,
     AIM_LENGTH,
@@ -54,7 +54,7 @@ class Packets:
 
     def __init__(self, query: Query, width: int) -> None:
         self._query, self._width = query, width
-        self._lights, self._free = np.empty((3, width), np.float32), np.empty((2, width), np.float32)
+        self._lights, self._free = np.empty((3, width), np.float32), np.empty((FREE_ROWS, width), np.float32)
 
     def trace(self, paths: Paths) -> int:
         """Find what the rays of all paths hit; returns their number."""
@@ -103,7 +103,8 @@ class Batches:
         chosen = _going(paths)
         floats = paths.floats[:, chosen]
         rays = Rays(floats[ORIGIN : ORIGIN + 3].T, floats[DIRECTION : DIRECTION + 3].T, floats[NEAR])
-        paths.prim_id[chosen] = self.scene.intersect(self.scene.prepare(rays)).prim_id
+        hits = self.scene.intersect(self.scene.prepare(rays))
+        paths.prim_id[chosen], paths.floats[NEAR, chosen] = hits.prim_id, hits.t
         return len(chosen)
 
     def connect(self, paths: Paths, surfaces: Surfaces, emitters: Emitters, sample: int, sums: NDArray[Any]) -> int:

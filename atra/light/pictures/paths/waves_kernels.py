@@ -11,17 +11,19 @@ from numpy.typing import NDArray
 
 from atra.compiled.store import float_kernel
 from atra.embree.layout import RAY_TFAR, RAY_TNEAR
-from atra.embree.packets_kernels import INFINITY, MISS, START, hit_prim_id, intersect, set_no_hit
+from atra.embree.packets_kernels import INFINITY, MISS, START, hit_distance, hit_prim_id, intersect, set_no_hit
 from atra.light.emitters.emitters_kernels import aim
-from atra.light.numbers_kernels import ZERO, bits_of, scaled, set_vector, unit, unit_of, vector
+from atra.light.numbers_kernels import ZERO, scaled, set_vector, unit, vector
 from atra.light.pictures.path_kernels import (
     BLOCK,
-    MOST_HOLES,
+    FREE_LAMP,
+    FREE_LIGHT,
     add_light,
     arriving,
-    behind_hole,
     load_ray,
     load_rays,
+    passed,
+    passes_of,
     path_key,
     pixel_line,
     seen_by,
@@ -29,7 +31,7 @@ from atra.light.pictures.path_kernels import (
     survival,
 )
 from atra.light.scattering.spots_kernels import WHITE, scatter, spot_of
-from atra.light.surface_kernels import ENDS, HOLES, SHINES
+from atra.light.surface_kernels import ENDS, SHINES
 
 ORIGIN, DIRECTION, WEIGHT, DENSITY, NEAR = 0, 3, 6, 9, 10
 PATH_ROWS = 11
@@ -39,9 +41,9 @@ class Paths(NamedTuple):
     """A wave of N paths, in blocks of BLOCK. The first `counts` paths of each block continue.
 
     floats: (PATH_ROWS, N) float32: origin, unit direction, weight (r, g, b), three rows each; then the density of the
-    direction, as of `scatter`; then where the ray starts. prim_id: (N,) uint32, hits. pixel: (N,) int32. bounce: (N,)
-    int32, surfaces met so far. is_passing: (N,) bool, whether the ray goes on as it was, behind a hole. counts:
-    (blocks,) int64.
+    direction, as of `scatter`; then the distance where the ray starts, and once it is traced, that of its hit. prim_id:
+    (N,) uint32, hits. pixel: (N,) int32. bounce: (N,) int32, surfaces met so far. is_passing: (N,) bool, whether the
+    ray goes on as it was, behind a hole. counts: (blocks,) int64.
     """
 
     floats: NDArray[np.float32]
@@ -92,6 +94,7 @@ def trace_kernel(width: int) -> Callable[..., int]:
                 intersect(width, packet.valid, scene, packet)
                 for lane in range(lanes):
                     paths.prim_id[first + lane] = hit_prim_id(packet, width, lane)
+                    paths.floats[NEAR, first + lane] = hit_distance(packet, width, lane)
         return paths.counts.sum()
 
     return trace_paths
@@ -113,11 +116,12 @@ def compact(paths, surfaces, emitters, sums, sample, step, max_depth):  # type: 
             prim_id, bounce = paths.prim_id[i], paths.bounce[i]
             flags = surfaces.flags[prim_id] if prim_id != MISS else ENDS | SHINES
             beyond = ZERO
-            if flags & HOLES:
-                chance = unit_of(bits_of(path_key(paths.pixel[i]) ^ sample, MOST_HOLES + step - bounce))
-                beyond = behind_hole(
-                    surfaces, prim_id, vector(floats, ORIGIN, i), vector(floats, DIRECTION, i), bounce == 0, chance
-                )
+            if flags & passes_of(bounce):
+                beyond, weight = passed(
+                    surfaces, prim_id, vector(floats, ORIGIN, i), vector(floats, DIRECTION, i), floats[NEAR, i],
+                    vector(floats, WEIGHT, i), bounce == 0, (path_key(paths.pixel[i]), sample, step),
+                )  # fmt: skip
+                set_vector(floats, WEIGHT, i, weight)
             if beyond > ZERO:
                 floats[NEAR, i] = beyond
             elif flags & SHINES:
@@ -126,7 +130,7 @@ def compact(paths, surfaces, emitters, sums, sample, step, max_depth):  # type: 
                     vector(floats, ORIGIN, i), vector(floats, DIRECTION, i), floats[DENSITY, i],
                 )  # fmt: skip
                 is_finite &= add_light(sums, paths.pixel[i], vector(floats, WEIGHT, i), light)
-            if (not beyond > ZERO and (flags & ENDS or bounce == max_depth - 1)) or step - bounce >= MOST_HOLES:
+            if not beyond > ZERO and (flags & ENDS or bounce == max_depth - 1):
                 continue
             if kept != i:
                 for row in range(PATH_ROWS):
@@ -147,7 +151,7 @@ def connect_kernel(width: int) -> Callable[..., int]:
     @float_kernel
     def connect_paths(paths, surfaces, emitters, scene, packet, lights, free, sample, sums):  # type: ignore[no-untyped-def]
         """Aim a ray from every path at an emitter, and add what arrives to `sums`. lights: (3, width) float32, free:
-        (2, width) float32, scratch. Returns the number of rays, -1 if light was not finite."""
+        (FREE_ROWS, width) float32, scratch. Returns the number of rays, -1 if light was not finite."""
         floats = paths.floats
         rays, is_finite = 0, True
         for block in range(len(paths.counts)):
@@ -164,7 +168,7 @@ def connect_kernel(width: int) -> Callable[..., int]:
                         continue
                     prim_id, direction = paths.prim_id[i], vector(floats, DIRECTION, i)
                     spot, _ = spot_of(surfaces, prim_id, vector(floats, ORIGIN, i), direction)
-                    length, origin, towards, light = aim(
+                    length, origin, towards, light, free[FREE_LAMP, lane] = aim(
                         surfaces, emitters, spot, prim_id, direction, path_key(paths.pixel[i]), sample, paths.bounce[i]
                     )
                     if length > ZERO:
@@ -177,9 +181,11 @@ def connect_kernel(width: int) -> Callable[..., int]:
                 rays += aimed
                 shadows(width, surfaces, scene, packet, free)
                 for lane in range(lanes):
-                    if free[0, lane] > ZERO:
+                    red, green, blue = vector(free, FREE_LIGHT, lane)
+                    if red + green + blue > ZERO:
                         weight, light = vector(floats, WEIGHT, first + lane), vector(lights, 0, lane)
-                        is_finite &= add_light(sums, paths.pixel[first + lane], weight, scaled(free[0, lane], light))
+                        light = red * light[0], green * light[1], blue * light[2]
+                        is_finite &= add_light(sums, paths.pixel[first + lane], weight, light)
         return rays if is_finite else -1
 
     return connect_paths

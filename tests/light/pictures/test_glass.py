@@ -1,0 +1,150 @@
+"""What lets light on: panes that keep their share, clear glass before lamps, stacks of holes, one-sided surfaces."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import atra
+from atra import light
+from atra.light import BakeScene
+from atra.light.tables import surfaces_of
+from tests.baked import baked, sheet
+from tests.meshes import quads
+from tests.shown import BLACK, down, floor, hybrid, sphere, traced
+
+ABOVE = down(4, eye=(0.3, 1.0, 0), fov=2)
+WHITE_SKY = light.constant_sky(1.0)
+TINT = (0.9, 0.6, 0.3)
+BARE = 0.04  # what glass of 1.5 mirrors at a right angle
+PANE = light.MetallicRoughness(TINT, roughness=0.0, transmission=1.0)
+ORDERS = pytest.mark.parametrize("order", ["depth_first", "waves"])
+LAMPS = pytest.mark.parametrize(
+    "lamp",
+    [light.Sun((0, -1, 0), 0.0), light.Sun((0, -1, 0), 5.0), light.PointLight((0.3, 6, 0), power=36.0)],
+    ids=["sun", "wide sun", "point"],
+)
+
+
+def beneath(glass, lamp, heights=(1.5,)):
+    """A floor lit by a lamp straight above it, through panes."""
+    panes = [floor(4.0, height) if k % 2 == 0 else floor(4.0, height)[::-1] for k, height in enumerate(heights)]
+    numbers = np.repeat([0, *[1] * len(panes)], 2)
+    return light.Scene(quads([floor(1.0), *panes]), [light.Lambertian(0.5), glass], numbers, [lamp], BLACK)
+
+
+@ORDERS
+@LAMPS
+def test_lamps_shine_straight_through_a_clear_pane_and_take_its_colour(lamp, order):
+    image = traced(beneath(PANE, lamp), ABOVE, 16, max_depth=2, order=order)
+    np.testing.assert_allclose(image, np.broadcast_to(0.5 * (1 - BARE) * np.array(TINT), (4, 4, 3)), rtol=0.01)
+
+
+@ORDERS
+@LAMPS
+@pytest.mark.parametrize("glass", [
+    light.Dielectric(1.5), light.MetallicRoughness(roughness=0.0, transmission=1.0, is_thin=False),
+], ids=["dielectric", "solid"])  # fmt: skip
+def test_lamps_shine_straight_through_a_slab_less_what_both_sides_mirror(glass, lamp, order):
+    image = traced(beneath(glass, lamp, (1.6, 1.5)), ABOVE, 16, max_depth=2, order=order)
+    np.testing.assert_allclose(image, 0.5 * (1 - BARE) ** 2, rtol=0.01)
+
+
+@LAMPS
+@pytest.mark.parametrize("glass", [replace(PANE, colour=(1, 1, 1)), light.Dielectric(1.5)], ids=["thin", "solid"])
+def test_lamps_shine_through_clear_glass_in_hybrid_frames(glass, lamp):
+    image = hybrid(beneath(glass, lamp), ABOVE, 16, occlusion_rays=0).image
+    np.testing.assert_allclose(image, 0.5 * (1 - BARE), rtol=0.01)
+
+
+def test_the_sun_shines_through_a_clear_pane_in_a_bake_and_takes_its_colour():
+    scene = BakeScene.of(beneath(PANE, light.Sun((0, -1, 0), 0.0)))
+    lit = baked(scene, sheet(scene.mesh, 4), 1, bounces=0)
+    below = lit.direct[lit.texels.prim_id < 2]
+    np.testing.assert_allclose(below, np.broadcast_to((1 - BARE) * np.array(TINT), below.shape), rtol=1e-4)
+
+
+def test_rays_aimed_at_an_emitter_and_scattered_ones_share_its_light_through_a_clear_pane():
+    lamp = floor(1.0, 3.0)[::-1]
+    mesh = quads([floor(), floor(4.0, 1.5), lamp])
+    materials = [light.Lambertian(0.5), PANE, light.Emissive((3.0, 3.0, 3.0))]
+    scene = light.Scene(mesh, materials, [0, 0, 1, 1, 2, 2], sky=BLACK)
+    aimed, found = (traced(scene, ABOVE, 4096, max_depth=2, lights=way).mean((0, 1)) for way in ("aimed", "found"))
+    np.testing.assert_allclose(aimed, found, rtol=0.02)
+    assert aimed[0] > 0.1
+
+
+@ORDERS
+def test_clear_panes_that_absorb_nothing_cannot_be_seen_in_a_furnace(order):
+    clear = light.MetallicRoughness(roughness=0.0, transmission=1.0)
+    camera = atra.Camera((0, 0, 4), (0, 0, 0), fov_y_degrees=40, width=16, height=16)
+    image = traced(sphere(clear, WHITE_SKY, smooth=False), camera, 4, max_depth=1000, order=order)
+    np.testing.assert_allclose(image, 1.0, atol=1e-4)
+
+
+def stack(layers):
+    """A floor beneath so many sheets of nothing but holes."""
+    sheets = [floor(4.0, 1.5 + 0.01 * k) for k in range(layers)]
+    empty = light.MetallicRoughness((0, 0, 0), 0.0, "mask")
+    numbers = np.repeat([0, *[1] * layers], 2)
+    sun = light.Sun((0, -1, 0), 0.0)
+    return light.Scene(quads([floor(), *sheets]), [light.Lambertian(0.5), empty], numbers, [sun], BLACK)
+
+
+@ORDERS
+def test_a_ray_passes_any_number_of_holes(order):
+    for camera in (ABOVE, replace(ABOVE, eye=(0.3, 9.0, 0))):
+        np.testing.assert_allclose(traced(stack(130), camera, 2, max_depth=2, order=order), 0.5, rtol=1e-5)
+
+
+def test_a_ray_of_a_hybrid_frame_passes_any_number_of_holes():
+    for camera in (ABOVE, replace(ABOVE, eye=(0.3, 9.0, 0))):
+        np.testing.assert_allclose(hybrid(stack(130), camera, 2, occlusion_rays=0).image, 0.5, rtol=1e-5)
+
+
+@pytest.mark.parametrize("samples", [1, 8, 64])
+def test_a_pane_keeps_its_share_of_a_hybrid_frame_however_many_samples_it_has(samples):
+    red = light.MetallicRoughness((1, 0, 0), 0.5, "blend")
+    scene = light.Scene(quads([floor(), floor(4.0, 1.0)]), [light.Lambertian(1.0), red], [0, 0, 1, 1], sky=WHITE_SKY)
+    image = hybrid(scene, down(64), samples, occlusion_rays=0).image
+    np.testing.assert_allclose(image[..., 1].mean(), 0.5, atol=5 * 0.5 / 64 / np.sqrt(samples))
+    np.testing.assert_allclose(image[..., 0], 1.0, rtol=1e-5)
+
+
+@pytest.mark.parametrize("options", [
+    {"is_double": False}, {"alpha": "mask"}, {"alpha": "blend"}, {"roughness": 0.0, "transmission": 0.5},
+], ids=str)  # fmt: skip
+def test_beside_a_surface_that_lets_light_on_a_hybrid_frame_shows_the_sky(options):
+    scene = light.Scene(quads([floor(0.6)]), [light.MetallicRoughness(**options)], sky=WHITE_SKY)
+    renderer = hybrid(scene, down(64, eye=(0.07, 3, 0.05)), 2)
+    np.testing.assert_allclose(renderer.image, 1.0, rtol=1e-5)
+    assert renderer.openness.min() == pytest.approx(1.0)
+
+
+def test_a_back_that_the_eye_looks_through_is_no_hole_for_light():
+    mesh = quads([floor(), floor(1.0, 1.5)[::-1]])
+    lid = light.MetallicRoughness((0, 0, 0), is_double=False)
+    scene = light.Scene(mesh, [light.Lambertian(0.5), lid], [0, 0, 1, 1], [light.Sun((0, -1, 0), 0.0)], BLACK)
+    tables = surfaces_of(scene, 1.0, None)
+    assert (tables.has_holes, tables.is_looked_through) == (False, True)
+    assert traced(scene, replace(ABOVE, eye=(0.3, 3.0, 0)), 4, max_depth=2).max() == 0.0
+    holes = surfaces_of(replace(scene, materials=[scene.materials[0], replace(lid, alpha="mask")]), 1.0, None)
+    assert (holes.has_holes, holes.is_looked_through) == (True, True)
+
+
+def test_a_panorama_lights_hybrid_frames_by_all_of_its_light():
+    rows, columns = np.mgrid[:64, :128]
+    height, turn = np.cos(np.pi * (rows + 0.5) / 64), 2 * np.pi * ((columns + 0.5) / 128 - 0.5)
+    along_x = np.sqrt(1 - height**2) * np.sin(turn)  # the middle column looks along -z, those right of it along +x
+    radiance = 0.5 + 0.3 * along_x + 0.2 * height
+    sky = light.PanoramaSky(np.repeat(radiance[..., None], 3, axis=2).astype(np.float32))
+    normal = np.array((0.6, 0.8, 0.0))
+    tilted = light.Scene(quads([floor()]), [light.Lambertian(1.0)], sky=sky, normals=np.tile(normal, (4, 1)))
+    image = hybrid(tilted, down(4), 1, occlusion_rays=0).image
+    np.testing.assert_allclose(image, 0.5 + (0.3 * 0.6 + 0.2 * 0.8) * 2 / 3, rtol=2e-3)
+    window = np.zeros((32, 64, 3), np.float32)
+    window[3:7, 20:24] = 40.0
+    ball = sphere(light.Lambertian(1.0), light.PanoramaSky(window))
+    camera = atra.Camera((0, 5, 0), (0, 0, 0), (0, 0, -1), fov_y_degrees=20, width=24, height=24)
+    seen, paths = (one.mean() for one in (hybrid(ball, camera, 4).image, traced(ball, camera, 256, max_depth=2)))
+    assert seen == pytest.approx(paths, rel=0.06)
