@@ -24,8 +24,11 @@ CORNERS = 8
 
 
 class MetRows(NamedTuple):
-    """Rows of cells that a polygon meets; first > last if there is none. corners: their number, 0 = all is behind the
-    eye. y_low, y_high: its lowest and highest pixel position. tiny: a depth that is 0 but for rounding."""
+    """Rows of cells that a polygon meets; first > last if there is none.
+
+    corners: their number, 0 = all is behind the eye. y_low, y_high: lowest and highest pixel position. tiny: a depth
+    that is 0 but for rounding.
+    """
 
     first: int
     last: int

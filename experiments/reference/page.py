@@ -1,4 +1,4 @@
-"""The page: public names, the command line, configuration keys, and columns of result tables."""
+"""Pages of the reference: the command line, configuration keys, and columns of result tables."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import re
 from argparse import SUPPRESS, ArgumentParser
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import Field, fields, is_dataclass
-from pathlib import Path
 from typing import Any, get_type_hints
 
 from omegaconf import OmegaConf
@@ -23,7 +22,6 @@ from experiments.reference.names import (
     choices_of,
     code,
     help_of,
-    public_names,
     say_default,
     say_type,
     say_value,
@@ -153,21 +151,3 @@ def table_columns() -> str:
 def _column(column: Column) -> Sequence[str]:
     types = {"string": "text", "Int64": "whole number", "Float64": "number", "boolean": "true or false"}
     return code(column.name), types[column.dtype], column.unit, column.help
-
-
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference.md"
-
-_BEGINNING = """\
-# Reference
-
-This page is generated from the code: `python -m experiments.reference` writes it. Do not edit it.
-It lists the [public names](#public-names), the [options of the command line](#command-line), the
-[keys of the configuration](#configuration-keys) and the [columns of result tables](#table-columns).
-A unit stands at the end of a name: `_s` is seconds, `_bytes` bytes, `_gib` GiB, `_degrees` degrees.
-"""
-
-
-def reference() -> str:
-    """The page as text."""
-    parts = (_BEGINNING, public_names(), command_line(), configuration_keys(), table_columns())
-    return "\n".join(parts)
