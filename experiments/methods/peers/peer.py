@@ -39,7 +39,7 @@ _PIXEL_CENTRE = (0.5, 0.5)
 
 PEER_COLUMNS = (
     Column("peer_version", TEXT, "version of the other tracer"),
-    Column("peer_interface", TEXT, "what of it was called"),
+    Column("peer_interface", TEXT, "interface of the other tracer that was called"),
     Column("peer_setting", TEXT, "how exact its hits are: Embree's robust or fast setting, or what it rounds"),
 )
 
