@@ -34,7 +34,7 @@ from experiments.methods.peers.questions import Answering
 
 PEER_COLUMNS = (
     Column("peer_version", TEXT, "version of the other tracer"),
-    Column("peer_interface", TEXT, "what of it was called"),
+    Column("peer_interface", TEXT, "interface of the other tracer that was called"),
     Column("peer_setting", TEXT, "how exact its hits are: Embree's robust or fast setting, or what it rounds"),
 )
 

@@ -39,7 +39,7 @@ class MultiframeOptions(Settings):
 
     frames: int = option(2, "images traced together; times, bytes and pixels are of all of them")
     motion: str = option(
-        "eyes", "how they differ: eyes, walk (the camera moves) or turn (the mesh turns)", choices=MOTIONS
+        "eyes", "motion between frames: eyes, walk (the camera moves) or turn (the mesh turns)", choices=MOTIONS
     )
 
     def __post_init__(self) -> None:
