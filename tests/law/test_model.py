@@ -196,7 +196,7 @@ def arrays_of(tracer):
     (Choice("aligned", (8, 8), WIDEST), partial(atra.AlignedTracer, split=(8, 8), packet_width=WIDEST)),
     (Choice("instanced", (8, 1), WIDEST, False),
      partial(atra.AlignedTracer, split=(8, 1), packet_width=WIDEST, geometry="instanced", culling=False)),
-], ids=str)  # fmt: skip
+], ids=lambda value: str(value) if isinstance(value, Choice) else "")  # fmt: skip
 def test_bytes_of_arrays_are_those_that_the_tracer_keeps(choice, make):
     mesh, view = cornell_box(), cornell_camera(64, 64)
     with make(mesh, view, threads=1, ties="any") as tracer:
