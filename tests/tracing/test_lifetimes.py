@@ -14,9 +14,9 @@ import pytest
 import atra
 from atra.compiled.threads import WorkerPool
 from atra.embree.device import EmbreeDevice
-from tests.failing import Failing, Injected
 from tests.images import make_tracer
 from tests.meshes import cornell_box, cornell_camera
+from tests.tracing.failing import Failing, Injected
 
 pytestmark = pytest.mark.usefixtures("old_objects_set_aside")
 

@@ -13,7 +13,7 @@ from atra.judge.compare import Verdict
 from tests import images
 from tests.judge.reference import brute_force
 from tests.machine import WIDTHS
-from tests.strategies import EXAMPLES, NIGHTLY, parallel_views, views
+from tests.tracing.strategies import EXAMPLES, NIGHTLY, parallel_views, views
 
 packet_widths = st.sampled_from(WIDTHS if NIGHTLY else (WIDTHS[0], WIDTHS[-1]))  # kernels are compiled for each
 
