@@ -74,6 +74,7 @@ _ARGUMENTS = {
     "all_hits": "--width 240 --height 200",
     "bake": "--samples 16 --size 128 --width 320 --height 320",
     "calibrated_views": "--scene atrium --width 320 --height 240 --views 4",
+    "first_image": "",
     "frames": "--scene atrium --width 256 --height 192 --frames 4",
     "interiors": "--samples 8 --width 320 --height 180 --noisy",
     "lenses": "--scene living_room --width 320 --height 240",

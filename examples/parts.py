@@ -16,6 +16,8 @@ from atra.files.saving import encode_png
 from scenes.built_in import BUILT_IN
 from scenes.loading import SceneSource, load_scene
 
+IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
+
 
 def parser(description: str | None, **defaults: Any) -> argparse.ArgumentParser:
     """Scene, size and output folder; `defaults` replaces defaults."""

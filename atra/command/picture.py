@@ -38,7 +38,9 @@ def add_picture(parser: ArgumentParser) -> None:
     group.add_argument("--samples", type=int, help=f"most samples of a pixel (default: {SAMPLES})")
     group.add_argument("--error", type=float, metavar="PERCENT", help="stop at this estimated error of the luminance")
     group.add_argument("--minutes", type=float, help="stop after so many minutes")
-    group.add_argument("--exposure", default="auto", metavar="STOPS", help="of a PNG: stops, or auto (the default)")
+    group.add_argument(
+        "--exposure", default="auto", metavar="STOPS", help="PNG exposure in stops, or auto (the default)"
+    )
     add_shown(group)
     group.add_argument("--bounces", type=int, default=BOUNCES, help=f"most rays of a path (default: {BOUNCES})")
 

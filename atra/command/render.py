@@ -59,7 +59,11 @@ def add_render(parser: ArgumentParser) -> None:
         "--planes", nargs="+", metavar="PLANES",
         help=f"only these of {', '.join(PLANES)}: one file of them (npz, exr) or a file each (npy, png, tiff)",
     )  # fmt: skip
-    parser.add_argument("--depth-along", choices=("axis", "ray"), help="of --planes (default: axis; ray for fisheyes)")
+    parser.add_argument(
+        "--depth-along",
+        choices=("axis", "ray"),
+        help="direction of the depths of --planes (default: axis; ray for fisheyes)",
+    )
     parser.add_argument(
         "--depth-scale", type=float, default=1000.0, metavar="NUMBER",
         help="numbers of a depth PNG per scene unit (default: 1000, millimetres of metres)",

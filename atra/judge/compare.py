@@ -137,12 +137,13 @@ def compare(hits: Hits, reference: Hits) -> Agreement:
     undecided.
 
     Same candidate: EQUAL. Different ones, in this order:
-    TIED   neither is surely missed, both have a depth, and the depths are equal to TIE_TOLERANCE;
-    WRONG  one is surely missed, or the undecided one lies entirely behind the sure one, or none is undecided and their
-           depths differ by more than rounding of float32;
-    WRONG  a hole: the undecided one is in front of the other, or the other is a miss, and its surface continues all
-           around the ray;
-    EDGE   otherwise.
+
+    - TIED: neither is surely missed, both have a depth, and the depths are equal to TIE_TOLERANCE;
+    - WRONG: one is surely missed, or the undecided one lies entirely behind the sure one, or none is undecided and
+      their depths differ by more than rounding of float32;
+    - WRONG: a hole: the undecided one is in front of the other, or the other is a miss, and its surface continues all
+      around the ray;
+    - EDGE: otherwise.
 
     In any case a pixel is WRONG if an image's depth differs from that of its triangle's plane by more than rounding of
     float32, or if a miss does not store inf. In a plane through the eye any depth is accepted.

@@ -10,9 +10,8 @@ import csv
 import hashlib
 import io
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -24,8 +23,10 @@ from atra.geometry.mesh import Mesh
 from atra.hits import Hits
 from atra.raster.tracer import RasterTracer
 from atra.rays.rays import Rays
-from atra.tracing.tracer import Tracer
-from experiments.classification.ray_sets import SHORTEST, ray_set
+from experiments.classification.bvh.scene import BvhScene
+from experiments.classification.bvh.single import BOXES
+from experiments.classification.options import BvhOptions
+from experiments.classification.ray_sets import SHORTEST, ray_set, rays_between
 from experiments.commands.program import COMMAND, split_options
 from experiments.commands.scene_files import cameras_of, ply_of
 from scenes.built_in import BUILT_IN
@@ -33,9 +34,6 @@ from scenes.generated import FAMILIES
 from scenes.loading import SceneSource, load_scene
 from scenes.scene import Scene
 from scenes.views import VIEWS, view_fields
-
-if TYPE_CHECKING:
-    from experiments.classification.bvh.scene import BvhScene
 
 SIZES = {"small": 64, "middle": 256, "large": 1024}
 """Pixels along each side of the image that the rays are of."""
@@ -56,85 +54,45 @@ USAGE = (
 )
 
 
-@dataclass(frozen=True)
-class RayFile:
-    """A batch of rays and what is known of it. crossed: triangles along a ray of the image, on average. boxes: of our
-    own BVH that a ray of the batch enters until its nearest hit."""
-
-    scene: str
-    triangles: int
-    kind: str
-    size: str
-    rays: int
-    sha256: str
-    crossed: float
-    boxes: float
-
-    @property
-    def name(self) -> str:
-        return f"{self.scene}_{self.kind}_{self.size}.npz"
-
-
-@dataclass(frozen=True)
-class ViewOfScene:
-    """A view of a scene, one of `scenes.views.VIEWS`, as an image of 256 x 256 pixels.
-
-    sha256: of its primary rays. hit: share of pixels that see a triangle. crossed, boxes: as of RayFile, primary rays.
-    """
-
-    scene: str
-    triangles: int
-    mesh_sha256: str
-    view: str
-    sha256: str
-    hit: float
-    crossed: float
-    boxes: float
+Row = dict[str, Any]
+"""What is known of a file of rays or of a view, in the order of the table's columns. crossed: triangles along a ray of
+the image, on average. boxes: of our own BVH that a ray of the batch enters until its nearest hit."""
 
 
 def run_rays(arguments: Sequence[str]) -> list[Path]:
     """Write a file for each scene, kind and size, the scenes' triangles and own views, a list of the files of rays,
     and a list of the scenes' views, into a folder.
     Raises InputError for no scene, an unknown one, and an unknown size."""
-    from experiments.classification.bvh.scene import BvhScene
-
     options, names = split_options(arguments, ("size", "output", "files"))
     sizes = options.get("size", ",".join(SIZES)).split(",")
-    folder = Path(options.pop("output", "rays"))
-    keeps = options.get("files", "true")
+    folder, keeps = Path(options.pop("output", "rays")), options.get("files", "true")
     is_odd = any("=" in one for one in names) or keeps not in ("true", "false")
     if not names or is_odd or not set(sizes) <= SIZES.keys():
         raise InputError(f"expected: {USAGE}")
     folder.mkdir(parents=True, exist_ok=True)
-    paths: list[Path] = []
-    files: list[RayFile] = []
-    views: list[ViewOfScene] = []
+    paths, files, views = list[Path](), list[Row](), list[Row]()
+
+    def write(name: str, content: bytes) -> None:
+        paths.append(folder / name)
+        write_atomically(paths[-1], content)
+
     for name in names:
         scene = scene_of(name)
         if keeps == "true":
-            whole = {f"{scene.name}.ply": ply_of(scene.mesh), f"{scene.name}.json": cameras_of(scene, _chosen(sizes))}
-            for file, content in whole.items():
-                write_atomically(folder / file, content)
-                paths.append(folder / file)
-                print(f"{file}: {len(content):,} bytes")
-        with BvhScene(scene.mesh) as bvh:
+            write(f"{scene.name}.ply", ply_of(scene.mesh))
+            write(f"{scene.name}.json", cameras_of(scene, {size: SIZES[size] for size in sizes}))
+        with BvhScene(scene.mesh, BvhOptions()) as bvh:
             for size in sizes:
-                for one, rays in ray_files(scene, size, bvh):
+                for row, rays in _ray_files(scene, size, bvh):
                     if keeps == "true":
-                        paths.append(folder / one.name)
-                        write_atomically(paths[-1], as_bytes(rays))
-                    files.append(one)
-                    print(f"{one.name}: {one.rays:,} rays, {one.boxes:.1f} boxes a ray, sha256 {one.sha256[:16]}")
-            views += [view_of(scene, view, bvh) for view in VIEWS]
-    tables = {folder / "rays.csv": table_of(files), folder / "views.csv": table_of(views)}
-    for path, content in tables.items():
-        write_atomically(path, content)
-        print(f"written: {path}")
-    return [*paths, *tables]
-
-
-def _chosen(sizes: Sequence[str]) -> Mapping[str, int]:
-    return {size: SIZES[size] for size in sizes}
+                        write(f"{scene.name}_{row['kind']}_{size}.npz", as_bytes(rays))
+                    files.append(row)
+                    print(f"{scene.name}, {row['kind']}, {size}: {len(rays):,} rays, {row['boxes']:.1f} boxes a ray")
+            views += [_view_row(scene, view, bvh) for view in VIEWS]
+    write("rays.csv", _table(files))
+    write("views.csv", _table(views))
+    print(f"written: {len(paths)} files in {folder}")
+    return paths
 
 
 def scene_of(name: str) -> Scene:
@@ -146,40 +104,36 @@ def scene_of(name: str) -> Scene:
     return load_scene(SceneSource.directory, name, None)
 
 
-def ray_files(scene: Scene, size: str, bvh: BvhScene) -> Iterator[tuple[RayFile, Rays]]:
+def _seen(scene: Scene, fields: Mapping[str, Any], side: int) -> tuple[Hits, float]:
+    """An image of side x side pixels, and the triangles along a ray of it, on average: depth complexity."""
+    with RasterTracer(scene.mesh, Camera(**fields, width=side, height=side)) as tracer:
+        return tracer.trace(), float(tracer.gather(Count()).count.mean())
+
+
+def _ray_files(scene: Scene, size: str, bvh: BvhScene) -> Iterator[tuple[Row, Rays]]:
     """All kinds of one size. bvh: of the scene."""
-    mesh, side = scene.mesh, SIZES[size]
-    with RasterTracer(mesh, Camera(**scene.camera, width=side, height=side)) as tracer:
-        hits = tracer.trace()
-        crossed = _crossed(tracer)
+    hits, crossed = _seen(scene, scene.camera, SIZES[size])
     for kind in KINDS:
-        rays = rays_of(kind, mesh, hits)
+        rays = rays_of(kind, scene.mesh, hits)
         boxes = _boxes(bvh, rays, kind in ("shadow", "ambient"))
-        yield RayFile(scene.name, mesh.triangle_count, kind, size, len(rays), digest_of(rays), crossed, boxes), rays
+        row = {"scene": scene.name, "triangles": scene.mesh.triangle_count, "kind": kind, "size": size,
+               "rays": len(rays), "sha256": digest_of(rays), "crossed": crossed, "boxes": boxes}  # fmt: skip
+        yield row, rays
 
 
-def view_of(scene: Scene, view: str, bvh: BvhScene) -> ViewOfScene:
-    """What is known of one of VIEWS. bvh: of the scene."""
-    mesh, side = scene.mesh, SIZES["middle"]
-    with RasterTracer(mesh, Camera(**view_fields(mesh, scene.camera, view), width=side, height=side)) as tracer:
-        hits = tracer.trace()
-        crossed = _crossed(tracer)
-    rays = rays_of("primary", mesh, hits)
-    share = float(hits.hit.mean())
-    boxes = _boxes(bvh, rays, False)
-    return ViewOfScene(scene.name, mesh.triangle_count, scene.mesh_sha256, view, digest_of(rays), share, crossed, boxes)
-
-
-def _crossed(tracer: Tracer) -> float:
-    """Triangles along a ray of the image, on average: depth complexity."""
-    return float(tracer.gather(Count()).count.mean())
+def _view_row(scene: Scene, view: str, bvh: BvhScene) -> Row:
+    """What is known of one of VIEWS and its primary rays. bvh: of the scene. hit: share of pixels that see anything."""
+    hits, crossed = _seen(scene, view_fields(scene.mesh, scene.camera, view), SIZES["middle"])
+    rays = rays_of("primary", scene.mesh, hits)
+    return {"scene": scene.name, "triangles": scene.mesh.triangle_count, "mesh_sha256": scene.mesh_sha256,
+            "view": view, "sha256": digest_of(rays), "hit": float(hits.hit.mean()), "crossed": crossed,
+            "boxes": _boxes(bvh, rays, False)}  # fmt: skip
 
 
 def _boxes(bvh: BvhScene, rays: Rays, any_hit: bool) -> float:
     """Boxes that a ray enters, on average over about `_COUNTED` of them."""
-    from experiments.classification.bvh.single import BOXES
-
-    some = _every(rays, max(1, len(rays) // _COUNTED))
+    step = max(1, len(rays) // _COUNTED)
+    some = Rays(*(getattr(rays, part)[::step] for part in _PARTS))
     _, counts = bvh.count(bvh.prepare(some), any_hit)
     return float(counts[BOXES]) / max(len(some), 1)
 
@@ -192,28 +146,19 @@ def rays_of(kind: str, mesh: Mesh, hits: Hits) -> Rays:
     if kind == "shadow":
         places = hits.points[hits.hit].astype(np.float64)
         lamp = low + size * (0.5, 0.9, 0.5)
-        return _rays(places, lamp - places, SHORTEST, 1.0)
+        return rays_between(places, lamp - places, SHORTEST, 1.0)
     side = hits.camera.width
     if kind == "parallel":
         down, across = np.divmod(np.arange(side * side), side)
         direction = np.array([0.25, -1.0, 0.125])
         places = low + size * np.stack([(across + 0.5) / side, np.full(side * side, 1.0), (down + 0.5) / side], axis=1)
         reach = size[1] * direction
-        return _rays(places - reach, np.broadcast_to(direction, places.shape), 0.0, np.inf)
+        return rays_between(places - reach, np.broadcast_to(direction, places.shape), 0.0, np.inf)
     if kind == "random":
         random = np.random.default_rng(7)
         ends = low + size * random.random((2, side * side, 3))
-        return _rays(ends[0], ends[1] - ends[0], 0.0, np.inf)
+        return rays_between(ends[0], ends[1] - ends[0], 0.0, np.inf)
     raise InputError(f"kind of rays is {kind!r}, expected one of {', '.join(KINDS)}")
-
-
-def _rays(origins: np.ndarray, directions: np.ndarray, tnear: float, tfar: float) -> Rays:
-    ends = (np.full(len(origins), end, np.float32) for end in (tnear, tfar))
-    return Rays(origins.astype(np.float32), directions.astype(np.float32), *ends)
-
-
-def _every(rays: Rays, step: int) -> Rays:
-    return Rays(rays.origins[::step], rays.directions[::step], rays.tnear[::step], rays.tfar[::step])
 
 
 _PARTS = ("origins", "directions", "tnear", "tfar")
@@ -234,12 +179,11 @@ def as_bytes(rays: Rays) -> bytes:
     return buffer.getvalue()
 
 
-def table_of(rows: Sequence[RayFile] | Sequence[ViewOfScene]) -> bytes:
+def _table(rows: Sequence[Row]) -> bytes:
     """A line a row, as comma-separated values. rows: at least one."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(vars(rows[0]))
-    for one in rows:
-        told = (f"{value:.4g}" if isinstance(value, float) else value for value in vars(one).values())
-        writer.writerow(told)
+    writer.writerow(rows[0])
+    for row in rows:
+        writer.writerow(f"{value:.4g}" if isinstance(value, float) else value for value in row.values())
     return text.getvalue().encode()

@@ -33,7 +33,7 @@ def ray_set(kind: str, mesh: Mesh, camera: View, hits: Hits, seed: int = 0) -> R
     if kind == "primary":
         y, x = np.mgrid[0 : camera.height, 0 : camera.width]
         origins, directions = camera.rays(x.ravel(), y.ravel(), hits.offset)
-        return _rays(_in_world(camera, origins) + np.asarray(camera.eye), _in_world(camera, directions))
+        return rays_between(_in_world(camera, origins) + np.asarray(camera.eye), _in_world(camera, directions))
     hit = hits.hit
     normals = hits.normals[hit].astype(np.float64)
     places = hits.points[hit].astype(np.float64)
@@ -42,12 +42,13 @@ def ray_set(kind: str, mesh: Mesh, camera: View, hits: Hits, seed: int = 0) -> R
     directions = _around(normals, np.random.default_rng([seed, KINDS.index(kind)]))
     diagonal = float(np.linalg.norm(mesh.bounds[1] - mesh.bounds[0]))
     reach = NEARBY * diagonal if kind == "occlusion" else np.inf
-    return _rays(places, directions, SHORTEST * diagonal, reach)
+    return rays_between(places, directions, SHORTEST * diagonal, reach)
 
 
-def _rays(
+def rays_between(
     origins: NDArray[np.float64], directions: NDArray[np.float64], tnear: float = 0.0, tfar: float = np.inf
 ) -> Rays:
+    """Rays in float32 with the same tnear and tfar."""
     ends = (np.full(len(origins), end, np.float32) for end in (tnear, tfar))
     return Rays(origins.astype(np.float32), directions.astype(np.float32), *ends)
 

@@ -25,11 +25,13 @@ CONFIGURATION = Path(__file__).resolve().parents[2] / "conf"
 class SceneConfiguration:
     """What is looked at.
 
-    name: of the scene; `scene=sponza` sets it. source: where its mesh comes from; `scene=sponza` sets it, too.
-    path: the file of `scene=file`, of any format that trimesh reads. triangles: how many a generated scene has, about.
+    name: name of the scene; `scene=sponza` sets it. source: where its mesh comes from; `scene=sponza` sets it, too.
+    path: the file of `scene=file`, of any format that trimesh reads. triangles: approximate number of triangles of a
+    generated scene.
     view: the scene's own camera, or another made from it (`scenes.views`). eye, target, up: vectors of the camera, in
     place of the view's. fov_y_degrees: vertical field of view, in place of the view's.
-    subdivided: how often each triangle is cut into four. copies: how many of the scene stand side by side as one mesh.
+    subdivided: number of times that each triangle is cut into four. copies: number of copies of the scene, side by
+    side in one mesh.
     """
 
     name: str | None = None
@@ -52,7 +54,7 @@ class SweepConfiguration:
     of several grids is measured once.
     figures: by name of the figure, the grids it is drawn of; without any, every figure that has something to show.
     stand_ins: a scene that is not on this machine is replaced by its procedural stand-in.
-    report: end with the claims and the HTML page. shuffle_seed: of the points' order, so that drift is no trend.
+    report: end with the claims and the HTML page. shuffle_seed: seed of the points' order, so that drift is no trend.
     repeats: how often a disturbed process is measured again, at most.
     skip_slower: points predicted to take more than so many times as long as the fastest of their view are skipped.
     """
@@ -75,7 +77,7 @@ class MeasureConfiguration:
     rounds, warmup: rounds of a process that count and rounds before them. frame_budget_s: no further round starts past
     this many seconds of work, but three always run. time_limit_s: a worker that runs longer is stopped and fails.
     memory_budget_gib: points that need more are skipped until the next run; null = three quarters of what is free.
-    instruction_set: what Embree and Numba are held to, as by ATRA_ISA; null = as the run.
+    instruction_set: instruction set of Embree and Numba, as ATRA_ISA sets it; null = that of the run.
     quiet_limit_s: how long a sweep waits in all while others use more than 5 % of all cores, after the first look.
     quiet_only: whether it waits for that, too, and ends when the time is up; otherwise its times bear doubts.
     """

@@ -60,7 +60,7 @@ def gather(folder: Path) -> pd.DataFrame:
     for k, name in enumerate(COUNTERS):
         table[name] = [one[k] for one in counters]
     table["raster_s"] = [one.look.raster_s for one in seen]
-    for name in ("look_s", "plan_s", "frame_s"):
+    for name in ("look_s", "frame_s"):
         table[name] = [getattr(one, name) for one in seen]
     # One and the same packets beside every method: their median says how fast the machine was.
     for _, of in table.groupby(["instruction_set", "scene", "view", "want"]):
@@ -72,34 +72,31 @@ def gather(folder: Path) -> pd.DataFrame:
 
 def constants_of(rows: pd.DataFrame) -> dict[str, list[float]]:
     """Constants of every family, fitted to these rows."""
-    found = {}
+    constants = {}
     for name, of in rows.groupby("family"):
-        found[str(name)] = (fit(np.stack(list(of["frame_terms"])), of["measured_time_s"].to_numpy()) / NANO).tolist()
+        frames = fit(np.stack(list(of["frame_terms"])), of["measured_time_s"].to_numpy())
+        constants[str(name)] = (frames / NANO).tolist()
     nearest = rows[rows["want"] == "nearest"]
     for name, of in nearest.groupby("method"):
         builds = fit(np.stack(list(of["build_terms"])), of["measured_build_s"].to_numpy())
-        found[f"{name}|build"] = (builds / NANO).tolist()
+        constants[f"{name}|build"] = (builds / NANO).tolist()
         terms, arrays = np.stack(list(of["bytes_terms"])), of["array_bytes"].to_numpy()
-        found[f"{name}|bytes"] = fit(terms, of["measured_bytes"].to_numpy(), arrays).tolist()
-    return found
+        constants[f"{name}|bytes"] = fit(terms, of["measured_bytes"].to_numpy(), arrays).tolist()
+    return constants
 
 
 def predict(rows: pd.DataFrame, constants: dict[str, list[float]]) -> pd.DataFrame:
-    """The predictions of rows, by these constants."""
-    found = pd.DataFrame(index=rows.index)
-    found["predicted_time_s"] = [
-        float(np.dot(one, constants.get(name, np.full(len(one), np.nan)))) * NANO
-        for one, name in zip(rows["frame_terms"], rows["family"], strict=True)
-    ]
-    found["predicted_build_s"] = [
-        float(np.dot(one, constants[f"{name}|build"])) * NANO
-        for one, name in zip(rows["build_terms"], rows["method"], strict=True)
-    ]
-    found["predicted_bytes"] = [
-        arrays + float(np.dot(one, constants[f"{name}|bytes"]))
-        for one, arrays, name in zip(rows["bytes_terms"], rows["array_bytes"], rows["method"], strict=True)
-    ]
-    return found
+    """The predictions of rows, by these constants; NaN where a family has none."""
+
+    def costs(terms: str, names: pd.Series) -> list[float]:
+        every = zip(rows[terms], names, strict=True)
+        return [float(np.dot(one, constants.get(name, np.full(len(one), np.nan)))) for one, name in every]
+
+    return pd.DataFrame({
+        "predicted_time_s": np.array(costs("frame_terms", rows["family"])) * NANO,
+        "predicted_build_s": np.array(costs("build_terms", rows["method"] + "|build")) * NANO,
+        "predicted_bytes": np.array(costs("bytes_terms", rows["method"] + "|bytes")) + rows["array_bytes"].to_numpy(),
+    }, index=rows.index)  # fmt: skip
 
 
 def leave_one_out(table: pd.DataFrame) -> pd.DataFrame:
@@ -116,38 +113,22 @@ def errors_of(rows: pd.DataFrame) -> pd.Series:
     return (rows["predicted_time_s"] / rows["measured_time_s"] - 1.0).abs()
 
 
-def report(table: pd.DataFrame) -> str:
-    """The targets and what is reached."""
-    lines = []
-    for isa, rows in table.groupby("instruction_set"):
-        errors = errors_of(rows)
-        views = rows.groupby(["scene", "view"]).ngroups
-        lines.append(f"{isa}: {rows['scene'].nunique()} scenes, {views} views, {len(rows)} rows")
-        lines.append(f"  frames: median error {errors.median():.1%}, nine of ten within {errors.quantile(0.9):.1%}")
-        for name, of in rows.groupby("family"):
-            e = errors_of(of)
-            lines.append(f"    {name}: {e.median():.1%}, {e.quantile(0.9):.1%} of {len(of)}")
-        bytes_ = (rows["predicted_bytes"] / rows["measured_bytes"] - 1).abs().dropna()
-        lines.append(f"  bytes: median {bytes_.median():.1%}, nine of ten {bytes_.quantile(0.9):.1%}, "
-                     f"within 10%: {(bytes_ <= 0.1).mean():.0%}")  # fmt: skip
-        builds = (rows["predicted_build_s"] / rows["measured_build_s"] - 1).abs()[rows["want"] == "nearest"]
-        lines.append(f"  plan and build: median {builds.median():.1%}, nine of ten {builds.quantile(0.9):.1%}")
-        for want in ("nearest", "count"):
-            for without in ((), ("raster",)):
-                found = choices_of(rows, want, without)
-                told = ", ".join(f"{name} {value:.2f}" for name, value in found.items())
-                lines.append(f"  {want} without {without}: {told}")
-            lines += ["  fastest method down, chosen one across:", *_indented(confusion_of(rows, want, ("raster",)))]
-        lines += ["  residuals of frames, nearest hit, log:", *_indented(residuals_of(rows).round(2))]
-        known = ", ".join(f"{name} {value:.2f}" for name, value in named_if_known(rows).items())
-        lines.append(f"  named, rasteriser apart, if this part of the residuals were known: {known}")
-        looks = rows.drop_duplicates(["scene", "view"])
-        for name in ("look", "plan"):
-            ratio = looks[f"{name}_s"] / looks["frame_s"]
-            lines.append(
-                f"  a {name} takes {ratio.median():.0f} raster frames in the median, {ratio.max():.0f} at most"
-            )
+def report(rows: pd.DataFrame) -> str:
+    """Errors of one instruction set, and how well the fastest prediction chooses."""
+    errors, views = errors_of(rows), rows.groupby(["scene", "view"]).ngroups
+    lines = [f"{rows['scene'].nunique()} scenes, {views} views, {len(rows)} rows; {_said(errors)}"]
+    lines += [f"  {name}: {_said(errors[of.index])}" for name, of in rows.groupby("family")]
+    for name in ("bytes", "build_s"):
+        lines.append(f"  {name}: {_said((rows[f'predicted_{name}'] / rows[f'measured_{name}'] - 1.0).abs().dropna())}")
+    for want in ("nearest", "count"):
+        for without in ((), ("raster",)):
+            chosen = ", ".join(f"{name} {value:.2f}" for name, value in choices_of(rows, want, without).items())
+            lines.append(f"  {want} without {without}: {chosen}")
     return "\n".join(lines)
+
+
+def _said(errors: pd.Series) -> str:
+    return f"median error {errors.median():.1%}, nine of ten within {errors.quantile(0.9):.1%}"
 
 
 def choices_of(rows: pd.DataFrame, want: str, without: tuple[str, ...] = ()) -> dict[str, float]:
@@ -168,49 +149,20 @@ def choices_of(rows: pd.DataFrame, want: str, without: tuple[str, ...] = ()) -> 
     }  # fmt: skip
 
 
-def confusion_of(rows: pd.DataFrame, want: str, without: tuple[str, ...] = ()) -> pd.DataFrame:
-    """Numbers of views by their fastest method (down) and the one that is chosen (across)."""
-    rows = rows[(rows["want"] == want) & ~rows["method"].isin(without)]
-    views = [of for _, of in rows.groupby(["scene", "view"])]
-    fastest = [of.loc[of["measured_time_s"].idxmin(), "method"] for of in views]
-    chosen = [of.loc[of["predicted_time_s"].idxmin(), "method"] for of in views]
-    return pd.crosstab(pd.Series(fastest, name="fastest"), pd.Series(chosen, name="chosen"))
-
-
-def _parted(rows: pd.DataFrame) -> pd.DataFrame:
-    """Frames of the nearest hit, the rasteriser's apart, with `of_all`, the log of predicted over measured, and its
-    means: `of_view`, of a family in a view; `of_split`, of what remains, of a family's split in all views."""
+def named_if_known(rows: pd.DataFrame) -> float:
+    """The share of views whose fastest method is named, the rasteriser apart, were the mean error of each family in
+    each view known."""
     rows = rows[(rows["want"] == "nearest") & (rows["method"] != "raster")]
-    rows = rows.assign(of_all=np.log(rows["predicted_time_s"] / rows["measured_time_s"]))
-    rows = rows.assign(of_view=rows.groupby(["family", "scene", "view"])["of_all"].transform("mean"))
-    rest = rows.assign(rest=rows["of_all"] - rows["of_view"])
-    return rest.assign(of_split=rest.groupby(["family", "split_x", "split_y"])["rest"].transform("mean"))
-
-
-def residuals_of(rows: pd.DataFrame) -> pd.DataFrame:
-    """For each family the standard deviation of its residuals: all, of means of views, of what remains."""
-    grouped = _parted(rows).groupby("family")
-    return pd.DataFrame({name: grouped[name].std() for name in ("of_all", "of_view", "rest")})
-
-
-def named_if_known(rows: pd.DataFrame) -> dict[str, float]:
-    """The share of views whose fastest method is named, rasteriser apart, were a part of the residuals taken away."""
-    rows, found = _parted(rows), {}
-    for name in ("of_view", "of_split"):
-        known = rows.assign(predicted_time_s=rows["predicted_time_s"] * np.exp(-rows[name]))
-        found[name] = choices_of(known, "nearest")["named"]
-    return found
-
-
-def _indented(table: pd.DataFrame) -> list[str]:
-    return [f"    {line}" for line in table.to_string().splitlines()]
+    rows = rows.assign(log_error=np.log(rows["predicted_time_s"] / rows["measured_time_s"]))
+    known = np.exp(rows.groupby(["family", "scene", "view"])["log_error"].transform("mean"))
+    return choices_of(rows.assign(predicted_time_s=rows["predicted_time_s"] / known), "nearest")["named"]
 
 
 COLUMNS = (
     "instruction_set", "scene", "view", "triangles", "width", "height", "method", "packet_width", "culling", "split_x",
     "split_y", "want", "family", "measured_time_s", "predicted_time_s", "measured_build_s", "predicted_build_s",
     "predicted_bytes", "measured_bytes", "copies", "predicted_copies", "predicted_again",
-    *COUNTERS, "look_s", "plan_s", "frame_s", "raster_s", "rounds",
+    *COUNTERS, "look_s", "frame_s", "raster_s", "rounds",
 )  # fmt: skip
 
 
@@ -275,11 +227,11 @@ def main(given: Sequence[str]) -> None:
         add_tables(folder, tables)
     table = gather(folder)
     judged = leave_one_out(table)
-    print(report(judged))
     judged[list(COLUMNS)].to_parquet(folder / "table.parquet", index=False)
     for isa, rows in table.groupby("instruction_set"):
+        print(f"{isa}: {report(judged.loc[rows.index])}")
         rounded = {name: [float(f"{one:.3g}") for one in values] for name, values in constants_of(rows).items()}
-        print(isa, json.dumps(rounded, indent=1))
+        print(json.dumps(rounded, indent=1))
 
 
 if __name__ == "__main__":

@@ -13,15 +13,12 @@ import pandas as pd
 
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
-from experiments.law.model.choice import Choice, candidates
-from experiments.law.model.constants import machine
+from experiments.law.model.choice import Choice
 from experiments.law.model.copying import Copied
-from experiments.law.model.forecasting import forecast
 from experiments.law.model.looking import Look, look_at
 from scenes.directory import PAPER_SCENES
 from scenes.generated import FAMILIES
 from scenes.loading import SceneSource, load_scene, scene_is_available
-from scenes.scene import Scene
 from scenes.views import view_fields
 
 COUNTS = ("boxes", "tested", "met")
@@ -34,13 +31,12 @@ FIELDS = ("width", "height", "triangles", "vertices", "is_parallel", "hit", "ras
 class KeptLook:
     """A look, without its sample of triangles but with what was copied of it.
 
-    look_s, plan_s: processor seconds of a look, and of a look with forecasts of all choices for the nearest hit.
-    frame_s: of the look's raster frame at the same time; `look.raster_s` was measured beside the methods' times.
+    look_s: processor seconds of a look. frame_s: of its raster frame at the same time; `look.raster_s` was measured
+    beside the methods' times.
     """
 
     look: Look
     look_s: float
-    plan_s: float
     frame_s: float
 
 
@@ -81,34 +77,23 @@ def look_at_view(scene: str, view: str, size: int, choices: list[Choice]) -> dic
     look_at(mesh, camera)  # loads kernels
     start = thread_time()
     look = look_at(mesh, camera)
-    look_s = thread_time() - start
-    start, known = thread_time(), machine()
-    again = look_at(mesh, camera)
-    for choice in candidates(camera):
-        forecast(again, choice, "nearest", known)
-    times = {"look_s": look_s, "plan_s": thread_time() - start, "frame_s": look.raster_s}
+    times = {"look_s": thread_time() - start, "frame_s": look.raster_s}
     return {"scene": scene, "view": view, **times, **told_of(look, choices)}
 
 
 def mesh_and_camera(name: str, view: str, size: int) -> tuple[Mesh, Camera]:
-    """What a view of a scene shows. Raises InputError for one that is not on this machine."""
-    scene = scene_named(name)
-    return scene.mesh, Camera(**view_fields(scene.mesh, scene.camera, view), width=size, height=size)
-
-
-def scene_named(name: str) -> Scene:
-    """A scene of the paper, a built-in or a generated one. Raises InputError for one that is not on this machine."""
+    """What a view of a scene of the paper, a built-in or a generated one shows. Raises InputError for one that is not
+    on this machine."""
     family = name.rpartition("_")[0]
     made = SceneSource.generated if family in FAMILIES else SceneSource.procedural
     source = made if scene_is_available(made, name) and name not in PAPER_SCENES else SceneSource.directory
-    return load_scene(source, name, None)
+    scene = load_scene(source, name, None)
+    return scene.mesh, Camera(**view_fields(scene.mesh, scene.camera, view), width=size, height=size)
 
 
 def kept_looks(path: Path) -> dict[tuple[str, str, str], KeptLook]:
     """All looks, by instruction set, scene and view."""
     return {
-        (row["instruction_set"], row["scene"], row["view"]): KeptLook(
-            look_of(row), row["look_s"], row["plan_s"], row["frame_s"]
-        )
+        (row["instruction_set"], row["scene"], row["view"]): KeptLook(look_of(row), row["look_s"], row["frame_s"])
         for row in pd.read_parquet(path).to_dict("records")
     }

@@ -11,8 +11,7 @@ from atra.geometry.mesh import Mesh
 from experiments.harness.point import Point
 from experiments.harness.processes.outcome import Unpromising
 from experiments.law.model.choice import Choice
-from experiments.law.model.constants import machine
-from experiments.law.model.forecasting import forecast
+from experiments.law.model.forecasting import forecast, known_constants
 from experiments.law.model.formulas import family
 from experiments.law.model.looking import Look, look_at
 
@@ -38,16 +37,16 @@ def slow_points(points: Mapping[int, Point], mesh: Mesh, limit: float) -> dict[i
     """
     if not limit >= 1:
         raise InputError(f"sweep.skip_slower is {limit}, expected null or a number of at least 1")
-    known, looks = machine(), dict[Any, Look]()
+    constants, looks = known_constants(), dict[Any, Look]()
     frames_s: dict[Any, dict[int, float]] = {}
     for place, point in points.items():
         camera, workload, choice = point.camera, point.workload, choice_of(point)
-        if choice is None or workload.want is None or family(choice, workload.want) not in known.constants:
+        if choice is None or workload.want is None or family(choice, workload.want) not in constants:
             continue
         if camera not in looks:
             looks[camera] = look_at(mesh, camera)
-        found = forecast(looks[camera], choice, workload.want, known)
-        frames_s.setdefault((camera, workload.name), {})[place] = found.frame_time_s
+        predicted = forecast(looks[camera], choice, workload.want, constants)
+        frames_s.setdefault((camera, workload.name), {})[place] = predicted.frame_time_s
     return {
         place: Unpromising(time_s, time_s / min(of_view.values()), limit)
         for of_view in frames_s.values()

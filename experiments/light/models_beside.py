@@ -1,6 +1,6 @@
 """Models as our path tracer shows them, beside Mitsuba 3.
 
-    python -m experiments.light.models_beside SHEET.png MODEL...
+    python -m experiments.studies models_beside SHEET.png MODEL...
 
 Both get the same triangles, normals, textures, sky and sun. Mitsuba's `principled` stands for glTF's material: it has
 the same parameters, another diffuse part and other masking, so pictures are alike, not equal. What is printed are
@@ -9,7 +9,6 @@ the ratio of the means of both pictures, and how far apart blocks of 16 x 16 pix
 
 from __future__ import annotations
 
-import argparse
 import warnings
 from pathlib import Path
 from typing import Any
@@ -99,25 +98,20 @@ def of_mitsuba(mi: Any, scene: Scene, camera: Camera, samples: int) -> NDArray[n
     return np.array(mi.render(mi.load_dict(parts), spp=samples, seed=1), np.float64)[..., :3]
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("sheet", type=Path)
-    parser.add_argument("models", nargs="+", type=Path)
-    parser.add_argument("--samples", type=int, default=64)
-    parser.add_argument("--variant", default="scalar_rgb")
-    given = parser.parse_args()
+def study(sheet: str, *models: str, samples: int = 64, variant: str = "scalar_rgb") -> None:
+    """Draw every model twice, ours first, into one sheet."""
     from PIL import Image as Picture
 
-    mi, _ = load_mitsuba(given.variant, f"variant={given.variant}", None)
+    mi, _ = load_mitsuba(variant, f"variant={variant}", None)
     rows = []
-    for path in given.models:
+    for path in map(Path, models):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             scene, camera = shown(path)
         with PathRenderer(scene, camera, max_depth=_DEPTH) as renderer:
-            renderer.add(given.samples)
+            renderer.add(samples)
             own = renderer.image.astype(np.float64)
-        theirs = of_mitsuba(mi, scene, camera, given.samples)
+        theirs = of_mitsuba(mi, scene, camera, samples)
         rows.append(np.concatenate([srgb_of(own.astype(np.float32)), srgb_of(theirs.astype(np.float32))], axis=1))
         apart = block_differences(own, theirs).max()
         name = f"{path.parent.name}/{path.name}"
@@ -125,8 +119,4 @@ def main() -> None:
         across = 4
         padded = rows + [np.zeros_like(rows[0])] * (-len(rows) % across)
         lines = [np.concatenate(padded[k : k + across], axis=1) for k in range(0, len(padded), across)]
-        Picture.fromarray(np.concatenate(lines, axis=0)).save(given.sheet)
-
-
-if __name__ == "__main__":
-    main()
+        Picture.fromarray(np.concatenate(lines, axis=0)).save(sheet)

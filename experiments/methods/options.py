@@ -74,6 +74,15 @@ class CellOptions(SplitOptions):
     robust: bool = robust_option()
 
 
+@dataclass(frozen=True)
+class AlignedCellOptions(CellOptions):
+    """Options of methods with aligned rays."""
+
+    packet_rows: int | None = option(
+        None, "rows of pixels in a packet; null = the best fit for the cell", null="automatic"
+    )
+
+
 def resolve_split(options: Cells, width: int) -> Cells:
     """The options with split_x set; width & -width is the largest power of two that divides the width."""
     if options.split_x is not None:

@@ -38,7 +38,9 @@ class PixelOptions(MethodOptions):
         "morton curve",
         choices=("blocks", "rows", "morton"),
     )
-    own_build_quality: str = option(SAME, "of its own BVH; same = build_quality", choices=(SAME, *BUILD_QUALITIES))
+    own_build_quality: str = option(
+        SAME, "build quality of the tracer's own BVH; same = build_quality", choices=(SAME, *BUILD_QUALITIES)
+    )
 
 
 def make_pixel(mesh: Mesh, view: View, options: PixelOptions, tracing: Tracing) -> Tracer:

@@ -98,5 +98,5 @@ RASTER = Method(
     _make,
     __name__,
     variant=_variant,
-    counters=(Column("scratch_bytes", WHOLE, "what frames share: projected corners, lists of triangles"),),
+    counters=(Column("scratch_bytes", WHOLE, "memory that frames share: projected corners, lists of triangles"),),
 )

@@ -11,7 +11,13 @@ from typing import Any
 
 from atra.errors import AtraError, InputError
 
-STUDIES = ("candidates", "first_image", "lens_speed", "older_embree", "paired")
+STUDIES = {
+    **{name: f"experiments.studies.{name}" for name in ("candidates", "first_image", "lens_speed", "paired")},
+    "equal_error": "experiments.light.equal_error.table",
+    "equal_error_blocks": "experiments.light.equal_error.blocks",
+    "models_beside": "experiments.light.models_beside",
+}
+"""By name, the file of each; those of light lie in their own wing."""
 
 
 def run(arguments: Sequence[str]) -> None:
@@ -19,7 +25,7 @@ def run(arguments: Sequence[str]) -> None:
     name, *rest = arguments or ("",)
     if name not in STUDIES:
         raise InputError(f"the study is {name!r}, expected one of {', '.join(STUDIES)}")
-    module = import_module(f"experiments.studies.{name}")
+    module = import_module(STUDIES[name])
     options = {key: _value(value) for key, _, value in (one.partition("=") for one in rest if "=" in one)}
     given = [one for one in rest if "=" not in one]
     try:

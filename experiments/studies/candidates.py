@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,9 +33,6 @@ ASKED_FOR = BEST_SPEEDUPS["cornell_box"]
 
 SETTINGS = ("scene", "view", "eye", "threads", "build_quality", "instruction_set", "robust")
 """What candidates may differ in."""
-
-Values = Mapping[Any, list[float]]
-"""A number of each process, by what tells points apart."""
 
 
 @dataclass(frozen=True)
@@ -77,14 +75,13 @@ def candidates(processes: pd.DataFrame) -> Iterator[Candidate]:
 
     Raises InputError where the usual point is missing.
     """
-    rows = processes[processes["status"].eq("ok").fillna(False).astype(bool)]
-    single = rows[rows["packet_width"].eq(1).fillna(False)]
-    aligned, pixels = single[single["method"].eq(ALIGNED.name)], single[single["method"].eq(PIXEL.name)]
+    rows = _those(processes, "status", "ok")
+    single = _those(rows, "packet_width", 1)
+    aligned, pixels = (_those(single, "method", method.name) for method in (ALIGNED, PIXEL))
     groups: dict[Any, pd.DataFrame] = dict(iter(aligned.groupby(list(SETTINGS), sort=False, dropna=False)))
     usual = _usual_of(groups)
     for key in (usual, *(one for one in groups if one != usual)):
-        robust = {} if not key[-1] else {"robust": True}
-        base = _speeds(_with(pixels, robust), _over_single) if robust else {}
+        base = _speeds(_those(pixels, "robust", True), _over_single) if key[-1] else {}
         yield Candidate(_say(key, usual), *_gains(groups[key], _over_single, base))
     yield Candidate("plan and build included", *_gains(groups[usual], _prepared_over_single, {}))
     yield from _without_the_flag(rows, pixels, groups[usual])
@@ -117,8 +114,8 @@ _SAY: Mapping[str, Callable[[str, Any], str]] = {
 }
 
 
-def _over_single(rows: pd.DataFrame) -> Any:
-    return numbers(rows, "speedup")
+_over_single = partial(numbers, name="speedup")
+_over_packets = partial(numbers, name="speedup_vs_packets")
 
 
 def _prepared_over_single(rows: pd.DataFrame) -> Any:
@@ -128,8 +125,8 @@ def _prepared_over_single(rows: pd.DataFrame) -> Any:
     return single / own
 
 
-def _speeds(rows: pd.DataFrame, read: Callable[[pd.DataFrame], Any]) -> Values:
-    """The speed-ups of each point, by its split; splits are None where a method has none."""
+def _speeds(rows: pd.DataFrame, read: Callable[[pd.DataFrame], Any]) -> dict[Any, list[float]]:
+    """The speed-ups of each point's processes, by its split; splits are None where a method has none."""
     found: dict[Any, list[float]] = {}
     for split, culling, value in zip(rows["split_x"], rows["culling"], read(rows), strict=True):
         if np.isfinite(value):
@@ -138,59 +135,43 @@ def _speeds(rows: pd.DataFrame, read: Callable[[pd.DataFrame], Any]) -> Values:
     return found
 
 
-def _gains(rows: pd.DataFrame, read: Callable[[pd.DataFrame], Any], base: Values) -> tuple[Gain, Gain]:
+def _gains(rows: pd.DataFrame, read: Callable[[pd.DataFrame], Any], base: dict[Any, list[float]]) -> tuple[Gain, Gain]:
     """Over rays that look for the nearest hit, and over aligned rays at 1 x 1 without culling. base: speed-ups of the
     former over `rtcIntersect1`, where they are something else."""
     speeds = _speeds(rows, read)
     pool = Pool.of([*speeds.values(), *base.values()])
-    split, best = _best({key: of for key, of in speeds.items() if key is not None and key[1]}, pool)
-    plain = _estimate(speeds.get((1, False), ()), pool)
-    single = _estimate(base.get(None, ()), pool) if base else None
-    nearest = best if not base else _ratio(best, single)
-    return Gain(split, nearest), Gain(split, _ratio(best, plain))
-
-
-def _best(speeds: Values, pool: Pool | None) -> tuple[str, Estimate | None]:
-    by_split = {int(key[0]): values for key, values in speeds.items()}
     try:
-        columns, best = best_of(by_split, pool)
+        columns, best = best_of({key[0]: of for key, of in speeds.items() if key is not None and key[1]}, pool)
     except ValueError:  # none, or too few processes
-        return "", None
-    return f"{columns:,} {TIMES} 1", best
+        return Gain("", None), Gain("", None)
+    split = f"{columns:,} {TIMES} 1"
+    nearest = _over(best, base.get(None, ()), pool) if base else best
+    return Gain(split, nearest), Gain(split, _over(best, speeds.get((1, False), ()), pool))
 
 
-def _estimate(values: Sequence[float], pool: Pool | None) -> Estimate | None:
+def _over(best: Estimate, values: Sequence[float], pool: Pool | None) -> Estimate | None:
+    """None where there are too few values."""
     try:
-        return Estimate.of(values, pool)
+        return best.over(Estimate.of(values, pool))
     except ValueError:
         return None
 
 
-def _ratio(one: Estimate | None, other: Estimate | None) -> Estimate | None:
-    return None if one is None or other is None else one.over(other)
-
-
-def _with(rows: pd.DataFrame, values: Mapping[str, Any]) -> pd.DataFrame:
-    for name, value in values.items():
-        rows = rows[rows[name].eq(value).fillna(False).astype(bool)]
-    return rows
+def _those(rows: pd.DataFrame, name: str, value: Any) -> pd.DataFrame:
+    return rows[rows[name].eq(value).fillna(False).astype(bool)]
 
 
 def _without_the_flag(rows: pd.DataFrame, pixels: pd.DataFrame, usual: pd.DataFrame) -> Iterator[Candidate]:
     """Gains over rays per pixel without Embree's flag that rays are alike: over single rays, and over packets."""
     name = "per pixel without the flag that rays are alike"
-    alone = _speeds(_with(pixels, {"coherent": False}), _over_single)
+    alone = _speeds(_those(pixels, "coherent", False), _over_single)
     if alone:
         yield Candidate(f"single rays {name}", _gains(usual, _over_single, alone)[0], None)
     wide = rows[rows["packet_width"].gt(1).fillna(False)]
-    packets = _speeds(_with(wide[wide["method"].eq(PIXEL.name)], {"coherent": False}), _over_packets)
+    packets = _speeds(_those(_those(wide, "method", PIXEL.name), "coherent", False), _over_packets)
     if packets:
-        aligned = wide[wide["method"].eq(ALIGNED.name)]
+        aligned = _those(wide, "method", ALIGNED.name)
         yield Candidate(f"packets {name}, aligned packets with it", _gains(aligned, _over_packets, packets)[0], None)
-
-
-def _over_packets(rows: pd.DataFrame) -> Any:
-    return numbers(rows, "speedup_vs_packets")
 
 
 def study(folder: str = "results/cornell_candidates") -> None:
@@ -199,6 +180,4 @@ def study(folder: str = "results/cornell_candidates") -> None:
     if processes is None:
         raise InputError(f"{folder} has no processes.parquet, expected the results of sweep=cornell_candidates")
     for one in candidates(processes):
-        print(
-            f"{one.name}: over the nearest hit {one.nearest}, over all hits {one.all_hits}; {ASKED_FOR}: {one.reaches}"
-        )
+        print(f"{one.name}: nearest hit {one.nearest}, all hits {one.all_hits}; {ASKED_FOR}: {one.reaches}")

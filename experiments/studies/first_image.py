@@ -47,15 +47,11 @@ def first_answers(asked: list[str]) -> list[Row]:
     mesh = atra.Mesh(corners, np.array([face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))], np.uint32))
     camera = atra.Camera((2, 3, 4), (0, 0, 0), width=256, height=256)
     points = np.full((1000, 3), 3.0, np.float32)
-    tracers: Any = {"raster": atra.RasterTracer, "packets": atra.PixelTracer}
+    tracers: Any = {"raster": atra.RasterTracer, "packets": atra.PixelTracer, "aligned": atra.AlignedTracer}
     for name in asked:
         if name in tracers:
-            tracer = tracers[name](mesh, camera)
+            tracer = tracers[name](mesh, camera, *([(4, 1)] if name == "aligned" else []))
             tracer.build()  # older versions do not build by themselves
-            tracer.trace()
-        elif name == "aligned":
-            tracer = atra.AlignedTracer(mesh, camera, (4, 1))
-            tracer.build()
             tracer.trace()
         elif name == "rays":
             scene = atra.RayScene(mesh)

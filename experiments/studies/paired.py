@@ -27,10 +27,9 @@ from experiments.studies.processes import HERE, Row, Turn, add_rows, in_processe
 from scenes.directory import PAPER_SCENES
 from scenes.loading import SceneSource, load_scene
 
-ASKED = ("image", "views", "count", "packets", "packets_count", "aligned", "visible_first", "tiles", "hybrid")
+ASKED = ("image", "views", "count", "packets", "packets_count", "aligned", "visible_first", "hybrid")
 """What a process measures: the rasteriser's image, its image from another place in every frame and its number of hits;
-the methods that shoot rays; and a sample of a hybrid picture of 1280 x 720 pixels with a sun, whose surfaces have
-textures, or are grey in versions that had no materials of glTF."""
+the methods that shoot rays; and a sample of a hybrid picture of 1280 x 720 grey pixels with a sun."""
 
 
 def frames(scene: str, camera: dict[str, Any], asked: list[str], count: int, size: int, threads: int) -> list[Row]:
@@ -52,28 +51,16 @@ def frames(scene: str, camera: dict[str, Any], asked: list[str], count: int, siz
         except TypeError:  # the rasteriser and older versions have no such option
             return kind(mesh, view, threads=threads, **options)
 
-    def tiled() -> Any:
-        try:
-            from experiments.methods.culled.tracer import TiledTracer
-        except ImportError:  # older versions
-            from atra import TiledTracer  # type: ignore[attr-defined, no-redef]
-        return TiledTracer
-
     def hybrid() -> Any:
         from atra import light
 
-        texels = np.random.default_rng(1).integers(0, 256, (2, 1024, 1024, 3), np.uint8)
-        texels[1, :, :, 2] = 255
-        material = light.MetallicRoughness(light.Image(texels[0], is_coded=True), normals=light.Image(texels[1]))
-        uv = (mesh.vertices[:, :2] + mesh.vertices[:, 2:]).astype(np.float32)
-        lit = light.Scene(mesh, (material,), lights=(light.Sun((-0.5, -1.0, -0.6)),), uv=uv)
+        lit = light.Scene(mesh, lights=(light.Sun((-0.5, -1.0, -0.6)),))
         wide = atra.Camera(**camera, width=1280, height=720)
         return light.HybridRenderer(lit, wide, threads=threads, robust=False)
 
     kinds = {"aligned": lambda: made(atra.AlignedTracer, split=(256, 1)), "hybrid": hybrid}
     kinds |= {name: lambda: made(atra.PixelTracer) for name in ("packets", "packets_count")}
     kinds |= {"visible_first": lambda: made(atra.VisibleFirstTracer, split=(256, 1))}
-    kinds |= {"tiles": lambda: made(tiled(), split=(16, 16))}
     rows = []
     for what in asked:
         tracer = kinds.get(what, lambda: made(atra.RasterTracer))()
@@ -119,9 +106,7 @@ def study(
     count: frames of a process. Raises InputError for too few processes.
     """
     if processes < FEWEST_PROCESSES:
-        raise InputError(
-            f"processes is {processes}, expected at least {FEWEST_PROCESSES}, so that ratios have intervals"
-        )
+        raise InputError(f"processes is {processes}, expected at least {FEWEST_PROCESSES} for intervals")
     python = Path("Scripts/python.exe" if os.name == "nt" else "bin/python")
     versions = {"other": (Path(other), str(Path(other).resolve() / ".venv" / python)), "this": (HERE, sys.executable)}
     same = {"instruction_set": os.environ.get("ATRA_ISA", "native"), "frames": count, "size": size}
@@ -133,14 +118,10 @@ def study(
             np.savez(kept, vertices=scene.mesh.vertices, faces=scene.mesh.faces)
             given = {"scene": str(kept), "camera": scene.camera, "asked": list(asked), "count": count, "size": size}
             for number in threads:
+                given["threads"] = number
                 columns = {**same, "scene": name, "triangles": scene.mesh.triangle_count, "threads": number}
                 turns = [
-                    Turn(
-                        {**given, "threads": number},
-                        {**columns, "version": version, "commit": _commit(place)},
-                        by,
-                        place,
-                    )
+                    Turn(given, columns | {"version": version, "commit": _commit(place)}, by, place)
                     for version, (place, by) in versions.items()
                 ]
                 rows = add_rows(Path(table), in_processes(frames, processes, *turns))

@@ -1,6 +1,7 @@
 """Files of rays: their digests are those that are kept, and what they hold is what their kinds say."""
 
 import csv
+from itertools import product
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from atra.command.cameras import read_cameras
 from atra.errors import InputError
 from atra.files.meshes.loading import load_mesh
 from atra.geometry.camera import Camera
-from experiments.classification.ray_files import KINDS, SIZES, digest_of, run_rays, scene_of
+from experiments.classification.ray_files import KINDS, SIZES, run_rays, scene_of
 from scenes.built_in import BUILT_IN
 from scenes.generated import FAMILIES, generated_scene
 from scenes.views import VIEWS
@@ -23,12 +24,20 @@ def rows_of(path):
     return list(csv.DictReader(path.open(encoding="utf-8")))
 
 
+def assert_kept(path, kept):
+    """Rows are those that are kept. Kept boxes were counted with margins, which let rays enter a few more."""
+    boxes = {tuple((name, one) for name, one in row.items() if name != "boxes"): row["boxes"] for row in rows_of(kept)}
+    rows = rows_of(path)
+    assert rows
+    for row in rows:
+        counted = float(row.pop("boxes"))
+        assert counted == pytest.approx(float(boxes[tuple(row.items())]), rel=2e-3)
+
+
 def test_files_of_a_scene_have_the_digests_that_are_kept(tmp_path):
     _, _, *paths, table, _ = run_rays(["cornell_box", "size=small", f"output={tmp_path}"])
     assert [path.name for path in paths] == [f"cornell_box_{kind}_small.npz" for kind in KINDS]
-    kept = {(row["scene"], row["kind"], row["size"]): row for row in csv.DictReader(KEPT.open(encoding="utf-8"))}
-    for row in csv.DictReader(table.open(encoding="utf-8")):
-        assert row == kept[row["scene"], row["kind"], row["size"]]
+    assert_kept(table, KEPT)
     rays = dict(np.load(paths[KINDS.index("shadow")]))
     assert set(rays["tfar"]) == {1.0}
     lamp = rays["origins"] + rays["directions"]
@@ -46,17 +55,12 @@ def test_triangles_and_views_are_written_so_that_an_image_of_them_can_be_judged(
     assert list(cameras) == ["small", "middle"]
 
 
-def test_the_list_that_is_kept_has_every_kind_and_size_of_built_in_and_generated_scenes():
-    rows = list(csv.DictReader(KEPT.open(encoding="utf-8")))
-    per_scene = {
-        scene: [row for row in rows if row["scene"] == scene] for scene in dict.fromkeys(r["scene"] for r in rows)
-    }
+def test_the_lists_that_are_kept_have_every_kind_size_and_view_of_built_in_and_generated_scenes():
     generated = {f"{family}_{10**digits}" for family in FAMILIES for digits in (3, 4, 5, 6, 7)}
-    assert {*BUILT_IN, *generated} - {"needles_10000000"} <= set(per_scene)  # its rays take very long
-    for of_scene in per_scene.values():
-        assert {row["kind"] for row in of_scene} == set(KINDS)
-        assert {row["size"] for row in of_scene} == {"small", "middle", "large"}
-        assert all(float(row["crossed"]) > 0 and float(row["boxes"]) > 0 for row in of_scene)
+    generated -= {"needles_10000000"}  # its rays take very long
+    kept = {(row["scene"], row["kind"], row["size"]) for row in rows_of(KEPT)}
+    assert set(product({*BUILT_IN, *generated}, KINDS, SIZES)) <= kept
+    assert set(product(generated, VIEWS)) <= {(row["scene"], row["view"]) for row in rows_of(KEPT_VIEWS)}
 
 
 def test_every_generated_family_has_the_bits_that_are_kept():
@@ -71,17 +75,7 @@ def test_rays_and_views_of_every_family_are_those_that_are_kept(tmp_path, family
     tables = run_rays([f"{family}_1000", "size=small", "files=false", f"output={tmp_path}"])
     assert [one.name for one in tmp_path.iterdir() if one.suffix == ".npz"] == []
     for table, kept in zip(tables, (KEPT, KEPT_VIEWS), strict=True):
-        mine, theirs = rows_of(table), rows_of(kept)
-        assert mine
-        assert all(row in theirs for row in mine)
-
-
-def test_every_scene_whose_rays_are_kept_has_all_its_views():
-    views = rows_of(KEPT_VIEWS)
-    assert {row["scene"] for row in views if row["view"] == "own"} >= {
-        row["scene"] for row in rows_of(KEPT) if row["scene"].rpartition("_")[0] in FAMILIES
-    }
-    assert len({(row["scene"], row["view"]) for row in views}) == len(VIEWS) * len({row["scene"] for row in views})
+        assert_kept(table, kept)
 
 
 @pytest.mark.parametrize(
@@ -91,10 +85,3 @@ def test_every_scene_whose_rays_are_kept_has_all_its_views():
 def test_other_arguments_are_refused(arguments):
     with pytest.raises(InputError, match="expected: "):
         run_rays(arguments)
-
-
-def test_the_digest_is_of_all_four_arrays():
-    from atra import Rays
-
-    one = Rays(np.zeros((2, 3)), np.ones((2, 3)))
-    assert digest_of(one) != digest_of(Rays(np.zeros((2, 3)), np.ones((2, 3)), tfar=1.0))

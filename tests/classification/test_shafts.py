@@ -9,36 +9,38 @@ from atra.geometry.mesh import Mesh
 from experiments.classification.bvh.scene import BvhScene
 from experiments.classification.bvh.single import BOXES, FROM_ROOT, PROVEN, STEPS
 from experiments.classification.bvh.starts import FIRST_LIST, PASSES, UNKNOWN
-from experiments.classification.bvh.tracer import BvhTracer
+from experiments.classification.options import SUBSETS, BvhOptions, ClassifiedOptions
 from experiments.classification.ray_sets import KINDS, ray_set
-from experiments.classification.shafts.options import SUBSETS, ShaftOptions
 from experiments.classification.shafts.scene import ShaftScene
 from experiments.classification.shafts.shafts import build_shafts, grid_of
-from experiments.classification.shafts.tracer import ClassifiedTracer
+from experiments.classification.tracer import BvhTracer
 from tests.images import assert_no_pixel_wrong, assert_same_bits
 from tests.judge.reference import brute_force
-from tests.machine import HELD, NATIVE_LANES
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 from tests.raster.test_raster import PARALLEL
 from tests.rays.test_ray_scene import nearest_in_float64
 from tests.trees.test_trees import MESHES, below, built, deep_mesh
 
 POOL = WorkerPool(1)
-SMALL = {"cells": 27, "directions": 2, "threads": 1}
 
 
-def classified(mesh, camera, offset=(0.5, 0.5), **options):
-    with ClassifiedTracer(mesh, camera, **{**SMALL, **options}) as tracer:
+def shafts(cells=27, directions=2, **options):
+    """Options of classified rays, without their prefix."""
+    named = {name if name in ("traversal", "ray_order") else f"shaft_{name}": one for name, one in options.items()}
+    return ClassifiedOptions(shaft_cells=cells, shaft_directions=directions, **named)
+
+
+def traced(mesh, camera, options=None, offset=(0.5, 0.5)):
+    with BvhTracer(mesh, camera, options, threads=1) as tracer:
         return tracer.trace(offset)
 
 
-def plain(mesh, camera, offset=(0.5, 0.5), **options):
-    with BvhTracer(mesh, camera, threads=1, **options) as tracer:
-        return tracer.trace(offset)
+def plain_scene(mesh):
+    return BvhScene(mesh, BvhOptions(), 1)
 
 
 def lists_of(bvh, **options):
-    return build_shafts(bvh, ShaftOptions(**{**SMALL, **options}), POOL)
+    return build_shafts(bvh, shafts(**options), POOL)
 
 
 def list_at(lists, number):
@@ -61,44 +63,32 @@ VIEWS = {
     "parallel": [(MESHES["random"], PARALLEL)],
 }
 TRAVERSALS_AND_VIEWS = [("pop", "pinhole"), ("push", "parallel")]
-if not HELD:
-    others = [("pop", "parallel"), ("push", "pinhole")]  # compiled for these tests alone
-    TRAVERSALS_AND_VIEWS += [pytest.param(*one, marks=pytest.mark.slow) for one in others]
 
 
 @pytest.mark.core
 @pytest.mark.parametrize(("traversal", "views"), TRAVERSALS_AND_VIEWS)
-@pytest.mark.parametrize("empty", ["miss", "root"])
-def test_rays_from_lists_hit_what_they_hit_from_the_root(traversal, views, empty):
+def test_rays_from_lists_hit_what_they_hit_from_the_root(traversal, views):
     for mesh, camera in VIEWS[views]:
         for offset in ((0.5, 0.5), (0.0, 0.7)):
-            hits = classified(mesh, camera, offset, traversal=traversal, empty=empty)
-            assert_same_bits(hits, plain(mesh, camera, offset))
+            hits = traced(mesh, camera, shafts(traversal=traversal), offset)
+            assert_same_bits(hits, traced(mesh, camera, None, offset))
             assert_no_pixel_wrong(mesh, camera, hits, brute_force(mesh, camera, offset))
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize(
-    ("packet_width", "ray_order"),
-    [
-        (1, "image"),
-        pytest.param(1, "shaft", marks=pytest.mark.slow),
-        pytest.param(NATIVE_LANES, "shaft", marks=pytest.mark.slow),
-    ],
-)
-def test_batches_hit_the_same_with_every_subset_of_shafts(kind, packet_width, ray_order):
+@pytest.mark.parametrize("ray_order", ["image", "shaft"])
+def test_batches_hit_the_same_with_every_subset_of_shafts(kind, ray_order):
     mesh, camera = MESHES["random"], atra.Camera(**EYE_AT_ORIGIN, width=41, height=23, fov_y_degrees=120)
-    rays = ray_set(kind, mesh, camera, plain(mesh, camera))
+    rays = ray_set(kind, mesh, camera, traced(mesh, camera))
     depth, prim_id = nearest_in_float64(mesh, rays)
-    with BvhScene(mesh, threads=1) as scene:
+    with plain_scene(mesh) as scene:
         expected, occluded = scene.intersect(scene.prepare(rays)), scene.occluded(scene.prepare(rays))
     same = expected.prim_id == prim_id
     assert same.mean() > 0.999
     np.testing.assert_allclose(expected.t[same & expected.hit], depth[same & expected.hit], rtol=1e-4)
     np.testing.assert_array_equal(occluded[same], prim_id[same] != atra.MISS)
     for subset in SUBSETS:
-        options = {**SMALL, "subset": subset, "packet_width": packet_width, "ray_order": ray_order}
-        with ShaftScene(mesh, **options) as scene:
+        with ShaftScene(mesh, shafts(subset=subset, ray_order=ray_order), 1) as scene:
             prepared = scene.prepare(rays)
             hits, counted = scene.intersect(prepared), scene.count(prepared)
             np.testing.assert_array_equal(hits.t, expected.t)
@@ -107,10 +97,8 @@ def test_batches_hit_the_same_with_every_subset_of_shafts(kind, packet_width, ra
             np.testing.assert_array_equal(scene.occluded(prepared), occluded)
             from_root = counted[1][FROM_ROOT]
             assert counted[1][STEPS] == counted[1][BOXES]
-            if subset in ("complete", "hits"):
-                assert from_root == 0
-            elif subset == "occupied" and kind != "primary":
-                assert from_root == 0  # they start where triangles are
+            if subset in ("complete", "hits") or (subset == "occupied" and kind != "primary"):
+                assert from_root == 0  # secondary rays start where triangles are
             elif subset == "sampled":
                 assert 0 < from_root < len(rays)
 
@@ -126,7 +114,7 @@ def test_rays_on_the_borders_of_voxels_and_of_directions_are_not_lost(factor):
     slopes = random.choice([-1.0, -0.5, 0.0, 0.5, 1.0], (4000, 3))
     slopes[np.arange(4000), random.integers(0, 3, 4000)] = random.choice([-1.0, 1.0], 4000)
     rays = atra.Rays(np.where(on_border, places, free), slopes)
-    with BvhScene(mesh, threads=1) as scene, ShaftScene(mesh, **SMALL) as seeded:
+    with plain_scene(mesh) as scene, ShaftScene(mesh, shafts(), 1) as seeded:
         expected, found = scene.intersect(scene.prepare(rays)), seeded.intersect(seeded.prepare(rays))
     np.testing.assert_array_equal(found.prim_id, expected.prim_id)
     np.testing.assert_array_equal(found.t, expected.t)
@@ -137,9 +125,7 @@ def test_with_voxels_smaller_than_they_are_hits_are_lost():
     mesh = random_triangles(400, 3, size=0.05)
     bvh = built(mesh)
     grid = grid_of(bvh, 27, 2)
-    whole, tight = (
-        build_shafts(bvh, ShaftOptions(**SMALL), POOL, grid=grid._replace(slack=slack)) for slack in (grid.slack, -0.1)
-    )
+    whole, tight = (build_shafts(bvh, shafts(), POOL, grid=grid._replace(slack=slack)) for slack in (grid.slack, -0.1))
     held = [[set(under(bvh, list_at(lists, number))) for number in range(lists.count)] for lists in (whole, tight)]
     assert any(more - fewer for more, fewer in zip(*held, strict=True))
 
@@ -153,8 +139,8 @@ def test_every_triangle_that_rays_of_a_shaft_hit_lies_below_its_list(seed):
     mesh = random_triangles(150, seed)
     lists, bvh = lists_of(built(mesh)), built(mesh)
     rays = random_rays(3000, seed)
-    with ShaftScene(mesh, **SMALL) as scene:
-        numbers = scene._classified(scene.prepare(rays).batch)
+    with ShaftScene(mesh, shafts(), 1) as scene:
+        numbers = scene.classified(scene.prepare(rays).batch)
     _, prim_id = nearest_in_float64(mesh, rays)
     for number in np.unique(numbers[numbers >= 0]):
         hit = prim_id[(numbers == number) & (prim_id != atra.MISS)]
@@ -180,11 +166,11 @@ def test_lists_of_a_tree_made_by_hand_are_those_of_algorithm_1():
         places = [sign * bvh.boxes[node, 0, 0] for node in listed]
         assert sorted(listed) == sorted(leaves)
         assert places == sorted(places, reverse=True)  # the far ones first
-    closed = lists_of(bvh, **ahead, probability=1.0, longest=1)
+    closed = lists_of(bvh, **ahead, probability=1.0, list=1)
     assert list_at(closed, 0) == list_at(closed, 7) == [0]
     assert list_at(closed, 1) == [2]  # of the root's children only the first is met
     # A list that is too long is made shorter by a higher probability, and never cut.
-    short = lists_of(bvh, **ahead, probability=1e-9, longest=len(leaves) - 1, occlusion=False)
+    short = lists_of(bvh, **ahead, probability=1e-9, list=len(leaves) - 1, occlusion=False)
     assert sorted(under(bvh, list_at(short, 0))) == list(range(16))
     assert short.lengths.max() < len(leaves)
 
@@ -220,40 +206,39 @@ def test_a_box_that_is_missed_is_proven_and_a_ray_from_too_far_away_starts_at_th
     mesh = row_of_quads()
     origins = [(-5.0, 0.1, 0.1), (-5.0, 9.0, 0.0), (-1e6, 0.1, 0.1)]
     rays = atra.Rays(origins, [(1.0, 0.0, 0.0)] * 3)
-    with ShaftScene(mesh, **SMALL) as scene:
+    with ShaftScene(mesh, shafts(), 1) as scene:
         prepared = scene.prepare(rays)
         hits, (_, counts) = scene.intersect(prepared), scene.count(prepared)
-        numbers = scene._classified(prepared.batch)
+        numbers = scene.classified(prepared.batch)
     np.testing.assert_array_equal(hits.hit, [True, False, True])
     assert (counts[PROVEN], counts[FROM_ROOT]) == (1, 1)
     assert numbers[0] >= 0
     assert (numbers[1], numbers[2]) == (PASSES, UNKNOWN)
 
 
-@pytest.mark.parametrize("name", ["flat", "one", "one box"])
-def test_flat_meshes_have_one_layer_of_voxels_and_lose_nothing(name):
-    mesh = MESHES[name]
+WITHOUT_AREA = Mesh(np.array([(0, 0, 1), (1, 0, 1), (2, 0, 1)]), np.array([[0, 1, 2]]))
+
+
+@pytest.mark.parametrize("mesh", [*(MESHES[name] for name in ("flat", "one", "one box")), WITHOUT_AREA])
+def test_meshes_that_are_flat_or_empty_lose_nothing(mesh):
     rays = random_rays(500, 1, spread=4.0)
-    with BvhScene(mesh, threads=1) as scene, ShaftScene(mesh, **SMALL) as seeded:
-        np.testing.assert_array_equal(
-            seeded.intersect(seeded.prepare(rays)).prim_id, scene.intersect(scene.prepare(rays)).prim_id
-        )
-        assert 1 in seeded.lists.shafts.grid.voxels
+    with plain_scene(mesh) as scene, ShaftScene(mesh, shafts(), 1) as seeded:
+        expected, hits = scene.intersect(scene.prepare(rays)), seeded.intersect(seeded.prepare(rays))
+    np.testing.assert_array_equal(hits.prim_id, expected.prim_id)
+    assert expected.hit.any() == (mesh is not WITHOUT_AREA)
 
 
-def test_a_mesh_without_area_is_missed():
-    mesh = Mesh(np.array([(0, 0, 1), (1, 0, 1), (2, 0, 1)]), np.array([[0, 1, 2]]))
-    with ShaftScene(mesh, **SMALL) as scene:
-        assert not scene.intersect(scene.prepare(random_rays(50, 0))).hit.any()
+def test_flat_meshes_have_one_layer_of_voxels():
+    assert 1 in grid_of(built(MESHES["flat"]), 27, 2).voxels
 
 
 @pytest.mark.parametrize("subset", ["complete", "occupied"])
 def test_lists_and_look_up_keep_to_their_budget(subset):
     bvh = built(random_triangles(3000, 1))
-    lists = build_shafts(bvh, ShaftOptions(memory=0.5, directions=2, subset=subset, rays=4, threads=1), POOL)
+    lists = build_shafts(bvh, shafts(None, memory=0.5, subset=subset, rays=4), POOL)
     assert 0.1 * bvh.bytes < lists.lookup_bytes + lists.list_bytes <= 0.5 * bvh.bytes
-    with pytest.raises(atra.MemoryBudgetError, match="shafts of a single voxel with directions=64"):
-        build_shafts(built(row_of_quads()), ShaftOptions(directions=64, threads=1), POOL)
+    with pytest.raises(atra.MemoryBudgetError, match="shafts of a single voxel with shaft_directions=64"):
+        build_shafts(built(row_of_quads()), shafts(None, 64), POOL)
 
 
 def test_more_shafts_than_memory_holds_are_refused_before_anything_is_made():
@@ -270,35 +255,30 @@ def test_a_tree_as_deep_as_the_stack_is_high_is_traced():
     aims = mesh.vertices[mesh.faces[random.integers(0, mesh.triangle_count, 400)]].astype(np.float64).mean(axis=1)
     origins = aims * random.choice([(0, 0, 0), (1, 1, 2)], 400)
     rays = atra.Rays(origins, (aims - origins) / np.abs(aims).max(axis=1, keepdims=True))
-    with BvhScene(mesh, threads=1) as scene, ShaftScene(mesh, **SMALL) as seeded:
-        expected, found = scene.intersect(scene.prepare(rays)), seeded.intersect(seeded.prepare(rays))
-    np.testing.assert_array_equal(found.prim_id, expected.prim_id)
+    with plain_scene(mesh) as scene, ShaftScene(mesh, shafts(), 1) as seeded:
+        expected, hits = scene.intersect(scene.prepare(rays)), seeded.intersect(seeded.prepare(rays))
+    np.testing.assert_array_equal(hits.prim_id, expected.prim_id)
     assert expected.hit.any()
 
 
 @pytest.mark.parametrize(("options", "message"), [
-    ({"cells": 0}, "cells is 0, expected a whole number of at least 1"),
-    ({"directions": 1.5}, "directions is 1.5"),
-    ({"rays": 0}, "rays is 0"),
-    ({"longest": 0}, "longest is 0"),
-    ({"longest": 256}, "longest is 256, expected at most 255"),
-    ({"directions": 1025}, "directions is 1025, expected at most 1,024"),
-    ({"probability": 0.0}, "probability is 0.0, expected more than 0 and at most 1"),
-    ({"share": 1.5}, "share is 1.5"),
-    ({"memory": 0.0}, "memory is 0.0"),
-    ({"subset": "some"}, "subset is 'some', expected one of complete, occupied"),
-    ({"empty": "full"}, "empty is 'full', expected one of miss, root"),
-    ({"packet_width": NATIVE_LANES}, f"packet_width is {NATIVE_LANES}, expected 1"),
-    ({"subset": "hits"}, "subset is 'hits', which depends on rays"),
+    ({"cells": 0}, "method.shaft_cells is 0, expected a whole number of at least 1"),
+    ({"list": 256}, "shaft_list is 256, expected a whole number from 1 to 255"),
+    ({"directions": 1025}, "shaft_directions is 1025, expected a whole number from 1 to 1024"),
+    ({"probability": 0.0}, "shaft_probability is 0.0, expected more than 0 and at most 1"),
+    ({"share": 1.5}, "shaft_share is 1.5"),
+    ({"memory": 0.0}, "shaft_memory is 0.0"),
+    ({"subset": "some"}, "shaft_subset is 'some', expected one of complete, occupied"),
+    ({"subset": "hits"}, "shaft_subset is 'hits', which depends on rays"),
 ])  # fmt: skip
 def test_options_that_cannot_be_are_named(options, message):
     with pytest.raises(atra.InputError, match=message):
-        ClassifiedTracer(cornell_box(), cornell_camera(8, 8), **options)
+        BvhTracer(cornell_box(), cornell_camera(8, 8), shafts(**options))
 
 
 def test_sets_of_rays_are_the_same_every_time_and_of_no_other_kind():
     mesh, camera = cornell_box(), cornell_camera(16, 16)
-    hits = plain(mesh, camera)
+    hits = traced(mesh, camera)
     for kind in KINDS:
         one, other = ray_set(kind, mesh, camera, hits), ray_set(kind, mesh, camera, hits)
         assert (one.origins == other.origins).all()

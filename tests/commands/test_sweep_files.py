@@ -98,11 +98,7 @@ SWEEPS = {
     ),
     "law": (["method.split_x=4", "method.split_y=4"], {"methods", "break_even", "gather"}),
     "views": (["scene.copies=1", "workload.views=2", "width=32", "height=32"], set()),
-    "classification_smoke": ([], {"classification_probability", "classification_shafts", "moving"}),
-    "classification_smoke-single_rays": (
-        ["method.traversal=pop", *(f"~sweep.grids.classification_{name}" for name in ("packets", "eye"))],
-        {"classification_probability", "classification_shafts"},
-    ),
+    "classification_smoke": ([], {"classification_probability", "classification_shafts"}),
     "paths": ([], set()),
     "bake_smoke": (
         [f"~sweep.grids.bake_{name}" for name in IN_PROCESS],

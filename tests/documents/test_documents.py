@@ -15,13 +15,13 @@ REFERENCE = ROOT / "reports" / "reference"
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted(REFERENCE.glob("*.md"))]
 PAGES = ["README.md", *(path.relative_to(ROOT).as_posix() for path in DOCUMENTS if path.parent.name == "docs")]
 MOST_WORDS = 12_000
-MOST_QUOTED = 20
+MOST_QUOTED = 30
 WITHOUT_NUMBERS = [page for page in PAGES if page != "docs/platforms.md"]
 """Pages that have no measured number but what they quote. Numbers in docs/platforms.md are versions."""
 
 MEASURED = re.compile(r"\d[\d.,]*\s?(?:ms|[μ\u00b5]s|ns|KiB|MiB|GiB|%|times)(?!\w)")
 NOT_MEASURED = {
-    "README.md": {"95 %"},
+    "README.md": {"21.6%"},  # what its example prints
     "docs/start.md": {"95 %", "35.1%"},  # what its example prints
     "docs/lightmaps.md": {"1 %", "99 %"},  # an adaptive bake's target
     "docs/sweeps.md": {"95 %", "10 %", "5 %"},  # the canary's band; a busy core

@@ -7,6 +7,7 @@ import atra
 from examples import (
     alignment_drawing,
     calibrated_views,
+    first_image,
     frames,
     interiors,
     lenses,
@@ -148,3 +149,13 @@ def test_calibrated_views_are_those_of_single_rays(tmp_path, capsys):
     assert all(isinstance(hits.camera, atra.CalibratedCamera) for hits in found.values())
     assert "0 wrong" in capsys.readouterr().out
     assert picture(tmp_path / "calibrated_views.png").shape == (180, 3 * 240 + 2 * 4, 3)
+
+
+def test_the_readme_s_example_prints_what_the_readme_says():
+    assert f"```text\n{first_image.torus_hits()}\n```" in (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_strip_holds_three_pictures_side_by_side(tmp_path):
+    first_image.main(["--out", str(tmp_path)])
+    assert picture(tmp_path / "strip.png").shape == picture(ROOT / "docs" / "images" / "strip.png").shape
+    assert np.unique(picture(tmp_path / "strip.png")[:, :300].reshape(-1, 3), axis=0).shape[0] > 1000  # triangles

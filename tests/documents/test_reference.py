@@ -54,3 +54,9 @@ def test_every_column_of_a_result_table_is_in_the_reference():
     """As a column, or as the key of the same name."""
     listed = set(re.findall(r"^\| `(?:\w+\.)?(\w+)`", configuration_keys() + table_columns(), re.M))
     assert set(columns()) <= listed
+
+
+@pytest.mark.parametrize("section", [command_line, configuration_keys, table_columns])
+def test_a_help_is_a_phrase_that_stands_alone(section):
+    helps = [line.split("|")[-2].strip() for line in section().splitlines() if line.startswith("| `")]
+    assert [text for text in helps if re.match(r"(of|and|the same|theirs|ours|its|their)\b", text)] == []

@@ -275,7 +275,7 @@ def test_a_peer_that_does_not_tell_its_memory_is_no_reason_to_stop(tmp_path):
 class Predicted:
     """Stands in for the model: a frame takes as many seconds as there are cells."""
 
-    def __init__(self, look, choice, want, known):
+    def __init__(self, look, choice, want, constants):
         assert (look, want) == ("a look", "nearest")
         self.frame_time_s = float(choice.cells)
 

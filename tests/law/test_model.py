@@ -1,23 +1,21 @@
 """The model: what a look counts, and what formulas make of it."""
 
-import json
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 import atra
-from atra.errors import InputError, StorageError
-from experiments.classification.bvh.tracer import BvhTracer
-from experiments.law.model.choice import Choice, candidates
-from experiments.law.model.constants import constants_path, keep, machine
+from atra.errors import InputError
+from experiments.classification.tracer import BvhTracer
+from experiments.law.model.choice import Choice
 from experiments.law.model.defaults import DEFAULTS
-from experiments.law.model.forecasting import forecast
+from experiments.law.model.forecasting import forecast, known_constants
 from experiments.law.model.formulas import Counts, build_terms, family, fit, frame_terms
 from experiments.law.model.looking import _whole, look_at
-from experiments.law.model.making import tracer_of
 from experiments.law.model.memory import array_bytes, byte_terms
-from tests.images import assert_no_pixel_wrong, trace_pixels
+from experiments.methods.culled.tracer import TiledTracer
 from tests.machine import WIDEST
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 
@@ -156,22 +154,25 @@ def test_fitting_finds_the_constants_that_made_the_times():
     assert fit(terms, times) == pytest.approx(constants, rel=0.05, abs=0.05)
 
 
-def test_no_constant_is_below_0():
-    terms = np.array([[1.0, 1.0], [1.0, 2.0], [1.0, 3.0]])
-    assert fit(terms, np.array([1.0, 0.9, 0.8])).min() >= 0.0
+CHOICES = {
+    "nearest": [
+        Choice("raster"), Choice("pixel"), Choice("pixel", packet_width=WIDEST), Choice("bvh"), Choice("classified"),
+        Choice("tiles", (4, 4), WIDEST), Choice("visible_first", (16, 1), WIDEST), Choice("aligned", (8, 1), WIDEST),
+        Choice("aligned", (8, 8)), Choice("instanced", (2, 1), WIDEST, culling=False),
+    ],
+}  # fmt: skip
+CHOICES["layers"] = [one for one in CHOICES["nearest"] if one.method in ("raster", "pixel", "aligned", "instanced")]
 
 
-def test_every_choice_of_every_set_has_constants_and_at_most_eight():
+@pytest.mark.parametrize("want", CHOICES)
+def test_every_choice_of_every_set_has_constants_and_at_most_eight(want):
     look = look_at(cornell_box(), cornell_camera(64, 64))
     for constants in DEFAULTS.values():
         assert max(map(len, constants.values())) <= 8
-        for want in ("nearest", "count"):
-            for choice in [*candidates(cornell_camera(64, 64), want), Choice("classified")]:
-                if want == "count" and choice.method == "classified":
-                    continue
-                assert len(constants[family(choice, want)]) == len(frame_terms(look, choice, want))
-                assert len(constants[f"{choice.method}|build"]) == len(build_terms(look, choice))
-                assert len(constants[f"{choice.method}|bytes"]) == len(byte_terms(look, choice))
+        for choice in CHOICES[want]:
+            assert len(constants[family(choice, want)]) == len(frame_terms(look, choice, want))
+            assert len(constants[f"{choice.method}|build"]) == len(build_terms(look, choice))
+            assert len(constants[f"{choice.method}|bytes"]) == len(byte_terms(look, choice))
 
 
 # Memory
@@ -188,14 +189,17 @@ def arrays_of(tracer):
     return sum(one.nbytes for one in arrays if one is not None)
 
 
-@pytest.mark.parametrize("choice", [
-    Choice("pixel", packet_width=WIDEST), Choice("tiles", (4, 4), WIDEST), Choice("visible_first", (8, 8), WIDEST),
-    Choice("aligned", (8, 8), WIDEST), Choice("instanced", (8, 1), WIDEST, False),
+@pytest.mark.parametrize(("choice", "make"), [
+    (Choice("pixel", packet_width=WIDEST), partial(atra.PixelTracer, packet_width=WIDEST)),
+    (Choice("tiles", (4, 4), WIDEST), partial(TiledTracer, split=(4, 4), packet_width=WIDEST)),
+    (Choice("visible_first", (8, 8), WIDEST), partial(atra.VisibleFirstTracer, split=(8, 8), packet_width=WIDEST)),
+    (Choice("aligned", (8, 8), WIDEST), partial(atra.AlignedTracer, split=(8, 8), packet_width=WIDEST)),
+    (Choice("instanced", (8, 1), WIDEST, False),
+     partial(atra.AlignedTracer, split=(8, 1), packet_width=WIDEST, geometry="instanced", culling=False)),
 ], ids=str)  # fmt: skip
-def test_bytes_of_arrays_are_those_that_the_tracer_keeps(choice):
+def test_bytes_of_arrays_are_those_that_the_tracer_keeps(choice, make):
     mesh, view = cornell_box(), cornell_camera(64, 64)
-    with tracer_of(choice, mesh, view, threads=1, ties="any") as tracer:
-        tracer.build()
+    with make(mesh, view, threads=1, ties="any") as tracer:
         assert array_bytes(look_at(mesh, view), choice) == pytest.approx(arrays_of(tracer), rel=0.05)
 
 
@@ -208,40 +212,7 @@ def test_cells_without_a_triangle_are_no_scenes_and_full_ones_are_counted_by_the
     assert many.crowded == many.copies > 100
 
 
-# Constants and choices
-
-
-def test_constants_of_another_machine_are_told(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert not machine().is_calibrated
-    doubled = {name: [2.0 * value for value in values] for name, values in machine().constants.items()}
-    keep(doubled)
-    assert machine().is_calibrated
-    assert machine().constants == doubled
-    for damaged in ("{", "[1]", json.dumps({"format": 1, "constants": {"raster|nearest": [1.0]}})):
-        constants_path().write_text(damaged)
-        assert not machine().is_calibrated
-
-
-def test_constants_that_cannot_be_kept_are_a_storage_error(tmp_path, monkeypatch):
-    (tmp_path / "file").touch()
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
-    with pytest.raises(StorageError, match="cannot be written"):
-        keep(machine().constants)
-
-
-def test_only_choices_that_find_all_hits_are_considered_for_a_count_and_no_tiles_for_parallel_rays():
-    found = {one.method for one in candidates(cornell_camera(64, 64), "count")}
-    assert found == {"raster", "pixel", "aligned", "instanced"}
-    parallel = atra.OrthographicCamera(**EYE_AT_ORIGIN, width=64, height=64)
-    assert {one.method for one in candidates(parallel)} == {"raster", "pixel", "bvh", "aligned", "instanced"}
-
-
-@pytest.mark.parametrize("choice", candidates(camera(64)), ids=str)
-def test_the_tracer_of_every_choice_traces_the_image_of_single_rays(choice):
-    mesh, view = cornell_box(), cornell_camera(64, 64)
-    with tracer_of(choice, mesh, view, threads=1, ties="any") as tracer:
-        assert_no_pixel_wrong(mesh, view, tracer.trace(), trace_pixels(mesh, view))
+# Choices
 
 
 ONE = quads([wall(2.0)])
@@ -257,14 +228,14 @@ NOTHING_IN_VIEW = {
 
 
 @pytest.mark.parametrize("name", NOTHING_IN_VIEW)
-@pytest.mark.parametrize("want", ["nearest", "layers"])
+@pytest.mark.parametrize("want", CHOICES)
 def test_a_view_of_nearly_nothing_has_forecasts(name, want):
     mesh, view = NOTHING_IN_VIEW[name]
-    look, known = look_at(mesh, view), machine()
-    for choice in candidates(view, want):
-        found = forecast(look, choice, want, known)
-        assert np.isfinite([found.frame_time_s, found.build_s, found.bytes]).all()
-        assert found.frame_time_s > 0
+    look = look_at(mesh, view)
+    for choice in CHOICES[want] if view.width > 1 else CHOICES[want][:3]:
+        predicted = forecast(look, choice, want, known_constants())
+        assert np.isfinite([predicted.frame_time_s, predicted.build_s, predicted.bytes]).all()
+        assert predicted.frame_time_s > 0
 
 
 def test_a_camera_with_a_lens_is_refused():
@@ -280,9 +251,3 @@ def test_a_camera_with_a_lens_is_refused():
 def test_a_choice_that_cannot_be_is_refused(fields, message):
     with pytest.raises(InputError, match=message):
         replace(Choice("pixel"), **fields)
-
-
-def test_more_cells_never_mean_fewer_bytes():
-    look, known = look_at(cornell_box(), cornell_camera(64, 64)), machine()
-    kept = [forecast(look, Choice("aligned", (nx, 1), WIDEST), "nearest", known).bytes for nx in (1, 8, 64)]
-    assert kept == sorted(kept)

@@ -12,22 +12,13 @@ from experiments.studies.paired import ratios
 CLONE = Path(__file__).resolve().parents[2]
 
 
-def _rows(other_ms: list[float], this_ms: list[float], digests: tuple[str, str] = ("a", "a")) -> pd.DataFrame:
+def _rows(other_ms, this_ms, digests=("a", "a")):
     same = {"instruction_set": "native", "threads": 1, "what": "image", "scene": "box"}
-    return pd.DataFrame(
-        [
-            {
-                **same,
-                "version": version,
-                "process": process,
-                "median_ms": taken,
-                "least_ms": 0.5 * taken,
-                "digest": digest,
-            }
-            for version, times, digest in (("other", other_ms, digests[0]), ("this", this_ms, digests[1]))
-            for process, taken in enumerate(times)
-        ]
-    )
+    return pd.DataFrame([
+        {**same, "version": version, "process": process, "median_ms": ms, "least_ms": 0.5 * ms, "digest": digest}
+        for version, times, digest in (("other", other_ms, digests[0]), ("this", this_ms, digests[1]))
+        for process, ms in enumerate(times)
+    ])  # fmt: skip
 
 
 def test_a_ratio_is_the_mean_of_the_ratios_of_processes_that_took_turns():

@@ -55,7 +55,7 @@ def test_every_triangle_lies_in_one_leaf_and_in_all_boxes_above_it(name):
         inside = corners[below(bvh, node)].reshape(-1, 3)
         np.testing.assert_array_equal((low, high), (inside.min(axis=0), inside.max(axis=0)))
     for node in inner:  # children are neighbours in one cache line, the second one higher along the axis
-        first, axis = bvh.first[node], bvh.axes[node]
+        first, axis = bvh.first[node], (int(bvh.nodes[node, 7]) - BIAS) & 3
         assert first % 2 == 0
         middles = [boxes.sum(axis=0)[axis] for boxes in bvh.boxes[first : first + 2].astype(np.float64)]
         assert name == "one box" or middles[0] < middles[1]

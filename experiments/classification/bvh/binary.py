@@ -100,11 +100,6 @@ class Bvh:
         """(N,) int64: blocks of a leaf, 0 for an inner node."""
         return (self.nodes[:, 7].astype(np.int64) - BIAS) >> 2
 
-    @property
-    def axes(self) -> NDArray[np.int64]:
-        """(N,) int64: the split axis of an inner node; its second child lies higher along it."""
-        return (self.nodes[:, 7].astype(np.int64) - BIAS) & 3
-
     @cached_property
     def heights(self) -> NDArray[np.int64]:
         """(N,) int64: levels below a node; 0 for a leaf."""

@@ -11,7 +11,7 @@ from atra.compiled.vectors import bits_of, lane, larger, smaller, splat, with_la
 from atra.embree.packets_kernels import MISS
 from atra.trees.layout import BLOCK, BLOCK_BYTES, IDS
 from experiments.classification.bvh.binary import NODE_BYTES, first_of, kind_of
-from experiments.classification.bvh.triangles import CLAMP_SLACK, meet_corners, shear_of
+from experiments.classification.bvh.triangles import meet
 
 STEPS, BOXES, BLOCKS, LISTED, FROM_ROOT, PROVEN = range(6)
 """Indices of the traversal counters: nodes visited, boxes tested, blocks tested, list entries taken, rays started at
@@ -25,12 +25,6 @@ SMALLEST_COMPONENT = np.float32(1e-18)
 SLACK = np.float32(1.0 + 2.0**-20)
 """Factor on where a ray leaves a box and on its nearest hit; covers the rounding of the box test. Source: T. Ize,
 "Robust BVH ray traversal", 2013."""
-
-MARGIN = np.float32(2.0**-20)
-"""Robust box tests enlarge the box along an axis by this fraction of the ray's largest distance to the root's box along
-that axis plus along the major one. The box test makes at most 3 roundings and the shear of a triangle's corners at most
-6; this allows 16. Source: S. Woop, C. Benthin, I. Wald, "Watertight ray/triangle intersection", 2013, whose traversal
-moves the origin instead."""
 
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 
@@ -60,24 +54,11 @@ def point(x, y, z):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True)
-def margin_of(robust, tree, origin, inverse, dx, dy, dz):  # type: ignore[no-untyped-def]
-    """Margin of robust box tests in ray parameters, in the first three of four lanes (`MARGIN`)."""
-    if not robust:
-        return splat(_ZERO, 4)
-    reach = larger(abs(load(tree.nodes, _ZERO, 4) - origin), abs(load(tree.nodes + NODE_BYTES // 2, _ZERO, 4) - origin))
-    x, y, z = abs(dx), abs(dy), abs(dz)
-    major = lane(reach, 0) if x >= y and x >= z else lane(reach, 1) if y >= z else lane(reach, 2)
-    return (reach + splat(major, 4)) * abs(inverse) * splat(MARGIN, 4)
-
-
-@njit(forceinline=True)
-def way_through(robust, node, origin, inverse, margin):  # type: ignore[no-untyped-def]
-    """Where a ray enters and leaves the box of the node at an address. margin: from `margin_of`."""
+def way_through(node, origin, inverse):  # type: ignore[no-untyped-def]
+    """Where a ray enters and leaves the box of the node at an address."""
     a = (load(node, _ZERO, 4) - origin) * inverse
     b = (load(node + NODE_BYTES // 2, _ZERO, 4) - origin) * inverse
     near, far = smaller(a, b), larger(a, b)
-    if robust:
-        near, far = near - margin, far + margin
     x, y, z = lane(near, 0), lane(near, 1), lane(near, 2)
     first = x if x > y else y
     first = first if first > z else z
@@ -98,8 +79,8 @@ def nearer(bits, k, t, address, best, prim_id):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True)
-def nearest_of_block(robust, block, ray, shear, best, prim_id):  # type: ignore[no-untyped-def]
-    """The nearest hit after the block at an address. shear: from `shear_of`."""
+def nearest_of_block(block, ray, best, prim_id):  # type: ignore[no-untyped-def]
+    """The nearest hit after the block at an address."""
     x, y, z, dx, dy, dz, tnear = ray
     row = 4 * BLOCK
     zero, one = splat(_ZERO, BLOCK), splat(_ONE, BLOCK)
@@ -110,10 +91,7 @@ def nearest_of_block(robust, block, ray, shear, best, prim_id):  # type: ignore[
     x2, y2 = load(block + 6 * row, _ZERO, BLOCK), load(block + 7 * row, _ZERO, BLOCK)
     z2 = load(block + 8 * row, _ZERO, BLOCK)
     ox, oy, oz = splat(x, BLOCK), splat(y, BLOCK), splat(z, BLOCK)
-    slack = splat(np.float32(CLAMP_SLACK), BLOCK)
-    hits, t = meet_corners(
-        robust, x0, y0, z0, x1, y1, z1, x2, y2, z2, ox, oy, oz, away_x, away_y, away_z, shear, zero, one, slack
-    )
+    hits, t = meet(x0, y0, z0, x1, y1, z1, x2, y2, z2, ox, oy, oz, away_x, away_y, away_z, zero, one)
     bits = bits_of(hits & (t > splat(tnear, BLOCK)) & (t <= splat(best, BLOCK)))
     if bits:
         best, prim_id = nearer(bits, 0, lane(t, 0), block + IDS, best, prim_id)
@@ -141,19 +119,17 @@ def next_node(counting, tree, lists, start, left, stack, top, counts):  # type: 
 
 
 @njit(forceinline=True)
-def nearest(push, any_hit, counting, robust, tree, ray, tfar, lists, start, stack, nears, counts):  # type: ignore[no-untyped-def]
+def nearest(push, any_hit, counting, tree, ray, tfar, lists, start, stack, nears, counts):  # type: ignore[no-untyped-def]
     """The nearest hit of a ray below the nodes of a list, as (t, prim_id); (tfar, MISS) for a miss. The list's last
     node comes first.
 
     push: test an inner node's children on entry and visit the nearer first; otherwise test a node when it is popped,
-    with children ordered along their split axis. any_hit: stop at the first hit. counting: add to `counts`. robust: no
-    ray slips through between triangles that share an edge or corner. ray: origin, direction and tnear. lists: see
-    `bvh.starts.Shafts`; start: where the ray's list starts. stack: (STACK,) int64. nears: (STACK,) float32.
+    with children ordered along their split axis. any_hit: stop at the first hit. counting: add to `counts`. ray:
+    origin, direction and tnear. lists: see `bvh.starts.Shafts`; start: where the ray's list starts. stack: (STACK,)
+    int64. nears: (STACK,) float32.
     """
     x, y, z, dx, dy, dz, tnear = ray
     origin, inverse = point(x, y, z), point(reciprocal(dx), reciprocal(dy), reciprocal(dz))
-    margin = margin_of(robust, tree, origin, inverse, dx, dy, dz)
-    shear = shear_of(splat(dx, BLOCK), splat(dy, BLOCK), splat(dz, BLOCK), splat(_ZERO, BLOCK), splat(_ONE, BLOCK))
     ahead = (1 if dx > _ZERO else 0) | (2 if dy > _ZERO else 0) | (4 if dz > _ZERO else 0)
     best, prim_id, top, left = tfar, MISS, 0, np.int64(lists[start])
     while top > 0 or left > 0:
@@ -161,7 +137,7 @@ def nearest(push, any_hit, counting, robust, tree, ray, tfar, lists, start, stac
         if not push or is_entry:
             if counting:
                 counts[BOXES] += 1
-            first, last = way_through(robust, node, origin, inverse, margin)
+            first, last = way_through(node, origin, inverse)
             entered = max(first, tnear) <= min(last, best) * SLACK
         else:
             entered = nears[top] <= best * SLACK
@@ -176,7 +152,7 @@ def nearest(push, any_hit, counting, robust, tree, ray, tfar, lists, start, stac
                     if counting:
                         counts[BLOCKS] += 1
                     at = tree.blocks + block * BLOCK_BYTES
-                    best, prim_id = nearest_of_block(robust, at, ray, shear, best, prim_id)
+                    best, prim_id = nearest_of_block(at, ray, best, prim_id)
                 if any_hit and prim_id != MISS:
                     top = left = 0
                 break
@@ -188,8 +164,8 @@ def nearest(push, any_hit, counting, robust, tree, ray, tfar, lists, start, stac
             node = tree.nodes + child * NODE_BYTES
             if counting:
                 counts[BOXES] += 2
-            first0, last0 = way_through(robust, node, origin, inverse, margin)
-            first1, last1 = way_through(robust, node + NODE_BYTES, origin, inverse, margin)
+            first0, last0 = way_through(node, origin, inverse)
+            first1, last1 = way_through(node + NODE_BYTES, origin, inverse)
             enters0 = max(first0, tnear) <= min(last0, best) * SLACK
             enters1 = max(first1, tnear) <= min(last1, best) * SLACK
             if enters0 and enters1:

@@ -15,11 +15,14 @@ from atra.compiled.memory import load, store
 from atra.compiled.store import njit
 from atra.compiled.vectors import floor, larger, signed_like, smaller, splat, where
 from experiments.classification.bvh.binary import ROOT
-from experiments.classification.bvh.memory import AHEAD
 from experiments.classification.bvh.single import FETCHED, FROM_ROOT, PROVEN, SMALLEST_COMPONENT, fetch_node
 
 LANES = 8
 """Rays classified at once."""
+
+AHEAD, AHEAD_ROWS = 16, 8
+"""Rays whose shafts are looked up together, before they are traced, which hides memory latency; and rows of a buffer of
+these: origins and directions, then voxels and cells."""
 
 MOST = 1 << 24
 """Upper limit of voxels, and of cells of one voxel: kernels number them in float32."""
@@ -55,15 +58,13 @@ class Shafts(NamedTuple):
     """The node lists of shafts.
 
     rows: (voxels,) int32, row of `table`, or UNKNOWN. table: (R, 6 d d) int32, where a shaft's list starts in `lists`.
-    lists: uint32, for each list its length and its nodes, the first to visit last. empty_is_miss: whether a ray that
-    meets no voxel misses; otherwise it starts at the root.
+    lists: uint32, for each list its length and its nodes, the first to visit last. A ray that meets no voxel misses.
     """
 
     grid: Grid
     rows: NDArray[np.int32]
     table: NDArray[np.int32]
     lists: NDArray[np.uint32]
-    empty_is_miss: bool
 
 
 NO_LISTS = np.array([1, ROOT, 0], np.uint32)
@@ -74,7 +75,6 @@ NO_SHAFTS = Shafts(
     np.full(1, UNKNOWN, np.int32),
     np.empty((0, 6), np.int32),
     NO_LISTS,
-    True,
 )
 """Stands for shafts where every ray starts at the root."""
 
@@ -114,7 +114,7 @@ def _inverse(direction):  # type: ignore[no-untyped-def]
 def find_shafts(grid, ahead):  # type: ignore[no-untyped-def]
     """Classify the rays of `ahead`. A ray from outside belongs to the voxel where it enters the box.
 
-    ahead: (8, AHEAD) float32: rows of origins and directions; written: voxel, UNKNOWN or PASSES, and cell.
+    ahead: (AHEAD_ROWS, AHEAD) float32; written: voxel, UNKNOWN or PASSES, and cell.
     """
     low, high, scale, voxels, cells = grid.low, grid.high, grid.scale, grid.voxels, grid.directions
     row, one, two = 4 * AHEAD, _lanes(1), _lanes(2)
@@ -160,7 +160,7 @@ def list_of(shafts, ahead, k):  # type: ignore[no-untyped-def]
     """Where the list for a column of `ahead` starts."""
     voxel, cell = np.int64(ahead[6, k]), np.int64(ahead[7, k])
     if voxel < 0:
-        return np.int64(EMPTY_LIST if voxel == PASSES and shafts.empty_is_miss else ROOT_LIST)
+        return np.int64(EMPTY_LIST if voxel == PASSES else ROOT_LIST)
     row = shafts.rows[voxel]
     return np.int64(shafts.table[row, cell] if row >= 0 else ROOT_LIST)
 

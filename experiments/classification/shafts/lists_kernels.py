@@ -7,20 +7,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.compiled.intrinsics import fetch_add
+from atra.compiled.intrinsics import fetch_add, float_at
 from atra.compiled.memory import load
 from atra.compiled.store import kernel, njit
 from atra.compiled.vectors import bits_of, larger, smaller, splat
 from atra.embree.packets_kernels import INFINITY
+from experiments.classification.bvh.batches import Memory
 from experiments.classification.bvh.binary import NODE_BYTES, ROOT, Tree, first_of, kind_of
-from experiments.classification.bvh.images import set_ray
-from experiments.classification.bvh.packets import INVERSE_X, TFAR, ways_through
-from experiments.classification.bvh.single import nearest
+from experiments.classification.bvh.single import nearest, reciprocal
 from experiments.classification.bvh.starts import EMPTY_LIST, ROOT_LIST, Grid
 from experiments.classification.shafts.shape_kernels import HIGH, LOW, direction_of, heading, overlaps, set_shape
 
 LANES = 8
 """Sampled rays tested with a box at once."""
+
+ENDS, ROWS = 6, 7
+"""The row of a bundle of sampled rays that says where they end, and the number of rows."""
 
 _CHUNK = 16
 _ZERO = np.float32(0.0)
@@ -41,14 +43,12 @@ class Building(NamedTuple):
 
 class Sampling(NamedTuple):
     """Memory of one thread. shape: (SHAPE,) float64. bundle: (ROWS, R) float32, sampled rays, padded with idle ones to
-    whole vectors. root: the root's list. stack, nears, counts: as in `bvh.memory.Memory`."""
+    whole vectors: origins, inverses of directions, and where the rays end. root: the root's list."""
 
     shape: NDArray[np.float64]
     bundle: NDArray[np.float32]
     root: NDArray[np.uint32]
-    stack: NDArray[np.int64]
-    nears: NDArray[np.float32]
-    counts: NDArray[np.int64]
+    walk: Memory
 
 
 @njit
@@ -68,7 +68,7 @@ def _sample(building, number, memory):  # type: ignore[no-untyped-def]
     state = np.uint64(number)
     for lane in range(bundle.shape[1]):
         if lane >= building.rays:
-            bundle[TFAR, lane] = -INFINITY
+            bundle[ENDS, lane] = -INFINITY
             continue
         state, a = _random(state)
         state, b = _random(state)
@@ -88,33 +88,40 @@ def _sample(building, number, memory):  # type: ignore[no-untyped-def]
         ray = (*origin, np.float32(dx), np.float32(dy), np.float32(dz), np.float32(leaves))
         t = INFINITY
         if building.occlusion:
+            walk = memory.walk
             t, _ = nearest(
-                True, False, False, False, building.tree, ray, INFINITY, memory.root, ROOT_LIST, memory.stack,
-                memory.nears, memory.counts,
+                True, False, False, building.tree, ray, INFINITY, memory.root, ROOT_LIST, walk.stack, walk.nears,
+                walk.counts,
             )  # fmt: skip
-        set_ray(bundle, lane, ray, t)
+        bundle[0, lane], bundle[1, lane], bundle[2, lane] = origin
+        bundle[3, lane], bundle[4, lane], bundle[5, lane] = reciprocal(ray[3]), reciprocal(ray[4]), reciprocal(ray[5])
+        bundle[ENDS, lane] = t
+
+
+@njit(forceinline=True)
+def _slab(node, axis, at, row):  # type: ignore[no-untyped-def]
+    """Where the rays at an address of the bundle enter and leave the box of a node along one axis."""
+    place, inverse = load(at + axis * row, _ZERO, LANES), load(at + (3 + axis) * row, _ZERO, LANES)
+    a = (splat(float_at(node + 4 * axis), LANES) - place) * inverse
+    b = (splat(float_at(node + NODE_BYTES // 2 + 4 * axis), LANES) - place) * inverse
+    return smaller(a, b), larger(a, b)
 
 
 @njit
 def _seen(node, memory):  # type: ignore[no-untyped-def]
     """The number of sampled rays that enter the box of the node at an address before they hit anything."""
-    bundle, found, none = memory.bundle, 0, splat(_ZERO, LANES)
-    no_margins = none, none, none
-    row = 4 * bundle.shape[1]
+    bundle, count, row = memory.bundle, 0, 4 * memory.bundle.shape[1]
     for first in range(0, bundle.shape[1], LANES):
         at = bundle.ctypes.data + 4 * first
-        enters, leaves = ways_through(
-            False, node, LANES,
-            load(at, _ZERO, LANES), load(at + row, _ZERO, LANES), load(at + 2 * row, _ZERO, LANES),
-            load(at + INVERSE_X * row, _ZERO, LANES), load(at + (INVERSE_X + 1) * row, _ZERO, LANES),
-            load(at + (INVERSE_X + 2) * row, _ZERO, LANES), no_margins,
-        )  # fmt: skip
-        limit = smaller(leaves, load(at + TFAR * row, _ZERO, LANES))
-        bits = bits_of(larger(enters, splat(_ZERO, LANES)) <= limit)
+        x0, x1 = _slab(node, 0, at, row)
+        y0, y1 = _slab(node, 1, at, row)
+        z0, z1 = _slab(node, 2, at, row)
+        limit = smaller(smaller(smaller(x1, y1), z1), load(at + ENDS * row, _ZERO, LANES))
+        bits = bits_of(larger(larger(larger(x0, y0), z0), splat(_ZERO, LANES)) <= limit)
         while bits:
             bits &= bits - 1
-            found += 1
-    return found
+            count += 1
+    return count
 
 
 @njit
@@ -137,7 +144,7 @@ def _lowest(tree, shape, number):  # type: ignore[no-untyped-def]
 @njit
 def _collect(building, memory, probability, nodes):  # type: ignore[no-untyped-def]
     """Write the list of a shaft, far nodes first; returns its length, -1 if it is too long."""
-    tree, shape, stack = building.tree, memory.shape, memory.stack
+    tree, shape, stack = building.tree, memory.shape, memory.walk.stack
     count, top = 0, 1
     stack[0] = ROOT
     while top > 0:
@@ -180,21 +187,17 @@ def _fill(building, number, memory, nodes):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def build_lists(counter_address, building, numbers, shapes, lengths, nodes, memory):  # type: ignore[no-untyped-def]
+def build_lists(counter_address, building, numbers, lengths, nodes, memory):  # type: ignore[no-untyped-def]
     """Build the lists of the shafts `numbers`, (S,) int64. Threads share the counter.
 
-    shapes: (S, SHAPE) float64, of an eye's shafts; (0, SHAPE) for shafts of voxels. Written: lengths: (S,) int32,
-    nodes: (S, longest) uint32.
+    Written: lengths: (S,) int32, nodes: (S, longest) uint32.
     """
     while True:
         start = fetch_add(counter_address, 1) * _CHUNK
         if start >= len(numbers):
             return
         for k in range(start, min(start + _CHUNK, len(numbers))):
-            if len(shapes):
-                memory.shape[:] = shapes[k]
-            else:
-                set_shape(building.grid, numbers[k], memory.shape)
+            set_shape(building.grid, numbers[k], memory.shape)
             lengths[k] = _fill(building, numbers[k], memory, nodes[k])
 
 

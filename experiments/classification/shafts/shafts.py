@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import count
 from time import perf_counter
@@ -14,29 +14,19 @@ from numpy.typing import NDArray
 from atra.compiled.threads import WorkerPool
 from atra.errors import InputError, MemoryBudgetError
 from atra.tracing.budgets import check_needed_bytes
-from atra.tracing.lifetime import Lifetime, synchronized
-from experiments.classification.bvh.binary import STACK, Bvh
-from experiments.classification.bvh.packets import ROWS
-from experiments.classification.bvh.single import COUNTS
-from experiments.classification.bvh.starts import (
-    EMPTY_LIST,
-    FIRST_LIST,
-    MOST,
-    NO_LISTS,
-    ROOT_LIST,
-    UNKNOWN,
-    Grid,
-    Shafts,
-)
+from experiments.classification.bvh.batches import Memory
+from experiments.classification.bvh.binary import Bvh
+from experiments.classification.bvh.starts import FIRST_LIST, MOST, NO_LISTS, ROOT_LIST, UNKNOWN, Grid, Shafts
+from experiments.classification.options import OF_RAYS, ClassifiedOptions
 from experiments.classification.shafts.lists_kernels import (
     LANES,
+    ROWS,
     Building,
     Sampling,
     build_lists,
     mark_voxels,
     store_lists,
 )
-from experiments.classification.shafts.options import OF_RAYS, ShaftOptions
 from experiments.classification.shafts.shape_kernels import SHAPE
 
 FARTHEST = 8.0
@@ -110,19 +100,18 @@ class ShaftLists:
         }
 
 
-SLACK, ROBUST_SLACK = 64.0, 256.0
-"""Margin of voxels in float32 spacings of the largest coordinate; the second is for robust tests. Rounding of the tests
-of boxes and triangles moves a ray whose origin lies within FARTHEST by up to 100 spacings (`bvh.single.MARGIN`).
-"""
+SLACK = 64.0
+"""Margin of voxels in float32 spacings of the largest coordinate. Rounding of the tests of boxes and triangles moves a
+ray whose origin lies within FARTHEST by less."""
 
 
-def grid_of(bvh: Bvh, cells: int, directions: int, robust: bool = False) -> Grid:
+def grid_of(bvh: Bvh, cells: int, directions: int) -> Grid:
     """Near-cubic voxels, at most `cells`, of the BVH's box; a single layer along axes on which it is thinner than a
-    voxel. robust: rays may pass beside a box by the margin of robust tests. Raises InputError for MOST voxels or more.
+    voxel. Raises InputError for MOST voxels or more.
     """
     low, high = bvh.bounds
     largest = float(np.abs(bvh.bounds).max())
-    slack = (ROBUST_SLACK if robust else SLACK) * float(np.spacing(np.float32(largest)))
+    slack = SLACK * float(np.spacing(np.float32(largest)))
     low, high = low - slack, high + slack
     sides = high - low
     thick = np.ones(3, np.bool_)
@@ -140,34 +129,35 @@ def grid_of(bvh: Bvh, cells: int, directions: int, robust: bool = False) -> Grid
 
 
 def build_shafts(
-    bvh: Bvh, options: ShaftOptions, pool: WorkerPool, grid: Grid | None = None, used: NDArray[np.int64] | None = None
-) -> ShaftLists:
-    """Build the lists of the shafts that `options.subset` selects.
+    bvh: Bvh, options: ClassifiedOptions, pool: WorkerPool, grid: Grid | None = None,
+    used: NDArray[np.int64] | None = None,
+) -> ShaftLists:  # fmt: skip
+    """Build the lists of the shafts that `options.shaft_subset` selects.
 
     grid: instead of the options' own. used: the shafts that get lists, for subsets that depend on rays; their grid has
     as many voxels as the memory probably allows. Raises MemoryBudgetError where a single voxel needs more than
-    `options.memory` times the BVH's memory and LEAST_BYTES, or more than is free.
+    `options.shaft_memory` times the BVH's memory and LEAST_BYTES, or more than is free.
     """
-    start = perf_counter()
-    if grid is not None or options.cells is not None:
-        grid = grid or grid_of(bvh, options.cells or 1, options.directions, options.robust)
+    start, directions = perf_counter(), options.shaft_directions
+    if grid is not None or options.shaft_cells is not None:
+        grid = grid or grid_of(bvh, options.shaft_cells or 1, directions)
         return _lists(bvh, options, pool, grid, used, start)
-    budget = max(options.memory * bvh.bytes, LEAST_BYTES)
-    cells = min(max(int(budget / (_LIKELY_BYTES * 6 * options.directions**2)), 1), MOST // 2)
+    budget = max(options.shaft_memory * bvh.bytes, LEAST_BYTES)
+    cells = min(max(int(budget / (_LIKELY_BYTES * 6 * directions**2)), 1), MOST // 2)
     too_many, best = MOST // 2 + 1, None
-    if options.subset in (*OF_RAYS, "none"):
-        return _lists(bvh, options, pool, grid_of(bvh, cells, options.directions, options.robust), used, start)
+    if options.shaft_subset in (*OF_RAYS, "none"):
+        return _lists(bvh, options, pool, grid_of(bvh, cells, directions), used, start)
     for attempt in count():
-        found = _lists(bvh, options, pool, grid_of(bvh, cells, options.directions, options.robust), used, start)
-        needed = found.lookup_bytes + found.list_bytes
+        lists = _lists(bvh, options, pool, grid_of(bvh, cells, directions), used, start)
+        needed = lists.lookup_bytes + lists.list_bytes
         if needed <= budget and (best is None or needed > best.lookup_bytes + best.list_bytes):
-            best = found
+            best = lists
         if best is not None and (attempt >= _ATTEMPTS or _ENOUGH * budget < needed <= budget):
             return replace(best, build_time_s=perf_counter() - start)
         if needed > budget and cells == 1:
             raise MemoryBudgetError(
-                f"shafts of a single voxel with directions={options.directions} need {needed:,} bytes, and memory="
-                f"{options.memory:g} allows {int(budget):,}; raise memory, or lower directions"
+                f"shafts of a single voxel with shaft_directions={directions} need {needed:,} bytes, and shaft_memory="
+                f"{options.shaft_memory:g} allows {int(budget):,}; raise shaft_memory, or lower shaft_directions"
             )
         too_many = min(too_many, cells) if needed > budget else too_many
         cells = int(min(max(0.9 * budget / needed * cells, 1), max(too_many - 1, 1)))
@@ -175,11 +165,11 @@ def build_shafts(
 
 
 def _lists(
-    bvh: Bvh, options: ShaftOptions, pool: WorkerPool, grid: Grid, used: NDArray[np.int64] | None, start: float
+    bvh: Bvh, options: ClassifiedOptions, pool: WorkerPool, grid: Grid, used: NDArray[np.int64] | None, start: float
 ) -> ShaftLists:
     voxels, of_voxel = int(grid.voxels.prod()), 6 * grid.directions**2
     advice = "ask for fewer cells or directions"
-    in_all = voxels * of_voxel if options.subset == "complete" else 0
+    in_all = voxels * of_voxel if options.shaft_subset == "complete" else 0
     check_needed_bytes(5 * voxels + 8 * in_all, None, f"{voxels * of_voxel:,} shafts", advice)
     numbers = _numbers(bvh, options, pool, grid, used)
     has_row = np.zeros(voxels, np.bool_)
@@ -189,96 +179,54 @@ def _lists(
     check_needed_bytes(needed, None, f"{len(numbers):,} shafts", advice)
     rows = np.where(has_row, np.cumsum(has_row) - 1, UNKNOWN).astype(np.int32)
     table = np.full((row_count, of_voxel), ROOT_LIST, np.int32)
-    building = building_of(bvh, options, grid)
-
-    def build(counter: int, part: slice, lengths: NDArray[np.int32], nodes: NDArray[np.uint32], memory: Any) -> None:
-        build_lists(counter, building, numbers[part], np.empty((0, SHAPE)), lengths, nodes, memory)
-
-    starts, lengths, lists, unique = stored_lists(len(numbers), options, pool, build)
+    starts, lengths, lists, unique = _stored_lists(bvh, options, pool, grid, numbers)
     table[rows[numbers // of_voxel], numbers % of_voxel] = starts
-    shafts = Shafts(grid, rows, table, lists, options.empty == "miss")
+    shafts = Shafts(grid, rows, table, lists)
     return ShaftLists(shafts, bvh, voxels * of_voxel, len(numbers), unique, lengths, perf_counter() - start)
 
 
-class HasShafts(Lifetime):
-    """What a scene has whose rays start from lists, before `BvhScene` among its bases."""
-
-    options: Any
-    _bvh: Bvh | None
-    _pool: WorkerPool
-    _lists: ShaftLists | None = None
-
-    @property
-    def lists(self) -> ShaftLists:
-        """The shafts, after `build`; if they depend on rays, those for the rays prepared last."""
-        assert self._lists is not None
-        return self._lists
-
-    @property
-    def _shafts(self) -> Shafts:
-        return self.lists.shafts
-
-    def _build_trees(self) -> float:
-        taken_s = super()._build_trees()  # type: ignore[misc]
-        start = perf_counter()
-        assert self._bvh is not None
-        self._lists = build_shafts(self._bvh, self.options, self._pool)
-        return float(taken_s + perf_counter() - start)
-
-    @property
-    @synchronized
-    def counters(self) -> Mapping[str, float]:
-        """Numbers by name: of the BVH and of the shafts."""
-        return {**super().counters, **(self._lists.counters if self._lists else {})}  # type: ignore[misc]
-
-
-def building_of(bvh: Bvh, options: ShaftOptions, grid: Grid) -> Building:
-    """The `Building` of a BVH."""
-    return Building(bvh.tree, grid, options.probability, int(options.rays), int(options.longest), options.occlusion)
-
-
-def stored_lists(
-    count: int, options: ShaftOptions, pool: WorkerPool, build: Callable[..., None]
+def _stored_lists(
+    bvh: Bvh, options: ClassifiedOptions, pool: WorkerPool, grid: Grid, numbers: NDArray[np.int64]
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.uint32], int]:
-    """Build `count` lists and store equal ones once.
-
-    build: (counter, part, lengths, nodes, memory) -> None, writes the lists of a slice, as `build_lists` does. Returns
-    where each list starts and its length, (count,) int32; all lists, uint32; and the number stored.
-    """
+    """Where the list of each shaft starts and its length, (S,) int32; all lists, equal ones once; and their number."""
+    longest = options.shaft_list
+    building = Building(
+        bvh.tree, grid, options.shaft_probability, options.shaft_rays, longest, options.shaft_occlusion
+    )  # fmt: skip
     memories = [_sampling(options) for _ in range(pool.threads)]
-    starts, lengths = np.empty(count, np.int32), np.empty(count, np.int32)
-    slots = np.full(1 << (2 * count + 1).bit_length(), -1, np.int32)
+    starts, lengths = np.empty((2, len(numbers)), np.int32)
+    slots = np.full(1 << (2 * len(numbers) + 1).bit_length(), -1, np.int32)
     lists, stored = NO_LISTS, FIRST_LIST
-    for first in range(0, count, _AT_ONCE):
-        part = slice(first, min(first + _AT_ONCE, count))
-        own, nodes = lengths[part], np.empty((part.stop - first, options.longest), np.uint32)
+    for first in range(0, len(numbers), _AT_ONCE):
+        part = slice(first, first + _AT_ONCE)
+        some, own = numbers[part], lengths[part]
+        nodes = np.empty((len(some), longest), np.uint32)
+        written = some, own, nodes  # bound below, before the next part
 
-        def work(worker: int, counter: int, part=part, own=own, nodes=nodes) -> None:  # type: ignore[no-untyped-def]
-            build(counter, part, own, nodes, memories[worker])
+        def work(worker: int, counter: int, written: Any = written) -> None:
+            build_lists(counter, building, *written, memories[worker])
 
         pool.run(work)
         if len(lists) < stored + nodes.size + len(own):
             lists = np.concatenate([lists[:stored], np.empty(stored + nodes.size + len(own), np.uint32)])
         stored = store_lists(own, nodes, starts[part], lists, stored, slots)
-    if options.empty == "root":
-        starts[starts == EMPTY_LIST] = ROOT_LIST
     return starts, lengths, lists[:stored].copy(), int((slots >= 0).sum())
 
 
 def _numbers(
-    bvh: Bvh, options: ShaftOptions, pool: WorkerPool, grid: Grid, used: NDArray[np.int64] | None
+    bvh: Bvh, options: ClassifiedOptions, pool: WorkerPool, grid: Grid, used: NDArray[np.int64] | None
 ) -> NDArray[np.int64]:
+    """The shafts that have lists, ascending."""
     voxels, of_voxel = int(grid.voxels.prod()), 6 * grid.directions**2
-    if options.subset in (*OF_RAYS, "none"):
+    if options.shaft_subset in (*OF_RAYS, "none"):
         return np.empty(0, np.int64) if used is None else used
-    if options.subset == "complete":
+    if options.shaft_subset == "complete":
         return np.arange(voxels * of_voxel, dtype=np.int64)
     occupied, blocks = np.zeros(voxels, np.bool_), bvh.blocks.view(np.float32)
     pool.run(lambda _, counter: mark_voxels(counter, blocks, grid, occupied))
     return (np.flatnonzero(occupied)[:, None] * of_voxel + np.arange(of_voxel)).ravel()
 
 
-def _sampling(options: ShaftOptions) -> Sampling:
-    lanes = options.rays + -options.rays % LANES
-    stack, nears, counts = np.empty(STACK, np.int64), np.empty(STACK, np.float32), np.zeros(COUNTS, np.int64)
-    return Sampling(np.zeros(SHAPE), np.zeros((ROWS, lanes), np.float32), NO_LISTS, stack, nears, counts)
+def _sampling(options: ClassifiedOptions) -> Sampling:
+    lanes = options.shaft_rays + -options.shaft_rays % LANES
+    return Sampling(np.zeros(SHAPE), np.zeros((ROWS, lanes), np.float32), NO_LISTS, Memory.new())

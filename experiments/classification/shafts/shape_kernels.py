@@ -15,15 +15,7 @@ LOW, HIGH, AXIS, SIGN, U0, U1, V0, V1, NEAR, FAR, ABOVE_U, BELOW_U, ABOVE_V, BEL
 slopes across that axis; the voxel's range along the axis, in the direction's sense; and bounds of the planes along the
 slopes."""
 
-EYE = 3
-"""Stands for an axis: all rays start at one point, LOW = HIGH, and pass through a rectangle of the image plane."""
-
-CORNER, ACROSS, DOWN, MIDDLE, PLANES = 18, 21, 24, 27, 30
-"""More offsets in an eye's shape: the ray through the rectangle's upper left corner, its two sides, the ray through its
-middle, and PLANE_COUNT planes of four numbers; what lies in front of a plane has a positive sum."""
-
-PLANE_COUNT = 5
-SHAPE = PLANES + 4 * PLANE_COUNT
+SHAPE = 18
 
 SLOPE_SLACK = 8.0 * 2.0**-23
 """Margin on slopes: eight roundings of float32."""
@@ -58,10 +50,6 @@ def set_shape(grid, number, shape):  # type: ignore[no-untyped-def]
 def direction_of(shape, u, v):  # type: ignore[no-untyped-def]
     """The shaft's direction at (u, v) in [0, 1) x [0, 1)."""
     axis, sign = int(shape[AXIS]), shape[SIGN]
-    if axis == EYE:
-        x = shape[CORNER] + u * shape[ACROSS] + v * shape[DOWN]
-        y = shape[CORNER + 1] + u * shape[ACROSS + 1] + v * shape[DOWN + 1]
-        return x, y, shape[CORNER + 2] + u * shape[ACROSS + 2] + v * shape[DOWN + 2]
     u, v = shape[U0] + u * (shape[U1] - shape[U0]), shape[V0] + v * (shape[V1] - shape[V0])
     if axis == 0:
         return sign, u, v
@@ -72,34 +60,15 @@ def direction_of(shape, u, v):  # type: ignore[no-untyped-def]
 def heading(shape, axis):  # type: ignore[no-untyped-def]
     """A number with the sign of the shaft's middle direction along an axis."""
     own = int(shape[AXIS])
-    if own == EYE:
-        return shape[MIDDLE + axis]
     if axis == own:
         return shape[SIGN]
     return shape[U0] + shape[U1] if axis == (own + 1) % 3 else shape[V0] + shape[V1]
 
 
 @njit
-def _in_front(shape, node):  # type: ignore[no-untyped-def]
-    """Whether the box of the node at an address reaches in front of all planes of an eye's shaft."""
-    half = NODE_BYTES // 2
-    for k in range(PLANE_COUNT):
-        plane = PLANES + 4 * k
-        x, y, z = shape[plane], shape[plane + 1], shape[plane + 2]
-        total = x * float_at(node + (half if x > 0.0 else 0))
-        total += y * float_at(node + (half + 4 if y > 0.0 else 4))
-        total += z * float_at(node + (half + 8 if z > 0.0 else 8))
-        if total + shape[plane + 3] < 0.0:
-            return False
-    return True
-
-
-@njit
 def overlaps(shape, node):  # type: ignore[no-untyped-def]
     """Whether a ray of the shaft may meet the box of the node at an address; never False where one does."""
     axis = int(shape[AXIS])
-    if axis == EYE:
-        return _in_front(shape, node)
     a, b = (axis + 1) % 3, (axis + 2) % 3
     half = NODE_BYTES // 2
     low, high = np.float64(float_at(node + 4 * axis)), np.float64(float_at(node + half + 4 * axis))

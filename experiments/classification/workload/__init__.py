@@ -35,16 +35,16 @@ from experiments.workloads.rounds import expert_packet_widths, load_mesh, measur
 from experiments.workloads.typed import columns_of, needs_of
 
 PLAIN, SORTED = "plain", "packets_sorted"
-"""Names in the samples: the same rays in the same order and packets, from the root; and Embree's widest packets in that
-order, if it differs from the batch's."""
+"""Names in the samples: the same rays in the same order, from the root; and Embree's widest packets in that order, if
+it differs from the batch's."""
 
 _OWN_COUNTS = {
     "traversal_steps": "nodes popped, or descended into",
     "box_tests": "boxes tested",
     "block_tests": "blocks of up to four triangles tested",
     "list_entries": "nodes of lists put on the stack",
-    "rays_from_root": "rays, or packets, without a list",
-    "rays_proven_miss": "rays, or packets, that meet no node",
+    "rays_from_root": "rays without a list",
+    "rays_proven_miss": "rays that meet no node",
 }
 
 COUNTED = tuple(_OWN_COUNTS)
@@ -173,12 +173,12 @@ def measure(point: Point) -> Measured:
     with ExitStack() as stack:
         own = stack.enter_context(make(point, mesh))
         prepared = own.prepare(rays)
-        plain = prepared.from_root(own.packet_width)
+        plain = prepared.from_root()
         results |= {
             "rss_bytes": rss_bytes(),
             "peak_rss_bytes": peak_rss_bytes(),
             "triangles_traced": mesh.triangle_count,
-            "packet_width": own.packet_width,
+            "packet_width": 1,
             "threads": own.threads,
             "rays_traced": len(rays),
             "bvh_build_time_s": own.build_time_s - own.counters.get("shaft_build_time_s", 0.0),
@@ -228,7 +228,7 @@ def counted(scene: BvhScene, prepared: PreparedRays, plain: PreparedRays, any_hi
     results |= {f"plain_{name}": int(count) for name, count in zip(COUNTED[:3], plain_counts, strict=False)}
     results["rays_different"] = int(different.sum())
     results["steps_ratio"] = float(counts[STEPS] / plain_counts[STEPS])
-    for name, of, lookups in (("", counts, len(prepared.batch.packets) - 1), ("plain_", plain_counts, 0)):
+    for name, of, lookups in (("", counts, len(prepared.rays)), ("plain_", plain_counts, 0)):
         read = of[BOXES] * NODE_BYTES + of[BLOCKS] * BLOCK_BYTES + of[LISTED] * 4
         results[f"{name}bytes_touched"] = int(read + (lookups * _LOOKUP_BYTES if of[LISTED] else 0))
     return results
@@ -262,8 +262,8 @@ def _warm_up(point: Point, any_hit: bool) -> None:
     rays = Rays(np.full((64, 3), 0.1), np.tile([(-1.0, -0.9, -0.8)], (64, 1)))
     with make(point, _WARM_MESH) as scene:
         prepared = scene.prepare(rays)
-        counted(scene, prepared, prepared.from_root(scene.packet_width), any_hit)
-        scene.occluded(prepared), scene.occluded(prepared.from_root(scene.packet_width))
+        counted(scene, prepared, prepared.from_root(), any_hit)
+        scene.occluded(prepared), scene.occluded(prepared.from_root())
     for width in (1, *expert_packet_widths()):
         with RayScene(_WARM_MESH, packet_width=width, threads=1, precision="fast") as embree:
             _query(embree, rays, any_hit)()

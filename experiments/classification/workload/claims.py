@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -74,8 +75,7 @@ def same_hits(rows: pd.DataFrame) -> Judgement | None:
 
 
 def _mean_of_all(rows: pd.DataFrame, name: str, bounds: Bounds) -> Judgement | None:
-    """The geometric mean of a column over usual points; None unless all kinds of rays are there."""
-    rows = usual(rows)
+    """The geometric mean of a column over all points; None unless all kinds of rays are there."""
     if rows["ray_kind"].nunique() < len(KINDS):
         return None
     known = known_values(rows, numbers(rows, name))
@@ -98,42 +98,31 @@ def _on_every(rows: pd.DataFrame, values: Any, holds: Any, why: str) -> Judgemen
     return on_cases(cases) if cases else None
 
 
-Numbers = Callable[[pd.DataFrame], NDArray[np.float64]]
+def _by_query(query: Mapping[str, Any], table: pd.DataFrame) -> Judgement | None:
+    """Judges a column, or its ratio to another, of every point with default options, but for some.
+
+    query: column, over, at_least, at_most, and why, if it fails; options: those that differ; secondary: no primary
+    rays; mean: the geometric mean of all points is judged.
+    """
+    rows, bounds = usual(table, **query.get("options", {})), Bounds(*(query.get(end, other) for end, other in _ENDS))
+    if query.get("mean"):
+        return _mean_of_all(rows, query["column"], bounds)
+    rows = _of_points(rows[rows["ray_kind"].ne(KINDS[0])] if query.get("secondary") else rows)
+    values = numbers(rows, query["column"])
+    if "over" in query:
+        values = values / numbers(rows, query["over"])
+    return _on_every(rows, values, (values >= bounds.low) & (values <= bounds.high), query["why"])
 
 
-def _at_each(
-    value: Numbers, bounds: Bounds, why: str, *, secondary: bool = False, **changes: object
-) -> Callable[[pd.DataFrame], Judgement | None]:
-    """Judges a count of every point with default options, but for these. secondary: no primary rays."""
-
-    def check(rows: pd.DataFrame) -> Judgement | None:
-        rows = _of_points(usual(rows, **changes))
-        rows = rows[rows["ray_kind"].ne(KINDS[0])] if secondary else rows
-        found = value(rows)
-        return _on_every(rows, found, (found >= bounds.low) & (found <= bounds.high), why)
-
-    return check
+_ENDS = (("at_least", -np.inf), ("at_most", np.inf))
 
 
-def _over(name: str, other: str) -> Numbers:
-    return lambda rows: numbers(rows, name) / numbers(rows, other)
-
-
-def _saved(rows: pd.DataFrame) -> NDArray[np.float64]:
-    """Share of the bytes of lists that is saved by storing equal ones once."""
+def dedup_saves(table: pd.DataFrame) -> Judgement | None:
+    """Share of the bytes of lists that is saved by storing equal ones once, between 0.1 and 0.8."""
+    rows = _of_points(usual(table))
     whole = 4 * numbers(rows, "shafts_built") * (1 + numbers(rows, "list_length_mean"))
-    return np.asarray(1 - numbers(rows, "list_bytes") / whole)
-
-
-_BELOW_ONE = Bounds(high=float(np.nextafter(1.0, 0.0)))
-
-less_traffic = _at_each(_over("bytes_touched", "plain_bytes_touched"), _BELOW_ONE, "rays read more")
-dedup_saves = _at_each(_saved, Bounds(0.1, 0.8), "outside on some scene")
-much_lower = _at_each(_over("entry_height_mean", "root_height"), Bounds(high=0.5), "higher on some scene")
-occupied_serves = _at_each(
-    lambda rows: numbers(rows, "rays_from_root"), Bounds(0, 0), "some start from the root",
-    secondary=True, shaft_subset="occupied",
-)  # fmt: skip
+    saved = 1 - numbers(rows, "list_bytes") / whole
+    return _on_every(rows, saved, (saved >= 0.1) & (saved <= 0.8), "outside on some scene")
 
 
 def half_is_best(table: pd.DataFrame) -> Judgement | None:
@@ -186,10 +175,6 @@ def _bytes_of_lists(rows: pd.DataFrame) -> NDArray[np.float64]:
     return np.asarray(numbers(rows, "lookup_bytes") + 4 * entries)
 
 
-def _time_of_lists(rows: pd.DataFrame) -> NDArray[np.float64]:
-    return np.asarray(numbers(rows, "shaft_build_time_s"))
-
-
 def grows_with_resolution(table: pd.DataFrame, size: Callable[[pd.DataFrame], NDArray[np.float64]]) -> Judgement | None:
     """Exponent of a size over shafts, between 0.9 and 1.1."""
     rows = _of_points(usual(table, shaft_cells=any, shaft_directions=any))
@@ -223,23 +208,22 @@ def _pairs(rows: pd.DataFrame, others: pd.DataFrame) -> pd.DataFrame:
     return rows.drop_duplicates(keys).merge(others.drop_duplicates(keys), on=keys, suffixes=("", "_other"))
 
 
+_FILE = Path(__file__).with_suffix(".toml")
+
 _JUDGES: Mapping[str, Callable[[pd.DataFrame], Judgement | None]] = {
     "same-hits": same_hits,
-    "fewer-steps": partial(_mean_of_all, name="steps_ratio", bounds=Bounds(high=0.58)),
-    "less-time": partial(_mean_of_all, name="speedup_vs_bvh", bounds=Bounds(low=1.18)),
-    "less-traffic": less_traffic,
     "half-is-best": half_is_best,
     "extremes-lose": high_nears_root,
     "equal-lists": dedup_saves,
-    "occupied-serves-secondary": occupied_serves,
     "occlusion-helps": occlusion_helps,
     "subset-is-efficient": subset_is_efficient,
     "grows-with-shafts": partial(grows_with_resolution, size=_bytes_of_lists),
-    "built-shaft-by-shaft": partial(grows_with_resolution, size=_time_of_lists),
-    "lower-subtrees": much_lower,
+    "built-shaft-by-shaft": partial(grows_with_resolution, size=partial(numbers, name="shaft_build_time_s")),
     "occupied-as-fast": occupied_as_fast,
+    **{
+        name: partial(_by_query, one)
+        for name, one in tomllib.loads(_FILE.read_text(encoding="utf-8"))["points"].items()
+    },
 }
 
-CLAIMS = read_claims(
-    Path(__file__).with_suffix(".toml"), {name: {"": partial(_judge, check)} for name, check in _JUDGES.items()}
-)
+CLAIMS = read_claims(_FILE, {name: {"": partial(_judge, check)} for name, check in _JUDGES.items()})

@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from atra.alignment.cells import choose_packet_shape
-from atra.embree.library import load_library
 from atra.errors import InputError
 from atra.geometry.split import Split
-from atra.geometry.view import View
 from atra.tracing.rays import SQUAREST_SHAPE
 from atra.whole_numbers import is_whole_number
 
@@ -16,19 +14,6 @@ METHODS = ("raster", "pixel", "bvh", "classified", "tiles", "visible_first", "al
 """Methods that the model knows; instanced is aligned, with an Embree instance a cell in place of copies."""
 
 WITH_CELLS = ("tiles", "visible_first", "aligned", "instanced")
-
-GATHERING = ("raster", "pixel", "aligned", "instanced")
-"""Methods whose price of all hits along a ray is known."""
-
-PINHOLE_ALONE = ("tiles", "visible_first")
-
-CELLS = {
-    "tiles": ((64, 64), (16, 16)),
-    "visible_first": ((32, 0), (4, 0), (16, 16), (4, 4)),
-    "aligned": ((64, 0), (8, 0), (2, 0), (32, 32), (8, 8), (4, 4)),
-}
-"""Widths and heights of the cells worth trying, pixels; 0 is as high as the image. Where one does not divide the image
-the next larger one that does is taken."""
 
 
 @dataclass(frozen=True)
@@ -76,26 +61,3 @@ class Choice:
         if self.packet_width > 1:
             words.append(f"packets of {self.packet_width}")
         return ", ".join([*words, *([] if self.culling else ["culling off"])])
-
-
-def candidates(camera: View, want: str = "nearest") -> tuple[Choice, ...]:
-    """Every choice that the core can make for a view and finds what is wanted."""
-    widest = load_library().native_packet_widths[-1]
-    choices = [Choice("raster"), Choice("pixel", packet_width=widest), Choice("pixel"), Choice("bvh")]
-    for method, cells in CELLS.items():
-        splits = {_split(camera, *cell) for cell in cells}
-        choices += [Choice(method, split, widest) for split in sorted(splits)]
-    choices.append(Choice("instanced", _split(camera, 32, 0), widest, culling=False))
-    barred = PINHOLE_ALONE if camera.is_parallel else ()
-    return tuple(one for one in choices if one.method not in barred and (want == "nearest" or one.method in GATHERING))
-
-
-def _split(camera: View, cell_width: int, cell_height: int) -> tuple[int, int]:
-    """The split into cells about so large."""
-
-    def count(pixels: int, wanted: int) -> int:
-        if wanted == 0:
-            return 1
-        return pixels // next(size for size in range(min(wanted, pixels), pixels + 1) if pixels % size == 0)
-
-    return count(camera.width, cell_width), count(camera.height, cell_height)

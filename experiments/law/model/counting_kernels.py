@@ -55,8 +55,8 @@ def _packets_that_meet(words, width, height, firsts):  # type: ignore[no-untyped
 
 
 @float_part
-def add_packets(masks, place, words, shapes, firsts, part, times, counts):  # type: ignore[no-untyped-def]
-    """Add `times` the packets of each shape in which a bit of masks[place], (SIDE,), is set to counts[:, part]."""
+def add_packets(masks, place, words, shapes, firsts, part, counts):  # type: ignore[no-untyped-def]
+    """Add the packets of each shape in which a bit of masks[place], (SIDE,), is set to counts[:, part]."""
     any_word = np.uint64(0)
     for k in range(ROWS_A_WORD):
         word = np.uint64(0)
@@ -66,4 +66,4 @@ def add_packets(masks, place, words, shapes, firsts, part, times, counts):  # ty
         any_word |= word
     if any_word:
         for kind in range(len(shapes)):
-            counts[kind, part] += times * _packets_that_meet(words, shapes[kind, 0], shapes[kind, 1], firsts[kind])
+            counts[kind, part] += _packets_that_meet(words, shapes[kind, 0], shapes[kind, 1], firsts[kind])

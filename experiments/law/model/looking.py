@@ -131,29 +131,16 @@ def _count(
     mesh: Mesh, camera: View, order: NDArray[np.int64], corners: NDArray[np.int64], depths: NDArray[np.float32],
     shapes: tuple[tuple[int, int], ...], pool: WorkerPool,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
-    """boxes, tested and met of `Look`."""
-    if len(order):
-        few = spread(order, MOST_IN_TREE)
-        is_whole = len(few) == len(order)
-        sample = mesh if is_whole else apart(mesh, few)
-        _, points = project_vertices(sample, camera, pool)
-        faces = mesh.faces[few] if is_whole else sample.faces
-        return means_along(points, faces, len(order), _rays(camera, corners), depths, shapes, pool)
-    return np.zeros((len(shapes), 2, LEVELS)), np.zeros((len(shapes), 2)), np.zeros((len(shapes), 2))
-
-
-def means_along(
-    points: NDArray[np.floating], faces: NDArray[np.integer], total: int, rays: NDArray[np.float32],
-    depths: NDArray[np.float32], shapes: tuple[tuple[int, int], ...], pool: WorkerPool,
-    nearest: NDArray[np.float32] | None = None,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
-    """What a packet of each shape meets on average: boxes, tested and met as in `Look`.
-
-    points: (V, 3). faces: (F, 3), at least one, spread over `total` triangles. rays: (B, 6, RAYS) float32, origins and
-    directions of blocks of SIDE x SIDE rays, row by row. depths: (B, RAYS), what each ray sees. nearest: (B, RAYS),
-    lowered to the depth of each ray's first hit; None = not asked for.
-    """
-    vertices, count = points.astype(np.float32), len(faces)
+    """boxes, tested and met of `Look`. order: (N,), triangles, neighbours together. corners, depths: of blocks of rays,
+    as from `_sampled_pixels`."""
+    boxes, tested, met = np.zeros((len(shapes), 2, LEVELS), np.int64), *np.zeros((2, len(shapes), 2), np.int64)
+    if not len(order):
+        return boxes.astype(np.float64), tested.astype(np.float64), met.astype(np.float64)
+    few, rays = spread(order, MOST_IN_TREE), _rays(camera, corners)
+    is_whole = len(few) == len(order)
+    sample = mesh if is_whole else apart(mesh, few)
+    vertices = project_vertices(sample, camera, pool)[1].astype(np.float32)
+    faces, count = mesh.faces[few] if is_whole else sample.faces, len(few)
     bounds = np.empty((count, 6), np.float32)
     pool.run(lambda _, counter: bound_triangles(counter, vertices, faces, bounds))
     draft = Draft(
@@ -163,12 +150,10 @@ def means_along(
     ways = rays.copy()
     size = np.maximum(np.abs(rays[:, 3:]), SMALLEST_COMPONENT)
     ways[:, 3:] = np.copysign(np.float32(1.0) / size, rays[:, 3:])
-    boxes, tested, met = np.zeros((len(shapes), 2, LEVELS), np.int64), *np.zeros((2, len(shapes), 2), np.int64)
-    firsts = np.empty((0, RAYS), np.float32) if nearest is None else nearest
-    count_along_rays(vertices, faces, draft, rays, ways, depths, np.array(shapes), boxes, tested, met, firsts)
+    count_along_rays(vertices, faces, draft, rays, ways, depths, np.array(shapes), boxes, tested, met)
     packets = len(rays) * RAYS / np.prod(shapes, axis=1)
     return _whole(
-        total / count, boxes / packets[:, None, None], tested / packets[:, None], met / packets[:, None], count
+        len(order) / count, boxes / packets[:, None, None], tested / packets[:, None], met / packets[:, None], count
     )
 
 

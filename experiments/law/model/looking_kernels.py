@@ -7,7 +7,7 @@ import numpy as np
 from atra.compiled.store import float_part, kernel, njit
 from atra.trees.building import Draft, cheapest_split, fill_bins, new_scratch, widen
 from atra.trees.layout import BLOCK, DEEPEST
-from experiments.law.model.counting_kernels import RAYS, ROWS_A_WORD, SIDE, add_packets, first_bits
+from experiments.law.model.counting_kernels import ROWS_A_WORD, SIDE, add_packets, first_bits
 
 LEVELS = DEEPEST + 1
 
@@ -84,25 +84,6 @@ def _hit(corners, rays, depths, block, level, masks, hits, front):  # type: igno
         hits[0, row], front[0, row] = met, before
         met_any |= met
     return met_any != 0
-
-
-@float_part
-def _keep_nearest(corners, rays, block, hits, nearest):  # type: ignore[no-untyped-def]
-    """Lower nearest[block], (RAYS,), to the depth at which rays hit a triangle, where that is less.
-
-    corners, hits: as in `_hit`.
-    """
-    e0, e1, e2 = corners[1, 0] - corners[0, 0], corners[1, 1] - corners[0, 1], corners[1, 2] - corners[0, 2]
-    f0, f1, f2 = corners[2, 0] - corners[0, 0], corners[2, 1] - corners[0, 1], corners[2, 2] - corners[0, 2]
-    n0, n1, n2 = e1 * f2 - e2 * f1, e2 * f0 - e0 * f2, e0 * f1 - e1 * f0
-    for ray in range(RAYS):
-        if hits[0, ray // SIDE] & _BITS[ray % SIDE]:
-            t0, t1, t2 = (
-                corners[0, 0] - rays[block, 0, ray], corners[0, 1] - rays[block, 1, ray],
-                corners[0, 2] - rays[block, 2, ray],
-            )  # fmt: skip
-            along = n0 * rays[block, 3, ray] + n1 * rays[block, 4, ray] + n2 * rays[block, 5, ray]
-            nearest[block, ray] = min(nearest[block, ray], (n0 * t0 + n1 * t1 + n2 * t2) / along)
 
 
 SMALL = 256
@@ -182,15 +163,14 @@ def _split(draft, start, end, picked, sides, scratch):  # type: ignore[no-untype
 
 
 @kernel
-def count_along_rays(vertices, faces, draft, rays, ways, depths, shapes, boxes, tested, met, nearest):  # type: ignore[no-untyped-def]
+def count_along_rays(vertices, faces, draft, rays, ways, depths, shapes, boxes, tested, met):  # type: ignore[no-untyped-def]
     """Add up what packets of sampled rays meet.
 
     vertices: (V, 3) float32, faces: (F, 3), draft: `atra.trees.building.Draft`, not yet split. rays: (B, 6, RAYS)
     float32, origins and directions of B blocks, row by row of pixels; ways: the same with reciprocals of directions.
     depths: (B, RAYS) float32, what each ray sees. shapes: (N, 2) int64, columns and rows of packets. Written, the
     second index along the whole ray, and up to what is seen: boxes (N, 2, LEVELS) int64, boxes of each level that a
-    packet enters; tested (N, 2), triangles in leaves that it enters; met (N, 2), triangles that it hits; nearest: (B,
-    RAYS) float32, lowered to the depth of each ray's first hit, or (0, RAYS).
+    packet enters; tested (N, 2), triangles in leaves that it enters; met (N, 2), triangles that it hits.
     """
     blocks, kinds = len(rays), len(shapes)
     scratch, picked, sides = new_scratch(), np.empty(MOST_BINNED, np.int32), np.empty((2, 6), np.float32)
@@ -228,8 +208,8 @@ def count_along_rays(vertices, faces, draft, rays, ways, depths, shapes, boxes, 
             if _enter(draft.boxes, node, ways, depths, block, level, masks, front):
                 active[level + 1, number] = block
                 number += 1
-                add_packets(masks[level + 1], block, words, shapes, firsts, 0, 1, entered)
-                add_packets(front, block, words, shapes, firsts, 1, 1, entered)
+                add_packets(masks[level + 1], block, words, shapes, firsts, 0, entered)
+                add_packets(front, block, words, shapes, firsts, 1, entered)
         counts[level + 1] = number
         if number == 0:
             continue
@@ -252,7 +232,5 @@ def count_along_rays(vertices, faces, draft, rays, ways, depths, shapes, boxes, 
                     corners[corner, axis] = vertices[faces[draft.order[place], corner], axis]
             for k in range(number):
                 if _hit(corners, rays, depths, active[level + 1, k], level + 1, masks, hits, seen):
-                    add_packets(hits, 0, words, shapes, firsts, 0, 1, met)
-                    add_packets(seen, 0, words, shapes, firsts, 1, 1, met)
-                    if len(nearest):
-                        _keep_nearest(corners, rays, active[level + 1, k], hits, nearest)
+                    add_packets(hits, 0, words, shapes, firsts, 0, met)
+                    add_packets(seen, 0, words, shapes, firsts, 1, met)

@@ -1,15 +1,14 @@
 """Are converged pictures of this path tracer and of Mitsuba 3 the same? Compares means of blocks of 16 x 16 pixels.
 
-    python -m experiments.light.equal_error.blocks reports/reference/equal_error_blocks --samples 4096
+    python -m experiments.studies equal_error_blocks reports/reference/equal_error_blocks samples=4096
 
-Needs what `experiments.light.equal_error` needs. Each picture is made in batches of samples; their spread is the noise
+Needs what the study `equal_error` needs. Each picture is made in batches of samples; their spread is the noise
 of a block's mean, so that a difference can be told from noise. Rows of the same scene are replaced.
 """
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -65,23 +64,13 @@ def compare(name: str, samples: int, threads: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def main() -> None:
-    """Compare what the arguments say and write the table."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--scene", action="append", choices=list(SCENES))
-    parser.add_argument("--samples", type=int, default=4096)
-    parser.add_argument("--threads", type=int, default=2)
-    given = parser.parse_args()
-    given.folder.mkdir(parents=True, exist_ok=True)
-    path, machine = given.folder / "table.parquet", read_environment()
+def study(folder: str, *, scenes: Sequence[str] = tuple(SCENES), samples: int = 4096, threads: int = 2) -> None:
+    """Compare pictures of so many samples and write the table."""
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    path, machine = Path(folder, "table.parquet"), read_environment()
     table = pd.read_parquet(path) if path.exists() else pd.DataFrame()
-    for name in given.scene or SCENES:
-        row = compare(name, given.samples, given.threads) | {"processor": machine.cpu, "commit": machine.git_commit}
+    for name in scenes:
+        row = compare(name, samples, threads) | {"processor": machine.cpu, "commit": machine.git_commit}
         table = pd.concat([table, pd.DataFrame([row])]).drop_duplicates("scene", keep="last", ignore_index=True)
         table.to_parquet(path, index=False)
         print(row, flush=True)
-
-
-if __name__ == "__main__":
-    main()
