@@ -91,8 +91,8 @@ from .methods import trace as trace
 from .packets.pixel import PixelTracer as PixelTracer
 from .prim_ids import MISS as MISS
 from .raster.tracer import RasterTracer as RasterTracer
+from .rays.all_hits.gathered import RayHitLists as RayHitLists
 from .rays.all_hits.gathered import RayLayers as RayLayers
-from .rays.all_hits.lists import RayHitLists as RayHitLists
 from .rays.rays import RayHits as RayHits
 from .rays.rays import Rays as Rays
 from .rays.scene import RayScene as RayScene

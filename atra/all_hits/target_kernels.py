@@ -1,4 +1,4 @@
-"""The target: the arrays that hits are gathered into, and the hits in doubt to leave out, as one block of addresses.
+"""The target: the arrays that hits are gathered into, and the undecided hits to leave out, as one block of addresses.
 
 A filter receives nothing but an address, so it reads the block from memory; Numba loops read it likewise.
 """
@@ -16,7 +16,7 @@ from atra.compiled.store import njit
 from atra.compiled.vectors import bits_of, mask_of, rarely
 
 LIST_END = np.uint32(0xFFFFFFFF)
-"""Ends a pixel's list of triangles in doubt; no triangle has this number."""
+"""Ends a pixel's list of undecided triangles; no triangle has this number."""
 
 LINE = 16
 """Pixels of a cache line; also the widest vector."""
@@ -30,7 +30,7 @@ class Target(NamedTuple):
 
     values: first pixel of counts, thicknesses, transmittances, or depths of the first layer. prim_ids, counts: of the
     first layer, and of the counts beside layers. row, plane: pixels from one row, and layer, to the next. layers:
-    number of layers. weights: (F,) float32. marks: one byte per pixel, the marks of its triangles in doubt. first: one
+    number of layers. weights: (F,) float32. marks: one byte per pixel, the marks of its undecided triangles. first: one
     int32 per pixel, where its list starts in `listed`, (N,) uint32; valid only where a mark is set. is_known: 1 for an
     earlier result, whose layers beyond its counts are known to be misses.
     """
@@ -82,8 +82,8 @@ def _listed(marked, nx, prim_id, pixel, target):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True)
-def without_doubts(lanes, nx, taken, prim_id, pixel, target):  # type: ignore[no-untyped-def]
-    """Mask `taken` without the pixels where the triangle is in doubt: `lanes` pixels in rows of nx, the first is
+def without_undecided(lanes, nx, taken, prim_id, pixel, target):  # type: ignore[no-untyped-def]
+    """Mask `taken` without the pixels where the triangle is undecided: `lanes` pixels in rows of nx, the first is
     `pixel`."""
     mark = 1 << np.int64(prim_id % np.uint32(MARKS))
     marked = taken & marked_rows(target.marks + pixel, target.row, mark, lanes, nx)

@@ -21,8 +21,8 @@ Components: TypeAlias = Sequence[NDArray[np.float64]] | NDArray[np.float64]
 NOISE = 1e-14
 """Size of a volume, relative to the product of its lengths, up to which it counts as 0: fifty roundings of float64."""
 
-SLACK = 1e-12
-"""Tolerance of lying inside of a triangle, barycentric, and of lying equally deep, relative."""
+FLOAT64_TOLERANCE = 1e-12
+"""Tolerance of what float64 decides: lying inside a triangle, barycentric, and being equally deep, relative."""
 
 
 @dataclass(frozen=True, eq=False)

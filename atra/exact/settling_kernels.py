@@ -6,7 +6,7 @@ import numpy as np
 
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import kernel, njit
-from atra.exact.intersection import NOISE, SLACK
+from atra.exact.intersection import FLOAT64_TOLERANCE, NOISE
 from atra.exact.ties_kernels import TILE
 
 MANY = 16
@@ -33,7 +33,7 @@ def _intersect(vertices, faces, triangle, ox, oy, oz, dx, dy, dz):  # type: igno
     u = (px * sx + py * sy + pz * sz) / determinant
     v = (dx * qx + dy * qy + dz * qz) / determinant
     depth = (bx * qx + by * qy + bz * qz) / determinant
-    return depth, min(u, v, 1.0 - u - v) >= -SLACK
+    return depth, min(u, v, 1.0 - u - v) >= -FLOAT64_TOLERANCE
 
 
 @njit(forceinline=True)

@@ -8,7 +8,7 @@ import numpy as np
 from numba import types
 
 from atra.all_hits.taking_kernels import THICKNESS, TRANSMITTANCE, take
-from atra.all_hits.target_kernels import target_at, without_doubts
+from atra.all_hits.target_kernels import target_at, without_undecided
 from atra.compiled.intrinsics import address_at, float_at, uint32_at
 from atra.compiled.lanes import nonzero_lanes
 from atra.compiled.memory import load, store
@@ -49,7 +49,7 @@ def gathering_filter(kind: int, shape_x: int, shape_y: int, cells: str) -> int:
                 if not by_instance:
                     prim_id = np.uint32(record & 0xFFFFFFFF)
             target = target_at(address_at(context + _TARGET))
-            taken = without_doubts(lanes, nx, nonzero_lanes(valid, lanes), prim_id, pixel, target)
+            taken = without_undecided(lanes, nx, nonzero_lanes(valid, lanes), prim_id, pixel, target)
             depth = load(address_at(arguments + RAY) + tfar, np.float32(0.0), lanes)
             weight = float_at(target.weights + np.int64(prim_id) * 4) if weighted else np.float32(0.0)
             take(kind, lanes, nx, taken, depth, weight, prim_id, pixel, target)

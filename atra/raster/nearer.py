@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from atra.compiled.memory import doubles_at, floats_at, identities_at
 from atra.compiled.store import njit
-from atra.exact.intersection import SLACK
+from atra.exact.intersection import FLOAT64_TOLERANCE
 from atra.prim_ids import MISS
 from atra.raster.image import eye_at
 
@@ -61,7 +61,7 @@ def nearness_along(parallel, eye, clusters, prim_id, row):  # type: ignore[no-un
 def _is_behind(own, theirs, prim_id, other):  # type: ignore[no-untyped-def]
     """Whether of two nearnesses the other triangle's is the larger, or the same and its prim_id is the lower."""
     ahead = own - theirs
-    return other < prim_id if abs(ahead) <= SLACK * abs(theirs) else ahead < 0.0
+    return other < prim_id if abs(ahead) <= FLOAT64_TOLERANCE * abs(theirs) else ahead < 0.0
 
 
 @njit(forceinline=True)

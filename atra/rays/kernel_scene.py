@@ -18,8 +18,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_world_range, padded_vertices
 from atra.rays.embree_kernels import embree_kernel
 from atra.rays.geometries import checked_faces
-from atra.rays.order import RayOrder
-from atra.rays.plan import plan_of
+from atra.rays.order import RayOrder, plan_of
 from atra.rays.rays import Rays
 from atra.rays.rays_kernels import RayBatch
 from atra.tracing.lifetime import Lifetime, check_same_faces

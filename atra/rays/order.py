@@ -1,15 +1,16 @@
-"""An order of rays in which those that start near each other and head the same way follow each other."""
+"""How a batch of rays is traced: together or one by one, and in an order in which rays near by follow each other."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.compiled.aligned_memory import aligned_empty
 from atra.compiled.threads import WorkerPool
+from atra.geometry.mesh import Mesh
 from atra.rays.order_kernels import (
     BUCKETS,
     CELLS,
@@ -19,7 +20,7 @@ from atra.rays.order_kernels import (
     order_rays,
     put_back,
 )
-from atra.rays.rays_kernels import batch_of
+from atra.rays.rays_kernels import batch_of, coherent_places
 
 Numbers = tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]
 """The arrays of a batch of rays, of one type: origins, directions, tnear, tfar."""
@@ -97,3 +98,39 @@ class RayOrder:
     def forget(self) -> None:
         """Release the memory."""
         self._memory = None
+
+
+FEWEST_RAYS = 1 << 16
+"""Smallest batch whose rays are put in order; in smaller ones that costs more than it saves."""
+
+NEAR_BY = 1 / 64
+"""Coherent rays start nearer to each other than this share of the mesh's size."""
+
+_PLACES, _NEIGHBOURS = 64, 16
+"""Places in a batch, and rays at each, that show whether neighbours are coherent."""
+
+
+class Plan(NamedTuple):
+    """How a batch is traced.
+
+    is_coherent: whether most neighbours are coherent. near_by: how far apart rays start at most that are traced
+    together, scene units; inf: all are, below 0: none. in_order: whether the rays are put in an order first.
+    """
+
+    is_coherent: bool
+    near_by: float
+    in_order: bool
+
+
+def plan_of(rays: Numbers, mesh: Mesh, coherent: bool | None, fewest_triangles: int) -> Plan:
+    """The plan for a batch: a sample of it tells, unless `coherent` does.
+
+    fewest_triangles: of the smallest mesh whose rays are put in order.
+    """
+    if coherent is not None:
+        return Plan(bool(coherent), np.inf if coherent else -1.0, False)
+    count, near_by = len(rays[0]), NEAR_BY * float((mesh.bounds[1] - mesh.bounds[0]).max())
+    neighbours = min(_NEIGHBOURS, count)
+    if count == 0 or coherent_places(batch_of(*rays), count, _PLACES, neighbours, near_by) > _PLACES / 2:
+        return Plan(True, near_by, False)
+    return Plan(False, near_by, count >= FEWEST_RAYS and mesh.triangle_count >= fewest_triangles)

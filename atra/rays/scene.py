@@ -18,8 +18,7 @@ from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.rays.all_hits.contains import FARTHEST_POINT, METHODS, Interior, check_points
 from atra.rays.all_hits.finding import MOST, HitFinder, Progress
-from atra.rays.all_hits.gathered import RayLayers, gathered
-from atra.rays.all_hits.lists import RayHitLists
+from atra.rays.all_hits.gathered import RayHitLists, RayLayers, gathered
 from atra.rays.geometries import Geometries, joined
 from atra.rays.kernel_scene import NO_T, KernelScene
 from atra.rays.rays import RayHits, Rays, checked_out, hits_memory, rays_of

@@ -11,9 +11,6 @@ from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import LANES, Tracing
 from experiments.harness.options import Settings, option, whole
 
-WATERTIGHT = {"robust": True}
-"""Options for pictures that are shown and not measured."""
-
 
 class MethodOptions(Settings):
     """Options of a method of ours."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from atra.exact.intersection import SLACK, divided, triangles_in_camera_space, volumes_of
+from atra.exact.intersection import FLOAT64_TOLERANCE, divided, triangles_in_camera_space, volumes_of
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import own_space
 from atra.geometry.view import View
@@ -28,8 +28,8 @@ def brute_force(mesh: Mesh, camera: View, offset: tuple[float, float] = (0.5, 0.
     prim_id = np.full(len(x), MISS, np.uint32)
     for i in range(mesh.triangle_count):
         found = divided(volumes_of(origins, directions, corner[i], edge_1[i], edge_2[i], own_camera.eye))
-        inside = (found.edge_distance >= -SLACK) & (found.depth > 0.0)
-        nearer = inside & (found.depth < depth * (1.0 - SLACK))
+        inside = (found.edge_distance >= -FLOAT64_TOLERANCE) & (found.depth > 0.0)
+        nearer = inside & (found.depth < depth * (1.0 - FLOAT64_TOLERANCE))
         depth[nearer] = found.depth[nearer]
         prim_id[nearer] = i
     shape = (camera.height, camera.width)

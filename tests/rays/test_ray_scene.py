@@ -18,7 +18,6 @@ from atra.exact.intersection import intersect_rays
 from atra.rays.embree_kernels import CHUNK, embree_kernel
 from atra.rays.order import RayOrder, box_of
 from atra.rays.order_kernels import CELLS, SORTED_CHUNK
-from atra.rays.plan import FEWEST_RAYS
 from experiments.workloads.agreement.brute_force_kernels import nearest_triangles
 from tests.images import assert_no_pixel_wrong, assert_same_bits, trace
 from tests.machine import WIDEST, WIDTHS
@@ -478,18 +477,19 @@ def assert_same_bits_of_rays(found, expected):
 def test_the_order_that_a_large_batch_is_traced_in_changes_no_bit(width, monkeypatch):
     monkeypatch.setattr(atra.rays.kernel_scene, "FEWEST_TRIANGLES", 1)
     monkeypatch.setattr(atra.rays.all_hits.finding, "FEWEST_TRIANGLES", 1)
-    monkeypatch.setattr(atra.rays.order, "ORDERED", FEWEST_RAYS - 700)  # in two parts, the second of 777
-    mesh, ordered = MESHES["many small"], []
+    fewest, mesh, ordered = 4000, MESHES["many small"], []
+    monkeypatch.setattr(atra.rays.order, "FEWEST_RAYS", fewest)
+    monkeypatch.setattr(atra.rays.order, "ORDERED", fewest - 700)  # in two parts, the second of 777
     order = RayOrder.ordered
     monkeypatch.setattr(RayOrder, "ordered", lambda *given: ordered.append(1) or order(*given))
-    nearest = np.linspace(0.0, 0.1, FEWEST_RAYS + 77)
+    nearest = np.linspace(0.0, 0.1, fewest + 77)
     rays = random_rays(len(nearest), 9, mesh, tnear=nearest, tfar=nearest + 2)
     assert_same_bits_of_rays(traced(mesh, rays, width, coherent=None), traced(mesh, rays, width))
     with scene_of(mesh, width) as scene:
         assert (scene.occluded(rays) == scene.occluded(rays, coherent=False)).all()
         assert len(ordered) == 4
-        scene.intersect(atra.Rays(np.zeros((FEWEST_RAYS, 3)), np.ones((FEWEST_RAYS, 3))))  # has an order
-        scene.intersect(random_rays(FEWEST_RAYS - 1, 1, mesh))
+        scene.intersect(atra.Rays(np.zeros((fewest, 3)), np.ones((fewest, 3))))  # has an order
+        scene.intersect(random_rays(fewest - 1, 1, mesh))
         assert len(ordered) == 4
     with pytest.raises(atra.ClosedError, match="closed"):
         scene.intersect(rays)

@@ -232,7 +232,7 @@ def test_walls_are_seen_to_fall():
     assert breaches(Wall("atra.files.formats", ("trimesh",)))  # inside of a function
     assert not breaches(Wall("atra.tracing", ("atra.embree",), apart_from=("atra.tracing",)))
     assert not breaches(Wall("atra.tracing", ("atra.embree",), but=("atra.embree",)))
-    assert breaches(Wall("atra.alignment", ("atra.raster",)))
+    assert breaches(Wall("atra.alignment", ("atra.packets",)))
     assert breaches(Wall("atra.light", LIGHT[1:], apart_from=LIGHT[1:]))  # its face
     assert breaches(Wall("atra.packets", ("numba",)))
     assert breaches(Wall("experiments", ("experiments.methods",), but=("experiments.methods.naming",)))

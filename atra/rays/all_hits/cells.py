@@ -53,7 +53,7 @@ def cells_of(finder: HitFinder, kept: NDArray[np.bool_] | None) -> Cells:
     is_empty = known != UNKNOWN
     starts = is_empty.copy()
     starts[:, :, 1:] &= ~is_empty[:, :, :-1]
-    middles = low + (np.argwhere(starts) + 0.5) / inverse
+    middles = np.ascontiguousarray(low + (np.argwhere(starts) + 0.5) / inverse)
     odd = (finder.columns(middles).counts & 1).astype(np.uint8)
     run = np.cumsum(starts.reshape(-1)) - 1
     empty = is_empty.reshape(-1)

@@ -13,14 +13,12 @@ from atra.compiled.threads import WorkerPool
 from atra.errors import MemoryBudgetError
 from atra.exact.lines_kernels import PARTS
 from atra.geometry.mesh import Mesh
-from atra.rays.all_hits.columns_kernels import cross_columns
+from atra.rays.all_hits.boxes_kernels import MOST_NODES
 from atra.rays.all_hits.crossings_kernels import AREAS
 from atra.rays.all_hits.finding_kernels import all_hits_kernel, lay_out
-from atra.rays.all_hits.groups_kernels import MOST_NODES
 from atra.rays.all_hits.memory import CHUNK, LANE_ROWS, LEAVES, RAY_LANES, STACK, Found, Lists, TreeAddresses
 from atra.rays.nearest.batches_kernels import nearest_kernel
-from atra.rays.order import RayOrder
-from atra.rays.plan import plan_of
+from atra.rays.order import Numbers, RayOrder, plan_of
 from atra.rays.rays import Rays
 from atra.rays.rays_kernels import RayBatch, batch_of
 from atra.tracing.budgets import check_needed_bytes
@@ -61,11 +59,11 @@ class HitArrays(NamedTuple):
 
 
 class Columns(NamedTuple):
-    """Rays along an axis of the world. counts: (P,) int32, triangles crossed. turns: (P,) int32, those left less those
+    """Rays along an axis of the world. counts: (P,) int32, triangles crossed. turns: (P,) int64, those left less those
     entered. directions: (P, 3) float64."""
 
     counts: NDArray[np.int32]
-    turns: NDArray[np.int32]
+    turns: NDArray[np.int64]
     directions: NDArray[np.float64]
 
 
@@ -115,20 +113,26 @@ class HitFinder:
         t, prim_id, u, v = hits
         return HitArrays(splits, t, prim_id, u, v, truncated)
 
-    def count(self, rays: Rays, progress: Progress | None = None, most: int = MOST) -> NDArray[np.int32]:
-        """(N,) int32, the number of hits of each ray, up to `most`."""
-        counts, kernel = np.empty(len(rays), np.int32), all_hits_kernel(True)
-        for start in range(0, len(rays), BATCH):
-            some = slice(start, min(start + BATCH, len(rays)))
-            lists, batch = _lists(counts[some]), _batch(rays, some)
+    def count(self, rays: Rays, progress: Progress | None = None) -> NDArray[np.int32]:
+        """(N,) int32, the number of hits of each ray."""
+        return self._counted(_numbers(rays), progress)[0]
 
-            def work(worker: int, counter: int, batch: RayBatch = batch, lists: Lists = lists) -> None:
-                kernel(counter, self.tree, batch, lists, self._found[worker], worker, most)
-
-            self._pool.run(work)
+    def _counted(self, rays: Numbers, progress: Progress | None = None) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+        """(N,) int32, the number of hits of each ray, and (N,) int64, how many more triangles it leaves than enters."""
+        count, kernel = len(rays[0]), all_hits_kernel(True)
+        counts, turns = np.empty(count, np.int32), np.empty(count, np.int64)
+        for start in range(0, count, BATCH):
+            some = slice(start, min(start + BATCH, count))
+            self._run(kernel, rays, some, _lists(counts[some], turns[some]), MOST)
             if progress is not None:
-                progress(some.stop, len(rays))
-        return counts
+                progress(some.stop, count)
+        return counts, turns
+
+    def _run(self, kernel: Callable[..., None], rays: Numbers, some: slice, lists: Lists, most: int) -> None:
+        batch = batch_of(*(array[some] for array in rays))
+        self._pool.run(
+            lambda worker, counter: kernel(counter, self.tree, batch, lists, self._found[worker], worker, most)
+        )
 
     def hit(
         self, rays: Rays, coherent: bool | None, t: NDArray[np.float32], answers: NDArray[Any], touches: bool = False
@@ -138,7 +142,7 @@ class HitFinder:
         coherent: as for `RayScene.intersect`. t, answers: (N,), as for `nearest_kernel`. touches: whether rays hit what
         they meet in an edge or a corner alone.
         """
-        numbers = rays.origins, rays.directions, rays.tnear, rays.tfar
+        numbers = _numbers(rays)
         plan, kernel = plan_of(numbers, self.mesh, coherent, FEWEST_TRIANGLES), nearest_kernel(not len(t))
         near_by = plan.near_by if plan.is_coherent else -1.0
 
@@ -151,38 +155,26 @@ class HitFinder:
             self._order.traced(numbers, plan.in_order, trace, t, answers)
 
     def columns(self, points: NDArray[np.float64], everywhere: bool = False) -> Columns:
-        """The crossings of a ray along an axis of the world from each point, (P, 3) float64.
+        """The crossings of a ray along an axis of the world from each point, (P, 3) float64, contiguous.
 
         A point outside the mesh's box crosses nothing, which says no more than its parity, unless `everywhere`.
         """
         low, high = self.mesh.bounds
         axis = int(np.argmin(high - low))
-        outer = (np.full(3, -np.inf), np.full(3, np.inf)) if everywhere else (low, high)
-        counts, turns = np.empty(len(points), np.int32), np.empty(len(points), np.int32)
-        middle = float(low[axis] + high[axis])
-        for start in range(0, len(points), BATCH):
-            some = slice(start, start + BATCH)
-            given = points[some], axis, *outer, middle
-            out = counts[some], turns[some]
-            self._pool.run(
-                lambda worker, counter, given=given, out=out: cross_columns(  # type: ignore[misc]
-                    counter, self.tree, *given, self._found[worker], *out
-                )
-            )
         directions = np.zeros((len(points), 3))
-        directions[:, axis] = np.where(2.0 * points[:, axis] >= middle, 1.0, -1.0)
+        directions[:, axis] = np.where(2.0 * points[:, axis] >= low[axis] + high[axis], 1.0, -1.0)
+        is_asked = everywhere | ((points >= low) & (points <= high)).all(axis=1)
+        counts, turns = self._counted((points, directions, np.zeros(len(points)), np.where(is_asked, np.inf, 0.0)))
         return Columns(counts, turns, directions)
 
     def _traced(self, rays: Rays, some: slice, most: int) -> Lists:
         """The hits of some rays, in the threads' memory."""
-        lists = _lists(np.empty(some.stop - some.start, np.int32))
-        batch, kernel = _batch(rays, some), all_hits_kernel(False)
+        count, kernel = some.stop - some.start, all_hits_kernel(False)
+        lists = _lists(np.empty(count, np.int32), np.empty(count, np.int64))
         for found in self._found:
             found.used[0] = 0
         while True:
-            self._pool.run(
-                lambda worker, counter: kernel(counter, self.tree, batch, lists, self._found[worker], worker, most)
-            )
+            self._run(kernel, _numbers(rays), some, lists, most)
             if lists.done.sum() == len(lists.counts):
                 return lists
             full = [2 * int(found.used[0]) >= len(found.t) for found in self._found]  # or one ray has half of a memory
@@ -194,15 +186,12 @@ class HitFinder:
         self._pool.run(lambda worker, counter: lay_out(counter, worker, lists, self._found[worker], starts, *hits))
 
 
-def _batch(rays: Rays, some: slice) -> RayBatch:
-    """The batch of some rays, which must stay alive."""
-    return batch_of(rays.origins[some], rays.directions[some], rays.tnear[some], rays.tfar[some])
+def _numbers(rays: Rays) -> Numbers:
+    return rays.origins, rays.directions, rays.tnear, rays.tfar
 
 
-def _lists(counts: NDArray[np.int32]) -> Lists:
-    count = len(counts)
-    done = np.zeros(-(-count // CHUNK), np.int64)
-    return Lists(done, counts, np.empty(count, np.int64), np.empty(count, np.bool_))
+def _lists(counts: NDArray[np.int32], places: NDArray[np.int64]) -> Lists:
+    return Lists(np.zeros(-(-len(counts) // CHUNK), np.int64), counts, places, np.empty(len(counts), np.bool_))
 
 
 def _memory(size: int) -> Found:

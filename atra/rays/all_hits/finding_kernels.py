@@ -13,9 +13,8 @@ from atra.compiled.lanes import first_bit
 from atra.compiled.store import float_kernel, kernel, njit
 from atra.exact.lines_kernels import plane_parameter
 from atra.exact.sums_kernels import out_of_line
-from atra.rays.all_hits.boxes_kernels import box_ray, child_node, entered, first_block, start_of
+from atra.rays.all_hits.boxes_kernels import GROUP, box_ray, child_node, entered, find_together, first_block, start_of
 from atra.rays.all_hits.crossings_kernels import candidates, crossing_of, line_of, prim_id_of
-from atra.rays.all_hits.groups_kernels import GROUP, find_together
 from atra.rays.all_hits.memory import CHUNK, LEAVES, WORKER_SHIFT, TreeAddresses
 from atra.rays.rays_kernels import scaled_ray, vector_at
 from atra.trees.layout import BLOCK_BYTES
@@ -107,14 +106,14 @@ def _add_leaf(found, leaves, tree, node, child):  # type: ignore[no-untyped-def]
 
 @cache
 def all_hits_kernel(counting: bool) -> Callable[..., None]:
-    """The loop over rays for all hits; counting: only for their number."""
+    """The loop over rays for all hits; counting: only for their number and the sum of their signs, which it writes to
+    `places`."""
 
     @float_kernel
     def find_all(counter_address, tree, batch, lists, found, worker, most):  # type: ignore[no-untyped-def]
         """Find the hits of all rays that are not done, until a chunk has no room for its hits.
 
-        most: hits to keep of each ray, the nearest, or after which to stop counting. found: this thread's memory,
-        number `worker`.
+        most: hits to keep of each ray, the nearest. found: this thread's memory, number `worker`.
         """
         exact, areas = found.exact.ctypes.data, found.areas.ctypes.data
         while True:
@@ -128,12 +127,11 @@ def all_hits_kernel(counting: bool) -> Callable[..., None]:
                     following = min(number + GROUP, last)
                     nodes = find_together(batch, number, following, tree, found)
                 o, d, tnear, tfar, scale = scaled_ray(batch, number)
-                start, count = found.used[0], np.int64(0)
+                start, count, turn = found.used[0], np.int64(0), np.int64(0)
                 is_near, s = start_of(o, d, tnear, tree.sphere)
                 if not (is_near and tnear < tfar and s < tfar):
-                    lists.counts[number] = 0
-                    if not counting:
-                        lists.truncated[number], lists.places[number] = False, worker << WORKER_SHIFT | start
+                    lists.counts[number], lists.truncated[number] = 0, False
+                    lists.places[number] = 0 if counting else worker << WORKER_SHIFT | start
                     continue
                 ray, line, worst = box_ray(o, d, s, tfar, tree.sphere), line_of(o, d, tree.sphere), 0.0
                 place, top = 0, 0
@@ -184,13 +182,10 @@ def all_hits_kernel(counting: bool) -> Callable[..., None]:
                                 found.u[into], found.v[into] = u, v
                                 worst = max(worst, error)
                             count += 1
-                            if counting and count >= most:
-                                maybe = top = leaves = 0
-                                place = nodes
-                lists.counts[number] = min(count, most)
+                            turn += sign
+                lists.counts[number], lists.truncated[number] = min(count, most), count > most
+                lists.places[number] = turn if counting else worker << WORKER_SHIFT | start
                 if not counting:
-                    lists.truncated[number] = count > most
-                    lists.places[number] = worker << WORKER_SHIFT | start
                     if count > 1:
                         _put_in_order(found, start, count, most, Close(2.0 * worst * scale, o, d, scale, tree, exact))
                     found.used[0] = start + min(count, most)

@@ -74,7 +74,8 @@ class Found(NamedTuple):
 
 class Lists(NamedTuple):
     """What is known of each ray. done: (chunks,) int64, rays of a chunk that are finished. counts: (N,) int32, hits
-    kept. places: (N,) int64, thread and place of the first. truncated: (N,) bool, there are more."""
+    kept. places: (N,) int64, thread and place of the first, or the sum of the signs of hits that are only counted.
+    truncated: (N,) bool, there are more."""
 
     done: NDArray[np.int64]
     counts: NDArray[np.int32]

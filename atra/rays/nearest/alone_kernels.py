@@ -67,6 +67,18 @@ def put(memory, place, node, entry):  # type: ignore[no-untyped-def]
     store(splat(np.float32(entry), 1), memory.reached + 4 * place)
 
 
+@njit(forceinline=True)
+def put_in_order(memory, lowest, top, node, entry):  # type: ignore[no-untyped-def]
+    """Put a node on the stack, whose top it raises, between those from `lowest` on: the farthest stands lowest."""
+    while top > lowest:
+        before = float_at(memory.reached + 4 * (top - 1))
+        if not before < entry:
+            break
+        put(memory, top, address_at(memory.stack + 8 * (top - 1)), before)
+        top -= 1
+    put(memory, top, node, entry)
+
+
 @float_part
 def nearest_alone(tree, o, d, tnear, tfar, memory, touches):  # type: ignore[no-untyped-def]
     """(t, prim_id) of the nearest hit of a ray; inf and `MISS` where there is none.
@@ -109,14 +121,7 @@ def nearest_alone(tree, o, d, tnear, tfar, memory, touches):  # type: ignore[no-
             blocks = np.int64(int32_at(node + BLOCK_COUNTS + child))
             to = first_block(tree, node, child) + LEAF if blocks else child_node(tree, node, child)
             for _ in range(max(blocks, 1)):
-                into = top  # the farthest stands lowest
-                while into > first:
-                    near = float_at(memory.reached + 4 * (into - 1))
-                    if not near < entry:
-                        break
-                    put(memory, into, address_at(memory.stack + 8 * (into - 1)), near)
-                    into -= 1
-                put(memory, into, to, entry)
+                put_in_order(memory, first, top, to, entry)
                 to += BLOCK_BYTES
                 top += 1
     if hit_block == 0:

@@ -10,11 +10,11 @@ import numpy as np
 
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import kernel, njit
-from atra.exact.intersection import NOISE, SLACK
+from atra.exact.intersection import FLOAT64_TOLERANCE, NOISE
 from atra.prim_ids import MISS
 
 _NEAR = 1e-9
-"""Tolerance of the test without divisions, a share of the determinant; larger than SLACK, so that it loses no hit."""
+"""Tolerance of the test without divisions, a share of the determinant; above FLOAT64_TOLERANCE, so it loses no hit."""
 
 _BLOCK = 128
 """Rays per pass over the triangles, few enough for the first-level cache."""
@@ -88,7 +88,7 @@ def nearest_triangles(counter_address, origins, directions, corners, edges_1, ed
                 u = _dot(px, py, pz, tx, ty, tz) / determinant
                 v = _dot(dx[i], dy[i], dz[i], qx, qy, qz) / determinant
                 t = ahead / determinant
-                inside = min(min(u, v), 1.0 - u - v) >= -SLACK and t > 0.0
-                if inside and t < depth[start + i] * (1.0 - SLACK):
+                inside = min(min(u, v), 1.0 - u - v) >= -FLOAT64_TOLERANCE and t > 0.0
+                if inside and t < depth[start + i] * (1.0 - FLOAT64_TOLERANCE):
                     depth[start + i] = t
                     prim_id[start + i] = triangle

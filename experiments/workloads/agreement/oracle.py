@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.errors import InputError
-from atra.exact.intersection import SLACK, Pairs, triangles_in_camera_space
+from atra.exact.intersection import FLOAT64_TOLERANCE, Pairs, triangles_in_camera_space
 from atra.exact.rounding import Rounding
 from atra.exact.ties import TIE_TOLERANCE
 from atra.geometry.mesh import Mesh
@@ -126,7 +126,7 @@ def nearest_hits(
     """The nearest hit of the ray of each pixel (x, y), found by testing all triangles in float64.
 
     x, y: (N,) integers. Edges belong to the triangle, and of triangles at one depth the lowest `prim_id` wins,
-    both to SLACK. Raises InputError for a bad offset or thread count.
+    both to FLOAT64_TOLERANCE. Raises InputError for a bad offset or thread count.
     """
     mesh, camera = own_space(mesh, camera)
     origins, directions = (np.ascontiguousarray(part.T) for part in camera.rays(x, y, offset))
@@ -190,7 +190,7 @@ def _truth(pairs: Pairs, other: NDArray[np.integer], exhaustive: NDArray[np.bool
     depth, prim_id = np.full(len(other), np.inf), np.full(len(other), MISS)
     for candidate in (np.minimum(pairs.prim_id, other), np.maximum(pairs.prim_id, other)):  # the lowest of ties wins
         met, edge_distance = _met(replace(pairs, prim_id=candidate))
-        nearer = (edge_distance >= -SLACK) & (met > 0.0) & (met < depth * (1.0 - SLACK))
+        nearer = (edge_distance >= -FLOAT64_TOLERANCE) & (met > 0.0) & (met < depth * (1.0 - FLOAT64_TOLERANCE))
         depth[nearer], prim_id[nearer] = met[nearer], candidate[nearer]
     x, y = pairs.x[exhaustive], pairs.y[exhaustive]
     tested = nearest_hits(pairs.mesh, pairs.camera, x, y, pairs.offset, threads)
@@ -202,7 +202,7 @@ def _judge_answer(
     pairs: Pairs, stored_depth: NDArray[np.float32], truth: Truth, depth_is_wrong: NDArray[np.bool_]
 ) -> Answer:
     depth, edge_distance = _met(pairs)
-    is_met = edge_distance >= -SLACK  # False for a miss
+    is_met = edge_distance >= -FLOAT64_TOLERANCE  # False for a miss
     with np.errstate(invalid="ignore"):  # inf - inf
         as_deep = np.abs(depth - truth.depth) <= TIE_TOLERANCE * np.maximum(depth, truth.depth)
     right = pairs.prim_id == truth.prim_id
@@ -214,7 +214,7 @@ def _judge_answer(
     )
     correctness[_holes(pairs, correctness, depth, truth)] = Correctness.HOLE
     beside = (pairs.prim_id != MISS) & ~is_met
-    # Within SLACK a ray hits from slightly outside; its distance counts as 0.
+    # Within FLOAT64_TOLERANCE a ray hits from slightly outside; its distance counts as 0.
     off_by = np.where(right | tied, 0.0, np.where(beside, -edge_distance, np.maximum(truth.edge_distance, 0.0)))
     prim_id = np.asarray(pairs.prim_id, np.uint32)
     return Answer(prim_id, stored_depth, depth, edge_distance, correctness, off_by)
