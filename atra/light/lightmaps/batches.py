@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +21,6 @@ from atra.light.lightmaps.samples_kernels import gather, generate
 from atra.light.lightmaps.shadows_kernels import shine_kernel
 from atra.light.pictures.path_kernels import ROW_PADDING
 from atra.rays.kernel_scene import KernelScene, Query
-
-if TYPE_CHECKING:
-    from atra.light.lightmaps.gather.probes import ProbeSums
 
 _RAY_BYTES = 4 * (PATH_ROWS + 6 + RESULTS) + 1
 """Memory per ray in flight."""
@@ -112,8 +109,8 @@ class Stages:
         """As `add_batch`."""
         return add_batch(job, first, count, self._tables, self._batch, self)
 
-    def add_probes(self, sums: ProbeSums, first: int, count: int) -> None:
-        """As `ProbeSums.add`."""
+    def add_probes(self, sums: Any, first: int, count: int) -> None:
+        """As `ProbeSums.add` of sums."""
         sums.add(first, count, self._tables, self._batch, self)
 
     def light(self, batch: Batch, count: int, which: int, vertex: int) -> None:
