@@ -49,8 +49,8 @@ from .files.cameras.calibration_files import read_calibration as read_calibratio
 from .files.cameras.colmap import read_colmap as read_colmap
 from .files.cameras.nerf import read_transforms as read_transforms
 from .files.cameras.trimesh import cameras_from_trimesh as cameras_from_trimesh
-from .files.meshes.face_sources import FaceSources as FaceSources
-from .files.meshes.face_sources import load_face_sources as load_face_sources
+from .files.meshes.loading import FaceSources as FaceSources
+from .files.meshes.loading import load_face_sources as load_face_sources
 from .files.meshes.loading import load_mesh as load_mesh
 from .geometry.camera import CalibratedCamera as CalibratedCamera
 from .geometry.camera import Camera as Camera

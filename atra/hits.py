@@ -23,7 +23,7 @@ from atra.geometry.view import View
 from atra.prim_ids import MISS
 
 if TYPE_CHECKING:  # reading files, which images need only where their planes name parts of one
-    from atra.files.meshes.face_sources import FaceSources
+    from atra.files.meshes.loading import FaceSources
 
 
 @dataclass(frozen=True, eq=False)

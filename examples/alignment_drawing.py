@@ -1,10 +1,15 @@
-"""The paper's idea in one drawing: an image in four cells, and the four cells sheared onto one (paper §3.1).
+"""Alignment in one drawing
+========================
+
+The paper's idea in four steps: cells, culling, shear, and the rays that are left (paper §3.1).
+
+::
 
     python -m examples.alignment_drawing
 
-A small scene seen from above: the eye looks up the page, a row of 16 pixels is cut into four cells. Left, a ray for
-every pixel; right, what each cell sees is sheared by the cell's own map of `atra.Alignment`, so that four rays stand
-for sixteen. The hits drawn are those that `AlignedTracer` found. Writes `alignment.png`.
+A small scene seen from above: the eye looks up the page, a row of 16 pixels is cut into four cells. What each cell sees
+is sheared by the cell's own map of `atra.Alignment`, so that four rays stand for sixteen. The hits drawn are those that
+`AlignedTracer` found. Writes `alignment.png`.
 """
 
 from __future__ import annotations
@@ -23,11 +28,9 @@ import atra
 
 PIXELS, CELLS, HALF_WIDTH = 16, 4, 0.9  # half the image's width, at distance 1 from the eye
 COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7")
-IMAGE_AT, FARTHEST, BESIDE = 2.6, 11.0, 16.2  # distances: eye to image and to the drawing's end; left eye to right eye
-TITLES = (
-    (0.0, ("one ray per pixel:", "16 rays")),
-    (BESIDE - 2.5, ("cells sheared onto one:", "4 rays, the same hits")),
-)
+IMAGE_AT, FARTHEST = 2.6, 11.0  # distances from the eye to the image, and to the end of the drawing
+STEPS = ("1. cut the image into cells", "2. cull: one cell's triangles", "3. shear them", "4. all cells: four rays")
+EXAMPLE_CELL = 2  # the cell that the second and third step follow
 _TURNS = np.linspace(0, 2 * np.pi, 48, endpoint=False)
 SHAPES = (
     np.stack([-3.4 + 0.9 * np.cos(_TURNS), 5.15 + 0.9 * np.sin(_TURNS)], axis=1),
@@ -99,52 +102,49 @@ def sheared(alignment: atra.Alignment, cell: int, points: NDArray[np.float64]) -
 
 
 def draw(alignment: atra.Alignment, depths: NDArray[np.float64]) -> Figure:
-    figure = Figure(figsize=(8, 3.9))
-    axes = figure.add_axes((0, 0, 1, 1))
-    slopes = HALF_WIDTH * (2 * (np.arange(PIXELS) + 0.5) / PIXELS - 1)
+    """The four steps, one panel each: cells, one cell culled, its sheared copy, all copies with the reference rays."""
+    figure = Figure(figsize=(13, 2.4))
     hit = np.isfinite(depths)
+    slopes = HALF_WIDTH * (2 * (np.arange(PIXELS) + 0.5) / PIXELS - 1)
     points = np.stack([slopes, np.ones(PIXELS)], axis=1) * np.where(hit, depths, 0)[:, None]
-    for cell, colour in enumerate(COLOURS):
-        own = slice(cell * PIXELS // CELLS, (cell + 1) * PIXELS // CELLS)
-        draw_cell(axes, HALF_WIDTH * (2 * cell / CELLS - 1), 0.0, colour)
-        for slope, depth in zip(slopes[own], depths[own], strict=True):
-            draw_ray(axes, slope, min(depth, FARTHEST), 0.0)
-        found = points[own][hit[own]]
-        for piece in pieces(cell):
-            draw_piece(axes, piece, colour)
-            draw_piece(axes, sheared(alignment, cell, piece) + (BESIDE, 0), colour)
-        draw_hits(axes, found, colour)
-        draw_hits(axes, sheared(alignment, cell, found) + (BESIDE, 0), colour)
-    pixel = alignment.camera.pixel_pitch
-    left = alignment.corner_pixels[0]
-    draw_cell(axes, left * pixel, BESIDE, "#444444")
-    for number in range(PIXELS // CELLS):
-        draw_ray(axes, (left + number + 0.5) * pixel, FARTHEST, BESIDE)
-    for x, lines in TITLES:
-        for line, height in zip(lines, (1.6, 0.5), strict=True):
-            axes.text(x, FARTHEST + height, line, fontsize=16, ha="center", va="baseline")
-    for x in (0.0, BESIDE):
-        axes.plot(x, 0, "o", color="black", markersize=9, zorder=4)
-        axes.text(x + 0.5, -0.05, "eye", fontsize=16, va="center")
-    axes.text(-2.7, IMAGE_AT, "image, 4 cells", fontsize=16, ha="right", va="center")
-    head = "-|>,head_width=0.5,head_length=0.9"
-    axes.annotate("", (BESIDE - 4.4, 4), (6.4, 4), arrowprops={"arrowstyle": head, "linewidth": 3, "color": "#444444"})
-    axes.set(xlim=(-10.3, 19.3), ylim=(-0.7, 13.6), aspect="equal")
-    axes.axis("off")
+    pixel, left = alignment.camera.pixel_pitch, alignment.corner_pixels[0]
+    for number, title in enumerate(STEPS):
+        axes = figure.add_axes((number / 4, 0, 1 / 4, 0.88))
+        for cell, colour in enumerate(COLOURS):
+            if number in (1, 2) and cell != EXAMPLE_CELL:
+                continue
+            own = slice(cell * PIXELS // CELLS, (cell + 1) * PIXELS // CELLS)
+            if number < 3:
+                draw_cell(axes, HALF_WIDTH * (2 * cell / CELLS - 1), colour)
+            for piece in pieces(cell):
+                if number < 3:
+                    draw_piece(axes, piece, colour)
+                if number > 1:
+                    draw_piece(axes, sheared(alignment, cell, piece), colour)
+            if number == 3:
+                draw_hits(axes, sheared(alignment, cell, points[own][hit[own]]), colour)
+        if number > 1:
+            draw_cell(axes, left * pixel, "#444444")
+        for ray in range(PIXELS // CELLS) if number == 3 else ():
+            draw_ray(axes, (left + ray + 0.5) * pixel)
+        axes.plot(0, 0, "o", color="black", markersize=7, zorder=4)
+        axes.set(xlim=(-10.3, 10.3), ylim=(-0.7, 11.3), aspect="equal")
+        axes.set_title(title, fontsize=14)
+        axes.axis("off")
     return figure
 
 
-def draw_cell(axes: Axes, left: float, offset: float, colour: str) -> None:
+def draw_cell(axes: Axes, left: float, colour: str) -> None:
     """A cell's wedge, `left` the slope of its left border, and its part of the image."""
     right = left + 2 * HALF_WIDTH / CELLS
     wedge = np.array([(0, 0), (left * FARTHEST, FARTHEST), (right * FARTHEST, FARTHEST)])
-    axes.fill(*(wedge + (offset, 0)).T, facecolor=colour, alpha=0.09, linewidth=0, zorder=0)
-    image = np.array([left, right]) * IMAGE_AT + offset
+    axes.fill(*wedge.T, facecolor=colour, alpha=0.09, linewidth=0, zorder=0)
+    image = np.array([left, right]) * IMAGE_AT
     axes.plot(image, [IMAGE_AT, IMAGE_AT], color=colour, linewidth=7, solid_capstyle="butt", zorder=3)
 
 
-def draw_ray(axes: Axes, slope: float, depth: float, offset: float) -> None:
-    axes.plot([offset, offset + slope * depth], [0, depth], color="#333333", linewidth=0.9, zorder=1)
+def draw_ray(axes: Axes, slope: float) -> None:
+    axes.plot([0, slope * FARTHEST], [0, FARTHEST], color="#333333", linewidth=0.9, zorder=1)
 
 
 def draw_piece(axes: Axes, piece: NDArray[np.float64], colour: str) -> None:
@@ -162,7 +162,7 @@ def main(arguments: list[str] | None = None) -> tuple[atra.Alignment, NDArray[np
     out = made.parse_args(arguments).out
     alignment, depths = trace(camera())
     out.mkdir(parents=True, exist_ok=True)
-    draw(alignment, depths).savefig(out / "alignment.png", dpi=150, metadata={"Software": None})
+    draw(alignment, depths).savefig(out / "alignment.png", dpi=100, metadata={"Software": None})
     print(out / "alignment.png")
     return alignment, depths
 

@@ -1,4 +1,9 @@
-"""What all hits along a ray are good for, in one picture: a radiograph, transparent layers and solid voxels.
+"""All hits in one picture
+=======================
+
+What all hits along a ray are good for, in one picture: a radiograph, transparent layers and solid voxels.
+
+::
 
     python -m examples.all_hits --scene parcel
 

@@ -1,4 +1,9 @@
-"""A lightmap: the built-in box lit by its lamp, texel by texel, and shown with nothing but its map.
+"""A lightmap
+==========
+
+A lightmap: the built-in box lit by its lamp, texel by texel, and shown with nothing but its map.
+
+::
 
     python -m examples.bake --samples 256
 

@@ -1,4 +1,9 @@
-"""What calibrated photographs see of a mesh: many views, rendered here or by a cluster.
+"""Views of calibrated photographs
+===============================
+
+What calibrated photographs see of a mesh: many views, rendered here or by a cluster.
+
+::
 
     python -m examples.calibrated_views --scene atrium --cluster dask
     python -m examples.calibrated_views --scene model --colmap sparse/0

@@ -1,4 +1,9 @@
-"""Several frames at once: the camera moves, turns and zooms, and the mesh moves, too (paper §6, Fig. 8).
+"""Several frames at once
+======================
+
+Several frames at once: the camera moves, turns and zooms, and the mesh moves, too (paper §6, Fig. 8).
+
+::
 
     python -m examples.frames --scene atrium --frames 8
 

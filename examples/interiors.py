@@ -1,4 +1,9 @@
-"""The built-in interiors by path tracing, denoised.
+"""Interiors by path tracing
+=========================
+
+The built-in interiors by path tracing, denoised.
+
+::
 
     python -m examples.interiors --samples 64
 

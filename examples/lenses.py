@@ -1,4 +1,9 @@
-"""One room through three lenses: a barrel, a fisheye that sees 180 degrees across its height, and a panorama.
+"""Three lenses
+============
+
+One room through three lenses: a barrel, a fisheye that sees 180 degrees across its height, and a panorama.
+
+::
 
     python -m examples.lenses --scene living_room
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import atra
-from experiments.drawing.shading import encode_png
+from atra.files.saving import encode_png
 from scenes.built_in import BUILT_IN
 from scenes.loading import SceneSource, load_scene
 

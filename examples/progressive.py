@@ -1,4 +1,9 @@
-"""Progressive anti-aliasing: 1, 4, 16, 64 samples a pixel of a still view, and what each method takes for them.
+"""Progressive anti-aliasing
+=========================
+
+Progressive anti-aliasing: 1, 4, 16, 64 samples a pixel of a still view, and what each method takes for them.
+
+::
 
     python -m examples.progressive --scene atrium
 

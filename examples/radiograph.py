@@ -1,4 +1,9 @@
-"""A radiograph: what is left of light that matter absorbs along its way, by the law of Beer and Lambert.
+"""A radiograph
+============
+
+A radiograph: what is left of light that matter absorbs along its way, by the law of Beer and Lambert.
+
+::
 
     python -m examples.radiograph --scene parcel --attenuation 2
 

@@ -1,4 +1,9 @@
-"""A directional light's shadow map: parallel rays, drawn by the rasteriser.
+"""A shadow map
+============
+
+A directional light's shadow map: parallel rays, drawn by the rasteriser.
+
+::
 
     python -m examples.shadow_map --scene material_ball
 

@@ -1,4 +1,9 @@
-"""The sky view factor of each face of a city model: which share of the light of an even sky reaches it.
+"""Sky view factors
+================
+
+The sky view factor of each face of a city model: which share of the light of an even sky reaches it.
+
+::
 
     python -m examples.sky_view --rays 256
 

@@ -1,4 +1,9 @@
-"""Two eyes, one set of rays: the right eye's geometry is translated onto the left's (paper §6).
+"""Two eyes
+========
+
+Two eyes, one set of rays: the right eye's geometry is translated onto the left's (paper §6).
+
+::
 
     python -m examples.stereo --scene atrium
 

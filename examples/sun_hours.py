@@ -1,4 +1,9 @@
-"""Hours of sun on each face of a city model, on one day.
+"""Hours of sun
+============
+
+Hours of sun on each face of a city model, on one day.
+
+::
 
     python -m examples.sun_hours --latitude 48 --month 3 --day 21
 

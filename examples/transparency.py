@@ -1,4 +1,9 @@
-"""Transparency in the right order: coloured surfaces from front to back, out of the depth layers of an image.
+"""Transparency in the right order
+===============================
+
+Transparency in the right order: coloured surfaces from front to back, out of the depth layers of an image.
+
+::
 
     python -m examples.transparency --scene parcel --opacity 0.3
     python -m examples.transparency --scene atrium

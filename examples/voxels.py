@@ -1,4 +1,9 @@
-"""Solid voxels: one image of parallel rays, a column of cells for every pixel.
+"""Solid voxels
+============
+
+Solid voxels: one image of parallel rays, a column of cells for every pixel.
+
+::
 
     python -m examples.voxels --scene parcel --cells 96
 

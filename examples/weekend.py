@@ -1,4 +1,9 @@
-"""The last scene of "Ray Tracing in One Weekend", as paths show it and as hybrid rendering does.
+"""The last scene of Ray Tracing in One Weekend
+============================================
+
+The last scene of "Ray Tracing in One Weekend", as paths show it and as hybrid rendering does.
+
+::
 
     python -m examples.weekend --samples 256
 

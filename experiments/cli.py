@@ -127,27 +127,24 @@ def run_configured(composed: DictConfig) -> None:
     from hydra.types import RunMode
     from omegaconf.errors import OmegaConfBaseException
 
-    from atra.errors import AtraError, InputError
+    from atra.errors import AtraError
     from experiments.commands.single import run_single_point
     from experiments.harness.configuration import read_configuration
     from experiments.launched import measure_launched
     from experiments.registry import KINDS
 
     hydra = HydraConfig.get()
-    choices, is_job = hydra.runtime.choices, hydra.mode is RunMode.MULTIRUN
-    sweeper = choices["hydra/sweeper"]
+    is_job = hydra.mode is RunMode.MULTIRUN
     try:
-        if is_job and sweeper != "points":
-            raise InputError(f"hydra/sweeper={sweeper} makes no table; leave it out, or hydra/sweeper=points")
-        configuration = read_configuration(composed, choices, KINDS)
+        configuration = read_configuration(composed, hydra.runtime.choices, KINDS)
         if is_job:
             measure_launched(configuration)
         else:
             run_single_point(configuration)
     except (AtraError, OmegaConfBaseException) as error:
-        if is_job and sweeper == "points":  # the sweep reports it
+        if is_job:  # the sweep reports it
             raise
-        raise SystemExit(_refuse(error)) from error  # which passes through Hydra, that announces other exceptions
+        raise SystemExit(refuse(error)) from error  # which passes through Hydra, that announces other exceptions
 
 
 def _use_method_files(arguments: Sequence[str]) -> None:
@@ -158,7 +155,7 @@ def _use_method_files(arguments: Sequence[str]) -> None:
     method.
     """
     os.environ.pop("ATRA_METHOD", None)
-    given = [one.partition("=")[2].strip("'\"") for one in arguments if one.startswith("method_file=")]
+    given = [argument.partition("=")[2].strip("'\"") for argument in arguments if argument.startswith("method_file=")]
     if not given:
         return
     from atra.errors import InputError
@@ -170,7 +167,7 @@ def _use_method_files(arguments: Sequence[str]) -> None:
         columns()
     except ValueError as error:
         raise InputError(f"method_file {given[-1]}: {error}; call its option something else") from None
-    if not any(one.startswith("sweep=") for one in arguments):
+    if not any(argument.startswith("sweep=") for argument in arguments):
         os.environ["ATRA_METHOD"] = methods[0].name
 
 
@@ -181,14 +178,14 @@ def _exit_code(run: Callable[[], object]) -> int:
     try:
         run()
     except AtraError as error:
-        return _refuse(error)
+        return refuse(error)
     except KeyboardInterrupt:
         print(f"{PROGRAM}: interrupted", file=sys.stderr)
         return 130
     except Exception as error:
         if not _is_of_hydra(error):
             raise
-        return _refuse(error)
+        return refuse(error)
     return 0
 
 
@@ -215,7 +212,8 @@ def _function(where: str) -> Any:
     return getattr(import_module(module), function)
 
 
-def _refuse(error: Exception) -> int:
+def refuse(error: Exception) -> int:
+    """Say on stderr, in one line, why something is refused. Returns the exit code."""
     from atra.errors import AtraError, printable
 
     if "debug=true" in (argument.lower() for argument in sys.argv):

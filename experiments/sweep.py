@@ -58,13 +58,13 @@ def run_sweep(
     """
     console = Console(stderr=True)
     first = grid_points[0].configuration
-    check_figures(first.sweep.figures, tuple(dict.fromkeys(one.grid for one in grid_points)))
+    check_figures(first.sweep.figures, tuple(dict.fromkeys(grid_point.grid for grid_point in grid_points)))
     points = plan_sweep(grid_points, console)
     folder, records = choose_folder(first, points, command, console), records_folder(first)
     check_writable(folder)
     check_writable(records)
     quiet = Waiting(first.measure.quiet_limit_s, partial(say, console), needed=first.measure.quiet_only)
-    planned = {name: one.planned for name, one in points.items()}
+    planned = {name: grid_point.planned for name, grid_point in points.items()}
     launched = None if launch is None else Launched(launch, at_once, records, planned)
     run = run or partial(run_worker, results=records.parent)
     sweep = _Sweep(points, records, console, run, launched, quiet)

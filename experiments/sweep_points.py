@@ -8,6 +8,7 @@ from typing import Any
 
 from rich.console import Console
 
+from atra.errors import InputError
 from experiments.harness.configuration import Configuration
 from experiments.harness.identity import current_environment, identity
 from experiments.harness.options import plain_options
@@ -22,11 +23,13 @@ _LAST = ("packet_width", "culling", "frames", "split_y", "split_x")
 
 @dataclass(frozen=True)
 class GridPoint:
-    """configuration: one point of the grid called `grid`. overrides: what composes it, as on the command line."""
+    """configuration: one point of the grid called `grid`. overrides: what composes it, as on the command line. asked:
+    the fields among these that the user set."""
 
     grid: str
     configuration: Configuration
     overrides: tuple[str, ...] = ()
+    asked: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -39,14 +42,20 @@ class SweepPoint:
 
 
 def plan_sweep(grid_points: Sequence[GridPoint], console: Console) -> dict[str, SweepPoint]:
-    """Points by identity, each once."""
+    """Points by identity, each once. Raises InputError as `plan_points`, and for a field that the user set where no
+    point can be measured with it."""
     configurations = [one.configuration for one in grid_points]
     if configurations[0].sweep.stand_ins:
         for note in replace_missing_scenes([configuration.scene for configuration in configurations]):
             say(console, note)
     environment = current_environment()
     points: dict[str, SweepPoint] = {}
-    for grid_point, planned in zip(grid_points, plan_points(configurations), strict=True):
+    every = list(zip(grid_points, plan_points(configurations), strict=True))
+    for name in sorted({name for grid_point in grid_points for name in grid_point.asked}):
+        problems = [planned.problem for grid_point, planned in every if name in grid_point.asked]
+        if all(isinstance(problem, InputError) for problem in problems):
+            raise InputError(f"{name} fits no point of the sweep: {problems[0]}")
+    for grid_point, planned in every:
         point_identity = identity(planned.point, environment)
         before = points[point_identity].grids if point_identity in points else ()
         grids = tuple(dict.fromkeys([*before, grid_point.grid]))

@@ -53,7 +53,7 @@ class GridSweep:
 
         Hydra's default launcher is not asked: points run one by one here, as two at once would spoil each other's
         times. Any other launcher gets one job a process of a point, `max_batch_size` of them at once. Raises InputError
-        for values that leave no point, and for an option that no point has.
+        for values that leave no point, and for an option that no point has or can be measured with.
         """
         from experiments.sweep import GridPoint, run_sweep
 
@@ -63,7 +63,12 @@ class GridSweep:
             raise InputError(f"no point is left by {' '.join(arguments)}: a glob or a list of values is empty")
         asked = {argument.partition("=")[0] for argument in arguments}
         kept = self._where_they_fit([job for _, job in jobs], asked)
-        points = [GridPoint(grid, self._compose(job), job) for (grid, _), job in zip(jobs, kept, strict=True)]
+        points = [
+            GridPoint(
+                grid, self._compose(job), job, frozenset(asked & {override.partition("=")[0] for override in job})
+            )
+            for (grid, _), job in zip(jobs, kept, strict=True)
+        ]
         command = f"{COMMAND} {shlex.join(sys.argv[1:])}"
         name = self._config.hydra.runtime.choices["hydra/launcher"]
         if name == "basic":
@@ -75,13 +80,15 @@ class GridSweep:
         """Every combination of the values of a grid; the later of two overrides of one key wins."""
         of_sweep = {**self._params, **{str(key): "null" if value is None else value for key, value in values.items()}}
         given = [*(f"{key}={value}" for key, value in of_sweep.items()), *arguments]
-        by_key = {one.get_key_element(): list(_written(one)) for one in self._parser.parse_overrides(given)}
+        by_key = {
+            override.get_key_element(): list(_written(override)) for override in self._parser.parse_overrides(given)
+        }
         return product(*by_key.values())
 
     def _methods_of_files(self, arguments: Sequence[str]) -> dict[str, dict[str, str]]:
         """A grid for the methods of `method_file`, in a sweep whose methods the command line leaves alone."""
         files = self._config.method_file
-        if not files or not self._config.sweep.grids or any(one.startswith("method=") for one in arguments):
+        if not files or not self._config.sweep.grids or any(argument.startswith("method=") for argument in arguments):
             return {}
         from experiments.report.writing import GRID_OF_FILES
 
@@ -104,11 +111,14 @@ class GridSweep:
             for job in jobs
         ]
         served = {
-            one.partition("=")[0] for job, names in zip(jobs, chosen, strict=True) for one in job if fits(one, names)
+            setting.partition("=")[0]
+            for job, names in zip(jobs, chosen, strict=True)
+            for setting in job
+            if fits(setting, names)
         }
         optional = asked & served
         return [
-            tuple(one for one in job if one.partition("=")[0] not in optional or fits(one, names))
+            tuple(setting for setting in job if setting.partition("=")[0] not in optional or fits(setting, names))
             for job, names in zip(jobs, chosen, strict=True)
         ]
 
@@ -149,7 +159,7 @@ class GridSweep:
             returns = self._launcher.launch([list(job) for job in jobs], initial_job_idx=0)
         except Exception as error:  # a launcher's own: a worker that was killed
             return [first_line(error)] * len(jobs)
-        return [str(one._return_value) if one.status is JobStatus.FAILED else None for one in returns]
+        return [str(returned._return_value) if returned.status is JobStatus.FAILED else None for returned in returns]
 
 
 def _written(override: Override) -> Iterator[str]:

@@ -13,6 +13,7 @@ from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.config_store import ConfigStore
 from hydra.core.object_type import ObjectType
 from hydra.core.plugins import Plugins
+from hydra.experimental.callback import Callback
 from hydra.plugins.config_source import ConfigResult, ConfigSource
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 from hydra.plugins.sweeper import Sweeper
@@ -51,6 +52,20 @@ class PointsSweeper(Sweeper):
 
         whole = GridSweep(self.config, self.hydra_context.config_loader, self.launcher, self._params)
         return whole.run(list(arguments), self._max_batch_size)
+
+
+class PointsAlone(Callback):
+    """Refuses other sweepers before these write anything: they make no table."""
+
+    def on_multirun_start(self, config: DictConfig, **told: Any) -> None:
+        sweeper = config.hydra.runtime.choices["hydra/sweeper"]
+        if sweeper == "points":
+            return
+        from atra.errors import InputError
+        from experiments.cli import refuse
+
+        # An exit, as Hydra only warns of what goes wrong in a callback.
+        raise SystemExit(refuse(InputError(f"hydra/sweeper={sweeper} makes no table; expected hydra/sweeper=points")))
 
 
 class TypedSearchPath(SearchPathPlugin):

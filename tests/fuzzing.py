@@ -7,7 +7,6 @@ a seed: `python -m tests.fuzzing 1 KIND SEED` reads one again and shows the trac
 
 from __future__ import annotations
 
-import base64
 import io
 import json
 import random
@@ -30,8 +29,7 @@ import trimesh
 from atra.errors import InputError
 from atra.files.cameras.bop import read_bop
 from atra.files.cameras.calibration_files import read_calibration
-from atra.files.meshes.face_sources import load_face_sources
-from atra.files.meshes.loading import load_mesh
+from atra.files.meshes.loading import load_face_sources, load_mesh
 from atra.files.saving import encode_exr
 from atra.geometry.camera import Camera
 from atra.light import PanoramaSky
@@ -39,6 +37,8 @@ from experiments.harness.records import Record, read_record, write_record
 from experiments.results.table import Tables, make_table, read_table, write_tables
 from scenes.directory import CAMERAS_FILE, load_scene_from_directory
 from scenes.scene import CAMERA_FIELDS
+from tests.files.samples import CORNERS, QUADS, SQUARE, TRIANGLES, gltf, off, ply
+from tests.files.test_calibrations import KALIBR, MESSAGE, OPEN3D, OPENCV, ROS, XML
 from tests.meshes import strips_ply
 from tests.report_samples import small_table
 
@@ -138,26 +138,6 @@ def _read_bop(path):
     return True
 
 
-_CALIBRATIONS = {
-    "opencv.yml": (
-        b"%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n   rows: 3\n"
-        b"   cols: 3\n   dt: d\n   data: [ 500., 0., 320., 0., 500., 240., 0., 0., 1. ]\n"
-        b"distortion_coefficients: !!opencv-matrix\n   rows: 1\n   cols: 5\n   dt: d\n"
-        b"   data: [ -0.2, 0.05, 0.001, -0.001, 0. ]\n",
-    ),
-    "camera_info.yaml": (
-        b"image_width: 640\nimage_height: 480\ndistortion_model: plumb_bob\nK: [500, 0, 320, 0, 500, 240, 0, 0, 1]\n"
-        b"D: [-0.2, 0.05, 0.001, -0.001, 0]\n",
-        b"width: 640\nheight: 480\ndistortion_model: equidistant\nk: [500, 0, 320, 0, 500, 240, 0, 0, 1]\n"
-        b"d: [0.1, 0.01, 0, 0]\n",
-    ),
-    "calibration.json": (
-        b'{"image_width": 64, "image_height": 48, "camera_matrix": [[50, 0, 32], [0, 50, 24], [0, 0, 1]], '
-        b'"distortion_coefficients": [0.1, 0, 0, 0]}',
-    ),
-}
-
-
 def _sky_samples():
     texels = np.random.default_rng(1).random((6, 12, 3)).astype(np.float32)
     texels[3:] = 0.5
@@ -181,29 +161,22 @@ def _mesh_samples():
         texts = (mesh.export(**options) for mesh in meshes)
         return tuple(text.encode() if isinstance(text, str) else text for text in texts)
 
-    little = exported(file_type="ply", encoding="binary_little_endian")
-    embedded = scene.export(file_type="gltf")
-    tree = json.loads(embedded["model.gltf"])
-    for buffer in tree["buffers"]:
-        content = embedded[buffer["uri"]]
-        buffer["uri"] = "data:application/octet-stream;base64," + base64.b64encode(content).decode()
-    quads = b"OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n"
-    mixed = (
-        b"ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n"
-        b"element face 2\nproperty list uchar int vertex_indices\nend_header\n"
-        b"0 0 0\n1 0 0\n1 1 0\n0 1 0\n0 0 1\n4 0 1 2 3\n3 0 1 4\n"
-    )
+    placed = gltf([{"mesh": 0}, {"mesh": 0, "translation": [3, 0, 0], "scale": [-1, 2, 1]}])
+    binary = {
+        order: [ply(CORNERS, faces, f"binary_{order}_endian") for faces in (TRIANGLES, QUADS)]
+        for order in ("little", "big")
+    }
     return {
-        "mesh.ply": (*exported(file_type="ply", encoding="ascii"), mixed),
-        "little.ply": little,
-        "big.ply": tuple(_big_endian(content) for content in little),
-        "mixed.ply": tuple(mixed_ply(order, *_MIXED) for order in ("<", ">")),
+        "mesh.ply": (*exported(file_type="ply", encoding="ascii"), ply(*_MIXED).encode()),
+        "little.ply": tuple(binary["little"]),
+        "big.ply": tuple(binary["big"]),
+        "mixed.ply": tuple(ply(*_MIXED, f"binary_{order}_endian") for order in ("little", "big")),
         "strips.ply": (strips_ply([(0, 1, 2, 4, -1, 1, 3, 2)]), strips_ply([(0, 1, 2, 4), (1, 3, 2)])),
         "mesh.obj": (*exported(file_type="obj"), _POLYGONS),
         "text.stl": exported(file_type="stl_ascii"),
         "mesh.stl": exported(file_type="stl"),
-        "mesh.off": (*exported(file_type="off"), quads),
-        "mesh.gltf": (json.dumps(tree, indent=1).encode(),),
+        "mesh.off": (*exported(file_type="off"), off(SQUARE, [range(4)]).encode()),
+        "mesh.gltf": (json.dumps(json.loads(placed), indent=1).encode(),),
         "mesh.glb": (scene.export(file_type="glb"), box.export(file_type="glb")),
         "mesh.3mf": (_three_mf(_MODEL),),
         "mesh.xyz": (b"0 0 0\n1 0 0\n1 1 0\n",),
@@ -222,26 +195,6 @@ _MODEL = (
     b'<object id="2"><components><component objectid="1" transform="-1 0 0 0 1 0 0 0 1 5 0 0"/></components></object>'
     b'</resources><build><item objectid="1"/><item objectid="2"/></build></model>'
 )
-
-
-def mixed_ply(order, vertices, faces):
-    """A binary PLY of polygons; order: "<" or ">"."""
-    kind = "binary_little_endian" if order == "<" else "binary_big_endian"
-    head = f"ply\nformat {kind} 1.0\nelement vertex {len(vertices)}\nproperty float x\nproperty float y\n"
-    head += f"property float z\nelement face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
-    rows = [struct.pack(f"{order}3f", *one) for one in vertices]
-    rows += [struct.pack(f"{order}B{len(face)}i", len(face), *face) for face in faces]
-    return head.encode() + b"".join(rows)
-
-
-def _big_endian(little):
-    """A binary PLY as trimesh writes it, in the other order of bytes."""
-    head, end, body = little.partition(b"end_header\n")
-    vertices, faces = (int(count) for count in re.findall(rb"element \w+ (\d+)", head))
-    words = np.frombuffer(body[: 12 * vertices], "<f4").astype(">f4").tobytes()
-    rows = np.frombuffer(body[12 * vertices :], [("count", "u1"), ("corners", "<i4", 3)], faces)
-    swapped = rows.astype([("count", "u1"), ("corners", ">i4", 3)]).tobytes()
-    return head.replace(b"little", b"big") + end + words + swapped
 
 
 def _record_sample(folder):
@@ -267,7 +220,12 @@ def kinds():
     cameras = json.dumps({"box": camera, "other": {"eye": [1, 2, 3], "target": [0.5, 0, 0]}}).encode()
     bop = {"cam_K": [500, 0, 320, 0, 500, 240, 0, 0, 1], "depth_scale": 1.0}
     posed = bop | {"cam_R_w2c": [1, 0, 0, 0, 1, 0, 0, 0, 1], "cam_t_w2c": [1, 2, 3.5]}
-    found |= {path: Kind(path, samples, _read_calibration) for path, samples in _CALIBRATIONS.items()}
+    calibrations = {
+        "opencv.yml": (OPENCV.encode(),), "camera_info.yaml": (ROS.format("plumb_bob").encode(),),
+        "camchain.yaml": (KALIBR.format("cam0", "equidistant").encode(),), "calibration.xml": (XML.encode(),),
+        "calibration.json": (json.dumps(MESSAGE).encode(), json.dumps(OPEN3D).encode()),
+    }  # fmt: skip
+    found |= {path: Kind(path, samples, _read_calibration) for path, samples in calibrations.items()}
     found["bop"] = Kind("scene_camera.json", (json.dumps({"0": bop, "1": posed}).encode(),), _read_bop)
     found |= {path: Kind(path, samples, _read_sky) for path, samples in _sky_samples().items()}
     found |= {

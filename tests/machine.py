@@ -1,7 +1,7 @@
 """What the library can do on this machine. Tests ask here for packet widths and lanes; tests/walls/test_machines.py
 refuses those that name some."""
 
-from atra.compiled.instruction_sets import LANES as ALL_LANES
+from atra.compiled.instruction_sets import LANE_COUNTS as ALL_LANES
 from atra.compiled.instruction_sets import chosen_instruction_set, instruction_sets_here, native_lanes
 from atra.embree.library import load_library
 

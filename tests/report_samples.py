@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from atra.files.saving import encode_png
 from experiments.drawing.figure import Axis, Figure, Line, NamedFigure, Panel
-from experiments.drawing.shading import encode_png
 from experiments.methods import METHODS, find_method
 from experiments.report import ReportContents
 from experiments.results.claims import JudgedClaim

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import kernel, njit
-from atra.geometry.projection_kernels import CHUNK, CORNERS, meet_cells
+from atra.geometry.projection_kernels import CHUNK, CORNERS, find_columns, find_in_one_row, find_rows
 
 
 class CopyTarget(NamedTuple):
@@ -47,9 +47,8 @@ def write_copy(points_pixels, points_ray, faces, triangle, i, j, copy, target): 
 @kernel
 def fill_copies(counter_address, points_pixels, points_ray, faces, culling, nx, ny, starts, target):  # type: ignore[no-untyped-def]
     """Write the sheared copies of each triangle from starts[t] on. points_ray: (V, 3) float64. target: `CopyTarget`."""
-    corners, columns = np.empty((3, CORNERS, 3)), np.empty((ny, 2), np.int64)
-    top, bottom = 0, ny - 1
-    columns[:, 0], columns[:, 1] = 0, nx - 1
+    polygon, first, second = np.empty((CORNERS, 3)), np.empty((CORNERS, 3)), np.empty((CORNERS, 3))
+    cell_width, cell_height = target.cell_width, target.cell_height
     while True:
         start = fetch_add(counter_address, 1) * CHUNK
         if start >= len(faces):
@@ -58,11 +57,18 @@ def fill_copies(counter_address, points_pixels, points_ray, faces, culling, nx, 
             copy = starts[triangle]
             if copy == starts[triangle + 1]:
                 continue
+            row, left, right = -1, 0, nx - 1
             if culling:
-                top, bottom = meet_cells(
-                    points_pixels, faces, triangle, nx, ny, target.cell_width, target.cell_height, corners, columns
-                )
-            for j in range(top, bottom + 1):
-                for i in range(columns[j, 0], columns[j, 1] + 1):
+                row, left, right = find_in_one_row(points_pixels, faces, triangle, nx, ny, cell_width, cell_height)
+            if row >= 0:
+                for i in range(left, right + 1):
+                    write_copy(points_pixels, points_ray, faces, triangle, i, row, copy, target)
+                    copy += 1
+                continue
+            met = find_rows(points_pixels, faces, triangle, cell_height, ny, polygon, first)
+            for j in range(met.first if culling else 0, met.last + 1 if culling else ny):
+                if culling:
+                    left, right = find_columns(met, polygon, j, cell_width, cell_height, nx, first, second)
+                for i in range(left, right + 1):
                     write_copy(points_pixels, points_ray, faces, triangle, i, j, copy, target)
                     copy += 1

@@ -15,7 +15,7 @@ from atra.alignment.second_pass import SecondPass, left_out_tiles
 from atra.all_hits.reductions import Reduction
 from atra.compiled.threads import WorkerPool
 from atra.embree.callbacks_kernels import memory_monitor, nearest_hit_filter
-from atra.embree.packets_kernels import Image
+from atra.embree.packets_kernels import TracedImage
 from atra.embree.scene import EmbreeScene
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
@@ -74,7 +74,7 @@ class PreparedCells:
         for workspace in workspaces:
             workspace.set_row_bytes(4 * self.row_stride)
         share_direction(workspaces, alignment.camera)  # a second pass may have set another image's
-        trace_packets(packets, workspaces, self._pool, Image(depth, prim_id))
+        trace_packets(packets, workspaces, self._pool, TracedImage(depth, prim_id))
         for number, one in enumerate(self.second_passes):
             if one is not None:
                 own = slice(number * split.height, (number + 1) * split.height)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from atra.alignment.cells import CellOptions
 from atra.alignment.visibility_kernels import TileGrid, hide
 from atra.compiled.threads import WorkerPool
-from atra.embree.packets_kernels import Image, PixelTiles
+from atra.embree.packets_kernels import PixelTiles, TracedImage
 from atra.embree.scene import EmbreeScene
 from atra.embree.workspace import Workspace
 from atra.geometry.mesh import Mesh, position_keys
@@ -60,7 +60,7 @@ class SecondPass:
         rays, size = image_ray_grid(camera, offset, shape), (camera.width, camera.height)
         packets = Packets(self.scene.address, shape, camera.is_parallel, rays, self.tiles, size, NEARER)
         share_direction(workspaces, camera)
-        self.packets_traced = trace_packets(packets, workspaces, pool, Image(depth, prim_id), self.nearest)
+        self.packets_traced = trace_packets(packets, workspaces, pool, TracedImage(depth, prim_id), self.nearest)
 
 
 def left_out_pass(

@@ -32,7 +32,7 @@ from atra.alignment.visibility_kernels import (
     fill_visible,
 )
 from atra.compiled.threads import WorkerPool
-from atra.embree.packets_kernels import Image
+from atra.embree.packets_kernels import TracedImage
 from atra.embree.scene import EmbreeScene
 from atra.embree.workspace import Workspace
 from atra.errors import InputError
@@ -157,7 +157,7 @@ def _trace_probe(
 
     x = camera.plane.columns(positions(width, shape[0], camera.width))
     y = camera.plane.rows(positions(height, shape[1], camera.height))
-    image, tiles, size = Image(*new_images((height, width), width)), pixel_tiles(width, height), (width, height)
+    image, tiles, size = TracedImage(*new_images((height, width), width)), pixel_tiles(width, height), (width, height)
     trace_packets(Packets(whole.address, shape, False, ray_grid(camera, x, y), tiles, size), workspaces, pool, image)
     return image.depth
 

@@ -10,7 +10,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from atra.compiled.intrinsics import pointer_at
-from atra.compiled.vectors import Vector
+from atra.compiled.vectors import VectorType
 from atra.prim_ids import MISS
 
 _I32, _I64 = ir.IntType(32), ir.IntType(64)
@@ -37,13 +37,13 @@ def keys_of(typingctx: Any, depth: Any, prim_ids: Any) -> Any:
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
         return _keys(builder, *values)
 
-    return Vector(types.uint64, depth.lanes)(depth, prim_ids), codegen
+    return VectorType(types.uint64, depth.lanes)(depth, prim_ids), codegen
 
 
 def _half(place: int, kind: types.Type) -> Any:
     @intrinsic
     def half(typingctx: Any, keys: Any) -> Any:
-        lanes, vector = keys.lanes, Vector(kind, keys.lanes)
+        lanes, vector = keys.lanes, VectorType(kind, keys.lanes)
 
         def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
             words = builder.bitcast(values[0], ir.VectorType(_I32, 2 * lanes))
@@ -75,7 +75,7 @@ def load_keys(typingctx: Any, first: Any, second: Any, lanes: Any) -> Any:
             part.align = 4
         return builder.shuffle_vector(*parts, _places(list(range(count))))
 
-    return Vector(types.uint64, count)(types.int64, types.int64, lanes), codegen
+    return VectorType(types.uint64, count)(types.int64, types.int64, lanes), codegen
 
 
 def _store(builder: ir.IRBuilder, keys: ir.Value, first: ir.Value, second: ir.Value) -> None:

@@ -18,14 +18,13 @@ from atra.files.paths import write_atomically
 
 if TYPE_CHECKING:
     from atra.geometry.camera import Camera
-    from atra.hits import Hits
-    from atra.light import Baker, BakeScene, Lightmap, Seams
+    from atra.light import Baker, BakeScene, Lightmap
 
 SAMPLES, SIZE, BOUNCES = 256, 512, 4
 """Defaults."""
 
-SHOWN = (1, 16, 256)
-"""Samples after which the view is kept to be looked at, beside that of the finished map."""
+TOLD = (1, 16, 256)
+"""Samples after which a bake says how far it is, where it does not write on a terminal."""
 
 GLTF = (".glb", ".gltf")
 
@@ -52,12 +51,11 @@ def add_bake(parser: ArgumentParser) -> None:
 
 
 def run_bake(given: Namespace) -> int:
-    """Bake, what the view shows first, and write maps, views and models; returns 0. Interrupted, it writes what there
-    is.
+    """Bake, what the view shows first, and write maps, view and models; returns 0. Ctrl-C writes what there is.
 
     Raises InputError for files that cannot be used, and as `Baker`, `denoised` and `LightmapPage` do; StorageError.
     """
-    from atra.light import Atlas, Baker, BakeScene, Seams, denoised, save_lit_model, save_maps, save_model
+    from atra.light import Atlas, Baker, BakeScene, denoised, save_lit_model, save_maps, save_model
     from atra.light.checks import check_whole
     from atra.light.oidn import check_denoiser
 
@@ -78,7 +76,6 @@ def run_bake(given: Namespace) -> int:
             f"{texels.occupancy:.0%} of the map; {texels.faces_lost} faces have none",
             flush=True,
         )
-        views = Views(camera, scene, given.tone, given.threads)
         baker.look(camera)
         start = perf_counter()
         try:
@@ -86,7 +83,7 @@ def run_bake(given: Namespace) -> int:
                 _bake_live(baker, scene, given, camera)
             else:
                 with progress_line() as tell:
-                    bake(baker, given.samples, views, tell)
+                    bake(baker, given.samples, tell)
         except KeyboardInterrupt:
             least = int(baker.samples.min())
             print(f"\ninterrupted after {least} samples of every texel; writing these", file=sys.stderr)
@@ -95,8 +92,7 @@ def run_bake(given: Namespace) -> int:
         lightmap, visible = baker.maps, baker.visible
     if given.denoise:
         lightmap = denoised(lightmap, given.threads)
-    views.keep("view", lightmap, Seams.of(scene.mesh, lightmap.texels.atlas))
-    written = save_maps(lightmap, folder, visible=visible) + views.save(folder)
+    written = save_maps(lightmap, folder, visible=visible) + _view(lightmap, scene, camera, given, folder)
     written.append(save_model(lightmap, scene, folder / "scene.glb"))
     if given.mesh.suffix.lower() in GLTF:
         written += save_lit_model(lightmap, lit, given.mesh, folder / "lit.glb")
@@ -105,46 +101,29 @@ def run_bake(given: Namespace) -> int:
     return 0
 
 
-class Views:
-    """What a camera sees of a scene whose map converges, kept by name as (H, W, 3) linear light."""
-
-    def __init__(self, camera: Camera, scene: BakeScene, tone: str, threads: int | None = None) -> None:
-        from atra.raster.tracer import RasterTracer
-
-        with RasterTracer(scene.mesh, camera, threads=threads) as tracer:
-            self.hits: Hits = tracer.trace()
-        self._scene, self._tone = scene, tone
-        self.pictures: dict[str, Any] = {}
-
-    def keep(self, name: str, lightmap: Lightmap, seams: Seams | None = None) -> None:
-        """The view as the map shows it now."""
-        from atra.light import lit_view
-        from atra.light.lightmaps.finish.export import finished
-
-        image = finished(lightmap, lightmap.combined, seams)
-        self.pictures[name] = lit_view(self.hits, self._scene, lightmap.texels.atlas, image)
-
-    def save(self, folder: Path) -> list[Path]:
-        """Write each as PNG, in the exposure that suits the last, and one in clay."""
-        from atra.light import clay_view, stops_of, toned
-        from atra.light.pictures.files import png_of
-
-        stops = stops_of(list(self.pictures.values())[-1], "auto")
-        files = {name: toned(picture, stops, self._tone) for name, picture in self.pictures.items()}
-        files["view_clay"] = clay_view(self.hits)
-        for name, picture in files.items():
-            write_atomically(folder / f"{name}.png", png_of(picture))
-        return [folder / f"{name}.png" for name in files]
-
-
-def bake(baker: Baker, target: int, views: Views, tell: Tell) -> None:
-    """Bake to the target, keeping the view after `SHOWN` samples."""
-    for count in [*(one for one in SHOWN if one < target), target]:
+def bake(baker: Baker, target: int, tell: Tell) -> None:
+    """Bake to the target; what was done after each of `TOLD` samples is worth a line."""
+    for count in [*(one for one in TOLD if one < target), target]:
         while baker.advance(count):
             tell(f"baked {baker.share_done(target):.0%}", False)
-        if count < target:
-            views.keep(f"view_{count}", baker.maps)
         tell(f"baked {baker.share_done(target):.0%}, {count} of {target} samples", True)
+
+
+def _view(lightmap: Lightmap, scene: BakeScene, camera: Camera, given: Namespace, folder: Path) -> list[Path]:
+    """Write what the camera sees, as PNG in the exposure that suits it, and in clay."""
+    from atra.light import Seams, clay_view, lit_view, stops_of, toned
+    from atra.light.lightmaps.finish.export import finished
+    from atra.light.pictures.files import png_of
+    from atra.raster.tracer import RasterTracer
+
+    with RasterTracer(scene.mesh, camera, threads=given.threads) as tracer:
+        hits = tracer.trace()
+    atlas = lightmap.texels.atlas
+    lit = lit_view(hits, scene, atlas, finished(lightmap, lightmap.combined, Seams.of(scene.mesh, atlas)))
+    pictures = {"view": toned(lit, stops_of(lit, "auto"), given.tone), "view_clay": clay_view(hits)}
+    for name, picture in pictures.items():
+        write_atomically(folder / f"{name}.png", png_of(picture))
+    return [folder / f"{name}.png" for name in pictures]
 
 
 def _bake_live(baker: Baker, scene: BakeScene, given: Namespace, camera: Camera) -> None:

@@ -40,41 +40,40 @@ def run_compile(arguments: Namespace) -> int:
     if cache_folder() is None:
         raise InputError("compiled kernels can be kept nowhere here; name a folder with NUMBA_CACHE_DIR")
     os.environ[QUIET_VARIABLE] = "1"
-    jobs = {name: job for name, job in JOBS.items() if arguments.all or name.startswith("raster")}
+    names = [name for name in JOBS if arguments.all or name.startswith("raster")]
     # Processes that are spawned, not forked: a fork would have this process's threads and no kernel of its own.
-    with ProcessPoolExecutor(min(resolve_threads(None), len(jobs)), get_context("spawn")) as pool:
-        running = {pool.submit(job): name for name, job in jobs.items()}
+    with ProcessPoolExecutor(min(resolve_threads(None), len(names)), get_context("spawn")) as pool:
+        running = {pool.submit(_run, name): name for name in names}
         for count, done in enumerate(as_completed(running), 1):
             done.result()
-            print(f"{count} of {len(jobs)}: {running[done]}", file=sys.stderr)
+            print(f"{count} of {len(names)}: {running[done]}", file=sys.stderr)
     print(say_kernels())
     return 0
 
 
-def _cameras() -> dict[str, View]:
-    eye, target, width, height = (0.3, 0.4, 3.0), (0.0, 0.0, 0.0), 64, 48
-    return {
-        "pinhole": atra.Camera(eye, target, width=width, height=height),
-        "orthographic": atra.OrthographicCamera(eye, target, view_height=3.0, width=width, height=height),
-        "lens": atra.LensCamera.panorama(eye, target, width=width),
-    }
+def _run(name: str) -> None:
+    JOBS[name]()
 
 
-def _mesh() -> atra.Mesh:
-    """A closed box, every triangle of which is there several times: ties are settled, and there are more than a cluster
-    holds, so that triangles are sorted, too."""
+def _box(times: int = 1) -> atra.Mesh:
+    """A closed box, every triangle of which is there so many times."""
     corners = np.array(list(product((-1.0, 1.0), repeat=3)), np.float32)
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     faces = [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))]
-    return atra.Mesh(corners, np.array(faces * (1 + CLUSTER // len(faces)), np.uint32))
+    return atra.Mesh(corners, np.array(faces * times, np.uint32))
 
 
-def _closed() -> atra.Mesh:
-    mesh = _mesh()
-    return atra.Mesh(mesh.vertices, mesh.faces[:12])
+_MESH = _box(1 + CLUSTER // 12)
+"""Ties are settled, and there are more triangles than a cluster holds, so that they are sorted, too."""
 
+_SEEN_FROM: Any = {"eye": (0.3, 0.4, 3.0), "target": (0.0, 0.0, 0.0), "width": 64}
+_CAMERAS: dict[str, View] = {
+    "pinhole": atra.Camera(**_SEEN_FROM, height=48),
+    "orthographic": atra.OrthographicCamera(**_SEEN_FROM, view_height=3.0, height=48),
+    "lens": atra.LensCamera.panorama(**_SEEN_FROM),
+}
 
-_REDUCTIONS = {
+_REDUCTIONS: dict[str, Any] = {
     "count": atra.Count,
     "layers": lambda: atra.Layers(4),
     "thickness": atra.Thickness,
@@ -83,27 +82,22 @@ _REDUCTIONS = {
 
 _TRACERS: dict[str, Callable[[atra.Mesh, View], atra.Tracer]] = {
     "raster": atra.RasterTracer,
-    "single rays": lambda mesh, camera: atra.PixelTracer(mesh, camera, packet_width=1),
+    "single rays": partial(atra.PixelTracer, packet_width=1),
     "packets": atra.PixelTracer,
-    "aligned": lambda mesh, camera: atra.AlignedTracer(mesh, camera, (4, 1)),
-    "aligned instances": lambda mesh, camera: atra.AlignedTracer(
-        mesh, camera, (4, 1), geometry="instanced", culling=False
-    ),
-    "visible-first": lambda mesh, camera: atra.VisibleFirstTracer(mesh, camera, (4, 1)),
+    "aligned": partial(atra.AlignedTracer, split=(4, 1)),
+    "aligned instances": partial(atra.AlignedTracer, split=(4, 1), geometry="instanced", culling=False),
+    "visible-first": partial(atra.VisibleFirstTracer, split=(4, 1)),
 }
 _PINHOLE_ONLY, _ALL_HITS = ("visible-first",), ("raster", "packets", "aligned")
 _WITH_LENS = ("raster", "single rays", "packets")
 
 
-def _trace(tracer: str, view: str) -> None:
-    with _TRACERS[tracer](_mesh(), _cameras()[view]) as one:
-        one.trace()
-
-
-def _gather(tracer: str, view: str, what: str) -> None:
-    with _TRACERS[tracer](_closed(), _cameras()[view]) as one:
-        reduction: Any = _REDUCTIONS[what]()
-        one.gather(reduction)
+def _trace(tracer: str, view: str, what: str | None = None) -> None:
+    with _TRACERS[tracer](_MESH if what is None else _box(), _CAMERAS[view]) as one:
+        if what is None:
+            one.trace()
+        else:
+            one.gather(_REDUCTIONS[what]())
 
 
 def _shoot_rays() -> None:
@@ -124,7 +118,7 @@ def _shoot_rays() -> None:
 
 
 def _find_all_hits() -> None:
-    with atra.RayScene(_closed()) as scene:
+    with atra.RayScene(_box()) as scene:
         points = np.zeros((4, 3), np.float32)
         scene.all_hits(points, points + 1)
         scene.count(points, points + 1)
@@ -135,34 +129,27 @@ def _find_all_hits() -> None:
 
 
 def _compare() -> None:
-    mesh, camera = _mesh(), _cameras()["pinhole"]
-    with atra.RasterTracer(mesh, camera) as one, atra.PixelTracer(mesh, camera) as other:
+    camera = _CAMERAS["pinhole"]
+    with atra.RasterTracer(_MESH, camera) as one, atra.PixelTracer(_MESH, camera) as other:
         atra.compare(one.trace(), other.trace())
 
 
 def _place_hits() -> None:
-    with atra.RasterTracer(_mesh(), _cameras()["pinhole"]) as tracer:
+    with atra.RasterTracer(_MESH, _CAMERAS["pinhole"]) as tracer:
         hits = tracer.trace()
     _ = hits.u, hits.points, hits.normals
 
 
 def _read_files() -> None:
-    """Meshes of text and of bytes, with a concave polygon."""
-    rows = "0 0 0\n2 0 0\n2 2 0\n1 1 0\n0 2 0\n"
-    head = "element vertex 5\nproperty float x\nproperty float y\nproperty float z\nelement face {}\n"
-    head += "property list uchar int vertex_indices\nend_header\n"
-    bodies = {
-        "obj": "v " + rows.replace("\n", "\nv ", 4) + "f 1 2 3 4 5\n",
-        "off": f"OFF\n5 1 0\n{rows}5 0 1 2 3 4\n",
-        "stl": "solid\nfacet\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendfacet\nendsolid\n",
-        "ply": f"ply\nformat ascii 1.0\n{head.format(1)}{rows}5 0 1 2 3 4\n",
-        "mixed.ply": f"ply\nformat binary_little_endian 1.0\n{head.format(2)}{chr(0) * 60}"
-        + "".join(chr(size) + chr(0) * 4 * size for size in (3, 4)),
-    }
+    """A mesh of text with a concave polygon, and one of bytes with faces of several sizes."""
+    text = "v 0 0 0\nv 2 0 0\nv 2 2 0\nv 1 1 0\nv 0 2 0\nf 1 2 3 4 5\n"
+    head = "ply\nformat binary_little_endian 1.0\nelement vertex 5\nproperty float x\nproperty float y\n"
+    head += "property float z\nelement face 2\nproperty list uchar int vertex_indices\nend_header\n"
+    faces = "".join(chr(size) + chr(0) * 4 * size for size in (3, 4))
     with TemporaryDirectory() as folder:
-        for name, body in bodies.items():
-            path = Path(folder) / f"mesh.{name}"
-            path.write_bytes(body.encode())
+        for name, content in (("mesh.obj", text), ("mesh.ply", head + chr(0) * 60 + faces)):
+            path = Path(folder, name)
+            path.write_bytes(content.encode())
             atra.load_mesh(path)
 
 
@@ -174,7 +161,7 @@ def _jobs() -> Iterator[tuple[str, Callable[[], None]]]:
     for tracer in _WITH_LENS:
         yield f"{tracer}, lens", partial(_trace, tracer, "lens")
     for what, view, tracer in product(_REDUCTIONS, views, _ALL_HITS):
-        yield f"{tracer}, {view}, {what}", partial(_gather, tracer, view, what)
+        yield f"{tracer}, {view}, {what}", partial(_trace, tracer, view, what)
     yield "rays", _shoot_rays
     yield "all hits of rays", _find_all_hits
     yield "comparing", _compare

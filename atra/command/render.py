@@ -14,8 +14,7 @@ from atra.command.cameras import DIRECTIONS, chosen_cameras, is_file_name
 from atra.command.picture import add_limits, add_picture, load_with_cameras, run_picture, wants_picture
 from atra.errors import InputError, StorageError, printable
 from atra.files.cameras.entries import Broken
-from atra.files.meshes.face_sources import FaceSources, load_face_sources
-from atra.files.meshes.loading import load_mesh
+from atra.files.meshes.loading import FaceSources, load_face_sources, load_mesh
 from atra.files.planes import PLANE_FORMATS, PLANES, SOURCES, plane_names
 from atra.files.saving import check_package
 from atra.geometry.mesh import Mesh

@@ -13,8 +13,8 @@ import numpy as np
 
 from atra.compat.bop import Pose, Renderer
 from atra.errors import InputError
-from atra.files.cameras.bop import camera_of_image, image_size, matrix_of
-from atra.files.cameras.entries import entry, number, read_json
+from atra.files.cameras.bop import camera_of_image, image_size
+from atra.files.cameras.entries import entry, number, numbers, read_json
 from atra.files.meshes.loading import load_mesh
 from atra.files.paths import write_atomically
 from atra.files.planes import fit_16_bits
@@ -77,8 +77,8 @@ def write_labels(
     if not scenes:
         raise InputError(f"{folder / split} has no scene with a scene_gt.json, expected a BOP dataset")
     frames = [frame for scene in scenes for frame in _frames_of(scene)]
-    numbers = sorted({_number_of(one, frame) for frame in frames for one in frame.objects})
-    meshes = {obj_id: load_mesh(folder / models / f"obj_{obj_id:06d}.ply") for obj_id in numbers}
+    used = sorted({_number_of(one, frame) for frame in frames for one in frame.objects})
+    meshes = {obj_id: load_mesh(folder / models / f"obj_{obj_id:06d}.ply") for obj_id in used}
     width, height = size or image_size(scenes[0] / "scene_gt.json")
     kept = local()
 
@@ -110,11 +110,15 @@ def write_labels(
 def _label(renderer: Renderer, frame: Frame, folder: Path, saturate: bool) -> list[dict[str, Any]]:
     """Write the images of a frame; returns its entry of scene_gt_info."""
     poses = [
-        Pose(_number_of(one, frame), matrix_of(one, "cam_R_m2c", 9).reshape(3, 3), matrix_of(one, "cam_t_m2c", 3))
+        Pose(
+            _number_of(one, frame),
+            numbers("cam_R_m2c", one.get("cam_R_m2c"), 9).reshape(3, 3),
+            numbers("cam_t_m2c", one.get("cam_t_m2c"), 3),
+        )
         for one in frame.objects
     ]
     camera_of_image(frame.camera, renderer.width, renderer.height)  # refuses what is no camera
-    fx, _, cx, _, fy, cy, *_ = matrix_of(frame.camera, "cam_K", 9).tolist()
+    fx, _, cx, _, fy, cy, *_ = numbers("cam_K", frame.camera["cam_K"], 9).tolist()
     labels = renderer.label(poses, fx, fy, cx, cy)
     scale = number("depth_scale", frame.camera.get("depth_scale", 1.0))
     if not scale > 0.0:

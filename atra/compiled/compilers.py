@@ -1,7 +1,9 @@
 """Numba's compiler with less work for the functions that kernels are made of.
 
 Numba compiles each of these functions as if Python called it: optimised, as machine code, with wrappers. Without this
-file the first image in a clone takes more than twice as long, and kernels that are kept could not be told apart.
+file the first image in a clone takes 1.8 times as long, and kernels that are kept could not be told apart. Of the parts
+that only save time each buys 7 to 25 %: code that is never called by itself, remembered types, dead branches, no
+collection of garbage, one piece of stack, no check after each pass. Leaving out passes bought less, and is gone.
 """
 
 from __future__ import annotations
@@ -16,34 +18,8 @@ from numba.core import ir, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.compiler_machinery import FunctionPass, register_pass
-from numba.core.typed_passes import (
-    AnnotateTypes,
-    DumpParforDiagnostics,
-    InlineOverloads,
-    NativeLowering,
-    NopythonRewrites,
-)
-from numba.core.untyped_passes import (
-    FindLiterallyCalls,
-    InlineClosureLikes,
-    InlineInlinables,
-    IRProcessing,
-    LiteralPropagationSubPipelinePass,
-    LiteralUnroll,
-    MakeFunctionToJitFunction,
-    RewriteDynamicRaises,
-    WithLifting,
-)
-
-_NOT_NEEDED = {
-    *(InlineClosureLikes, MakeFunctionToJitFunction, InlineInlinables, InlineOverloads),
-    *(NopythonRewrites, DumpParforDiagnostics),
-    *(FindLiterallyCalls, LiteralUnroll, LiteralPropagationSubPipelinePass),
-    *(WithLifting, RewriteDynamicRaises),
-    AnnotateTypes,
-}
-"""Passes for what kernels do not have: nested functions, arithmetic with arrays, `literally` and `literal_unroll`,
-`with` and `raise`. The last writes each function's types as text for people."""
+from numba.core.typed_passes import AnnotateTypes, NativeLowering
+from numba.core.untyped_passes import IRProcessing
 
 
 class _Typing:
@@ -111,7 +87,8 @@ class _Compiler(Compiler):
     def define_pipelines(self) -> list[Any]:
         pipelines = super().define_pipelines()
         for pipeline in pipelines:
-            pipeline.passes = [one for one in pipeline.passes if one[0] not in _NOT_NEEDED]
+            # That pass writes each function's types as text for people, which would be kept on disk, too.
+            pipeline.passes = [one for one in pipeline.passes if one[0] is not AnnotateTypes]
             pipeline.add_pass_after(_KnownArguments, IRProcessing)
             pipeline._ENFORCING = False  # spares working out after each pass when variables end
             pipeline.finalize()

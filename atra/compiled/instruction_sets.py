@@ -22,7 +22,7 @@ _PROCESSORS = {
 
 INSTRUCTION_SETS = tuple(_PROCESSORS)
 
-LANES = (4, 8, 16)
+LANE_COUNTS = (4, 8, 16)
 """Numbers of float32 in a vector, and of rays in a packet, that there are kernels for."""
 
 PACKET_WIDTHS = {"sse4.2": (4,), "avx": (4, 8), "avx2": (4, 8), "avx512": (4, 8, 16)}

@@ -1,4 +1,4 @@
-"""Machine operations that Numba lacks: atomic addition, a clock, and single numbers read and written by address."""
+"""Machine operations that Numba lacks: atomic addition, a clock, and single numbers read by address."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-_I16, _I64, _F64 = ir.IntType(16), ir.IntType(64), ir.DoubleType()
+_I64 = ir.IntType(64)
 
 
 def emitting(emit: Callable[..., ir.Value | None]) -> Callable[..., Any]:
@@ -75,24 +75,3 @@ int32_at, uint32_at = (_number_at(kind, ir.IntType(32)) for kind in (types.int32
 
 address_at = _number_at(types.int64, _I64)
 """The pointer at an address."""
-
-
-@intrinsic
-def add_at(typingctx: Any, address: Any, value: Any) -> Any:
-    """Add to the float64 at an address, atomically."""
-
-    def emit(builder: ir.IRBuilder, address: ir.Value, value: ir.Value) -> None:
-        builder.atomic_rmw("fadd", pointer_at(builder, address, _F64.as_pointer()), value, "monotonic")
-
-    return types.void(types.int64, types.float64), emitting(emit)
-
-
-@intrinsic
-def set_bits_at(typingctx: Any, address: Any, bits: Any) -> Any:
-    """Set bits in the uint16 at an address; bits: int64 below 2^16."""
-
-    def emit(builder: ir.IRBuilder, address: ir.Value, bits: ir.Value) -> None:
-        pointer = pointer_at(builder, address, _I16.as_pointer())
-        builder.store(builder.or_(builder.load(pointer), builder.trunc(bits, _I16)), pointer)
-
-    return types.void(types.int64, types.int64), emitting(emit)

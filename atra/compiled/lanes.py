@@ -11,7 +11,7 @@ from numba.extending import intrinsic
 
 from atra.compiled.intrinsics import emitting, pointer_at
 from atra.compiled.memory import load_aligned, store_lanes
-from atra.compiled.vectors import HAS_MASK_REGISTERS, Mask, Vector, declared, emit_splat, packed, unpacked
+from atra.compiled.vectors import HAS_MASK_REGISTERS, MaskType, VectorType, declared, emit_splat, packed, unpacked
 
 _I1, _I8, _I32, _I64 = ir.IntType(1), ir.IntType(8), ir.IntType(32), ir.IntType(64)
 
@@ -60,7 +60,7 @@ def emit_store_rows(
 def load_rows(typingctx: Any, address: Any, row_bytes: Any, like: Any, lanes: Any, nx: Any) -> Any:
     """Load `lanes` numbers of 4 bytes from rows of nx; address: of the first, any alignment. like: gives their type."""
     columns, rows = nx.literal_value, lanes.literal_value // nx.literal_value
-    vector = Vector(types.unliteral(like), lanes.literal_value)
+    vector = VectorType(types.unliteral(like), lanes.literal_value)
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
         return emit_load_rows(builder, context.get_value_type(vector.element), values[0], values[1], columns, rows)
@@ -91,7 +91,7 @@ def store_rows_where(typingctx: Any, mask: Any, vector: Any, address: Any, row_b
 def _places(of_lane: Callable[[int, int], int]) -> Any:
     @intrinsic(prefer_literal=True)
     def places(typingctx: Any, lanes: Any, nx: Any) -> Any:
-        vector, columns = Vector(types.float32, lanes.literal_value), nx.literal_value
+        vector, columns = VectorType(types.float32, lanes.literal_value), nx.literal_value
 
         def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
             kind = context.get_value_type(vector)
@@ -102,15 +102,15 @@ def _places(of_lane: Callable[[int, int], int]) -> Any:
     return places
 
 
-columns_of, rows_of = _places(lambda lane, nx: lane % nx), _places(lambda lane, nx: lane // nx)
-"""columns_of(lanes, nx), rows_of(lanes, nx): float32 vectors of the column and of the row of each pixel."""
+pixel_columns, pixel_rows = _places(lambda lane, nx: lane % nx), _places(lambda lane, nx: lane // nx)
+"""pixel_columns(lanes, nx), pixel_rows(lanes, nx): float32 vectors of the column and of the row of each pixel."""
 
 
 @intrinsic(prefer_literal=True)
 def marked_rows(typingctx: Any, address: Any, row_bytes: Any, mark: Any, lanes: Any, nx: Any) -> Any:
     """The mask of the pixels whose byte, laid out as for `load_rows`, shares a bit with `mark`."""
     columns, rows = nx.literal_value, lanes.literal_value // nx.literal_value
-    mask = Mask(lanes.literal_value)
+    mask = MaskType(lanes.literal_value)
 
     def emit(builder: ir.IRBuilder, address: ir.Value, row_bytes: ir.Value, mark: ir.Value, *_: ir.Value) -> ir.Value:
         marks = emit_load_rows(builder, _I8, address, row_bytes, columns, rows)
@@ -123,7 +123,7 @@ def marked_rows(typingctx: Any, address: Any, row_bytes: Any, mark: Any, lanes: 
 @intrinsic(prefer_literal=True)
 def nonzero_lanes(typingctx: Any, address: Any, lanes: Any) -> Any:
     """The mask of the int32 at an address that are not 0."""
-    mask = Mask(lanes.literal_value)
+    mask = MaskType(lanes.literal_value)
 
     def emit(builder: ir.IRBuilder, address: ir.Value, _: ir.Value) -> ir.Value:
         numbers = load_aligned(builder, address, ir.VectorType(_I32, mask.lanes), 4)
@@ -146,7 +146,9 @@ def one_more(typingctx: Any, mask: Any, numbers: Any) -> Any:
 def _compared(sign: str) -> Any:
     @intrinsic
     def compared(typingctx: Any, a: Any, b: Any) -> Any:
-        return Mask(a.lanes)(a, b), emitting(lambda builder, a, b: packed(builder, builder.icmp_unsigned(sign, a, b)))
+        return MaskType(a.lanes)(a, b), emitting(
+            lambda builder, a, b: packed(builder, builder.icmp_unsigned(sign, a, b))
+        )
 
     return compared
 

@@ -10,7 +10,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from atra.compiled.intrinsics import emitting, pointer_at
-from atra.compiled.vectors import HAS_MASK_REGISTERS, Vector, declared, emit_splat, every_second, unpacked
+from atra.compiled.vectors import HAS_MASK_REGISTERS, VectorType, declared, emit_splat, every_second, unpacked
 
 _I1, _I16, _I32, _I64 = ir.IntType(1), ir.IntType(16), ir.IntType(32), ir.IntType(64)
 
@@ -29,7 +29,7 @@ def load_aligned(builder: ir.IRBuilder, address: ir.Value, kind: ir.Type, align:
 @intrinsic(prefer_literal=True)
 def load(typingctx: Any, address: Any, like: Any, lanes: Any) -> Any:
     """Load `lanes` numbers from an address of any alignment; like: a number of their type."""
-    vector = Vector(types.unliteral(like), lanes.literal_value)
+    vector = VectorType(types.unliteral(like), lanes.literal_value)
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
         return load_aligned(builder, values[0], context.get_value_type(vector), vector.element.bitwidth // 8)
@@ -58,7 +58,7 @@ def points_of(typingctx: Any, base: Any, packed_address: Any, part: Any) -> Any:
 
     packed_address: of 8 uint64 with a distance in 16 bits each, part 0 ... 3. Faster than gathering columns.
     """
-    vector = Vector(types.float64, 8)
+    vector = VectorType(types.float64, 8)
     columns = types.UniTuple(vector, 3)
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
@@ -90,16 +90,16 @@ def gather_at(typingctx: Any, base: Any, places: Any) -> Any:
         addresses = builder.add(distances, emit_splat(builder, base, 8))
         return _gathered(builder, addresses, ir.VectorType(ir.FloatType(), 8), "v8f32", 4)
 
-    return Vector(types.float32, 8)(types.int64, places), emitting(emit)
+    return VectorType(types.float32, 8)(types.int64, places), emitting(emit)
 
 
 @intrinsic
-def columns_of(typingctx: Any, base: Any, numbers_address: Any) -> Any:
+def table_columns(typingctx: Any, base: Any, numbers_address: Any) -> Any:
     """The columns of 8 rows of a table of 8 float64 a row, as 8 vectors; the rows' numbers are 8 uint32 at an address.
 
     Reading whole rows and transposing them is faster than gathering columns. A row that all lanes share is read once.
     """
-    vector = Vector(types.float64, 8)
+    vector = VectorType(types.float64, 8)
     columns = types.UniTuple(vector, 8)
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
@@ -145,7 +145,7 @@ def _transposed(builder: ir.IRBuilder, rows: list[ir.Value]) -> list[ir.Value]:
 @intrinsic
 def low_and_high(typingctx: Any, address: Any) -> Any:
     """The low and the high 16 bits of 8 uint32 at an address, as two vectors of float64."""
-    vector = Vector(types.float64, 8)
+    vector = VectorType(types.float64, 8)
     both = types.UniTuple(vector, 2)
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
@@ -161,7 +161,7 @@ def low_and_high(typingctx: Any, address: Any) -> Any:
 @intrinsic
 def halves(typingctx: Any, vector: Any) -> Any:
     """Take each float64 of a vector for two float32: a vector of the first ones and a vector of the second ones."""
-    half = Vector(types.float32, vector.lanes)
+    half = VectorType(types.float32, vector.lanes)
     both = types.UniTuple(half, 2)
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
@@ -195,7 +195,7 @@ def store_points(typingctx: Any, x: Any, y: Any, w: Any, address: Any) -> Any:
 @intrinsic(prefer_literal=True)
 def places_of(typingctx: Any, base: Any, packed_address: Any, part: Any) -> Any:
     """x and y of 8 points of `store_points`, as two vectors of float32; packed_address, part: as for `points_of`."""
-    vector = Vector(types.float32, 8)
+    vector = VectorType(types.float32, 8)
     both = types.UniTuple(vector, 2)
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:

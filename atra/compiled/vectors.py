@@ -30,32 +30,32 @@ masked stores are slow on some processors.
 """
 
 
-class Vector(types.Type):
+class VectorType(types.Type):
     """`lanes` numbers of one type."""
 
     def __init__(self, element: types.Type, lanes: int) -> None:
         self.element, self.lanes = element, lanes
-        super().__init__(f"Vector({element}, {lanes})")
+        super().__init__(f"VectorType({element}, {lanes})")
 
 
-class Mask(types.Type):
+class MaskType(types.Type):
     """True or False in each lane."""
 
     def __init__(self, lanes: int) -> None:
         self.lanes = lanes
-        super().__init__(f"Mask({lanes})")
+        super().__init__(f"MaskType({lanes})")
 
 
-@register_model(Vector)
+@register_model(VectorType)
 class _VectorModel(models.PrimitiveModel):
-    def __init__(self, manager: Any, vector: Vector) -> None:
+    def __init__(self, manager: Any, vector: VectorType) -> None:
         element = manager.lookup(vector.element).get_value_type()
         super().__init__(manager, vector, ir.VectorType(element, vector.lanes))
 
 
-@register_model(Mask)
+@register_model(MaskType)
 class _MaskModel(models.PrimitiveModel):
-    def __init__(self, manager: Any, mask: Mask) -> None:
+    def __init__(self, manager: Any, mask: MaskType) -> None:
         super().__init__(manager, mask, ir.VectorType(_I1 if HAS_MASK_REGISTERS else _I32, mask.lanes))
 
 
@@ -95,7 +95,7 @@ def _operator(
     class _Typing(AbstractTemplate):
         def generic(self, arguments: Any, keywords: Any) -> Any:
             if len(arguments) == count and isinstance(arguments[0], kind) and len(set(arguments)) == 1:
-                return signature(Mask(arguments[0].lanes) if gives_mask else arguments[0], *arguments)
+                return signature(MaskType(arguments[0].lanes) if gives_mask else arguments[0], *arguments)
             return None
 
     lower_builtin(function, *[kind] * count)(lambda context, builder, signature, values: emit(builder, *values))
@@ -103,19 +103,19 @@ def _operator(
 
 def _comparison(function: Any, sign: str) -> None:
     """Define a comparison of float vectors; it is False where a number is NaN."""
-    _operator(function, Vector, lambda builder, a, b: packed(builder, builder.fcmp_ordered(sign, a, b)), True)
+    _operator(function, VectorType, lambda builder, a, b: packed(builder, builder.fcmp_ordered(sign, a, b)), True)
 
 
-_operator(operator.add, Vector, ir.IRBuilder.fadd)
-_operator(operator.sub, Vector, ir.IRBuilder.fsub)
-_operator(operator.mul, Vector, ir.IRBuilder.fmul)
-_operator(operator.truediv, Vector, ir.IRBuilder.fdiv)
-_operator(operator.and_, Mask, ir.IRBuilder.and_)
-_operator(operator.or_, Mask, ir.IRBuilder.or_)
+_operator(operator.add, VectorType, ir.IRBuilder.fadd)
+_operator(operator.sub, VectorType, ir.IRBuilder.fsub)
+_operator(operator.mul, VectorType, ir.IRBuilder.fmul)
+_operator(operator.truediv, VectorType, ir.IRBuilder.fdiv)
+_operator(operator.and_, MaskType, ir.IRBuilder.and_)
+_operator(operator.or_, MaskType, ir.IRBuilder.or_)
 _comparison(operator.gt, ">")
 _comparison(operator.ge, ">=")
 _comparison(operator.le, "<=")
-_operator(operator.ne, Vector, lambda builder, a, b: packed(builder, builder.icmp_unsigned("!=", a, b)), True)
+_operator(operator.ne, VectorType, lambda builder, a, b: packed(builder, builder.icmp_unsigned("!=", a, b)), True)
 
 
 def _between(compare: str) -> Any:
@@ -160,7 +160,7 @@ nearest_whole, ceil, floor = _of_each("rint"), _of_each("ceil"), _of_each("floor
 root = _of_each("sqrt")
 """The square roots of a float vector."""
 
-_operator(abs, Vector, lambda builder, value: _lane_by_lane(builder, "fabs", value), count=1)
+_operator(abs, VectorType, lambda builder, value: _lane_by_lane(builder, "fabs", value), count=1)
 
 
 @intrinsic
@@ -184,7 +184,7 @@ def where(typingctx: Any, mask: Any, a: Any, b: Any) -> Any:
 @intrinsic
 def folded(typingctx: Any, vector: Any) -> Any:
     """The smaller of each pair of neighbouring lanes: a vector of half as many."""
-    half = Vector(vector.element, vector.lanes // 2)
+    half = VectorType(vector.element, vector.lanes // 2)
 
     def emit(builder: ir.IRBuilder, value: ir.Value) -> ir.Value:
         even, odd = every_second(builder, value, vector.lanes)
@@ -196,14 +196,14 @@ def folded(typingctx: Any, vector: Any) -> Any:
 @intrinsic(prefer_literal=True)
 def splat(typingctx: Any, value: Any, lanes: Any) -> Any:
     """The same number in each lane."""
-    vector = Vector(types.unliteral(value), lanes.literal_value)
+    vector = VectorType(types.unliteral(value), lanes.literal_value)
     return vector(vector.element, lanes), emitting(lambda builder, value, _: emit_splat(builder, value, vector.lanes))
 
 
 @intrinsic(prefer_literal=True)
 def arange(typingctx: Any, first: Any, lanes: Any) -> Any:
     """first, first + 1, first + 2, ...; first: float32 or float64."""
-    vector = Vector(first, lanes.literal_value)
+    vector = VectorType(first, lanes.literal_value)
 
     def emit(builder: ir.IRBuilder, first: ir.Value, _: ir.Value) -> ir.Value:
         start = emit_splat(builder, first, vector.lanes)
@@ -231,14 +231,16 @@ def with_lane(typingctx: Any, vector: Any, number: Any, value: Any) -> Any:
 def rounded(typingctx: Any, vector: Any) -> Any:
     """Convert float64 to float32."""
     kind = ir.VectorType(ir.FloatType(), vector.lanes)
-    return Vector(types.float32, vector.lanes)(vector), emitting(lambda builder, value: builder.fptrunc(value, kind))
+    return VectorType(types.float32, vector.lanes)(vector), emitting(
+        lambda builder, value: builder.fptrunc(value, kind)
+    )
 
 
 @intrinsic
 def widened(typingctx: Any, vector: Any) -> Any:
     """Convert float32 to float64."""
     kind = ir.VectorType(ir.DoubleType(), vector.lanes)
-    return Vector(types.float64, vector.lanes)(vector), emitting(lambda builder, value: builder.fpext(value, kind))
+    return VectorType(types.float64, vector.lanes)(vector), emitting(lambda builder, value: builder.fpext(value, kind))
 
 
 @intrinsic
@@ -254,7 +256,7 @@ def bits_of(typingctx: Any, mask: Any) -> Any:
 @intrinsic(prefer_literal=True)
 def mask_of(typingctx: Any, bits: Any, lanes: Any) -> Any:
     """The mask with lane k True where bit k of an int64 is set."""
-    mask = Mask(lanes.literal_value)
+    mask = MaskType(lanes.literal_value)
 
     def emit(builder: ir.IRBuilder, bits: ir.Value, _: ir.Value) -> ir.Value:
         narrow = builder.trunc(bits, ir.IntType(mask.lanes))

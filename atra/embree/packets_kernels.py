@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from atra.compiled.store import njit
 from atra.embree import layout
 from atra.embree.layout import HIT_GEOM_ID, HIT_PRIM_ID, RAY_DIR_X, RAY_ORG_X, RAY_TFAR, RAY_WORDS
+from atra.prim_ids import MISS as MISS
 
-MISS = np.uint32(layout.INVALID_ID)
 INFINITY = np.float32(np.inf)
 START = np.float32(layout.AFTER_START)
 """tnear of rays that do not hit what they start on."""
@@ -46,7 +46,7 @@ class PixelTiles(NamedTuple):
     height: int
 
 
-class Image(NamedTuple):
+class TracedImage(NamedTuple):
     """The image that a kernel writes. depth: (H, W) float32, inf = miss. prim_id: (H, W) uint32, MISS = miss."""
 
     depth: NDArray[np.float32]

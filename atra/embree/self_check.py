@@ -23,7 +23,7 @@ from atra.errors import EmbreeError
 _VERTICES = np.array([-6, -7, 4, 9, -5, 5, -2, 8, 7, 0, 0, 0, 0], np.float32)
 _FACES = np.array([[0, 0, 0], [0, 1, 2]], np.uint32)
 _PRIM_ID, _GEOM_ID, _INST_ID = 1, 3, 5
-USER_DATA = 0x1234560
+SENT_USER_DATA = 0x1234560
 
 _TOLERANCE = 1e-5
 
@@ -79,7 +79,7 @@ def _new_scene(functions: Any, device: int, filter_function: Any) -> int:
     ):
         functions.rtcSetSharedGeometryBuffer(triangles, buffer, 0, kind, array.ctypes.data, 0, 12, count)
     functions.rtcSetGeometryIntersectFilterFunction(triangles, ctypes.cast(filter_function, ctypes.c_void_p).value)
-    functions.rtcSetGeometryUserData(triangles, USER_DATA)
+    functions.rtcSetGeometryUserData(triangles, SENT_USER_DATA)
     instance = functions.rtcNewGeometry(device, layout.GEOMETRY_INSTANCE)
     functions.rtcSetGeometryInstancedScene(instance, inner)
     for scene, geometry, geom_id in ((inner, triangles, _GEOM_ID), (outer, instance, _INST_ID)):
@@ -155,7 +155,7 @@ def _check_calls(
     where = "what the filter is given"
     for seen in calls:
         _check(where, width, "N", seen["N"], width)
-        _check(where, width, "geometryUserPtr", seen["user_data"], USER_DATA)
+        _check(where, width, "geometryUserPtr", seen["user_data"], SENT_USER_DATA)
         _check(where, width, "context", seen["context"], own.packet.context.ctypes.data)
     told = sum((seen["valid"] != 0 for seen in calls), np.zeros(width, np.int64))
     _check("all calls of the filter", width, "valid", told, hits)

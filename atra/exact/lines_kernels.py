@@ -12,7 +12,7 @@ from __future__ import annotations
 from atra.compiled.memory import doubles_at
 from atra.compiled.store import njit
 from atra.compiled.vectors import multiply_add
-from atra.exact.sums_kernels import add_product, add_triple, sign_of, value_of
+from atra.exact.sums_kernels import add_product, add_triple, out_of_line, sign_of, value_of
 
 PARTS = 512
 """Parts of exact sums; callers provide the address of memory for as many float64."""
@@ -21,7 +21,7 @@ _SUM_BYTES = 8 * 64
 """Memory of one of several sums; no sum has more parts, as they do not overlap and float64 has 2,100 bits."""
 
 
-@njit
+@out_of_line
 def _add_volume(sum_, count, a, b, c):  # type: ignore[no-untyped-def]
     """Add a . (b x c)."""
     for k in range(3):
@@ -31,7 +31,7 @@ def _add_volume(sum_, count, a, b, c):  # type: ignore[no-untyped-def]
     return count
 
 
-@njit
+@out_of_line
 def _side_or_through(o, d, p, q, exact):  # type: ignore[no-untyped-def]
     """The side of the edge from p to q that the ray passes on, 1 or -1; 0 for a ray through the edge's line."""
     sum_ = doubles_at(exact)
@@ -41,7 +41,7 @@ def _side_or_through(o, d, p, q, exact):  # type: ignore[no-untyped-def]
     return sign_of(sum_, count)
 
 
-@njit
+@out_of_line
 def _side(o, d, p, q, major, exact):  # type: ignore[no-untyped-def]
     """The same of the moved ray; 0 for an edge along the ray."""
     sum_ = doubles_at(exact)
@@ -58,7 +58,7 @@ def _side(o, d, p, q, major, exact):  # type: ignore[no-untyped-def]
     return found
 
 
-@njit
+@out_of_line
 def crossing_sign(o, d, a, b, c, major, exact):  # type: ignore[no-untyped-def]
     """1 or -1 where a line crosses a triangle, the sign of its normal (b - a) x (c - a) along d; 0 where it does not.
 
@@ -71,7 +71,7 @@ def crossing_sign(o, d, a, b, c, major, exact):  # type: ignore[no-untyped-def]
     return found
 
 
-@njit
+@out_of_line
 def touching_sign(o, d, a, b, c, exact):  # type: ignore[no-untyped-def]
     """As `crossing_sign`, of the ray where it is: also where it meets the triangle in an edge or a corner."""
     one, two = _side_or_through(o, d, a, b, exact), _side_or_through(o, d, b, c, exact)
@@ -80,7 +80,7 @@ def touching_sign(o, d, a, b, c, exact):  # type: ignore[no-untyped-def]
     return 0 if least < 0 < most else least + most if least != most else least
 
 
-@njit
+@out_of_line
 def plane_sign(o, d, a, b, c, s, exact):  # type: ignore[no-untyped-def]
     """The sign, -1, 0 or 1, of ((b - a) x (c - a)) . (a - o - s d): of t - s, times that of the normal along d, where
     t is the parameter at which the ray meets the plane. Arguments as for `crossing_sign`."""
@@ -96,7 +96,7 @@ def plane_sign(o, d, a, b, c, s, exact):  # type: ignore[no-untyped-def]
     return sign_of(sum_, count)
 
 
-@njit
+@out_of_line
 def _add_scaled(sum_, count, s, a, b, c):  # type: ignore[no-untyped-def]
     """Add s a b c."""
     high = s * a
@@ -116,7 +116,7 @@ def _minus(a, b):  # type: ignore[no-untyped-def]
     return found, is_exact
 
 
-@njit
+@out_of_line
 def _add_plane(ahead, facing, o, d, a, b, c):  # type: ignore[no-untyped-def]
     """Write ((b - a) x (c - a)) . (a - o) and ((b - a) x (c - a)) . d as exact sums; returns the counts of their parts.
     The ray meets the plane at the parameter that is their quotient."""
@@ -132,7 +132,7 @@ def _add_plane(ahead, facing, o, d, a, b, c):  # type: ignore[no-untyped-def]
     return many, count
 
 
-@njit
+@out_of_line
 def plane_parameter(o, d, a, b, c, exact):  # type: ignore[no-untyped-def]
     """The parameter at which a ray meets the plane of a triangle that it crosses, right to a unit of float64. Arguments
     as for `crossing_sign`."""
@@ -145,7 +145,7 @@ def plane_parameter(o, d, a, b, c, exact):  # type: ignore[no-untyped-def]
     return t + value_of(ahead, many) / below
 
 
-@njit
+@out_of_line
 def plane_order(o, d, a, b, c, p, q, r, exact):  # type: ignore[no-untyped-def]
     """The sign, -1, 0 or 1, of t - s, the parameters at which a ray meets the planes of triangles a, b, c and p, q, r,
     both of which it crosses."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import kernel, njit
-from atra.geometry.projection_kernels import CORNERS, cell_range, meet_cells
+from atra.geometry.projection_kernels import CORNERS, cell_range, find_columns, find_rows
 
 FLOAT32_UNIT = 2.0**-24
 """Largest relative error of one rounding in float32."""
@@ -133,7 +133,7 @@ def judge_copies(  # type: ignore[no-untyped-def]
     """
     largest, nothing = np.empty((4, 3)), np.zeros(3)
     nx, ny = len(shears_x), len(shears_y)
-    corners, columns = np.empty((3, CORNERS, 3)), np.empty((ny, 2), np.int64)
+    polygon, first, second = np.empty((CORNERS, 3)), np.empty((CORNERS, 3)), np.empty((CORNERS, 3))
     while True:
         start = fetch_add(counter_address, 1) * CHUNK
         if start >= len(faces):
@@ -159,9 +159,10 @@ def judge_copies(  # type: ignore[no-untyped-def]
             if in_every_cell and _roundings(largest, volume)[1] > SIGN_ROUNDINGS:
                 left_out[triangle] = 1
                 continue
-            top, bottom = meet_cells(points_pixels, faces, triangle, nx, ny, cell_width, cell_height, corners, columns)
-            for j in range(top, bottom + 1):
-                for i in range(columns[j, 0], columns[j, 1] + 1):
+            met = find_rows(points_pixels, faces, triangle, cell_height, ny, polygon, first)
+            for j in range(met.first, met.last + 1):
+                left, right = find_columns(met, polygon, j, cell_width, cell_height, nx, first, second)
+                for i in range(left, right + 1):
                     largest[:] = 0.0
                     volume = _enlarge(points_ray, faces, triangle, shears_x[i], shears_y[j], points_pixels, largest)
                     if _is_too_far_off(largest, volume, most_at_corner, most):

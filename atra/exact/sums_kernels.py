@@ -13,6 +13,10 @@ from atra.compiled.vectors import multiply_add
 UNIT = np.float64(2.0**-53)
 """Largest relative error of one rounding in float64."""
 
+out_of_line = njit(forceinline=False)
+"""As `njit`, for what a loop calls rarely: it is not copied into its callers. Numba hands `forceinline` on to all that
+a function calls, so each loop over rays had hundreds of copies of exact sums and took minutes to compile."""
+
 
 @njit(forceinline=True)
 def add(sum_, count, part):  # type: ignore[no-untyped-def]
@@ -32,14 +36,14 @@ def add(sum_, count, part):  # type: ignore[no-untyped-def]
     return kept
 
 
-@njit
+@out_of_line
 def add_product(sum_, count, a, b):  # type: ignore[no-untyped-def]
     """Add a b."""
     high = a * b
     return add(sum_, add(sum_, count, multiply_add(a, b, -high)), high)
 
 
-@njit
+@out_of_line
 def add_triple(sum_, count, a, b, c):  # type: ignore[no-untyped-def]
     """Add a b c."""
     high = a * b

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,7 @@ from atra.files.saving import (
     check_package,
     depth_shading,
     encode_exr,
-    encode_npy,
-    encode_npz,
+    encode_numpy,
     encode_png,
     encode_tiff,
     exr_channels,
@@ -84,14 +84,15 @@ def write_planes(
         name: _PREVIEWS[name][1](plane(_PREVIEWS[name][0])) if name in _PREVIEWS else plane(name) for name in names
     }
     if kind in ("npz", "exr"):
-        files = {f".{kind}": encode_npz(found) if kind == "npz" else encode_exr(exr_channels(found))}
+        whole = encode_numpy(np.savez, **found) if kind == "npz" else encode_exr(exr_channels(found))
+        files = {f".{kind}": whole}
     elif kind == "png":
         files = {
             f".{name}.png": encode_png(_as_integers(name, array, depth_scale, saturate))
             for name, array in found.items()
         }
     else:
-        encode = encode_npy if kind == "npy" else encode_tiff
+        encode = partial(encode_numpy, np.save) if kind == "npy" else encode_tiff
         files = {f".{name}.{kind}": encode(array) for name, array in found.items()}
     paths = {stem.with_name(stem.name + end): content for end, content in files.items()}
     for path, content in paths.items():

@@ -54,17 +54,10 @@ def check_package(suffix: str) -> None:
         raise InputError(message) from None
 
 
-def encode_npz(layers: Layers) -> bytes:
-    """An .npz file of named arrays."""
+def encode_numpy(save: Callable[..., None], *arrays: NDArray[Any], **named: NDArray[Any]) -> bytes:
+    """The file that `np.save` or `np.savez` writes of arrays."""
     content = io.BytesIO()
-    np.savez(content, **layers)  # type: ignore[arg-type]
-    return content.getvalue()
-
-
-def encode_npy(array: NDArray[Any]) -> bytes:
-    """An .npy file of an array."""
-    content = io.BytesIO()
-    np.save(content, array, allow_pickle=False)
+    save(content, *arrays, **named)
     return content.getvalue()
 
 
@@ -154,7 +147,7 @@ def depth_shading(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 
 _WRITERS: dict[str, tuple[tuple[str, ...], Callable[[Layers], bytes]]] = {
-    ".npz": (("depth", "prim_id", "u", "v", "points", "normals"), encode_npz),
+    ".npz": (("depth", "prim_id", "u", "v", "points", "normals"), lambda layers: encode_numpy(np.savez, **layers)),
     ".exr": (("depth", "prim_id", "normals"), lambda layers: encode_exr(exr_channels(layers))),
     ".png": (("depth",), lambda layers: encode_png(depth_shading(layers["depth"]))),
     ".ply": (("points", "normals"), _point_cloud),

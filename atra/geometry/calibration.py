@@ -103,7 +103,7 @@ def rotation_of(name: str, given: ArrayLike, hint: str = "") -> NDArray[np.float
     return np.asarray(left @ right)
 
 
-def placed(eye: NDArray[np.float64], axes: NDArray[np.float64]) -> tuple[Vector, Vector, Vector]:
+def look_at(eye: NDArray[np.float64], axes: NDArray[np.float64]) -> tuple[Vector, Vector, Vector]:
     """eye, target and up of a camera whose axes right, down, forward are the rows of `axes`.
 
     The target is so far away that its difference from the eye keeps the digits of forward. Raises InputError for an eye

@@ -10,24 +10,16 @@ from typing import ClassVar, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from atra.choices import check_choice
 from atra.errors import InputError
-from atra.geometry.calibration import image_plane_of, placed, pose_of, pose_of_matrix
+from atra.geometry.calibration import image_plane_of, look_at, pose_of, pose_of_matrix
 from atra.geometry.framing import framing_distance
 from atra.geometry.image_plane import ImagePlane, check_axis
 from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.lenses.models import EquirectangularLens, FisheyeLens, Lens, OpenCVLens
 from atra.geometry.mesh import Mesh
-from atra.geometry.numbers import (
-    Vector,
-    as_number,
-    as_vector,
-    checked_angle,
-    checked_vector,
-    unit_vector,
-)
-from atra.geometry.view import View, check_offset
-
-__all__ = ["CalibratedCamera", "Camera", "Vector", "check_offset"]
+from atra.geometry.numbers import Vector, as_number, as_vector, checked_angle, checked_vector, unit_vector
+from atra.geometry.view import View
 
 FOV_Y_DEGREES = 60.0
 """Default vertical field of view."""
@@ -126,8 +118,7 @@ class Camera(View):
         """
         pose, sensor = pose_of(R, t), image_plane_of(K)
         kinds: dict[str, type[OpenCVLens] | type[FisheyeLens]] = {"pinhole": OpenCVLens, "fisheye": FisheyeLens}
-        if model not in kinds:
-            raise InputError(f"model is {model!r}, expected one of {', '.join(kinds)}")
+        check_choice("model", model, tuple(kinds))
         lens = kinds[model]() if distortion is None else kinds[model].of(distortion)
         return camera_of(lens, *pose, sensor, width, height)
 
@@ -164,7 +155,7 @@ class Camera(View):
             raise InputError("expected either fov_y_degrees or K, neither or both were given")
         if K is not None:
             return CalibratedCamera.at(eye, rotation, image_plane_of(K), width, height)
-        return Camera(*placed(eye, rotation), as_number(fov_y_degrees), width, height)
+        return Camera(*look_at(eye, rotation), as_number(fov_y_degrees), width, height)
 
     @staticmethod
     def framing(
@@ -176,10 +167,21 @@ class Camera(View):
         width: int = 1024,
         height: int = 1024,
     ) -> Camera:
-        """The camera that looks along `direction` at the whole of a mesh, its box in the middle of the image.
+        """The camera that sees the whole of a mesh, its box in the middle, 5 % of the image free on either side.
 
-        direction: three finite floats of any length but 0. up, fov_y_degrees, width, height: as for `Camera`.
-        Raises InputError as `Camera`, and for a direction of length 0.
+        Parameters
+        ----------
+        mesh : Mesh
+            What is looked at.
+        direction : tuple of three floats
+            Direction of the view, world space, of any length but 0.
+        up, fov_y_degrees, width, height :
+            As for `Camera`.
+
+        Raises
+        ------
+        InputError
+            As `Camera`, and for a direction of length 0.
         """
         forward = unit_vector("direction", checked_vector("direction", direction))
         centre = np.asarray(mesh.bounds, np.float64).mean(axis=0)
@@ -199,10 +201,8 @@ class Camera(View):
         """(3, 4) float64: eye-space point (X, Y, Z, 1) -> (a, b, c), pixel position (a / c, b / c) and depth c."""
         right, down, forward = self.axes
         axis_x, axis_y = self.plane.axis_in_image
-        rows = np.stack(
-            [right / self.plane.pitch_x + axis_x * forward, down / self.plane.pitch_y + axis_y * forward, forward]
-        )
-        return np.column_stack([rows, np.zeros(3)])
+        x, y = right / self.plane.pitch_x + axis_x * forward, down / self.plane.pitch_y + axis_y * forward
+        return np.column_stack([np.stack([x, y, forward]), np.zeros(3)])
 
     def crop(self, left: int, top: int, width: int, height: int) -> CalibratedCamera:
         """The camera of a part of the image; its pixel (x, y) has the ray of pixel (left + x, top + y) to the bit.
@@ -221,7 +221,7 @@ class Camera(View):
     def directions(
         self, x: NDArray[np.integer], y: NDArray[np.integer], offset: tuple[float, float] = (0.5, 0.5)
     ) -> NDArray[np.float64]:
-        """Directions (..., 3) float64, camera space, Z = 1, of pixels (x, y) at sub-pixel `offset`."""
+        """Directions (..., 3) float64 of `rays`, camera space, Z = 1."""
         return self._on_image_plane(x, y, offset, 1.0)
 
 
@@ -293,7 +293,7 @@ class CalibratedCamera(Camera):
         cls, eye: NDArray[np.float64], axes: NDArray[np.float64], plane: ImagePlane, width: int, height: int
     ) -> CalibratedCamera:
         """The camera at `eye` (3,) whose axes right, down, forward are the rows of `axes` (3, 3), a rotation."""
-        return cls(*placed(eye, axes), width, height, plane=plane)
+        return cls(*look_at(eye, axes), width, height, plane=plane)
 
 
 def camera_of(
@@ -302,4 +302,4 @@ def camera_of(
     """The camera with a lens, placed as `CalibratedCamera.at`; one without where the lens bends nothing."""
     if lens == OpenCVLens():
         return CalibratedCamera.at(eye, axes, sensor, width, height)
-    return LensCamera(*placed(eye, axes), width, height, lens=lens, sensor=sensor)
+    return LensCamera(*look_at(eye, axes), width, height, lens=lens, sensor=sensor)

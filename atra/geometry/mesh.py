@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import warnings
 from copy import copy
-from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
-from atra.geometry.origins import placed
+from atra.geometry.origins import around_origin
 
 # The triangle test multiplies three lengths in float32; beyond this limit the product overflows and triangles silently
 # vanish from the image. The limit of the distance to the eye is `ray_space.FARTHEST_FROM_EYE`.
@@ -26,7 +25,6 @@ _LONGER_PRODUCT = 4.0
 """A needle is a triangle whose two edges at the first corner have a product beyond this multiple of the least such."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Mesh:
     """Indexed triangles in world space; the arrays are C-contiguous, read-only copies, with triangles without area.
 
@@ -48,6 +46,8 @@ class Mesh:
     origin : (3,) float64
         Where the stored vertices count from: zero, or where float32 would move a vertex by more than 1e-7 of the mesh's
         size, as at map coordinates, a point near its middle. All that is asked and answered stays in world space.
+    has_origin : bool
+        Whether the origin is another than zero.
     local_vertices : (V, 3) float32
         Vertices less the origin, as they are stored.
 
@@ -63,50 +63,50 @@ class Mesh:
         Of a mesh that spans so much that float32 changes its short edges by more than a twentieth even so.
     """
 
-    vertices: NDArray[np.floating]
     faces: NDArray[np.uint32]
-    name: str = "mesh"
-    units: str | None = None
-    notes: tuple[str, ...] = ()
-    origin: NDArray[np.float64] = field(init=False)
-    local_vertices: NDArray[np.float32] = field(init=False)
-    has_origin: bool = field(init=False)
+    name: str
+    units: str | None
+    notes: tuple[str, ...]
+    origin: NDArray[np.float64]
+    has_origin: bool
+    local_vertices: NDArray[np.float32]
 
-    def __post_init__(self) -> None:
-        given = _checked_vertices(self.vertices)
-        faces = _checked_faces(self.faces, len(given))
-        local, origin, loss = placed(given, faces)
+    def __init__(
+        self,
+        vertices: ArrayLike,
+        faces: ArrayLike,
+        name: str = "mesh",
+        units: str | None = None,
+        notes: tuple[str, ...] = (),
+    ) -> None:
+        given = _checked_vertices(vertices)
+        checked = _checked_faces(faces, len(given))
+        local, origin, loss = around_origin(given, checked)
         if loss:
-            warnings.warn(f"mesh {self.name!r} {loss}", stacklevel=3)
-        for array in (local, origin):
-            array.setflags(write=False)
-        has_origin = bool(origin.any())
-        self.__dict__.update(vertices=local, local_vertices=local, faces=faces, origin=origin, has_origin=has_origin)
-        if has_origin:
-            del self.__dict__["vertices"]  # made when asked for
+            warnings.warn(f"mesh {name!r} {loss}", stacklevel=2)
+        kept = {"name": name, "units": units, "notes": notes, "has_origin": bool(origin.any())}
+        self.__setstate__(kept | {"local_vertices": local, "origin": origin, "faces": checked})
 
-    if not TYPE_CHECKING:  # which would take any name for an attribute
-
-        def __getattr__(self, name: str) -> Any:
-            if name != "vertices" or "origin" not in self.__dict__:
-                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}", name=name, obj=self)
-            vertices = self.local_vertices + self.origin
-            vertices.setflags(write=False)
-            self.__dict__["vertices"] = vertices
-            return vertices
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"{name} cannot be set: a mesh does not change; make another one", name=name, obj=self)
 
     def __getstate__(self) -> dict[str, Any]:
-        kept = self.__dict__.copy()
-        for name in ("vertices", "_moved") if self.has_origin else ():  # made again when asked for
-            kept.pop(name, None)
-        return kept
+        return {name: kept for name, kept in self.__dict__.items() if name not in ("vertices", "_moved")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        # Arrays of copies and of pickles are writable.
         self.__dict__.update(state)
-        for name in ("vertices", "local_vertices", "origin", "faces", "traced_faces"):
+        for name in ("local_vertices", "origin", "faces", "traced_faces"):  # those of copies and pickles are writable
             if name in state:
                 state[name].setflags(write=False)
+
+    @cached_property
+    def vertices(self) -> NDArray[np.floating]:
+        """(V, 3) float32, scene units, world space; float64 for a mesh with an origin."""
+        if not self.has_origin:
+            return self.local_vertices
+        vertices = self.local_vertices + self.origin
+        vertices.setflags(write=False)
+        return vertices
 
     @property
     def local(self) -> Mesh:
@@ -117,12 +117,25 @@ class Mesh:
     def _moved(self) -> Mesh:
         moved = copy(self)
         moved.__dict__.pop("bounds", None)
-        moved.__dict__.update(vertices=self.local_vertices, origin=np.zeros(3), has_origin=False)
+        moved.__dict__.update(origin=np.zeros(3), has_origin=False)
         return moved
 
     @classmethod
     def from_trimesh(cls, mesh: Any, name: str = "mesh") -> Self:
-        """The triangles of a `trimesh.Trimesh`, in their order. Raises InputError for anything else, and as Mesh."""
+        """The triangles of a `trimesh.Trimesh`, in their order.
+
+        Parameters
+        ----------
+        mesh : trimesh.Trimesh
+            Anything with arrays `vertices` and `faces`.
+        name : str
+            The mesh's name in messages and records.
+
+        Raises
+        ------
+        InputError
+            For anything else, and as `Mesh`.
+        """
         if not (hasattr(mesh, "vertices") and hasattr(mesh, "faces")):
             raise InputError(
                 f"mesh is a {type(mesh).__name__}, expected a trimesh.Trimesh; of a Scene take `to_mesh()`"
@@ -175,9 +188,22 @@ class Mesh:
         return turned
 
     def triangles(self, prim_id: NDArray[np.integer]) -> NDArray[np.float64]:
-        """Corners (N, 3, 3) float64 of the triangles `prim_id` (N,): triangle, corner, axis.
+        """The corners of triangles.
 
-        Raises InputError naming the first `prim_id` that this mesh does not have.
+        Parameters
+        ----------
+        prim_id : (N,) array of whole numbers
+            Numbers of triangles.
+
+        Returns
+        -------
+        (N, 3, 3) float64
+            Triangle, corner, axis; world space, scene units.
+
+        Raises
+        ------
+        InputError
+            Naming the first `prim_id` that this mesh does not have.
         """
         prim_id = np.asarray(prim_id)
         absent = (prim_id < 0) | (prim_id >= self.triangle_count)
@@ -228,9 +254,7 @@ def _checked_faces(given: ArrayLike, vertex_count: int) -> NDArray[np.uint32]:
         bad = (faces < 0) | (faces >= vertex_count)
         face, corner = (int(i) for i in np.argwhere(bad)[0])
         raise InputError(f"face {face} names vertex {faces[face, corner]}, but the mesh has {vertex_count} vertices")
-    copied = np.array(faces, np.uint32, order="C")
-    copied.setflags(write=False)
-    return copied
+    return np.array(faces, np.uint32, order="C")
 
 
 def _as_array(name: str, given: ArrayLike) -> NDArray[Any]:

@@ -25,7 +25,7 @@ _SAMPLE = 4096
 """Triangles, evenly spread, that show how large a mesh is at least, and whether its edges lose detail."""
 
 
-def placed(
+def around_origin(
     vertices: NDArray[np.floating], faces: NDArray[np.uint32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float64], str]:
     """(local, origin, loss): vertices (V, 3) float32 around an origin (3,) float64, and what float32 loses even so.
@@ -54,7 +54,7 @@ def placed(
 
 
 def _origin_needed(vertices: NDArray[np.floating], faces: NDArray[np.uint32]) -> NDArray[np.float64]:
-    """The origin of `placed`, by looking at every vertex of a face."""
+    """The origin of `around_origin`, by looking at every vertex of a face."""
     is_used = np.zeros(len(vertices), np.bool_)
     is_used[faces] = True
     low, high, moved = np.full(3, np.inf), np.full(3, -np.inf), 0.0

@@ -6,6 +6,8 @@ Coordinates are homogeneous pixels (a, b, c), in which frustums have planes: pix
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from atra.compiled.intrinsics import fetch_add
@@ -19,6 +21,21 @@ CHUNK = 4096
 
 CORNERS = 8
 """Size of arrays for the corners of a polygon: a triangle clipped by three planes has at most six."""
+
+
+class MetRows(NamedTuple):
+    """Rows of cells that a polygon meets; first > last if there is none.
+
+    corners: their number, 0 = all is behind the eye. y_low, y_high: lowest and highest pixel position. tiny: a depth
+    that is 0 but for rounding.
+    """
+
+    first: int
+    last: int
+    corners: int
+    y_low: float
+    y_high: float
+    tiny: float
 
 
 @kernel
@@ -115,45 +132,77 @@ def front_part(polygon, nearest, farthest, scratch):  # type: ignore[no-untyped-
 
 
 @njit(forceinline=True)
-def columns_in_row(polygon, count, row, cell_width, cell_height, nx, y_low, y_high, tiny, first, second):  # type: ignore[no-untyped-def]
-    """First and last column that the polygon meets in one row of cells."""
+def find_rows(points_pixels, faces, triangle, cell_height, ny, polygon, scratch):  # type: ignore[no-untyped-def]
+    """The rows of cells that a triangle meets: `MetRows`. Its part in front of the eye is written to `polygon`,
+    (CORNERS, 3) float64; so may `scratch` be."""
+    nearest, farthest, largest = load_triangle(points_pixels, faces, triangle, polygon)
+    tiny = 1e-12 * largest
+    count = front_part(polygon, nearest, farthest, scratch)
+    y_low, y_high = pixel_range(polygon, count, 1, tiny)
+    first, last = cell_range(y_low, y_high, cell_height, ny)
+    return MetRows(first, last, count, y_low, y_high, tiny)
+
+
+@njit(forceinline=True)
+def find_columns(met, polygon, row, cell_width, cell_height, nx, first, second):  # type: ignore[no-untyped-def]
+    """First and last column that the polygon of `find_rows` meets in one row of cells; first, second: memory as its."""
     top, bottom = row * cell_height - MARGIN_PIXELS, (row + 1) * cell_height + MARGIN_PIXELS
-    if y_low >= top and y_high <= bottom:
-        low, high = pixel_range(polygon, count, 0, tiny)
+    if met.y_low >= top and met.y_high <= bottom:
+        low, high = pixel_range(polygon, met.corners, 0, met.tiny)
     else:
-        count = _clip(polygon, count, first, 0.0, 1.0, -top)
+        count = _clip(polygon, met.corners, first, 0.0, 1.0, -top)
         count = _clip(first, count, second, 0.0, -1.0, bottom)
-        low, high = pixel_range(second, count, 0, tiny)
+        low, high = pixel_range(second, count, 0, met.tiny)
     return cell_range(low, high, cell_width, nx)
 
 
 @njit(forceinline=True)
-def meet_cells(points_pixels, faces, triangle, nx, ny, cell_width, cell_height, corners, columns):  # type: ignore[no-untyped-def]
-    """First and last row of cells that a triangle meets, first > last if there is none; columns[j] are the first and
-    last column in row j. corners: (3, CORNERS, 3) float64, for polygons. columns: (ny, 2) int64, written."""
-    polygon, first, second = corners[0], corners[1], corners[2]
-    nearest, farthest, largest = load_triangle(points_pixels, faces, triangle, polygon)
-    tiny = 1e-12 * largest
-    count = front_part(polygon, nearest, farthest, first)
-    y_low, y_high = pixel_range(polygon, count, 1, tiny)
-    top, bottom = cell_range(y_low, y_high, cell_height, ny)
-    for j in range(top, bottom + 1):
-        left, right = columns_in_row(polygon, count, j, cell_width, cell_height, nx, y_low, y_high, tiny, first, second)
-        columns[j, 0], columns[j, 1] = left, right
-    return top, bottom
+def _range_of(value0, value1, value2, c0, c1, c2):  # type: ignore[no-untyped-def]
+    position0, position1, position2 = value0 / c0, value1 / c1, value2 / c2
+    return min(position0, position1, position2), max(position0, position1, position2)
+
+
+@njit(forceinline=True)
+def find_in_one_row(points_pixels, faces, triangle, nx, ny, cell_width, cell_height):  # type: ignore[no-untyped-def]
+    """What `find_rows` and `find_columns` find, in half the time, for triangles before the eye in one row of cells.
+
+    Returns the row, and the first and last column, first > last if there is none; row -1 for other triangles.
+    """
+    v0, v1, v2 = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
+    a0, b0, c0 = points_pixels[v0, 0], points_pixels[v0, 1], points_pixels[v0, 2]
+    a1, b1, c1 = points_pixels[v1, 0], points_pixels[v1, 1], points_pixels[v1, 2]
+    a2, b2, c2 = points_pixels[v2, 0], points_pixels[v2, 1], points_pixels[v2, 2]
+    if c0 < 0.0 and c1 < 0.0 and c2 < 0.0:
+        return 0, 1, 0
+    largest = max(abs(a0), abs(a1), abs(a2), abs(b0), abs(b1), abs(b2), abs(c0), abs(c1), abs(c2))
+    if not min(c0, c1, c2) > 1e-12 * largest:
+        return -1, 1, 0
+    low, high = _range_of(b0, b1, b2, c0, c1, c2)
+    row, last = cell_range(low, high, cell_height, ny)
+    if row > last:
+        return 0, 1, 0
+    if row < last or low < row * cell_height - MARGIN_PIXELS or high > (row + 1) * cell_height + MARGIN_PIXELS:
+        return -1, 1, 0
+    low, high = _range_of(a0, a1, a2, c0, c1, c2)
+    left, right = cell_range(low, high, cell_width, nx)
+    return row, left, right
 
 
 @kernel
 def count_copies(counter_address, points_pixels, faces, nx, ny, cell_width, cell_height, counts):  # type: ignore[no-untyped-def]
     """Set counts[t] to the number of cells that triangle t meets. points_pixels: (V, 3) float64 homogeneous pixels."""
-    corners, columns = np.empty((3, CORNERS, 3)), np.empty((ny, 2), np.int64)
+    polygon, first, second = np.empty((CORNERS, 3)), np.empty((CORNERS, 3)), np.empty((CORNERS, 3))
     while True:
         start = fetch_add(counter_address, 1) * CHUNK
         if start >= len(faces):
             return
         for triangle in range(start, min(start + CHUNK, len(faces))):
-            total = 0
-            top, bottom = meet_cells(points_pixels, faces, triangle, nx, ny, cell_width, cell_height, corners, columns)
-            for j in range(top, bottom + 1):
-                total += max(0, columns[j, 1] - columns[j, 0] + 1)
+            row, left, right = find_in_one_row(points_pixels, faces, triangle, nx, ny, cell_width, cell_height)
+            counts[triangle] = max(0, right - left + 1)
+            if row >= 0:
+                continue
+            total, met = 0, find_rows(points_pixels, faces, triangle, cell_height, ny, polygon, first)
+            for j in range(met.first, met.last + 1):
+                left, right = find_columns(met, polygon, j, cell_width, cell_height, nx, first, second)
+                total += max(0, right - left + 1)
             counts[triangle] = total

@@ -11,7 +11,7 @@ from atra.errors import InputError
 from atra.geometry.lenses.models import bends_rays
 from atra.geometry.mesh import Mesh
 from atra.geometry.numbers import Vector
-from atra.geometry.view import View
+from atra.geometry.view import View, check_view
 
 Seen = TypeVar("Seen", bound=View)
 """A kind of camera."""
@@ -62,8 +62,7 @@ def check_range(mesh: Mesh, camera: View, takes_lenses: bool = False) -> None:
     """Raise InputError unless these are a mesh and a view, and the mesh is large and near enough for float32; and for a
     camera with a lens unless the method takes it."""
     _check_mesh(mesh)
-    if not isinstance(camera, View):
-        raise InputError(f"camera is {camera!r:.100}, expected an atra.Camera or another view of atra")
+    check_view(camera)
     if camera.lens is not None and not takes_lenses:
         raise InputError(f"this method needs rays through a regular grid on a plane, but {bends_rays(camera.lens)}")
     size, distance = _check_extent(mesh, camera.eye, f"the eye {camera.eye}", "mesh and camera", "the eye")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from atra.errors import InputError
-from atra.geometry.view import View
+from atra.geometry.view import View, check_view
 from atra.whole_numbers import is_whole_number
 
 
@@ -50,7 +50,8 @@ class Split:
 
     @classmethod
     def of_image(cls, counts: tuple[int, int], camera: View) -> Self:
-        """The split of a camera's image into counts = (nx, ny) cells. Raises InputError as `Split`."""
+        """The split of a camera's image into `counts`, columns and rows, of cells. Raises InputError as `Split`."""
+        check_view(camera)
         try:
             nx, ny = counts
         except (TypeError, ValueError):

@@ -25,7 +25,15 @@ class View(ABC):
     Camera space is as for `Camera`. Ray directions have Z = 1 and rays start at Z = 0, so a ray parameter *is* a depth;
     for lenses that see sideways directions have length 1 instead, and depth is distance.
 
-    eye, target, up, width, height: as for `Camera`. Raises InputError as `Camera`.
+    Parameters
+    ----------
+    eye, target, up, width, height :
+        As for `Camera`.
+
+    Raises
+    ------
+    InputError
+        As `Camera`.
     """
 
     eye: Vector
@@ -88,10 +96,24 @@ class View(ABC):
     def rays(
         self, x: NDArray[np.integer], y: NDArray[np.integer], offset: tuple[float, float] = (0.5, 0.5)
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Origins and directions, camera space, (..., 3) float64 each, of the rays of pixels (x, y).
+        """The rays of pixels, in camera space.
 
-        Where a lens gives a pixel no ray, its direction is NaN.
-        Raises InputError for a sub-pixel `offset` outside [0, 1) x [0, 1).
+        Parameters
+        ----------
+        x, y : arrays of whole numbers
+            Columns and rows of the pixels; shapes that broadcast together.
+        offset : (float, float)
+            Sub-pixel position of the rays in [0, 1) x [0, 1).
+
+        Returns
+        -------
+        origins, directions : (..., 3) float64
+            Scene units; directions of length 1 or with Z = 1, NaN where a lens gives a pixel no ray.
+
+        Raises
+        ------
+        InputError
+            For another offset.
         """
 
     @property
@@ -100,25 +122,45 @@ class View(ABC):
         return self.lens is not None and self.lens.sees_sideways
 
     def rays_world(self, offset: tuple[float, float] = (0.5, 0.5)) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Origins and directions in world space, (H, W, 3) float64 each, of the rays of all pixels.
+        """The rays of all pixels in world space, as `RayScene` takes them: `scene.intersect(*camera.rays_world())`.
 
-        `RayScene` takes them: `scene.intersect(*camera.rays_world())`. Where a lens gives a pixel no ray, its
-        direction is NaN; leave such pixels out.
-        Raises InputError for a sub-pixel `offset` outside [0, 1) x [0, 1).
+        Parameters
+        ----------
+        offset : (float, float)
+            Sub-pixel position of the rays in [0, 1) x [0, 1).
+
+        Returns
+        -------
+        origins, directions : (H, W, 3) float64
+            Scene units; directions as of `rays`. Leave out pixels without a ray, whose direction is NaN.
+
+        Raises
+        ------
+        InputError
+            For another offset.
         """
         y, x = np.mgrid[0 : self.height, 0 : self.width]
         origins, directions = self.rays(x, y, offset)
         return origins @ self.axes + np.array(self.eye), directions @ self.axes
 
     def has_ray(self, offset: tuple[float, float] = (0.5, 0.5)) -> NDArray[np.bool_]:
-        """(H, W) bool, whether the pixel sees anything: False where a lens model folds over."""
+        """(H, W) bool, whether each pixel has a ray at a sub-pixel `offset`: False where a lens model folds over."""
         check_offset(offset)
         return np.ones((self.height, self.width), np.bool_)
 
     def project(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Pixel positions (..., 2) float64 at which world points (..., 3) are seen; (0, 0) is the image's corner.
+        """Pixel positions at which points are seen.
 
-        Points outside the image have positions outside; those behind the eye, or beyond a lens's fold, NaN.
+        Parameters
+        ----------
+        points : (..., 3) array
+            World space, scene units.
+
+        Returns
+        -------
+        (..., 2) float64
+            Column and row in pixels; (0, 0) is the image's upper left corner, (0.5, 0.5) the centre of its first pixel.
+            Points outside the image have positions outside; those behind the eye, or beyond a lens's fold, NaN.
         """
         given = np.asarray(points, np.float64)
         eye_space = np.append(self.to_eye_space(given), np.ones((*given.shape[:-1], 1)), axis=-1)
@@ -148,6 +190,12 @@ class View(ABC):
         plane = self.plane
         plane_x, plane_y = plane.columns(x, offset[0]) * plane.pitch_x, plane.rows(y, offset[1]) * plane.pitch_y
         return np.stack(np.broadcast_arrays(plane_x, plane_y, z), axis=-1)
+
+
+def check_view(camera: object) -> None:
+    """Raise InputError unless this is a view."""
+    if not isinstance(camera, View):
+        raise InputError(f"camera is {camera!r:.100}, expected an atra.Camera or another view of atra")
 
 
 def check_offset(offset: tuple[float, float], name: str = "offset") -> None:

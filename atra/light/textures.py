@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.geometry.view import Vector, checked_vector
+from atra.geometry.numbers import Vector, checked_vector
 from atra.light.checks import Colour, check_one_of, checked_colour, checked_image, checked_number, set_fields
 
 MOST_TEXELS = 1 << 26

@@ -26,7 +26,7 @@ def gathering_filter(kind: int, shape_x: int, shape_y: int, cells: str) -> int:
     """Address of the filter for packets of shape_x x shape_y pixels; compiled once per process, cached on disk.
 
     kind: the reduction's, as for `take`. cells: "none" where the scene is the mesh; "copied" or "instanced" where the
-    user data holds an int64 record per triangle or instance, as in `atra.embree.filters_kernels.keep_nearest`. The
+    user data holds an int64 record per triangle or instance, as in `atra.embree.callbacks_kernels`. The
     filter rejects every hit, so that Embree continues, and leaves out undecided hits.
     """
     lanes, nx = shape_x * shape_y, shape_x

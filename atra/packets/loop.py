@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.compiled.threads import WorkerPool
-from atra.embree.packets_kernels import Image, PixelTiles, RayGrid
+from atra.embree.packets_kernels import PixelTiles, RayGrid, TracedImage
 from atra.embree.workspace import Workspace, check_widths
 from atra.packets.loop_kernels import NEAREST, Limits, packet_kernel
 
-_NO_IMAGE = Image(np.empty((0, 0), np.float32), np.empty((0, 0), np.uint32))
+_NO_IMAGE = TracedImage(np.empty((0, 0), np.float32), np.empty((0, 0), np.uint32))
 _NO_LIMITS = np.empty(0, np.float32)
 
 
@@ -41,7 +41,7 @@ def trace_packets(
     packets: Packets,
     workspaces: Sequence[Workspace],
     pool: WorkerPool,
-    image: Image = _NO_IMAGE,
+    image: TracedImage = _NO_IMAGE,
     nearest: NDArray[np.float32] = _NO_LIMITS,
 ) -> int:
     """Trace rays into an image, or into what a filter writes. nearest: of `Limits`.

@@ -15,7 +15,7 @@ from atra.all_hits.target_kernels import band_stride
 from atra.choices import check_choice, check_flags
 from atra.compiled.threads import WorkerPool
 from atra.embree.callbacks_kernels import memory_monitor
-from atra.embree.packets_kernels import Image, PixelTiles, RayGrid
+from atra.embree.packets_kernels import PixelTiles, RayGrid, TracedImage
 from atra.embree.scene import BUILD_QUALITIES, resolve_packet_width
 from atra.errors import InputError
 from atra.geometry.lenses.lens_view import LensView
@@ -137,7 +137,7 @@ class PreparedPixel:
             rays, kind = image_ray_grid(camera, offset, shape), NEAREST
         size = camera.width, camera.height
         packets = Packets(self.scene.address, shape, camera.is_parallel, rays, self.tiles, size, kind)
-        trace_packets(packets, self.workspaces, self.pool, Image(depth, prim_id))
+        trace_packets(packets, self.workspaces, self.pool, TracedImage(depth, prim_id))
 
     @property
     def gathering_stride(self) -> int:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from atra.all_hits.reductions import Reduction
 from atra.all_hits.target_kernels import band_stride
 from atra.choices import check_choice
-from atra.compiled.instruction_sets import LANES, native_lanes
+from atra.compiled.instruction_sets import LANE_COUNTS, native_lanes
 from atra.compiled.threads import WorkerPool
 from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.mesh import Mesh
@@ -36,7 +36,7 @@ class Raster:
     rays_per_packet: ClassVar[int] = 1
 
     def __post_init__(self) -> None:
-        check_choice("lanes", self.lanes, LANES, or_none=True)
+        check_choice("lanes", self.lanes, LANE_COUNTS, or_none=True)
 
     def check(self, mesh: Mesh, camera: View) -> None:
         """See `Method.check`."""

@@ -130,9 +130,9 @@ def read_pack(path: Path) -> Pack:
             told = _member(archive, _ROWS)
             if about["sha256"][_ROWS] != sha256(told).hexdigest():
                 raise InputError(f"{_ROWS} does not have its digest")
-            rows = tuple(read_row(one) for one in json.loads(told))
+            rows = tuple(read_row(row) for row in json.loads(told))
         machine = {printable(str(name))[:100]: _short(value) for name, value in dict(about["machine"]).items()}
-        first, last = (printable(str(one))[:40] for one in about["measured_at"])
+        first, last = (printable(str(time))[:40] for time in about["measured_at"])
         name = printable(str(about["name"]))[:100]
     except (OSError, ValueError, KeyError, TypeError, RecursionError, zipfile.BadZipFile, NotImplementedError) as error:
         raise InputError(f"{path} cannot be read as a packed sweep: {error}") from None

@@ -55,7 +55,7 @@ class BoardRow:
 
 def board_rows(table: pd.DataFrame) -> list[BoardRow]:
     """The rows of a sweep's table, of workloads that time frames or batches beside packets."""
-    timed = table[table["workload"].map(lambda name: _TIME in {one.name for one in find_workload(name).columns})]
+    timed = table[table["workload"].map(lambda name: _TIME in {column.name for column in find_workload(name).columns})]
     varying = [name for name in settings() if name in timed and name not in best_of() and name != "mesh_sha256"]
     keys = ["scene", "triangles", "workload", "method", "packet_width", "robust", *varying]
     keys = [name for name in dict.fromkeys(keys) if name in timed and timed[name].notna().any()]
@@ -113,17 +113,17 @@ _KINDS = {"str": (str,), "int": (int,), "float": (int, float), "bool": (bool,)}
 def read_row(given: Any) -> BoardRow:
     """The reverse of `plain_rows`, for a row of a stranger's file. Raises InputError for other fields and types, and
     for numbers that are not finite; texts are made printable and cut."""
-    names = [one.name for one in fields(BoardRow)]
+    names = [spec.name for spec in fields(BoardRow)]
     if not isinstance(given, dict) or sorted(given) != sorted(names):
         raise InputError(f"a row has the fields {sorted(given) if isinstance(given, dict) else given!r:.100}")
     values = {}
-    for one in fields(BoardRow):
-        value, kind = given[one.name], str(one.type)
+    for spec in fields(BoardRow):
+        value, kind = given[spec.name], str(spec.type)
         allowed = _KINDS[kind.partition(" ")[0]]
         fits = isinstance(value, allowed) and (bool in allowed or not isinstance(value, bool))
         if not (fits or (value is None and "None" in kind)):
-            raise InputError(f"field {one.name} of a row is {value!r:.100}, expected {kind}")
+            raise InputError(f"field {spec.name} of a row is {value!r:.100}, expected {kind}")
         if isinstance(value, int | float) and not isfinite(value):
-            raise InputError(f"field {one.name} of a row is {value}, expected a finite number")
-        values[one.name] = printable(value)[:_LONGEST_TEXT] if isinstance(value, str) else value
+            raise InputError(f"field {spec.name} of a row is {value}, expected a finite number")
+        values[spec.name] = printable(value)[:_LONGEST_TEXT] if isinstance(value, str) else value
     return BoardRow(**values)  # type: ignore[arg-type]  # each was checked above

@@ -60,5 +60,5 @@ def run_single_point(configuration: Configuration) -> Record:
 
 def _write_files(configuration: Configuration, record: Record) -> list[Path]:
     """What a workload makes of a point beside numbers, in a folder of its name."""
-    room = configuration.workload.kind.part("files")
-    return [] if room is None else room.write(Path(configuration.results_dir) / configuration.workload.name, record)
+    files = configuration.workload.kind.part("files")
+    return [] if files is None else files.write(Path(configuration.results_dir) / configuration.workload.name, record)

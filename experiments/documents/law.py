@@ -1,13 +1,13 @@
-"""What the pages quote of the law."""
+"""Rows of the tables of the law; `experiments.documents.functions` says what such a function is."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 
-from experiments.documents.quotation import TIMES, Kept, digits, table_row
+from experiments.documents.filling import TIMES, digits, kept_of
 from experiments.law.fit import choices_of, errors_of, named_if_known
 from experiments.law.model.defaults import DEFAULTS
 from experiments.law.model.formulas import IN_CACHE
@@ -15,100 +15,87 @@ from experiments.law.tiles import WAYS, fastest
 
 SETS = ("avx512", "avx2")
 WORDS = {"nearest": "nearest hit", "count": "all hits"}
+Rows = Iterable[Iterable[Any]]
 
 
-def percent(value: Any) -> Any:
+def percent(value: Any) -> str:
     return f"{100 * value:.0f} %"
 
 
-def errors_of_methods(kept: Kept) -> Iterable[str]:
+def errors_of_methods(sweep: str) -> Rows:
     """Median and ninth decile of the errors of frame times: all, then each family."""
-    table = kept.points
+    table = kept_of(sweep).points
     names = {"all frames": table["family"].notna()}
     for name in dict.fromkeys(table["family"]):
         method, want = name.split("|")
-        said = "all hits" if want == "all" else "nearest hit"
-        names[f"{method.replace('_', '-')}, {said}"] = table["family"] == name
+        names[f"{method.replace('_', '-')}, {'all hits' if want == 'all' else 'nearest hit'}"] = table["family"] == name
     for label, chosen in names.items():
-        cells = []
-        for isa in SETS:
-            errors = errors_of(table[chosen & (table["instruction_set"] == isa)])
-            cells += [percent(errors.median()), percent(errors.quantile(0.9))]
-        yield table_row(label, *cells)
+        every = [errors_of(table[chosen & (table["instruction_set"] == isa)]) for isa in SETS]
+        yield label, *(percent(value) for errors in every for value in (errors.median(), errors.quantile(0.9)))
 
 
-def errors_in_short(kept: Kept) -> Iterable[str]:
-    yield from list(errors_of_methods(kept))[:1]
-
-
-def choices_in_short(kept: Kept) -> Iterable[str]:
-    yield from list(choices_of_methods(kept))[:4]
-
-
-def choices_of_methods(kept: Kept) -> Iterable[str]:
+def choices_of_methods(sweep: str) -> Rows:
+    table = kept_of(sweep).points
     for isa in SETS:
-        for want, said in WORDS.items():
+        for want, words in WORDS.items():
             for without in ((), ("raster",)):
-                rows = kept.points[kept.points["instruction_set"] == isa]
-                found = choices_of(rows, want, without)
-                yield table_row(
-                    f"{isa}, {said}{', rasteriser apart' if without else ''}", found["views"],
-                    *(percent(found[one]) for one in ("named", "raster", "visible_first", "median", "decile")),
-                )  # fmt: skip
+                found = choices_of(table[table["instruction_set"] == isa], want, without)
+                shares = (percent(found[name]) for name in ("named", "raster", "visible_first", "median", "decile"))
+                yield f"{isa}, {words}{', rasteriser apart' if without else ''}", found["views"], *shares
 
 
-def rest_of_the_law(kept: Kept) -> Iterable[str]:
-    by_set = [kept.points[kept.points["instruction_set"] == isa] for isa in SETS]
+def rest_of_the_law(sweep: str) -> Rows:
+    table = kept_of(sweep).points
+    by_set = [table[table["instruction_set"] == isa] for isa in SETS]
     views = [rows.drop_duplicates(["scene", "view"]) for rows in by_set]
-    yield table_row("scenes and views", *(f"{one['scene'].nunique()}, {len(one)}" for one in views))
+    yield "scenes and views", *(f"{rows['scene'].nunique()}, {len(rows)}" for rows in views)
     nearest = [rows[rows["want"] == "nearest"] for rows in by_set]
-    bytes_, builds = (
-        [(one[f"predicted_{name}"] / one[f"measured_{name}"] - 1).abs() for one in nearest]
+    sizes, builds = (
+        [(rows[f"predicted_{name}"] / rows[f"measured_{name}"] - 1).abs() for rows in nearest]
         for name in ("bytes", "build_s")
     )
-    within = (f"{percent(one.median())}, {percent((one <= 0.1).mean())}" for one in bytes_)
-    yield table_row("bytes: median error, and rows within 10 %", *within)
-    said = (f"{percent(one.median())}, {percent(one.quantile(0.9))}" for one in builds)
-    yield table_row("plan and build: median error, and nine of ten", *said)
+    within = (f"{percent(errors.median())}, {percent((errors <= 0.1).mean())}" for errors in sizes)
+    yield "bytes: median error, and rows within 10 %", *within
+    deciles = (f"{percent(errors.median())}, {percent(errors.quantile(0.9))}" for errors in builds)
+    yield "plan and build: median error, and nine of ten", *deciles
     known = (percent(named_if_known(rows)["of_view"]) for rows in by_set)
-    yield table_row("named, rasteriser apart, were mean errors in views known", *known)
-    frames = [[(one[name] / one["frame_s"]).median() for name in ("look_s", "plan_s")] for one in views]
-    yield table_row("raster frames of a look, and of a plan, median", *(f"{one:.0f}, {two:.0f}" for one, two in frames))
+    yield "named, rasteriser apart, were mean errors in views known", *known
+    frames = [[(rows[name] / rows["frame_s"]).median() for name in ("look_s", "plan_s")] for rows in views]
+    yield "raster frames of a look, and of a plan, median", *(f"{look:.0f}, {plan:.0f}" for look, plan in frames)
 
 
-def _alignment(kept: Kept, want: Any) -> Any:
+def _gains(sweep: str, want: str) -> Iterable[Any]:
     """For each view, gains of the best aligned packets over packets per pixel, measured and predicted, and the row."""
-    rows = kept.points[(kept.points["instruction_set"] == "avx512") & (kept.points["want"] == want)]
-    rows = rows[rows["packet_width"] == 16]
-    for (scene, view), of in rows.groupby(["scene", "view"]):
-        packets, aligned = of[of["method"] == "pixel"].iloc[0], of[of["method"] == "aligned"]
+    rows = kept_of(sweep).points
+    rows = rows[(rows["instruction_set"] == "avx512") & (rows["want"] == want) & (rows["packet_width"] == 16)]
+    for (scene, _), of_view in rows.groupby(["scene", "view"]):
+        packets, aligned = of_view[of_view["method"] == "pixel"].iloc[0], of_view[of_view["method"] == "aligned"]
         if len(aligned) < 4:  # scenes of millions of triangles have two splits only
             continue
         best = aligned.loc[aligned["measured_time_s"].idxmin()]
         predicted = packets["predicted_time_s"] / aligned["predicted_time_s"].min()
-        yield scene, view, packets["measured_time_s"] / best["measured_time_s"], predicted, best
+        yield scene, packets["measured_time_s"] / best["measured_time_s"], predicted, best
 
 
-def where_alignment_pays(kept: Kept) -> Iterable[str]:
-    for want, said in WORDS.items():
-        found = list(_alignment(kept, want))
-        gains, predicted = np.array([one[2] for one in found]), np.array([one[3] for one in found])
-        top = found[int(gains.argmax())]
-        yield table_row(
-            said, len(found), int((gains > 1).sum()), digits(gains.max()), f"`{top[0]}`, {top[4]['split_x']} {TIMES} "
-            f"{top[4]['split_y']}", int(((gains > 1) == (predicted > 1)).sum()),
-        )  # fmt: skip
+def where_alignment_pays(sweep: str) -> Rows:
+    for want, words in WORDS.items():
+        found = list(_gains(sweep, want))
+        gains, predicted = (np.array([view[place] for view in found]) for place in (1, 2))
+        scene, _, _, top = found[int(gains.argmax())]
+        rightly = int(((gains > 1) == (predicted > 1)).sum())
+        split = f"`{scene}`, {top['split_x']} {TIMES} {top['split_y']}"
+        yield words, len(found), int((gains > 1).sum()), digits(gains.max()), split, rightly
 
 
-def best_axes(kept: Kept) -> Iterable[str]:
-    splits = [(one[4]["split_x"] > 1, one[4]["split_y"] > 1) for one in _alignment(kept, "nearest")]
-    wanted = ((True, False), (False, True), (True, True), (False, False))
-    yield table_row(*(splits.count(one) for one in wanted))
+def best_axes(sweep: str) -> Rows:
+    splits = [(best["split_x"] > 1, best["split_y"] > 1) for *_, best in _gains(sweep, "nearest")]
+    yield [splits.count(axes) for axes in ((True, False), (False, True), (True, True), (False, False))]
 
 
-def seven_and_a_half(kept: Kept) -> Iterable[str]:
+def seven_and_a_half(sweep: str) -> Rows:
     """Nanoseconds a pixel of aligned single rays on the Cornell box by the law, and what the paper's gain asks for."""
-    rows = kept.points[(kept.points["instruction_set"] == "avx512") & (kept.points["scene"] == "cornell_box")]
+    rows = kept_of(sweep).points
+    rows = rows[(rows["instruction_set"] == "avx512") & (rows["scene"] == "cornell_box")]
     rows = rows[(rows["view"] == "own") & (rows["want"] == "nearest") & (rows["packet_width"] == 1)]
     single = rows[rows["method"] == "pixel"].iloc[0]
     aligned = rows[(rows["method"] == "aligned") & (rows["split_x"] == 128)].iloc[0]
@@ -121,17 +108,25 @@ def seven_and_a_half(kept: Kept) -> Iterable[str]:
         copy * aligned["predicted_copies"] / pixels + again * aligned["predicted_again"] * entered,
     )  # fmt: skip
     per_ray = single["measured_time_s"] / pixels * 1e9
-    yield table_row(*map(digits, (*parts, sum(parts), per_ray, per_ray / 7.5)))
+    yield map(digits, (*parts, sum(parts), per_ray, per_ray / 7.5))
 
 
-def rays_of_tiles(kept: Kept) -> Iterable[str]:
+def rays_of_tiles(sweep: str) -> Rows:
     """For each way to trace rays to the sun the errors of its time, and how often it is the fastest, and named."""
-    rows = kept.points
+    rows = kept_of(sweep).points
     for way in WAYS:
         errors = (rows[f"predicted_{way}_s"] / rows[f"measured_{way}_s"] - 1).abs()
         is_fastest = fastest(rows, "measured") == way
         named = is_fastest & (fastest(rows, "predicted") == way)
-        yield table_row(
-            f"{way} rays" if way != "packets" else way, percent(errors.median()), percent(errors.quantile(0.9)),
-            f"{is_fastest.sum()} of {len(rows)}", int(named.sum()),
-        )  # fmt: skip
+        label = way if way == "packets" else f"{way} rays"
+        deciles = percent(errors.median()), percent(errors.quantile(0.9))
+        yield label, *deciles, f"{is_fastest.sum()} of {len(rows)}", int(named.sum())
+
+
+LAW_TABLES: dict[str, Callable[[str], Rows]] = {
+    made.__name__: made
+    for made in (
+        errors_of_methods, choices_of_methods, rest_of_the_law, where_alignment_pays, best_axes, seven_and_a_half,
+        rays_of_tiles,
+    )
+}  # fmt: skip

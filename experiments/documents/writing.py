@@ -1,53 +1,90 @@
-"""Write the numbers of reports/reference/tables.md, README and docs anew, from the tables that are kept.
+"""Write reports/reference/tables.md whole, and the few numbers that README and documents quote, from stored tables.
 
-`python run.py tables` judges every claim anew from the processes that are kept, by the one rule
-(`experiments.results.verdicts`), writes claims.json, and the rows of the pages below their marks
-(`<!-- rows: name -->`), and prints phrases that pages lack. `python run.py tables check=true` writes nothing, and fails
-where anything differs.
+`python run.py tables` judges every claim anew from the stored processes by the one rule
+(`experiments.results.verdicts`) and writes claims.json. Then it fills template.md, whose blocks of TOML describe
+tables, and the quotes of quotes.toml. `python run.py tables check=true` writes nothing, and fails where anything
+differs.
 """
 
 from __future__ import annotations
 
+import re
+import tomllib
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 from atra.errors import InputError
 from atra.files.paths import write_atomically
-from experiments.documents import QUOTATIONS
-from experiments.documents.quotation import ROOT, Quotation, with_rows
+from experiments.documents.filling import ROOT, cell_text, table_lines, united
+from experiments.documents.functions import FUNCTIONS
 from experiments.documents.verdicts import as_text, folders, recomputed
 
 USAGE = "python run.py tables [check=true]"
+TABLES = "reports/reference/tables.md"
+TEMPLATE = Path(__file__).with_name("template.md")
+QUOTES = Path(__file__).with_name("quotes.toml")
+BLOCK = re.compile(r"^```toml\n(.*?)^```\n", re.M | re.S)
+_NAME = re.compile(r"\\\{(\w+)\\\}")
+_NUMBER = r"(\d[\d.,]*(?:\s+to\s+\d[\d.,]*)?)"
 
 
 def run_tables(arguments: Sequence[str]) -> None:
     """Do it, and print what differed. Raises InputError for another argument, or where a check finds a difference."""
-    if [one for one in arguments if one != "check=true"]:
-        raise InputError(f"tables takes check=true alone, not {' '.join(arguments)}; usage: {USAGE}")
+    if unknown := [argument for argument in arguments if argument != "check=true"]:
+        raise InputError(f"tables takes check=true alone, not {' '.join(unknown)}; usage: {USAGE}")
     is_check = bool(arguments)
-    found = [*_claims(write=not is_check), *(said for one in QUOTATIONS for said in _page(one, write=not is_check))]
-    print(*found or ["every number and every verdict is that of the tables"], sep="\n")
-    if is_check and found:
-        raise InputError(f"{len(found)} of the tables' numbers stand otherwise; run: python run.py tables")
-
-
-def _claims(write: bool) -> Iterator[str]:
-    for folder in folders():
-        verdicts, path = recomputed(folder), folder / "claims.json"
-        kept = path.read_text(encoding="utf-8") if path.exists() else ""
-        if kept != (text := as_text(verdicts) if verdicts else ""):
-            yield f"{path.relative_to(ROOT)}: other verdicts"
-            if write:
+    changed = []
+    for path, text in (*_claims(), *pages()):
+        if text != (path.read_text(encoding="utf-8") if path.exists() else ""):
+            changed.append(f"{path.relative_to(ROOT).as_posix()}: other numbers or verdicts")
+            if not is_check:
                 write_atomically(path, text.encode())
+    print(*changed or ["every number and every verdict is that of the tables"], sep="\n")
+    if is_check and changed:
+        raise InputError(f"{len(changed)} files differ from the stored tables; run: python run.py tables")
 
 
-def _page(quotation: Quotation, write: bool) -> Iterator[str]:
-    rows, phrases = quotation.rows_and_phrases()
-    path = ROOT / quotation.page
-    page = path.read_text(encoding="utf-8")
-    if rows and page != (other := with_rows(page, quotation.name, rows)):
-        yield f"{quotation.page}: rows of {quotation.name}"
-        if write:
-            write_atomically(path, other.encode())
-    for phrase in phrases:
-        if phrase not in " ".join(page.split()):
-            yield f"{quotation.page}, from {quotation.sweep}, does not say: {phrase}"
+def _claims() -> Iterator[tuple[Path, str]]:
+    for folder in folders():
+        yield folder / "claims.json", as_text(verdicts) if (verdicts := recomputed(folder)) else ""
+
+
+def pages() -> Iterator[tuple[Path, str]]:
+    """Each file with numbers, and what it should contain."""
+    yield ROOT / TABLES, filled(TEMPLATE.read_text(encoding="utf-8"))
+    texts: dict[str, str] = {}
+    for page, quote, numbers in quotes():
+        texts.setdefault(page, (ROOT / page).read_text(encoding="utf-8"))
+        try:
+            texts[page] = with_numbers(texts[page], quote, numbers)
+        except ValueError as error:
+            raise InputError(f"{page}: {error}") from error
+    yield from ((ROOT / page, text) for page, text in texts.items())
+
+
+def filled(template: str) -> str:
+    """The template with a table in place of each block. Raises ValueError for what no stored table has."""
+    return BLOCK.sub(lambda found: "\n".join(table_lines(tomllib.loads(found[1]), FUNCTIONS)) + "\n", template)
+
+
+def quotes() -> Iterator[tuple[str, str, dict[str, str]]]:
+    """Each page that quotes, the text of the quote, and its numbers by name."""
+    told = tomllib.loads(QUOTES.read_text(encoding="utf-8"))
+    for quote in told["quotes"]:
+        where = {"where": quote.get("where", {})}
+        names = re.findall(r"\{(\w+)\}", quote["text"])
+        numbers = {name: cell_text(united(told["numbers"][name], where)) for name in names}
+        yield quote["page"], quote["text"], numbers
+
+
+def with_numbers(page: str, quote: str, numbers: dict[str, str]) -> str:
+    """The page with these numbers in the quote, wherever lines break. Raises ValueError where it is not there once."""
+    pattern = r"\s+".join(_NAME.sub(lambda _: _NUMBER, re.escape(word)) for word in quote.split())
+    found = list(re.finditer(pattern, page))
+    if len(found) != 1:
+        raise ValueError(f"{len(found)} times says {quote!r}, expected once")
+    names = re.findall(r"\{(\w+)\}", quote)
+    for place in range(len(names), 0, -1):  # from the last, so that earlier places stay
+        start, end = found[0].span(place)
+        page = page[:start] + numbers[names[place - 1]] + page[end:]
+    return page

@@ -63,8 +63,8 @@ def _say_repeats(measured: pd.DataFrame) -> str:
 
 def _range(counts: pd.Series) -> str:
     """ "3", "3 to 5", "" where nothing is counted."""
-    found = sorted({int(count) for count in counts.dropna()})
-    return " to ".join(str(count) for count in dict.fromkeys([found[0], found[-1]])) if found else ""
+    counted = sorted({int(count) for count in counts.dropna()})
+    return " to ".join(str(count) for count in dict.fromkeys([counted[0], counted[-1]])) if counted else ""
 
 
 def _common(table: pd.DataFrame, names: Sequence[str], form: str) -> str:

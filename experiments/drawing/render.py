@@ -118,9 +118,11 @@ def _draw_lines(axis: Axes, panel: Panel, figure: Figure) -> None:
             axis.plot([mark.x] * 2, [1e-9, mark.y], color=mark.style["color"], linewidth=1, linestyle=DOTTED)
         axis.plot([mark.x], [mark.y], label=mark.label or "_mark", zorder=5, **{"linestyle": "none"} | dict(mark.style))
     _draw_crosses(axis, panel)
-    abscissae = [line.x[shows(line.y)] for line in panel.lines] + [np.array(one.splits, float) for one in panel.crosses]
+    abscissae = [line.x[shows(line.y)] for line in panel.lines] + [
+        np.array(cross.splits, float) for cross in panel.crosses
+    ]
     marks = np.array([mark.y for mark in panel.marks], float)
-    levels = [np.array([one.value, one.low, one.high]) for one in panel.levels]
+    levels = [np.array([level.value, level.low, level.high]) for level in panel.levels]
     _scale(axis, "x", x_axis, np.concatenate([*abscissae, []]))
     _scale(axis, "y", y_axis, np.concatenate([*ordinates, marks, *levels]))
     _tidy(axis, "both", ("left", "bottom"))
@@ -157,24 +159,24 @@ def _draw_level(axis: Axes, level: Level, upright: bool = False) -> None:
 
 def _draw_crosses(axis: Axes, panel: Panel) -> None:
     """On the upper edge, each series at its own height, so that one cross does not hide another."""
-    series = list(dict.fromkeys(one.series for one in panel.crosses))
-    for one in panel.crosses:
-        height = 0.985 - 0.05 * series.index(one.series)
+    series = list(dict.fromkeys(cross.series for cross in panel.crosses))
+    for cross in panel.crosses:
+        height = 0.985 - 0.05 * series.index(cross.series)
         axis.plot(
-            one.splits, [height] * len(one.splits), "x", color=one.color, markersize=5, markeredgewidth=1.4,
+            cross.splits, [height] * len(cross.splits), "x", color=cross.color, markersize=5, markeredgewidth=1.4,
             transform=axis.get_xaxis_transform(), clip_on=False, zorder=5, label="_cross",
         )  # fmt: skip
 
 
 def _scale(axis: Axes, which: str, wanted: Axis, values: Array) -> None:
     """Scale, limits, ticks and label of one axis, by all values that it shows."""
-    one = axis.xaxis if which == "x" else axis.yaxis
-    one.set_label_text(wanted.label)
+    drawn = axis.xaxis if which == "x" else axis.yaxis
+    drawn.set_label_text(wanted.label)
     set_scale, set_limits = getattr(axis, f"set_{which}scale"), getattr(axis, f"set_{which}lim")
     if wanted.scale == "days":
         places = dates.AutoDateLocator(minticks=2, maxticks=5)
-        one.set_major_locator(places)
-        one.set_major_formatter(dates.ConciseDateFormatter(places))
+        drawn.set_major_locator(places)
+        drawn.set_major_formatter(dates.ConciseDateFormatter(places))
         return
     known = values[drawable(values)]
     if wanted.scale == "linear":
@@ -194,8 +196,8 @@ def _scale(axis: Axes, which: str, wanted: Axis, values: Array) -> None:
         set_limits(low, high * 1.25)
         ticks = sorted(set(known)) if wanted.scale == "ticks" else _ticks(low, high * 1.25)
     rare = 2 if len(ticks) > _MOST_TICKS else 1
-    one.set_ticks(ticks, [wanted.say(tick) if place % rare == 0 else "" for place, tick in enumerate(ticks)])
-    one.set_ticks([], minor=True)
+    drawn.set_ticks(ticks, [wanted.say(tick) if place % rare == 0 else "" for place, tick in enumerate(ticks)])
+    drawn.set_ticks([], minor=True)
 
 
 def _ticks(low: float, high: float) -> list[float]:

@@ -1,12 +1,9 @@
-"""Hits -> pictures: clay shading, the difference of two images, PNG."""
+"""Hits -> pictures: clay shading, the difference of two images."""
 
 from __future__ import annotations
 
-import io
-
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from atra.hits import Hits
 from atra.judge.compare import Verdict
@@ -19,7 +16,7 @@ BACKGROUND = (236, 238, 241)
 _TO_LIGHT = np.array([-0.45, -0.65, -0.61])
 _AMBIENT, _KEY, _HEADLIGHT = 0.14, 0.56, 0.30
 
-# The darkest, middle and lightest clay. One ramp of few tones keeps the PNG a palette's.
+# The darkest, middle and lightest clay. A ramp of few tones keeps PNG files small.
 _RAMP = np.array([(38, 30, 27), (164, 128, 106), (247, 236, 222)], np.float64)
 _TONES = 128
 
@@ -119,18 +116,3 @@ def _differs(aligned: Hits, pixel: Hits) -> NDArray[np.bool_]:
     with np.errstate(invalid="ignore"):  # inf - inf of two misses
         off = np.abs(aligned.depth - pixel.depth) > 1e-3 * np.minimum(aligned.depth, pixel.depth)
     return (aligned.prim_id != pixel.prim_id) | off
-
-
-def encode_png(image: NDArray[np.uint8]) -> bytes:
-    """The PNG of an (H, W, 3) uint8 RGB image, lossless; with at most 256 colours it is a palette's, and small."""
-    packed = image.astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], np.uint32)
-    colours, index = np.unique(packed, return_inverse=True)
-    if len(colours) <= 256:
-        picture = Image.fromarray(index.reshape(packed.shape).astype(np.uint8), "P")
-        palette = np.stack([colours >> 16, colours >> 8 & 255, colours & 255], axis=1).astype(np.uint8)
-        picture.putpalette(palette.tobytes())
-    else:
-        picture = Image.fromarray(np.ascontiguousarray(image), "RGB")
-    buffer = io.BytesIO()
-    picture.save(buffer, format="PNG", optimize=True)
-    return buffer.getvalue()

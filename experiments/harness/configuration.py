@@ -159,10 +159,10 @@ def _chosen(group: str, choice: str, options: type | None, kinds: Kinds) -> Any:
     names = kinds[group].names()
     if choice in names:
         return kinds[group].find(choice)
-    found = [kind for kind in map(kinds[group].find, names) if kind.options is options]
-    if len(found) != 1:
+    fitting = [kind for kind in map(kinds[group].find, names) if kind.options is options]
+    if len(fitting) != 1:
         raise InputError(f"{group}={choice} has the options of no {group}; name one under defaults in its file")
-    return found[0]
+    return fitting[0]
 
 
 def type_configuration(composed: DictConfig) -> DictConfig:
@@ -207,13 +207,13 @@ def say_unknown(kind: Any, path: str, kinds: Kinds) -> str:
 def _fields_of(kind: Any, everyone: dict[str, list[Any]], path: str = "") -> list[str]:
     """Every field that can be set, as it is written on the command line, each once. everyone: what there is to choose
     from, by group."""
-    found = []
-    for one in fields(kind):
-        sections: list[Any] = [one.default_factory] if is_dataclass(one.default_factory) else []
-        sections += [chosen.options for chosen in everyone.get(one.name, ())]
-        below = [name for section in sections for name in _fields_of(section, everyone, f"{path}{one.name}.")]
-        found += [f"{path}{one.name}", *below]
-    return list(dict.fromkeys(found))
+    paths = []
+    for spec in fields(kind):
+        sections: list[Any] = [spec.default_factory] if is_dataclass(spec.default_factory) else []
+        sections += [chosen.options for chosen in everyone.get(spec.name, ())]
+        below = [name for section in sections for name in _fields_of(section, everyone, f"{path}{spec.name}.")]
+        paths += [f"{path}{spec.name}", *below]
+    return list(dict.fromkeys(paths))
 
 
 def check_configuration(configuration: Configuration) -> None:

@@ -48,26 +48,26 @@ class Offer:
 @cache
 def offered(group: str) -> dict[str, EntryPoint]:
     """The entry points of a group by name, in the order of names; none is loaded."""
-    return {one.name: one for one in sorted(entry_points(group=group), key=lambda one: one.name)}
+    return {entry.name: entry for entry in sorted(entry_points(group=group), key=lambda entry: entry.name)}
 
 
 def offers(group: str, names: Iterable[str] | None = None) -> Iterator[Offer]:
     """The entry points of a group, by default all, loaded. Whatever loading one raises becomes its `problem`."""
     known = offered(group)
-    for one in known.values() if names is None else [known[name] for name in names if name in known]:
+    for entry in known.values() if names is None else [known[name] for name in names if name in known]:
         value, problem = None, None
         try:
-            value = one.load()
+            value = entry.load()
         except Exception as error:  # a foreign package may raise anything
             told = f"{type(error).__name__}: {' '.join(str(error).split())}"
-            problem = f"entry point {one.name} of {group} cannot be loaded from {one.value}, {told}"
-        yield Offer(one.name, value, problem, "" if one.module.startswith(_OURS) else _version(one))
+            problem = f"entry point {entry.name} of {group} cannot be loaded from {entry.value}, {told}"
+        yield Offer(entry.name, value, problem, "" if entry.module.startswith(_OURS) else _version(entry))
 
 
-def _version(one: EntryPoint) -> str:
+def _version(entry: EntryPoint) -> str:
     """The package of an entry point, its version, and a hash of its files."""
-    package = "unknown package" if one.dist is None else f"{one.dist.name} {one.dist.version}"
-    return f"{package} sha256:{digest_of_module(one.module)}"
+    package = "unknown package" if entry.dist is None else f"{entry.dist.name} {entry.dist.version}"
+    return f"{package} sha256:{digest_of_module(entry.module)}"
 
 
 def digest_of_module(module: str) -> str:

@@ -29,13 +29,13 @@ types_of: Callable[[type], dict[str, Any]] = cache(get_type_hints)
 def check_choices(options: Any, section: str = "", null: str = "None") -> None:
     """Raise InputError, with the value, for the first field of a dataclass that is none of its choices, or neither True
     nor False though it has to be. section: what is said before its name. null: how None is written."""
-    for one in fields(options):
-        check_choice(one, types_of(type(options))[one.name], getattr(options, one.name), section + one.name, null)
+    for spec in fields(options):
+        check_choice(spec, types_of(type(options))[spec.name], getattr(options, spec.name), section + spec.name, null)
 
 
-def check_choice(one: Field[Any], kind: Any, value: Any, name: str, null: str = "None") -> None:
+def check_choice(spec: Field[Any], kind: Any, value: Any, name: str, null: str = "None") -> None:
     """`check_choices` of one field, whose type is `kind`."""
-    choices = one.metadata.get("choices", ())
+    choices = spec.metadata.get("choices", ())
     if kind is bool and not isinstance(value, bool):
         raise InputError(f"{name} is {value!r}, expected True or False")
     may_be_none = NoneType in get_args(kind)
@@ -64,8 +64,8 @@ class Settings:
 
     def __post_init__(self) -> None:
         check_choices(self, f"{self.section}.", "null")
-        ranges = {name: one.metadata.get("range") for name, one in self.__dataclass_fields__.items()}
-        given = {name: one for name, one in ranges.items() if one and getattr(self, name) is not None}
+        ranges = {name: spec.metadata.get("range") for name, spec in self.__dataclass_fields__.items()}
+        given = {name: spec for name, spec in ranges.items() if spec and getattr(self, name) is not None}
         check_whole_numbers(self, f"{self.section}.", given)
 
     if TYPE_CHECKING:
@@ -111,7 +111,7 @@ def plain(value: Any) -> Any:
     """A value as JSON has it."""
     if isinstance(value, Enum):
         return value.value
-    return [plain(one) for one in value] if isinstance(value, list | tuple) else value
+    return [plain(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 def typed_options(kind: type, values: dict[str, Any]) -> Any:
@@ -121,27 +121,34 @@ def typed_options(kind: type, values: dict[str, Any]) -> Any:
 
 
 def _typed(hint: Any, value: Any) -> Any:
-    enum = next((one for one in (hint, *get_args(hint)) if isinstance(one, type) and issubclass(one, Enum)), None)
+    enum = next(
+        (
+            candidate
+            for candidate in (hint, *get_args(hint))
+            if isinstance(candidate, type) and issubclass(candidate, Enum)
+        ),
+        None,
+    )
     if enum is not None and value is not None:
         return value if isinstance(value, enum) else enum(value)
-    return tuple(_typed(None, one) for one in value) if isinstance(value, list | tuple) else value
+    return tuple(_typed(None, item) for item in value) if isinstance(value, list | tuple) else value
 
 
 def say_options(group: str, named: Named) -> str:
     """The options with their help, choices and units, a line each, as they are written on the command line."""
     lines = []
-    for one in fields(named.options):
-        told = one.metadata
+    for spec in fields(named.options):
+        told = spec.metadata
         choices = ", ".join(map(str, told.get("choices", ())))
         beside = [f"one of {choices}"] * bool(choices) + [told.get("unit", "")] * bool(told.get("unit"))
-        lines.append("; ".join([f"{group}.{one.name}: {told.get('help', '')}", *beside]))
+        lines.append("; ".join([f"{group}.{spec.name}: {told.get('help', '')}", *beside]))
     return "\n".join(lines) or f"{group}={named.name} has none"
 
 
 def find_named(what: str, kinds: Iterable[Kind], name: str, beside: Iterable[str] = ()) -> Kind:
     """The one called `name`. what: "method" or "workload". Raises InputError for others, naming those there are: the
     names `beside`, then those of `kinds`."""
-    known = {one.name: one for one in kinds}
+    known = {kind.name: kind for kind in kinds}
     if name not in known:
         raise InputError(f"unknown {what} {name!r}, expected one of {', '.join(dict.fromkeys([*beside, *known]))}")
     return known[name]

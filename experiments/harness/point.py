@@ -16,8 +16,9 @@ from experiments.harness.records import Record
 
 # Types alone: the help of the command line imports this module and has no use for NumPy and Numba.
 if TYPE_CHECKING:
-    from atra.geometry.camera import Camera, Vector
+    from atra.geometry.camera import Camera
     from atra.geometry.mesh import Mesh
+    from atra.geometry.numbers import Vector
     from atra.geometry.view import View
 
 _TYPED = ("method", "options", "workload", "workload_options")
@@ -121,7 +122,7 @@ class Workload:
     """A workload.
 
     name: as configured. options: its own typed settings, with defaults. columns: of the table, each read from a record.
-    headline: a measured record -> its line on the terminal. room: the package that defines it, with its function
+    headline: a measured record -> its line on the terminal. package: that defines it, with its function
     `measure`, and `make` where not the method's own tracer is measured; both may stand in a module `measure` of the
     package. Two more modules may stand there, imported only where they are needed: `files` writes those of a single
     point; `shown`, for a sweep, has any of FIGURES, CLAIMS and their file CLAIMS_FILE, `sweep_lines` and
@@ -138,7 +139,7 @@ class Workload:
     options: type
     columns: tuple[Column, ...]
     headline: Callable[[Record], str]
-    room: str
+    package: str
     samples: Callable[[Point], frozenset[str]] | None = no_samples
     optional: frozenset[str] = frozenset()
     judged: str | None = None
@@ -159,26 +160,26 @@ class Workload:
         return self.judged is not None
 
     def part(self, name: str) -> ModuleType | None:
-        """The module `name` of the workload's room, imported now; None if it has none."""
-        module = f"{self.room}.{name}"
+        """The module `name` of the workload's package, imported now; None if it has none."""
+        module = f"{self.package}.{name}"
         return import_module(module) if _is_there(module) else None
 
     def make(self, point: Point, mesh: Mesh) -> Any:
         """The tracer that is measured at a point, neither planned nor built: what its own `make` makes, or the point's
         own method. Raises InputError and MemoryBudgetError as the tracers do."""
-        make = getattr(self.part("measure") or import_module(self.room), "make", make_own)
+        make = getattr(self.part("measure") or import_module(self.package), "make", make_own)
         return make(point, mesh)
 
     def measure(self, point: Point) -> Measured:
         """Measure a point, in this process. Raises what its `measure` raises."""
-        measured: Measured = (self.part("measure") or import_module(self.room)).measure(point)
+        measured: Measured = (self.part("measure") or import_module(self.package)).measure(point)
         return measured
 
     @property
     def modules(self) -> tuple[str, ...]:
         """The modules that define and measure it."""
-        measure = f"{self.room}.measure"
-        return (self.room, measure) if _is_there(measure) else (self.room,)
+        measure = f"{self.package}.measure"
+        return (self.package, measure) if _is_there(measure) else (self.package,)
 
 
 def _is_there(module: str) -> bool:

@@ -95,12 +95,12 @@ class SweepProgress:
         """The best of what was measured so far: below the bar on a terminal, elsewhere a line whenever it changes."""
         told, self._best = self._best, tuple(lines)
         if self._console.is_terminal:
-            self._bar.below = "\n".join(f"best so far, {printable(one)}" for one in lines)
+            self._bar.below = "\n".join(f"best so far, {printable(line)}" for line in lines)
             self._bar.refresh()
         else:
-            for one in lines:
-                if one not in told:
-                    say(self._console, f"best so far, {one}")
+            for line in lines:
+                if line not in told:
+                    say(self._console, f"best so far, {line}")
 
     def _left(self) -> str:
         remaining = self._total - self._done

@@ -39,7 +39,8 @@ class Source:
         tree = ast.parse(self.text)
         for node in ast.walk(tree):
             if isinstance(body := getattr(node, "body", None), list):
-                node.body = [one for one in body if not _is_text(one) and not _is_for_types(one)]  # type: ignore[attr-defined]
+                kept = [statement for statement in body if not (_is_text(statement) or _is_for_types(statement))]
+                node.body = kept  # type: ignore[attr-defined]
         return tree
 
     @cached_property
@@ -54,12 +55,12 @@ class Source:
 
     def _imports(self, node: ast.AST) -> Iterator[Import]:
         if isinstance(node, ast.Import):
-            yield from (Import(one.name, None, one.asname or one.name) for one in node.names)
+            yield from (Import(alias.name, None, alias.asname or alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             around = self.module.split(".")
             base = around[: len(around) - node.level + self.is_package] if node.level else []
             module = ".".join([*base, *filter(None, [node.module])])
-            yield from (Import(module, one.name, one.asname or one.name) for one in node.names)
+            yield from (Import(module, alias.name, alias.asname or alias.name) for alias in node.names)
 
 
 class Code:
@@ -84,14 +85,14 @@ class Code:
         for module in waiting:
             if self._source(module) is None:
                 raise InputError(f"module {module!r} has no source, so nobody could tell when what it measures changes")
-        found: set[str] = set()
+        reached: set[str] = set()
         while waiting:
             module = waiting.pop()
             source = self._source(module)
-            if source is not None and module not in found:
-                found.add(module)
+            if source is not None and module not in reached:
+                reached.add(module)
                 waiting += [name for given in source.imports for name in self.homes(given)]
-        return found
+        return reached
 
     def homes(self, given: Import) -> set[str]:
         """The modules that an import leads to."""

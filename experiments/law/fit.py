@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from atra.compiled.instruction_sets import LANES, instruction_sets_here
+from atra.compiled.instruction_sets import LANE_COUNTS, instruction_sets_here
 from atra.errors import InputError
 from experiments.law.looks import choice_of, kept_looks, look_at_view, look_of
 from experiments.law.model.formulas import NANO, SEEN, WHOLE, Counts, build_terms, family, fit, frame_terms
@@ -231,7 +231,7 @@ def measured_rows(table: pd.DataFrame) -> pd.DataFrame:
     that stand for others are left out."""
     own = table["stands_for"].isna() if "stands_for" in table else True
     rows = table[table["status"].eq("ok") & table["workload"].isin(list(WANTS)) & own].reset_index(drop=True)
-    widest = max(width for width in LANES if rows[f"packets_{width}_render_time_s"].notna().all())
+    widest = max(width for width in LANE_COUNTS if rows[f"packets_{width}_render_time_s"].notna().all())
     time_s = rows["render_time_s"].astype(float)
     packets_s = rows[f"packets_{widest}_render_time_s"].astype(float)
     own_width = ~rows["method"].isin(["raster", "bvh", "classified"])

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.compiled.instruction_sets import LANES
+from atra.compiled.instruction_sets import LANE_COUNTS
 from atra.compiled.threads import WorkerPool
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
@@ -34,7 +34,7 @@ class RasterOptions(MethodOptions):
     lanes: int | None = option(
         None,
         "pixels drawn at once; null = as many as this machine's widest vectors hold; no image differs",
-        choices=LANES,
+        choices=LANE_COUNTS,
         null="native",
     )
     left_out: str = option(

@@ -65,13 +65,13 @@ def scene_gains(processes: pd.DataFrame | None) -> tuple[SceneGains, ...]:
     scenes = collect_scenes(processes)
     timed = {name: scene for name, scene in scenes.items() if any(row["workload"] in TIMED for row in scene.rows)}
     readings = readings_of(processes)
-    found = tuple(_of_scene(name, scene, scenes, readings) for name, scene in timed.items())
-    gains = [gain for one in found for gain in (*one.single.values(), *one.packets.values())]
+    by_scene = tuple(_of_scene(name, scene, scenes, readings) for name, scene in timed.items())
+    gains = [gain for of_scene in by_scene for gain in (*of_scene.single.values(), *of_scene.packets.values())]
     if all(gain.best is None for gain in gains):
         raise NotMeasuredError(
             next((gain.why for gain in gains if gain.why), "no frame of a scene of the paper was timed")
         )
-    return found
+    return by_scene
 
 
 def _of_scene(name: str, scene: SceneRows, scenes: dict[str, SceneRows], readings: tuple[Reading, ...]) -> SceneGains:
@@ -118,9 +118,9 @@ def where_packets_stand(gains: Sequence[SceneGains]) -> list[str]:
     told = []
     for words in (words for words, reading, _ in PACKETS_OVER if not reading.gathers):
         decided: dict[bool | None, list[str]] = {ahead: [] for ahead in _STANDS}
-        for one in gains:
-            if words in one.packets and (best := one.packets[words].best) is not None:
-                decided[decide_greater(best.gain)].append(one.scene)
+        for of_scene in gains:
+            if words in of_scene.packets and (best := of_scene.packets[words].best) is not None:
+                decided[decide_greater(best.gain)].append(of_scene.scene)
         said = "; ".join(f"{_STANDS[ahead]} on {_list(names)}" for ahead, names in decided.items() if names)
         if said:
             told.append(f"Aligned packets beside {words}: {said}.")
@@ -142,8 +142,8 @@ def conclude(claims: Sequence[JudgedClaim], gains: Sequence[SceneGains], stand_i
     stand_ins: scenes of the paper that were replaced.
     """
     of_speed = {best_speedup_id(scene): scene for scene in BEST_SPEEDUPS}
-    speed = [one for one in claims if one.id in of_speed]
-    others = by_claim([one for one in claims if one.id not in of_speed and not one.inferred])
+    speed = [claim for claim in claims if claim.id in of_speed]
+    others = by_claim([claim for claim in claims if claim.id not in of_speed and not claim.inferred])
     verdicts = Counter(verdict_on(readings) for readings in others)
     return f"{_say_speed(speed, gains)} {_say_others(verdicts, stand_ins)}"
 
@@ -158,13 +158,13 @@ def _say_speed(speed: Sequence[JudgedClaim], gains: Sequence[SceneGains]) -> str
 
 def _say_reading(reading: Reading, speed: Sequence[JudgedClaim], gains: Sequence[SceneGains]) -> str:
     """ "" where no scene was judged."""
-    verdicts = {one.id: one.verdict for one in speed if one.reading == reading.name}
+    verdicts = {claim.id: claim.verdict for claim in speed if claim.reading == reading.name}
     counted = Counter(verdicts.values())
     values = [
-        found.gain.value
-        for one in gains
-        if verdicts.get(best_speedup_id(one.paper_scene), NOT_MEASURED) != NOT_MEASURED
-        and (found := one.single[reading.name].best) is not None
+        best.gain.value
+        for of_scene in gains
+        if verdicts.get(best_speedup_id(of_scene.paper_scene), NOT_MEASURED) != NOT_MEASURED
+        and (best := of_scene.single[reading.name].best) is not None
     ]
     if not values:
         return ""
@@ -180,7 +180,7 @@ def _say_others(verdicts: Counter[str], stand_ins: Collection[str]) -> str:
     number = verdicts.total()
     if verdicts[NOT_MEASURED] == number:
         return "None of its other claims was measured."
-    told = [f"{verdicts[one]} {_SAID[one][verdicts[one] != 1]}" for one in _SAID if verdicts[one]]
+    told = [f"{verdicts[verdict]} {_SAID[verdict][verdicts[verdict] != 1]}" for verdict in _SAID if verdicts[verdict]]
     on = f", judged on stand-ins for {_list(list(stand_ins))}," if stand_ins else ""
     return f"Of its {number} other claims{on} {_list(told)}."
 

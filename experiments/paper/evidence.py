@@ -53,9 +53,9 @@ class Sample(list[float]):
 
     def over(self, other: Sample) -> Sample:
         """Its ratios to another point's, process by process."""
-        found = Sample(one / two for one, two in zip(self, other, strict=False))
-        found.pool = None if self.pool is None else Pool(2 * self.pool.variance, self.pool.freedom)
-        return found
+        ratios = Sample(one / two for one, two in zip(self, other, strict=False))
+        ratios.pool = None if self.pool is None else Pool(2 * self.pool.variance, self.pool.freedom)
+        return ratios
 
 
 @dataclass(frozen=True)
@@ -149,22 +149,22 @@ class SceneRows:
 
 def measured_at(splits: Sequence[int], read: Callable[[int], T]) -> tuple[dict[int, T], dict[int, str]]:
     """What is read at each number of splits, and why it was not measured at the others."""
-    found: dict[int, T] = {}
+    values: dict[int, T] = {}
     missing: dict[int, str] = {}
     for split in splits:
         try:
-            found[split] = read(split)
+            values[split] = read(split)
         except NotMeasuredError as error:
             missing[split] = str(error)
-    return found, missing
+    return values, missing
 
 
 def measured_at_some(splits: Sequence[int], read: Callable[[int], T]) -> dict[int, T]:
     """The same; raises NotMeasuredError, with the first reason, where nothing was measured."""
-    found, missing = measured_at(splits, read)
-    if not found:
+    values, missing = measured_at(splits, read)
+    if not values:
         raise NotMeasuredError(next(iter(missing.values())))
-    return found
+    return values
 
 
 def estimate(sample: Sample) -> Estimate:

@@ -31,10 +31,13 @@ def instancing_figure(table: pd.DataFrame) -> Figure:
     memory, time = (table[table["workload"] == workload.name] for workload in (MEMORY, FRAME))
     time = _at_widths_of_instances(aligned_rows(time))
     panels = []
-    for one in _pairs(pd.concat([time, aligned_rows(memory)])):
-        of_memory = one.rows["workload"] == MEMORY.name
-        shown = _memory(one.rows[of_memory], baseline_rows(memory, one.rows))
-        panels += [one.panel(shown, ": memory"), one.panel(ratios_panel(one.rows[~of_memory], "split_x"), ": speed-up")]
+    for pair in _pairs(pd.concat([time, aligned_rows(memory)])):
+        of_memory = pair.rows["workload"] == MEMORY.name
+        shown = _memory(pair.rows[of_memory], baseline_rows(memory, pair.rows))
+        panels += [
+            pair.panel(shown, ": memory"),
+            pair.panel(ratios_panel(pair.rows[~of_memory], "split_x"), ": speed-up"),
+        ]
     return figure_of(
         "lines", panels, pd.concat([time, memory]), "memory: Embree's own account, each point one process",
         x=SPLIT_AXES["split_x"], legend=[*RATIO_LABELS, _MEMORY_BASELINE],

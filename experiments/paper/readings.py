@@ -54,7 +54,7 @@ def readings_of(processes: pd.DataFrame | None) -> tuple[Reading, ...]:
     return tuple(reading for reading in READINGS if reading.workload in measured) or (NEAREST, ALL_HITS)
 
 
-def start(scene: SceneRows, reading: Reading, packet_width: int = 1) -> Estimate | None:
+def baseline_speedup(scene: SceneRows, reading: Reading, packet_width: int = 1) -> Estimate | None:
     """Speed-up of the baseline itself over rtcIntersect1; None where that is what all is measured against.
 
     Raises NotMeasuredError.
@@ -64,9 +64,9 @@ def start(scene: SceneRows, reading: Reading, packet_width: int = 1) -> Estimate
     return estimate(scene.speedups((1, 1), culling=False, packet_width=packet_width, workload=reading.workload))
 
 
-def over_start(value: Estimate, scene: SceneRows, reading: Reading, packet_width: int = 1) -> Estimate:
+def relative_to_baseline(value: Estimate, scene: SceneRows, reading: Reading, packet_width: int = 1) -> Estimate:
     """A speed-up over rtcIntersect1 as one over the baseline of a reading. Raises NotMeasuredError."""
-    base = start(scene, reading, packet_width)
+    base = baseline_speedup(scene, reading, packet_width)
     return value if base is None else value.over(base)
 
 
@@ -88,5 +88,5 @@ def best_gain(scene: SceneRows, reading: Reading, packet_width: int = 1, over: i
     if not found:
         raise NotMeasuredError(next(iter(missing.values())))
     splits, value = best(found)
-    gain = over_start(value, scene, reading, over or packet_width)
+    gain = relative_to_baseline(value, scene, reading, over or packet_width)
     return BestGain(splits, gain, next(iter(missing.values()), None))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from itertools import pairwise
 
 from experiments.paper.evidence import (
@@ -13,20 +13,14 @@ from experiments.paper.evidence import (
     best,
     estimate,
     measured_at,
-    measured_at_some,
     read_number,
 )
-from experiments.paper.readings import NEAREST, Reading, best_gain, over_start
+from experiments.paper.ratios import TOO_WIDE
+from experiments.paper.readings import NEAREST, Reading, best_gain, relative_to_baseline
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, UNDECIDED, Judgement
-from experiments.results.statistics import FEWEST_FITTED, Estimate, fit_exponent, geometric_mean
+from experiments.results.statistics import FEWEST_FITTED, Estimate, fit_exponent
 from experiments.results.verdicts import Bounds, Outcome, decide_greater
 from experiments.workloads.frame import FRAME
-
-GRID_SPLITS = (2, 4, 8, 16)
-"""Splits of one axis in the paper's figure 4, beside none."""
-
-LITTLE = 1.2
-"""Render times within this factor differ little. Our reading: the paper gives no number."""
 
 FEW_SPLITS = (2, 4, 8)
 
@@ -37,71 +31,13 @@ MODEL_EXPONENT = Bounds(0.9, 1.1)
 MODEL_R_SQUARED = 0.9
 """Time grows like the cost model where the fitted exponent may lie in this range and the fit explains this much."""
 
-_TOO_WIDE = "the interval is wider than the difference"
-
-
-def one_axis_beats_both(scene: SceneRows) -> Outcome:
-    """The fastest split of one axis over the fastest split of both, of all in figure 4."""
-    one_axis = [split for count in GRID_SPLITS for split in ((count, 1), (1, count))]
-    ratio = _fastest(scene, one_axis).over(_fastest(scene, [(x, y) for x in GRID_SPLITS for y in GRID_SPLITS]))
-    return _gain(ratio, f"{ratio.value:.2f}", f"splitting both axes is faster: {ratio}")
-
-
-def one_axis_beats_both_of_as_many_cells(scene: SceneRows) -> Outcome:
-    """The fastest one-axis split over the fastest two-axis split, at 4, 8 and 16 cells."""
-    ratios = {}
-    for cells in GRID_SPLITS[1:]:
-        both = [(across, cells // across) for across in GRID_SPLITS if cells // across >= 2]
-        ratios[cells] = _fastest(scene, [(cells, 1), (1, cells)]).over(_fastest(scene, both))
-    mean = geometric_mean(list(ratios.values()))
-    value = _spell(mean, ratios)
-    for count, ratio in ratios.items():
-        if decide_greater(ratio) is False:
-            return Outcome(False, value, mean, f"splitting both axes is faster at {count} cells: ratio {ratio}")
-    return _gain(mean, value, f"splitting both axes is faster: {mean}")
-
-
-def axes_differ_little(scene: SceneRows) -> Outcome:
-    """Whether horizontal splits are as fast as as many vertical ones to within LITTLE."""
-    ratios = _horizontal_over_vertical(scene)
-    mean = geometric_mean(list(ratios.values()))
-    value = _spell(mean, ratios)
-    little = Bounds(1 / LITTLE, LITTLE)
-    for splits, ratio in ratios.items():
-        if little.decide(ratio) is False:
-            return Outcome(False, value, mean, f"{ratio} at {splits} splits")
-    if little.decide(mean):
-        return Outcome(True, value, mean)
-    return Outcome(None, value, mean, f"the interval reaches beyond a factor of {LITTLE}")
-
-
-def horizontal_slightly_better(scene: SceneRows) -> Outcome:
-    """Whether horizontal splits are faster on average than as many vertical ones."""
-    ratios = _horizontal_over_vertical(scene)
-    mean = geometric_mean(list(ratios.values()))
-    return _gain(mean, _spell(mean, ratios), f"horizontal is {mean} times as fast")
-
-
-def culling_accelerates(scene: SceneRows, workload: str = FRAME.name) -> Outcome:
-    """Culling on over culling off, at every number of horizontal splits from 2 on that was measured of both."""
-
-    def gain(splits: int) -> Estimate:
-        with_it, without = (
-            estimate(scene.speedups((splits, 1), culling=culling, workload=workload)) for culling in (True, False)
-        )
-        return with_it.over(without)
-
-    ratios = measured_at_some(SPLITS[1:], gain)
-    mean = geometric_mean(list(ratios.values()))
-    return _gain(mean, _spell(mean, ratios), f"with culling {mean} times as fast")
-
 
 def few_splits_gain(scene: SceneRows, reading: Reading) -> Outcome:
     """The fastest of 2, 4 and 8 horizontal splits over the baseline, culling off."""
-    found, missing = scene.over_splits(culling=False, workload=reading.workload)
-    few = {splits: found[splits] for splits in FEW_SPLITS if splits in found}
+    speedups, missing = scene.over_splits(culling=False, workload=reading.workload)
+    few = {splits: speedups[splits] for splits in FEW_SPLITS if splits in speedups}
     splits, value = best(few)
-    gain = over_start(value, scene, reading)
+    gain = relative_to_baseline(value, scene, reading)
     outcome = _gain(gain, f"{gain.value:.2f} at {splits} splits", f"{splits} splits are {gain} times as fast as none")
     if outcome.holds is not True and len(few) < len(FEW_SPLITS):
         raise NotMeasuredError(next(missing[splits] for splits in FEW_SPLITS if splits in missing))
@@ -111,10 +47,10 @@ def few_splits_gain(scene: SceneRows, reading: Reading) -> Outcome:
 def too_many_splits_slow_down(scene: SceneRows, reading: Reading) -> Outcome:
     """Whether time over horizontal splits, culling off, has its minimum inside: faster than the baseline, then slower
     again at the largest split."""
-    found, missing = scene.over_splits(culling=False, workload=reading.workload)
-    most = max(found, default=1)
-    splits, value = best({one: found[one] for one in found if 1 < one < most})
-    gain, loss = over_start(value, scene, reading), value.over(estimate(found[most]))
+    speedups, missing = scene.over_splits(culling=False, workload=reading.workload)
+    most = max(speedups, default=1)
+    splits, value = best({one: speedups[one] for one in speedups if 1 < one < most})
+    gain, loss = relative_to_baseline(value, scene, reading), value.over(estimate(speedups[most]))
     said = f"{gain.value:.2f} at {splits:,} splits over none, {loss.value:.2f} over {most:,} splits"
     gains, loses = decide_greater(gain), decide_greater(loss)
     if gains and loses:
@@ -125,16 +61,16 @@ def too_many_splits_slow_down(scene: SceneRows, reading: Reading) -> Outcome:
         return Outcome(False, said, gain, f"no minimum inside: {splits:,} splits are {gain} times as fast as none")
     if loses is False:
         return Outcome(False, said, loss, f"{most:,} splits are faster than any fewer: {loss}")
-    return Outcome(None, said, loss, _TOO_WIDE)
+    return Outcome(None, said, loss, TOO_WIDE)
 
 
 def too_many_splits_fall_below_start(scene: SceneRows, reading: Reading) -> Outcome:
     """The baseline over the largest split, culling off."""
-    found, missing = scene.over_splits(culling=False, workload=reading.workload)
-    most = max(found, default=1)
+    speedups, missing = scene.over_splits(culling=False, workload=reading.workload)
+    most = max(speedups, default=1)
     if most == 1:
         raise NotMeasuredError(next(iter(missing.values())))
-    ratio = over_start(estimate(found[most]), scene, reading).inverse()
+    ratio = relative_to_baseline(estimate(speedups[most]), scene, reading).inverse()
     outcome = _gain(ratio, f"{ratio.value:.2f} at {most:,} splits", f"{most:,} splits are faster than none: {ratio}")
     if missing and not outcome.holds:
         raise NotMeasuredError(next(iter(missing.values())))
@@ -143,13 +79,15 @@ def too_many_splits_fall_below_start(scene: SceneRows, reading: Reading) -> Outc
 
 def more_splits_faster(scene: SceneRows, reading: Reading) -> Outcome:
     """Whether no number of horizontal splits, culling on, is slower than a smaller one, and 1,024 gain."""
-    found, missing = scene.over_splits(culling=True, workload=reading.workload)
+    speedups, missing = scene.over_splits(culling=True, workload=reading.workload)
     most = SPLITS[-1]
     if missing:
         raise NotMeasuredError(next(iter(missing.values())))
-    gain = over_start(estimate(found[most]), scene, reading)
+    gain = relative_to_baseline(estimate(speedups[most]), scene, reading)
     # The worst of many differences is mostly noise, so it is chosen on some processes and judged on others.
-    pairs = {(fewer, more): found[fewer].over(found[more]) for fewer in found for more in found if fewer < more}
+    pairs = {
+        (fewer, more): speedups[fewer].over(speedups[more]) for fewer in speedups for more in speedups if fewer < more
+    }
     (fewer, more), loss = best(pairs)
     value = f"{gain.value:.2f} at {most:,} splits over none; largest loss {loss.value:.2f}, {more:,} against {fewer:,}"
     loses = decide_greater(loss, LARGEST_LOSS)
@@ -187,11 +125,11 @@ def nearest_alone_may_lose(scene: SceneRows) -> Outcome:
 
 def larger_scenes_gain_less(scenes: Mapping[str, SceneRows], reading: Reading) -> Judgement:
     """Best speed-ups of the scenes, smallest scene first: each above the next."""
-    found = {name: best_gain(scene, reading) for name, scene in scenes.items()}
-    for name, of_scene in found.items():
+    best_gains = {name: best_gain(scene, reading) for name, scene in scenes.items()}
+    for name, of_scene in best_gains.items():
         if of_scene.missing:
             raise NotMeasuredError(f"{name}: {of_scene.missing}")
-    gains = {name: of_scene.gain for name, of_scene in found.items()}
+    gains = {name: of_scene.gain for name, of_scene in best_gains.items()}
     names = list(gains)
     value = "; ".join(f"{name}: {gains[name].value:.2f}" for name in names)
     interval = "; ".join(f"{name} {gains[name].interval()}" for name in names)
@@ -222,12 +160,12 @@ def time_follows_cost_model(scene: SceneRows, workload: str = FRAME.name) -> Out
         rays = read_number(row, "width") * read_number(row, "height") / splits
         return math.log(read_number(row, "triangles_traced")) * rays, 1 / speedup.value
 
-    found, missing = measured_at(SPLITS, model_and_time)
-    if len(found) < FEWEST_FITTED:
-        raise NotMeasuredError(f"{len(found)} points, {FEWEST_FITTED} are needed; {next(iter(missing.values()))}")
-    model, time = zip(*found.values(), strict=True)
+    points, missing = measured_at(SPLITS, model_and_time)
+    if len(points) < FEWEST_FITTED:
+        raise NotMeasuredError(f"{len(points)} points, {FEWEST_FITTED} are needed; {next(iter(missing.values()))}")
+    model, time = zip(*points.values(), strict=True)
     fit = fit_exponent(model, time)
-    value = f"exponent {fit.exponent.value:.2f}, R2 {fit.r_squared:.2f}, {len(found)} points"
+    value = f"exponent {fit.exponent.value:.2f}, R2 {fit.r_squared:.2f}, {len(points)} points"
     state = MODEL_EXPONENT.decide(fit.exponent)
     if state is False:
         below = "below 1: however few the rays, they must find the hits of all cells"
@@ -239,24 +177,7 @@ def time_follows_cost_model(scene: SceneRows, workload: str = FRAME.name) -> Out
     return Outcome(state, value, fit.exponent, None if state else why)
 
 
-def _single_rays(scene: SceneRows, split: tuple[int, int]) -> Estimate:
-    return estimate(scene.speedups(split, culling=True))
-
-
-def _fastest(scene: SceneRows, splits: Sequence[tuple[int, int]]) -> Estimate:
-    return best({split: scene.speedups(split, culling=True) for split in splits})[1]
-
-
-def _horizontal_over_vertical(scene: SceneRows) -> dict[int, Estimate]:
-    return {splits: _single_rays(scene, (splits, 1)).over(_single_rays(scene, (1, splits))) for splits in GRID_SPLITS}
-
-
 def _gain(ratio: Estimate, value: str, otherwise: str, limit: float = 1.0) -> Outcome:
     """Holds when the whole interval is above `limit`; otherwise: why it fails where all of it is below."""
     holds = decide_greater(ratio, limit)
-    return Outcome(holds, value, ratio, {True: None, False: otherwise, None: _TOO_WIDE}[holds])
-
-
-def _spell(mean: Estimate, ratios: Mapping[int, Estimate]) -> str:
-    """The mean, and what it is the mean of: "1.08 (2: 1.10, 4: 1.06)"."""
-    return f"{mean.value:.2f} ({', '.join(f'{count}: {ratio.value:.2f}' for count, ratio in ratios.items())})"
+    return Outcome(holds, value, ratio, {True: None, False: otherwise, None: TOO_WIDE}[holds])

@@ -1,115 +1,13 @@
-"""Public names: what the packages of the library offer, with signatures and the first paragraph of each docstring."""
+"""How values, types and helps of options are written in the reference."""
 
 from __future__ import annotations
 
-import inspect
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import MISSING, Field, fields, is_dataclass
 from enum import Enum
-from functools import cached_property
-from importlib import import_module
 from inspect import cleandoc, formatannotation
-from types import FunctionType
 from typing import Any, get_args, get_type_hints
-
-PACKAGES = ("atra", "atra.light")
-"""Packages whose `__all__` is public: what rays see, and the light of pictures and lightmaps."""
-
-
-def public_names() -> str:
-    """A section for each package, and in it one for each name."""
-    parts = ["## Public names\n"]
-    for package in PACKAGES:
-        module = import_module(package)
-        parts.append(f"### Package `{package}`\n\n{summary(module.__doc__)}\n")
-        parts += [_entry(package, name, getattr(module, name)) for name in sorted(module.__all__)]
-    return "\n".join(parts)
-
-
-def _entry(package: str, name: str, value: Any) -> str:
-    title = f"#### `{package}.{name}`\n"
-    if inspect.isclass(value):
-        return "\n".join([title, *_class(name, value)])
-    if callable(value):
-        return "\n".join([title, f"{code(f'{name}{_signature(value)}')}\n", f"{summary(value.__doc__)}\n"])
-    return "\n".join([title, f"{code(f'{name} = {value!r}')}\n"])
-
-
-def _class(name: str, kind: type) -> Iterator[str]:
-    """Signature, summary, fields of a dataclass or members of an Enum, then properties and methods."""
-    if issubclass(kind, Enum):
-        yield f"{summary(kind.__doc__)}\n"
-        yield f"Members: {', '.join(code(f'{one.name} = {one.value!r}') for one in kind)}\n"
-        return
-    if issubclass(kind, Exception):
-        yield f"{code(f'{name}({kind.__mro__[1].__name__})')}\n"
-    elif not getattr(kind, "_is_protocol", False):
-        yield f"{code(f'{name}{_signature(kind.__init__)}')}\n"
-    yield f"{summary(kind.__doc__)}\n"
-    yield from _fields(kind)
-    members = list(_members(kind))
-    if members:
-        yield "\n".join(members) + "\n"
-
-
-def _fields(kind: type) -> Iterator[str]:
-    if not is_dataclass(kind):
-        return
-    hints = get_type_hints(kind)
-    rows = [
-        (
-            code(one.name),
-            code(say_type(one.type)),
-            "required" if say_default(one) == "required" else code(say_default(one)),
-            ", ".join(map(code, choices_of(hints[one.name], one))),
-            help_of(kind, one),
-        )
-        for one in fields(kind)
-        if one.init and not one.name.startswith("_")
-    ]
-    if rows:
-        yield table(("field", "type", "default", "choices", "meaning"), rows)
-
-
-def _members(kind: type) -> Iterator[str]:
-    """A line for each public property and method that the library defines, a base class's included."""
-    own = [one for one in kind.__mro__ if one.__module__.partition(".")[0] == "atra"]
-    names = sorted({name for one in own for name in vars(one) if not name.startswith("_")})
-    for name in names:
-        value = inspect.getattr_static(kind, name)
-        text = summary(inspect.getdoc(getattr(kind, name, None)))
-        if isinstance(value, property | cached_property):
-            yield f"- {code(name)}: {summary(inspect.getdoc(value))}".rstrip(": ")
-        elif isinstance(value, classmethod | staticmethod | FunctionType):
-            function = value if isinstance(value, FunctionType) else value.__func__
-            bound = not isinstance(value, staticmethod)
-            yield f"- {code(f'{name}{_signature(function, bound)}')}: {text}".rstrip(": ")
-
-
-def _signature(function: Any, bound: bool = True) -> str:
-    """Parameters and the type of what is returned, written alike by every Python."""
-    parameters = list(inspect.signature(function).parameters.values())
-    if bound and parameters and parameters[0].name in ("self", "cls"):
-        del parameters[0]
-    written = list(_parameters(parameters))
-    returned = inspect.signature(function).return_annotation
-    arrow = "" if returned in (inspect.Signature.empty, None, "None") else f" -> {say_type(returned)}"
-    return f"({', '.join(written)}){arrow}"
-
-
-def _parameters(parameters: list[inspect.Parameter]) -> Iterator[str]:
-    starred = False
-    for one in parameters:
-        if one.kind is one.VAR_POSITIONAL:
-            starred = True
-        elif one.kind is one.KEYWORD_ONLY and not starred:
-            starred = True
-            yield "*"
-        stars = "*" if one.kind is one.VAR_POSITIONAL else "**" if one.kind is one.VAR_KEYWORD else ""
-        kind = "" if one.annotation is one.empty else f": {say_type(one.annotation)}"
-        default = "" if one.default is one.empty else f"{' = ' if kind else '='}{say_value(one.default)}"
-        yield f"{stars}{one.name}{kind}{default}"
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -154,8 +52,12 @@ def say_default(field: Field[Any]) -> str:
 def choices_of(hint: Any, field: Field[Any] | None = None) -> tuple[str, ...]:
     """The values to choose from: those that the field's metadata lists, or those of an Enum, or none."""
     listed = field.metadata.get("choices") if field is not None else None
-    enums = [one for one in (hint, *get_args(hint)) if isinstance(one, type) and issubclass(one, Enum)]
-    return tuple(map(str, listed or ())) or tuple(str(one.value) for enum in enums for one in enum)
+    enums = [
+        candidate
+        for candidate in (hint, *get_args(hint))
+        if isinstance(candidate, type) and issubclass(candidate, Enum)
+    ]
+    return tuple(map(str, listed or ())) or tuple(str(member.value) for enum in enums for member in enum)
 
 
 def paragraphs(text: str | None) -> list[str]:
@@ -176,8 +78,8 @@ def help_of(owner: type, field: Field[Any]) -> str:
     if given:
         return str(given)
     for kind in owner.__mro__:
-        if is_dataclass(kind) and (found := _said_of(kind, field.name)):
-            return found
+        if is_dataclass(kind) and (text := _said_of(kind, field.name)):
+            return text
     hint = get_type_hints(owner)[field.name]
     return summary(hint.__doc__) if isinstance(hint, type) and issubclass(hint, Enum) else ""
 
@@ -188,7 +90,7 @@ def _said_of(kind: type, name: str) -> str:
     under = re.search(rf"^(?:\w+, )*{name}(?:, \w+)* :.*\n((?: +.*\n)+)", cleandoc(kind.__doc__ or "") + "\n", re.M)
     if under:
         return " ".join(under[1].split())
-    names = "|".join(re.escape(one.name) for one in fields(kind))
+    names = "|".join(re.escape(spec.name) for spec in fields(kind))
     text = " ".join(cleandoc(kind.__doc__ or "").split())
     pieces = re.split(rf"(?<![\w`.])((?:{names})(?:, (?:{names}))*): ", text)
     said = next(

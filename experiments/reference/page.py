@@ -1,4 +1,4 @@
-"""The page: public names, the command line, configuration keys, and columns of result tables."""
+"""Pages of the reference: the command line, configuration keys, and columns of result tables."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import re
 from argparse import SUPPRESS, ArgumentParser
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import Field, fields, is_dataclass
-from pathlib import Path
 from typing import Any, get_type_hints
 
 from omegaconf import OmegaConf
@@ -23,7 +22,6 @@ from experiments.reference.names import (
     choices_of,
     code,
     help_of,
-    public_names,
     say_default,
     say_type,
     say_value,
@@ -58,14 +56,14 @@ def _options(verb: str, add: Callable[[ArgumentParser], None], what: str) -> tup
     add(parser)
     rows = [
         (
-            " ".join(map(code, one.option_strings)) or code(one.dest),
-            code(getattr(one.type, "__name__", "str")) if one.nargs in (None, "+", 2) else "",
-            "required" if one.required else code("" if one.default is None else say_value(one.default)),
-            ", ".join(map(code, map(str, one.choices or ()))),
-            one.help or "",
+            " ".join(map(code, action.option_strings)) or code(action.dest),
+            code(getattr(action.type, "__name__", "str")) if action.nargs in (None, "+", 2) else "",
+            "required" if action.required else code("" if action.default is None else say_value(action.default)),
+            ", ".join(map(code, map(str, action.choices or ()))),
+            action.help or "",
         )
-        for one in parser._actions
-        if one.default != SUPPRESS
+        for action in parser._actions
+        if action.default != SUPPRESS
     ]
     return f"### `atra {verb} MESH`\n", f"{what} It needs the library alone.\n", table(_OPTIONS, rows)
 
@@ -93,20 +91,20 @@ def configuration_keys() -> str:
 
 def _rows(kind: type, path: str) -> Iterator[Sequence[str]]:
     hints = get_type_hints(kind)
-    for one in fields(kind):
-        if is_dataclass(one.default_factory):
-            yield from _rows(one.default_factory, f"{path}{one.name}.")  # type: ignore[arg-type]
+    for spec in fields(kind):
+        if is_dataclass(spec.default_factory):
+            yield from _rows(spec.default_factory, f"{path}{spec.name}.")  # type: ignore[arg-type]
             continue
-        choices = choices_of(hints[one.name], one)
+        choices = choices_of(hints[spec.name], spec)
         groups: dict[str, Sequence[Method | Workload]] = {"method": METHODS, "workload": WORKLOADS}
-        group = groups.get(f"{path}{one.name}")
+        group = groups.get(f"{path}{spec.name}")
         yield (
-            code(f"{path}{one.name}"),
-            "" if choices or group else code(say_type(one.type)),
-            _configured(say_default(one)),
+            code(f"{path}{spec.name}"),
+            "" if choices or group else code(say_type(spec.type)),
+            _configured(say_default(spec)),
             ", ".join(map(code, [of.name for of in group] if group else choices)),
-            _unit(one),
-            help_of(kind, one),
+            _unit(spec),
+            help_of(kind, spec),
         )
 
 
@@ -153,21 +151,3 @@ def table_columns() -> str:
 def _column(column: Column) -> Sequence[str]:
     types = {"string": "text", "Int64": "whole number", "Float64": "number", "boolean": "true or false"}
     return code(column.name), types[column.dtype], column.unit, column.help
-
-
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference.md"
-
-_BEGINNING = """\
-# Reference
-
-This page is generated from the code: `python -m experiments.reference` writes it. Do not edit it.
-It lists the [public names](#public-names), the [options of the command line](#command-line), the
-[keys of the configuration](#configuration-keys) and the [columns of result tables](#table-columns).
-A unit stands at the end of a name: `_s` is seconds, `_bytes` bytes, `_gib` GiB, `_degrees` degrees.
-"""
-
-
-def reference() -> str:
-    """The page as text."""
-    parts = (_BEGINNING, public_names(), command_line(), configuration_keys(), table_columns())
-    return "\n".join(parts)

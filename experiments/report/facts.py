@@ -239,9 +239,9 @@ def _stands_for(row: pd.Series) -> str | None:
 def _columns(rows: pd.DataFrame, measured: pd.DataFrame, workload: Workload) -> list[Column]:
     """What tells points apart, then what was measured: first what few other workloads measure too."""
     options = [*(method.options for method in METHODS), workload.options]
-    identity = dict.fromkeys(["scene", "method", *(field.name for one in options for field in fields(one))])
+    identity = dict.fromkeys(["scene", "method", *(field.name for kind in options for field in fields(kind))])
     known = columns()
-    shared = Counter(column.name for one in WORKLOADS for column in one.columns)
+    shared = Counter(column.name for kind in WORKLOADS for column in kind.columns)
     own = sorted((column.name for column in workload.columns), key=shared.__getitem__)
     counters = [column.name for method in METHODS for column in method.counters]
     names = dict.fromkeys([*identity, *settings_that_vary(rows, identity), *own, *counters, "doubts"])

@@ -79,7 +79,7 @@ def render_report(contents: ReportContents) -> str:
     gains, no_gains = _gains(contents.processes)
     replaced = facts.stand_ins(table)
     # A sweep that measures nothing of what the paper claims has no verdict to show.
-    judged = contents.claims if any(one.verdict != NOT_MEASURED for one in contents.claims) else ()
+    judged = contents.claims if any(claim.verdict != NOT_MEASURED for claim in contents.claims) else ()
     claims = [(readings, verdict_on(readings)) for readings in by_claim(judged)]
     return _template().render(
         contents=contents,
@@ -91,7 +91,7 @@ def render_report(contents: ReportContents) -> str:
         readings=readings_of(contents.processes),
         one_reading=ONE_READING,
         packets_stand=where_packets_stand(gains),
-        packets_over=list(dict.fromkeys(words for one in gains for words in one.packets)),
+        packets_over=list(dict.fromkeys(words for of_scene in gains for words in of_scene.packets)),
         stand_ins=replaced,
         compared=facts.compared_images(table),
         processes=facts.count_processes(table),
@@ -101,9 +101,9 @@ def render_report(contents: ReportContents) -> str:
         statuses=table["status"].value_counts().to_dict(),
         doubts=facts.count_doubts(table),
         claims=claims,
-        verdicts={name: sum(verdict == name for one, verdict in claims if not one[0].inferred) for name in _MARKS},
+        verdicts={name: sum(verdict == name for claim, verdict in claims if not claim[0].inferred) for name in _MARKS},
         figures=[(figure, _doubts_of(figure, table)) for figure in contents.figures],
-        pictures=[(one, picture_restriction(one.scene)) for one in contents.pictures],
+        pictures=[(picture, picture_restriction(picture.scene)) for picture in contents.pictures],
         missing=facts.missing_points(table),
         machine=facts.machine_in_short(contents.environment),
         software=facts.software_in_short(contents.environment),

@@ -81,11 +81,11 @@ def write_results(configuration: Configuration, tables: Tables, command: str) ->
     _write(folder, files, {**table_files(tables), _COMMAND_FILE: f"{command}\n".encode()})
     if report:
         return f"report: {folder / _PAGE}"
-    first = _most_telling(figures, tables.points)
+    first = most_telling(figures, tables.points)
     return f"{first.caption}: {folder / first.name}.png" if first else None
 
 
-def _most_telling(figures: Sequence[NamedFigure], table: pd.DataFrame) -> NamedFigure | None:
+def most_telling(figures: Sequence[NamedFigure], table: pd.DataFrame) -> NamedFigure | None:
     """The first figure that names all methods of files in the table, if there are any; or else the first."""
     labels = [find_method(name).label for name in of_files(table)["method"].unique()]
     named = [one for one in figures if all(re.search(rf"\b{re.escape(label)}\b", one.figure.words) for label in labels)]
@@ -139,11 +139,11 @@ def _write(folder: Path, files: Mapping[str, bytes], tables: Mapping[str, bytes]
 
 def _files_of_tables(folder: Path) -> list[Path]:
     """The files in the folder that some table was made into: figures, claims, page, and FILES of the workloads."""
-    rooms: list[Any] = [workload.part("shown") for workload in WORKLOADS]
+    shown: list[Any] = [workload.part("shown") for workload in WORKLOADS]
     patterns = [re.escape(_PAGE), *(kind.file_names for kind in figure_kinds())]
-    patterns += [pattern for room in rooms for pattern in getattr(room, "FILES", ())]
+    patterns += [pattern for part in shown for pattern in getattr(part, "FILES", ())]
     is_one = re.compile("|".join(f"(?:{pattern})" for pattern in patterns)).fullmatch
-    claims = ["claims", *(room.CLAIMS_FILE for room in rooms if hasattr(room, "CLAIMS"))]
+    claims = ["claims", *(part.CLAIMS_FILE for part in shown if hasattr(part, "CLAIMS"))]
     judged = [folder / f"{name}{end}" for name in claims for end in (".json", ".csv")]
     return [path for path in (*folder.iterdir(), *judged) if path.is_file() and (path in judged or is_one(path.name))]
 
@@ -204,10 +204,10 @@ def _environment(table: pd.DataFrame, records: Path) -> dict[str, Any]:
     cpus = sorted(set(table["cpu"].dropna()))
     if len(cpus) > 1:
         raise InputError(f"the table holds points of {' and of '.join(cpus)}; run the sweep again on one machine")
-    found = [record for name in table["point_id"] if (record := load_record(records, name)) is not None]
-    check_one_environment(found)
-    if found:
-        return found[0].environment
+    records_found = [record for name in table["point_id"] if (record := load_record(records, name)) is not None]
+    check_one_environment(records_found)
+    if records_found:
+        return records_found[0].environment
     return {"cpu": cpus[0]} if cpus else {}
 
 
@@ -248,8 +248,8 @@ def _readable_tables(folder: Path, console: Console) -> Tables | None:
 
 def figure_kinds() -> tuple[FigureKind, ...]:
     """Those of every workload, and the paper's that draw several workloads."""
-    rooms = (workload.part("shown") for workload in WORKLOADS)
-    return (*(kind for room in rooms for kind in getattr(room, "FIGURES", ())), *PAPER_FIGURES)
+    shown = (workload.part("shown") for workload in WORKLOADS)
+    return (*(kind for part in shown for kind in getattr(part, "FIGURES", ())), *PAPER_FIGURES)
 
 
 def check_figures(figures: Mapping[str, Sequence[str]], grids: Collection[str]) -> None:

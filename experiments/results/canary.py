@@ -26,7 +26,7 @@ ALIKE = (
 """Settings that the canary depends on."""
 
 
-def strays(records: Sequence[Record]) -> set[str]:
+def drifted(records: Sequence[Record]) -> set[str]:
     """The `point_id` of every record whose canary is farther than BAND from the median of those it should equal."""
     alike: dict[str, dict[str, float]] = {}
     for record in records:

@@ -85,12 +85,12 @@ def judge_claim(claim: Claim, evidence: Any) -> tuple[JudgedClaim, ...]:
     judged = []
     for reading, judge in claim.judges.items():
         try:
-            found = judge(evidence)
+            judgement = judge(evidence)
         except NotMeasuredError as error:
-            found = Judgement(NOT_MEASURED, why=str(error))
-        stand_ins = f" (Judged on stand-ins: {', '.join(found.stand_ins)}.)" if found.stand_ins else ""
+            judgement = Judgement(NOT_MEASURED, why=str(error))
+        stand_ins = f" (Judged on stand-ins: {', '.join(judgement.stand_ins)}.)" if judgement.stand_ins else ""
         told = (claim.id, claim.section, claim.text + stand_ins, claim.paper_value, claim.how, claim.inferred, reading)
-        judged.append(JudgedClaim(*told, found.verdict, found.value, found.interval, found.why))
+        judged.append(JudgedClaim(*told, judgement.verdict, judgement.value, judgement.interval, judgement.why))
     return tuple(judged)
 
 
@@ -106,11 +106,11 @@ def by_claim(judged: Sequence[JudgedClaim]) -> list[tuple[JudgedClaim, ...]]:
 
 def verdict_on(readings: Sequence[JudgedClaim]) -> str:
     """One for all readings of a claim: one of `VERDICTS`, or ONE_READING."""
-    verdicts = [one.verdict for one in readings]
+    verdicts = [judged.verdict for judged in readings]
     if HOLDS in verdicts:
         return HOLDS if set(verdicts) == {HOLDS} else ONE_READING
     # Readings that do not agree that it fails leave it open.
-    return next(one for one in (NOT_MEASURED, UNDECIDED, DOES_NOT_HOLD) if one in verdicts)
+    return next(verdict for verdict in (NOT_MEASURED, UNDECIDED, DOES_NOT_HOLD) if verdict in verdicts)
 
 
 def claim_files(findings: Sequence[JudgedClaim], name: str = "claims") -> dict[str, bytes]:

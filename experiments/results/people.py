@@ -29,7 +29,7 @@ _DETAIL = re.compile(r"_(low|high|half|rest|spread|p999)(_s)?$|^baseline_pixels|
 """Ends of intervals and the like, which are left to the other file but where `_MEASURED` names them."""
 
 
-def columns_for_people(table: pd.DataFrame) -> list[str]:
+def csv_columns(table: pd.DataFrame) -> list[str]:
     """At most `MOST_COLUMNS`: what was measured where, the settings that vary, what came of it, and how far to trust
     it. Columns without any value are left out."""
     told = [name for name in table if table[name].notna().any()]

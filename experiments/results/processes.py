@@ -11,7 +11,7 @@ from typing import Any
 from atra.errors import InputError
 from experiments.harness.environment import describe_difference
 from experiments.harness.records import Record, without_limits
-from experiments.results.canary import BAND, strays
+from experiments.results.canary import BAND, drifted
 from experiments.results.doubts import passing_doubts
 
 FEWEST_IN_EARNEST = 5
@@ -42,11 +42,11 @@ def to_replace(records: Mapping[str, Record], repeats: float = inf) -> list[str]
     """Names of the records that a new process should replace: those that strayed, and, of points with
     `FEWEST_IN_EARNEST` processes or more, those that were disturbed. Records that have replaced so many others as
     `repeats` are left out."""
-    out = strays(list(records.values()))
+    out = drifted(list(records.values()))
     for of_point in by_point(records.values()):
         if len(of_point) >= FEWEST_IN_EARNEST:
-            out.update(one.point_id for one in of_point if passing_doubts(one))
-    return [name for name, one in records.items() if one.point_id in out and _times(one) < repeats]
+            out.update(record.point_id for record in of_point if passing_doubts(record))
+    return [name for name, record in records.items() if record.point_id in out and _times(record) < repeats]
 
 
 def as_replacement(record: Record, before: Record) -> Record:

@@ -3,15 +3,16 @@
     judge = {column = "speedup", where = {method = "aligned", positions = {at_least = 16}}, at_least = 1.0}
 
 column, over: a column of the table of processes, or its ratio to another one. where: column -> its value, a list of
-values, or {not = ...}, {at_least = ...}, {below = ...}, {at_most = ...}, {known = true}. least: of these rows those
-alone with the least number of this column. at_least, at_most: bounds. counted: it has no noise. some: one scene is
-enough. A claim that no table can judge has a text instead, which says why.
+values, or {not = ...}, {at_least = ...}, {below = ...}, {at_most = ...}, {known = true}, or {has = [...]} for names
+with commas, such as a point's grids. least: of these rows those alone with the least number of this column. at_least,
+at_most: bounds. counted: it has no noise. some: one scene is enough. A claim that no table can judge has a text
+instead, which says why.
 """
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -27,18 +28,25 @@ _TESTS: dict[str, Callable[[pd.Series, Any], Any]] = {
     "at_most": lambda values, most: values <= most,
     "below": lambda values, most: values < most,
     "known": lambda values, _: values.notna(),
+    "has": lambda values, names: values.fillna("").str.split(",").map(lambda found: not set(names).isdisjoint(found)),
 }
 
 
-def read_claims(path: Path, judges: Mapping[str, Mapping[str, Judge]], **numbers: Any) -> tuple[Claim, ...]:
+def read_claims(
+    path: Path,
+    judges: Mapping[str, Mapping[str, Judge]],
+    judges_of: Callable[[Any], Mapping[str, Judge]] | None = None,
+    **numbers: Any,
+) -> tuple[Claim, ...]:
     """The claims of a TOML file, in its order. judges: by id, of those that have no `judge` in the file, under each of
-    their readings.
+    their readings. judges_of: what a `judge` means, under each reading; without it `query_judge`, under one.
 
     In `paper` and `how` of a claim, {name} stands for the text of that name in [words], or for one of the numbers.
     Raises ValueError where a claim has no judge or two, and for a query that cannot be read.
     """
+    judges_of = judges_of or (lambda query: {"": query_judge(query)})
     told = tomllib.loads(path.read_text(encoding="utf-8"))
-    ids = [one["id"] for one in told["claims"] if "judge" not in one]
+    ids = [claim["id"] for claim in told["claims"] if "judge" not in claim]
     if set(ids) != judges.keys():
         raise ValueError(f"{path} leaves the claims {ids} to functions, expected {[*judges]}")
     words = dict(numbers)
@@ -46,10 +54,11 @@ def read_claims(path: Path, judges: Mapping[str, Mapping[str, Judge]], **numbers
         words[name] = text.format(**words)
     return tuple(
         Claim(
-            one["id"], one["section"], one["text"], one["paper"].format(**words), one.get("how", "").format(**words),
-            {"": query_judge(one["judge"])} if "judge" in one else judges[one["id"]], one.get("inferred", False),
+            claim["id"], claim["section"], claim["text"], claim["paper"].format(**words),
+            claim.get("how", "").format(**words),
+            judges_of(claim["judge"]) if "judge" in claim else judges[claim["id"]], claim.get("inferred", False),
         )
-        for one in told["claims"]
+        for claim in told["claims"]
     )  # fmt: skip
 
 
@@ -57,19 +66,28 @@ def query_judge(query: Mapping[str, Any] | str) -> Judge:
     """What judges a claim by a query, or says why nothing does. Raises ValueError for a key that no query has."""
     if isinstance(query, str):
         return _unjudged(query)
-    if unknown := query.keys() - _KNOWN:
-        raise ValueError(f"a judge has {sorted(unknown)}, expected some of {sorted(_KNOWN)}")
+    check_keys("a judge", query, _KNOWN)
     numerator, denominator = query["column"], query.get("over")
     bounds = {end: float(query[name]) for end, name in (("low", "at_least"), ("high", "at_most")) if name in query}
 
     def values(rows: pd.DataFrame) -> Any:
-        found = _numbers(rows, numerator)
-        return found if denominator is None else found / _numbers(rows, denominator)
+        numbers = _numbers(rows, numerator)
+        return numbers if denominator is None else numbers / _numbers(rows, denominator)
 
     def which(rows: pd.DataFrame) -> pd.Series:
-        return _chosen(rows, query.get("where", {}), query.get("least"))
+        asked = rows["scene"].notna() & chosen(rows, query.get("where", {}))
+        if "least" in query:
+            numbers = _numbers(rows, query["least"]).where(asked)
+            asked &= numbers.eq(numbers.min())
+        return asked
 
     return value_judge(values, which, Bounds(**bounds), query.get("counted", False), not query.get("some", False))
+
+
+def check_keys(what: str, told: Mapping[str, Any], known: Collection[str]) -> None:
+    """Raise ValueError for a key that nothing reads."""
+    if unknown := told.keys() - set(known):
+        raise ValueError(f"{what} has {sorted(unknown)}, expected some of {sorted(known)}")
 
 
 def _unjudged(why: str) -> Judge:
@@ -79,8 +97,9 @@ def _unjudged(why: str) -> Judge:
     return judge
 
 
-def _chosen(rows: pd.DataFrame, where: Mapping[str, Any], least: str | None) -> pd.Series:
-    found = rows["scene"].notna()
+def chosen(rows: pd.DataFrame, where: Mapping[str, Any]) -> pd.Series:
+    """Which rows have these values; none where a column is missing."""
+    fits = pd.Series(True, index=rows.index)
     for name, wanted in where.items():
         values = rows[name] if name in rows else pd.Series(pd.NA, index=rows.index, dtype="object")
         if isinstance(wanted, dict):
@@ -88,11 +107,8 @@ def _chosen(rows: pd.DataFrame, where: Mapping[str, Any], least: str | None) -> 
             kept = _TESTS[test](values, limit)
         else:
             kept = values.isin(wanted) if isinstance(wanted, list) else values.eq(wanted)
-        found &= kept.fillna(False).astype(bool)
-    if least is not None:
-        numbers = _numbers(rows, least).where(found)
-        found &= numbers.eq(numbers.min())
-    return found
+        fits &= kept.fillna(False).astype(bool)
+    return fits
 
 
 def _numbers(rows: pd.DataFrame, name: str) -> pd.Series:

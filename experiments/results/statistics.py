@@ -39,8 +39,8 @@ class Pool:
     def of(cls, points: Iterable[Sequence[float]]) -> Self | None:
         """The pool of the values of points, one value per process; None where no point has two."""
         logs = [np.log(values) for values in points if len(values) > 1 and min(values) > 0]
-        freedom = sum(len(one) - 1 for one in logs)
-        return cls(float(sum(one.var() * len(one) for one in logs)) / freedom, freedom) if freedom else None
+        freedom = sum(len(group) - 1 for group in logs)
+        return cls(float(sum(group.var() * len(group) for group in logs)) / freedom, freedom) if freedom else None
 
 
 @dataclass(frozen=True)
@@ -103,10 +103,10 @@ class Estimate:
 
 def _combine(estimates: Sequence[Estimate], weights: Sequence[float]) -> Estimate:
     """The weighted sum of logarithms; degrees of freedom after Welch and Satterthwaite."""
-    parts = [weight**2 * one.variance for one, weight in zip(estimates, weights, strict=True)]
+    parts = [weight**2 * estimate.variance for estimate, weight in zip(estimates, weights, strict=True)]
     variance = sum(parts)
-    spread = sum(part**2 / one.freedom for one, part in zip(estimates, parts, strict=True))
-    log_mean = sum(weight * one.log_mean for one, weight in zip(estimates, weights, strict=True))
+    spread = sum(part**2 / estimate.freedom for estimate, part in zip(estimates, parts, strict=True))
+    log_mean = sum(weight * estimate.log_mean for estimate, weight in zip(estimates, weights, strict=True))
     return Estimate(log_mean, variance, variance**2 / spread if spread else 1.0)
 
 

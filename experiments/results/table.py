@@ -18,10 +18,10 @@ from experiments.harness.method import TIES_HELP
 from experiments.harness.point import Workload
 from experiments.harness.records import Record
 from experiments.methods import METHODS, find_method
-from experiments.results.canary import BAND, strays
+from experiments.results.canary import BAND, drifted
 from experiments.results.doubts import WRONG, doubts_of, say_doubts, why_wrong
 from experiments.results.intervals import with_intervals
-from experiments.results.people import columns_for_people
+from experiments.results.people import csv_columns
 from experiments.results.processes import by_point, check_one_environment, is_replacement
 from experiments.workloads import WORKLOADS, find_workload
 from scenes.built_in import BUILT_IN
@@ -126,11 +126,11 @@ def columns(workloads: Sequence[Workload] | None = None) -> dict[str, Column]:
     ]
     measured = [column for kind in workloads for column in kind.columns]
     counted = [column for method in METHODS for column in method.counters]
-    found: dict[str, Column] = {}
+    by_name: dict[str, Column] = {}
     for column in (*_POINT_COLUMNS, *options, *_TRACING_COLUMNS, *measured, *counted, *_OUTCOME_COLUMNS):
-        if found.setdefault(column.name, column).dtype != column.dtype:
-            raise ValueError(f"column {column.name} is {found[column.name].dtype} and {column.dtype}")
-    return found
+        if by_name.setdefault(column.name, column).dtype != column.dtype:
+            raise ValueError(f"column {column.name} is {by_name[column.name].dtype} and {column.dtype}")
+    return by_name
 
 
 _ALWAYS = ("scene", "workload", "method", "status", "point_id", "grids")
@@ -158,7 +158,7 @@ def make_tables(records: Sequence[Record], grids: Mapping[str, Sequence[str]] | 
     Raises InputError as `check_one_environment`.
     """
     check_one_environment(records)
-    out = strays(records)
+    out = drifted(records)
     points, processes = [], []
     for of_point in by_point(records):
         first = of_point[0].point_id
@@ -188,7 +188,9 @@ def frame_of(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
 def _frame(told: Mapping[str, Any], index: pd.Index) -> pd.DataFrame:
     # Most columns hold nothing: one empty array of their type is enough for all.
     empty = {dtype: pd.array([None] * len(index), dtype=dtype) for dtype in (TEXT, WHOLE, REAL, TRUTH)}
-    values = {name: pd.array(told.get(name, empty[one.dtype]), dtype=one.dtype) for name, one in columns().items()}
+    values = {
+        name: pd.array(told.get(name, empty[column.dtype]), dtype=column.dtype) for name, column in columns().items()
+    }
     return pd.DataFrame(values, index=index)
 
 
@@ -205,12 +207,12 @@ def write_tables(folder: Path, tables: Tables) -> None:
 def table_files(tables: Tables) -> dict[str, bytes]:
     """The contents of `table.csv`, which has the columns that people read, `table.parquet` and `processes.parquet`, by
     name."""
-    found = {"table.csv": csv_bytes(tables.points[columns_for_people(tables.points)])}
+    files = {"table.csv": csv_bytes(tables.points[csv_columns(tables.points)])}
     for name, table in (("table", tables.points), ("processes", tables.processes)):
         buffer = io.BytesIO()
         table.to_parquet(buffer, index=False)
-        found[f"{name}.parquet"] = buffer.getvalue()
-    return found
+        files[f"{name}.parquet"] = buffer.getvalue()
+    return files
 
 
 def read_tables(folder: Path) -> Tables | None:
@@ -231,7 +233,7 @@ def read_table(path: Path) -> pd.DataFrame | None:
         if absent:
             raise ValueError(f"it has no column {absent[0]}")
         # A column that is newer than the table was not measured.
-        known = {name: one.dtype for name, one in columns().items() if name in table}
+        known = {name: column.dtype for name, column in columns().items() if name in table}
         table = rename_workloads(table)
         return _frame({name: table[name].astype(dtype) for name, dtype in known.items()}, table.index)
     except (OSError, ValueError, KeyError, TypeError) as error:

@@ -127,22 +127,26 @@ def known_values(processes: pd.DataFrame, values: ArrayLike, pool: Pool | None =
     numbers = pd.Series(np.asarray(values, np.float64), index=processes["point_id"].to_numpy())
     groups = {name: of_point.tolist() for name, of_point in numbers[np.isfinite(numbers)].groupby(level=0, sort=False)}
     pool = pool or Pool.of(groups.values())
-    found: dict[Hashable, Known] = {}
+    by_point: dict[Hashable, Known] = {}
     for name, of_point in groups.items():
         if len(of_point) > 1 and len(set(of_point)) == 1:
-            found[name] = of_point[0]
+            by_point[name] = of_point[0]
         elif min(of_point) > 0:
             try:
-                found[name] = Estimate.of(of_point, pool)
+                by_point[name] = Estimate.of(of_point, pool)
             except ValueError:  # one process, and no variance to lend it
                 continue
-    return found
+    return by_point
 
 
 def ratio_of(one: Known | None, other: Known | None) -> Estimate | None:
     """Ratio of the values of two points that share no process; None where one of them is not known."""
-    found = [exact(known) if isinstance(known, float) else known for known in (one, other)]
-    return found[0].over(found[1]) if isinstance(found[0], Estimate) and isinstance(found[1], Estimate) else None
+    estimates = [exact(known) if isinstance(known, float) else known for known in (one, other)]
+    return (
+        estimates[0].over(estimates[1])
+        if isinstance(estimates[0], Estimate) and isinstance(estimates[1], Estimate)
+        else None
+    )
 
 
 def exact(value: float) -> Estimate:
@@ -166,20 +170,20 @@ def judge_known(
     """
     cases = []
     for key, rows in processes.groupby(list(by), sort=False, observed=True):
-        found = [known[name] for name in dict.fromkeys(rows["point_id"]) if name in known]
-        if found:
-            cases.append((" ".join(map(str, key)), case_of(found, bounds)))
+        numbers = [known[name] for name in dict.fromkeys(rows["point_id"]) if name in known]
+        if numbers:
+            cases.append((" ".join(map(str, key)), case_of(numbers, bounds)))
     if not cases:
         raise NotMeasuredError(missing)
     return on_cases(cases, every)
 
 
-def case_of(found: Sequence[Known], bounds: Bounds) -> Outcome:
+def case_of(numbers: Sequence[Known], bounds: Bounds) -> Outcome:
     """What the points of one case say: the worst of them decides, and its interval is told."""
-    states = [bounds.decide(one) for one in found]
+    states = [bounds.decide(number) for number in numbers]
     worst = next(state for state in (False, None, True) if state in states)
-    decisive = found[states.index(worst)]
-    middles = [one.value if isinstance(one, Estimate | Interval) else one for one in found]
+    decisive = numbers[states.index(worst)]
+    middles = [number.value if isinstance(number, Estimate | Interval) else number for number in numbers]
     low, high = say(min(middles)), say(max(middles))
     estimate = decisive if isinstance(decisive, Estimate | Interval) else None
     why = {True: None, False: "outside of what was claimed", None: "the interval reaches beyond what was claimed"}

@@ -132,7 +132,7 @@ def _ratio(upper: str, lower: str) -> Series:
 
 
 def workload(
-    name: str, room: str, headline: Callable[[Record], str], *parts: type | Times, options: type = NoOptions,
+    name: str, package: str, headline: Callable[[Record], str], *parts: type | Times, options: type = NoOptions,
     **fields: Any,
 ) -> Workload:  # fmt: skip
     """A workload whose columns, samples and needs follow from its parts, in the order of the columns: `TypedDict`s of
@@ -145,4 +145,4 @@ def workload(
     if times:
         follow |= {field: getattr(times[0], field) for field in ("judged", "optional", "canary")}
     columns = [part.columns if isinstance(part, Times) else columns_of(part) for part in parts]
-    return Workload(name, options, sum(columns, ()), headline, room, **(follow | fields))
+    return Workload(name, options, sum(columns, ()), headline, package, **(follow | fields))

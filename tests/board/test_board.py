@@ -13,7 +13,7 @@ from experiments.board.command import board_page, run_board
 from experiments.board.pack import UNKNOWN, Pack, packed, read_pack, run_pack
 from experiments.board.rows import BoardRow, board_rows
 from experiments.commands.new_method import run_new_method
-from experiments.documents.quotation import digits, mark
+from experiments.documents.filling import digits
 from experiments.drawing.style import TIMES
 from experiments.results.intervals import with_intervals
 from experiments.results.table import read_table
@@ -127,7 +127,7 @@ def test_the_stored_board_has_the_ratios_of_the_tables(tmp_path, content):
     rows = [row for row in read_pack(path).rows if row.rays == "primary"]
     shown = {f"{digits(row.ratio)} [{digits(row.low)}, {digits(row.high)}]" for row in rows if row.ratio}
     page = (ROOT / "reports" / "reference" / "tables.md").read_text(encoding="utf-8")
-    lines = page.partition(mark("frames_of_each_method"))[2].partition("\n\n")[0].splitlines()
+    lines = page.partition("## Methods")[2].partition("pays from frame")[0].splitlines()
     cells = [line.split(" | ") for line in lines if line.startswith("| `")]
     ours = {cell.strip(" |") for line in cells for cell in line if "." in cell and "[" in cell}
     assert len(ours) == 12

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import atra
-from atra.embree.packets_kernels import Image
+from atra.embree.packets_kernels import TracedImage
 from experiments.classification.bvh.single import BOXES, STEPS
 from experiments.classification.bvh.tracer import BvhTracer
 from tests.images import assert_equal_images, assert_same_bits
@@ -64,7 +64,7 @@ def test_what_is_counted_is_traced_as_what_is_timed(packet_width, traversal):
     mesh, camera = cornell_box(), cornell_camera(32, 32)
     with BvhTracer(mesh, camera, threads=1, packet_width=packet_width, traversal=traversal) as tracer:
         hits = tracer.trace()
-        image = Image(np.empty_like(hits.depth), np.empty_like(hits.prim_id))
+        image = TracedImage(np.empty_like(hits.depth), np.empty_like(hits.prim_id))
         counts = tracer.prepared.count(image)
     np.testing.assert_array_equal(image.depth, hits.depth)
     assert counts[STEPS] > 0

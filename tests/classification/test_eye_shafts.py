@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import atra
-from atra.embree.packets_kernels import Image
+from atra.embree.packets_kernels import TracedImage
 from experiments.classification.bvh.single import FROM_ROOT, LISTED, PROVEN, STEPS
 from experiments.classification.bvh.starts import ROOT_LIST
 from experiments.classification.shafts.eye import EyeTracer, shapes_of_tiles
@@ -37,7 +37,9 @@ def from_the_root(tracer):
 
 def counts_of(tracer):
     height, width = tracer.camera.height, tracer.camera.width
-    return tracer.prepared.count(Image(np.empty((height, width), np.float32), np.empty((height, width), np.uint32)))
+    return tracer.prepared.count(
+        TracedImage(np.empty((height, width), np.float32), np.empty((height, width), np.uint32))
+    )
 
 
 @pytest.mark.parametrize(("packet_width", "traversal"), KINDS)

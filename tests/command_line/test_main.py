@@ -2,11 +2,9 @@
 
 import subprocess
 import sys
-from importlib import import_module
 
 import pytest
 
-from atra.command.main import _VERBS
 from tests.folders import ROOT
 
 
@@ -32,9 +30,3 @@ def test_a_verb_loads_its_own_module_alone():
     assert "--png-scale" in said
     assert "atra.command.judging" in loaded
     assert loaded.isdisjoint({"trimesh", "atra.command.render", "atra.command.compiling", "atra.command.planning"})
-
-
-@pytest.mark.parametrize("verb", [*_VERBS, "bop"])
-def test_every_verb_is_found_in_its_module(verb):
-    module = import_module(f"atra.command.{'bop' if verb == 'bop' else _VERBS[verb][0]}")
-    assert callable(getattr(module, f"run_{verb}"))

@@ -10,8 +10,8 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
+from numba.core.registry import cpu_target
 
-from atra.command.compiling import JOBS
 from atra.compiled import store
 from atra.compiled.instruction_sets import VARIABLE, instruction_sets_here
 from tests.compiled.test_kernel_cache import TWO_KINDS, imported, with_another_bit
@@ -42,12 +42,15 @@ def test_shipped_kernels_are_run_wherever_the_library_lies_and_nothing_is_kept(t
     assert not list((tmp_path / "kept").rglob("*.nbc"))
 
 
-def test_another_folder_for_kernels_does_not_change_what_they_are_compiled_for(
+def test_kernels_are_compiled_for_an_instruction_set_whatever_folder_they_are_kept_in(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "two_kinds.py").write_text(TWO_KINDS)
     monkeypatch.setattr(numba.core.config, "CACHE_DIR", str(tmp_path / "kept"))
     imported(tmp_path / "two_kinds.py").answers()
+    _, processor, features = cpu_target.target_context.codegen().magic_tuple()
+    if instruction_sets_here():  # a set, so that what one processor keeps serves others
+        assert (processor[:8], features) in {("x86-64-v", ""), ("sandybri", "")}
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kept"))
     numba.core.config.reload_config()
     again = imported(tmp_path / "two_kinds.py")
@@ -74,14 +77,6 @@ def test_shipped_kernels_that_do_not_fit_are_compiled_and_kept(
     assert first.answers() == second.answers() == (21, 42)
     assert (first.read_from_disk(), second.read_from_disk()) == ((0, 0), (1, 1))
     assert [path.read_bytes() for path in shipped] == before  # which may belong to all users of the machine
-
-
-def test_a_kernel_is_compiled_for_an_instruction_set_so_that_what_one_processor_keeps_serves_others() -> None:
-    from numba.core.registry import cpu_target
-
-    _, processor, features = cpu_target.target_context.codegen().magic_tuple()
-    if instruction_sets_here():
-        assert (processor[:8], features) in {("x86-64-v", ""), ("sandybri", "")}
 
 
 COUNTED = """
@@ -146,10 +141,6 @@ def test_compiling_is_told_once_unless_it_is_to_be_quiet(
     for _ in range(2):  # compiled, then kept
         imported(path).answers()
     assert capsys.readouterr().err == ("" if quiet else "atra: compiling kernels for this machine, once\n")
-
-
-def test_compiling_in_advance_names_what_there_is() -> None:
-    assert {"raster, pinhole", "packets, orthographic, layers", "rays"} <= JOBS.keys()
 
 
 SHIPPED_IMAGE = """

@@ -8,7 +8,6 @@ from numba import njit
 from atra.compiled import memory
 from atra.compiled.lanes import store_chosen
 from atra.compiled.memory import (
-    columns_of,
     halves,
     load,
     low_and_high,
@@ -16,12 +15,13 @@ from atra.compiled.memory import (
     points_of,
     store,
     store_points,
+    table_columns,
 )
 
 
 @njit
 def _store_columns(table, numbers, out):
-    a, b, c, d, e, f, g, h = columns_of(np.int64(table.ctypes.data), np.int64(numbers.ctypes.data))
+    a, b, c, d, e, f, g, h = table_columns(np.int64(table.ctypes.data), np.int64(numbers.ctypes.data))
     place = np.int64(out.ctypes.data)
     store(a, place)
     store(b, place + 64)

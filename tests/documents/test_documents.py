@@ -6,18 +6,18 @@ import tomllib
 import pytest
 import yaml
 
-from experiments.documents import QUOTATIONS
-from experiments.documents.quotation import with_rows
+from experiments.documents.filling import table_lines
+from experiments.documents.functions import FUNCTIONS
+from experiments.documents.writing import BLOCK, TABLES, TEMPLATE, quotes, with_numbers
 from tests.folders import ROOT
 
 REFERENCE = ROOT / "reports" / "reference"
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted(REFERENCE.glob("*.md"))]
-TABLES = "reports/reference/tables.md"
-GENERATED = "docs/reference.md"
 PAGES = ["README.md", *(path.relative_to(ROOT).as_posix() for path in DOCUMENTS if path.parent.name == "docs")]
 MOST_WORDS = 12_000
-READ_IN_TABLES = [page for page in PAGES if page not in (GENERATED, "docs/platforms.md")] + [TABLES]
-"""Pages on which every measured number comes from a kept table. Numbers in docs/platforms.md are versions."""
+MOST_QUOTED = 20
+WITHOUT_NUMBERS = [page for page in PAGES if page != "docs/platforms.md"]
+"""Pages that have no measured number but what they quote. Numbers in docs/platforms.md are versions."""
 
 MEASURED = re.compile(r"\d[\d.,]*\s?(?:ms|[μ\u00b5]s|ns|KiB|MiB|GiB|%|times)(?!\w)")
 NOT_MEASURED = {
@@ -28,9 +28,13 @@ NOT_MEASURED = {
     "docs/paper.md": {"95 %"},
     "docs/not_helpful.md": {"5 %"},  # the error that was asked for
     "docs/trust.md": {"95 %", "10 %", "128 MiB"},  # simulated by test_estimates; limits
-    TABLES: {"95 %", "5 %", "0.5 %"},
 }
 """Numbers with a unit that are settings, or that a test computes."""
+
+
+def name_of(block):
+    """The sweep whose table a block describes."""
+    return re.search(r'^sweep = "(\w+)"', block)[1]
 
 
 def text_of(page):
@@ -42,43 +46,45 @@ def test_the_readme_is_read_in_two_minutes():
 
 
 def test_the_documents_are_short_enough_to_be_read():
-    words = {page: len(text_of(page).split()) for page in PAGES if page != GENERATED}
+    words = {page: len(text_of(page).split()) for page in PAGES}
     assert sum(words.values()) <= MOST_WORDS, words
 
 
-def test_the_readme_leads_to_every_page():
-    pages = {f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md")}
-    assert pages <= set(re.findall(r"\]\(([^)#]+)[^)]*\)", text_of("README.md")))
+@pytest.mark.parametrize("block", BLOCK.findall(TEMPLATE.read_text(encoding="utf-8")), ids=name_of)
+def test_a_table_is_what_the_tables_command_writes(block):
+    table = "\n".join(table_lines(tomllib.loads(block), FUNCTIONS))
+    assert f"\n\n{table}\n" in text_of(TABLES), "run: python run.py tables"
 
 
-@pytest.mark.parametrize("quotation", QUOTATIONS, ids=lambda one: f"{one.page}:{one.name}")
-def test_what_a_page_quotes_stands_in_the_table_it_names(quotation):
-    page = text_of(quotation.page)
-    words = " ".join(page.split())
-    rows, phrases = quotation.rows_and_phrases()
-    assert rows or phrases
-    if rows:
-        assert page == with_rows(page, quotation.name, rows)
-    for phrase in phrases:
-        assert phrase in words, phrase
-    folder = "" if quotation.page == TABLES else r"(\.\./)?reports/reference/"
-    assert re.search(rf"\]\({folder}{re.escape(quotation.sweep)}[)/]", page)
+def test_the_page_of_tables_is_the_template_with_a_table_in_each_place():
+    places = BLOCK.sub("| a table\n", TEMPLATE.read_text(encoding="utf-8"))
+    assert re.sub(r"(^\|.*\n)+", "| a table\n", text_of(TABLES), flags=re.M) == places
 
 
-def test_every_table_that_is_kept_is_quoted():
+def test_quotes_are_what_the_tables_command_writes():
+    for page, quote, numbers in quotes():
+        text = text_of(page)
+        assert with_numbers(text, quote, numbers) == text, "run: python run.py tables"
+
+
+def test_readme_and_documents_quote_few_numbers():
+    numbers = [number for _, _, of_quote in quotes() for number in of_quote.values()]
+    assert sum(len(re.findall(r"\d[\d.,]*", number)) for number in numbers) <= MOST_QUOTED
+
+
+def test_every_table_that_is_kept_is_shown():
     kept = {path.parent.name for path in REFERENCE.glob("*/table.parquet")}
-    assert kept == {one.sweep for one in QUOTATIONS}
+    assert kept == set(re.findall(r'^sweep = "(\w+)"$', TEMPLATE.read_text(encoding="utf-8"), re.M))
 
 
-@pytest.mark.parametrize("page", READ_IN_TABLES)
+@pytest.mark.parametrize("page", WITHOUT_NUMBERS)
 def test_a_page_has_no_measured_number_of_its_own(page):
-    quoted = [one.rows_and_phrases() for one in QUOTATIONS if one.page == page]
-    known = {row for rows, _ in quoted for row in rows}
-    own_rows = [line for line in text_of(page).splitlines() if line.startswith("|") and line not in known]
-    assert [row for row in own_rows if re.search(r"\d\.\d", row)] == []
-    words = " ".join(line for line in text_of(page).splitlines() if not line.startswith("|"))
-    for phrase in (phrase for _, phrases in quoted for phrase in phrases):
-        words = words.replace(phrase, "")
+    text = text_of(page)
+    for _, quote, numbers in (found for found in quotes() if found[0] == page):
+        text = re.sub(r"\s+".join(map(re.escape, quote.format(**numbers).split())), "", text)
+    rows = [line for line in text.splitlines() if line.startswith("|")]
+    assert [row for row in rows if re.search(r"\d\.\d", row)] == []
+    words = " ".join(line for line in text.splitlines() if not line.startswith("|"))
     assert set(MEASURED.findall(words)) <= NOT_MEASURED.get(page, set())
 
 

@@ -34,7 +34,7 @@ def random_calibration(seed):
     return intrinsic, rotation, -rotation @ eye, points
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(6))
 def test_points_are_seen_where_opencv_projects_them_its_pixels_being_counted_from_their_centres(seed):
     intrinsic, rotation, translation, points = random_calibration(seed)
     projected, _ = cv2.projectPoints(points, rotation, translation, intrinsic, None)
@@ -51,7 +51,7 @@ def test_the_ray_of_a_pixel_passes_through_what_opencv_projects_to_its_centre():
     np.testing.assert_allclose(camera.axes, AXES, atol=1e-15)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("axes", ["opengl", "opencv"])
 def test_a_matrix_places_the_camera_that_r_and_t_place(seed, axes):
     intrinsic, rotation, translation, points = random_calibration(seed)
@@ -84,74 +84,59 @@ def changed(matrix, **places):
     return other
 
 
-@pytest.mark.parametrize(("change", "message"), [
-    ({"K": changed(K, r0c0=0)}, r"K is singular, expected focal lengths above 0 and the last row \[0, 0, 1\]: \[\["),
-    ({"K": changed(K, r2c2=0)}, "K is singular"),
-    ({"K": changed(K, r1c1=-640)}, "the focal length fy is -640"),
-    ({"K": changed(K, r0c1=2.5)}, "K has the skew 2.5, expected 0"),
-    ({"K": changed(K, r1c0=2.5)}, "K has the skew 2.5, expected 0"),
-    ({"K": changed(K, r2c2=2)}, r"the last row of K is \[0.0, 0.0, 2.0\], expected \[0, 0, 1\]"),
-    ({"K": changed(K, r0c2=np.nan)}, r"K is \[\[800.0, 0.0, nan\]"),
-    ({"K": changed(K, r0c2=2e6)}, "meets the image plane at x = 2e\\+06 pixels, expected at most 1e\\+06 outside"),
-    ({"K": np.eye(4)}, r"K has shape \(4, 4\), expected \(3, 3\)"),
-    ({"K": "abc"}, "K cannot be read as an array of real numbers: it has dtype <U3"),
-    ({"R": np.diag([1, 1, -1])}, "R is a reflection"),
-    ({"R": 2 * AXES}, "R is no rotation: R R\\^T is up to 3 from the unit matrix"),
-    ({"R": np.zeros((3, 3))}, "R is no rotation"),
-    ({"R": changed(AXES, r1c0=np.inf)}, "R is .*inf.*, expected finite numbers"),
-    ({"R": np.zeros(3)}, r"R has shape \(3,\), expected \(3, 3\) \(cv2.Rodrigues makes one"),
-    ({"t": [0, 0]}, r"t has shape \(2,\), expected three numbers"),
-    ({"t": [0, 0, np.nan]}, "t is .*nan.*, expected finite numbers"),
-    ({"t": [[0, 0, 1], [2]]}, "t cannot be read as an array"),
-    ({"width": 0}, "width is 0, expected a whole number of pixels"),
-    ({"height": 1.5}, "height is 1.5, expected a whole number of pixels"),
+MATRIX = {"camera_to_world": np.eye(4), "width": 8, "height": 8, "axes": "opengl", "fov_y_degrees": 60}
+PART = {"left": 0, "top": 0, "width": 4, "height": 4}
+PLANE = {"pitch_x": 1.0, "pitch_y": 1.0, "axis_x": 0.0, "axis_y": 0.0}
+SMALL = atra.Camera(**EYE_AT_ORIGIN, width=48, height=32)
+
+
+@pytest.mark.parametrize(("make", "given", "change", "message"), [
+    *((atra.Camera.from_opencv, UNTURNED, change, message) for change, message in (
+        ({"K": changed(K, r0c0=0)}, r"K is singular, expected focal lengths above 0 and the last row \[0, 0, 1\]: \["),
+        ({"K": changed(K, r1c1=-640)}, "the focal length fy is -640"),
+        ({"K": changed(K, r0c1=2.5)}, "K has the skew 2.5, expected 0"),
+        ({"K": changed(K, r1c0=2.5)}, "K has the skew 2.5, expected 0"),
+        ({"K": changed(K, r2c2=2)}, r"the last row of K is \[0.0, 0.0, 2.0\], expected \[0, 0, 1\]"),
+        ({"K": changed(K, r0c2=np.nan)}, r"K is \[\[800.0, 0.0, nan\]"),
+        ({"K": changed(K, r0c2=2e6)}, "meets the image plane at x = 2e\\+06 pixels, expected at most 1e\\+06 outside"),
+        ({"K": np.eye(4)}, r"K has shape \(4, 4\), expected \(3, 3\)"),
+        ({"K": "abc"}, "K cannot be read as an array of real numbers: it has dtype <U3"),
+        ({"R": np.diag([1, 1, -1])}, "R is a reflection"),
+        ({"R": 2 * AXES}, "R is no rotation: R R\\^T is up to 3 from the unit matrix"),
+        ({"R": np.zeros(3)}, r"R has shape \(3,\), expected \(3, 3\) \(cv2.Rodrigues makes one"),
+        ({"t": [0, 0]}, r"t has shape \(2,\), expected three numbers"),
+        ({"t": [0, 0, np.nan]}, "t is .*nan.*, expected finite numbers"),
+        ({"t": [[0, 0, 1], [2]]}, "t cannot be read as an array"),
+        ({"width": 0}, "width is 0, expected a whole number of pixels"),
+    )),
+    *((atra.Camera.from_matrix, MATRIX, change, message) for change, message in (
+        ({"axes": "blender"}, "axes is 'blender', expected one of opengl, opencv"),
+        ({"camera_to_world": AXES}, r"camera_to_world has shape \(3, 3\), expected \(4, 4\) or \(3, 4\)"),
+        ({"camera_to_world": np.diag([2, 2, 2, 1])}, "the left part of camera_to_world is no rotation.*remove a scale"),
+        ({"camera_to_world": np.diag([1, 1, 1, 2])}, r"the last row of camera_to_world is \[0.0, 0.0, 0.0, 2.0\]"),
+        ({"K": K}, "expected either fov_y_degrees or K, neither or both were given"),
+        ({"fov_y_degrees": None}, "expected either fov_y_degrees or K"),
+        ({"fov_y_degrees": 200}, "fov_y_degrees is 200.0"),
+    )),
+    *((SMALL.crop, PART, change, message) for change, message in (
+        ({"height": 0, "width": 0}, "left is 0 and the size 0, expected whole numbers"),
+        ({"left": -1}, "left is -1"),
+        ({"top": 2.5}, "top is 2.5"),
+        ({"left": 40, "width": 9}, "left 40 and 9 pixels reach beyond the 48 of the image"),
+        ({"top": 30, "height": 3}, "top 30 and 3 pixels reach beyond the 32 of the image"),
+    )),
+    *((atra.ImagePlane, PLANE, change, message) for change, message in (
+        ({"pitch_x": 0.0}, "pitch_x is 0.0"),
+        ({"pitch_y": np.inf}, "pitch_y is inf"),
+        ({"axis_x": np.nan}, "axis_x is nan"),
+        ({"axis_y": "a"}, "axis_y is 'a'"),
+        ({"left": 0.5}, "left is 0.5"),
+    )),
+    (atra.CalibratedCamera, EYE_AT_ORIGIN, {"plane": None}, r"plane is None, expected atra\.ImagePlane"),
 ])  # fmt: skip
-def test_a_calibration_that_is_none_is_refused_with_its_value(change, message):
+def test_what_makes_no_camera_no_part_and_no_image_plane_is_refused_with_its_value(make, given, change, message):
     with pytest.raises(atra.InputError, match=message):
-        atra.Camera.from_opencv(**{**UNTURNED, **change})
-
-
-@pytest.mark.parametrize(("arguments", "message"), [
-    ({"axes": "blender"}, "axes is 'blender', expected one of opengl, opencv"),
-    ({"camera_to_world": AXES}, r"camera_to_world has shape \(3, 3\), expected \(4, 4\) or \(3, 4\)"),
-    ({"camera_to_world": np.diag([2, 2, 2, 1])}, "the left part of camera_to_world is no rotation.*remove a scale"),
-    ({"camera_to_world": np.diag([1, 1, -1, 1])}, "is a reflection"),
-    ({"camera_to_world": np.diag([1, 1, 1, 2])}, r"the last row of camera_to_world is \[0.0, 0.0, 0.0, 2.0\]"),
-    ({"camera_to_world": np.full((4, 4), np.nan)}, "camera_to_world is .*expected finite numbers"),
-    ({"K": K}, "expected either fov_y_degrees or K, neither or both were given"),
-    ({"fov_y_degrees": None}, "expected either fov_y_degrees or K"),
-    ({"fov_y_degrees": 200}, "fov_y_degrees is 200.0"),
-])  # fmt: skip
-def test_a_matrix_that_places_no_camera_is_refused_with_its_value(arguments, message):
-    given = {"camera_to_world": np.eye(4), "width": 8, "height": 8, "axes": "opengl", "fov_y_degrees": 60}
-    with pytest.raises(atra.InputError, match=message):
-        atra.Camera.from_matrix(**{**given, **arguments})
-
-
-@pytest.mark.parametrize(("part", "message"), [
-    ((0, 0, 0, 4), "left is 0 and the size 0, expected whole numbers"),
-    ((-1, 0, 4, 4), "left is -1"),
-    ((0, 2.5, 4, 4), "top is 2.5"),
-    ((40, 0, 9, 4), "left 40 and 9 pixels reach beyond the 48 of the image"),
-    ((0, 30, 4, 3), "top 30 and 3 pixels reach beyond the 32 of the image"),
-])  # fmt: skip
-def test_a_crop_beyond_the_image_is_refused(part, message):
-    with pytest.raises(atra.InputError, match=message):
-        atra.Camera(**EYE_AT_ORIGIN, width=48, height=32).crop(*part)
-
-
-def test_an_image_plane_refuses_what_is_none_and_a_camera_what_is_no_image_plane():
-    for fields, message in (
-        ((0.0, 1.0, 0.0, 0.0), "pitch_x is 0.0"),
-        ((1.0, np.inf, 0.0, 0.0), "pitch_y is inf"),
-        ((1.0, 1.0, np.nan, 0.0), "axis_x is nan"),
-        ((1.0, 1.0, 0.0, "a"), "axis_y is 'a'"),
-        ((1.0, 1.0, 0.0, 0.0, 0.5), "left is 0.5"),
-    ):
-        with pytest.raises(atra.InputError, match=message):
-            atra.ImagePlane(*fields)
-    with pytest.raises(atra.InputError, match=r"plane is None, expected atra\.ImagePlane"):
-        atra.CalibratedCamera((0, 0, 0), (0, 0, 1), plane=None)
+        make(**{**given, **change})
 
 
 WHOLE = atra.Camera(**EYE_AT_ORIGIN, fov_y_degrees=70, width=48, height=32)
@@ -218,16 +203,13 @@ def part_of(hits, left, top, camera):
 def test_the_image_of_a_crop_is_the_crop_of_the_image(whole):
     mesh, crop = random_triangles(60, 6), whole.crop(17, 5, 24, 16)
     assert_same_bits(trace_pixels(mesh, crop), part_of(trace_pixels(mesh, whole), 17, 5, crop))
+    everything = whole.crop(0, 0, whole.width, whole.height)
+    assert everything.plane == whole.plane
+    assert everything.fov_y_degrees == pytest.approx(whole.fov_y_degrees)
+    assert pickle.loads(pickle.dumps(everything)) == everything
     for method in METHODS:
         cut = part_of(trace(method, mesh, whole, (6, 2)), 17, 5, crop)
         assert_no_pixel_wrong(mesh, crop, trace(method, mesh, crop, (6, 2)), cut)
-
-
-def test_a_crop_of_everything_has_the_rays_and_the_field_of_view_of_the_whole():
-    crop = WHOLE.crop(0, 0, WHOLE.width, WHOLE.height)
-    assert crop.plane == WHOLE.plane
-    assert crop.fov_y_degrees == pytest.approx(70.0)
-    assert pickle.loads(pickle.dumps(crop)) == crop
 
 
 def test_frames_of_other_image_planes_are_aligned_and_eyes_of_others_refused():

@@ -8,7 +8,7 @@ from tests.images import draw
 from tests.meshes import cornell_box, quads, random_triangles
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_a_framing_camera_sees_every_vertex_and_no_camera_much_nearer_does(seed):
     random = np.random.default_rng(seed)
     mesh = random_triangles(30, seed, size=float(10.0 ** random.integers(-3, 4)))

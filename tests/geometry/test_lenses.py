@@ -33,7 +33,7 @@ def seen_points(camera):
     return (origins + 2.0 * directions)[sees], pixels_of(camera)[sees]
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(5))
 def test_opencv_projects_what_a_pixel_sees_to_its_centre(seed):
     random = np.random.default_rng(seed)
     coefficients = (random.normal(size=14) * SIZES)[: (4, 5, 8, 12, 14)[seed % 5]]
@@ -62,7 +62,7 @@ def assert_projects_back(camera):
     np.testing.assert_allclose(camera.project(points), pixels, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", range(12))
 def test_what_a_pixel_sees_is_projected_back_to_it(seed):
     assert_projects_back(lens_camera(random_lens(np.random.default_rng(seed)), PLACED))
 
@@ -104,16 +104,12 @@ def test_no_pixel_beyond_the_fold_of_a_barrel_has_a_ray_and_every_one_before_it_
     assert 0.02 < (distance > border).mean() < 0.5
     np.testing.assert_array_equal(camera.has_ray(), distance <= border)
     assert camera.lens.numbers.surely == pytest.approx(np.sqrt(-1 / (3 * k1)), rel=1e-12)
+    assert pickle.loads(pickle.dumps(camera)) == camera
+    seen = camera.project(camera.eye + np.array([(1.29, 0, 1), (1.30, 0, 1), (0, 0, -1)]) @ camera.axes)
+    assert np.isfinite(seen).all(axis=1).tolist() == [True, False, False]  # sqrt(5 / 3) is 1.291
 
 
-def test_beyond_the_fold_nothing_is_projected():
-    camera = lens_camera(atra.OpenCVLens(k1=-0.2), atra.Camera((0, 0, 0), (0, 0, 1), (0, -1, 0)))
-    seen = camera.project([(1.29, 0, 1), (1.30, 0, 1), (0, 0, -1)])
-    assert np.isfinite(seen[0]).all()
-    assert np.isnan(seen[1:]).all()
-
-
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_along_every_radius_the_determinant_of_the_jacobian_is_first_zero_at_the_fold(seed):
     random = np.random.default_rng(seed)
     lens = atra.OpenCVLens.of(random.normal(size=12) * SIZES[:12] * [1, 1, 8, 8, 1, 1, 1, 1, 8, 8, 8, 8])
@@ -153,12 +149,6 @@ def test_without_coefficients_or_with_zeros_there_is_no_lens_and_undistorted_is_
     (there, behind) = camera.project(points)
     assert there == pytest.approx([K[0, 2] + 0.5 + 12.5, K[1, 2] + 0.5 + 24.0])
     assert np.isnan(behind).all()
-
-
-def test_a_camera_with_a_lens_is_pickled():
-    camera = camera_with([-0.3, 0.1, 0.01, 0.0])
-    _ = camera.lens.numbers
-    assert pickle.loads(pickle.dumps(camera)) == camera
 
 
 @pytest.mark.parametrize(("given", "said"), [

@@ -24,20 +24,20 @@ def test_an_eye_beyond_float64_is_refused_by_its_place(t, rotation):
     assert atra.Camera.from_opencv(K, rotation, (1e299,) * 3, 32, 32).axes.shape == (3, 3)
 
 
-@pytest.mark.parametrize("tracer", [atra.RasterTracer, atra.PixelTracer])
-def test_tracers_refuse_meshes_and_cameras_of_another_type_by_their_type(tracer):
+def aligned(mesh, camera):
+    return atra.AlignedTracer(mesh, camera, (8, 1))
+
+
+@pytest.mark.parametrize("tracer", [atra.RasterTracer, atra.PixelTracer, aligned])
+def test_meshes_and_cameras_of_another_type_are_refused_by_their_type(tracer):
     with pytest.raises(InputError, match=r"mesh is a trimesh\.\S*Trimesh, expected an atra\.Mesh; .*from_trimesh"):
         tracer(trimesh.creation.box(), CAMERA)
     with pytest.raises(InputError, match=r"mesh is a builtins\.NoneType, expected an atra\.Mesh"):
         tracer(None, CAMERA)
+    with pytest.raises(InputError, match=r"expected an atra\.Mesh"):
+        atra.RayScene(trimesh.creation.box())
     with pytest.raises(InputError, match=r"camera is None, expected an atra\.Camera"):
         tracer(FLAT, None)
-
-
-def test_ray_scenes_and_cells_refuse_meshes_of_another_type():
-    for make in (lambda mesh: atra.RayScene(mesh), lambda mesh: atra.AlignedTracer(mesh, CAMERA, (8, 1))):
-        with pytest.raises(InputError, match=r"expected an atra\.Mesh"):
-            make(trimesh.creation.box())
 
 
 def room():

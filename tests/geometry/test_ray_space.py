@@ -55,8 +55,8 @@ def test_the_smallest_and_largest_mesh_that_are_not_refused_give_the_float64_ima
     assert_float64_image(bumpy_square(scale), parallel(scale), PARALLEL)
 
 
-@pytest.mark.parametrize("size", [1.0, 1e6])
-def test_the_farthest_eye_that_is_not_refused_gives_the_float64_image(size):
+def test_the_farthest_eye_that_is_not_refused_gives_the_float64_image():
+    size = 1e6
     assert_float64_image(bumpy_square(size), pinhole(size, 0.99 * ray_space.FARTHEST_FROM_EYE / size), METHODS)
 
 
@@ -82,23 +82,17 @@ def test_every_frame_is_checked():
         atra.FramesTracer(bumpy_square(1.0), alignment, threads=1)
 
 
-def test_a_mesh_without_area_has_no_size_to_be_too_small():
-    mesh = atra.Mesh([[0, 0, 0], [1e-20, 0, 0]], [[0, 1, 1], [0, 0, 0]])
+def test_a_mesh_without_area_has_no_size_to_be_too_small_and_a_vertex_in_no_face_is_not_too_far():
+    mesh = atra.Mesh([[0, 0, 0], [1e-20, 0, 0], [-9e11, 0, 0]], [[0, 1, 1], [0, 0, 0]])  # the last is in no face
     with atra.PixelTracer(mesh, pinhole(1.0), threads=1) as tracer:
         assert not tracer.trace().hit.any()
-
-
-@pytest.mark.parametrize("unused", [[], [[-9, -9, -9]]])
-def test_only_vertices_that_a_face_uses_reach_anywhere(unused):
-    mesh = atra.Mesh([*bumpy_square(1.0).vertices, *(1e11 * np.array(unused))], bumpy_square(1.0).faces)
-    atra.PixelTracer(mesh, pinhole(1.0), threads=1).close()
 
 
 def camera_of(fov_y_degrees):
     return atra.Camera(**SLANTED, fov_y_degrees=fov_y_degrees, width=96, height=64)
 
 
-@pytest.mark.parametrize("fov", [0.5, 0.1, 1e-2, 1e-3])
+@pytest.mark.parametrize("fov", [0.5, 1e-3])
 def test_a_narrow_slanted_view_is_the_float64_image_by_every_method(fov):
     camera = camera_of(fov)
     assert camera.pixel_pitch < NARROWEST_WORLD_PITCH

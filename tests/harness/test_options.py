@@ -7,7 +7,7 @@ import pytest
 
 from atra.alignment.alignment import REFERENCES
 from atra.alignment.cells import GEOMETRIES
-from atra.compiled.instruction_sets import LANES
+from atra.compiled.instruction_sets import LANE_COUNTS
 from atra.embree.scene import BUILD_QUALITIES
 from atra.tracing.rays import TILE_ORDERS
 from atra.tracing.tracer import TIES
@@ -25,11 +25,11 @@ def choices(options, name):
 
 
 def test_choices_stated_again_are_those_of_the_library():
-    assert (method.LANES, method.BUILD_QUALITIES, method.TIES) == (LANES, BUILD_QUALITIES, TIES)
+    assert (method.LANES, method.BUILD_QUALITIES, method.TIES) == (LANE_COUNTS, BUILD_QUALITIES, TIES)
     assert choices(AlignedOptions, "geometry") == GEOMETRIES
     assert choices(AlignedOptions, "reference") == REFERENCES
     assert choices(PixelOptions, "tile_order") == TILE_ORDERS
-    assert choices(PixelOptions, "packet_width") == (1, *LANES)
+    assert choices(PixelOptions, "packet_width") == (1, *LANE_COUNTS)
 
 
 def name_of_shafts(name):

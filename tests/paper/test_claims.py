@@ -10,6 +10,7 @@ import pytest
 
 from experiments.paper.claims import CLAIMS, judge_claims
 from experiments.paper.evidence import PAPER_SCENES, USED_COLUMNS, Evidence
+from experiments.paper.ratios import paper_judges
 from experiments.paper.readings import EVERY_HIT
 from experiments.results.claims import JudgedClaim, claim_files, judge_claim
 from experiments.results.table import columns
@@ -127,6 +128,11 @@ def test_a_claim_about_some_scene_fails_only_when_the_last_scene_fails(agreeing,
 def test_every_claim_but_the_cost_model_is_flipped_above_best_speedups_on_one_scene():
     left = {claim.id for claim in CLAIMS} - FLIPS.keys() - SOME.keys() - IMPOSSIBLE_TOGETHER - NO_NUMBER
     assert left == {f"best-speedup-{scene}" for scene in list(PAPER_SCENES)[:3]}
+
+
+def test_a_key_that_no_judge_has_is_refused_by_name():
+    with pytest.raises(ValueError, match=r"a judge has \['most'\], expected some of \['above'"):
+        paper_judges({"one": {}, "over": {}, "at": [2], "most": 1})
 
 
 def follow_model(table, exponent):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from atra.files.paths import write_atomically
-from experiments.drawing.shading import encode_png
+from atra.files.saving import encode_png
 from experiments.drawing.style import TIMES
 from experiments.workloads.frame.grid_figure import grid_ratios, grid_times
 from experiments.workloads.frame_figures import ALL_HITS, PAPER_BEST, split_ratios, split_times

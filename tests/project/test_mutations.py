@@ -66,12 +66,11 @@ def test_a_mutation_that_only_slow_tests_catch_survives_the_fast_ones(which, cod
     assert [path.name for path in (tmp_path / "kept").iterdir()] == ["unmutated"]
 
 
-def test_tests_that_take_longer_than_they_may_are_stopped_and_catch_nothing(toy, capsys):
+def test_tests_that_take_too_long_catch_nothing_and_those_that_fail_without_a_mutation_judge_nothing(toy, capsys):
     assert main(["--timeout", "0.001"], toy, [LARGER]) == 1
     assert "larger: timed out" in capsys.readouterr().out
-
-
-def test_tests_that_fail_without_a_mutation_judge_nothing(toy, capsys):
+    assert main(["--only", "smaller"], toy, [LARGER]) == 2
+    assert "unknown mutation 'smaller'" in capsys.readouterr().err
     (toy / "toy.py").write_text(SOURCE.replace("a if", "b if"))
     assert main([], toy, [LARGER]) == 2
     assert "they must pass, and did not" in capsys.readouterr().err
@@ -94,11 +93,6 @@ def test_text_that_is_missing_or_ambiguous_is_refused_before_any_test_runs(old, 
 def test_an_entry_that_cannot_be_is_refused(fields, message):
     with pytest.raises(ListError, match=message):
         Mutation(**(vars(LARGER) | fields))
-
-
-def test_an_unknown_name_is_refused(toy, capsys):
-    assert main(["--only", "smaller"], toy, [LARGER]) == 2
-    assert "unknown mutation 'smaller'" in capsys.readouterr().err
 
 
 def test_every_mutation_of_the_list_fits_the_code_and_names_tests_that_are_there():

@@ -1,15 +1,14 @@
 """A method of a file, which has no splits, stands in the figures over splits; no figure is empty, or named so."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from experiments.commands.new_method import run_new_method
 from experiments.drawing.style import TIMES
-from experiments.report.writing import GRID_OF_FILES, figures_of
+from experiments.report.writing import GRID_OF_FILES, figures_of, most_telling
 from experiments.workloads.frame.grid_figure import grid_ratios, grid_times
 from experiments.workloads.frame_figures import split_ratios, split_times
-from tests.command import run_here
 from tests.drawn import level, line, make_rows, method_row, skipped, time_row, unfolded, words
 
 pytestmark = pytest.mark.usefixtures("figures_unsaved")
@@ -95,11 +94,12 @@ def test_a_figure_with_nothing_to_show_is_not_drawn():
     assert split_times(make_rows(*failed)).is_empty
 
 
-def test_the_figure_to_open_first_shows_the_method(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    run_new_method(["mine"])
-    toy = ("scene=cornell_box", "width=16", "height=16", "measure.processes=1", "measure.rounds=3", "measure.warmup=1")
-    done = run_here(tmp_path, "sweep=horizontal", "method_file=mine.py", "method.split_x=1,2", *toy)
-    assert done.returncode == 0, done.stderr
-    assert Path("results/horizontal/figure5.png").as_posix() in done.stdout.replace("\\", "/").splitlines()[-1]
-    assert not list(Path("results", "horizontal").glob("*packets_of*"))
+def test_the_figure_to_open_first_shows_the_method():
+    rows = *of_grid("horizontal", *splits()), *of_grid("vertical", *splits()), *of_grid(GRID_OF_FILES, theirs())
+    table = make_rows(*rows)
+    first, *others = figures_of(table, Path(), FIGURE5)
+    without = replace(first, figure=split_times(make_rows(*splits())))
+    assert most_telling([without, first, *others], table) is first
+    assert most_telling([without], table) is without
+    assert most_telling([without, first], make_rows(*splits())) is without
+    assert most_telling([], table) is None

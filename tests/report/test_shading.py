@@ -1,17 +1,13 @@
 """Pictures of hits, and of where two images differ."""
 
-import io
-
 import numpy as np
-import pytest
-from PIL import Image
 
 import atra
 from atra.hits import Hits
 from atra.judge.compare import Verdict
 from atra.judge.marks import COLOURS
 from atra.prim_ids import MISS
-from experiments.drawing.shading import BACKGROUND, difference_picture, encode_png, shade
+from experiments.drawing.shading import BACKGROUND, difference_picture, shade
 from tests.meshes import EYE_AT_ORIGIN, quads
 
 ALL = np.ones((32, 32), bool)
@@ -77,13 +73,3 @@ def test_marks_have_the_verdict_s_colour_reach_beyond_their_pixel_and_stay_in_th
     assert tuple(picture[0, 31]) == tuple(picture[31, 0]) == (255, 255, 255)  # nothing comes in from the other side
     unjudged = difference_picture(hits, hits, verdict, reach_pixels=0)
     assert set(zip(*np.nonzero((unjudged != 255).any(axis=2)), strict=True)) == {(0, 0), (16, 16), (31, 31)}
-
-
-@pytest.mark.parametrize("colours", [3, 256, 4096])
-def test_png_is_lossless_with_and_without_a_palette(colours):
-    random = np.random.default_rng(1)
-    palette = random.integers(0, 256, (colours, 3), np.uint8)
-    image = palette[random.integers(0, colours, (90, 70))]
-    png = encode_png(image)
-    np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(png)).convert("RGB")), image)
-    assert Image.open(io.BytesIO(png)).mode == ("P" if colours <= 256 else "RGB")

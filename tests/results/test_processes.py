@@ -9,7 +9,7 @@ import pytest
 from atra.errors import InputError
 from experiments.harness.configuration import MeasureConfiguration, check_configuration
 from experiments.harness.records import Record
-from experiments.results.canary import BAND, strays
+from experiments.results.canary import BAND, drifted
 from experiments.results.table import make_tables
 from experiments.sweep import GridPoint, run_sweep
 from tests.harness.test_sweep import Runner, configuration
@@ -82,13 +82,13 @@ def test_one_failed_process_makes_the_point_a_failed_one():
 def test_a_process_in_which_the_machine_was_not_as_it_mostly_was_is_left_out():
     usual = [in_process(number, canary=1 + 0.01 * number) for number in range(4)]
     strange = in_process(4, factor=3.0, canary=1.2)
-    assert strays([*usual, strange]) == {"p4"}
+    assert drifted([*usual, strange]) == {"p4"}
     tables = make_tables([*usual, strange])
     row = tables.points.iloc[0]
     assert (row["processes"], row["processes_left_out"], row["render_time_s"]) == (4, 1, 1.0)
     assert list(tables.processes["status"]) == ["ok"] * 4 + ["unsteady"]
     assert f"more than {BAND:.0%} off the median" in tables.processes["error"][4]
-    assert strays([*usual[:2], strange]) == set()  # too few to say who is unusual
+    assert drifted([*usual[:2], strange]) == set()  # too few to say who is unusual
 
 
 def test_a_point_all_of_whose_processes_are_left_out_is_not_measured():

@@ -75,5 +75,5 @@ def test_the_slow_phase_is_left_out_and_the_rest_still_decides():
 
 
 def test_without_the_canary_little_would_be_decided(monkeypatch):
-    monkeypatch.setattr(table_module, "strays", lambda records: set())
+    monkeypatch.setattr(table_module, "drifted", lambda records: set())
     assert sum(one.high / one.low > WIDEST for one in judged(slow_phase=True).values()) >= 6

@@ -11,7 +11,7 @@ from experiments.harness.column import WHOLE, Column
 from experiments.harness.records import Record
 from experiments.results import table as tables
 from experiments.results.doubts import was_quiet
-from experiments.results.people import MOST_COLUMNS, columns_for_people
+from experiments.results.people import MOST_COLUMNS, csv_columns
 from experiments.results.table import (
     Tables,
     columns,
@@ -128,7 +128,7 @@ def test_a_table_comes_back_from_its_file_as_it_was_and_the_other_file_holds_the
     pd.testing.assert_frame_equal(stored.points, tables.points)
     pd.testing.assert_frame_equal(stored.processes, tables.processes)
     from_csv = pd.read_csv(tmp_path / "table.csv")
-    assert list(from_csv.columns) == columns_for_people(tables.points)
+    assert list(from_csv.columns) == csv_columns(tables.points)
     for name in {"render_time_s", "speedup", "build_time_s"} & set(from_csv.columns):
         np.testing.assert_array_equal(
             from_csv[name].to_numpy(float), tables.points[name].to_numpy(float, na_value=np.nan)
@@ -238,7 +238,7 @@ def test_the_doubts_of_a_point_are_those_of_all_its_processes_each_once_and_at_i
 
 def test_the_file_for_people_begins_with_what_was_measured_and_has_no_more_columns_than_they_read():
     others = [replace(MEASURED, configuration={**MEASURED.configuration, "scene": f"scene {k}"}) for k in range(3)]
-    names = columns_for_people(make_table([MEASURED, *others]))
+    names = csv_columns(make_table([MEASURED, *others]))
     assert names[0] == "scene"
     assert names.index("method") < names.index("status") < names.index("render_time_s") < names.index("doubts")
     assert names[-1] == "point_id"
@@ -248,6 +248,6 @@ def test_the_file_for_people_begins_with_what_was_measured_and_has_no_more_colum
 @pytest.mark.parametrize("name", ["methods", "paper", "bake", "gather", "peers", "classification"])
 def test_stored_tables_have_twenty_to_thirty_columns_for_people(name):
     table = read_table(ROOT / "reports" / "reference" / name / "table.parquet")
-    chosen = columns_for_people(table)
+    chosen = csv_columns(table)
     assert 20 <= len(chosen) <= MOST_COLUMNS
     assert table[chosen].notna().any().all()

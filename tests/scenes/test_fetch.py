@@ -126,22 +126,6 @@ def test_the_ply_keeps_every_vertex_to_the_last_bit_in_its_order(by_hand):
     assert np.array_equal(mesh.faces, faces)
 
 
-def test_a_scratch_folder_that_cannot_be_removed_does_not_lose_the_scene(by_hand, monkeypatch):
-    def in_use(*_, **__):
-        raise OSError(errno.ENOTEMPTY, "being used by another process")  # as Windows says
-
-    cache = by_hand(TINY)
-    monkeypatch.setattr(os, "rmdir", in_use)
-    assert fetch_scene("sponza", cache).is_file()
-
-
-def test_a_scene_in_the_cache_needs_neither_network_nor_pooch(by_hand, monkeypatch):
-    folder = by_hand(TINY)
-    first = fetch_scene("sponza", folder).read_bytes()
-    monkeypatch.setitem(sys.modules, "pooch", None)
-    assert fetch_scene("sponza", folder).read_bytes() == first
-
-
 def test_fetching_mitsuba_shows_its_restriction_before_anything_is_downloaded_and_what_installs_pooch(
     tmp_path, capsys, monkeypatch
 ):
@@ -203,18 +187,32 @@ def test_a_wrong_triangle_count_is_refused_with_both_numbers_whether_fetched_or_
         fetch_scene("sponza", folder)
 
 
-@pytest.mark.parametrize("member", ["../evil.txt", "a/../../evil.txt", "/tmp/evil.txt", "C:\\evil.txt"])
-def test_nothing_is_unpacked_outside_the_cache(member, by_hand):
-    folder = by_hand(zipped(("sponza.obj", OBJ), (member, "evil")))
-    fetch_scene("sponza", folder)
+def test_a_scratch_folder_that_cannot_be_removed_does_not_lose_the_scene(by_hand, monkeypatch):
+    def in_use(*_, **__):
+        raise OSError(errno.ENOTEMPTY, "being used by another process")  # as Windows says
+
+    cache = by_hand(TINY)
+    monkeypatch.setattr(os, "rmdir", in_use)
+    assert fetch_scene("sponza", cache).is_file()
+
+
+def test_nothing_is_unpacked_outside_the_cache_and_what_is_there_needs_neither_network_nor_pooch(by_hand, monkeypatch):
+    names = ("../evil.txt", "a/../../evil.txt", "/tmp/evil.txt", "C:\\evil.txt")
+    folder = by_hand(zipped(("sponza.obj", OBJ), *((name, "evil") for name in names)))
+    first = fetch_scene("sponza", folder).read_bytes()
+    monkeypatch.setitem(sys.modules, "pooch", None)
+    assert fetch_scene("sponza", folder).read_bytes() == first
     assert sorted(path.name for path in folder.rglob("*")) == ["archives", "cameras.json", "sponza.ply", "sponza.zip"]
     assert not list(folder.parent.glob("evil*"))
 
 
 @pytest.mark.parametrize(("names", "count"), [(["sponza.txt"], 0), (["a/sponza.obj", "b/sponza.obj"], 2)])
-def test_an_archive_with_no_mesh_or_several_of_its_name_is_refused(names, count, by_hand):
+def test_an_archive_with_no_mesh_or_several_and_a_cache_that_is_a_file_are_refused(names, count, by_hand, tmp_path):
     with pytest.raises(InputError, match=f"holds {count} files called sponza.obj, expected one"):
         fetch_scene("sponza", by_hand(zipped(*((name, OBJ) for name in names))))
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match=r"cache .*file cannot be used"):
+        fetch_scene("sponza", tmp_path / "file")
 
 
 def test_a_camera_of_the_users_own_is_kept_and_other_scenes_stay(by_hand):
@@ -226,12 +224,6 @@ def test_a_camera_of_the_users_own_is_kept_and_other_scenes_stay(by_hand):
     (folder / "cameras.json").write_text("{")
     with pytest.raises(InputError, match="cannot be read as JSON"):
         fetch_scene("sponza", folder)
-
-
-def test_a_cache_that_is_a_file_is_refused_by_name(tmp_path):
-    (tmp_path / "cache").write_text("")
-    with pytest.raises(InputError, match=r"cache .*cache cannot be used"):
-        fetch_scene("sponza", tmp_path / "cache")
 
 
 def test_the_manifest_names_the_papers_counts_and_usable_cameras_and_one_restriction():
@@ -270,21 +262,17 @@ def test_the_fetch_command_leaves_a_scene_every_run_finds_and_says_what_to_run(h
     assert run_fetch(asked_for("sponza")) == path  # again: the archive is not asked for
 
 
-def test_a_scene_the_users_folder_holds_is_not_fetched_because_that_one_would_win(home, monkeypatch, capsys):
+def test_what_the_users_folder_holds_or_the_program_makes_is_not_fetched(home, monkeypatch, capsys):
     monkeypatch.setenv("ATRA_SCENES", str(home))
     (home / "sponza.ply").write_text("mine")
     monkeypatch.setattr(fetching, "fetch_scene", lambda name: pytest.fail("fetched"))
     assert run_fetch(asked_for("sponza")) == home / "sponza.ply"
     assert "nothing was fetched" in capsys.readouterr().out
-    assert not default_cache().exists()
-
-
-@pytest.mark.parametrize("name", ["cornell_box", "atrium"])
-def test_a_built_in_scene_needs_no_fetching(name, home, capsys):
-    assert run_fetch(asked_for(name, SceneSource.procedural)) is None
-    told = capsys.readouterr().out
-    assert "nothing needs fetching" in told
-    assert ("fetch scene=sponza" in told) == (name == "atrium")
+    for name in ("cornell_box", "atrium"):  # built in
+        assert run_fetch(asked_for(name, SceneSource.procedural)) is None
+        told = capsys.readouterr().out
+        assert "nothing needs fetching" in told
+        assert ("fetch scene=sponza" in told) == (name == "atrium")
     assert not default_cache().exists()
 
 

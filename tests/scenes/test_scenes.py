@@ -70,17 +70,13 @@ def test_the_folder_comes_from_the_environment_relative_to_the_working_directory
 def test_the_cache_is_where_each_system_keeps_caches(tmp_path, monkeypatch, system, variables, expected):
     for name in ("HOME", "USERPROFILE"):
         monkeypatch.setenv(name, str(tmp_path / "home"))
-    for name in ("XDG_CACHE_HOME", "LOCALAPPDATA"):
+    for name in ("XDG_CACHE_HOME", "LOCALAPPDATA", "ATRA_SCENES"):
         monkeypatch.delenv(name, raising=False)
     for name, value in variables.items():
         monkeypatch.setenv(name, str(tmp_path / value))
     monkeypatch.setattr(sys, "platform", system)
     assert default_cache() == tmp_path / expected / "atra" / "scenes"
-
-
-def test_without_a_home_folder_the_cache_is_in_the_folder_for_temporary_files(monkeypatch):
-    """As for a user whom the system does not know, in a container."""
-    for name in ("HOME", "USERPROFILE", "XDG_CACHE_HOME", "LOCALAPPDATA", "ATRA_SCENES"):
+    for name in ("HOME", "USERPROFILE", *variables):  # as for a user whom the system does not know, in a container
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(os.path, "expanduser", lambda path: path)
     for folder in (default_cache(), constants_path()):
@@ -156,6 +152,12 @@ def test_missing_or_broken_cameras_are_refused_naming_the_file(folder):
         load_scene_from_directory("tri", folder)
 
 
+def test_an_unknown_scene_or_missing_mesh_is_refused_listing_what_there_is(folder):
+    for name, message in (("dragon", "'dragon'; it has absent, tri"), ("absent", r"absent\.ply .* holds tri\.ply")):
+        with pytest.raises(InputError, match=message):
+            load_scene_from_directory(name, folder)
+
+
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
 def test_a_pipe_in_place_of_the_cameras_is_refused_instead_of_waited_for(folder):
     (folder / "cameras.json").unlink()
@@ -166,13 +168,6 @@ def test_a_pipe_in_place_of_the_cameras_is_refused_instead_of_waited_for(folder)
         cwd=ROOT, capture_output=True, text=True, timeout=45,
     )  # fmt: skip
     assert "cameras.json is no regular file" in done.stderr.splitlines()[-1]
-
-
-def test_an_unknown_scene_or_missing_mesh_is_refused_listing_what_there_is(folder):
-    with pytest.raises(InputError, match="no camera for scene 'dragon'; it has absent, tri"):
-        load_scene_from_directory("dragon", folder)
-    with pytest.raises(InputError, match=r"absent\.ply does not exist; .* holds tri\.ply"):
-        load_scene_from_directory("absent", folder)
 
 
 @pytest.mark.parametrize(("field", "value"), [
@@ -203,13 +198,8 @@ def test_the_default_camera_frames_the_whole_mesh(scale):
     assert np.abs(on_image).max() < 50
     assert np.abs(on_image).max() > 25
     assert camera.axes[2][2] < 0  # looks from the +z side
-
-
-@pytest.mark.parametrize(
-    "vertices", [[(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(1, 0, 0), (0, 0, 1), (0, 0, 0)], [(2, 2, 2)] * 3]
-)
-def test_the_default_camera_exists_for_flat_and_collapsed_meshes(vertices):
-    Camera(**default_camera_fields(Mesh(vertices, [(0, 1, 2)])))
+    for vertices in ([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(1, 0, 0), (0, 0, 1), (0, 0, 0)], [(2, 2, 2)] * 3):
+        Camera(**default_camera_fields(Mesh(vertices, [(0, 1, 2)])))  # flat, and collapsed
 
 
 def test_every_source_gives_a_scene_with_a_whole_camera_and_what_is_known_of_it(cache, monkeypatch):

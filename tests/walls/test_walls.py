@@ -44,7 +44,7 @@ class Wall:
     reason: str = ""
 
 
-WORKLOAD_ROOMS = tuple(workload.room for workload in WORKLOADS)
+WORKLOAD_ROOMS = tuple(workload.package for workload in WORKLOADS)
 
 USERS = tuple(
     f"experiments.{room}"
@@ -197,12 +197,25 @@ def test_what_workloads_share_imports_none_of_them():
         assert not [name for name in imports(modules(registry)[module]) if is_below(name, WORKLOAD_ROOMS)], module
 
 
+def loaded_by(code):
+    """Modules of a new process that has run the code."""
+    command = [sys.executable, "-c", f"{code}; import sys; print(*sys.modules)"]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.split()
+
+
 def test_the_harness_loads_no_method_and_no_workload():
     """Not even by the way, as a package's `__init__` does that lies above an imported module."""
-    code = f"import sys, {', '.join(modules('experiments.harness'))}; print(*sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
-    loaded = {name for name in done.stdout.split() if is_below(name, ("experiments",))}
-    assert {name for name in loaded if not is_below(name, ("experiments.harness",))} == {"experiments"}
+    loaded = loaded_by(f"import {', '.join(modules('experiments.harness'))}")
+    names = {name for name in loaded if is_below(name, ("experiments",))}
+    assert {name for name in names if not is_below(name, ("experiments.harness",))} == {"experiments"}
+
+
+def test_importing_the_library_loads_no_wing_and_no_command_and_a_wing_is_loaded_by_its_own_name():
+    loaded = loaded_by("import atra; [getattr(atra, name) for name in atra.__all__]")
+    assert "atra.packets.pixel" in loaded
+    assert not [name for name in loaded if is_below(name, tuple(f"atra.{room}" for room in (*WINGS, "command")))]
+    for name in ("atra.light", "experiments.classification.shafts.eye", "experiments.light.sun.tiles"):
+        assert name in loaded_by(f"import {name}")
 
 
 def test_the_core_of_the_harness_names_no_wing_not_even_in_a_text():
@@ -236,21 +249,6 @@ def test_the_words_that_everything_uses_import_nothing_of_the_library_but_each_o
         assert not [
             one for one in imports(modules("atra")[name]) if is_below(one, ("atra",)) and not is_below(one, GROUND)
         ]
-
-
-def test_importing_the_library_loads_no_wing_and_no_command():
-    told = subprocess.run(
-        [sys.executable, "-c", "import atra, sys; [getattr(atra, name) for name in atra.__all__]; print(*sys.modules)"],
-        cwd=ROOT, capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    loaded = told.stdout.split()
-    assert "atra.packets.pixel" in loaded
-    assert not [name for name in loaded if is_below(name, tuple(f"atra.{room}" for room in (*WINGS, "command")))]
-
-
-@pytest.mark.parametrize("name", ["atra.light", "experiments.classification.shafts.eye", "experiments.light.sun.tiles"])
-def test_a_wing_is_loaded_by_its_own_name(name):
-    subprocess.run([sys.executable, "-c", f"import {name}"], cwd=ROOT, check=True)
 
 
 def test_a_file_of_kernels_declares_some():

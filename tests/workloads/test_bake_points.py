@@ -12,8 +12,6 @@ import pytest
 from atra.errors import InputError
 from atra.light import Baker, BakeScene, constant_sky
 from atra.light.lightmaps.gather.adaptive import FIRST_LOOK
-from experiments.documents import QUOTED, bake
-from experiments.documents.quotation import Kept
 from experiments.drawing.figure import make_figures
 from experiments.drawing.render import render
 from experiments.harness.processes.worker import measure_point
@@ -320,15 +318,6 @@ def test_rays_to_the_sun_without_their_shortcut_are_no_part_of_a_claim():
     ]
     verdicts = {claim.id: claim.verdict for claim in judge_all(PREDICTIONS, frame_of(rows))}
     assert verdicts["sun-gains-in-the-box"] == HOLDS
-
-
-def test_pages_have_a_verdict_on_every_claim_from_one_sweep():
-    makers = [make for sweeps in QUOTED.values() for every in sweeps.values() for make in every]
-    makers = [make for make in makers if make.__module__ == bake.__name__ and make.__name__.startswith("verdicts_on_")]
-    kept = Kept(drawn_rows(), three_processes(drawn_rows()))
-    rows = [row for make in makers for row in make(kept)]
-    claims = [claim.text for claim in (*CLAIMS, *PREDICTIONS)]
-    assert sorted(row.split(" | ")[0].removeprefix("| ") for row in rows) == sorted(claims)
 
 
 def test_of_several_points_of_a_scene_a_claim_says_from_where_to_where():

@@ -7,10 +7,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from atra.errors import InputError
-from atra.files.cameras.entries import Broken, Cameras, number, pixels, read_entries, read_json
+from atra.files.cameras.entries import Broken, Cameras, numbers, pixels, read_entries, read_json
 from atra.geometry.camera import CalibratedCamera, Camera, LensCamera
 
 
@@ -67,14 +65,6 @@ def camera_of_image(given: Any, width: int, height: int) -> CalibratedCamera | L
     """The camera of an entry of `scene_camera.json`."""
     if not isinstance(given, dict) or "cam_K" not in given:
         raise InputError("it has no cam_K, expected nine numbers")
-    R = matrix_of(given, "cam_R_w2c", 9).reshape(3, 3) if "cam_R_w2c" in given else np.eye(3)
-    t = matrix_of(given, "cam_t_w2c", 3) if "cam_t_w2c" in given else np.zeros(3)
-    return Camera.from_opencv(matrix_of(given, "cam_K", 9).reshape(3, 3), R, t, width, height)
-
-
-def matrix_of(given: dict[str, Any], name: str, count: int) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """The numbers of a list. Raises InputError, naming it, for another count or what is no number."""
-    values = given.get(name)
-    if not isinstance(values, list) or len(values) != count:
-        raise InputError(f"{name} is {values!r:.100}, expected {count} numbers")
-    return np.array([number(f"a number of {name}", value) for value in values])
+    posed = {"cam_R_w2c": [1, 0, 0, 0, 1, 0, 0, 0, 1], "cam_t_w2c": [0, 0, 0], **given}
+    K, R, t = (numbers(name, posed[name], count) for name, count in (("cam_K", 9), ("cam_R_w2c", 9), ("cam_t_w2c", 3)))
+    return Camera.from_opencv(K.reshape(3, 3), R.reshape(3, 3), t, width, height)

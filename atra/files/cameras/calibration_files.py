@@ -9,12 +9,10 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from atra.errors import InputError
-from atra.files.cameras.entries import Cameras, entry, number, pixels, read_file
-from atra.files.cameras.nerf import open3d_matrix
+from atra.files.cameras.entries import Cameras, entry, numbers, pixels, read_file
 from atra.files.reading import parse_json
 from atra.geometry.camera import Camera
 
@@ -76,25 +74,30 @@ def read_calibration(
         if len(content) > _MOST_BYTES:
             raise InputError(f"it has {len(content):,} bytes, expected a calibration of at most {_MOST_BYTES:,}")
         found = _as_opencv(_parsed(path, content))
-        given = {name: next((found[one] for one in names if one in found), None) for name, names in _NAMES.items()}
+        given = {
+            name: next((found[one] for one in names if found.get(one) is not None), None)
+            for name, names in _NAMES.items()
+        }
         if given["K"] is None:
             raise InputError(f"it has no camera_matrix, expected one of {', '.join(_NAMES['K'])}")
-        told: dict[str, Any] = dict(zip(("width", "height"), size or (), strict=False))
-        told |= {name: given[name] for name in ("width", "height") if given[name] is not None}
-        if len(told) < 2:
+        width, height = (
+            told if given[name] is None else given[name]
+            for name, told in zip(("width", "height"), size or (None, None), strict=True)
+        )
+        if width is None or height is None:
             raise InputError("the size of the image is missing, expected image_width and image_height; or give a size")
-        width, height = pixels("width", told["width"]), pixels("height", told["height"])
         if model is None:
             name = "none" if given["model"] is None else given["model"]
             if not (isinstance(name, str) and name in _MODELS):
                 raise InputError(f"its distortion_model is {name!r:.100}, expected one of {', '.join(_MODELS)}")
             model = _MODELS[name]
-        K = _values("camera_matrix", given["K"])
+        K = numbers("camera_matrix", given["K"])
         if K.size != 9:
             raise InputError(f"camera_matrix has {K.size} numbers, expected 9")
-        D = np.empty(0) if given["D"] is None else _values("distortion_coefficients", given["D"])
-        distortion = D if D.size else None  # ROS writes none for a camera without distortion
-        return {path.stem: Camera.from_opencv(K.reshape(3, 3), R, t, width, height, distortion, model)}
+        D = None if given["D"] is None else numbers("distortion_coefficients", given["D"])
+        distortion = D if D is not None and D.size else None  # ROS writes none for a camera without distortion
+        size = pixels("width", width), pixels("height", height)
+        return {path.stem: Camera.from_opencv(K.reshape(3, 3), R, t, *size, distortion, model)}
 
 
 def _as_opencv(found: Any) -> dict[str, Any]:
@@ -104,11 +107,9 @@ def _as_opencv(found: Any) -> dict[str, Any]:
     kind = found.get("class_name")
     if isinstance(kind, str) and kind.startswith("PinholeCamera") and kind != "PinholeCameraIntrinsic":
         raise InputError(f"it is Open3D's {kind}, which has poses; a trajectory is read by read_transforms")
-    if "intrinsic_matrix" in found:
-        try:
-            return {**found, "camera_matrix": open3d_matrix(found).tolist()}
-        except (TypeError, ValueError):
-            raise InputError(f"intrinsic_matrix is {found['intrinsic_matrix']!r:.100}, expected 9 numbers") from None
+    if "intrinsic_matrix" in found:  # Open3D's numbers stand column by column
+        matrix = numbers("intrinsic_matrix", found["intrinsic_matrix"], 9)
+        return {**found, "camera_matrix": matrix.reshape(3, 3).T.tolist()}
     cameras = [name for name, one in found.items() if isinstance(one, dict) and "intrinsics" in one]
     if not cameras:
         return found
@@ -117,22 +118,12 @@ def _as_opencv(found: Any) -> dict[str, Any]:
     given = found[cameras[0]]
     if given.get("camera_model") != "pinhole":
         raise InputError(f"its camera_model is {given.get('camera_model')!r:.100}, expected pinhole")
-    numbers, size = _values("intrinsics", given["intrinsics"]), given.get("resolution")
-    if numbers.size != 4 or not isinstance(size, list) or len(size) != 2:
-        raise InputError("its intrinsics or its resolution are incomplete, expected four numbers and two")
-    fx, fy, cx, cy = numbers.tolist()
+    fx, fy, cx, cy = numbers("intrinsics", given["intrinsics"], 4).tolist()
+    width, height = numbers("resolution", given.get("resolution"), 2).tolist()
     return {
-        "width": size[0], "height": size[1], "K": [fx, 0, cx, 0, fy, cy, 0, 0, 1],
-        "D": given.get("distortion_coeffs"), "distortion_model": given.get("distortion_model"),
+        "width": width, "height": height, "K": [fx, 0, cx, 0, fy, cy, 0, 0, 1], "D": given.get("distortion_coeffs"),
+        "distortion_model": given.get("distortion_model"),
     }  # fmt: skip
-
-
-def _values(name: str, given: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """The numbers of a list, of rows, or of a matrix with its data."""
-    data = given.get("data") if isinstance(given, dict) else given
-    rows = data if isinstance(data, list) else [data]
-    flat = [value for row in rows for value in (row if isinstance(row, list) else [row])]
-    return np.array([number(f"a number of {name}", value) for value in flat], np.float64)
 
 
 def _parsed(path: Path, content: bytes) -> Any:
@@ -163,11 +154,10 @@ def _parsed_xml(content: bytes) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for one in root:
         data = one.find("data")
-        text = (one if data is None else data).text or ""
+        text = ((one if data is None else data).text or "").strip()
         try:
-            numbers = [float(word) for word in text.split()]
+            values = [float(word) for word in text.split()]
+            found[one.tag] = values[0] if data is None and len(values) == 1 else values
         except ValueError:
-            found[one.tag] = text.strip()
-        else:
-            found[one.tag] = numbers[0] if data is None and len(numbers) == 1 else numbers
+            found[one.tag] = text
     return found

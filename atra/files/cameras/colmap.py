@@ -8,7 +8,7 @@ from math import hypot
 from os import PathLike
 from pathlib import Path
 from struct import Struct
-from typing import Any, NamedTuple
+from typing import Any
 
 from atra.errors import InputError
 from atra.files.cameras.entries import Broken, Cameras, entry, number, pixels, read_entries, read_file
@@ -27,24 +27,12 @@ _TWO_LINES = "every image has two lines, the second of which may be empty"
 _COUNT, _CAMERA, _IMAGE, _POINT_BYTES = Struct("<Q"), Struct("<IiQQ"), Struct("<I7dI"), 24
 
 
-class _Sensor(NamedTuple):
-    """An entry of `cameras`; what should be a number may be a word."""
+_Sensor = tuple[int, str, Any, Any, tuple[Any, ...]]
+"""Number, model, width, height and parameters of a camera; what should be a number may be a word."""
 
-    camera_id: int
-    model: str
-    width: Any
-    height: Any
-    parameters: tuple[Any, ...]
-
-
-class _Image(NamedTuple):
-    """An entry of `images`; pose: a quaternion (w, x, y, z) and a translation, world to camera in OpenCV's axes.
-    Numbers as for `_Sensor`."""
-
-    image_id: Any
-    pose: tuple[Any, ...]
-    camera_id: Any
-    name: str
+_Image = tuple[Any, tuple[Any, ...], Any, str]
+"""Number, pose, camera and name of an image. The pose: a quaternion (w, x, y, z) and a translation, world to camera in
+OpenCV's axes. Numbers as for `_Sensor`."""
 
 
 def read_colmap(
@@ -83,34 +71,34 @@ def read_colmap(
         raise InputError(f"{folder} is no COLMAP model, expected cameras.bin and images.bin, or both as .txt, in it")
     is_text = files[0].suffix == ".txt"
     read_sensors, read_images = (_text_sensors, _text_images) if is_text else (_binary_sensors, _binary_images)
-    sensors = dict[int, _Sensor]()
+    sensors = dict[Any, _Sensor]()
     for one in read_sensors(files[0]):
-        if one.camera_id in sensors:
-            raise InputError(f"{files[0]}: camera {one.camera_id} is there twice")
-        sensors[one.camera_id] = one
+        if one[0] in sensors:
+            raise InputError(f"{files[0]}: camera {one[0]} is there twice")
+        sensors[one[0]] = one
 
     @cache
-    def sensor(camera_id: int) -> tuple[Lens, ImagePlane, int, int]:
+    def sensor(camera_id: Any) -> tuple[Lens, ImagePlane, int, int]:
         if camera_id not in sensors:
             raise InputError(f"its camera is {camera_id!r}, which is not in {files[0].name}")
-        one = sensors[camera_id]
+        _, model, width, height, parameters = sensors[camera_id]
         with entry(f"{files[0]}, camera {camera_id}"):
-            size = pixels("its width", one.width), pixels("its height", one.height)
-            return *sensor_of(one.model, one.parameters), *size
+            size = pixels("its width", width), pixels("its height", height)
+            return *sensor_of(model, parameters), *size
 
-    def placed(image: _Image) -> CalibratedCamera | LensCamera:
-        lens, plane, width, height = sensor(image.camera_id)
-        translation = [number("a translation", value) for value in image.pose[4:]]
-        quaternion = [number("a part of its rotation", part) for part in image.pose[:4]]
+    def placed(pose: tuple[Any, ...], camera_id: Any) -> CalibratedCamera | LensCamera:
+        lens, plane, width, height = sensor(camera_id)
+        translation = [number("a translation", value) for value in pose[4:]]
+        quaternion = [number("a part of its rotation", part) for part in pose[:4]]
         length = hypot(*quaternion)
         if not abs(length - 1.0) <= UNIT_TOLERANCE:
-            raise InputError(f"its rotation {image.pose[:4]} has length {length:g}, expected a unit quaternion")
+            raise InputError(f"its rotation {pose[:4]} has length {length:g}, expected a unit quaternion")
         eye, axes = pose_of(rotation_of_quaternion(*(part / length for part in quaternion)), translation)
         return camera_of(lens, eye, axes, plane, width, height)
 
     images = (
-        (image.name, f"image {image.image_id} ({image.name!r})", partial(placed, image))
-        for image in read_images(files[1])
+        (name, f"image {image_id} ({name!r})", partial(placed, pose, camera_id))
+        for image_id, pose, camera_id, name in read_images(files[1])
     )
     return read_entries(files, "image", images, broken, memory_per_byte)
 
@@ -125,7 +113,7 @@ def _text_sensors(path: Path) -> Iterator[_Sensor]:
             camera_id, width, height, *parameters = (_value(word) for word in (words[0], *words[2:]))
             if not isinstance(camera_id, int):
                 raise InputError(f"{where} starts with {words[0]!r}, expected a whole number")
-            yield _Sensor(camera_id, words[1], width, height, tuple(parameters))
+            yield camera_id, words[1], width, height, tuple(parameters)
 
 
 def _text_images(path: Path) -> Iterator[_Image]:
@@ -139,7 +127,7 @@ def _text_images(path: Path) -> Iterator[_Image]:
             if len(words) < 10:
                 raise InputError(f"{where} IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME; {_TWO_LINES}")
             image_id, *pose, camera_id = (_value(word) for word in words[:9])
-            yield _Image(image_id, tuple(pose), camera_id, " ".join(words[9:]))
+            yield image_id, tuple(pose), camera_id, " ".join(words[9:])
         is_points = bool(words) and not is_points
 
 
@@ -173,7 +161,7 @@ def _binary_sensors(path: Path) -> Iterator[_Sensor]:
             raise InputError(f"{path}, camera {camera_id}: its model is number {model}, expected 0 to {len(names) - 1}")
         count = len(CAMERA_MODELS[names[model]].parameters.split())
         parameters = file.take(Struct(f"<{count}d"), f"camera {camera_id}")
-        yield _Sensor(camera_id, names[model], width, height, parameters)
+        yield camera_id, names[model], width, height, parameters
 
 
 def _binary_images(path: Path) -> Iterator[_Image]:
@@ -187,7 +175,7 @@ def _binary_images(path: Path) -> Iterator[_Image]:
         (points,) = file.take(_COUNT, what)
         file.skip(points * _POINT_BYTES, what)
         try:
-            yield _Image(image_id, tuple(pose), camera_id, name[:-1].decode("utf-8"))
+            yield image_id, tuple(pose), camera_id, name[:-1].decode("utf-8")
         except UnicodeDecodeError as error:
             raise InputError(f"{path}, {what}: its name is no UTF-8 text: {error}") from None
 

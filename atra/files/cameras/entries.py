@@ -8,6 +8,9 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from atra.errors import InputError
 from atra.files.reading import Allowance, parse_json, read_regular_file
 from atra.geometry.camera import CalibratedCamera, LensCamera
@@ -96,6 +99,19 @@ def number(name: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not isfinite(as_number(value)):
         raise InputError(f"{name} is {value!r:.100}, expected a finite number")
     return float(value)
+
+
+def numbers(name: str, value: Any, count: int | None = None) -> NDArray[np.float64]:
+    """The numbers of a list, of a list of rows, or of OpenCV's matrix with its data.
+
+    Raises InputError, naming it, for another count than the one expected, and for what is no number.
+    """
+    data = value.get("data") if isinstance(value, dict) else value
+    rows = data if isinstance(data, list) else [data]
+    flat = [one for row in rows for one in (row if isinstance(row, list) else [row])]
+    if count is not None and len(flat) != count:
+        raise InputError(f"{name} is {value!r:.100}, expected {count} numbers")
+    return np.array([number(f"a number of {name}", one) for one in flat], np.float64)
 
 
 def pixels(name: str, value: Any) -> int:

@@ -11,12 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.files.cameras.entries import Broken, Cameras, entry, number, pixels, read_entries, read_json
+from atra.files.cameras.entries import Broken, Cameras, entry, number, numbers, pixels, read_entries, read_json
 from atra.files.cameras.lens_models import PANORAMA, model_of, panorama_plane
-from atra.geometry.calibration import image_plane_of_focals, pose_of_matrix
+from atra.geometry.calibration import PIXEL_CENTRE, image_plane_of_focals, pose_of_matrix
 from atra.geometry.camera import CalibratedCamera, LensCamera, camera_of
 from atra.geometry.image_plane import ImagePlane
 from atra.geometry.lenses.models import EquirectangularLens, FisheyeLens, Lens, OpenCVLens
@@ -110,26 +109,18 @@ def _frames(given: list[Any], read: Callable[[Any], dict[str, Any]]) -> list[dic
 
 def _nerfstudio_frame(given: Any) -> dict[str, Any]:
     angle = {"camera_angle_y": radians(number("fov", given["fov"]))} if "fov" in given else {}
-    return {"transform_matrix": _matrix(given["camera_to_world"], 4).tolist(), **angle}
+    return {"transform_matrix": numbers("camera_to_world", given["camera_to_world"], 16).reshape(4, 4), **angle}
 
 
 def _open3d_frame(given: Any) -> dict[str, Any]:
-    sensor, extrinsic = given["intrinsic"], _matrix(given["extrinsic"], 4).T
-    K = open3d_matrix(sensor)
+    """Matrices stand column by column, and the principal point counts from the first pixel's centre."""
+    sensor = given["intrinsic"]
+    to_camera = numbers("extrinsic", given["extrinsic"], 16).reshape(4, 4).T
+    fx, _, _, _, fy, _, cx, cy, _ = numbers("intrinsic_matrix", sensor["intrinsic_matrix"], 9).tolist()
     return {
-        "transform_matrix": (np.linalg.inv(extrinsic) @ _FLIP).tolist(), "w": sensor["width"], "h": sensor["height"],
-        "fl_x": K[0, 0], "fl_y": K[1, 1], "cx": K[0, 2] + 0.5, "cy": K[1, 2] + 0.5,  # from the image's corner
+        "transform_matrix": np.linalg.inv(to_camera) @ _FLIP, "w": sensor["width"], "h": sensor["height"],
+        "fl_x": fx, "fl_y": fy, "cx": cx + PIXEL_CENTRE, "cy": cy + PIXEL_CENTRE,
     }  # fmt: skip
-
-
-def open3d_matrix(sensor: dict[str, Any]) -> NDArray[np.float64]:
-    """K (3, 3) of Open3D's `PinholeCameraIntrinsic`, whose numbers stand column by column."""
-    return _matrix(sensor["intrinsic_matrix"], 3).T
-
-
-def _matrix(given: Any, size: int) -> NDArray[np.float64]:
-    flat = [value for row in given for value in (row if isinstance(row, list) else [row])]
-    return np.array([number("a number of a matrix", value) for value in flat]).reshape(size, size)
 
 
 def _camera(
@@ -177,12 +168,12 @@ def _lens(given: dict[str, Any]) -> Lens:
 
 def _focal(given: dict[str, Any], axis: str, size: int) -> float | None:
     """The focal length along one axis in pixels, None = not given."""
-    if f"fl_{axis}" in given:
-        return number(f"fl_{axis}", given[f"fl_{axis}"])
-    name = f"camera_angle_{axis}"
-    if name not in given:
+    length, angle = f"fl_{axis}", f"camera_angle_{axis}"
+    if length in given:
+        return number(length, given[length])
+    if angle not in given:
         return None
-    angle = number(name, given[name])
-    if not 0.0 < angle < pi:
-        raise InputError(f"{name} is {angle:g}, expected radians between 0 and pi")
-    return size / 2 / tan(angle / 2)
+    found = number(angle, given[angle])
+    if not 0.0 < found < pi:
+        raise InputError(f"{angle} is {found:g}, expected radians between 0 and pi")
+    return size / 2 / tan(found / 2)

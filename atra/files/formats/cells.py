@@ -28,27 +28,22 @@ def read_cells_file(content: bytes, suffix: str) -> MeshFile:
     Other cells, such as lines and tetrahedra, are left out. Raises InputError where meshio is not installed, or fails.
     """
     found = _read(content, suffix)
-    points = np.asarray(found.points, np.float64)
-    vertices = np.zeros((len(points), 3))
-    vertices[:, : points.shape[1]] = points[:, :3]
-    sizes, corners, left_out, curved = [], [], dict[str, int](), 0
+    points = np.asarray(found.points, np.float64)[:, :3]
+    vertices = np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
+    polygons, left_out, curved = [np.empty((0, 3), np.int64)], dict[str, int](), 0
     for block in found.cells:
-        kind, rows = block.type, block.data
-        flat = next((name for name in _CORNERS if kind.rstrip("0123456789") == name), None)
-        if flat is not None:
-            rows = np.asarray(rows)
-            curved += len(rows) if kind != flat else 0
-            corners.append(rows[:, : _CORNERS[flat]].astype(np.int64).ravel())
-            sizes.append(np.full(len(rows), _CORNERS[flat]))
-        elif kind.startswith("polygon"):
-            corners += [np.asarray(row, np.int64) for row in rows]
-            sizes.append(np.array([len(row) for row in rows], np.int64))
+        flat = block.type.rstrip("0123456789")
+        if flat in _CORNERS:
+            polygons.append(np.asarray(block.data, np.int64)[:, : _CORNERS[flat]])
+            curved += len(block.data) if block.type != flat else 0
+        elif flat == "polygon":
+            polygons += [np.asarray(row, np.int64)[None] for row in block.data]
         else:
-            left_out[kind] = left_out.get(kind, 0) + len(rows)
+            left_out[block.type] = left_out.get(block.type, 0) + len(block.data)
     notes = [f"{count:,} cells of the kind {kind} are left out" for kind, count in left_out.items()]
     notes += [f"{curved:,} cells have curved edges, which are read as straight"] if curved else []
-    empty = [np.empty(0, np.int64)]
-    part, more = polygon_part(vertices, np.concatenate(sizes + empty), np.concatenate(corners + empty))
+    sizes = np.repeat([rows.shape[1] for rows in polygons], [len(rows) for rows in polygons])
+    part, more = polygon_part(vertices, sizes, np.concatenate([rows.ravel() for rows in polygons]))
     return MeshFile([part], notes=tuple(notes + more))
 
 

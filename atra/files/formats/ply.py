@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.files.formats.ply_kernels import FLOAT, SIGNED, UNSIGNED, read_rows
-from atra.files.formats.words import split_text
+from atra.files.formats.ply_kernels import walk_rows
+from atra.files.formats.words import ranges, split_text
 from atra.files.meshes.parts import MeshFile, check_rows, polygon_part
 from atra.files.reading import Allowance
 
@@ -18,7 +18,7 @@ _TYPES = {
     "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
     "double": "f8", "float64": "f8", "int64": "i8", "uint64": "u8",
 }  # fmt: skip
-_KINDS = {"i": SIGNED, "u": UNSIGNED, "f": FLOAT}
+_LENGTHS = {name for name, code in _TYPES.items() if code[0] != "f"}
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _FACES = ("vertex_indices", "vertex_index")
 
@@ -27,11 +27,11 @@ _MOST_HEADER_BYTES = 1 << 20
 
 
 class Property(NamedTuple):
-    """name, NumPy's code of the values, and that of a list's length, None for a single value."""
+    """name, type of the values, and type of a list's length, None for a single value."""
 
     name: str
-    values: str
-    length: str | None
+    values: np.dtype[Any]
+    length: np.dtype[Any] | None
 
 
 class Element(NamedTuple):
@@ -48,7 +48,7 @@ class _Rows(NamedTuple):
 
     floats: NDArray[np.uint8]
     wholes: NDArray[np.uint8]
-    order: str
+    is_big_endian: bool
     allowance: Allowance
 
 
@@ -56,12 +56,9 @@ def read_ply_file(content: bytes, allowance: Allowance) -> MeshFile:
     """The faces of a PLY, in their order. Raises InputError for a file that promises more than it holds."""
     order, elements, at = _header(content)
     whole = np.frombuffer(content, np.uint8)
-    rows = _Rows(whole, whole, order, allowance)
+    rows = _Rows(whole, whole, order == ">", allowance)
     if order == "":
         rows, at = _numbers(content, at, allowance), 0
-        for one in elements:
-            kind = "f8" if one.name == "vertex" else "i8"
-            one.properties[:] = [Property(name, kind, length and "i8") for name, _, length in one.properties]
     vertices: NDArray[np.floating] = np.empty((0, 3))
     faces = None
     notes = []
@@ -75,7 +72,7 @@ def read_ply_file(content: bytes, allowance: Allowance) -> MeshFile:
             if element.name == "tristrips":
                 faces = _of_strips(*faces, allowance)
         else:
-            _, at = _lists(rows, at, element, None)
+            at = _walk(rows, at, element, -1)[0] if element.properties else at
             if element.name not in ("vertex", "face") and element.rows:
                 notes.append(f"{element.rows:,} rows of the element {element.name} are left out")
     left = len(rows.floats) - at
@@ -90,7 +87,10 @@ def read_ply_file(content: bytes, allowance: Allowance) -> MeshFile:
 
 
 def _header(content: bytes) -> tuple[str, list[Element], int]:
-    """NumPy's sign of the order of bytes, "" for text; the elements; and the place behind the header."""
+    """NumPy's sign of the order of bytes, "" for text; the elements; and the place behind the header.
+
+    The numbers of a text are of eight bytes each, floats for vertices and else whole numbers.
+    """
     order, elements, at = None, list[Element](), 0
     while at < min(len(content), _MOST_HEADER_BYTES):
         end = min((place for sign in b"\r\n" if (place := content.find(sign, at)) >= 0), default=len(content))
@@ -103,19 +103,26 @@ def _header(content: bytes) -> tuple[str, list[Element], int]:
                 if order is None:
                     raise InputError("its header names no format")
                 return order, elements, at
-            case ["format", kind, _] if kind in _ORDERS:
+            case ["format", kind, _] if kind in _ORDERS and not elements:
                 order = _ORDERS[kind]
             case ["element", name, count] if count.isdecimal() and len(count) < 19:
                 elements.append(Element(name, int(count), []))
-            case ["property", "list", length, values, name] if elements and {length, values} <= _TYPES.keys():
-                elements[-1].properties.append(Property(name, _TYPES[values], _TYPES[length]))
-            case ["property", values, name] if elements and values in _TYPES:
-                elements[-1].properties.append(Property(name, _TYPES[values], None))
+            case ["property", *lengths, values, name] if elements and values in _TYPES and _are_lengths(lengths):
+                kinds = [_TYPES[one] for one in (values, *lengths[1:])]
+                if order == "":
+                    kinds = ["f8" if elements[-1].name == "vertex" else "i8"] * len(kinds)
+                own, *of_length = (np.dtype((order or "<") + kind) for kind in kinds)
+                elements[-1].properties.append(Property(name, own, of_length[0] if of_length else None))
             case [] | ["ply"] | ["comment" | "obj_info", *_]:
                 pass
             case _:
                 raise InputError(f"its header has the line {' '.join(words)!r:.100}, which is not read")
     raise InputError("its header has no end; it seems cut short")
+
+
+def _are_lengths(words: list[str]) -> bool:
+    """Whether words before a property's type say that it is a list, and of which type its length is; or are none."""
+    return not words or (words[0] == "list" and len(words) == 2 and words[1] in _LENGTHS)
 
 
 def _numbers(content: bytes, at: int, allowance: Allowance) -> _Rows:
@@ -127,12 +134,13 @@ def _numbers(content: bytes, at: int, allowance: Allowance) -> _Rows:
     whole[~is_whole] = -1
     floats, wholes = words.values.astype("<f8").view(np.uint8), whole.astype("<i8").view(np.uint8)
     wholes.setflags(write=False)  # as the bytes of a file, for which the kernel is compiled
-    return _Rows(floats, wholes, "<", allowance)
+    return _Rows(floats, wholes, False, allowance)
 
 
-def _check(rows: _Rows, at: int, element: Element, least: int) -> None:
-    """Check that an element's rows of at least so many bytes each fit what is left."""
-    if element.rows * max(least, 1) > len(rows.floats) - at:
+def _check(rows: _Rows, at: int, element: Element) -> None:
+    """Check that the rows of an element fit what is left, however short their lists."""
+    least = sum((one.length or one.values).itemsize for one in element.properties)
+    if element.rows * least > len(rows.floats) - at:
         raise InputError(
             f"it promises {element.rows:,} rows of the element {element.name}, but ends before; it seems cut short"
         )
@@ -144,30 +152,60 @@ def _vertices(rows: _Rows, at: int, element: Element) -> tuple[NDArray[np.floati
     names = [one.name for one in element.properties]
     if not {"x", "y", "z"} <= set(names):
         raise InputError(f"its vertices have {', '.join(names) or 'nothing'}, expected x, y and z")
-    columns = [names.index(axis) for axis in "xyz"]
-    kind = np.dtype([(str(k), rows.order + one.values) for k, one in enumerate(element.properties)])
-    _check(rows, at, element, kind.itemsize)
-    found = np.ndarray(element.rows, kind, rows.floats, at)
-    is_single = all(element.properties[column].values == "f4" for column in columns)
+    _check(rows, at, element)
+    row = np.dtype([(str(k), one.values) for k, one in enumerate(element.properties)])
+    found = np.ndarray(element.rows, row, rows.floats, at)
+    columns = [found[str(names.index(axis))] for axis in "xyz"]
+    is_single = all(one.dtype.str[1:] == "f4" for one in columns)
     vertices = np.empty((element.rows, 3), np.float32 if is_single else np.float64)
     for axis, column in enumerate(columns):
-        vertices[:, axis] = found[str(column)]
-    return vertices, at + element.rows * kind.itemsize
+        vertices[:, axis] = column
+    return vertices, at + element.rows * row.itemsize
 
 
-_Polygons = tuple[NDArray[np.int64], NDArray[np.int64]]
-"""Number of corners (P,) of polygons, and the corners of all."""
+def _walk(rows: _Rows, at: int, element: Element, wanted: int, *filled: NDArray[np.int64]) -> tuple[int, int, bool]:
+    """`walk_rows` over the rows that `filled` has room for, or all; the place, the sum, and whether all are alike."""
+    _check(rows, at, element)
+    table = [
+        (
+            one.length.itemsize if one.length else 0,
+            one.length is not None and one.length.kind == "i",
+            one.values.itemsize,
+        )
+        for one in element.properties
+    ]
+    count, none = len(filled[0]) if filled else element.rows, np.empty(0, np.int64)
+    given = np.array(table, np.int64), rows.is_big_endian, wanted, *(filled or (none, none))
+    end, total, row, is_alike = walk_rows(rows.wholes, at, count, *given)
+    if end < 0:
+        raise InputError(
+            f"it promises {element.rows:,} rows of the element {element.name}, but row {row} is broken or missing; it "
+            "seems cut short"
+        )
+    return end, total, is_alike
 
 
-def _faces(rows: _Rows, at: int, element: Element) -> tuple[_Polygons, int]:
-    """The faces, and the place behind them."""
+def _faces(rows: _Rows, at: int, element: Element) -> tuple[tuple[NDArray[np.int64], NDArray[Any]], int]:
+    """Number of corners (P,) of the faces and the corners of all; and the place behind them."""
     lists = [k for k, one in enumerate(element.properties) if one.length]
     if not lists:
         raise InputError("its faces have no list of vertices")
     wanted = next((k for k in lists if element.properties[k].name in _FACES), lists[0])
-    if element.properties[wanted].values[0] == "f":
+    kind = element.properties[wanted].values
+    if kind.kind == "f":
         raise InputError("its faces name vertices by numbers that are not whole")
-    return _alike(rows, at, element, wanted) or _lists(rows, at, element, wanted)
+    end, total, is_alike = _walk(rows, at, element, wanted)
+    check_rows(element.rows + total, rows.allowance)
+    sizes, begins = (np.empty(1 if is_alike else element.rows, np.int64) for _ in range(2))
+    _walk(rows, at, element, wanted, sizes, begins)
+    if not is_alike:
+        places = ranges(begins, sizes, kind.itemsize)[:, None] + np.arange(kind.itemsize)
+        return (sizes, rows.wholes[places].view(kind)[:, 0].astype(np.int64)), end
+    steps = (end - at) // element.rows, kind.itemsize
+    corners = np.ndarray((element.rows, int(sizes[0])), kind, rows.wholes, int(begins[0]), steps)
+    # Triangles keep the file's type of numbers; other polygons are cut as int64.
+    corners = corners.astype(kind.newbyteorder("=") if sizes[0] == 3 else np.int64)
+    return (np.broadcast_to(sizes[0], element.rows), corners.ravel()), end
 
 
 def _of_strips(
@@ -188,61 +226,3 @@ def _of_strips(
     triangles = np.stack([np.where(is_odd, b, a), np.where(is_odd, a, b), c], axis=1)
     triangles = triangles[(a != b) & (b != c) & (c != a)]
     return np.broadcast_to(3, len(triangles)), triangles.ravel()
-
-
-def _alike(rows: _Rows, at: int, element: Element, wanted: int) -> tuple[_Polygons, int] | None:
-    """As `_lists` where each list is as long as in the first row, read as fast as bytes; None where they are not."""
-    place, fields, lengths = at, list[Any](), dict[int, int]()
-    for k, one in enumerate(element.properties):
-        count = 1
-        if one.length:
-            kind = np.dtype(rows.order + one.length)
-            if kind.kind == "f" or place + kind.itemsize > len(rows.wholes):
-                return None
-            count = lengths[k] = int(np.ndarray(1, kind, rows.wholes, place)[0])
-            fields.append((f"length {k}", kind))
-            place += kind.itemsize
-        kind = np.dtype(rows.order + one.values)
-        if count < 0 or place + count * kind.itemsize > len(rows.wholes):
-            return None
-        fields.append((f"values {k}", kind, (count,)))
-        place += count * kind.itemsize
-    row = np.dtype(fields)
-    if element.rows * row.itemsize > len(rows.wholes) - at:
-        return None
-    found = np.ndarray(element.rows, row, rows.wholes, at)
-    if any((found[f"length {k}"] != length).any() for k, length in lengths.items()):
-        return None
-    check_rows(element.rows * max(1, lengths[wanted]), rows.allowance)
-    sizes = np.broadcast_to(np.int64(lengths[wanted]), element.rows)
-    # Triangles keep the file's type of numbers; other polygons are cut as int64.
-    corners = found[f"values {wanted}"]
-    kind = corners.dtype.newbyteorder("=") if lengths[wanted] == 3 else np.dtype(np.int64)
-    return (sizes, corners.astype(kind).ravel()), at + element.rows * row.itemsize
-
-
-def _lists(rows: _Rows, at: int, element: Element, wanted: int | None) -> tuple[_Polygons, int]:
-    """Lengths and values of the wanted list of each row, one behind the other, and the place behind the rows."""
-    corners = np.empty(0, np.int64)
-    if not element.properties:
-        return (corners, corners), at
-    _check(rows, at, element, sum(np.dtype(one.length or one.values).itemsize for one in element.properties))
-    sizes = np.zeros(element.rows, np.int64)
-    table = np.array([_code(one.length) + _code(one.values) for one in element.properties], np.int64)
-    for fills in (False, True) if wanted is not None else (False,):
-        place = -1 if wanted is None else wanted
-        end, total, row = read_rows(rows.wholes, at, table, rows.order == ">", place, sizes, corners, fills)
-        if end < 0:
-            raise InputError(
-                f"it promises {element.rows:,} rows of the element {element.name}, but row {row} is broken or missing; "
-                "it seems cut short"
-            )
-        if not fills:
-            check_rows(element.rows + int(total), rows.allowance)
-            corners = np.empty(total, np.int64)
-    return (sizes, corners), end
-
-
-def _code(name: str | None) -> tuple[int, int]:
-    """Bytes and kind of a type; no bytes for None."""
-    return (0, 0) if name is None else (np.dtype(name).itemsize, _KINDS[name[0]])

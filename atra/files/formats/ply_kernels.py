@@ -2,51 +2,40 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from atra.compiled.store import kernel, njit
-
-SIGNED, UNSIGNED, FLOAT = range(3)
-"""Kinds of a number."""
-
-
-@njit
-def _whole(content, at, size, kind, is_big):  # type: ignore[no-untyped-def]
-    """The whole number at a place; -1 of a float, which is none."""
-    if kind == FLOAT:
-        return np.int64(-1)
-    value = np.int64(0)
-    for k in range(size):
-        value = (value << 8) | np.int64(content[at + (k if is_big else size - 1 - k)])
-    if kind == SIGNED and size < 8 and value >> (8 * size - 1):
-        value -= np.int64(1) << (8 * size)
-    return value
+from atra.compiled.store import kernel
 
 
 @kernel
-def read_rows(content, start, properties, is_big, wanted, sizes, corners, fills):  # type: ignore[no-untyped-def]
-    """Walk over rows of an element; the place behind them and the length of all wanted lists, -1 if they are not
-    there, and the row where that shows.
+def walk_rows(content, start, rows, properties, is_big, wanted, sizes, begins):  # type: ignore[no-untyped-def]
+    """Walk over rows of an element: the place behind them, -1 if they are not there; the length of all wanted lists;
+    the row that is broken; and whether all rows are laid out as the first.
 
-    properties: (K, 4) int64; bytes and kind of a list's count, 0 bytes = no list; bytes and kind of the values. wanted:
-    the list whose lengths go to `sizes`, (P,) int64, and if `fills` whose values go to `corners`.
+    properties: (K, 3) int64; bytes of a list's length, 0 = no list, and whether it is signed; bytes of a value. wanted:
+    the list whose lengths and places go to `sizes` and `begins`, (rows,) int64 or (0,) for none.
     """
-    at, total = start, 0
-    for row in range(len(sizes)):
+    at, total, is_alike, layout = start, 0, True, (0, 0, 0)
+    for row in range(rows):
+        row_start, own, begin = at, 0, 0
         for k in range(len(properties)):
-            length = 1
-            if properties[k, 0]:
-                if at + properties[k, 0] > len(content):
-                    return -1, total, row
-                length = _whole(content, at, properties[k, 0], properties[k, 1], is_big)
-                at += properties[k, 0]
-            if length < 0 or length > (len(content) - at) // properties[k, 2]:
-                return -1, total, row
+            length, count_bytes = 1, properties[k, 0]
+            if count_bytes:
+                if at + count_bytes > len(content):
+                    return -1, total, row, False
+                length = 0
+                for place in range(count_bytes):
+                    length = length << 8 | int(content[at + (place if is_big else count_bytes - 1 - place)])
+                if properties[k, 1] and count_bytes < 8 and length >> (8 * count_bytes - 1):
+                    length -= 1 << (8 * count_bytes)
+                at += count_bytes
+            if length < 0 or length > len(content) or length * properties[k, 2] > len(content) - at:
+                return -1, total, row, False
             if k == wanted:
-                sizes[row] = length
-                for item in range(length if fills else 0):
-                    place = at + item * properties[k, 2]
-                    corners[total + item] = _whole(content, place, properties[k, 2], properties[k, 3], is_big)
-                total += length
+                own, begin = length, at
             at += length * properties[k, 2]
-    return at, total, -1
+        total += own
+        if row == 0:
+            layout = own, begin - row_start, at - row_start
+        is_alike &= layout == (own, begin - row_start, at - row_start)
+        if len(sizes):
+            sizes[row], begins[row] = own, begin
+    return at, total, -1, is_alike

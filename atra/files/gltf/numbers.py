@@ -23,7 +23,7 @@ class Numbers:
         self._tree, self._folder = tree, folder
         rest = glb_chunks(content)[1] if suffix == "glb" else memoryview(b"")
         self._chunk = rest[8 : 8 + int.from_bytes(rest[:4], "little")] if len(rest) >= 8 else None
-        self._buffers: dict[int | Path, bytes | memoryview] = {}
+        self._buffers: dict[int | Path, memoryview] = {}
 
     def view(self, number: Any) -> bytes:
         """The bytes of a buffer view."""
@@ -35,21 +35,19 @@ class Numbers:
         start, length = view.get("byteOffset", 0), view["byteLength"]
         if not 0 <= start <= start + length <= len(buffer):
             raise InputError(f"buffer view {number} ends at byte {start + length} of {len(buffer)}")
-        return memoryview(buffer)[start : start + length]
+        return buffer[start : start + length]
 
-    def _buffer(self, number: int) -> bytes | memoryview:
+    def _buffer(self, number: int) -> memoryview:
         """The bytes of a buffer; a file that several name is read once."""
-        buffer = entry(self._tree, "buffers", number)
-        uri = buffer.get("uri")
+        uri = entry(self._tree, "buffers", number).get("uri")
         is_file = uri is not None and not (isinstance(uri, str) and uri.startswith("data:"))
         key = self._folder.path_of(uri) if is_file else number
         if key not in self._buffers:
-            if uri is not None:
-                self._buffers[key] = self._folder.read(uri)
-            elif number == 0 and self._chunk is not None:
-                self._buffers[key] = self._chunk
-            else:
+            chunk = self._chunk if number == 0 else None
+            found = chunk if uri is None else self._folder.read(uri)
+            if found is None:
                 raise InputError(f"buffer {number} has no bytes")
+            self._buffers[key] = memoryview(found)
         return self._buffers[key]
 
     def floats(self, number: Any, size: int) -> NDArray[np.float64]:

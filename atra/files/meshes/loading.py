@@ -1,12 +1,14 @@
-"""Reading mesh files, which need not be trusted."""
+"""Reading mesh files, which need not be trusted, and where in a file each triangle comes from."""
 
 from __future__ import annotations
 
 import warnings
+from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from atra.errors import InputError, printable
 from atra.files.formats.cells import FORMATS, read_cells_file
@@ -74,6 +76,57 @@ def load_mesh(path: str | Path, *, scale: float = 1.0, memory_per_byte: float | 
     if mesh.notes:
         warnings.warn(f"{printable(path.name)}: {'; '.join(mesh.notes)}", stacklevel=2)
     return mesh
+
+
+@dataclass(frozen=True, eq=False)
+class FaceSources:
+    """The places of a mesh's triangles in its file; row i is the triangle with `prim_id` i.
+
+    Attributes
+    ----------
+    face : (F,) uint32
+        Number of the face in the file, from 0; in a glTF, of the triangle in its primitive; in a 3MF, in its object.
+    material, node : (F,) int32
+        Index into `materials` and `nodes`, -1 = none.
+    materials, nodes : tuple of str
+        Names in the order of the file: materials of OBJ and glTF, nodes of glTF, where a number stands for a missing
+        name.
+    """
+
+    face: NDArray[np.uint32]
+    material: NDArray[np.int32]
+    node: NDArray[np.int32]
+    materials: tuple[str, ...] = ()
+    nodes: tuple[str, ...] = ()
+
+
+def load_face_sources(path: str | Path, *, memory_per_byte: float | None = None) -> FaceSources:
+    """The face, material and node that each triangle of `load_mesh(path)` comes from.
+
+    Parameters
+    ----------
+    path, memory_per_byte :
+        As for `load_mesh`.
+
+    Returns
+    -------
+    FaceSources
+
+    Raises
+    ------
+    InputError
+        As `load_mesh`.
+    """
+    found = read_mesh_file(Path(path).expanduser(), memory_per_byte)
+    counts = [len(part.faces) for part in found.parts]
+    materials = [np.broadcast_to(np.asarray(part.material, np.int32), len(part.faces)) for part in found.parts]
+    return FaceSources(
+        np.concatenate([part.face for part in found.parts]).astype(np.uint32),
+        np.concatenate(materials),
+        np.repeat(np.array([part.node for part in found.parts], np.int32), counts),
+        found.materials,
+        found.nodes,
+    )
 
 
 def read_mesh_file(path: Path, memory_per_byte: float | None = None) -> MeshFile:

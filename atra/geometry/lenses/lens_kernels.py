@@ -14,7 +14,7 @@ import numpy as np
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import kernel, njit
 from atra.geometry.lenses.folds_kernels import along_radius, is_before_fold, polynomial
-from atra.geometry.lenses.numbers import EQUIDISTANT, EQUIRECTANGULAR, FIELD_OF_VIEW, PERSPECTIVE
+from atra.geometry.lenses.lens_numbers import EQUIDISTANT, EQUIRECTANGULAR, FIELD_OF_VIEW, PERSPECTIVE
 
 _NARROWEST = 4e-16
 """Relative change of a radius at which Newton's method ends."""

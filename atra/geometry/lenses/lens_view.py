@@ -18,7 +18,7 @@ from atra.geometry.view import View, check_offset
 
 @dataclass(frozen=True)
 class LensView(View):
-    """The base of `LensCamera`, which documents it."""
+    """The base of `LensCamera`, which documents it: all but what makes cameras without a lens."""
 
     eye: Vector
     target: Vector
@@ -40,7 +40,22 @@ class LensView(View):
     def panorama(cls, eye: Vector, target: Vector, up: Vector = (0.0, 1.0, 0.0), width: int = 2048) -> Self:
         """The equirectangular picture of all directions, twice as wide as high; the target is in its middle.
 
-        Raises InputError for a width that is no whole number of at least 1.
+        Parameters
+        ----------
+        eye, target, up : tuple of three floats
+            As for `Camera`.
+        width : int
+            Columns of the image, pixels; half as many rows.
+
+        Returns
+        -------
+        LensCamera
+            With an `EquirectangularLens`; depth is distance from the eye.
+
+        Raises
+        ------
+        InputError
+            As `Camera`, and for a width that is no whole number of at least 1.
         """
         height = max(checked_pixels("width", width) // 2, 1)
         sensor = ImagePlane(2.0 * pi / width, pi / height, width / 2, height / 2)

@@ -13,7 +13,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.geometry.lenses.numbers import (
+from atra.geometry.lenses.lens_numbers import (
     EQUIDISTANT,
     EQUIRECTANGULAR,
     FIELD_OF_VIEW,
@@ -107,9 +107,17 @@ class OpenCVLens(Lens):
 
     @classmethod
     def of(cls, distortion: Any) -> Self:
-        """The lens of coefficients in OpenCV's order: k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tilt_x, tilt_y.
+        """The lens of OpenCV's coefficients.
 
-        Raises InputError unless there are 4, 5, 8, 12 or 14 finite numbers.
+        Parameters
+        ----------
+        distortion : array
+            k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tilt_x, tilt_y, or the first 4, 5, 8 or 12 of these.
+
+        Raises
+        ------
+        InputError
+            For another number of coefficients, and one that is not finite.
         """
         names = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tilt_x", "tilt_y")
         given = coefficients_of(distortion, COEFFICIENT_COUNTS)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.compiled.memory import columns_of, gather_at, halves, load, low_and_high, prefetch, store
+from atra.compiled.memory import gather_at, halves, load, low_and_high, prefetch, store, table_columns
 from atra.compiled.store import float_part, njit
 from atra.compiled.vectors import bits_of, fused, root, rounded, splat, where, widened
 from atra.light.emitters.harmonics_kernels import reflected
@@ -144,7 +144,7 @@ def _find_places(chunk, i, pixel, pixels, surfaces):  # type: ignore[no-untyped-
         dz = widened(gather_at(ways + 2 * plane, place))
     else:
         dx, dy, dz = _at(lines, 1, 0, x, y), _at(lines, 1, 1, x, y), _at(lines, 1, 2, x, y)
-    nx, ny, nz, plane, off, materials, colours, more = columns_of(np.int64(surfaces.records.ctypes.data), numbers)
+    nx, ny, nz, plane, off, materials, colours, more = table_columns(np.int64(surfaces.records.ctypes.data), numbers)
     facing, tiny = _dot(nx, ny, nz, dx, dy, dz), splat(TINY, _LANES)
     t = (plane - _dot(nx, ny, nz, ox, oy, oz)) / where(abs(facing) > tiny, facing, tiny)
     side = where(facing >= zero, splat(-1.0, _LANES), splat(1.0, _LANES))
@@ -238,8 +238,8 @@ def _find_images(chunk, i, surfaces):  # type: ignore[no-untyped-def]
 @njit(forceinline=True)
 def _between_corners(nx, ny, nz, px, py, pz, dx, dy, dz, side, numbers, surfaces):  # type: ignore[no-untyped-def]
     """`shading_normal` and uv for `_LANES` pixels."""
-    vx, vy, vz, v, wx, wy, wz, w = columns_of(np.int64(surfaces.weights.ctypes.data), numbers)
-    pairs = columns_of(np.int64(surfaces.corners.ctypes.data), numbers)
+    vx, vy, vz, v, wx, wy, wz, w = table_columns(np.int64(surfaces.weights.ctypes.data), numbers)
+    pairs = table_columns(np.int64(surfaces.corners.ctypes.data), numbers)
     (ax, ay), (az, bx), (by, bz), (cx, cy) = halves(pairs[0]), halves(pairs[1]), halves(pairs[2]), halves(pairs[3])
     (cz, a_s), (a_t, b_s), (b_t, c_s), (c_t, _) = halves(pairs[4]), halves(pairs[5]), halves(pairs[6]), halves(pairs[7])
     v, w = fused(vx, px, fused(vy, py, fused(vz, pz, v))), fused(wx, px, fused(wy, py, fused(wz, pz, w)))

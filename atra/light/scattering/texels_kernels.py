@@ -11,7 +11,7 @@ from numba.extending import intrinsic
 
 from atra.compiled.memory import emit_prefetch, load_aligned
 from atra.compiled.store import njit
-from atra.compiled.vectors import Vector, floor, larger, rounded, smaller, splat, where, widened
+from atra.compiled.vectors import VectorType, floor, larger, rounded, smaller, splat, where, widened
 from atra.light.numbers_kernels import ONE, ZERO
 from atra.light.surface_kernels import (
     CLAMP,
@@ -47,7 +47,7 @@ def _linear(typingctx: Any, base: Any, curves: Any, places: Any) -> Any:
     base: address of the texels. curves: address of what a byte stands for, 256 float32. Numbers are read one by one:
     processors whose gathers are guarded against leaks take several times as long for them.
     """
-    vector = Vector(types.float32, _LANES)
+    vector = VectorType(types.float32, _LANES)
     three = types.UniTuple(vector, 3)
 
     def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:

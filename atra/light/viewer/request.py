@@ -7,7 +7,8 @@ from functools import cached_property
 from math import cos, radians, sin, sqrt
 
 from atra.errors import InputError
-from atra.geometry.camera import Camera, Vector
+from atra.geometry.camera import Camera
+from atra.geometry.numbers import Vector
 from atra.light.checks import check_one_of, check_whole, checked_number
 from atra.light.pictures.finish.tone import TONES
 from atra.methods import METHODS

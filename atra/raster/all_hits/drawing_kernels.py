@@ -11,7 +11,7 @@ from atra.all_hits.layers_kernels import finish_layers, finish_numbers
 from atra.all_hits.taking_kernels import LAYERS, THICKNESS, TRANSMITTANCE, take
 from atra.all_hits.target_kernels import Target, target_at
 from atra.compiled.intrinsics import fetch_add, float_at
-from atra.compiled.lanes import columns_of, rows_of
+from atra.compiled.lanes import pixel_columns, pixel_rows
 from atra.compiled.memory import doubles_at, floats_at, identities_at, integers_at, store
 from atra.compiled.store import kernel, njit
 from atra.compiled.vectors import arange, bits_of, mask_of, rarely, smaller, splat, where
@@ -73,7 +73,7 @@ def _take_narrow(  # type: ignore[no-untyped-def]
     left, right = int(values[LEFT * BATCH]), int(values[RIGHT * BATCH])
     first, last, ny = int(values[FIRST * BATCH]), int(values[LAST * BATCH]), lanes // nx
     above = first % ny
-    columns, rows = columns_of(lanes, nx), rows_of(lanes, nx) - splat(np.float32(above), lanes)
+    columns, rows = pixel_columns(lanes, nx), pixel_rows(lanes, nx) - splat(np.float32(above), lanes)
     surely, hardly = splat(values[ROUNDING * BATCH], lanes), splat(-values[ROUNDING * BATCH], lanes)
     (first0, first1, first2), (column0, column1, column2), (row0, row1, row2) = edges_at(values, lanes)
     within0, within1, within2 = first0 + rows * row0, first1 + rows * row1, first2 + rows * row2

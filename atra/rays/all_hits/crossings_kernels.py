@@ -20,7 +20,7 @@ from atra.exact.lines_kernels import (
     plane_sign,
     touching_sign,
 )
-from atra.exact.sums_kernels import UNIT
+from atra.exact.sums_kernels import UNIT, out_of_line
 from atra.trees.layout import BLOCK, IDS
 
 _ZERO = np.float32(0.0)
@@ -179,7 +179,7 @@ _PLANE_ROUNDINGS = 32.0
 """Largest error of a volume, in roundings of the product of its three lengths (sums of components); there are 12."""
 
 
-@njit
+@out_of_line
 def crossing(block, k, o, d, tnear, tfar, major, exact, touches):  # type: ignore[no-untyped-def]
     """(sign, t, error, u, v) of the crossing of a ray and the k-th triangle of the block at an address, tnear <= t <
     tfar.
@@ -234,14 +234,14 @@ def crossing_of(block, k, is_sure, line, areas, ray, ends, exact, touches):  # t
     return sign, t, error, u, v
 
 
-@njit
+@out_of_line
 def parameter(block, k, o, d, exact):  # type: ignore[no-untyped-def]
     """t of a triangle that a ray crosses, right to a unit of float64."""
     a, b, c = _point(block, k), _point(block + 3 * _ROW, k), _point(block + 6 * _ROW, k)
     return plane_parameter(o, d, a, b, c, exact)
 
 
-@njit
+@out_of_line
 def is_before(block, k, other, m, o, d, exact):  # type: ignore[no-untyped-def]
     """Whether a ray meets the k-th triangle of a block before the m-th of another, both of which it crosses; where it
     meets them at one place, whether the former has the lower prim_id."""

@@ -12,6 +12,7 @@ from atra.compiled.intrinsics import fetch_add, int32_at, uint32_at
 from atra.compiled.lanes import first_bit
 from atra.compiled.store import float_kernel, kernel, njit
 from atra.exact.lines_kernels import plane_parameter
+from atra.exact.sums_kernels import out_of_line
 from atra.rays.all_hits.boxes_kernels import box_ray, child_node, entered, first_block, start_of
 from atra.rays.all_hits.crossings_kernels import candidates, crossing_of, line_of, prim_id_of
 from atra.rays.all_hits.groups_kernels import GROUP, find_together
@@ -39,7 +40,7 @@ class Close(NamedTuple):
     exact: int
 
 
-@njit
+@out_of_line
 def _settled(close, prim_id):  # type: ignore[no-untyped-def]
     """t of a hit, right to a unit."""
     face = close.tree.faces + 12 * np.int64(prim_id)
@@ -49,7 +50,7 @@ def _settled(close, prim_id):  # type: ignore[no-untyped-def]
     return plane_parameter(close.o, close.d, a, b, c, close.exact) * close.scale
 
 
-@njit
+@out_of_line
 def _sort(found, first, count):  # type: ignore[no-untyped-def]
     """Sort hits by t, and by prim_id where it is the same."""
     for gap in _GAPS:
@@ -68,7 +69,7 @@ def _sort(found, first, count):  # type: ignore[no-untyped-def]
             found.t[into], found.prim_id[into], found.u[into], found.v[into] = t, prim_id, u, v
 
 
-@njit
+@out_of_line
 def _settle(found, first, count, most, close):  # type: ignore[no-untyped-def]
     """Make t of sorted hits that are close to each other right, and sort anew; beyond the first `most` only those that
     are close to one of these."""

@@ -11,7 +11,7 @@ from atra.compiled.store import njit
 from atra.compiled.vectors import bits_of, fused, larger, mask_of, rounded, smaller, splat, where
 from atra.compiled.vectors import lane as lane_of
 from atra.exact.lines_kernels import major_axis
-from atra.exact.sums_kernels import UNIT
+from atra.exact.sums_kernels import UNIT, out_of_line
 from atra.rays.all_hits.boxes_kernels import BOX_MARGIN
 from atra.rays.all_hits.crossings_kernels import PRECISE, are_sure, areas_of, crossing, is_before, laid_corner
 from atra.rays.all_hits.memory import RAY_LANES
@@ -72,7 +72,7 @@ def crossed(at, line, memory):  # type: ignore[no-untyped-def]
     return sure & bits_of((t >= tnear) & (tfar > t)), maybe & ~sure
 
 
-@njit
+@out_of_line
 def _before_others(rays, place, memory, places, exact):  # type: ignore[no-untyped-def]
     """Bits of the rays among some, which float64 does not tell of, whose nearest hits so far lie behind a triangle."""
     nearer = np.int64(0)
@@ -120,7 +120,7 @@ def ray_of(memory, lane):  # type: ignore[no-untyped-def]
     return (at[0], at[RAY_LANES], at[2 * RAY_LANES]), (at[3 * RAY_LANES], at[4 * RAY_LANES], at[5 * RAY_LANES])
 
 
-@njit
+@out_of_line
 def cross_exactly(place, rays, memory, exact, touches):  # type: ignore[no-untyped-def]
     """Bits of the rays among some, which float64 does not tell of, that cross a triangle; writes their parameters."""
     at, hits = doubles_at(memory), np.int64(0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from atra.choices import check_choice, check_flags
-from atra.compiled.instruction_sets import LANES, chosen_instruction_set
+from atra.compiled.instruction_sets import LANE_COUNTS, chosen_instruction_set
 from atra.compiled.threads import resolve_threads
 from atra.tracing.tracer import TIES
 
@@ -29,6 +29,6 @@ class BvhOptions:
         resolve_threads(self.threads)
         chosen_instruction_set()
         check_choice("ties", self.ties, TIES)
-        check_choice("packet_width", self.packet_width, (1, *LANES))
+        check_choice("packet_width", self.packet_width, (1, *LANE_COUNTS))
         check_choice("traversal", self.traversal, ("push", "pop"))
         check_flags(robust=self.robust)

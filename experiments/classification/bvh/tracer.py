@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.compiled.threads import WorkerPool
-from atra.embree.packets_kernels import Image, RayGrid
+from atra.embree.packets_kernels import RayGrid, TracedImage
 from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range, from_eye_space, ray_axes, unseen_from
@@ -62,9 +62,9 @@ class PreparedBvh(Prepared):
 
     def draw(self, offset: tuple[float, float], depth: NDArray[np.float32], prim_id: NDArray[np.uint32]) -> None:
         """See `Prepared.draw`."""
-        self._run(offset, Image(depth, prim_id), counting=False)
+        self._run(offset, TracedImage(depth, prim_id), counting=False)
 
-    def count(self, image: Image, offset: tuple[float, float] = (0.5, 0.5)) -> NDArray[np.int64]:
+    def count(self, image: TracedImage, offset: tuple[float, float] = (0.5, 0.5)) -> NDArray[np.int64]:
         """Trace a frame into `image` with counting, which is slower; returns the counters of `bvh.single`,
         (COUNTS,) int64. Ties stay as found. Raises InputError for arrays of another size than the camera's."""
         outputs((self.camera.height, self.camera.width), self.camera.width, (image.depth, image.prim_id))
@@ -73,7 +73,7 @@ class PreparedBvh(Prepared):
         self._run(offset, image, counting=True)
         return np.sum([memory.counts for memory in self._memories], axis=0)
 
-    def _run(self, offset: tuple[float, float], image: Image, counting: bool) -> None:
+    def _run(self, offset: tuple[float, float], image: TracedImage, counting: bool) -> None:
         shape, camera, tree = SQUAREST_SHAPE[self.options.packet_width], self.camera, self.bvh.tree
         push, robust = self.options.traversal == "push", self.options.robust
         if isinstance(camera, LensView):

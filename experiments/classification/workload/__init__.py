@@ -129,7 +129,7 @@ CLASSIFICATION = Workload(
         *_ratio_columns("speedup_vs_sorted", "sorted packets of Embree / this, in the same rounds", series(SORTED)),
     ),
     headline=_headline,
-    room=__name__,
+    package=__name__,
     samples=lambda point: frozenset((OWN, PLAIN, SINGLE)),
     optional=frozenset((*PACKETS.values(), SORTED)),
     judged=OWN,

@@ -44,7 +44,7 @@ def look_around(seconds: float = _LOOK_S) -> Busy:
     """What uses the cores of this process for so many seconds, this process and its descendants not counted."""
     before, start = _process_times(), Moment.now()
     time.sleep(seconds)
-    found = start.until(Moment.now())
+    busy = start.until(Moment.now())
     used = {
         (pid, name): (spent - before[pid, name]) / (seconds * start.cores)
         for (pid, name), spent in _process_times().items()
@@ -52,20 +52,20 @@ def look_around(seconds: float = _LOOK_S) -> Busy:
     }
     most = sorted(used.items(), key=lambda one: -one[1])[:_MOST_NAMED]
     names = tuple((name, share) for (_, name), share in most if share > _LEAST_NAMED)
-    if found is None:
+    if busy is None:
         return Busy(0.0, 0.0)
-    return Busy(found.others_share, found.stolen_share or 0.0, names)
+    return Busy(busy.others_share, busy.stolen_share or 0.0, names)
 
 
 def _process_times() -> dict[tuple[int, str], float]:
     """Seconds of processor of every process but this one and its descendants, by number and name."""
     own = {os.getpid(), *(child.pid for child in psutil.Process().children(recursive=True))}
-    found = {}
+    times = {}
     for process in psutil.process_iter(["pid", "name", "cpu_times"]):
         spent = process.info["cpu_times"]
         if spent is not None and process.info["pid"] not in own:
-            found[process.info["pid"], str(process.info["name"])] = spent.user + spent.system
-    return found
+            times[process.info["pid"], str(process.info["name"])] = spent.user + spent.system
+    return times
 
 
 @dataclass

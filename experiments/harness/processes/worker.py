@@ -106,9 +106,9 @@ def _with_notes(told: str, error: Exception) -> str:
 def _own_lines(point: Point, error: Exception) -> dict[str, Any]:
     """The lines of another's method that an error passed through, the outermost first, as results of its record."""
     frames = () if point.method.is_ours else traceback.extract_tb(error.__traceback__)
-    own = [one for one in frames if not any(Path(one.filename).is_relative_to(folder) for folder in _OURS)]
+    own = [frame for frame in frames if not any(Path(frame.filename).is_relative_to(folder) for folder in _OURS)]
     told = [*own[:_MOST_LINES], *own[_MOST_LINES:][-_MOST_LINES:]]
-    lines = [f"{one.filename}:{one.lineno} in {one.name}: {one.line}" for one in told]
+    lines = [f"{frame.filename}:{frame.lineno} in {frame.name}: {frame.line}" for frame in told]
     return {METHOD_LINES: lines} if lines else {}
 
 

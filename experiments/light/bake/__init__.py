@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from atra.compiled.instruction_sets import LANES
+from atra.compiled.instruction_sets import LANE_COUNTS
 from atra.errors import InputError
 from atra.light.lightmaps.options import BakeOptions
 from atra.light.oidn import check_denoiser
@@ -87,7 +87,10 @@ class BakeSettings(UnderSky):
     )
     adaptive: bool = option(False, "skip texels whose mean is within 1 % with a confidence of 99 %")
     packets: int | None = option(
-        1, "rays in a packet; 1 = single rays, null = the widest native packets", choices=(1, *LANES), null="widest"
+        1,
+        "rays in a packet; 1 = single rays, null = the widest native packets",
+        choices=(1, *LANE_COUNTS),
+        null="widest",
     )
     batch_rays: int = option(1 << 19, "rays in flight, of all threads together; determines the memory")
     expansion: int = option(16, "samples of a texel side by side in a batch")
@@ -241,7 +244,7 @@ BAKE = Workload(
         *statistics_columns("adaptive_speedup{}", "time of a full map / an adaptive one", _result("adaptive_speedup")),
     ),
     headline=_headline,
-    room=__name__,
+    package=__name__,
     samples=_of_view,
     judged=OWN,
     needs=("rays_per_round", "lane_utilisation", "buffer_bytes", "texels"),

@@ -78,7 +78,7 @@ BAKE_RAYS = Workload(
         Column("rays_undecided", WHOLE, "others whose rounding decides: at a triangle's rim, or on one", over=max),
     ),
     headline=_headline,
-    room=__name__,
+    package=__name__,
     samples=lambda _: frozenset((OWN, ONE_BY_ONE, TOGETHER)),
     judged=OWN,
     needs=("rays_compared", "rays_different"),

@@ -218,7 +218,7 @@ RENDER = Workload(
         *statistics_columns("samples_vs_mitsuba{}", "samples a second / Mitsuba 3's", over_own(series(MITSUBA))),
     ),
     headline=_headline,
-    room=__name__,
+    package=__name__,
     samples=_samples,
     needs=(*needs_of(Resources, Images, Preparation), "rays", "stages", "stages_over_frame"),
     optional=BESIDE_BASELINES.optional,

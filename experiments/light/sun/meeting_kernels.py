@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from llvmlite import ir
 from numba import types
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from atra.compiled.intrinsics import address_at, fetch_add, set_bits_at, uint32_at
+from atra.compiled.intrinsics import address_at, emitting, fetch_add, pointer_at, uint32_at
 from atra.compiled.lanes import nonzero_lanes
 from atra.compiled.memory import store
 from atra.compiled.store import callback, kernel
@@ -22,6 +24,18 @@ from atra.embree.packets_kernels import INFINITY, intersect
 from experiments.light.sun.tiles_kernels import ALL, SIDE
 
 _ANSWERS = RayQueryContext.depth_address.offset
+
+
+@intrinsic
+def _set_bits_at(typingctx: Any, address: Any, bits: Any) -> Any:
+    """Set bits in the uint16 at an address; bits: int64 below 2^16."""
+
+    def emit(builder: ir.IRBuilder, address: ir.Value, bits: ir.Value) -> None:
+        kind = ir.IntType(16)
+        pointer = pointer_at(builder, address, kind.as_pointer())
+        builder.store(builder.or_(builder.load(pointer), builder.trunc(bits, kind)), pointer)
+
+    return types.void(types.int64, types.int64), emitting(emit)
 
 
 @cache
@@ -40,7 +54,7 @@ def noting_filter(width: int) -> int:
         if given == np.uint32(width):
             prim_id = uint32_at(address_at(arguments + HIT) + hit_prim_id)
             tile = address_at(address_at(arguments + USER_DATA) + np.int64(prim_id) * 8)
-            set_bits_at(address_at(context + _ANSWERS) + 2 * tile, bits_of(nonzero_lanes(valid, width)))
+            _set_bits_at(address_at(context + _ANSWERS) + 2 * tile, bits_of(nonzero_lanes(valid, width)))
             store(splat(np.int32(0), width), valid)
         else:
             refuse(context, valid, given)

@@ -20,13 +20,13 @@ from atra.embree.packets_kernels import (
     set_pixel_ray,
     set_unlimited,
 )
-from atra.geometry.projection_kernels import CHUNK, CORNERS, meet_cells
+from atra.geometry.projection_kernels import CHUNK, CORNERS, find_columns, find_rows
 
 
 @kernel
 def list_cells(counter_address, points_pixels, faces, nx, ny, cell_width, cell_height, starts, cells):  # type: ignore[no-untyped-def]
     """Write the cells that triangle t meets, as row-major numbers, to cells[starts[t]:starts[t + 1]]."""
-    corners, columns = np.empty((3, CORNERS, 3)), np.empty((ny, 2), np.int64)
+    polygon, first, second = np.empty((CORNERS, 3)), np.empty((CORNERS, 3)), np.empty((CORNERS, 3))
     while True:
         start = fetch_add(counter_address, 1) * CHUNK
         if start >= len(faces):
@@ -35,9 +35,10 @@ def list_cells(counter_address, points_pixels, faces, nx, ny, cell_width, cell_h
             copy = starts[triangle]
             if copy == starts[triangle + 1]:
                 continue
-            top, bottom = meet_cells(points_pixels, faces, triangle, nx, ny, cell_width, cell_height, corners, columns)
-            for j in range(top, bottom + 1):
-                for i in range(columns[j, 0], columns[j, 1] + 1):
+            met = find_rows(points_pixels, faces, triangle, cell_height, ny, polygon, first)
+            for j in range(met.first, met.last + 1):
+                left, right = find_columns(met, polygon, j, cell_width, cell_height, nx, first, second)
+                for i in range(left, right + 1):
                     cells[copy] = j * nx + i
                     copy += 1
 

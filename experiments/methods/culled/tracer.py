@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from atra.alignment.cells import CellOptions
 from atra.compiled.threads import WorkerPool
 from atra.embree.callbacks_kernels import memory_monitor
-from atra.embree.packets_kernels import Image, RayGrid
+from atra.embree.packets_kernels import RayGrid, TracedImage
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.projection import count_kept, project_vertices
@@ -108,7 +108,7 @@ class PreparedTiles:
         split, workspaces = self._split, self._workspaces
         sizes = split.nx, split.cell_width, split.cell_height
         cells = CellScenes(self.scenes.handles, self._cell_starts, self.geometry.records, *sizes)
-        rays, image = RayGrid(*image_ray_grid(self._camera, offset)), Image(depth, prim_id)
+        rays, image = RayGrid(*image_ray_grid(self._camera, offset)), TracedImage(depth, prim_id)
         kernel = tile_kernel(*self._packet_shape)
 
         def work(worker: int, counter: int) -> None:

@@ -12,10 +12,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from atra.files.paths import write_atomically
+from atra.files.saving import encode_png
 from atra.judge.compare import Verdict
 from atra.judge.marks import mark_verdicts
 from experiments.drawing.figure import Axis, Bar, Figure, Panel
-from experiments.drawing.shading import encode_png
 from experiments.drawing.style import BLACK, BLUE, GREY, TIMES
 from experiments.drawing.values import column, numbers
 from experiments.harness.records import load_record

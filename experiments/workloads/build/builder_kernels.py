@@ -3,15 +3,28 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numpy as np
+from llvmlite import ir
 from numba import types
+from numba.extending import intrinsic
 
-from atra.compiled.intrinsics import add_at, address_at, float_at
+from atra.compiled.intrinsics import address_at, emitting, float_at, pointer_at
 from atra.compiled.store import callback, kernel, njit
 
 COST_WORDS = 2
 """Sums, float64, that the builder's callbacks add to: half the areas of all children, and of leaves times triangles."""
+
+
+@intrinsic
+def _add_at(typingctx: Any, address: Any, value: Any) -> Any:
+    """Add to the float64 at an address, atomically."""
+
+    def emit(builder: ir.IRBuilder, address: ir.Value, value: ir.Value) -> None:
+        builder.atomic_rmw("fadd", pointer_at(builder, address, ir.DoubleType().as_pointer()), value, "monotonic")
+
+    return types.void(types.int64, types.float64), emitting(emit)
 
 
 @njit(forceinline=True)
@@ -59,7 +72,7 @@ def builder_callbacks() -> tuple[int, int, int, int]:
                 float_at(box), float_at(box + 4), float_at(box + 8),
                 float_at(box + 16), float_at(box + 20), float_at(box + 24),
             )  # fmt: skip
-            add_at(cost, area)
+            _add_at(cost, area)
 
     @callback(types.int64(types.int64, types.int64, types.uint64, types.int64))
     def create_leaf(allocator, primitives, count, cost):  # type: ignore[no-untyped-def]
@@ -70,7 +83,7 @@ def builder_callbacks() -> tuple[int, int, int, int]:
             low_x, high_x = min(low_x, float_at(box)), max(high_x, float_at(box + 16))
             low_y, high_y = min(low_y, float_at(box + 4)), max(high_y, float_at(box + 20))
             low_z, high_z = min(low_z, float_at(box + 8)), max(high_z, float_at(box + 24))
-        add_at(cost + 8, count * _half_area(low_x, low_y, low_z, high_x, high_y, high_z))
+        _add_at(cost + 8, count * _half_area(low_x, low_y, low_z, high_x, high_y, high_z))
         return cost
 
     functions = (create_node, set_node_children, set_node_bounds, create_leaf)

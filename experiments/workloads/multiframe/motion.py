@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from atra.alignment.alignment import Alignment, Split
 from atra.alignment.frames import FramesTracer
 from atra.errors import InputError
-from atra.geometry.camera import Camera, Vector
+from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
+from atra.geometry.numbers import Vector
 from experiments.harness.point import Point
 from experiments.methods.options import keywords_of
 

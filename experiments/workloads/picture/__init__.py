@@ -6,8 +6,9 @@ import base64
 from contextlib import ExitStack
 from typing import TypedDict
 
+from atra.files.saving import encode_png
 from atra.judge.compare import compare
-from experiments.drawing.shading import difference_picture, encode_png, shade
+from experiments.drawing.shading import difference_picture, shade
 from experiments.harness.point import Measured, Point
 from experiments.workloads.images import Images, summed
 from experiments.workloads.resources import Resources, say_memory

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.compiled.threads import WorkerPool
-from atra.embree.packets_kernels import Image, RayGrid
+from atra.embree.packets_kernels import RayGrid, TracedImage
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
@@ -74,7 +74,7 @@ class PreparedSurface(PreparedPixel):
     def draw(self, offset: tuple[float, float], depth: NDArray, prim_id: NDArray) -> None:
         shape, workspaces = self.method.packet_shape, self.workspaces
         tiles, scene, surface = self.tiles, self.scene.address, self.surface
-        rays, image = RayGrid(*image_ray_grid(self.camera, offset, shape)), Image(depth, prim_id)
+        rays, image = RayGrid(*image_ray_grid(self.camera, offset, shape)), TracedImage(depth, prim_id)
         kernel = surface_kernel(*shape)
 
         def work(worker: int, counter: int) -> None:

@@ -1,0 +1,281 @@
+"""Tables and numbers of documents, made from stored tables as a description in TOML says.
+
+A table has a cell for each of its rows and columns. What the table, the row and the column say is united, and describes
+the cell:
+
+    sweep   folder under reports/reference whose table.parquet and processes.parquet are read
+    where   which points: column -> value, a list of them, or a test (`experiments.results.queries`)
+    pick    which of several points: best = best split (`experiments.workloads.series.best_rows`), first, all, or
+            lowest NAME; sum, max, min, median = that of every column. Without it there must be one point alone
+    cell    text with fields {EXPRESSION:FORM}, of columns of the point
+    over    for ratios, in which columns the other point differs
+    empty   text of a cell that has no point or no value; without it that is an error
+
+FORM is one of `_FORMS`, or a format of Python; without one a number has three digits.
+
+    rows, columns   a list of {head = text, where = ..., cell = ...}; "scenes" stands for the paper's four
+    each            columns whose values have a row each, in their order, beneath `label`, a text with fields
+    corner          head of the first column
+    align           a letter for each column, l or r
+    function        instead: what `experiments.documents.functions` calls the function that makes the rows; head = heads
+    claims          instead: claims.json of the sweep, by ids or all; leave_out = those whose id begins so; tell = the
+                    column between text and verdict
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from itertools import product
+from math import floor, log10
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from experiments.methods import find_method
+from experiments.results.intervals import with_intervals
+from experiments.results.queries import check_keys, chosen
+from experiments.results.statistics import Estimate
+from experiments.results.table import rename_workloads
+from experiments.workloads.series import best_rows
+from scenes.directory import PAPER_SCENES as SCENES
+
+ROOT = Path(__file__).resolve().parents[2]
+REFERENCE = ROOT / "reports" / "reference"
+TIMES = "\N{MULTIPLICATION SIGN}"
+_FIELD = re.compile(r"\{([^{}:]*)(?::([^{}]*))?\}")
+_OF_CELLS = ("sweep", "where", "pick", "cell", "over", "empty")
+_OF_TABLES = (
+    "rows", "columns", "each", "label", "corner", "align", "function", "head", "claims", "tell", "leave_out",
+)  # fmt: skip
+_SUMMARIES = ("sum", "max", "min", "median")
+
+Spec = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What is kept of a sweep. points: a row a point. processes: a row a process of it. claims: those judged."""
+
+    points: pd.DataFrame
+    processes: pd.DataFrame = field(default_factory=pd.DataFrame)
+    claims: list[dict[str, Any]] = field(default_factory=list)
+
+
+@cache
+def kept_of(sweep: str) -> Kept:
+    """Read once, as a table of hundreds of columns takes a tenth of a second."""
+    folder = REFERENCE / sweep
+    points, processes = (
+        rename_workloads(pd.read_parquet(path)) if path.exists() else pd.DataFrame()
+        for path in (folder / "table.parquet", folder / "processes.parquet")
+    )
+    if len(processes):
+        points = with_intervals(points, processes)
+    claims = folder / "claims.json"
+    return Kept(points, processes, json.loads(claims.read_text(encoding="utf-8")) if claims.exists() else [])
+
+
+def united(*specs: Spec) -> dict[str, Any]:
+    """What several descriptions say together; of what two say the later holds, but conditions add up."""
+    found: dict[str, Any] = {}
+    for spec in specs:
+        for name, value in spec.items():
+            found[name] = {**found.get(name, {}), **value} if name in ("where", "over") else value
+    return found
+
+
+def table_lines(spec: Spec, functions: Mapping[str, Callable[..., Any]]) -> list[str]:
+    """The lines of a table in Markdown. Raises ValueError naming what a cell lacks, or a key that nothing reads."""
+    check_keys("a table", spec, {*_OF_CELLS, *_OF_TABLES})
+    if "function" in spec:
+        heads, rows = spec["head"], [list(row) for row in functions[spec["function"]](spec["sweep"])]
+    elif "claims" in spec:
+        heads, rows = spec["head"], list(_claims(spec))
+    else:
+        across = list(_entries(spec.get("columns", ["scenes"]), ""))
+        heads = [spec.get("corner", ""), *(column["head"] for column in across)]
+        down = list(_rows(spec))
+        changed = {name for one in (*across, *down) for name in (*one.get("where", ()), *one.get("over", ()))}
+        shared = {name: value for name, value in spec.get("where", {}).items() if name not in changed}
+        spec = {**spec, "shared": {name: shared[name] for name in shared if name not in spec.get("over", ())}}
+        rows = [[row["head"], *(cell_text(united(spec, row, column)) for column in across)] for row in down]
+    align = spec.get("align", "l" + "r" * (len(heads) - 1))
+    rule = "|" + "|".join({"l": "---", "r": "---:"}[letter] for letter in align) + "|"
+    lines = [table_row(*heads), rule, *(table_row(*row) for row in rows)]
+    if any(line.count(" | ") != lines[0].count(" | ") for line in lines[2:]) or not rows:
+        raise ValueError(f"a table of {spec['sweep']} has rows of another length than {heads}, or none")
+    return lines
+
+
+def cell_text(spec: Spec) -> str:
+    points = _picked(spec)
+    if not len(points):
+        if "empty" not in spec:
+            raise ValueError(f"{spec['sweep']} has no point with {spec.get('where')}")
+        return str(spec["empty"])
+    return _filled(spec["cell"], points, spec)
+
+
+def _filled(text: str, points: pd.DataFrame, spec: Spec) -> str:
+    return _FIELD.sub(lambda found: _field(found[1], found[2], points, spec), text)
+
+
+def _entries(entries: list[Any], quote: str) -> Iterator[Spec]:
+    for entry in entries:
+        if entry == "scenes":
+            yield from ({"head": f"{quote}{scene}{quote}", "where": {"scene": scene}} for scene in SCENES)
+        else:
+            check_keys("a row or column", entry, {*_OF_CELLS, "head"})
+            yield entry
+
+
+def _rows(spec: Spec) -> Iterator[Spec]:
+    outer: list[Spec] = [{}]
+    if "each" in spec:
+        names, points = spec["each"], _measured(spec)
+        outer = []
+        for values, rows in points.groupby(names, sort=True):
+            label = _filled(spec["label"], rows, spec)
+            outer.append({"head": label, "where": dict(zip(names, values, strict=True))})
+    inner = list(_entries(spec.get("rows", [{}]), "`"))
+    for one, other in product(outer, inner):
+        yield united(one, other, {"head": ", ".join(row["head"] for row in (one, other) if "head" in row)})
+
+
+def _measured(spec: Spec) -> pd.DataFrame:
+    points = _points(spec["sweep"], json.dumps(spec.get("shared", {})))
+    return points[chosen(points, spec.get("where", {}))]
+
+
+@cache
+def _points(sweep: str, where: str) -> pd.DataFrame:
+    """The measured points of a sweep that all cells of a table have in common, without empty columns: picking from
+    hundreds of columns takes time."""
+    points = kept_of(sweep).points
+    points = points[chosen(points, {**({"status": "ok"} if "status" in points else {}), **json.loads(where)})]
+    return points.dropna(axis="columns", how="all")
+
+
+def _picked(spec: Spec) -> pd.DataFrame:
+    points, pick = _measured(spec), spec.get("pick", "")
+    if pick == "all" or not len(points):
+        return points
+    if pick in _SUMMARIES:
+        return getattr(points, pick)(numeric_only=True).to_frame().T
+    if pick.startswith("lowest "):
+        known = points[points[_FIELD.findall(spec["cell"])[0][0]].notna()]
+        return known.sort_values(pick.removeprefix("lowest "), kind="stable").head(1)
+    found = {"best": best_rows, "first": lambda rows: rows.head(1), "": lambda rows: rows}[pick](points)
+    if len(found) != 1:
+        raise ValueError(f"{spec['sweep']} has {len(found)} points with {spec.get('where')}, expected one")
+    return found
+
+
+def _field(expression: str, form: str | None, points: pd.DataFrame, spec: Spec) -> str:
+    row = points.iloc[0]
+    if expression in ("split", "(split)"):
+        if pd.isna(row.get("split_x")):
+            return ""
+        split = f"{int(row['split_x']):,} {TIMES} {int(row['split_y']):,}"
+        return f" ({split})" if expression == "(split)" else split
+    if form in _FORMS:
+        return _FORMS[form](expression, points, spec)
+    value = _value(expression, row)
+    if "empty" in spec and pd.isna(value):
+        return str(spec["empty"])
+    if form:
+        return format(value, form)
+    return digits(value) if isinstance(value, float) else str(value)
+
+
+def _value(expression: str, row: Any) -> Any:
+    return row[expression] if expression in row else eval(expression, {"__builtins__": {}}, row)
+
+
+def _interval(expression: str, points: pd.DataFrame, spec: Spec) -> str:
+    """Without an interval where there is none."""
+    row = points.iloc[0]
+    if pd.isna(row[f"{expression}_low"]):
+        return digits(row[expression])
+    return f"{digits(row[expression])} [{digits(row[f'{expression}_low'])}, {digits(row[f'{expression}_high'])}]"
+
+
+def _inverse(expression: str, points: pd.DataFrame, spec: Spec) -> str:
+    value, high, low = (digits(1.0 / points.iloc[0][f"{expression}{end}"]) for end in ("", "_low", "_high"))
+    return f"{value} [{low}, {high}]"
+
+
+def _estimate(expression: str, points: pd.DataFrame, spec: Spec) -> Estimate:
+    """The mean over a point's processes."""
+    processes = kept_of(spec["sweep"]).processes
+    mine = chosen(processes, {"status": "ok", "point_id": points.iloc[0]["point_id"]})
+    return Estimate.of(processes[expression][mine].astype(float).tolist())
+
+
+def _ratio(expression: str, one: pd.DataFrame, other: pd.DataFrame, spec: Spec) -> str:
+    """Of two points, which share no process."""
+    if one.iloc[0]["point_id"] == other.iloc[0]["point_id"]:
+        return "1"
+    return say(_estimate(expression, one, spec).over(_estimate(expression, other, spec)))
+
+
+def _other(spec: Spec) -> pd.DataFrame:
+    return _picked(united(spec, {"where": spec["over"]}))
+
+
+_FORMS: dict[str | None, Callable[[str, pd.DataFrame, Spec], str]] = {
+    "interval": _interval,
+    "inverse": _inverse,
+    "estimate": lambda name, points, spec: say(_estimate(name, points, spec)),
+    "ratio": lambda name, points, spec: _ratio(name, points, _other(spec), spec),
+    "under": lambda name, points, spec: _ratio(name, _other(spec), points, spec),
+    "quotient": lambda name, points, spec: digits(points.iloc[0][name] / _other(spec).iloc[0][name]),
+    "span": lambda name, points, spec: span(_value(name, row) for _, row in points.iterrows()),
+    "list": lambda name, points, spec: ", ".join(digits(value) for value in points[name]),
+    "rows": lambda name, points, spec: f"{len(points):,}",
+    "method": lambda name, points, spec: find_method(points.iloc[0][name]).label,
+    "never": lambda name, points, spec: "never" if pd.isna(value := points.iloc[0][name]) else f"{value:,.0f}",
+}
+"""interval, inverse: with its interval, from the point. estimate, ratio, under (the ratio turned round): from
+processes. quotient: of points. span, list, rows: of several points. method: its label."""
+
+
+def _claims(spec: Spec) -> Iterator[list[str]]:
+    """A row a claim: its text, another of its columns, and its verdict, under each reading where it has several."""
+    rows: dict[tuple[str, str], list[str]] = {}
+    for claim in kept_of(spec["sweep"]).claims:
+        if claim["id"].startswith(tuple(spec.get("leave_out", ()))) or claim["id"] not in (
+            spec["claims"] if isinstance(spec["claims"], list) else [claim["id"]]
+        ):
+            continue
+        text = f"{claim['text']} (an inference of ours)" if claim["inferred"] else claim["text"]
+        shown = f"{claim['reading']}: {claim['verdict']}" if claim["reading"] else claim["verdict"]
+        rows.setdefault((text, claim[spec["tell"]] or "-"), []).append(shown)
+    yield from ([*key, "; ".join(verdicts)] for key, verdicts in rows.items())
+
+
+def digits(value: float, count: int = 3) -> str:
+    """So many significant digits, but two decimals at most: 16.5, 9.25, 0.68."""
+    decimals = count - 1 - floor(log10(value))
+    return f"{value:.{min(max(decimals, 0), 2)}f}"
+
+
+def say(estimate: Any) -> str:
+    """ "2.40 [2.39, 2.46]"."""
+    return f"{digits(estimate.value)} [{digits(estimate.low)}, {digits(estimate.high)}]"
+
+
+def span(values: Any) -> str:
+    """ "1.22 to 1.98", or "0.98" where both ends are written alike."""
+    known = [value for value in values if not pd.isna(value)]
+    low, high = digits(min(known)), digits(max(known))
+    return low if low == high else f"{low} to {high}"
+
+
+def table_row(*cells: Any) -> str:
+    return "| " + " | ".join(str(cell) for cell in cells) + " |"

@@ -1,0 +1,56 @@
+"""The reference that the documentation's build makes of the code: it is complete, and says what everything means."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import runpy
+import sys
+from types import ModuleType
+
+import pytest
+
+from experiments.reference.page import command_line, configuration_keys, table_columns
+from experiments.results.table import columns
+from tests.folders import ROOT
+
+
+@pytest.fixture
+def parts(monkeypatch):
+    """docs/site_parts.py, without Sphinx's gallery."""
+    scrapers = ModuleType("sphinx_gallery.scrapers")
+    scrapers.figure_rst = None
+    monkeypatch.setitem(sys.modules, "sphinx_gallery", ModuleType("sphinx_gallery"))
+    monkeypatch.setitem(sys.modules, "sphinx_gallery.scrapers", scrapers)
+    return runpy.run_path(str(ROOT / "docs" / "site_parts.py"))
+
+
+def test_every_public_name_stands_on_one_page_of_the_reference(parts):
+    pages = parts["PUBLIC_NAMES"].values()
+    for package in ("atra", "atra.light"):
+        listed = [name for _, of, names in pages if of == package for name in names.split()]
+        assert sorted(listed) == sorted(importlib.import_module(package).__all__)
+
+
+def test_every_example_is_run_for_the_gallery(parts):
+    examples = {path.stem for path in (ROOT / "examples").glob("*.py") if "\ndef main(" in path.read_text("utf-8")}
+    assert set(parts["_ARGUMENTS"]) == examples
+
+
+def test_links_to_files_outside_of_the_pages_become_their_names(parts):
+    source = ["[table](../reports/reference/rays), [all](../reports/reference/tables.md#rays), [rays](rays.md)"]
+    parts["link_to_the_repository"](None, "methods", source)
+    assert source == ["table (`reports/reference/rays`), [all](reference/tables.md#rays), [rays](rays.md)"]
+
+
+@pytest.mark.parametrize("section", [command_line, configuration_keys, table_columns])
+def test_every_option_key_and_column_says_what_it_means(section):
+    rows = [line for line in section().splitlines() if line.startswith("| `")]
+    assert len(rows) > 10
+    assert [row for row in rows if not row.split("|")[-2].strip()] == []
+
+
+def test_every_column_of_a_result_table_is_in_the_reference():
+    """As a column, or as the key of the same name."""
+    listed = set(re.findall(r"^\| `(?:\w+\.)?(\w+)`", configuration_keys() + table_columns(), re.M))
+    assert set(columns()) <= listed
