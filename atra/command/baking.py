@@ -41,7 +41,8 @@ def add_bake(parser: ArgumentParser) -> None:
     parser.add_argument("--bounces", type=int, default=BOUNCES, help=f"most reflections (default: {BOUNCES})")
     parser.add_argument(
         "--lights", choices=("uniform", "grid"), default="uniform",
-        help="choice of lights at a reflection; grid has less noise with hundreds of lights (default: uniform)",
+        help="choice of lights at a reflection; grid has less noise with hundreds of lights, and takes all surfaces as "
+        "dull (default: uniform)",
     )  # fmt: skip
     parser.add_argument("--live", action="store_true", help="show the map on a page while it bakes (extra viewer)")
     add_page(parser)
@@ -68,7 +69,7 @@ def run_bake(given: Namespace) -> int:
     scene = BakeScene.of(lit)
     print(f"{printable(given.mesh.name)}: charts of {lit.mesh.triangle_count:,} triangles", flush=True)
     options: dict[str, Any] = {"bounces": given.bounces, "lights": given.lights, "threads": given.threads}
-    with Baker(scene, Atlas.unwrap(lit.mesh, given.size), **options) as baker:
+    with Baker(lit if given.lights == "uniform" else scene, Atlas.unwrap(lit.mesh, given.size), **options) as baker:
         texels = baker.texels
         print(
             f"{len(texels):,} texels in {texels.atlas.charts} charts on {texels.atlas.width} x {texels.atlas.height}, "
@@ -79,7 +80,7 @@ def run_bake(given: Namespace) -> int:
         start = perf_counter()
         try:
             if given.live:
-                _bake_live(baker, given, camera)
+                _bake_live(baker, scene, given, camera)
             else:
                 with progress_line() as tell:
                     bake(baker, given.samples, tell)
@@ -125,7 +126,7 @@ def _view(lightmap: Lightmap, scene: BakeScene, camera: Camera, given: Namespace
     return [folder / f"{name}.png" for name in pictures]
 
 
-def _bake_live(baker: Baker, given: Namespace, camera: Camera) -> None:
+def _bake_live(baker: Baker, scene: BakeScene, given: Namespace, camera: Camera) -> None:
     """Bake in a thread, shown on a page until that is closed."""
     from atra.light import ProgressiveBake
     from atra.light.viewer.lightmap import LightmapPage
@@ -133,7 +134,7 @@ def _bake_live(baker: Baker, given: Namespace, camera: Camera) -> None:
 
     first = Pose(camera.eye, camera.target, camera.up, camera.fov_y_degrees)
     progress, name = ProgressiveBake(baker, given.samples), printable(given.mesh.name)
-    shown = progress, baker.scene, baker.texels.atlas, given.samples
+    shown = progress, scene, baker.texels.atlas, given.samples
     page = LightmapPage(*shown, first=first, port=given.port, title=name, threads=given.threads)
     with closing(page), progress:
         print(f"viewer: {page.address} shows {name}; Ctrl-C ends it, and what there is is written", flush=True)

@@ -17,6 +17,7 @@ from atra.light.checks import checked_rows, set_fields
 from atra.light.lights import Light, check_light, light_from
 from atra.light.materials import Lambertian, Material, images_of, needs_uv
 from atra.light.sky import GradientSky, Sky
+from atra.light.textures import Texture
 
 
 class ScenePart(NamedTuple):
@@ -109,6 +110,12 @@ class Scene:
             raise InputError(f"material {number} has a texture, expected uv of the vertices, but uv is None")
         if self.second_uv is None and any(one is not None and one.second_uv for one in images_of(material)):
             raise InputError(f"material {number} has a texture over second_uv, but second_uv is None")
+
+    @classmethod
+    def plain(cls, mesh: Mesh, albedo: Texture = 0.7, **others: Any) -> Self:  # type: ignore[assignment]
+        """A mesh of one diffuse colour. albedo: in [0, 1], linear RGB, or one number for a grey. others: further fields
+        of the class. Raises InputError as they do."""
+        return cls(mesh, (Lambertian(albedo),), **others)
 
     @classmethod
     def from_trimesh(cls, loaded: Any, **others: Any) -> Self:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from atra.compiled.store import float_kernel, njit
 from atra.embree.packets_kernels import INFINITY
 from atra.light.lights_kernels import ALMOST, KIND, SUN, to_lamp, to_sun
-from atra.light.numbers_kernels import ONE, ZERO, along, bits_of, dot, scaled, texel_of, unit_of
+from atra.light.numbers_kernels import ONE, TWO, ZERO, along, bits_of, dot, scaled, texel_of, unit_of
 from atra.light.scattering.physical_kernels import luminance
 from atra.light.scattering.sampler_kernels import CHOICE, PAIRS, PLACE, pair_of
 from atra.light.scattering.spots_kernels import BLACK, emission_at, scattered_light
@@ -19,6 +19,10 @@ from atra.light.surface_kernels import leaving, meet
 _S1, _S2, _S3, _S4 = (np.float32(step) for step in (0.8566749, 0.7338919, 0.6287067, 0.5385973))
 """Steps between candidates, which spread them evenly. Source: M. Roberts, "The unreasonable effectiveness of
 quasirandom sequences", 2018."""
+
+
+FROM_TRIANGLE, FROM_LAMP, FROM_SKY = ZERO, ONE, TWO
+"""What a ray is aimed at, as float32."""
 
 
 class Emitters(NamedTuple):
@@ -145,36 +149,36 @@ def _to_lamp(emitters, origin, chance, second, u, v):  # type: ignore[no-untyped
 
 @njit(forceinline=True, error_model="numpy")
 def _candidate(surfaces, emitters, spot, direction, origin, chance, second, u, v):  # type: ignore[no-untyped-def]
-    """(length, direction, (r, g, b), whether of a lamp): a point of an emitter, and the light that arrives from it
+    """(length, direction, (r, g, b), kind): a point of an emitter, and the light that arrives from it
     along the path, over how often it is chosen, if nothing is in its way.
 
     Light that scattering finds, too, is divided between both by the power heuristic.
     Source: E. Veach and L. J. Guibas, "Optimally combining sampling techniques for Monte Carlo rendering", 1995.
     """
     sky, lamps = emitters.sky_share, emitters.lamp_share
-    length, density = INFINITY, ONE
-    is_lamp = chance < lamps
-    if is_lamp:
+    length, density, kind = INFINITY, ONE, FROM_LAMP
+    if chance < lamps:
         towards, length, light = _to_lamp(emitters, origin, chance / lamps, second, u, v)
     elif chance < lamps + sky or len(emitters.prim_ids) == 0:
         towards, density, light = _to_sky(emitters, surfaces.panorama, (chance - lamps) / sky, second, u, v)
+        kind = FROM_SKY
     else:
         rest = (chance - lamps - sky) / (ONE - lamps - sky)
         towards, distance, density, light = _to_triangle(surfaces, emitters, origin, rest, second, u, v)
-        length = distance * ALMOST
+        length, kind = distance * ALMOST, FROM_TRIANGLE
     if not density > ZERO:
-        return ZERO, towards, BLACK, is_lamp
+        return ZERO, towards, BLACK, kind
     scattered, own = scattered_light(spot, direction, towards)
-    factor = ONE if is_lamp else share_of(density, own) / density
+    factor = ONE if kind == FROM_LAMP else share_of(density, own) / density
     return length, towards, (
         factor * scattered[0] * light[0], factor * scattered[1] * light[1], factor * scattered[2] * light[2]
-    ), is_lamp  # fmt: skip
+    ), kind  # fmt: skip
 
 
 @njit(forceinline=True, error_model="numpy")
 def aim(surfaces, emitters, spot, prim_id, direction, key, sample, bounce):  # type: ignore[no-untyped-def]
-    """(length, origin, direction, light, is_lamp): a ray from where a path meets `prim_id` to an emitter, the (r, g, b)
-    that arrives along the path if nothing is in its way, and whether it is a lamp, as a float32. Length 0: no ray.
+    """(length, origin, direction, light, kind): a ray from where a path meets `prim_id` to an emitter, the (r, g, b)
+    that arrives along the path if nothing is in its way, and of what. Length 0: there is no ray.
 
     Of several candidates, one is chosen by its light.
     Source: J. Talbot, D. Cline and P. Egbert, "Importance resampling for global illumination", 2005.
@@ -183,9 +187,9 @@ def aim(surfaces, emitters, spot, prim_id, direction, key, sample, bounce):  # t
     u, v = pair_of(key, sample, bounce * PAIRS + PLACE)
     left = unit_of(bits_of(key ^ np.uint32(sample), np.uint32(bounce)))
     origin = leaving(surfaces, prim_id, spot.point, spot.normal)
-    length, towards, light, weight, total, from_lamp = ZERO, direction, BLACK, ZERO, ZERO, False
+    length, towards, light, weight, total, of = ZERO, direction, BLACK, ZERO, ZERO, FROM_TRIANGLE
     for _ in range(emitters.candidates):
-        other, way, carried, is_lamp = _candidate(surfaces, emitters, spot, direction, origin, chance, second, u, v)
+        other, way, carried, kind = _candidate(surfaces, emitters, spot, direction, origin, chance, second, u, v)
         chance, second, u, v = _next(chance, _S1), _next(second, _S2), _next(u, _S3), _next(v, _S4)
         more = luminance(carried)
         if not more > ZERO:
@@ -193,16 +197,16 @@ def aim(surfaces, emitters, spot, prim_id, direction, key, sample, bounce):  # t
         total += more
         share = more / total
         if left < share:
-            length, towards, light, weight, from_lamp = other, way, carried, more, is_lamp
+            length, towards, light, weight, of = other, way, carried, more, kind
             left /= share
         else:
             left = (left - share) / (ONE - share)
     if not weight > ZERO:
-        return ZERO, origin, towards, BLACK, ZERO
+        return ZERO, origin, towards, BLACK, of
     if dot(towards, spot.normal) < ZERO:
         origin = leaving(surfaces, prim_id, spot.point, scaled(-ONE, spot.normal))
     light = scaled(total / (weight * np.float32(emitters.candidates)), light)
-    return length, origin, towards, light, ONE if from_lamp else ZERO
+    return length, origin, towards, light, of
 
 
 @njit(forceinline=True)

@@ -2,28 +2,30 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from time import perf_counter
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from atra.errors import AtraError
+from atra.errors import AtraError, InputError
 from atra.geometry.view import View
 from atra.light.checks import check_whole
-from atra.light.lightmaps.batches import Job, Stages, Work, add_batch, needed_bytes, new_batch, stage_seconds
+from atra.light.lightmaps.batches import Job, Stages, Work, in_batches, needed_bytes, new_batch, stage_seconds
 from atra.light.lightmaps.charts.atlas import Atlas
 from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.gather.adaptive import is_enough, is_looked_at, until_next_look
 from atra.light.lightmaps.gather.probes import BLOCK, LightProbes, ProbeSums
 from atra.light.lightmaps.gather.tables import tables_of
-from atra.light.lightmaps.gather.tables_kernels import SUMS, Batch
+from atra.light.lightmaps.gather.tables_kernels import SUMS, Batch, Tables
 from atra.light.lightmaps.maps import Lightmap
 from atra.light.lightmaps.options import BakeOptions
+from atra.light.lightmaps.paint_kernels import Paint
+from atra.light.lightmaps.paths.stages import AT_ONCE, Paths, PathsOfThread
 from atra.light.lightmaps.priority import on_least_converged_map, ordered, visible_texels
 from atra.light.lightmaps.shadows import ShadowScenes
 from atra.light.lightmaps.surface import BakeScene
+from atra.light.scene import Scene
 from atra.raster.tracer import RasterTracer
 from atra.rays.kernel_scene import Query, scene_for_kernels
 from atra.tracing.budgets import check_needed_bytes
@@ -34,10 +36,12 @@ from atra.tracing.tracer import Tracer
 class Baker(Lifetime):
     """Bakes a lightmap, sample by sample.
 
-        with Baker(BakeScene(mesh, lights=[...]), size=512) as baker:
+        with Baker(Scene(mesh, lights=[...]), size=512) as baker:
             baker.add(64)
 
-    With single rays the number of threads, batch_rays, expansion and compaction do not change a bit of the map.
+    The paths of a `Scene` are those of `PathRenderer`, through all that materials do. Those of a `BakeScene`, whose
+    surfaces reflect equally to all sides, pass stages in batches; with single rays the number of threads, batch_rays,
+    expansion and compaction do not change a bit of the map.
 
     Parameters
     ----------
@@ -51,16 +55,17 @@ class Baker(Lifetime):
     open_length : float
         Distance below which a thing counts as occluding, scene units.
     environment : {"mis", "light", "bsdf"}
-        What finds a panorama's light: both kinds of rays by the balance heuristic, rays aimed at bright parts, or
-        scattered rays; for other skies always scattered rays.
+        Of a `BakeScene`: what finds a panorama's light: both kinds of rays by the balance heuristic, rays aimed at
+        bright parts, or scattered rays; for other skies always scattered rays.
     lights : {"uniform", "grid"}
-        Light that a ray after a bounce is aimed at: any; or by what each may give in a cell of a grid (less noise).
+        Of a `BakeScene`: light that a ray after a bounce is aimed at: any; or by what each may give in a grid's cell.
     adaptive : bool
         Stop texels whose mean is within 1 % with a confidence of 99 %, after 64, 128, ... samples: a little biased.
     batch_rays, expansion, seed : int
-        Rays in flight of all threads, which determine the memory; samples of a texel side by side; of random numbers.
+        Of a `BakeScene`: rays in flight of all threads, which determine the memory. Samples of a texel side by side; of
+        random numbers.
     compaction : {"none", "texels", "bounces"}
-        Lanes packed together: all texels of the map, lit texels, or also the paths that go on after a bounce.
+        Of a `BakeScene`: lanes packed together: all of the map, lit texels, or also paths that go on after a bounce.
 
     Attributes
     ----------
@@ -78,7 +83,7 @@ class Baker(Lifetime):
     """
 
     def __init__(
-        self, scene: BakeScene, atlas: Atlas | None = None, size: int = 512, *,
+        self, scene: BakeScene | Scene, atlas: Atlas | None = None, size: int = 512, *,
         threads: int | None = None, packet_width: int | None = 1, build_quality: str = "medium", robust: bool = True,
         bounces: int = 4, roulette_from: int | None = 2, open_length: float = 1.0, environment: str = "mis",
         lights: str = "uniform", adaptive: bool = False, batch_rays: int = 1 << 19, expansion: int = 16,
@@ -95,8 +100,9 @@ class Baker(Lifetime):
         self._texels: Texels | None = None
         self._restart()
 
-    def _take(self, scene: BakeScene) -> None:
-        rays_scene = scene_for_kernels(scene.mesh, self.options)
+    def _take(self, scene: BakeScene | Scene) -> None:
+        is_waves = isinstance(scene, BakeScene)
+        rays_scene = scene_for_kernels(scene.mesh, self.options if is_waves else self.options.for_paths())
         self.shadow_scenes = ShadowScenes(scene, self.options)
         self.rays_scene, self.scene = rays_scene, scene
 
@@ -107,11 +113,16 @@ class Baker(Lifetime):
         what = f"sums of a map of {atlas.width} x {atlas.height} texels and rays in flight"
         check_needed_bytes(needed, None, what, "use a smaller map, or fewer batch_rays")
         self._texels = Texels.of(self.scene.mesh, atlas)
-        self._tables, self._paint = tables_of(self.scene, self._texels, self.options), self.scene.paint
+        self._tables = self._tables_of(self.scene)
         self._restart()
         plan_time_s = perf_counter() - start
         self.rays_scene.build()
         return plan_time_s, self.rays_scene.build_time_s + self.shadow_scenes.build()
+
+    def _tables_of(self, scene: BakeScene | Scene) -> Paths | tuple[Tables, Paint | None]:
+        if isinstance(scene, Scene):
+            return Paths(scene, self.texels, self.options)
+        return tables_of(scene, self.texels, self.options), scene.paint
 
     def _restart(self) -> None:
         count = 0 if self._texels is None else len(self._texels)
@@ -135,12 +146,14 @@ class Baker(Lifetime):
         """Memory of the rays in flight."""
         return sum(array.nbytes for batch in self._batches if batch is not None for array in batch)
 
-    def update(self, scene: BakeScene) -> None:
+    def update(self, scene: BakeScene | Scene) -> None:
         """Take other lights, surfaces or sky, or other vertices of the same faces; the map starts anew.
 
         The charts stay on the map. Raises InputError for a mesh of other faces, ClosedError after `close`."""
         with self._lock:
             self._check_open()
+            if type(scene) is not type(self.scene):
+                raise InputError(f"scene is a {type(scene).__name__}, expected a {type(self.scene).__name__} as before")
             if scene.mesh is not self.scene.mesh:
                 check_same_faces(self.scene.mesh, scene.mesh)
                 before = self.rays_scene, self.shadow_scenes
@@ -151,12 +164,12 @@ class Baker(Lifetime):
                 if self._is_built:
                     self.build()
                 return
-            tables, paint = tables_of(scene, self.texels, self.options), scene.paint
+            tables = self._tables_of(scene)
             if not self.shadow_scenes.serve(scene):
                 shadow_scenes = ShadowScenes(scene, self.options)
                 self.shadow_scenes.close()
                 self.shadow_scenes = shadow_scenes
-            self.scene, self._tables, self._paint = scene, tables, paint
+            self.scene, self._tables = scene, tables
             self._restart()
 
     def look(self, camera: View | None, tracer: Tracer | None = None) -> None:
@@ -227,17 +240,16 @@ class Baker(Lifetime):
             start = perf_counter()
             order = ordered(self.texels, wanted, whole_rows=self.options.compaction == "none")
             ordered_s = perf_counter() - start
-            rays = max(self.options.batch_rays // self.rays_scene.threads, self.options.expansion)
-            job = Job(self.texels, self._tables, order, count, self.samples, self._sums)
+            job = Job(self.texels, order, count, self.samples, self._sums)
 
-            def add(first: int, texels: int, batch: Batch, stages: Stages) -> None:
-                bad = add_batch(job, first, texels, batch, stages)
+            def add(first: int, texels: int, stages: Stages | PathsOfThread) -> None:
+                bad = stages.add(job, first, texels)
                 if bad >= 0:
                     row, column = divmod(int(self.texels.number[bad]), self.texels.atlas.width)
                     texel = f"texel ({column}, {row}) is not finite at sample {self.samples[bad]}"
                     raise AtraError(f"the light of {texel}; make lights or materials darker")
 
-            done, works = self._in_batches(len(order), rays, count, add, stop)
+            done, works = self._in_batches(len(order), count, add, stop)
             self.rays += sum(one.rays for one in works)
             self.lanes += sum(one.lanes for one in works)
             for stage, seconds in stage_seconds(works, ordered_s, perf_counter() - start).items():
@@ -245,26 +257,15 @@ class Baker(Lifetime):
             return done
 
     def _in_batches(
-        self, starts: int, rays: int, of_each: int, add: Callable[[int, int, Batch, Stages], None],
+        self, starts: int, of_each: int, add: Callable[[int, int, Stages | PathsOfThread], None],
         stop: Callable[[], bool] | None = None,
     ) -> tuple[bool, list[Work]]:  # fmt: skip
-        """Call `add(first, count, batch, stages)` in all threads until all `starts` entries had their turn. `rays`:
-        size of a batch; `of_each`: rays per entry. Returns whether it finished, and each thread's work."""
-        per_batch = max(1, rays // of_each)
-        left = deque(range(0, starts, per_batch))  # `popleft` is thread-safe
-        works = [Work({}) for _ in range(self.rays_scene.threads)]
-
-        def work(query: Query) -> None:
-            batch, stages = self._batch(query.worker, rays), self._stages(query, works)
-            while stop is None or not stop():
-                try:
-                    first = left.popleft()
-                except IndexError:
-                    return
-                add(first, min(per_batch, starts - first), batch, stages)
-
-        self.rays_scene.run(work)
-        return not left, works
+        """As `in_batches`; of_each: rays per entry."""
+        rays = max(self.options.batch_rays // self.rays_scene.threads, of_each)
+        per_batch = max(1, (AT_ONCE if isinstance(self._tables, Paths) else rays) // of_each)
+        return in_batches(
+            self.rays_scene, starts, per_batch, lambda query, work: self._stages(query, work, rays), add, stop
+        )
 
     def probes(self, points: ArrayLike, samples: int = 1024) -> LightProbes:
         """Light probes: the light that arrives at points from all around, by `samples` paths each. The map stays as it
@@ -274,13 +275,10 @@ class Baker(Lifetime):
         """
         check_whole("samples", samples, 1)
         sums = ProbeSums(points, samples, self.scene.mesh.origin)
-        rays = max(self.options.batch_rays // self.rays_scene.threads, BLOCK)
         with self._in_use():
-
-            def add(first: int, probes: int, batch: Batch, stages: Stages) -> None:
-                sums.add(first, probes, self._tables, batch, stages)
-
-            self._in_batches(len(sums.points), rays, BLOCK, add)
+            self._in_batches(
+                len(sums.points), BLOCK, lambda first, count, stages: stages.add_probes(sums, first, count)
+            )
         return sums.probes()
 
     def _batch(self, worker: int, rays: int) -> Batch:
@@ -289,9 +287,11 @@ class Baker(Lifetime):
             batch = self._batches[worker] = new_batch(rays)
         return batch
 
-    def _stages(self, query: Query, works: list[Work]) -> Stages:
+    def _stages(self, query: Query, work: Work, rays: int) -> Stages | PathsOfThread:
+        if isinstance(self._tables, Paths):
+            return self._tables.of_thread(query, work)
         kind = self.rays_scene.packet_width, self.shadow_scenes.addresses(query.scene)
-        return Stages((self._tables, self._paint), self.options, kind, query, works[query.worker])
+        return Stages(self._tables, self.options, kind, query, work, self._batch(query.worker, rays))
 
     @property
     def maps(self) -> Lightmap:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +20,7 @@ from atra.light.lightmaps.paint_kernels import Paint
 from atra.light.lightmaps.samples_kernels import gather, generate
 from atra.light.lightmaps.shadows_kernels import shine_kernel
 from atra.light.pictures.path_kernels import ROW_PADDING
-from atra.rays.kernel_scene import Query
+from atra.rays.kernel_scene import KernelScene, Query
 
 _RAY_BYTES = 4 * (PATH_ROWS + 6 + RESULTS) + 1
 """Memory per ray in flight."""
@@ -56,6 +58,34 @@ def stage_seconds(works: list[Work], ordered_s: float, whole_s: float) -> dict[s
     return stages | {"other": whole_s - sum(stages.values())}
 
 
+def in_batches(
+    scene: KernelScene,
+    starts: int,
+    per_batch: int,
+    stages_of: Callable[[Query, Work], Any],
+    add: Callable[[int, int, Any], None],
+    stop: Callable[[], bool] | None,
+) -> tuple[bool, list[Work]]:
+    """Call `add(first, count, stages)` in all threads until all `starts` entries had their turn, `per_batch` at a time.
+
+    stages_of: makes what a thread bakes with. Returns whether it finished, and each thread's work.
+    """
+    left = deque(range(0, starts, per_batch))  # `popleft` is thread-safe
+    works = [Work({}) for _ in range(scene.threads)]
+
+    def work(query: Query) -> None:
+        stages = stages_of(query, works[query.worker])
+        while stop is None or not stop():
+            try:
+                first = left.popleft()
+            except IndexError:
+                return
+            add(first, min(per_batch, starts - first), stages)
+
+    scene.run(work)
+    return not left, works
+
+
 class Stages:
     """The stages that all batches of a thread pass.
 
@@ -65,14 +95,23 @@ class Stages:
 
     def __init__(
         self, scene: tuple[Tables, Paint | None], options: BakeOptions, kind: tuple[int, tuple[int, int]],
-        query: Query, work: Work,
+        query: Query, work: Work, batch: Batch,
     ) -> None:  # fmt: skip
         self._tables, self._paint = scene
+        self._batch = batch
         self._options, self._query, self._work = options, query, work
         width, self._shadows = kind
         has_panes = self._shadows[1] != 0
         self._trace, self._shine = trace_kernel(width, has_panes), shine_kernel(width, has_panes)
         self.lap = Laps(work.stage_s)
+
+    def add(self, job: Job, first: int, count: int) -> int:
+        """As `add_batch`."""
+        return add_batch(job, first, count, self._tables, self._batch, self)
+
+    def add_probes(self, sums: Any, first: int, count: int) -> None:
+        """As `ProbeSums.add` of sums."""
+        sums.add(first, count, self._tables, self._batch, self)
 
     def light(self, batch: Batch, count: int, which: int, vertex: int) -> None:
         """Trace rays to light `which`, or to a random one if that is -1, and add what they carry."""
@@ -125,7 +164,6 @@ class Job(NamedTuple):
     to."""
 
     texels: Texels
-    tables: Tables
     order: NDArray[np.int32]
     expansion: int
     samples: NDArray[np.int32]
@@ -147,12 +185,12 @@ def new_batch(rays: int) -> Batch:
     )
 
 
-def add_batch(job: Job, first: int, texel_count: int, batch: Batch, stages: Stages) -> int:
+def add_batch(job: Job, first: int, texel_count: int, tables: Tables, batch: Batch, stages: Stages) -> int:
     """Add samples to `texel_count` texels from place `first` of the order on.
 
     Returns the number of a texel whose light is not finite, or -1.
     """
-    texels, tables, expansion = job.texels, job.tables, job.expansion
+    texels, expansion = job.texels, job.expansion
     lit = texels.prim_id, texels.number
     generate(batch, job.order, first, texel_count, expansion, job.samples, lit, tables)
     count = texel_count * expansion

@@ -10,7 +10,18 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.light.lightmaps.charts.texels import Texels
-from atra.light.lightmaps.gather.tables_kernels import BACK, DIRECT, ENVIRONMENT, INDIRECT, LUMINANCE, OPEN, SQUARE
+from atra.light.lightmaps.gather.tables_kernels import (
+    BACK,
+    BEFORE,
+    CHANGE,
+    DIRECT,
+    ENVIRONMENT,
+    INDIRECT,
+    LUMINANCE,
+    OPEN,
+    SQUARE,
+)
+from atra.light.scattering.sampler_kernels import LEAST_LEFT, MOST_LEFT
 
 LIGHTS = ("direct", "indirect", "environment", "combined")
 """Kinds of light; the last is the sum of the others."""
@@ -27,7 +38,8 @@ class Lightmap:
     3) float32, after bounces. environment: (N, 3) float32, straight from the sky. openness: (N,) float32,
     cosine-weighted share of rays that hit nothing near by. backs: (N,) float32, share of rays that hit back faces.
     variance: (N,) float32, of the luminance of one sample. Samples of a texel are spread evenly, so that their mean
-    varies by less than this over their number.
+    varies by less than this over their number. changes: (N, 2) float32, squared changes of the mean luminance at the
+    last two doublings of samples; None: unknown.
     """
 
     texels: Texels
@@ -38,6 +50,7 @@ class Lightmap:
     openness: NDArray[np.float32] = field(repr=False)
     backs: NDArray[np.float32] = field(repr=False)
     variance: NDArray[np.float32] = field(repr=False)
+    changes: NDArray[np.float32] | None = field(default=None, repr=False)
 
     @classmethod
     def of(cls, texels: Texels, samples: NDArray[np.int32], sums: NDArray[np.float64]) -> Lightmap:
@@ -47,7 +60,7 @@ class Lightmap:
         direct, indirect, environment = (means[:, k : k + 3] for k in (DIRECT, INDIRECT, ENVIRONMENT))
         luminance = (direct + indirect + environment) @ np.array(LUMINANCE, np.float64)
         spread = np.maximum(0.0, means[:, SQUARE] - luminance**2) * (count / np.maximum(count - 1, 1))[:, 0]
-        rows = direct, indirect, environment, means[:, OPEN], means[:, BACK], spread
+        rows = direct, indirect, environment, means[:, OPEN], means[:, BACK], spread, sums[:, [CHANGE, BEFORE]]
         return cls(texels, samples, *(np.ascontiguousarray(row, np.float32) for row in rows))
 
     @cached_property
@@ -59,6 +72,19 @@ class Lightmap:
     def valid(self) -> NDArray[np.bool_]:
         """(N,) bool: has samples and does not lie inside an object."""
         return (self.samples > 0) & (self.backs <= INSIDE_SHARE)
+
+    def squared_error(self, texels: NDArray[np.int64]) -> float:
+        """Estimated sum of squared errors of these texels' luminance, at least two samples each; as `accumulate` does,
+        by how the map changed while samples doubled. Source: as there."""
+        samples = self.samples[texels]
+        if self.changes is None:
+            return float((self.variance[texels] / samples).sum())
+        doubled = 1 << np.floor(np.log2(samples)).astype(np.int64)
+        last, before = self.changes[texels].astype(np.float64).T
+        known = doubled >= 4
+        ratio = float(last[known].sum() / max(before[known].sum(), 1e-300)) if known.any() else MOST_LEFT
+        left = min(max(ratio, LEAST_LEFT), MOST_LEFT)
+        return float((last * doubled / samples).sum()) * left / (1.0 - left)
 
     def light(self, name: str) -> NDArray[np.float32]:
         """(N, 3) float32, one of `LIGHTS`. Raises InputError for another name."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from atra.choices import check_choice, check_flags
+from atra.errors import InputError
 from atra.light.checks import check_rays, check_whole, checked_number
 
 
@@ -41,3 +42,10 @@ class BakeOptions:
         check_whole("batch_rays", self.batch_rays, 1 << 8, 1 << 26)
         check_whole("expansion", self.expansion, 1, 1 << 12)
         check_whole("seed", self.seed, 0, (1 << 32) - 1)
+
+    def for_paths(self) -> BakeOptions:
+        """Those of a bake of a `Scene`, whose rays are traced one by one. Raises InputError for what it lacks."""
+        for name, usual in (("environment", "mis"), ("lights", "uniform")):
+            if getattr(self, name) != usual:
+                raise InputError(f"{name} is {getattr(self, name)!r} for a Scene, expected {usual!r} or a BakeScene")
+        return replace(self, packet_width=1)

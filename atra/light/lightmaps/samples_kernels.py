@@ -18,6 +18,7 @@ from atra.light.lightmaps.gather.tables_kernels import (
     RESULTS,
     SQUARE,
     WEIGHT,
+    note_doubling,
 )
 from atra.light.numbers_kernels import ZERO, key_of, mixed, set_vector
 from atra.light.scattering.sampler_kernels import pair_of
@@ -34,7 +35,7 @@ AHEAD = 16
 LARGE = 1 << 13
 """Smallest mesh, in faces, with prefetching; smaller ones fit the cache anyway."""
 
-_INSET = 2.0
+INSET = 2.0
 """Distance of points from a triangle's rim, where another surface may stand, in offsets of rays."""
 
 
@@ -108,7 +109,7 @@ def generate(batch, order, first, texels, expansion, samples, prim_of, tables): 
             x, y = pair_of(sequence, sample + e, PLACE)
             x, y = column + np.float64(x), row + np.float64(y)
             v, w = weights_at(edges, slopes, x, y)
-            point = point_at(corners, v, w, _INSET * offset)
+            point = point_at(corners, v, w, INSET * offset)
             batch.floats[ORIGIN, i] = np.float32(point[0] + offset * nx)
             batch.floats[ORIGIN + 1, i] = np.float32(point[1] + offset * ny)
             batch.floats[ORIGIN + 2, i] = np.float32(point[2] + offset * nz)
@@ -144,5 +145,6 @@ def gather(batch, order, first, texels, expansion, samples, sums):  # type: igno
             for one in range(RESULTS):
                 sums[texel, one] += batch.results[i, one]
             sums[texel, SQUARE] += np.float64(luminance) * luminance
+            note_doubling(sums, texel, samples[texel] + e + 1)
         samples[texel] += expansion
     return bad

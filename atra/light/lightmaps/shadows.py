@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from atra.light.lightmaps.options import BakeOptions
 from atra.light.lightmaps.surface import BakeScene
+from atra.light.scene import Scene
 from atra.rays.kernel_scene import scene_for_kernels
+
+
+def _panes_of(scene: BakeScene | Scene) -> NDArray[np.bool_]:
+    """(F,) bool; a `Scene` asks the scene of all faces alone."""
+    if isinstance(scene, BakeScene) and scene.surface is not None:
+        return scene.surface.panes
+    return np.zeros(scene.mesh.triangle_count, np.bool_)
 
 
 class ShadowScenes:
@@ -17,16 +26,14 @@ class ShadowScenes:
     `KernelScene` does.
     """
 
-    def __init__(self, scene: BakeScene, options: BakeOptions) -> None:
-        assert scene.surface is not None
-        self._panes = scene.surface.panes
+    def __init__(self, scene: BakeScene | Scene, options: BakeOptions) -> None:
+        self._panes = _panes_of(scene)
         kinds = (~self._panes, self._panes) if self._panes.any() else ()
         self.both = tuple(scene_for_kernels(scene.mesh, options, faces) for faces in kinds)
 
-    def serve(self, scene: BakeScene) -> bool:
+    def serve(self, scene: BakeScene | Scene) -> bool:
         """Whether these scenes fit another scene of the same mesh."""
-        assert scene.surface is not None
-        return np.array_equal(scene.surface.panes, self._panes)
+        return np.array_equal(_panes_of(scene), self._panes)
 
     def build(self) -> float:
         """Build; returns the seconds taken."""

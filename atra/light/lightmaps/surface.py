@@ -150,6 +150,11 @@ class BakeScene:
         return albedo, opacity
 
 
+def plain_scene(scene: BakeScene | Scene) -> BakeScene:
+    """The scene itself, or that of plain surfaces which stands for a `Scene`."""
+    return scene if isinstance(scene, BakeScene) else BakeScene.of(scene)
+
+
 def _plain_albedo(material: Material) -> tuple[float, ...]:
     """(3,) albedo of a material of one colour; black for others, whose colours are looked up by place."""
     colour = material.plain

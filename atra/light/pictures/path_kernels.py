@@ -20,7 +20,7 @@ from atra.embree.packets_kernels import (
     ray_component,
     set_no_hit,
 )
-from atra.light.emitters.emitters_kernels import found_share, found_sky_share
+from atra.light.emitters.emitters_kernels import FROM_LAMP, found_share, found_sky_share
 from atra.light.numbers_kernels import ONE, ZERO, along, bits_of, dot, key_of, scaled, set_vector, unit_of, vector
 from atra.light.scattering.sampler_kernels import JITTER, LOBE, PAIRS, pair_of
 from atra.light.scattering.spots_kernels import BLACK, WHITE, emitted, opacity_at, spot_of, straight_light
@@ -204,10 +204,10 @@ def survival(weight, key, sample, bounce):  # type: ignore[no-untyped-def]
     return ONE / odds if pair_of(key, sample, bounce * PAIRS + LOBE)[1] < odds else ZERO
 
 
-FREE_LIGHT, FREE_LENGTH, FREE_LAMP = 0, 3, 4
+FREE_LIGHT, FREE_LENGTH, FREE_KIND = 0, 3, 4
 FREE_ROWS = 5
 """Rows of what `shadows` finds for the rays of a packet: the share of light that passes (r, g, b); scratch; and, set by
-the caller, whether it comes from a lamp (1), for which clear glass lets light straight on, or not (0)."""
+the caller, what they are aimed at, as of `aim`."""
 
 
 @njit(forceinline=True)
@@ -239,7 +239,7 @@ def shadows(width, surfaces, scene, packet, free):  # type: ignore[no-untyped-de
             prim_id = hit_prim_id(packet, width, lane)
             light, beyond = WHITE, INFINITY
             if prim_id != MISS:
-                light, is_lamp = BLACK, free[FREE_LAMP, lane] != ZERO
+                light, is_lamp = BLACK, free[FREE_KIND, lane] == FROM_LAMP
                 if surfaces.flags[prim_id] & (HOLES | SOLID if is_lamp else HOLES):
                     origin, direction = _ray_of(packet, width, lane)
                     distance = hit_distance(packet, width, lane)

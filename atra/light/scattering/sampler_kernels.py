@@ -17,6 +17,9 @@ on it."""
 JITTER = 0xFFFF
 """The pair for a place within the pixel."""
 
+LEAST_LEFT, MOST_LEFT = 1.0 / 3.0, 0.5
+"""Least and most share of the squared error that is left where the points double. Most: that of independent points."""
+
 _GOLDEN = np.uint32(0x9E3779B9)
 
 

@@ -48,14 +48,15 @@ from atra.light.surface_kernels import (
     weights_at,
 )
 
-LAMBERTIAN, METAL, DIELECTRIC, EMISSIVE, PHYSICAL = 0, 1, 2, 3, 4
-"""Kinds of material. PARAMETER: a metal's fuzz, an index of refraction. VARIANT: uniform directions (Lambertian), rays
-pass below the surface (metal), Schlick's approximation (glass), no thickness (physical)."""
+LAMBERTIAN, METAL, DIELECTRIC, EMISSIVE, PHYSICAL, NOTHING = 0, 1, 2, 3, 4, 5
+"""Kinds of material; NOTHING: a point in the open. PARAMETER: a metal's fuzz, an index of refraction. VARIANT: uniform
+directions (Lambertian), rays pass below the surface (metal), Schlick's approximation (glass), no thickness (physical).
+"""
 
 BLACK = ZERO, ZERO, ZERO
 WHITE = ONE, ONE, ONE
 _MINUS_TWO = np.float32(-2.0)
-_PER_PI = np.float32(1.0 / np.pi)
+_PER_PI, PER_SPHERE = np.float32(1.0 / np.pi), np.float32(0.25 / np.pi)
 
 
 class Matter(NamedTuple):
@@ -288,6 +289,8 @@ def scattered_light(spot, direction, onward):  # type: ignore[no-untyped-def]
     """((r, g, b), density): what a surface scatters of light from the unit vector `onward`, per solid angle, and the
     density with which `scatter` chooses it. 0 for mirrors and glass, whose light only scattering finds, and for light
     from the other side of what lets none through."""
+    if spot.kind == NOTHING:
+        return scaled(PER_SPHERE, WHITE), PER_SPHERE
     facing = dot(onward, spot.normal)
     if spot.kind == LAMBERTIAN and facing > ZERO:
         by_cosine, own = _densities(spot.shaded, spot.normal, onward, spot.is_variant)

@@ -15,6 +15,7 @@ from atra.light.lightmaps.batches import new_batch
 from atra.light.lightmaps.gather.tables import tables_of
 from atra.light.lightmaps.gather.tables_kernels import LUMINANCE, NORMAL, ORIGIN
 from atra.light.lightmaps.samples_kernels import generate
+from atra.light.lightmaps.surface import plain_scene
 from experiments.light.bake.finishing import squared_differences
 from experiments.methods.peers.mitsuba_light import load_mitsuba, parts_of, suns_of
 
@@ -150,7 +151,7 @@ def starts(baker: Baker, samples: int, number: int) -> tuple[NDArray[np.float32]
     texels = baker.texels
     count = len(texels) * samples
     batch, every = new_batch(count), np.arange(len(texels), dtype=np.int32)
-    tables = tables_of(baker.scene, texels, replace(baker.options, seed=_OTHER_SEED))
+    tables = tables_of(plain_scene(baker.scene), texels, replace(baker.options, seed=_OTHER_SEED))
     before, lit = np.full_like(every, number * samples), (texels.prim_id, texels.number)
     generate(batch, every, 0, len(texels), samples, before, lit, tables)
     points, normals = (np.ascontiguousarray(batch.floats[row : row + 3, :count]) for row in (ORIGIN, NORMAL))

@@ -19,7 +19,7 @@ from atra.command.main import main
 from atra.errors import InputError
 from atra.files.gltf.tree import gltf_tree
 from atra.light import Atlas, Baker, BakeScene, save_lit_model
-from atra.light.lightmaps.finish.export import finished
+from atra.light.lightmaps.finish.export import exposure_of, finished
 from atra.light.lightmaps.finish.seams import Seams
 from atra.light.lightmaps.finish.views import looked_up
 from atra.light.pictures.files import png_of
@@ -82,6 +82,8 @@ def tree_of(path):
 def test_all_of_the_file_is_kept_and_each_material_has_the_map(source, tmp_path):
     scene, lightmap, files = baked(source, tmp_path / "lit.glb")
     assert [path.name for path in files] == ["lit_light.exr", "lit_light.png", "lit.glb", "lit.html"]
+    stops = np.clip(np.log2(exposure_of(lightmap)), -8, 8)
+    assert f'value="{stops:.1f}"' in files[-1].read_text()
     before, after = tree_of(source), tree_of(tmp_path / "lit.glb")
     same = ("name", "children", "matrix", "translation", "extensions", "camera")
     assert [{key: node.get(key) for key in same} for node in after["nodes"]] == [
@@ -146,7 +148,8 @@ def test_three_js_shows_what_we_show(source, tmp_path):
                 tab.wait_for_function("window.isReady", timeout=60_000)
                 shot = tmp_path / f"three_{'exr' if exr else 'png'}.png"
                 tab.evaluate(
-                    "([eye, target]) => { camera.position.set(...eye); controls.target.set(...target); "
+                    "([eye, target]) => { document.getElementById('stops').value = 0; "
+                    "camera.position.set(...eye); controls.target.set(...target); "
                     "controls.update(); draw() }",
                     [eye, target],
                 )

@@ -51,13 +51,13 @@ def denoised(lightmap: Lightmap, threads: int | None = None) -> Lightmap:
 
 
 def _share_of_noise(lightmap: Lightmap, texels: NDArray[np.int64], clean: NDArray[np.float32]) -> np.float32:
-    """Fraction of the denoiser's change that the texels' variance explains, 0 to 1; 1 where single samples tell no
-    variance. clean: (N, 3), all their light."""
+    """Fraction of the denoiser's change that the texels' noise explains, 0 to 1; 1 where single samples tell no noise.
+    clean: (N, 3), all their light."""
     samples = lightmap.samples[texels]
     if samples.min() < 2:
         return np.float32(1.0)
     taken = float((((lightmap.combined[texels] - clean) @ np.array(LUMINANCE)) ** 2).sum())
-    noise = float((lightmap.variance[texels] / samples).sum())
+    noise = lightmap.squared_error(texels)
     return np.float32(min(1.0, noise / taken) if taken > 0.0 else 1.0)
 
 

@@ -13,8 +13,9 @@ from atra.files.paths import write_atomically
 from atra.light.lightmaps.charts.atlas import Atlas
 from atra.light.lightmaps.finish.seams import Seams, dilated
 from atra.light.lightmaps.maps import LIGHTS, Lightmap
-from atra.light.lightmaps.surface import BakeScene
+from atra.light.lightmaps.surface import BakeScene, plain_scene
 from atra.light.pictures.files import exr_of_channels, png_of, srgb_of
+from atra.light.scene import Scene
 
 _BRIGHT = 0.99
 """Quantile of the texels' luminance that is shown as white."""
@@ -74,7 +75,7 @@ def _parts(atlas: Atlas, image: NDArray[Any]) -> list[tuple[str, NDArray[Any]]]:
     return [(f"_{number}" if len(parts) > 1 else "", part) for number, part in enumerate(parts)]
 
 
-def save_model(lightmap: Lightmap, scene: BakeScene, path: Path, *, stitch: bool = True) -> Path:
+def save_model(lightmap: Lightmap, scene: BakeScene | Scene, path: Path, *, stitch: bool = True) -> Path:
     """Write the mesh as binary glTF with its light, which viewers show unshaded (KHR_materials_unlit).
 
     The map is the base colour, by TEXCOORD_0 and an equal TEXCOORD_1, and also a MOZ_lightmap; albedo and opacity are
@@ -85,7 +86,7 @@ def save_model(lightmap: Lightmap, scene: BakeScene, path: Path, *, stitch: bool
         raise InputError(f"a model is to be written to {str(path)!r}, expected a name that ends in .glb")
     import trimesh
 
-    atlas = lightmap.texels.atlas
+    scene, atlas = plain_scene(scene), lightmap.texels.atlas
     seams = Seams.of(lightmap.texels.mesh, atlas) if stitch else None
     exposure = exposure_of(lightmap)
     image = srgb_of(exposure * finished(lightmap, lightmap.combined, seams))

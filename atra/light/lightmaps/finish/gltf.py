@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Iterator
 from copy import deepcopy
+from math import log2
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +68,8 @@ def save_lit_model(lightmap: Lightmap, scene: Scene, source: Path | str, path: P
         textures.append(model.add_texture(png, stem))
     model.light(scene, atlas, textures, 1.0 / exposure)
     files[path] = model.encoded()
-    page = _PAGE.read_text(encoding="utf-8").replace("MODEL.glb", path.name)
+    stops = min(max(log2(exposure), -8.0), 8.0)
+    page = _PAGE.read_text(encoding="utf-8").replace("MODEL.glb", path.name).replace("STOPS", f"{stops:.1f}")
     files[path.with_suffix(".html")] = page.encode()
     for name, content in files.items():
         write_atomically(name, content)

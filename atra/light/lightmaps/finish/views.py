@@ -9,7 +9,8 @@ from atra.hits import Hits, read_only
 from atra.light.lightmaps.charts.atlas import Atlas
 from atra.light.lightmaps.finish.views_kernels import SkyTables, look_into_sky
 from atra.light.lightmaps.gather.tables import start_off
-from atra.light.lightmaps.surface import BakeScene
+from atra.light.lightmaps.surface import BakeScene, plain_scene
+from atra.light.scene import Scene
 from atra.light.sky import Sky
 from atra.light.tables import sky_tables
 from atra.rays.scene import RayScene
@@ -37,11 +38,11 @@ def _on_map(
     return np.where(mapped[:, None], (1.0 - fy) * upper + fy * lower, np.float32(0.0))
 
 
-def lit_view(hits: Hits, scene: BakeScene, atlas: Atlas, image: NDArray[np.float32]) -> NDArray[np.float32]:
+def lit_view(hits: Hits, scene: BakeScene | Scene, atlas: Atlas, image: NDArray[np.float32]) -> NDArray[np.float32]:
     """(H, W, 3) float32, linear RGB: the view of the hits, lit by an (h, w, 3) map alone; emitting faces show their
     emission, panes what is behind them, and rays that leave the scene its sky."""
+    scene, hit = plain_scene(scene), hits.hit
     assert scene.surface is not None
-    hit = hits.hit
     seen, points = hits.prim_id[hit], hits.points[hit]
     light, opacity = _shown(scene, seen, points, _on_map(seen, hits.u[hit], hits.v[hit], atlas, image))
     behind = scene.surface.panes[seen] & (opacity < 1.0) & np.isfinite(points).all(axis=1)

@@ -85,8 +85,8 @@ class ProbeSums:
         self.samples = samples
         what = f"spherical harmonics of {len(self.points):,} probes"
         check_needed_bytes(len(self.points) * CHANNELS * HARMONICS * _BYTES, None, what, "use fewer probes at a time")
-        self._sums = np.zeros((len(self.points), CHANNELS, HARMONICS))
-        self._backs = np.zeros(len(self.points), np.int64)
+        self.light = np.zeros((len(self.points), CHANNELS, HARMONICS))
+        self.backs = np.zeros(len(self.points), np.int64)
 
     def add(self, first: int, probes: int, tables: Tables, batch: Batch, stages: Stages) -> None:
         """Add all samples of `probes` points from number `first` on. Raises AtraError for light that is not finite."""
@@ -97,24 +97,28 @@ class ProbeSums:
             stages.lap("generate")
             for which in range(len(tables.lights)):
                 stages.light(batch, count, which, 0)
-                gather_light(batch, first, probes, block, self._sums)
+                gather_light(batch, first, probes, block, self.light)
                 stages.lap("gather")
             look_around(batch, first, probes, sample, block, tables)
             stages.lap("scatter")
             stages.follow(batch, count)
-            bad = gather_paths(batch, first, probes, sample, block, tables, self._sums, self._backs)
+            bad = gather_paths(batch, first, probes, sample, block, tables, self.light, self.backs)
             stages.lap("gather")
-            if bad >= 0:
-                raise AtraError(
-                    f"the light of probe {bad} at {self._in_world[bad].tolist()} is not finite; "
-                    "make lights or materials darker"
-                )
+            self.check(bad)
+
+    def check(self, bad: int) -> None:
+        """Raise AtraError for the number of a probe whose light is not finite; -1: there is none."""
+        if bad >= 0:
+            raise AtraError(
+                f"the light of probe {bad} at {self._in_world[bad].tolist()} is not finite; "
+                "make lights or materials darker"
+            )
 
     def probes(self) -> LightProbes:
         """The means as `LightProbes`."""
-        means = np.swapaxes(4.0 * np.pi / self.samples * self._sums, 1, 2).astype(np.float32)
+        means = np.swapaxes(4.0 * np.pi / self.samples * self.light, 1, 2).astype(np.float32)
         direct, indirect, environment = (
             np.ascontiguousarray(means[:, :, kind : kind + 3]) for kind in (DIRECT, INDIRECT, ENVIRONMENT)
         )
-        backs = (self._backs / self.samples).astype(np.float32)
+        backs = (self.backs / self.samples).astype(np.float32)
         return LightProbes(self._in_world, self.samples, direct, indirect, environment, backs)

@@ -66,11 +66,12 @@ def look_around(batch, first, probes, sample, samples, tables):  # type: ignore[
 
 
 @njit(forceinline=True)
-def _project(results, direction, sums):  # type: ignore[no-untyped-def]
+def project(light, direction, first, sums):  # type: ignore[no-untyped-def]
+    """Add light from a direction, times the harmonics, to channels from `first` on of sums, (CHANNELS, HARMONICS)."""
     weights = harmonics_at(np.float64(direction[0]), np.float64(direction[1]), np.float64(direction[2]))
-    for channel in range(CHANNELS):
+    for channel in range(len(light)):
         for one in range(HARMONICS):
-            sums[channel, one] += results[channel] * weights[one]
+            sums[first + channel, one] += light[channel] * weights[one]
 
 
 @float_kernel
@@ -80,7 +81,7 @@ def gather_light(batch, first, probes, samples, sums):  # type: ignore[no-untype
         for e in range(samples):
             i = k * samples + e
             if batch.floats[LENGTH, i] > ZERO:
-                _project(batch.results[i], vector(batch.floats, DIRECTION, i), sums[first + k])
+                project(batch.results[i, :CHANNELS], vector(batch.floats, DIRECTION, i), 0, sums[first + k])
                 for channel in range(CHANNELS):
                     batch.results[i, channel] = ZERO
 
@@ -94,7 +95,7 @@ def gather_paths(batch, first, probes, sample, samples, tables, sums, backs):  #
         for e in range(samples):
             i = k * samples + e
             direction = _first_direction(first + k, sample + e, tables.seed)
-            _project(batch.results[i], direction, sums[first + k])
+            project(batch.results[i, :CHANNELS], direction, 0, sums[first + k])
             backs[first + k] += batch.results[i, BACK] > ZERO
         for channel in range(CHANNELS):
             if not abs(sums[first + k, channel, 0]) < np.inf:

@@ -19,15 +19,13 @@ from atra.files.paths import write_atomically
 from atra.light.checks import check_whole, checked_number
 from atra.light.pictures.finish.tone import LUMINANCE
 from atra.light.pictures.renderer import Renderer
+from atra.light.scattering.sampler_kernels import LEAST_LEFT, MOST_LEFT
 
 SAVE_S = 30.0
 """Seconds between two states on the disk."""
 
 _DOUBLINGS = 4
 """Changes of the picture that tell of its error."""
-
-_LEAST_LEFT, _MOST_LEFT = 1.0 / 3.0, 0.5
-"""Least and most share of the squared error that a doubling of samples leaves. Most: that of independent samples."""
 
 
 @dataclass(frozen=True)
@@ -172,9 +170,9 @@ class _Octaves:
         if not self.changes:
             return None
         *earlier, first, last = [0.0, 0.0, 0.0, *self.changes][-_DOUBLINGS:]
-        squared = _MOST_LEFT
+        squared = MOST_LEFT
         if earlier[0] > 0.0 and earlier[1] > 0.0:
-            squared = min(max((first * last / (earlier[0] * earlier[1])) ** 0.5, _LEAST_LEFT), _MOST_LEFT)
+            squared = min(max((first * last / (earlier[0] * earlier[1])) ** 0.5, LEAST_LEFT), MOST_LEFT)
         change = (first * last) ** 0.5 * squared**0.25 if first > 0.0 else last
         return change * (squared / (1.0 - squared) * self.count / self._samples) ** 0.5
 

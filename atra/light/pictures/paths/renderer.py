@@ -19,6 +19,7 @@ from atra.light.pictures.hybrid import albedo_of
 from atra.light.pictures.options import PathOptions
 from atra.light.pictures.path_kernels import BLOCK, FREE_ROWS, ROW_PADDING, Pixels
 from atra.light.pictures.paths.depth_first_kernels import follow_depth_first
+from atra.light.pictures.paths.following_kernels import Limits
 from atra.light.pictures.paths.tracing import Batches, MakeScene, Packets
 from atra.light.pictures.paths.waves_kernels import (
     PATH_ROWS,
@@ -149,7 +150,7 @@ class PathRenderer(Renderer):
         if options.order == "depth_first":
             free = np.empty((FREE_ROWS, 1), np.float32)
             arguments = pixels, query.scene, query.packet, surfaces, emitters, self._film.sums, free
-            rays = follow_depth_first(first, count, *arguments, options.max_depth, options.roulette)
+            rays = follow_depth_first(first, count, *arguments, Limits(options.max_depth, options.roulette))
             lap("depth_first")
             return None if rays < 0 else rays
         paths = self._waves[query.worker]

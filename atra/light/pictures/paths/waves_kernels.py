@@ -16,7 +16,7 @@ from atra.light.emitters.emitters_kernels import aim
 from atra.light.numbers_kernels import ZERO, scaled, set_vector, unit, vector
 from atra.light.pictures.path_kernels import (
     BLOCK,
-    FREE_LAMP,
+    FREE_KIND,
     FREE_LIGHT,
     add_light,
     arriving,
@@ -168,7 +168,7 @@ def connect_kernel(width: int) -> Callable[..., int]:
                         continue
                     prim_id, direction = paths.prim_id[i], vector(floats, DIRECTION, i)
                     spot, _ = spot_of(surfaces, prim_id, vector(floats, ORIGIN, i), direction)
-                    length, origin, towards, light, free[FREE_LAMP, lane] = aim(
+                    length, origin, towards, light, free[FREE_KIND, lane] = aim(
                         surfaces, emitters, spot, prim_id, direction, path_key(paths.pixel[i]), sample, paths.bounce[i]
                     )
                     if length > ZERO:

@@ -1,0 +1,1 @@
+"""Bakes by paths that are followed one after the other."""

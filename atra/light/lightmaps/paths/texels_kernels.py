@@ -1,0 +1,169 @@
+"""Kernels of a bake that follows paths one after the other: those of texels, and those of probes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.compiled.store import float_kernel, njit
+from atra.embree.packets_kernels import INFINITY
+from atra.light.emitters.emitters_kernels import FROM_SKY, has_emitters
+from atra.light.lightmaps.charts.texels_kernels import corners_of, edges_of, point_at, slopes_of, weights_at
+from atra.light.lightmaps.gather.probes_kernels import project
+from atra.light.lightmaps.gather.tables_kernels import (
+    BACK,
+    CHANNELS,
+    DIRECT,
+    ENVIRONMENT,
+    INDIRECT,
+    LUMINANCE,
+    OPEN,
+    SQUARE,
+    note_doubling,
+)
+from atra.light.lightmaps.samples_kernels import INSET, sequence_key
+from atra.light.numbers_kernels import ONE, ZERO, on_sphere, scaled
+from atra.light.pictures.paths.following_kernels import aimed, follow, more
+from atra.light.scattering.sampler_kernels import DIRECTION, JITTER, pair_of
+from atra.light.scattering.spots_kernels import (
+    BLACK,
+    LAMBERTIAN,
+    NOTHING,
+    PER_SPHERE,
+    WHITE,
+    Matter,
+    Spot,
+    scatter,
+    spot_of,
+)
+from atra.light.surface_kernels import leaving
+
+
+class Charts(NamedTuple):
+    """Where texels lie. vertices: (V, 3) float32. faces: (F, 3) uint32. uv: (F, 3, 2) float64, texels. prim_id: (N,)
+    int32, number: (N,) int64, of each texel. width: texels of a row. open_length: distance below which a thing
+    occludes. seed: of random numbers."""
+
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.uint32]
+    uv: NDArray[np.float64]
+    prim_id: NDArray[np.int32]
+    number: NDArray[np.int64]
+    width: int
+    open_length: np.float32
+    seed: np.uint32
+
+
+@njit(forceinline=True)
+def _white(spot):  # type: ignore[no-untyped-def]
+    """The same place of a surface that reflects all light equally to all sides."""
+    matter = Matter(WHITE, ZERO, ONE, ZERO, ONE, False)
+    return Spot(spot.point, spot.normal, spot.shaded, np.int64(LAMBERTIAN), spot.material, False, matter)
+
+
+@float_kernel
+def light_texels(  # type: ignore[no-untyped-def]
+    order, first, count, expansion, samples, charts, surfaces, emitters, limits, scene, packet, free, sums, told
+):  # fmt: skip
+    """Add `expansion` samples to `count` texels from place `first` of the order on, and count them.
+
+    order: (M,) int32, numbers of texels. samples: (N,) int32, so far. scene, packet: of width 1. free: (FREE_ROWS, 1)
+    float32, scratch. sums: (N, SUMS) float64. told: (2,) int64, gets the number of rays, and of a texel whose light is
+    not finite.
+    """
+    rays, is_aimed = 0, has_emitters(emitters)
+    for place in range(first, first + count):
+        texel = order[place]
+        if texel < 0:
+            continue
+        face, number = charts.prim_id[texel], charts.number[texel]
+        row = number // charts.width
+        column = number - row * charts.width
+        edges, corners = edges_of(charts.uv, face), corners_of(charts.vertices, charts.faces, face)
+        slopes, inset = slopes_of(edges), INSET * surfaces.records[face, 4]
+        records = surfaces.records
+        normal = np.float32(records[face, 0]), np.float32(records[face, 1]), np.float32(records[face, 2])
+        down, key = scaled(-ONE, normal), sequence_key(number, charts.seed)
+        for sample in range(samples[texel], samples[texel] + expansion):
+            x, y = pair_of(key, sample, JITTER)
+            v, w = weights_at(edges, slopes, column + np.float64(x), row + np.float64(y))
+            above = leaving(surfaces, face, point_at(corners, v, w, inset), normal)
+            spot, _ = spot_of(surfaces, face, above, down)
+            spot = _white(spot)
+            direct, sky = BLACK, BLACK
+            if is_aimed:
+                light, kind, _, traced = aimed(
+                    surfaces, emitters, scene, packet, free, spot, face, down, key, sample, 0
+                )
+                rays += traced
+                if kind == FROM_SKY:
+                    sky = light
+                else:
+                    direct = light
+            _, origin, direction, _, density = scatter(surfaces, spot, True, face, down, key, sample, 0)
+            found = follow(
+                surfaces, emitters, scene, packet, free, np.int64(-1), origin, direction, density, (key, sample), 1,
+                limits,
+            )  # fmt: skip
+            rays += found.rays
+            direct, sky = more(direct, WHITE, found.emitted), more(sky, WHITE, found.sky)
+            luminance = ZERO
+            for channel in range(3):
+                sums[texel, DIRECT + channel] += direct[channel]
+                sums[texel, ENVIRONMENT + channel] += sky[channel]
+                sums[texel, INDIRECT + channel] += found.later[channel]
+                luminance += LUMINANCE[channel] * (direct[channel] + sky[channel] + found.later[channel])
+            if not luminance < INFINITY:
+                told[1] = texel
+            sums[texel, OPEN] += 0.0 if found.distance < charts.open_length else 1.0
+            sums[texel, BACK] += 1.0 if found.is_back else 0.0
+            sums[texel, SQUARE] += np.float64(luminance) * luminance
+            note_doubling(sums, texel, sample + 1)
+        samples[texel] += expansion
+    told[0] = rays
+
+
+@float_kernel
+def light_probes(  # type: ignore[no-untyped-def]
+    points, first, count, samples, charts, surfaces, emitters, limits, scene, packet, free, sums, backs, told
+):  # fmt: skip
+    """Add the light around `count` points from number `first` on, by `samples` paths each.
+
+    points: (P, 3) float32. sums: (P, CHANNELS, HARMONICS) float64. backs: (P,) int64, paths that meet a back face
+    first. Other arguments as for `light_texels`.
+    """
+    rays, is_aimed = 0, has_emitters(emitters)
+    nowhere, face = BLACK, np.uint32(0)
+    for probe in range(first, first + count):
+        place = points[probe, 0], points[probe, 1], points[probe, 2]
+        point, key = (
+            (np.float64(place[0]), np.float64(place[1]), np.float64(place[2])),
+            sequence_key(probe, charts.seed),
+        )
+        spot = Spot(
+            point, nowhere, nowhere, np.int64(NOTHING), np.int64(0), False, Matter(WHITE, ZERO, ONE, ZERO, ONE, False)
+        )
+        for sample in range(samples):
+            if is_aimed:
+                light, kind, towards, traced = aimed(
+                    surfaces, emitters, scene, packet, free, spot, face, nowhere, key, sample, 0
+                )
+                rays += traced
+                project(light, towards, ENVIRONMENT if kind == FROM_SKY else DIRECT, sums[probe])
+            u, v = pair_of(key, sample, DIRECTION)
+            direction = on_sphere(u, v)
+            found = follow(
+                surfaces, emitters, scene, packet, free, np.int64(-1), place, direction, PER_SPHERE, (key, sample), 1,
+                limits,
+            )  # fmt: skip
+            rays += found.rays
+            project(found.emitted, direction, DIRECT, sums[probe])
+            project(found.sky, direction, ENVIRONMENT, sums[probe])
+            project(found.later, direction, INDIRECT, sums[probe])
+            backs[probe] += 1 if found.is_back else 0
+        for channel in range(CHANNELS):
+            if not abs(sums[probe, channel, 0]) < INFINITY:
+                told[1] = probe
+    told[0] = rays

@@ -1,0 +1,133 @@
+"""Kernels that follow a path of light from where it starts to its end, one ray after the other."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from atra.compiled.store import njit
+from atra.embree.packets_kernels import INFINITY, MISS, START, hit_distance, hit_prim_id, intersect, set_no_hit
+from atra.light.emitters.emitters_kernels import aim, has_emitters
+from atra.light.numbers_kernels import ZERO, scaled, vector
+from atra.light.pictures.path_kernels import (
+    FREE_KIND,
+    FREE_LIGHT,
+    arriving,
+    load_ray,
+    passed,
+    passes_of,
+    shadows,
+    survival,
+)
+from atra.light.scattering.spots_kernels import BLACK, WHITE, scatter, spot_of
+from atra.light.surface_kernels import ENDS, SHINES, meet
+
+
+class Limits(NamedTuple):
+    """Where paths end. max_depth: surfaces that they meet at most, or, of texels, one more. roulette: surfaces after
+    which they may end by chance."""
+
+    max_depth: int
+    roulette: int
+
+
+class Found(NamedTuple):
+    """What a path has found: (r, g, b) that the first surface it meets emits, that the sky sends straight, and all
+    light that reaches it later. distance: to the first surface. is_back: whether it is its back. rays: traced."""
+
+    emitted: tuple[np.float32, np.float32, np.float32]
+    sky: tuple[np.float32, np.float32, np.float32]
+    later: tuple[np.float32, np.float32, np.float32]
+    distance: np.float32
+    is_back: bool
+    rays: int
+
+
+@njit(forceinline=True)
+def more(total, weight, light):  # type: ignore[no-untyped-def]
+    """Add weighted light, (r, g, b) each."""
+    return total[0] + weight[0] * light[0], total[1] + weight[1] * light[1], total[2] + weight[2] * light[2]
+
+
+@njit(forceinline=True)
+def aimed(surfaces, emitters, scene, packet, free, spot, prim_id, direction, key, sample, bounce):  # type: ignore[no-untyped-def]
+    """((r, g, b), kind, direction, rays): light that reaches a path from an emitter at which a ray is aimed; kind and
+    direction as of `aim`. free: (FREE_ROWS, 1) float32, scratch."""
+    length, start, towards, light, kind = aim(surfaces, emitters, spot, prim_id, direction, key, sample, bounce)
+    if not length > ZERO:
+        return BLACK, kind, towards, 0
+    free[FREE_KIND, 0] = kind
+    load_ray(packet, 1, 0, start, towards, length)
+    packet.valid[0] = -1
+    shadows(1, surfaces, scene, packet, free)
+    red, green, blue = vector(free, FREE_LIGHT, 0)
+    return (red * light[0], green * light[1], blue * light[2]), kind, towards, 1
+
+
+@njit
+def follow(surfaces, emitters, scene, packet, free, known, origin, direction, density, random, bounce, limits):  # type: ignore[no-untyped-def]
+    """`Found` by the path that starts with a ray.
+
+    known: what the ray meets, where that is known; -1: not yet. density: of the direction, as of `scatter`; 0 where
+    nothing was aimed. random: (key, sample). bounce: 0 for rays of the eye, 1 for rays that a surface scatters. scene,
+    packet: of width 1.
+    """
+    key, sample = random
+    start, is_aimed = bounce, has_emitters(emitters)
+    emitted, sky, later, weight = BLACK, BLACK, BLACK, WHITE
+    near, first, is_back = START, INFINITY, False
+    rays = passes = 0
+    while True:
+        if known >= 0:
+            prim_id, distance = np.uint32(known), START
+            known = np.int64(-1)
+        else:
+            rays += 1
+            load_ray(packet, 1, 0, origin, direction, INFINITY, near)
+            packet.valid[0] = -1
+            set_no_hit(packet, 1, 0)
+            intersect(1, packet.valid, scene, packet)
+            prim_id, distance = hit_prim_id(packet, 1, 0), hit_distance(packet, 1, 0)
+        flags = surfaces.flags[prim_id] if prim_id != MISS else ENDS | SHINES
+        if flags & passes_of(bounce):
+            near, weight = passed(
+                surfaces, prim_id, origin, direction, distance, weight, bounce == 0, (key, sample, passes + bounce)
+            )
+            if near > ZERO:
+                passes += 1
+                continue
+        if bounce == start and start > 0:
+            first = distance
+            is_back = prim_id != MISS and not meet(surfaces, prim_id, origin, direction)[2]
+        if flags & SHINES:
+            light = arriving(surfaces, emitters, prim_id, origin, direction, density)
+            if bounce > start:
+                later = more(later, weight, light)
+            elif prim_id == MISS:
+                sky = more(sky, weight, light)
+            else:
+                emitted = more(emitted, weight, light)
+        if flags & ENDS or bounce == limits.max_depth - 1:
+            break
+        spot, is_front = spot_of(surfaces, prim_id, origin, direction)
+        if is_aimed:
+            light, _, _, traced = aimed(
+                surfaces, emitters, scene, packet, free, spot, prim_id, direction, key, sample, bounce
+            )
+            rays += traced
+            later = more(later, weight, light)
+        goes_on, origin, direction, factor, density = scatter(
+            surfaces, spot, is_front, prim_id, direction, key, sample, bounce
+        )
+        if not goes_on:
+            break
+        weight = weight[0] * factor[0], weight[1] * factor[1], weight[2] * factor[2]
+        if bounce >= limits.roulette:
+            share = survival(weight, key, sample, bounce)
+            if share == ZERO:
+                break
+            weight = scaled(share, weight)
+        near = START
+        bounce += 1
+    return Found(emitted, sky, later, first, is_back, rays)
