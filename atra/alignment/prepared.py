@@ -25,7 +25,7 @@ from atra.packets.loop_kernels import FILTERED
 from atra.packets.pixel import image_rays
 from atra.tracing.embree import build_scene, make_workspaces
 from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
-from atra.tracing.rays import SQUAREST_SHAPE, longest_ray, share_direction
+from atra.tracing.rays import SQUAREST_SHAPE, share_direction
 
 
 class PreparedCells:
@@ -51,11 +51,17 @@ class PreparedCells:
         self.second_passes: list[SecondPass | None] = []
         self.told: dict[str, float] = {}
         self.plan_time_s = self.build_time_s = 0.0
-        self._all_hits: EmbreeAllHits | None = None
 
     def build(self, geometry: AlignedGeometry) -> None:
         """Build the BVH of the first pass, whose filter writes the pixels of all cells."""
         self.geometry, self.triangle_count = geometry, geometry.copy_count
+        alignment, options, mesh = self.alignment, self._options, self._meshes[0]
+        cell = alignment.split.cell_width, alignment.split.cell_height
+        batch = RayBatch(geometry, options.geometry, self.packet_shape, self._rays, self._tiles, cell)
+        batches = partial(ray_batches, batch, mesh, alignment.camera, options)
+        shift = sum(float(np.linalg.norm(shears, axis=1).max()) for shears in alignment.shears)
+        settings = options.scene_settings
+        self._all_hits = EmbreeAllHits(mesh, alignment.camera, batches, self.row_stride, self._pool, settings, shift)
         self.scene = build_scene(
             geometry, self._pool.threads, filter_address=self._filter_address, **self._options.scene_settings
         )
@@ -94,34 +100,12 @@ class PreparedCells:
         is_known: bool,
     ) -> None:
         """See `Gathering.gather`; of one image. The first call builds BVHs with a filter."""
-        if self._all_hits is None:
-            from atra.raster.all_hits.undecided_kernels import Precision
-
-            (mesh,), camera, options = self._meshes, self.alignment.camera, self._options
-            direction, origin = longest_ray(camera)
-            shift = sum(float(np.linalg.norm(shears, axis=1).max()) for shears in self.alignment.shears)
-            stretch, shift = (1.0, origin + shift) if camera.is_parallel else (1.0 + shift, 0.0)
-            precision = Precision(camera.pixel_pitch, direction, stretch, shift, options.robust)
-            batches, settings = self._ray_batches(mesh, camera), options.scene_settings
-            self._all_hits = EmbreeAllHits(mesh, camera, batches, self.row_stride, precision, self._pool, **settings)
         self._all_hits.gather(what, offset, images, weights, self.workspaces)
-
-    def _ray_batches(self, mesh: Mesh, camera: View) -> Iterator[RayBatch]:
-        """The reference rays, and one per pixel where there are triangles without copies."""
-        split, shape, (left_out,) = self.alignment.split, self.packet_shape, self.geometry.left_out
-        cell = split.cell_width, split.cell_height
-        yield RayBatch(self.geometry, self._options.geometry, shape, self._rays, self._tiles, cell)
-        if left_out is not None:
-            tiles = left_out_tiles(mesh, camera, left_out)[0]
-            others = np.ones(mesh.triangle_count, np.bool_)
-            others[left_out.prim_ids] = False
-            plain, shape = plan_plain_geometry(mesh, camera, others), SQUAREST_SHAPE[self._options.rays_per_packet]
-            yield image_rays(plain, camera, shape, tiles, is_alone=camera.width % shape[0] != 0)
 
     @property
     def _held(self) -> list[EmbreeScene | EmbreeAllHits]:
         second = [one.scene for one in self.second_passes if one is not None]
-        return [self.scene, *second, *([] if self._all_hits is None else [self._all_hits])]
+        return [self.scene, *second, self._all_hits]
 
     @property
     def embree_bytes(self) -> int:
@@ -138,3 +122,15 @@ class PreparedCells:
         """Release the BVHs."""
         for one in self._held:
             one.close()
+
+
+def ray_batches(first: RayBatch, mesh: Mesh, camera: View, options: CellOptions) -> Iterator[RayBatch]:
+    """The reference rays, and one per pixel where there are triangles without copies."""
+    yield first
+    left_out = first.geometry.left_out[0]
+    if left_out is not None:
+        tiles = left_out_tiles(mesh, camera, left_out)[0]
+        others = np.ones(mesh.triangle_count, np.bool_)
+        others[left_out.prim_ids] = False
+        plain, shape = plan_plain_geometry(mesh, camera, others), SQUAREST_SHAPE[options.rays_per_packet]
+        yield image_rays(plain, camera, shape, tiles, is_alone=camera.width % shape[0] != 0)

@@ -102,14 +102,10 @@ def _trace(tracer: str, view: str, what: str | None = None) -> None:
 
 def _shoot_rays() -> None:
     """Batches at a mesh so large that rays are sorted, single and in packets."""
-    side = 260
-    x, y = np.meshgrid(np.arange(side), np.arange(side), indexing="ij")
-    vertices = np.stack([x.ravel(), y.ravel(), np.zeros(side * side)], axis=1).astype(np.float32)
-    low = (x[:-1, :-1] * side + y[:-1, :-1]).ravel()
-    corners = np.stack([low, low + side, low + 1, low + 1, low + side, low + side + 1], axis=1)
-    mesh = atra.Mesh(vertices, corners.reshape(-1, 3).astype(np.uint32))
-    random = np.random.default_rng(0)
-    origins = random.uniform(1, side - 2, (1 << 15, 3)).astype(np.float32)
+    random, count = np.random.default_rng(0), 1 << 17
+    corners = random.uniform(0.0, 260.0, (count, 1, 3)) + random.normal(size=(count, 3, 3))
+    mesh = atra.Mesh(corners.reshape(-1, 3).astype(np.float32), np.arange(3 * count).reshape(-1, 3))
+    origins = random.uniform(0.0, 260.0, (1 << 15, 3)).astype(np.float32)
     directions = random.normal(size=origins.shape).astype(np.float32)
     for options in ({}, *({"packet_width": width, "precision": "fast"} for width in {1, native_lanes()})):
         with atra.RayScene(mesh, **options) as scene:  # type: ignore[arg-type]

@@ -39,9 +39,7 @@ with the harness, in a clone of atra's repository where `pip install -e '.[harne
   atra report sweep=horizontal   write its figures, claims and page anew, without measuring
   atra fetch scene=sponza        download a scene
   atra new-method mine           write mine.py, a method to change; measured with method_file=mine.py
-  atra pack results/horizontal   make one file of a sweep
-  atra board one.atra two.atra   make one page of several such files
-  atra rays cornell_box          write rays, triangles and cameras for other programs
+  atra pack, board, rays         share results, and rays for other programs; docs/sweeps.md
   python run.py --help           every field
 """
 

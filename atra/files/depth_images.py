@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,6 +16,8 @@ DEPTH_NAMES = ("depth", "Z", "t", "t_hit", "distance", "Y", "R")
 
 ID_NAMES = ("prim_id", "primitive_ids", "face_id", "triangle_id", "id")
 """Names of arrays and channels that are taken for ids of triangles."""
+
+_SUFFIXES = (".exr", ".npz", ".npy", ".png")
 
 MILLIMETRE = 0.001
 """Default of scene units to a step of a 16-bit PNG."""
@@ -37,52 +38,41 @@ def read_depth_image(path: Path, png_scale: float = MILLIMETRE) -> DepthImage:
     png_scale: scene units to a step of a PNG, in which 0 is a miss.
     Raises InputError naming the path: missing, another suffix, unreadable, without depths, a PNG of other than 16 bits.
     """
-    reader = _READERS.get(path.suffix.lower())
-    if reader is None:
-        raise InputError(f"{path} has the suffix {path.suffix!r}, expected one of {', '.join(_READERS)}")
+    suffix = path.suffix.lower()
+    if suffix not in _SUFFIXES:
+        raise InputError(f"{path} has the suffix {path.suffix!r}, expected one of {', '.join(_SUFFIXES)}")
     if not path.is_file():
         raise InputError(f"{path} is no file")
-    check_package(path.suffix.lower())
+    check_package(suffix)
     try:
-        return reader(path, png_scale)
+        found = _arrays(path, suffix)
     except InputError:
         raise
     except Exception as error:  # a damaged file may raise anything
         raise InputError(f"{path} cannot be read: {error}") from None
+    depth, prim_id = (next((found[name] for name in names if name in found), None) for names in (DEPTH_NAMES, ID_NAMES))
+    if depth is None:
+        raise InputError(f"{path} has no depths, expected an array or channel called {', '.join(DEPTH_NAMES)}")
+    if suffix == ".png":
+        return DepthImage(depth * png_scale, None, png_scale / 2)
+    return DepthImage(depth, prim_id, 0.0)
 
 
-def _npz(path: Path, _: float) -> DepthImage:
-    with np.load(path, allow_pickle=False) as arrays:
-        return _named(path, {name: arrays[name] for name in arrays.files if name in (*DEPTH_NAMES, *ID_NAMES)})
+def _arrays(path: Path, suffix: str) -> dict[str, NDArray[Any]]:
+    """Arrays or channels by name; that of a file that names none is the depth."""
+    if suffix == ".npz":
+        with np.load(path, allow_pickle=False) as arrays:
+            return {name: arrays[name] for name in arrays.files if name in (*DEPTH_NAMES, *ID_NAMES)}
+    if suffix == ".npy":
+        return {"depth": np.load(path, allow_pickle=False)}
+    if suffix == ".exr":
+        import OpenEXR
 
-
-def _npy(path: Path, _: float) -> DepthImage:
-    return DepthImage(np.load(path, allow_pickle=False), None, 0.0)
-
-
-def _exr(path: Path, _: float) -> DepthImage:
-    import OpenEXR
-
-    with OpenEXR.File(str(path), separate_channels=True) as file:
-        channels = {name: channel.pixels for name, channel in file.channels().items()}
-    return _named(path, {name.rsplit(".", 1)[-1]: pixels for name, pixels in channels.items()})
-
-
-def _png(path: Path, scale: float) -> DepthImage:
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            return {name.rsplit(".", 1)[-1]: channel.pixels for name, channel in file.channels().items()}
     from PIL import Image
 
     with Image.open(path) as picture:
-        stored = np.asarray(picture)
         if picture.mode not in ("I;16", "I;16B", "I"):
             raise InputError(f"{path} has pixels of mode {picture.mode!r}, expected 16-bit grey: I;16")
-    return DepthImage(stored.astype(np.float64) * scale, None, scale / 2)
-
-
-def _named(path: Path, arrays: dict[str, NDArray[Any]]) -> DepthImage:
-    depth = next((arrays[name] for name in DEPTH_NAMES if name in arrays), None)
-    if depth is None:
-        raise InputError(f"{path} has no depths, expected an array or channel called {', '.join(DEPTH_NAMES)}")
-    return DepthImage(depth, next((arrays[name] for name in ID_NAMES if name in arrays), None), 0.0)
-
-
-_READERS: dict[str, Callable[[Path, float], DepthImage]] = {".exr": _exr, ".npz": _npz, ".npy": _npy, ".png": _png}
+        return {"depth": np.asarray(picture).astype(np.float64)}

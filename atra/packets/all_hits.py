@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -24,10 +24,10 @@ from atra.packets.loop_kernels import FILTERED
 from atra.tracing.embree import build_scene
 from atra.tracing.gathering import check_rays_without_lens, target_of
 from atra.tracing.geometry import AlignedGeometry
+from atra.tracing.rays import longest_ray
 
 if TYPE_CHECKING:  # loaded by the first `gather`, which nearest hits do without
     from atra.raster.all_hits.undecided import UndecidedHits
-    from atra.raster.all_hits.undecided_kernels import Precision
 
 
 class RayBatch(NamedTuple):
@@ -57,29 +57,27 @@ def check_gathering(camera: View, build_quality: str) -> None:
 
 
 class EmbreeAllHits:
-    """All hits of the rays of an image, from BVHs of their own. The undecided hits are found once per offset, and those
-    of the last offset are kept.
+    """All hits of the rays of an image, from BVHs of their own, which the first call builds. The undecided hits are
+    found once per offset, and those of the last offset are kept.
 
-    batches: the rays and what they are traced through. row: pixels from one row of gathered images to the next.
-    precision: how exactly Embree's packets decide. settings: of `build_scene`.
+    batches: makes the rays and what they are traced through. row: pixels from one row of gathered images to the next.
+    settings: of `build_scene`. shift: how far copies are shifted at most, per unit of depth; of parallel rays in all.
     """
 
     def __init__(
         self,
         mesh: Mesh,
         camera: View,
-        batches: Iterable[RayBatch],
+        batches: Callable[[], Iterable[RayBatch]],
         row: int,
-        precision: Precision,
         pool: WorkerPool,
-        **settings: Any,
+        settings: Mapping[str, Any],
+        shift: float = 0.0,
     ) -> None:
-        self._mesh, self._camera, self._row, self._precision, self._pool = mesh, camera, row, precision, pool
+        self._mesh, self._camera, self._row, self._pool = mesh, camera, row, pool
+        self._make_batches, self._settings, self._shift = batches, settings, shift
         self._undecided: tuple[tuple[float, float], UndecidedHits] | None = None
         self._batches: list[tuple[RayBatch, EmbreeScene]] = []
-        for batch in batches:
-            scene = build_scene(batch.geometry, pool.threads, filter_in_arguments=True, **settings)
-            self._batches.append((batch, scene))
 
     def gather(
         self,
@@ -92,6 +90,9 @@ class EmbreeAllHits:
         """See `Gathering.gather`."""
         from atra.raster.all_hits.undecided_kernels import settling_kernel
 
+        if not self._batches:
+            settings = {"threads": self._pool.threads, "filter_in_arguments": True, **self._settings}
+            self._batches = [(batch, build_scene(batch.geometry, **settings)) for batch in self._make_batches()]
         for name, plane in what.planes().items():
             if not plane.before:  # layers are filled at the end
                 images[name].fill(plane.start)
@@ -109,9 +110,12 @@ class EmbreeAllHits:
     def _find_undecided(self, offset: tuple[float, float]) -> UndecidedHits:
         if self._undecided is None or self._undecided[0] != offset:
             from atra.raster.all_hits.undecided import decide_hits
+            from atra.raster.all_hits.undecided_kernels import Precision
 
-            settings = self._precision, self._row, self._pool
-            self._undecided = offset, decide_hits(self._mesh, self._camera, offset, *settings)
+            camera, (direction, origin) = self._camera, longest_ray(self._camera)
+            moved = (1.0, origin + self._shift) if camera.is_parallel else (1.0 + self._shift, origin)
+            precision = Precision(camera.pixel_pitch, direction, *moved, self._settings["robust"])
+            self._undecided = offset, decide_hits(self._mesh, camera, offset, precision, self._row, self._pool)
         return self._undecided[1]
 
     def _shoot(

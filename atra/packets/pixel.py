@@ -28,7 +28,7 @@ from atra.packets.loop_kernels import NEAREST, NEAREST_OF_TABLE
 from atra.tracing.embree import build_scene, make_workspaces
 from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
 from atra.tracing.lens_rays import LensRays
-from atra.tracing.rays import SQUAREST_SHAPE, TILE_ORDERS, image_ray_grid, longest_ray, pixel_tiles
+from atra.tracing.rays import SQUAREST_SHAPE, TILE_ORDERS, image_ray_grid, pixel_tiles
 from atra.tracing.tracer import Tracer
 from atra.whole_numbers import is_whole_number
 
@@ -88,7 +88,6 @@ class PreparedPixel:
     def __init__(self, method: Pixel, mesh: Mesh, camera: View, pool: WorkerPool) -> None:
         self.method, self._mesh, self.pool = method, mesh, pool
         self._lens_rays = LensRays()
-        self._all_hits: EmbreeAllHits | None = None
         start = perf_counter()
         self.geometry = self.plan_geometry(mesh, camera)
         self.plan_time_s = perf_counter() - start
@@ -104,10 +103,12 @@ class PreparedPixel:
 
     def take_camera(self, camera: View) -> None:
         """Make the rays those of a camera with the same ray space."""
-        self._close_all_hits()  # their rays are those of the camera
         self.camera = camera
         self.tiles = pixel_tiles(camera.width, camera.height, self.method.tile_order)
         self.workspaces = make_workspaces(camera, self.method.rays_per_packet, self.pool.threads, self.method.coherent)
+        batch = image_rays(self.geometry, camera, self.method.packet_shape, self.tiles)
+        stride, settings = self.gathering_stride, self._settings
+        self._all_hits = EmbreeAllHits(self._mesh, camera, lambda: [batch], stride, self.pool, settings)
 
     @property
     def _settings(self) -> dict[str, Any]:
@@ -119,6 +120,7 @@ class PreparedPixel:
         before = self.camera
         if camera.eye != before.eye or not np.array_equal(from_eye_space(camera), from_eye_space(before)):
             return False
+        self._all_hits.close()  # their rays are those of the camera
         self.take_camera(camera)
         return True
 
@@ -153,16 +155,6 @@ class PreparedPixel:
         is_known: bool,
     ) -> None:
         """See `Gathering.gather`. The first call builds a BVH with a filter."""
-        if self._all_hits is None:
-            from atra.raster.all_hits.undecided_kernels import Precision
-
-            camera, shape = self.camera, self.method.packet_shape
-            direction, origin = longest_ray(camera)
-            precision = Precision(camera.pixel_pitch, direction, 1.0, origin, self.method.robust)
-            batch = image_rays(self.geometry, camera, shape, self.tiles)
-            self._all_hits = EmbreeAllHits(
-                self._mesh, camera, [batch], self.gathering_stride, precision, self.pool, **self._settings
-            )
         self._all_hits.gather(what, offset, images, weights, self.workspaces)
 
     @property
@@ -173,21 +165,16 @@ class PreparedPixel:
     @property
     def embree_bytes(self) -> int:
         """Bytes that Embree holds for all BVHs."""
-        return self.scene.embree_bytes + (0 if self._all_hits is None else self._all_hits.embree_bytes)
+        return self.scene.embree_bytes + self._all_hits.embree_bytes
 
     @property
     def counters(self) -> Mapping[str, float]:
         """Embree's memory."""
         return {"embree_bytes": self.embree_bytes}
 
-    def _close_all_hits(self) -> None:
-        if self._all_hits is not None:
-            self._all_hits.close()
-            self._all_hits = None
-
     def close(self) -> None:
         """Release the BVHs."""
-        self._close_all_hits()
+        self._all_hits.close()
         self.scene.close()
 
 

@@ -62,7 +62,7 @@ class PreparedRaster(Prepared):
         self.lens_drawing = LensDrawing()
 
     def still_serves(self, camera: View) -> bool:
-        """Always: clusters hang on the mesh alone."""
+        """Always: clusters depend on the mesh alone."""
         self._camera = camera
         return True
 
@@ -112,7 +112,7 @@ def RasterTracer(
 ) -> Tracer:
     """Draw every triangle onto the image, exactly where the rays of its pixels meet it, nearest in front.
 
-    What is built, clusters of triangles, hangs on the mesh alone, so `look` changes the camera at no price.
+    Clusters of triangles, all that is built, depend on the mesh alone, so `look` is free.
 
     Parameters
     ----------

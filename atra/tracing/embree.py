@@ -7,9 +7,9 @@ from typing import Any
 from atra.embree.callbacks_kernels import memory_monitor
 from atra.embree.scene import EmbreeScene
 from atra.embree.workspace import Workspace
-from atra.geometry.ray_space import ray_axes
 from atra.geometry.view import View
 from atra.tracing.geometry import AlignedGeometry
+from atra.tracing.rays import share_direction
 
 
 def build_scene(
@@ -34,5 +34,6 @@ def make_workspaces(camera: View, packet_width: int, threads: int, coherent: boo
 
     coherent: Embree takes the rays of a packet through its tree together.
     """
-    direction = ray_axes(camera)[2].tolist() if camera.is_parallel else None
-    return [Workspace(packet_width, coherent=coherent, direction=direction) for _ in range(threads)]
+    workspaces = [Workspace(packet_width, coherent=coherent) for _ in range(threads)]
+    share_direction(workspaces, camera)
+    return workspaces

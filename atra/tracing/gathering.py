@@ -70,18 +70,9 @@ def target_of(
     row = values.shape[-1]
     marks, first, listed = (0, 0, 0) if undecided is None else (array.ctypes.data for array in undecided)
     return Target(
-        values.ctypes.data,
-        prim_id.ctypes.data,
-        count.ctypes.data,
-        row,
-        values.shape[-2] * row,
-        layers,
-        0 if weights is None else weights.ctypes.data,
-        marks,
-        first,
-        listed,
-        int(is_known),
-    )
+        values.ctypes.data, prim_id.ctypes.data, count.ctypes.data, row, values.shape[-2] * row, layers,
+        0 if weights is None else weights.ctypes.data, marks, first, listed, int(is_known),
+    )  # fmt: skip
 
 
 def check_rays_without_lens(camera: View) -> None:

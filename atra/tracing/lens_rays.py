@@ -14,7 +14,7 @@ from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.ray_space import ray_axes
 
 _in_use: WeakValueDictionary[Any, NDArray[np.float64]] = WeakValueDictionary()
-"""Directions that someone keeps, so that nobody computes them again."""
+"""Directions that some object keeps, which are not computed again."""
 
 
 def lens_directions(camera: LensView, offset: tuple[float, float], pool: WorkerPool) -> NDArray[np.float64]:
@@ -43,25 +43,17 @@ def rays_key(camera: LensView, offset: tuple[float, float]) -> Any:
 
 
 class LensRays:
-    """The tables of a camera and an offset. The last ones are kept; another pose turns the directions of the first."""
+    """The table of a camera and an offset. The last one is kept; another pose turns the same directions."""
 
     def __init__(self) -> None:
-        self._key: Any = None
-        self._directions = np.empty((3, 0, 0))
-        self._turned: tuple[LensView, NDArray[np.float32]] | None = None
-
-    def directions(self, camera: LensView, offset: tuple[float, float], pool: WorkerPool) -> NDArray[np.float64]:
-        """As `lens_directions`."""
-        key = rays_key(camera, offset)
-        if self._key != key:
-            self._key, self._turned, self._directions = key, None, lens_directions(camera, offset, pool)
-        return self._directions
+        self._directions = np.empty((3, 0, 0))  # as long as they are kept, `lens_directions` finds them
+        self._table: tuple[tuple[LensView, tuple[float, float]], NDArray[np.float32]] | None = None
 
     def table(self, camera: LensView, offset: tuple[float, float], pool: WorkerPool) -> NDArray[np.float32]:
         """(3, H, W) float32, directions in ray space; NaN for pixels without a ray."""
-        directions = self.directions(camera, offset, pool)
-        if self._turned is None or self._turned[0] != camera:
+        if self._table is None or self._table[0] != (camera, offset):
+            directions = self._directions = lens_directions(camera, offset, pool)
             table, turn = np.empty(directions.shape, np.float32), np.ascontiguousarray(ray_axes(camera).T)
             pool.run(lambda _, counter: turn_directions(counter, directions, turn, table))
-            self._turned = camera, table
-        return self._turned[1]
+            self._table = (camera, offset), table
+        return self._table[1]

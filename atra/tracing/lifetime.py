@@ -65,7 +65,7 @@ class Lifetime(ABC):
         """Let go of everything, however far it came; called once."""
 
     def build(self) -> None:
-        """Build now rather than on first use, or anew. Raises ClosedError after `close`."""
+        """Build now rather than on first use, or rebuild. Raises ClosedError after `close`."""
         with self._lock:
             self._check_open()
             self._is_built = False

@@ -189,8 +189,8 @@ class Tracer(Lifetime):
     def look(self, camera: View) -> None:
         """Trace what another camera sees from the next frame on.
 
-        What hangs on the camera and is built is built anew at once, and the times say what that took. A camera that is
-        refused changes nothing; where building fails, the next use builds again.
+        What depends on the camera is rebuilt at once if it was built, and the times say what that took. A camera that
+        is refused changes nothing; where building fails, the next use builds again.
 
         Parameters
         ----------
@@ -213,7 +213,7 @@ class Tracer(Lifetime):
     def update(self, mesh: Mesh) -> None:
         """Go on with other vertices, such as another pose, of the same faces.
 
-        What is built is built anew at once; where that fails, the next use builds again.
+        What was built is rebuilt at once; where that fails, the next use builds again.
 
         Parameters
         ----------

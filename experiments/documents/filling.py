@@ -224,6 +224,11 @@ def _ratio(expression: str, one: pd.DataFrame, other: pd.DataFrame, spec: Spec) 
     return say(_estimate(expression, one, spec).over(_estimate(expression, other, spec)))
 
 
+def _hours(times: pd.Series) -> str:
+    told = pd.to_datetime(times.dropna())
+    return f"{(told.max() - told.min()).total_seconds() / 3600:.1f}"
+
+
 def _other(spec: Spec) -> pd.DataFrame:
     return _picked(united(spec, {"where": spec["over"]}))
 
@@ -237,12 +242,14 @@ _FORMS: dict[str | None, Callable[[str, pd.DataFrame, Spec], str]] = {
     "quotient": lambda name, points, spec: digits(points.iloc[0][name] / _other(spec).iloc[0][name]),
     "span": lambda name, points, spec: span(_value(name, row) for _, row in points.iterrows()),
     "list": lambda name, points, spec: ", ".join(digits(value) for value in points[name]),
+    "hours": lambda name, points, spec: _hours(kept_of(spec["sweep"]).processes[name]),
     "rows": lambda name, points, spec: f"{len(points):,}",
     "method": lambda name, points, spec: find_method(points.iloc[0][name]).label,
     "never": lambda name, points, spec: "never" if pd.isna(value := points.iloc[0][name]) else f"{value:,.0f}",
 }
 """interval, inverse: with its interval, from the point. estimate, ratio, under (the ratio turned round): from
-processes. quotient: of points. span, list, rows: of several points. method: its label."""
+processes. quotient: of points. span, list, rows: of several points. hours: from the first time of a process to the
+last. method: its label."""
 
 
 def _claims(spec: Spec) -> Iterator[list[str]]:

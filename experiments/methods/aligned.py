@@ -10,8 +10,7 @@ from experiments.drawing.style import BLUE
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Method, Style, Tracing
 from experiments.harness.options import option
-from experiments.methods.aligned_cells import AlignedCellOptions
-from experiments.methods.options import VERIFIED, keywords_of, resolve_split, say_robust
+from experiments.methods.options import VERIFIED, AlignedCellOptions, keywords_of, resolve_split, say_robust
 
 # The tracer is imported when one is made: the help of the command line has no time for it.
 if TYPE_CHECKING:

@@ -11,9 +11,6 @@ from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import LANES, Tracing
 from experiments.harness.options import Settings, option, whole
 
-WATERTIGHT = {"robust": True}
-"""Options for pictures that are shown and not measured."""
-
 
 class MethodOptions(Settings):
     """Options of a method of ours."""
@@ -72,6 +69,15 @@ class CellOptions(SplitOptions):
 
     packet_width: int | None = packet_width_option()
     robust: bool = robust_option()
+
+
+@dataclass(frozen=True)
+class AlignedCellOptions(CellOptions):
+    """Options of methods with aligned rays."""
+
+    packet_rows: int | None = option(
+        None, "rows of pixels in a packet; null = the best fit for the cell", null="automatic"
+    )
 
 
 def resolve_split(options: Cells, width: int) -> Cells:

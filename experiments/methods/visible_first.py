@@ -9,8 +9,7 @@ from atra.tracing.tracer import Tracer
 from experiments.drawing.style import VERMILLION
 from experiments.harness.column import REAL, Column
 from experiments.harness.method import Method, Style, Tracing
-from experiments.methods.aligned_cells import AlignedCellOptions
-from experiments.methods.options import VERIFIED, keywords_of, resolve_split, say_robust
+from experiments.methods.options import VERIFIED, AlignedCellOptions, keywords_of, resolve_split, say_robust
 
 
 def _make(mesh: Mesh, view: View, options: AlignedCellOptions, tracing: Tracing) -> Tracer:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-from experiments.results.statistics import REST, Estimate, Pool, last_half
+from experiments.results.statistics import REST, Estimate, Pool, holdout
 
 _ENDS = ("low", "high")
 
@@ -55,7 +55,7 @@ def _fill(points: pd.DataFrame, row: int, stem: str, unit: str, values: list[flo
     if not pd.isna(points.iat[row, place[1]]) or (not rest and pd.isna(points.iat[row, place[0]])):
         return
     try:
-        found = Estimate.of(list(last_half(values)) if rest else values, pool)
+        found = Estimate.of(list(holdout(values)) if rest else values, pool)
     except ValueError:
         return
     for column, value in zip(place, (found.value, found.low, found.high), strict=True):

@@ -75,14 +75,14 @@ class Estimate:
 
     @property
     def low(self) -> float:
-        return math.exp(self.log_mean - self._half)
+        return math.exp(self.log_mean - self._half_width)
 
     @property
     def high(self) -> float:
-        return math.exp(self.log_mean + self._half)
+        return math.exp(self.log_mean + self._half_width)
 
     @property
-    def _half(self) -> float:
+    def _half_width(self) -> float:
         if self.variance == 0:
             return 0.0
         return student(self.freedom) * math.sqrt(self.variance)
@@ -121,19 +121,19 @@ def best_of(candidates: Mapping[int, Sequence[float]], pool: Pool | None = None)
     Choosing and reporting by the same values would overstate the best by the noise that chose it. candidates: by name,
     one value a process. Raises ValueError as `Estimate.of` does.
     """
-    chosen = max(candidates, key=lambda name: np.log(first_half(candidates[name])).mean())
+    chosen = max(candidates, key=lambda name: np.log(selection(candidates[name])).mean())
     values = candidates[chosen]
-    return chosen, Estimate.of(last_half(values), pool)
+    return chosen, Estimate.of(holdout(values), pool)
 
 
-def first_half(values: Sequence[float]) -> Sequence[float]:
+def selection(values: Sequence[float]) -> Sequence[float]:
     """The values that choose the best; the others report it."""
     return values[: max(1, len(values) // 2)]
 
 
-def last_half(values: Sequence[float]) -> Sequence[float]:
+def holdout(values: Sequence[float]) -> Sequence[float]:
     """The values that report the best."""
-    return values[len(first_half(values)) :]
+    return values[len(selection(values)) :]
 
 
 @dataclass(frozen=True)
@@ -192,7 +192,7 @@ def statistics_columns(name: str, help: str, series: Series) -> tuple[Column, ..
 def choosing_column(name: str, help: str, series: Series) -> Column:
     """The same mean over the first half of the processes alone, by which the best of several points is chosen."""
     text = f"median of {help}, over the processes that choose the best"
-    return Column(name, REAL, text, _median(series), lambda values: _mean(first_half(values)))
+    return Column(name, REAL, text, _median(series), lambda values: _mean(selection(values)))
 
 
 REST = "_rest"

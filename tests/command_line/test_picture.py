@@ -50,29 +50,20 @@ def test_samples_alone_make_a_picture_and_planes_alone_none(folder, monkeypatch)
     assert (folder / "model_views" / "model.npz").exists()
 
 
-@pytest.mark.parametrize(("side", "eye"), [
+@pytest.mark.parametrize(("name", "way"), [
     ("front", (0, 0, 1)), ("back", (0, 0, -1)), ("left", (-1, 0, 0)), ("right", (1, 0, 0)), ("top", (0, 1, 0)),
-    ("bottom", (0, -1, 0)),
+    ("bottom", (0, -1, 0)), ("desk", (0.6, 0.8, 0)),
 ])  # fmt: skip
-def test_sides_of_a_model_are_cameras_by_name(folder, monkeypatch, side, eye):
-    seen = []
+def test_sides_of_a_model_and_cameras_of_its_file_are_taken_by_name(folder, monkeypatch, name, way):
+    seen, mesh = [], atra.load_mesh("model.glb")
+    own = {"desk": Camera((6, 8, 0), (0, 0, 0), width=8, height=8)}
+    monkeypatch.setattr("atra.command.render.load_with_cameras", lambda given: (mesh, own))
     monkeypatch.setattr("atra.command.render.render_views", lambda mesh, cameras, threads: seen.append(cameras) or [])
-    assert render(monkeypatch, "--camera", side) == 0
-    (camera,) = seen[0].values()
-    mesh = atra.load_mesh("model.glb")
-    away = np.subtract(camera.eye, mesh.bounds.mean(axis=0))
-    np.testing.assert_allclose(away / np.linalg.norm(away), eye, atol=1e-6)
-    assert (camera.width, camera.height) == (24, 16)
-
-
-def test_a_camera_of_the_file_is_taken_by_its_name(folder, monkeypatch):
-    seen = []
-    own = {"desk": Camera((0, 0, 9), (0, 0, 0), width=8, height=8)}
-    monkeypatch.setattr("atra.command.render.load_with_cameras", lambda given: (atra.load_mesh(given.mesh), own))
-    monkeypatch.setattr("atra.command.render.render_views", lambda mesh, cameras, threads: seen.append(cameras) or [])
-    assert render(monkeypatch, "--camera", "desk") == 0
-    assert seen[0]["desk"].eye == (0, 0, 9)
-    assert seen[0]["desk"].width == 24
+    assert render(monkeypatch, "--camera", name) == 0
+    ((called, camera),) = seen[0].items()
+    away = np.subtract(camera.eye, camera.target if name == "desk" else mesh.bounds.mean(axis=0))
+    np.testing.assert_allclose(away / np.linalg.norm(away), way, atol=1e-6)
+    assert (called, camera.width, camera.height) == (name, 24, 16)
 
 
 @pytest.mark.parametrize(("arguments", "told"), [
@@ -82,18 +73,13 @@ def test_a_camera_of_the_file_is_taken_by_its_name(folder, monkeypatch):
     (("-o", "a.png", "--exposure", "bright"), "exposure is 'bright', expected auto or a number of stops"),
     (("--samples", "0"), "samples is 0"),
     (("--samples", "1", "--sky", "none.exr"), "none.exr"),
+    (("--samples", "2", "--denoise"), "denoising needs the package pyoidn"),
 ])  # fmt: skip
 def test_what_makes_no_picture_is_refused_in_one_line(folder, monkeypatch, capsys, arguments, told):
-    assert render(monkeypatch, *arguments) == 2
-    error = capsys.readouterr().err.splitlines()[-1]
-    assert error.startswith("atra: ")
-    assert told in error
-    assert not list(folder.glob("*.png"))
-
-
-def test_a_missing_denoiser_is_told_before_any_sample_is_taken(folder, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "pyoidn", None)
-    assert render(monkeypatch, "--samples", "2", "--denoise") == 2
+    assert render(monkeypatch, *arguments) == 2
     error = capsys.readouterr().err
-    assert "denoising needs the package pyoidn" in error
-    assert "samples" not in error
+    assert error.splitlines()[-1].startswith("atra: ")
+    assert told in error.splitlines()[-1]
+    assert "2 samples" not in error
+    assert not list(folder.glob("*.png"))

@@ -13,7 +13,9 @@ POINTS = pd.DataFrame([
     for scene, way, gain in (("box", "old", 1.0), ("box", "new", 4.0), ("hall", "old", 2.0))
 ])  # fmt: skip
 PROCESSES = pd.DataFrame([
-    row | {"gain": row["gain"] * by} for row in POINTS.to_dict("records") for by in (0.5, 1.0, 2.0)
+    row | {"gain": row["gain"] * by, "measured_at": f"2000-01-01T{time}+00:00"}
+    for row in POINTS.to_dict("records")
+    for by, time in ((0.5, "09:00"), (1.0, "10:00"), (2.0, "11:30"))
 ])  # fmt: skip
 GAIN = {"sweep": "toys", "cell": "{gain}"}
 TEMPLATE = """text
@@ -63,6 +65,7 @@ def toys(monkeypatch):
     ({"pick": "all", "cell": "{gain:span}, {gain:list}, {:rows}"}, "1.00 to 4.00, 1.00, 4.00, 2.00, 3"),
     ({"where": {"point_id": "box new"}, "over": {"point_id": "box old"}, "cell": "{gain:quotient}"}, "4.00"),
     ({"where": {"point_id": "box new"}, "over": {"point_id": "box new"}, "cell": "{gain:ratio}"}, "1"),
+    ({"pick": "all", "cell": "{measured_at:hours}"}, "2.5"),
 ])  # fmt: skip
 def test_a_cell_says_what_its_points_have(spec, text):
     assert cell_text({**GAIN, **spec}) == text

@@ -4,7 +4,6 @@ import base64
 import struct
 import sys
 import zipfile
-from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -109,53 +108,27 @@ def test_faces_and_materials_come_in_the_order_of_the_file_however_many_corners_
     assert (corners_of(mesh)[:4, :, 2] == 5).all()
 
 
-VTK = """# vtk DataFile Version 3.0
-a box
-ASCII
-DATASET UNSTRUCTURED_GRID
-POINTS 8 double
-{points}
-CELLS {count} {size}
-{cells}
-CELL_TYPES {count}
-{kinds}
-"""
+def box_of_cells(path, *cells):
+    """A file of cells between the corners of a box."""
+    meshio = pytest.importorskip("meshio")
+    cells = [(kind, np.array(rows)) for kind, rows in cells]
+    meshio.Mesh(np.array(CORNERS, float), cells).write(path)
+    return path
 
 
-def vtk(cells, kinds):
-    return VTK.format(
-        points="\n".join("{} {} {}".format(*one) for one in CORNERS), count=len(cells),
-        size=sum(len(one) + 1 for one in cells), kinds="\n".join(map(str, kinds)),
-        cells="\n".join(" ".join(map(str, (len(one), *one))) for one in cells),
-    )  # fmt: skip
-
-
-MESHIO = pytest.mark.skipif(find_spec("meshio") is None, reason="needs the package meshio")
-
-
-@MESHIO
-@pytest.mark.parametrize(("cells", "kinds", "told"), [
-    ([*TRIANGLES[:2], *QUADS[1:]], [5] * 2 + [9] * 5, ()), (QUADS, [9] * 6, ()),
-    ([(0, 1), *QUADS], [3] + [9] * 6, ("1 cells of the kind line are left out",)),
-])  # fmt: skip
-@pytest.mark.filterwarnings("ignore:box")
-def test_cells_of_all_kinds_of_faces_are_read_and_others_named(cells, kinds, told, tmp_path):
-    mesh = atra.load_mesh(written(tmp_path, "box.vtk", vtk(cells, kinds)))
-    assert (mesh.triangle_count, area(mesh), volume(mesh)) == (12, pytest.approx(6), pytest.approx(1))
-    assert mesh.notes == told
-    with pytest.raises(InputError, match=r"holds no triangles .1 cells of the kind tetra are left out"):
-        atra.load_mesh(written(tmp_path, "solid.vtk", vtk([(0, 1, 2, 4)], [10])))
-
-
-@MESHIO
 @pytest.mark.parametrize("suffix", ["vtk", "vtu", "msh", "inp", "mesh", "bdf"])
 def test_what_meshio_writes_with_mixed_cells_has_all_its_faces(suffix, tmp_path):
-    import meshio
+    path = tmp_path / f"box.{suffix}"
+    mesh = quiet(box_of_cells(path, ("triangle", TRIANGLES[:2]), ("quad", QUADS[1:])))
+    assert (mesh.triangle_count, area(mesh), volume(mesh)) == (12, pytest.approx(6), pytest.approx(1))
 
-    cells = [("triangle", np.array(TRIANGLES[:2])), ("quad", np.array(QUADS[1:]))]
-    meshio.Mesh(np.array(CORNERS, float), cells).write(tmp_path / f"box.{suffix}")
-    mesh = quiet(tmp_path / f"box.{suffix}")
+
+def test_cells_that_are_no_faces_are_named(tmp_path):
+    with pytest.warns(UserWarning, match="1 cells of the kind line are left out"):
+        mesh = atra.load_mesh(box_of_cells(tmp_path / "box.vtk", ("line", [(0, 1)]), ("quad", QUADS)))
     assert (mesh.triangle_count, volume(mesh)) == (12, pytest.approx(1))
+    with pytest.raises(InputError, match=r"holds no triangles .1 cells of the kind tetra are left out"):
+        atra.load_mesh(box_of_cells(tmp_path / "solid.vtk", ("tetra", [(0, 1, 2, 4)])))
 
 
 @pytest.mark.parametrize("change", [

@@ -23,24 +23,16 @@ def read(path):
     return cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
 
 
-@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
 @pytest.mark.parametrize("shape", [(5, 7), (5, 7, 3), (1, 1)])
-def test_other_programs_read_the_same_numbers_from_a_png(kind, shape, tmp_path):
-    image = np.random.default_rng(1).integers(0, np.iinfo(kind).max, shape, kind, endpoint=True)
-    (tmp_path / "a.png").write_bytes(encode_png(image))
+@pytest.mark.parametrize(("encode", "kind"), [(encode_png, "u1"), (encode_png, "u2"), (encode_tiff, "f4")])
+def test_other_programs_read_the_same_numbers_from_a_png_and_a_tiff(encode, kind, shape, tmp_path):
+    image = (np.random.default_rng(1).random(shape) * 256 ** int(kind[1])).astype(kind)
+    (tmp_path / "a.png").write_bytes(encode(image))  # OpenCV looks at the bytes
     found = read(tmp_path / "a.png")
     assert found.dtype == kind
     np.testing.assert_array_equal(found[..., ::-1] if len(shape) == 3 else found, image)
-
-
-@pytest.mark.parametrize("shape", [(5, 7), (5, 7, 3)])
-def test_other_programs_read_the_same_numbers_from_a_tiff(shape, tmp_path):
-    image = np.random.default_rng(1).normal(size=shape).astype(np.float32)
-    (tmp_path / "a.tiff").write_bytes(encode_tiff(image))
-    found = read(tmp_path / "a.tiff")
-    np.testing.assert_array_equal(found[..., ::-1] if len(shape) == 3 else found, image)
     if len(shape) == 2:
-        np.testing.assert_array_equal(np.asarray(Image.open(tmp_path / "a.tiff")), image)
+        np.testing.assert_array_equal(np.asarray(Image.open(tmp_path / "a.png")), image)
 
 
 def test_a_depth_png_holds_millimetres_and_0_for_a_miss(hits, tmp_path):
@@ -65,23 +57,16 @@ def test_instances_and_materials_are_numbers_of_the_file_from_1(hits, tmp_path):
         image = read(path)
         assert image.dtype == np.uint16
         np.testing.assert_array_equal(image, np.where(hits.hit, hits.prim_id % np.uint32(modulus), 0))
-    with pytest.raises(
-        atra.InputError, match=r"the plane material needs face sources of the mesh's .*, none were given"
-    ):
+    with pytest.raises(atra.InputError, match=r"the plane material needs face sources of the mesh's .*, none were"):
         hits.save_planes(tmp_path / "view", ["material"], "png")
     fewer = atra.FaceSources(sources.face[:3], sources.material[:3], sources.node[:3])
     with pytest.raises(atra.InputError, match=r"those of 3 were given"):
         hits.save_planes(tmp_path / "view", ["instance"], "npz", sources=fewer)
 
 
-@pytest.mark.parametrize("format", ["png", "npz", "tiff"])
-def test_previews_have_a_colour_for_each_triangle_and_each_direction(format, hits, tmp_path):
-    paths = hits.save_planes(tmp_path / "view", ["preview_ids", "preview_normals"], format)
-    if format == "npz":
-        with np.load(*paths) as content:
-            ids, normals = content["preview_ids"], content["preview_normals"]
-    else:
-        ids, normals = (read(path)[..., ::-1] for path in paths)
+def test_previews_have_a_colour_for_each_triangle_and_each_direction(hits, tmp_path):
+    paths = hits.save_planes(tmp_path / "view", ["preview_ids", "preview_normals"], "png")
+    ids, normals = (read(path)[..., ::-1] for path in paths)
     assert ids.dtype == normals.dtype == np.uint8
     colours = {tuple(ids[hits.prim_id == prim_id][0]) for prim_id in np.unique(hits.prim_id[hits.hit])}
     assert len(colours) == len(np.unique(hits.prim_id[hits.hit]))

@@ -108,24 +108,6 @@ def test_degenerate_and_edge_on_triangles_are_never_hit_and_leave_no_nan_depth()
     assert (intersect_pixels(mesh, camera, x, y, np.zeros(81, int)).depth == np.inf).all()
 
 
-@pytest.mark.parametrize("kind", [Camera, OrthographicCamera])
-def test_barycentrics_reproduce_the_point_on_the_ray(kind):
-    rng = np.random.default_rng(7)
-    mesh = Mesh(rng.uniform(-1, 1, (30, 3)) - (0, 0, 4), np.arange(30).reshape(10, 3))
-    camera = kind(eye=(0.3, -0.2, 1.0), target=(0, 0, -4), width=40, height=30)
-    x, y, prim_id = rng.integers(0, 40, 200), rng.integers(0, 30, 200), rng.integers(0, 10, 200)
-    found = intersect_pixels(mesh, camera, x, y, prim_id, (0.25, 0.75))
-    ok = np.isfinite(found.depth)
-    assert ok.sum() > 100
-    a, b, c = (camera.to_camera_space(mesh.triangles(prim_id)[:, i]) for i in range(3))
-    u, v = found.u[:, None], found.v[:, None]
-    origins, directions = camera.rays(x, y, (0.25, 0.75))
-    point = origins + found.depth[:, None] * directions
-    mixed, atol = (1 - u - v) * a + u * b + v * c, 1e-9 * np.abs(found.depth[ok]).max()
-    assert np.allclose(point[ok], mixed[ok], rtol=1e-9, atol=atol)
-    assert np.array_equal(found.edge_distance[ok], np.minimum(np.minimum(found.u, found.v), 1 - found.u - found.v)[ok])
-
-
 def test_a_prim_id_or_offset_that_does_not_exist_is_refused():
     mesh, zero = Mesh(*quad((2.0, 2.0))), np.array([0])
     with pytest.raises(InputError, match="prim_id 4294967295"):

@@ -64,7 +64,7 @@ from experiments.harness.options import NoOptions
 from experiments.harness.point import Workload
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import series
-from experiments.workloads.rounds import build_own, measured, timed_rounds
+from experiments.workloads.rounds import build_own, race
 
 THEIR_TIME = Workload(
     "their_time", NoOptions,
@@ -76,8 +76,8 @@ THEIR_TIME = Workload(
 def measure(point):
     with ExitStack() as stack:
         own, results = build_own(point, stack)
-        timed = timed_rounds(point, {"theirs": lambda: own.trace() and None})
-    return measured(results | {"their_count": point.width * point.height}, timed)
+        count = {"their_count": point.width * point.height}
+        return race(point, {"theirs": lambda: own.trace() and None}, lambda: count, results)
 """
 
 SCENE = """

@@ -12,7 +12,7 @@ from tests.images import CELLS, assert_equal_images, assert_no_pixel_wrong, make
 from tests.judge.reference import brute_force
 from tests.lenses import lens_camera, random_lens
 from tests.machine import WIDEST, WIDTHS
-from tests.meshes import cornell_box, cornell_camera, quads
+from tests.meshes import cornell_box, cornell_camera
 
 LENSES = {
     "barrel": atra.OpenCVLens(k1=-0.3, k2=0.08, p1=0.002, p2=-0.001),
@@ -65,14 +65,6 @@ def test_a_hit_lies_on_its_ray_where_its_depth_says():
         assert np.isnan(hits.points[~hits.hit]).all()
     with pytest.raises(atra.InputError, match="along 'z', expected axis or ray"):
         hits.depth_along("z")
-
-
-def test_of_tied_triangles_a_lens_shows_the_lowest():
-    square = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
-    mesh = quads([square, square])
-    camera = lens_camera(LENSES["barrel"], atra.Camera((0.1, 0.2, 2.0), (0, 0, 0)))
-    for kind in TRACERS:
-        assert set(np.unique(trace(kind, mesh, camera).prim_id)) == {0, 1, atra.MISS}
 
 
 def test_a_tracer_looks_through_one_lens_after_another():

@@ -101,27 +101,6 @@ def test_a_camera_that_walks_and_jumps_sees_the_image_of_all_triangles(seed):
             assert_same_bits(tracer.trace(offset), expected)  # and once more, for what a frame might remember
 
 
-def test_what_lies_a_ten_thousandth_before_a_wall_is_seen():
-    """The wall leans, so that its clusters, whose other end is nearer, are drawn first."""
-    random = np.random.default_rng(0)
-    wall = quads([[(-2, -2, 1.99), (2, -2, 2.0), (2, 2, 2.0), (-2, 2, 1.99)]] * 600)
-    corners = random.uniform([0.5, -1, 0], [1.9, 1, 0], (2000, 1, 3)) + random.uniform(0, 0.05, (2000, 3, 3)) * [
-        1,
-        1,
-        0,
-    ]
-    corners[..., 2] = 1.99 + 0.0025 * (corners[..., 0] + 2)
-    crowd = atra.Mesh(corners.reshape(-1, 3) * (1 - 1e-4), np.arange(6000).reshape(-1, 3))
-    mesh = joined(wall, crowd)
-    for camera in (
-        atra.Camera(**EYE_AT_ORIGIN, width=160, height=160, fov_y_degrees=90),
-        atra.OrthographicCamera((0, 0, 0), (0, 0, 1), view_height=4.0, width=160, height=160),
-    ):
-        hits = draw(mesh, camera, ties="any")
-        assert_same_bits(hits, AllDrawn(mesh, camera).trace())
-        assert ((hits.prim_id >= wall.triangle_count) & hits.hit).mean() > 0.01
-
-
 def test_of_equal_depths_the_lowest_triangle_is_stored_in_whatever_order_they_are_drawn():
     wall = [[(-2, -2, 4), (2, -2, 4), (2, 2, 4), (-2, 2, 4)]]
     small = [[(x, y, 4), (x + 0.1, y, 4), (x + 0.1, y + 0.1, 4), (x, y + 0.1, 4)] for x in (-1, 0) for y in (-1, 0.5)]

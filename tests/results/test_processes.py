@@ -12,6 +12,7 @@ from experiments.harness.records import Record
 from experiments.results.canary import BAND, drifted
 from experiments.results.table import make_tables
 from experiments.sweep import GridPoint, run_sweep
+from tests.harness.test_passes import Unsteady
 from tests.harness.test_sweep import Runner, configuration
 from tests.results.test_table import MEASURED
 
@@ -103,19 +104,12 @@ def test_a_point_all_of_whose_processes_are_left_out_is_not_measured():
 
 
 def test_what_strays_is_replaced_at_the_end_three_times_at_most(tmp_path):
-    class Bumpy(Runner):
-        def __call__(self, point):
-            outcome = super().__call__(point)
-            slow = point.process == 1 and point.options.split_x == 2
-            samples = outcome.samples | {"rtcIntersect1": [0.2] * 3} if slow else outcome.samples
-            return replace(outcome, samples=samples)
-
-    runner = Bumpy()
+    runner = Unsteady()
     table = run_sweep(points(tmp_path, 1, 2), run=runner)
     assert [(point.options.split_x, point.process) for point in runner.points[6:]] == [(2, 1)] * 3
     assert list(table["processes_left_out"]) == [0, 1]
     assert list(table["processes_replaced"]) == [0, 1]
-    again = Bumpy()
+    again = Unsteady()
     run_sweep(points(tmp_path, 1, 2), run=again)
     assert again.points == []
 

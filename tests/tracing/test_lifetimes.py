@@ -97,18 +97,6 @@ def test_nothing_is_traced_after_closing_which_gives_back_every_byte_and_may_com
             call()
 
 
-@every_tracer
-def test_planning_and_building_again_gives_the_same_image_and_leaves_one_scene(name):
-    with tracer(name) as one:
-        expected = one.trace().prim_id.copy()
-        replaced, held = devices(one), one.embree_bytes
-        one.build()
-        assert all(device.closed for device in replaced)
-        # Embree allocates in blocks of its own choosing.
-        assert one.embree_bytes == pytest.approx(held, rel=0.2)
-        np.testing.assert_array_equal(one.trace().prim_id, expected)
-
-
 def test_closing_waits_for_the_frame_in_progress(monkeypatch):
     with tracer("aligned") as one:
         begun, may_go_on, traced = threading.Event(), threading.Event(), []

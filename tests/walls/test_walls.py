@@ -214,7 +214,7 @@ def test_importing_the_library_loads_no_wing_and_no_command_and_a_wing_is_loaded
     loaded = loaded_by("import atra; [getattr(atra, name) for name in atra.__all__]")
     assert "atra.packets.pixel" in loaded
     assert not [name for name in loaded if is_below(name, tuple(f"atra.{room}" for room in (*WINGS, "command")))]
-    for name in ("atra.light", "experiments.classification.shafts.eye", "experiments.light.sun.tiles"):
+    for name in ("atra.light", "experiments.classification.shafts.scene", "experiments.light.sun.tiles"):
         assert name in loaded_by(f"import {name}")
 
 

@@ -74,30 +74,24 @@ def read_calibration(
         if len(content) > _MOST_BYTES:
             raise InputError(f"it has {len(content):,} bytes, expected a calibration of at most {_MOST_BYTES:,}")
         found = _as_opencv(_parsed(path, content))
-        given = {
-            name: next((found[one] for one in names if found.get(one) is not None), None)
+        told = {**dict(zip(("width", "height"), size or (), strict=False)), "D": [], "model": "none"}
+        given: dict[str, Any] = {
+            name: next((found[one] for one in names if found.get(one) is not None), told.get(name))
             for name, names in _NAMES.items()
         }
         if given["K"] is None:
             raise InputError(f"it has no camera_matrix, expected one of {', '.join(_NAMES['K'])}")
-        width, height = (
-            told if given[name] is None else given[name]
-            for name, told in zip(("width", "height"), size or (None, None), strict=True)
-        )
-        if width is None or height is None:
+        if given["width"] is None or given["height"] is None:
             raise InputError("the size of the image is missing, expected image_width and image_height; or give a size")
         if model is None:
-            name = "none" if given["model"] is None else given["model"]
+            name = given["model"]
             if not (isinstance(name, str) and name in _MODELS):
                 raise InputError(f"its distortion_model is {name!r:.100}, expected one of {', '.join(_MODELS)}")
             model = _MODELS[name]
-        K = numbers("camera_matrix", given["K"])
-        if K.size != 9:
-            raise InputError(f"camera_matrix has {K.size} numbers, expected 9")
-        D = None if given["D"] is None else numbers("distortion_coefficients", given["D"])
-        distortion = D if D is not None and D.size else None  # ROS writes none for a camera without distortion
-        size = pixels("width", width), pixels("height", height)
-        return {path.stem: Camera.from_opencv(K.reshape(3, 3), R, t, *size, distortion, model)}
+        K, D = numbers("camera_matrix", given["K"], 9), numbers("distortion_coefficients", given["D"])
+        size = pixels("width", given["width"]), pixels("height", given["height"])
+        # ROS writes no coefficients for a camera without distortion.
+        return {path.stem: Camera.from_opencv(K.reshape(3, 3), R, t, *size, D if D.size else None, model)}
 
 
 def _as_opencv(found: Any) -> dict[str, Any]:

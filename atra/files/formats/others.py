@@ -59,22 +59,20 @@ def read_other_file(path: Path, content: bytes, suffix: str) -> MeshFile:
     return MeshFile(parts, units=None if units is None else _UNITS.get(units, str(units)), notes=tuple(notes))
 
 
-class _Refusal(logging.Handler):
-    """Raises what is logged as an InputError."""
-
-    def emit(self, record: logging.LogRecord) -> None:
-        raise InputError(record.getMessage())
-
-
 @contextmanager
 def _warnings_of_trimesh_refused() -> Iterator[None]:
     """Refuse files in which trimesh skips something, which it only logs."""
-    logger, refusal = logging.getLogger("trimesh"), _Refusal(logging.WARNING)
-    logger.addHandler(refusal)
+    logger, handler = logging.getLogger("trimesh"), logging.Handler(logging.WARNING)
+    handler.emit = _refuse  # type: ignore[method-assign]
+    logger.addHandler(handler)
     try:
         yield
     finally:
-        logger.removeHandler(refusal)
+        logger.removeHandler(handler)
+
+
+def _refuse(record: logging.LogRecord) -> None:
+    raise InputError(record.getMessage())
 
 
 def _folder_of(path: Path) -> Any:

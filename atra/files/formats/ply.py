@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.files.formats.ply_kernels import walk_rows
-from atra.files.formats.words import ranges, split_text
+from atra.files.formats.words import split_text
 from atra.files.meshes.parts import MeshFile, check_rows, polygon_part
 from atra.files.reading import Allowance
 
@@ -72,7 +72,7 @@ def read_ply_file(content: bytes, allowance: Allowance) -> MeshFile:
             if element.name == "tristrips":
                 faces = _of_strips(*faces, allowance)
         else:
-            at = _walk(rows, at, element, -1)[0] if element.properties else at
+            _, at = _lists(rows, at, element, -1) if element.properties else (None, at)
             if element.name not in ("vertex", "face") and element.rows:
                 notes.append(f"{element.rows:,} rows of the element {element.name} are left out")
     left = len(rows.floats) - at
@@ -137,10 +137,14 @@ def _numbers(content: bytes, at: int, allowance: Allowance) -> _Rows:
     return _Rows(floats, wholes, False, allowance)
 
 
+def _least_bytes(element: Element) -> int:
+    """Bytes of a row whose lists are empty."""
+    return sum((one.length or one.values).itemsize for one in element.properties)
+
+
 def _check(rows: _Rows, at: int, element: Element) -> None:
     """Check that the rows of an element fit what is left, however short their lists."""
-    least = sum((one.length or one.values).itemsize for one in element.properties)
-    if element.rows * least > len(rows.floats) - at:
+    if element.rows * _least_bytes(element) > len(rows.floats) - at:
         raise InputError(
             f"it promises {element.rows:,} rows of the element {element.name}, but ends before; it seems cut short"
         )
@@ -163,49 +167,62 @@ def _vertices(rows: _Rows, at: int, element: Element) -> tuple[NDArray[np.floati
     return vertices, at + element.rows * row.itemsize
 
 
-def _walk(rows: _Rows, at: int, element: Element, wanted: int, *filled: NDArray[np.int64]) -> tuple[int, int, bool]:
-    """`walk_rows` over the rows that `filled` has room for, or all; the place, the sum, and whether all are alike."""
+_Polygons = tuple[NDArray[np.int64], NDArray[Any]]
+"""Number of corners (P,) of polygons, and the corners of all."""
+
+
+def _faces(rows: _Rows, at: int, element: Element) -> tuple[_Polygons, int]:
+    """The faces, and the place behind them."""
+    lists = [k for k, one in enumerate(element.properties) if one.length]
+    if not lists:
+        raise InputError("its faces have no list of vertices")
+    wanted = next((k for k in lists if element.properties[k].name in _FACES), lists[0])
+    if element.properties[wanted].values.kind == "f":
+        raise InputError("its faces name vertices by numbers that are not whole")
     _check(rows, at, element)
-    table = [
-        (
-            one.length.itemsize if one.length else 0,
-            one.length is not None and one.length.kind == "i",
-            one.values.itemsize,
-        )
-        for one in element.properties
-    ]
-    count, none = len(filled[0]) if filled else element.rows, np.empty(0, np.int64)
-    given = np.array(table, np.int64), rows.is_big_endian, wanted, *(filled or (none, none))
-    end, total, row, is_alike = walk_rows(rows.wholes, at, count, *given)
+    return (len(lists) == 1 and _alike(rows, at, element, wanted)) or _lists(rows, at, element, wanted)
+
+
+def _alike(rows: _Rows, at: int, element: Element, wanted: int) -> tuple[_Polygons, int] | None:
+    """As `_lists` where each list is as long as in the first row, read as fast as bytes; None where they are not."""
+    _, values, length = element.properties[wanted]
+    assert length is not None
+    first = at + sum(one.values.itemsize for one in element.properties[:wanted])
+    count = int(np.ndarray(1, length, rows.wholes, first)[0])
+    step = _least_bytes(element) + count * values.itemsize
+    if count < 0 or element.rows * step > len(rows.wholes) - at:
+        return None
+    if (np.ndarray(element.rows, length, rows.wholes, first, (step,)) != count).any():
+        return None
+    check_rows(element.rows * max(1, count), rows.allowance)
+    corners = np.ndarray((element.rows, count), values, rows.wholes, first + length.itemsize, (step, values.itemsize))
+    # Triangles keep the file's type of numbers; other polygons are cut as int64.
+    corners = corners.astype(values.newbyteorder("=") if count == 3 else np.int64)
+    return (np.broadcast_to(np.int64(count), element.rows), corners.ravel()), at + element.rows * step
+
+
+def _lists(rows: _Rows, at: int, element: Element, wanted: int) -> tuple[_Polygons, int]:
+    """Lengths and values of the wanted list of each row, one behind the other, and the place behind the rows. wanted:
+    -1 for none."""
+    _check(rows, at, element)
+    lengths = [one.length or np.dtype("V0") for one in element.properties]
+    kinds = zip(lengths, (one.values for one in element.properties), strict=True)
+    table = np.array([(length.itemsize, length.kind == "i", of.itemsize) for length, of in kinds], np.int64)
+    given = rows.wholes, at, table, rows.is_big_endian, wanted
+    sizes = np.empty(element.rows, np.int64)
+    end, total, row = walk_rows(*given, sizes, np.empty(0, np.uint8))
     if end < 0:
         raise InputError(
             f"it promises {element.rows:,} rows of the element {element.name}, but row {row} is broken or missing; it "
             "seems cut short"
         )
-    return end, total, is_alike
-
-
-def _faces(rows: _Rows, at: int, element: Element) -> tuple[tuple[NDArray[np.int64], NDArray[Any]], int]:
-    """Number of corners (P,) of the faces and the corners of all; and the place behind them."""
-    lists = [k for k, one in enumerate(element.properties) if one.length]
-    if not lists:
-        raise InputError("its faces have no list of vertices")
-    wanted = next((k for k in lists if element.properties[k].name in _FACES), lists[0])
-    kind = element.properties[wanted].values
-    if kind.kind == "f":
-        raise InputError("its faces name vertices by numbers that are not whole")
-    end, total, is_alike = _walk(rows, at, element, wanted)
+    if wanted < 0:
+        return (sizes, sizes), end
     check_rows(element.rows + total, rows.allowance)
-    sizes, begins = (np.empty(1 if is_alike else element.rows, np.int64) for _ in range(2))
-    _walk(rows, at, element, wanted, sizes, begins)
-    if not is_alike:
-        places = ranges(begins, sizes, kind.itemsize)[:, None] + np.arange(kind.itemsize)
-        return (sizes, rows.wholes[places].view(kind)[:, 0].astype(np.int64)), end
-    steps = (end - at) // element.rows, kind.itemsize
-    corners = np.ndarray((element.rows, int(sizes[0])), kind, rows.wholes, int(begins[0]), steps)
-    # Triangles keep the file's type of numbers; other polygons are cut as int64.
-    corners = corners.astype(kind.newbyteorder("=") if sizes[0] == 3 else np.int64)
-    return (np.broadcast_to(sizes[0], element.rows), corners.ravel()), end
+    kind = element.properties[wanted].values
+    values = np.empty(total * kind.itemsize, np.uint8)
+    walk_rows(*given, sizes, values)
+    return (sizes, values.view(kind).astype(np.int64)), end
 
 
 def _of_strips(

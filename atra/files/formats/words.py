@@ -25,9 +25,9 @@ def code_of(word: str) -> int:
     return int.from_bytes(word.encode()[:8])
 
 
-def ranges(starts: NDArray[np.int64], lengths: NDArray[np.int64], step: int = 1) -> NDArray[np.int64]:
-    """The whole numbers from each start on in steps, as many as its length, one range behind the other."""
-    return np.repeat(starts - step * (np.cumsum(lengths) - lengths), lengths) + step * np.arange(lengths.sum())
+def ranges(starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The whole numbers from each start on, as many as its length, one range behind the other."""
+    return np.repeat(starts - (np.cumsum(lengths) - lengths), lengths) + np.arange(lengths.sum())
 
 
 class Words(NamedTuple):

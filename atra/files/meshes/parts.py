@@ -102,7 +102,6 @@ def _sound(vertices: NDArray[np.floating], corners: NDArray[np.int64]) -> tuple[
     return vertices, [f"{is_bad.sum():,} vertices that no face uses are not finite or beyond {LARGEST_COORDINATE:g}"]
 
 
-def check_rows(rows: int, allowance: Allowance, more_bytes: int = 0) -> None:
-    """Check the memory of so many faces and vertices, and of bytes beside them."""
-    beside = f" and {more_bytes:,} bytes beside them" if more_bytes else ""
-    allowance.check(f"{rows:,} faces and vertices{beside}", rows * _BYTES_PER_ROW + more_bytes)
+def check_rows(rows: int, allowance: Allowance) -> None:
+    """Check the memory of so many faces and vertices."""
+    allowance.check(f"{rows:,} faces and vertices", rows * _BYTES_PER_ROW)

@@ -17,25 +17,22 @@ from atra.raster.image import EYE_NUMBERS, ImageAddresses, least_depth_of
 from atra.raster.lenses.culling import balls_of
 from atra.raster.lenses.drawing import LensTiles, lens_drawing_kernel
 from atra.raster.lenses.planes import LensPlanes, lens_planes
-from atra.tracing.lens_rays import LensRays, rays_key
+from atra.tracing.lens_rays import lens_directions, rays_key
 
 
 class LensDrawing:
-    """Draws frames through a lens. The planes of the last lens, sensor and offset are kept, whatever its pose.
-
-    rays: tables of directions.
-    """
+    """Draws frames through a lens. The planes and directions of the last lens, sensor and offset are kept, whatever its
+    pose."""
 
     def __init__(self) -> None:
-        self.rays = LensRays()
-        self._kept: tuple[Any, LensPlanes] | None = None
+        self._kept: tuple[Any, LensPlanes, NDArray[np.float64]] | None = None
 
     def planes(self, camera: LensView, offset: tuple[float, float], pool: WorkerPool) -> LensPlanes:
         """The planes of a camera."""
         key = rays_key(camera, offset)
         if self._kept is None or self._kept[0] != key:
-            directions = self.rays.directions(camera, offset, pool)
-            self._kept = key, lens_planes(directions, camera.pixel_pitch, pool)
+            directions = lens_directions(camera, offset, pool)
+            self._kept = key, lens_planes(directions, camera.pixel_pitch, pool), directions
         return self._kept[1]
 
     @property

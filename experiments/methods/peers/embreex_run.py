@@ -6,12 +6,16 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from atra.embree.library import wheel_problem
-from experiments.methods.peers.peer import Answer, PreparedBlocks, RayArrays, peer_method
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from experiments.methods.peers.blocks import Blocks, RayArrays
+from experiments.methods.peers.peer import Answer, PeerScene, peer_method
 
 
-class PreparedEmbreex(PreparedBlocks):
+class EmbreexScene(PeerScene):
     """`EmbreeScene.run(origins, directions, output=True)`: a loop over `rtcIntersect1`, robust as is its default.
 
     Timed: that call, which also stores u, v and the normal of each hit and allocates its arrays; it is the
@@ -23,21 +27,26 @@ class PreparedEmbreex(PreparedBlocks):
     interface = "EmbreeScene.run(output=True), single rays"
     setting = "robust, its default"
 
-    def _build_scene(self) -> Any:
-        scene = import_module("embreex.rtcore_scene").EmbreeScene()
-        import_module("embreex.mesh_construction").TriangleMesh(
-            scene, self.mesh.vertices, self.mesh.faces.astype(np.int32)
-        )
+    def __init__(self, mesh: Mesh, camera: View, threads: int) -> None:
+        self._blocks = Blocks(threads)
+        self._scene: Any = import_module("embreex.rtcore_scene").EmbreeScene()
+        construction = import_module("embreex.mesh_construction")
+        construction.TriangleMesh(self._scene, mesh.vertices, mesh.faces.astype(np.int32))
         nowhere = np.zeros((1, 3), np.float32)
-        scene.run(nowhere, nowhere + 1)  # embreex builds the BVH in the first query
-        return scene
+        self._scene.run(nowhere, nowhere + 1)  # embreex builds the BVH in the first query
 
-    def _cast(self, scene: Any, rays: RayArrays) -> Answer:
+    def make_rays(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> RayArrays:
+        return RayArrays.of(origins, directions)
+
+    def cast(self, rays: RayArrays) -> Answer:
         def cast(block: RayArrays) -> Answer:
-            hits = scene.run(block.origins, block.directions, dists=np.inf, output=True)
+            hits = self._scene.run(block.origins, block.directions, dists=np.inf, output=True)
             return hits["tfar"], hits["primID"].view(np.uint32)  # -1 is a miss, that is MISS
 
-        return self._in_blocks(cast, rays)
+        return self._blocks.cast(cast, rays)
+
+    def close(self) -> None:
+        self._blocks.close()
 
 
 def _check() -> str | None:
@@ -46,4 +55,4 @@ def _check() -> str | None:
     return None
 
 
-EMBREEX = peer_method("embreex", "embreex", _check, PreparedEmbreex, wheel_problem)
+EMBREEX = peer_method("embreex", "embreex", _check, EmbreexScene, wheel_problem)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import ctypes
 import os
-from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.prim_ids import MISS
-from experiments.methods.peers.peer import PreparedPeer, peer_method
+from experiments.methods.peers.peer import Answer, PeerScene, peer_method
 
 _EGL = "libEGL.so.1"
 _DEBIAN = "Debian's libegl1 libgl1-mesa-dri libgles2"
@@ -48,22 +48,7 @@ void main() {
 """
 
 
-@dataclass(frozen=True, eq=False)
-class _Drawing:
-    """What OpenGL holds, and the images it is read into: prim_id (H, W) uint32, depth (H, W) float32."""
-
-    context: Any
-    framebuffer: Any
-    prim_ids: Any
-    triangles: Any
-    misses: bytes
-
-    def release(self) -> None:
-        self.context.gc_mode = "context_gc"
-        self.context.release()
-
-
-class PreparedLlvmpipe(PreparedPeer):
+class LlvmpipeScene(PeerScene):
     """Triangles drawn by llvmpipe: `gl_PrimitiveID` to R32UI, depth along the view axis as a varying to R32F.
 
     Timed: clearing, drawing with a depth buffer of 32-bit floats, nearer ones larger, and reading both images
@@ -77,56 +62,53 @@ class PreparedLlvmpipe(PreparedPeer):
     interface = "OpenGL 4.5 by moderngl: draw, read back"
     setting = "corners rounded to 1/256 pixel"
     rays_per_packet = 0
+    follows = False
 
-    def _rays_through(self, offset: tuple[float, float]) -> NDArray[np.float64]:
+    def __init__(self, mesh: Mesh, camera: View, threads: int) -> None:
+        self._mesh, self._context = mesh, opengl_context(threads)
+        context, self._size = self._context, (camera.width, camera.height)
+        context.enable(context.DEPTH_TEST)
+        context.depth_func = ">"
+        self._prim_ids = context.texture(self._size, 1, dtype="u4")
+        depths = context.texture(self._size, 1, dtype="f4")
+        nearest = context.depth_renderbuffer(self._size)
+        _gl("glBindRenderbuffer", _RENDERBUFFER, nearest.glo)
+        _gl("glRenderbufferStorage", _RENDERBUFFER, _DEPTH_32F, *self._size)  # moderngl's has 24 bits, evenly spaced
+        _gl("glClipControl", _LOWER_LEFT, _ZERO_TO_ONE)
+        self._framebuffer = context.framebuffer([self._prim_ids, depths], nearest)
+        self._program = context.program(_VERTEX_SHADER, _FRAGMENT_SHADER)
+        relative = (mesh.vertices - np.asarray(camera.eye)).astype(np.float32)
+        self._triangles = context.vertex_array(
+            self._program, [(context.buffer(relative), "3f", "position")], context.buffer(mesh.faces)
+        )
+        self._misses = MISS.tobytes() * (self._size[0] * self._size[1])
+
+    def rays_through(self, camera: View, offset: tuple[float, float], order: NDArray[np.int64]) -> NDArray[np.float64]:
         """(5, 4): clip coordinates of points relative to the eye, then their depth."""
-        camera = self.camera
-        size = np.array([camera.width, camera.height])
         a, b, w = camera.to_pixels
         # A sample of OpenGL is the centre of its pixel; rows from below are rows from above, as it is read.
-        x, y = (2.0 * (row + (0.5 - of) * w) / pixels - w for row, of, pixels in zip((a, b), offset, size, strict=True))
+        sides = zip((a, b), offset, self._size, strict=True)
+        x, y = (2.0 * (row + (0.5 - of) * w) / pixels - w for row, of, pixels in sides)
         depth = np.append(camera.axes[2], 0.0)
-        corners = np.array(np.meshgrid(*(self.mesh.bounds - camera.eye).T)).reshape(3, -1)
+        corners = np.array(np.meshgrid(*(self._mesh.bounds - camera.eye).T)).reshape(3, -1)
         farthest = float(np.linalg.norm(corners, axis=0).max())
         nearer = w - depth / farthest if camera.is_parallel else np.array([0.0, 0.0, 0.0, _NEAREST * farthest])
         return np.stack([x, y, nearer, w, depth])
 
-    def _build_scene(self) -> _Drawing:
-        context = opengl_context(self.threads)
-        context.enable(context.DEPTH_TEST)
-        context.depth_func = ">"
-        size = self.camera.width, self.camera.height
-        prim_ids = context.texture(size, 1, dtype="u4")
-        depths = context.texture(size, 1, dtype="f4")
-        nearest = context.depth_renderbuffer(size)
-        _gl("glBindRenderbuffer", _RENDERBUFFER, nearest.glo)
-        _gl("glRenderbufferStorage", _RENDERBUFFER, _DEPTH_32F, *size)  # moderngl's own has 24 bits, evenly spaced
-        _gl("glClipControl", _LOWER_LEFT, _ZERO_TO_ONE)
-        framebuffer = context.framebuffer([prim_ids, depths], nearest)
-        program = context.program(_VERTEX_SHADER, _FRAGMENT_SHADER)
-        relative = (self.mesh.vertices - np.asarray(self.camera.eye)).astype(np.float32)
-        triangles = context.vertex_array(
-            program, [(context.buffer(relative), "3f", "position")], context.buffer(self.mesh.faces)
-        )
-        return _Drawing(context, framebuffer, prim_ids, triangles, MISS.tobytes() * (size[0] * size[1]))
-
-    def still_serves(self, camera: View) -> bool:
-        """Never: corners are relative to the eye, and images have the camera's size."""
-        return False
-
-    def _warm_up(self) -> None:
+    def warm_up(self, rays: NDArray[np.float64]) -> None:
         """Draw once, as Mesa compiles some of the shaders only then."""
-        self._cast(self._scene, self._rays)
+        self.cast(rays)
 
-    def _cast(self, scene: _Drawing, rays: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-        program, framebuffer = scene.triangles.program, scene.framebuffer
+    def cast(self, rays: NDArray[np.float64]) -> Answer:
+        """Both images. rays: as of `rays_through`."""
+        program, framebuffer = self._program, self._framebuffer
         program["to_clip"].write(np.ascontiguousarray(rays[:4].T, np.float32))
         program["to_depth"].write(rays[4].astype(np.float32))
         framebuffer.use()
         framebuffer.clear(red=np.inf, depth=0.0)
-        scene.prim_ids.write(scene.misses)  # the colour it was cleared with is no whole number
-        scene.triangles.render()
-        shape = self.camera.height, self.camera.width
+        self._prim_ids.write(self._misses)  # the colour it was cleared with is no whole number
+        self._triangles.render()
+        shape = self._size[::-1]
         depth, prim_id = np.empty(shape, np.float32), np.empty(shape, np.uint32)
         framebuffer.read_into(prim_id, components=1, attachment=0, dtype="u4")
         framebuffer.read_into(depth, components=1, attachment=1, dtype="f4")
@@ -134,7 +116,8 @@ class PreparedLlvmpipe(PreparedPeer):
 
     def close(self) -> None:
         """Let go of OpenGL's context."""
-        self._scene.release()
+        self._context.gc_mode = "context_gc"
+        self._context.release()
 
 
 def opengl_context(threads: int) -> Any:
@@ -165,4 +148,4 @@ def _check() -> str | None:
     return None
 
 
-LLVMPIPE = peer_method("llvmpipe", "llvmpipe", _check, PreparedLlvmpipe)
+LLVMPIPE = peer_method("llvmpipe", "llvmpipe", _check, LlvmpipeScene)

@@ -12,7 +12,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.prim_ids import MISS
 from experiments.methods.peers.availability import reinstall
-from experiments.methods.peers.peer import PreparedRays, peer_method
+from experiments.methods.peers.peer import Answer, PeerScene, peer_method
 
 MITSUBA_VARIANT = "llvm_ad_mono"
 """Vectorised on the CPU, with one colour channel, since ray queries need no colour."""
@@ -26,7 +26,7 @@ INSTALL_LLVM = (
 )
 
 
-class PreparedMitsuba(PreparedRays):
+class MitsubaScene(PeerScene):
     """`Scene.ray_intersect_preliminary(rays, coherent=True)` in the variant `llvm_ad_mono`.
 
     Timed: recording the query, Dr.Jit's look-up of the compiled kernel, its run until all threads are done,
@@ -41,10 +41,17 @@ class PreparedMitsuba(PreparedRays):
     rays_per_packet = 0
 
     def __init__(self, mesh: Mesh, camera: View, threads: int) -> None:
-        self._mitsuba = import_module("mitsuba")
-        self._mitsuba.set_variant(MITSUBA_VARIANT)
-        self._drjit = import_module("drjit")
-        super().__init__(mesh, camera, threads)
+        self._mitsuba = mi = import_module("mitsuba")
+        mi.set_variant(MITSUBA_VARIANT)
+        self._drjit, self._threads = import_module("drjit"), threads
+        self._use_own_threads()
+        theirs = mi.Mesh("mesh", len(mesh.vertices), mesh.triangle_count)
+        parameters = mi.traverse(theirs)
+        parameters["vertex_positions"] = mi.Float(mesh.vertices.reshape(-1))
+        parameters["faces"] = mi.UInt32(mesh.faces.reshape(-1))
+        parameters.update()
+        self._scene = mi.load_dict({"type": "scene", "mesh": theirs})
+        self._drjit.sync_thread()  # the build runs on Dr.Jit's threads
 
     def make_rays(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Any:
         """Vectors of Dr.Jit, in memory."""
@@ -54,26 +61,14 @@ class PreparedMitsuba(PreparedRays):
         self._drjit.make_opaque(rays)  # in memory before the clock runs, not part of the kernel
         return rays
 
-    def _build_scene(self) -> Any:
-        mi = self._mitsuba
-        self._use_own_threads()
-        mesh = mi.Mesh("mesh", len(self.mesh.vertices), self.mesh.triangle_count)
-        parameters = mi.traverse(mesh)
-        parameters["vertex_positions"] = mi.Float(self.mesh.vertices.reshape(-1))
-        parameters["faces"] = mi.UInt32(self.mesh.faces.reshape(-1))
-        parameters.update()
-        scene = mi.load_dict({"type": "scene", "mesh": mesh})
-        self._drjit.sync_thread()  # the build runs on Dr.Jit's threads
-        return scene
-
-    def _warm_up(self) -> None:
+    def warm_up(self, rays: Any) -> None:
         """Compile the kernel."""
-        self._cast(self._scene, self._rays)
+        self.cast(rays)
 
-    def _cast(self, scene: Any, rays: Any) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+    def cast(self, rays: Any) -> Answer:
         dr = self._drjit
         self._use_own_threads()
-        hits = scene.ray_intersect_preliminary(rays, coherent=True)
+        hits = self._scene.ray_intersect_preliminary(rays, coherent=True)
         hit = hits.is_valid()
         depth = dr.select(hit, hits.t, np.inf)
         prim_id = dr.select(hit, hits.prim_index, int(MISS))
@@ -82,8 +77,8 @@ class PreparedMitsuba(PreparedRays):
         return depth.numpy(), prim_id.numpy()
 
     def _use_own_threads(self) -> None:
-        if self._drjit.thread_count() != self.threads:
-            self._drjit.set_thread_count(self.threads)
+        if self._drjit.thread_count() != self._threads:
+            self._drjit.set_thread_count(self._threads)
 
 
 def _check() -> str | None:
@@ -99,4 +94,4 @@ def _check() -> str | None:
     return None
 
 
-MITSUBA3 = peer_method("mitsuba3", "Mitsuba 3", _check, PreparedMitsuba)
+MITSUBA3 = peer_method("mitsuba3", "Mitsuba 3", _check, MitsubaScene)

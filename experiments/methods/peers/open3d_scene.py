@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from experiments.methods.peers.availability import reinstall
-from experiments.methods.peers.peer import PreparedRays, peer_method
+from experiments.methods.peers.peer import Answer, PeerScene, peer_method
 from experiments.methods.peers.questions import Answering, Asked
 
 _FIRST_PYTHON_WITHOUT_WHEEL = (3, 15)  # of Open3D 0.20
 
 
-class PreparedOpen3D(PreparedRays):
+class Open3DScene(PeerScene):
     """`RaycastingScene.cast_rays(rays, nthreads=threads)`: single rays, shared out among TBB's threads.
 
     Timed: that call, which also stores geometry, u, v and the normal of each hit, and numpy views of depth
@@ -31,32 +31,25 @@ class PreparedOpen3D(PreparedRays):
     setting = "robust, no other"
 
     def __init__(self, mesh: Mesh, camera: View, threads: int) -> None:
-        self._open3d = import_module("open3d")
-        super().__init__(mesh, camera, threads)
+        self._open3d, self._threads = import_module("open3d"), {"nthreads": threads}
+        self._scene = self._open3d.t.geometry.RaycastingScene(**self._threads)
+        self._scene.add_triangles(self._tensor(mesh.vertices.copy()), self._tensor(mesh.faces.copy()))
+        self._scene.cast_rays(self._tensor(np.ones((1, 6), np.float32)), **self._threads)  # the first query builds
 
     def make_rays(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Any:
         """A tensor of six numbers a ray."""
         return self._tensor(np.concatenate([np.broadcast_to(origins, directions.shape), directions], axis=1))
 
-    def _build_scene(self) -> Any:
-        scene = self._open3d.t.geometry.RaycastingScene(nthreads=self.threads)
-        scene.add_triangles(self._tensor(self.mesh.vertices.copy()), self._tensor(self.mesh.faces.copy()))
-        scene.cast_rays(self._tensor(np.ones((1, 6), np.float32)), nthreads=self.threads)  # the first query builds
-        return scene
-
-    def _cast(self, scene: Any, rays: Any) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-        hits = scene.cast_rays(rays, nthreads=self.threads)
+    def cast(self, rays: Any) -> Answer:
+        hits = self._scene.cast_rays(rays, **self._threads)
         return hits["t_hit"].numpy(), hits["primitive_ids"].numpy()
 
-    def _count(self, scene: Any, rays: Any) -> NDArray[np.integer]:
-        counted: NDArray[np.integer] = scene.count_intersections(rays, nthreads=self.threads).numpy()
+    def count(self, rays: Any) -> NDArray[np.integer]:
+        counted: NDArray[np.integer] = self._scene.count_intersections(rays, **self._threads).numpy()
         return counted
 
-    def _answers(self, scene: Any) -> Mapping[str, Answering]:
-        threads = {"nthreads": self.threads}
-
-        def rays(origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Any:
-            return self._tensor(np.concatenate([origins, directions], axis=1))
+    def answers(self) -> Mapping[str, Answering]:
+        scene, threads, rays = self._scene, self._threads, self.make_rays
 
         def all_hits(*given: NDArray[np.float32]) -> Asked:
             hits = scene.list_intersections(rays(*given), **threads)
@@ -87,4 +80,4 @@ def _no_wheel() -> str | None:
     return f"it has no wheel for Python {here}, use Python {newest} or older"
 
 
-OPEN3D = peer_method("open3d", "Open3D", _check, PreparedOpen3D, _no_wheel)
+OPEN3D = peer_method("open3d", "Open3D", _check, Open3DScene, _no_wheel)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
@@ -13,24 +12,18 @@ from numpy.typing import NDArray
 
 from atra.compiled.store import keep_on_disk
 from atra.embree.library import wheel_problem
-from experiments.methods.peers.peer import Answer, PreparedBlocks, RayArrays, peer_method
+from atra.geometry.mesh import Mesh
+from atra.geometry.view import View
+from experiments.methods.peers.blocks import Blocks, RayArrays
+from experiments.methods.peers.peer import Answer, PeerScene, peer_method
 from experiments.methods.peers.questions import Answering, Asked
 
 
-@dataclass(frozen=True, eq=False)
-class _Planes:
-    """normals: (F, 3) float64 of any length. distances: (F,) float64, of each plane from the world's origin, times that
-    length."""
-
-    normals: NDArray[np.float64]
-    distances: NDArray[np.float64]
-
-
-class PreparedTrimesh(PreparedBlocks):
+class TrimeshScene(PeerScene):
     """`mesh.ray.intersects_first(origins, directions)`: copies, scales and normalises the rays and runs embreex.
 
     Timed: that call, which returns triangles without depth, and one compiled pass that computes the depth
-    from planes prepared by `build`; trimesh's own function that returns locations takes longer. The BVH is built by
+    from planes prepared beforehand; trimesh's own function that returns locations takes longer. The BVH is built by
     every core. Normalising goes through numpy's BLAS, which uses every core whatever `threads` says, unless
     OPENBLAS_NUM_THREADS was set before numpy was imported.
     """
@@ -38,72 +31,76 @@ class PreparedTrimesh(PreparedBlocks):
     package = "trimesh"
     interface = "ray.intersects_first on embreex, single rays"
     setting = "robust, its default"
-    _planes: _Planes
 
-    def _plan(self) -> None:
-        """Make the rays through the pixel centres and the planes of the triangles."""
-        super()._plan()
-        corners = self.mesh.triangles(np.arange(self.mesh.triangle_count))
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        self._planes = _Planes(normals, np.einsum("ij,ij->i", normals, corners[:, 0]))
-
-    def _warm_up(self) -> None:
+    def __init__(self, mesh: Mesh, camera: View, threads: int) -> None:
+        self._mesh, self._threads, self._blocks = mesh, threads, Blocks(threads)
+        self._ray = self._trimesh().ray
         nowhere = np.zeros((1, 3), np.float32)
-        self._plane_depths(np.zeros(1, np.int32), nowhere, nowhere)
+        self._ray.intersects_first(nowhere, nowhere + 1)  # builds the BVH, which waits for the first query
 
     def _trimesh(self) -> Any:
         import trimesh  # slow to import
 
-        return trimesh.Trimesh(self.mesh.vertices, self.mesh.faces.astype(np.int64), process=False, validate=False)
+        return trimesh.Trimesh(self._mesh.vertices, self._mesh.faces.astype(np.int64), process=False, validate=False)
 
-    def _build_scene(self) -> Any:
-        mesh = self._trimesh()
+    def plan(self) -> None:
+        """The planes of the triangles: normals of any length, and distances from the world's origin times that."""
+        corners = self._mesh.triangles(np.arange(self._mesh.triangle_count))
+        self._normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        self._distances = np.einsum("ij,ij->i", self._normals, corners[:, 0])
+
+    def make_rays(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> RayArrays:
+        return RayArrays.of(origins, directions)
+
+    def warm_up(self, rays: RayArrays) -> None:
+        """Compile the pass over planes."""
         nowhere = np.zeros((1, 3), np.float32)
-        mesh.ray.intersects_first(nowhere, nowhere + 1)  # builds the BVH, which waits for the first query
-        return mesh.ray
+        self._depths(np.zeros(1, np.int32), nowhere, nowhere)
 
-    def _cast(self, scene: Any, rays: RayArrays) -> Answer:
+    def cast(self, rays: RayArrays) -> Answer:
         def cast(block: RayArrays) -> Answer:
-            prim_id = scene.intersects_first(block.origins, block.directions).astype(np.int32, copy=False)
-            depth = self._plane_depths(prim_id, block.origins, block.directions)
+            prim_id = self._ray.intersects_first(block.origins, block.directions).astype(np.int32, copy=False)
+            depth = self._depths(prim_id, block.origins, block.directions)
             return depth, prim_id.view(np.uint32)  # -1 is a miss, that is MISS
 
-        return self._in_blocks(cast, rays)
+        return self._blocks.cast(cast, rays)
 
-    def _count(self, scene: Any, rays: RayArrays) -> NDArray[np.integer]:
+    def count(self, rays: RayArrays) -> NDArray[np.integer]:
         """`mesh.ray.intersects_id(..., multiple_hits=True)`, which steps each ray on from hit to hit."""
 
         def count(block: RayArrays) -> NDArray[np.integer]:
-            _, of_ray = scene.intersects_id(block.origins, block.directions, multiple_hits=True)
+            _, of_ray = self._ray.intersects_id(block.origins, block.directions, multiple_hits=True)
             return np.bincount(of_ray, minlength=len(block.origins))
 
-        return np.concatenate(list(self._each_block(count, rays)))
+        return np.concatenate(self._blocks.each(count, rays))
 
-    def _thickness(self, scene: Any, rays: RayArrays) -> NDArray[np.floating]:
+    def thickness(self, rays: RayArrays) -> NDArray[np.floating]:
         """The same hits, each at the depth of its plane, behind or in front of which its ray is inside."""
 
         def measure(block: RayArrays) -> NDArray[np.floating]:
-            hit, of_ray = scene.intersects_id(block.origins, block.directions, multiple_hits=True)
+            hit, of_ray = self._ray.intersects_id(block.origins, block.directions, multiple_hits=True)
             directions = block.directions[of_ray]
-            leaving = np.einsum("ij,ij->i", self._planes.normals[hit], directions) > 0.0
-            depth = self._plane_depths(hit.astype(np.int32, copy=False), block.origins[of_ray], directions)
-            return np.bincount(of_ray, np.where(leaving, depth, -depth), len(block.origins)).astype(
-                np.float64, copy=False
-            )
+            leaving = np.einsum("ij,ij->i", self._normals[hit], directions) > 0.0
+            depth = self._depths(hit.astype(np.int32, copy=False), block.origins[of_ray], directions)
+            signed = np.where(leaving, depth, -depth)
+            return np.bincount(of_ray, signed, len(block.origins)).astype(np.float64, copy=False)
 
-        return np.concatenate(list(self._each_block(measure, rays)))
+        return np.concatenate(self._blocks.each(measure, rays))
 
-    def _answers(self, scene: Any) -> Mapping[str, Answering]:
-        return _answers(scene)
+    def answers(self) -> Mapping[str, Answering]:
+        return _answers(self._ray)
 
-    def answer_of_stand_in(self, question: str, make: Callable[..., Any]) -> Answering | None:
-        """That of `make(trimesh.Trimesh, threads=...)`."""
-        return _answers(make(self._trimesh(), threads=self.threads))[question]
+    def stand_in_answers(self, make: Callable[..., Any]) -> Mapping[str, Answering]:
+        """Those of `make(trimesh.Trimesh, threads=...)`."""
+        return _answers(make(self._trimesh(), threads=self._threads))
 
-    def _plane_depths(
+    def _depths(
         self, prim_id: NDArray[np.int32], origins: NDArray[np.float32], directions: NDArray[np.float32]
     ) -> NDArray[np.float32]:
-        return _plane_depths(prim_id, origins, directions, self._planes.normals, self._planes.distances)
+        return _plane_depths(prim_id, origins, directions, self._normals, self._distances)
+
+    def close(self) -> None:
+        self._blocks.close()
 
 
 def _answers(ray: Any) -> Mapping[str, Answering]:
@@ -149,4 +146,4 @@ def _check() -> str | None:
     return None
 
 
-TRIMESH = peer_method("trimesh", "trimesh", _check, PreparedTrimesh)
+TRIMESH = peer_method("trimesh", "trimesh", _check, TrimeshScene)

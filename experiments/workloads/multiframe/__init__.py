@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
@@ -20,7 +19,7 @@ from experiments.harness.method import AnyTracer
 from experiments.harness.options import Settings, option
 from experiments.harness.point import Measured, Point, make_own
 from experiments.methods.aligned import ALIGNED
-from experiments.methods.aligned_cells import AlignedCellOptions
+from experiments.methods.options import AlignedCellOptions
 from experiments.methods.raster import RASTER
 from experiments.methods.visible_first import VISIBLE_FIRST
 from experiments.workloads import rounds
@@ -85,44 +84,21 @@ MULTIFRAME = workload(
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class SeparateImages:
-    """Images of all frames, in order."""
-
-    images: tuple[Hits, ...]
-
-
 class SeparateFrames(Lifetime):
-    """One tracer a frame, one after the other; all times and numbers are sums over the frames."""
+    """One tracer a frame, one after the other; all times and bytes are sums over the frames."""
 
     def __init__(self, tracers: Sequence[AnyTracer]) -> None:
         super().__init__()
         self.tracers = tuple(tracers)
-        first = self.tracers[0]
-        self.mesh, self.camera = first.mesh, first.camera
-        self.packet_width, self.threads = first.packet_width, first.threads
-        self.views = tuple(view for tracer in self.tracers for view in tracer.views)
-
-    @property
-    def triangle_count(self) -> int:
-        return sum(tracer.triangle_count for tracer in self.tracers)
 
     @property
     def embree_bytes(self) -> int:
         return sum(tracer.embree_bytes for tracer in self.tracers)
 
-    @property
-    def counters(self) -> Mapping[str, float]:
-        total: Counter[str] = Counter()
-        for tracer in self.tracers:
-            total.update(tracer.counters)
-        return total
-
-    def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: SeparateImages | None = None) -> SeparateImages:
+    def trace(self, out: Sequence[Hits | None] | None = None) -> tuple[Hits, ...]:
         """All frames, in order. out: an earlier result that is no longer needed."""
-        earlier = (None,) * len(self.tracers) if out is None else out.images
-        pairs = zip(self.tracers, earlier, strict=True)
-        return SeparateImages(tuple(tracer.trace(offset, hits) for tracer, hits in pairs))
+        earlier = out or (None,) * len(self.tracers)
+        return tuple(tracer.trace(out=hits) for tracer, hits in zip(self.tracers, earlier, strict=True))
 
     def _build(self) -> tuple[float, float]:
         for tracer in self.tracers:
@@ -168,7 +144,7 @@ def measure(point: Point) -> Measured:
         frames = {name: rounds.Frames(tracer) for name, tracer in tracers.items()}
 
         def compare_all() -> dict[str, Any]:
-            pairs = zip(frames[OWN].latest().images, frames[SINGLE].latest().images, strict=True)
+            pairs = zip(frames[OWN].latest().images, frames[SINGLE].latest(), strict=True)
             images = summed([compare(hits, reference) for hits, reference in pairs])
             return {**images, **rounds.plan_and_build_again(own)}
 

@@ -19,7 +19,7 @@ from atra.rays.scene import RayScene
 from experiments.harness.options import Settings, option, whole
 from experiments.harness.point import Measured, Point, make_own
 from experiments.harness.records import Record
-from experiments.methods.peers.peer import PreparedRays
+from experiments.methods.peers.peer import scene_for_rays
 from experiments.methods.peers.questions import QUESTIONS, Asked
 from experiments.methods.peers.trimesh_ray import TRIMESH
 from experiments.workloads.baselines import OWN
@@ -143,16 +143,16 @@ def parallel_rays(mesh: Mesh, columns: int, rows: int) -> tuple[NDArray[np.float
 def _calls(
     point: Point, mesh: Mesh, question: str, given: tuple[NDArray[np.float32], ...], stack: ExitStack
 ) -> Mapping[str, Callable[[], Asked]]:
-    own = getattr(stack.enter_context(make_own(point, mesh)), "prepared", None)
-    if not isinstance(own, PreparedRays):
-        raise InputError(f"method={point.method.name} takes no rays, expected a ray tracer of others")
-    answer = own.answer_to(question)
+    own = scene_for_rays(stack.enter_context(make_own(point, mesh)), point.method.name)
+    answer = own.answers().get(question)
+    if answer is None:
+        raise InputError(f"method={point.method.name} has no answer to workload.question={question}")
     scene = stack.enter_context(RayScene(mesh, threads=point.tracing.threads))
     calls: dict[str, Callable[[], Asked]] = {
         OWN: lambda: answer(*given),
         LIBRARY: lambda: _ANSWERS[question](scene, *given),
     }
-    replaced = own.answer_of_stand_in(question, RayMeshIntersector)
+    replaced = own.stand_in_answers(RayMeshIntersector).get(question)
     if replaced is not None:
         calls[STAND_IN] = lambda: replaced(*given)
     return calls

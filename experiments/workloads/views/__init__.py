@@ -3,24 +3,25 @@ point's method and, in the same rounds, by the library with default options."""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from math import cos, pi, radians, sin
-from typing import Any, TypedDict
+from typing import TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra import RayScene, render_views
-from atra.errors import InputError
+from atra.errors import InputError as InputError
 from atra.geometry.camera import CalibratedCamera, Camera
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from experiments.harness.options import Settings, option, whole
 from experiments.harness.point import Measured, Point, make_own
 from experiments.harness.records import Record
-from experiments.methods.peers.peer import PreparedRays
+from experiments.methods.peers.peer import scene_for_rays
 from experiments.workloads.baselines import OWN
 from experiments.workloads.batches import camera_rays, random_rays
 from experiments.workloads.rounds import load_mesh, race
@@ -103,7 +104,7 @@ def measure(point: Point) -> Measured:
         else:
             own, library = _of_rays(point, mesh, stack)
         ids_equal = min(float((ours == theirs).mean()) for ours, theirs in zip(own(), library(), strict=True))
-        contestants = {OWN: lambda: _exhaust(own()), LIBRARY: lambda: _exhaust(library())}
+        contestants = {OWN: lambda: deque(own(), maxlen=0), LIBRARY: lambda: deque(library(), maxlen=0)}
         return race(point, contestants, results={"ids_equal": ids_equal})
 
 
@@ -133,21 +134,14 @@ def _of_rays(point: Point, mesh: Mesh, stack: ExitStack) -> tuple[Callable[[], I
         origins, directions = camera_rays(point.camera)
     else:
         origins, directions = random_rays(mesh, point.camera.width * point.camera.height)
-    tracer = getattr(stack.enter_context(make_own(point, mesh)), "prepared", None)
-    if not isinstance(tracer, PreparedRays):
-        raise InputError(f"method={point.method.name} takes no rays, expected a ray tracer of others")
-    rays = tracer.make_rays(origins, directions)
+    own_scene = scene_for_rays(stack.enter_context(make_own(point, mesh)), point.method.name)
+    rays = own_scene.make_rays(origins, directions)
     scene = stack.enter_context(RayScene(mesh, threads=point.tracing.threads))
 
     def own() -> Ids:
-        yield tracer.cast(rays)[1]
+        yield own_scene.cast(rays)[1]
 
     def library() -> Ids:
         yield scene.intersect(origins, directions).prim_id
 
     return own, library
-
-
-def _exhaust(results: Iterator[Any]) -> None:
-    for _ in results:
-        pass

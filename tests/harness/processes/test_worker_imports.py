@@ -23,10 +23,10 @@ SHARED = {
 
 POINTS = [
     ("pixel", "frame", set(), set()),
-    ("aligned", "frame", {"alignment"}, {"aligned", "aligned_cells"}),
+    ("aligned", "frame", {"alignment"}, {"aligned"}),
     ("raster", "frame", {"raster"}, {"raster"}),
     ("tiles", "build", {"alignment"}, {"culled", "tiles"}),
-    ("visible_first", "memory", {"alignment"}, {"visible_first", "aligned_cells"}),
+    ("visible_first", "memory", {"alignment"}, {"visible_first"}),
     ("bvh", "frame", {"rays", "trees"}, set()),
 ]
 """Method, workload, and the rooms of the library and the modules of methods that they may use beside those."""

@@ -100,7 +100,7 @@ def test_frame_by_frame_is_traced_with_each_frame_s_own_camera_and_mesh(motion):
     with ExitStack() as stack:
         own = stack.enter_context(make_together(one, mesh, one.camera))
         separate = stack.enter_context(SeparateFrames([make_single(one, mesh, camera) for mesh, camera in own.views]))
-        together, alone = own.trace(), separate.trace().images
+        together, alone = own.trace(), separate.trace()
     assert [_wrong(frame, other) for frame, other in zip(together, alone, strict=True)] == [0, 0]
     assert (alone[0].prim_id != alone[1].prim_id).any()
     assert all(_wrong(alone[i], _with_image(alone[i], alone[1 - i])) > 0 for i in (0, 1))

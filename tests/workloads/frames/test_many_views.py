@@ -89,7 +89,8 @@ def test_a_peer_is_given_any_rays_and_another_camera(name):
         return method.make(MESH, camera, method.options(), replace(planned().point.tracing, threads=1))
 
     with make(CAMERA) as tracer, make(moved) as other, atra.RayScene(MESH, threads=1) as scene:
-        t, prim_id = tracer.prepared.cast(tracer.prepared.make_rays(origins, directions))
+        theirs = tracer.prepared.scene
+        t, prim_id = theirs.cast(theirs.make_rays(origins, directions))
         hits = scene.intersect(origins, directions)
         same = prim_id == hits.prim_id
         assert same.mean() > 0.99

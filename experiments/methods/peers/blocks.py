@@ -1,0 +1,61 @@
+"""Blocks of rays for peers that have no threads of their own, but release Python's lock while they traverse."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.methods.peers.peer import Answer
+
+_BLOCKS_PER_THREAD = 8
+"""Rows differ in cost; few enough that a call's own price does not show."""
+
+
+@dataclass(frozen=True, eq=False)
+class RayArrays:
+    """origins, directions: (N, 3) float32, world space."""
+
+    origins: NDArray[np.float32]
+    directions: NDArray[np.float32]
+
+    @classmethod
+    def of(cls, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> RayArrays:
+        """One array of each. origins: (N, 3), or (1, 3) of all."""
+        return cls(np.ascontiguousarray(np.broadcast_to(origins, directions.shape)), directions)
+
+
+class Blocks:
+    """With one thread all rays go into one call. With more, the rays are cut into blocks of neighbours, each with a
+    call of its own, and the threads share the blocks."""
+
+    def __init__(self, threads: int) -> None:
+        self._threads = threads
+        self._executor = ThreadPoolExecutor(threads, "peer") if threads > 1 else None
+
+    def each(self, call: Callable[[RayArrays], Any], rays: RayArrays) -> list[Any]:
+        """What a call answers for each block."""
+        if self._executor is None:
+            return [call(rays)]
+        ends = np.linspace(0, len(rays.directions), 1 + _BLOCKS_PER_THREAD * self._threads).astype(int)
+        blocks = [
+            RayArrays(rays.origins[start:end], rays.directions[start:end])
+            for start, end in pairwise(ends)
+            if end > start
+        ]
+        return list(self._executor.map(call, blocks))
+
+    def cast(self, call: Callable[[RayArrays], Answer], rays: RayArrays) -> Answer:
+        """The answers of all blocks together."""
+        depths, prim_ids = zip(*self.each(call, rays), strict=True)
+        return np.concatenate(depths), np.concatenate(prim_ids)
+
+    def close(self) -> None:
+        """End the threads."""
+        if self._executor is not None:
+            self._executor.shutdown()
