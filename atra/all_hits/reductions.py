@@ -68,7 +68,10 @@ class Count(Reduction[CountResult]):
 class Thickness(Reduction[ThicknessResult]):
     """The length of each ray inside closed meshes, whose triangles are counterclockwise seen from outside.
 
-    `gather` raises InputError for a mesh with open edges, naming some, and for one that is inside out.
+    Raises
+    ------
+    InputError
+        In `gather`, for a mesh with open edges, naming some, and for one that is inside out.
     """
 
     result = ThicknessResult
@@ -85,8 +88,15 @@ class Thickness(Reduction[ThicknessResult]):
 class Transmittance(Reduction[TransmittanceResult]):
     """The product of a factor for each triangle that the ray crosses.
 
-    factors: in [0, 1], one number for all triangles, or (F,) one per triangle; kept as float32. Raises InputError for a
-    factor outside, naming it; `gather` raises it for the wrong number of factors.
+    Parameters
+    ----------
+    factors : a number for all triangles, or (F,)
+        From 0 to 1 each, kept as float32.
+
+    Raises
+    ------
+    InputError
+        For a factor outside, naming it; `gather` raises it for the wrong number of factors.
     """
 
     factors: NDArray[np.float32] = field(repr=False)
@@ -114,7 +124,15 @@ class Transmittance(Reduction[TransmittanceResult]):
 class Layers(Reduction[LayersResult]):
     """The k nearest hits of each ray, sorted by depth, and the number of all its hits.
 
-    k: layers, 1 to MOST_LAYERS. Raises InputError for any other k.
+    Parameters
+    ----------
+    k
+        Number of layers, from 1 to 1024.
+
+    Raises
+    ------
+    InputError
+        For any other k.
     """
 
     k: int

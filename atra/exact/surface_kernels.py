@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.memory import load, store
 from atra.compiled.store import kernel, njit
-from atra.compiled.vectors import bits_of, rounded, splat
+from atra.compiled.vectors import rounded, splat, where
+from atra.exact.intersection import NOISE
 from atra.prim_ids import MISS
 
 WEIGHTS, POINTS, NORMALS = 0, 1, 2
@@ -25,7 +26,6 @@ WEIGHTS, POINTS, NORMALS = 0, 1, 2
 ROWS = 16
 """Rows of pixels that a thread takes at a time."""
 
-_NOISE = 1e-14  # NOISE of `atra.exact.intersection`
 _MISS = int(MISS)
 _LANES = 8
 """Pixels computed together; the next run overwrites those beyond the end of a run."""
@@ -96,7 +96,7 @@ def _along_row(eye, axes, is_parallel, triangle, row):  # type: ignore[no-untype
     cx, cy, cz = _turned(axes, (corner[0] - eye[0], corner[1] - eye[1], corner[2] - eye[2]))
     e1, e2 = _turned(axes, e1), _turned(axes, e2)
     normal = _cross(e2, e1)
-    noise, eye_square = _NOISE * _NOISE * _dot(e1, e1) * _dot(e2, e2), _dot(eye, eye)
+    noise, eye_square = NOISE * NOISE * _dot(e1, e1) * _dot(e2, e2), _dot(eye, eye)
     if is_parallel:
         down = row - cy
         return (
@@ -121,35 +121,21 @@ def _along_row(eye, axes, is_parallel, triangle, row):  # type: ignore[no-untype
     )
 
 
-@njit
-def _weights(column, along):  # type: ignore[no-untyped-def]
-    """u and v of one pixel; NaN if its ray never hits the triangle's plane."""
-    start, facing, u, v, ahead, noise, near = along
-    x = column - start
-    determinant = facing[0] * x + facing[1]
-    if not determinant * determinant > noise[0] * x * x + noise[1]:
-        return np.nan, np.nan
-    reciprocal, way = 1.0 / determinant, ahead[0] * x + ahead[1]
-    if not (way * reciprocal > 0.0 and way * way > near[0] * x * x + near[1]):
-        return np.nan, np.nan
-    return (u[0] * x + u[1]) * reciprocal, (v[0] * x + v[1]) * reciprocal
-
-
 @njit(forceinline=True)
 def _linear(slope_and_start, x):  # type: ignore[no-untyped-def]
     return splat(slope_and_start[0], _LANES) * x + splat(slope_and_start[1], _LANES)
 
 
 @njit(forceinline=True)
-def _weights_of_block(address, along):  # type: ignore[no-untyped-def]
-    """u and v of a block of pixels, and whether all rays hit the triangle's plane; address: of their columns."""
+def _weights(address, along):  # type: ignore[no-untyped-def]
+    """u and v of a block of pixels, whose columns lie at an address; NaN if a ray never hits the triangle's plane."""
     start, facing, u, v, ahead, noise, near = along
     x = load(address, 0.0, _LANES) - splat(start, _LANES)
     determinant = _linear(facing, x)
     reciprocal, way = splat(1.0, _LANES) / determinant, _linear(ahead, x)
     is_sure = (determinant * determinant > _linear(noise, x * x)) & (way * way > _linear(near, x * x))
-    has_some = is_sure & (way * reciprocal > splat(0.0, _LANES))
-    return _linear(u, x) * reciprocal, _linear(v, x) * reciprocal, bits_of(has_some) == (1 << _LANES) - 1
+    is_hit, never = is_sure & (way * reciprocal > splat(0.0, _LANES)), splat(np.nan, _LANES)
+    return where(is_hit, _linear(u, x) * reciprocal, never), where(is_hit, _linear(v, x) * reciprocal, never)
 
 
 @njit(forceinline=True)
@@ -180,8 +166,10 @@ def surface_kernel(kind: int) -> Callable[..., None]:
         height, width = prim_id.shape
         vertices, faces = mesh
         eye, axes, columns, rows, is_parallel = camera
-        block = np.empty((3, _LANES), np.float32)
-        column_address, block_address, found_address = columns.ctypes.data, block.ctypes.data, found.ctypes.data
+        block, padded = np.empty((3, _LANES), np.float32), np.zeros(width + _LANES)
+        for x in range(width):
+            padded[x] = columns[x]
+        column_address, block_address, found_address = padded.ctypes.data, block.ctypes.data, found.ctypes.data
         while True:
             top = fetch_add(counter_address, 1) * ROWS
             if top >= height:
@@ -213,29 +201,24 @@ def surface_kernel(kind: int) -> Callable[..., None]:
                         x = end
                         continue
                     along = _along_row(eye, axes, is_parallel, triangle, rows[y])
-                    while x < end:
-                        has_some = False
-                        if x + _LANES <= width:
-                            u, v, has_some = _weights_of_block(column_address + 8 * x, along)
-                            if has_some and kind == WEIGHTS:
-                                store(rounded(u), found_address + 4 * (y * width + x))
-                                store(rounded(v), found_address + 4 * ((height + y) * width + x))
-                            elif has_some:
-                                for k in range(3):
-                                    store(_linear_in_two(corner[k], e1[k], e2[k], u, v), block_address + 4 * _LANES * k)
-                                for lane in range(min(_LANES, end - x)):
-                                    for k in range(3):
-                                        found[y, x + lane, k] = block[k, lane]
-                        if has_some:
-                            x += _LANES
+                    for first in range(x, end, _LANES):
+                        u, v = _weights(column_address + 8 * first, along)
+                        if kind == WEIGHTS and first + _LANES <= width:
+                            store(rounded(u), found_address + 4 * (y * width + first))
+                            store(rounded(v), found_address + 4 * ((height + y) * width + first))
                             continue
-                        at_u, at_v = _weights(columns[x], along)
                         if kind == WEIGHTS:
-                            found[0, y, x], found[1, y, x] = at_u, at_v
+                            store(rounded(u), block_address)
+                            store(rounded(v), block_address + 4 * _LANES)
                         else:
                             for k in range(3):
-                                found[y, x, k] = corner[k] + at_u * e1[k] + at_v * e2[k]
-                        x += 1
+                                store(_linear_in_two(corner[k], e1[k], e2[k], u, v), block_address + 4 * _LANES * k)
+                        for lane in range(min(_LANES, end - first)):
+                            for k in range(2 if kind == WEIGHTS else 3):
+                                if kind == WEIGHTS:
+                                    found[k, y, first + lane] = block[k, lane]
+                                else:
+                                    found[y, first + lane, k] = block[k, lane]
                     x = end
 
     return compute

@@ -7,7 +7,8 @@ from functools import cache
 
 import numpy as np
 
-from atra.compiled.intrinsics import fetch_add
+from atra.compiled.intrinsics import fetch_add, float_at
+from atra.compiled.memory import doubles_at
 from atra.compiled.store import float_kernel, njit
 from atra.embree.layout import (
     FLAG_COHERENT,
@@ -30,19 +31,32 @@ from atra.embree.packets_kernels import (
     ray_component,
     set_no_hit,
 )
-from atra.rays.rays_kernels import are_coherent, direction_of, interval_of, origin_of, scale_of
+from atra.rays.rays_kernels import are_coherent, scale_of
 
 CHUNK = 512
 """Rays a thread takes at a time: whole packets of any width, so that any number of threads makes the same packets."""
 
 
 @njit(forceinline=True)
+def _vector_at(address, is_double):  # type: ignore[no-untyped-def]
+    """Three float32, or float64 rounded to such."""
+    if is_double:
+        at = doubles_at(address)
+        return np.float32(at[0]), np.float32(at[1]), np.float32(at[2])
+    return float_at(address), float_at(address + 4), float_at(address + 8)
+
+
+@njit(forceinline=True)
+def _number_at(address, is_double):  # type: ignore[no-untyped-def]
+    return np.float32(doubles_at(address)[0]) if is_double else float_at(address)
+
+
+@njit(forceinline=True)
 def _scale_of(rays, ray):  # type: ignore[no-untyped-def]
-    """(direction, float32; the power of two by which it is multiplied; the inverse of this)."""
-    x, y, z = direction_of(rays, ray)
-    x, y, z = np.float32(x), np.float32(y), np.float32(z)
-    scale, length = scale_of(x, y, z)
-    return (x, y, z), scale, length
+    """(direction; the power of two by which it is multiplied; the inverse of this), all float32."""
+    direction = _vector_at(rays.directions + rays.vector_bytes * ray, rays.is_double)
+    scale, length = scale_of(*direction)
+    return direction, np.float32(scale), np.float32(length)
 
 
 @njit(forceinline=True)
@@ -54,17 +68,17 @@ def _load(packet, width, lane, rays, ray):  # type: ignore[no-untyped-def]
     then depends on the length of the direction, and what is tiny (`ray_component`) is so for all. Embree would lose
     short directions, and long ones would leave the range of float32. Origins stay as they are: tiny ones lose nothing.
     """
-    x, y, z = origin_of(rays, ray)
+    x, y, z = _vector_at(rays.origins + rays.vector_bytes * ray, rays.is_double)
     (u, v, w), scale, length = _scale_of(rays, ray)
-    tnear, tfar = interval_of(rays, ray)
     floats = packet.floats
-    floats[RAY_ORG_X * width + lane] = np.float32(x)
-    floats[RAY_ORG_Y * width + lane] = np.float32(y)
-    floats[RAY_ORG_Z * width + lane] = np.float32(z)
-    floats[RAY_DIR_X * width + lane] = ray_component(np.float32(u * scale))
-    floats[RAY_DIR_Y * width + lane] = ray_component(np.float32(v * scale))
-    floats[RAY_DIR_Z * width + lane] = ray_component(np.float32(w * scale))
-    near, far = np.float32(np.float32(tnear) * length), np.float32(np.float32(tfar) * length)
+    floats[RAY_ORG_X * width + lane] = x
+    floats[RAY_ORG_Y * width + lane] = y
+    floats[RAY_ORG_Z * width + lane] = z
+    floats[RAY_DIR_X * width + lane] = ray_component(u * scale)
+    floats[RAY_DIR_Y * width + lane] = ray_component(v * scale)
+    floats[RAY_DIR_Z * width + lane] = ray_component(w * scale)
+    near = _number_at(rays.tnear + rays.number_bytes * ray, rays.is_double) * length
+    far = _number_at(rays.tfar + rays.number_bytes * ray, rays.is_double) * length
     floats[RAY_TNEAR * width + lane], floats[RAY_TFAR * width + lane] = near, far
     is_open = near < far
     packet.valid[lane] = -1 if is_open else 0
