@@ -119,13 +119,13 @@ def test_texels_below_0_by_rounding_become_0_with_one_warning_and_all_others_sta
     texels = sky()
     texels[5, 2, 1], texels[6, 3] = -4.5e-6, -1e-6
     path = written(tmp_path, "sky.exr", exr_of(texels))
-    with pytest.warns(UserWarning) as told:
+    with pytest.warns(UserWarning, match="below 0") as told:
         loaded = light.PanoramaSky.load(path)
     assert [str(one.message) for one in told] == ["sky.exr: 2 texels below 0, the lowest -4.5e-06, are taken as 0"]
     np.testing.assert_array_equal(loaded.texels, np.maximum(texels, 0.0))
     texels[0, 0, 0] = np.nan
     path.write_bytes(exr_of(texels))
-    with pytest.raises(InputError, match="nan, .* at column 0 of row 0"):
+    with pytest.raises(InputError, match=r"nan, .* at column 0 of row 0"):
         light.PanoramaSky.load(path)
 
 
