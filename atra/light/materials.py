@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from atra.light.checks import Colour, check_one_of, checked_colour, checked_number, set_fields
-from atra.light.scattering.physical_kernels import SMOOTH
+from atra.light.scattering.physical_kernels import LEAST_BEND, SMOOTH
 from atra.light.scattering.spots_kernels import DIELECTRIC, EMISSIVE, LAMBERTIAN, METAL, PHYSICAL
 from atra.light.textures import Checker, Image, Texture
 
@@ -200,7 +200,8 @@ class MetallicRoughness(Material):
 
     @property
     def clear_share(self) -> float:
-        if self.roughness**2 >= SMOOTH:
+        bends = self.is_thin or self.ior - 1.0 >= LEAST_BEND
+        if bends and self.roughness**2 >= SMOOTH:
             return 0.0
         return self.transmission * (1.0 - self.metallic) * (1.0 - ((self.ior - 1.0) / (self.ior + 1.0)) ** 2)
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from atra import light
 from atra.compiled.store import float_kernel
 from atra.light.scattering.physical_kernels import clear_light, physical_direction, physical_value
 from atra.light.scattering.spots_kernels import Matter
@@ -87,6 +88,29 @@ def test_in_a_furnace_nothing_white_shines_and_what_is_smooth_keeps_all(name, co
         assert 0.75 < mean < 1.005
     else:
         assert mean == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("ior", [1.0, 1.0005, 1 / 1.0005])
+@pytest.mark.parametrize("roughness", [0.3, 1.0])
+def test_rough_glass_that_bends_no_light_lets_all_of_it_straight_on(ior, roughness):
+    made = matter(0.0, roughness, 1.0, ior, False)
+    directions, weights, densities = sampled(made, 0.6)
+    np.testing.assert_allclose(directions, np.broadcast_to([-0.8, 0, -0.6], directions.shape), atol=1e-6)
+    np.testing.assert_allclose(weights, 1.0, atol=1e-6)
+    assert not densities.any()
+    assert clear_light(made, F(0.6))[0] == pytest.approx(1.0, abs=1e-5)
+    assert light.MetallicRoughness(roughness=roughness, transmission=1.0, ior=1.0, is_thin=False).clear_share == 1.0
+
+
+@pytest.mark.parametrize("ior", [1.002, 1 / 1.002])
+def test_rough_glass_that_hardly_bends_light_lets_nearly_all_of_it_on(ior):
+    assert sampled(matter(0.0, 0.3, 1.0, ior, False), 0.6)[1][:, 0].mean() == pytest.approx(1.0, abs=0.01)
+
+
+def test_metal_keeps_its_roughness_where_its_index_bends_no_light():
+    made, usual = (matter(1.0, 0.5, 1.0, ior, False, (0.8, 0.4, 0.2)) for ior in (1.0, 1.5))
+    for found, expected in zip(sampled(made, 0.6), sampled(usual, 0.6), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5)
 
 
 MIXED = {

@@ -16,6 +16,10 @@ from atra.light.numbers_kernels import HALF, ONE, TWO, ZERO, along, circle, dot,
 SMOOTH = np.float32(1e-3)
 """Surfaces below this squared roughness are mirrors and clear glass."""
 
+LEAST_BEND = 1e-3
+"""A solid whose index of refraction is nearer to 1 lets light straight on, however rough it is."""
+
+_LEAST_BEND = np.float32(LEAST_BEND)
 _PER_PI = np.float32(1.0 / np.pi)
 _NONE = ZERO, ZERO, ZERO
 
@@ -44,6 +48,11 @@ def _schlick(cosine):  # type: ignore[no-untyped-def]
     return square * square * rest
 
 
+@njit(forceinline=True)
+def _bends_nothing(matter):  # type: ignore[no-untyped-def]
+    return not matter.is_thin and abs(matter.ior - ONE) < _LEAST_BEND
+
+
 @njit(error_model="numpy")
 def _shares(matter, cosine):  # type: ignore[no-untyped-def]
     """(mirrored (r, g, b), dielectric share that is mirrored, by Fresnel) at a cosine with a microfacet's normal."""
@@ -52,7 +61,9 @@ def _shares(matter, cosine):  # type: ignore[no-untyped-def]
     bare *= bare
     rise = _schlick(cosine)
     is_solid = matter.transmission > ZERO and not matter.is_thin
-    own = fresnel(cosine, ior) if is_solid else bare + (ONE - bare) * rise
+    own = bare + (ONE - bare) * rise
+    if is_solid:
+        own = ZERO if _bends_nothing(matter) else fresnel(cosine, ior)
     metal, base = matter.metallic, matter.colour
     return (
         own + metal * (base[0] + (ONE - base[0]) * rise - own),
@@ -65,6 +76,12 @@ def _shares(matter, cosine):  # type: ignore[no-untyped-def]
 def is_clear_pane(matter):  # type: ignore[no-untyped-def]
     """Whether light passes straight on, as `clear_light` says, and is not scattered to the other side."""
     return matter.is_thin and matter.alpha < SMOOTH
+
+
+@njit(forceinline=True)
+def passes_straight(matter):  # type: ignore[no-untyped-def]
+    """Whether what passes is not spread: smooth, or a solid that bends no light."""
+    return matter.alpha < SMOOTH or _bends_nothing(matter)
 
 
 @njit(error_model="numpy")
@@ -131,7 +148,7 @@ def physical_value(matter, out, onward):  # type: ignore[no-untyped-def]
         factor = HALF * facets * onward[2] / (onward[2] * one + out[2] * other)
         density += (ONE - by_diffuse) * _chances(matter, cosine)[0] * HALF * facets / (out[2] + one)
         return along(value, factor, mirrored), density
-    if is_smooth or matter.transmission == ZERO or onward[2] == ZERO:
+    if passes_straight(matter) or matter.transmission == ZERO or onward[2] == ZERO:
         return _NONE, ZERO
     below = -onward[2]
     one, other = _slope(alpha, out[2]), _slope(alpha, below)
@@ -179,10 +196,10 @@ def physical_direction(matter, out, u, v, lobe):  # type: ignore[no-untyped-def]
         elif matter.is_thin:
             onward = TWO * cosine * h[0] - out[0], TWO * cosine * h[1] - out[1], -(TWO * cosine * h[2] - out[2])
         else:
-            ratio = ONE / matter.ior
+            ratio = ONE if _bends_nothing(matter) else ONE / matter.ior
             step = ratio * cosine - np.sqrt(max(ZERO, ONE - ratio * ratio * (ONE - cosine * cosine)))
             onward = along(scaled(-ratio, out), step, h)
-        if is_smooth:
+        if is_smooth or (not is_mirrored and passes_straight(matter)):
             mirrored, own = _shares(matter, cosine)
             if is_mirrored:
                 return onward, scaled(ONE / ((ONE - by_diffuse) * by_mirror), mirrored), ZERO

@@ -7,13 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from atra.compiled.store import njit
-from atra.light.numbers_kernels import HALF, ONE, TWO, ZERO, along, around, cross, dot, on_sphere, scaled, unit
+from atra.light.numbers_kernels import HALF, ONE, TWO, ZERO, along, around, dot, on_sphere, scaled, unit
 from atra.light.scattering.bending_kernels import on_side, through_glass
+from atra.light.scattering.bumps_kernels import bump_of, bumped
 from atra.light.scattering.physical_kernels import (
-    SMOOTH,
     clear_light,
     fresnel,
     is_clear_pane,
+    passes_straight,
     physical_direction,
     physical_value,
 )
@@ -155,8 +156,8 @@ def spot_of(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-de
             transmission *= textured(surfaces, material, OF_TRANSMISSION, prim_id, point, s, t)[0]
             if row[IMAGES + OF_NORMALS] >= 0.0:
                 texel = textured(surfaces, material, OF_NORMALS, prim_id, point, s, t)
-                bump = _bump(texel, np.float32(row[NORMAL_SCALE]))
-                shaded = _bumped(surfaces, prim_id, shaded, bump, is_front, direction)
+                bump = bump_of(texel, np.float32(row[NORMAL_SCALE]))
+                shaded = bumped(surfaces, prim_id, shaded, bump, is_front, direction)
     far = ONE / ior if kind == PHYSICAL and not (is_front or is_variant) else ior
     matter = Matter(colour, metallic, roughness * roughness, transmission, far, is_variant)
     return Spot(point, normal, shaded, kind, material, is_variant, matter), is_front
@@ -169,44 +170,11 @@ def straight_light(spot, cosine, is_lamp):  # type: ignore[no-untyped-def]
     matter = spot.matter
     if spot.kind == DIELECTRIC and is_lamp:
         return scaled(ONE - fresnel(cosine, max(matter.ior, ONE / matter.ior)), WHITE)
-    if spot.kind == PHYSICAL and (is_clear_pane(matter) or (is_lamp and matter.alpha < SMOOTH)):
+    if spot.kind == PHYSICAL and (
+        is_clear_pane(matter) or (is_lamp and not matter.is_thin and passes_straight(matter))
+    ):
         return clear_light(matter, cosine)
     return BLACK
-
-
-@njit(forceinline=True)
-def _bump(texel, scale):  # type: ignore[no-untyped-def]
-    return scale * (TWO * texel[0] - ONE), scale * (TWO * texel[1] - ONE), TWO * texel[2] - ONE
-
-
-@njit(error_model="numpy")
-def _bumped(surfaces, prim_id, shaded, bump, is_front, direction):  # type: ignore[no-untyped-def]
-    """The normal that an image of normals makes of `shaded`, or `shaded` itself where it faces away from the ray.
-
-    The tangent leads along growing u, the bitangent along growing v, within the triangle.
-    """
-    rows, uv = surfaces.weights, surfaces.corners
-    s1, s2 = np.float64(uv[prim_id, 11] - uv[prim_id, 9]), np.float64(uv[prim_id, 13] - uv[prim_id, 9])
-    t1, t2 = np.float64(uv[prim_id, 12] - uv[prim_id, 10]), np.float64(uv[prim_id, 14] - uv[prim_id, 10])
-    along_t = (
-        np.float32(t1 * rows[prim_id, 0] + t2 * rows[prim_id, 4]),
-        np.float32(t1 * rows[prim_id, 1] + t2 * rows[prim_id, 5]),
-        np.float32(t1 * rows[prim_id, 2] + t2 * rows[prim_id, 6]),
-    )
-    turn = ONE if (s1 * t2 - s2 * t1 > 0.0) else -ONE
-    front = scaled(ONE if is_front else -ONE, shaded)
-    tangent = scaled(turn, cross(along_t, front))
-    squared = dot(tangent, tangent)
-    if not squared > ZERO:
-        return shaded
-    tangent = scaled(ONE / np.sqrt(squared), tangent)
-    bitangent = scaled(turn, cross(front, tangent))
-    normal = along(along(scaled(bump[2], front), bump[0], tangent), bump[1], bitangent)
-    squared = dot(normal, normal)
-    if not squared > ZERO:
-        return shaded
-    normal = scaled((ONE if is_front else -ONE) / np.sqrt(squared), normal)
-    return normal if dot(normal, direction) < ZERO else shaded
 
 
 @njit(forceinline=True)
