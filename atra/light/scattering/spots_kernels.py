@@ -202,6 +202,8 @@ def scatter(surfaces, spot, is_front, prim_id, direction, key, sample, bounce): 
     """(goes_on, origin, direction, weight, density): the next ray of a path, the (r, g, b) weight of its light, and how
     often its direction is chosen, per solid angle; 0 where no other direction was possible, or nothing is aimed.
 
+    Where a shading normal scatters light to the wrong side of the triangle, it is mirrored at the triangle's plane.
+
     direction: unit vector. key, sample, bounce: select the random numbers. goes_on: False if the path is absorbed.
     """
     normal, shaded, kind = spot.normal, spot.shaded, spot.kind
@@ -214,8 +216,13 @@ def scatter(surfaces, spot, is_front, prim_id, direction, key, sample, bounce): 
         way, weight, density = physical_direction(spot.matter, out, u, v, lobe)
         onward = unit(along(along(scaled(way[0], frame[0]), way[1], frame[1]), way[2], shaded))
         side = ONE if way[2] > ZERO else -ONE
-        if not weight[0] + weight[1] + weight[2] > ZERO or not dot(onward, normal) * side > ZERO:
+        if not weight[0] + weight[1] + weight[2] > ZERO:
             return False, direction, direction, BLACK, ZERO
+        facing = dot(onward, normal)
+        twin = along(onward, _MINUS_TWO * facing, normal)
+        if density > ZERO and dot(twin, shaded) * side > ZERO:
+            density += physical_value(spot.matter, out, _local(frame, shaded, twin))[1]
+        onward = onward if facing * side > ZERO else twin
     elif kind == DIELECTRIC:
         onward, passes = through_glass(direction, shaded, is_front, spot.matter.ior, spot.is_variant, u)
         side = -ONE if passes else ONE
@@ -267,6 +274,10 @@ def scattered_light(spot, direction, onward):  # type: ignore[no-untyped-def]
         frame = _frame(spot.shaded)
         out = _local(frame, spot.shaded, scaled(-ONE, direction))
         way = _local(frame, spot.shaded, onward)
-        if way[2] * facing > ZERO:
-            return physical_value(spot.matter, out, way)
+        twin = _local(frame, spot.shaded, along(onward, _MINUS_TWO * facing, spot.normal))
+        value, density = physical_value(spot.matter, out, way) if way[2] * facing > ZERO else (BLACK, ZERO)
+        if twin[2] * facing > ZERO:
+            more, chosen = physical_value(spot.matter, out, twin)
+            value, density = along(value, ONE, more), density + chosen
+        return value, density
     return BLACK, ZERO
