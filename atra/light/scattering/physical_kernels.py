@@ -3,7 +3,7 @@
 Vectors are in the frame of the shading normal, which is +z; `out` leads back along the path, on the side of +z.
 Source: glTF 2.0, appendix B; B. Walter et al., "Microfacet models for refraction through rough surfaces", 2007;
 E. Heitz, "Understanding the masking-shadowing function in microfacet-based BRDFs", 2014; J. Dupuy and A. Benyoub,
-"Sampling visible GGX normals with spherical caps", 2023.
+"Sampling visible GGX normals with spherical caps", 2023. Light that meets several microfacets: `lost_kernels`.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import numpy as np
 
 from atra.compiled.store import njit
 from atra.light.numbers_kernels import HALF, ONE, TWO, ZERO, along, circle, dot, scaled, unit
+from atra.light.scattering.lost_kernels import kept_share, lost, lost_mean
 
 SMOOTH = np.float32(1e-3)
 """Surfaces below this squared roughness are mirrors and clear glass."""
@@ -21,6 +22,9 @@ LEAST_BEND = 1e-3
 
 _LEAST_BEND = np.float32(LEAST_BEND)
 _PER_PI = np.float32(1.0 / np.pi)
+_MEAN_RISE = np.float32(1.0 / 21.0)
+"""Mean over directions of Schlick's rise, weighted by the cosine."""
+
 _NONE = ZERO, ZERO, ZERO
 
 
@@ -104,11 +108,31 @@ def _chances(matter, cosine):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy")
+def _again(matter, mean):  # type: ignore[no-untyped-def]
+    """(r, g, b) that is left of light that meets more than one microfacet. mean: `lost_mean`.
+
+    What a dielectric does not reflect then, its base does; the diffuse part has the rise of its Fresnel term already.
+    """
+    metal, base = matter.metallic, matter.colour
+    bare = (matter.ior - ONE) / (matter.ior + ONE)
+    bare *= bare
+    own = kept_share(bare, mean)
+    solid = (ONE - metal) * (ONE - matter.transmission)
+    return (
+        solid * (own + (bare - own) * base[0]) + metal * kept_share(base[0] + (ONE - base[0]) * _MEAN_RISE, mean),
+        solid * (own + (bare - own) * base[1]) + metal * kept_share(base[1] + (ONE - base[1]) * _MEAN_RISE, mean),
+        solid * (own + (bare - own) * base[2]) + metal * kept_share(base[2] + (ONE - base[2]) * _MEAN_RISE, mean),
+    )
+
+
+@njit(error_model="numpy")
 def _diffuse_chance(matter, cosine):  # type: ignore[no-untyped-def]
-    """How often the diffuse part is chosen."""
+    """How often a direction is chosen by its cosine: for the diffuse part, and light that meets several microfacets."""
     mirrored, own = _shares(matter, cosine)
     base = (ONE - matter.metallic) * (ONE - own) * luminance(matter.colour)
     diffuse = base * (ONE - matter.transmission)
+    if matter.alpha >= SMOOTH:
+        diffuse += luminance(_again(matter, lost_mean(matter.alpha))) * lost(matter.alpha, cosine)
     total = diffuse + luminance(mirrored) + (ZERO if is_clear_pane(matter) else base * matter.transmission)
     return diffuse / total if total > ZERO else ZERO
 
@@ -147,7 +171,9 @@ def physical_value(matter, out, onward):  # type: ignore[no-untyped-def]
         one, other = _slope(alpha, out[2]), _slope(alpha, onward[2])
         factor = HALF * facets * onward[2] / (onward[2] * one + out[2] * other)
         density += (ONE - by_diffuse) * _chances(matter, cosine)[0] * HALF * facets / (out[2] + one)
-        return along(value, factor, mirrored), density
+        mean = lost_mean(alpha)
+        several = lost(alpha, out[2]) * lost(alpha, onward[2]) / mean * onward[2] * _PER_PI
+        return along(along(value, factor, mirrored), several, _again(matter, mean)), density
     if passes_straight(matter) or matter.transmission == ZERO or onward[2] == ZERO:
         return _NONE, ZERO
     below = -onward[2]
