@@ -147,3 +147,18 @@ def test_a_sky_of_a_file_lights_a_bake_and_a_picture_as_the_same_texels_do(tmp_p
             renderer.add(1)
             pictures.append(renderer.image)
     np.testing.assert_array_equal(*pictures)
+
+
+@pytest.mark.parametrize("renderer", [light.PathRenderer, light.HybridRenderer])
+def test_pictures_show_a_panorama_without_steps_between_its_texels(renderer):
+    rows, columns = 8, 16
+    ramp = np.broadcast_to(np.arange(columns, dtype=np.float32)[:, None], (rows, columns, 3))
+    scene = light.Scene(quads([floor(0.5)]), sky=light.PanoramaSky(ramp))
+    camera = atra.Camera((0, 2, 0), (0, 2, -1), fov_y_degrees=60, width=32, height=32)
+    with renderer(scene, camera, threads=1, jitter="off") as drawn:
+        drawn.add(1)
+        image = drawn.image
+    y, x = np.mgrid[:32, :32]
+    ways = camera.rays(x, y)[1] @ camera.axes
+    turn = np.arctan2(ways[..., 0], -ways[..., 2])
+    np.testing.assert_allclose(image[..., 0], columns * (0.5 + turn / (2 * np.pi)) - 0.5, atol=1e-4)

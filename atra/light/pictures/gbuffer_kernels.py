@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from atra.compiled.memory import gather_at, halves, load, low_and_high, prefetch, store, table_columns
 from atra.compiled.store import float_part, njit
 from atra.compiled.vectors import bits_of, fused, root, rounded, splat, where, widened
+from atra.light.emitters.background_kernels import background
 from atra.light.emitters.harmonics_kernels import reflected
 from atra.light.numbers_kernels import HALF, ONE, ZERO, unit
 from atra.light.pictures.path_kernels import FREE_ROWS, TILE, pixel_line, place_of
@@ -23,7 +24,6 @@ from atra.light.surface_kernels import (
     TINY,
     colour_at_inlined,
     material_of,
-    sky_colour,
     vertex_colour,
     weights_at,
 )
@@ -272,7 +272,7 @@ def _find_colour(chunk, i, pixel, is_textured, pixels, surfaces):  # type: ignor
     floats = chunk.floats
     if floats[SEEN * STRIDE + i] == ZERO:
         _, direction = pixel_line(pixels, pixel)
-        set_vector(floats, SKY, i, sky_colour(surfaces, unit(direction)))
+        set_vector(floats, SKY, i, background(surfaces, unit(direction)))
         return
     if is_textured:
         prim_id, point = np.int64(chunk.prim_id[i]), vector_of(floats, ORIGIN, i)

@@ -262,10 +262,12 @@ def test_a_gltf_file_s_base_colours_and_textures_are_seen():
 def test_a_panorama_is_seen_where_its_texels_point():
     texels = np.random.default_rng(2).random((8, 16, 3), np.float32)
     scene = render.Scene(quads([floor(0.001, height=-50)]), [GREY], sky=render.PanoramaSky(texels, power=2.0))
-    for target, row, column in (((1, 0.3, 0), 3, 12), ((0, -0.3, -1.0), 4, 8), ((-1, 0.3, 0.1), 3, 3)):
+    for row, column in ((3, 12), (4, 8), (3, 3)):
+        down, turn = np.pi * (row + 0.5) / 8, 2 * np.pi * ((column + 0.5) / 16 - 0.5)
+        target = np.sin(down) * np.sin(turn), np.cos(down), -np.sin(down) * np.cos(turn)
         camera = atra.Camera((0, 0, 0), target, fov_y_degrees=1, width=1, height=1)
-        np.testing.assert_allclose(hybrid(scene, camera, 1).image[0, 0], 2 * texels[row, column], rtol=1e-6)
-        np.testing.assert_allclose(traced(scene, camera, 1)[0, 0], 2 * texels[row, column], rtol=1e-6)
+        for image in (hybrid(scene, camera, 1).image, traced(scene, camera, 1, jitter="off")):
+            np.testing.assert_allclose(image[0, 0], 2 * texels[row, column], rtol=1e-4)
 
 
 def direct(scene, camera, samples):
