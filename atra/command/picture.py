@@ -42,6 +42,7 @@ def add_picture(parser: ArgumentParser) -> None:
         "--exposure", default="auto", metavar="STOPS", help="PNG exposure in stops, or auto (the default)"
     )
     add_shown(group)
+    group.add_argument("--transparent", action="store_true", help="alpha in place of the sky that the eye sees")
     group.add_argument("--bounces", type=int, default=BOUNCES, help=f"most rays of a path (default: {BOUNCES})")
 
 
@@ -124,7 +125,8 @@ def run_picture(given: Namespace, cameras_of: CamerasOf) -> int:
     print(f"{printable(str(given.mesh))}: {scene.mesh.triangle_count:,} triangles", file=sys.stderr)
     for stem, camera in cameras.items():
         path = output if len(cameras) == 1 else output.with_name(f"{output.stem}_{stem}{output.suffix}")
-        with PathRenderer(scene, camera, max_depth=given.bounces, threads=given.threads, jitter="pixel") as renderer:
+        options = {"max_depth": given.bounces, "threads": given.threads, "transparent": given.transparent}
+        with PathRenderer(scene, camera, jitter="pixel", **options) as renderer:
             _expose(renderer, given, path)
             stops = renderer.save(path, exposure=given.exposure, tone=given.tone, denoise=given.denoise)
         print(say_written(path, stops), flush=True)

@@ -43,6 +43,14 @@ def test_a_model_becomes_a_picture_in_its_colours(folder, monkeypatch, capsys):
     assert [path.name for path in (folder / "out").iterdir()] == ["picture.png"], "a state is left"
 
 
+def test_a_transparent_picture_has_no_sky(folder, monkeypatch):
+    assert render(monkeypatch, "--samples", "4", "--transparent") == 0
+    picture = np.asarray(Image.open(folder / "model.png"))
+    assert picture.shape == (16, 24, 4)
+    assert picture[0, 0, 3] == 0
+    assert picture[8, 12, 3] == 255
+
+
 def test_samples_alone_make_a_picture_and_planes_alone_none(folder, monkeypatch):
     assert render(monkeypatch, "--samples", "1") == 0
     assert (folder / "model.png").exists()

@@ -45,28 +45,32 @@ def srgb_of(image: NDArray[np.floating]) -> NDArray[np.uint8]:
     return levels
 
 
-def png_of(image: NDArray[np.floating]) -> bytes:
-    """(H, W, 3) linear RGB -> a PNG in sRGB."""
-    return png_bytes(srgb_of(image))
+def png_of(image: NDArray[np.floating], alpha: NDArray[np.floating] | None = None) -> bytes:
+    """(H, W, 3) linear RGB, not multiplied by alpha, and (H, W) alpha -> a PNG in sRGB."""
+    levels = srgb_of(image)
+    if alpha is None:
+        return png_bytes(levels)
+    return png_bytes(np.dstack([levels, np.rint(np.clip(alpha, 0.0, 1.0) * 255.0).astype(np.uint8)]))
 
 
 def png_bytes(levels: NDArray[np.uint8]) -> bytes:
-    """(H, W, 3) 8-bit sRGB -> a PNG."""
+    """(H, W, 3) 8-bit sRGB, or (H, W, 4) with alpha -> a PNG."""
     from PIL import Image  # imported here because it is slow to load
 
     buffer = io.BytesIO()
-    Image.fromarray(levels, "RGB").save(buffer, format="PNG")
+    Image.fromarray(levels, "RGBA" if levels.shape[2] == 4 else "RGB").save(buffer, format="PNG")
     return buffer.getvalue()
 
 
 def exr_of(
     image: NDArray[np.float32], hits: Hits, albedo: NDArray[np.float32], samples: int,
-    noisy: NDArray[np.float32] | None = None,
+    noisy: NDArray[np.float32] | None = None, alpha: NDArray[np.float32] | None = None,
 ) -> bytes:  # fmt: skip
     """An EXR of 32 bits, linear: R, G, B; albedo.R, G, B, 1 for the sky; Z, the depth, inf = a miss; N.X, N.Y, N.Z, the
     triangle's unit normal in the world, facing the eye, 0 = a miss; prim_id, `MISS` = a miss; samples.
 
-    hits: at the pixels' centres. noisy: the picture before it was denoised, written as noisy.R, G, B.
+    hits: at the pixels' centres. noisy: the picture before it was denoised, written as noisy.R, G, B. alpha: written as
+    A; R, G, B are multiplied by it.
     """
     channels: dict[str, Any] = {}
     layers = {"": (image, "RGB"), "albedo.": (albedo, "RGB"), "N.": (eye_normals(hits), "XYZ")}
@@ -74,6 +78,8 @@ def exr_of(
         layers["noisy."] = noisy, "RGB"
     for layer, (values, names) in layers.items():
         channels |= {f"{layer}{name}": values[..., k] for k, name in enumerate(names)}
+    if alpha is not None:
+        channels["A"] = alpha
     counts = np.full(hits.depth.shape, samples, np.uint32)
     return exr_of_channels(channels | {"Z": hits.depth, "prim_id": hits.prim_id, "samples": counts})
 

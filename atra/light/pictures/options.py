@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import ClassVar
 
-from atra.choices import check_choice
+from atra.choices import check_choice, check_flags
 from atra.errors import InputError
 from atra.geometry.numbers import as_number
 from atra.light.checks import check_rays, check_whole, checked_number
@@ -52,18 +52,22 @@ class RenderOptions:
 class PathOptions(RenderOptions):
     """Options of `PathRenderer`."""
 
-    built_with: ClassVar = RenderOptions.built_with | {"lights", "order"}
+    built_with: ClassVar = RenderOptions.built_with | {"lights", "order", "transparent"}
     jitters: ClassVar[tuple[str, ...]] = ("shared", "off", "pixel")
 
     max_depth: int = 5
     lights: str = "aimed"
     roulette: int = 4
     order: str = "depth_first"
+    transparent: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_choice("lights", self.lights, ("aimed", "found"))
         check_choice("order", self.order, ("depth_first", "waves"))
+        check_flags(transparent=self.transparent)
+        if self.transparent and self.order != "depth_first":
+            raise InputError(f"order is {self.order!r} of a transparent picture, expected 'depth_first'")
         check_whole("max_depth", self.max_depth, 1, 1 << 20)
         check_whole("roulette", self.roulette, 1, 1 << 20)
 

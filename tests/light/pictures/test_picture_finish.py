@@ -248,3 +248,39 @@ def test_layers_are_seen_by_the_scene_that_is_there(monkeypatch):
         renderer.add(1)
         monkeypatch.setattr(kernel_scene, "EmbreeScene", None)  # a second one cannot be built
         assert renderer.layers().albedo.max() > 0.5
+
+
+@pytest.mark.parametrize(("opacity", "suffix"), [(1.0, ".png"), (0.25, ".png"), (0.25, ".exr")])
+def test_a_transparent_picture_has_the_share_of_each_pixel_that_is_hit_and_no_sky_in_its_colours(
+    tmp_path, opacity, suffix
+):
+    """The left half of a floor that reflects half of a white sky, seen from above by five columns."""
+    half = quads([[(-50, 0, 50), (0, 0, 50), (0, 0, -50), (-50, 0, -50)]])
+    material = light.MetallicRoughness((0.5, 0.5, 0.5), opacity, "blend", ior=1.0)
+    scene = light.Scene(half, [material], sky=light.constant_sky(1.0))
+    path = tmp_path / f"half{suffix}"
+    with light.PathRenderer(
+        scene, down(5), threads=1, max_depth=2, jitter="pixel", transparent=True, lights="found"
+    ) as renderer:
+        renderer.add(256)
+        renderer.save(path)
+        alpha, image = renderer.alpha, renderer.image
+    expected = np.broadcast_to(opacity * np.array([1, 1, 0.5, 0, 0]), (5, 5))
+    np.testing.assert_allclose(alpha, expected, atol=0.05)
+    assert (alpha[:, 3:] == 0.0).all()
+    np.testing.assert_allclose(image, 0.5 * alpha[..., None] + np.zeros(3), atol=0.02)
+    if suffix == ".exr":
+        openexr = pytest.importorskip("OpenEXR")
+        with openexr.File(str(path), separate_channels=True) as file:
+            np.testing.assert_array_equal(file.channels()["A"].pixels, alpha)
+            np.testing.assert_array_equal(file.channels()["R"].pixels, image[..., 0])
+        return
+    levels = np.asarray(Image.open(path)).astype(int)
+    assert levels.shape == (5, 5, 4)
+    np.testing.assert_allclose(levels[..., 3], 255 * alpha, atol=0.51)
+    np.testing.assert_allclose(levels[:, :3, 0], 188, atol=8)  # half of white, coded
+
+
+def test_transparent_pictures_are_not_traced_in_waves():
+    with pytest.raises(atra.InputError, match=r"order is 'waves' of a transparent picture"):
+        made(order="waves", transparent=True)

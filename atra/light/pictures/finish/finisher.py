@@ -29,6 +29,9 @@ from atra.views.sampling import sub_pixel_offsets
 
 CENTRE = (0.5, 0.5)
 
+_LEAST_ALPHA = np.float32(1e-3)
+"""Pixels of less alpha keep their darkness in a PNG, whose colours are not multiplied by alpha."""
+
 _POINTS = 16
 """Points of a pixel that layers are averaged over."""
 
@@ -60,6 +63,11 @@ class Finisher(Lifetime):
     @property
     @abstractmethod
     def image(self) -> NDArray[np.float32]: ...
+
+    @property
+    def alpha(self) -> NDArray[np.float32] | None:
+        """(H, W), the share of each pixel that is not sky; None where the sky is drawn."""
+        return None
 
     @abstractmethod
     def _albedo(self, samples: int) -> NDArray[np.float32]:
@@ -121,6 +129,7 @@ class Finisher(Lifetime):
         check_picture_path(path)
         with self._lock:
             image, stops = self.image, None
+            alpha = self.alpha
             raw, is_exr = image, path.suffix.lower() == ".exr"
             layers = self.layers() if is_exr or denoise else None
             if denoise:
@@ -128,9 +137,11 @@ class Finisher(Lifetime):
             if layers is not None and is_exr:
                 with self._in_use():
                     hits = self._tracer.trace(CENTRE)
-                content = exr_of(image, hits, layers.albedo, self._film.samples, raw if denoise else None)
+                content = exr_of(image, hits, layers.albedo, self._film.samples, raw if denoise else None, alpha)
             else:
+                if alpha is not None:
+                    image = (image / np.maximum(alpha, _LEAST_ALPHA)[..., None]).astype(np.float32)
                 stops = stops_of(image, exposure)
-                content = png_of(toned(image, stops, tone))
+                content = png_of(toned(image, stops, tone), alpha)
             write_atomically(path, content)
         return stops

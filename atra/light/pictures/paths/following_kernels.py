@@ -34,11 +34,13 @@ class Limits(NamedTuple):
 
 class Found(NamedTuple):
     """What a path has found: (r, g, b) that the first surface it meets emits, that the sky sends straight, and all
-    light that reaches it later. distance: to the first surface. is_back: whether it is its back. rays: traced."""
+    light that reaches it later. seen_through: (r, g, b), the share of the sky's light that arrives straight. distance:
+    to the first surface. is_back: whether it is its back. rays: traced."""
 
     emitted: tuple[np.float32, np.float32, np.float32]
     sky: tuple[np.float32, np.float32, np.float32]
     later: tuple[np.float32, np.float32, np.float32]
+    seen_through: tuple[np.float32, np.float32, np.float32]
     distance: np.float32
     is_back: bool
     rays: int
@@ -75,7 +77,7 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
     """
     key, sample = random
     start, is_aimed = bounce, has_emitters(emitters)
-    emitted, sky, later, weight = BLACK, BLACK, BLACK, WHITE
+    emitted, sky, later, seen_through, weight = BLACK, BLACK, BLACK, BLACK, WHITE
     near, first, is_back = START, INFINITY, False
     rays = passes = 0
     while True:
@@ -105,7 +107,7 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
             if bounce > start:
                 later = more(later, weight, light)
             elif prim_id == MISS:
-                sky = more(sky, weight, light)
+                sky, seen_through = more(sky, weight, light), weight
             else:
                 emitted = more(emitted, weight, light)
         if flags & ENDS or bounce == limits.max_depth - 1:
@@ -130,4 +132,4 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
             weight = scaled(share, weight)
         near = START
         bounce += 1
-    return Found(emitted, sky, later, first, is_back, rays)
+    return Found(emitted, sky, later, seen_through, first, is_back, rays)

@@ -18,7 +18,7 @@ from atra.light.laps import Laps
 from atra.light.pictures.hybrid import albedo_of
 from atra.light.pictures.options import PathOptions
 from atra.light.pictures.path_kernels import BLOCK, FREE_ROWS, ROW_PADDING, Pixels
-from atra.light.pictures.paths.depth_first_kernels import follow_depth_first
+from atra.light.pictures.paths.depth_first_kernels import ALPHA, follow_depth_first
 from atra.light.pictures.paths.following_kernels import Limits
 from atra.light.pictures.paths.tracing import Batches, MakeScene, Packets
 from atra.light.pictures.paths.waves_kernels import (
@@ -75,6 +75,8 @@ class PathRenderer(Renderer):
         Rays after which a path may end by chance, the likelier the less light it carries.
     order : {"depth_first", "waves"}
         One path after the other, or many paths stage by stage, with times of stages.
+    transparent : bool
+        The eye does not see the sky; what is saved has an alpha channel, also through holes and panes.
 
     Raises
     ------
@@ -83,8 +85,6 @@ class PathRenderer(Renderer):
     """
 
     options: PathOptions
-
-    _planes = 3
 
     def __init__(
         self,
@@ -105,13 +105,18 @@ class PathRenderer(Renderer):
         lights: str = "aimed",
         roulette: int = 4,
         order: str = "depth_first",
+        transparent: bool = False,
     ) -> None:
         options = PathOptions(
             threads, packet_width, build_quality, robust, jitter, wave_rays, start_off, most_samples,
-            max_depth, lights, roulette, order,
+            max_depth, lights, roulette, order, transparent,
         )  # fmt: skip
         self._make_scene = rays
         super().__init__(scene, camera, primary, options)
+
+    @property
+    def _planes(self) -> int:
+        return ALPHA + 1 if self.options.transparent else ALPHA
 
     def _new_rays(self, mesh: Mesh) -> Any:
         if self._make_scene is None:
@@ -140,6 +145,15 @@ class PathRenderer(Renderer):
 
     def _mean(self) -> NDArray[np.float64]:
         return self._film.mean(slice(3))
+
+    @property
+    def alpha(self) -> NDArray[np.float32] | None:
+        """(H, W), the share of each pixel that is not sky; None without `transparent`. Raises InputError without
+        samples."""
+        if not self.options.transparent:
+            return None
+        with self._lock:
+            return self._film.as_image(self._film.mean(slice(ALPHA, ALPHA + 1)))[..., 0]
 
     def _albedo(self, samples: int) -> NDArray[np.float32]:
         return albedo_of(self, samples)
