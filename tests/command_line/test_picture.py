@@ -45,7 +45,7 @@ def test_a_model_becomes_a_picture_in_its_colours(folder, monkeypatch, capsys):
 
 def test_samples_alone_make_a_picture_and_planes_alone_none(folder, monkeypatch):
     assert render(monkeypatch, "--samples", "1") == 0
-    assert (folder / "model.png").exists()
+    assert (folder / "model_picture.png").exists()
     assert render(monkeypatch, "--planes", "depth") == 0
     assert (folder / "model_views" / "model.npz").exists()
 
