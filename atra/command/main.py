@@ -6,7 +6,10 @@ Exit codes: 0 done, 1 something failed, 2 the input cannot be used, 130 interrup
 from __future__ import annotations
 
 import sys
+import warnings
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,7 +17,7 @@ from typing import NoReturn
 
 import atra
 from atra.command import escape_what_stdout_lacks
-from atra.errors import AtraError
+from atra.errors import AtraError, printable
 
 _VERBS = {
     "doctor": ("doctor", "say what this machine has and lacks; a bug report needs it"),
@@ -64,13 +67,32 @@ def main() -> int:
     getattr(module, f"add_{command}", lambda parser: None)(parser)
     given = parser.parse_args(sys.argv[words:])
     try:
-        return int(getattr(module, f"run_{command}")(given))
+        with _warnings_in_a_line():
+            return int(getattr(module, f"run_{command}")(given))
     except AtraError as error:
         print(f"atra: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("atra: interrupted", file=sys.stderr)
         return 130
+
+
+@contextmanager
+def _warnings_in_a_line() -> Iterator[None]:
+    """Warnings for the user are one line each, without the place in the code."""
+    usual = warnings.formatwarning
+
+    def in_a_line(
+        message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None
+    ) -> str:
+        is_ours = issubclass(category, UserWarning)
+        return f"atra: {printable(str(message))}\n" if is_ours else usual(message, category, filename, lineno, line)
+
+    warnings.formatwarning = in_a_line
+    try:
+        yield
+    finally:
+        warnings.formatwarning = usual
 
 
 def _is_of_the_harness(verb: str) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from atra.light.checks import Colour, check_one_of, checked_colour, checked_number, set_fields
-from atra.light.scattering.physical_kernels import SMOOTH
+from atra.light.scattering.physical_kernels import LEAST_BEND, SMOOTH
 from atra.light.scattering.spots_kernels import DIELECTRIC, EMISSIVE, LAMBERTIAN, METAL, PHYSICAL
 from atra.light.textures import Checker, Image, Texture
 
@@ -161,6 +161,7 @@ class MetallicRoughness(Material):
     transmission: share of light that is not reflected and passes, times the red of `transmission_image`. ior: index of
     refraction. is_thin: a wall without thickness, which does not bend light; otherwise a surface of a solid. is_double:
     whether backs are seen; the eye looks through backs of others.
+    Light that meets several microfacets of metal or plastic is kept, so white metal of any roughness reflects all.
     Source: glTF 2.0, appendix B, and the extensions KHR_materials_emissive_strength, _ior, _transmission and _volume.
     """
 
@@ -200,7 +201,8 @@ class MetallicRoughness(Material):
 
     @property
     def clear_share(self) -> float:
-        if self.roughness**2 >= SMOOTH:
+        bends = self.is_thin or self.ior - 1.0 >= LEAST_BEND
+        if bends and self.roughness**2 >= SMOOTH:
             return 0.0
         return self.transmission * (1.0 - self.metallic) * (1.0 - ((self.ior - 1.0) / (self.ior + 1.0)) ** 2)
 

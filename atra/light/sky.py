@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.errors import InputError
+from atra.errors import InputError, printable
 from atra.files.reading import Allowance, read_regular_file
 from atra.files.saving import check_package
 from atra.light.checks import Colour, checked_colour, checked_number, checked_texels
@@ -23,6 +24,9 @@ _BYTES_PER_NUMBER, _BYTES_PER_PIXEL = 20, 44
 
 _LONGEST_RUN = 127
 """Most equal bytes that two bytes of a Radiance HDR encode."""
+
+_LEAST_SHARE = -1e-3
+"""Least radiance that is taken for rounding, over the mean of the panorama; resampling leaves such texels."""
 
 
 @dataclass(frozen=True)
@@ -77,9 +81,10 @@ def constant_sky(colour: Colour | float = WHITE, power: float = 1.0) -> Gradient
 def read_panorama(path: str | os.PathLike[str], *, memory_per_byte: float | None = None) -> NDArray[np.float32]:
     """(H, W, 3) float32, linear RGB as stored, from an EXR or Radiance HDR file, which need not be trusted.
 
-    memory_per_byte: limit on the memory of reading, as for `atra.load_mesh`. Raises InputError naming the file: for
-    another suffix, damage, a size beyond its bytes or memory_per_byte, negative or infinite radiance, an EXR without R,
-    G and B, and without the package OpenEXR.
+    memory_per_byte: limit on the memory of reading, as for `atra.load_mesh`. Radiance below 0 by at most a thousandth
+    of the mean becomes 0, with a warning. Raises InputError naming the file: for another suffix, damage, a size beyond
+    its bytes or memory_per_byte, radiance that is NaN, infinite or further below 0, an EXR without R, G and B, and
+    without the package OpenEXR.
     """
     path = Path(path)
     readers = {".exr": _read_exr, ".hdr": _read_hdr}
@@ -89,9 +94,23 @@ def read_panorama(path: str | os.PathLike[str], *, memory_per_byte: float | None
         raise InputError(f"the sky {str(path)!r} is no file")
     try:
         allowance = Allowance(path.stat().st_size, memory_per_byte)
-        return checked_texels("its radiance", readers[path.suffix.lower()](path, allowance))
+        texels, note = _without_rounding(readers[path.suffix.lower()](path, allowance))
+        checked = checked_texels("its radiance", texels)
     except (OSError, MemoryError, ValueError) as error:
         raise InputError(f"the sky {str(path)!r} cannot be used: {error}") from None
+    if note:
+        warnings.warn(f"{printable(path.name)}: {note}", stacklevel=2)
+    return checked
+
+
+def _without_rounding(texels: NDArray[np.float32]) -> tuple[NDArray[np.float32], str]:
+    """Texels whose numbers slightly below 0 are 0, and a note that counts them; as they are where one is clearly
+    negative or not finite."""
+    lowest, mean = float(texels.min(initial=0.0)), float(texels.mean(dtype=np.float64)) if texels.size else 0.0
+    if not _LEAST_SHARE * mean <= lowest < 0.0:
+        return texels, ""
+    count = int((texels < 0.0).any(axis=2).sum())
+    return np.maximum(texels, 0.0), f"{count:,} texels below 0, the lowest {lowest:.3g}, are taken as 0"
 
 
 def _read_exr(path: Path, allowance: Allowance) -> NDArray[np.float32]:

@@ -114,6 +114,21 @@ def test_an_exr_that_holds_no_sky_is_refused(tmp_path):
             light.PanoramaSky.load(path)
 
 
+@openexr
+def test_texels_below_0_by_rounding_become_0_with_one_warning_and_all_others_stay(tmp_path):
+    texels = sky()
+    texels[5, 2, 1], texels[6, 3] = -4.5e-6, -1e-6
+    path = written(tmp_path, "sky.exr", exr_of(texels))
+    with pytest.warns(UserWarning, match="below 0") as told:
+        loaded = light.PanoramaSky.load(path)
+    assert [str(one.message) for one in told] == ["sky.exr: 2 texels below 0, the lowest -4.5e-06, are taken as 0"]
+    np.testing.assert_array_equal(loaded.texels, np.maximum(texels, 0.0))
+    texels[0, 0, 0] = np.nan
+    path.write_bytes(exr_of(texels))
+    with pytest.raises(InputError, match=r"nan, .* at column 0 of row 0"):
+        light.PanoramaSky.load(path)
+
+
 @pytest.mark.slow  # compiles for long; that the texels are equal to the bit is tested above
 @openexr
 def test_a_sky_of_a_file_lights_a_bake_and_a_picture_as_the_same_texels_do(tmp_path):

@@ -14,7 +14,7 @@ from atra.files.folder import Folder
 from atra.files.gltf.nodes import nodes_of, places_of
 from atra.files.gltf.numbers import Numbers
 from atra.files.gltf.primitives import DRACO, FAN, TRIANGLES, claimed_rows, read_primitive
-from atra.files.gltf.tree import entry, gltf_tree
+from atra.files.gltf.tree import entry, gltf_tree, without
 from atra.files.meshes.parts import NONE, MeshFile, Part, check_rows, placed_part
 from atra.files.reading import Allowance
 
@@ -40,10 +40,7 @@ def read_gltf_file(path: Path, content: bytes, suffix: str, memory_per_byte: flo
     tree, folder = gltf_tree(content, suffix), Folder(path)
     for name in tree.get("extensionsRequired", []):
         if name not in _READ and not _NOT_GEOMETRY.fullmatch(name):
-            raise InputError(
-                f"it requires the extension {name!r:.60}, which is not read; export it without, "
-                f"such as by `npx @gltf-transform/cli copy`"
-            )
+            raise InputError(f"it requires the extension {name!r:.60}, which is not read; {without(name)}")
     uris = {uri for buffer in tree.get("buffers", []) if not (uri := buffer.get("uri", "data:")).startswith("data:")}
     beside = {folder.path_of(uri): folder.size_of(uri) for uri in uris}
     allowance = Allowance(len(content) + sum(beside.values()), memory_per_byte)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from atra.geometry.mesh import Mesh
 from atra.hits import read_only
-from atra.light.lightmaps.paint_kernels import COLOUR, EMISSION, OPACITY, Paint, take_means
+from atra.light.lightmaps.paint_kernels import COLOUR, EMISSION, LARGEST_ALBEDO, OPACITY, Paint, take_means
 from atra.light.materials import Emissive, Material, MetallicRoughness, images_of
 from atra.light.scene import Scene
 from atra.light.sky import constant_sky
@@ -53,6 +53,7 @@ def means_of(
     weights = np.where(places.sum(axis=1, keepdims=True) <= 1.0, places, 1.0 - places)
     corners = scene.mesh.local_vertices[scene.mesh.faces].astype(np.float64)
     take_means(paint, corners, weights, albedo, emission, opacity)
+    np.minimum(albedo, np.float32(LARGEST_ALBEDO), out=albedo)  # sums of rounded parts may be larger
 
 
 def _bits(material: Material, has_colours: bool) -> int:

@@ -13,7 +13,7 @@ from atra.files.folder import Folder
 from atra.files.gltf.nodes import nodes_of, places_of
 from atra.files.gltf.numbers import Numbers
 from atra.files.gltf.primitives import FAN, STRIP, TRIANGLES, triangles_of_mode
-from atra.files.gltf.tree import entry, gltf_tree
+from atra.files.gltf.tree import entry, gltf_tree, without
 from atra.files.reading import Allowance, read_regular_file
 from atra.geometry.mesh import Mesh
 from atra.light.materials import Material
@@ -53,7 +53,7 @@ def read_gltf(path: Path, memory_per_byte: float | None) -> dict[str, Any]:
     left_out: dict[str, None] = {}
     for name in tree.get("extensionsRequired", []):
         if name not in _KNOWN:
-            raise InputError(f"it requires the extension {name!r:.60}, which is not read; export it without")
+            raise InputError(f"it requires the extension {name!r:.60}, which is not read; {without(name)}")
     for kind in ("animations", "skins"):
         if tree.get(kind):
             left_out[kind] = None
@@ -93,7 +93,7 @@ def _primitive(
     mode, attributes = given.get("mode", TRIANGLES), given["attributes"]
     for name in given.get("extensions", {}):
         if name == "KHR_draco_mesh_compression":
-            raise InputError("a primitive is compressed by KHR_draco_mesh_compression; export it without")
+            raise InputError(f"a primitive is compressed by KHR_draco_mesh_compression; {without(name)}")
         left_out[str(name)] = None
     if mode not in (TRIANGLES, STRIP, FAN):
         left_out["points and lines"] = None

@@ -3,7 +3,7 @@
 Vectors are in the frame of the shading normal, which is +z; `out` leads back along the path, on the side of +z.
 Source: glTF 2.0, appendix B; B. Walter et al., "Microfacet models for refraction through rough surfaces", 2007;
 E. Heitz, "Understanding the masking-shadowing function in microfacet-based BRDFs", 2014; J. Dupuy and A. Benyoub,
-"Sampling visible GGX normals with spherical caps", 2023.
+"Sampling visible GGX normals with spherical caps", 2023. Light that meets several microfacets: `lost_kernels`.
 """
 
 from __future__ import annotations
@@ -12,11 +12,19 @@ import numpy as np
 
 from atra.compiled.store import njit
 from atra.light.numbers_kernels import HALF, ONE, TWO, ZERO, along, circle, dot, scaled, unit
+from atra.light.scattering.lost_kernels import kept_share, lost, lost_mean
 
 SMOOTH = np.float32(1e-3)
 """Surfaces below this squared roughness are mirrors and clear glass."""
 
+LEAST_BEND = 1e-3
+"""A solid whose index of refraction is nearer to 1 lets light straight on, however rough it is."""
+
+_LEAST_BEND = np.float32(LEAST_BEND)
 _PER_PI = np.float32(1.0 / np.pi)
+_MEAN_RISE = np.float32(1.0 / 21.0)
+"""Mean over directions of Schlick's rise, weighted by the cosine."""
+
 _NONE = ZERO, ZERO, ZERO
 
 
@@ -44,6 +52,11 @@ def _schlick(cosine):  # type: ignore[no-untyped-def]
     return square * square * rest
 
 
+@njit(forceinline=True)
+def _bends_nothing(matter):  # type: ignore[no-untyped-def]
+    return not matter.is_thin and abs(matter.ior - ONE) < _LEAST_BEND
+
+
 @njit(error_model="numpy")
 def _shares(matter, cosine):  # type: ignore[no-untyped-def]
     """(mirrored (r, g, b), dielectric share that is mirrored, by Fresnel) at a cosine with a microfacet's normal."""
@@ -52,7 +65,9 @@ def _shares(matter, cosine):  # type: ignore[no-untyped-def]
     bare *= bare
     rise = _schlick(cosine)
     is_solid = matter.transmission > ZERO and not matter.is_thin
-    own = fresnel(cosine, ior) if is_solid else bare + (ONE - bare) * rise
+    own = bare + (ONE - bare) * rise
+    if is_solid:
+        own = ZERO if _bends_nothing(matter) else fresnel(cosine, ior)
     metal, base = matter.metallic, matter.colour
     return (
         own + metal * (base[0] + (ONE - base[0]) * rise - own),
@@ -65,6 +80,12 @@ def _shares(matter, cosine):  # type: ignore[no-untyped-def]
 def is_clear_pane(matter):  # type: ignore[no-untyped-def]
     """Whether light passes straight on, as `clear_light` says, and is not scattered to the other side."""
     return matter.is_thin and matter.alpha < SMOOTH
+
+
+@njit(forceinline=True)
+def passes_straight(matter):  # type: ignore[no-untyped-def]
+    """Whether what passes is not spread: smooth, or a solid that bends no light."""
+    return matter.alpha < SMOOTH or _bends_nothing(matter)
 
 
 @njit(error_model="numpy")
@@ -87,11 +108,31 @@ def _chances(matter, cosine):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy")
+def _again(matter, mean):  # type: ignore[no-untyped-def]
+    """(r, g, b) that is left of light that meets more than one microfacet. mean: `lost_mean`.
+
+    What a dielectric does not reflect then, its base does; the diffuse part has the rise of its Fresnel term already.
+    """
+    metal, base = matter.metallic, matter.colour
+    bare = (matter.ior - ONE) / (matter.ior + ONE)
+    bare *= bare
+    own = kept_share(bare, mean)
+    solid = (ONE - metal) * (ONE - matter.transmission)
+    return (
+        solid * (own + (bare - own) * base[0]) + metal * kept_share(base[0] + (ONE - base[0]) * _MEAN_RISE, mean),
+        solid * (own + (bare - own) * base[1]) + metal * kept_share(base[1] + (ONE - base[1]) * _MEAN_RISE, mean),
+        solid * (own + (bare - own) * base[2]) + metal * kept_share(base[2] + (ONE - base[2]) * _MEAN_RISE, mean),
+    )
+
+
+@njit(error_model="numpy")
 def _diffuse_chance(matter, cosine):  # type: ignore[no-untyped-def]
-    """How often the diffuse part is chosen."""
+    """How often a direction is chosen by its cosine: for the diffuse part, and light that meets several microfacets."""
     mirrored, own = _shares(matter, cosine)
     base = (ONE - matter.metallic) * (ONE - own) * luminance(matter.colour)
     diffuse = base * (ONE - matter.transmission)
+    if matter.alpha >= SMOOTH:
+        diffuse += luminance(_again(matter, lost_mean(matter.alpha))) * lost(matter.alpha, cosine)
     total = diffuse + luminance(mirrored) + (ZERO if is_clear_pane(matter) else base * matter.transmission)
     return diffuse / total if total > ZERO else ZERO
 
@@ -130,8 +171,10 @@ def physical_value(matter, out, onward):  # type: ignore[no-untyped-def]
         one, other = _slope(alpha, out[2]), _slope(alpha, onward[2])
         factor = HALF * facets * onward[2] / (onward[2] * one + out[2] * other)
         density += (ONE - by_diffuse) * _chances(matter, cosine)[0] * HALF * facets / (out[2] + one)
-        return along(value, factor, mirrored), density
-    if is_smooth or matter.transmission == ZERO or onward[2] == ZERO:
+        mean = lost_mean(alpha)
+        several = lost(alpha, out[2]) * lost(alpha, onward[2]) / mean * onward[2] * _PER_PI
+        return along(along(value, factor, mirrored), several, _again(matter, mean)), density
+    if passes_straight(matter) or matter.transmission == ZERO or onward[2] == ZERO:
         return _NONE, ZERO
     below = -onward[2]
     one, other = _slope(alpha, out[2]), _slope(alpha, below)
@@ -179,10 +222,10 @@ def physical_direction(matter, out, u, v, lobe):  # type: ignore[no-untyped-def]
         elif matter.is_thin:
             onward = TWO * cosine * h[0] - out[0], TWO * cosine * h[1] - out[1], -(TWO * cosine * h[2] - out[2])
         else:
-            ratio = ONE / matter.ior
+            ratio = ONE if _bends_nothing(matter) else ONE / matter.ior
             step = ratio * cosine - np.sqrt(max(ZERO, ONE - ratio * ratio * (ONE - cosine * cosine)))
             onward = along(scaled(-ratio, out), step, h)
-        if is_smooth:
+        if is_smooth or (not is_mirrored and passes_straight(matter)):
             mirrored, own = _shares(matter, cosine)
             if is_mirrored:
                 return onward, scaled(ONE / ((ONE - by_diffuse) * by_mirror), mirrored), ZERO

@@ -7,13 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from atra.compiled.store import njit
-from atra.light.numbers_kernels import HALF, ONE, TWO, ZERO, along, around, cross, dot, on_sphere, scaled, unit
+from atra.light.numbers_kernels import HALF, ONE, TWO, ZERO, along, around, dot, on_sphere, scaled, unit
 from atra.light.scattering.bending_kernels import on_side, through_glass
+from atra.light.scattering.bumps_kernels import bump_of, bumped
 from atra.light.scattering.physical_kernels import (
-    SMOOTH,
     clear_light,
     fresnel,
     is_clear_pane,
+    passes_straight,
     physical_direction,
     physical_value,
 )
@@ -155,8 +156,8 @@ def spot_of(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-de
             transmission *= textured(surfaces, material, OF_TRANSMISSION, prim_id, point, s, t)[0]
             if row[IMAGES + OF_NORMALS] >= 0.0:
                 texel = textured(surfaces, material, OF_NORMALS, prim_id, point, s, t)
-                bump = _bump(texel, np.float32(row[NORMAL_SCALE]))
-                shaded = _bumped(surfaces, prim_id, shaded, bump, is_front, direction)
+                bump = bump_of(texel, np.float32(row[NORMAL_SCALE]))
+                shaded = bumped(surfaces, prim_id, shaded, bump, is_front, direction)
     far = ONE / ior if kind == PHYSICAL and not (is_front or is_variant) else ior
     matter = Matter(colour, metallic, roughness * roughness, transmission, far, is_variant)
     return Spot(point, normal, shaded, kind, material, is_variant, matter), is_front
@@ -169,44 +170,11 @@ def straight_light(spot, cosine, is_lamp):  # type: ignore[no-untyped-def]
     matter = spot.matter
     if spot.kind == DIELECTRIC and is_lamp:
         return scaled(ONE - fresnel(cosine, max(matter.ior, ONE / matter.ior)), WHITE)
-    if spot.kind == PHYSICAL and (is_clear_pane(matter) or (is_lamp and matter.alpha < SMOOTH)):
+    if spot.kind == PHYSICAL and (
+        is_clear_pane(matter) or (is_lamp and not matter.is_thin and passes_straight(matter))
+    ):
         return clear_light(matter, cosine)
     return BLACK
-
-
-@njit(forceinline=True)
-def _bump(texel, scale):  # type: ignore[no-untyped-def]
-    return scale * (TWO * texel[0] - ONE), scale * (TWO * texel[1] - ONE), TWO * texel[2] - ONE
-
-
-@njit(error_model="numpy")
-def _bumped(surfaces, prim_id, shaded, bump, is_front, direction):  # type: ignore[no-untyped-def]
-    """The normal that an image of normals makes of `shaded`, or `shaded` itself where it faces away from the ray.
-
-    The tangent leads along growing u, the bitangent along growing v, within the triangle.
-    """
-    rows, uv = surfaces.weights, surfaces.corners
-    s1, s2 = np.float64(uv[prim_id, 11] - uv[prim_id, 9]), np.float64(uv[prim_id, 13] - uv[prim_id, 9])
-    t1, t2 = np.float64(uv[prim_id, 12] - uv[prim_id, 10]), np.float64(uv[prim_id, 14] - uv[prim_id, 10])
-    along_t = (
-        np.float32(t1 * rows[prim_id, 0] + t2 * rows[prim_id, 4]),
-        np.float32(t1 * rows[prim_id, 1] + t2 * rows[prim_id, 5]),
-        np.float32(t1 * rows[prim_id, 2] + t2 * rows[prim_id, 6]),
-    )
-    turn = ONE if (s1 * t2 - s2 * t1 > 0.0) else -ONE
-    front = scaled(ONE if is_front else -ONE, shaded)
-    tangent = scaled(turn, cross(along_t, front))
-    squared = dot(tangent, tangent)
-    if not squared > ZERO:
-        return shaded
-    tangent = scaled(ONE / np.sqrt(squared), tangent)
-    bitangent = scaled(turn, cross(front, tangent))
-    normal = along(along(scaled(bump[2], front), bump[0], tangent), bump[1], bitangent)
-    squared = dot(normal, normal)
-    if not squared > ZERO:
-        return shaded
-    normal = scaled((ONE if is_front else -ONE) / np.sqrt(squared), normal)
-    return normal if dot(normal, direction) < ZERO else shaded
 
 
 @njit(forceinline=True)
@@ -234,6 +202,8 @@ def scatter(surfaces, spot, is_front, prim_id, direction, key, sample, bounce): 
     """(goes_on, origin, direction, weight, density): the next ray of a path, the (r, g, b) weight of its light, and how
     often its direction is chosen, per solid angle; 0 where no other direction was possible, or nothing is aimed.
 
+    Where a shading normal scatters light to the wrong side of the triangle, it is mirrored at the triangle's plane.
+
     direction: unit vector. key, sample, bounce: select the random numbers. goes_on: False if the path is absorbed.
     """
     normal, shaded, kind = spot.normal, spot.shaded, spot.kind
@@ -246,8 +216,13 @@ def scatter(surfaces, spot, is_front, prim_id, direction, key, sample, bounce): 
         way, weight, density = physical_direction(spot.matter, out, u, v, lobe)
         onward = unit(along(along(scaled(way[0], frame[0]), way[1], frame[1]), way[2], shaded))
         side = ONE if way[2] > ZERO else -ONE
-        if not weight[0] + weight[1] + weight[2] > ZERO or not dot(onward, normal) * side > ZERO:
+        if not weight[0] + weight[1] + weight[2] > ZERO:
             return False, direction, direction, BLACK, ZERO
+        facing = dot(onward, normal)
+        twin = along(onward, _MINUS_TWO * facing, normal)
+        if density > ZERO and dot(twin, shaded) * side > ZERO:
+            density += physical_value(spot.matter, out, _local(frame, shaded, twin))[1]
+        onward = onward if facing * side > ZERO else twin
     elif kind == DIELECTRIC:
         onward, passes = through_glass(direction, shaded, is_front, spot.matter.ior, spot.is_variant, u)
         side = -ONE if passes else ONE
@@ -299,6 +274,10 @@ def scattered_light(spot, direction, onward):  # type: ignore[no-untyped-def]
         frame = _frame(spot.shaded)
         out = _local(frame, spot.shaded, scaled(-ONE, direction))
         way = _local(frame, spot.shaded, onward)
-        if way[2] * facing > ZERO:
-            return physical_value(spot.matter, out, way)
+        twin = _local(frame, spot.shaded, along(onward, _MINUS_TWO * facing, spot.normal))
+        value, density = physical_value(spot.matter, out, way) if way[2] * facing > ZERO else (BLACK, ZERO)
+        if twin[2] * facing > ZERO:
+            more, chosen = physical_value(spot.matter, out, twin)
+            value, density = along(value, ONE, more), density + chosen
+        return value, density
     return BLACK, ZERO

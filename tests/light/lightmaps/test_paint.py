@@ -207,3 +207,11 @@ def test_what_blends_lets_the_rest_of_the_light_on_and_what_shines_stops_it():
     ):  # fmt: skip
         other = Surface.of(replace(scene, materials=[WHITE, replace(glass, **changes)]))
         assert other.opacity[2] == opacity, changes
+
+
+@pytest.mark.parametrize("count", [1, 150, 700, 3000])
+def test_a_white_texture_reflects_the_largest_albedo_however_many_places_its_mean_has(count):
+    mesh = quads([floor(1.0)] * count)
+    white = light.MetallicRoughness(light.Image(np.full((2, 2, 3), 255, np.uint8), is_coded=True))
+    albedo = Surface.of(light.Scene(mesh, [white], uv=UV * count)).albedo
+    np.testing.assert_allclose(albedo, 0.999, rtol=2e-6)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from atra import InputError, light
+from atra import InputError, light, load_mesh
 from atra.light.reading.gltf_materials import placement_of
 from atra.light.reading.images import MOST_SIDE, read_image
 
@@ -142,7 +142,9 @@ def test_nodes_place_instances_cameras_and_lights(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "requires the extension"),
+        ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "requires the extension.*gltf-transform/cli copy"),
+        ({"extensionsRequired": ["KHR_texture_basisu"]}, "requires the extension.*gltf-transform/cli ktxdecompress"),
+        ({"asset": {"version": "1.0"}, "nodes": {"a": {}}}, "it is glTF 1.0, expected 2.0; .*gltf-pipeline"),
         ({"nodes": [{"children": [1]}, {"children": [0], "mesh": 0}]}, "its own ancestor"),
         ({"buffers": [{"byteLength": 3, "uri": "../other.bin"}]}, "outside its folder"),
         ({"buffers": [{"byteLength": 3, "uri": "https://example.org/a.bin"}]}, "outside its folder"),
@@ -155,6 +157,14 @@ def test_what_cannot_be_trusted_is_refused_by_name(tmp_path, changes, reason):
     (tmp_path.parent / "other.bin").write_bytes(b"abc")
     with pytest.raises(InputError, match=reason):
         read(tmp_path, tree(**changes))
+
+
+def test_a_glb_of_version_1_is_refused_by_its_version_and_a_tool_that_converts(tmp_path):
+    path = tmp_path / "old.glb"
+    path.write_bytes(b"glTF" + np.array([1, 22, 2, 0], np.uint32).tobytes() + b"{}")
+    for load in (light.load_scene, load_mesh):
+        with pytest.raises(InputError, match=r"it is glTF 1\.0, expected 2\.0; convert it, .*gltf-pipeline"):
+            load(path)
 
 
 def test_an_image_outside_the_folder_is_refused_and_one_that_is_missing_is_named(tmp_path):
