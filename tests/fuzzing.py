@@ -331,7 +331,7 @@ def make_input(kind, name, seed):
 def work(count, folder, kind=None, only=None):
     """Work through `count` inputs, all kinds in turn, or those of one kind, or the one with the seed `only`.
 
-    folder: empty. `now.txt` in it names the input being read, for whoever finds this process dead.
+    folder: empty. `now.txt` in it names the input being read, for finding the cause if this process dies.
     Returns which kinds were used unchanged, for each kind how many inputs were used and refused, and what went wrong,
     by input.
     """

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from atra.command.cameras import one_camera
 from atra.command.picture import add_limits, add_scene, add_shown, load_lit, progress_line
 from atra.command.viewing import add_page
-from atra.errors import printable
+from atra.errors import InputError, printable
 from atra.files.paths import write_atomically
 
 if TYPE_CHECKING:
@@ -28,6 +28,9 @@ TOLD = (1, 16, 256)
 
 GLTF = (".glb", ".gltf")
 
+_MODELS = ("scene.glb", "lit.glb")
+"""Names of the models that a bake writes."""
+
 Tell = Callable[[str, bool], None]
 
 
@@ -41,8 +44,8 @@ def add_bake(parser: ArgumentParser) -> None:
     parser.add_argument("--bounces", type=int, default=BOUNCES, help=f"most reflections (default: {BOUNCES})")
     parser.add_argument(
         "--lights", choices=("uniform", "grid"), default="uniform",
-        help="choice of lights at a reflection; grid has less noise with hundreds of lights, and takes all surfaces as "
-        "dull (default: uniform)",
+        help="choice of lights at a reflection; grid has less noise with hundreds of lights, and treats all "
+        "surfaces as diffuse (default: uniform)",
     )  # fmt: skip
     parser.add_argument("--live", action="store_true", help="show the map on a page while it bakes (extra viewer)")
     add_page(parser)
@@ -64,6 +67,7 @@ def run_bake(given: Namespace) -> int:
     if given.denoise:
         check_denoiser()  # now rather than after all samples
     folder = given.out or Path(f"{given.mesh.stem}_baked")
+    check_keeps_input(given.mesh, folder)
     lit = load_lit(given.mesh, given.sky, given.memory_per_byte)
     camera = one_camera(given, lit.mesh, dict(lit.cameras))
     scene = BakeScene.of(lit)
@@ -99,6 +103,12 @@ def run_bake(given: Namespace) -> int:
     for path in written:
         print(f"written: {printable(str(path))}")
     return 0
+
+
+def check_keeps_input(model: Path, folder: Path) -> None:
+    """Raise InputError where a bake into `folder` would overwrite the model that it reads."""
+    if model.name in _MODELS and model.resolve().parent == folder.resolve():
+        raise InputError(f"--out {folder} would overwrite {model}, which is baked; give another folder")
 
 
 def bake(baker: Baker, target: int, tell: Tell) -> None:

@@ -33,7 +33,7 @@ class Diagnosis:
 def run_doctor(given: Namespace) -> int:
     """Print the diagnosis; returns 1 if nothing can be traced, which the last line explains, else 0."""
     diagnosis = diagnose()
-    print(render(diagnosis, "views", "traced"))
+    print(render(diagnosis, "trace images"))
     return 1 if diagnosis.obstacles else 0
 
 
@@ -52,8 +52,8 @@ def diagnose() -> Diagnosis:
     return Diagnosis(tuple(facts), tuple(kernel_doubts()), tuple(obstacles))
 
 
-def render(diagnosis: Diagnosis, things: str, done: str) -> str:
-    """The diagnosis in lines of 80 columns; a last line of any length says that `things` can be `done`, or why not."""
+def render(diagnosis: Diagnosis, job: str) -> str:
+    """The diagnosis in lines of 80 columns; a last line of any length: ready to do the job, or why not."""
     lines = [
         textwrap.fill(
             printable(text),
@@ -65,7 +65,7 @@ def render(diagnosis: Diagnosis, things: str, done: str) -> str:
         for name, text in [*diagnosis.facts, ("doubts", "; ".join(diagnosis.doubts) or "none")]
     ]
     why_not = printable("; and ".join(diagnosis.obstacles))
-    last = f"nothing can be {done} here: {why_not}" if why_not else f"{things} can be {done} here"
+    last = f"cannot {job}: {why_not}" if why_not else f"ready to {job}"
     return "\n".join([*lines, last])
 
 

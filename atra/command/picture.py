@@ -34,8 +34,14 @@ _BLACK = np.zeros((1, 1, 3))
 def add_picture(parser: ArgumentParser) -> None:
     """Add the arguments of `run_picture`."""
     group = parser.add_argument_group("pictures in full light, in place of planes")
-    group.add_argument("-o", "--output", type=Path, metavar="FILE", help="picture.png (sRGB) or .exr (linear, layers)")
-    group.add_argument("--samples", type=int, help=f"most samples of a pixel (default: {SAMPLES})")
+    group.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="FILE",
+        help="a .png (sRGB) or .exr (linear, layers; default: MESH_picture.png)",
+    )
+    group.add_argument("--samples", type=int, help=f"at most so many samples of each pixel (default: {SAMPLES})")
     group.add_argument("--error", type=float, metavar="PERCENT", help="stop at this estimated error of the luminance")
     group.add_argument("--minutes", type=float, help="stop after so many minutes")
     group.add_argument(
@@ -115,7 +121,7 @@ def run_picture(given: Namespace, cameras_of: CamerasOf) -> int:
     from atra.light.oidn import check_denoiser
     from atra.light.pictures.files import check_picture_path
 
-    output = given.output or Path(f"{given.mesh.stem}.png")
+    output = given.output or Path(f"{given.mesh.stem}_picture.png")  # MESH.png may be a texture of the model
     check_picture_path(output)
     stops_of(_BLACK, given.exposure)
     if given.denoise:

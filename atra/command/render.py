@@ -57,7 +57,8 @@ def add_render(parser: ArgumentParser) -> None:
     )
     parser.add_argument(
         "--planes", nargs="+", metavar="PLANES",
-        help=f"only these of {', '.join(PLANES)}: one file of them (npz, exr) or a file each (npy, png, tiff)",
+        help=f"only these of {', '.join(PLANES)}: one file of them (npz, exr) or a file each (npy, png, "
+        "tiff); a PNG of prim_id holds id + 1, and 0 for a miss",
     )  # fmt: skip
     parser.add_argument(
         "--depth-along",

@@ -32,7 +32,10 @@ def resolve_threads(threads: int | None) -> int:
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         return min(cores, MOST_THREADS)
     if not is_whole_number(threads) or threads < 1:
-        raise InputError(f"threads is {threads!r}, expected a whole number of at least 1, or None for every core")
+        raise InputError(
+            f"threads is {threads!r}, expected a whole number of at least 1, or None (null in a configuration) "
+            "for every core"
+        )
     if threads > MOST_THREADS:
         raise InputError(f"threads is {threads}, expected at most {MOST_THREADS}; None takes every core")
     return int(threads)

@@ -22,6 +22,9 @@ _SUFFIXES = (".exr", ".npz", ".npy", ".png")
 MILLIMETRE = 0.001
 """Default of scene units to a step of a 16-bit PNG."""
 
+_ROUNDING_STEPS = 0.5 + 65535 * 2**-24
+"""Steps by which a 16-bit PNG may round a depth: half a step, and what float32 rounds of a depth of 65,535 steps."""
+
 
 class DepthImage(NamedTuple):
     """depth: (H, W) in scene units, as stored; prim_id: (H, W) as stored, or None; rounding: by how much the
@@ -54,7 +57,7 @@ def read_depth_image(path: Path, png_scale: float = MILLIMETRE) -> DepthImage:
     if depth is None:
         raise InputError(f"{path} has no depths, expected an array or channel called {', '.join(DEPTH_NAMES)}")
     if suffix == ".png":
-        return DepthImage(depth * png_scale, None, png_scale / 2)
+        return DepthImage(depth * png_scale, None, png_scale * _ROUNDING_STEPS)
     return DepthImage(depth, prim_id, 0.0)
 
 

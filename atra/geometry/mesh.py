@@ -26,7 +26,7 @@ _LONGER_PRODUCT = 4.0
 
 
 class Mesh:
-    """Indexed triangles in world space; the arrays are C-contiguous, read-only copies, with triangles without area.
+    """Indexed triangles in world space; the arrays are C-contiguous, read-only copies. Degenerate triangles are kept.
 
     Parameters
     ----------

@@ -84,7 +84,7 @@ class ForeignJudgement:
     convention : Convention
         Of the image.
     agreeing, own_agreeing : float
-        Shares of pixels whose depths, to 1e-5, speak for this convention, and for atra's own.
+        Shares of pixels whose depths fit this convention, and atra's own, to 1e-5.
     hits : Hits
         The image in atra's convention; without ids of its own it names the triangle whose plane its depth fits.
     reference : Hits

@@ -21,8 +21,8 @@ NARROW = 32
 """Widest box, in pixels, of a triangle that is drawn without looking for the ends of its rows."""
 
 GENTLE = 2.0
-"""Nearness whose slope over so many pixels is at most so many times the least it has is gentle: rounding to float32
-along the row changes it by few units of itself. What is steeper is computed in float64, between its corners'."""
+"""Largest change of nearness (1 / depth) over a span of pixels, relative to its minimum, for a triangle to be gentle:
+float32 along the row then changes it by few units. Steeper ones are computed in float64, between their corners."""
 
 CACHE_LINE = 64
 """Bytes of a cache line."""

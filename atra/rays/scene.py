@@ -44,8 +44,8 @@ class RayScene(Lifetime):
     **The hit of a ray** is that of the ray as given, its numbers as stored, with the vertices as stored, in exact
     arithmetic: the nearest, and of equally near ones that of the lowest `prim_id`. A ray through an edge or corner
     counts as moved by an infinitely small way (`atra.exact.lines_kernels`), so it hits one of the triangles that meet
-    there, and a triangle seen edge-on never. `t` is right to a unit of float32, and float64's of `all_hits` to
-    2^-29 of the way to the mesh's farthest corner. `precision="exact"`, the default, keeps this; "watertight" and
+    there, and a triangle seen edge-on never. `t` is right to a unit of float32; in `all_hits` it is float64, within
+    2^-29 of the distance to the mesh's farthest corner. `precision="exact"`, the default, keeps this; "watertight" and
     "fast" ask Embree, in `intersect` and `occluded` alone: rays are rounded to float32, triangles seen all but edge-on
     may be lost or hit beside, t may be off, and of equally near ones any is stored.
     `all_hits`, `count`, `gather` and `contains` are exact with each.

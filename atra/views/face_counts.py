@@ -29,6 +29,7 @@ class FaceCounts:
     prim_id : (M,) uint32
         Ascending in each view.
     pixels : (M,) int64
+        Number of the view's pixels that show the triangle.
     angle : (M,) float32, optional
         Mean angle between the rays of these pixels and the triangle's normal, in radians, 0 = seen head-on.
     distance : (M,) float32, optional

@@ -34,8 +34,8 @@ def visible_points(
     cameras : mapping or iterable of cameras
         Views of any kind, by name or in a list.
     tolerance : float
-        Share of the way from the camera to the point, at its end, on which triangles hide nothing: points on the mesh
-        are rounded.
+        Triangles nearer to the point than this share of its distance from the camera hide nothing, as points on the
+        mesh are rounded.
     threads : int, optional
         None: every core.
 

@@ -32,7 +32,7 @@ _LONGEST_LIST = 120
 def run_doctor(configuration: Configuration) -> None:
     """Print the diagnosis; raises SystemExit(1) when nothing can be measured here, the reason being the last line."""
     diagnosis = diagnose(configuration)
-    print(render(diagnosis, "points", "measured"))
+    print(render(diagnosis, "run experiments"))
     if diagnosis.obstacles:
         raise SystemExit(1)
 

@@ -20,7 +20,7 @@ BUILD_QUALITIES = ("low", "medium", "high")
 TIES = ("lowest", "any")
 
 TIES_HELP = (
-    "what is stored where triangles of one plane overlap: the lowest prim_id, or any, which float32 put in front"
+    "prim_id stored where triangles of one plane overlap: lowest, or any (whichever float32 rounding puts in front)"
 )
 
 

@@ -99,6 +99,17 @@ def test_what_cannot_be_baked_is_refused_in_one_line(folder, monkeypatch, capsys
     assert [path.name for path in folder.iterdir()] == ["room.obj"]
 
 
+@pytest.mark.parametrize("name", ["scene.glb", "lit.glb"])
+def test_a_bake_refuses_to_overwrite_the_model_that_it_reads(folder, monkeypatch, capsys, name):
+    box = cornell_box()
+    trimesh.Trimesh(box.vertices, box.faces, process=False).export(folder / name)
+    before = (folder / name).read_bytes()
+    monkeypatch.setattr(sys, "argv", ["atra", "bake", name, "--out", ".", "--size", "32", "--samples", "1"])
+    assert main() == 2
+    assert f"--out . would overwrite {name}, which is baked; give another folder" in capsys.readouterr().err
+    assert (folder / name).read_bytes() == before
+
+
 @pytest.mark.parametrize("verb", ["view", "bake"])
 def test_the_help_of_a_verb_fits_a_screen(monkeypatch, capsys, verb):
     monkeypatch.setenv("COLUMNS", "80")

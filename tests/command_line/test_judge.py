@@ -57,6 +57,16 @@ def test_a_right_image_of_each_format_is_right(suffix, hits, monkeypatch, capsys
     assert said[-1] == "nothing is wrong"
 
 
+@pytest.mark.parametrize("step", [4687, 4688])
+def test_a_depth_at_half_a_step_of_a_png_may_be_rounded_either_way(hits, monkeypatch, step, capsys):
+    wall = atra.Mesh([(-9, -9, 0), (9, -9, 0), (9, 9, 0), (-9, 9, 0)], [(0, 1, 2), (0, 2, 3)])
+    trimesh.Trimesh(wall.vertices, wall.faces, process=False).export("box.ply")
+    camera = {"eye": (0, 0, 4.6875), "target": (0, 0, 0), "fov_y_degrees": 40, "width": 48, "height": 36}
+    Path("camera.json").write_text(json.dumps({"front": camera}), encoding="utf-8")
+    Image.fromarray(np.full((36, 48), step, np.uint16)).save("image.png")
+    assert judge(monkeypatch, "image.png") == 0, capsys.readouterr().out
+
+
 def test_another_convention_is_named_and_right_unless_our_own_is_asked_for(hits, monkeypatch, capsys):
     np.save("image.npy", hits.depth[::-1])
     assert judge(monkeypatch, "image.npy") == 0

@@ -53,7 +53,7 @@ def test_a_transparent_picture_has_no_sky(folder, monkeypatch):
 
 def test_samples_alone_make_a_picture_and_planes_alone_none(folder, monkeypatch):
     assert render(monkeypatch, "--samples", "1") == 0
-    assert (folder / "model.png").exists()
+    assert (folder / "model_picture.png").exists()
     assert render(monkeypatch, "--planes", "depth") == 0
     assert (folder / "model_views" / "model.npz").exists()
 

@@ -39,7 +39,7 @@ def test_this_machine_is_described_on_one_screen_and_nothing_is_written(tmp_path
     *lines, last = done.stdout.splitlines()
     assert len(lines) <= 30
     assert max(map(len, lines)) <= 80
-    assert last == "points can be measured here"
+    assert last == "ready to run experiments"
     assert list(tmp_path.iterdir()) == []
 
 
@@ -72,7 +72,7 @@ def test_without_a_usable_embree_it_says_why_and_fails(tmp_path):
     done = run(tmp_path, **{OVERRIDE_VARIABLE: "broken"})
     assert done.returncode == 1, done.stderr
     *lines, last = done.stdout.splitlines()
-    assert last.startswith(f"nothing can be measured here: {tmp_path / 'broken'} is not a usable libembree4")
+    assert last.startswith(f"cannot run experiments: {tmp_path / 'broken'} is not a usable libembree4")
     assert "pip install" in last
     assert "Embree        cannot be used, see the last line" in lines
     assert any(line.startswith("CPU") for line in lines)
@@ -89,8 +89,8 @@ def test_a_missing_instruction_set_and_results_that_cannot_be_written_are_obstac
     assert "held to avx1024 (ATRA_ISA)" in told["instructions"]
     assert told["results"] == f"cannot be written to {tmp_path / 'taken'}"
     assert taken.startswith(f"results cannot be written to {tmp_path / 'taken'}: ")
-    last = render(diagnosis, "points", "measured").splitlines()[-1]
-    assert last.startswith(f"nothing can be measured here: {lacking}")
+    last = render(diagnosis, "run experiments").splitlines()[-1]
+    assert last.startswith(f"cannot run experiments: {lacking}")
     assert taken in last
 
 
@@ -109,10 +109,8 @@ def test_a_system_without_affinity_load_and_proc_is_described(platform, monkeypa
     diagnosis = diagnose(Configuration())
     assert "this process" not in dict(diagnosis.facts)["cores"]
     assert not any("busy" in doubt for doubt in diagnosis.doubts)
-    assert "\nCPU " in render(diagnosis, "points", "measured")
-    assert "\x1b" not in render(
-        diagnosis, "points", "measured"
-    )  # what a machine says of itself cannot steer the terminal
+    assert "\nCPU " in render(diagnosis, "run experiments")
+    assert "\x1b" not in render(diagnosis, "run experiments")  # what a machine says of itself cannot steer the terminal
 
 
 @pytest.mark.parametrize(("physical", "affinity", "expected"), [
@@ -151,7 +149,7 @@ def test_a_folder_of_many_scenes_and_reasons_of_any_length_still_fit_the_screen(
     monkeypatch.setenv("ATRA_SCENES", str(tmp_path))
     wordy = [replace(one, problem=lambda: f"it says {'much ' * 500}; do this") for one in METHODS]
     monkeypatch.setattr(doctor, "METHODS", wordy)
-    lines = render(diagnose(Configuration()), "points", "measured").splitlines()
+    lines = render(diagnose(Configuration()), "run experiments").splitlines()
     assert len(lines) <= 36
     assert max(map(len, lines)) <= 80
     assert not any("do this" in line for line in lines)

@@ -163,7 +163,7 @@ def test_the_wheel_s_command_tells_what_is_here(wheel_environment, tmp_path):
     done = run(wheel_environment.with_name("atra"), "doctor", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     *lines, last = done.stdout.splitlines()
-    assert last == "views can be traced here"
+    assert last == "ready to trace images"
     assert max(map(len, lines)) <= 80
     assert list(tmp_path.iterdir()) == []
 

@@ -75,7 +75,7 @@ class OpenCVLens(Lens):
     Parameters
     ----------
     k1, k2, k3, k4, k5, k6 : float
-        Radial: a cubic in r^2 over another.
+        Radial: (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6).
     p1, p2 : float
         Tangential.
     s1, s2, s3, s4 : float

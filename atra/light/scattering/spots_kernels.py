@@ -61,7 +61,7 @@ _PER_PI, PER_SPHERE = np.float32(1.0 / np.pi), np.float32(0.25 / np.pi)
 
 
 class Matter(NamedTuple):
-    """A `MetallicRoughness` at a point; of other materials, colour alone, and their PARAMETER as `ior`.
+    """The material at a point. All fields serve `MetallicRoughness`; others use `colour` and `ior`, their PARAMETER.
 
     ior: of the far side over the near side. alpha: squared roughness.
     """

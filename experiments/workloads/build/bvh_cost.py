@@ -101,8 +101,9 @@ def bvh_cost(
 
 
 def cost_of(tracer: Any, build_quality: str) -> BvhCost | None:
-    """How well boxes tell apart the triangles that a built tracer gave to Embree; None for instances, which are no
-    triangles, and where there is no Embree of ours.
+    """BVH quality: the expected traversal cost of the triangles that a built tracer gave to Embree.
+
+    None for instances, which are no triangles, and where there is no Embree of ours.
 
     Takes as long as another build, on one thread. Raises EmbreeError.
     """

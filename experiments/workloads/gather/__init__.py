@@ -64,7 +64,10 @@ def _problem(point: Point) -> str | None:
     what = point.workload_options.what
     if point.method.is_ours or what in ("count", "thickness"):
         return None
-    return f"method={point.method.name} with workload.what={what}, expected count or thickness: theirs do no more"
+    return (
+        f"method={point.method.name} with workload.what={what}, expected count or thickness: "
+        "other libraries support only these two"
+    )
 
 
 GATHER = workload(

@@ -58,7 +58,7 @@ class Seams:
 
     @classmethod
     def of(cls, mesh: Mesh, atlas: Atlas) -> Seams:
-        """The edges of exactly two triangles that lie apart on the map and meet smoothly."""
+        """Find edges that two triangles share, whose UVs differ and whose normals differ by less than 10 degrees."""
         ends, face = _seam_edges(mesh, atlas)
         points, edge = _along(ends)
         texel, weight = [], []

@@ -53,8 +53,8 @@ class PathRenderer(Renderer):
     scene, camera, primary :
         As for `Renderer`.
     rays : optional
-        Makes what traces rays, of the mesh, for `order="waves"`: a `BatchScene`, which takes a wave as one batch,
-        without surfaces that have holes; clear glass stops its rays to lamps.
+        Function from the mesh to a `BatchScene`, which takes a wave of `order="waves"` as one batch. Scenes with holes
+        are refused, and clear glass stops its rays to lamps.
     threads, packet_width, build_quality, robust :
         Of the scene for all rays but the primary ones, as for `atra.PixelTracer`.
     jitter : {"shared", "off", "pixel"}

@@ -46,7 +46,7 @@ class BatchScene(Protocol):
 
 
 MakeScene = Callable[[Mesh], BatchScene]
-"""Makes what traces rays, of a mesh."""
+"""Function from a mesh to what traces batches of rays through it."""
 
 
 class Packets:
