@@ -44,8 +44,8 @@ def test_a_model_becomes_a_picture_in_its_colours(folder, monkeypatch, capsys):
 
 
 def test_a_transparent_picture_has_no_sky(folder, monkeypatch):
-    assert render(monkeypatch, "--samples", "4", "--transparent") == 0
-    picture = np.asarray(Image.open(folder / "model.png"))
+    assert render(monkeypatch, "--samples", "4", "--transparent", "-o", "seen.png") == 0
+    picture = np.asarray(Image.open(folder / "seen.png"))
     assert picture.shape == (16, 24, 4)
     assert picture[0, 0, 3] == 0
     assert picture[8, 12, 3] == 255
