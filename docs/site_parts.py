@@ -127,10 +127,8 @@ def write_generated_pages(folder: Path) -> None:
 
 
 def _names_page(title: str, package: str, names: list[str]) -> str:
-    listed = "\n".join(f"{package}.{name}" for name in names)
-    return f"## {title}\n\n```{{eval-rst}}\n.. autosummary::\n   :toctree: api\n\n" + (
-        "".join(f"   {line}\n" for line in listed.splitlines()) + "```\n"
-    )
+    listed = "".join(f"   {package}.{name}\n" for name in names)
+    return f"## {title}\n\n```{{eval-rst}}\n.. autosummary::\n   :toctree: api\n\n{listed}```\n"
 
 
 def link_to_the_repository(_app: Any, document: str, source: list[str]) -> None:

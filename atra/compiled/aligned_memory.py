@@ -14,11 +14,6 @@ _CACHE_LINE_BYTES = 64
 def aligned_empty(shape: tuple[int, ...], kind: type[np.generic]) -> NDArray[Any]:
     """An uninitialised array that shares its memory with nothing else."""
     size = prod(shape) * np.dtype(kind).itemsize
-    return aligned_part(np.empty(size + _CACHE_LINE_BYTES, np.uint8), shape, kind)
-
-
-def aligned_part(memory: NDArray[np.uint8], shape: tuple[int, ...], kind: type[np.generic]) -> NDArray[Any]:
-    """The array in memory that `aligned_empty` allocated. Raises ValueError for memory of another size."""
+    memory = np.empty(size + _CACHE_LINE_BYTES, np.uint8)
     start = -memory.ctypes.data % _CACHE_LINE_BYTES
-    size = len(memory) - _CACHE_LINE_BYTES
     return memory[start : start + size].view(kind).reshape(shape)

@@ -218,7 +218,7 @@ def _estimate(expression: str, points: pd.DataFrame, spec: Spec) -> Estimate:
 
 
 def _ratio(expression: str, one: pd.DataFrame, other: pd.DataFrame, spec: Spec) -> str:
-    """Of two points, which share no process."""
+    """The ratio of two points, with its interval; they share no process, so their errors are independent."""
     if one.iloc[0]["point_id"] == other.iloc[0]["point_id"]:
         return "1"
     return say(_estimate(expression, one, spec).over(_estimate(expression, other, spec)))

@@ -159,14 +159,6 @@ def measured_at(splits: Sequence[int], read: Callable[[int], T]) -> tuple[dict[i
     return values, missing
 
 
-def measured_at_some(splits: Sequence[int], read: Callable[[int], T]) -> dict[int, T]:
-    """The same; raises NotMeasuredError, with the first reason, where nothing was measured."""
-    values, missing = measured_at(splits, read)
-    if not values:
-        raise NotMeasuredError(next(iter(missing.values())))
-    return values
-
-
 def estimate(sample: Sample) -> Estimate:
     """Mean and interval of one value per process. Raises NotMeasuredError for too few."""
     try:

@@ -60,15 +60,10 @@ def choices_of(hint: Any, field: Field[Any] | None = None) -> tuple[str, ...]:
     return tuple(map(str, listed or ())) or tuple(str(member.value) for enum in enums for member in enum)
 
 
-def paragraphs(text: str | None) -> list[str]:
-    """The paragraphs of a docstring, each on one line; code blocks are left out."""
-    blocks = re.split(r"\n\s*\n", cleandoc(text or ""))
-    return [" ".join(block.split()) for block in blocks if block and not block.startswith("    ")]
-
-
 def summary(text: str | None) -> str:
     """The first paragraph of a docstring, on one line."""
-    return next(iter(paragraphs(text)), "")
+    blocks = re.split(r"\n\s*\n", cleandoc(text or ""))
+    return next((" ".join(block.split()) for block in blocks if block and not block.startswith("    ")), "")
 
 
 def help_of(owner: type, field: Field[Any]) -> str:

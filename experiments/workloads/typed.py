@@ -135,8 +135,10 @@ def workload(
     name: str, package: str, headline: Callable[[Record], str], *parts: type | Times, options: type = NoOptions,
     **fields: Any,
 ) -> Workload:  # fmt: skip
-    """A workload whose columns, samples and needs follow from its parts, in the order of the columns: `TypedDict`s of
-    results, and times, of which the first is judged. fields: further ones of `Workload`, or in place of what follows.
+    """A workload whose columns, samples and needs follow from its parts, which have the order of the columns.
+
+    parts: `TypedDict`s of results, and `Times`; the first `Times` is judged. fields: more fields of `Workload`; they
+    replace those that follow from the parts.
     """
     times = [part for part in parts if isinstance(part, Times)]
     kinds = [part for part in parts if not isinstance(part, Times)]
