@@ -17,8 +17,7 @@ from atra.files.cameras.bop import camera_of_image, image_size
 from atra.files.cameras.entries import entry, number, numbers, read_json
 from atra.files.meshes.loading import load_mesh
 from atra.files.paths import write_atomically
-from atra.files.planes import fit_16_bits
-from atra.files.saving import encode_png
+from atra.files.saving import encode_png, fit_16_bits
 
 
 class Frame(NamedTuple):
