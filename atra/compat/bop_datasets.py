@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from atra.compat.bop import Pose, Renderer
+from atra.compat.bop import ObjectPose, Renderer
 from atra.errors import InputError
 from atra.files.cameras.bop import camera_of_image, image_size
 from atra.files.cameras.entries import entry, number, numbers, read_json
@@ -109,7 +109,7 @@ def write_labels(
 def _label(renderer: Renderer, frame: Frame, folder: Path, saturate: bool) -> list[dict[str, Any]]:
     """Write the images of a frame; returns its entry of scene_gt_info."""
     poses = [
-        Pose(
+        ObjectPose(
             _number_of(one, frame),
             numbers("cam_R_m2c", one.get("cam_R_m2c"), 9).reshape(3, 3),
             numbers("cam_t_m2c", one.get("cam_t_m2c"), 3),
