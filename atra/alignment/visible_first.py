@@ -256,6 +256,16 @@ def VisibleFirstTracer(
     ------
     InputError
         For a split that does not divide the image, a probe of another size, an unknown prim_id, and parallel rays.
+
+    Examples
+    --------
+    >>> import atra
+    >>> mesh = atra.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    >>> camera = atra.Camera.framing(mesh, width=64, height=48)
+    >>> with atra.VisibleFirstTracer(mesh, camera, split=(16, 1)) as tracer:
+    ...     hits = tracer.trace()
+    >>> print(atra.compare(hits, atra.trace(mesh, camera)))
+    3072 of 3072 pixels equal, 0 tied, 0 edge, 0 wrong
     """
     check_pinhole(camera, "VisibleFirstTracer")
     checked = probe if probe is None or isinstance(probe, Hits) else _seen_triangles(mesh, probe)

@@ -62,6 +62,13 @@ def read_colmap(
     Notes
     -----
     Source: COLMAP's documentation, "Output Format".
+
+    Examples
+    --------
+    >>> import atra
+    >>> cameras = atra.read_colmap("sparse/0")  # doctest: +SKIP
+    >>> sorted(cameras)[0]  # doctest: +SKIP
+    'frame_0001.jpg'
     """
     pairs = ((Path(folder) / f"cameras{suffix}", Path(folder) / f"images{suffix}") for suffix in (".bin", ".txt"))
     files = next((pair for pair in pairs if all(path.is_file() for path in pair)), None)
