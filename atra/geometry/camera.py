@@ -295,7 +295,7 @@ def camera_of(
 def _framing_distance(
     bounds: NDArray[np.floating], axes: NDArray[np.float64], fov_y_degrees: float, width: int, height: int
 ) -> float:
-    """The least distance from the centre of a box, its two corners (2, 3), from which a pinhole camera sees all of it."""
+    """The least distance from the centre of a box, given by two corners, at which a pinhole camera sees all of it."""
     half = (np.asarray(bounds[1], np.float64) - bounds[0]) / 2.0
     x, y, z = (np.array(list(product((-1.0, 1.0), repeat=3))) * half @ axes.T).T
     reach_y = np.tan(np.radians(fov_y_degrees) / 2.0) * (1.0 - 2.0 * MARGIN)
