@@ -15,6 +15,7 @@ from atra.files.reading import Allowance
 _BYTES_PER_WORD = 40
 """Memory for a word: its value and code, and what is made of them."""
 
+_CONTINUED = re.compile(rb"\\(?:\r\n|\r|\n)")
 
 _AT_ONCE = 1 << 20
 """Words that are split at once; the memory is checked after each time."""
@@ -55,7 +56,7 @@ class Words(NamedTuple):
     def word(self, word: int) -> str:
         """A word as it is written, for messages."""
         line = int(np.searchsorted(self.firsts, word, "right")) - 1
-        text = re.sub(rb"\\(?=[\r\n])", b" ", self.text[self.places[line] :])
+        text = _CONTINUED.sub(b" ", self.text[self.places[line] :])
         return text.split()[word - self.firsts[line]][:50].decode(errors="replace")
 
     def triples(
@@ -81,8 +82,12 @@ class Words(NamedTuple):
 
 
 def split_text(text: bytes, allowance: Allowance, start: int = 0) -> Words:
-    """The words of a text from a place on; comments from a word that begins with # on are left out."""
-    given, at, is_new, words = np.frombuffer(text, np.uint8), start, True, 0
+    """The words of a text from a place on; comments from a word that begins with # on are left out.
+
+    A backslash at the end of a line continues it, as in an OBJ.
+    """
+    joined = _CONTINUED.sub(lambda end: b" " * len(end[0]), text) if b"\\" in text else text
+    given, at, is_new, words = np.frombuffer(joined, np.uint8), start, True, 0
     size = min(len(text) // 2 + 1, _AT_ONCE)
     chunks: list[list[NDArray[Any]]]
     chunks = [[np.empty(0), np.empty(0, np.uint64), np.empty(0, np.int64), np.empty(0, np.int64)]]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from atra import RayScene, render_views
 from atra.errors import InputError as InputError
-from atra.geometry.camera import CalibratedCamera, Camera
+from atra.geometry.camera import CalibratedCamera, Camera, LensCamera
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from experiments.harness.options import Settings, option, whole
@@ -76,7 +76,7 @@ STEP, TURN_DEGREES = 1 / 50, 30.0
 """How far eyes lie from the view's, as a share of the scene's diagonal, and how far they are turned at most."""
 
 
-def cameras_around(camera: Camera, mesh: Mesh, count: int) -> tuple[CalibratedCamera, ...]:
+def cameras_around(camera: Camera, mesh: Mesh, count: int) -> tuple[CalibratedCamera | LensCamera, ...]:
     """`count` cameras with an eye each, pixels that are not square and a principal point that is not in the middle."""
     diagonal = float(np.linalg.norm(mesh.bounds[1] - mesh.bounds[0]))
     focal = 1 / camera.pixel_pitch
