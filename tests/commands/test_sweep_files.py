@@ -18,7 +18,7 @@ FIGURE5 = [
 OVER_SPLITS = {"figure4", "figure4_speedup", *FIGURE5, "figure5_vertical", "figure5_vertical_speedup"}
 WRONG = () if LLVMPIPE.problem() else ("disagreements_cornell_box_32x32",)
 ASKED = {f"rays_{peer.name}" for peer in (TRIMESH, OPEN3D) if not peer.problem()}
-OTHER_PICTURES = ("split", "still", "waves", "mitsuba")
+OTHER_PICTURES = ("split", "still", "mitsuba")
 NEEDLESS = ("others", "aligned_others", "solid", "solid_others", "solid_aligned")  # as all reductions are asked for
 IN_PROCESS = ("occupancy", "dark", "packets", "expansion", "roulette", "environment", "translucency")
 # An image of 32 pixels takes no split of 64: such points are skipped.
