@@ -111,15 +111,6 @@ class ForeignJudgement:
             shown, expected = _shown(self.hits, y, x), _shown(self.reference, y, x)
             yield f"({x}, {y}) {kind}: the image shows {shown}, expected {expected}"
 
-    def picture(self) -> NDArray[np.uint8]:
-        """(H, W, 3) uint8 colours: equal grey, tied blue, edge yellow, wrong red, hole magenta."""
-        colours = np.array([[110, 110, 110], [70, 120, 255], [250, 210, 60], [230, 30, 30]], np.uint8)
-        picture = colours[self.agreement.verdict]
-        picture[(self.agreement.verdict == Verdict.EQUAL) & ~self.reference.hit] = (40, 40, 40)
-        if self.agreement.holes is not None:
-            picture[self.agreement.holes] = (255, 0, 255)
-        return picture
-
 
 def _shown(image: Hits, y: int, x: int) -> str:
     if image.prim_id[y, x] == MISS:
