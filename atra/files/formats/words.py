@@ -59,15 +59,15 @@ class Words(NamedTuple):
         text = _CONTINUED.sub(b" ", self.text[self.places[line] :])
         return text.split()[word - self.firsts[line]][:50].decode(errors="replace")
 
-    def triples(
-        self, named: NDArray[np.int64], skipped: int, ends: NDArray[np.int64] | int, message: str
+    def rows(
+        self, named: NDArray[np.int64], skipped: int, ends: NDArray[np.int64] | int, message: str, size: int = 3
     ) -> NDArray[np.float64]:
-        """(N, 3) float64, three numbers from each named word on, but so many skipped; they stand before `ends`.
+        """(N, size) float64, numbers from each named word on, but so many skipped; they stand before `ends`.
 
         Raises InputError for the first that are not there: the named word's line, and the message.
         """
-        at = named[:, None] + skipped + np.arange(3)
-        is_there = at[:, 2] < ends
+        at = named[:, None] + skipped + np.arange(size)
+        is_there = at[:, -1] < ends
         is_there &= (self.codes[np.minimum(at, len(self.codes) - 1)] == 0).all(axis=1)
         if not is_there.all():
             raise InputError(f"{self.line(int(named[is_there.argmin()]))} {message}")

@@ -155,3 +155,24 @@ def split_words(text, start, is_new, values, codes, firsts, places):  # type: ig
         words, is_new = words + 1, False
         i = after_word(text, max(i, after))
     return i, words, lines, is_new
+
+
+@kernel
+def corner_rest(text, places, sizes, rest):  # type: ignore[no-untyped-def]
+    """Whole numbers behind the slashes of corners, such as 5 and 3 of 1/5/3; 0 where there is none.
+
+    places: (P,) int64, where the lines of faces begin. sizes: (P,) int64, their corners. rest: (2, C) int64, written.
+    """
+    corner = 0
+    for line in range(len(places)):
+        i = after_word(text, places[line])
+        for _ in range(sizes[line]):
+            i = after_blanks(text, i)
+            end = after_word(text, i)
+            for which in range(2):
+                while i < end and text[i] != _SLASH:
+                    i += 1
+                i = min(i + 1, end)
+                value, _, _ = number(text, i)
+                rest[which, corner] = np.int64(value) if i < end and abs(value) < 1e15 else 0
+            corner, i = corner + 1, end
