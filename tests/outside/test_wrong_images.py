@@ -18,6 +18,7 @@ from tests.report_samples import small_table
 from tests.results.test_table import MEASURED
 
 METHOD = GOOD.replace("    def close", "        depth[WHERE] *= 2\n\n    def close")
+SAME_AGAIN = GOOD.replace("self.inner.trace(offset)", "self.inner.trace()")
 FILES = os.pathsep.join(["mistaken.py", "nearly.py"])
 TOY = ("scene=cornell_box", "width=64", "height=64", "measure.rounds=3", "measure.warmup=1", "measure.processes=1")
 
@@ -36,6 +37,13 @@ def test_a_point_whose_image_is_wrong_says_so_and_ends_with_an_error(files):
     assert "mistaken: wrong: 4,096 of 4,096 pixels wrong; " in done.stderr
     assert "the image is wrong: 4,096 of 4,096 pixels wrong" in done.stderr
     assert "4,096 of 4,096 pixels" in done.stdout
+
+
+def test_a_method_that_returns_its_first_image_for_every_place_in_a_pixel_is_wrong(tmp_path):
+    (tmp_path / "same_again.py").write_text(SAME_AGAIN, encoding="utf-8")
+    done = run_here(tmp_path, "method_file=same_again.py", *TOY)
+    assert done.returncode == 1
+    assert "same_again: wrong: " in done.stderr
 
 
 def test_a_few_wrong_pixels_are_told_and_are_no_failure(files):
