@@ -16,7 +16,6 @@ FIGURE5 = [
     f"{name}_{rays}" for name in ("figure5", "figure5_speedup") for rays in ("single_rays", f"packets_of_{WIDEST}")
 ]
 OVER_SPLITS = {"figure4", "figure4_speedup", *FIGURE5, "figure5_vertical", "figure5_vertical_speedup"}
-WRONG = () if LLVMPIPE.problem() else ("disagreements_cornell_box_32x32",)
 ASKED = {f"rays_{peer.name}" for peer in (TRIMESH, OPEN3D) if not peer.problem()}
 OTHER_PICTURES = ("split", "still", "waves", "mitsuba")
 NEEDLESS = ("others", "aligned_others", "solid", "solid_others", "solid_aligned")  # as all reductions are asked for
@@ -42,10 +41,10 @@ SWEEPS = {
         {"figure5_speedup"},
     ),
     "threads": ([], {"methods"}),
-    "peers": ([], {"peers", "agreement", *WRONG}),
+    "peers": ([], {"peers"}),
     "agreement": (
         ["method=aligned", "method.split_x=4", "method.split_y=1", "scene=cornell_box", "scene.fov_y_degrees=45"],
-        {"agreement", *(f"disagreements_cornell_box{view}_32x32" for view in ("", "_along_axis", "_rolled"))},
+        set(),
     ),
     "stereo": (["method.split_x=4", "measure.processes=3"], {"stereo"}),
     "multiframe": (["workload.frames=2", "method.split_x=4"], {"multiframe"}),
