@@ -9,7 +9,6 @@ import pytest
 from experiments.drawing.style import TIMES
 from experiments.report.facts import compared_images, missing_points
 from experiments.results.table import make_table
-from experiments.workloads.frame.peers_figure import peers_figure
 from experiments.workloads.frame_figures import methods_figure
 from tests.command import run_here
 from tests.drawn import make_rows, method_row, unfolded, words
@@ -77,14 +76,12 @@ def test_more_than_a_hundredth_of_the_pixels_is_a_wrong_image(wrong, status):
 WRONG = {"status": "wrong", "error": "4,096 of 4,096 pixels wrong", "pixels_wrong": 4096}
 
 
-@pytest.mark.parametrize("make", [methods_figure, peers_figure])
-def test_a_wrong_image_is_a_cross_and_a_note_in_figures_and_no_bar(make):
-    figure = make(make_rows(method_row("raster") | WRONG, method_row("aligned", 2)))
+def test_a_wrong_image_is_a_cross_and_a_note_in_figures_and_no_bar():
+    figure = methods_figure(make_rows(method_row("raster") | WRONG, method_row("aligned", 2)))
     assert f"{TIMES} rasteriser: wrong, 4,096 of 4,096 pixels wrong" in unfolded(figure)
     (panel,) = figure.panels
     assert len([bar for bar in panel.bars if bar.value > 0]) == 1
-    if make is methods_figure:
-        assert f"{TIMES} wrong image" in words(figure)
+    assert f"{TIMES} wrong image" in words(figure)
 
 
 def test_the_page_lists_it_and_counts_its_pixels():
