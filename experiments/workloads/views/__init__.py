@@ -55,7 +55,7 @@ STEP, TURN_DEGREES = 1 / 50, 30.0
 """How far eyes lie from the view's, as a share of the scene's diagonal, and how far they are turned at most."""
 
 
-def cameras_around(camera: Camera, mesh: Mesh, count: int) -> tuple[CalibratedCamera, ...]:
+def cameras_around(camera: Camera, mesh: Mesh, count: int) -> tuple[CalibratedCamera | LensCamera, ...]:
     """`count` cameras with an eye each, pixels that are not square and a principal point that is not in the middle."""
     diagonal = float(np.linalg.norm(mesh.bounds[1] - mesh.bounds[0]))
     focal = 1 / camera.pixel_pitch
