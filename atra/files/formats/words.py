@@ -81,13 +81,17 @@ class Words(NamedTuple):
         return found, (found == values) & (self.codes[at] <= most_code)
 
 
+def with_lines_joined(text: bytes) -> bytes:
+    """The text, of the same length, with spaces in place of a backslash and the end of its line."""
+    return _CONTINUED.sub(lambda end: b" " * len(end[0]), text) if b"\\" in text else text
+
+
 def split_text(text: bytes, allowance: Allowance, start: int = 0) -> Words:
     """The words of a text from a place on; comments from a word that begins with # on are left out.
 
     A backslash at the end of a line continues it, as in an OBJ.
     """
-    joined = _CONTINUED.sub(lambda end: b" " * len(end[0]), text) if b"\\" in text else text
-    given, at, is_new, words = np.frombuffer(joined, np.uint8), start, True, 0
+    given, at, is_new, words = np.frombuffer(with_lines_joined(text), np.uint8), start, True, 0
     size = min(len(text) // 2 + 1, _AT_ONCE)
     chunks: list[list[NDArray[Any]]]
     chunks = [[np.empty(0), np.empty(0, np.uint64), np.empty(0, np.int64), np.empty(0, np.int64)]]
