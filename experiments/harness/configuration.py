@@ -56,7 +56,6 @@ class SweepConfiguration:
     stand_ins: a scene that is not on this machine is replaced by its procedural stand-in.
     report: end with the claims and the HTML page. shuffle_seed: seed of the points' order, so that drift is no trend.
     repeats: how often a disturbed process is measured again, at most.
-    skip_slower: points predicted to take more than so many times as long as the fastest of their view are skipped.
     """
 
     name: str = "point"
@@ -66,7 +65,6 @@ class SweepConfiguration:
     report: bool = False
     shuffle_seed: int = 1
     repeats: int = 3
-    skip_slower: float | None = None
 
 
 @dataclass
@@ -247,7 +245,7 @@ def check_configuration(configuration: Configuration) -> None:
         raise InputError(f"scene.path is {scene.path!r}, but scene {scene.name} takes none; add scene=file")
     if scene.source is not SceneSource.generated and scene.triangles is not None:
         raise InputError(
-            f"scene.triangles is {scene.triangles}, but scene {scene.name} has its own; use scene=generated/terrain"
+            f"scene.triangles is {scene.triangles}, but scene {scene.name} has its own; use scene=generated_terrain"
         )
     if not sweep.name or any(sign in sweep.name for sign in "/\\") or sweep.name in (".", "..", "records", "singles"):
         raise InputError(f"sweep.name is {sweep.name!r}, expected the name of a folder")

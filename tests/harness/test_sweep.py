@@ -23,7 +23,6 @@ from experiments.harness.options import NoOptions
 from experiments.harness.points import plan_points
 from experiments.harness.processes.outcome import Outcome, skipped
 from experiments.harness.records import load_record, point_id, write_record
-from experiments.launched import measure_launched
 from experiments.methods.aligned import ALIGNED, AlignedOptions
 from experiments.methods.peers.embreex_run import EMBREEX
 from experiments.methods.pixel import PIXEL, PixelOptions
@@ -203,26 +202,6 @@ def test_a_point_skipped_for_want_of_a_library_is_measured_when_the_library_is_t
     assert sweep(True) == ({"aligned": "ok", "pixel": "ok"}, ["aligned"])
 
 
-def test_workers_of_a_sweep_and_of_its_launched_jobs_share_its_folder_of_bytecode(tmp_path, monkeypatch):
-    shared = []
-
-    def run(point, results):
-        shared.append((results, (results / ".bytecode").is_dir()))
-        return Runner()(point)
-
-    def launch(jobs, ended):
-        measure_launched(configuration(tmp_path, split_x=2))
-        ended(0, None)
-
-    for module in ("sweep", "launched"):
-        monkeypatch.setattr(f"experiments.{module}.run_worker", run)
-    monkeypatch.setattr("experiments.harness.processes.bytecode._is_beside_sources", lambda: False)
-    run_sweep([GridPoint("a", configuration(tmp_path))])
-    run_sweep([GridPoint("a", configuration(tmp_path, split_x=2))], launch=launch)
-    assert shared == [(tmp_path, True)] * 2
-    assert not (tmp_path / ".bytecode").exists()
-
-
 def test_the_memory_budget_is_a_share_of_what_is_free_or_what_is_said(monkeypatch):
     free = virtual_memory()
     monkeypatch.setattr(psutil, "virtual_memory", lambda: free._replace(available=24 * 2**30))
@@ -270,55 +249,6 @@ def test_a_peer_that_does_not_tell_its_memory_is_no_reason_to_stop(tmp_path):
 
     memory = GridPoint("a", configuration(tmp_path, workload="memory"))
     assert list(run_sweep([memory], run=run)["rss_bytes"]) == [9]
-
-
-class Predicted:
-    """Stands in for the model: a frame takes as many seconds as there are cells."""
-
-    def __init__(self, look, choice, want, constants):
-        assert (look, want) == ("a look", "nearest")
-        self.frame_time_s = float(choice.cells)
-
-
-@pytest.fixture
-def predicted(monkeypatch):
-    monkeypatch.setattr("experiments.law.skipping.look_at", lambda mesh, camera: "a look")
-    monkeypatch.setattr("experiments.law.skipping.forecast", Predicted)
-
-
-def skipping(folder, limit, splits=(1, 2, 8)):
-    points = [configuration(folder, split_x=split) for split in splits]
-    for one in points:
-        one.sweep.skip_slower = limit
-    return [GridPoint("a", one) for one in points]
-
-
-def test_points_predicted_to_be_slow_are_skipped_on_request_and_their_rows_say_why(tmp_path, predicted):
-    runner = Runner()
-    table = run_sweep(skipping(tmp_path, 4.0), run=runner)
-    assert sorted(point.options.split_x for point in runner.points) == [1, 2]
-    assert list(table["status"]) == ["ok", "ok", "skipped"]
-    assert "8 times as long as the fastest of this view; sweep.skip_slower is 4" in table["error"][2]
-
-
-def test_a_point_that_was_skipped_as_slow_is_measured_when_it_is_wanted_and_stays_measured(tmp_path, predicted):
-    run_sweep(skipping(tmp_path, 4.0), run=Runner())
-    runner = Runner()
-    run_sweep(skipping(tmp_path, None), run=runner)
-    assert [point.options.split_x for point in runner.points] == [8]
-    assert list(run_sweep(skipping(tmp_path, 4.0), run=Runner())["status"]) == ["ok"] * 3
-
-
-def test_a_point_of_which_the_model_knows_nothing_is_not_skipped(tmp_path, predicted):
-    one = configuration(tmp_path, method=Chosen(EMBREEX, EMBREEX.options()))
-    one.sweep.skip_slower = 1.0
-    planned = plan_points([one, *(each.configuration for each in skipping(tmp_path, 1.0, (1, 2)))])
-    assert ["predicted" in str(each.problem) for each in planned] == [False, False, True]
-
-
-def test_a_limit_below_1_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"sweep\.skip_slower is 0\.5"):
-        run_sweep(skipping(tmp_path, 0.5), run=Runner())
 
 
 def test_a_single_point_leaves_the_record_of_a_sweep_as_it_is(tmp_path, monkeypatch, capsys):

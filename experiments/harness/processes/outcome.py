@@ -6,9 +6,9 @@ import json
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from atra.errors import AtraError, InputError, MemoryBudgetError
+from atra.errors import AtraError, MemoryBudgetError
 from experiments.harness.point import Point
-from experiments.harness.records import LACKED_MEMORY, UNPROMISING
+from experiments.harness.records import LACKED_MEMORY
 
 
 @dataclass(frozen=True)
@@ -44,27 +44,9 @@ class Outcome:
         return outcome
 
 
-class Unpromising(InputError):
-    """A point that need not be measured: a frame was predicted to take `frame_time_s`, `times` as long as the fastest
-    of its view. limit: `sweep.skip_slower`."""
-
-    def __init__(self, frame_time_s: float, times: float, limit: float) -> None:
-        super().__init__(
-            f"predicted to take {1e3 * frame_time_s:.3g} ms a frame, {times:.3g} times as long as the fastest of this "
-            f"view; sweep.skip_slower is {limit:g}"
-        )
-
-
-_FLAGS = {LACKED_MEMORY: MemoryBudgetError, UNPROMISING: Unpromising}
-"""Results that a record has where another run may measure the point, and the problem that each tells of."""
-
-MAY_CHANGE = (type(None), *_FLAGS.values())
-"""Types of `PlannedPoint.problem` with which another run may measure the point: no problem, or one of these."""
-
-
 def skipped(problem: AtraError) -> Outcome:
     """The outcome of a point that cannot be measured, with the reason."""
-    results = {name: True for name, kind in _FLAGS.items() if isinstance(problem, kind)}
+    results = {LACKED_MEMORY: True} if isinstance(problem, MemoryBudgetError) else {}
     return Outcome("skipped", str(problem), on_purpose=True, results=results)
 
 
