@@ -4,13 +4,13 @@ import importlib.util
 
 import numpy as np
 import pytest
-from atra.light.lightmaps.gather.tables_kernels import LUMINANCE
 
 import atra
 from atra import light
 from atra.errors import InputError
 from atra.light import Atlas, Baker
 from atra.light.lightmaps.charts.unwrap import UNMAPPED
+from atra.light.lightmaps.sums_kernels import LUMINANCE
 from atra.light.tables import unit_normals
 from experiments.light.bake import BAKE
 from experiments.light.bake.mitsuba import MitsubaPaths, with_plain_light
