@@ -8,11 +8,12 @@ from typing import Any
 
 from rich.console import Console
 
-from atra.errors import InputError, MemoryBudgetError
+from atra.errors import InputError
 from experiments.harness.configuration import Configuration
 from experiments.harness.identity import current_environment, identity
 from experiments.harness.options import plain_options
 from experiments.harness.points import PlannedPoint, plan_points
+from experiments.harness.processes.outcome import MAY_CHANGE
 from experiments.harness.progress import say
 from scenes.loading import replace_missing_scenes
 
@@ -58,8 +59,8 @@ def plan_sweep(grid_points: Sequence[GridPoint], console: Console) -> dict[str, 
         point_identity = identity(planned.point, environment)
         before = points[point_identity].grids if point_identity in points else ()
         grids = tuple(dict.fromkeys([*before, grid_point.grid]))
-        # One that lacks memory now may have been measured when there was more.
-        possible = planned.problem is None or isinstance(planned.problem, MemoryBudgetError)
+        # One that lacks memory now may have been measured when there was more, and a slow one where it was wanted.
+        possible = planned.problem is None or isinstance(planned.problem, tuple(MAY_CHANGE))
         repeated = planned.point.workload.is_timed and possible
         for process in range(grid_point.configuration.measure.processes if repeated else 1):
             of_process = replace(planned, point=replace(planned.point, process=process))

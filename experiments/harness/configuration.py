@@ -56,6 +56,7 @@ class SweepConfiguration:
     stand_ins: a scene that is not on this machine is replaced by its procedural stand-in.
     report: end with the claims and the HTML page. shuffle_seed: seed of the points' order, so that drift is no trend.
     repeats: how often a disturbed process is measured again, at most.
+    skip_slower: points predicted to take more than so many times as long as the fastest of their view are skipped.
     """
 
     name: str = "point"
@@ -65,6 +66,7 @@ class SweepConfiguration:
     report: bool = False
     shuffle_seed: int = 1
     repeats: int = 3
+    skip_slower: float | None = None
 
 
 @dataclass

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from atra.errors import AtraError, InputError, MemoryBudgetError, printable
 from atra.geometry.mesh import Mesh
 from atra.packets.pixel import PixelTracer
 from experiments.harness.configuration import Configuration, SceneConfiguration
+from experiments.harness.entry_points import FORECASTS_GROUP, offers
 from experiments.harness.point import Point
 from scenes.loading import SceneSource, load_scene
 from scenes.scene import Scene
@@ -50,9 +51,24 @@ def plan_points(configurations: Sequence[Configuration]) -> list[PlannedPoint]:
                 PixelTracer(scene.mesh, point.camera, packet_width=width, **ours).close()
                 checked.add(checked_key)
             planned[place] = PlannedPoint(point, _problem(point, scene.mesh))
+        limit = configurations[of_scene[0]].sweep.skip_slower
+        if limit is not None:
+            possible = {place: planned[place].point for place in of_scene if planned[place].problem is None}
+            slow = _forecast()(possible, scene.mesh, limit)
+            planned |= {place: PlannedPoint(possible[place], problem) for place, problem in slow.items()}
     if planned and all(isinstance(one.problem, InputError) for one in planned.values()):
         raise InputError(str(planned[0].problem))
     return [planned[place] for place in range(len(configurations))]
+
+
+def _forecast() -> Callable[[dict[int, Point], Mesh, float], dict[int, AtraError]]:
+    """What predicts slow points; loaded only where a sweep asks for it. Raises InputError where no package does."""
+    offer = next(offers(FORECASTS_GROUP), None)
+    if offer is None or offer.value is None:
+        problem = "no package offers a forecast" if offer is None else offer.problem
+        raise InputError(f"sweep.skip_slower needs a forecast: {problem}; expected sweep.skip_slower=null")
+    forecast: Callable[[dict[int, Point], Mesh, float], dict[int, AtraError]] = offer.value
+    return forecast
 
 
 def plan_point(configuration: Configuration) -> PlannedPoint:

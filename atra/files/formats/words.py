@@ -36,10 +36,11 @@ class Words(NamedTuple):
 
     values: (W,) float64, numbers. codes: (W,) uint64: 0 for a number, 1 for one before a slash, else `code_of` the
     word. firsts: (L + 1,) int64, the first word of each line that has one, and W. places: (L,) int64, where these
-    lines begin in the text.
+    lines begin in the text. joined: (B,) uint8, the text with blanks where a line is continued.
     """
 
     text: bytes
+    joined: NDArray[np.uint8]
     values: NDArray[np.float64]
     codes: NDArray[np.uint64]
     firsts: NDArray[np.int64]
@@ -87,7 +88,8 @@ def split_text(text: bytes, allowance: Allowance, start: int = 0) -> Words:
     A backslash at the end of a line continues it, as in an OBJ.
     """
     joined = _CONTINUED.sub(lambda end: b" " * len(end[0]), text) if b"\\" in text else text
-    given, at, is_new, words = np.frombuffer(joined, np.uint8), start, True, 0
+    given = np.frombuffer(joined, np.uint8)
+    at, is_new, words = start, True, 0
     size = min(len(text) // 2 + 1, _AT_ONCE)
     chunks: list[list[NDArray[Any]]]
     chunks = [[np.empty(0), np.empty(0, np.uint64), np.empty(0, np.int64), np.empty(0, np.int64)]]
@@ -98,4 +100,4 @@ def split_text(text: bytes, allowance: Allowance, start: int = 0) -> Words:
         words += count
         allowance.check(f"{words:,} words and more", words * _BYTES_PER_WORD)
     values, codes, firsts, places = (np.concatenate(one) for one in zip(*chunks, strict=True))
-    return Words(text, values, codes, np.append(firsts, words), places)
+    return Words(text, given, values, codes, np.append(firsts, words), places)

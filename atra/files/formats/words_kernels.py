@@ -167,7 +167,8 @@ def corner_rest(text, places, sizes, rest):  # type: ignore[no-untyped-def]
     for line in range(len(places)):
         i = after_word(text, places[line])
         for _ in range(sizes[line]):
-            i = after_blanks(text, i)
+            while i < len(text) and is_word_end(text, i):
+                i += 1
             end = after_word(text, i)
             for which in range(2):
                 while i < end and text[i] != _SLASH:

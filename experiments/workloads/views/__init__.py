@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra import render_views
-from atra.geometry.camera import CalibratedCamera, Camera
+from atra.geometry.camera import CalibratedCamera, Camera, LensCamera
 from atra.geometry.mesh import Mesh
 from experiments.harness.options import Settings, whole
 from experiments.harness.point import Measured, Point, make_own

@@ -244,8 +244,9 @@ def obj(tmp_path, text, mtl="newmtl m\nmap_Kd wood.png\n"):
     return light.load_scene(tmp_path / "m.obj")
 
 
-def test_each_corner_of_an_obj_has_the_texture_coordinate_that_it_names(tmp_path):
-    text = SQUARE + "".join(f"vt {k}e-1 0.5\n" for k in range(1, 6)) + "usemtl m\nf 1/1 2/2 3/3\nf 1/5 3/3 4/4\n"
+@pytest.mark.parametrize("gap", [" ", " \\\n"], ids=["one line", "continued line"])
+def test_each_corner_of_an_obj_has_the_texture_coordinate_that_it_names(gap, tmp_path):
+    text = SQUARE + "".join(f"vt {k}e-1 0.5\n" for k in range(1, 6)) + f"usemtl m\nf 1/1{gap}2/2 3/3\nf 1/5 3/3 4/4\n"
     scene = obj(tmp_path, text)
     np.testing.assert_allclose(scene.uv[scene.mesh.faces][..., 0], [[0.1, 0.2, 0.3], [0.5, 0.3, 0.4]], rtol=1e-6)
     expected = load_mesh(tmp_path / "m.obj")
