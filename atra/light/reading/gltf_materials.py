@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.files.folder import Folder, OutsideError
 from atra.files.gltf.numbers import Numbers
+from atra.files.gltf.packed import BASIS
 from atra.files.gltf.tree import entry
 from atra.files.saving import check_package
 from atra.light.materials import MetallicRoughness
@@ -23,7 +24,7 @@ from atra.light.textures import Image
 
 EXTENSIONS = {
     "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_transmission", "KHR_texture_transform",
-    "EXT_texture_webp",
+    "EXT_texture_webp", BASIS,
 }  # fmt: skip
 """Those of materials that are used in full."""
 
@@ -96,7 +97,9 @@ class Materials:
         if info is None:
             return None
         texture = entry(self._tree, "textures", info["index"])
-        source = texture.get("extensions", {}).get("EXT_texture_webp", {}).get("source", texture.get("source"))
+        more = texture.get("extensions", {})
+        sources = [more[name].get("source") for name in ("EXT_texture_webp", BASIS) if name in more]
+        source = next((one for one in sources if one is not None), texture.get("source"))
         moved = info.get("extensions", {}).get("KHR_texture_transform", {})
         uv = moved.get("texCoord", info.get("texCoord", 0))
         if source is None or uv not in (0, 1):
