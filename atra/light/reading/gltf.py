@@ -24,10 +24,9 @@ from atra.light.reading.rows import sound_normals
 from atra.light.scene import ScenePart
 
 _KNOWN = EXTENSIONS | {
-    DRACO, *MESHOPT,
-    "KHR_lights_punctual", "KHR_mesh_quantization", "EXT_mesh_gpu_instancing", "KHR_materials_volume",
-    "KHR_materials_unlit", "KHR_materials_variants", "KHR_materials_clearcoat", "KHR_materials_sheen",
-    "KHR_materials_specular", "KHR_materials_iridescence", "KHR_materials_anisotropy", "KHR_materials_dispersion",
+    DRACO, *MESHOPT, "KHR_lights_punctual", "KHR_mesh_quantization", "EXT_mesh_gpu_instancing",
+    "KHR_materials_variants", "KHR_materials_sheen", "KHR_materials_iridescence", "KHR_materials_anisotropy",
+    "KHR_materials_dispersion",
 }  # fmt: skip
 """Extensions without which a file can be shown, though those of materials may be left out."""
 
@@ -116,6 +115,8 @@ def _primitive(
         rows[key] = _rows(numbers, attributes, name, size, len(vertices), left_out)
     colours = None
     if "COLOR_0" in attributes:
+        if materials.is_unlit(given.get("material")):
+            left_out["colours of vertices without light"] = None
         size = numbers.shape(attributes["COLOR_0"])[1]
         colours = _rows(numbers, attributes, "COLOR_0", size, len(vertices), left_out)
         if colours is not None:
