@@ -7,7 +7,6 @@ import pytest
 
 import atra
 from atra import light
-from atra.light import BakeScene
 from atra.light.tables import surfaces_of
 from tests.baked import baked, sheet
 from tests.meshes import quads
@@ -55,7 +54,7 @@ def test_lamps_shine_through_clear_glass_in_hybrid_frames(glass, lamp):
 
 
 def test_the_sun_shines_through_a_clear_pane_in_a_bake_and_takes_its_colour():
-    scene = BakeScene.of(beneath(PANE, light.Sun((0, -1, 0), 0.0)))
+    scene = beneath(PANE, light.Sun((0, -1, 0), 0.0))
     lit = baked(scene, sheet(scene.mesh, 4), 1, bounces=0)
     below = lit.direct[lit.texels.prim_id < 2]
     np.testing.assert_allclose(below, np.broadcast_to((1 - BARE) * np.array(TINT), below.shape), rtol=1e-4)
