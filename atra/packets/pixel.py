@@ -14,9 +14,10 @@ from atra.all_hits.reductions import Reduction
 from atra.all_hits.target_kernels import band_stride
 from atra.choices import check_choice, check_flags
 from atra.compiled.threads import WorkerPool
-from atra.embree.callbacks_kernels import memory_monitor
+from atra.embree.filters_kernels import memory_monitor
 from atra.embree.packets_kernels import PixelTiles, RayGrid, TracedImage
 from atra.embree.scene import BUILD_QUALITIES, resolve_packet_width
+from atra.embree.workspace import Workspace
 from atra.errors import InputError
 from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.mesh import Mesh
@@ -25,7 +26,6 @@ from atra.geometry.view import View
 from atra.packets.all_hits import EmbreeAllHits, RayBatch, check_gathering
 from atra.packets.loop import Packets, trace_packets
 from atra.packets.loop_kernels import NEAREST, NEAREST_OF_TABLE
-from atra.tracing.embree import build_scene, make_workspaces
 from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
 from atra.tracing.lens_rays import LensRays
 from atra.tracing.rays import SQUAREST_SHAPE, TILE_ORDERS, image_ray_grid, pixel_tiles
@@ -94,7 +94,7 @@ class PreparedPixel:
         self.take_camera(camera)
         memory_monitor()  # compiled before the clock starts
         start = perf_counter()
-        self.scene = build_scene(self.geometry, pool.threads, **self._settings)
+        self.scene = self.geometry.build(pool.threads, **self._settings)
         self.build_time_s = perf_counter() - start
 
     def plan_geometry(self, mesh: Mesh, camera: View) -> AlignedGeometry:
@@ -105,7 +105,8 @@ class PreparedPixel:
         """Make the rays those of a camera with the same ray space."""
         self.camera = camera
         self.tiles = pixel_tiles(camera.width, camera.height, self.method.tile_order)
-        self.workspaces = make_workspaces(camera, self.method.rays_per_packet, self.pool.threads, self.method.coherent)
+        width, coherent = self.method.rays_per_packet, self.method.coherent
+        self.workspaces = [Workspace(width, coherent=coherent) for _ in range(self.pool.threads)]
         batch = image_rays(self.geometry, camera, self.method.packet_shape, self.tiles)
         stride, settings = self.gathering_stride, self._settings
         self._all_hits = EmbreeAllHits(self._mesh, camera, lambda: [batch], stride, self.pool, settings)
@@ -138,7 +139,7 @@ class PreparedPixel:
         else:
             rays, kind = image_ray_grid(camera, offset, shape), NEAREST
         size = camera.width, camera.height
-        packets = Packets(self.scene.address, shape, camera.is_parallel, rays, self.tiles, size, kind)
+        packets = Packets(self.scene.address, shape, camera, rays, self.tiles, size, kind)
         trace_packets(packets, self.workspaces, self.pool, TracedImage(depth, prim_id))
 
     @property

@@ -14,7 +14,7 @@ from packaging.requirements import Requirement
 
 import atra
 from atra.embree import layout, library
-from atra.embree.callbacks_kernels import memory_monitor
+from atra.embree.filters_kernels import memory_monitor
 from atra.embree.scene import EmbreeScene
 from atra.embree.self_check import FILTER_FUNCTION, SENT_USER_DATA
 from atra.embree.workspace import Workspace

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from atra.alignment.cells import CellOptions
 from atra.compiled.threads import WorkerPool
-from atra.embree.callbacks_kernels import memory_monitor
+from atra.embree.filters_kernels import memory_monitor
 from atra.embree.packets_kernels import RayGrid, TracedImage
+from atra.embree.workspace import Workspace
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.projection import count_kept, project_vertices
@@ -20,7 +21,6 @@ from atra.geometry.ray_space import check_range, padded_vertices
 from atra.geometry.split import Split
 from atra.geometry.view import View
 from atra.tracing.budgets import check_memory_budget
-from atra.tracing.embree import make_workspaces
 from atra.tracing.geometry import AlignedGeometry
 from atra.tracing.rays import SQUAREST_SHAPE, check_pinhole, image_ray_grid
 from atra.tracing.tracer import Tracer
@@ -65,7 +65,7 @@ class PreparedTiles:
         self._camera, self._pool, options = camera, pool, method.options
         self._split = Split.of_image(method.split, camera)
         self._packet_shape = SQUAREST_SHAPE[options.rays_per_packet]
-        self._workspaces = make_workspaces(camera, options.rays_per_packet, pool.threads)
+        self._workspaces = [Workspace(options.rays_per_packet, coherent=True) for _ in range(pool.threads)]
         self._cell_starts = np.zeros(self._split.cell_count + 1, np.int64)
         start = perf_counter()
         self.geometry = self._plan(mesh, options)
