@@ -33,7 +33,7 @@ from atra.embree.scene import EmbreeScene
 from atra.embree.workspace import Workspace
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
-from atra.geometry.projection import project_vertices
+from atra.geometry.projection import project_mesh
 from atra.geometry.ray_space import unseen_from
 from atra.geometry.split import Split
 from atra.geometry.view import View
@@ -113,7 +113,7 @@ class VisibleFirst:
         else:
             depth = _farthest_in_tiles(self.probe.depth, grid)
         probed = perf_counter()
-        points = project_vertices(mesh, camera, pool)
+        points = project_mesh(mesh, camera, pool)
         counts, nearest, fill = visible_copies(mesh, alignment, grid, depth, points, pool)
         geometry = filled_copies([counts], fill, alignment, options, prepared.row_stride)
         second_pass = SecondPass(whole, camera, *tiles_before(nearest, grid), options.rays_per_packet)
@@ -179,7 +179,7 @@ def visible_copies(
     """The copies of every triangle for the cells in which a probe says it may be visible.
 
     alignment: the cells of one image. depth: (tile rows, tile columns), what may be nearer is kept (inf: everything, 0:
-    nothing); a wrong one costs time, never a hit. points: from `project_vertices`, for its camera. Returns (F,) int64,
+    nothing); a wrong one costs time, never a hit. points: from `project_mesh`, for its camera. Returns (F,) int64,
     the cells that keep each triangle; (tile rows, tile columns) float32, no ray of a tile meets a left-out triangle
     before this depth, inf where none is left out; and what writes the copies for `filled_copies`.
     """
