@@ -89,19 +89,15 @@ class PreparedPixel:
         self.method, self._mesh, self.pool = method, mesh, pool
         self._lens_rays = LensRays()
         start = perf_counter()
-        self.geometry = self.plan_geometry(mesh, camera)
+        self.geometry = plan_plain_geometry(mesh, camera)
         self.plan_time_s = perf_counter() - start
-        self.take_camera(camera)
+        self._take_camera(camera)
         memory_monitor()  # compiled before the clock starts
         start = perf_counter()
         self.scene = self.geometry.build(pool.threads, **self._settings)
         self.build_time_s = perf_counter() - start
 
-    def plan_geometry(self, mesh: Mesh, camera: View) -> AlignedGeometry:
-        """The mesh in the ray space of the camera."""
-        return plan_plain_geometry(mesh, camera)
-
-    def take_camera(self, camera: View) -> None:
+    def _take_camera(self, camera: View) -> None:
         """Make the rays those of a camera with the same ray space."""
         self.camera = camera
         self.tiles = pixel_tiles(camera.width, camera.height, self.method.tile_order)
@@ -122,7 +118,7 @@ class PreparedPixel:
         if camera.eye != before.eye or not np.array_equal(from_eye_space(camera), from_eye_space(before)):
             return False
         self._all_hits.close()  # their rays are those of the camera
-        self.take_camera(camera)
+        self._take_camera(camera)
         return True
 
     @property
