@@ -41,6 +41,7 @@ from atra.hits import Hits
 from atra.packets.loop import Packets, trace_packets
 from atra.tracing.geometry import plan_plain_geometry
 from atra.tracing.images import new_images
+from atra.tracing.method import Method
 from atra.tracing.rays import SQUAREST_SHAPE, check_pinhole, pixel_tiles, ray_grid
 from atra.tracing.tracer import Tracer
 
@@ -61,7 +62,7 @@ and size matter more than tracing speed."""
 
 
 @dataclass(frozen=True, eq=False)
-class VisibleFirst:
+class VisibleFirst(Method):
     """Visible-first tracing as a method. split, probe: see `VisibleFirstTracer`; options: its others."""
 
     split: tuple[int, int]
@@ -90,13 +91,6 @@ class VisibleFirst:
                 f"the probe is an image of {self.probe.depth.shape}, "
                 f"expected {(camera.height, camera.width)} (height, width)"
             )
-
-    def check_gathering(self, camera: View) -> None:
-        """Raise InputError: hidden triangles are left out."""
-        raise InputError(
-            "VisibleFirstTracer leaves out what is hidden, so it cannot gather all hits; use RasterTracer, PixelTracer "
-            "or AlignedTracer"
-        )
 
     def prepare(self, mesh: Mesh, camera: View, pool: WorkerPool) -> PreparedCells:
         """Probe, cull, shear and build: copies of what is probably visible, and a second pass through the mesh."""

@@ -9,9 +9,8 @@ collection of garbage, one piece of stack, no check after each pass. Leaving out
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable
 from hashlib import sha256
-from typing import Any, ClassVar
+from typing import Any
 
 from llvmlite.binding import Linkage, parse_assembly
 from numba.core import ir, types
@@ -20,30 +19,6 @@ from numba.core.compiler import Compiler
 from numba.core.compiler_machinery import FunctionPass, register_pass
 from numba.core.typed_passes import AnnotateTypes, NativeLowering
 from numba.core.untyped_passes import IRProcessing
-
-
-class _Typing:
-    """Numba's typing context, which remembers the results of operators and of Numba's functions by argument types.
-
-    Numba itself asks every registered definition, those for whole arrays too, at each addition of two numbers.
-    """
-
-    _found: ClassVar[dict[Any, Any]] = {}
-
-    def __init__(self, context: Any) -> None:
-        self._context = context
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._context, name)
-
-    def resolve_function_type(self, function: Any, arguments: Any, by_name: Any) -> Any:
-        """As in Numba. Compiled functions are not remembered: they may call themselves."""
-        if type(function) is not types.Function or by_name:
-            return self._context.resolve_function_type(function, arguments, by_name)
-        key = self._context, function, tuple(arguments)
-        if self._found.get(key) is None:
-            self._found[key] = self._context.resolve_function_type(function, arguments, by_name)
-        return self._found[key]
 
 
 @register_pass(mutates_CFG=False, analysis_only=False)
@@ -68,21 +43,8 @@ def _is_known(kind: Any) -> bool:
     return isinstance(kind, types.IntegerLiteral | types.BooleanLiteral)
 
 
-def _with_room(call: Callable[[], Any]) -> Any:
-    return call()
-
-
-# Python keeps frames in blocks of memory and asks the system for one whenever calls cross the end of the last, which a
-# compiler does all the time. A frame that claims a large stack puts all above it into one block.
-_with_room.__code__ = _with_room.__code__.replace(co_stacksize=(1 << 17) + 100)
-
-
 class _Compiler(Compiler):
     """Numba's compiler. Garbage is not collected meanwhile: that takes a fifth of the time and finds hardly any."""
-
-    def __init__(self, typing: Any, *rest: Any) -> None:
-        super().__init__(typing, *rest)
-        self.state.typingctx = _Typing(typing)
 
     def define_pipelines(self) -> list[Any]:
         pipelines = super().define_pipelines()
@@ -90,7 +52,6 @@ class _Compiler(Compiler):
             # That pass writes each function's types as text for people, which would be kept on disk, too.
             pipeline.passes = [one for one in pipeline.passes if one[0] is not AnnotateTypes]
             pipeline.add_pass_after(_KnownArguments, IRProcessing)
-            pipeline._ENFORCING = False  # spares working out after each pass when variables end
             pipeline.finalize()
         return pipelines
 
@@ -98,7 +59,7 @@ class _Compiler(Compiler):
         was_on = gc.isenabled()
         gc.disable()
         try:
-            return _with_room(super()._compile_core)
+            return super()._compile_core()
         finally:
             if was_on:
                 gc.enable()

@@ -28,6 +28,7 @@ from atra.packets.loop import Packets, trace_packets
 from atra.packets.loop_kernels import NEAREST, NEAREST_OF_TABLE
 from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
 from atra.tracing.lens_rays import LensRays
+from atra.tracing.method import Prepared
 from atra.tracing.rays import SQUAREST_SHAPE, TILE_ORDERS, image_ray_grid, pixel_tiles
 from atra.tracing.tracer import Tracer
 from atra.whole_numbers import is_whole_number
@@ -78,7 +79,7 @@ class Pixel:
         return PreparedPixel(self, mesh, camera, pool)
 
 
-class PreparedPixel:
+class PreparedPixel(Prepared):
     """A BVH of the mesh in the ray space of a camera, in which all rays start at the origin or are parallel.
 
     geometry: what Embree is given. scene: the BVH. tiles: the image's, in the order of tracing. workspaces: memory of
@@ -120,11 +121,6 @@ class PreparedPixel:
         self._all_hits.close()  # their rays are those of the camera
         self._take_camera(camera)
         return True
-
-    @property
-    def row_stride(self) -> int:
-        """The image's width, pixels."""
-        return self.camera.width
 
     def draw(self, offset: tuple[float, float], depth: NDArray[np.float32], prim_id: NDArray[np.uint32]) -> None:
         """See `Prepared.draw`."""
