@@ -9,8 +9,8 @@ from pathlib import Path
 from atra.errors import RecordError
 from experiments.harness.configuration import Configuration, records_folder
 from experiments.harness.environment import stable_fields
-from experiments.harness.identity import identity_of, measure
-from experiments.harness.points import PlannedPoint, plan_points
+from experiments.harness.identity import identity_of
+from experiments.harness.points import PlannedPoint, measure, plan_points
 from experiments.harness.processes.launching import run_worker
 from experiments.harness.records import Record, check_writable, load_record, write_record
 from experiments.results.processes import key_of

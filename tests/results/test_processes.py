@@ -8,10 +8,11 @@ import pytest
 
 from atra.errors import InputError
 from experiments.harness.configuration import MeasureConfiguration
+from experiments.harness.points import GridPoint
 from experiments.harness.records import Record
 from experiments.results.canary import BAND, drifted
 from experiments.results.table import make_tables
-from experiments.sweep import GridPoint, run_sweep
+from experiments.sweep import run_sweep
 from tests.harness.test_passes import Unsteady
 from tests.harness.test_sweep import Runner, configuration
 from tests.results.test_table import MEASURED
