@@ -39,6 +39,13 @@ class OrthographicCamera(View):
     ------
     InputError
         For a size below 1, a view_height that is not above 0, eye = target, and up parallel to the view.
+
+    Examples
+    --------
+    >>> import atra
+    >>> camera = atra.OrthographicCamera(eye=(0, 0, 3), target=(0, 0, 0), view_height=2, width=4, height=4)
+    >>> camera.project([(0.5, 0, 0)]).tolist()
+    [[3.0, 2.0]]
     """
 
     eye: Vector

@@ -49,6 +49,13 @@ class ForeignImage:
     ------
     InputError
         For other shapes, and for depths that are no numbers.
+
+    Examples
+    --------
+    >>> import atra
+    >>> import numpy as np
+    >>> atra.ForeignImage(np.ones((3, 4))).depth.dtype
+    dtype('float32')
     """
 
     depth: NDArray[np.float32]
@@ -153,6 +160,16 @@ def judge_image(
         other places of their pixels.
     MemoryBudgetError
         As `RasterTracer`.
+
+    Examples
+    --------
+    >>> import atra
+    >>> mesh = atra.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    >>> camera = atra.Camera.framing(mesh, width=64, height=48)
+    >>> image = atra.ForeignImage(atra.trace(mesh, camera).depth[::-1])  # upside down
+    >>> found = atra.judge_image(mesh, camera, image)
+    >>> found.is_right, found.convention.flips_rows
+    (True, True)
     """
     with RasterTracer(mesh, camera, threads=threads) as tracer:
         found, agreeing, own, right = _fitting(image, tracer, convention)

@@ -15,6 +15,8 @@ FRESNEL = ("exact", "schlick")
 DIRECTIONS = ("cosine", "uniform")
 BELOW = ("absorbed", "passes")
 ALPHA = ("opaque", "mask", "blend")
+IMAGE_FIELDS = ("colour", "metallic_roughness", "normals", "emission_image", "transmission_image")
+"""Fields of `MetallicRoughness` that may be images."""
 
 
 class Material(ABC):
@@ -212,9 +214,8 @@ class MetallicRoughness(Material):
 
     @property
     def images(self) -> tuple[Image | None, ...]:
-        """The images of colour, metal and roughness, normals, emission and transmission; None where there is none."""
-        colour = self.colour if isinstance(self.colour, Image) else None
-        return colour, self.metallic_roughness, self.normals, self.emission_image, self.transmission_image
+        """Those of IMAGE_FIELDS that are images; None where there is none."""
+        return tuple(one if isinstance(one := getattr(self, name), Image) else None for name in IMAGE_FIELDS)
 
 
 def images_of(material: Material) -> tuple[Image | None, ...]:

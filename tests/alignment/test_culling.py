@@ -8,7 +8,7 @@ from atra.alignment.cells import CellOptions
 from atra.alignment.copies import copied_geometry
 from atra.compiled.threads import WorkerPool
 from atra.exact.intersection import intersect_pixels
-from atra.geometry.projection import project_vertices
+from atra.geometry.projection import project_mesh
 from atra.tracing import budgets
 from atra.tracing.budgets import (
     EMBREE_BYTES_PER_COPY,
@@ -131,7 +131,7 @@ def test_vertices_are_projected_to_their_pixels_and_to_the_eye():
     points_eye = camera.directions(x, y) * depth[:, None] @ camera.axes
     mesh = atra.Mesh(points_eye + camera.eye, [[0, 1, 2]])
     pool = WorkerPool(1)
-    pixels, eye = project_vertices(mesh, camera, pool)
+    pixels, eye = project_mesh(mesh, camera, pool)
     pool.close()
     np.testing.assert_allclose(eye, points_eye, atol=1e-5)
     np.testing.assert_allclose(pixels[:, 2], depth, rtol=1e-5)

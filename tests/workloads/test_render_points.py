@@ -32,7 +32,6 @@ def planned(method="raster", scene=None, **options):
 @pytest.mark.parametrize(("options", "stages"), [
     ({}, {"primary", "surfaces", "generate", "shadow", "occlusion", "accumulate", "other"}),
     ({"frame": "path"}, {"primary", "depth_first", "other"}),
-    ({"frame": "path", "order": "waves"}, {"primary", "generate", "trace", "compact", "connect", "shade", "other"}),
 ])  # fmt: skip
 def test_a_point_has_pictures_by_each_primary_visibility_and_their_stages(options, stages):
     found = measure_point(planned(**options).point)

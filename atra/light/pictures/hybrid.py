@@ -108,7 +108,6 @@ class HybridRenderer(Renderer):
 
     options: HybridOptions
 
-    _ray_bytes = 0  # it holds a few hundred rays at a time
     _sets_sums = True
 
     def __init__(

@@ -52,22 +52,18 @@ class RenderOptions:
 class PathOptions(RenderOptions):
     """Options of `PathRenderer`."""
 
-    built_with: ClassVar = RenderOptions.built_with | {"lights", "order", "transparent"}
+    built_with: ClassVar = RenderOptions.built_with | {"lights", "transparent"}
     jitters: ClassVar[tuple[str, ...]] = ("shared", "off", "pixel")
 
     max_depth: int = 5
     lights: str = "aimed"
     roulette: int = 4
-    order: str = "depth_first"
     transparent: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_choice("lights", self.lights, ("aimed", "found"))
-        check_choice("order", self.order, ("depth_first", "waves"))
         check_flags(transparent=self.transparent)
-        if self.transparent and self.order != "depth_first":
-            raise InputError(f"order is {self.order!r} of a transparent picture, expected 'depth_first'")
         check_whole("max_depth", self.max_depth, 1, 1 << 20)
         check_whole("roulette", self.roulette, 1, 1 << 20)
 

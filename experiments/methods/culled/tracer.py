@@ -15,7 +15,7 @@ from atra.embree.callbacks_kernels import memory_monitor
 from atra.embree.packets_kernels import RayGrid, TracedImage
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
-from atra.geometry.projection import count_kept, project_vertices
+from atra.geometry.projection import count_kept, project_mesh
 from atra.geometry.ray_space import check_range, padded_vertices
 from atra.geometry.split import Split
 from atra.geometry.view import View
@@ -81,7 +81,7 @@ class PreparedTiles:
     def _plan(self, mesh: Mesh, options: CellOptions) -> AlignedGeometry:
         split, pool = self._split, self._pool
         vertices = padded_vertices(len(mesh.vertices))
-        points_pixels, vertices[:] = project_vertices(mesh, self._camera, pool)
+        points_pixels, vertices[:] = project_mesh(mesh, self._camera, pool)
         cell = (split.nx, split.ny, split.cell_width, split.cell_height)
         counts = count_kept(pool, points_pixels, mesh, True, cell)
         starts = np.zeros(mesh.triangle_count + 1, np.int64)

@@ -11,18 +11,16 @@ from numpy.typing import NDArray
 from experiments.drawing.figure import Axis, Bar, Figure, Panel
 from experiments.drawing.values import numbers, say_number
 from experiments.methods.naming import best_of
-from experiments.workloads.frame.break_even import time_rows
 from experiments.workloads.panels import figure_of, make_panels, read_panels
 from experiments.workloads.series import BestPoint, best_points, best_rows, say_ratio, say_unmeasured, say_wrong
 
 
-def peers_figure(table: pd.DataFrame) -> Figure:
+def peers_figure(rows: pd.DataFrame) -> Figure:
     """One panel a scene (and a value of any other setting that varies); Mray/s from zero.
 
     A bar is a method or a peer, ours at the best split; its whisker is the interval. What was not measured is listed
     below all panels with its reason.
     """
-    rows = time_rows(table)
     panels = [panel for panel in make_panels(rows, (*best_of(), "packet_width")) if len(best_rows(panel.rows))]
     return figure_of(
         "bars", read_panels(panels, _bars), rows, *_say_missing(rows), x=Axis("million rays a second", "linear"),

@@ -23,7 +23,6 @@ from experiments.methods.peers.peer import scene_for_rays
 from experiments.methods.peers.questions import QUESTIONS, Asked
 from experiments.methods.peers.trimesh_ray import TRIMESH
 from experiments.workloads.baselines import OWN
-from experiments.workloads.batches import camera_rays, random_rays
 from experiments.workloads.rays.judging import judged, sample_of, truth_of
 from experiments.workloads.rounds import load_mesh, race
 from experiments.workloads.typed import Times, Worst, workload
@@ -31,6 +30,9 @@ from experiments.workloads.typed import Times, Worst, workload
 LIBRARY, STAND_IN = "library", "stand_in"
 """Names in the samples: `atra.RayScene`, and atra's stand-in for the method's own class, where there is one."""
 
+
+Rays = tuple[NDArray[np.float32], NDArray[np.float32]]
+"""Origins and directions, (N, 3) each."""
 
 BATCHES = ("coherent", "parallel", "incoherent")
 """coherent: of the point's camera, a ray for each pixel. parallel: from a grid beside the mesh, as many, in one
@@ -124,11 +126,26 @@ def _given(asked: RaysOptions, mesh: Mesh, camera: Camera) -> tuple[NDArray[np.f
     return camera_rays(camera) if asked.ray_batch == "coherent" else random_rays(mesh, count)
 
 
+def camera_rays(camera: Camera) -> Rays:
+    """Through the centres of all pixels, row after row."""
+    y, x = np.divmod(np.arange(camera.width * camera.height), camera.width)
+    origins, directions = camera.rays(x, y, (0.5, 0.5))
+    axes = np.asarray(camera.axes)
+    return (origins @ axes + camera.eye).astype(np.float32), np.ascontiguousarray(directions @ axes, np.float32)
+
+
+def random_rays(mesh: Mesh, count: int) -> Rays:
+    """From anywhere in the mesh's box, every way as likely."""
+    random = np.random.default_rng(1)
+    low, high = mesh.bounds
+    return random.uniform(low, high, (count, 3)).astype(np.float32), random.normal(size=(count, 3)).astype(np.float32)
+
+
 _TOWARDS = np.array([0.48, -0.64, 0.6])
 """Direction of parallel rays, along no axis."""
 
 
-def parallel_rays(mesh: Mesh, columns: int, rows: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def parallel_rays(mesh: Mesh, columns: int, rows: int) -> Rays:
     """Origins and directions, (rows columns, 3) float32 each: a grid that covers the mesh, seen along the rays."""
     across = np.cross(_TOWARDS, (0.0, 1.0, 0.0))
     across /= np.linalg.norm(across)
