@@ -54,7 +54,9 @@ class Launched:
             if reusable(record, self._points[name]) is not None:
                 of_machines.setdefault(repr(stable_fields(record.environment)), {})[name] = record
         return max(
-            of_machines.values(), key=lambda found: sum(one.status == "ok" for one in found.values()), default={}
+            of_machines.values(),
+            key=lambda records: sum(record.status == "ok" for record in records.values()),
+            default={},
         )
 
     def measure(

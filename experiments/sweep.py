@@ -131,13 +131,13 @@ class _Sweep:
         """Take over what was finished before, record what cannot be measured, and return what is left to do."""
         self.done = self._finished() if self.launched is None else self.launched.finished()
         finished = len(self.done)
-        for name, one in self.points.items():
-            if name not in self.done and one.problem is not None:
-                self._keep(name, measure(one))
+        for name, planned in self.points.items():
+            if name not in self.done and planned.problem is not None:
+                self._keep(name, measure(planned))
         to_do = [name for name in self.points if name not in self.done]
         random.Random(shuffle_seed).shuffle(to_do)
         to_do.sort(key=lambda name: self.points[name].point.process)
-        of_points = sum(one.point.process == 0 for one in self.points.values())
+        of_points = sum(planned.point.process == 0 for planned in self.points.values())
         say(
             self.console,
             f"{of_points} points in {len(self.points)} processes: {finished} finished before, "
@@ -254,6 +254,6 @@ def _warn_on(console: Console) -> Callable[[str], None]:
     return lambda text: say(console, f"warning: {text}")
 
 
-def _processes(some: Collection[str], one: str, several: str) -> str:
+def _processes(some: Collection[str], singular: str, plural: str) -> str:
     """How many processes, with the verb that follows."""
-    return f"1 process {one}" if len(some) == 1 else f"{len(some)} processes {several}"
+    return f"1 process {singular}" if len(some) == 1 else f"{len(some)} processes {plural}"

@@ -72,7 +72,7 @@ def _best_of_each(table: pd.DataFrame, keys: list[str]) -> Iterator[Mapping[str,
     for _, rows in few.reset_index(drop=True).groupby(keys, dropna=False, sort=False):
         best = best_rows(rows)
         measured = rows[rows["status"].eq("ok").fillna(False).astype(bool)]
-        chosen = next(one for one in (best, measured[:1], rows[:1]) if len(one))
+        chosen = next(some for some in (best, measured[:1], rows[:1]) if len(some))
         for place, reported in zip(chosen.index, chosen[ratios].to_dict("records"), strict=True):
             yield whole[place] | reported
 
@@ -81,10 +81,10 @@ def _row(row: Mapping[str, Any]) -> BoardRow:
     known = {name: value for name, value in row.items() if not is_missing(value)}
     measured = known if row["status"] == "ok" else {}
     frame_s = measured.get(_TIME)
-    widest = [measured[name] for name in (f"{one}_{_TIME}" for one in PACKETS.values()) if name in measured][-1:]
+    widest = [measured[name] for name in (f"{series}_{_TIME}" for series in PACKETS.values()) if name in measured][-1:]
     slower = widest[0] / measured[_FASTEST_PACKETS] if widest and _FASTEST_PACKETS in measured else 1.0
     over = [measured.get(f"{OVER_PACKETS}{end}") for end in ("", "_low", "_high")]
-    ratio, low, high = (None if one is None else float(one * slower) for one in over)
+    ratio, low, high = (None if number is None else float(number * slower) for number in over)
     parts = [measured[name] for name in ("plan_time_s", "build_time_s") if name in measured]
     wrong = [int(measured[name]) for name in _WRONG if name in measured]
     method, workload = find_method(str(row["method"])), find_workload(str(row["workload"]))

@@ -213,19 +213,21 @@ def say_unknown(kind: Any, path: str, kinds: Kinds) -> str:
     """That `kind` has no field `path`, such as "method.split_x", and which it has. Then who else has it: another method
     or workload, or a section with a field of that name, or of a name much like it."""
     section, _, name = path.rpartition(".")
-    everyone = {group: [one.find(named) for named in one.names()] for group, one in kinds.items()}
+    everyone = {group: [kind.find(named) for named in kind.names()] for group, kind in kinds.items()}
     owner, users = section, []
     if section in everyone:
-        chosen = [one.name for one in everyone[section] if one.options is kind]
+        chosen = [owner.name for owner in everyone[section] if owner.options is kind]
         owner = f"{section}={chosen[0]}" if len(chosen) == 1 else f"this {section}"
-        users = [one.name for one in everyone[section] if name in one.options.__dataclass_fields__]
-    names = [one.name for one in fields(kind)]
+        users = [user.name for user in everyone[section] if name in user.options.__dataclass_fields__]
+    names = [spec.name for spec in fields(kind)]
     expected = f"expected {'one of ' * (len(names) > 1)}{', '.join(names)}" if names else "which has none"
     told = f"unknown field {name!r}{' of ' * bool(owner)}{owner}, {expected}"
     if users:
         return f"{told}; it is an option of {section}={', '.join(users)}"
     known = _fields_of(Configuration, everyone)
-    meant = [one for one in known if one.rpartition(".")[2] == name] or get_close_matches(path, known, 1, 0.8)
+    meant = [field_path for field_path in known if field_path.rpartition(".")[2] == name] or get_close_matches(
+        path, known, 1, 0.8
+    )
     return told + (f"; did you mean {' or '.join(meant)}?" if meant else "")
 
 

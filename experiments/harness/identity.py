@@ -64,7 +64,7 @@ def code_sha256(point: Point) -> str:
 def code_roots(point: Point) -> tuple[str, ...]:
     """Modules where that code begins: the method's, and what its file uses; the workload's; what starts a worker, and
     with it what runs there."""
-    used = (module for one in point.method.uses for module in _code(frozenset(_OURS)).homes(one))
+    used = (module for given in point.method.uses for module in _code(frozenset(_OURS)).homes(given))
     counted = (module for module in used if decides(module) and read_source(module) is not None)
     return tuple(dict.fromkeys([point.method.module, *counted, *point.workload.modules, run_worker.__module__]))
 

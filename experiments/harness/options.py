@@ -52,7 +52,7 @@ class Settings:
         for name, spec in self.__dataclass_fields__.items():
             value, told = getattr(self, name), spec.metadata
             if isinstance(value, list):
-                object.__setattr__(self, name, tuple(tuple(one) if isinstance(one, list) else one for one in value))
+                object.__setattr__(self, name, tuple(tuple(item) if isinstance(item, list) else item for item in value))
             _check_choice(value, types_of(type(self))[name], told.get("choices", ()), path + name)
             if told.get("range") and value is not None:
                 check_whole_numbers(self, path, {name: told["range"]})

@@ -77,7 +77,7 @@ def plan_points(configurations: Sequence[Configuration]) -> list[PlannedPoint]:
                 PixelTracer(scene.mesh, point.camera, packet_width=width, **ours).close()
                 checked.add(checked_key)
             planned[place] = PlannedPoint(point, _problem(point, scene.mesh))
-    if planned and all(isinstance(one.problem, InputError) for one in planned.values()):
+    if planned and all(isinstance(planned_point.problem, InputError) for planned_point in planned.values()):
         raise InputError(str(planned[0].problem))
     return [planned[place] for place in range(len(configurations))]
 
@@ -157,7 +157,7 @@ def plan_sweep(grid_points: Sequence[GridPoint], console: Console) -> dict[str, 
 
     Raises InputError as `plan_points`, and for a field that the user set where no point can be measured with it.
     """
-    configurations = [one.configuration for one in grid_points]
+    configurations = [grid_point.configuration for grid_point in grid_points]
     if configurations[0].sweep.stand_ins:
         for note in replace_missing_scenes([configuration.scene for configuration in configurations]):
             say(console, note)
@@ -184,8 +184,8 @@ def plan_sweep(grid_points: Sequence[GridPoint], console: Console) -> dict[str, 
 
 def in_order(points: dict[str, PlannedPoint], done: Collection[str]) -> list[str]:
     """Identities of the points done: scenes in the order given, each by what was measured, with rising settings."""
-    scenes = list(dict.fromkeys(one.point.scene for one in points.values()))
-    workloads = list(dict.fromkeys(one.point.workload.name for one in points.values()))
+    scenes = list(dict.fromkeys(point.point.scene for point in points.values()))
+    workloads = list(dict.fromkeys(point.point.workload.name for point in points.values()))
 
     def rank(name: str) -> tuple[Any, ...]:
         point = points[name].point
