@@ -199,18 +199,6 @@ class Camera(View):
         plane = self.plane.cropped((self.width, self.height), (left, top), (width, height))
         return CalibratedCamera(self.eye, self.target, self.up, width, height, plane=plane)
 
-    def rays(
-        self, x: NDArray[np.integer], y: NDArray[np.integer], offset: tuple[float, float] = (0.5, 0.5)
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        directions = self.directions(x, y, offset)
-        return np.zeros_like(directions), directions
-
-    def directions(
-        self, x: NDArray[np.integer], y: NDArray[np.integer], offset: tuple[float, float] = (0.5, 0.5)
-    ) -> NDArray[np.float64]:
-        """Directions (..., 3) float64 of `rays`, camera space, Z = 1."""
-        return self._on_image_plane(x, y, offset, 1.0)
-
 
 @dataclass(frozen=True)
 class LensCamera(LensView):

@@ -113,9 +113,3 @@ class OrthographicCamera(View):
         """(3, 4) float64: eye-space point (X, Y, Z, 1) -> (a, b, c) with pixel position (a, b); c is 1."""
         right, down, _ = self.axes / self.pixel_pitch
         return np.array([[*right, self.width / 2], [*down, self.height / 2], [0.0, 0.0, 0.0, 1.0]])
-
-    def rays(
-        self, x: NDArray[np.integer], y: NDArray[np.integer], offset: tuple[float, float] = (0.5, 0.5)
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        origins = self._on_image_plane(x, y, offset, 0.0)
-        return origins, np.broadcast_to([0.0, 0.0, 1.0], origins.shape)

@@ -128,7 +128,7 @@ def test_what_exceeds_the_budget_or_the_free_memory_is_refused_with_both_sizes(m
 def test_vertices_are_projected_to_their_pixels_and_to_the_eye():
     camera = atra.Camera((1, 2, 3), (2, 1, -4), fov_y_degrees=50, width=31, height=17)
     x, y, depth = np.array([0, 30, 7]), np.array([16, 0, 5]), np.array([0.5, 3.0, 40.0])
-    points_eye = camera.directions(x, y) * depth[:, None] @ camera.axes
+    points_eye = camera.rays(x, y)[1] * depth[:, None] @ camera.axes
     mesh = atra.Mesh(points_eye + camera.eye, [[0, 1, 2]])
     pool = WorkerPool(1)
     pixels, eye = project_mesh(mesh, camera, pool)

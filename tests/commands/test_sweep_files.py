@@ -4,8 +4,6 @@ import pandas as pd
 import pytest
 
 from experiments.methods.peers.llvmpipe import LLVMPIPE
-from experiments.methods.peers.open3d_scene import OPEN3D
-from experiments.methods.peers.trimesh_ray import TRIMESH
 from tests.command import ROOT, run_here
 from tests.machine import NARROW, WIDEST
 
@@ -16,8 +14,6 @@ FIGURE5 = [
     f"{name}_{rays}" for name in ("figure5", "figure5_speedup") for rays in ("single_rays", f"packets_of_{WIDEST}")
 ]
 OVER_SPLITS = {"figure4", "figure4_speedup", *FIGURE5, "figure5_vertical", "figure5_vertical_speedup"}
-WRONG = () if LLVMPIPE.problem() else ("disagreements_cornell_box_32x32",)
-ASKED = {f"rays_{peer.name}" for peer in (TRIMESH, OPEN3D) if not peer.problem()}
 OTHER_PICTURES = ("split", "still", "mitsuba")
 NEEDLESS = ("others", "aligned_others", "solid", "solid_others", "solid_aligned")  # as all reductions are asked for
 IN_PROCESS = ("occupancy", "dark", "packets", "expansion", "roulette", "environment", "translucency")
@@ -30,7 +26,7 @@ SWEEPS = {
     "methods": (["method.split_x=4", "method.split_y=1"], {"methods"}),
     "instruction_sets": (["method.split_x=4", "method.split_y=1"], {"methods"}),
     "methods_families": (["method.split_x=4", "method.split_y=1"], {"methods"}),
-    "baselines": ([f"method.packet_width={NARROW}", "method.packet_rows=null"], {"rates"}),
+    "baselines": ([f"method.packet_width={NARROW}", "method.packet_rows=null"], set()),
     "reference_rays": (["method.split_x=4", "method.culling=true"], set(FIGURE5)),
     "ablations": (
         ["method.split_x=4", "method.split_y=1", "method.reference=off_axis", "~sweep.grids.ablations_sun"],
@@ -42,13 +38,13 @@ SWEEPS = {
         {"figure5_speedup"},
     ),
     "threads": ([], {"methods"}),
-    "peers": ([], {"peers", "agreement", *WRONG}),
+    "peers": ([], {"peers"}),
     "agreement": (
         ["method=aligned", "method.split_x=4", "method.split_y=1", "scene=cornell_box", "scene.fov_y_degrees=45"],
-        {"agreement", *(f"disagreements_cornell_box{view}_32x32" for view in ("", "_along_axis", "_rolled"))},
+        set(),
     ),
-    "stereo": (["method.split_x=4", "measure.processes=3"], {"stereo"}),
-    "multiframe": (["workload.frames=2", "method.split_x=4"], {"multiframe"}),
+    "stereo": (["method.split_x=4", "measure.processes=3"], set()),
+    "multiframe": (["workload.frames=2", "method.split_x=4"], set()),
     "gather": (
         [
             "method.split_x=4",
@@ -79,17 +75,17 @@ SWEEPS = {
             "threads=1",
             *(f"~sweep.grids.rays_{name}" for name in ("contains", "contains_threads", "numbers")),
         ],
-        ASKED,
+        set(),
     ),
     "rays-batches": (
         ["scene=cornell_box", "workload.judged_rays=50", "threads=1"]
         + [f"~sweep.grids.rays_{name}" for name in ("contains", "contains_threads", "numbers")],
-        ASKED,
+        set(),
     ),
     "rays-closed": (
         ["scene=three_holes", "workload.judged_rays=5", "threads=1"]
         + [f"~sweep.grids.rays_{name}" for name in ("questions", "questions_threads", "numbers")],
-        ASKED,
+        set(),
     ),
     "law": (["method.split_x=4", "method.split_y=4"], {"methods", "gather"}),
     "views": (["scene.copies=1", "workload.views=2", "width=32", "height=32"], set()),

@@ -18,10 +18,8 @@ from experiments.report.writing import GRID_OF_FILES, figures_of
 from experiments.sweep import run_sweep
 from experiments.workloads.build.shown import build_figure
 from experiments.workloads.frame.grid_figure import grid_ratios, grid_times
-from experiments.workloads.frame.peers_figure import peers_figure
 from experiments.workloads.frame_figures import methods_figure, split_ratios, split_times
 from experiments.workloads.memory.shown import memory_figure
-from experiments.workloads.multiframe.shown import multiframe_figure, stereo_figure
 from tests.drawn import (
     MIB,
     build_row,
@@ -37,7 +35,6 @@ from tests.drawn import (
     unfolded,
     words,
 )
-from tests.report.test_frame_figures import walk
 
 
 @pytest.mark.parametrize(("axis_name", "said"), [("split_x", "horizontal splits"), ("split_y", "vertical splits")])
@@ -148,12 +145,6 @@ INSTANCED = memory_row(2, 100, 102, 102, culling=False, geometry="instanced")
     ([*SPLITS, INSTANCED], [*FIGURE5, "figure7_instancing"]),
     ([time_row(2, 0.01), time_row(2, 0.01, method="tiles")], ["methods"]),
     ([time_row(2, 0.01), time_row(1, 0.01, method="embreex")], ["methods", "peers"]),
-    # What no other figure fits.
-    ([time_row(2, 0.01), time_row(2, 0.01, threads=2)], ["rates"]),
-    ([time_row(8, 0.01, width=512), time_row(8, 0.02, width=1024)], ["rates"]),
-    ([method_row("pixel", scene="a"), method_row("pixel", scene="b")], ["rates"]),
-    ([method_row("pixel", packet_width=8), method_row("pixel", packet_width=16)], ["rates"]),
-    ([time_row(8, 0.01, view="own"), time_row(8, 0.02, view="above")], ["rates"]),
     ([time_row(2, 0.01)], []),
     ([skipped(row) for row in SPLITS], []),
     ([], []),
@@ -203,9 +194,6 @@ ONE_ROW = {
     "instancing, memory": (instancing_figure, memory_row(1, 100, 110, 130)),
     "instancing, time": (instancing_figure, time_row(1, 0.08)),
     "methods": (methods_figure, method_row("visible_first", 4)),
-    "peers": (peers_figure, method_row("visible_first", 4)),
-    "stereo": (stereo_figure, walk(2, 0.02) | {"motion": "eyes"}),
-    "multiframe": (multiframe_figure, walk(2, 0.02)),
 }
 LEFT = ["scene", "status", "method", "split_x", "split_y", "culling", "workload", "width", "height", "triangles"]
 

@@ -4,7 +4,6 @@ from experiments import methods
 from experiments.commands.new_method import run_new_method
 from experiments.drawing.style import TIMES
 from experiments.drawing.values import say_number
-from experiments.workloads.frame.peers_figure import peers_figure
 from experiments.workloads.frame_figures import methods_figure
 from tests.drawn import bars, level, make_rows, method_row, skipped, unfolded, whiskers, words
 
@@ -55,31 +54,19 @@ def test_a_method_without_a_time_keeps_its_place_and_its_reason():
 
 
 def test_wrong_pixels_are_told_beside_the_panel():
-    for make in (methods_figure, peers_figure):
-        assert "1,234 pixels wrong" in words(make(make_rows(method_row("aligned", 2, pixels_wrong=1234))))
-        assert "wrong" not in words(make(make_rows(method_row("aligned", 2))))
+    assert "1,234 pixels wrong" in words(methods_figure(make_rows(method_row("aligned", 2, pixels_wrong=1234))))
+    assert "wrong" not in words(methods_figure(make_rows(method_row("aligned", 2))))
 
 
-def test_the_peers_figure_sorts_by_rays_a_second_and_lists_who_is_missing_once():
+def test_the_peers_figure_has_a_bar_for_every_tracer_and_a_reason_for_one_that_is_missing():
     rows = [
         method_row("embreex", 1, 0.2, 0.25, packet_width=None),
         method_row("aligned", 128, 0.02, 2.5),
-        method_row("aligned", 64, 0.01, 2.0),
-        PIXEL,
         skipped(method_row("open3d"), "open3d is not installed; pip install open3d, and Debian's libusb-1.0-0, libgl1"),
     ]
-    both = [row | {"scene": scene} for scene in ("box", "ball") for row in rows]
-    figure = peers_figure(make_rows(*both, skipped(method_row("tiles", 4, split_y=4, scene="ball"))))
-    for axis in figure.panels:
-        assert list(bars(axis).items()) == [
-            (f"aligned, packets of 8, 128 {TIMES} 1", 50), ("packets of 8 per pixel", 20), ("embreex", 5),
-        ]  # fmt: skip
-        assert whiskers(axis)[0] == [25, 100]
-    reason = "skipped, open3d is not installed; pip install open3d, and Debian's libusb-1.0-0, libgl1"
-    assert "".join(figure.notes).count("Open3D") == 1
-    assert f"{TIMES} Open3D: {reason}" in unfolded(figure)
-    needs = "needs 9 GiB, more than the memory budget of 4 GiB"
-    assert f"{TIMES} culled tiles, packets of 8, 4 {TIMES} 4: skipped, {needs} (ball)" in unfolded(figure)
+    figure = methods_figure(make_rows(*rows), with_peers=True)
+    assert bars(figure.panels[0]) == {f"aligned, packets of 8, 128 {TIMES} 1": 2.5, "embreex": 0.25}
+    assert f"{TIMES} Open3D: skipped, open3d is not installed" in unfolded(figure)
 
 
 def test_numbers_are_said_with_three_digits():

@@ -10,9 +10,9 @@ from atra.geometry.camera import Camera
 from atra.light import Emissive, Metal, PathRenderer
 from experiments.harness.processes.worker import measure_point
 from experiments.harness.records import Record
+from experiments.light.mitsuba_light import check_llvm
 from experiments.light.render import RENDER, STAGES, RenderOptions, outside_embree
 from experiments.methods import find_method
-from experiments.methods.peers.mitsuba_light import check_llvm
 from experiments.workloads.baselines import PACKETS
 from experiments.workloads.rounds import expert_packet_widths
 from scenes.built_in import BUILT_IN, make_scene

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError, printable
-from atra.files.formats.words import code_of, ranges, split_text, with_lines_joined
+from atra.files.formats.words import code_of, ranges, split_text
 from atra.files.formats.words_kernels import corner_rest
 from atra.files.meshes.parts import NONE, MeshFile, Part, check_rows, polygon_part
 from atra.files.reading import Allowance
@@ -52,7 +52,7 @@ def read_obj_surface(content: bytes, allowance: Allowance) -> ObjSurface:
     count = len(found.corners)
     check_rows(_ROWS_PER_CORNER * count, allowance)
     rest, notes = np.zeros((2, count), np.int64), list(found.notes)
-    corner_rest(np.frombuffer(with_lines_joined(content), np.uint8), found.words.places[found.lines], found.sizes, rest)
+    corner_rest(found.words.joined, found.words.places[found.lines], found.sizes, rest)
     keys, rows = [found.corners], []
     for numbers, word, size, told in ((rest[0], "vt", 2, "texture coordinates"), (rest[1], "vn", 3, "normals")):
         values, index, missing = found.named(word, size, numbers)

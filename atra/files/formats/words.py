@@ -36,10 +36,11 @@ class Words(NamedTuple):
 
     values: (W,) float64, numbers. codes: (W,) uint64: 0 for a number, 1 for one before a slash, else `code_of` the
     word. firsts: (L + 1,) int64, the first word of each line that has one, and W. places: (L,) int64, where these
-    lines begin in the text.
+    lines begin in the text. joined: (B,) uint8, the text with blanks where a line is continued.
     """
 
     text: bytes
+    joined: NDArray[np.uint8]
     values: NDArray[np.float64]
     codes: NDArray[np.uint64]
     firsts: NDArray[np.int64]
@@ -81,17 +82,14 @@ class Words(NamedTuple):
         return found, (found == values) & (self.codes[at] <= most_code)
 
 
-def with_lines_joined(text: bytes) -> bytes:
-    """The text, of the same length, with spaces in place of a backslash and the end of its line."""
-    return _CONTINUED.sub(lambda end: b" " * len(end[0]), text) if b"\\" in text else text
-
-
 def split_text(text: bytes, allowance: Allowance, start: int = 0) -> Words:
     """The words of a text from a place on; comments from a word that begins with # on are left out.
 
     A backslash at the end of a line continues it, as in an OBJ.
     """
-    given, at, is_new, words = np.frombuffer(with_lines_joined(text), np.uint8), start, True, 0
+    joined = _CONTINUED.sub(lambda end: b" " * len(end[0]), text) if b"\\" in text else text
+    given = np.frombuffer(joined, np.uint8)
+    at, is_new, words = start, True, 0
     size = min(len(text) // 2 + 1, _AT_ONCE)
     chunks: list[list[NDArray[Any]]]
     chunks = [[np.empty(0), np.empty(0, np.uint64), np.empty(0, np.int64), np.empty(0, np.int64)]]
@@ -102,4 +100,4 @@ def split_text(text: bytes, allowance: Allowance, start: int = 0) -> Words:
         words += count
         allowance.check(f"{words:,} words and more", words * _BYTES_PER_WORD)
     values, codes, firsts, places = (np.concatenate(one) for one in zip(*chunks, strict=True))
-    return Words(text, values, codes, np.append(firsts, words), places)
+    return Words(text, given, values, codes, np.append(firsts, words), places)

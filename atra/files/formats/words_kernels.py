@@ -167,7 +167,7 @@ def corner_rest(text, places, sizes, rest):  # type: ignore[no-untyped-def]
     for line in range(len(places)):
         i = after_word(text, places[line])
         for _ in range(sizes[line]):
-            while is_word_end(text, i) and not is_line_end(text, i):
+            while i < len(text) and is_word_end(text, i):
                 i += 1
             end = after_word(text, i)
             for which in range(2):

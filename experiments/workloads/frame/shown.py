@@ -20,7 +20,6 @@ from experiments.results.statistics import best_of as best_candidate
 from experiments.results.verdicts import decide_greater
 from experiments.workloads.frame import FRAME
 from experiments.workloads.frame.grid_figure import grid_ratios, grid_times
-from experiments.workloads.frame.peers_figure import peers_figure
 from experiments.workloads.frame_figures import methods_figure, split_ratios, split_times
 from experiments.workloads.panels import where_varies, workload_figure
 from experiments.workloads.series import of_files
@@ -75,7 +74,7 @@ _OVER_SPLITS = (
 )  # fmt: skip
 """Name, caption, what draws it, and the splits' axes that vary."""
 
-_TELLING = (
+FIGURES = (
     *(
         workload_figure(name, caption, FRAME, draw, _over(*axes), per_packet_width=True)
         for name, caption, draw, axes in _OVER_SPLITS
@@ -87,18 +86,13 @@ _TELLING = (
                 "methods", "Speed-up over packets of every method at its best split", methods_figure,
                 where_varies("method"),
             ),
-            ("peers", "Rays per second beside other ray tracers", peers_figure, _with_peers),
+            (
+                "peers", "Speed-up over packets beside other ray tracers", partial(methods_figure, with_peers=True),
+                _with_peers,
+            ),
         )
     ),
 )  # fmt: skip
-
-
-def _untold(rows: pd.DataFrame) -> pd.DataFrame:
-    """All rows, where no other figure has anything to show: a sweep over scenes, views, packets or pixels alone."""
-    return rows[:0] if len(rows) < 2 or any(len(kind.rows(rows)) for kind in _TELLING) else rows
-
-
-FIGURES = (*_TELLING, workload_figure("rates", "Rays per second", FRAME, peers_figure, _untold))
 
 
 @dataclass(frozen=True)

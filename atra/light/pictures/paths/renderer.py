@@ -84,7 +84,7 @@ class PathRenderer(Renderer):
         transparent: bool = False,
     ) -> None:
         options = PathOptions(
-            threads, 1, build_quality, robust, jitter, wave_rays, start_off, most_samples, max_depth, lights, roulette,
+            threads, build_quality, robust, jitter, wave_rays, start_off, most_samples, max_depth, lights, roulette,
             transparent,
         )  # fmt: skip
         super().__init__(scene, camera, primary, options)
