@@ -54,11 +54,9 @@ class BoardRow:
 
 
 def board_rows(table: pd.DataFrame) -> list[BoardRow]:
-    """The rows of a sweep's table, of workloads that time frames or batches beside packets. Those of a workload that
-    this version lacks are left out: nobody knows what their times are of."""
-    known = [find_workload(name) for name in workload_names() if table["workload"].eq(name).any()]
-    times = [workload.name for workload in known if _TIME in {column.name for column in workload.columns}]
-    timed = table[table["workload"].isin(times)]
+    """The rows of a sweep's table, of workloads that time frames or batches beside packets; a stored table may have
+    rows of a workload that has left since."""
+    timed = table[table["workload"].isin(table["workload"][table[_TIME].notna()])] if _TIME in table else table[:0]
     varying = [name for name in settings() if name in timed and name not in best_of() and name != "mesh_sha256"]
     keys = ["scene", "triangles", "workload", "method", "packet_width", "robust", *varying]
     keys = [name for name in dict.fromkeys(keys) if name in timed and timed[name].notna().any()]
@@ -90,9 +88,10 @@ def _row(row: Mapping[str, Any]) -> BoardRow:
     ratio, low, high = (None if number is None else float(number * slower) for number in over)
     parts = [measured[name] for name in ("plan_time_s", "build_time_s") if name in measured]
     wrong = [int(measured[name]) for name in _WRONG if name in measured]
-    method, workload = find_method(str(row["method"])), find_workload(str(row["workload"]))
+    method, workload = find_method(str(row["method"])), str(row["workload"])
+    rays = find_workload(workload).rays_of(known) if workload in workload_names() else workload
     return BoardRow(
-        scene=str(row["scene"]), triangles=_whole(known.get("triangles")), rays=workload.rays_of(known),
+        scene=str(row["scene"]), triangles=_whole(known.get("triangles")), rays=rays,
         size=f"{known.get('width')} {TIMES} {known.get('height')}", threads=_whole(known.get("threads")),
         method=method.label,
         name=say_point(row), is_ours=method.is_ours, ratio=ratio, low=low, high=high, frame_s=frame_s,
