@@ -23,7 +23,7 @@ def with_intervals(points: pd.DataFrame, processes: pd.DataFrame) -> pd.DataFram
     """
     if "process" not in processes or processes["point_id"].isna().any():
         return points
-    stems = [stem for name in points if (stem := _stem(name)) is not None]
+    stems = [parts for name in points if (parts := _stem(name)) is not None]
     missing = [
         (f"{stem}{REST}", "") for stem in ("speedup", "speedup_vs_packets")
         if f"{stem}_low" in points and f"{stem}{REST}_low" not in points
