@@ -26,7 +26,7 @@ from atra.raster import drawing, spans
 from atra.raster.all_hits import undecided_kernels
 from atra.raster.all_hits.drawing_kernels import gathering_kernel
 from atra.rays import embree_kernels
-from atra.rays.nearest import batches_kernels
+from atra.rays.tree import nearest_kernels
 from experiments.methods.culled import tiles_kernels
 
 KERNELS = {
@@ -41,7 +41,7 @@ KERNELS = {
     "packet_kernel": loop_kernels.packet_kernel(4, 2),
     "tile_kernel": tiles_kernels.tile_kernel(4, 2),
     "embree_kernel": embree_kernels.embree_kernel(4, False),
-    "nearest_kernel": batches_kernels.nearest_kernel(False),
+    "nearest_kernel": nearest_kernels.nearest_kernel(False),
     "trace_kernel": waves_kernels.trace_kernel(4),
     "connect_kernel": waves_kernels.connect_kernel(4),
     "lighting_kernel": lighting_kernels.lighting_kernel(4),
