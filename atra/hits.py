@@ -16,8 +16,7 @@ from atra.errors import InputError
 from atra.exact.surface import place_hits, place_through_lens
 from atra.exact.surface import read_only as read_only
 from atra.exact.surface_kernels import NORMALS, POINTS, WEIGHTS
-from atra.files.planes import SOURCES, write_planes
-from atra.files.saving import save_layers
+from atra.files.saving import SOURCES, save_layers, write_planes
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.prim_ids import MISS

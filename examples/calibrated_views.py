@@ -26,7 +26,7 @@ from examples.clusters import CLUSTERS
 from experiments.drawing.shading import shade
 
 
-def walk(camera: atra.Camera, count: int) -> dict[str, atra.CalibratedCamera]:
+def walk(camera: atra.Camera, count: int) -> dict[str, atra.CalibratedCamera | atra.LensCamera]:
     """`count` steps to the right, by the matrices of a camera whose pixels are not square and whose principal point is
     not in the middle."""
     focal = 1 / camera.pixel_pitch

@@ -39,7 +39,14 @@ PLAIN = {
 """Verbs with words of their own in place of fields of a configuration -> what takes these. Wings and packages offer
 further ones by entry points."""
 
-_FLAGS_WITH_VALUES = ("--config-path -cp", "--config-name -cn", "--config-dir -cd", "--package -p", "--cfg -c")
+_FLAGS_WITH_VALUES = (
+    "--config-path -cp",
+    "--config-name -cn",
+    "--config-dir -cd",
+    "--package -p",
+    "--cfg -c",
+    "--experimental-rerun",
+)
 """Flags of Hydra that take a value; that value is no verb."""
 
 
@@ -53,7 +60,7 @@ def main() -> int:
     flags, words = _split(sys.argv[1:])
     if words and "=" not in words[0] and words[0] in verbs():
         return _exit_code(lambda: _run_verb(words[0], words[1:], flags))
-    return _exit_code(_run_hydra)
+    return _exit_code(lambda: _run_hydra(words))
 
 
 def verbs() -> dict[str, str]:
@@ -97,6 +104,7 @@ def _run_verb(verb: str, words: Sequence[str], flags: dict[str, Any]) -> None:
     if flags["unknown"] or flags["cfg"] or flags["info"]:
         given = " ".join(flags["unknown"]) or "--cfg or --info"
         raise InputError(f"{verb} takes no {given}; expected fields, as in {COMMAND} {verb} scene=cornell_box")
+    _check_words(words)
     _use_method_files(words)
     configuration = configure(words, flags["config_name"] or "config", flags["config_dir"])
     if verb == "measure" and configuration.sweep.grids:
@@ -104,7 +112,23 @@ def _run_verb(verb: str, words: Sequence[str], flags: dict[str, Any]) -> None:
     function(configuration)
 
 
-def _run_hydra() -> None:
+def _check_words(words: Sequence[str]) -> None:
+    """Raise InputError for what Hydra would take for a broken override, and for several sweeps at once."""
+    from atra.errors import InputError
+    from experiments.harness.options import say_unknown_choice
+
+    for word in words:
+        name, equals, value = word.partition("=")
+        if not equals and word in verbs():
+            raise InputError(f"{word} stands behind {words[0]}, expected the verb first: {COMMAND} {word} ...")
+        if not equals and not word.startswith("~"):
+            told = say_unknown_choice("verb", word, sorted(verbs()))
+            raise InputError(f"{told} ({COMMAND} --help tells of verbs and of fields, which are set by key=value)")
+        if name == "sweep" and set(value) & set(",()"):
+            raise InputError(f"{word} names several sweeps, expected one; run one after another: {COMMAND} sweep=NAME")
+
+
+def _run_hydra(words: Sequence[str]) -> None:
     # Hydra then raises its errors instead of printing them at length; they are shown below, shortened.
     os.environ["HYDRA_FULL_ERROR"] = "1"
     try:
@@ -115,6 +139,7 @@ def _run_hydra() -> None:
         raise InputError("the harness's packages are not installed; run: pip install -e '.[harness]'") from None
     from experiments.harness.configuration import CONFIGURATION
 
+    _check_words(words)
     _use_method_files(sys.argv[1:])
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     _let_interrupts_pass()

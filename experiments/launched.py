@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 
 from atra.errors import RecordError
@@ -32,7 +31,7 @@ def measure_launched(configuration: Configuration) -> None:
     (planned,) = plan_points([configuration])
     folder = records_folder(configuration)
     check_writable(folder)
-    write_record(folder, measure(planned, partial(run_worker, results=folder.parent)))
+    write_record(folder, measure(planned, run_worker))
 
 
 class Launched:

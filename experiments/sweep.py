@@ -17,14 +17,12 @@ from experiments.commands.program import PROGRAM
 from experiments.harness.configuration import Configuration, records_folder
 from experiments.harness.identity import Runner, code_sha256, measure
 from experiments.harness.point import Point
-from experiments.harness.processes.bytecode import bytecode_folder
 from experiments.harness.processes.launching import run_worker
 from experiments.harness.processes.quiet import Waiting
 from experiments.harness.progress import SweepProgress, say, say_roughly
 from experiments.harness.records import Record, check_writable, exclusive, read_record, write_record
 from experiments.launched import Launch, Launched, reusable
 from experiments.report.writing import check_figures, choose_folder, tell_whose_tables_are_replaced, write_results
-from experiments.results.best_so_far import best_splits
 from experiments.results.doubts import was_quiet
 from experiments.results.processes import WHY, as_replacement, key_of, to_replace
 from experiments.results.table import Tables, make_tables
@@ -66,9 +64,8 @@ def run_sweep(
     quiet = Waiting(first.measure.quiet_limit_s, partial(say, console), needed=first.measure.quiet_only)
     planned = {name: grid_point.planned for name, grid_point in points.items()}
     launched = None if launch is None else Launched(launch, at_once, records, planned)
-    run = run or partial(run_worker, results=records.parent)
-    sweep = _Sweep(points, records, console, run, launched, quiet)
-    with exclusive(records.parent, records, folder), bytecode_folder(records.parent):
+    sweep = _Sweep(points, records, console, run or run_worker, launched, quiet)
+    with exclusive(records.parent, records, folder):
         to_do = sweep.begin(folder, first.sweep.shuffle_seed)
         passes = sweep.passes(to_do)
         sweep.say_what_is_ahead(passes, first.sweep.repeats)
@@ -230,7 +227,6 @@ class _Sweep:
             self.is_quiet = was_quiet(self.done[name])
             # What tells points apart that compile other kernels.
             progress.end(label, say_outcome(self.done[name], self.folder), f"{point.workload.name} {point.method.name}")
-            progress.show_best(best_splits(self.done.values()))
 
     def _have_measured(self, names: Sequence[str], launched: Launched, progress: SweepProgress) -> None:
         """Have points measured elsewhere."""
@@ -240,7 +236,6 @@ class _Sweep:
                 self._keep(name, record)
             told = f"no record: {problem}" if record is None else say_outcome(record, self.folder)
             progress.end(say_label(self._point(name)), told)
-            progress.show_best(best_splits(self.done.values()))
 
         progress.begin("jobs elsewhere")
         launched.measure({name: self.points[name].overrides for name in names}, ended)

@@ -60,17 +60,13 @@ def plan_sweep(grid_points: Sequence[GridPoint], console: Console) -> dict[str, 
         before = points[point_identity].grids if point_identity in points else ()
         grids = tuple(dict.fromkeys([*before, grid_point.grid]))
         # One that lacks memory now may have been measured when there was more, and a slow one where it was wanted.
-        repeated = planned.point.workload.is_timed and isinstance(planned.problem, MAY_CHANGE)
+        possible = planned.problem is None or isinstance(planned.problem, tuple(MAY_CHANGE))
+        repeated = planned.point.workload.is_timed and possible
         for process in range(grid_point.configuration.measure.processes if repeated else 1):
             of_process = replace(planned, point=replace(planned.point, process=process))
             overrides = (*grid_point.overrides, *(() if process == 0 else (f"measure.process={process}",)))
             points[identity(of_process.point, environment)] = SweepPoint(of_process, grids, overrides)
     return points
-
-
-def _processes(some: Collection[str], one: str, several: str) -> str:
-    """How many processes, with the verb that follows."""
-    return f"1 process {one}" if len(some) == 1 else f"{len(some)} processes {several}"
 
 
 def in_order(points: dict[str, SweepPoint], done: Collection[str]) -> list[str]:

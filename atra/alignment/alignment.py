@@ -61,6 +61,14 @@ class Alignment:
     and for parallel rays the same with 1 in place of Z. Every ray keeps its parameter, which is the depth. The paper's
     reference cell is cell (0, 0) (§3.1). Any translate of it works; its place decides how tightly axis-aligned boxes
     fit the rays.
+
+    Examples
+    --------
+    >>> import atra
+    >>> camera = atra.Camera(eye=(0, 0, 3), target=(0, 0, 0), width=64, height=48)
+    >>> alignment = atra.Alignment.of_frames([camera], atra.Split.of_image((4, 1), camera))
+    >>> len(alignment.cameras), alignment.split.nx
+    (1, 4)
     """
 
     cameras: tuple[View, ...]

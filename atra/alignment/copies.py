@@ -14,14 +14,14 @@ from atra.alignment.copies_kernels import CopyTarget, fill_copies
 from atra.alignment.rounding import Roundings, roundings_of_copies
 from atra.compiled.threads import WorkerPool
 from atra.geometry.mesh import Mesh
-from atra.geometry.projection import count_kept, project_vertices
+from atra.geometry.projection import count_kept, project_mesh
 from atra.geometry.ray_space import from_eye_space, padded_vertices, unseen_from
 from atra.geometry.view import View
 from atra.tracing.budgets import check_memory_budget
 from atra.tracing.geometry import AlignedGeometry, LeftOut, plan_plain_geometry
 
 Points = tuple[NDArray[np.float64], NDArray[np.float64]]
-"""Vertices in the homogeneous pixels of an image, and in the first camera's ray space: see `project_vertices`."""
+"""Vertices in the homogeneous pixels of an image, and in the first camera's ray space: see `project_mesh`."""
 
 Fill = Callable[[int, NDArray[np.int64], CopyTarget], None]
 """Writes the copies of the triangles of an image, by its number: those of triangle t from starts[t] on."""
@@ -115,7 +115,7 @@ def _project_and_judge(
     mesh: Mesh, camera: View, alignment: Alignment, options: CellOptions, pool: WorkerPool
 ) -> tuple[Points, Roundings]:
     """Project a mesh, and find the triangles that float32 would show too imprecisely in copies or instances."""
-    points = project_vertices(mesh, camera, pool, linear_onto(alignment.camera, camera))
+    points = project_mesh(mesh, camera, pool, linear_onto(alignment.camera, camera))
     roundings = roundings_of_copies(
         mesh, camera, alignment, points, pool, is_instanced=options.is_instanced, in_every_cell=not options.culling
     )

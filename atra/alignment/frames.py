@@ -44,6 +44,17 @@ class FramesTracer(Lifetime):
     Notes
     -----
     Source: paper §6, Fig. 8.
+
+    Examples
+    --------
+    >>> import atra
+    >>> mesh = atra.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    >>> left, right = atra.orbit(mesh, views=2, width=64, height=48)
+    >>> eyes = atra.Alignment.of_frames([left, right], atra.Split.of_image((4, 1), left))
+    >>> with atra.FramesTracer(mesh, eyes) as tracer:
+    ...     frames = tracer.trace()
+    >>> frames.depth.shape
+    (2, 48, 64)
     """
 
     def __init__(

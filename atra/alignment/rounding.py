@@ -11,7 +11,7 @@ from atra.alignment.alignment import Alignment
 from atra.compiled.threads import WorkerPool
 from atra.exact.rounding_kernels import COPY_MULTIPLE, INSTANCE_MULTIPLE, ParallelRays, judge_copies, judge_translations
 from atra.geometry.mesh import Mesh
-from atra.geometry.projection import project_vertices
+from atra.geometry.projection import project_mesh
 from atra.geometry.ray_space import ray_axes
 from atra.geometry.view import View
 
@@ -40,10 +40,10 @@ def roundings_of_copies(
 ) -> Roundings:
     """The rounding errors of a mesh seen by a camera of an alignment.
 
-    points: from `project_vertices`, with the image's map onto the first camera's ray space (`linear_onto`).
+    points: from `project_mesh`, with the image's map onto the first camera's ray space (`linear_onto`).
     in_every_cell: there are copies even in cells that do not see a triangle.
     """
-    own = points[1] if camera is alignment.camera else project_vertices(mesh, camera, pool)[1]
+    own = points[1] if camera is alignment.camera else project_mesh(mesh, camera, pool)[1]
     split, multiple = alignment.split, INSTANCE_MULTIPLE if is_instanced else COPY_MULTIPLE
     depth_error, left_out = np.zeros(mesh.triangle_count), np.empty(mesh.triangle_count, np.uint8)
     triangles, cells = (points[0], own, points[1], mesh.traced_faces), (split.cell_width, split.cell_height)

@@ -37,7 +37,7 @@ from atra.embree.scene import EmbreeScene
 from atra.embree.workspace import Workspace
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
-from atra.geometry.projection import project_vertices
+from atra.geometry.projection import project_mesh
 from atra.geometry.ray_space import unseen_from
 from atra.geometry.split import Split
 from atra.geometry.view import View
@@ -123,7 +123,7 @@ class VisibleFirst:
         else:
             seen = self.probe
         probed = perf_counter()
-        points = project_vertices(mesh, camera, pool)
+        points = project_mesh(mesh, camera, pool)
         counts, nearest, fill = visible_copies(mesh, alignment, grid, (seen, depth), points, pool)
         geometry = filled_copies([counts], fill, alignment, options, prepared.row_stride)
         second_pass = SecondPass(whole, camera, *tiles_before(nearest, grid), options.rays_per_packet)
@@ -188,7 +188,7 @@ def visible_copies(
 ) -> tuple[NDArray[np.int64], NDArray[np.float32], Fill]:
     """The copies of every triangle for the cells in which a probe says it may be visible.
 
-    alignment: the cells of one image. points: from `project_vertices`, for its camera. Returns (F,) int64, the cells
+    alignment: the cells of one image. points: from `project_mesh`, for its camera. Returns (F,) int64, the cells
     that keep each triangle; (tile rows, tile columns) float32, no ray of a tile meets a left-out triangle before this
     depth, inf where none is left out; and what writes the copies for `filled_copies`.
     """
@@ -256,6 +256,16 @@ def VisibleFirstTracer(
     ------
     InputError
         For a split that does not divide the image, a probe of another size, an unknown prim_id, and parallel rays.
+
+    Examples
+    --------
+    >>> import atra
+    >>> mesh = atra.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    >>> camera = atra.Camera.framing(mesh, width=64, height=48)
+    >>> with atra.VisibleFirstTracer(mesh, camera, split=(16, 1)) as tracer:
+    ...     hits = tracer.trace()
+    >>> print(atra.compare(hits, atra.trace(mesh, camera)))
+    3072 of 3072 pixels equal, 0 tied, 0 edge, 0 wrong
     """
     check_pinhole(camera, "VisibleFirstTracer")
     checked = probe if probe is None or isinstance(probe, Hits) else _seen_triangles(mesh, probe)

@@ -55,7 +55,19 @@ class Reduction(ABC, Generic[Gathered]):
 
 @dataclass(frozen=True)
 class Count(Reduction[CountResult]):
-    """The number of triangles each ray crosses."""
+    """The number of triangles each ray crosses.
+
+    Examples
+    --------
+    >>> import atra
+    >>> import trimesh
+    >>> mesh = atra.Mesh.from_trimesh(trimesh.creation.box())
+    >>> camera = atra.Camera.framing(mesh, width=64, height=48)
+    >>> with atra.RasterTracer(mesh, camera) as tracer:
+    ...     count = tracer.gather(atra.Count()).count
+    >>> int(count.max())
+    2
+    """
 
     result = CountResult
     kind = COUNT
@@ -72,6 +84,17 @@ class Thickness(Reduction[ThicknessResult]):
     ------
     InputError
         In `gather`, for a mesh with open edges, naming some, and for one that is inside out.
+
+    Examples
+    --------
+    >>> import atra
+    >>> import trimesh
+    >>> mesh = atra.Mesh.from_trimesh(trimesh.creation.box())
+    >>> camera = atra.OrthographicCamera(eye=(0, 0, 3), target=(0, 0, 0), width=3, height=3)
+    >>> with atra.RasterTracer(mesh, camera) as tracer:
+    ...     thickness = tracer.gather(atra.Thickness()).thickness
+    >>> float(thickness[1, 1])
+    1.0
     """
 
     result = ThicknessResult
@@ -97,6 +120,17 @@ class Transmittance(Reduction[TransmittanceResult]):
     ------
     InputError
         For a factor outside, naming it; `gather` raises it for the wrong number of factors.
+
+    Examples
+    --------
+    >>> import atra
+    >>> import trimesh
+    >>> mesh = atra.Mesh.from_trimesh(trimesh.creation.box())
+    >>> camera = atra.OrthographicCamera(eye=(0, 0, 3), target=(0, 0, 0), width=3, height=3)
+    >>> with atra.RasterTracer(mesh, camera) as tracer:
+    ...     light = tracer.gather(atra.Transmittance(0.5)).transmittance
+    >>> float(light[1, 1])  # through two sides
+    0.25
     """
 
     factors: NDArray[np.float32] = field(repr=False)
@@ -133,6 +167,17 @@ class Layers(Reduction[LayersResult]):
     ------
     InputError
         For any other k.
+
+    Examples
+    --------
+    >>> import atra
+    >>> import trimesh
+    >>> mesh = atra.Mesh.from_trimesh(trimesh.creation.box())
+    >>> camera = atra.OrthographicCamera(eye=(0, 0, 3), target=(0, 0, 0), width=3, height=3)
+    >>> with atra.RasterTracer(mesh, camera) as tracer:
+    ...     layers = tracer.gather(atra.Layers(2))
+    >>> layers.depth[:, 1, 1].tolist()
+    [2.5, 3.5]
     """
 
     k: int

@@ -7,21 +7,25 @@ import sys
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from pathlib import Path
 
+import numpy as np
+
 from atra.command.cameras import read_cameras
 from atra.errors import InputError, printable
 from atra.files.cameras.entries import Broken
-from atra.files.depth_images import MILLIMETRE, read_depth_image
+from atra.files.depth_images import read_depth_image
 from atra.files.meshes.loading import load_mesh
 from atra.files.paths import write_atomically
 from atra.files.saving import encode_png
 from atra.geometry.view import View
+from atra.hits import Hits
 from atra.judge.conventions import Convention
 from atra.judge.foreign import ForeignImage, ForeignJudgement, judge_image
+from atra.judge.marks import mark_verdicts
 
 EXAMPLES = """\
 examples:
   atra judge depth.exr --mesh model.ply --camera cameras.json
-  atra judge depth.png --png-scale 0.001 --mesh model.ply --camera cameras.json --view front
+  atra judge depth.png --depth-scale 1000 --mesh model.ply --camera cameras.json --view front
   atra judge mine.npz --against theirs.npz --mesh model.ply --camera cameras.json --picture where.png
 
 The image holds depths, along the view axis or along the ray, and may name a triangle in each pixel. In a .npz these
@@ -44,15 +48,15 @@ def add_judge(parser: ArgumentParser) -> None:
     parser.add_argument("--view", metavar="NAME", help="the camera's name, where the file has several")
     parser.add_argument("--against", type=Path, metavar="IMAGE", help="compare with this image, not with atra's own")
     parser.add_argument(
-        "--png-scale", type=float, default=MILLIMETRE, metavar="UNITS",
-        help="scene units to a step of a 16-bit PNG (default: %(default)s, millimetres in a scene of metres)",
+        "--depth-scale", type=float, default=1000.0, metavar="NUMBER",
+        help="numbers of a 16-bit PNG per scene unit, as for `atra render` (default: 1000, millimetres of metres)",
     )  # fmt: skip
     parser.add_argument(
         "--rounding", type=float, metavar="UNITS",
         help="by how much the file may have rounded a depth (default: 0, for a PNG half of a step)",
     )  # fmt: skip
     parser.add_argument("--own", action="store_true", help="look for no other convention than atra's own")
-    parser.add_argument("--picture", type=Path, metavar="PNG", help="write where pixels are tied, edge, wrong, holes")
+    parser.add_argument("--picture", type=Path, metavar="PNG", help="write marks where pixels are tied, edge, wrong")
     parser.add_argument("--explain", type=int, default=5, metavar="PIXELS", help="wrong pixels to explain (default: 5)")
     parser.add_argument("--json", action="store_true", help="print what is found as JSON")
 
@@ -67,8 +71,8 @@ def run_judge(given: Namespace) -> int:
     mesh = load_mesh(given.mesh)
     found = judge_image(mesh, camera, image, against=against, convention=Convention.own(camera) if given.own else None)
     if given.picture is not None:
-        write_atomically(given.picture, encode_png(found.picture()))
-    print(json.dumps(as_json(found, given.explain), indent=1) if given.json else _said(found, name, given))
+        write_atomically(given.picture, encode_png(mark_verdicts(found.agreement.verdict)))
+    print(json.dumps(as_json(found, given.explain), indent=1) if given.json else _said(found, image, name, given))
     return 0 if found.is_right else 1
 
 
@@ -85,7 +89,7 @@ def as_json(found: ForeignJudgement, most: int) -> dict[str, object]:
     }
 
 
-def _said(found: ForeignJudgement, view: str, given: Namespace) -> str:
+def _said(found: ForeignJudgement, image: ForeignImage, view: str, given: Namespace) -> str:
     agreement, is_own = found.agreement, found.convention == Convention.own(found.hits.camera)
     lines = [
         f"{printable(str(given.image))} of {printable(str(given.mesh))}, view {view!r}",
@@ -97,9 +101,20 @@ def _said(found: ForeignJudgement, view: str, given: Namespace) -> str:
         *(f"            {one}" for one in found.explained(given.explain)),
     ]  # fmt: skip
     if given.picture is not None:
-        lines.append(f"picture     {printable(str(given.picture))}: tied blue, edge yellow, wrong red, hole magenta")
+        lines.append(f"picture     {printable(str(given.picture))}: squares tied, diamonds edge, crosses wrong")
+    if _shows_ids(image, given, found.reference):
+        lines.append(f"hint        {printable(str(given.image))} holds triangle numbers, expected depths")
     wrong = "1 pixel is wrong" if agreement.pixels_wrong == 1 else f"{agreement.pixels_wrong:,} pixels are wrong"
     return "\n".join((*lines, "nothing is wrong" if found.is_right else wrong))
+
+
+def _shows_ids(image: ForeignImage, given: Namespace, right: Hits) -> bool:
+    """Whether most numbers of the file are the triangles that the right image shows: ids, or in a PNG ids + 1."""
+    if image.depth.shape != right.depth.shape or not right.hit.any():
+        return False
+    is_png = given.image.suffix.lower() == ".png"
+    numbers = np.rint(image.depth[right.hit] * given.depth_scale) - 1.0 if is_png else image.depth[right.hit]
+    return bool((numbers == right.prim_id[right.hit]).mean() > 0.5)
 
 
 def _view(given: Namespace) -> tuple[str, View]:
@@ -116,9 +131,9 @@ def _view(given: Namespace) -> tuple[str, View]:
 
 
 def _image(path: Path, given: Namespace) -> ForeignImage:
-    if not given.png_scale > 0.0:
-        raise InputError(f"--png-scale is {given.png_scale}, expected a number above 0")
-    read = read_depth_image(path, given.png_scale)
+    if not 0.0 < given.depth_scale < float("inf"):
+        raise InputError(f"--depth-scale is {given.depth_scale}, expected a number above 0")
+    read = read_depth_image(path, given.depth_scale)
     try:
         return ForeignImage(read.depth, read.prim_id, read.rounding if given.rounding is None else given.rounding)
     except InputError as error:

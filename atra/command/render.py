@@ -15,8 +15,7 @@ from atra.command.picture import add_limits, add_picture, load_with_cameras, run
 from atra.errors import InputError, StorageError, printable
 from atra.files.cameras.entries import Broken
 from atra.files.meshes.loading import FaceSources, load_face_sources, load_mesh
-from atra.files.planes import PLANE_FORMATS, PLANES, SOURCES, plane_names
-from atra.files.saving import check_package
+from atra.files.saving import PLANE_FORMATS, PLANES, SOURCES, check_package, plane_names
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits

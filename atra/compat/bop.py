@@ -27,7 +27,7 @@ NO_BOX = [-1, -1, -1, -1]
 """The box of what has no pixel."""
 
 
-class Pose(NamedTuple):
+class ObjectPose(NamedTuple):
     """An object in a frame.
 
     Attributes
@@ -164,13 +164,13 @@ class Renderer:
         InputError
             For an unknown object, and as `Camera.from_opencv`.
         """
-        window = self._window(Pose(obj_id, R, t), (fx, fy, cx, cy), beyond=0)
+        window = self._window(ObjectPose(obj_id, R, t), (fx, fy, cx, cy), beyond=0)
         depth = np.zeros((self.height, self.width), np.float32)
         rows, columns, part = self._inside(window)
         np.copyto(depth[rows, columns], part, where=np.isfinite(part))
         return {"depth": depth}
 
-    def label(self, poses: Sequence[Pose], fx: float, fy: float, cx: float, cy: float) -> FrameLabels:
+    def label(self, poses: Sequence[ObjectPose], fx: float, fy: float, cx: float, cy: float) -> FrameLabels:
         """The labels of a frame. Objects hide each other; of equally near ones the first counts as in front.
 
         As in the toolkit, `px_count_all` and `bbox_obj` include what lies outside the image, up to its size on every
@@ -179,7 +179,7 @@ class Renderer:
 
         Parameters
         ----------
-        poses : sequence of Pose
+        poses : sequence of ObjectPose
         fx, fy, cx, cy : float
             Pixels.
 
@@ -232,7 +232,7 @@ class Renderer:
         part = window.depth[rows.start - window.top :, columns.start - window.left :]
         return rows, columns, part[: rows.stop - rows.start, : columns.stop - columns.start]
 
-    def _window(self, pose: Pose, intrinsics: tuple[float, float, float, float], beyond: int) -> _Window:
+    def _window(self, pose: ObjectPose, intrinsics: tuple[float, float, float, float], beyond: int) -> _Window:
         """Draw an object in the part of the canvas where it may be seen. beyond: sizes of the image that the canvas
         has on every side of it."""
         if pose.obj_id not in self._meshes:

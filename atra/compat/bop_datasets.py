@@ -11,14 +11,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from atra.compat.bop import Pose, Renderer
+from atra.compat.bop import ObjectPose, Renderer
 from atra.errors import InputError
 from atra.files.cameras.bop import camera_of_image, image_size
 from atra.files.cameras.entries import entry, number, numbers, read_json
 from atra.files.meshes.loading import load_mesh
 from atra.files.paths import write_atomically
-from atra.files.planes import fit_16_bits
-from atra.files.saving import encode_png
+from atra.files.saving import encode_png, fit_16_bits
 
 
 class Frame(NamedTuple):
@@ -110,7 +109,7 @@ def write_labels(
 def _label(renderer: Renderer, frame: Frame, folder: Path, saturate: bool) -> list[dict[str, Any]]:
     """Write the images of a frame; returns its entry of scene_gt_info."""
     poses = [
-        Pose(
+        ObjectPose(
             _number_of(one, frame),
             numbers("cam_R_m2c", one.get("cam_R_m2c"), 9).reshape(3, 3),
             numbers("cam_t_m2c", one.get("cam_t_m2c"), 3),

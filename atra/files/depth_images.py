@@ -19,9 +19,6 @@ ID_NAMES = ("prim_id", "primitive_ids", "face_id", "triangle_id", "id")
 
 _SUFFIXES = (".exr", ".npz", ".npy", ".png")
 
-MILLIMETRE = 0.001
-"""Default of scene units to a step of a 16-bit PNG."""
-
 _ROUNDING_STEPS = 0.5 + 65535 * 2**-24
 """Steps by which a 16-bit PNG may round a depth: half a step, and what float32 rounds of a depth of 65,535 steps."""
 
@@ -35,10 +32,10 @@ class DepthImage(NamedTuple):
     rounding: float
 
 
-def read_depth_image(path: Path, png_scale: float = MILLIMETRE) -> DepthImage:
+def read_depth_image(path: Path, depth_scale: float = 1000.0) -> DepthImage:
     """Read an .exr, .npz, .npy or 16-bit .png file; names as in DEPTH_NAMES and ID_NAMES.
 
-    png_scale: scene units to a step of a PNG, in which 0 is a miss.
+    depth_scale: numbers of a PNG per scene unit, as `Hits.save_planes` writes them; 0 is a miss.
     Raises InputError naming the path: missing, another suffix, unreadable, without depths, a PNG of other than 16 bits.
     """
     suffix = path.suffix.lower()
@@ -57,7 +54,7 @@ def read_depth_image(path: Path, png_scale: float = MILLIMETRE) -> DepthImage:
     if depth is None:
         raise InputError(f"{path} has no depths, expected an array or channel called {', '.join(DEPTH_NAMES)}")
     if suffix == ".png":
-        return DepthImage(depth * png_scale, None, png_scale * _ROUNDING_STEPS)
+        return DepthImage(depth / depth_scale, None, _ROUNDING_STEPS / depth_scale)
     return DepthImage(depth, prim_id, 0.0)
 
 

@@ -103,6 +103,17 @@ def rotation_of(name: str, given: ArrayLike, hint: str = "") -> NDArray[np.float
     return np.asarray(left @ right)
 
 
+def rotation_of_quaternion(w: float, x: float, y: float, z: float) -> NDArray[np.float64]:
+    """The rotation (3, 3) float64 of a quaternion of length 1."""
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
 def look_at(eye: NDArray[np.float64], axes: NDArray[np.float64]) -> tuple[Vector, Vector, Vector]:
     """eye, target and up of a camera whose axes right, down, forward are the rows of `axes`.
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import product
 from math import atan, degrees, radians, tan
-from typing import ClassVar, overload
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 from atra.choices import check_choice
 from atra.errors import InputError
 from atra.geometry.calibration import image_plane_of, look_at, pose_of, pose_of_matrix
-from atra.geometry.framing import framing_distance
 from atra.geometry.image_plane import ImagePlane, check_axis
 from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.lenses.models import EquirectangularLens, FisheyeLens, Lens, OpenCVLens
@@ -23,6 +23,9 @@ from atra.geometry.view import View
 
 FOV_Y_DEGREES = 60.0
 """Default vertical field of view."""
+
+MARGIN = 0.05
+"""Share of the image that a framing camera leaves free on either side."""
 
 
 @dataclass(frozen=True)
@@ -64,22 +67,6 @@ class Camera(View):
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "fov_y_degrees", checked_angle("fov_y_degrees", self.fov_y_degrees))
-
-    @overload
-    @staticmethod
-    def from_opencv(K: ArrayLike, R: ArrayLike, t: ArrayLike, width: int, height: int) -> CalibratedCamera: ...
-
-    @overload
-    @staticmethod
-    def from_opencv(
-        K: ArrayLike,
-        R: ArrayLike,
-        t: ArrayLike,
-        width: int,
-        height: int,
-        distortion: ArrayLike | None,
-        model: str = ...,
-    ) -> CalibratedCamera | LensCamera: ...
 
     @staticmethod
     def from_opencv(
@@ -187,7 +174,7 @@ class Camera(View):
         centre = np.asarray(mesh.bounds, np.float64).mean(axis=0)
         size = float(np.abs(mesh.bounds - centre).max()) or 1.0
         turned = Camera(as_vector(centre - size * forward), as_vector(centre), up, fov_y_degrees, width, height)
-        away = framing_distance(mesh.bounds, turned.axes, turned.fov_y_degrees, turned.width, turned.height)
+        away = _framing_distance(mesh.bounds, turned.axes, turned.fov_y_degrees, turned.width, turned.height)
         return Camera(as_vector(centre - away * forward), turned.target, up, fov_y_degrees, width, height)
 
     @cached_property
@@ -211,18 +198,6 @@ class Camera(View):
         """
         plane = self.plane.cropped((self.width, self.height), (left, top), (width, height))
         return CalibratedCamera(self.eye, self.target, self.up, width, height, plane=plane)
-
-    def rays(
-        self, x: NDArray[np.integer], y: NDArray[np.integer], offset: tuple[float, float] = (0.5, 0.5)
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        directions = self.directions(x, y, offset)
-        return np.zeros_like(directions), directions
-
-    def directions(
-        self, x: NDArray[np.integer], y: NDArray[np.integer], offset: tuple[float, float] = (0.5, 0.5)
-    ) -> NDArray[np.float64]:
-        """Directions (..., 3) float64 of `rays`, camera space, Z = 1."""
-        return self._on_image_plane(x, y, offset, 1.0)
 
 
 @dataclass(frozen=True)
@@ -303,3 +278,15 @@ def camera_of(
     if lens == OpenCVLens():
         return CalibratedCamera.at(eye, axes, sensor, width, height)
     return LensCamera(*look_at(eye, axes), width, height, lens=lens, sensor=sensor)
+
+
+def _framing_distance(
+    bounds: NDArray[np.floating], axes: NDArray[np.float64], fov_y_degrees: float, width: int, height: int
+) -> float:
+    """The least distance from the centre of a box, given by two corners, at which a pinhole camera sees all of it."""
+    half = (np.asarray(bounds[1], np.float64) - bounds[0]) / 2.0
+    x, y, z = (np.array(list(product((-1.0, 1.0), repeat=3))) * half @ axes.T).T
+    reach_y = np.tan(np.radians(fov_y_degrees) / 2.0) * (1.0 - 2.0 * MARGIN)
+    reach_x = reach_y * width / height
+    distance = float((np.maximum(np.abs(x) / reach_x, np.abs(y) / reach_y) - z).max())
+    return max(distance, float(np.linalg.norm(half)) * 1.001) or 1.0

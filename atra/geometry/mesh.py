@@ -61,6 +61,15 @@ class Mesh:
     -----
     UserWarning
         Of a mesh that spans so much that float32 changes its short edges by more than a twentieth even so.
+
+    Examples
+    --------
+    >>> import atra
+    >>> mesh = atra.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    >>> mesh.triangle_count
+    1
+    >>> mesh.bounds.tolist()
+    [[0.0, 0.0, 0.0], [1.0, 1.0, 0.0]]
     """
 
     faces: NDArray[np.uint32]

@@ -39,6 +39,13 @@ class OrthographicCamera(View):
     ------
     InputError
         For a size below 1, a view_height that is not above 0, eye = target, and up parallel to the view.
+
+    Examples
+    --------
+    >>> import atra
+    >>> camera = atra.OrthographicCamera(eye=(0, 0, 3), target=(0, 0, 0), view_height=2, width=4, height=4)
+    >>> camera.project([(0.5, 0, 0)]).tolist()
+    [[3.0, 2.0]]
     """
 
     eye: Vector
@@ -106,9 +113,3 @@ class OrthographicCamera(View):
         """(3, 4) float64: eye-space point (X, Y, Z, 1) -> (a, b, c) with pixel position (a, b); c is 1."""
         right, down, _ = self.axes / self.pixel_pitch
         return np.array([[*right, self.width / 2], [*down, self.height / 2], [0.0, 0.0, 0.0, 1.0]])
-
-    def rays(
-        self, x: NDArray[np.integer], y: NDArray[np.integer], offset: tuple[float, float] = (0.5, 0.5)
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        origins = self._on_image_plane(x, y, offset, 0.0)
-        return origins, np.broadcast_to([0.0, 0.0, 1.0], origins.shape)

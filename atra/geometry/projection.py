@@ -17,7 +17,7 @@ def count_kept(
 ) -> NDArray[np.int64]:
     """(F,) int64, the number of cells that keep each triangle: those it meets, or all without `culling`.
 
-    A triangle without area is kept by none. points_pixels: from `project_vertices`. cell: columns, rows, width and
+    A triangle without area is kept by none. points_pixels: from `project_mesh`. cell: columns, rows, width and
     height of the cells.
     """
     counts = np.full(mesh.triangle_count, cell[0] * cell[1], np.int64)
@@ -27,7 +27,7 @@ def count_kept(
     return counts
 
 
-def project_vertices(
+def project_mesh(
     mesh: Mesh, camera: View, pool: WorkerPool, linear: NDArray[np.float64] | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Project vertices to (a, b, c) with pixel position (a / c, b / c), and to ray space, both (V, 3) float64.

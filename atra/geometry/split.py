@@ -25,6 +25,13 @@ class Split:
     ------
     InputError
         Unless all are whole numbers of at least 1, and nx divides width and ny divides height.
+
+    Examples
+    --------
+    >>> import atra
+    >>> split = atra.Split(4, 2, width=64, height=48)
+    >>> split.cell_width, split.cell_height
+    (16, 24)
     """
 
     nx: int

@@ -92,7 +92,6 @@ class View(ABC):
         The ray of pixel (x, y) at offset (ox, oy) passes through the points with position (x + ox, y + oy).
         """
 
-    @abstractmethod
     def rays(
         self, x: NDArray[np.integer], y: NDArray[np.integer], offset: tuple[float, float] = (0.5, 0.5)
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -115,6 +114,13 @@ class View(ABC):
         InputError
             For another offset.
         """
+        check_offset(offset)
+        plane = self.plane
+        across, down = plane.columns(x, offset[0]) * plane.pitch_x, plane.rows(y, offset[1]) * plane.pitch_y
+        on_plane = np.stack(np.broadcast_arrays(across, down, 0.0 if self.is_parallel else 1.0), axis=-1)
+        if self.is_parallel:
+            return on_plane, np.broadcast_to([0.0, 0.0, 1.0], on_plane.shape)
+        return np.zeros_like(on_plane), on_plane
 
     @property
     def depth_is_along_ray(self) -> bool:
@@ -181,15 +187,6 @@ class View(ABC):
         moved = copy(self)
         moved.__dict__.update({name: as_vector(getattr(self, name) - origin) for name in ("eye", "target")})
         return moved
-
-    def _on_image_plane(
-        self, x: NDArray[np.integer], y: NDArray[np.integer], offset: tuple[float, float], z: float
-    ) -> NDArray[np.float64]:
-        """(..., 3) float64, the pixels (x, y) at sub-pixel `offset` on the image plane, with Z = `z`."""
-        check_offset(offset)
-        plane = self.plane
-        plane_x, plane_y = plane.columns(x, offset[0]) * plane.pitch_x, plane.rows(y, offset[1]) * plane.pitch_y
-        return np.stack(np.broadcast_arrays(plane_x, plane_y, z), axis=-1)
 
 
 def check_view(camera: object) -> None:

@@ -38,6 +38,12 @@ class Convention:
         Stored (width, height); undone before rows and columns are flipped.
     along_ray : bool
         Depth is the distance from the eye, not along the view axis.
+
+    Examples
+    --------
+    >>> import atra
+    >>> print(atra.Convention(flips_rows=True))
+    rays through pixel centres; rows are flipped: the first is the bottom; depth along the view axis
     """
 
     offset: tuple[float, float] = (0.5, 0.5)

@@ -49,6 +49,13 @@ class ForeignImage:
     ------
     InputError
         For other shapes, and for depths that are no numbers.
+
+    Examples
+    --------
+    >>> import atra
+    >>> import numpy as np
+    >>> atra.ForeignImage(np.ones((3, 4))).depth.dtype
+    dtype('float32')
     """
 
     depth: NDArray[np.float32]
@@ -111,15 +118,6 @@ class ForeignJudgement:
             shown, expected = _shown(self.hits, y, x), _shown(self.reference, y, x)
             yield f"({x}, {y}) {kind}: the image shows {shown}, expected {expected}"
 
-    def picture(self) -> NDArray[np.uint8]:
-        """(H, W, 3) uint8 colours: equal grey, tied blue, edge yellow, wrong red, hole magenta."""
-        colours = np.array([[110, 110, 110], [70, 120, 255], [250, 210, 60], [230, 30, 30]], np.uint8)
-        picture = colours[self.agreement.verdict]
-        picture[(self.agreement.verdict == Verdict.EQUAL) & ~self.reference.hit] = (40, 40, 40)
-        if self.agreement.holes is not None:
-            picture[self.agreement.holes] = (255, 0, 255)
-        return picture
-
 
 def _shown(image: Hits, y: int, x: int) -> str:
     if image.prim_id[y, x] == MISS:
@@ -162,6 +160,16 @@ def judge_image(
         other places of their pixels.
     MemoryBudgetError
         As `RasterTracer`.
+
+    Examples
+    --------
+    >>> import atra
+    >>> mesh = atra.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    >>> camera = atra.Camera.framing(mesh, width=64, height=48)
+    >>> image = atra.ForeignImage(atra.trace(mesh, camera).depth[::-1])  # upside down
+    >>> found = atra.judge_image(mesh, camera, image)
+    >>> found.is_right, found.convention.flips_rows
+    (True, True)
     """
     with RasterTracer(mesh, camera, threads=threads) as tracer:
         found, agreeing, own, right = _fitting(image, tracer, convention)

@@ -12,7 +12,7 @@ from atra.light.numbers_kernels import HALF, ONE, ZERO, dot, scaled, texel_of
 
 RECORD_WORDS = 8
 """float64 numbers of a triangle, a cache line: unit normal (3), plane's n . p, offset of rays that leave it, material;
-then four float32: colour (3), and 1 where colour and normal are constant."""
+two unused."""
 
 CONSTANT, CHECKER, IMAGE = 0, 1, 2
 

@@ -31,7 +31,7 @@ def surfaces_of(scene: Scene, sky_power: float, start_off: float | None) -> Surf
     sky, panorama = sky_tables(scene.sky, sky_power)
     flags = _flags(scene)[np.asarray(scene.face_materials)]
     arrays = (
-        _records(scene, materials, start_off),
+        _records(scene, start_off),
         flags,
         *_corners(scene),
         materials,
@@ -58,19 +58,15 @@ def unit_normals(mesh: Mesh) -> NDArray[np.float64]:
     return np.asarray(normals / np.where(length > 0.0, length, 1.0))
 
 
-def _records(scene: Scene, materials: NDArray[np.float64], start_off: float | None) -> NDArray[np.float64]:
-    mesh, numbers = scene.mesh, np.asarray(scene.face_materials)
+def _records(scene: Scene, start_off: float | None) -> NDArray[np.float64]:
+    mesh = scene.mesh
     corners = [mesh.vertices[mesh.faces[:, corner]].astype(np.float64) for corner in range(3)]
     normals = unit_normals(mesh)
     records = np.zeros((mesh.triangle_count, words.RECORD_WORDS))
     records[:, :3] = normals
     records[:, 3] = np.einsum("fi,fi->f", normals, corners[0])
     records[:, 4] = START_OFF * np.abs(corners).max(axis=(0, 2)) if start_off is None else start_off
-    records[:, 5] = numbers
-    plain = np.zeros((len(materials), 4), np.float32)
-    plain[:, :3] = materials[:, words.COLOUR : words.COLOUR + 3]
-    plain[:, 3] = (materials[:, words.TEXTURE] == words.CONSTANT) & (materials[:, words.HAS_COLOURS] == 0.0)
-    records[:, 6:] = plain.view(np.float64)[numbers]
+    records[:, 5] = np.asarray(scene.face_materials)
     return records
 
 

@@ -135,5 +135,16 @@ def RasterTracer(
         For a mesh smaller than 1e-9 or farther than 1e11 from the eye, and for an option's value.
     MemoryBudgetError
         For an image that the free memory cannot hold.
+
+    Examples
+    --------
+    >>> import atra
+    >>> mesh = atra.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    >>> camera = atra.Camera.framing(mesh, width=64, height=48)
+    >>> with atra.RasterTracer(mesh, camera, threads=1) as tracer:
+    ...     first = tracer.trace()
+    ...     second = tracer.trace((0.25, 0.75))  # other places in the pixels
+    >>> first.hit.shape
+    (48, 64)
     """
     return Tracer(mesh, camera, Raster(lanes), threads=threads, ties=ties)

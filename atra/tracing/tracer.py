@@ -62,6 +62,19 @@ class Tracer(Lifetime):
         For a mesh, a camera or an option that the method cannot take.
     MemoryBudgetError
         For an image, copies or overlaps that the free memory cannot hold.
+
+    Examples
+    --------
+    >>> import atra
+    >>> mesh = atra.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    >>> cameras = atra.orbit(mesh, views=3, width=64, height=48)
+    >>> with atra.RasterTracer(mesh, cameras[0]) as tracer:
+    ...     for camera in cameras:
+    ...         tracer.look(camera)
+    ...         print(tracer.trace().hit.any())
+    False
+    True
+    True
     """
 
     def __init__(

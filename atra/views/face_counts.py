@@ -81,6 +81,14 @@ def face_counts(
     ------
     InputError
         For anything that is not a camera, and as `render_views` does.
+
+    Examples
+    --------
+    >>> import atra
+    >>> mesh = atra.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    >>> counts = atra.face_counts(mesh, atra.orbit(mesh, views=2, width=64, height=48))
+    >>> counts.dense().shape
+    (2, 1)
     """
     splits, parts = [0], []
     listed = list_cameras(cameras)

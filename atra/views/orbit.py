@@ -44,6 +44,13 @@ def orbit(
     ------
     InputError
         For a number of views below 1, an elevation outside (-90, 90), and as `Camera` does.
+
+    Examples
+    --------
+    >>> import atra
+    >>> mesh = atra.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    >>> [camera.eye[1] > 0 for camera in atra.orbit(mesh, views=3)]
+    [True, True, True]
     """
     if not is_whole_number(views) or views < 1:
         raise InputError(f"views is {views!r}, expected a whole number of at least 1")

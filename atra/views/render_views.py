@@ -73,6 +73,15 @@ def render_views(
         For unknown options.
     ExceptionGroup
         After the last view: the errors of views that failed; each names its view.
+
+    Examples
+    --------
+    >>> import atra
+    >>> mesh = atra.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    >>> for number, hits in atra.render_views(mesh, atra.orbit(mesh, views=2, width=64, height=48)):
+    ...     print(number, hits.prim_id.shape)
+    0 (48, 64)
+    1 (48, 64)
     """
     if method not in METHODS:
         raise InputError(f"method is {method!r}, expected one of {', '.join(METHODS)}")

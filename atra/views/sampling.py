@@ -33,6 +33,12 @@ def sub_pixel_offsets(count: int, first: int = 0) -> NDArray[np.float64]:
     Notes
     -----
     Source: M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018 (the R2 sequence).
+
+    Examples
+    --------
+    >>> import atra
+    >>> atra.sub_pixel_offsets(2).round(3).tolist()
+    [[0.5, 0.5], [0.255, 0.07]]
     """
     if not all(is_whole_number(value) and value >= 0 for value in (count, first)):
         raise InputError(f"count is {count!r} and first is {first!r}, expected whole numbers of at least 0")

@@ -48,6 +48,14 @@ def visible_points(
     InputError
         For points that are not finite or beyond 1e19 in size, anything that is not a camera, and a tolerance outside
         [0, 1).
+
+    Examples
+    --------
+    >>> import atra
+    >>> mesh = atra.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    >>> camera = atra.Camera.framing(mesh, width=64, height=48)
+    >>> atra.visible_points(mesh, [(0.2, 0.2, 0), (9, 9, 9)], [camera]).tolist()
+    [[True, False]]
     """
     found, listed = check_points(points, FARTHEST_POINT), list_cameras(cameras)
     if not 0.0 <= tolerance < 1.0:

@@ -9,6 +9,7 @@ from hydra.errors import MissingConfigException
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException, ValidationError
 
 from experiments.harness.configuration import say_unknown
+from experiments.harness.options import say_unknown_choice
 from experiments.harness.point import Kinds
 
 _NOISE = ("full_key:", "object_type=", "reference_type=", "To append to your config", "Config search path", "provider=")
@@ -26,7 +27,7 @@ def shorten_configuration_error(error: BaseException, kinds: Kinds) -> str:
         return f"{told.full_key}: {str(told).splitlines()[0].rstrip('.')}"
     if isinstance(error, MissingConfigException) and error.options and error.missing_cfg_file:
         group, _, name = error.missing_cfg_file.rpartition("/")
-        return f"unknown {group} {name!r}, expected one of {', '.join(error.options)}"
+        return say_unknown_choice(group, name, error.options)
     lines = str(error).splitlines() + ([] if cause is None or str(cause) in str(error) else str(cause).splitlines())
     kept = [line.strip().rstrip(".") for line in lines if line.strip() and not line.strip().startswith(_NOISE)]
     if kept and kept[0].startswith("Ambiguous value"):

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import pandas as pd
 
-from experiments.documents.filling import SCENES, TIMES, digits, kept_of, say, span
+from experiments.documents.filling import REFERENCE, SCENES, TIMES, digits, kept_of, say, span
 from experiments.documents.law import LAW_TABLES, Rows
 from experiments.light.equal_error.measure import BEFORE, FAST, MITSUBA, OURS
 from experiments.methods import find_method
@@ -17,9 +18,6 @@ from experiments.results.statistics import Estimate, Interval, Pool, best_of
 from experiments.results.verdicts import decide_greater
 from experiments.studies.candidates import Candidate, Gain, candidates
 from experiments.studies.paired import ratios
-from experiments.workloads.frame.break_even import baseline_costs, break_even_interval, cost_of
-from experiments.workloads.frame.exponents import exponents
-from experiments.workloads.frame.growth import growth_panels, growths
 from experiments.workloads.frame.shown import best_baselines
 from experiments.workloads.series import best_rows
 
@@ -32,21 +30,10 @@ def _points(sweep: str, **where: Any) -> pd.DataFrame:
     return points[chosen(points, {"status": "ok"} | where)]
 
 
-def pays_from(sweep: str) -> Rows:
-    """The frame from which visible-first has taken less time than packets, at both ends of its interval."""
-    held = {"instruction_set": "avx2"} if sweep == "instruction_sets" else {}
-    frames = []
-    for scene in SCENES:
-        points = _points(sweep, workload="frame", scene=scene, **held)
-        best = best_rows(points[points["method"] == "visible_first"]).iloc[0]
-        cost, packets = cost_of(best), baseline_costs(points)
-        assert cost is not None
-        ends = break_even_interval(
-            cost, [best[f"speedup_vs_packets{end}"] for end in ("", "_high", "_low")], packets.values()
-        )
-        middle, first, last = ("never" if frame is None else f"{frame:,}" for frame in ends)
-        frames.append(middle if first == last else f"{middle} [{first}, {last}]")
-    yield "pays from frame", *frames
+def kept_cells(sweep: str) -> Rows:
+    """Rows that a function of an older commit made of the table; the README of the stored tables names it."""
+    with (REFERENCE / sweep / "cells.csv").open(encoding="utf-8", newline="") as file:
+        yield from csv.reader(file)
 
 
 def best_packets(sweep: str) -> Rows:
@@ -54,23 +41,6 @@ def best_packets(sweep: str) -> Rows:
         words = "more than noise" if best.is_faster else "no more than noise"
         margin = "too few processes" if best.margin is None else f"{best.margin}"
         yield f"`{best.scene}`", best.tried, best.name, margin, words
-
-
-def growth_of_methods(sweep: str) -> Rows:
-    """What grows and how far, exponents of packets' time and of the others' over packets, and both ends of these."""
-    words = {"subdivided": "subdivided", "copies": "copies as one mesh", "pixels": "larger images"}
-    kept = kept_of(sweep)
-    found = {(panel.title, method): fitted for panel, method, fitted in exponents(kept.processes)}
-    for panel in growth_panels(kept.points):
-        of_method = {grown.method: grown for grown in growths(panel)}
-        fitted = [found.get((panel.title, name)) for name in ("pixel", "visible_first", "raster")]
-        sizes = of_method["raster"].sizes
-        ratios = (of_method[name].over_packets for name in ("visible_first", "raster"))
-        yield (
-            f"`{panel.scene}`, {words[panel.axis]}", f"{sizes[0]:,.0f} to {sizes[-1]:,.0f} {panel.unit}",
-            *("too few sizes" if fit is None else f"{fit.value:.2f} {fit.interval()}" for fit in fitted),
-            *(f"{digits(ratio[0])} to {digits(ratio[-1])}" for ratio in ratios),
-        )  # fmt: skip
 
 
 def this_and_before(sweep: str) -> Rows:
@@ -245,7 +215,7 @@ def _gains_of_scenes(points: pd.DataFrame) -> list[Any]:
 FUNCTIONS: dict[str, Callable[[str], Rows]] = LAW_TABLES | {
     made.__name__: made
     for made in (
-        pays_from, best_packets, growth_of_methods, this_and_before, small_triangles_before, through_lenses,
+        kept_cells, best_packets, this_and_before, small_triangles_before, through_lenses,
         worth_of_the_shortcut, best_gains, candidates_for_the_gain, an_older_embree, equal_error, images_judged,
         where_alignment_stands,
     )

@@ -247,7 +247,7 @@ def check_configuration(configuration: Configuration) -> None:
         raise InputError(f"scene.path is {scene.path!r}, but scene {scene.name} takes none; add scene=file")
     if scene.source is not SceneSource.generated and scene.triangles is not None:
         raise InputError(
-            f"scene.triangles is {scene.triangles}, but scene {scene.name} has its own; use scene=generated/terrain"
+            f"scene.triangles is {scene.triangles}, but scene {scene.name} has its own; use scene=generated_terrain"
         )
     if not sweep.name or any(sign in sweep.name for sign in "/\\") or sweep.name in (".", "..", "records", "singles"):
         raise InputError(f"sweep.name is {sweep.name!r}, expected the name of a folder")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import Field, asdict, dataclass, field, fields
+from difflib import get_close_matches
 from enum import Enum
 from functools import cache
 from types import NoneType
@@ -150,5 +151,13 @@ def find_named(what: str, kinds: Iterable[Kind], name: str, beside: Iterable[str
     names `beside`, then those of `kinds`."""
     known = {kind.name: kind for kind in kinds}
     if name not in known:
-        raise InputError(f"unknown {what} {name!r}, expected one of {', '.join(dict.fromkeys([*beside, *known]))}")
+        raise InputError(say_unknown_choice(what, name, dict.fromkeys([*beside, *known])))
     return known[name]
+
+
+def say_unknown_choice(what: str, name: str, names: Iterable[str]) -> str:
+    """That no `what` is called `name`, which names there are, and the nearest of them where one is near."""
+    names = list(names)
+    near = get_close_matches(name, names, 1)
+    meant = f"; did you mean {near[0]}?" if near else ""
+    return f"unknown {what} {name!r}, expected one of {', '.join(names)}{meant}"

@@ -3,29 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from types import TracebackType
 
-from rich.console import Console, RenderableType
+from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-from rich.text import Text
 
 from atra.errors import printable
 
 _ENOUGH = 3
 """Fewest points whose mean time predicts the rest."""
-
-
-class _Bar(Progress):
-    """A bar with lines below it."""
-
-    below = ""
-
-    def get_renderables(self) -> Iterator[RenderableType]:
-        yield from super().get_renderables()
-        if self.below:
-            yield Text(self.below, no_wrap=True, overflow="ellipsis")
 
 
 class SweepProgress:
@@ -42,8 +30,7 @@ class SweepProgress:
         self._begun_s = clock()
         self._kinds: set[str] = set()
         self._typical_s: list[float] = []
-        self._best: tuple[str, ...] = ()
-        self._bar = _Bar(
+        self._bar = Progress(
             SpinnerColumn(),
             BarColumn(bar_width=24),
             MofNCompleteColumn(),
@@ -90,17 +77,6 @@ class SweepProgress:
         say(self._console, f"{count} {label}: {first}{left}")
         for line in further:
             say(self._console, f"    {line}")
-
-    def show_best(self, lines: Sequence[str]) -> None:
-        """The best of what was measured so far: below the bar on a terminal, elsewhere a line whenever it changes."""
-        told, self._best = self._best, tuple(lines)
-        if self._console.is_terminal:
-            self._bar.below = "\n".join(f"best so far, {printable(line)}" for line in lines)
-            self._bar.refresh()
-        else:
-            for line in lines:
-                if line not in told:
-                    say(self._console, f"best so far, {line}")
 
     def _left(self) -> str:
         remaining = self._total - self._done

@@ -48,7 +48,10 @@ def slow_points(points: Mapping[int, Point], mesh: Mesh, limit: float) -> dict[i
         predicted = forecast(looks[camera], choice, workload.want, constants)
         frames_s.setdefault((camera, workload.name), {})[place] = predicted.frame_time_s
     return {
-        place: Unpromising(time_s, time_s / min(of_view.values()), limit)
+        place: Unpromising(
+            f"predicted to take {1e3 * time_s:.3g} ms a frame, {time_s / min(of_view.values()):.3g} times as long as "
+            f"the fastest of this view; sweep.skip_slower is {limit:g}"
+        )
         for of_view in frames_s.values()
         for place, time_s in of_view.items()
         if time_s > limit * min(of_view.values())

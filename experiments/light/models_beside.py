@@ -21,7 +21,7 @@ from atra.light import Image, MetallicRoughness, PathRenderer, Scene, Sun, const
 from atra.light.pictures.files import srgb_of
 from atra.light.textures import linear
 from experiments.light.equal_error.measure import block_differences
-from experiments.methods.peers.mitsuba_light import load_mitsuba, suns_of
+from experiments.light.mitsuba_light import load_mitsuba, suns_of
 
 _SIDE, _DEPTH = 256, 6
 _SKY = 0.8

@@ -18,8 +18,6 @@ CORE = {
     "picture": "experiments.workloads.picture:PICTURE",
     "agreement": "experiments.workloads.agreement:AGREEMENT",
     "multiframe": "experiments.workloads.multiframe:MULTIFRAME",
-    "surface": "experiments.workloads.surface:SURFACE",
-    "moving": "experiments.workloads.moving:MOVING",
     "gather": "experiments.workloads.gather:GATHER",
     "views": "experiments.workloads.views:VIEWS",
     "rays": "experiments.workloads.rays:RAYS",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from math import nan
@@ -39,7 +39,7 @@ from experiments.methods.pixel import PIXEL
 from experiments.results.doubts import WRONG
 from experiments.workloads import series
 from experiments.workloads.baselines import TIME_BASELINES
-from experiments.workloads.panels import PanelRows, Read, figure_of, make_panels, read_panels
+from experiments.workloads.panels import figure_of, make_panels, read_panels
 from experiments.workloads.reported import BEST_SPEEDUPS, PAPER_SIZE
 
 ALL_HITS = f"1 {TIMES} 1, culling off: all hits"
@@ -177,15 +177,18 @@ def ring(x: float, y: float, color: str, drop: bool = False) -> Mark:
     return Mark("", x, y, looks, drop)
 
 
-def methods_figure(table: pd.DataFrame) -> Figure:
+def methods_figure(table: pd.DataFrame, with_peers: bool = False) -> Figure:
     """One panel a scene (and a value of any other setting that varies); ratios within rounds, from zero.
 
     A bar is a method and packet width at its best split, its whisker the interval. Single rays and the fastest packets
-    per pixel, measured again with every point, are the two lines. Peers are left out; methods of a file are not.
+    per pixel, measured again with every point, are the two lines. with_peers: other people's tracers stand there, too.
     """
-    rows = table[table["method"].isin([method.name for method in METHODS if not method.is_peer])]
-    panels = make_panels(rows, (*best_of(), "packet_width"))
-    return over_packets_figure(panels, _methods, rows, "time of a frame, packets / method and its interval")
+    rows = table[table["method"].isin([method.name for method in METHODS if with_peers or not method.is_peer])]
+    panels = read_panels(make_panels(rows, (*best_of(), "packet_width")), _methods)
+    return figure_of(
+        "bars", panels, rows, x=Axis(f"speed-up over {series.say_baseline(series.OVER_PACKETS)}", "linear"),
+        legend=list(TIME_BASELINES), headings=("", "time of a frame, packets / method and its interval"),
+    )  # fmt: skip
 
 
 def _methods(rows: pd.DataFrame) -> Panel:
@@ -196,8 +199,8 @@ def _methods(rows: pd.DataFrame) -> Panel:
             notes += series.say_unmeasured(point.points, point.name)
         else:
             notes += point.notes()
-            bars.append(ratio_bar(point, faint=point.is_single) if len(point.best) else _without_value(point))
-    return Panel(bars=bars, notes=notes)
+            bars.append(_ratio_bar(point) if len(point.best) else _without_value(point))
+    return Panel(bars=bars, levels=series.ratio_levels(rows, series.OVER_PACKETS), notes=notes)
 
 
 def _without_value(point: series.BestPoint) -> Bar:
@@ -206,23 +209,9 @@ def _without_value(point: series.BestPoint) -> Bar:
     return Bar(point.name, nan, nan, nan, point.color, " and ".join(status) or "not measured")
 
 
-def ratio_bar(point: series.BestPoint, faint: bool = False) -> Bar:
+def _ratio_bar(point: series.BestPoint) -> Bar:
     """The ratio over packets of a series that has a best point."""
     row = point.best.iloc[0]
     text = f"{say_number(row['render_time_s'] * MILLISECONDS)} ms, {series.say_ratio(row)}"
-    value, low, high = (float(end[0]) for end in interval(point.best, series.OVER_PACKETS + "{}"))
-    return Bar(point.label, value, low, high, point.color, text, faint)
-
-
-def over_packets_figure(panels: Sequence[PanelRows], read: Read, rows: pd.DataFrame, *notes: str) -> Figure:
-    """Bars of ratios over packets, with lines where both baselines of a panel's rows lie. notes: what bars' texts are,
-    and more."""
-
-    def with_baselines(rows: pd.DataFrame) -> Panel:
-        return replace(read(rows), levels=series.ratio_levels(rows, series.OVER_PACKETS))
-
-    shown = read_panels(panels, with_baselines)
-    quantity = Axis(f"speed-up over {series.say_baseline(series.OVER_PACKETS)}", "linear")
-    return figure_of(
-        "bars", shown, rows, *notes[1:], x=quantity, legend=list(TIME_BASELINES), headings=("", notes[0])
-    )  # fmt: skip
+    value, low, high = row_interval(row, series.OVER_PACKETS + "{}")
+    return Bar(point.label, value, low, high, point.color, text, point.is_single)

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, replace
 from functools import partial
-from itertools import cycle, islice
 from statistics import median
 from typing import Any
 
@@ -172,18 +171,15 @@ def shrunk(point: Point) -> Point:
 class Frames:
     """A contestant that traces frame after frame into one image, so that no sample pays for fresh pages.
 
-    path: cameras to move to before every frame, round and round. what: the reduction of all hits that is gathered in
-    place of the nearest.
+    what: the reduction of all hits that is gathered in place of the nearest.
     """
 
-    def __init__(self, tracer: Any, path: Sequence[View] = (), what: Reduction[Any] | None = None) -> None:
-        self._tracer, self._path, self._what = tracer, cycle(path), what
+    def __init__(self, tracer: Any, what: Reduction[Any] | None = None) -> None:
+        self._tracer, self._what = tracer, what
         self._latest: Any = None
 
     def __call__(self) -> float | None:
         """Make a frame. Returns the seconds it took by the tracer's own word, None = it has none."""
-        for camera in islice(self._path, 1):
-            self._tracer.look(camera)
         if self._what is not None:
             self._latest = self._tracer.gather(self._what, out=self._latest)
             return None

@@ -195,11 +195,8 @@ def say_wrong(rows: pd.DataFrame, name: str) -> list[str]:
     ]
 
 
-def say_unmeasured(rows: pd.DataFrame, name: str, whole: bool = False) -> list[str]:
-    """A line for each status other than "ok": the points of a series, and the first reason.
-
-    whole: one line for each reason, in full.
-    """
+def say_unmeasured(rows: pd.DataFrame, name: str) -> list[str]:
+    """A line for each status other than "ok": the points of a series, and the first reason."""
     lines = []
     told = rows[["status", "error"]].assign(split_x=rows["split_x"].fillna(0))
     for missing in missing_points(told, "split_x", name, GREY):
@@ -208,6 +205,5 @@ def say_unmeasured(rows: pd.DataFrame, name: str, whole: bool = False) -> list[s
         splits = list(dict.fromkeys(filter(None, (say_split(row) for _, row in points.iterrows()))))
         where = ", ".join(splits) if len(splits) <= 3 else f"{len(points)} points from {splits[0]} to {splits[-1]}"
         title = f"{TIMES} {', '.join(filter(None, [name, where]))}"
-        errors = [str(error) for error in points["error"].dropna().unique()] if whole else []
-        lines += [f"{title}: {status}, {error}" for error in errors] or [f"{title}: {missing.reason}"]
+        lines.append(f"{title}: {missing.reason}")
     return lines

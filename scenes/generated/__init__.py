@@ -1,6 +1,6 @@
 """Generated scenes: families of any size from a thousand to a hundred million triangles, equal on every machine.
 
-`scene=generated/terrain scene.triangles=1e5` on the command line; `generated_scene("terrain", 100_000)` in Python.
+`scene=generated_terrain scene.triangles=1e5` on the command line; `generated_scene("terrain", 100_000)` in Python.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from atra.alignment.cells import CellOptions
 from atra.alignment.copies import copied_geometry
 from atra.compiled.threads import WorkerPool
 from atra.exact.intersection import intersect_pixels
-from atra.geometry.projection import project_vertices
+from atra.geometry.projection import project_mesh
 from atra.tracing import budgets
 from atra.tracing.budgets import (
     EMBREE_BYTES_PER_COPY,
@@ -128,10 +128,10 @@ def test_what_exceeds_the_budget_or_the_free_memory_is_refused_with_both_sizes(m
 def test_vertices_are_projected_to_their_pixels_and_to_the_eye():
     camera = atra.Camera((1, 2, 3), (2, 1, -4), fov_y_degrees=50, width=31, height=17)
     x, y, depth = np.array([0, 30, 7]), np.array([16, 0, 5]), np.array([0.5, 3.0, 40.0])
-    points_eye = camera.directions(x, y) * depth[:, None] @ camera.axes
+    points_eye = camera.rays(x, y)[1] * depth[:, None] @ camera.axes
     mesh = atra.Mesh(points_eye + camera.eye, [[0, 1, 2]])
     pool = WorkerPool(1)
-    pixels, eye = project_vertices(mesh, camera, pool)
+    pixels, eye = project_mesh(mesh, camera, pool)
     pool.close()
     np.testing.assert_allclose(eye, points_eye, atol=1e-5)
     np.testing.assert_allclose(pixels[:, 2], depth, rtol=1e-5)

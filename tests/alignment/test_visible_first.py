@@ -10,7 +10,7 @@ from atra.alignment.visibility_kernels import TileGrid
 from atra.alignment.visible_first import visible_copies
 from atra.compiled.threads import WorkerPool
 from atra.exact.intersection import intersect_pixels
-from atra.geometry.projection import project_vertices
+from atra.geometry.projection import project_mesh
 from tests.images import assert_equal_images, make_tracer, trace, trace_pixels
 from tests.judge.reference import brute_force
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, joined, quads, random_triangles
@@ -76,7 +76,7 @@ def test_no_ray_meets_a_copy_left_out_before_the_depth_of_its_tile(seed, counts,
     tiles, pool = TileGrid(4, 4, camera.width, camera.height), WorkerPool(1)
     seen_depth = np.random.default_rng(seed).choice([0.0, 0.0, 0.0, 1.0], tiles.shape)
     probed, alignment = (np.zeros(40, np.bool_), seen_depth), atra.Alignment.of_cells(camera, split)
-    points = project_vertices(mesh, camera, pool)
+    points = project_mesh(mesh, camera, pool)
     counts, nearest_hidden, fill = visible_copies(mesh, alignment, tiles, probed, points, pool)
     geometry = filled_copies([counts], fill, alignment, CellOptions(), row_stride=24)
     assert np.isfinite(nearest_hidden).any()

@@ -12,6 +12,8 @@ from PIL import Image
 import atra
 from atra.command.main import main
 from atra.files.saving import encode_exr
+from atra.judge.compare import Verdict
+from atra.judge.marks import COLOURS
 from tests.meshes import cornell_box, cornell_camera
 
 
@@ -84,13 +86,24 @@ def test_a_wrong_pixel_is_told_counted_and_drawn(hits, monkeypatch, capsys):
     assert said.splitlines()[-1] == "1 pixel is wrong"
     picture = np.asarray(Image.open("where.png"))
     assert picture.shape == (36, 48, 3)
-    assert (picture == (230, 30, 30)).all(axis=-1).sum() == 1
+    assert (picture[20, 30] == COLOURS[Verdict.WRONG]).all()
+    assert (picture[:, :20] == 255).all()
     assert judge(monkeypatch, "image.npy", "--json") == 1
     found = json.loads(capsys.readouterr().out)
     assert (found["right"], found["pixels"], found["pixels_wrong"], found["pixels_hole"]) == (False, 48 * 36, 1, 0)
     assert found["pixels_equal"] + found["pixels_tied"] + found["pixels_edge"] == 48 * 36 - 1
     assert found["convention"]["flips_rows"] is False
     assert len(found["explained"]) == 1
+
+
+@pytest.mark.parametrize("suffix", ["npy", "png"])
+def test_an_image_of_triangle_numbers_is_told_from_wrong_depths(suffix, hits, monkeypatch, capsys):
+    (path,) = hits.save_planes("ids", ["prim_id"], suffix)
+    assert judge(monkeypatch, str(path)) == 1
+    assert f"hint        {path} holds triangle numbers, expected depths" in capsys.readouterr().out
+    np.save("image.npy", hits.depth * np.float32(1.1))
+    assert judge(monkeypatch, "image.npy") == 1
+    assert "hint" not in capsys.readouterr().out
 
 
 def test_two_images_are_compared(hits, monkeypatch, capsys):
@@ -109,7 +122,7 @@ def test_two_images_are_compared(hits, monkeypatch, capsys):
     (("small.npy",), "the image is (3, 4), expected the camera's (36, 48) (height, width)"),
     (("image.npy", "--view", "top"), "--view is 'top', expected one of front"),
     (("image.npy", "--camera", "two.json"), "two.json has 2 cameras, expected --view with one of front, back"),
-    (("image.npy", "--png-scale", "0"), "--png-scale is 0.0, expected a number above 0"),
+    (("image.npy", "--depth-scale", "0"), "--depth-scale is 0.0, expected a number above 0"),
     (("image.npy", "--rounding", "nan"), "image.npy: rounding is nan, expected a number of at least 0"),
     (("image.npy", "--picture", "where.jpg"), "--picture is where.jpg, expected a name that ends with .png"),
 ])  # fmt: skip

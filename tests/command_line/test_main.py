@@ -30,7 +30,7 @@ def test_what_is_answered_without_a_verb_loads_no_array_and_no_compiler(word):
 def test_a_verb_loads_its_own_module_alone():
     code, loaded, said = loaded_by("judge", "--help")
     assert code == 0
-    assert "--png-scale" in said
+    assert "--depth-scale" in said
     assert "atra.command.judging" in loaded
     assert loaded.isdisjoint({"trimesh", "atra.command.render", "atra.command.compiling", "atra.command.planning"})
 

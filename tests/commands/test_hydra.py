@@ -75,6 +75,14 @@ def test_a_sweep_and_a_preset_of_one_s_own_are_measured_and_reported_anew_by_the
     (["sweep=methods", "method.split_x=7", *TOY], "method.split_x fits no point of the sweep: split (7, 1) does not"),
     (["report", "-m", "sweep=horizontal"], "report takes no -m"),
     (["measure", "sweep=horizontal"], "measure takes one point"),
+    (["sweep=horizontal,vertical", "-m"], "sweep=horizontal,vertical names several sweeps, expected one"),
+    (["report", "sweep=horizontal,vertical"], "sweep=horizontal,vertical names several sweeps, expected one"),
+    (["scene=sponzaa"], "three_holes, weekend; did you mean sponza?"),
+    (["method=rastr"], "visible_first; did you mean raster?"),
+    (["-m", "method=pixel,rastr"], "visible_first; did you mean raster?"),
+    (["mesure"], "tables; did you mean measure? (python run.py --help tells"),
+    (["help"], "unknown verb 'help', expected one of board, doctor"),
+    (["sweep=horizontal", "report"], "report stands behind sweep=horizontal, expected the verb first"),
 ])  # fmt: skip
 def test_what_cannot_be_done_is_refused_in_one_line_and_nothing_is_measured(tmp_path, own, arguments, told):
     (own / "method" / "no_method.yaml").write_text("packet_rows: 1\n", encoding="utf-8")
@@ -100,6 +108,9 @@ def test_help_lists_every_verb_and_all_that_is_registered_wings_too(tmp_path):
     assert listed == {"method": {one.name for one in METHODS}, "workload": {one.name for one in WORKLOADS}}
     assert listed["method"] | listed["workload"] > WINGS
     assert "method.culling: keep only triangles" in shown.stdout
+    scenes = dict(re.findall(r"^(scene\S*): (.*)$", listing, re.MULTILINE))
+    assert scenes.keys() == {"scene"}, "a group that is no choice of its own"
+    assert "generated_terrain" in scenes["scene"]
 
 
 def test_a_verb_is_found_behind_flags_and_says_how_it_is_called(tmp_path):

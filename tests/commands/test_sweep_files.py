@@ -4,8 +4,6 @@ import pandas as pd
 import pytest
 
 from experiments.methods.peers.llvmpipe import LLVMPIPE
-from experiments.methods.peers.open3d_scene import OPEN3D
-from experiments.methods.peers.trimesh_ray import TRIMESH
 from tests.command import ROOT, run_here
 from tests.machine import NARROW, WIDEST
 
@@ -16,9 +14,7 @@ FIGURE5 = [
     f"{name}_{rays}" for name in ("figure5", "figure5_speedup") for rays in ("single_rays", f"packets_of_{WIDEST}")
 ]
 OVER_SPLITS = {"figure4", "figure4_speedup", *FIGURE5, "figure5_vertical", "figure5_vertical_speedup"}
-WRONG = () if LLVMPIPE.problem() else ("disagreements_cornell_box_32x32",)
-ASKED = {f"rays_{peer.name}" for peer in (TRIMESH, OPEN3D) if not peer.problem()}
-OTHER_PICTURES = ("split", "still", "waves", "mitsuba")
+OTHER_PICTURES = ("split", "still", "mitsuba")
 NEEDLESS = ("others", "aligned_others", "solid", "solid_others", "solid_aligned")  # as all reductions are asked for
 IN_PROCESS = ("occupancy", "dark", "packets", "expansion", "roulette", "environment", "translucency")
 # An image of 32 pixels takes no split of 64: such points are skipped.
@@ -27,10 +23,10 @@ SWEEPS = {
     "build": (["method.split_x=4"], {"figure6"}),
     "memory": (["method.split_x=4"], {"figure7", "figure7_instancing"}),
     "scenes": (["scene=cornell_box"], {"figure3", "figure3_differences"}),
-    "methods": (["method.split_x=4", "method.split_y=1"], {"methods", "break_even", "moving"}),
-    "instruction_sets": (["method.split_x=4", "method.split_y=1"], {"methods", "break_even", "moving"}),
+    "methods": (["method.split_x=4", "method.split_y=1"], {"methods"}),
+    "instruction_sets": (["method.split_x=4", "method.split_y=1"], {"methods"}),
     "methods_families": (["method.split_x=4", "method.split_y=1"], {"methods"}),
-    "baselines": ([f"method.packet_width={NARROW}", "method.packet_rows=null"], {"rates"}),
+    "baselines": ([f"method.packet_width={NARROW}", "method.packet_rows=null"], set()),
     "reference_rays": (["method.split_x=4", "method.culling=true"], set(FIGURE5)),
     "ablations": (
         ["method.split_x=4", "method.split_y=1", "method.reference=off_axis", "~sweep.grids.ablations_sun"],
@@ -41,19 +37,14 @@ SWEEPS = {
         + [f"~sweep.grids.{name}{hits}" for name in ("threads", "inside", "farther") for hits in ("", "_all_hits")],
         {"figure5_speedup"},
     ),
-    "threads": ([], {"threads"}),
-    "peers": ([], {"peers", "agreement", *WRONG}),
-    "growth": (
-        ["method=pixel,raster", "scene.subdivided=1", "scene.copies=1", "width=16,32", "height=${width}"],
-        {"growth"},
-    ),
+    "threads": ([], {"methods"}),
+    "peers": ([], {"peers"}),
     "agreement": (
         ["method=aligned", "method.split_x=4", "method.split_y=1", "scene=cornell_box", "scene.fov_y_degrees=45"],
-        {"agreement", *(f"disagreements_cornell_box{view}_32x32" for view in ("", "_along_axis", "_rolled"))},
+        set(),
     ),
-    "stereo": (["method.split_x=4", "measure.processes=3"], {"stereo"}),
-    "multiframe": (["workload.frames=2", "method.split_x=4"], {"multiframe"}),
-    "surface": (["method.split_x=4"], set()),
+    "stereo": (["method.split_x=4", "measure.processes=3"], set()),
+    "multiframe": (["workload.frames=2", "method.split_x=4"], set()),
     "gather": (
         [
             "method.split_x=4",
@@ -84,19 +75,19 @@ SWEEPS = {
             "threads=1",
             *(f"~sweep.grids.rays_{name}" for name in ("contains", "contains_threads", "numbers")),
         ],
-        ASKED,
+        set(),
     ),
     "rays-batches": (
         ["scene=cornell_box", "workload.judged_rays=50", "threads=1"]
         + [f"~sweep.grids.rays_{name}" for name in ("contains", "contains_threads", "numbers")],
-        ASKED,
+        set(),
     ),
     "rays-closed": (
         ["scene=three_holes", "workload.judged_rays=5", "threads=1"]
         + [f"~sweep.grids.rays_{name}" for name in ("questions", "questions_threads", "numbers")],
-        ASKED,
+        set(),
     ),
-    "law": (["method.split_x=4", "method.split_y=4"], {"methods", "break_even", "gather"}),
+    "law": (["method.split_x=4", "method.split_y=4"], {"methods", "gather"}),
     "views": (["scene.copies=1", "workload.views=2", "width=32", "height=32"], set()),
     "classification_smoke": ([], {"classification_probability", "classification_shafts"}),
     "paths": ([], set()),
@@ -112,7 +103,7 @@ SWEEPS = {
 WITH_A_TWIN = {"bake", "bake_denoise", "bake_mitsuba", "bake_rays", "classification"}
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "paper"}
 SLOW = {
-    "smoke", "methods", "methods_families", "peers", "baselines", "reference_rays", "threads", "growth",
+    "smoke", "methods", "methods_families", "peers", "baselines", "reference_rays", "threads",
     "bake_buffers", "bake_adaptive", "bake_culling_map", "classification_smoke", "paths", "gather-whole",
     "rays-batches", "ablations", "cornell_candidates", "law",
 }  # fmt: skip

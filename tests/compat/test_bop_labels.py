@@ -9,7 +9,7 @@ import trimesh
 
 import atra
 from atra.command.main import main
-from atra.compat.bop import Pose, Renderer
+from atra.compat.bop import ObjectPose, Renderer
 from tests.judge.reference import brute_force
 
 SIZE, INTRINSICS = (48, 36), (40.0, 42.0, 23.0, 18.5)
@@ -161,7 +161,7 @@ def test_the_renderer_has_the_interface_of_the_toolkit(tmp_path):
     renderer.remove_object(7)
     renderer.remove_object(7)
     with pytest.raises(atra.InputError, match="object 7 is unknown"):
-        renderer.label([Pose(7, turn(0), [0, 0, 200])], *INTRINSICS)
+        renderer.label([ObjectPose(7, turn(0), [0, 0, 200])], *INTRINSICS)
     with pytest.raises(atra.InputError, match="mode is 'rgb', expected depth"):
         Renderer(*SIZE, mode="rgb")
     renderer.close()

@@ -20,14 +20,13 @@ from atra.compiled import intrinsics, store, vectors
 from atra.embree import layout
 from atra.exact import edges_kernels, surface_kernels
 from atra.light.pictures import lighting_kernels
-from atra.light.pictures.paths import waves_kernels
 from atra.packets import loop_kernels
 from atra.raster import drawing, spans
 from atra.raster.all_hits import undecided_kernels
 from atra.raster.all_hits.drawing_kernels import gathering_kernel
 from atra.rays import embree_kernels
 from atra.rays.tree import nearest_kernels
-from experiments.methods.culled import tiles_kernels
+from experiments.methods import tiles_kernels
 
 KERNELS = {
     **{
@@ -42,8 +41,6 @@ KERNELS = {
     "tile_kernel": tiles_kernels.tile_kernel(4, 2),
     "embree_kernel": embree_kernels.embree_kernel(4, False),
     "nearest_kernel": nearest_kernels.nearest_kernel(False),
-    "trace_kernel": waves_kernels.trace_kernel(4),
-    "connect_kernel": waves_kernels.connect_kernel(4),
     "lighting_kernel": lighting_kernels.lighting_kernel(4),
     "drawing_kernel": drawing.drawing_kernel(4, False),
     "gathering_kernel": gathering_kernel(4, False, LAYERS),

@@ -10,7 +10,7 @@ from atra.compiled.threads import WorkerPool
 from atra.exact.intersection import Pairs, intersect_pixels
 from atra.exact.rounding import Rounding
 from atra.exact.rounding_kernels import COPY_MULTIPLE, MOST_ROUNDINGS
-from atra.geometry.projection import project_vertices
+from atra.geometry.projection import project_mesh
 from scenes.special import NEEDLES_CAMERA, needles
 from tests.images import SHEARED, assert_no_pixel_wrong, trace, trace_pixels
 from tests.meshes import (
@@ -30,7 +30,7 @@ each_sheared = pytest.mark.parametrize("method", SHEARED)
 
 def left_out(mesh, camera, split, is_instanced=False):
     pool = WorkerPool(1)
-    points = project_vertices(mesh, camera, pool)
+    points = project_mesh(mesh, camera, pool)
     alignment = atra.Alignment.of_cells(camera, atra.Split.of_image(split, camera))
     return roundings_of_copies(mesh, camera, alignment, points, pool, is_instanced=is_instanced).left_out
 
@@ -112,7 +112,7 @@ def test_what_is_left_out_is_needles_and_planes_through_the_eye_and_nothing_of_a
 def test_without_a_shear_only_planes_next_to_the_eye_are_left_out():
     mesh, camera = random_triangles(200, 1), atra.Camera(**EYE_AT_ORIGIN, width=64, height=64)
     pool = WorkerPool(1)
-    points = project_vertices(mesh, camera, pool)
+    points = project_mesh(mesh, camera, pool)
     unsheared = atra.Alignment.of_cells(camera, atra.Split.of_image((1, 1), camera))
     found = roundings_of_copies(mesh, camera, unsheared, points, pool)
     most = 4 * 2**-24 * MOST_ROUNDINGS

@@ -214,6 +214,6 @@ def test_the_camera_of_a_trimesh_scene_sees_along_trimesh_s_own_rays():
     assert name == "above"
     origins, directions, pixels = scene.camera_rays()
     np.testing.assert_allclose(origins, np.broadcast_to(camera.eye, origins.shape), atol=1e-12)
-    ours = camera.directions(pixels[:, 0], camera.height - 1 - pixels[:, 1]) @ camera.axes
+    ours = camera.rays(pixels[:, 0], camera.height - 1 - pixels[:, 1])[1] @ camera.axes
     ours /= np.linalg.norm(ours, axis=1, keepdims=True)
     np.testing.assert_allclose(ours, directions, atol=1e-12)

@@ -15,7 +15,7 @@ import trimesh
 
 from atra.errors import InputError
 from atra.files.meshes.loading import load_face_sources, load_mesh
-from tests.files.samples import CORNERS, TRIANGLES, gltf, ply, written
+from tests.files.samples import CORNERS, SQUARE, TRIANGLES, gltf, obj, ply, written
 from tests.folders import ROOT
 from tests.meshes import strips_ply
 
@@ -41,6 +41,8 @@ def test_what_trimesh_writes_is_read_whole(tmp_path, suffix):
     ("ascii.ply", b" 1 3 0\n", b" 1 3 nan\n", "cannot be read as ply"),
     ("ascii.ply", b" 1 3 0\n", b" 1 3 1e300\n", "cannot be read as ply"),
     ("ascii.ply", b" 1 3 0\n", b" 1 3 one\n", "cannot be read as ply"),
+    ("ascii.ply", b"face 12", b"face 15", "promises 15 rows of the element face, but"),
+    ("ascii.ply", b" 1 3 0\n", b" 1 3 8\n", "names vertex 8, but there are 8 vertices"),
     ("box.ply", b"list uchar", b"list float", "header has the line .property list float int .*, which is not read"),
     ("box.glb", None, b"\xff\xff\xff\xff", "a chunk claims 4294967295 bytes"),
 ])  # fmt: skip
@@ -52,6 +54,45 @@ def test_a_damaged_file_loses_no_face_silently(tmp_path, name, old, new, message
     path.write_bytes(content.replace(old, new, 1))
     with pytest.raises(InputError, match=message):
         load_mesh(path)
+
+
+POINTS = obj(SQUARE, [])
+
+
+@pytest.mark.parametrize(("name", "text", "message"), [
+    ("relative.obj", POINTS + "f -5 -2 -1\n", "line 5, 'f -5 -2 -1', names vertex -5, expected"),
+    ("zero.obj", POINTS + "f 1 2 3\\\n  4\nf 0/1 1/2 2/3\n", "line 7, 'f 0/1 1/2 2/3', names vertex 0,"),
+    ("zero.obj", POINTS.replace("\n", "\r") + "\rf 1 2 +00", r"line 6, 'f 1 2 \+00', names vertex \+00,"),
+    ("range.obj", POINTS + "f 1 2 9\n", "line 5, 'f 1 2 9', names vertex 9, expected 1 to 4"),
+    ("nan.obj", POINTS + "v nan 0 0\nf 1 2 5\n", "vertex 4 is .nan"), ("points.obj", POINTS, "holds no triangles"),
+    ("empty.ply", "", "cannot be read as ply"), ("noise.glb", "noise", "cannot be read as glb"),
+    ("scene.foo", "", "unknown format 'foo', expected one of .*ply"), ("scene", "", "unknown format ''"),
+    ("scene.zip", "", "unpack an archive first"), ("nowhere.ply", None, "does not exist"), ("", None, "is a folder"),
+])  # fmt: skip
+def test_a_file_that_cannot_be_used_is_refused_naming_it(tmp_path, name, text, message):
+    path = tmp_path / name if text is None else written(tmp_path, name, text)
+    with pytest.raises(InputError, match=message) as caught:
+        load_mesh(path)
+    assert str(path) in str(caught.value)
+
+
+def test_a_file_keeps_order_duplicates_and_degenerate_faces(tmp_path):
+    faces = [[2, 1, 0], [0, 0, 1], [0, 1, 2], [0, 1, 2]]
+    mesh = load_mesh(written(tmp_path, "square.ply", ply(SQUARE, faces)))
+    assert (mesh.faces.tolist(), mesh.name) == (faces, "square")
+    assert mesh.vertices.tolist() == [list(one) for one in SQUARE]
+
+
+def test_a_gltf_may_not_name_a_file_outside_its_folder(tmp_path):
+    (tmp_path / "inside").mkdir()
+    for folder, uri in (("inside", "box.bin"), ("", "../box.bin")):
+        content = np.array(CORNERS, "<f4").tobytes() + np.array(TRIANGLES, "<u2").tobytes()
+        written(tmp_path / folder, "box.bin", content)
+        text = gltf([{"mesh": 0}], buffers=[{"byteLength": len(content), "uri": uri}])
+        written(tmp_path / "inside", f"{folder or 'outside'}.gltf", text)
+    assert load_mesh(tmp_path / "inside" / "inside.gltf").triangle_count == 12
+    with pytest.raises(InputError, match=r"outside\.gltf cannot be read as gltf.*outside its folder"):
+        load_mesh(tmp_path / "inside" / "outside.gltf")
 
 
 def test_a_face_of_two_corners_is_left_out_and_named(tmp_path):

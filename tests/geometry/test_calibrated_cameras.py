@@ -45,7 +45,7 @@ def test_points_are_seen_where_opencv_projects_them_its_pixels_being_counted_fro
 def test_the_ray_of_a_pixel_passes_through_what_opencv_projects_to_its_centre():
     camera = atra.Camera.from_opencv(**UNTURNED)
     x, y = np.array([0, 312, 639]), np.array([0, 201, 479])
-    directions = camera.directions(x, y)
+    directions = camera.rays(x, y)[1]
     expected = np.column_stack([(x - 312.5) / 800, (y - 201.25) / 640, np.ones(3)])
     np.testing.assert_allclose(directions, expected, rtol=1e-12)
     np.testing.assert_allclose(camera.axes, AXES, atol=1e-15)

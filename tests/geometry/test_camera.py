@@ -31,7 +31,7 @@ def test_axes_are_orthonormal_and_right_handed_and_down_points_away_from_up():
 
 def test_the_ray_of_the_centre_pixel_runs_through_the_target_and_camera_space_keeps_detail_far_away():
     camera = Camera(**TILTED, width=9, height=5)
-    direction = camera.directions(np.array(4), np.array(2))
+    direction = camera.rays(np.array(4), np.array(2))[1]
     target = camera.to_camera_space(np.array([TILTED["target"]]))[0]
     assert np.allclose(direction, target / target[2], atol=1e-15)
     assert target[2] == pytest.approx(np.linalg.norm(np.subtract(TILTED["target"], TILTED["eye"])))
@@ -42,11 +42,11 @@ def test_the_ray_of_the_centre_pixel_runs_through_the_target_and_camera_space_ke
 def test_directions_have_unit_z_and_span_the_field_of_view():
     camera = Camera(**TILTED, fov_y_degrees=50.0, width=6, height=4)
     y, x = np.mgrid[0:4, 0:6]
-    directions = camera.directions(x, y)
+    directions = camera.rays(x, y)[1]
     assert directions.shape == (4, 6, 3)
     assert directions.dtype == np.float64
     assert (directions[..., 2] == 1.0).all()
-    top = camera.directions(np.array(0), np.array(0), (0.0, 0.0))
+    top = camera.rays(np.array(0), np.array(0), (0.0, 0.0))[1]
     half = tan(radians(25.0))
     assert np.allclose(top, [-half * 6 / 4, -half, 1.0])
     assert np.allclose(np.diff(directions[..., 0], axis=1), 2 * half / 4)
@@ -69,7 +69,7 @@ def test_pinhole_rays_share_their_origin_and_parallel_rays_their_direction():
     pinhole, parallel = CAMERAS
     origins, directions = pinhole.rays(x, y, (0.25, 0.5))
     assert (origins == 0.0).all()
-    assert np.array_equal(directions, pinhole.directions(x, y, (0.25, 0.5)))
+    assert np.array_equal(directions, pinhole.rays(x, y, (0.25, 0.5))[1])
     assert not pinhole.is_parallel
     origins, directions = parallel.rays(x, y, (0.25, 0.5))
     assert origins.shape == directions.shape == (8, 12, 3)

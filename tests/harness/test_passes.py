@@ -7,8 +7,6 @@ import pytest
 from experiments.harness.configuration import SweepConfiguration
 from experiments.harness.processes.quiet import LIMIT_VARIABLE, Busy, Waiting
 from experiments.harness.progress import say_roughly
-from experiments.harness.records import Record
-from experiments.results.best_so_far import best_splits
 from experiments.sweep import GridPoint, run_sweep
 from tests.harness.test_sweep import Runner, configuration
 
@@ -135,46 +133,3 @@ def test_a_launcher_gets_every_process_in_one_pass(tmp_path):
     with pytest.raises(SystemExit):
         run_sweep(grid(tmp_path), launch=launch, at_once=6)
     assert [len(batch) for batch in batches] == [6]
-
-
-def record(split_x, own, single=0.1, scene="cornell_box", **fields):
-    configuration = {
-        "scene": scene, "workload": "frame", "method": "aligned", "process": 0, "width": 64,
-        "method_options": {"split_x": split_x, "split_y": 1, "packet_width": 1, "culling": True},
-    }  # fmt: skip
-    samples = {"own": [own] * 3, "rtcIntersect1": [single] * 3}
-    return Record(f"{scene}{split_x}{fields}", "ok", None, configuration | fields, {}, {}, samples)
-
-
-def test_the_best_split_so_far_is_that_of_the_largest_speed_up_over_single_rays():
-    found = best_splits(
-        [
-            record(1, 0.05),
-            record(4, 0.03, single=0.3),  # slower machine, larger gain
-            record(16, 0.02),
-            record(4, 0.03, single=0.2, process=1),
-            record(8, 0.01, scene="sponza"),
-        ]
-    )
-    assert found == [
-        "cornell_box, frame: aligned, single rays, 4 \u00d7 1, culling on: 8.00x rtcIntersect1",
-        "sponza, frame: aligned, single rays, 8 \u00d7 1, culling on: 10.00x rtcIntersect1",
-    ]
-
-
-def test_a_scene_of_several_sizes_has_no_best_split():
-    assert best_splits([record(1, 0.05), record(1, 0.01, width=32)]) == []
-
-
-def test_the_best_so_far_is_printed_when_it_changes(tmp_path, capsys):
-    class Faster(Runner):
-        """The second split is twice as fast."""
-
-        def __call__(self, point):
-            outcome = super().__call__(point)
-            return replace(outcome, samples=outcome.samples | {"own": [0.1 / point.options.split_x] * 3})
-
-    run_sweep(grid(tmp_path), run=Faster())
-    said = [line for line in capsys.readouterr().err.splitlines() if line.startswith("best so far")]
-    assert said[-1].endswith("2 \u00d7 1, culling on: 2.00x rtcIntersect1")
-    assert len(said) <= 2

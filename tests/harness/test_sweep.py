@@ -23,7 +23,6 @@ from experiments.harness.options import NoOptions
 from experiments.harness.points import plan_points
 from experiments.harness.processes.outcome import Outcome, skipped
 from experiments.harness.records import load_record, point_id, write_record
-from experiments.launched import measure_launched
 from experiments.methods.aligned import ALIGNED, AlignedOptions
 from experiments.methods.peers.embreex_run import EMBREEX
 from experiments.methods.pixel import PIXEL, PixelOptions
@@ -203,26 +202,6 @@ def test_a_point_skipped_for_want_of_a_library_is_measured_when_the_library_is_t
     assert sweep(True) == ({"aligned": "ok", "pixel": "ok"}, ["aligned"])
 
 
-def test_workers_of_a_sweep_and_of_its_launched_jobs_share_its_folder_of_bytecode(tmp_path, monkeypatch):
-    shared = []
-
-    def run(point, results):
-        shared.append((results, (results / ".bytecode").is_dir()))
-        return Runner()(point)
-
-    def launch(jobs, ended):
-        measure_launched(configuration(tmp_path, split_x=2))
-        ended(0, None)
-
-    for module in ("sweep", "launched"):
-        monkeypatch.setattr(f"experiments.{module}.run_worker", run)
-    monkeypatch.setattr("experiments.harness.processes.bytecode._is_beside_sources", lambda: False)
-    run_sweep([GridPoint("a", configuration(tmp_path))])
-    run_sweep([GridPoint("a", configuration(tmp_path, split_x=2))], launch=launch)
-    assert shared == [(tmp_path, True)] * 2
-    assert not (tmp_path / ".bytecode").exists()
-
-
 def test_the_memory_budget_is_a_share_of_what_is_free_or_what_is_said(monkeypatch):
     free = virtual_memory()
     monkeypatch.setattr(psutil, "virtual_memory", lambda: free._replace(available=24 * 2**30))
@@ -272,6 +251,47 @@ def test_a_peer_that_does_not_tell_its_memory_is_no_reason_to_stop(tmp_path):
     assert list(run_sweep([memory], run=run)["rss_bytes"]) == [9]
 
 
+def test_a_single_point_leaves_the_record_of_a_sweep_as_it_is(tmp_path, monkeypatch, capsys):
+    one = configuration(tmp_path)
+    monkeypatch.setattr("experiments.commands.single.measure", lambda planned: measure(planned, Runner()))
+    run_single_point(one)
+    of_a_sweep = load_record(records_folder(one), printed_record(capsys).stem)
+    counted = replace(of_a_sweep, results=of_a_sweep.results | {"measured_again": 2})
+    kept = write_record(records_folder(one), counted)
+    before = kept.read_bytes()
+
+    class Slower(Runner):
+        def __call__(self, point):
+            return replace(super().__call__(point), samples={"own": [0.2] * 3, "rtcIntersect1": [0.1] * 3})
+
+    monkeypatch.setattr("experiments.commands.single.measure", lambda planned: measure(planned, Slower()))
+    run_single_point(one)
+    path = printed_record(capsys)
+    assert kept.read_bytes() == before
+    assert load_record(path.parent, path.stem).samples["own"] == [0.2] * 3
+
+
+def test_a_single_point_that_fails_leaves_the_record_of_a_sweep_and_one_that_succeeds_replaces_a_failure(
+    tmp_path, monkeypatch
+):
+    one = configuration(tmp_path)
+    outcomes = []
+    monkeypatch.setattr("experiments.commands.single.measure", lambda planned: measure(planned, outcomes.pop(0)))
+
+    def statuses():
+        return [load_record(path.parent, path.stem).status for path in records_folder(one).glob("*.json")]
+
+    outcomes += [Runner("failed"), Runner(), Runner("failed")]
+    with pytest.raises(SystemExit):
+        run_single_point(one)
+    assert statuses() == ["failed"]
+    run_single_point(one)
+    assert statuses() == ["ok"]
+    with pytest.raises(SystemExit):
+        run_single_point(one)
+    assert statuses() == ["ok"]
+
+
 class Predicted:
     """Stands in for the model: a frame takes as many seconds as there are cells."""
 
@@ -319,47 +339,6 @@ def test_a_point_of_which_the_model_knows_nothing_is_not_skipped(tmp_path, predi
 def test_a_limit_below_1_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"sweep\.skip_slower is 0\.5"):
         run_sweep(skipping(tmp_path, 0.5), run=Runner())
-
-
-def test_a_single_point_leaves_the_record_of_a_sweep_as_it_is(tmp_path, monkeypatch, capsys):
-    one = configuration(tmp_path)
-    monkeypatch.setattr("experiments.commands.single.measure", lambda planned: measure(planned, Runner()))
-    run_single_point(one)
-    of_a_sweep = load_record(records_folder(one), printed_record(capsys).stem)
-    counted = replace(of_a_sweep, results=of_a_sweep.results | {"measured_again": 2})
-    kept = write_record(records_folder(one), counted)
-    before = kept.read_bytes()
-
-    class Slower(Runner):
-        def __call__(self, point):
-            return replace(super().__call__(point), samples={"own": [0.2] * 3, "rtcIntersect1": [0.1] * 3})
-
-    monkeypatch.setattr("experiments.commands.single.measure", lambda planned: measure(planned, Slower()))
-    run_single_point(one)
-    path = printed_record(capsys)
-    assert kept.read_bytes() == before
-    assert load_record(path.parent, path.stem).samples["own"] == [0.2] * 3
-
-
-def test_a_single_point_that_fails_leaves_the_record_of_a_sweep_and_one_that_succeeds_replaces_a_failure(
-    tmp_path, monkeypatch
-):
-    one = configuration(tmp_path)
-    outcomes = []
-    monkeypatch.setattr("experiments.commands.single.measure", lambda planned: measure(planned, outcomes.pop(0)))
-
-    def statuses():
-        return [load_record(path.parent, path.stem).status for path in records_folder(one).glob("*.json")]
-
-    outcomes += [Runner("failed"), Runner(), Runner("failed")]
-    with pytest.raises(SystemExit):
-        run_single_point(one)
-    assert statuses() == ["failed"]
-    run_single_point(one)
-    assert statuses() == ["ok"]
-    with pytest.raises(SystemExit):
-        run_single_point(one)
-    assert statuses() == ["ok"]
 
 
 def printed_record(capsys):

@@ -144,9 +144,6 @@ def test_one_wrong_pixel_is_found_and_explained(fault: str, has_ids: bool, box: 
     assert said.startswith(f"({x}, {y}) {kind}: the image shows ")
     assert shown in said.split(", expected ")[0]
     assert f"triangle {image.prim_id[y, x]} at depth" in said.split(", expected ")[1]
-    colours = {"miss": (255, 0, 255), "depth": (230, 30, 30)}
-    assert tuple(found.picture()[y, x]) == colours[fault]
-    assert (found.picture() == colours[fault]).all(axis=-1).sum() == 1
 
 
 def test_depths_in_steps_are_right_within_half_a_step_and_no_farther(box: tuple[atra.Mesh, atra.Camera]) -> None:

@@ -35,7 +35,7 @@ def test_depth_of_a_tilted_plane_is_its_closed_form():
     hits = brute_force(Mesh(*quad((2.0, 6.0), half=4.0)), camera)
     # The plane is Z = 4 + X / 2, and X = Z dx.
     y, x = np.mgrid[0:16, 0:24]
-    direction = camera.directions(x, y)
+    direction = camera.rays(x, y)[1]
     expected = 4.0 / (1.0 - direction[..., 0] / 2.0)
     inside = (np.abs(expected * direction[..., 0]) < 4.0) & (np.abs(expected * direction[..., 1]) < 4.0)
     assert inside.any()

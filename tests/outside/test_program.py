@@ -51,6 +51,15 @@ def test_the_example_in_cpp_sees_what_single_rays_see_through_any_place_of_a_pix
     assert results["pixels_equal"] > 0.95 * 2 * 64 * 48
 
 
+def test_a_program_that_traces_the_first_rays_again_for_every_place_in_a_pixel_is_wrong(tmp_path):
+    example, path = (EXAMPLES / "trace.py").read_text(encoding="utf-8"), tmp_path / "trace.py"
+    reads = "        self.rays = np.fromfile"
+    path.write_text(example.replace(reads, f"        if not len(self.rays):\n    {reads}"), encoding="utf-8")
+    command = shlex.join([sys.executable, str(path)])
+    results = measured("program", "frame", options={"command": command}, size=(16, 12)).results
+    assert results["pixels_wrong"] > 16 * 12 / 2
+
+
 def test_its_own_clock_counts_for_frames_and_builds(compiled):
     got = measured("program", "frame", options={"command": compiled}, size=(64, 48))
     assert all(0.0 < one < 1.0 for one in got.samples["own"])

@@ -9,7 +9,6 @@ import pytest
 from experiments.drawing.style import TIMES
 from experiments.report.facts import compared_images, missing_points
 from experiments.results.table import make_table
-from experiments.workloads.frame.peers_figure import peers_figure
 from experiments.workloads.frame_figures import methods_figure
 from tests.command import run_here
 from tests.drawn import make_rows, method_row, unfolded, words
@@ -18,6 +17,7 @@ from tests.report_samples import small_table
 from tests.results.test_table import MEASURED
 
 METHOD = GOOD.replace("    def close", "        depth[WHERE] *= 2\n\n    def close")
+SAME_AGAIN = GOOD.replace("self.inner.trace(offset)", "self.inner.trace()")
 FILES = os.pathsep.join(["mistaken.py", "nearly.py"])
 TOY = ("scene=cornell_box", "width=64", "height=64", "measure.rounds=3", "measure.warmup=1", "measure.processes=1")
 
@@ -36,6 +36,13 @@ def test_a_point_whose_image_is_wrong_says_so_and_ends_with_an_error(files):
     assert "mistaken: wrong: 4,096 of 4,096 pixels wrong; " in done.stderr
     assert "the image is wrong: 4,096 of 4,096 pixels wrong" in done.stderr
     assert "4,096 of 4,096 pixels" in done.stdout
+
+
+def test_a_method_that_returns_its_first_image_for_every_place_in_a_pixel_is_wrong(tmp_path):
+    (tmp_path / "same_again.py").write_text(SAME_AGAIN, encoding="utf-8")
+    done = run_here(tmp_path, "method_file=same_again.py", *TOY)
+    assert done.returncode == 1
+    assert "same_again: wrong: " in done.stderr
 
 
 def test_a_few_wrong_pixels_are_told_and_are_no_failure(files):
@@ -69,14 +76,12 @@ def test_more_than_a_hundredth_of_the_pixels_is_a_wrong_image(wrong, status):
 WRONG = {"status": "wrong", "error": "4,096 of 4,096 pixels wrong", "pixels_wrong": 4096}
 
 
-@pytest.mark.parametrize("make", [methods_figure, peers_figure])
-def test_a_wrong_image_is_a_cross_and_a_note_in_figures_and_no_bar(make):
-    figure = make(make_rows(method_row("raster") | WRONG, method_row("aligned", 2)))
+def test_a_wrong_image_is_a_cross_and_a_note_in_figures_and_no_bar():
+    figure = methods_figure(make_rows(method_row("raster") | WRONG, method_row("aligned", 2)))
     assert f"{TIMES} rasteriser: wrong, 4,096 of 4,096 pixels wrong" in unfolded(figure)
     (panel,) = figure.panels
     assert len([bar for bar in panel.bars if bar.value > 0]) == 1
-    if make is methods_figure:
-        assert f"{TIMES} wrong image" in words(figure)
+    assert f"{TIMES} wrong image" in words(figure)
 
 
 def test_the_page_lists_it_and_counts_its_pixels():

@@ -525,7 +525,7 @@ def test_a_large_batch_is_ordered_by_where_rays_start_and_head_whoever_orders_it
 def test_packets_of_coherent_rays_go_together_and_others_do_not(width):
     mesh, camera = cornell_box(), cornell_camera(256, 256).crop(0, 100, 256, 16)
     y, x = np.divmod(np.arange(camera.width * camera.height), camera.width)
-    directions = camera.directions(x, y) @ camera.axes
+    directions = camera.rays(x, y)[1] @ camera.axes
     origins = np.broadcast_to(camera.eye, directions.shape)
     with scene_of(mesh, width) as scene:
         found = scene.intersect(origins, directions)

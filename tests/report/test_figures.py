@@ -16,15 +16,9 @@ from experiments.paper.figures import instancing_figure
 from experiments.report.writing import GRID_OF_FILES, figures_of
 from experiments.sweep import GridPoint, run_sweep
 from experiments.workloads.build.shown import build_figure
-from experiments.workloads.frame.break_even import break_even_figure
 from experiments.workloads.frame.grid_figure import grid_ratios, grid_times
-from experiments.workloads.frame.growth import growth_figure
-from experiments.workloads.frame.peers_figure import peers_figure
-from experiments.workloads.frame.threads_figure import threads_figure
 from experiments.workloads.frame_figures import methods_figure, split_ratios, split_times
 from experiments.workloads.memory.shown import memory_figure
-from experiments.workloads.moving.shown import moving_figure
-from experiments.workloads.multiframe.shown import multiframe_figure, stereo_figure
 from tests.drawn import (
     MIB,
     build_row,
@@ -40,7 +34,6 @@ from tests.drawn import (
     unfolded,
     words,
 )
-from tests.report.test_frame_figures import walk
 
 
 @pytest.mark.parametrize(("axis_name", "said"), [("split_x", "horizontal splits"), ("split_y", "vertical splits")])
@@ -149,14 +142,8 @@ INSTANCED = memory_row(2, 100, 102, 102, culling=False, geometry="instanced")
     ([*SPLITS, time_row(1, 0.01, split_y=2)], ["figure4", "figure4_speedup"]),
     ([*SPLITS, build_row(1, 0.1, 0.2), memory_row(1, 1, 2, 3)], [*FIGURE5, "figure6", "figure7"]),
     ([*SPLITS, INSTANCED], [*FIGURE5, "figure7_instancing"]),
-    ([time_row(2, 0.01), time_row(2, 0.01, method="tiles")], ["methods", "break_even"]),
-    ([time_row(2, 0.01), time_row(1, 0.01, method="embreex")], ["methods", "break_even", "peers"]),
-    ([time_row(2, 0.01), time_row(2, 0.01, threads=2)], ["threads"]),
-    ([time_row(8, 0.01, width=512), time_row(8, 0.02, width=1024)], ["growth"]),
-    # What no other figure fits.
-    ([method_row("pixel", scene="a"), method_row("pixel", scene="b")], ["rates"]),
-    ([method_row("pixel", packet_width=8), method_row("pixel", packet_width=16)], ["rates"]),
-    ([time_row(8, 0.01, view="own"), time_row(8, 0.02, view="above")], ["rates"]),
+    ([time_row(2, 0.01), time_row(2, 0.01, method="tiles")], ["methods"]),
+    ([time_row(2, 0.01), time_row(1, 0.01, method="embreex")], ["methods", "peers"]),
     ([time_row(2, 0.01)], []),
     ([skipped(row) for row in SPLITS], []),
     ([], []),
@@ -196,12 +183,6 @@ def test_an_unknown_figure_or_grid_is_refused_with_the_known_names_before_anythi
     assert list(tmp_path.iterdir()) == []
 
 
-def growth_to_larger_images(rows):
-    """Growth takes two sizes: each row is there again with four times the pixels."""
-    larger = rows.assign(width=2 * rows["width"], height=2 * rows["height"])
-    return growth_figure(pd.concat([rows, larger], ignore_index=True))
-
-
 ONE_ROW = {
     "split, times": (split_times, time_row(1, 0.08)),
     "split, ratios": (split_ratios, time_row(1, 0.08)),
@@ -212,13 +193,6 @@ ONE_ROW = {
     "instancing, memory": (instancing_figure, memory_row(1, 100, 110, 130)),
     "instancing, time": (instancing_figure, time_row(1, 0.08)),
     "methods": (methods_figure, method_row("visible_first", 4)),
-    "break even": (break_even_figure, method_row("visible_first", 4)),
-    "threads": (threads_figure, method_row("visible_first", 4)),
-    "peers": (peers_figure, method_row("visible_first", 4)),
-    "moving": (moving_figure, method_row("visible_first", 4, workload="moving", kept_packets_time_s=0.04)),
-    "growth": (growth_to_larger_images, method_row("visible_first", 4)),
-    "stereo": (stereo_figure, walk(2, 0.02) | {"motion": "eyes"}),
-    "multiframe": (multiframe_figure, walk(2, 0.02)),
 }
 LEFT = ["scene", "status", "method", "split_x", "split_y", "culling", "workload", "width", "height", "triangles"]
 

@@ -1,16 +1,11 @@
 """The figures that compare methods draw what the table says, on tables small enough to read."""
 
-import pytest
-
 from experiments import methods
 from experiments.commands.new_method import run_new_method
 from experiments.drawing.style import TIMES
 from experiments.drawing.values import say_number
-from experiments.workloads.frame.break_even import break_even_figure
-from experiments.workloads.frame.peers_figure import peers_figure
-from experiments.workloads.frame.threads_figure import threads_figure
 from experiments.workloads.frame_figures import methods_figure
-from tests.drawn import bars, level, line, make_rows, method_row, skipped, unfolded, whiskers, words
+from tests.drawn import bars, level, make_rows, method_row, skipped, unfolded, whiskers, words
 
 PIXEL = method_row("pixel", 1, 0.05, 1.0, plan_time_s=0.0, embree_bytes=2000, first_frame_time_s=0.06)
 
@@ -35,20 +30,18 @@ def test_the_methods_figure_draws_the_ratio_at_the_best_split_its_interval_the_t
     assert level(axis, "fastest packets per pixel") == 1
 
 
-@pytest.mark.parametrize("make", [methods_figure, break_even_figure])
-def test_a_method_of_a_file_stands_beside_ours_where_peers_do_not(make, tmp_path, monkeypatch):
+def test_a_method_of_a_file_stands_beside_ours_where_peers_do_not(tmp_path, monkeypatch):
     monkeypatch.setenv(methods.METHOD_FILES, "")
     monkeypatch.chdir(tmp_path)
     run_new_method(["theirs"])
     before = methods.METHODS[:]
     try:
         methods.use_method_file("theirs.py")
-        figure = make(make_rows(method_row("theirs"), method_row("embreex"), method_row("aligned", 2), PIXEL))
+        figure = methods_figure(make_rows(method_row("theirs"), method_row("embreex"), method_row("aligned", 2), PIXEL))
     finally:
         methods.METHODS[:] = before
-    said = words(figure) + "".join(line.label for panel in figure.panels for line in panel.lines)
-    assert "theirs" in said
-    assert "embreex" not in said
+    assert "theirs" in words(figure)
+    assert "embreex" not in words(figure)
 
 
 def test_a_method_without_a_time_keeps_its_place_and_its_reason():
@@ -61,95 +54,19 @@ def test_a_method_without_a_time_keeps_its_place_and_its_reason():
 
 
 def test_wrong_pixels_are_told_beside_the_panel():
-    for make in (methods_figure, peers_figure):
-        assert "1,234 pixels wrong" in words(make(make_rows(method_row("aligned", 2, pixels_wrong=1234))))
-        assert "wrong" not in words(make(make_rows(method_row("aligned", 2))))
+    assert "1,234 pixels wrong" in words(methods_figure(make_rows(method_row("aligned", 2, pixels_wrong=1234))))
+    assert "wrong" not in words(methods_figure(make_rows(method_row("aligned", 2))))
 
 
-def test_the_price_figure_draws_cumulative_seconds_marks_the_break_even_and_lists_the_parts():
-    aligned = method_row("aligned", 128, 0.02, 2.5, plan_time_s=0.03, build_time_s=0.1, first_frame_time_s=0.05)
-    figure = break_even_figure(make_rows(aligned, method_row("aligned", 64, 0.001, 1.0), PIXEL))
-    (axis,) = figure.panels
-    drawn, packets = line(axis, "aligned"), line(axis, "fastest packets per pixel")
-    assert (drawn[1], drawn[2], drawn[1000]) == (0.18, 0.2, 0.18 + 999 * 0.02)
-    assert (packets[1], packets[1000]) == (0.062, 0.062 + 999 * 0.05)
-    # 118 ms behind after the first frame, 30 ms gained with each further one: four of them are enough.
-    assert [(mark.x, mark.y) for mark in axis.marks] == [(5, pytest.approx(0.18 + 4 * 0.02))]
-    aligned, packets = axis.table
-    name = f"aligned, packets of 8, 128 {TIMES} 1"
-    assert aligned == (name, "30.0", "100", "50.0", "20.0", f"1.50{TIMES}", "frame 5")
-    assert packets[-2:] == (f"1.00{TIMES}", "-")
-
-
-def test_the_price_figure_draws_one_line_a_method_at_its_best_packet_width():
-    single = method_row("aligned", 256, 0.08, 0.5, packet_width=1)
-    figure = break_even_figure(make_rows(single, method_row("aligned", 128, 0.02, 2.5), PIXEL))
-    assert line(figure.panels[0], "aligned")[2] == 0.053
-    assert f"aligned, packets of 8, 128 {TIMES} 1" in words(figure)
-    assert "single rays" not in words(figure)
-
-
-def test_the_price_figure_says_never_and_marks_nothing_for_a_method_that_stays_behind():
-    figure = break_even_figure(make_rows(method_row("tiles", 4, 0.06, 0.8), PIXEL))
-    assert "never" in words(figure)
-    assert not figure.panels[0].marks
-
-
-def test_the_price_figure_without_a_baseline_draws_the_methods_and_says_what_is_missing():
-    table = make_rows(method_row("aligned", 2), method_row("tiles", 2, first_frame_time_s=None))
-    figure = break_even_figure(table)
-    assert line(figure.panels[0], "aligned")[1] == 0.033
-    said = unfolded(figure)
-    assert f"{TIMES} culled tiles: plan, build or first frame not measured" in said
-    assert f"{TIMES} fastest packets per pixel: not measured in full, so no break-even" in said
-
-
-def test_the_threads_figure_divides_the_time_on_one_thread_and_combines_the_intervals_conservatively():
-    table = make_rows(
-        method_row("aligned", 128, 0.08, 2.0),
-        method_row("aligned", 64, 0.01, 1.0),
-        method_row("aligned", 64, 0.001, 9.0, threads=2),  # another split than the best on one thread
-        method_row("aligned", 128, 0.05, 2.0, threads=2),
-        method_row("aligned", 128, 0.02, 2.0, threads=4),
-        skipped(method_row("aligned", 128, threads=8)),
-    )
-    figure = threads_figure(table)
-    (axis,) = figure.panels
-    assert line(axis, "aligned, packets of 8") == {1: 1, 2: 1.6, 4: 4}
-    assert line(axis, "ideal") == {1: 1, 4: 4}
-    # Intervals are half and twice the time: 1 / 4 and 4 times the ratio.
-    low, high = axis.lines[0].interval
-    assert (list(low), list(high)) == (pytest.approx([1, 0.4, 1]), pytest.approx([1, 6.4, 16]))
-    assert (f"aligned, packets of 8, 128 {TIMES} 1", f"4.00{TIMES} [1.00, 16.00]") in axis.table
-    assert f"aligned, packets of 8, threads 8, 128 {TIMES} 1: skipped, needs more memory" in unfolded(figure)
-
-
-def test_a_series_without_a_time_on_one_thread_is_named_and_not_drawn():
-    figure = threads_figure(make_rows(method_row("tiles", 2, threads=2), method_row("aligned", 2)))
-    assert f"{TIMES} culled tiles, packets of 8: nothing to compare with on one thread" in unfolded(figure)
-    assert "culled tiles, packets of 8" not in [one.label for one in figure.panels[0].lines]
-
-
-def test_the_peers_figure_sorts_by_rays_a_second_and_lists_who_is_missing_once():
+def test_the_peers_figure_has_a_bar_for_every_tracer_and_a_reason_for_one_that_is_missing():
     rows = [
         method_row("embreex", 1, 0.2, 0.25, packet_width=None),
         method_row("aligned", 128, 0.02, 2.5),
-        method_row("aligned", 64, 0.01, 2.0),
-        PIXEL,
         skipped(method_row("open3d"), "open3d is not installed; pip install open3d, and Debian's libusb-1.0-0, libgl1"),
     ]
-    both = [row | {"scene": scene} for scene in ("box", "ball") for row in rows]
-    figure = peers_figure(make_rows(*both, skipped(method_row("tiles", 4, split_y=4, scene="ball"))))
-    for axis in figure.panels:
-        assert list(bars(axis).items()) == [
-            (f"aligned, packets of 8, 128 {TIMES} 1", 50), ("packets of 8 per pixel", 20), ("embreex", 5),
-        ]  # fmt: skip
-        assert whiskers(axis)[0] == [25, 100]
-    reason = "skipped, open3d is not installed; pip install open3d, and Debian's libusb-1.0-0, libgl1"
-    assert "".join(figure.notes).count("Open3D") == 1
-    assert f"{TIMES} Open3D: {reason}" in unfolded(figure)
-    needs = "needs 9 GiB, more than the memory budget of 4 GiB"
-    assert f"{TIMES} culled tiles, packets of 8, 4 {TIMES} 4: skipped, {needs} (ball)" in unfolded(figure)
+    figure = methods_figure(make_rows(*rows), with_peers=True)
+    assert bars(figure.panels[0]) == {f"aligned, packets of 8, 128 {TIMES} 1": 2.5, "embreex": 0.25}
+    assert f"{TIMES} Open3D: skipped, open3d is not installed" in unfolded(figure)
 
 
 def test_numbers_are_said_with_three_digits():

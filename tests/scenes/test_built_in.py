@@ -58,7 +58,7 @@ def crossings(mesh, camera):
     volume = np.einsum("ij,ij->i", a, np.cross(b, c))
     x, y = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
     counts = []
-    for direction in camera.directions(x.ravel(), y.ravel()):
+    for direction in camera.rays(x.ravel(), y.ravel())[1]:
         sides = (planes @ direction).reshape(3, -1)
         inside = (sides > 0).all(axis=0) | (sides < 0).all(axis=0)
         counts.append(np.count_nonzero(volume[inside] * sides[0, inside] > 0))

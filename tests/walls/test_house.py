@@ -265,7 +265,7 @@ def test_no_file_compares_with_the_name_of_a_method_or_workload_but_its_own():
     "find_method('aligned')",
     "DRAW = {'frame': draw_frame, 'build': draw_build}",
     "OURS = ('aligned', 'tiles')",
-    "match name:\n case 'moving': pass",
+    "match name:\n case 'gather': pass",
 ])  # fmt: skip
 def test_a_comparison_with_a_name_is_found_and_a_word_that_only_looks_like_one_is_left_alone(source):
     assert list(compared_names(source))

@@ -22,7 +22,7 @@ from experiments.light.bake.measure import lamps
 from experiments.light.bake.mitsuba import adaptive_bias
 from experiments.light.bake.shown import CLAIMS_FILE, FIGURES
 from experiments.light.bake_rays.shown import CLAIMS as PREDICTIONS
-from experiments.methods.peers.mitsuba_light import load_mitsuba
+from experiments.light.mitsuba_light import load_mitsuba
 from experiments.results.claims import (
     DOES_NOT_HOLD,
     HOLDS,

@@ -7,9 +7,9 @@ import pytest
 
 import atra
 import experiments.workloads.agreement.oracle as oracle
-from atra.judge.compare import Agreement, Verdict, compare
+from atra.judge.compare import Verdict
 from atra.prim_ids import MISS
-from experiments.workloads.agreement.oracle import Correctness, examine, nearest_hits, sample_pixels
+from experiments.workloads.agreement.oracle import examine, nearest_hits, sample_pixels
 from scenes.cornell_box import cornell_box
 from tests.judge.reference import brute_force
 from tests.meshes import EYE_AT_ORIGIN, cornell_camera, quads, random_triangles
@@ -44,10 +44,6 @@ def changed(image, prim_id=None, depth=None):
     return replace(image, prim_id=prim_ids, depth=depths)
 
 
-def examined(mesh, hits, reference, sample=None):
-    return examine(mesh, CAMERA, hits, reference, compare(hits, reference), sample)
-
-
 @pytest.mark.parametrize(("offset", "threads"), [((0.5, 0.5), 1), ((0.0, 0.0), 1), ((0.25, 0.75), 2)])
 def test_the_oracle_finds_exactly_the_hits_of_brute_force(offset, threads):
     around = atra.Camera(**EYE_AT_ORIGIN, fov_y_degrees=130.0, width=37, height=23)
@@ -67,7 +63,6 @@ def test_the_oracle_finds_no_hit_on_triangles_without_area_edge_on_or_behind_the
     mesh = atra.Mesh(vertices, [(0, 1, 2), (0, 0, 1), (0, 3, 4), (5, 6, 7)])
     found = nearest_hits(mesh, CAMERA, np.array([4]), np.array([3]), (0.0, 0.0))
     assert (found.prim_id[0], found.depth[0]) == (MISS, np.inf)
-    assert np.isnan(found.edge_distance[0])
 
 
 def test_a_lone_ray_through_an_edge_or_a_corner_is_not_lost():
@@ -89,47 +84,45 @@ def test_the_oracle_finds_no_hit_on_a_triangle_flattened_by_rounding_only():
         assert (nearest_hits(mesh, camera, x, y).prim_id == MISS).all()
 
 
-RIGHT, WRONG_TRIANGLE, WRONG_DEPTH = Correctness.RIGHT, Correctness.WRONG_TRIANGLE, Correctness.WRONG_DEPTH
-LACKS = Correctness.HOLE
+RIGHT, WRONG, LACKS = (False, False), (True, False), (True, True)
+"""Whether an answer is wrong, and whether it is a hole."""
 TRUE, HOLE, HIDDEN, OFF = (), (MISS, np.inf), (FAR, 3.0), (None, 2.1)
-# The ray meets the plane at (-1, -1/3): the diagonal of a square 8 wide is 1/12 of it away, the square beside 17/8.
-INSIDE, ASIDE = pytest.approx(1 / 12), pytest.approx(17 / 8)
 
 
-@pytest.mark.parametrize(("hits", "reference", "correctness", "off_by"), [
-    (HIDDEN, TRUE, (LACKS, RIGHT), (INSIDE, 0.0)), (TRUE, HOLE, (RIGHT, LACKS), (0.0, INSIDE)),
-    (HOLE, HIDDEN, (LACKS, LACKS), (INSIDE, INSIDE)), ((BESIDE, 2.0), TRUE, (WRONG_TRIANGLE, RIGHT), (ASIDE, 0.0)),
-    (OFF, TRUE, (WRONG_DEPTH, RIGHT), None), (TRUE, OFF, (RIGHT, WRONG_DEPTH), None),
+def judged(answer):
+    return list(zip(answer.wrong.tolist(), answer.holes.tolist(), strict=True))
+
+
+@pytest.mark.parametrize(("hits", "reference", "expected"), [
+    (HIDDEN, TRUE, (LACKS, RIGHT)), (TRUE, HOLE, (RIGHT, LACKS)), (HOLE, HIDDEN, (LACKS, LACKS)),
+    ((BESIDE, 2.0), TRUE, (WRONG, RIGHT)), (OFF, TRUE, (WRONG, RIGHT)), (TRUE, OFF, (RIGHT, WRONG)),
 ])  # fmt: skip
-def test_a_wrong_pixel_is_blamed_on_the_image_that_is_wrong_and_how_far(
-    mesh, truth, hits, reference, correctness, off_by
-):
-    got = examined(mesh, changed(truth, *hits), changed(truth, *reference))
-    assert ([(got.x[0], got.y[0])], list(got.verdict)) == ([PIXEL], [Verdict.WRONG])
-    assert got.truth.exhaustive.all()
+def test_a_wrong_pixel_is_blamed_on_the_image_that_is_wrong(truth, hits, reference, expected):
+    got = examine(changed(truth, *hits), changed(truth, *reference))
+    x, y = PIXEL
+    assert (list(got.pixels), list(got.disputed)) == ([y * CAMERA.width + x], [True])
+    assert got.agreement.verdict[y, x] == Verdict.WRONG
     assert (got.truth.prim_id[0], got.truth.depth[0]) == (NEAR, 2.0)
-    assert (*got.hits.correctness, *got.reference.correctness) == correctness
-    assert (*got.hits.wrong, *got.reference.wrong) == tuple(one != RIGHT for one in correctness)
-    assert off_by is None or (*got.hits.off_by, *got.reference.off_by) == off_by
+    assert (*judged(got.hits), *judged(got.reference)) == expected
 
 
-def test_nobody_is_wrong_about_equally_deep_triangles(mesh, truth):
-    found = examined(mesh, changed(truth, NEAR_TWIN), truth)
-    assert list(found.verdict) == [Verdict.TIED]
-    assert (*found.hits.correctness, *found.reference.correctness) == (Correctness.TIED, RIGHT)
+def test_nobody_is_wrong_about_equally_deep_triangles(truth):
+    found = examine(changed(truth, NEAR_TWIN), truth)
+    assert found.agreement.pixels_tied == 1
+    assert (judged(found.hits), judged(found.reference)) == ([RIGHT], [RIGHT])
 
 
-def test_the_sample_finds_where_both_images_are_wrong_alike(mesh, truth):
+def test_the_sample_finds_where_both_images_are_wrong_alike(truth):
     alike = changed(truth, FAR, 3.0)
-    assert len(examined(mesh, alike, alike).x) == 0
+    assert len(examine(alike, alike).pixels) == 0
     x, y = PIXEL
     pixel, another = y * CAMERA.width + x, 7
-    twice = examined(mesh, alike, truth, np.array([pixel]))  # disputed and sampled: examined once
+    twice = examine(alike, truth, np.array([pixel]))  # disputed and sampled: examined once
     assert (list(twice.sampled), list(twice.disputed)) == ([True], [True])
-    found = examined(mesh, alike, alike, np.array([pixel, another]))
+    found = examine(alike, alike, np.array([pixel, another]))
     assert not found.disputed.any()
     assert found.sampled.all()
-    assert list(found.y * CAMERA.width + found.x) == sorted([pixel, another])
+    assert list(found.pixels) == sorted([pixel, another])
     assert list(found.hits.wrong) == list(found.reference.wrong) == [False, True]
 
 
@@ -143,19 +136,11 @@ def test_a_sample_is_distinct_pixels_of_the_image_the_same_for_the_same_seed():
     assert sorted(sample_pixels(CAMERA, 1000, [1])) == list(range(8 * 6))
 
 
-def test_where_too_many_pixels_disagree_the_nearer_confirmed_answer_is_the_truth(mesh, truth, monkeypatch):
+def test_where_too_many_pixels_disagree_the_nearer_confirmed_answer_is_the_truth(truth, monkeypatch):
     monkeypatch.setattr(oracle, "EXHAUSTIVE_TESTS", 0)
-    found = examined(mesh, changed(truth, FAR, 3.0), changed(truth, BESIDE, 2.0), np.array([0]))
-    disputed = found.disputed
-    assert list(found.truth.exhaustive) == [True, False]
-    assert (found.truth.prim_id[disputed], found.truth.depth[disputed]) == (FAR, 3.0)
-    assert (found.hits.correctness[disputed], found.reference.correctness[disputed]) == (
-        Correctness.RIGHT, Correctness.WRONG_TRIANGLE,
-    )  # fmt: skip
-    twins = examined(mesh, changed(truth, NEAR_TWIN), truth)
+    found = examine(changed(truth, FAR, 3.0), changed(truth, BESIDE, 2.0), np.array([0]))
+    assert list(found.disputed) == [False, True]
+    assert (found.truth.prim_id[1], found.truth.depth[1]) == (FAR, 3.0)
+    assert (judged(found.hits)[1], judged(found.reference)[1]) == (RIGHT, WRONG)
+    twins = examine(changed(truth, NEAR_TWIN), truth)
     assert list(twins.truth.prim_id) == [NEAR]
-
-
-def test_an_agreement_of_another_size_is_refused(mesh, truth):
-    with pytest.raises(atra.InputError, match=r"agreement is of an image of \(2, 2\), the camera's is \(6, 8\)"):
-        examine(mesh, CAMERA, truth, truth, Agreement(np.zeros((2, 2), np.uint8)))

@@ -10,9 +10,9 @@ from atra.geometry.camera import Camera
 from atra.light import Emissive, Metal, PathRenderer
 from experiments.harness.processes.worker import measure_point
 from experiments.harness.records import Record
+from experiments.light.mitsuba_light import check_llvm
 from experiments.light.render import RENDER, STAGES, RenderOptions, outside_embree
 from experiments.methods import find_method
-from experiments.methods.peers.mitsuba_light import check_llvm
 from experiments.workloads.baselines import PACKETS
 from experiments.workloads.rounds import expert_packet_widths
 from scenes.built_in import BUILT_IN, make_scene
@@ -32,7 +32,6 @@ def planned(method="raster", scene=None, **options):
 @pytest.mark.parametrize(("options", "stages"), [
     ({}, {"primary", "surfaces", "generate", "shadow", "occlusion", "accumulate", "other"}),
     ({"frame": "path"}, {"primary", "depth_first", "other"}),
-    ({"frame": "path", "order": "waves"}, {"primary", "generate", "trace", "compact", "connect", "shade", "other"}),
 ])  # fmt: skip
 def test_a_point_has_pictures_by_each_primary_visibility_and_their_stages(options, stages):
     found = measure_point(planned(**options).point)

@@ -43,6 +43,11 @@ def read_bop(
     Notes
     -----
     Source: BOP toolkit, "Format of the BOP datasets".
+
+    Examples
+    --------
+    >>> import atra
+    >>> cameras = atra.read_bop("test/000001/scene_camera.json", size=(640, 480))  # doctest: +SKIP
     """
     path = Path(path)
     images, width, height = read_json(path), *(size or image_size(path))

@@ -67,6 +67,11 @@ def read_calibration(
     InputError
         Naming file and value, for missing or broken values, unknown distortion models, and a YAML file where the
         package PyYAML is missing.
+
+    Examples
+    --------
+    >>> import atra
+    >>> camera, = atra.read_calibration("camera.yaml").values()  # doctest: +SKIP
     """
     path = Path(path)
     content = read_file(path)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache, partial
 from math import hypot
 from os import PathLike
@@ -13,8 +13,7 @@ from typing import Any
 from atra.errors import InputError
 from atra.files.cameras.entries import Broken, Cameras, entry, number, pixels, read_entries, read_file
 from atra.files.cameras.lens_models import CAMERA_MODELS, sensor_of
-from atra.files.rotation import rotation_of_quaternion
-from atra.geometry.calibration import pose_of
+from atra.geometry.calibration import pose_of, rotation_of_quaternion
 from atra.geometry.camera import CalibratedCamera, LensCamera, camera_of
 from atra.geometry.image_plane import ImagePlane
 from atra.geometry.lenses.models import Lens
@@ -26,11 +25,10 @@ _TWO_LINES = "every image has two lines, the second of which may be empty"
 
 _COUNT, _CAMERA, _IMAGE, _POINT_BYTES = Struct("<Q"), Struct("<IiQQ"), Struct("<I7dI"), 24
 
-
-_Sensor = tuple[int, str, Any, Any, tuple[Any, ...]]
+_Sensor = tuple[int, str, Any, Any, Sequence[Any]]
 """Number, model, width, height and parameters of a camera; what should be a number may be a word."""
 
-_Image = tuple[Any, tuple[Any, ...], Any, str]
+_Image = tuple[Any, Sequence[Any], Any, str]
 """Number, pose, camera and name of an image. The pose: a quaternion (w, x, y, z) and a translation, world to camera in
 OpenCV's axes. Numbers as for `_Sensor`."""
 
@@ -64,15 +62,21 @@ def read_colmap(
     Notes
     -----
     Source: COLMAP's documentation, "Output Format".
+
+    Examples
+    --------
+    >>> import atra
+    >>> cameras = atra.read_colmap("sparse/0")  # doctest: +SKIP
+    >>> sorted(cameras)[0]  # doctest: +SKIP
+    'frame_0001.jpg'
     """
     pairs = ((Path(folder) / f"cameras{suffix}", Path(folder) / f"images{suffix}") for suffix in (".bin", ".txt"))
     files = next((pair for pair in pairs if all(path.is_file() for path in pair)), None)
     if files is None:
         raise InputError(f"{folder} is no COLMAP model, expected cameras.bin and images.bin, or both as .txt, in it")
     is_text = files[0].suffix == ".txt"
-    read_sensors, read_images = (_text_sensors, _text_images) if is_text else (_binary_sensors, _binary_images)
     sensors = dict[Any, _Sensor]()
-    for one in read_sensors(files[0]):
+    for one in (_text_sensors if is_text else _binary_sensors)(files[0]):
         if one[0] in sensors:
             raise InputError(f"{files[0]}: camera {one[0]} is there twice")
         sensors[one[0]] = one
@@ -86,19 +90,19 @@ def read_colmap(
             size = pixels("its width", width), pixels("its height", height)
             return *sensor_of(model, parameters), *size
 
-    def placed(pose: tuple[Any, ...], camera_id: Any) -> CalibratedCamera | LensCamera:
+    def placed(pose: Sequence[Any], camera_id: Any) -> CalibratedCamera | LensCamera:
         lens, plane, width, height = sensor(camera_id)
         translation = [number("a translation", value) for value in pose[4:]]
         quaternion = [number("a part of its rotation", part) for part in pose[:4]]
         length = hypot(*quaternion)
         if not abs(length - 1.0) <= UNIT_TOLERANCE:
-            raise InputError(f"its rotation {pose[:4]} has length {length:g}, expected a unit quaternion")
+            raise InputError(f"its rotation {tuple(pose[:4])} has length {length:g}, expected a unit quaternion")
         eye, axes = pose_of(rotation_of_quaternion(*(part / length for part in quaternion)), translation)
         return camera_of(lens, eye, axes, plane, width, height)
 
     images = (
         (name, f"image {image_id} ({name!r})", partial(placed, pose, camera_id))
-        for image_id, pose, camera_id, name in read_images(files[1])
+        for image_id, pose, camera_id, name in (_text_images if is_text else _binary_images)(files[1])
     )
     return read_entries(files, "image", images, broken, memory_per_byte)
 
@@ -113,7 +117,7 @@ def _text_sensors(path: Path) -> Iterator[_Sensor]:
             camera_id, width, height, *parameters = (_value(word) for word in (words[0], *words[2:]))
             if not isinstance(camera_id, int):
                 raise InputError(f"{where} starts with {words[0]!r}, expected a whole number")
-            yield camera_id, words[1], width, height, tuple(parameters)
+            yield camera_id, words[1], width, height, parameters
 
 
 def _text_images(path: Path) -> Iterator[_Image]:
@@ -127,7 +131,7 @@ def _text_images(path: Path) -> Iterator[_Image]:
             if len(words) < 10:
                 raise InputError(f"{where} IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME; {_TWO_LINES}")
             image_id, *pose, camera_id = (_value(word) for word in words[:9])
-            yield image_id, tuple(pose), camera_id, " ".join(words[9:])
+            yield image_id, pose, camera_id, " ".join(words[9:])
         is_points = bool(words) and not is_points
 
 
@@ -175,7 +179,7 @@ def _binary_images(path: Path) -> Iterator[_Image]:
         (points,) = file.take(_COUNT, what)
         file.skip(points * _POINT_BYTES, what)
         try:
-            yield image_id, tuple(pose), camera_id, name[:-1].decode("utf-8")
+            yield image_id, pose, camera_id, name[:-1].decode("utf-8")
         except UnicodeDecodeError as error:
             raise InputError(f"{path}, {what}: its name is no UTF-8 text: {error}") from None
 

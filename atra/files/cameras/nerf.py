@@ -65,6 +65,11 @@ def read_transforms(
     InputError
         Naming file, frame and value, for missing or broken values and unknown models; with `broken` only if the file
         or all frames are unusable.
+
+    Examples
+    --------
+    >>> import atra
+    >>> cameras = atra.read_transforms("transforms.json")  # doctest: +SKIP
     """
     path = Path(path)
     with entry(str(path)):

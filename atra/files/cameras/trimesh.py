@@ -25,6 +25,15 @@ def cameras_from_trimesh(scene: Any) -> Cameras:
     ------
     InputError
         For anything but a scene with a camera (trimesh would invent one) whose transform is a rotation.
+
+    Examples
+    --------
+    >>> import atra
+    >>> import trimesh
+    >>> scene = trimesh.creation.box().scene()
+    >>> camera = scene.camera  # trimesh makes one on demand
+    >>> len(atra.cameras_from_trimesh(scene))
+    1
     """
     if not hasattr(scene, "has_camera"):
         raise InputError(f"scene is {scene!r:.100}, expected a trimesh.Scene")

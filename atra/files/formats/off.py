@@ -32,7 +32,7 @@ def read_off_file(content: bytes, allowance: Allowance) -> MeshFile:
     if len(words.places) < count + face_count:
         promised = f"{count:,} vertices and {face_count:,} faces"
         raise InputError(f"it promises {promised}, but has {len(words.places):,} lines of them; it seems cut short")
-    vertices = words.triples(words.firsts[:count], 0, words.firsts[1 : count + 1], "is no vertex of three numbers")
+    vertices = words.rows(words.firsts[:count], 0, words.firsts[1 : count + 1], "is no vertex of three numbers")
     first = words.firsts[count : count + face_count]
     sizes, is_good = words.wholes(first)
     is_good &= (sizes >= 0) & (sizes < words.firsts[count + 1 : count + face_count + 1] - first)

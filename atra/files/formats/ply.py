@@ -26,7 +26,7 @@ _MOST_HEADER_BYTES = 1 << 20
 """Upper limit of a header's size, which has a few hundred bytes."""
 
 
-class Property(NamedTuple):
+class _Property(NamedTuple):
     """name, type of the values, and type of a list's length, None for a single value."""
 
     name: str
@@ -34,48 +34,40 @@ class Property(NamedTuple):
     length: np.dtype[Any] | None
 
 
-class Element(NamedTuple):
+class _Element(NamedTuple):
     """name, number of rows, and properties of a row."""
 
     name: str
     rows: int
-    properties: list[Property]
+    properties: list[_Property]
 
 
-class _Rows(NamedTuple):
-    """The rows of all elements. floats: bytes that hold them, read as floats. wholes: the same, read as whole numbers:
-    of a binary PLY the file, of a text its numbers, of eight bytes each."""
-
-    floats: NDArray[np.uint8]
-    wholes: NDArray[np.uint8]
-    is_big_endian: bool
-    allowance: Allowance
+_Polygons = tuple[NDArray[np.int64], NDArray[Any]]
+"""Number of corners (P,) of polygons, and the corners of all."""
 
 
 def read_ply_file(content: bytes, allowance: Allowance) -> MeshFile:
     """The faces of a PLY, in their order. Raises InputError for a file that promises more than it holds."""
     order, elements, at = _header(content)
-    whole = np.frombuffer(content, np.uint8)
-    rows = _Rows(whole, whole, order == ">", allowance)
-    if order == "":
-        rows, at = _numbers(content, at, allowance), 0
+    rows = _Rows(content, order, at, allowance)
     vertices: NDArray[np.floating] = np.empty((0, 3))
-    faces = None
+    faces: _Polygons | None = None
     notes = []
     for element in elements:
         if element.name == "vertex" and not any(one.length for one in element.properties):
-            vertices, at = _vertices(rows, at, element)
+            vertices = rows.vertices(element)
         elif element.name in ("face", "tristrips") and element.rows and element.properties:
             if faces is not None:
                 raise InputError("it has faces beside tristrips, expected one of both; export faces alone")
-            faces, at = _faces(rows, at, element)
+            faces = rows.polygons(element)
             if element.name == "tristrips":
                 faces = _of_strips(*faces, allowance)
         else:
-            _, at = _lists(rows, at, element, -1) if element.properties else (None, at)
+            if element.properties:
+                rows.lists(element, -1)
             if element.name not in ("vertex", "face") and element.rows:
                 notes.append(f"{element.rows:,} rows of the element {element.name} are left out")
-    left = len(rows.floats) - at
+    left = len(rows.floats) - rows.at
     if left and order == "":
         raise InputError(f"its rows hold {left // 8:,} numbers more than its header says")
     if left:
@@ -86,12 +78,12 @@ def read_ply_file(content: bytes, allowance: Allowance) -> MeshFile:
     return MeshFile([part], notes=tuple(notes + more))
 
 
-def _header(content: bytes) -> tuple[str, list[Element], int]:
+def _header(content: bytes) -> tuple[str, list[_Element], int]:
     """NumPy's sign of the order of bytes, "" for text; the elements; and the place behind the header.
 
     The numbers of a text are of eight bytes each, floats for vertices and else whole numbers.
     """
-    order, elements, at = None, list[Element](), 0
+    order, elements, at = None, list[_Element](), 0
     while at < min(len(content), _MOST_HEADER_BYTES):
         end = min((place for sign in b"\r\n" if (place := content.find(sign, at)) >= 0), default=len(content))
         words, first = content[at:end].decode(errors="replace").split(), at == 0
@@ -106,13 +98,13 @@ def _header(content: bytes) -> tuple[str, list[Element], int]:
             case ["format", kind, _] if kind in _ORDERS and not elements:
                 order = _ORDERS[kind]
             case ["element", name, count] if count.isdecimal() and len(count) < 19:
-                elements.append(Element(name, int(count), []))
+                elements.append(_Element(name, int(count), []))
             case ["property", *lengths, values, name] if elements and values in _TYPES and _are_lengths(lengths):
                 kinds = [_TYPES[one] for one in (values, *lengths[1:])]
                 if order == "":
                     kinds = ["f8" if elements[-1].name == "vertex" else "i8"] * len(kinds)
                 own, *of_length = (np.dtype((order or "<") + kind) for kind in kinds)
-                elements[-1].properties.append(Property(name, own, of_length[0] if of_length else None))
+                elements[-1].properties.append(_Property(name, own, of_length[0] if of_length else None))
             case [] | ["ply"] | ["comment" | "obj_info", *_]:
                 pass
             case _:
@@ -125,104 +117,98 @@ def _are_lengths(words: list[str]) -> bool:
     return not words or (words[0] == "list" and len(words) == 2 and words[1] in _LENGTHS)
 
 
-def _numbers(content: bytes, at: int, allowance: Allowance) -> _Rows:
-    """All numbers after the header of a text; those that are not whole are -1 among the whole ones."""
-    words = split_text(content, allowance, at)
-    whole, is_whole = words.wholes(slice(None))
-    if words.codes.any():
-        raise InputError(f"{words.line(int((words.codes != 0).argmax()))} holds what is no number")
-    whole[~is_whole] = -1
-    floats, wholes = words.values.astype("<f8").view(np.uint8), whole.astype("<i8").view(np.uint8)
-    wholes.setflags(write=False)  # as the bytes of a file, for which the kernel is compiled
-    return _Rows(floats, wholes, False, allowance)
+class _Rows:
+    """The rows of all elements, read one element after another. at: the place of the next one.
 
+    floats: bytes that hold the rows, read as floats. wholes: the same, read as whole numbers: of a binary PLY the file,
+    of a text all its numbers, of eight bytes each; those that are not whole are -1 among the whole ones.
+    """
 
-def _least_bytes(element: Element) -> int:
-    """Bytes of a row whose lists are empty."""
-    return sum((one.length or one.values).itemsize for one in element.properties)
+    def __init__(self, content: bytes, order: str, at: int, allowance: Allowance) -> None:
+        self.is_big_endian, self.allowance, self.at = order == ">", allowance, at
+        self.floats = self.wholes = np.frombuffer(content, np.uint8)
+        if order == "":
+            words = split_text(content, allowance, at)
+            whole, is_whole = words.wholes(slice(None))
+            if words.codes.any():
+                raise InputError(f"{words.line(int((words.codes != 0).argmax()))} holds what is no number")
+            whole[~is_whole] = -1
+            self.floats, self.wholes, self.at = words.values.view(np.uint8), whole.view(np.uint8), 0
+            self.wholes.setflags(write=False)  # as the bytes of a file, for which the kernel is compiled
 
+    def _check(self, element: _Element) -> int:
+        """Check that an element's rows fit what is left, however short their lists; returns the bytes of such a row."""
+        least = sum((one.length or one.values).itemsize for one in element.properties)
+        if element.rows * least > len(self.floats) - self.at:
+            raise InputError(
+                f"it promises {element.rows:,} rows of the element {element.name}, but ends before; it seems cut short"
+            )
+        check_rows(element.rows, self.allowance)
+        return least
 
-def _check(rows: _Rows, at: int, element: Element) -> None:
-    """Check that the rows of an element fit what is left, however short their lists."""
-    if element.rows * _least_bytes(element) > len(rows.floats) - at:
-        raise InputError(
-            f"it promises {element.rows:,} rows of the element {element.name}, but ends before; it seems cut short"
-        )
-    check_rows(element.rows, rows.allowance)
+    def vertices(self, element: _Element) -> NDArray[np.floating]:
+        """(V, 3) float64, or float32 where the file has that."""
+        names = [one.name for one in element.properties]
+        if not {"x", "y", "z"} <= set(names):
+            raise InputError(f"its vertices have {', '.join(names) or 'nothing'}, expected x, y and z")
+        step = self._check(element)
+        row = np.dtype([(str(k), one.values) for k, one in enumerate(element.properties)])
+        found = np.ndarray(element.rows, row, self.floats, self.at)
+        columns = [found[str(names.index(axis))] for axis in "xyz"]
+        is_single = all(one.dtype.str[1:] == "f4" for one in columns)
+        vertices = np.empty((element.rows, 3), np.float32 if is_single else np.float64)
+        for axis, column in enumerate(columns):
+            vertices[:, axis] = column
+        self.at += element.rows * step
+        return vertices
 
+    def polygons(self, element: _Element) -> _Polygons:
+        """The list of vertices of each row; read as fast as bytes where all lists are as long as the first."""
+        lists = [k for k, one in enumerate(element.properties) if one.length]
+        if not lists:
+            raise InputError("its faces have no list of vertices")
+        wanted = next((k for k in lists if element.properties[k].name in _FACES), lists[0])
+        _, values, length = element.properties[wanted]
+        if values.kind == "f":
+            raise InputError("its faces name vertices by numbers that are not whole")
+        least = self._check(element)
+        assert length is not None
+        first = self.at + sum(one.values.itemsize for one in element.properties[:wanted])
+        count = int(np.ndarray(1, length, self.wholes, first)[0]) if len(lists) == 1 else -1
+        step = least + count * values.itemsize
+        is_alike = count >= 0 and element.rows * step <= len(self.wholes) - self.at
+        if not is_alike or (np.ndarray(element.rows, length, self.wholes, first, (step,)) != count).any():
+            return self.lists(element, wanted)
+        check_rows(element.rows * max(1, count), self.allowance)
+        place, steps = first + length.itemsize, (step, values.itemsize)
+        corners = np.ndarray((element.rows, count), values, self.wholes, place, steps)
+        # Triangles keep the file's type of numbers; other polygons are cut as int64.
+        corners = corners.astype(values.newbyteorder("=") if count == 3 else np.int64)
+        self.at += element.rows * step
+        return np.broadcast_to(np.int64(count), element.rows), corners.ravel()
 
-def _vertices(rows: _Rows, at: int, element: Element) -> tuple[NDArray[np.floating], int]:
-    """(V, 3) float64, or float32 where the file has that, and the place behind them."""
-    names = [one.name for one in element.properties]
-    if not {"x", "y", "z"} <= set(names):
-        raise InputError(f"its vertices have {', '.join(names) or 'nothing'}, expected x, y and z")
-    _check(rows, at, element)
-    row = np.dtype([(str(k), one.values) for k, one in enumerate(element.properties)])
-    found = np.ndarray(element.rows, row, rows.floats, at)
-    columns = [found[str(names.index(axis))] for axis in "xyz"]
-    is_single = all(one.dtype.str[1:] == "f4" for one in columns)
-    vertices = np.empty((element.rows, 3), np.float32 if is_single else np.float64)
-    for axis, column in enumerate(columns):
-        vertices[:, axis] = column
-    return vertices, at + element.rows * row.itemsize
-
-
-_Polygons = tuple[NDArray[np.int64], NDArray[Any]]
-"""Number of corners (P,) of polygons, and the corners of all."""
-
-
-def _faces(rows: _Rows, at: int, element: Element) -> tuple[_Polygons, int]:
-    """The faces, and the place behind them."""
-    lists = [k for k, one in enumerate(element.properties) if one.length]
-    if not lists:
-        raise InputError("its faces have no list of vertices")
-    wanted = next((k for k in lists if element.properties[k].name in _FACES), lists[0])
-    if element.properties[wanted].values.kind == "f":
-        raise InputError("its faces name vertices by numbers that are not whole")
-    _check(rows, at, element)
-    return (len(lists) == 1 and _alike(rows, at, element, wanted)) or _lists(rows, at, element, wanted)
-
-
-def _alike(rows: _Rows, at: int, element: Element, wanted: int) -> tuple[_Polygons, int] | None:
-    """As `_lists` where each list is as long as in the first row, read as fast as bytes; None where they are not."""
-    _, values, length = element.properties[wanted]
-    assert length is not None
-    first = at + sum(one.values.itemsize for one in element.properties[:wanted])
-    count = int(np.ndarray(1, length, rows.wholes, first)[0])
-    step = _least_bytes(element) + count * values.itemsize
-    if count < 0 or element.rows * step > len(rows.wholes) - at:
-        return None
-    if (np.ndarray(element.rows, length, rows.wholes, first, (step,)) != count).any():
-        return None
-    check_rows(element.rows * max(1, count), rows.allowance)
-    corners = np.ndarray((element.rows, count), values, rows.wholes, first + length.itemsize, (step, values.itemsize))
-    # Triangles keep the file's type of numbers; other polygons are cut as int64.
-    corners = corners.astype(values.newbyteorder("=") if count == 3 else np.int64)
-    return (np.broadcast_to(np.int64(count), element.rows), corners.ravel()), at + element.rows * step
-
-
-def _lists(rows: _Rows, at: int, element: Element, wanted: int) -> tuple[_Polygons, int]:
-    """Lengths and values of the wanted list of each row, one behind the other, and the place behind the rows. wanted:
-    -1 for none."""
-    _check(rows, at, element)
-    lengths = [one.length or np.dtype("V0") for one in element.properties]
-    kinds = zip(lengths, (one.values for one in element.properties), strict=True)
-    table = np.array([(length.itemsize, length.kind == "i", of.itemsize) for length, of in kinds], np.int64)
-    given = rows.wholes, at, table, rows.is_big_endian, wanted
-    sizes = np.empty(element.rows, np.int64)
-    end, total, row = walk_rows(*given, sizes, np.empty(0, np.uint8))
-    if end < 0:
-        raise InputError(
-            f"it promises {element.rows:,} rows of the element {element.name}, but row {row} is broken or missing; it "
-            "seems cut short"
-        )
-    if wanted < 0:
-        return (sizes, sizes), end
-    check_rows(element.rows + total, rows.allowance)
-    kind = element.properties[wanted].values
-    values = np.empty(total * kind.itemsize, np.uint8)
-    walk_rows(*given, sizes, values)
-    return (sizes, values.view(kind).astype(np.int64)), end
+    def lists(self, element: _Element, wanted: int) -> _Polygons:
+        """Lengths and values of the wanted list of each row, one behind the other; wanted: -1 for none."""
+        self._check(element)
+        lengths = [one.length or np.dtype("V0") for one in element.properties]
+        kinds = zip(lengths, (one.values for one in element.properties), strict=True)
+        table = np.array([(length.itemsize, length.kind == "i", of.itemsize) for length, of in kinds], np.int64)
+        given = self.wholes, self.at, table, self.is_big_endian, wanted
+        sizes = np.empty(element.rows, np.int64)
+        end, total, row = walk_rows(*given, sizes, np.empty(0, np.uint8))
+        if end < 0:
+            raise InputError(
+                f"it promises {element.rows:,} rows of the element {element.name}, but row {row} is broken or missing; "
+                "it seems cut short"
+            )
+        self.at = end
+        if wanted < 0:
+            return sizes, sizes
+        check_rows(element.rows + total, self.allowance)
+        kind = element.properties[wanted].values
+        values = np.empty(total * kind.itemsize, np.uint8)
+        walk_rows(*given, sizes, values)
+        return sizes, values.view(kind).astype(np.int64)
 
 
 def _of_strips(

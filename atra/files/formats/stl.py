@@ -49,7 +49,7 @@ def _text_vertices(content: bytes, allowance: Allowance) -> NDArray[np.float64]:
     codes[ranges(firsts[:-1][is_solid] + 1, np.diff(firsts)[is_solid] - 1)] = 1  # names of solids
     at, begins = np.flatnonzero(codes == code_of("vertex")), codes == code_of("facet")
     check_rows(len(at) * 4 // 3, allowance)
-    vertices = words.triples(at, 1, len(codes), "is no vertex of three numbers")
+    vertices = words.rows(at, 1, len(codes), "is no vertex of three numbers")
     facets = np.flatnonzero(begins | (codes == code_of("endfacet")))
     is_whole = np.searchsorted(at, facets) == 3 * (np.cumsum(begins[facets]) - begins[facets])
     if not is_whole.all():

@@ -15,6 +15,7 @@ from atra.files.reading import Allowance
 _BYTES_PER_WORD = 40
 """Memory for a word: its value and code, and what is made of them."""
 
+_CONTINUED = re.compile(rb"\\(?:\r\n|\r|\n)")
 
 _AT_ONCE = 1 << 20
 """Words that are split at once; the memory is checked after each time."""
@@ -35,10 +36,11 @@ class Words(NamedTuple):
 
     values: (W,) float64, numbers. codes: (W,) uint64: 0 for a number, 1 for one before a slash, else `code_of` the
     word. firsts: (L + 1,) int64, the first word of each line that has one, and W. places: (L,) int64, where these
-    lines begin in the text.
+    lines begin in the text. joined: (B,) uint8, the text with blanks where a line is continued.
     """
 
     text: bytes
+    joined: NDArray[np.uint8]
     values: NDArray[np.float64]
     codes: NDArray[np.uint64]
     firsts: NDArray[np.int64]
@@ -55,18 +57,18 @@ class Words(NamedTuple):
     def word(self, word: int) -> str:
         """A word as it is written, for messages."""
         line = int(np.searchsorted(self.firsts, word, "right")) - 1
-        text = re.sub(rb"\\(?=[\r\n])", b" ", self.text[self.places[line] :])
+        text = _CONTINUED.sub(b" ", self.text[self.places[line] :])
         return text.split()[word - self.firsts[line]][:50].decode(errors="replace")
 
-    def triples(
-        self, named: NDArray[np.int64], skipped: int, ends: NDArray[np.int64] | int, message: str
+    def rows(
+        self, named: NDArray[np.int64], skipped: int, ends: NDArray[np.int64] | int, message: str, size: int = 3
     ) -> NDArray[np.float64]:
-        """(N, 3) float64, three numbers from each named word on, but so many skipped; they stand before `ends`.
+        """(N, size) float64, numbers from each named word on, but so many skipped; they stand before `ends`.
 
         Raises InputError for the first that are not there: the named word's line, and the message.
         """
-        at = named[:, None] + skipped + np.arange(3)
-        is_there = at[:, 2] < ends
+        at = named[:, None] + skipped + np.arange(size)
+        is_there = at[:, -1] < ends
         is_there &= (self.codes[np.minimum(at, len(self.codes) - 1)] == 0).all(axis=1)
         if not is_there.all():
             raise InputError(f"{self.line(int(named[is_there.argmin()]))} {message}")
@@ -81,8 +83,13 @@ class Words(NamedTuple):
 
 
 def split_text(text: bytes, allowance: Allowance, start: int = 0) -> Words:
-    """The words of a text from a place on; comments from a word that begins with # on are left out."""
-    given, at, is_new, words = np.frombuffer(text, np.uint8), start, True, 0
+    """The words of a text from a place on; comments from a word that begins with # on are left out.
+
+    A backslash at the end of a line continues it, as in an OBJ.
+    """
+    joined = _CONTINUED.sub(lambda end: b" " * len(end[0]), text) if b"\\" in text else text
+    given = np.frombuffer(joined, np.uint8)
+    at, is_new, words = start, True, 0
     size = min(len(text) // 2 + 1, _AT_ONCE)
     chunks: list[list[NDArray[Any]]]
     chunks = [[np.empty(0), np.empty(0, np.uint64), np.empty(0, np.int64), np.empty(0, np.int64)]]
@@ -93,4 +100,4 @@ def split_text(text: bytes, allowance: Allowance, start: int = 0) -> Words:
         words += count
         allowance.check(f"{words:,} words and more", words * _BYTES_PER_WORD)
     values, codes, firsts, places = (np.concatenate(one) for one in zip(*chunks, strict=True))
-    return Words(text, values, codes, np.append(firsts, words), places)
+    return Words(text, given, values, codes, np.append(firsts, words), places)

@@ -1,7 +1,6 @@
 """Words and numbers of a text, read from its bytes.
 
-A line ends at a line feed, a carriage return or the end of the text. Blanks are spaces, tabs, form feeds, and a
-backslash before the end of a line, as in an OBJ.
+A line ends at a line feed, a carriage return or the end of the text. Blanks are spaces, tabs and form feeds.
 """
 
 from __future__ import annotations
@@ -21,35 +20,17 @@ _LOW = np.array([float(power - Fraction(float(power))) for power in _POWERS])
 _SPLITTER = 134217729.0
 """2^27 + 1: halves a float64 (Veltkamp, Dekker)."""
 
-_NEW_LINE, _RETURN, _MINUS, _PLUS, _POINT, _SLASH, _HASH, _BACKSLASH = 10, 13, 45, 43, 46, 47, 35, 92
+_NEW_LINE, _RETURN, _MINUS, _PLUS, _POINT, _SLASH, _HASH = 10, 13, 45, 43, 46, 47, 35
 
 
 @njit
-def is_end(text, i):  # type: ignore[no-untyped-def]
+def is_line_end(text, i):  # type: ignore[no-untyped-def]
     return i >= len(text) or text[i] == _NEW_LINE or text[i] == _RETURN
 
 
 @njit
-def after_blanks(text, i):  # type: ignore[no-untyped-def]
-    """The next place that is not blank; a backslash at the end of a line continues it."""
-    while i < len(text):
-        sign = text[i]
-        if sign == 32 or sign == 9 or sign == 11 or sign == 12:
-            i += 1
-        elif sign == _BACKSLASH and i + 1 < len(text) and text[i + 1] == _NEW_LINE:
-            i += 2
-        elif sign == _BACKSLASH and i + 1 < len(text) and text[i + 1] == _RETURN:
-            i += 3 if i + 2 < len(text) and text[i + 2] == _NEW_LINE else 2
-        else:
-            break
-    return i
-
-
-@njit
 def is_word_end(text, i):  # type: ignore[no-untyped-def]
-    if i < len(text) and text[i] > 32 and text[i] != _BACKSLASH:
-        return False  # as most do
-    return is_end(text, i) or after_blanks(text, i) > i
+    return i >= len(text) or text[i] == 32 or 9 <= text[i] <= 13
 
 
 @njit
@@ -153,13 +134,12 @@ def split_words(text, start, is_new, values, codes, firsts, places):  # type: ig
     """
     i, words, lines = start, 0, 0
     while i < len(text) and words < len(values):
-        i = after_blanks(text, i)
-        if is_end(text, i):
-            i, is_new = i + 1, True
+        if is_word_end(text, i):
+            i, is_new = i + 1, is_new or is_line_end(text, i)
             continue
         if text[i] == _HASH:
-            while not is_end(text, i):
-                i = max(i + 1, after_blanks(text, i))  # a comment is continued, too
+            while not is_line_end(text, i):
+                i += 1
             continue
         if is_new:
             firsts[lines], places[lines] = words, i
@@ -175,3 +155,25 @@ def split_words(text, start, is_new, values, codes, firsts, places):  # type: ig
         words, is_new = words + 1, False
         i = after_word(text, max(i, after))
     return i, words, lines, is_new
+
+
+@kernel
+def corner_rest(text, places, sizes, rest):  # type: ignore[no-untyped-def]
+    """Whole numbers behind the slashes of corners, such as 5 and 3 of 1/5/3; 0 where there is none.
+
+    places: (P,) int64, where the lines of faces begin. sizes: (P,) int64, their corners. rest: (2, C) int64, written.
+    """
+    corner = 0
+    for line in range(len(places)):
+        i = after_word(text, places[line])
+        for _ in range(sizes[line]):
+            while i < len(text) and is_word_end(text, i):
+                i += 1
+            end = after_word(text, i)
+            for which in range(2):
+                while i < end and text[i] != _SLASH:
+                    i += 1
+                i = min(i + 1, end)
+                value, _, _ = number(text, i)
+                rest[which, corner] = np.int64(value) if i < end and abs(value) < 1e15 else 0
+            corner, i = corner + 1, end

@@ -12,7 +12,7 @@ from atra.errors import InputError
 from atra.files.gltf.numbers import Numbers
 from atra.files.gltf.tree import entry
 from atra.files.reading import Allowance
-from atra.files.rotation import rotation_of_quaternion
+from atra.geometry.calibration import rotation_of_quaternion
 
 _BYTES_PER_PLACE = 300
 

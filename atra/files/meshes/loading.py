@@ -56,6 +56,11 @@ def load_mesh(path: str | Path, *, scale: float = 1.0, memory_per_byte: float | 
     InputError
         Naming the path: missing, no regular file, an unknown format or one that needs a package, unreadable, cut
         short, without triangles, beyond memory_per_byte, or with values that `Mesh` refuses.
+
+    Examples
+    --------
+    >>> import atra
+    >>> mesh = atra.load_mesh("model.ply", scale=0.001)  # doctest: +SKIP
     """
     path, factor = Path(path).expanduser(), as_number(scale)
     if not (isfinite(factor) and factor > 0.0):
@@ -116,6 +121,13 @@ def load_face_sources(path: str | Path, *, memory_per_byte: float | None = None)
     ------
     InputError
         As `load_mesh`.
+
+    Examples
+    --------
+    >>> import atra
+    >>> sources = atra.load_face_sources("model.obj")  # doctest: +SKIP
+    >>> sources.materials[sources.material[0]]  # doctest: +SKIP
+    'steel'
     """
     found = read_mesh_file(Path(path).expanduser(), memory_per_byte)
     counts = [len(part.faces) for part in found.parts]

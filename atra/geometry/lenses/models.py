@@ -86,6 +86,15 @@ class OpenCVLens(Lens):
     Notes
     -----
     OpenCV's documentation, "Camera Calibration and 3D Reconstruction".
+
+    Examples
+    --------
+    >>> import atra
+    >>> import numpy as np
+    >>> K = [[90, 0, 32], [0, 90, 24], [0, 0, 1]]
+    >>> camera = atra.Camera.from_opencv(K, np.eye(3), (0, 0, 3), 64, 48, distortion=[-0.2, 0.05, 0, 0])
+    >>> camera.lens == atra.OpenCVLens(k1=-0.2, k2=0.05)
+    True
     """
 
     k1: float = 0.0
@@ -144,6 +153,12 @@ class FisheyeLens(Lens):
         Tangential.
     s1, s3 : float
         Thin prism along x and along y.
+
+    Examples
+    --------
+    >>> import atra
+    >>> atra.FisheyeLens.of([0.02, 0.003, 0.0, 0.0])
+    FisheyeLens(k1=0.02, k2=0.003, k3=0.0, k4=0.0, p1=0.0, p2=0.0, s1=0.0, s3=0.0)
     """
 
     k1: float = 0.0

@@ -27,21 +27,20 @@ _PLACE_BYTES, _PIXEL_BYTES = 4, 12
 class Film:
     """Sums of several numbers per pixel.
 
-    shape: numbers per pixel, width and height of the image. waves_bytes: the renderer's other memory. is_set: a sample
-    that `is_first` overwrites the sums, which then need not be zeroed. places: (pixels,) uint32, x + y 2^16 of each
-    pixel in the film's order. sums: (planes, pixels) float32, which samples are added to; rows are aligned to cache
-    lines. Both have room for LANES more entries. samples: samples so far. Raises InputError for an image of more than
-    65,536 pixels a side, MemoryBudgetError.
+    shape: numbers per pixel, width and height of the image. is_set: a sample that `is_first` overwrites the sums, which
+    then need not be zeroed. places: (pixels,) uint32, x + y 2^16 of each pixel in the film's order. sums: (planes,
+    pixels) float32, which samples are added to; rows are aligned to cache lines. Both have room for LANES more entries.
+    samples: samples so far. Raises InputError for an image of more than 65,536 pixels a side, MemoryBudgetError.
     """
 
-    def __init__(self, shape: tuple[int, int, int], waves_bytes: int, is_set: bool = False) -> None:
+    def __init__(self, shape: tuple[int, int, int], is_set: bool = False) -> None:
         self.shape = planes, width, height = shape
         self._is_set = is_set
         if max(width, height) > MOST_PIXELS_A_SIDE:
             raise InputError(f"the image is {width} x {height} pixels, expected at most {MOST_PIXELS_A_SIDE:,} a side")
         pixels = width * height
-        needed = pixels * (_PIXEL_BYTES * (planes + 1) + _PLACE_BYTES) + waves_bytes
-        check_needed_bytes(needed, None, f"sums of {pixels:,} pixels and waves", "use fewer pixels, or shorter waves")
+        needed = pixels * (_PIXEL_BYTES * (planes + 1) + _PLACE_BYTES)
+        check_needed_bytes(needed, None, f"sums of {pixels:,} pixels", "use fewer pixels")
         self.places = _places(width, height)
         self.sums = aligned_empty((planes, (pixels // LANES + 1) * LANES), np.float32)[:, :pixels]
         self._earlier = np.zeros((planes, pixels))

@@ -108,7 +108,6 @@ class HybridRenderer(Renderer):
 
     options: HybridOptions
 
-    _ray_bytes = 0  # it holds a few hundred rays at a time
     _sets_sums = True
 
     def __init__(
@@ -120,8 +119,8 @@ class HybridRenderer(Renderer):
         occlusion: str = "uniform", occlusion_directions: str = "shifted", most_kept: int = 0,
     ) -> None:  # fmt: skip
         options = HybridOptions(
-            threads, packet_width, build_quality, robust, jitter, wave_rays, start_off, most_samples,
-            shadow_rays, shadow_length, shadow_directions, occlusion_rays, occlusion_length, occlusion,
+            threads, build_quality, robust, jitter, wave_rays, start_off, most_samples, packet_width, shadow_rays,
+             shadow_length, shadow_directions, occlusion_rays, occlusion_length, occlusion,
             occlusion_directions, most_kept,
         )  # fmt: skip
         self._panels_of: tuple[Scene | None, list[Panel]] = None, []

@@ -24,11 +24,10 @@ class RenderOptions:
     jitters: values of `jitter`. Raises InputError, with the value.
     """
 
-    built_with: ClassVar = frozenset(("threads", "packet_width", "build_quality", "robust", "start_off"))
+    built_with: ClassVar = frozenset(("threads", "build_quality", "robust", "start_off"))
     jitters: ClassVar[tuple[str, ...]] = ("shared", "off")
 
     threads: int | None = None
-    packet_width: int | None = None
     build_quality: str = "medium"
     robust: bool = True
     jitter: str = "shared"
@@ -52,22 +51,19 @@ class RenderOptions:
 class PathOptions(RenderOptions):
     """Options of `PathRenderer`."""
 
-    built_with: ClassVar = RenderOptions.built_with | {"lights", "order", "transparent"}
+    built_with: ClassVar = RenderOptions.built_with | {"lights", "transparent"}
     jitters: ClassVar[tuple[str, ...]] = ("shared", "off", "pixel")
+    packet_width: ClassVar = 1  # rays of paths are incoherent
 
     max_depth: int = 5
     lights: str = "aimed"
     roulette: int = 4
-    order: str = "depth_first"
     transparent: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_choice("lights", self.lights, ("aimed", "found"))
-        check_choice("order", self.order, ("depth_first", "waves"))
         check_flags(transparent=self.transparent)
-        if self.transparent and self.order != "depth_first":
-            raise InputError(f"order is {self.order!r} of a transparent picture, expected 'depth_first'")
         check_whole("max_depth", self.max_depth, 1, 1 << 20)
         check_whole("roulette", self.roulette, 1, 1 << 20)
 
@@ -76,6 +72,9 @@ class PathOptions(RenderOptions):
 class HybridOptions(RenderOptions):
     """Options of `HybridRenderer`. With 0 rays of a kind there is no shadow, or no occlusion."""
 
+    built_with: ClassVar = RenderOptions.built_with | {"packet_width"}
+
+    packet_width: int | None = None
     wave_rays: int = 512 * BLOCK
     most_samples: int | None = 512
     shadow_rays: int = 1

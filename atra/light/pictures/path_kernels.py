@@ -28,8 +28,8 @@ from atra.light.scattering.spots_kernels import BLACK, WHITE, emitted, opacity_a
 from atra.light.surface_kernels import HOLES, ONE_SIDED, SOLID, TRANSMISSION, material_of, meet, sky_colour
 
 BLOCK = 2048
-"""Rays compacted together. Packets stay within a block, which starts at a multiple of BLOCK pixels; so a ray has the
-same packet, and Embree's answer the same bits, for any size of wave."""
+"""Pixels of a wave are a multiple. Packets stay within a block, which starts at a multiple of BLOCK pixels; so a ray
+has the same packet, and Embree's answer the same bits, for any size of wave."""
 
 TILE = 4
 """Side of the tiles in which pixels are taken; a packet's rays then start close together."""

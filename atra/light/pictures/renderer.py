@@ -28,7 +28,7 @@ from atra.light.pictures.pixels import LensPixels, pixels_of
 from atra.light.scene import Scene
 from atra.light.surface_kernels import Surfaces
 from atra.raster.tracer import RasterTracer
-from atra.rays.kernel_scene import Query, scene_for_kernels
+from atra.rays.kernel_scene import KernelScene, Query, scene_for_kernels
 from atra.tracing.tracer import Tracer
 from atra.views.sampling import sub_pixel_offsets
 
@@ -50,7 +50,6 @@ class Renderer(Finisher):
     "other" is the rest: waiting, Python. ray_count: rays of the last `add` beside those of primary visibility.
     """
 
-    _ray_bytes: ClassVar[int] = 80  # upper limit in a wave
     _sets_sums: ClassVar[bool] = False  # `is_set` of `Film`
 
     def __init__(self, scene: Scene, camera: View, primary: Primary | None, options: RenderOptions) -> None:
@@ -65,13 +64,9 @@ class Renderer(Finisher):
         self._film = self._new_film()
         self._start_film()
 
-    def _new_rays(self, mesh: Mesh) -> Any:
-        """A `KernelScene`, or what a renderer takes in its place."""
-        return scene_for_kernels(mesh, self._ray_options())
-
-    def _ray_options(self) -> RenderOptions:
-        """Options of the scene for all rays but those of primary visibility."""
-        return self.options
+    def _new_rays(self, mesh: Mesh) -> KernelScene:
+        """The scene for all rays but those of primary visibility."""
+        return scene_for_kernels(mesh, self.options)
 
     @property
     @abstractmethod
@@ -95,8 +90,7 @@ class Renderer(Finisher):
         """Whether samples of `scene` would have the sums of the current one's."""
 
     def _new_film(self) -> Film:
-        camera, waves_bytes = self.camera, self.rays.threads * self.options.wave_rays * self._ray_bytes
-        return Film((self._planes, camera.width, camera.height), waves_bytes, self._sets_sums)
+        return Film((self._planes, self.camera.width, self.camera.height), self._sets_sums)
 
     def _start_film(self) -> None:
         if self._film.shape != (self._planes, self.camera.width, self.camera.height):

@@ -19,6 +19,7 @@ from atra.geometry.mesh import Mesh
 from atra.light.materials import Material
 from atra.light.reading.gltf_materials import EXTENSIONS, Materials
 from atra.light.reading.gltf_nodes import camera_of, light_of
+from atra.light.reading.rows import sound_normals
 from atra.light.scene import ScenePart
 
 _KNOWN = EXTENSIONS | {
@@ -123,7 +124,7 @@ def _primitive(
         vertices, faces = vertices[order], np.arange(len(order)).reshape(-1, 3)
         rows = {key: None if one is None else one[order] for key, one in rows.items()}
         colours = None if colours is None else colours[order]
-    normals = _sound_normals(rows["normals"], vertices, faces)
+    normals = sound_normals(rows["normals"], vertices, faces)
     uv, second = (
         None if one is None else np.column_stack([one[:, 0], 1.0 - one[:, 1]]) for one in (rows["uv"], rows["second"])
     )
@@ -153,24 +154,6 @@ def _rows(
         left_out[f"{name} that is not finite"] = None
         rows = np.where(good, rows, 0.0)
     return rows
-
-
-def _sound_normals(
-    normals: NDArray[np.float64] | None, vertices: NDArray[np.float64], faces: NDArray[np.int64]
-) -> NDArray[np.float64]:
-    """(V, 3) without zeros: a mean of the triangles around where there is none."""
-    known = np.zeros((len(vertices), 3)) if normals is None else normals
-    missing = ~(np.linalg.norm(known, axis=1) > 1e-3)
-    if not missing.any():
-        return known
-    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
-    of_faces = np.cross(b - a, c - a)
-    around = np.zeros_like(known)
-    for corner in range(3):
-        np.add.at(around, faces[:, corner], of_faces)
-    length = np.linalg.norm(around, axis=1, keepdims=True)
-    around = np.where(length > 0.0, around / np.where(length > 0.0, length, 1.0), (0.0, 0.0, 1.0))
-    return np.where(missing[:, None], around, known)
 
 
 class _Collected:

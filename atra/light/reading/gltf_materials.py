@@ -18,6 +18,7 @@ from atra.files.gltf.tree import entry
 from atra.files.saving import check_package
 from atra.light.materials import MetallicRoughness
 from atra.light.reading.images import read_image
+from atra.light.reading.rows import without_images
 from atra.light.textures import Image
 
 EXTENSIONS = {
@@ -50,13 +51,7 @@ class Materials:
         lost = [one is not None and not (has_second if one.second_uv else has_uv) for one in images]
         if any(lost):
             self._left_out["textures without texture coordinates"] = None
-            for name, image, is_lost in zip(
-                ("colour", "metallic_roughness", "normals", "emission_image", "transmission_image"), images, lost,
-                strict=True,
-            ):  # fmt: skip
-                if is_lost:
-                    plain = image.factor[:3] if name == "colour" and image is not None else None
-                    made = replace(made, **{name: plain})  # type: ignore[arg-type]
+            made = without_images(made, lost)
         return made
 
     def _whole(self, number: int) -> MetallicRoughness:

@@ -1,122 +1,87 @@
-"""Scenes from OBJ with MTL: trimesh reads the triangles, the materials are read here."""
+"""Scenes from OBJ with MTL."""
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.errors import InputError
+from atra.errors import InputError, printable
 from atra.files.folder import Folder, OutsideError
+from atra.files.formats.obj import read_obj_surface
 from atra.files.reading import Allowance, read_regular_file
 from atra.geometry.mesh import Mesh
 from atra.light.materials import MetallicRoughness
 from atra.light.reading.images import read_image
-from atra.light.scene import ScenePart
+from atra.light.reading.rows import sound_normals, without_images
 from atra.light.textures import Image
 
-_BYTES_PER_LINE = 1000
-"""Peak memory for a line, as trimesh reads it."""
+_USED = {"kd", "ke", "ns", "ni", "d", "tr", "pr", "pm", "illum", "map_kd", "map_ke", "map_d", "norm", "newmtl"}
+_UNUSED = {"Ka": 0.0, "Ks": 0.0, "Tf": 1.0}
+"""Statements that are left out, unless they name these numbers, which change nothing. Tf is the colour of glass."""
 
-_USED = {"kd", "ke", "ns", "ni", "d", "tr", "pr", "pm", "tf", "illum", "map_kd", "map_ke", "map_d", "norm", "newmtl"}
 _MOST_MATERIALS = 100_000
 
 
 def read_obj(path: Path, memory_per_byte: float | None) -> dict[str, Any]:
     """Fields of `atra.light.Scene`. Raises InputError, and other errors for damage."""
-    from trimesh.exchange.obj import load_obj
-
     content, folder = read_regular_file(path), Folder(path)
-    left_out: dict[str, None] = {}
-    lines = content.count(b"\n") + content.count(b"\r")
-    Allowance(len(content), memory_per_byte).check(f"{lines:,} lines", lines * _BYTES_PER_LINE)
-    texts = {}
-    for line in content.splitlines():
-        if line.startswith(b"mtllib"):
-            name = line[6:].strip().decode(errors="replace")
-            try:
-                texts[name] = folder.read(name).decode(errors="replace")
-            except OutsideError:
-                raise
-            except InputError as error:
-                left_out[f"material file {name!r:.60}, because {error}"] = None
-    known = materials_of("\n".join(texts.values()), folder, left_out)
-    loaded = load_obj(io.BytesIO(content), resolver=_Texts(texts), maintain_order=True)["geometry"]
-    parts = [part for part in loaded.values() if len(part.get("faces", ()))]
-    if not parts:
+    found = read_obj_surface(content, Allowance(len(content), memory_per_byte))
+    part, left_out = found.part, dict[str, None]()
+    if not len(part.faces):
         raise InputError("it has no triangles")
-    return _joined(parts, known) | {"left_out": tuple(left_out)}
-
-
-class _Texts:
-    """The MTL files alone, as trimesh asks for what an OBJ names: it reads no image."""
-
-    def __init__(self, texts: dict[str, str]) -> None:
-        # Only names matter, which tell its parts apart.
-        self._texts = {
-            name: "\n".join(line for line in text.splitlines() if line.strip().lower().startswith("newmtl"))
-            for name, text in texts.items()
-        }
-
-    def get(self, name: str) -> bytes:
-        return self._texts.get(name.strip(), "").encode()
-
-    def __getitem__(self, name: str) -> bytes:
-        return self.get(name)
-
-
-def _joined(parts: list[dict[str, Any]], known: dict[str, MetallicRoughness]) -> dict[str, Any]:
-    vertices, faces, uv, normals, numbers, named = [], [], [], [], [], []
-    materials: dict[str, MetallicRoughness] = {}
-    first = at = 0
-    for part in parts:
-        visual, corners, triangles = part.get("visual"), np.asarray(part["vertices"]), np.asarray(part["faces"])
-        name = str(getattr(getattr(visual, "material", None), "name", ""))
-        found = getattr(visual, "uv", None)
-        has_uv = found is not None and len(found) == len(corners)
-        made = known.get(name, MetallicRoughness((0.7, 0.7, 0.7)))
-        materials.setdefault(f"{name}{has_uv}", made if has_uv else _without_images(made))
-        numbers.append(np.full(len(triangles), list(materials).index(f"{name}{has_uv}")))
-        vertices.append(corners)
-        faces.append(triangles + first)
-        rows = np.asarray(found)[:, :2] if has_uv else np.zeros((len(corners), 2))
-        uv.append(np.where(np.abs(rows) <= 1e6, rows, 0.0))
-        normals.append(_normals(part))
-        named.append(ScenePart(name, -1, -1, -1, at, len(triangles), first, len(corners)))
-        first, at = first + len(corners), at + len(triangles)
-    smooth = [one for one in normals if one is not None]
+    names = [" ".join(name.split()) for name in found.materials]
+    known = materials_of("\n".join(_libraries(found.libraries, folder, left_out)), set(names), folder, left_out)
+    uv = found.uv
+    is_mapped = np.zeros(len(part.faces), np.bool_)
+    if uv is not None:
+        is_known: NDArray[np.bool_] = np.all(np.abs(uv) <= 1e6, axis=1)
+        uv, is_mapped = np.where(is_known[:, None], uv, 0.0), is_known[part.faces].all(axis=1)
+    kinds, numbers = np.unique(2 * np.asarray(part.material) + is_mapped, return_inverse=True)
+    materials = []
+    for kind in kinds.tolist():
+        name = names[kind // 2] if kind >= 0 else ""
+        made = known.get(name, MetallicRoughness((0.7, 0.7, 0.7), name=name))
+        if name not in known and name:
+            left_out[f"material {name!r:.60}, which no MTL describes"] = None
+        if kind % 2 == 0 and any(made.images):
+            left_out["textures without texture coordinates"] = None
+        materials.append(made if kind % 2 else without_images(made))
     return {
-        "mesh": Mesh(np.concatenate(vertices), np.concatenate(faces)),
-        "materials": tuple(materials.values()),
-        "face_materials": np.concatenate(numbers),
-        "uv": np.concatenate(uv),
-        "normals": np.concatenate(smooth) if len(smooth) == len(parts) else None,
-        "parts": tuple(named),
+        "mesh": Mesh(part.vertices, part.faces, notes=found.notes),
+        "materials": tuple(materials),
+        "face_materials": np.broadcast_to(numbers, len(part.faces)),
+        "uv": uv,
+        "normals": None if found.normals is None else sound_normals(found.normals, part.vertices, part.faces),
+        "left_out": tuple(left_out),
     }
 
 
-def _normals(part: dict[str, Any]) -> NDArray[np.float64] | None:
-    """(V, 3) that the file states, None where it does not."""
-    if "vertex_normals" not in part:
-        return None
-    normals = np.asarray(part["vertex_normals"], np.float64)
-    return normals if (np.linalg.norm(normals, axis=1) > 1e-3).all() else None
+def _libraries(names: tuple[str, ...], folder: Folder, left_out: dict[str, None]) -> list[str]:
+    """The texts of MTL files. A line names one, whose name may have blanks, or several."""
+    texts = []
+    for line in names:
+        for name in line.split() if ".mtl " in line.lower() else [line]:
+            try:
+                texts.append(_content(name, folder).decode(errors="replace"))
+            except InputError as error:
+                left_out[f"material file {name!r:.60}, because {error}"] = None
+    return texts
 
 
-def _without_images(material: MetallicRoughness) -> MetallicRoughness:
-    colour = material.colour
-    return MetallicRoughness(
-        colour.factor[:3] if isinstance(colour, Image) else colour, material.opacity, material.alpha, material.cutoff,
-        material.metallic, material.roughness, emission=material.emission, transmission=material.transmission,
-        ior=material.ior, is_thin=material.is_thin, name=material.name,
-    )  # fmt: skip
+def _content(name: str, folder: Folder) -> bytes:
+    """The bytes of a file that is named; of the one beside the OBJ if the name leads out of its folder, as paths on the
+    author's machine do."""
+    try:
+        return folder.read(name)
+    except OutsideError:
+        return folder.read(name.replace("\\", "/").rsplit("/", 1)[-1])
 
 
-def materials_of(text: str, folder: Folder, left_out: dict[str, None]) -> dict[str, MetallicRoughness]:
-    """The materials of an MTL by name. left_out: gets the names of statements that are not used."""
+def materials_of(text: str, names: set[str], folder: Folder, left_out: dict[str, None]) -> dict[str, MetallicRoughness]:
+    """The materials of an MTL that have one of these names. left_out: gets what of them is not used."""
     found: dict[str, dict[str, list[str]]] = {}
     for line in text.splitlines():
         words = line.split("#")[0].split()
@@ -124,18 +89,23 @@ def materials_of(text: str, folder: Folder, left_out: dict[str, None]) -> dict[s
             continue
         key = words[0].lower()
         if key == "newmtl":
-            found[" ".join(words[1:])] = {}
+            found[printable(" ".join(words[1:]))] = {}
         elif found:
             found[next(reversed(found))][key] = words[1:]
-        if key not in _USED and key not in ("ka", "ks", "map_ka", "map_ks"):
+        if key not in _USED and key.capitalize() not in _UNUSED:
             left_out[f"{words[0]:.40} of MTL"] = None
         if len(found) > _MOST_MATERIALS:
             raise InputError(f"it has more than {_MOST_MATERIALS:,} materials")
-    return {name: _material(name, given, folder, left_out) for name, given in found.items()}
+    return {name: _material(name, given, folder, left_out) for name, given in found.items() if name in names}
 
 
 def _material(name: str, given: dict[str, list[str]], folder: Folder, left_out: dict[str, None]) -> MetallicRoughness:
-    colour = tuple(np.clip(_numbers(given, "kd", 3, 0.7), 0.0, 1.0).tolist())
+    illum = int(_numbers(given, "illum", 1, 2.0)[0])
+    is_glass = illum in (4, 6, 7, 9)
+    colour = np.clip(_numbers(given, "tf" if is_glass and "tf" in given else "kd", 3, 0.7), 0.0, 1.0).tolist()
+    for key, plain in _UNUSED.items():
+        if (_numbers(given, key.lower(), 3, plain) != plain).any() and not (key == "Tf" and is_glass):
+            left_out[f"{key} of MTL"] = None
     opacity = float(np.clip(_numbers(given, "d", 1, 1.0 - _numbers(given, "tr", 1, 0.0)[0])[0], 0.0, 1.0))
     shininess = max(0.0, float(_numbers(given, "ns", 1, 0.0)[0]))
     roughness = float(_numbers(given, "pr", 1, np.sqrt(2.0 / (shininess + 2.0)) ** 0.5)[0])
@@ -146,12 +116,10 @@ def _material(name: str, given: dict[str, list[str]], folder: Folder, left_out: 
     emission = np.clip(_numbers(given, "ke", 3, 0.0), 0.0, 1e12)
     glow = _image(given.get("map_ke"), True, folder, left_out)
     has_holes = image is not None and image.texels.shape[2] == 4
-    illum = int(_numbers(given, "illum", 1, 2.0)[0])
-    is_glass = illum in (4, 6, 7, 9)
     if image is not None:
         image = Image(image.texels, True, (*colour, 1.0))
     return MetallicRoughness(
-        colour if image is None else image,  # type: ignore[arg-type]
+        tuple(colour) if image is None else image,
         1.0 if is_glass else opacity,
         "mask" if has_holes and opacity == 1.0 else "blend" if opacity < 1.0 and not is_glass else "opaque",
         metallic=float(np.clip(_numbers(given, "pm", 1, 0.0)[0], 0.0, 1.0)),
@@ -182,9 +150,7 @@ def _image(words: list[str] | None, is_coded: bool, folder: Folder, left_out: di
     if words[0].startswith("-"):
         left_out["options of textures of MTL"] = None
     try:
-        return Image(read_image(folder.read(name), is_coded), is_coded)
-    except OutsideError:
-        raise
+        return Image(read_image(_content(name, folder), is_coded), is_coded)
     except InputError as error:
         left_out[f"image {name!r:.60}, because {error}"] = None
         return None

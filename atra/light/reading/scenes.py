@@ -20,13 +20,15 @@ def load_scene(path: str | Path, *, memory_per_byte: float | None = None, **othe
     """Read a file with its materials, textures, lights and cameras.
 
     path: glTF, GLB, or OBJ with its MTL; of other formats that `atra.load_mesh` reads, the triangles in grey. Materials
-    become `MetallicRoughness`. Triangles of all nodes of the default scene are joined; `parts` tells where each came
-    from. Light intensities in candela and lux become powers (divided by pi). memory_per_byte: as for `atra.load_mesh`.
+    become `MetallicRoughness`; an MTL's colours are taken as linear, as by Cycles. Triangles of all nodes of a glTF's
+    default scene are joined; `parts` tells where each came from. Light intensities in candela and lux become powers
+    (divided by pi). memory_per_byte: as for `atra.load_mesh`.
     others: further fields of the scene, such as `sky`, which no file has.
 
     What is not read is named once, in a warning and in `left_out`; images larger than 4,096 a side are made smaller.
-    Raises InputError naming the file: for damage, required extensions that are not read, files named outside its
-    folder, nodes in a cycle, and more memory than allowed.
+    Raises InputError naming the file: for damage, required extensions that are not read, files of a glTF named
+    outside its folder (of an OBJ, those of the same name beside it are read), nodes in a cycle, and more memory than
+    allowed.
     """
     path = Path(path).expanduser()
     if not path.is_file():
@@ -40,6 +42,7 @@ def load_scene(path: str | Path, *, memory_per_byte: float | None = None, **othe
     except Exception as error:  # a reader of damaged bytes may raise anything
         reason = str(error).strip() or type(error).__name__
         raise InputError(f"{path} cannot be read as {path.suffix.lower()[1:]}: {reason}") from None
-    if scene.left_out:
-        warnings.warn(f"{path.name}: not used: {'; '.join(scene.left_out)}", stacklevel=2)
+    told = ["; ".join(scene.mesh.notes), f"not used: {'; '.join(scene.left_out)}" * bool(scene.left_out)]
+    if any(told):
+        warnings.warn(f"{path.name}: {'; '.join(filter(None, told))}", stacklevel=2)
     return scene

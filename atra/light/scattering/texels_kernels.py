@@ -1,4 +1,4 @@
-"""The colours of textures at eight points at once, bit for bit as `surface_kernels.colour_at` finds them one by one."""
+"""The colours of images at eight points at once, bit for bit as `surface_kernels.colour_at` finds them one by one."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from atra.compiled.memory import emit_prefetch, load_aligned
+from atra.compiled.memory import load_aligned
 from atra.compiled.store import njit
 from atra.compiled.vectors import VectorType, floor, larger, rounded, smaller, splat, where, widened
-from atra.light.numbers_kernels import ONE, ZERO
+from atra.light.numbers_kernels import ONE
 from atra.light.surface_kernels import (
     CLAMP,
     CURVE,
@@ -26,8 +26,6 @@ from atra.light.surface_kernels import (
     OF_COLOUR,
     PLACEMENT,
     REPEAT,
-    SCALE,
-    SECOND,
     TEXELS_X,
     TEXELS_Y,
     TEXTURE,
@@ -67,20 +65,6 @@ def _linear(typingctx: Any, base: Any, curves: Any, places: Any) -> Any:
     return three(types.int64, types.int64, places), codegen
 
 
-@intrinsic
-def _fetch_each(typingctx: Any, base: Any, places: Any) -> Any:
-    """Prefetch the cache lines of eight texels of `_linear`."""
-
-    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, values: list[ir.Value]) -> ir.Value:
-        numbers = builder.fptosi(values[1], ir.VectorType(_I64, _LANES))
-        for k in range(_LANES):
-            distance = builder.shl(builder.extract_element(numbers, _I32(k)), _I64(2))
-            emit_prefetch(builder, builder.add(values[0], distance))
-        return context.get_dummy_value()
-
-    return types.void(types.int64, places), codegen
-
-
 @njit(forceinline=True)
 def packed_image(surfaces, material):  # type: ignore[no-untyped-def]
     """The row of `textures` of a material whose colours `colours_at` finds: bytes, blended, by the vertices' first uv,
@@ -101,15 +85,6 @@ def places_in(surfaces, image, s, t):  # type: ignore[no-untyped-def]
     x = _scaled(row[PLACEMENT], s) + _scaled(row[PLACEMENT + 1], t) + splat(row[PLACEMENT + 2], _LANES)
     y = _scaled(row[PLACEMENT + 3], s) + _scaled(row[PLACEMENT + 4], t) + splat(row[PLACEMENT + 5], _LANES)
     return _wrapped(x, row[WRAP_X]), _wrapped(splat(1.0, _LANES) - y, row[WRAP_Y])
-
-
-@njit(forceinline=True)
-def fetch_texels(surfaces, image, x, y):  # type: ignore[no-untyped-def]
-    """Prefetch what `colours_at` will read."""
-    (x0, _), (y0, y1), _ = _around(surfaces.textures[image], x, y)
-    base = np.int64(surfaces.coded.ctypes.data)
-    _fetch_each(base, y0 + x0)
-    _fetch_each(base, y1 + x0)
 
 
 @njit(forceinline=True)
@@ -176,17 +151,3 @@ def _inside(place, count, wrap):  # type: ignore[no-untyped-def]
         all_ = splat(count, _LANES)
         return where(zero > place, place + all_, where(place > most, place - all_, place))
     return smaller(most, larger(zero, place))
-
-
-@njit(forceinline=True)
-def checkered(own, red, green, blue, u, v, material, surfaces):  # type: ignore[no-untyped-def]
-    """`colour_at` for the `own` pixels of a checker among `_LANES`; others keep their colours."""
-    row = surfaces.materials[material]
-    scale = splat(row[SCALE], _LANES)
-    cell = splat(0.5, _LANES) * (floor(widened(u) * scale) + floor(widened(v) * scale))
-    is_odd = own & (rounded(cell - floor(cell)) > splat(ZERO, _LANES))
-    return (
-        where(is_odd, splat(np.float32(row[SECOND]), _LANES), red),
-        where(is_odd, splat(np.float32(row[SECOND + 1]), _LANES), green),
-        where(is_odd, splat(np.float32(row[SECOND + 2]), _LANES), blue),
-    )

@@ -18,7 +18,6 @@ import psutil
 from atra.compiled.instruction_sets import VARIABLE
 from atra.errors import printable
 from experiments.harness.point import Point
-from experiments.harness.processes.bytecode import forget_if_cut_short, variables
 from experiments.harness.processes.outcome import Outcome
 from experiments.harness.processes.worker import CANNOT_WRITE, Job
 
@@ -36,9 +35,8 @@ _WAIT_S = 0.5
 WORKER_COMMAND = (sys.executable, "-m", "experiments.worker")
 
 
-def run_worker(point: Point, command: Sequence[str] = WORKER_COMMAND, results: Path | None = None) -> Outcome:
-    """Measure `point` in a fresh process; never raises for what happens there. results: the folder of a sweep, whose
-    bytecode it may use (`bytecode_folder`).
+def run_worker(point: Point, command: Sequence[str] = WORKER_COMMAND) -> Outcome:
+    """Measure `point` in a fresh process; never raises for what happens there.
 
     A worker that dies, exceeds `point.time_limit_s` or leaves no complete result gives a failed outcome with the
     reason; the end of all it printed is kept in `results["worker_output"]` then. When it ends, or KeyboardInterrupt
@@ -46,23 +44,18 @@ def run_worker(point: Point, command: Sequence[str] = WORKER_COMMAND, results: P
     """
     try:
         with tempfile.TemporaryDirectory(prefix="atra-", ignore_cleanup_errors=True) as folder:
-            compiled = variables(results)
-            outcome = _run_in(Path(folder), point, command, compiled)
-            said = f"{outcome.error}\n{outcome.results.get('worker_output')}"
-            if outcome.status == "failed" and forget_if_cut_short(compiled, said):
-                return _run_in(Path(folder), point, command, {})
-            return outcome
+            return _run_in(Path(folder), point, command)
     except OSError as error:
         return Outcome("failed", f"no worker could be started: {error}", on_purpose=True)
 
 
-def _run_in(folder: Path, point: Point, command: Sequence[str], compiled: dict[str, str]) -> Outcome:
+def _run_in(folder: Path, point: Point, command: Sequence[str]) -> Outcome:
     job = Job(point, str(folder / "outcome.json"), os.getpid())
     output_path = folder / "output.txt"
     with output_path.open("wb") as output:
         process = subprocess.Popen(
             list(command), stdin=subprocess.PIPE, stdout=output, stderr=subprocess.STDOUT,
-            env=project_environment() | compiled | _thread_limits(point) | _vectors(point),
+            env=project_environment() | _thread_limits(point) | _vectors(point),
             **_apart_from_the_interrupt_key(),
         )  # fmt: skip
         try:

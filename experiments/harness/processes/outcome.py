@@ -45,26 +45,16 @@ class Outcome:
 
 
 class Unpromising(InputError):
-    """A point that need not be measured: a frame was predicted to take `frame_time_s`, `times` as long as the fastest
-    of its view. limit: `sweep.skip_slower`."""
-
-    def __init__(self, frame_time_s: float, times: float, limit: float) -> None:
-        super().__init__(
-            f"predicted to take {1e3 * frame_time_s:.3g} ms a frame, {times:.3g} times as long as the fastest of this "
-            f"view; sweep.skip_slower is {limit:g}"
-        )
+    """A point that need not be measured, as a frame was predicted to be slow."""
 
 
-_FLAGS = {LACKED_MEMORY: MemoryBudgetError, UNPROMISING: Unpromising}
-"""Results that a record has where another run may measure the point, and the problem that each tells of."""
-
-MAY_CHANGE = (type(None), *_FLAGS.values())
-"""Types of `PlannedPoint.problem` with which another run may measure the point: no problem, or one of these."""
+MAY_CHANGE = {MemoryBudgetError: LACKED_MEMORY, Unpromising: UNPROMISING}
+"""Problems without which another run may measure the point, and the results that tell of them."""
 
 
 def skipped(problem: AtraError) -> Outcome:
     """The outcome of a point that cannot be measured, with the reason."""
-    results = {name: True for name, kind in _FLAGS.items() if isinstance(problem, kind)}
+    results = {name: True for kind, name in MAY_CHANGE.items() if isinstance(problem, kind)}
     return Outcome("skipped", str(problem), on_purpose=True, results=results)
 
 

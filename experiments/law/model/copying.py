@@ -17,12 +17,12 @@ from atra.alignment.visibility_kernels import TileGrid
 from atra.alignment.visible_first import PROBE_STEP, probed_depth, tiles_of, visible_copies
 from atra.compiled.threads import WorkerPool
 from atra.geometry.mesh import Mesh
-from atra.geometry.projection import count_kept, project_vertices
+from atra.geometry.projection import count_kept, project_mesh
 from atra.geometry.split import Split
 from atra.geometry.view import View
 from atra.tracing.geometry import LeftOut
 from experiments.classification.bvh.binary import bvh_of
-from experiments.methods.culled.tiles_kernels import list_cells
+from experiments.methods.tiles_kernels import list_cells
 
 MOST_COPIED = 1 << 15
 """Largest sample of triangles for counting copies."""
@@ -67,7 +67,7 @@ class Sample:
     def of(cls, mesh: Mesh, prim_ids: NDArray[np.integer], camera: View, depth: NDArray, pool: WorkerPool) -> Self:
         """A sample of the triangles named."""
         few = apart(mesh, spread(prim_ids, MOST_COPIED)) if len(prim_ids) else None
-        points = (np.empty((0, 3)), np.empty((0, 3))) if few is None else project_vertices(few, camera, pool)
+        points = (np.empty((0, 3)), np.empty((0, 3))) if few is None else project_mesh(few, camera, pool)
         return cls(len(prim_ids), few, camera, depth, points)
 
     @property

@@ -12,7 +12,7 @@ from atra.compiled.instruction_sets import native_lanes
 from atra.compiled.threads import WorkerPool
 from atra.embree.library import load_library
 from atra.geometry.mesh import Mesh
-from atra.geometry.projection import project_vertices
+from atra.geometry.projection import project_mesh
 from atra.geometry.ray_space import check_range, own_space, unseen_from
 from atra.geometry.split import Split
 from atra.geometry.view import View
@@ -139,7 +139,7 @@ def _count(
     few, rays = spread(order, MOST_IN_TREE), _rays(camera, corners)
     is_whole = len(few) == len(order)
     sample = mesh if is_whole else apart(mesh, few)
-    vertices = project_vertices(sample, camera, pool)[1].astype(np.float32)
+    vertices = project_mesh(sample, camera, pool)[1].astype(np.float32)
     faces, count = mesh.faces[few] if is_whole else sample.faces, len(few)
     bounds = np.empty((count, 6), np.float32)
     pool.run(lambda _, counter: bound_triangles(counter, vertices, faces, bounds))

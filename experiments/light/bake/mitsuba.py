@@ -17,7 +17,7 @@ from atra.light.lightmaps.gather.tables_kernels import LUMINANCE, NORMAL, ORIGIN
 from atra.light.lightmaps.samples_kernels import generate
 from atra.light.lightmaps.surface import plain_scene
 from experiments.light.bake.finishing import squared_differences
-from experiments.methods.peers.mitsuba_light import load_mitsuba, parts_of, suns_of
+from experiments.light.mitsuba_light import load_mitsuba, parts_of, suns_of
 
 _VARIANT = "llvm_ad_rgb"
 """The variant for CPUs and three colours that takes rays from anywhere, compiled for vectors."""

@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.light import PathRenderer
+from experiments.light.mitsuba_light import load_mitsuba
 from experiments.light.render.measure import mitsuba_scene
-from experiments.methods.peers.mitsuba_light import load_mitsuba
 from scenes.lit.equal_error import SCENES, Shown
 
 DEPTH, ROULETTE = 8, 4

@@ -38,19 +38,15 @@ STAGES = {
     "generate": "rays made",
     "shadow": "Embree: rays to the lights",
     "occlusion": "Embree: rays into the sky",
-    "trace": "Embree: rays of paths",
     "depth_first": "paths followed one by one, Embree within",
-    "compact": "paths that end taken out",
-    "connect": "rays aimed at emitters, Embree within",
-    "shade": "paths scattered",
     "accumulate": "light summed",
     "other": "waiting, Python",
 }
 """Stages of both renderers, in the order of figures, and what each does."""
 
-_EMBREE = ("primary", "shadow", "occlusion", "trace")
+_EMBREE = ("primary", "shadow", "occlusion")
 
-_WITH_EMBREE_WITHIN = ("depth_first", "connect")
+_WITH_EMBREE_WITHIN = ("depth_first",)
 
 MITSUBA = "mitsuba"
 """Name in the samples: the same picture by Mitsuba 3."""
@@ -86,11 +82,6 @@ class RenderOptions(UnderSky):
         "light, found = by scattered rays alone, which never meet lamps without extent",
         choices=("aimed", "found"),
     )
-    order: str = option(
-        "depth_first",
-        "depth_first = one path after the other, waves = many paths stage by stage, with times of stages",
-        choices=("depth_first", "waves"),
-    )
     mitsuba: str = option(
         "none", "path: Mitsuba 3's variant that makes the same picture in every round", choices=RIVALS
     )
@@ -110,7 +101,6 @@ class RenderOptions(UnderSky):
             of_paths: dict[str, Any] = of_both | {
                 "max_depth": self.max_depth,
                 "lights": self.lights,
-                "order": self.order,
             }
             PathOptions(**of_paths)
             return of_paths

@@ -19,8 +19,8 @@ from atra.light import HybridRenderer, Lambertian, MetallicRoughness, PathRender
 from atra.light.materials import Material
 from experiments.harness.method import AnyTracer
 from experiments.harness.point import Measured, Point, make_own
+from experiments.light.mitsuba_light import load_mitsuba, parts_of
 from experiments.light.render import MITSUBA, RenderOptions, primary
-from experiments.methods.peers.mitsuba_light import load_mitsuba, parts_of
 from experiments.workloads import rounds
 from experiments.workloads.baselines import OWN, SINGLE
 from experiments.workloads.images import summed

@@ -8,13 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.compiled.threads import WorkerPool, resolve_threads
-from atra.errors import InputError
 from atra.exact.intersection import FLOAT64_TOLERANCE, Pairs, triangles_in_camera_space
 from atra.exact.rounding import Rounding
 from atra.exact.ties import TIE_TOLERANCE
@@ -32,87 +30,48 @@ EXHAUSTIVE_TESTS = 2e10
 the nearer one of their two answers then counts as the truth."""
 
 
-class Correctness(IntEnum):
-    """How right an image is in one pixel."""
-
-    RIGHT = 0
-    """The nearest triangle, or correctly a miss."""
-    TIED = 1
-    """Another triangle that the ray hits at the same depth, to TIE_TOLERANCE of `atra.exact.ties`."""
-    WRONG_TRIANGLE = 2
-    """A triangle that the ray misses or hits farther away, or a miss in front of a triangle."""
-    WRONG_DEPTH = 3
-    """The nearest triangle, or one at the same depth, with a depth that `compare` does not accept."""
-    HOLE = 4
-    """A miss, or a triangle behind, where the ray hits a surface inside, not at its rim (`atra.judge.holes`)."""
-
-
 @dataclass(frozen=True, eq=False)
 class Truth:
     """The nearest hit of N rays.
 
     prim_id: (N,) uint32, the lowest one of triangles at the same depth; MISS = miss.
     depth: (N,) float64, scene units; inf = miss.
-    edge_distance: (N,) float64, barycentric distance to the triangle's nearest edge; NaN = miss.
-    exhaustive: (N,) bool, whether all triangles were tested, not only those that the images name.
     """
 
     prim_id: NDArray[np.uint32]
     depth: NDArray[np.float64]
-    edge_distance: NDArray[np.float64]
-    exhaustive: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
 class Answer:
     """An image's answers for N pixels, judged.
 
-    prim_id: (N,) uint32, the triangle that it names. stored_depth: (N,) float32, the depth that it stores.
-    depth, edge_distance: (N,) float64, of the ray's hit on that triangle's plane, as in `Intersections`; inf and NaN
-    for a miss.
-    correctness: (N,) uint8, values of `Correctness`.
-    off_by: (N,) float64, barycentric error of a wrong triangle: the distance by which the ray misses it, otherwise how
-    far inside the nearest triangle the ray hits that. inf for a named triangle without area or edge-on; 0 if right.
+    wrong: (N,) bool, a triangle that is neither the nearest nor one at the same depth to TIE_TOLERANCE of
+    `atra.exact.ties`, a miss in front of a triangle, or a depth that `compare` does not accept.
+    holes: (N,) bool, of these a miss, or a triangle behind, where the ray hits a surface inside, not at its rim
+    (`atra.judge.holes`).
     """
 
-    prim_id: NDArray[np.uint32]
-    stored_depth: NDArray[np.float32]
-    depth: NDArray[np.float64]
-    edge_distance: NDArray[np.float64]
-    correctness: NDArray[np.uint8]
-    off_by: NDArray[np.float64]
-
-    @property
-    def wrong(self) -> NDArray[np.bool_]:
-        """(N,) bool, whether the triangle or its depth is wrong."""
-        return self.correctness >= Correctness.WRONG_TRIANGLE
-
-    @property
-    def holes(self) -> NDArray[np.bool_]:
-        """(N,) bool, whether the answer is a hole."""
-        return self.correctness == Correctness.HOLE
+    wrong: NDArray[np.bool_]
+    holes: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
 class Examination:
     """Two images judged by the oracle in every pixel whose verdict is not EQUAL, and in a sample of all pixels.
 
-    x, y: (N,) int64, the pixels, row by row. verdict: (N,) uint8, of `compare`. sampled: (N,) bool, part of the sample.
-    truth: the nearest hits. hits, reference: the answers of the two images.
+    agreement: of the two, all pixels. pixels: (N,) int64, those judged, y * width + x, ascending. disputed: (N,) bool,
+    the verdict is not EQUAL. sampled: (N,) bool, part of the sample. truth: the nearest hits. hits, reference: the
+    answers of the two images.
     """
 
-    x: NDArray[np.int64]
-    y: NDArray[np.int64]
-    verdict: NDArray[np.uint8]
+    agreement: Agreement
+    pixels: NDArray[np.int64]
+    disputed: NDArray[np.bool_]
     sampled: NDArray[np.bool_]
     truth: Truth
     hits: Answer
     reference: Answer
-
-    @property
-    def disputed(self) -> NDArray[np.bool_]:
-        """(N,) bool, whether the verdict is not EQUAL."""
-        return self.verdict != Verdict.EQUAL
 
 
 def nearest_hits(
@@ -138,8 +97,7 @@ def nearest_hits(
         pool.run(lambda _, counter: nearest_triangles(counter, *rest))
     finally:
         pool.close()
-    edge_distance = _met(Pairs(mesh, camera, x, y, prim_id, offset))[1]
-    return Truth(prim_id, depth, edge_distance, np.ones(len(x), bool))
+    return Truth(prim_id, depth)
 
 
 def sample_pixels(camera: View, rays: int, seed: Sequence[int]) -> NDArray[np.int64]:
@@ -149,28 +107,18 @@ def sample_pixels(camera: View, rays: int, seed: Sequence[int]) -> NDArray[np.in
 
 
 def examine(
-    mesh: Mesh,
-    camera: View,
-    hits: Hits,
-    reference: Hits,
-    agreement: Agreement,
-    sample: NDArray[np.integer] | None = None,
-    threads: int | None = 1,
+    hits: Hits, reference: Hits, sample: Sequence[int] | NDArray[np.integer] = (), threads: int | None = 1
 ) -> Examination:
     """Decide which of two images is wrong wherever they disagree, and in a sample of all pixels.
 
-    agreement: from `compare`. sample: pixels y * width + x that are examined in any case, since both images may be
-    wrong. The truth is that of `nearest_hits`; beyond EXHAUSTIVE_TESTS, outside the sample, it is the nearest triangle
-    that either image names and float64 confirms.
-    Raises InputError as `compare`, and for an `agreement` of another size.
+    sample: pixels y * width + x that are examined in any case, since both images may be wrong. The truth is that of
+    `nearest_hits`; beyond EXHAUSTIVE_TESTS, outside the sample, it is the nearest triangle that either image names and
+    float64 confirms. Raises InputError as `compare`.
     """
-    shape = (camera.height, camera.width)
-    if agreement.verdict.shape != shape:
-        raise InputError(f"agreement is of an image of {agreement.verdict.shape}, the camera's is {shape}")
-    sampled = np.zeros(agreement.verdict.size, bool)
-    if sample is not None:
-        sampled[sample] = True
+    agreement, mesh, camera = compare(hits, reference), hits.mesh, hits.camera
     verdict = agreement.verdict.reshape(-1)
+    sampled = np.zeros(verdict.size, bool)
+    sampled[np.asarray(sample, np.int64)] = True
     pixels = np.flatnonzero(sampled | (verdict != Verdict.EQUAL))
     y, x = np.divmod(pixels, camera.width)
     exhaustive = sampled[pixels] | (len(pixels) * mesh.triangle_count <= EXHAUSTIVE_TESTS)
@@ -181,48 +129,35 @@ def examine(
         depth_is_wrong = np.zeros(len(pixels), bool)
         if agreement.pixels_wrong:  # the verdict does not tell which image's depth is wrong
             depth_is_wrong = compare(image, image).verdict[y, x] == Verdict.WRONG
-        answers.append(_judge_answer(pairs, image.depth[y, x], truth, depth_is_wrong))
-    return Examination(x, y, verdict[pixels], sampled[pixels], truth, answers[0], answers[1])
+        answers.append(_judge_answer(pairs, truth, depth_is_wrong))
+    return Examination(agreement, pixels, verdict[pixels] != Verdict.EQUAL, sampled[pixels], truth, *answers)
 
 
 def _truth(pairs: Pairs, other: NDArray[np.integer], exhaustive: NDArray[np.bool_], threads: int | None) -> Truth:
     """The nearest of all triangles where `exhaustive`, elsewhere of those of `pairs` and `other`."""
     depth, prim_id = np.full(len(other), np.inf), np.full(len(other), MISS)
     for candidate in (np.minimum(pairs.prim_id, other), np.maximum(pairs.prim_id, other)):  # the lowest of ties wins
-        met, edge_distance = _met(replace(pairs, prim_id=candidate))
-        nearer = (edge_distance >= -FLOAT64_TOLERANCE) & (met > 0.0) & (met < depth * (1.0 - FLOAT64_TOLERANCE))
+        met, is_met = _met(replace(pairs, prim_id=candidate))
+        nearer = is_met & (met > 0.0) & (met < depth * (1.0 - FLOAT64_TOLERANCE))
         depth[nearer], prim_id[nearer] = met[nearer], candidate[nearer]
     x, y = pairs.x[exhaustive], pairs.y[exhaustive]
     tested = nearest_hits(pairs.mesh, pairs.camera, x, y, pairs.offset, threads)
     depth[exhaustive], prim_id[exhaustive] = tested.depth, tested.prim_id
-    return Truth(prim_id, depth, _met(replace(pairs, prim_id=prim_id))[1], exhaustive)
+    return Truth(prim_id, depth)
 
 
-def _judge_answer(
-    pairs: Pairs, stored_depth: NDArray[np.float32], truth: Truth, depth_is_wrong: NDArray[np.bool_]
-) -> Answer:
-    depth, edge_distance = _met(pairs)
-    is_met = edge_distance >= -FLOAT64_TOLERANCE  # False for a miss
+def _judge_answer(pairs: Pairs, truth: Truth, depth_is_wrong: NDArray[np.bool_]) -> Answer:
+    depth, is_met = _met(pairs)
     with np.errstate(invalid="ignore"):  # inf - inf
         as_deep = np.abs(depth - truth.depth) <= TIE_TOLERANCE * np.maximum(depth, truth.depth)
-    right = pairs.prim_id == truth.prim_id
-    tied = ~right & is_met & as_deep
-    correctness = np.select(
-        [depth_is_wrong & (right | tied), right, tied],
-        [np.uint8(Correctness.WRONG_DEPTH), np.uint8(Correctness.RIGHT), np.uint8(Correctness.TIED)],
-        np.uint8(Correctness.WRONG_TRIANGLE),
-    )
-    correctness[_holes(pairs, correctness, depth, truth)] = Correctness.HOLE
-    beside = (pairs.prim_id != MISS) & ~is_met
-    # Within FLOAT64_TOLERANCE a ray hits from slightly outside; its distance counts as 0.
-    off_by = np.where(right | tied, 0.0, np.where(beside, -edge_distance, np.maximum(truth.edge_distance, 0.0)))
-    prim_id = np.asarray(pairs.prim_id, np.uint32)
-    return Answer(prim_id, stored_depth, depth, edge_distance, correctness, off_by)
+    right = (pairs.prim_id == truth.prim_id) | (is_met & as_deep)
+    holes = np.zeros(len(right), bool)
+    holes[_holes(pairs, np.flatnonzero(~right & (truth.prim_id != MISS)), depth, truth)] = True
+    return Answer(~right | depth_is_wrong, holes)
 
 
-def _holes(pairs: Pairs, correctness: NDArray[np.uint8], depth: NDArray[np.float64], truth: Truth) -> NDArray[np.int64]:
-    """Indices of the answers with a wrong triangle that are holes; pairs, depth: of the answers."""
-    asked = np.flatnonzero((correctness == Correctness.WRONG_TRIANGLE) & (truth.prim_id != MISS))
+def _holes(pairs: Pairs, asked: NDArray[np.int64], depth: NDArray[np.float64], truth: Truth) -> NDArray[np.int64]:
+    """Those of some answers that are holes. asked: where a triangle is hit and another one, or none, is named."""
     nearest, pairs = replace(pairs, prim_id=truth.prim_id), pairs[asked]
     error = Rounding.of(nearest[asked]).depth * truth.depth[asked]
     limit, named = depth[asked].copy(), pairs.prim_id != MISS
@@ -236,10 +171,11 @@ def _holes(pairs: Pairs, correctness: NDArray[np.uint8], depth: NDArray[np.float
     return asked[is_closed_around(nearest[asked], limit)]
 
 
-def _met(pairs: Pairs) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Depth and edge distance, (N,) float64 each, of every ray's own triangle; inf and NaN for a miss."""
-    depth, edge_distance = np.full(len(pairs.prim_id), np.inf), np.full(len(pairs.prim_id), np.nan)
+def _met(pairs: Pairs) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Depth at which every ray meets its own triangle's plane, (N,) float64, inf for a miss, and whether that is on the
+    triangle, (N,) bool."""
+    depth, is_met = np.full(len(pairs.prim_id), np.inf), np.zeros(len(pairs.prim_id), bool)
     named = pairs.prim_id != MISS
     met = pairs[named].intersections
-    depth[named], edge_distance[named] = met.depth, met.edge_distance
-    return depth, edge_distance
+    depth[named], is_met[named] = met.depth, met.edge_distance >= -FLOAT64_TOLERANCE
+    return depth, is_met

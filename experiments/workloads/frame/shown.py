@@ -19,12 +19,7 @@ from experiments.results.statistics import Estimate
 from experiments.results.statistics import best_of as best_candidate
 from experiments.results.verdicts import decide_greater
 from experiments.workloads.frame import FRAME
-from experiments.workloads.frame.break_even import break_even_figure
-from experiments.workloads.frame.exponents import exponent_lines
 from experiments.workloads.frame.grid_figure import grid_ratios, grid_times
-from experiments.workloads.frame.growth import growing_rows, growth_figure, growth_lines
-from experiments.workloads.frame.peers_figure import peers_figure
-from experiments.workloads.frame.threads_figure import threads_figure
 from experiments.workloads.frame_figures import methods_figure, split_ratios, split_times
 from experiments.workloads.panels import where_varies, workload_figure
 from experiments.workloads.series import of_files
@@ -32,17 +27,13 @@ from experiments.workloads.tables import best_split_table
 
 
 def sweep_lines(rows: pd.DataFrame) -> Iterator[Table | str]:
-    """The best splits, and who overtakes whom as triangles or pixels grow. rows: those of this workload that were
-    measured."""
+    """The best splits. rows: those of this workload that were measured."""
     yield best_split_table(rows, "pixels_wrong")
-    yield from growth_lines(rows)
 
 
 def process_lines(rows: pd.DataFrame) -> Iterator[str]:
-    """Which packets per pixel are the fastest, where several were tried, and how times grow. rows: of every process
-    that measured."""
+    """Which packets per pixel are the fastest, where several were tried. rows: of every process that measured."""
     yield from baseline_lines(rows)
-    yield from exponent_lines(rows)
 
 
 _AXES = ("split_x", "split_y")
@@ -83,7 +74,7 @@ _OVER_SPLITS = (
 )  # fmt: skip
 """Name, caption, what draws it, and the splits' axes that vary."""
 
-_TELLING = (
+FIGURES = (
     *(
         workload_figure(name, caption, FRAME, draw, _over(*axes), per_packet_width=True)
         for name, caption, draw, axes in _OVER_SPLITS
@@ -96,23 +87,12 @@ _TELLING = (
                 where_varies("method"),
             ),
             (
-                "break_even", "What a view costs in all, from frame 1 to frame 1,000", break_even_figure,
-                where_varies("method"),
+                "peers", "Speed-up over packets beside other ray tracers", partial(methods_figure, with_peers=True),
+                _with_peers,
             ),
-            ("threads", "Speed-up over one thread", threads_figure, where_varies("threads")),
-            ("growth", "Time, preparation and bytes over triangles and pixels", growth_figure, growing_rows),
-            ("peers", "Rays per second beside other ray tracers", peers_figure, _with_peers),
         )
     ),
 )  # fmt: skip
-
-
-def _untold(rows: pd.DataFrame) -> pd.DataFrame:
-    """All rows, where no other figure has anything to show: a sweep over scenes, views, packets or pixels alone."""
-    return rows[:0] if len(rows) < 2 or any(len(kind.rows(rows)) for kind in _TELLING) else rows
-
-
-FIGURES = (*_TELLING, workload_figure("rates", "Rays per second", FRAME, peers_figure, _untold))
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Terminal output of many views and batches of rays."""
+"""Terminal output of many views."""
 
 from __future__ import annotations
 
@@ -13,9 +13,8 @@ from experiments.workloads.tables import cell, points_table
 
 def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
     """A line a point. rows: measured, of this workload."""
-    title = "many views, or a batch of rays: seconds, and the gain of the library"
-    shown = ("job", "packet_width")
-    yield points_table(title, rows, _COLUMNS, "scene, method", lambda row: [say_kind(row)], shown)
+    title = "many views: seconds, and the gain of the library"
+    yield points_table(title, rows, _COLUMNS, "scene, method", lambda row: [say_kind(row)], ("packet_width",))
 
 
 def _interval(row: pd.Series) -> str:
@@ -24,7 +23,6 @@ def _interval(row: pd.Series) -> str:
 
 
 _COLUMNS = {
-    "job": lambda row: str(row["job"]).replace("_", "\n"),
     "this": cell("job_time_s", "{:.3f}"),
     "library": cell("library_time_s", "{:.3f}"),
     "gain": cell("library_gain"),

@@ -14,8 +14,8 @@ from atra.light.lightmaps.gather.tables_kernels import LUMINANCE
 from atra.light.tables import unit_normals
 from experiments.light.bake import BAKE
 from experiments.light.bake.mitsuba import MitsubaPaths, with_plain_light
+from experiments.light.mitsuba_light import load_mitsuba, parts_of, suns_of
 from experiments.light.render.measure import mitsuba_scene
-from experiments.methods.peers.mitsuba_light import load_mitsuba, parts_of, suns_of
 from scenes.cornell_box import CORNELL_BOX_CAMERA
 from scenes.lit.rooms import lit_cornell_box
 from tests.baked import cube, sheet, standard_error

@@ -34,12 +34,11 @@ def chosen_shares(odds, others):
     return shares / len(odds)
 
 
-@pytest.mark.parametrize("order", ["depth_first", "waves"])
-def test_a_floor_is_lit_as_much_as_a_square_lamp_fills_of_its_view(order):
+def test_a_floor_is_lit_as_much_as_a_square_lamp_fills_of_its_view():
     half, height, beside = 0.25, 2.0, 0.5
     scene = under_a_lamp(half, height)
     camera = replace(down(4, eye=(beside, 1.0, 0), fov=2))
-    image = traced(scene, camera, 256, max_depth=2, order=order)
+    image = traced(scene, camera, 256, max_depth=2)
     points = floor_points(camera)
     grid = (np.arange(64) + 0.5) / 64 * 2 * half - half
     way = np.stack(np.meshgrid(grid, grid), -1)[None, None] - points[..., None, None, ::2]
@@ -104,13 +103,6 @@ def test_both_ways_to_find_light_have_one_mean_and_aiming_has_less_noise(make):
     assert (np.abs(aimed.mean(axis=0) - found.mean(axis=0)) < 4 * error).all()
     assert (error < 0.05 * found.mean(axis=0)).all()
     assert aimed.std() < 2 * found.std()  # with a sixteenth of the samples: half the noise at least
-
-
-def test_paths_and_waves_aim_alike_whatever_the_threads():
-    scene, camera = lamp_and_panorama()
-    alone = traced(scene, camera, 4, packet_width=1, order="waves")
-    np.testing.assert_allclose(alone, traced(scene, camera, 4), rtol=2e-6)
-    np.testing.assert_array_equal(alone, traced(scene, camera, 4, packet_width=1, order="waves", threads=3))
 
 
 def test_without_emitters_nothing_is_aimed_and_the_rays_are_the_same():

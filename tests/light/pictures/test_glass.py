@@ -18,7 +18,6 @@ WHITE_SKY = light.constant_sky(1.0)
 TINT = (0.9, 0.6, 0.3)
 BARE = 0.04  # what glass of 1.5 mirrors at a right angle
 PANE = light.MetallicRoughness(TINT, roughness=0.0, transmission=1.0)
-ORDERS = pytest.mark.parametrize("order", ["depth_first", "waves"])
 LAMPS = pytest.mark.parametrize(
     "lamp",
     [light.Sun((0, -1, 0), 0.0), light.Sun((0, -1, 0), 5.0), light.PointLight((0.3, 6, 0), power=36.0)],
@@ -33,20 +32,18 @@ def beneath(glass, lamp, heights=(1.5,)):
     return light.Scene(quads([floor(1.0), *panes]), [light.Lambertian(0.5), glass], numbers, [lamp], BLACK)
 
 
-@ORDERS
 @LAMPS
-def test_lamps_shine_straight_through_a_clear_pane_and_take_its_colour(lamp, order):
-    image = traced(beneath(PANE, lamp), ABOVE, 16, max_depth=2, order=order)
+def test_lamps_shine_straight_through_a_clear_pane_and_take_its_colour(lamp):
+    image = traced(beneath(PANE, lamp), ABOVE, 16, max_depth=2)
     np.testing.assert_allclose(image, np.broadcast_to(0.5 * (1 - BARE) * np.array(TINT), (4, 4, 3)), rtol=0.01)
 
 
-@ORDERS
 @LAMPS
 @pytest.mark.parametrize("glass", [
     light.Dielectric(1.5), light.MetallicRoughness(roughness=0.0, transmission=1.0, is_thin=False),
 ], ids=["dielectric", "solid"])  # fmt: skip
-def test_lamps_shine_straight_through_a_slab_less_what_both_sides_mirror(glass, lamp, order):
-    image = traced(beneath(glass, lamp, (1.6, 1.5)), ABOVE, 16, max_depth=2, order=order)
+def test_lamps_shine_straight_through_a_slab_less_what_both_sides_mirror(glass, lamp):
+    image = traced(beneath(glass, lamp, (1.6, 1.5)), ABOVE, 16, max_depth=2)
     np.testing.assert_allclose(image, 0.5 * (1 - BARE) ** 2, rtol=0.01)
 
 
@@ -74,11 +71,10 @@ def test_rays_aimed_at_an_emitter_and_scattered_ones_share_its_light_through_a_c
     assert aimed[0] > 0.1
 
 
-@ORDERS
-def test_clear_panes_that_absorb_nothing_cannot_be_seen_in_a_furnace(order):
+def test_clear_panes_that_absorb_nothing_cannot_be_seen_in_a_furnace():
     clear = light.MetallicRoughness(roughness=0.0, transmission=1.0)
     camera = atra.Camera((0, 0, 4), (0, 0, 0), fov_y_degrees=40, width=16, height=16)
-    image = traced(sphere(clear, WHITE_SKY, smooth=False), camera, 4, max_depth=1000, order=order)
+    image = traced(sphere(clear, WHITE_SKY, smooth=False), camera, 4, max_depth=1000)
     np.testing.assert_allclose(image, 1.0, atol=1e-4)
 
 
@@ -91,10 +87,9 @@ def stack(layers):
     return light.Scene(quads([floor(), *sheets]), [light.Lambertian(0.5), empty], numbers, [sun], BLACK)
 
 
-@ORDERS
-def test_a_ray_passes_any_number_of_holes(order):
+def test_a_ray_passes_any_number_of_holes():
     for camera in (ABOVE, replace(ABOVE, eye=(0.3, 9.0, 0))):
-        np.testing.assert_allclose(traced(stack(130), camera, 2, max_depth=2, order=order), 0.5, rtol=1e-5)
+        np.testing.assert_allclose(traced(stack(130), camera, 2, max_depth=2), 0.5, rtol=1e-5)
 
 
 def test_a_ray_of_a_hybrid_frame_passes_any_number_of_holes():

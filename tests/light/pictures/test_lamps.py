@@ -28,10 +28,9 @@ def received(lamp, points):
 
 
 @pytest.mark.parametrize("lamp", LAMPS, ids=lambda lamp: type(lamp).__name__)
-@pytest.mark.parametrize("order", ["depth_first", "waves"])
-def test_a_floor_shows_a_lamp_as_the_inverse_square_and_the_cosine_say(lamp, order):
+def test_a_floor_shows_a_lamp_as_the_inverse_square_and_the_cosine_say(lamp):
     scene = light.Scene(quads([floor()]), [light.Lambertian(0.5)], lights=[lamp], sky=BLACK)
-    image = traced(scene, ABOVE, 8, max_depth=2, order=order)
+    image = traced(scene, ABOVE, 8, max_depth=2)
     expected = 0.5 * received(lamp, floor_points(ABOVE))
     np.testing.assert_allclose(image[..., 0], expected, rtol=2e-3)
 
@@ -51,18 +50,16 @@ def half_open(alpha, opacity=0.4):
     return light.Scene(mesh, [light.Lambertian(0.5), pane], [0, 0, 1, 1], [light.Sun((0, -1, 0), 0.0)], BLACK)
 
 
-@pytest.mark.parametrize("order", ["depth_first", "waves"])
 @pytest.mark.parametrize(("alpha", "share"), [("opaque", 0.0), ("mask", 1.0), ("blend", 0.6)])
-def test_shadows_let_through_what_holes_and_thin_things_do(alpha, share, order):
-    image = traced(half_open(alpha), ABOVE, 64, max_depth=2, order=order)
+def test_shadows_let_through_what_holes_and_thin_things_do(alpha, share):
+    image = traced(half_open(alpha), ABOVE, 64, max_depth=2)
     np.testing.assert_allclose(image, 0.5 * share, rtol=1e-4)
 
 
-@pytest.mark.parametrize("order", ["depth_first", "waves"])
-def test_the_eye_sees_through_holes_and_in_part_through_what_is_blended(order):
+def test_the_eye_sees_through_holes_and_in_part_through_what_is_blended():
     from_above = replace(ABOVE, eye=(0.3, 3.0, 0))
     for alpha, share in (("mask", 1.0), ("blend", 0.6)):
-        image = traced(half_open(alpha), from_above, 256, max_depth=2, order=order)
+        image = traced(half_open(alpha), from_above, 256, max_depth=2)
         dark = 0.04 * 0.25  # what the black pane mirrors at most of the sun, rough as it is
         np.testing.assert_allclose(image.mean(), 0.5 * share * share, atol=dark + 0.02)
 

@@ -9,8 +9,7 @@ import pytest
 import atra
 from atra import light
 from atra.light import numbers_kernels
-from scenes.lit.rooms import lit_cornell_box
-from tests.meshes import cornell_camera, quads, random_triangles
+from tests.meshes import quads, random_triangles
 from tests.shown import BLACK, batches, down, floor, room, sphere, traced
 
 WHITE_SKY = light.constant_sky(1.0)
@@ -80,9 +79,8 @@ def test_two_mirrors_in_a_row_multiply():
     mirrors = [light.Metal((0.5, 1.0, 0.75)), light.Metal((0.25, 0.5, 1.0))]
     scene = light.Scene(quads([floor(), wall]), mirrors, [0, 0, 1, 1], sky=WHITE_SKY)
     camera = atra.OrthographicCamera((3, 2, 0), (1, 0, 0), (0, 0, 1), 0.5, 4, 4)
-    for order in ("depth_first", "waves"):
-        image = traced(scene, camera, 1, order=order)  # to the floor, the wall and the sky
-        np.testing.assert_allclose(image, np.broadcast_to([0.125, 0.5, 0.75], (4, 4, 3)))
+    image = traced(scene, camera, 1)  # to the floor, the wall and the sky
+    np.testing.assert_allclose(image, np.broadcast_to([0.125, 0.5, 0.75], (4, 4, 3)))
 
 
 def reflectance(cosine, ior, fresnel):
@@ -155,12 +153,10 @@ def busy(count=300):
     return light.Scene(mesh, materials, np.arange(count) % 5, lights=[light.Sun((0.3, -1, 0.2), 2.0)])
 
 
-WAVES = partial(light.PathRenderer, order="waves")
-
 BUSY_CAMERA = atra.Camera((0.1, 0.2, -7), (0, 0, 0), fov_y_degrees=50, width=96, height=64)
 
 
-@pytest.mark.parametrize("kind", [light.PathRenderer, WAVES, light.HybridRenderer])
+@pytest.mark.parametrize("kind", [light.PathRenderer, light.HybridRenderer])
 def test_threads_and_waves_change_no_bit(kind):
     scene, pictures = busy(), set()
     for threads, wave_rays in ((1, 2048), (1, 4096), (1, 1 << 20), (2, 2048), (3, 4096)):
@@ -171,7 +167,7 @@ def test_threads_and_waves_change_no_bit(kind):
     assert len(pictures) == 1
 
 
-@pytest.mark.parametrize("kind", [light.PathRenderer, WAVES, light.HybridRenderer])
+@pytest.mark.parametrize("kind", [light.PathRenderer, light.HybridRenderer])
 def test_methods_that_see_the_same_make_the_same_bits(kind):
     scene = busy()
     methods = {
@@ -191,15 +187,6 @@ def test_methods_that_see_the_same_make_the_same_bits(kind):
         same = prim_id == seen
         assert same.mean() > 0.999
         np.testing.assert_array_equal(image[same], reference[same])
-
-
-def test_one_path_after_the_other_is_the_wave_but_for_the_order_of_sums():
-    for jitter in ("shared", "pixel"):
-        waves = traced(busy(), BUSY_CAMERA, 3, order="waves", packet_width=1, max_depth=8, jitter=jitter)
-        own = traced(busy(), BUSY_CAMERA, 3, order="depth_first", max_depth=8, jitter=jitter)
-        np.testing.assert_allclose(own, waves, rtol=2e-6, atol=1e-6)
-    other = traced(busy(), BUSY_CAMERA, 3, order="depth_first", max_depth=8)
-    assert np.abs(other - waves).max() > 0.01
 
 
 def test_jitter_of_each_pixel_s_own_converges_to_the_shared_one_s_picture():
@@ -254,17 +241,3 @@ def test_the_circle_is_one():
     found = np.array([numbers_kernels.circle(turn) for turn in turns])
     expected = np.stack([np.cos(2 * np.pi * turns.astype(float)), np.sin(2 * np.pi * turns.astype(float))], 1)
     np.testing.assert_allclose(found, expected, atol=4e-7)
-
-
-def through(make, scene=None, **options):
-    """The picture of the box, or of another scene, and what `rays` of the renderer it took."""
-    box = scene or lit_cornell_box()
-    options = {"order": "waves", "jitter": "pixel", "threads": 1} | options
-    with light.PathRenderer(box, cornell_camera(24, 18), rays=make, **options) as renderer:
-        renderer.add(2)
-        return renderer.image, renderer.ray_count
-
-
-def test_what_traces_batches_needs_waves():
-    with pytest.raises(atra.InputError, match=r"order is 'depth_first' with rays given, expected 'waves'"):
-        through(atra.RayScene, order="depth_first")

@@ -279,8 +279,3 @@ def test_a_transparent_picture_has_the_share_of_each_pixel_that_is_hit_and_no_sk
     assert levels.shape == (5, 5, 4)
     np.testing.assert_allclose(levels[..., 3], 255 * alpha, atol=0.51)
     np.testing.assert_allclose(levels[:, :3, 0], 188, atol=8)  # half of white, coded
-
-
-def test_transparent_pictures_are_not_traced_in_waves():
-    with pytest.raises(atra.InputError, match=r"order is 'waves' of a transparent picture"):
-        made(order="waves", transparent=True)

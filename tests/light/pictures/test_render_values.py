@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from time import perf_counter
 from types import SimpleNamespace
@@ -59,7 +58,6 @@ WRONG = [
     (lambda: light.Scene(MESH, normals=[(0, 1, 0)] * 3 + [(0, NAN, 0)]), "normal of vertex 3"),
     (lambda: light.Scene(MESH, [light.Lambertian(light.Checker(1, 0))]), "material 0 has a texture, exp"),
     (lambda: PathOptions(max_depth=0), "max_depth is 0"),
-    (lambda: PathOptions(order="sideways"), "order is 'sideways'"),
     (lambda: PathOptions(jitter="none"), "jitter is 'none', expected one of shared, off, pixel"),
     (lambda: HybridOptions(jitter="pixel"), "jitter is 'pixel', expected one of shared, off"),
     (lambda: PathOptions(wave_rays=1000), "wave_rays is 1000, expected a multiple of 2048"),
@@ -113,26 +111,25 @@ def test_light_beyond_all_numbers_is_reported_with_its_pixel_and_leaves_nothing_
     texels[0, 188:193] = 3e38  # what the pixels of the third column see
     scene = light.Scene(quads([floor(0.001, height=-50)]), sky=light.PanoramaSky(texels))
     brighter = replace(scene, sky=light.PanoramaSky(texels, power=2.0))
-    for order in ("waves", "depth_first"):
-        with light.PathRenderer(brighter, camera, threads=1, order=order) as renderer:
-            with pytest.raises(atra.AtraError, match=r"sample 0 of pixel \(2, 0\) is inf"):
-                renderer.add(2)
-            assert renderer.samples == 0
-            renderer.update(scene=scene)
-            renderer.add(1)
-            assert np.isfinite(renderer.image).all()
+    with light.PathRenderer(brighter, camera, threads=1) as renderer:
+        with pytest.raises(atra.AtraError, match=r"sample 0 of pixel \(2, 0\) is inf"):
+            renderer.add(2)
+        assert renderer.samples == 0
+        renderer.update(scene=scene)
+        renderer.add(1)
+        assert np.isfinite(renderer.image).all()
 
 
 def test_an_interrupted_sample_leaves_no_torn_picture(monkeypatch):
     scene = light.Scene(MESH)
-    with light.PathRenderer(scene, down(4), threads=1, order="waves") as renderer:
+    with light.PathRenderer(scene, down(4), threads=1) as renderer:
         renderer.add(2)
         expected = renderer.image
 
         def interrupt(*_):
             raise KeyboardInterrupt
 
-        monkeypatch.setattr("atra.light.pictures.paths.renderer.shade", interrupt)
+        monkeypatch.setattr("atra.light.pictures.paths.renderer.follow_depth_first", interrupt)
         with pytest.raises(KeyboardInterrupt):
             renderer.add(1)
         monkeypatch.undo()
@@ -154,7 +151,7 @@ def test_a_picture_can_be_stopped_between_waves_and_then_starts_anew():
 
 def test_sums_that_would_not_fit_are_refused_before_they_are_made(monkeypatch):
     monkeypatch.setattr("psutil.virtual_memory", lambda: SimpleNamespace(available=20 << 20))
-    with pytest.raises(atra.MemoryBudgetError, match="sums of 1,048,576 pixels and waves"):
+    with pytest.raises(atra.MemoryBudgetError, match="sums of 1,048,576 pixels"):
         light.PathRenderer(light.Scene(MESH), down(1024), threads=1)
 
 
@@ -162,10 +159,6 @@ def test_stages_are_named_and_sum_to_the_call():
     scene = light.Scene(MESH, lights=[light.Sun((0, -1, 0))])
     for kind, stages in (
         (light.PathRenderer, {"primary", "depth_first", "other"}),
-        (
-            partial(light.PathRenderer, order="waves"),
-            {"primary", "generate", "trace", "compact", "connect", "shade", "other"},
-        ),
         (light.HybridRenderer, {"primary", "surfaces", "generate", "shadow", "occlusion", "accumulate", "other"}),
     ):
         with kind(scene, down(64), threads=2) as renderer:

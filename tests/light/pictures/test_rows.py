@@ -164,7 +164,7 @@ MAKERS = {
     render.PointLight: ("position", "colour", "power"), render.SphereLight: ("position", "radius", "colour", "power"),
     render.Scene: ("mesh", "materials", "face_materials", "lights", "sky", "normals", "uv"),
     HybridOptions: tuple(RESTARTS.keys() - {"max_depth", "roulette"}) + ("start_off", "most_samples"),
-    PathOptions: ("jitter", "wave_rays", "max_depth", "roulette", "order", "start_off", "most_samples"),
+    PathOptions: ("jitter", "wave_rays", "max_depth", "roulette", "start_off", "most_samples"),
 }  # fmt: skip
 USUAL = {
     render.Checker: {"first": 0.1, "second": 0.2}, render.Image: {"texels": np.zeros((1, 1, 3))},

@@ -232,3 +232,67 @@ def test_an_obj_s_materials_come_with_their_colours_textures_and_opacity(tmp_pat
     assert named["lamp"].emission == (4.0, 3.0, 2.0)
     assert named["wood"].roughness == 0.3
     assert named["wood"].colour.factor == (0.5, 0.5, 0.5, 1.0)
+
+
+SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+
+
+def obj(tmp_path, text, mtl="newmtl m\nmap_Kd wood.png\n"):
+    (tmp_path / "wood.png").write_bytes(png(np.full((2, 2, 3), 100, np.uint8)))
+    (tmp_path / "m.mtl").write_text(mtl)
+    (tmp_path / "m.obj").write_text("mtllib m.mtl\n" + text)
+    return light.load_scene(tmp_path / "m.obj")
+
+
+@pytest.mark.parametrize("gap", [" ", " \\\n"], ids=["one line", "continued line"])
+def test_each_corner_of_an_obj_has_the_texture_coordinate_that_it_names(gap, tmp_path):
+    text = SQUARE + "".join(f"vt {k}e-1 0.5\n" for k in range(1, 6)) + f"usemtl m\nf 1/1{gap}2/2 3/3\nf 1/5 3/3 4/4\n"
+    scene = obj(tmp_path, text)
+    np.testing.assert_allclose(scene.uv[scene.mesh.faces][..., 0], [[0.1, 0.2, 0.3], [0.5, 0.3, 0.4]], rtol=1e-6)
+    expected = load_mesh(tmp_path / "m.obj")
+    np.testing.assert_array_equal(scene.mesh.vertices[scene.mesh.faces], expected.vertices[expected.faces])
+    assert len(scene.mesh.vertices) == 5
+
+
+@pytest.mark.filterwarnings("ignore:.*not used")
+def test_an_obj_of_quads_keeps_texture_coordinates_and_normals_and_flat_faces_stay_flat(tmp_path):
+    text = SQUARE + "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0.6 0.8\nusemtl m\n"
+    scene = obj(tmp_path, text + "f 1/1/1 2/2/1 3/3/1 4/4/1\nf -1 -2 -3 -4\n")
+    assert scene.mesh.triangle_count == 4
+    np.testing.assert_allclose(scene.normals[scene.mesh.faces[:2]], np.tile([0, 0.6, 0.8], (2, 3, 1)), rtol=1e-6)
+    np.testing.assert_allclose(scene.normals[scene.mesh.faces[2:]], np.tile([0, 0, -1], (2, 3, 1)), rtol=1e-6)
+    mapped, plain = (scene.materials[k] for k in scene.face_materials[[0, 3]])
+    assert isinstance(mapped.colour, light.Image)
+    assert plain.colour == pytest.approx((0.7, 0.7, 0.7))
+    assert scene.left_out == ("textures without texture coordinates",)
+
+
+def test_a_part_of_an_obj_that_begins_late_keeps_its_image(tmp_path):
+    text = SQUARE + "v 0 0 5\nv 1 0 5\nv 0 1 5\nvt 0 0\nvt 1 0\nvt 0 1\nf 1 2 3\nusemtl m\nf 5/1 6/2 7/3\n"
+    scene = obj(tmp_path, text)
+    assert isinstance(scene.materials[scene.face_materials[1]].colour, light.Image)
+    np.testing.assert_array_equal(scene.uv[scene.mesh.faces[1]], [[0, 0], [1, 0], [0, 1]])
+
+
+def test_what_an_obj_s_material_says_in_vain_is_named_and_glass_takes_its_filter(tmp_path):
+    mtl = "newmtl m\nKa 1 1 1\nKs 0.5 0.5 0.5\nTf 1 0.5 0\nNs 250\nnewmtl g\nillum 7\nKd 0 0 0\nTf 1 0.5 0\nKs 0 0 0\n"
+    with pytest.warns(UserWarning, match="Ka of MTL; Ks of MTL; Tf of MTL; material 'x', which no MTL describes"):
+        scene = obj(tmp_path, SQUARE + "usemtl m\nf 1 2 3\nusemtl g\nf 1 2 4\nusemtl x\nf 1 3 4\n", mtl)
+    assert scene.materials[1].colour == (1.0, 0.5, 0.0)
+    assert scene.materials[1].transmission == 1.0
+
+
+def test_a_texture_coordinate_that_an_obj_has_not_is_named_and_costs_the_texture_of_its_face(tmp_path):
+    with pytest.warns(UserWarning, match="1 corners name texture coordinates that the file has not"):
+        scene = obj(tmp_path, SQUARE + "vt 0 0\nusemtl m\nf 1/1 2/1 3/1\nf 1/1 3/1 4/2\n")
+    assert [isinstance(scene.materials[k].colour, light.Image) for k in scene.face_materials] == [True, False]
+
+
+def test_an_obj_with_paths_of_its_author_s_machine_takes_the_files_beside_it(tmp_path):
+    text = SQUARE + "vt 0 0\nusemtl m\nf 1/1 2/1 3/1\n"
+    scene = obj(tmp_path, text, "newmtl m\nmap_Kd C:\\art\\wood.png\n")
+    assert isinstance(scene.materials[0].colour, light.Image)
+    (tmp_path.parent / "stone.png").write_bytes(png(np.full((2, 2, 3), 100, np.uint8)))
+    with pytest.warns(UserWarning, match=r"image '\.\./stone\.png', because it names 'stone\.png', which is no file"):
+        scene = obj(tmp_path, text, "newmtl m\nmap_Kd ../stone.png\n")
+    assert scene.materials[0].colour == pytest.approx((0.7, 0.7, 0.7))

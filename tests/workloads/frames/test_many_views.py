@@ -12,7 +12,8 @@ from experiments.methods import find_method
 from experiments.results.terminal import results_console
 from experiments.workloads import views as measuring
 from experiments.workloads.baselines import OWN
-from experiments.workloads.views import JOBS, LIBRARY, VIEWS, ViewsOptions, camera_rays, cameras_around, random_rays
+from experiments.workloads.rays import camera_rays, random_rays
+from experiments.workloads.views import LIBRARY, VIEWS, ViewsOptions, cameras_around
 from experiments.workloads.views.shown import sweep_lines
 from tests import points
 from tests.images import assert_same_bits
@@ -43,9 +44,8 @@ def test_cameras_have_an_eye_each_and_see_the_mesh_off_the_middle_of_their_image
     assert min(found) > 0.3
 
 
-@pytest.mark.parametrize("job", JOBS)
-def test_others_and_the_library_find_the_same_triangles_and_are_timed_in_the_same_rounds(job):
-    got = measured(job=job, views=3)
+def test_others_and_the_library_find_the_same_triangles_and_are_timed_in_the_same_rounds():
+    got = measured(views=3)
     assert {name: len(values) for name, values in got.samples.items()} == {OWN: 3, LIBRARY: 3}
     assert got.results["ids_equal"] > 0.99
 
@@ -58,10 +58,7 @@ def test_views_of_our_own_methods_are_those_of_the_library(monkeypatch):
     assert len(made) == 2 * (1 + 3)  # of which nothing is known when the clock starts
 
 
-def test_only_tracers_of_others_are_given_rays():
-    with pytest.raises(atra.InputError, match="job=random_rays, expected a tracer of others beside ours: embreex"):
-        planned("pixel", job="random_rays")
-    assert planned("pixel").problem is None
+def test_at_least_one_view_is_asked_for():
     with pytest.raises(atra.InputError, match=r"workload\.views is 0"):
         ViewsOptions(views=0)
 
@@ -100,10 +97,10 @@ def test_a_peer_is_given_any_rays_and_another_camera(name):
 
 
 def test_the_terminal_says_how_many_times_as_fast_the_library_is(capsys):
-    row = {"scene": "cornell_box", "method": "embreex", "job": "views", "views": 20, "workload": VIEWS.name,
+    row = {"scene": "cornell_box", "method": "embreex", "views": 20, "workload": VIEWS.name,
            "job_time_s": 6.0, "library_time_s": 0.75, "library_gain": 8.0, "ids_equal": 0.99997,
            "library_gain_low": 7.5, "library_gain_high": 8.5}  # fmt: skip
     results_console().print(*sweep_lines(pd.DataFrame([row])))
     said = capsys.readouterr().out
-    for text in ("cornell_box, embreex", "views", "6.000", "0.750", "8.00x", "7.50-8.50", "0.99997"):
+    for text in ("cornell_box, embreex", "6.000", "0.750", "8.00x", "7.50-8.50", "0.99997"):
         assert text in said

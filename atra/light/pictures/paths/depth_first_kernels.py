@@ -18,11 +18,11 @@ THIRDS = np.float32(1.0 / 3.0), np.float32(1.0 / 3.0), np.float32(1.0 / 3.0)
 
 @float_kernel
 def follow_depth_first(first, count, pixels, scene, packet, surfaces, emitters, sums, free, limits):  # type: ignore[no-untyped-def]
-    """All stages for one path after the other, with a packet of 1; the alternative to waves. Arguments as for the
-    stages. free: (FREE_ROWS, 1) float32, scratch. Where `sums`
-    have a plane ALPHA, the sky that the eye sees is left out, and the share of it that is hidden is added there.
+    """Add a sample of `count` pixels from number `first` on, one path after the other.
 
-    Returns the number of rays traced, -1 if light was not finite.
+    scene, packet: of width 1. sums: (3 or 4, pixels) float32 of a `Film`. free: (FREE_ROWS, 1) float32, scratch.
+    limits: `Limits`. Where `sums` have a plane ALPHA, the sky that the eye sees is left out, and the share of it that
+    is hidden is added there. Returns the number of rays traced, -1 if light was not finite.
     """
     is_finite, rays, is_known = True, 0, len(pixels.prim_id) > 0
     for pixel in range(first, first + count):
