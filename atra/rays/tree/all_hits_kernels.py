@@ -20,13 +20,16 @@ from atra.rays.tree.boxes_kernels import enter_alone, enter_together, start_of
 from atra.rays.tree.crossings_kernels import prim_id_of
 from atra.rays.tree.lanes_kernels import begin_together, entering, load_rays
 from atra.rays.tree.memory import CHUNK, MOST_LEAVES, RAY_LANES, WORKER_SHIFT, TreeAddresses
-from atra.rays.tree.walk_kernels import DONE, LEAF, LEAVES_LAST, put, walk_of
+from atra.rays.tree.walk_kernels import DONE, hold, put, walk_of
 
 _GAPS = (701, 301, 132, 57, 23, 10, 4, 1)
 """Steps of a Shell sort. Source: M. Ciura, "Best increments for the average case of Shellsort", 2001."""
 
 _NEAR_BY = 1 / 16
 """How far apart rays start at most whose hits are found together, as a share of the mesh's radius."""
+
+_HELD = 56
+"""Leaves held back while the tree is walked through for all hits."""
 
 
 class Close(NamedTuple):
@@ -126,21 +129,21 @@ def _note(tree, leaf, query, ahead, noted, given):  # type: ignore[no-untyped-de
     if marks:
         if noted == MOST_LEAVES:
             return query, DONE, noted + 1
-        store(splat(np.int64(leaf), 1), memory.leaves + 8 * noted)
+        store(splat(np.int64(leaf), 1), memory.noted + 8 * noted)
         store(splat(marks, 1), memory.marks + 8 * noted)
         noted += 1
     return query, ahead, noted
 
 
-_walk_and_count = walk_of(enter_alone, meet_of(_count), LEAVES_LAST)
-_walk_and_keep = walk_of(enter_alone, meet_of(_keep), LEAVES_LAST)
-_walk_and_note = walk_of(enter_together, _note, LEAVES_LAST)
+_walk_and_count = walk_of(enter_alone, meet_of(_count), in_order=False, held=_HELD)
+_walk_and_keep = walk_of(enter_alone, meet_of(_keep), in_order=False, held=_HELD)
+_walk_and_note = walk_of(enter_together, _note, in_order=False)
 
 
 @float_part
 def find_together(tree, rays, first, last, memory):  # type: ignore[no-untyped-def]
     """The number of leaves that rays from `first` up to `last` may enter, -1 where they had better go alone; writes
-    which these are to `memory.leaves`, and which rays enter them to `memory.marks`."""
+    which these are to `memory.noted`, and which rays enter them to `memory.marks`."""
     near_by = _NEAR_BY * tree.sphere[3]
     if not are_coherent(rays, first, last - first, near_by):
         return np.int64(-1)
@@ -151,22 +154,22 @@ def find_together(tree, rays, first, last, memory):  # type: ignore[no-untyped-d
     if left == 0:
         return np.int64(0)
     put(memory, 0, tree.nodes, -np.inf)
-    noted = _walk_and_note(tree, memory, 1, query, ahead, np.int64(0), (memory, left, octant, margin))
+    noted = _walk_and_note(tree, memory, 1, 0, query, ahead, np.int64(0), (memory, left, octant, margin))
     return noted if noted <= MOST_LEAVES else np.int64(-1)
 
 
 @njit(forceinline=True)
-def _begin(tree, memory, leaves, lane):  # type: ignore[no-untyped-def]
-    """Put where a ray begins on the stack, the leaves noted or the root of the tree; returns the top."""
-    if leaves < 0:
+def _begin(tree, memory, noted, lane):  # type: ignore[no-untyped-def]
+    """(top of the stack, leaves that wait) where a ray begins: the leaves noted, or the root of the tree."""
+    if noted < 0:
         put(memory, 0, tree.nodes, -np.inf)
-        return np.int64(1)
-    top = np.int64(0)
-    for place in range(leaves):
+        return np.int64(1), np.int64(0)
+    leaves = np.int64(0)
+    for place in range(noted):
         if address_at(memory.marks + 8 * place) >> lane & 1:
-            put(memory, top, address_at(memory.leaves + 8 * place) + LEAF, -np.inf)
-            top += 1
-    return top
+            hold(memory, leaves, address_at(memory.noted + 8 * place))
+            leaves += 1
+    return np.int64(0), leaves
 
 
 @cache
@@ -186,23 +189,23 @@ def all_hits_kernel(counting: bool) -> Callable[..., None]:
                 return
             first, last = chunk * CHUNK, min((chunk + 1) * CHUNK, len(lists.counts))
             begin = end = first + lists.done[chunk]
-            leaves = np.int64(-1)
+            noted = np.int64(-1)
             for number in range(begin, last):
                 if number == end:
                     begin, end = end, min(end + RAY_LANES, last)
-                    leaves = find_together(tree, rays, begin, end, memory)
+                    noted = find_together(tree, rays, begin, end, memory)
                 o, d, tnear, tfar, scale = scaled_ray(rays, number)
                 start, count, turn = hits.used[0], np.int64(0), np.int64(0)
                 may_hit, s = start_of(o, d, tnear, tfar, tree.sphere)
-                if may_hit and leaves != 0:
+                if may_hit and noted != 0:
                     query, ahead, alone = alone_of(tree, o, d, tnear, tfar, s, memory, False)
-                    top = _begin(tree, memory, leaves, number - begin)
+                    top, leaves = _begin(tree, memory, noted, number - begin)
                     if counting:
                         none = count, turn
-                        count, turn = _walk_and_count(tree, memory, top, query, ahead, none, alone)
+                        count, turn = _walk_and_count(tree, memory, top, leaves, query, ahead, none, alone)
                     else:
                         none = start, 0.0, hits, scale
-                        into, worst, _, _ = _walk_and_keep(tree, memory, top, query, ahead, none, alone)
+                        into, worst, _, _ = _walk_and_keep(tree, memory, top, leaves, query, ahead, none, alone)
                         if into > len(hits.t):
                             lists.done[chunk] = number - first
                             return

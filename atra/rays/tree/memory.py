@@ -23,10 +23,10 @@ RAY_LANES = 16 if native_lanes() == 16 else 8
 LANE_ROWS = 20
 """Rows of memory of a thread for such rays, a float64 of each."""
 
-STACK = 2 * CHILDREN * (DEEPEST + 4)
+STACK = CHILDREN * (DEEPEST + 4)
 """Nodes and leaves that wait to be visited, at most."""
 
-MOST_LEAVES = STACK // 2
+MOST_LEAVES = 512
 """Leaves that rays may enter together to find all their hits; rays that enter more go alone."""
 
 WORKER_SHIFT = 40
@@ -50,7 +50,8 @@ class Memory(NamedTuple):
 
     stack: (STACK,) int64, nodes and leaves that wait. reached: (STACK,) float32, where rays come to these. entries:
     (CHILDREN,) float32. exact: (PARTS,) float64. areas: (AREAS,) float64. lanes: (LANE_ROWS, RAY_LANES) float64 and
-    places: (RAY_LANES,) int64, of rays that go together. leaves, marks: (MOST_LEAVES,) int64, of `find_together`.
+    places: (RAY_LANES,) int64, of rays that go together. leaves, noted, marks: (MOST_LEAVES,) int64, leaves
+    that wait to be met, and those of `find_together`.
     """
 
     stack: int
@@ -61,10 +62,15 @@ class Memory(NamedTuple):
     lanes: int
     places: int
     leaves: int
+    noted: int
     marks: int
 
 
-_WORDS = Memory(STACK, STACK // 2, CHILDREN, PARTS, AREAS, LANE_ROWS * RAY_LANES, RAY_LANES, MOST_LEAVES, MOST_LEAVES)
+_WORDS = Memory(
+    stack=STACK, reached=STACK // 2, entries=CHILDREN // 2, exact=PARTS, areas=AREAS, lanes=LANE_ROWS * RAY_LANES,
+    places=RAY_LANES, leaves=MOST_LEAVES, noted=MOST_LEAVES, marks=MOST_LEAVES,
+)  # fmt: skip
+"""Numbers of 8 bytes that each takes."""
 
 
 def thread_memory() -> tuple[NDArray[np.float64], Memory]:

@@ -25,7 +25,7 @@ from atra.rays.tree.crossings_kernels import is_before, parameter, prim_id_of
 from atra.rays.tree.lanes_kernels import AHEAD, NEAREST, NEAREST_ERROR, begin_together, entering, load_rays, range_of
 from atra.rays.tree.memory import CHUNK, RAY_LANES
 from atra.rays.tree.triangles_kernels import cross_exactly, crossed, line_of, met_by, ray_of, take_nearer, tube_of
-from atra.rays.tree.walk_kernels import DONE, LEAF, LEAVES_FIRST, NEAR_FIRST, first_block, put, walk_of
+from atra.rays.tree.walk_kernels import DONE, LEAF, first_block, put, walk_of
 from atra.trees.layout import BLOCK_BYTES
 from atra.trees.wide import BLOCK_COUNTS
 
@@ -59,8 +59,8 @@ def _take_any(block, k, crossing, query, ahead, is_hit, alone):  # type: ignore[
     return query, DONE, True
 
 
-_walk_to_nearest = walk_of(enter_alone, meet_of(_take_nearer), NEAR_FIRST)
-_walk_to_any = walk_of(enter_alone, meet_of(_take_any), LEAVES_FIRST)
+_walk_to_nearest = walk_of(enter_alone, meet_of(_take_nearer), in_order=True)
+_walk_to_any = walk_of(enter_alone, meet_of(_take_any), in_order=False)
 
 
 @float_part
@@ -75,7 +75,7 @@ def nearest_alone(tree, o, d, tnear, tfar, memory, touches):  # type: ignore[no-
     query, ahead, alone = alone_of(tree, o, d, tnear, tfar, s, memory, touches)
     put(memory, 0, tree.nodes, -np.inf)
     nobody = tfar, 0.0, np.int64(0), np.int64(0)
-    t, error, block, k = _walk_to_nearest(tree, memory, 1, query, ahead, nobody, alone)
+    t, error, block, k = _walk_to_nearest(tree, memory, 1, 0, query, ahead, nobody, alone)
     if block == 0:
         return np.inf, NO_HIT
     return _finished(t, error, block, k, o, d, memory.exact), prim_id_of(block, k)
@@ -89,7 +89,7 @@ def is_hit_alone(tree, o, d, tnear, tfar, memory, touches):  # type: ignore[no-u
         return False
     query, ahead, alone = alone_of(tree, o, d, tnear, tfar, s, memory, touches)
     put(memory, 0, tree.nodes, -np.inf)
-    return _walk_to_any(tree, memory, 1, query, ahead, False, alone)
+    return _walk_to_any(tree, memory, 1, 0, query, ahead, False, alone)
 
 
 def _meet_together(any_hit: bool) -> Any:
@@ -136,8 +136,8 @@ def _meet_together(any_hit: bool) -> Any:
     return meet
 
 
-_walk_to_nearest_together = walk_of(enter_together, _meet_together(False), NEAR_FIRST)
-_walk_to_any_together = walk_of(enter_together, _meet_together(True), NEAR_FIRST)
+_walk_to_nearest_together = walk_of(enter_together, _meet_together(False), in_order=True)
+_walk_to_any_together = walk_of(enter_together, _meet_together(True), in_order=True)
 
 
 @float_part
@@ -169,12 +169,12 @@ def hit_together(any_hit, tree, rays, first, last, near_by, memory, touches, bef
     if any_hit:
         put(memory, 1, before + LEAF, -np.inf)
         top = 2 if before else 1
-        _, hit, before = _walk_to_any_together(tree, memory, top, query, ahead, state, given)
+        _, hit, before = _walk_to_any_together(tree, memory, top, 0, query, ahead, state, given)
         for lane in range(last - first):
             answers[first + lane] = hit >> lane & 1
         return before
     store(splat(np.int64(0), RAY_LANES), memory.places)
-    _walk_to_nearest_together(tree, memory, 1, query, ahead, state, given)
+    _walk_to_nearest_together(tree, memory, 1, 0, query, ahead, state, given)
     for lane in range(last - first):
         place = address_at(memory.places + 8 * lane)
         if place:

@@ -22,9 +22,6 @@ its parent node."""
 DONE = np.float32(-np.inf)
 """Where rays end that need no more leaves."""
 
-NEAR_FIRST, LEAVES_FIRST, LEAVES_LAST = range(3)
-"""Orders of a walk."""
-
 
 @njit(forceinline=True)
 def put(memory, place, node, entry):  # type: ignore[no-untyped-def]
@@ -46,10 +43,9 @@ def _put_in_order(memory, lowest, top, node, entry):  # type: ignore[no-untyped-
 
 
 @njit(forceinline=True)
-def _put_below(memory, lowest, top, leaf):  # type: ignore[no-untyped-def]
-    """Put a leaf in the place `lowest` on the stack; what stood there moves to the top."""
-    store(splat(address_at(memory.stack + 8 * lowest), 1), memory.stack + 8 * top)
-    store(splat(leaf, 1), memory.stack + 8 * lowest)
+def hold(memory, place, leaf):  # type: ignore[no-untyped-def]
+    """Put a leaf in a place among those that wait to be met."""
+    store(splat(np.int64(leaf), 1), memory.leaves + 8 * place)
 
 
 @njit(forceinline=True)
@@ -75,57 +71,57 @@ def _child_of(tree, at):  # type: ignore[no-untyped-def]
     return to
 
 
-def walk_of(enter: Callable[..., Any], meet: Callable[..., Any], order: int) -> Any:
+def walk_of(enter: Callable[..., Any], meet: Callable[..., Any], in_order: bool, held: int = 0) -> Any:
     """The compiled walk of one ray, or of several together.
 
     enter(node, query) -> (bits of the children that a ray may enter, where at the earliest).
-    meet(tree, leaf, query, ahead, state, given) -> (query, ahead, state) does what is wanted of a leaf. order: which
-    of a node's children come first: NEAR_FIRST, where those beyond `ahead` never come; LEAVES_FIRST, where one hit is
-    enough; or LEAVES_LAST, where all come and each leaf has time to be prefetched.
+    meet(tree, leaf, query, ahead, state, given) -> (query, ahead, state) does what is wanted of a leaf. in_order: the
+    nearer of a node's children come first, and those beyond `ahead` never; otherwise a node's leaves come first. held:
+    leaves that are held back, so that each has time to be prefetched.
     """
 
     @njit(forceinline=True)
-    def walk(tree, memory, top, query, ahead, state, given):  # type: ignore[no-untyped-def]
-        """The state after all that waits on the stack, whose top is given, and all below.
+    def walk(tree, memory, top, leaves, query, ahead, state, given):  # type: ignore[no-untyped-def]
+        """The state after all that waits: on the stack, whose top is given, and so many leaves in `memory.leaves`.
 
         query: what box tests need of the rays. ahead: float32, where they end. given: what `meet` needs.
         """
-        node, leaves = np.int64(0), np.int64(0)
-        while leaves or top > 0:
-            if leaves:
-                leaf = node + 4 * first_bit(leaves)
-                leaves &= leaves - 1
-                query, ahead, state = meet(tree, leaf, query, ahead, state, given)
-                if ahead == DONE:
+        while True:
+            leaf = np.int64(0)
+            while top > 0 and leaves <= held:
+                top -= 1
+                if in_order and float_at(memory.reached + 4 * top) > ahead:
+                    continue
+                node = address_at(memory.stack + 8 * top)
+                if in_order and node & LEAF:
+                    leaf = node - LEAF
                     break
-                continue
-            top -= 1
-            if order == NEAR_FIRST and float_at(memory.reached + 4 * top) > ahead:
-                continue
-            node = address_at(memory.stack + 8 * top)
-            if node & LEAF:
-                node, leaves = node - LEAF, np.int64(1)
-                continue
-            bits, entry = enter(node, query)
-            lowest = top
-            if order == NEAR_FIRST:
-                store(entry, memory.entries)
-            while bits:
-                child = first_bit(bits)
-                bits &= bits - 1
-                to = _child_of(tree, node + 4 * child)
-                if order == NEAR_FIRST:
-                    _put_in_order(memory, lowest, top, to, float_at(memory.entries + 4 * child))
-                    top += 1
-                elif order == LEAVES_FIRST and to & LEAF:
-                    leaves |= np.int64(1) << child
-                else:
-                    if order == LEAVES_LAST and to & LEAF:
-                        _put_below(memory, lowest, top, to)
-                        lowest += 1
+                bits, entry = enter(node, query)
+                lowest = top
+                if in_order:
+                    store(entry, memory.entries)
+                while bits:
+                    child = 4 * first_bit(bits)
+                    bits &= bits - 1
+                    to = _child_of(tree, node + child)
+                    if in_order:
+                        _put_in_order(memory, lowest, top, to, float_at(memory.entries + child))
+                        top += 1
+                    elif to & LEAF:
+                        hold(memory, leaves, to - LEAF)
+                        leaves += 1
                     else:
                         store(splat(to, 1), memory.stack + 8 * top)
-                    top += 1
-        return state
+                        top += 1
+            if leaf == 0 and leaves == 0:
+                return state
+            while leaf or leaves > 0:
+                if not in_order:
+                    leaves -= 1
+                    leaf = address_at(memory.leaves + 8 * leaves)
+                query, ahead, state = meet(tree, leaf, query, ahead, state, given)
+                if ahead == DONE:
+                    return state
+                leaf = np.int64(0)
 
     return walk
