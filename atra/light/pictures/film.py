@@ -44,6 +44,7 @@ class Film:
         self.places = _places(width, height)
         self.sums = aligned_empty((planes, (pixels // LANES + 1) * LANES), np.float32)[:, :pixels]
         self._earlier = np.zeros((planes, pixels))
+        self._before: NDArray[np.float32] | None = None
         self.samples = 0
         self._clear()
 
@@ -55,6 +56,20 @@ class Film:
     def is_first(self) -> bool:
         """Whether the next sample is the first in the float32 sums."""
         return self.samples % _EXACT_SAMPLES == 0
+
+    def begin_sample(self) -> None:
+        """Remember the sums, so that `drop_sample` can go back to them."""
+        if not self.is_first:
+            self._before = self.sums.copy() if self._before is None else self._before
+            self._before[:] = self.sums
+
+    def drop_sample(self) -> None:
+        """Take back what was added since `begin_sample`."""
+        if self.is_first:
+            self._clear()
+        else:
+            assert self._before is not None
+            self.sums[:] = self._before
 
     def restart(self) -> None:
         """Drop all samples."""

@@ -55,17 +55,18 @@ class PathOptions(RenderOptions):
     jitters: ClassVar[tuple[str, ...]] = ("shared", "off", "pixel")
     packet_width: ClassVar = 1  # rays of paths are incoherent
 
-    max_depth: int = 5
+    bounces: int = 4
     lights: str = "aimed"
-    roulette: int = 4
+    roulette_from: int | None = 4
     transparent: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_choice("lights", self.lights, ("aimed", "found"))
         check_flags(transparent=self.transparent)
-        check_whole("max_depth", self.max_depth, 1, 1 << 20)
-        check_whole("roulette", self.roulette, 1, 1 << 20)
+        check_whole("bounces", self.bounces, 0, 1 << 20)
+        if self.roulette_from is not None:
+            check_whole("roulette_from", self.roulette_from, 0, 1 << 20)
 
 
 @dataclass(frozen=True)

@@ -119,12 +119,12 @@ class Renderer(Finisher):
         """The tracer of primary visibility; it belongs to the renderer."""
         return self._tracer
 
-    def add(self, samples: int = 1, stop: Callable[[], bool] | None = None) -> None:
-        """Add this many samples to every pixel, up to the option `most_samples`.
+    def add(self, samples: int = 1, stop: Callable[[], bool] | None = None) -> bool:
+        """Add this many samples to every pixel, up to the option `most_samples`; returns whether it finished.
 
         stop: asked before every wave, by several threads; it may read only `samples` of this renderer. If it returns
-        True, or on an interrupt, the picture starts anew without samples. Raises InputError for a number below 1,
-        ClosedError after `close`, AtraError naming pixel and sample for light that is not finite.
+        True, finished samples stay. On an interrupt or an error the picture starts anew. Raises InputError for a number
+        below 1, ClosedError after `close`, AtraError naming pixel and sample for light that is not finite.
         """
         check_whole("samples", samples, 1)
         with self._in_use():
@@ -135,15 +135,18 @@ class Renderer(Finisher):
                 samples = min(samples, self.options.most_samples - self.samples)
             try:
                 for _ in range(samples):
+                    if stop is not None:
+                        self._film.begin_sample()
                     if not self._add_sample(stages, stop or _never):
-                        self._start_film()
-                        return
+                        self._film.drop_sample()
+                        return False
                     self._film.end_sample()
             except BaseException:
                 self._start_film()  # the sums may hold part of a sample
                 raise
             stages["other"] = perf_counter() - start - sum(stages.values())
             self.stage_s = stages
+            return True
 
     def _add_sample(self, stages: dict[str, float], stop: Callable[[], bool]) -> bool:
         """Returns whether it finished."""

@@ -114,7 +114,7 @@ class Page(CameraPage):
             self._box("occlusion_shared", "same for all pixels")
             self._box("cosine", "cosine")
         with self._folder("path", "Paths"):
-            self._slider("max_depth", "depth", 1, 32, 1)
+            self._slider("bounces", "bounces", 0, 31, 1)
         with gui.add_folder("Sky"):
             self._slider("sky_power", "power", 0.0, 10.0, 0.05)
         self._show_folders()

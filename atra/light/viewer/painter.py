@@ -76,11 +76,10 @@ class Painter:
         return Picture(image, stages | {"other": perf_counter() - start - sum(stages.values())})
 
     def add(self, request: Request, stop: Callable[[], bool]) -> bool:
-        """One more sample; False, with none left, when stopped."""
+        """One more sample; False when stopped."""
         renderer = self._renderer(request)
         self._denoised = None
-        renderer.add(1, stop)
-        return renderer.samples > 0
+        return renderer.add(1, stop)
 
     def show(self, request: Request) -> Picture:
         """What has been added, or what its primary rays hit."""
@@ -155,7 +154,7 @@ class Painter:
 def _options(settings: Settings) -> dict[str, Any]:
     options: dict[str, Any] = {"jitter": "shared" if settings.jitter else "off"}
     if settings.renderer == "path":
-        return options | {"max_depth": settings.max_depth}
+        return options | {"bounces": settings.bounces}
     names = ("shadow_rays", "shadow_length", "occlusion_rays", "occlusion_length")
     chosen: dict[str, Any] = {"occlusion": "cosine" if settings.cosine else "uniform", "most_kept": settings.kept}
     for name, is_shared in (("shadow", settings.shadow_shared), ("occlusion", settings.occlusion_shared)):

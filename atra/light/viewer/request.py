@@ -32,7 +32,7 @@ _WIDEST = 5.0
 
 _WHOLE = {
     "samples": (1, 1 << 20), "side": (1, 4096), "split_x": (2, 64), "shadow_rays": (0, 64), "occlusion_rays": (0, 64),
-    "max_depth": (1, 1 << 20), "kept": (0, 64),
+    "bounces": (0, 1 << 20), "kept": (0, 64),
 }  # fmt: skip
 """Least and most of whole numbers among `Settings`."""
 
@@ -86,7 +86,7 @@ class Settings:
     occlusion_length: float = 10.0
     occlusion_shared: bool = False
     cosine: bool = False
-    max_depth: int = 5
+    bounces: int = 4
     exposure: float = 0.0
     tone: str = "neutral"
     denoise: bool = False

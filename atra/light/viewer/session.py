@@ -49,7 +49,7 @@ class Artist(Protocol):
 
     def add(self, request: Request, stop: Callable[[], bool]) -> bool:
         """Add a sample to the picture of `request`, which starts anew unless it keeps those of the last call's.
-        Returns False, with no sample left, when `stop` said True on the way."""
+        Returns False, with the samples that it had, when `stop` said True on the way."""
 
     def show(self, request: Request) -> Picture:
         """The samples so far, as `request`, which keeps them, shows them."""
@@ -152,7 +152,6 @@ class Session:
         if self._samples == 0:
             self._began_s = self._clock()
         if not self._artist.add(request, is_stale):
-            self._samples = 0
             return
         self._samples += 1
         if is_stale():

@@ -99,7 +99,7 @@ class RenderOptions(UnderSky):
         of_both: dict[str, Any] = {"jitter": self.jitter, "robust": self.robust_rays}
         if self.frame == "path":
             of_paths: dict[str, Any] = of_both | {
-                "max_depth": self.max_depth,
+                "bounces": self.max_depth - 1,
                 "lights": self.lights,
             }
             PathOptions(**of_paths)

@@ -272,7 +272,7 @@ def test_a_panorama_is_seen_where_its_texels_point():
 
 def direct(scene, camera, samples):
     """Hybrid, and by paths that meet a surface and an emitter."""
-    with render.PathRenderer(scene, camera, threads=1, max_depth=2) as path:
+    with render.PathRenderer(scene, camera, threads=1, bounces=1) as path:
         path.add(samples)
         return hybrid(scene, camera, samples, shadow_directions="shifted"), path.image
 

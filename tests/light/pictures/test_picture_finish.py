@@ -162,7 +162,7 @@ def test_a_state_of_another_picture_is_refused(tmp_path):
         next(light.accumulate(renderer, 4, state=path, save_every_s=0.0))
     brighter = replace(SCENE, sky=light.constant_sky(0.1))
     others = (
-        made(max_depth=3),
+        made(bounces=2),
         light.PathRenderer(brighter, CAMERA, threads=1),
         light.PathRenderer(SCENE, replace(CAMERA, fov_y_degrees=41), threads=1),
     )
@@ -260,7 +260,7 @@ def test_a_transparent_picture_has_the_share_of_each_pixel_that_is_hit_and_no_sk
     scene = light.Scene(half, [material], sky=light.constant_sky(1.0))
     path = tmp_path / f"half{suffix}"
     with light.PathRenderer(
-        scene, down(5), threads=1, max_depth=2, jitter="pixel", transparent=True, lights="found"
+        scene, down(5), threads=1, bounces=1, jitter="pixel", transparent=True, lights="found"
     ) as renderer:
         renderer.add(256)
         renderer.save(path)

@@ -75,7 +75,7 @@ def test_an_image_of_any_size_is_the_part_of_a_larger_one():
     scene = sphere(GREY, render.GradientSky())
     camera = atra.Camera((0, 1, 3), (0, 0, 0), fov_y_degrees=45, width=21, height=14)
     part = camera.crop(left=3, top=2, width=13, height=7)
-    of_kinds = {render.HybridRenderer: {"occlusion_directions": "shared"}, render.PathRenderer: {"max_depth": 1}}
+    of_kinds = {render.HybridRenderer: {"occlusion_directions": "shared"}, render.PathRenderer: {"bounces": 0}}
     for kind, options in of_kinds.items():
         pictures = []
         for one in (camera, part):
@@ -88,7 +88,7 @@ def test_an_image_of_any_size_is_the_part_of_a_larger_one():
 RESTARTS = {
     "jitter": "off", "wave_rays": 4096, "shadow_rays": 2, "shadow_length": 3.0, "shadow_directions": "shifted",
     "occlusion_rays": 2, "occlusion_length": 3.0, "occlusion": "cosine", "occlusion_directions": "shared",
-    "most_kept": 4, "max_depth": 3, "roulette": 2,
+    "most_kept": 4, "bounces": 2, "roulette_from": 2,
 }  # fmt: skip
 STAYS = {"most_samples": 100}
 
@@ -163,8 +163,8 @@ MAKERS = {
     render.Sun: ("direction", "angle_degrees", "colour", "power"),
     render.PointLight: ("position", "colour", "power"), render.SphereLight: ("position", "radius", "colour", "power"),
     render.Scene: ("mesh", "materials", "face_materials", "lights", "sky", "normals", "uv"),
-    HybridOptions: tuple(RESTARTS.keys() - {"max_depth", "roulette"}) + ("start_off", "most_samples"),
-    PathOptions: ("jitter", "wave_rays", "max_depth", "roulette", "start_off", "most_samples"),
+    HybridOptions: tuple(RESTARTS.keys() - {"bounces", "roulette_from"}) + ("start_off", "most_samples"),
+    PathOptions: ("jitter", "wave_rays", "bounces", "roulette_from", "start_off", "most_samples"),
 }  # fmt: skip
 USUAL = {
     render.Checker: {"first": 0.1, "second": 0.2}, render.Image: {"texels": np.zeros((1, 1, 3))},

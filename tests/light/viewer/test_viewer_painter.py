@@ -164,7 +164,7 @@ def test_a_picture_is_the_renderer_s_own(painter):
     scene = painter._scene_of(SETTINGS)
     for request, kind, options in (
         (FIRST, HybridRenderer, {"occlusion_length": 0.5}),
-        (with_settings(frame="path"), PathRenderer, {"max_depth": 5}),
+        (with_settings(frame="path"), PathRenderer, {"bounces": 4}),
     ):
         with kind(scene, request.camera, threads=1, **options) as renderer:
             renderer.add(2)

@@ -17,7 +17,7 @@ OTHER = {
     "frame": "path", "shade": "occlusion", "samples": 9, "side": 256, "method": "aligned", "split_x": 4,
     "jitter": False, "shadow_rays": 2, "shadow_length": 1.5, "shadow_shared": False, "sun_cone": 1.0,
     "sun_heading": 10.0, "sun_height": 20.0, "sun_power": 2.0, "sun_colour": (255, 0, 0), "sky_power": 2.0,
-    "occlusion_rays": 3, "occlusion_length": 1.0, "occlusion_shared": True, "cosine": True, "max_depth": 2,
+    "occlusion_rays": 3, "occlusion_length": 1.0, "occlusion_shared": True, "cosine": True, "bounces": 1,
     "exposure": 1.5, "tone": "agx", "denoise": True, "kept": 8,
 }  # fmt: skip
 """Another value of every parameter."""
@@ -49,8 +49,9 @@ class Clock:
 
 
 class Artist:
-    """Draws wave after wave, which takes time, into one film; a sample that is stopped leaves it torn, as it must not
-    be shown then. The picture holds, wave by wave, the camera and the samples that were drawn."""
+    """Draws wave after wave, which takes time, into one film; a sample that is stopped is taken back.
+
+    The picture holds, wave by wave, the camera and the samples that were drawn."""
 
     def __init__(self, clock, wave_s=0.004):
         self.clock, self.wave_s = clock, wave_s
@@ -72,9 +73,10 @@ class Artist:
         if self.drawn is None or not request.keeps_samples_of(self.drawn):
             self.film[:] = 0.0
         self.drawn = request
+        whole = self.film.copy()
         for wave in range(WAVES):
             if stop():
-                self.drawn = None
+                self.film = whole
                 self.stopped += 1
                 return False
             self.clock.pass_(self.wave_s)
@@ -217,7 +219,7 @@ def test_a_picture_is_sent_less_often_the_longer_it_has_converged():
 @pytest.mark.parametrize("field", OTHER)
 def test_what_restarts_a_picture(field):
     assert OTHER.keys() == {one.name for one in fields(Settings)}
-    first = replace(FIRST, settings=replace(FIRST.settings, frame="path")) if field == "max_depth" else FIRST
+    first = replace(FIRST, settings=replace(FIRST.settings, frame="path")) if field == "bounces" else FIRST
     session, artist, screen, clock = made(first)
     run(session, clock)
     session.want(**{field: OTHER[field]})

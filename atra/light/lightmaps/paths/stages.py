@@ -15,15 +15,13 @@ from atra.light.lightmaps.gather.probes import ProbeSums
 from atra.light.lightmaps.options import BakeOptions
 from atra.light.lightmaps.paths.texels_kernels import Charts, light_probes, light_texels
 from atra.light.pictures.path_kernels import FREE_ROWS
-from atra.light.pictures.paths.following_kernels import Limits
+from atra.light.pictures.paths.following_kernels import limits_of
 from atra.light.scene import Scene
 from atra.light.tables import surfaces_of
 from atra.rays.kernel_scene import Query
 
 AT_ONCE = 1 << 12
 """Paths that a thread takes at a time."""
-
-_NEVER = 1 << 30
 
 
 class Paths:
@@ -37,8 +35,7 @@ class Paths:
             mesh.vertices, mesh.faces, texels.atlas.uv, texels.prim_id, texels.number, texels.atlas.width,
             np.float32(options.open_length), np.uint32(options.seed),
         )  # fmt: skip
-        roulette = _NEVER if options.roulette_from is None else options.roulette_from
-        self._limits = Limits(options.bounces + 2, roulette)
+        self._limits = limits_of(options.bounces, options.roulette_from, 1)
 
     def of_thread(self, query: Query, work: Work) -> PathsOfThread:
         """What a thread bakes with."""
