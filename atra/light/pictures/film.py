@@ -111,10 +111,6 @@ class Film:
         place_pixels(self.places, planes, image)
         return image
 
-    def as_row(self, image: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(H, W, planes) -> (planes, pixels) in the film's order."""
-        return image[(self.places >> 16).astype(np.intp), (self.places & 0xFFFF).astype(np.intp)].T
-
     def place_of(self, pixel: int) -> tuple[int, int]:
         """(x, y) of a pixel in the film's order."""
         place = int(self.places[pixel])

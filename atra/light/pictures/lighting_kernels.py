@@ -221,7 +221,7 @@ def lighting_kernel(width: int) -> Callable[..., int]:
             for number in range(len(lights) * len(to_lights.points)):
                 of_light = number // len(to_lights.points)
                 point = number - of_light * len(to_lights.points)
-                there = aim_at_light(floats, start, some, lights[of_light], to_lights, point)
+                there = aim_at_light(floats, some, lights[of_light], to_lights, point)
                 clock = _lap(times, _GENERATE, clock)
                 if to_lights.is_traced:
                     rays += there
@@ -230,7 +230,7 @@ def lighting_kernel(width: int) -> Callable[..., int]:
                 own = sums[SKY_PLANES + of_light * LIGHT_PLANES :]
                 is_finite &= _add_light(floats, start, some, COLOUR, share, own, is_first and point == 0)
                 clock = _lap(times, _ACCUMULATE, clock)
-            query.flags[0] = 0 if into_sky.is_shifted else FLAG_COHERENT
+            query.flags[0] = 0
             share = ONE / np.float32(len(into_sky.points))
             for point in range(len(into_sky.points)):
                 there = aim_into_sky(floats, start, some, is_cosine, into_sky, point)

@@ -80,21 +80,15 @@ class HybridOptions(RenderOptions):
     most_samples: int | None = 512
     shadow_rays: int = 1
     shadow_length: float = inf
-    shadow_directions: str = "shared"
     occlusion_rays: int = 1
     occlusion_length: float = 10.0
     occlusion: str = "uniform"
-    occlusion_directions: str = "shifted"
-    most_kept: int = 0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("shadow_directions", "occlusion_directions"):
-            check_choice(name, getattr(self, name), ("shared", "shifted"))
         check_choice("occlusion", self.occlusion, ("uniform", "cosine"))
         for name in ("shadow_rays", "occlusion_rays"):
             check_whole(name, getattr(self, name), 0, MOST_RAYS)
-        check_whole("most_kept", self.most_kept, 0)
         for name in ("shadow_length", "occlusion_length"):
             length = as_number(getattr(self, name))
             if not 0.0 < length <= inf:

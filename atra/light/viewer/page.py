@@ -98,10 +98,8 @@ class Page(CameraPage):
             self._choice("split_x", "columns of cells", tuple(map(str, SPLITS)), int)
             self._box("jitter", "jitter")
         with self._folder("hybrid", "Hybrid"):
-            self._slider("kept", "samples kept while moving", 0, 64, 1)
             self._slider("shadow_rays", "shadow rays", 0, 8, 1)
             self._slider("shadow_length", "shadow length", 0.01 * size, 2.0 * size, 0.01 * size)
-            self._box("shadow_shared", "same for all pixels")
         with gui.add_folder("Sun"):
             self._slider("sun_cone", "cone, degrees", 0.0, 10.0, 0.05)
             self._slider("sun_heading", "heading", -180.0, 180.0, 1.0)
@@ -111,7 +109,6 @@ class Page(CameraPage):
         with self._folder("hybrid", "Ambient occlusion"):
             self._slider("occlusion_rays", "rays", 0, 8, 1)
             self._slider("occlusion_length", "length", 0.01 * size, size, 0.01 * size)
-            self._box("occlusion_shared", "same for all pixels")
             self._box("cosine", "cosine")
         with self._folder("path", "Paths"):
             self._slider("bounces", "bounces", 0, 31, 1)

@@ -68,7 +68,6 @@ WRONG = [
     (lambda: HybridOptions(shadow_length=-1.0), "shadow_length is -1.0"),
     (lambda: PathOptions(start_off=NAN), "start_off is nan, expected a finite number of at least 0"),
     (lambda: HybridOptions(occlusion="none"), "occlusion is 'none'"),
-    (lambda: HybridOptions(occlusion_directions="own"), "occlusion_directions is 'own'"),
 ]  # fmt: skip
 
 
