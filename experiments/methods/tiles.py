@@ -1,14 +1,183 @@
-"""Method `tiles`: the cells' culling without alignment, one scene a cell."""
+"""Method `tiles`, an ablation: the cells' culling without alignment. Each cell is a small scene, traced per pixel."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.alignment.cells import CellOptions as TracedOptions
+from atra.compiled.threads import WorkerPool
+from atra.embree.callbacks_kernels import memory_monitor
+from atra.embree.device import EmbreeDevice
+from atra.embree.packets_kernels import RayGrid, TracedImage
+from atra.errors import ClosedError
 from atra.geometry.mesh import Mesh
+from atra.geometry.projection import count_kept, project_mesh
+from atra.geometry.ray_space import check_range, padded_vertices
+from atra.geometry.split import Split
 from atra.geometry.view import View
+from atra.tracing.budgets import check_memory_budget
+from atra.tracing.embree import make_workspaces
+from atra.tracing.geometry import AlignedGeometry
+from atra.tracing.method import Method as TracingMethod
+from atra.tracing.method import Prepared
+from atra.tracing.rays import SQUAREST_SHAPE, check_pinhole, image_ray_grid
 from atra.tracing.tracer import Tracer
 from experiments.drawing.style import ORANGE
 from experiments.harness.method import Method, Style, Tracing
-from experiments.methods.culled.tracer import TiledTracer
 from experiments.methods.options import CellOptions, keywords_of, resolve_split, say_robust
+from experiments.methods.tiles_kernels import CellScenes, list_cells, tile_kernel
+
+
+class EmbreeScenes(EmbreeDevice):
+    """Committed Embree scenes; scene k holds the triangles faces[starts[k]] ... faces[starts[k + 1] - 1].
+
+    vertices, faces: as for `EmbreeScene`; all scenes share the vertices, and a hit's prim_id counts from the scene's
+    first triangle. starts: (scenes + 1,) int64, ascending. device: as for `EmbreeScene`.
+
+    Raises EmbreeError naming the call that failed.
+    """
+
+    def __init__(
+        self, vertices: NDArray[np.float32], faces: NDArray[np.uint32], starts: NDArray[np.int64], **device: Any
+    ) -> None:
+        super().__init__(**device)
+        self._handles = np.zeros(len(starts) - 1, np.int64)
+        try:
+            for k in np.nonzero(np.diff(starts))[0]:
+                self._handles[k] = scene = self._new_scene()
+                self._add_triangles(scene, vertices, faces[starts[k] : starts[k + 1]])
+                self._build(scene)
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def handles(self) -> NDArray[np.int64]:
+        """(scenes,) int64, RTCScene handles for compiled code, 0 = no triangle. Raises ClosedError after `close`."""
+        if self.closed:
+            raise ClosedError("these Embree scenes are closed and cannot be traced any more")
+        return self._handles
+
+
+@dataclass(frozen=True)
+class Tiles(TracingMethod):
+    """Each cell's frustum-culled triangles in an Embree scene of its own; one ray per pixel, in packets.
+
+    The culling is that of aligned rays, without the shear; so the gains of culling and of alignment can be told apart.
+    """
+
+    split: tuple[int, int]
+    options: TracedOptions = field(default_factory=TracedOptions)
+
+    @property
+    def rays_per_packet(self) -> int:
+        """The packet width, resolved for this machine."""
+        return self.options.rays_per_packet
+
+    def check(self, mesh: Mesh, camera: View) -> None:
+        """See `Method.check`."""
+        check_pinhole(camera, "TiledTracer")
+        Split.of_image(self.split, camera)
+        check_range(mesh, camera)
+
+    def prepare(self, mesh: Mesh, camera: View, pool: WorkerPool) -> PreparedTiles:
+        """Cull and build."""
+        return PreparedTiles(self, mesh, camera, pool)
+
+
+class PreparedTiles(Prepared):
+    """A BVH for each cell. geometry: vertices, faces cell by cell, and their prim_ids as records."""
+
+    def __init__(self, method: Tiles, mesh: Mesh, camera: View, pool: WorkerPool) -> None:
+        self._camera, self._pool, options = camera, pool, method.options
+        self._split = Split.of_image(method.split, camera)
+        self._packet_shape = SQUAREST_SHAPE[options.rays_per_packet]
+        self._workspaces = make_workspaces(camera, options.rays_per_packet, pool.threads)
+        self._cell_starts = np.zeros(self._split.cell_count + 1, np.int64)
+        start = perf_counter()
+        self.geometry = self._plan(mesh, options)
+        self.plan_time_s = perf_counter() - start
+        monitor_address = memory_monitor()  # compiled before the clock starts
+        start = perf_counter()
+        self.scenes = EmbreeScenes(
+            self.geometry.vertices, self.geometry.faces, self._cell_starts, build_quality=options.build_quality,
+            threads=pool.threads, robust=options.robust, monitor_address=monitor_address,
+        )  # fmt: skip
+        self.build_time_s = perf_counter() - start
+
+    def _plan(self, mesh: Mesh, options: TracedOptions) -> AlignedGeometry:
+        split, pool = self._split, self._pool
+        vertices = padded_vertices(len(mesh.vertices))
+        points_pixels, vertices[:] = project_mesh(mesh, self._camera, pool)
+        cell = (split.nx, split.ny, split.cell_width, split.cell_height)
+        counts = count_kept(pool, points_pixels, mesh, True, cell)
+        starts = np.concatenate([[0], np.cumsum(counts)])
+        check_memory_budget(int(starts[-1]), split.cell_count, options.build_quality, options.memory_budget_bytes)
+        cells = np.empty(int(starts[-1]), np.int64)
+        pool.run(lambda _, counter: list_cells(counter, points_pixels, mesh.traced_faces, *cell, starts, cells))
+        self._cell_starts[1:] = np.cumsum(np.bincount(cells, minlength=split.cell_count))
+        prim_ids = np.repeat(np.arange(mesh.triangle_count), counts)[np.argsort(cells, kind="stable")]
+        return AlignedGeometry(vertices, mesh.traced_faces[prim_ids], prim_ids)
+
+    def draw(self, offset: tuple[float, float], depth: NDArray[np.float32], prim_id: NDArray[np.uint32]) -> None:
+        """See `Prepared.draw`."""
+        split, workspaces = self._split, self._workspaces
+        sizes = split.nx, split.cell_width, split.cell_height
+        cells = CellScenes(self.scenes.handles, self._cell_starts, self.geometry.records, *sizes)
+        rays, image = RayGrid(*image_ray_grid(self._camera, offset)), TracedImage(depth, prim_id)
+        kernel = tile_kernel(*self._packet_shape)
+
+        def work(worker: int, counter: int) -> None:
+            kernel(counter, cells, workspaces[worker].packet, rays, image)
+
+        self._pool.run(work)
+
+    @property
+    def triangle_count(self) -> int:
+        """Triangles of all cells."""
+        return self.geometry.copy_count
+
+    @property
+    def embree_bytes(self) -> int:
+        """Bytes that Embree holds for all BVHs."""
+        return self.scenes.embree_bytes
+
+    @property
+    def counters(self) -> Mapping[str, float]:
+        """Embree's memory."""
+        return {"embree_bytes": self.embree_bytes}
+
+    def close(self) -> None:
+        """Release the BVHs."""
+        self.scenes.close()
+
+
+def TiledTracer(
+    mesh: Mesh,
+    camera: View,
+    split: tuple[int, int],
+    *,
+    threads: int | None = None,
+    ties: str = "lowest",
+    packet_width: int | None = None,
+    build_quality: str = "medium",
+    robust: bool = True,
+    memory_budget_bytes: int | None = None,
+) -> Tracer:
+    """A tracer of `Tiles`; arguments as for `AlignedTracer`.
+
+    Raises InputError for a split that does not divide the image, MemoryBudgetError before allocating.
+    """
+    options = TracedOptions(
+        packet_width=packet_width, build_quality=build_quality, robust=robust, memory_budget_bytes=memory_budget_bytes
+    )
+    return Tracer(mesh, camera, Tiles(split, options), threads=threads, ties=ties)
 
 
 def _make(mesh: Mesh, view: View, options: CellOptions, tracing: Tracing) -> Tracer:
@@ -16,12 +185,6 @@ def _make(mesh: Mesh, view: View, options: CellOptions, tracing: Tracing) -> Tra
 
 
 TILES = Method(
-    "tiles",
-    "culled tiles",
-    Style(ORANGE, "s"),
-    CellOptions,
-    _make,
-    __name__,
-    resolve_split,
+    "tiles", "culled tiles", Style(ORANGE, "s"), CellOptions, _make, __name__, resolve_split,
     variant=lambda row: ", ".join(say_robust(row)),
-)
+)  # fmt: skip

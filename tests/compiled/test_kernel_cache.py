@@ -26,7 +26,7 @@ from atra.raster.all_hits import undecided_kernels
 from atra.raster.all_hits.drawing_kernels import gathering_kernel
 from atra.rays import embree_kernels
 from atra.rays.nearest import batches_kernels
-from experiments.methods.culled import tiles_kernels
+from experiments.methods import tiles_kernels
 
 KERNELS = {
     **{

@@ -15,7 +15,7 @@ from experiments.law.model.forecasting import forecast, known_constants
 from experiments.law.model.formulas import Counts, build_terms, family, fit, frame_terms
 from experiments.law.model.looking import _whole, look_at
 from experiments.law.model.memory import array_bytes, byte_terms
-from experiments.methods.culled.tracer import TiledTracer
+from experiments.methods.tiles import TiledTracer
 from tests.machine import WIDEST
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 

@@ -5,7 +5,7 @@ import pytest
 
 from atra import light
 from atra.compiled.store import float_kernel
-from atra.light.scattering.lost_kernels import lost, lost_mean
+from atra.light.scattering.lost_kernels import lost, lost_mean, risen, risen_mean
 from atra.light.scattering.physical_kernels import clear_light, physical_direction, physical_value
 from atra.light.scattering.spots_kernels import Matter
 
@@ -64,33 +64,37 @@ def grid(rows, columns):
     )
 
 
-WHITE = {
-    "rough metal": matter(1.0, 0.6),
-    "smooth metal": matter(1.0, 0.0),
-    "clear glass": matter(0.0, 0.0, 1.0, is_thin=False),
-    "clear glass from within": matter(0.0, 0.0, 1.0, 1 / 1.5, False),
-    "rough glass": matter(0.0, 0.5, 1.0, is_thin=False),
-    "rough glass from within": matter(0.0, 0.5, 1.0, 1 / 1.5, False),
-    "a rough thin pane": matter(0.0, 0.5, 1.0),
-    "a clear thin pane": matter(0.0, 0.0, 1.0),
-}
+FURNACE = {
+    "metal": {"metallic": 1.0}, "plastic": {}, "pane": {"transmission": 1.0},
+    "glass": {"transmission": 1.0, "is_thin": False}, "half metal, half pane": {"metallic": 0.5, "transmission": 0.5},
+    "half solid glass": {"transmission": 0.5, "is_thin": False},
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("cosine", [0.15, 0.6, 1.0])
-@pytest.mark.parametrize("name", WHITE)
-def test_in_a_furnace_nothing_white_shines_and_what_is_smooth_keeps_all(name, cosine):
-    _, weights, _ = sampled(WHITE[name], cosine)
-    mean = weights[:, 0].mean()
-    if name == "a clear thin pane":  # what passes straight on is not scattered
-        straight = clear_light(WHITE[name], F(cosine))[0]
-        assert straight == pytest.approx(0.96 * (1 - (1 - cosine) ** 5), abs=1e-4)
-        mean += straight
-    if "rough" in name and "metal" not in name:  # light that meets a second microfacet is lost behind glass
-        assert 0.75 < mean < 1.005
-    elif "rough" in name:
-        assert mean == pytest.approx(1.0, abs=0.01)
-    else:
-        assert mean == pytest.approx(1.0, abs=1e-3)
+@pytest.mark.parametrize("ior", [1.0, 1.2, 1.5, 2.4])
+@pytest.mark.parametrize("name", FURNACE)
+def test_in_a_furnace_everything_white_of_any_roughness_keeps_all_light_and_adds_none(name, ior):
+    iors = (ior, 1 / ior) if "glass" in name else (ior,)  # from outside and from within
+    for roughness in (0.0, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0):
+        for cosine in (0.05, 0.15, 0.3, 0.6, 1.0):
+            for one in iors:
+                made = matter(roughness=roughness, ior=one, **FURNACE[name])
+                weights = sampled(made, cosine, 1 << 14)[1][:, 0].astype(float)
+                straight = clear_light(made, F(cosine))[0] if roughness**2 < 1e-3 and made.is_thin else 0.0
+                noise = 4 * weights.std() / np.sqrt(len(weights))
+                assert 0.98 - noise < weights.mean() + straight < 1.0 + noise + 1e-6
+
+
+@pytest.mark.parametrize("roughness", [0.4, 0.7, 1.0])
+@pytest.mark.parametrize("name", FURNACE)
+def test_the_integral_of_what_is_scattered_is_the_light_of_a_furnace(name, roughness):
+    ways = grid(1024, 512).reshape(-1, 3)
+    for cosine in (0.1, 0.5, 1.0):
+        made = matter(roughness=roughness, **FURNACE[name])
+        values, _ = values_of(made, np.broadcast_to([np.sqrt(1 - cosine**2), 0, cosine], ways.shape), ways)
+        share = values[:, 0].astype(float).mean() * 4 * np.pi
+        # Light that meets several facets of solid glass has no closed form, so it is found by scattering alone.
+        assert (0.75 if "glass" in name else 0.98) < share < 1.001
 
 
 @pytest.mark.parametrize("ior", [1.0, 1.0005, 1 / 1.0005])
@@ -117,7 +121,7 @@ def test_metal_keeps_its_roughness_where_its_index_bends_no_light():
 
 
 def reflected_once(roughness, cosine, count=512):
-    """The share of light that white microfacets reflect once: the integral over their normals, by quadrature."""
+    """The shares of light that white microfacets reflect once, and those that reflect `schlick`, by quadrature."""
     alpha = roughness**2
     u, turn = np.meshgrid((np.arange(count) + 0.5) / count, (np.arange(count) + 0.5) / count * 2 * np.pi)
     up = np.sqrt((1 - u) / (1 + (alpha**2 - 1) * u))  # of normals, as often as their projected area
@@ -128,42 +132,30 @@ def reflected_once(roughness, cosine, count=512):
     rise = lambda c: np.sqrt(alpha**2 + (1 - alpha**2) * c**2)  # noqa: E731
     seen = np.maximum(onward, 1e-9)
     masking = 2 * cosine * seen / (seen * rise(cosine) + cosine * rise(seen))
-    return float(np.where(onward > 0, masking * facing / (cosine * up), 0.0).mean())
+    once = np.where(onward > 0, masking * facing / (cosine * up), 0.0)
+    return once.mean(), (once * (1 - np.minimum(facing, 1)) ** 5).mean()
 
 
 @float_kernel
-def lost_shares(alphas, cosines, shares, means):
+def fitted(alphas, cosines, shares):
     for k in range(len(alphas)):
-        shares[k], means[k] = lost(alphas[k], cosines[k]), lost_mean(alphas[k])
+        shares[0, k], shares[1, k] = lost(alphas[k], cosines[k]), lost_mean(alphas[k])
+        shares[2, k], shares[3, k] = risen(alphas[k], cosines[k]), risen_mean(alphas[k])
 
 
-def test_the_share_that_is_lost_at_one_reflection_is_the_integral_of_the_model():
+def test_polynomials_are_the_integrals_of_the_model_and_add_no_light():
     cosines = (np.arange(32) + 0.5) / 32
     for roughness in (0.1, 0.25, 0.4, 0.6, 0.8, 1.0):
-        shares, means = np.zeros((2, len(cosines)), F)
-        lost_shares(np.full(len(cosines), roughness**2, F), cosines.astype(F), shares, means)
-        expected = np.array([1 - reflected_once(roughness, cosine) for cosine in cosines])
-        np.testing.assert_allclose(shares[1:], expected[1:], atol=0.01)  # the quadrature is coarse where it is grazing
-        np.testing.assert_allclose(means[0], (2 * cosines * expected).mean(), atol=0.005)
-
-
-@pytest.mark.parametrize("cosine", [0.05, 0.15, 0.6, 1.0])
-@pytest.mark.parametrize("roughness", [0.05, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 1.0])
-def test_white_metal_of_any_roughness_keeps_all_light_of_a_furnace(roughness, cosine):
-    ways = grid(1024, 1024).reshape(-1, 3)[: 1024 * 512] if roughness >= 0.35 else None
-    made = matter(1.0, roughness)
-    _, weights, _ = sampled(made, cosine)
-    assert 0.98 < weights[:, 0].mean() < 1.01
-    if ways is not None:
-        values, _ = values_of(made, np.broadcast_to([np.sqrt(1 - cosine**2), 0, cosine], ways.shape), ways)
-        assert 0.98 < values[:, 0].astype(float).mean() * 2 * np.pi < 1.01
-
-
-@pytest.mark.parametrize("roughness", [0.5, 0.8, 1.0])
-@pytest.mark.parametrize("ior", [1.0, 1.5, 2.4])
-def test_white_plastic_of_any_roughness_keeps_all_light_from_above(roughness, ior):
-    for cosine in (0.6, 1.0):
-        assert sampled(matter(0.0, roughness, 0.0, ior), cosine)[1][:, 0].mean() == pytest.approx(0.995, abs=0.02)
+        shares = np.zeros((4, len(cosines)), F)
+        fitted(np.full(len(cosines), roughness**2, F), cosines.astype(F), shares)
+        white, rising = np.array([reflected_once(roughness, cosine) for cosine in cosines]).T
+        for less, share, mean in (
+            (1 - white - shares[0], 1 - white, shares[1]),
+            (shares[2] - rising, rising, shares[3]),
+        ):
+            assert less[1:].min() > -0.001  # the quadrature is coarse where it is grazing
+            assert less[1:].max() < 0.0135
+            np.testing.assert_allclose(mean[0], (2 * cosines * share).mean(), atol=0.008)
 
 
 def test_rough_gold_is_deeper_in_colour_than_smooth_gold():
@@ -200,7 +192,8 @@ def test_the_density_of_directions_is_their_histogram(name):
 
 @pytest.mark.parametrize("name", MIXED)
 def test_weights_of_chosen_directions_add_up_to_the_integral_of_what_is_scattered(name):
-    _, weights, _ = sampled(MIXED[name], 0.7, 1 << 17)
+    _, weights, densities = sampled(MIXED[name], 0.7, 1 << 17)
+    weights = weights * (densities > 0)[:, None]
     ways = grid(256, 512).reshape(-1, 3)
     values, _ = values_of(MIXED[name], np.broadcast_to([np.sqrt(1 - 0.49), 0, 0.7], ways.shape), ways)
     np.testing.assert_allclose(weights.astype(float).mean(0), values.astype(float).mean(0) * 4 * np.pi, rtol=0.02)
@@ -217,3 +210,16 @@ def test_light_takes_each_way_in_both_directions_alike(name):
         one, _ = values_of(MIXED[name], there, back * flipped)
         other, _ = values_of(MIXED[name], back, there * flipped)
         np.testing.assert_allclose(one / back[:, 2:], other / there[:, 2:], rtol=2e-3, atol=1e-6)
+
+
+@pytest.mark.parametrize("ior", [1.1, 1.5, 2.4])
+def test_light_takes_each_way_through_rough_glass_in_both_directions_alike_but_for_its_spread(ior):
+    rng = np.random.default_rng(4)
+    there, back = rng.normal(size=(2, 2000, 3))
+    there[:, 2], back[:, 2] = np.abs(there[:, 2]) + 0.05, np.abs(back[:, 2]) + 0.05
+    there, back = (one / np.linalg.norm(one, axis=1, keepdims=True) for one in (there, back))
+    flipped = np.array([1.0, 1.0, -1.0])
+    one, _ = values_of(matter(0.0, 0.7, 1.0, ior, False), there, back * flipped)
+    other, _ = values_of(matter(0.0, 0.7, 1.0, 1 / ior, False), back, there * flipped)
+    assert (one > 1e-4).any(axis=1).sum() > 50
+    np.testing.assert_allclose(one / back[:, 2:], other * ior**2 / there[:, 2:], rtol=5e-3, atol=1e-5)

@@ -8,7 +8,7 @@ import pytest
 import atra
 from atra.compiled.threads import WorkerPool
 from atra.geometry.projection import count_kept
-from experiments.methods.culled.tracer import TiledTracer
+from experiments.methods.tiles import TiledTracer
 from tests.images import assert_equal_images, assert_same_bits
 from tests.judge.reference import brute_force
 from tests.machine import WIDTHS

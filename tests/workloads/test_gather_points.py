@@ -7,8 +7,6 @@ import pytest
 
 import atra
 from atra.errors import InputError
-from experiments.harness.method import Tracing
-from experiments.methods import find_method
 from experiments.workloads.gather import CLOSED, GatherOptions, differences
 from experiments.workloads.rounds import own_and_baselines, warm_up
 from tests.meshes import cornell_box, cornell_camera
@@ -36,27 +34,13 @@ def test_a_layer_of_another_triangle_is_a_different_pixel_and_the_same_depth_to_
     assert differences(replace(single, prim_id=other), single, atra.Layers(2))["pixels_different"] == 1
 
 
-@pytest.mark.parametrize("name", ["trimesh", "open3d"])
-def test_a_peer_counts_the_hits_of_open_space_and_gathers_nothing_else(name):
-    method = find_method(name)
-    if method.problem() is not None:
-        pytest.skip(str(method.problem()))
-    mesh, camera = cornell_box(), cornell_camera(16, 16)
-    with method.make(mesh, camera, method.options(), Tracing()) as tracer:
-        found = tracer.gather(atra.Count())
-        with pytest.raises(InputError, match=r"expected atra\.Count"):
-            tracer.gather(atra.Layers(2))
-    with atra.PixelTracer(mesh, camera, threads=1) as tracer:
-        ours = tracer.gather(atra.Count())
-    # Rays through edges apart, which peers may lose or count twice.
-    assert (found.count == ours.count).mean() > 0.9
-
-
 def test_what_no_ray_could_gather_is_refused_before_anything_is_measured():
     with pytest.raises(InputError, match="k is 0"):
         GatherOptions("layers", layers=0)
     with pytest.raises(InputError, match="transmittance is 2"):
         GatherOptions("transmittance", factor=2.0)
+    with pytest.raises(InputError, match="method=trimesh finds the nearest hit"):
+        planned("trimesh", "gather")
 
 
 def test_a_warm_up_has_something_that_no_copy_shows_and_leaves_few_samples_undecided():

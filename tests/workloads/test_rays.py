@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import atra
-from experiments.workloads.rays import parallel_rays
 from experiments.workloads.rays.judging import judged, sample_of, truth_of
 from tests.closed_meshes import box
 
@@ -62,11 +61,3 @@ def test_points_are_judged_by_parity():
     assert truth.hits == 2
     answer = np.array([True, False, True])
     assert judged("contains", answer, np.arange(3), truth, box(), (points,)) == (1, 1)
-
-
-def test_parallel_rays_cover_the_mesh_from_beside_it():
-    mesh = box()
-    origins, directions = parallel_rays(mesh, 65, 65)
-    assert len(np.unique(directions, axis=0)) == 1
-    assert atra.RayScene(mesh).count(origins, directions).max() == 2
-    assert not atra.RayScene(mesh).occluded(origins, -directions).any()

@@ -1,9 +1,10 @@
-"""The metallic-roughness material of glTF, and rough glass: what they scatter, and directions chosen by it.
+"""The metallic-roughness material of glTF: what it scatters, and directions chosen by it.
 
 Vectors are in the frame of the shading normal, which is +z; `out` leads back along the path, on the side of +z.
-Source: glTF 2.0, appendix B; B. Walter et al., "Microfacet models for refraction through rough surfaces", 2007;
-E. Heitz, "Understanding the masking-shadowing function in microfacet-based BRDFs", 2014; J. Dupuy and A. Benyoub,
-"Sampling visible GGX normals with spherical caps", 2023. Light that meets several microfacets: `lost_kernels`.
+What microfacets of metal and plastic do not reflect at once, they reflect later (`lost_kernels`); the base below
+plastic gets what its surface lets through, both ways, so that nothing white gains or loses light.
+Source: glTF 2.0, appendix B; C. Kelemen and L. Szirmay-Kalos, "A microfacet based coupled specular-matte BRDF model",
+2001, for the base; `facets_kernels`.
 """
 
 from __future__ import annotations
@@ -11,8 +12,18 @@ from __future__ import annotations
 import numpy as np
 
 from atra.compiled.store import njit
-from atra.light.numbers_kernels import HALF, ONE, TWO, ZERO, along, circle, dot, scaled, unit
-from atra.light.scattering.lost_kernels import kept_share, lost, lost_mean
+from atra.light.numbers_kernels import ONE, TWO, ZERO, along, circle, dot, scaled, unit
+from atra.light.scattering.facets_kernels import (
+    PER_PI,
+    fresnel,
+    ggx,
+    glass_density,
+    glass_direction,
+    reflected,
+    slope,
+    visible_normal,
+)
+from atra.light.scattering.lost_kernels import kept_share, lost, lost_mean, risen, risen_mean, schlick
 
 SMOOTH = np.float32(1e-3)
 """Surfaces below this squared roughness are mirrors and clear glass."""
@@ -21,7 +32,6 @@ LEAST_BEND = 1e-3
 """A solid whose index of refraction is nearer to 1 lets light straight on, however rough it is."""
 
 _LEAST_BEND = np.float32(LEAST_BEND)
-_PER_PI = np.float32(1.0 / np.pi)
 _MEAN_RISE = np.float32(1.0 / 21.0)
 """Mean over directions of Schlick's rise, weighted by the cosine."""
 
@@ -33,47 +43,14 @@ def luminance(colour):  # type: ignore[no-untyped-def]
     return np.float32(0.2126) * colour[0] + np.float32(0.7152) * colour[1] + np.float32(0.0722) * colour[2]
 
 
-@njit(error_model="numpy")
-def fresnel(cosine, ior):  # type: ignore[no-untyped-def]
-    """Share of unpolarised light that a dielectric reflects; ior: of the far side over the near side."""
-    inside = ior * ior - ONE + cosine * cosine
-    if inside <= ZERO:
-        return ONE
-    far = np.sqrt(inside)
-    across = (cosine - far) / (cosine + far)
-    within = (ior * ior * cosine - far) / (ior * ior * cosine + far)
-    return HALF * (across * across + within * within)
-
-
 @njit(forceinline=True)
-def _schlick(cosine):  # type: ignore[no-untyped-def]
-    rest = max(ZERO, ONE - cosine)
-    square = rest * rest
-    return square * square * rest
+def _times(a, b):  # type: ignore[no-untyped-def]
+    return a[0] * b[0], a[1] * b[1], a[2] * b[2]
 
 
 @njit(forceinline=True)
 def _bends_nothing(matter):  # type: ignore[no-untyped-def]
     return not matter.is_thin and abs(matter.ior - ONE) < _LEAST_BEND
-
-
-@njit(error_model="numpy")
-def _shares(matter, cosine):  # type: ignore[no-untyped-def]
-    """(mirrored (r, g, b), dielectric share that is mirrored, by Fresnel) at a cosine with a microfacet's normal."""
-    ior = matter.ior
-    bare = (ior - ONE) / (ior + ONE)
-    bare *= bare
-    rise = _schlick(cosine)
-    is_solid = matter.transmission > ZERO and not matter.is_thin
-    own = bare + (ONE - bare) * rise
-    if is_solid:
-        own = ZERO if _bends_nothing(matter) else fresnel(cosine, ior)
-    metal, base = matter.metallic, matter.colour
-    return (
-        own + metal * (base[0] + (ONE - base[0]) * rise - own),
-        own + metal * (base[1] + (ONE - base[1]) * rise - own),
-        own + metal * (base[2] + (ONE - base[2]) * rise - own),
-    ), own
 
 
 @njit(forceinline=True)
@@ -92,157 +69,220 @@ def passes_straight(matter):  # type: ignore[no-untyped-def]
 def clear_light(matter, cosine):  # type: ignore[no-untyped-def]
     """(r, g, b) that passes a clear surface straight on, at a cosine with its normal; on both sides of solid glass that
     of the outside, as for a slab."""
-    own = _shares(matter, cosine)[1] if matter.is_thin else fresnel(cosine, max(matter.ior, ONE / matter.ior))
-    return scaled((ONE - matter.metallic) * matter.transmission * (ONE - own), matter.colour)
+    if matter.is_thin:
+        own = _rising(_least(matter), schlick(cosine))
+    else:
+        own = scaled(fresnel(cosine, max(matter.ior, ONE / matter.ior)), (ONE, ONE, ONE))
+    return scaled((ONE - matter.metallic) * matter.transmission, _times(_rest(own), matter.colour))
+
+
+@njit(forceinline=True)
+def _glass_share(matter):  # type: ignore[no-untyped-def]
+    """How much of the surface is that of a transparent solid; the rest is metal, plastic and panes."""
+    return ZERO if matter.is_thin else (ONE - matter.metallic) * matter.transmission
+
+
+@njit(forceinline=True)
+def _shares(matter):  # type: ignore[no-untyped-def]
+    """(plastic and panes, bases below them, passing panes) of the surface."""
+    dielectric = ONE - matter.metallic - _glass_share(matter)
+    passing = dielectric * matter.transmission if matter.is_thin else ZERO
+    return dielectric, dielectric - passing, passing
+
+
+@njit(error_model="numpy")
+def _least(matter):  # type: ignore[no-untyped-def]
+    """(r, g, b) that a dielectric reflects at a right angle."""
+    bare = (matter.ior - ONE) / (matter.ior + ONE)
+    return scaled(bare * bare, (ONE, ONE, ONE))
+
+
+@njit(forceinline=True)
+def _rest(colour):  # type: ignore[no-untyped-def]
+    return ONE - colour[0], ONE - colour[1], ONE - colour[2]
+
+
+@njit(forceinline=True)
+def _rising(least, rise):  # type: ignore[no-untyped-def]
+    """What is reflected of a colour that is `least` at a right angle and white where it is grazing."""
+    return along(least, rise, _rest(least))
+
+
+@njit(error_model="numpy")
+def _mirrored(matter, cosine):  # type: ignore[no-untyped-def]
+    """((r, g, b), (r, g, b)): reflected by metal and plastic, by their shares, and by plastic alone, at a cosine with a
+    microfacet's normal."""
+    rise = schlick(cosine)
+    own = _rising(_least(matter), rise)
+    return along(scaled(_shares(matter)[0], own), matter.metallic, _rising(matter.colour, rise)), own
+
+
+@njit(error_model="numpy")
+def _again(colour, mean):  # type: ignore[no-untyped-def]
+    """(r, g, b) that is left of light that meets more than one microfacet. mean: `lost_mean`."""
+    full = _rising(colour, _MEAN_RISE)
+    return kept_share(full[0], mean), kept_share(full[1], mean), kept_share(full[2], mean)
+
+
+@njit(error_model="numpy")
+def _let_through(least, once, rise, more):  # type: ignore[no-untyped-def]
+    """(r, g, b) that the surface of plastic lets through. once: share that meets one microfacet; rise: of it, by
+    Schlick; more: (r, g, b), reflected later."""
+    return (
+        max(ZERO, ONE - least[0] * (once - rise) - rise - more[0]),
+        max(ZERO, ONE - least[1] * (once - rise) - rise - more[1]),
+        max(ZERO, ONE - least[2] * (once - rise) - rise - more[2]),
+    )
+
+
+@njit(error_model="numpy")
+def _through(matter, cosine):  # type: ignore[no-untyped-def]
+    """`_let_through` at a cosine with the normal."""
+    least, alpha = _least(matter), matter.alpha
+    if alpha < SMOOTH:
+        return _let_through(least, ONE, schlick(cosine), _NONE)
+    away = lost(alpha, cosine)
+    return _let_through(least, ONE - away, risen(alpha, cosine), scaled(away, _again(least, lost_mean(alpha))))
+
+
+@njit(error_model="numpy")
+def _through_mean(matter):  # type: ignore[no-untyped-def]
+    """The mean of `_through` over all directions, weighted by their cosine."""
+    least, alpha = _least(matter), matter.alpha
+    if alpha < SMOOTH:
+        return _let_through(least, ONE, _MEAN_RISE, _NONE)
+    away = lost_mean(alpha)
+    return _let_through(least, ONE - away, risen_mean(alpha), scaled(away, _again(least, away)))
+
+
+@njit(error_model="numpy")
+def _later(matter):  # type: ignore[no-untyped-def]
+    """((r, g, b), (r, g, b)): light that meets more than one microfacet and is reflected, or passes a pane."""
+    dielectric, _, passing = _shares(matter)
+    mean = lost_mean(matter.alpha)
+    own = _again(_least(matter), mean)
+    above = along(scaled(dielectric, own), matter.metallic, _again(matter.colour, mean))
+    return above, scaled(passing, _times(_rest(own), matter.colour))
 
 
 @njit(error_model="numpy")
 def _chances(matter, cosine):  # type: ignore[no-untyped-def]
     """(to be mirrored, to pass), among microfacets' light at a cosine with their normal; they add up to 1."""
-    mirrored, own = _shares(matter, cosine)
-    through = (ONE - matter.metallic) * matter.transmission * (ONE - own) * luminance(matter.colour)
-    through = ZERO if is_clear_pane(matter) else through
-    most = luminance(mirrored)
+    mirrored, own = _mirrored(matter, cosine)
+    passing = ZERO if is_clear_pane(matter) else _shares(matter)[2]
+    most, through = luminance(mirrored), passing * luminance(_times(_rest(own), matter.colour))
     total = most + through
     return (most / total, through / total) if total > ZERO else (ONE, ZERO)
 
 
 @njit(error_model="numpy")
-def _again(matter, mean):  # type: ignore[no-untyped-def]
-    """(r, g, b) that is left of light that meets more than one microfacet. mean: `lost_mean`.
-
-    What a dielectric does not reflect then, its base does; the diffuse part has the rise of its Fresnel term already.
-    """
-    metal, base = matter.metallic, matter.colour
-    bare = (matter.ior - ONE) / (matter.ior + ONE)
-    bare *= bare
-    own = kept_share(bare, mean)
-    solid = (ONE - metal) * (ONE - matter.transmission)
-    return (
-        solid * (own + (bare - own) * base[0]) + metal * kept_share(base[0] + (ONE - base[0]) * _MEAN_RISE, mean),
-        solid * (own + (bare - own) * base[1]) + metal * kept_share(base[1] + (ONE - base[1]) * _MEAN_RISE, mean),
-        solid * (own + (bare - own) * base[2]) + metal * kept_share(base[2] + (ONE - base[2]) * _MEAN_RISE, mean),
-    )
-
-
-@njit(error_model="numpy")
-def _diffuse_chance(matter, cosine):  # type: ignore[no-untyped-def]
-    """How often a direction is chosen by its cosine: for the diffuse part, and light that meets several microfacets."""
-    mirrored, own = _shares(matter, cosine)
-    base = (ONE - matter.metallic) * (ONE - own) * luminance(matter.colour)
-    diffuse = base * (ONE - matter.transmission)
+def _diffuse_chances(matter, cosine):  # type: ignore[no-untyped-def]
+    """How often a direction above, and one below, is chosen by its cosine: for the base, and for light that meets
+    several microfacets."""
+    _, base, passing = _shares(matter)
+    up, down = base * luminance(_times(_through(matter, cosine), matter.colour)), ZERO
+    mirrored, own = _mirrored(matter, cosine)
+    total = luminance(mirrored)
     if matter.alpha >= SMOOTH:
-        diffuse += luminance(_again(matter, lost_mean(matter.alpha))) * lost(matter.alpha, cosine)
-    total = diffuse + luminance(mirrored) + (ZERO if is_clear_pane(matter) else base * matter.transmission)
-    return diffuse / total if total > ZERO else ZERO
-
-
-@njit(forceinline=True, error_model="numpy")
-def _slope(alpha, cosine):  # type: ignore[no-untyped-def]
-    """sqrt(alpha^2 + (1 - alpha^2) cosine^2), of Smith's masking."""
-    square = alpha * alpha
-    return np.sqrt(square + (ONE - square) * cosine * cosine)
-
-
-@njit(forceinline=True, error_model="numpy")
-def _ggx(alpha, h):  # type: ignore[no-untyped-def]
-    """Density of microfacets' normals."""
-    square = alpha * alpha
-    spread = h[0] * h[0] + h[1] * h[1] + square * h[2] * h[2]
-    return square * _PER_PI / (spread * spread)
+        above, below = _later(matter)
+        away = lost(matter.alpha, cosine)
+        up, down = up + away * luminance(above), away * luminance(below)
+    if not is_clear_pane(matter):
+        total += passing * luminance(_times(_rest(own), matter.colour))
+    total += up + down
+    return (up / total, down / total) if total > ZERO else (ZERO, ZERO)
 
 
 @njit(error_model="numpy")
 def physical_value(matter, out, onward):  # type: ignore[no-untyped-def]
     """((r, g, b), density): scattered light times the cosine, per solid angle, and how often `physical_direction`
-    chooses the direction. Mirrors and clear glass are left out: no direction that is aimed meets theirs."""
-    by_diffuse = _diffuse_chance(matter, out[2])
+    chooses the direction. Mirrors and clear glass are left out: no direction that is aimed meets theirs; so is light
+    that meets several microfacets of solid glass."""
+    alpha, glass = matter.alpha, _glass_share(matter)
+    value, density = _NONE, ZERO
+    if glass < ONE and onward[2] != ZERO:
+        value, density = _opaque_value(matter, out, onward)
+    density *= ONE - glass
+    if glass > ZERO and not passes_straight(matter):
+        own = glass * glass_density(alpha, matter.ior, out, onward)
+        tint = matter.colour if onward[2] < ZERO else (ONE, ONE, ONE)
+        value, density = along(value, own, tint), density + own
+    return value, density
+
+
+@njit(error_model="numpy")
+def _opaque_value(matter, out, onward):  # type: ignore[no-untyped-def]
+    """`physical_value` of metal, plastic and panes."""
+    up, down = _diffuse_chances(matter, out[2])
     alpha, is_smooth = matter.alpha, matter.alpha < SMOOTH
-    base = scaled(ONE - matter.metallic, matter.colour)
+    height = abs(onward[2])
+    spread = height * PER_PI
+    value, several = _NONE, ZERO
+    if not is_smooth:
+        several = lost(alpha, out[2]) * lost(alpha, height) / lost_mean(alpha) * spread
     if onward[2] > ZERO:
-        h = unit((out[0] + onward[0], out[1] + onward[1], out[2] + onward[2]))
-        cosine = dot(out, h)
-        mirrored, own = _shares(matter, cosine)
-        flat = (ONE - own) * (ONE - matter.transmission) * onward[2] * _PER_PI
-        value, density = scaled(flat, base), by_diffuse * onward[2] * _PER_PI
-        if is_smooth:
-            return value, density
-        facets = _ggx(alpha, h)
-        one, other = _slope(alpha, out[2]), _slope(alpha, onward[2])
-        factor = HALF * facets * onward[2] / (onward[2] * one + out[2] * other)
-        density += (ONE - by_diffuse) * _chances(matter, cosine)[0] * HALF * facets / (out[2] + one)
-        mean = lost_mean(alpha)
-        several = lost(alpha, out[2]) * lost(alpha, onward[2]) / mean * onward[2] * _PER_PI
-        return along(along(value, factor, mirrored), several, _again(matter, mean)), density
-    if passes_straight(matter) or matter.transmission == ZERO or onward[2] == ZERO:
+        light = _times(_through(matter, out[2]), _through(matter, height))
+        mean, base = _through_mean(matter), scaled(_shares(matter)[1] * spread, matter.colour)
+        if mean[0] > ZERO and mean[1] > ZERO and mean[2] > ZERO:
+            value = base[0] * light[0] / mean[0], base[1] * light[1] / mean[1], base[2] * light[2] / mean[2]
+    elif is_smooth or not matter.is_thin or matter.transmission == ZERO:
         return _NONE, ZERO
-    below = -onward[2]
-    one, other = _slope(alpha, out[2]), _slope(alpha, below)
-    visible = TWO * out[2] / (out[2] + one)
-    if matter.is_thin:
-        h = unit((out[0] + onward[0], out[1] + onward[1], out[2] + below))
-        cosine = dot(out, h)
-        jacobian = ONE / (np.float32(4.0) * cosine)
-        masking = TWO * out[2] * below / (below * one + out[2] * other) / visible
-    else:
-        ior = matter.ior
-        h = unit((out[0] + ior * onward[0], out[1] + ior * onward[1], out[2] + ior * onward[2]))
-        h = h if h[2] > ZERO else scaled(-ONE, h)
-        cosine, far = dot(out, h), dot(onward, h)
-        if cosine <= ZERO or far >= ZERO:
-            return _NONE, ZERO
-        across = cosine + ior * far
-        jacobian = ior * ior * -far / (across * across)
-        masking = TWO * below / (below + other)
-    chosen = visible * _ggx(alpha, h) * cosine / out[2] * jacobian
-    own = _shares(matter, cosine)[1]
-    factor = matter.transmission * (ONE - own) * masking * chosen
-    return scaled(factor, base), (ONE - by_diffuse) * _chances(matter, cosine)[1] * chosen
+    density = (up if onward[2] > ZERO else down) * spread
+    if is_smooth:
+        return value, density
+    twin = onward[0], onward[1], height  # what passes a pane is what it mirrors, on the other side
+    h = unit((out[0] + twin[0], out[1] + twin[1], out[2] + twin[2]))
+    cosine = dot(out, h)
+    once = reflected(alpha, out, twin, h)
+    chosen = (ONE - up - down) * ggx(alpha, h) / (TWO * (out[2] + slope(alpha, out[2])))
+    mirrored, own = _mirrored(matter, cosine)
+    above, below = _later(matter)
+    if onward[2] > ZERO:
+        return along(along(value, once, mirrored), several, above), density + chosen * _chances(matter, cosine)[0]
+    through = scaled(_shares(matter)[2] * once, _times(_rest(own), matter.colour))
+    return along(through, several, below), density + chosen * _chances(matter, cosine)[1]
 
 
 @njit(error_model="numpy")
 def physical_direction(matter, out, u, v, lobe):  # type: ignore[no-untyped-def]
     """(direction, (r, g, b), density): a direction chosen by three numbers in [0, 1), the light it carries over how
-    often it is chosen, and its density per solid angle; 0 for mirrors and clear glass. No light where it is absorbed.
-    """
-    by_diffuse = _diffuse_chance(matter, out[2])
-    is_smooth = matter.alpha < SMOOTH
-    x, y = circle(v)
-    if lobe < by_diffuse:
-        radius = np.sqrt(u)
-        onward = radius * x, radius * y, np.sqrt(max(ZERO, ONE - u))
-    else:
-        lobe = (lobe - by_diffuse) / (ONE - by_diffuse)
-        h = (ZERO, ZERO, ONE) if is_smooth else _visible_normal(matter.alpha, out, u, x, y)
-        cosine = min(ONE, dot(out, h))
-        by_mirror, by_passing = _chances(matter, cosine)
-        is_mirrored = lobe < by_mirror
-        if is_mirrored:
-            onward = TWO * cosine * h[0] - out[0], TWO * cosine * h[1] - out[1], TWO * cosine * h[2] - out[2]
-        elif matter.is_thin:
-            onward = TWO * cosine * h[0] - out[0], TWO * cosine * h[1] - out[1], -(TWO * cosine * h[2] - out[2])
+    often it is chosen, and its density per solid angle; 0 where nothing is aimed. No light where it is absorbed."""
+    glass, alpha = _glass_share(matter), matter.alpha
+    is_smooth = alpha < SMOOTH
+    if lobe < glass:
+        lobe /= glass
+        if not passes_straight(matter):
+            onward, is_single = glass_direction(alpha, matter.ior, out, u, v, lobe)
+            if not is_single:
+                return onward, matter.colour if onward[2] < ZERO else (ONE, ONE, ONE), ZERO
         else:
+            cosine = out[2]
             ratio = ONE if _bends_nothing(matter) else ONE / matter.ior
-            step = ratio * cosine - np.sqrt(max(ZERO, ONE - ratio * ratio * (ONE - cosine * cosine)))
-            onward = along(scaled(-ratio, out), step, h)
-        if is_smooth or (not is_mirrored and passes_straight(matter)):
-            mirrored, own = _shares(matter, cosine)
-            if is_mirrored:
-                return onward, scaled(ONE / ((ONE - by_diffuse) * by_mirror), mirrored), ZERO
-            factor = (ONE - matter.metallic) * matter.transmission * (ONE - own) / ((ONE - by_diffuse) * by_passing)
-            return onward, scaled(factor, matter.colour), ZERO
-        if is_mirrored != (onward[2] > ZERO):
-            return onward, _NONE, ZERO
+            if not _bends_nothing(matter) and lobe < fresnel(cosine, matter.ior):
+                return (-out[0], -out[1], cosine), (ONE, ONE, ONE), ZERO
+            far = np.sqrt(max(ZERO, ONE - ratio * ratio * (ONE - cosine * cosine)))
+            return (-ratio * out[0], -ratio * out[1], -far), matter.colour, ZERO
+    else:
+        lobe = (lobe - glass) / (ONE - glass)
+        up, down = _diffuse_chances(matter, out[2])
+        if lobe < up + down:
+            x, y = circle(v)
+            radius, height = np.sqrt(u), np.sqrt(max(ZERO, ONE - u))
+            onward = radius * x, radius * y, height if lobe < up else -height
+        else:
+            lobe = (lobe - up - down) / (ONE - up - down)
+            h = (ZERO, ZERO, ONE) if is_smooth else visible_normal(alpha, out, u, v)
+            cosine = min(ONE, dot(out, h))
+            by_mirror, _ = _chances(matter, cosine)
+            is_mirrored = lobe < by_mirror
+            onward = along(scaled(-ONE, out), TWO * cosine, h)
+            if is_smooth:
+                factor = ONE / ((ONE - glass) * (ONE - up - down) * by_mirror)
+                return onward, scaled(factor, _mirrored(matter, cosine)[0]), ZERO
+            if not onward[2] > ZERO:
+                return onward, _NONE, ZERO
+            onward = onward if is_mirrored else (onward[0], onward[1], -onward[2])
     value, density = physical_value(matter, out, onward)
     if not density > ZERO:
         return onward, _NONE, ZERO
     return onward, scaled(ONE / density, value), density
-
-
-@njit(error_model="numpy")
-def _visible_normal(alpha, out, u, x, y):  # type: ignore[no-untyped-def]
-    """A microfacet's normal, as often as `out` sees it."""
-    seen = unit((alpha * out[0], alpha * out[1], out[2]))
-    height = (ONE - u) * (ONE + seen[2]) - seen[2]
-    radius = np.sqrt(max(ZERO, ONE - height * height))
-    return unit((alpha * (radius * x + seen[0]), alpha * (radius * y + seen[1]), height + seen[2]))

@@ -10,9 +10,9 @@ from atra.compiled.store import njit
 from atra.light.numbers_kernels import HALF, ONE, TWO, ZERO, along, around, dot, on_sphere, scaled, unit
 from atra.light.scattering.bending_kernels import on_side, through_glass
 from atra.light.scattering.bumps_kernels import bump_of, bumped
+from atra.light.scattering.facets_kernels import fresnel
 from atra.light.scattering.physical_kernels import (
     clear_light,
-    fresnel,
     is_clear_pane,
     passes_straight,
     physical_direction,

@@ -22,7 +22,7 @@ from atra.geometry.split import Split
 from atra.geometry.view import View
 from atra.tracing.geometry import LeftOut
 from experiments.classification.bvh.binary import bvh_of
-from experiments.methods.culled.tiles_kernels import list_cells
+from experiments.methods.tiles_kernels import list_cells
 
 MOST_COPIED = 1 << 15
 """Largest sample of triangles for counting copies."""

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,21 +37,13 @@ class Blocks:
         self._threads = threads
         self._executor = ThreadPoolExecutor(threads, "peer") if threads > 1 else None
 
-    def each(self, call: Callable[[RayArrays], Any], rays: RayArrays) -> list[Any]:
-        """What a call answers for each block."""
-        if self._executor is None:
-            return [call(rays)]
-        ends = np.linspace(0, len(rays.directions), 1 + _BLOCKS_PER_THREAD * self._threads).astype(int)
-        blocks = [
-            RayArrays(rays.origins[start:end], rays.directions[start:end])
-            for start, end in pairwise(ends)
-            if end > start
-        ]
-        return list(self._executor.map(call, blocks))
-
     def cast(self, call: Callable[[RayArrays], Answer], rays: RayArrays) -> Answer:
-        """The answers of all blocks together."""
-        depths, prim_ids = zip(*self.each(call, rays), strict=True)
+        """What a call answers for each block, put together."""
+        if self._executor is None:
+            return call(rays)
+        ends = np.linspace(0, len(rays.directions), 1 + _BLOCKS_PER_THREAD * self._threads).astype(int)
+        blocks = [RayArrays(rays.origins[a:b], rays.directions[a:b]) for a, b in pairwise(ends) if b > a]
+        depths, prim_ids = zip(*self._executor.map(call, blocks), strict=True)
         return np.concatenate(depths), np.concatenate(prim_ids)
 
     def close(self) -> None:

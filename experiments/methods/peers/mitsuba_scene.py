@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.prim_ids import MISS
-from experiments.methods.peers.availability import reinstall
-from experiments.methods.peers.peer import Answer, PeerScene, peer_method
+from experiments.methods.peers.peer import INSTALL, Answer, PeerScene, peer_method
 
 MITSUBA_VARIANT = "llvm_ad_mono"
 """Vectorised on the CPU, with one colour channel, since ray queries need no colour."""
@@ -84,7 +83,7 @@ class MitsubaScene(PeerScene):
 def _check() -> str | None:
     mitsuba = import_module("mitsuba")
     if MITSUBA_VARIANT not in mitsuba.variants():
-        return reinstall(f"mitsuba was built without the variant {MITSUBA_VARIANT}")
+        return f"mitsuba was built without the variant {MITSUBA_VARIANT}; {INSTALL}"
     try:
         mitsuba.set_variant(MITSUBA_VARIANT)  # loads LLVM
     except Exception as error:

@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from experiments.methods.peers.availability import reinstall
-from experiments.methods.peers.peer import Answer, PeerScene, peer_method
-from experiments.methods.peers.questions import Answering, Asked
+from experiments.methods.peers.peer import INSTALL, Answer, Answering, Asked, PeerScene, peer_method
 
 _FIRST_PYTHON_WITHOUT_WHEEL = (3, 15)  # of Open3D 0.20
 
@@ -44,10 +42,6 @@ class Open3DScene(PeerScene):
         hits = self._scene.cast_rays(rays, **self._threads)
         return hits["t_hit"].numpy(), hits["primitive_ids"].numpy()
 
-    def count(self, rays: Any) -> NDArray[np.integer]:
-        counted: NDArray[np.integer] = self._scene.count_intersections(rays, **self._threads).numpy()
-        return counted
-
     def answers(self) -> Mapping[str, Answering]:
         scene, threads, rays = self._scene, self._threads, self.make_rays
 
@@ -70,7 +64,7 @@ class Open3DScene(PeerScene):
 
 def _check() -> str | None:
     open3d = import_module("open3d")
-    return None if hasattr(open3d.t.geometry, "RaycastingScene") else reinstall("open3d has no RaycastingScene")
+    return None if hasattr(open3d.t.geometry, "RaycastingScene") else f"open3d has no RaycastingScene; {INSTALL}"
 
 
 def _no_wheel() -> str | None:

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from time import perf_counter
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.all_hits.reductions import Count, Reduction, Thickness
 from atra.compiled.threads import WorkerPool
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
@@ -28,15 +28,24 @@ from experiments.harness.column import TEXT, Column
 from experiments.harness.environment import package_version
 from experiments.harness.method import Method, Style, Tracing, always_available
 from experiments.harness.options import NoOptions
-from experiments.methods.peers.availability import package_problem
 from experiments.methods.peers.pixel_rays import block_order, world_directions
-from experiments.methods.peers.questions import Answering
 
 PEER_COLUMNS = (
     Column("peer_version", TEXT, "version of the other tracer"),
     Column("peer_interface", TEXT, "interface of the other tracer that was called"),
     Column("peer_setting", TEXT, "how exact its hits are: Embree's robust or fast setting, or what it rounds"),
 )
+
+QUESTIONS = ("closest", "any", "count", "all", "contains")
+"""closest: the first triangle that each ray hits. any: whether it hits any. count: how many. all: which ones.
+contains: whether points lie inside."""
+
+Asked = NDArray[Any] | tuple[NDArray[Any], NDArray[Any]]
+"""closest: (N,) integers, -1 or `MISS` for none. any, contains: (N,) bool. count: (N,) integers. all: (M,) integers
+each, the rays and the triangles of the hits."""
+
+Answering = Callable[..., Asked]
+"""Origins and directions, (N, 3) float32 each, or points alone -> the answer."""
 
 Answer = tuple[NDArray[np.float32], NDArray[np.uint32]]
 """Depth and prim_id as in `Hits`, in the order of the rays; any shape."""
@@ -77,20 +86,8 @@ class PeerScene(Protocol):
         """What rays hit: t in lengths of their directions, inf = miss, and prim_id."""
         raise NotImplementedError
 
-    def count(self, rays: Any) -> NDArray[np.integer]:
-        """Hits of each ray, some of them perhaps twice and others not at all."""
-        raise InputError(f"{self.package} cannot count hits; use method=trimesh or method=open3d")
-
-    def thickness(self, rays: Any) -> NDArray[np.floating]:
-        """The length inside of each ray."""
-        raise InputError(f"{self.package} does not tell depths of all hits; use method=trimesh")
-
     def answers(self) -> Mapping[str, Answering]:
         """The peer's own functions, from plain arrays to plain arrays, for the questions it has functions for."""
-        return {}
-
-    def stand_in_answers(self, make: Callable[..., Any]) -> Mapping[str, Answering]:
-        """Those of a class that stands in for the peer's, which `make` makes of the peer's mesh."""
         return {}
 
     def close(self) -> None:
@@ -164,29 +161,6 @@ class PreparedPeer(Prepared):
         self.frame_time_s = perf_counter() - start
         depth[:], prim_id[:] = map(self._in_rows, answers)
 
-    @property
-    def gathering_stride(self) -> int:
-        """The image's width, pixels."""
-        return self.camera.width
-
-    def gather(
-        self,
-        what: Reduction[Any],
-        offset: tuple[float, float],
-        images: dict[str, NDArray],
-        weights: Any,
-        is_known: bool,
-    ) -> None:
-        """How many hits the peer finds along each ray, or how long they say that the way inside is. Raises InputError
-        for anything else, and where the peer cannot do it."""
-        if not isinstance(what, Count | Thickness):
-            package = self.scene.package
-            raise InputError(f"{package} cannot gather {what!r:.100}, expected atra.Count() or atra.Thickness()")
-        self._prepare_rays(offset)
-        find: Any = self.scene.count if isinstance(what, Count) else self.scene.thickness
-        (image,) = images.values()
-        image[: self.camera.height] = self._in_rows(find(self._rays))
-
     def close(self) -> None:
         """Let go of the peer's scene."""
         self.scene.close()
@@ -203,9 +177,6 @@ class Peer(TracingMethod):
         """Rays per query of Embree, 0 where nobody tells."""
         return self.make.rays_per_packet
 
-    def check_gathering(self, camera: View) -> None:
-        """Nothing: what is asked for decides."""
-
     def prepare(self, mesh: Mesh, camera: View, pool: WorkerPool) -> PreparedPeer:
         """Hand over the mesh."""
         make: Any = self.make
@@ -220,17 +191,29 @@ def scene_for_rays(tracer: Any, name: str) -> PeerScene:
     return prepared.scene
 
 
-def peer_method(
-    name: str,
-    label: str,
-    check: Callable[[], str | None],
-    kind: type[PeerScene],
-    no_wheel: Callable[[], str | None] = always_available,
-) -> Method:
-    """The method that measures a peer. check, no_wheel: as of `package_problem`."""
+INSTALL = "pip install 'atra[peers]'"
 
-    def problem() -> str | None:
-        return package_problem(kind.package, check, no_wheel)
+
+def problem_of(package: str, check: Callable[[], str | None], no_wheel: Callable[[], str | None]) -> str | None:
+    """Why a foreign package cannot be used here, in one line with what to do about it; None when it can.
+
+    check: imports the package, which takes seconds for some, and returns what is wrong with it; whatever it raises
+    becomes the text. no_wheel: why it cannot be installed here, None = it can.
+    """
+    try:
+        return check()
+    except Exception as error:  # a foreign package may raise anything; without it there is a reason, not a crash
+        if isinstance(error, ModuleNotFoundError) and error.name == package:
+            return f"{package} is not installed; {no_wheel() or INSTALL}"
+        return f"{package} cannot be imported, {type(error).__name__}: {' '.join(str(error).split())}; {INSTALL}"
+
+
+def peer_method(
+    name: str, label: str, check: Callable[[], str | None], kind: type[PeerScene],
+    no_wheel: Callable[[], str | None] = always_available,
+) -> Method:  # fmt: skip
+    """The method that measures a peer. check, no_wheel: as of `problem_of`."""
+    problem = partial(problem_of, kind.package, check, no_wheel)
 
     def make(mesh: Mesh, view: View, options: NoOptions, tracing: Tracing) -> Tracer:
         obstacle = problem()
@@ -239,15 +222,6 @@ def peer_method(
         return Tracer(mesh, view, Peer(kind), threads=tracing.threads, ties="any")
 
     return Method(
-        name,
-        label,
-        Style(PURPLE, "P"),
-        NoOptions,
-        make,
-        kind.__module__,
-        problem=problem,
-        counters=PEER_COLUMNS,
-        version=lambda: package_version(kind.package),
-        is_ours=False,
-        is_peer=True,
-    )
+        name, label, Style(PURPLE, "P"), NoOptions, make, kind.__module__, problem=problem, counters=PEER_COLUMNS,
+        version=lambda: package_version(kind.package), is_ours=False, is_peer=True,
+    )  # fmt: skip

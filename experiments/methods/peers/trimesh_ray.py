@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
@@ -15,8 +15,7 @@ from atra.embree.library import wheel_problem
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from experiments.methods.peers.blocks import Blocks, RayArrays
-from experiments.methods.peers.peer import Answer, PeerScene, peer_method
-from experiments.methods.peers.questions import Answering, Asked
+from experiments.methods.peers.peer import Answer, Answering, Asked, PeerScene, peer_method
 
 
 class TrimeshScene(PeerScene):
@@ -33,15 +32,12 @@ class TrimeshScene(PeerScene):
     setting = "robust, its default"
 
     def __init__(self, mesh: Mesh, camera: View, threads: int) -> None:
-        self._mesh, self._threads, self._blocks = mesh, threads, Blocks(threads)
-        self._ray = self._trimesh().ray
-        nowhere = np.zeros((1, 3), np.float32)
-        self._ray.intersects_first(nowhere, nowhere + 1)  # builds the BVH, which waits for the first query
-
-    def _trimesh(self) -> Any:
         import trimesh  # slow to import
 
-        return trimesh.Trimesh(self._mesh.vertices, self._mesh.faces.astype(np.int64), process=False, validate=False)
+        self._mesh, self._blocks = mesh, Blocks(threads)
+        self._ray = trimesh.Trimesh(mesh.vertices, mesh.faces.astype(np.int64), process=False, validate=False).ray
+        nowhere = np.zeros((1, 3), np.float32)
+        self._ray.intersects_first(nowhere, nowhere + 1)  # builds the BVH, which waits for the first query
 
     def plan(self) -> None:
         """The planes of the triangles: normals of any length, and distances from the world's origin times that."""
@@ -65,34 +61,24 @@ class TrimeshScene(PeerScene):
 
         return self._blocks.cast(cast, rays)
 
-    def count(self, rays: RayArrays) -> NDArray[np.integer]:
-        """`mesh.ray.intersects_id(..., multiple_hits=True)`, which steps each ray on from hit to hit."""
-
-        def count(block: RayArrays) -> NDArray[np.integer]:
-            _, of_ray = self._ray.intersects_id(block.origins, block.directions, multiple_hits=True)
-            return np.bincount(of_ray, minlength=len(block.origins))
-
-        return np.concatenate(self._blocks.each(count, rays))
-
-    def thickness(self, rays: RayArrays) -> NDArray[np.floating]:
-        """The same hits, each at the depth of its plane, behind or in front of which its ray is inside."""
-
-        def measure(block: RayArrays) -> NDArray[np.floating]:
-            hit, of_ray = self._ray.intersects_id(block.origins, block.directions, multiple_hits=True)
-            directions = block.directions[of_ray]
-            leaving = np.einsum("ij,ij->i", self._normals[hit], directions) > 0.0
-            depth = self._depths(hit.astype(np.int32, copy=False), block.origins[of_ray], directions)
-            signed = np.where(leaving, depth, -depth)
-            return np.bincount(of_ray, signed, len(block.origins)).astype(np.float64, copy=False)
-
-        return np.concatenate(self._blocks.each(measure, rays))
-
     def answers(self) -> Mapping[str, Answering]:
-        return _answers(self._ray)
+        """Each answer is one call, which traces in one thread."""
+        ray = self._ray
 
-    def stand_in_answers(self, make: Callable[..., Any]) -> Mapping[str, Answering]:
-        """Those of `make(trimesh.Trimesh, threads=...)`."""
-        return _answers(make(self._trimesh(), threads=self._threads))
+        def count(*rays: NDArray[Any]) -> NDArray[np.int64]:
+            return np.bincount(ray.intersects_id(*rays, multiple_hits=True)[1], minlength=len(rays[0]))
+
+        def all_hits(*rays: NDArray[Any]) -> Asked:
+            _, of_ray, hit = ray.intersects_location(*rays, multiple_hits=True)
+            return of_ray, hit
+
+        return {
+            "closest": lambda *rays: ray.intersects_first(*rays),
+            "any": lambda *rays: ray.intersects_any(*rays),
+            "count": count,
+            "all": all_hits,
+            "contains": lambda points: ray.contains_points(points),
+        }
 
     def _depths(
         self, prim_id: NDArray[np.int32], origins: NDArray[np.float32], directions: NDArray[np.float32]
@@ -101,25 +87,6 @@ class TrimeshScene(PeerScene):
 
     def close(self) -> None:
         self._blocks.close()
-
-
-def _answers(ray: Any) -> Mapping[str, Answering]:
-    """ray: a trimesh mesh's, or what stands in for it. Each answer is one call, which traces in one thread."""
-
-    def count(*rays: NDArray[Any]) -> NDArray[np.int64]:
-        return np.bincount(ray.intersects_id(*rays, multiple_hits=True)[1], minlength=len(rays[0]))
-
-    def all_hits(*rays: NDArray[Any]) -> Asked:
-        _, of_ray, hit = ray.intersects_location(*rays, multiple_hits=True)
-        return of_ray, hit
-
-    return {
-        "closest": lambda *rays: ray.intersects_first(*rays),
-        "any": lambda *rays: ray.intersects_any(*rays),
-        "count": count,
-        "all": all_hits,
-        "contains": lambda points: ray.contains_points(points),
-    }
 
 
 @keep_on_disk

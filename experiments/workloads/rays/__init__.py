@@ -11,7 +11,6 @@ from typing import Any, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.compat.trimesh import RayMeshIntersector
 from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
@@ -19,24 +18,22 @@ from atra.rays.scene import RayScene
 from experiments.harness.options import Settings, option, whole
 from experiments.harness.point import Measured, Point, make_own
 from experiments.harness.records import Record
-from experiments.methods.peers.peer import scene_for_rays
-from experiments.methods.peers.questions import QUESTIONS, Asked
-from experiments.methods.peers.trimesh_ray import TRIMESH
+from experiments.methods.peers.peer import QUESTIONS, Asked, scene_for_rays
 from experiments.workloads.baselines import OWN
 from experiments.workloads.rays.judging import judged, sample_of, truth_of
 from experiments.workloads.rounds import load_mesh, race
 from experiments.workloads.typed import Times, Worst, workload
 
-LIBRARY, STAND_IN = "library", "stand_in"
-"""Names in the samples: `atra.RayScene`, and atra's stand-in for the method's own class, where there is one."""
+LIBRARY = "library"
+"""Name in the samples of `atra.RayScene`."""
 
 
 Rays = tuple[NDArray[np.float32], NDArray[np.float32]]
 """Origins and directions, (N, 3) each."""
 
-BATCHES = ("coherent", "parallel", "incoherent")
-"""coherent: of the point's camera, a ray for each pixel. parallel: from a grid beside the mesh, as many, in one
-direction. incoherent: as many, from anywhere in the mesh's box, every way as likely."""
+BATCHES = ("coherent", "incoherent")
+"""coherent: of the point's camera, a ray for each pixel. incoherent: as many, from anywhere in the mesh's
+box, every way as likely."""
 
 
 @dataclass(frozen=True)
@@ -44,9 +41,7 @@ class RaysOptions(Settings):
     """What is asked of which rays."""
 
     question: str = option("closest", "question: closest, any, count, all, or contains", choices=QUESTIONS)
-    ray_batch: str = option(
-        "coherent", "coherent, parallel or incoherent rays; contains asks of random points", choices=BATCHES
-    )
+    ray_batch: str = option("coherent", "coherent or incoherent rays; contains asks of random points", choices=BATCHES)
     judged_rays: int = whole(1000, "rays, or points, whose answers are judged by a test with every triangle", 0)
 
 
@@ -54,7 +49,6 @@ TIMES = Times({
     "answer_time{}_s": OWN,
     "answer_library_time{}_s": LIBRARY,
     "answer_gain{}": (OWN, LIBRARY),
-    "stand_in_gain{}": (OWN, STAND_IN),
 }, judged=OWN)  # fmt: skip
 
 
@@ -76,10 +70,6 @@ def _headline(record: Record) -> str:
     return f"{gain}; lost {{library_lost}} against {{lost}} of {{judged_hits}}".format(**record.results)
 
 
-def _samples(point: Point) -> frozenset[str]:
-    return frozenset((OWN, LIBRARY, STAND_IN) if point.method.name == TRIMESH.name else (OWN, LIBRARY))
-
-
 def _problem(point: Point) -> str | None:
     if not point.method.is_ours:
         return None
@@ -90,7 +80,7 @@ def _problem(point: Point) -> str | None:
 
 
 RAYS = workload(
-    "rays", __name__, _headline, TIMES, Judged, options=RaysOptions, samples=_samples, problem=_problem,
+    "rays", __name__, _headline, TIMES, Judged, options=RaysOptions, problem=_problem,
     rays=lambda row: f"{row.get('ray_batch', 'own')}, {row.get('question', 'closest')}",
 )  # fmt: skip
 
@@ -121,8 +111,6 @@ def _given(asked: RaysOptions, mesh: Mesh, camera: Camera) -> tuple[NDArray[np.f
     count = camera.width * camera.height
     if asked.question == "contains":
         return random_rays(mesh, count)[:1]
-    if asked.ray_batch == "parallel":
-        return parallel_rays(mesh, camera.width, camera.height)
     return camera_rays(camera) if asked.ray_batch == "coherent" else random_rays(mesh, count)
 
 
@@ -141,22 +129,6 @@ def random_rays(mesh: Mesh, count: int) -> Rays:
     return random.uniform(low, high, (count, 3)).astype(np.float32), random.normal(size=(count, 3)).astype(np.float32)
 
 
-_TOWARDS = np.array([0.48, -0.64, 0.6])
-"""Direction of parallel rays, along no axis."""
-
-
-def parallel_rays(mesh: Mesh, columns: int, rows: int) -> Rays:
-    """Origins and directions, (rows columns, 3) float32 each: a grid that covers the mesh, seen along the rays."""
-    across = np.cross(_TOWARDS, (0.0, 1.0, 0.0))
-    across /= np.linalg.norm(across)
-    middle = mesh.bounds.mean(axis=0)
-    reach = float(np.linalg.norm(mesh.bounds[1] - mesh.bounds[0])) / 2
-    x = np.tile(np.linspace(-reach, reach, columns), rows)[:, None]
-    y = np.repeat(np.linspace(-reach, reach, rows), columns)[:, None]
-    origins = middle - 2 * reach * _TOWARDS + x * across + y * np.cross(across, _TOWARDS)
-    return origins.astype(np.float32), np.tile(_TOWARDS.astype(np.float32), (rows * columns, 1))
-
-
 def _calls(
     point: Point, mesh: Mesh, question: str, given: tuple[NDArray[np.float32], ...], stack: ExitStack
 ) -> Mapping[str, Callable[[], Asked]]:
@@ -165,14 +137,7 @@ def _calls(
     if answer is None:
         raise InputError(f"method={point.method.name} has no answer to workload.question={question}")
     scene = stack.enter_context(RayScene(mesh, threads=point.tracing.threads))
-    calls: dict[str, Callable[[], Asked]] = {
-        OWN: lambda: answer(*given),
-        LIBRARY: lambda: _ANSWERS[question](scene, *given),
-    }
-    replaced = own.stand_in_answers(RayMeshIntersector).get(question)
-    if replaced is not None:
-        calls[STAND_IN] = lambda: replaced(*given)
-    return calls
+    return {OWN: lambda: answer(*given), LIBRARY: lambda: _ANSWERS[question](scene, *given)}
 
 
 def _all_hits(scene: RayScene, origins: NDArray[Any], directions: NDArray[Any]) -> Asked:

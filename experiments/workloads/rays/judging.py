@@ -11,7 +11,7 @@ from atra.exact.intersection import intersect_rays
 from atra.exact.lines_kernels import PARTS
 from atra.geometry.mesh import Mesh
 from atra.prim_ids import MISS
-from experiments.methods.peers.questions import Asked
+from experiments.methods.peers.peer import Asked
 from experiments.workloads.rays.judging_kernels import cross_every_triangle
 
 _AS_NEAR = 1e-5

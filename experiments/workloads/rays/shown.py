@@ -16,7 +16,7 @@ _ASKED = ("question", "ray_batch")
 
 def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
     """A line a point. rows: measured, of this workload."""
-    title = "questions of rays: the method, atra.RayScene and its stand-in, and hits lost and extra of those judged"
+    title = "questions of rays: the method, atra.RayScene, and hits lost and extra of those judged"
     yield points_table(title, rows, _COLUMNS, "scene, question, method", _words, _ASKED)
 
 
@@ -28,7 +28,6 @@ _COLUMNS = {
     "this": cell("answer_time_s", "{:,.1f} ms", MILLISECONDS),
     "atra": cell("answer_library_time_s", "{:,.1f} ms", MILLISECONDS),
     "gain": cell("answer_gain"),
-    "stand-in": cell("stand_in_gain"),
     "judged": cell("judged_hits", "{:,}"),
     "lost,\nextra": lambda row: f"{row['lost']}, {row['extra']}",
     "atra\n": lambda row: f"{row['library_lost']}, {row['library_extra']}",

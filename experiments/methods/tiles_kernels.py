@@ -43,27 +43,6 @@ def list_cells(counter_address, points_pixels, faces, nx, ny, cell_width, cell_h
                     copy += 1
 
 
-@kernel
-def sort_by_cell(triangle_starts, cells, faces, cell_starts, cell_faces, prim_ids):  # type: ignore[no-untyped-def]
-    """Turn the cells of each triangle into the triangles of each cell, ascending, by a counting sort.
-
-    Written: cell_starts: (cells + 1,) int64, cell_faces: (N, 3) uint32, prim_ids: (N,) int64.
-    """
-    cell_starts[:] = 0
-    for cell in cells:
-        cell_starts[cell + 1] += 1
-    for cell in range(1, len(cell_starts)):
-        cell_starts[cell] += cell_starts[cell - 1]
-    places = cell_starts[:-1].copy()
-    for triangle in range(len(faces)):
-        for copy in range(triangle_starts[triangle], triangle_starts[triangle + 1]):
-            place = places[cells[copy]]
-            places[cells[copy]] += 1
-            prim_ids[place] = triangle
-            for corner in range(3):
-                cell_faces[place, corner] = faces[triangle, corner]
-
-
 class CellScenes(NamedTuple):
     """Cells with scenes of their own, row by row.
 

@@ -1,1 +1,0 @@
-"""Culled tiles: the cells' culling without alignment, which tells the gains of both apart."""
