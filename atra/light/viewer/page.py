@@ -28,10 +28,13 @@ _TOLD_S = 0.2
 class Page(CameraPage):
     """The screen of a `Session`: of several open pages, all show what one asked for last.
 
-    size: of the scene, for its lengths. title, port: of `CameraPage`, which says what is raised.
+    size: of the scene, for its lengths. title, port: of `CameraPage`, which says what is raised. settings: whether
+    those of pictures can be changed.
     """
 
-    def __init__(self, artist: Artist, first: Request, port: int, title: str, size: float) -> None:
+    def __init__(
+        self, artist: Artist, first: Request, port: int, title: str, size: float, *, settings: bool = True
+    ) -> None:
         super().__init__(port, title, size)
         self.session = Session(artist, self, first)
         self._told_s = 0.0
@@ -39,7 +42,11 @@ class Page(CameraPage):
         self._moved_s: float | None = None
         self._is_seen = threading.Event()
         self._folders: dict[str, Any] = {}
-        self._add_controls(size)
+        self._numbers = self._server.gui.add_markdown("preparing; a first start compiles kernels")
+        if settings:
+            self._add_controls(size)
+        else:
+            self.add_camera_controls()
         self.follow(first.pose)
 
     def prepare(self) -> None:
@@ -78,7 +85,6 @@ class Page(CameraPage):
 
     def _add_controls(self, size: float) -> None:
         gui, now = self._server.gui, self.session.wanted.settings
-        self._numbers = gui.add_markdown("preparing")
         labels = {name.replace("_", " "): name for name in METHODS}
         with gui.add_folder("Picture"):
             self._choice("frame", "frame", FRAMES)
@@ -181,6 +187,8 @@ def say_numbers(frame: Frame, since_s: float | None) -> str:
     """What the panel says of a frame, in Markdown. since_s: after the frame before it, if that was moving, too."""
     request, picture = frame.request, frame.picture
     camera, stage_s = request.camera, picture.stage_s
+    if not stage_s:
+        return picture.note
     size = f"{camera.width} x {camera.height}"
     if frame.samples:
         lines = [f"**{frame.samples} of {request.settings.enough} samples**, {size}"]

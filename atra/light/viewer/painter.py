@@ -72,11 +72,12 @@ class Painter:
         stages = {name: seconds for name, seconds in sketcher.stage_s.items() if name != "other"}
         return Picture(image, stages | {"other": perf_counter() - start - sum(stages.values())})
 
-    def add(self, request: Request, stop: Callable[[], bool]) -> bool:
-        """One more sample; False when stopped."""
+    def add(self, request: Request, stop: Callable[[], bool]) -> int:
+        """One more sample, unless stopped; returns their number."""
         renderer = self._renderer(request)
         self._denoised = None
-        return renderer.add(1, stop)
+        renderer.add(1, stop)
+        return renderer.samples
 
     def show(self, request: Request) -> Picture:
         """What has been added, or what its primary rays hit."""
