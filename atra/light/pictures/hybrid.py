@@ -7,13 +7,11 @@ from dataclasses import replace
 from functools import reduce
 from math import inf, sqrt
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.light.emitters.panels import Panel, panels_of
 from atra.light.lights import Light, light_row
@@ -24,12 +22,11 @@ from atra.light.pictures.lighting_kernels import LIGHT_PLANES, SKY_PLANES, STAGE
 from atra.light.pictures.options import HybridOptions
 from atra.light.pictures.path_kernels import BLOCK, Pixels
 from atra.light.pictures.renderer import Primary, Renderer, unlike_but_for
-from atra.light.scattering.diffuse import plain_of, shown_of
+from atra.light.scattering.diffuse import shown_of
 from atra.light.scene import Scene
-from atra.light.sky import constant_sky
 from atra.light.surface_kernels import Surfaces
 from atra.light.tables import surfaces_of
-from atra.rays.kernel_scene import KernelScene, Query
+from atra.rays.kernel_scene import Query
 
 
 def _steps(*primes: int) -> tuple[int, int]:
@@ -177,9 +174,6 @@ class HybridRenderer(Renderer):
                 raise InputError(f"light is {light!r}, but the scene has {len(self.scene.lights)}, counted from 0")
             return self._share(SKY_PLANES + light * LIGHT_PLANES + 3)
 
-    def _albedo(self, samples: int) -> NDArray[np.float32]:
-        return albedo_of(self, samples)
-
     def _share(self, plane: int) -> NDArray[np.float32]:
         with self._lock:
             return self._film.as_image(self._film.mean(slice(plane, plane + 1)))[..., 0]
@@ -207,42 +201,3 @@ class HybridRenderer(Renderer):
         numbers = range(self.samples * rays, (self.samples + 1) * rays)
         places = [[number * step + (1 << 31) & 0xFFFFFFFF for step in steps] for number in numbers]
         return Aim(np.array(places or [[0, 0]], np.uint32), rays > 0, np.float32(length))
-
-
-def albedo_of(renderer: Renderer, samples: int) -> NDArray[np.float32]:
-    """(H, W, 3) float32, base colours of what a renderer sees, mean of so many samples; 1 for the sky."""
-    plain = tuple(plain_of(material) for material in renderer.scene.materials)
-    white = replace(renderer.scene, materials=plain, lights=(), sky=constant_sky(1.0))
-    with _Albedo(white, renderer) as seen:
-        seen.add(samples)
-        return seen.image
-
-
-class _Albedo(HybridRenderer):
-    """A scene without shadows, seen by the tracer of another renderer, whose scene for rays serves, too."""
-
-    def __init__(self, scene: Scene, other: Renderer) -> None:
-        self._other = other
-        tracer: Any = _Borrowed(other.tracer)
-        options: Any = {"threads": other.options.threads, "occlusion_rays": 0, "shadow_rays": 0}
-        super().__init__(scene, other.camera, lambda mesh, view: tracer, **options)
-
-    def _new_rays(self, mesh: Mesh) -> Any:
-        rays = self._other.rays
-        return _Borrowed(rays) if isinstance(rays, KernelScene) else super()._new_rays(mesh)
-
-
-class _Borrowed:
-    """Something of another renderer, which stays open."""
-
-    plan_time_s = build_time_s = 0.0
-
-    def __init__(self, owned: Any) -> None:
-        self._owned = owned
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._owned, name)
-
-    def build(self) -> None: ...
-
-    def close(self) -> None: ...

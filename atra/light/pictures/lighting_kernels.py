@@ -99,7 +99,7 @@ def _occlude(width, chunk, count, surfaces, scene, packet):  # type: ignore[no-u
 
 
 @njit(forceinline=True)
-def _look_through(width, chunk, first, count, pixels, surfaces, scene, packet):  # type: ignore[no-untyped-def]
+def look_through(width, chunk, first, count, pixels, surfaces, scene, packet):  # type: ignore[no-untyped-def]
     """Put what `count` pixels from number `first` on see behind triangles that the eye may look through into the
     chunk. Returns the number of rays, traced by packets of `width`."""
     rays, eye = 0, passes_of(0)
@@ -211,7 +211,7 @@ def lighting_kernel(width: int) -> Callable[..., int]:
             fetch_ahead(start + CHUNK, first + count, pixels)
             find_triangles(chunk, start, some, pixels)
             if surfaces.is_looked_through:
-                rays += _look_through(width, chunk, start, some, pixels, surfaces, query.scene, query.packet)
+                rays += look_through(width, chunk, start, some, pixels, surfaces, query.scene, query.packet)
             find_surfaces(chunk, start, some, pixels, surfaces)
             for i in range(some, some + LANES):  # no rays and no light behind the last pixel
                 floats[LENGTH * STRIDE + i] = floats[LIGHT * STRIDE + i] = ZERO

@@ -21,7 +21,7 @@ from atra.hits import Hits
 from atra.light.checks import check_whole
 from atra.light.laps import Laps
 from atra.light.pictures.film import Film
-from atra.light.pictures.finish.finisher import CENTRE, Finisher
+from atra.light.pictures.finish.finisher import CENTRE, Finisher, Offset, Wave
 from atra.light.pictures.options import RenderOptions
 from atra.light.pictures.path_kernels import BLOCK, Pixels
 from atra.light.pictures.pixels import LensPixels, pixels_of
@@ -37,6 +37,10 @@ Primary = Callable[[Mesh, View], Tracer]
 
 _WAVES_A_THREAD = 4
 """Least waves per thread; more balance the threads and ask `stop` more often."""
+
+
+def _never() -> bool:
+    return False
 
 
 class Renderer(Finisher):
@@ -150,23 +154,42 @@ class Renderer(Finisher):
 
     def _add_sample(self, stages: dict[str, float], stop: Callable[[], bool]) -> bool:
         """Returns whether it finished."""
-        camera = self.camera
         offset = CENTRE if self.options.jitter == "off" else tuple(sub_pixel_offsets(1, self.samples)[0].tolist())
-        own = self.options.jitter == "pixel" and camera.lens is None
+        own = self.options.jitter == "pixel" and self.camera.lens is None
         lap = Laps(stages)
         if not own and (self._hits is None or self.options.jitter != "off"):
             self._hits = self._tracer.trace(offset, out=self._hits)
         lap("primary")
-        directions = self._lens_pixels.directions(camera, offset, self.rays.threads)
-        _, own_camera = own_space(self.scene.mesh, camera)
-        pixels = pixels_of(own_camera, self._film, offset, None if own else self._hits, directions)
-        every = camera.width * camera.height
+        pixels = self._pixels(offset, None if own else self._hits)
+        times: list[dict[str, float]] = [{} for _ in range(self.rays.threads)]
+        rays = [0] * self.rays.threads
+
+        def add(first: int, count: int, query: Query) -> None:
+            traced = self._add_wave(first, count, pixels, query, times[query.worker])
+            if traced is None:
+                raise self._not_finite(first, count)
+            rays[query.worker] += traced
+
+        is_finished = self._in_waves(add, stop)
+        self.ray_count += sum(rays)
+        for of_worker in times:
+            for stage, seconds in of_worker.items():
+                stages[stage] = stages.get(stage, 0.0) + seconds / self.rays.threads
+        return is_finished
+
+    def _pixels(self, offset: Offset, hits: Hits | None) -> Pixels:
+        """All pixels at a sub-pixel offset, for kernels; hits: what they see there, None = unknown."""
+        directions = self._lens_pixels.directions(self.camera, offset, self.rays.threads)
+        _, own_camera = own_space(self.scene.mesh, self.camera)
+        return pixels_of(own_camera, self._film, offset, hits, directions)
+
+    def _in_waves(self, each: Wave, stop: Callable[[], bool] = _never) -> bool:
+        """Call `each` for all pixels, wave by wave, in all threads; returns whether it finished."""
+        every = self.camera.width * self.camera.height
         waves = 1 if self.rays.threads == 1 and stop is _never else _WAVES_A_THREAD * self.rays.threads
         share = -(-every // (waves * BLOCK)) * BLOCK
         wave_rays = min(self.options.wave_rays, share)
         starts = deque(range(0, every, wave_rays))  # `popleft` is thread-safe
-        times: list[dict[str, float]] = [{} for _ in range(self.rays.threads)]
-        rays = [0] * self.rays.threads
 
         def work(query: Query) -> None:
             while not stop():
@@ -174,17 +197,9 @@ class Renderer(Finisher):
                     first = starts.popleft()
                 except IndexError:
                     return
-                count = min(wave_rays, every - first)
-                traced = self._add_wave(first, count, pixels, query, times[query.worker])
-                if traced is None:
-                    raise self._not_finite(first, count)
-                rays[query.worker] += traced
+                each(first, min(wave_rays, every - first), query)
 
         self.rays.run(work)
-        self.ray_count += sum(rays)
-        for of_worker in times:
-            for stage, seconds in of_worker.items():
-                stages[stage] = stages.get(stage, 0.0) + seconds / self.rays.threads
         return not starts
 
     def _not_finite(self, first: int, count: int) -> AtraError:
@@ -255,10 +270,6 @@ class Renderer(Finisher):
     def _release(self) -> None:
         self._tracer.close()
         self.rays.close()
-
-
-def _never() -> bool:
-    return False
 
 
 def unlike_but_for(one: object, other: object, *names: str) -> bool:

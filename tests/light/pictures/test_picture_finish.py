@@ -279,3 +279,14 @@ def test_a_transparent_picture_has_the_share_of_each_pixel_that_is_hit_and_no_sk
     assert levels.shape == (5, 5, 4)
     np.testing.assert_allclose(levels[..., 3], 255 * alpha, atol=0.51)
     np.testing.assert_allclose(levels[:, :3, 0], 188, atol=8)  # half of white, coded
+
+
+@pytest.mark.parametrize("kind", [light.PathRenderer, light.HybridRenderer])
+def test_colours_and_normals_of_layers_are_those_of_one_surface_behind_what_the_eye_looks_through(kind):
+    pane, ramp = floor(9.0, 1.0)[::-1], [(-9, -9, 9), (9, 9, 9), (9, 9, -9), (-9, -9, -9)]  # the eye sees a pane's back
+    materials = [light.MetallicRoughness((0.1, 0.2, 0.9), is_double=False), light.Lambertian((0.8, 0.4, 0.2))]
+    scene = light.Scene(quads([pane, ramp]), materials, [0, 0, 1, 1])
+    with kind(scene, down(4, eye=(-2, 4, 0), fov=5), threads=1) as renderer:
+        layers = renderer.layers()
+    np.testing.assert_allclose(layers.albedo, np.broadcast_to([0.8, 0.4, 0.2], (4, 4, 3)), rtol=1e-6)
+    np.testing.assert_allclose(layers.normals, np.broadcast_to([-(0.5**0.5), 0.5**0.5, 0], (4, 4, 3)), atol=1e-6)

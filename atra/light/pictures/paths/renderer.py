@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from atra.geometry.view import View
 from atra.light.emitters.tables import emitters_of, no_emitters
 from atra.light.laps import Laps
-from atra.light.pictures.hybrid import albedo_of
 from atra.light.pictures.options import PathOptions
 from atra.light.pictures.path_kernels import BLOCK, FREE_ROWS, Pixels
 from atra.light.pictures.paths.depth_first_kernels import ALPHA, follow_depth_first
@@ -112,9 +111,6 @@ class PathRenderer(Renderer):
             return None
         with self._lock:
             return self._film.as_image(self._film.mean(slice(ALPHA, ALPHA + 1)))[..., 0]
-
-    def _albedo(self, samples: int) -> NDArray[np.float32]:
-        return albedo_of(self, samples)
 
     def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> int | None:
         lap, free = Laps(stages), np.empty((FREE_ROWS, 1), np.float32)
