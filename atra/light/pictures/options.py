@@ -62,7 +62,7 @@ class PathOptions(RenderOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_choice("lights", self.lights, ("aimed", "found"))
+        check_choice("lights", self.lights, ("aimed", "grid", "found"))
         check_flags(transparent=self.transparent)
         check_whole("bounces", self.bounces, 0, 1 << 20)
         if self.roulette_from is not None:

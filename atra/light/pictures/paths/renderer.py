@@ -49,9 +49,10 @@ class PathRenderer(Renderer):
         Most samples of a picture (default: any number).
     bounces : int
         Most reflections of light before it reaches the eye, 0 = what shines alone.
-    lights : {"aimed", "found"}
-        How emitters are found: a ray from every surface but mirrors is aimed at one, and both ways share its light; or
-        by scattered rays alone, which never meet lamps without extent.
+    lights : {"aimed", "grid", "found"}
+        How emitters are found: a ray from every surface but mirrors is aimed at one, lamps by their power or by what
+        each gives near the surface, and both ways share its light; or by scattered rays alone, which never meet lamps
+        without extent.
     roulette_from : int, optional
         Reflections after which a path may end by chance, the likelier the less light it carries; None: never.
     transparent : bool
@@ -94,7 +95,8 @@ class PathRenderer(Renderer):
         return ALPHA + 1 if self.options.transparent else ALPHA
 
     def _tables(self) -> Surfaces:
-        self._emitters = emitters_of(self.scene) if self.options.lights == "aimed" else no_emitters()
+        lights = self.options.lights
+        self._emitters = no_emitters() if lights == "found" else emitters_of(self.scene, in_grid=lights == "grid")
         return surfaces_of(self.scene, self.scene.sky.power, self.options.start_off)
 
     def _same_sums(self, scene: Scene) -> bool:
