@@ -26,7 +26,7 @@ class Paths:
 
     def __init__(self, scene: Scene, texels: Texels, options: BakeOptions) -> None:
         mesh = scene.mesh.local
-        self.surfaces = surfaces_of(scene, scene.sky.power, None)
+        self.surfaces = surfaces_of(scene, scene.sky.power)
         self.emitters = emitters_of(scene, in_grid=options.lights == "grid")
         self.charts = Charts(
             mesh.vertices, mesh.faces, texels.atlas.uv, texels.prim_id, texels.number, texels.atlas.width,

@@ -64,10 +64,6 @@ class HybridRenderer(Renderer):
         Of the scene for all rays but the primary ones, as for `atra.PixelTracer`.
     jitter : {"shared", "off"}
         Sub-pixel offset of rays: one for all pixels, new for each sample; or the centre.
-    wave_rays : int
-        Pixels that a thread takes at a time, a multiple of 2,048.
-    start_off : float, optional
-        Offset of rays from the triangle they leave, scene units (default: as far as float32 needs).
     most_samples : int, optional
         Most samples of a picture; None: any number.
     shadow_rays, occlusion_rays : int
@@ -86,16 +82,16 @@ class HybridRenderer(Renderer):
     options: HybridOptions
 
     _sets_sums = True
+    _wave_rays = 512 * BLOCK
 
     def __init__(
         self, scene: Scene, camera: View, primary: Primary | None = None, *,
         threads: int | None = None, packet_width: int | None = None, build_quality: str = "medium", robust: bool = True,
-        jitter: str = "shared", wave_rays: int = 512 * BLOCK, start_off: float | None = None,
-        most_samples: int | None = 512, shadow_rays: int = 1, shadow_length: float = inf, occlusion_rays: int = 1,
-        occlusion_length: float = 10.0, occlusion: str = "uniform",
+        jitter: str = "shared", most_samples: int | None = 512, shadow_rays: int = 1, shadow_length: float = inf,
+        occlusion_rays: int = 1, occlusion_length: float = 10.0, occlusion: str = "uniform",
     ) -> None:  # fmt: skip
         options = HybridOptions(
-            threads, build_quality, robust, jitter, wave_rays, start_off, most_samples, packet_width, shadow_rays,
+            threads, build_quality, robust, jitter, most_samples, packet_width, shadow_rays,
             shadow_length, occlusion_rays, occlusion_length, occlusion,
         )  # fmt: skip
         self._panels_of: tuple[Scene | None, list[Panel]] = None, []
@@ -120,7 +116,7 @@ class HybridRenderer(Renderer):
         rows = [light.row if isinstance(light, Panel) else light_row(light) for light in self._lit_by]
         self._lights = np.array(rows, np.float32).reshape(-1, LIGHT_WORDS)
         shown = tuple(shown_of(material) for material in self.scene.materials)
-        return surfaces_of(replace(self.scene, materials=shown), 1.0, self.options.start_off)
+        return surfaces_of(replace(self.scene, materials=shown), 1.0)
 
     def _start_film(self) -> None:
         super()._start_film()

@@ -55,6 +55,7 @@ class Renderer(Finisher):
     """
 
     _sets_sums: ClassVar[bool] = False  # `is_set` of `Film`
+    _wave_rays: ClassVar[int] = 8 * BLOCK  # pixels that a thread takes at a time, at most
 
     def __init__(self, scene: Scene, camera: View, primary: Primary | None, options: RenderOptions) -> None:
         super().__init__()
@@ -188,7 +189,7 @@ class Renderer(Finisher):
         every = self.camera.width * self.camera.height
         waves = 1 if self.rays.threads == 1 and stop is _never else _WAVES_A_THREAD * self.rays.threads
         share = -(-every // (waves * BLOCK)) * BLOCK
-        wave_rays = min(self.options.wave_rays, share)
+        wave_rays = min(self._wave_rays, share)
         starts = deque(range(0, every, wave_rays))  # `popleft` is thread-safe
 
         def work(query: Query) -> None:

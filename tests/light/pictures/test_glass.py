@@ -119,10 +119,10 @@ def test_a_back_that_the_eye_looks_through_is_no_hole_for_light():
     mesh = quads([floor(), floor(1.0, 1.5)[::-1]])
     lid = light.MetallicRoughness((0, 0, 0), is_double=False)
     scene = light.Scene(mesh, [light.Lambertian(0.5), lid], [0, 0, 1, 1], [light.Sun((0, -1, 0), 0.0)], BLACK)
-    tables = surfaces_of(scene, 1.0, None)
+    tables = surfaces_of(scene, 1.0)
     assert (tables.has_holes, tables.is_looked_through) == (False, True)
     assert traced(scene, replace(ABOVE, eye=(0.3, 3.0, 0)), 4, bounces=1).max() == 0.0
-    holes = surfaces_of(replace(scene, materials=[scene.materials[0], replace(lid, alpha="mask")]), 1.0, None)
+    holes = surfaces_of(replace(scene, materials=[scene.materials[0], replace(lid, alpha="mask")]), 1.0)
     assert (holes.has_holes, holes.is_looked_through) == (True, True)
 
 
@@ -151,5 +151,5 @@ def test_what_a_solid_absorbs_is_told_by_the_way_within_it():
     )
     slab = quads([floor(4.0, 0.5), floor(4.0, -0.2)[::-1]])
     scene = light.Scene(slab, [blue], sky=WHITE_SKY)
-    image = traced(scene, ABOVE, 4, max_depth=8)
+    image = traced(scene, ABOVE, 4, bounces=7)
     np.testing.assert_allclose(image, np.broadcast_to(np.exp(-0.7 * absorption), image.shape), rtol=1e-3)

@@ -149,7 +149,7 @@ def test_a_state_goes_on_to_the_same_bits_in_another_renderer(tmp_path, samples)
         for step in light.accumulate(renderer, 48, error=1e-9, state=path, save_every_s=0.0):
             if step.samples == samples:
                 break
-    with made(wave_rays=4096) as other:
+    with made() as other:
         steps = list(light.accumulate(other, 48, error=1e-9, state=path))
         assert steps[0].samples == samples + 1
         np.testing.assert_array_equal(other.image, expected)

@@ -60,13 +60,11 @@ WRONG = [
     (lambda: PathOptions(bounces=-1), "bounces is -1"),
     (lambda: PathOptions(jitter="none"), "jitter is 'none', expected one of shared, off, pixel"),
     (lambda: HybridOptions(jitter="pixel"), "jitter is 'pixel', expected one of shared, off"),
-    (lambda: PathOptions(wave_rays=1000), "wave_rays is 1000, expected a multiple of 2048"),
     (lambda: HybridOptions(occlusion_rays=65), "occlusion_rays is 65"),
     (lambda: HybridOptions(shadow_rays=-1), "shadow_rays is -1"),
     (lambda: HybridOptions(occlusion_length=0.0), "occlusion_length is 0.0"),
     (lambda: HybridOptions(occlusion_length=NAN), "occlusion_length is nan"),
     (lambda: HybridOptions(shadow_length=-1.0), "shadow_length is -1.0"),
-    (lambda: PathOptions(start_off=NAN), "start_off is nan, expected a finite number of at least 0"),
     (lambda: HybridOptions(occlusion="none"), "occlusion is 'none'"),
 ]  # fmt: skip
 
@@ -140,7 +138,7 @@ def test_an_interrupted_sample_leaves_no_torn_picture(monkeypatch):
 @pytest.mark.parametrize("kind", [light.PathRenderer, light.HybridRenderer])
 @pytest.mark.parametrize("first", [1, 32])  # also where float32 sums begin anew
 def test_a_picture_that_is_stopped_between_waves_keeps_its_samples_and_goes_on(kind, first):
-    options = {"threads": 1, "wave_rays": 2048}
+    options = {"threads": 1}
     with (
         kind(light.Scene(MESH), down(64), **options) as whole,
         kind(light.Scene(MESH), down(64), **options) as renderer,

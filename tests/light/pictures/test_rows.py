@@ -85,7 +85,7 @@ def test_an_image_of_any_size_is_the_part_of_a_larger_one():
 
 
 RESTARTS = {
-    "jitter": "off", "wave_rays": 4096, "shadow_rays": 2, "shadow_length": 3.0,
+    "jitter": "off", "shadow_rays": 2, "shadow_length": 3.0,
     "occlusion_rays": 2, "occlusion_length": 3.0, "occlusion": "cosine",
     "bounces": 2, "roulette_from": 2,
 }  # fmt: skip
@@ -162,8 +162,8 @@ MAKERS = {
     render.Sun: ("direction", "angle_degrees", "colour", "power"),
     render.PointLight: ("position", "colour", "power"), render.SphereLight: ("position", "radius", "colour", "power"),
     render.Scene: ("mesh", "materials", "face_materials", "lights", "sky", "normals", "uv"),
-    HybridOptions: tuple(RESTARTS.keys() - {"bounces", "roulette_from"}) + ("start_off", "most_samples"),
-    PathOptions: ("jitter", "wave_rays", "bounces", "roulette_from", "start_off", "most_samples"),
+    HybridOptions: tuple(RESTARTS.keys() - {"bounces", "roulette_from"}) + ("most_samples",),
+    PathOptions: ("jitter", "bounces", "roulette_from", "most_samples"),
 }  # fmt: skip
 USUAL = {
     render.Checker: {"first": 0.1, "second": 0.2}, render.Image: {"texels": np.zeros((1, 1, 3))},

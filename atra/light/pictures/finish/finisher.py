@@ -108,7 +108,7 @@ class Finisher(Lifetime):
 
     def _fingerprint(self) -> NDArray[np.uint8]:
         options = dict(vars(self.options))
-        for name in ("threads", "wave_rays", "most_samples"):  # which change no sample
+        for name in ("threads", "most_samples"):  # which change no sample
             options.pop(name, None)
         version = import_module("atra").__version__
         return fingerprint(version, type(self).__name__, self.scene, self.camera, options)
@@ -118,7 +118,7 @@ class Finisher(Lifetime):
         with self._in_use():
             scene = self.scene
             plain = tuple(plain_of(material) for material in scene.materials)
-            surfaces = surfaces_of(replace(scene, materials=plain, lights=(), sky=constant_sky(1.0)), 1.0, None)
+            surfaces = surfaces_of(replace(scene, materials=plain, lights=(), sky=constant_sky(1.0)), 1.0)
             film = Film((LAYER_PLANES, self.camera.width, self.camera.height))
             kernel, chunks = layers_kernel(self.rays.packet_width), [new_chunk() for _ in range(self.rays.threads)]
             for number, offset in enumerate(sub_pixel_offsets(_POINTS).tolist()):

@@ -9,7 +9,7 @@ from atra.geometry.view import View
 from atra.light.emitters.tables import emitters_of, no_emitters
 from atra.light.laps import Laps
 from atra.light.pictures.options import PathOptions
-from atra.light.pictures.path_kernels import BLOCK, FREE_ROWS, Pixels
+from atra.light.pictures.path_kernels import FREE_ROWS, Pixels
 from atra.light.pictures.paths.depth_first_kernels import ALPHA, follow_depth_first
 from atra.light.pictures.paths.following_kernels import limits_of
 from atra.light.pictures.renderer import Primary, Renderer
@@ -41,10 +41,6 @@ class PathRenderer(Renderer):
     jitter : {"shared", "off", "pixel"}
         Sub-pixel offset of rays: one for all pixels, new for each sample; the centre; or one per pixel, whose rays the
         renderer traces itself.
-    wave_rays : int
-        Pixels that a thread takes at a time, a multiple of 2,048.
-    start_off : float, optional
-        Offset of rays from the triangle they leave, scene units (default: as far as float32 needs).
     most_samples : int, optional
         Most samples of a picture (default: any number).
     bounces : int
@@ -76,8 +72,6 @@ class PathRenderer(Renderer):
         build_quality: str = "medium",
         robust: bool = True,
         jitter: str = "shared",
-        wave_rays: int = 8 * BLOCK,
-        start_off: float | None = None,
         most_samples: int | None = None,
         bounces: int = 4,
         lights: str = "aimed",
@@ -85,7 +79,7 @@ class PathRenderer(Renderer):
         transparent: bool = False,
     ) -> None:
         options = PathOptions(
-            threads, build_quality, robust, jitter, wave_rays, start_off, most_samples, bounces, lights, roulette_from,
+            threads, build_quality, robust, jitter, most_samples, bounces, lights, roulette_from,
             transparent,
         )  # fmt: skip
         super().__init__(scene, camera, primary, options)
@@ -97,7 +91,7 @@ class PathRenderer(Renderer):
     def _tables(self) -> Surfaces:
         lights = self.options.lights
         self._emitters = no_emitters() if lights == "found" else emitters_of(self.scene, in_grid=lights == "grid")
-        return surfaces_of(self.scene, self.scene.sky.power, self.options.start_off)
+        return surfaces_of(self.scene, self.scene.sky.power)
 
     def _same_sums(self, scene: Scene) -> bool:
         return scene is self.scene
