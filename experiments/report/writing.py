@@ -46,6 +46,12 @@ GRID_OF_FILES = "method_file"
 _PAGE, _COMMAND_FILE = "report.html", "command.txt"
 """The latter keeps what the user ran, for a report written later."""
 
+_FORMER = (
+    r"(break_even|threads|growth|moving|agreement|stereo|multiframe|rates|peers|rays_\w+)\.(svg|png)",
+    r"disagreements(\.csv|_.+\.png)",
+)
+"""Files that earlier versions drew and listed."""
+
 
 def choose_folder(configuration: Configuration, points: Collection[str], command: str, console: Console) -> Path:
     """The sweep's folder: that of its name, or where that holds another sweep's table, one with a number behind the
@@ -144,7 +150,7 @@ def _write(folder: Path, files: Mapping[str, bytes], tables: Mapping[str, bytes]
 def _files_of_tables(folder: Path) -> list[Path]:
     """The files in the folder that some table was made into: figures, claims, page, and FILES of the workloads."""
     shown: list[Any] = [workload.part("shown") for workload in WORKLOADS]
-    patterns = [re.escape(_PAGE), *(kind.file_names for kind in figure_kinds())]
+    patterns = [re.escape(_PAGE), *_FORMER, *(kind.file_names for kind in figure_kinds())]
     patterns += [pattern for part in shown for pattern in getattr(part, "FILES", ())]
     is_one = re.compile("|".join(f"(?:{pattern})" for pattern in patterns)).fullmatch
     claims = ["claims", *(part.CLAIMS_FILE for part in shown if hasattr(part, "CLAIMS"))]

@@ -24,7 +24,6 @@ from experiments.drawing.values import (
     row_interval,
     say_number,
 )
-from experiments.methods import METHODS
 from experiments.methods.naming import (
     COPIED_OFF,
     FORM_OPTIONS,
@@ -177,16 +176,15 @@ def ring(x: float, y: float, color: str, drop: bool = False) -> Mark:
     return Mark("", x, y, looks, drop)
 
 
-def methods_figure(table: pd.DataFrame, with_peers: bool = False) -> Figure:
+def methods_figure(table: pd.DataFrame) -> Figure:
     """One panel a scene (and a value of any other setting that varies); ratios within rounds, from zero.
 
     A bar is a method and packet width at its best split, its whisker the interval. Single rays and the fastest packets
-    per pixel, measured again with every point, are the two lines. with_peers: other people's tracers stand there, too.
+    per pixel, measured again with every point, are the two lines.
     """
-    rows = table[table["method"].isin([method.name for method in METHODS if with_peers or not method.is_peer])]
-    panels = read_panels(make_panels(rows, (*best_of(), "packet_width")), _methods)
+    panels = read_panels(make_panels(table, (*best_of(), "packet_width")), _methods)
     return figure_of(
-        "bars", panels, rows, x=Axis(f"speed-up over {series.say_baseline(series.OVER_PACKETS)}", "linear"),
+        "bars", panels, table, x=Axis(f"speed-up over {series.say_baseline(series.OVER_PACKETS)}", "linear"),
         legend=list(TIME_BASELINES), headings=("", "time of a frame, packets / method and its interval"),
     )  # fmt: skip
 

@@ -38,7 +38,7 @@ SWEEPS = {
         {"figure5_speedup"},
     ),
     "threads": ([], {"methods"}),
-    "peers": ([], {"peers"}),
+    "peers": ([], {"methods"}),
     "agreement": (
         ["method=aligned", "method.split_x=4", "method.split_y=1", "scene=cornell_box", "scene.fov_y_degrees=45"],
         set(),

@@ -144,7 +144,7 @@ INSTANCED = memory_row(2, 100, 102, 102, culling=False, geometry="instanced")
     ([*SPLITS, build_row(1, 0.1, 0.2), memory_row(1, 1, 2, 3)], [*FIGURE5, "figure6", "figure7"]),
     ([*SPLITS, INSTANCED], [*FIGURE5, "figure7_instancing"]),
     ([time_row(2, 0.01), time_row(2, 0.01, method="tiles")], ["methods"]),
-    ([time_row(2, 0.01), time_row(1, 0.01, method="embreex")], ["methods", "peers"]),
+    ([time_row(2, 0.01), time_row(1, 0.01, method="embreex")], ["methods"]),
     ([time_row(2, 0.01)], []),
     ([skipped(row) for row in SPLITS], []),
     ([], []),

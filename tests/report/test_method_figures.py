@@ -30,18 +30,17 @@ def test_the_methods_figure_draws_the_ratio_at_the_best_split_its_interval_the_t
     assert level(axis, "fastest packets per pixel") == 1
 
 
-def test_a_method_of_a_file_stands_beside_ours_where_peers_do_not(tmp_path, monkeypatch):
+def test_a_method_of_a_file_stands_beside_ours(tmp_path, monkeypatch):
     monkeypatch.setenv(methods.METHOD_FILES, "")
     monkeypatch.chdir(tmp_path)
     run_new_method(["theirs"])
     before = methods.METHODS[:]
     try:
         methods.use_method_file("theirs.py")
-        figure = methods_figure(make_rows(method_row("theirs"), method_row("embreex"), method_row("aligned", 2), PIXEL))
+        figure = methods_figure(make_rows(method_row("theirs"), method_row("aligned", 2), PIXEL))
     finally:
         methods.METHODS[:] = before
     assert "theirs" in words(figure)
-    assert "embreex" not in words(figure)
 
 
 def test_a_method_without_a_time_keeps_its_place_and_its_reason():
@@ -58,13 +57,13 @@ def test_wrong_pixels_are_told_beside_the_panel():
     assert "wrong" not in words(methods_figure(make_rows(method_row("aligned", 2))))
 
 
-def test_the_peers_figure_has_a_bar_for_every_tracer_and_a_reason_for_one_that_is_missing():
+def test_the_methods_figure_has_a_bar_for_every_tracer_and_a_reason_for_one_that_is_missing():
     rows = [
         method_row("embreex", 1, 0.2, 0.25, packet_width=None),
         method_row("aligned", 128, 0.02, 2.5),
         skipped(method_row("open3d"), "open3d is not installed; pip install open3d, and Debian's libusb-1.0-0, libgl1"),
     ]
-    figure = methods_figure(make_rows(*rows), with_peers=True)
+    figure = methods_figure(make_rows(*rows))
     assert bars(figure.panels[0]) == {f"aligned, packets of 8, 128 {TIMES} 1": 2.5, "embreex": 0.25}
     assert f"{TIMES} Open3D: skipped, open3d is not installed" in unfolded(figure)
 

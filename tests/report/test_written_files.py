@@ -48,7 +48,8 @@ def test_figures_claims_and_page_of_an_earlier_table_are_gone_and_not_told_as_re
 
 OLD = (
     "report.html", "claims.csv", "bake_claims.json", "predictions/claims.csv", "figure5.svg", "peers.png",
-    "figure5_packets_of_8.png", "figure5_single_rays.svg",
+    "figure5_packets_of_8.png", "figure5_single_rays.svg", "disagreements.csv", "disagreements_box_own_64x64.png",
+    "break_even.svg", "rays_trimesh.png",
 )  # fmt: skip
 OWN = ("notes.txt", "figure5_mine.png", "my_report.html", "figure5.pdf", "claims_of_mine.csv", "predictions/mine.csv")
 

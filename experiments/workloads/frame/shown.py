@@ -11,7 +11,6 @@ import pandas as pd
 from rich.table import Table
 
 from experiments.drawing.values import varies
-from experiments.methods import METHODS
 from experiments.methods.naming import aligned_rows, best_of, say_point
 from experiments.methods.pixel import PIXEL
 from experiments.results.settings import say_setting, settings_that_vary
@@ -50,11 +49,6 @@ def _over(*axes: str) -> Callable[[pd.DataFrame], pd.DataFrame]:
     return chosen
 
 
-def _with_peers(rows: pd.DataFrame) -> pd.DataFrame:
-    others = [method.name for method in METHODS if not method.is_ours]
-    return rows if rows["method"].isin(others).any() else rows[:0]
-
-
 _OVER_SPLITS = (
     ("figure4", "Figure 4: render time over the splits of both axes, culling off and on", grid_times, _AXES),
     ("figure4_speedup", "Figure 4 as speed-up, over the nearest hit and over all hits", grid_ratios, _AXES),
@@ -79,18 +73,9 @@ FIGURES = (
         workload_figure(name, caption, FRAME, draw, _over(*axes), per_packet_width=True)
         for name, caption, draw, axes in _OVER_SPLITS
     ),
-    *(
-        workload_figure(name, caption, FRAME, draw, where)
-        for name, caption, draw, where in (
-            (
-                "methods", "Speed-up over packets of every method at its best split", methods_figure,
-                where_varies("method"),
-            ),
-            (
-                "peers", "Speed-up over packets beside other ray tracers", partial(methods_figure, with_peers=True),
-                _with_peers,
-            ),
-        )
+    workload_figure(
+        "methods", "Speed-up over packets of every method at its best split", FRAME, methods_figure,
+        where_varies("method"),
     ),
 )  # fmt: skip
 
