@@ -52,8 +52,8 @@ PUBLIC_NAMES = {
     "scenes": (
         "Light: scenes, materials and lights",
         "atra.light",
-        "Scene ScenePart load_scene Lambertian Metal Dielectric Emissive MetallicRoughness Checker Image Surface "
-        "BakeScene PointLight SpotLight SphereLight Sun GradientSky PanoramaSky constant_sky",
+        "Scene ScenePart load_scene Lambertian Metal Dielectric Emissive MetallicRoughness Checker Image "
+        "PointLight SpotLight SphereLight Sun GradientSky PanoramaSky constant_sky",
     ),
     "pictures": (
         "Light: pictures",

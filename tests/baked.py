@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import atra
-from atra.light import Atlas, Baker, BakeScene, Lightmap
+from atra.light import Atlas, Baker, Emissive, Lambertian, Lightmap, MetallicRoughness, Scene, constant_sky
 from tests.meshes import quads
 
 _CORNERS = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
@@ -34,9 +34,27 @@ def cube(half: float = 1.0, inwards: bool = False) -> atra.Mesh:
     return quads([[tuple(corners[k]) for k in (side if inwards else side[::-1])] for side in sides])
 
 
-def baked(scene: BakeScene, atlas: Atlas, samples: int, **options: Any) -> Lightmap:
+def painted(mesh: atra.Mesh, albedo: Any = 0.7, emission: Any = 0.0, opacity: Any = 1.0, **others: Any) -> Scene:
+    """Diffuse faces of these albedos, (F, 3) or one for all, in the dark. emission: radiance of black faces that shine.
+    opacity: of faces that let the rest of the light on."""
+    count = mesh.triangle_count
+    albedo, emission = (np.broadcast_to(one, (count, 3)) for one in (albedo, emission))
+    rows = np.column_stack([albedo, emission, np.broadcast_to(opacity, count)])
+    kinds, numbers = np.unique(rows, axis=0, return_inverse=True)
+    materials = [_painted(*np.split(row, [3, 6])) for row in kinds]
+    return Scene(mesh, materials, numbers.ravel(), **({"sky": constant_sky(0.0)} | others))
+
+
+def _painted(albedo: Any, emission: Any, opacity: Any) -> Emissive | Lambertian | MetallicRoughness:
+    if emission.any():
+        return Emissive(tuple(emission.tolist()))
+    colour = tuple(albedo.tolist())
+    return Lambertian(colour) if opacity == 1.0 else MetallicRoughness(colour, float(opacity[0]), "blend")
+
+
+def baked(scene: Scene, atlas: Atlas, samples: int, **options: Any) -> Lightmap:
     """The map of so many samples."""
-    with Baker(scene, atlas, **({"threads": 1, "batch_rays": 1 << 14} | options)) as baker:
+    with Baker(scene, atlas, **({"threads": 1} | options)) as baker:
         baker.add(samples)
         return baker.maps
 

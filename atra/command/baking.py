@@ -18,7 +18,7 @@ from atra.files.paths import write_atomically
 
 if TYPE_CHECKING:
     from atra.geometry.camera import Camera
-    from atra.light import Baker, BakeScene, Lightmap
+    from atra.light import Baker, Lightmap, Scene
 
 SAMPLES, SIZE, BOUNCES = 256, 512, 4
 """Defaults."""
@@ -43,9 +43,9 @@ def add_bake(parser: ArgumentParser) -> None:
     parser.add_argument("--size", type=int, default=SIZE, help=f"texels along a side of the map (default: {SIZE})")
     parser.add_argument("--bounces", type=int, default=BOUNCES, help=f"most reflections (default: {BOUNCES})")
     parser.add_argument(
-        "--lights", choices=("uniform", "grid"), default="uniform",
-        help="choice of lights at a reflection; grid has less noise with hundreds of lights, and treats all "
-        "surfaces as diffuse (default: uniform)",
+        "--lights", choices=("aimed", "grid"), default="aimed",
+        help="choice of lamps: by their power, or by what each gives near a surface; grid has less noise with hundreds "
+        "of lamps (default: aimed)",
     )  # fmt: skip
     parser.add_argument("--live", action="store_true", help="show the map on a page while it bakes (extra viewer)")
     add_page(parser)
@@ -58,7 +58,7 @@ def run_bake(given: Namespace) -> int:
 
     Raises InputError for files that cannot be used, and as `Baker`, `denoised` and `LightmapPage` do; StorageError.
     """
-    from atra.light import Atlas, Baker, BakeScene, denoised, save_lit_model, save_maps, save_model
+    from atra.light import Atlas, Baker, denoised, save_lit_model, save_maps, save_model
     from atra.light.checks import check_whole
     from atra.light.oidn import check_denoiser
 
@@ -70,10 +70,9 @@ def run_bake(given: Namespace) -> int:
     check_keeps_input(given.mesh, folder)
     lit = load_lit(given.mesh, given.sky, given.memory_per_byte)
     camera = one_camera(given, lit.mesh, dict(lit.cameras))
-    scene = BakeScene.of(lit)
     print(f"{printable(given.mesh.name)}: charts of {lit.mesh.triangle_count:,} triangles", flush=True)
     options: dict[str, Any] = {"bounces": given.bounces, "lights": given.lights, "threads": given.threads}
-    with Baker(lit if given.lights == "uniform" else scene, Atlas.unwrap(lit.mesh, given.size), **options) as baker:
+    with Baker(lit, Atlas.unwrap(lit.mesh, given.size), **options) as baker:
         texels = baker.texels
         print(
             f"{len(texels):,} texels in {texels.atlas.charts} charts on {texels.atlas.width} x {texels.atlas.height}, "
@@ -84,7 +83,7 @@ def run_bake(given: Namespace) -> int:
         start = perf_counter()
         try:
             if given.live:
-                _bake_live(baker, scene, given, camera)
+                _bake_live(baker, lit, given, camera)
             else:
                 with progress_line() as tell:
                     bake(baker, given.samples, tell)
@@ -96,8 +95,8 @@ def run_bake(given: Namespace) -> int:
         lightmap, visible = baker.maps, baker.visible
     if given.denoise:
         lightmap = denoised(lightmap, given.threads)
-    written = save_maps(lightmap, folder, visible=visible) + _view(lightmap, scene, camera, given, folder)
-    written.append(save_model(lightmap, scene, folder / "scene.glb"))
+    written = save_maps(lightmap, folder, visible=visible) + _view(lightmap, lit, camera, given, folder)
+    written.append(save_model(lightmap, lit, folder / "scene.glb"))
     if given.mesh.suffix.lower() in GLTF:
         written += save_lit_model(lightmap, lit, given.mesh, folder / "lit.glb")
     for path in written:
@@ -119,7 +118,7 @@ def bake(baker: Baker, target: int, tell: Tell) -> None:
         tell(f"baked {baker.share_done(target):.0%}, {count} of {target} samples", True)
 
 
-def _view(lightmap: Lightmap, scene: BakeScene, camera: Camera, given: Namespace, folder: Path) -> list[Path]:
+def _view(lightmap: Lightmap, scene: Scene, camera: Camera, given: Namespace, folder: Path) -> list[Path]:
     """Write what the camera sees, as PNG in the exposure that suits it, and in clay."""
     from atra.light import Seams, clay_view, lit_view, stops_of, toned
     from atra.light.lightmaps.finish.export import finished
@@ -136,7 +135,7 @@ def _view(lightmap: Lightmap, scene: BakeScene, camera: Camera, given: Namespace
     return [folder / f"{name}.png" for name in pictures]
 
 
-def _bake_live(baker: Baker, scene: BakeScene, given: Namespace, camera: Camera) -> None:
+def _bake_live(baker: Baker, scene: Scene, given: Namespace, camera: Camera) -> None:
     """Bake in a thread, shown on a page until that is closed."""
     from atra.light import ProgressiveBake
     from atra.light.viewer.lightmap import LightmapPage

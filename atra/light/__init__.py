@@ -8,10 +8,9 @@ from atra.light.lightmaps.finish.export import save_maps, save_model
 from atra.light.lightmaps.finish.gltf import save_lit_model
 from atra.light.lightmaps.finish.seams import Seams, dilated
 from atra.light.lightmaps.finish.views import clay_view, lit_view
-from atra.light.lightmaps.gather.probes import LightProbes
 from atra.light.lightmaps.maps import Lightmap, relative_error
+from atra.light.lightmaps.probes import LightProbes
 from atra.light.lightmaps.progressive import ProgressiveBake
-from atra.light.lightmaps.surface import BakeScene, Surface
 from atra.light.lights import PointLight, SphereLight, SpotLight, Sun
 from atra.light.materials import Dielectric, Emissive, Lambertian, Metal, MetallicRoughness
 from atra.light.pictures.finish.accumulate import Progress, accumulate
@@ -25,7 +24,6 @@ from atra.light.textures import Checker, Image
 
 __all__ = [
     "Atlas",
-    "BakeScene",
     "Baker",
     "Checker",
     "Dielectric",
@@ -49,7 +47,6 @@ __all__ = [
     "SphereLight",
     "SpotLight",
     "Sun",
-    "Surface",
     "Texels",
     "accumulate",
     "clay_view",

@@ -3,19 +3,15 @@
 import importlib.util
 import sys
 import threading
-from dataclasses import replace
 
 import numpy as np
 import pytest
 import trimesh
 from PIL import Image
 
-from atra import light
-from atra.command import baking
 from atra.command.main import main
-from atra.light import Baker, BakeScene, Surface
+from atra.light import Baker
 from atra.light.lightmaps.maps import LIGHTS
-from tests.baked import cube, sheet
 from tests.meshes import cornell_box
 
 needs_xatlas = pytest.mark.skipif(
@@ -70,17 +66,6 @@ def test_an_interrupted_bake_writes_what_there_is_and_shows_what_the_camera_saw(
     assert {path.name for path in (folder / "out").iterdir()} == FILES
     assert np.asarray(Image.open(folder / "out" / "view.png"), float).std() > 10
     assert not [thread for thread in threading.enumerate() if thread.name == "atra-bake"]
-
-
-def test_what_is_told_of_an_adaptive_bake_comes_to_its_end():
-    told = []
-    box = cube(inwards=True)
-    scene = BakeScene(box, Surface.plain(box, 0.7), [light.PointLight((0.3, 0.4, 0.1))])
-    with Baker(replace(scene, surface=Surface.plain(box, 0.02)), sheet(box, 8), threads=1, adaptive=True) as baker:
-        baking.bake(baker, 1024, lambda text, worth: told.append(int(text.split()[1].partition("%")[0])))
-        assert baker.samples.mean() < 1024
-    assert told == sorted(told)
-    assert told[-1] == 100
 
 
 @pytest.mark.parametrize(("given", "told"), [

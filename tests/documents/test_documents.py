@@ -23,7 +23,6 @@ MEASURED = re.compile(r"\d[\d.,]*\s?(?:ms|[μ\u00b5]s|ns|KiB|MiB|GiB|%|times)(?!
 NOT_MEASURED = {
     "README.md": {"21.6%"},  # what its example prints
     "docs/start.md": {"95 %", "35.1%"},  # what its example prints
-    "docs/lightmaps.md": {"1 %", "99 %"},  # an adaptive bake's target
     "docs/sweeps.md": {"95 %", "10 %", "5 %"},  # the canary's band; a busy core
     "docs/paper.md": {"95 %"},
     "docs/not_helpful.md": {"5 %"},  # the error that was asked for

@@ -6,7 +6,7 @@ import trimesh
 
 import atra
 from atra.errors import InputError
-from atra.light import Atlas, Baker, BakeScene, Sun, constant_sky
+from atra.light import Atlas, Baker, Scene, Sun, constant_sky
 from atra.light.lightmaps.charts.texels import Texels
 from tests.meshes import quads
 
@@ -65,7 +65,7 @@ def test_a_baker_lights_a_tiny_and_a_far_mesh_as_any_other(scale, shift):
     vertices, faces = room()
     light = []
     for mesh in (atra.Mesh(vertices, faces), atra.Mesh(vertices * scale + shift, faces)):
-        scene = BakeScene(mesh, lights=[Sun((-0.3, -1, -0.2))], sky=constant_sky(1.0))
+        scene = Scene.plain(mesh, lights=[Sun((-0.3, -1, -0.2))], sky=constant_sky(1.0))
         with Baker(scene, size=32, threads=1) as baker:
             baker.add(16)
             light.append(baker.maps.combined.mean())

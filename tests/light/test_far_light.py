@@ -9,7 +9,6 @@ import trimesh
 import atra
 from atra.light import (
     Baker,
-    BakeScene,
     Checker,
     HybridRenderer,
     Lambertian,
@@ -19,13 +18,12 @@ from atra.light import (
     SphereLight,
     SpotLight,
     Sun,
-    Surface,
     constant_sky,
     save_model,
 )
 from atra.light.lightmaps.finish.views import lit_view
 from atra.light.pictures.carrying import carried
-from tests.baked import baked, sheet
+from tests.baked import baked, painted, sheet
 from tests.far import AWAY, FAR, NEAR, SEEN_FAR, SEEN_NEAR
 from tests.meshes import joined, quads
 from tests.shown import floor
@@ -107,9 +105,7 @@ def bake_scene(mesh, at):
     emission[-2:] = 1.0
     opacity = np.ones(mesh.triangle_count)
     opacity[2:4] = 0.5
-    return BakeScene(
-        mesh, Surface(np.full((mesh.triangle_count, 3), 0.7), emission, opacity), lights(at), constant_sky(0.5)
-    )
+    return painted(mesh, 0.7, emission, opacity, lights=lights(at), sky=constant_sky(0.5))
 
 
 def test_a_lightmap_of_a_far_scene_is_that_of_the_near_one():
@@ -126,7 +122,7 @@ def test_a_lightmap_of_a_far_scene_is_that_of_the_near_one():
 def test_a_lightmap_of_patterns_looks_colours_up_at_the_places_of_a_far_scene():
     found = []
     for mesh, at in ((FAR, AWAY), (NEAR, 0.0)):
-        scene = BakeScene.of(scene_of(mesh, at))
+        scene = scene_of(mesh, at)
         atlas = sheet(NEAR, 3)
         found.append((baked(scene, atlas, 2), scene, atlas))
     (far, far_scene, atlas), (near, near_scene, _) = found
@@ -146,7 +142,7 @@ def test_texels_that_a_view_shows_and_probes_are_those_of_the_near_scene():
         eye, target = np.array([3.0, 4.0, 5.0]) + at, np.zeros(3) + at
         camera = atra.Camera(tuple(eye.tolist()), tuple(target.tolist()), width=32, height=32)
         points = np.array([[0.5, 0.5, 0.25], [0.0, 2.0, 0.0]]) + at
-        with Baker(bake_scene(mesh, at), sheet(mesh, 6), threads=1, batch_rays=1 << 14) as baker:
+        with Baker(bake_scene(mesh, at), sheet(mesh, 6), threads=1) as baker:
             baker.look(camera)
             found.append((baker.visible, baker.probes(points, 64), points))
     (far_seen, far, far_points), (near_seen, near, _) = found

@@ -9,7 +9,7 @@ import atra
 from atra import light
 from atra.errors import InputError
 from atra.files.saving import encode_exr
-from atra.light import BakeScene
+from atra.light import Scene
 from tests.baked import baked, sheet
 from tests.meshes import quads
 from tests.shown import floor
@@ -137,7 +137,7 @@ def test_a_sky_of_a_file_lights_a_bake_and_a_picture_as_the_same_texels_do(tmp_p
         light.PanoramaSky.load(written(tmp_path, "sky.exr", exr_of(texels))), light.PanoramaSky(texels),
     )  # fmt: skip
     mesh = quads([floor(0.5)])
-    first, second = (baked(BakeScene(mesh, sky=one), sheet(mesh, 4), 4) for one in (loaded, given))
+    first, second = (baked(Scene.plain(mesh, sky=one), sheet(mesh, 4), 4) for one in (loaded, given))
     np.testing.assert_array_equal(first.combined, second.combined)
     assert first.environment.min() > 0
     camera = atra.Camera((0, 1, 2), (0, 0, 0), width=16, height=16)

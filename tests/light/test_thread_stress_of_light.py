@@ -9,7 +9,7 @@ import pytest
 
 import atra
 from atra import light
-from atra.light import Baker, BakeScene, ProgressiveBake, Surface
+from atra.light import Baker, ProgressiveBake, Scene
 from tests.baked import cube, sheet
 from tests.tracing.stress import Expected, any_of, stress
 from tests.tracing.test_threads import CAMERAS, LARGE, MESH
@@ -71,16 +71,13 @@ def test_pictures_of_a_renderer_that_threads_update_and_close_are_those_of_one_t
 
 BOX = cube(inwards=True)
 ATLAS = sheet(BOX, 8)
-BAKES = tuple(
-    BakeScene(BOX, Surface.plain(BOX, np.full((12, 3), 0.6)), [light.PointLight((0.3, 0.4, 0.1), power=power)])
-    for power in (1.0, 0.25)
-)
+BAKES = tuple(Scene.plain(BOX, 0.6, lights=[light.PointLight((0.3, 0.4, 0.1), power=power)]) for power in (1.0, 0.25))
 INSIDE = atra.Camera((0, 0, 0), (1, 0.2, 0.1), width=32, height=32)
 VIEWS = (INSIDE, replace(INSIDE, target=(0, 0.1, 1), width=8, height=8), None)
 
 
 def make_baker(scene=BAKES[0], threads=2):
-    return Baker(scene, ATLAS, threads=threads, expansion=1, batch_rays=1 << 10)
+    return Baker(scene, ATLAS, threads=threads)
 
 
 def map_of(scene, samples):

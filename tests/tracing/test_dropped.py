@@ -12,7 +12,7 @@ import pytest
 import atra
 from atra import light
 from atra.embree.device import EmbreeDevice
-from atra.light import Baker, BakeScene, ProgressiveBake
+from atra.light import Baker, ProgressiveBake, Scene
 from tests.images import make_tracer
 from tests.meshes import cornell_box, cornell_camera
 
@@ -54,7 +54,7 @@ def added(one):
 
 def baking():
     """In the midst of a bake that would take hours."""
-    baker = Baker(BakeScene(MESH), size=16, threads=2)
+    baker = Baker(Scene.plain(MESH), size=16, threads=2)
     baker.build()
     bake = ProgressiveBake(baker, 1 << 30).__enter__()
     while bake.snapshot() is None:
@@ -64,7 +64,7 @@ def baking():
 
 def baked():
     """With every sample it was to take: its thread waits for edits."""
-    baker = Baker(BakeScene(MESH), size=16, threads=2)
+    baker = Baker(Scene.plain(MESH), size=16, threads=2)
     baker.build()
     bake = ProgressiveBake(baker, 1).__enter__()
     assert bake.wait(60)
@@ -85,7 +85,7 @@ MAKE = {
     "ray scene": lambda: shot(atra.RayScene(MESH, threads=2)),
     "hybrid renderer": lambda: added(light.HybridRenderer(SCENE, CAMERA, threads=2)),
     "path renderer": lambda: added(light.PathRenderer(SCENE, CAMERA, threads=2)),
-    "baker": lambda: added(Baker(BakeScene(MESH), size=16, threads=2)),
+    "baker": lambda: added(Baker(Scene.plain(MESH), size=16, threads=2)),
     "progressive bake": baking,
     "progressive bake that is done": baked,
 }

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import atra
-from atra.light import Baker, BakeScene, HybridRenderer, PathRenderer, PointLight, Scene
+from atra.light import Baker, HybridRenderer, PathRenderer, PointLight, Scene
 from atra.rays.kernel_scene import KernelScene
 from tests.images import assert_same_bits
 from tests.meshes import cornell_box, cornell_camera
@@ -62,26 +62,6 @@ def test_a_method_that_cannot_gather_says_which_can():
         TRACERS["visible_first"](MESH).gather(atra.Count())
 
 
-def test_frames_look_through_another_alignment_and_take_other_meshes():
-    split = atra.Split(4, 1, CAMERA.width, CAMERA.height)
-    near = replace(CAMERA, eye=tuple(np.add(CAMERA.eye, (0.02, 0.01, 0.0)).tolist()))
-    first, second = (atra.Alignment.of_frames(cameras, split) for cameras in ([CAMERA, near], [near, CAMERA]))
-    with atra.FramesTracer([POSED, MESH], second, threads=1) as new:
-        expected = new.trace()
-    one = atra.FramesTracer(MESH, first, threads=1)
-    one.trace()
-    one.look(second)
-    one.update([POSED, MESH])
-    assert_same_bits(one.trace(), expected)
-    with pytest.raises(atra.InputError, match="3 meshes for 2 frames"):
-        one.update([MESH] * 3)
-    with pytest.raises(atra.InputError, match=r"expected .* as before"):
-        one.update([MESH, OTHER])
-    with pytest.raises(atra.InputError, match="expected an Alignment of 2 frames"):
-        one.look(CAMERA)
-    assert_same_bits(one.trace(), expected)
-
-
 LAMP = PointLight((0.0, 1.5, 0.0), power=5.0)
 
 
@@ -103,18 +83,18 @@ def test_a_renderer_takes_another_pose_and_another_camera(kind):
 
 
 def test_a_bake_takes_another_pose_on_the_charts_it_has(monkeypatch):
-    one = Baker(BakeScene(MESH, lights=[LAMP]), size=64, threads=1)
+    one = Baker(Scene.plain(MESH, lights=[LAMP]), size=64, threads=1)
     assert (one.share_done(4), one.buffer_bytes) == (0.0, 0)  # asked before anything is built
     one.add(1)
     atlas = one.texels.atlas
     built, build = [], KernelScene._build
     monkeypatch.setattr(KernelScene, "_build", lambda scene: built.append(scene.mesh) or build(scene))
-    one.update(BakeScene(POSED, lights=[LAMP]))
+    one.update(Scene.plain(POSED, lights=[LAMP]))
     assert built == [POSED]  # one BVH
     one.add(2)
     assert one.texels.atlas is atlas
-    with Baker(BakeScene(POSED, lights=[LAMP]), atlas, threads=1) as new:
+    with Baker(Scene.plain(POSED, lights=[LAMP]), atlas, threads=1) as new:
         new.add(2)
         np.testing.assert_array_equal(one.maps.combined, new.maps.combined)
     with pytest.raises(atra.InputError, match=r"expected .* as before"):
-        one.update(BakeScene(OTHER, lights=[LAMP]))
+        one.update(Scene.plain(OTHER, lights=[LAMP]))

@@ -10,8 +10,6 @@ import pandas as pd
 import pytest
 
 from atra.errors import InputError
-from atra.light import Baker, BakeScene, constant_sky
-from atra.light.lightmaps.gather.adaptive import FIRST_LOOK
 from experiments.drawing.figure import make_figures
 from experiments.drawing.render import render
 from experiments.harness.processes.worker import measure_point
@@ -19,7 +17,6 @@ from experiments.harness.records import Record
 from experiments.light.bake import AGAINST, BAKE, STAGES, BakeSettings
 from experiments.light.bake.claims import CLAIMS
 from experiments.light.bake.measure import lamps
-from experiments.light.bake.mitsuba import adaptive_bias
 from experiments.light.bake.shown import CLAIMS_FILE, FIGURES
 from experiments.light.bake_rays.shown import CLAIMS as PREDICTIONS
 from experiments.light.mitsuba_light import load_mitsuba
@@ -35,7 +32,6 @@ from experiments.results.claims import (
 from experiments.results.table import frame_of
 from scenes.built_in import make_scene
 from scenes.directory import PAPER_SCENES
-from tests.baked import cube, sheet
 from tests.points import planned
 from tests.three_processes import three_processes
 
@@ -108,33 +104,16 @@ def test_mitsuba_is_handed_a_scene_in_its_own_light_alone(light):
         BakeSettings(against="mitsuba", **light)
 
 
+def test_bakes_by_the_library_have_single_rays():
+    for options in ({"against": "mitsuba"}, {"denoise": True}):
+        with pytest.raises(InputError, match="packets is 4 for a bake that is denoised or held"):
+            BakeSettings(packets=4, **options)
+
+
 def test_without_mitsuba_a_point_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "mitsuba", None)
     with pytest.raises(InputError, match=r"workload\.against=mitsuba needs mitsuba; run: pip install -e '\.\[peers\]'"):
         load_mitsuba("llvm_ad_rgb", "workload.against=mitsuba", 1)
-
-
-def test_an_adaptive_map_of_even_light_is_as_bright_as_its_sky_and_leaves_out_what_comes_after_the_first_look():
-    mesh = cube()
-    brighter, scene = (BakeScene(mesh, sky=constant_sky(radiance)) for radiance in (2.2, 2.0))
-    with (
-        Baker(brighter, sheet(mesh, 8), threads=1, adaptive=True) as adaptive,
-        Baker(scene, sheet(mesh, 8), threads=1, seed=1) as full,
-    ):
-        found = adaptive_bias(adaptive, full, 256)
-        assert (adaptive.samples == FIRST_LOOK).all()
-        assert (full.samples == 256).all()
-    assert found["adaptive_bias"] == pytest.approx(0.1, abs=1e-6)
-    assert found["adaptive_bias_error"] < 1e-6
-    assert found["adaptive_left_out"] == 1.0 - FIRST_LOOK / 256
-    assert found["adaptive_speedup"] > 0.0
-
-
-@xatlas
-def test_a_point_of_an_adaptive_bake_tells_its_bias():
-    _, adaptive = measured(adaptive=True, final_samples=32, size=16)
-    assert abs(adaptive.results["adaptive_bias"]) < 5 * adaptive.results["adaptive_bias_error"]
-    assert "adaptive_bias" not in measured(size=16)[1].results
 
 
 @xatlas

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from math import pi
 from typing import ClassVar, Self
 
 import numpy as np
@@ -58,7 +57,7 @@ class LensView(View):
             As `Camera`, and for a width that is no whole number of at least 1.
         """
         height = max(checked_pixels("width", width) // 2, 1)
-        sensor = ImagePlane(2.0 * pi / width, pi / height, width / 2, height / 2)
+        sensor = ImagePlane.panoramic(width, height)
         return cls(eye, target, up, width, height, lens=EquirectangularLens(), sensor=sensor)
 
     def crop(self, left: int, top: int, width: int, height: int) -> Self:
@@ -68,14 +67,7 @@ class LensView(View):
 
     @property
     def plane(self) -> ImagePlane:
-        raise self._refusal()
-
-    @property
-    def to_pixels(self) -> NDArray[np.float64]:
-        raise self._refusal()
-
-    def _refusal(self) -> InputError:
-        return InputError(f"a plane with a regular grid of pixels is needed, but {bends_rays(self.lens)}")
+        raise InputError(f"a plane with a regular grid of pixels is needed, but {bends_rays(self.lens)}")
 
     @property
     def pixel_pitch(self) -> float:

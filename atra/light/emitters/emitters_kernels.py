@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from atra.compiled.store import float_kernel, njit
 from atra.embree.packets_kernels import INFINITY
+from atra.light.emitters.grid_kernels import LampGrid, cell_of, chosen_in
 from atra.light.lights_kernels import ALMOST, KIND, SUN, to_lamp, to_sun
 from atra.light.numbers_kernels import ONE, TWO, ZERO, along, bits_of, dot, scaled, texel_of, unit_of
 from atra.light.scattering.physical_kernels import luminance
@@ -33,9 +34,10 @@ class Emitters(NamedTuple):
     and int32, their alias table. densities: (F,) float32, how often a point of each triangle of the mesh is chosen, per
     area; empty without triangles that shine. sky_odds, sky_others: (H W,), alias table of the texels. sky_densities:
     (H, W) float32, how often a direction is chosen, per solid angle. lamps: (L, LIGHT_WORDS) float32; lamp_light: (L,
-    3) float32, what a surface that faces them receives, over how often they are chosen. lamp_odds, lamp_others: (L,),
-    alias table. sky_share, lamp_share: how often the sky, and lamps, are chosen. candidates: points of emitters that
-    are weighed for each ray.
+    3) float32, what a surface that faces them receives, over how often they are chosen; with a grid, over how often
+    lamps are. lamp_odds, lamp_others: (L,), alias table. sky_share, lamp_share: how often the sky, and lamps, are
+    chosen. candidates: points of emitters that are weighed for each ray. grid: what chooses lamps in place of the alias
+    table, if it has cells.
     """
 
     prim_ids: NDArray[np.uint32]
@@ -53,6 +55,7 @@ class Emitters(NamedTuple):
     sky_share: np.float32
     lamp_share: np.float32
     candidates: int
+    grid: LampGrid
 
 
 @njit(forceinline=True)
@@ -138,12 +141,16 @@ def _to_triangle(surfaces, emitters, origin, chance, second, u, v):  # type: ign
 @njit(forceinline=True)
 def _to_lamp(emitters, origin, chance, second, u, v):  # type: ignore[no-untyped-def]
     """(direction, reach, light over how often it is chosen) of a point of a lamp."""
-    entry = _entry(emitters.lamp_odds, emitters.lamp_others, chance, second)
+    if len(emitters.grid.of_all) > 0:
+        entry, odds = chosen_in(emitters.grid, len(emitters.lamps), cell_of(emitters.grid, origin), chance)
+    else:
+        entry, odds = _entry(emitters.lamp_odds, emitters.lamp_others, chance, second), ONE
     lamp, light = emitters.lamps[entry], emitters.lamp_light
     if lamp[KIND] == SUN:
         direction, strength, reach = to_sun(lamp, u, v), ONE, INFINITY
     else:
         direction, strength, reach = to_lamp(lamp, origin, u, v)
+    strength /= odds
     return direction, reach, (strength * light[entry, 0], strength * light[entry, 1], strength * light[entry, 2])
 
 
@@ -195,7 +202,7 @@ def aim(surfaces, emitters, spot, prim_id, direction, key, sample, bounce):  # t
         if not more > ZERO:
             continue
         total += more
-        share = more / total
+        share = more / total if total < INFINITY else ONE  # infinite light is to be noticed
         if left < share:
             length, towards, light, weight, of = other, way, carried, more, kind
             left /= share

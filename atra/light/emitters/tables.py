@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.light.emitters.emitters_kernels import Emitters, fill_alias_table
+from atra.light.emitters.grid import lamp_grid, no_grid
 from atra.light.lights import Light, SpotLight, Sun, light_row
 from atra.light.lights_kernels import LIGHT_WORDS
 from atra.light.materials import Material, images_of
@@ -28,12 +29,15 @@ _PANORAMA_COUNTS = 4
 
 def no_emitters() -> Emitters:
     """Nothing to be aimed at."""
-    return _emitters(np.zeros(0, np.uint32), np.zeros((0, 9)), np.zeros(0), np.zeros(0), np.zeros((0, 0)), (), _NOBODY)
+    return _emitters(
+        np.zeros(0, np.uint32), np.zeros((0, 9)), np.zeros(0), np.zeros(0), np.zeros((0, 0)), (), _NOBODY, None
+    )
 
 
-def emitters_of(scene: Scene) -> Emitters:
+def emitters_of(scene: Scene, in_grid: bool = False) -> Emitters:
     """The triangles of a scene that shine by their power, its lamps by theirs, and its sky, if a panorama, by the
-    radiance of texels. A sky of a gradient is left to scattering, which finds it everywhere."""
+    radiance of texels. A sky of a gradient is left to scattering, which finds it everywhere. in_grid: lamps are chosen
+    by what each may give where a ray starts, by a grid over the mesh."""
     scene = scene.local
     mesh = scene.mesh
     luminance = np.array([_LUMINANCE @ mean_emission(material) for material in scene.materials])[scene.face_materials]
@@ -51,7 +55,16 @@ def emitters_of(scene: Scene) -> Emitters:
     if len(prim_ids):
         densities[prim_ids] = shares[0] * powers[prim_ids] / powers.sum() / areas[prim_ids]
     shapes = np.concatenate([corners[prim_ids, 0], edges[prim_ids].reshape(-1, 6)], axis=1)
-    return _emitters(prim_ids, shapes, powers[prim_ids], densities, texels, lamps, (shares, of_lamps))
+    return _emitters(
+        prim_ids,
+        shapes,
+        powers[prim_ids],
+        densities,
+        texels,
+        lamps,
+        (shares, of_lamps),
+        mesh.bounds if in_grid else None,
+    )
 
 
 _NOBODY = (np.zeros(3), np.zeros(0))
@@ -108,13 +121,18 @@ def _emitters(
     texels: NDArray[np.float64],
     lamps: tuple[Light, ...],
     chances: tuple[NDArray[np.float64], NDArray[np.float64]],
+    box: NDArray[np.floating] | None,
 ) -> Emitters:
-    """chances: how often triangles, sky and lamps are chosen, and the powers of lamps."""
+    """chances: how often triangles, sky and lamps are chosen, and the powers of lamps. box: of their grid, (2, 3)."""
     (_, sky_share, lamp_share), of_lamps = chances
     sky = texels / texels.sum() * sky_share / _solid_angles(*texels.shape) if texels.size else texels
     rows = np.array([light_row(lamp) for lamp in lamps], np.float32).reshape(-1, LIGHT_WORDS)
     light = np.array([np.pi * lamp.power * np.array(lamp.colour) for lamp in lamps]).reshape(-1, 3)
-    chosen = lamp_share * of_lamps[:, None] / max(of_lamps.sum(), 1e-300) if len(lamps) else 1.0
+    grid, chosen = no_grid(), np.ones(1)
+    if len(lamps):
+        chosen = lamp_share * of_lamps[:, None] / max(of_lamps.sum(), 1e-300)
+        if box is not None:
+            grid, chosen = lamp_grid(rows, light @ _LUMINANCE / np.pi, box), np.full(1, lamp_share)
     count = len(prim_ids) + len(lamps) + _PANORAMA_COUNTS * bool(texels.size)
     return Emitters(
         prim_ids,
@@ -129,6 +147,7 @@ def _emitters(
         np.float32(sky_share),
         np.float32(lamp_share),
         _candidates(count),
+        grid,
     )
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.light.lightmaps.charts.texels import Texels
-from atra.light.lightmaps.gather.tables_kernels import (
+from atra.light.lightmaps.sums_kernels import (
     BACK,
     BEFORE,
     CHANGE,

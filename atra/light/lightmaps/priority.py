@@ -5,13 +5,28 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import own_space
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.charts.texels_kernels import mark_shown
-from atra.light.lightmaps.gather.tables import start_off
 from atra.rays.kernel_scene import KernelScene
+
+_START_OFF = 1e-5
+_START_OFF_SPACINGS = 2.0
+
+
+def start_off(mesh: Mesh) -> float:
+    """How far rays between a texel and the eye stay off both, scene units: 1e-5 of the mesh's size, or 2 float32
+    spacings at its largest coordinate if that is more.
+
+    Float32 rounds origins by up to half a spacing along each axis, 0.87 along a normal. With a smaller offset a ray
+    could start on or behind its surface and hit it.
+    """
+    mesh = mesh.local
+    spacing = float(np.spacing(np.abs(mesh.bounds).max().astype(np.float32)))
+    return max(_START_OFF * float((mesh.bounds[1] - mesh.bounds[0]).max()), _START_OFF_SPACINGS * spacing)
 
 
 def visible_texels(texels: Texels, hits: Hits, scene: KernelScene) -> NDArray[np.bool_]:
@@ -53,7 +68,7 @@ def _reach_the_eye(texels: Texels, numbers: NDArray[np.int64], camera: View, sce
         ways = -depth[:, None] * camera.axes[2]
     else:
         ways = -points
-    # Rays start and end `start_off` from the texel's plane, like all rays of a bake, and from the eye.
+    # Rays start and end `start_off` from the texel's plane, and from the eye.
     off = start_off(texels.mesh)
     end = np.maximum(1.0 - off / np.linalg.norm(ways, axis=1), 0.0)
     start = off / (texels.normals[numbers] * ways).sum(axis=1)  # positive, as these texels face the eye
@@ -68,13 +83,3 @@ def on_least_converged_map(texels: Texels, samples: NDArray[np.int32], wanted: N
     count, total = (np.bincount(on_map[wanted], of_each) for of_each in (None, samples[wanted]))
     means = np.divide(total, count, out=np.full(len(count), np.inf), where=count > 0)
     return np.asarray(on_map == np.argmin(means))
-
-
-def ordered(texels: Texels, wanted: NDArray[np.bool_], *, whole_rows: bool) -> NDArray[np.int32]:
-    """Numbers of wanted texels, neighbours together. whole_rows: those of the whole map in rows, -1 elsewhere."""
-    if not whole_rows:
-        return texels.along_curve[wanted[texels.along_curve]]
-    numbers = np.flatnonzero(wanted).astype(np.int32)
-    order = np.full(texels.atlas.width * texels.atlas.height, -1, np.int32)
-    order[texels.number[numbers]] = numbers
-    return order

@@ -10,7 +10,6 @@ from typing import Self
 from atra.geometry.view import View
 from atra.light.lightmaps.baker import Baker
 from atra.light.lightmaps.maps import Lightmap
-from atra.light.lightmaps.surface import BakeScene
 from atra.light.scene import Scene
 
 MOST_WAIT_S = 0.05
@@ -27,7 +26,7 @@ class _Work:
         self.error: BaseException | None = None
         self.done = threading.Event()
         self._stop, self._wakes = threading.Event(), threading.Event()
-        self._edits: list[BakeScene | Scene | View | None] = []
+        self._edits: list[Scene | View | None] = []
         self._lock = threading.Lock()
 
     def run(self) -> None:
@@ -54,13 +53,13 @@ class _Work:
             edits, self._edits = self._edits, []
             self._wakes.clear()
         for edit in edits:
-            if isinstance(edit, BakeScene | Scene):
+            if isinstance(edit, Scene):
                 self.baker.update(edit)
                 self.slot = None
             else:
                 self.baker.look(edit)
 
-    def edit(self, edit: BakeScene | Scene | View | None) -> None:
+    def edit(self, edit: Scene | View | None) -> None:
         with self._lock:
             self.done.clear()
             self._edits.append(edit)
@@ -92,7 +91,7 @@ class ProgressiveBake:
         """From the next batch on, light first what the camera sees; None ends that."""
         self._work.edit(camera)
 
-    def update(self, scene: BakeScene | Scene) -> None:
+    def update(self, scene: Scene) -> None:
         """Change lights, surfaces or sky; the map starts anew."""
         self._work.edit(scene)
 

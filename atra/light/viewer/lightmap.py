@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.hits import Hits
-from atra.light import Atlas, BakeScene, Lightmap, ProgressiveBake, clay_view, lit_view
+from atra.light import Atlas, Lightmap, ProgressiveBake, Scene, clay_view, lit_view
 from atra.light.lightmaps.finish.export import exposure_of, finished
 from atra.light.pictures.files import srgb_of
 from atra.light.viewer.camera_page import CameraPage
@@ -33,7 +33,7 @@ class LightmapPage(CameraPage):
     """
 
     def __init__(
-        self, bake: ProgressiveBake, scene: BakeScene, atlas: Atlas, target: int, *, first: Pose, port: int, title: str,
+        self, bake: ProgressiveBake, scene: Scene, atlas: Atlas, target: int, *, first: Pose, port: int, title: str,
         side: int = 512, threads: int | None = None,
     ) -> None:  # fmt: skip
         super().__init__(port, title, float(np.linalg.norm(np.ptp(scene.mesh.bounds, axis=0))))

@@ -10,13 +10,13 @@ import numpy as np
 
 from atra.compiled.instruction_sets import LANE_COUNTS
 from atra.errors import InputError
-from atra.light.lightmaps.options import BakeOptions
 from atra.light.oidn import check_denoiser
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.options import option, whole
 from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
 from experiments.light.under_sky import UnderSky
+from experiments.light.waves.baker import WaveOptions
 from experiments.results.statistics import Series, statistics_columns
 from experiments.workloads.baselines import OWN, over, over_own, series
 from experiments.workloads.resources import say_mib
@@ -40,7 +40,7 @@ AGAINST = (
     "nothing", "compaction", "occupancy", "expansion", "roulette", "environment", "translucency", "lights", "mitsuba",
 )  # fmt: skip
 """What a round is compared with: nothing; less compaction; the fullest map; no expansion; no roulette; no sampling of
-the sky; code for translucent faces; uniform choice of lights; as many paths by Mitsuba 3."""
+the sky; code for translucent faces; choice of lamps by their power; as many paths by Mitsuba 3."""
 
 
 @dataclass(frozen=True)
@@ -67,9 +67,9 @@ class BakeSettings(UnderSky):
     panorama: bool = option(False, "whether the sky is a panorama with a sun in it, and the only light")
     environment: str = option(
         "mis",
-        "what finds a panorama's light: light = rays aimed at bright parts, bsdf = scattered rays, mis = both, by the "
-        "balance heuristic; for other skies always scattered rays",
-        choices=("mis", "light", "bsdf"),
+        "what finds a panorama's light: bsdf = scattered rays, mis = also rays aimed at bright parts, by the power "
+        "heuristic; for other skies always scattered rays",
+        choices=("mis", "bsdf"),
     )
     lamps: int = whole(0, "point lights all over the scene, in place of its own; 0: its own", 0, 1 << 16)
     compaction: str = option(
@@ -80,20 +80,19 @@ class BakeSettings(UnderSky):
     )
     priority: bool = option(False, "whether texels that the view shows come first")
     lights: str = option(
-        "uniform",
-        "which light a ray after a bounce is aimed at: uniform = all are as likely, grid = by what lights may give "
-        "in a cell of a grid, with less noise for many lights",
-        choices=("uniform", "grid"),
+        "aimed",
+        "how lamps are chosen: aimed = by their power, grid = by what they may give in a cell of a grid, with less "
+        "noise for many lamps",
+        choices=("aimed", "grid"),
     )
-    adaptive: bool = option(False, "skip texels whose mean is within 1 % with a confidence of 99 %")
     packets: int | None = option(
         1,
         "rays in a packet; 1 = single rays, null = the widest native packets",
         choices=(1, *LANE_COUNTS),
         null="widest",
     )
-    batch_rays: int = option(1 << 19, "rays in flight, of all threads together; determines the memory")
-    expansion: int = option(16, "samples of a texel side by side in a batch")
+    batch_rays: int = whole(1 << 19, "rays in flight, of all threads together; determines the memory", 1 << 8, 1 << 26)
+    expansion: int = whole(16, "samples of a texel side by side in a batch", 1, 1 << 12)
     denoise: bool = option(False, "whether the finished map is denoised")
     against: str = option("nothing", "bake that is timed beside, in the same rounds", choices=AGAINST)
 
@@ -112,20 +111,25 @@ class BakeSettings(UnderSky):
                         f"workload.{name} is {value!r} with workload.against=mitsuba, which is handed all texels of a "
                         "scene in its own light; leave it out"
                     )
+        if self.is_depth_first and self.packets != 1:
+            raise InputError(
+                f"workload.packets is {self.packets} for a bake that is denoised or held against Mitsuba, whose paths "
+                "are followed one by one; leave it out"
+            )
         self.options()
 
-    def options(self, threads: int | None = 1, build_quality: str = "medium") -> BakeOptions:
-        """The library's value for it."""
-        names = (
-            "bounces", "roulette_from", "environment", "lights", "adaptive", "compaction", "batch_rays", "expansion",
-        )  # fmt: skip
-        return BakeOptions(
-            packet_width=self.packets,
-            threads=threads,
-            build_quality=build_quality,
-            robust=self.robust_rays,
-            **{name: getattr(self, name) for name in names},
+    def options(self, threads: int | None = 1, build_quality: str = "medium") -> WaveOptions:
+        """The value for it."""
+        names = "bounces", "roulette_from", "environment", "lights", "compaction", "batch_rays", "expansion"
+        given = {name: getattr(self, name) for name in names}
+        return WaveOptions(
+            threads=threads, packet_width=self.packets, build_quality=build_quality, robust=self.robust_rays, **given
         )
+
+    @property
+    def is_depth_first(self) -> bool:
+        """Whether the library's baker is measured, for what Mitsuba and finishing are held against, or one in waves."""
+        return self.denoise or self.against == "mitsuba"
 
     @property
     def other(self) -> dict[str, Any] | None:
@@ -139,7 +143,7 @@ class BakeSettings(UnderSky):
             "expansion": {"expansion": 1},
             "roulette": {"roulette_from": None},
             "environment": {"environment": "bsdf"},
-            "lights": {"lights": "uniform"},
+            "lights": {"lights": "aimed"},
         }
         return changes.get(self.against, {})
 
@@ -238,10 +242,6 @@ BAKE = Workload(
         Column("seam_step_ratio", REAL, "difference of both sides of seams, after / before stitching"),
         Column("denoised_ratio", REAL, "error denoised / raw of 4 x as many samples, the same in every process"),
         Column("denoise_s", REAL, "time to denoise the map"),
-        Column("adaptive_bias", REAL, "mean light of an adaptive map / of an independent full one, less 1"),
-        Column("adaptive_bias_error", REAL, "standard error of adaptive_bias"),
-        Column("adaptive_left_out", REAL, "share of the samples of a full map that an adaptive one leaves out"),
-        *statistics_columns("adaptive_speedup{}", "time of a full map / an adaptive one", _result("adaptive_speedup")),
     ),
     headline=_headline,
     package=__name__,

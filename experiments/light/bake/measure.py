@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import fields, replace
 from math import sqrt
 from statistics import median
 from time import perf_counter
@@ -14,7 +14,9 @@ import numpy as np
 
 from atra import light
 from atra.geometry.mesh import Mesh
-from atra.light import Atlas, Baker, BakeScene, Lightmap, Texels
+from atra.light import Atlas, Baker, Emissive, Lambertian, Lightmap, MetallicRoughness, Texels
+from atra.light.lightmaps.options import BakeOptions
+from atra.light.materials import Material
 from experiments.harness.point import Measured, Point, make_own
 from experiments.light.bake import (
     FULLEST,
@@ -27,7 +29,8 @@ from experiments.light.bake import (
     WITHOUT_VIEW,
 )
 from experiments.light.bake.finishing import fill, finishing, squared_differences
-from experiments.light.bake.mitsuba import MitsubaPaths, adaptive_bias, with_plain_light
+from experiments.light.bake.mitsuba import MitsubaPaths, with_plain_light
+from experiments.light.waves.baker import WaveBaker
 from experiments.workloads.baselines import OWN
 from experiments.workloads.rounds import load_mesh, measured, timed_rounds
 from scenes.directory import default_cache
@@ -41,19 +44,28 @@ _SUN = 400.0
 """Radiance of the panorama's sun; its sky has 1."""
 
 
-def bake_scene(point: Point, mesh: Mesh) -> BakeScene:
+AnyBaker = Baker | WaveBaker
+
+
+def bake_scene(point: Point, mesh: Mesh) -> light.Scene:
     """The mesh with the configured light, albedo, lamps and sky."""
     settings = point.workload_options
-    scene = BakeScene.of(room_of(point, mesh))
-    surface, own_light = scene.surface, not (settings.panorama or settings.lamps)
-    assert surface is not None
+    scene = room_of(point, mesh)
     if settings.albedo is not None:
-        surface = replace(surface, albedo=np.full_like(surface.albedo, settings.albedo), scene=None)
-    if own_light:
-        return replace(scene, surface=surface)
-    scene = replace(scene, surface=replace(surface, emission=np.zeros_like(surface.emission)))
+        grey = Lambertian((settings.albedo,) * 3)
+        scene = replace(scene, materials=[one if any(one.emission) else grey for one in scene.materials])
+    if not (settings.panorama or settings.lamps):
+        return scene
     sky = panorama() if settings.panorama else light.constant_sky(0.0)
-    return replace(scene, lights=lamps(mesh, settings.lamps), sky=sky)
+    dark = [_dark(one) for one in scene.materials]
+    return replace(scene, materials=dark, lights=lamps(mesh, settings.lamps), sky=sky)
+
+
+def _dark(material: Material) -> Material:
+    """The material without what it emits."""
+    if isinstance(material, Emissive):
+        return Lambertian((0.0, 0.0, 0.0))
+    return replace(material, emission=(0.0,) * 3) if isinstance(material, MetallicRoughness) else material
 
 
 def room_of(point: Point, mesh: Mesh) -> light.Scene:
@@ -97,19 +109,25 @@ def emptier(mesh: Mesh, atlas: Atlas, occupancy: float) -> Atlas:
 class Counted:
     """A baker, and what it has done since it was ready."""
 
-    def __init__(self, baker: Baker) -> None:
+    def __init__(self, baker: AnyBaker) -> None:
         self.baker = baker
-        self._before = baker.rays, baker.lanes, dict(baker.stage_s)
+        self._before = self._now()
+
+    def _now(self) -> tuple[int, int, dict[str, float]]:
+        """Rays, lanes and seconds by stage; the library's baker has single rays and no stages."""
+        one = self.baker
+        return (one.rays, one.lanes, dict(one.stage_s)) if isinstance(one, WaveBaker) else (one.rays, one.rays, {})
 
     def rays(self) -> int:
-        return self.baker.rays - self._before[0]
+        return self._now()[0] - self._before[0]
 
     def lanes(self) -> int:
-        return self.baker.lanes - self._before[1]
+        return self._now()[1] - self._before[1]
 
     def stage_s(self, *stages: str) -> float:
         """Seconds of these stages in all rounds together."""
-        return sum(self.baker.stage_s.get(one, 0.0) - self._before[2].get(one, 0.0) for one in stages)
+        now = self._now()[2]
+        return sum(now.get(one, 0.0) - self._before[2].get(one, 0.0) for one in stages)
 
 
 def measure(point: Point) -> Measured:
@@ -120,8 +138,12 @@ def measure(point: Point) -> Measured:
     options = settings.options(point.threads, point.build_quality)
     with ExitStack() as stack:
 
-        def baker(scene: BakeScene = scene, atlas: Atlas = atlas, **changes: Any) -> Baker:
-            one: Baker = stack.enter_context(Baker(scene, atlas, **vars(options) | changes))
+        def baker(scene: light.Scene = scene, atlas: Atlas = atlas, **changes: Any) -> Any:
+            given = vars(options) | changes
+            if settings.is_depth_first:
+                given = {name.name: given[name.name] for name in fields(BakeOptions)}
+            kind: Any = Baker if settings.is_depth_first else WaveBaker
+            one = stack.enter_context(kind(scene, atlas, **given))
             one.add(1)  # compiles
             return one
 
@@ -176,24 +198,20 @@ def measure(point: Point) -> Measured:
         if settings.denoise:
             pair = baker(seed=1, threads=None), baker(seed=2, threads=None)  # maps do not depend on threads
             results |= finishing(*pair, settings.final_samples, own.rays_scene.threads)
-        if settings.adaptive:
-            pair = baker(seed=3), baker(seed=4, adaptive=False)
-            results |= adaptive_bias(*pair, settings.final_samples)
     return measured(results, timed)
 
 
-def _see_through(scene: BakeScene) -> BakeScene:
+def _see_through(scene: light.Scene) -> light.Scene:
     """The scene with a face that is not quite opaque."""
-    surface = scene.surface
-    assert surface is not None
-    assert surface.opacity is not None
-    opacity = surface.opacity.copy()
-    opacity[int(np.argmin(surface.emission.any(axis=1)))] = _NEARLY
-    return replace(scene, surface=replace(surface, opacity=opacity))
+    shines = np.array([any(one.emission) for one in scene.materials])[scene.face_materials]
+    face, numbers = int(np.argmin(shines)), np.array(scene.face_materials)
+    pane = MetallicRoughness(scene.materials[numbers[face]].plain, opacity=_NEARLY, alpha="blend")
+    numbers[face] = len(scene.materials)
+    return replace(scene, materials=[*scene.materials, pane], face_materials=numbers)
 
 
-def _calls(bakers: dict[str, Baker], samples: int) -> dict[str, Callable[[], object]]:
-    def call(name: str, baker: Baker) -> Callable[[], object]:
+def _calls(bakers: dict[str, AnyBaker], samples: int) -> dict[str, Callable[[], object]]:
+    def call(name: str, baker: AnyBaker) -> Callable[[], object]:
         if name == WHOLE_MAP:
             return lambda: add_whole(baker, samples)
         return lambda: baker.add(samples) if baker.visible is None else add_visible(baker, samples)
@@ -201,7 +219,7 @@ def _calls(bakers: dict[str, Baker], samples: int) -> dict[str, Callable[[], obj
     return {name: call(name, baker) for name, baker in bakers.items()}
 
 
-def add_visible(baker: Baker, samples: int) -> None:
+def add_visible(baker: AnyBaker, samples: int) -> None:
     """So many samples more of what the view shows."""
     assert baker.visible is not None
     if baker.visible.any():
@@ -210,7 +228,7 @@ def add_visible(baker: Baker, samples: int) -> None:
             baker.advance(target)
 
 
-def add_whole(baker: Baker, samples: int) -> None:
+def add_whole(baker: AnyBaker, samples: int) -> None:
     """So many samples more of all texels, of seen ones first."""
     fill(baker, int(baker.samples.max()) + samples)
 
@@ -219,21 +237,26 @@ def _told(own: Counted, rounds: int, samples: int) -> dict[str, Any]:
     baker, texels = own.baker, own.baker.texels
     visible = baker.visible
     first = len(texels) if visible is None else int(visible.sum())
-    expansion = min(samples, baker.options.expansion)
-    room = max(baker.options.batch_rays // baker.rays_scene.threads, baker.options.expansion)
-    batches = -(-first // max(1, room // expansion))
     return {
         "rays_per_round": own.rays() // rounds,
         "paths_per_round": first * samples,
         "lane_utilisation": own.rays() / max(1, own.lanes()),
-        "batch_fill": first * expansion / (batches * room) if batches else 0.0,
-        "buffer_bytes": baker.buffer_bytes,
+        "batch_fill": _batch_fill(baker, first, samples) if isinstance(baker, WaveBaker) else None,
+        "buffer_bytes": baker.buffer_bytes if isinstance(baker, WaveBaker) else 0,
         "texels": len(texels),
         "charts": texels.atlas.charts,
         "texels_lost": texels.faces_lost,
         "map_occupancy": texels.occupancy,
         "visible_share": None if visible is None else float(visible.mean()),
-    } | {f"{stage}_s": own.stage_s(stage) / rounds for stage in STAGES}
+    } | {f"{stage}_s": own.stage_s(stage) / rounds for stage in STAGES if isinstance(baker, WaveBaker)}
+
+
+def _batch_fill(baker: WaveBaker, texels: int, samples: int) -> float:
+    """Share of the room of a wave that texels fill with rays."""
+    expansion = min(samples, baker.options.expansion)
+    room = max(baker.options.batch_rays // baker.rays_scene.threads, baker.options.expansion)
+    batches = -(-texels // max(1, room // expansion))
+    return texels * expansion / (batches * room) if batches else 0.0
 
 
 def _against(own: Counted, other: Counted, rounds: int) -> dict[str, float | None]:
@@ -254,7 +277,7 @@ def _variance(lightmap: Lightmap, which: Any) -> float | None:
     return float(lightmap.variance[used].mean()) / mean**2 if mean > 0.0 else None
 
 
-def _error_over_forecast(one: Baker, other: Baker) -> float | None:
+def _error_over_forecast(one: AnyBaker, other: AnyBaker) -> float | None:
     """The difference of two maps of other random numbers over the error that they forecast, where both have all their
     samples."""
     maps = [baker.maps for baker in (one, other)]

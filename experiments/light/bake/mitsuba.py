@@ -11,13 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.light import Baker, GradientSky, Lightmap, Scene
-from atra.light.lightmaps.batches import new_batch
-from atra.light.lightmaps.gather.tables import tables_of
-from atra.light.lightmaps.gather.tables_kernels import LUMINANCE, NORMAL, ORIGIN
-from atra.light.lightmaps.samples_kernels import generate
-from atra.light.lightmaps.surface import plain_scene
+from atra.light.lightmaps.paths import Paths
+from atra.light.lightmaps.sums_kernels import LUMINANCE
 from experiments.light.bake.finishing import squared_differences
 from experiments.light.mitsuba_light import load_mitsuba, parts_of, suns_of
+from experiments.light.waves.waves_kernels import DIRECTION, ORIGIN, generate, new_wave
 
 _VARIANT = "llvm_ad_rgb"
 """The variant for CPUs and three colours that takes rays from anywhere, compiled for vectors."""
@@ -150,12 +148,11 @@ def starts(baker: Baker, samples: int, number: int) -> tuple[NDArray[np.float32]
     """(3, N * samples) each: points that samples of texels start from in a round, texel by texel, and normals there."""
     texels = baker.texels
     count = len(texels) * samples
-    batch, every = new_batch(count), np.arange(len(texels), dtype=np.int32)
-    tables = tables_of(plain_scene(baker.scene), texels, replace(baker.options, seed=_OTHER_SEED))
-    before, lit = np.full_like(every, number * samples), (texels.prim_id, texels.number)
-    generate(batch, every, 0, len(texels), samples, before, lit, tables)
-    points, normals = (np.ascontiguousarray(batch.floats[row : row + 3, :count]) for row in (ORIGIN, NORMAL))
-    return points, normals
+    wave, every = new_wave(count), np.arange(len(texels), dtype=np.int32)
+    paths = Paths(baker.scene, texels, replace(baker.options, seed=_OTHER_SEED))
+    generate(wave, every, 0, len(texels), samples, np.full_like(every, number * samples), paths.charts, paths.surfaces)
+    points, down = (np.ascontiguousarray(wave.floats[row : row + 3, :count]) for row in (ORIGIN, DIRECTION))
+    return points, -down
 
 
 def mean_and_error(light: NDArray[Any], variance: NDArray[Any], samples: Any) -> tuple[float, float]:
@@ -167,25 +164,3 @@ def ratio_and_error(upper: tuple[float, float], lower: tuple[float, float]) -> t
     """The quotient of two independent means, each with its standard error, and the standard error of the quotient."""
     ratio = upper[0] / lower[0]
     return ratio, ratio * float(np.hypot(upper[1] / upper[0], lower[1] / lower[0]))
-
-
-def adaptive_bias(adaptive: Baker, full: Baker, samples: int) -> dict[str, float]:
-    """Speed-up of adaptive sampling, and the bias of the mean light of all texels.
-
-    adaptive, full: bakers of the same texels with different seeds and equally many samples so far.
-    """
-    taken, unfinished = {adaptive: 0.0, full: 0.0}, [adaptive, full]
-    while unfinished:
-        for baker in tuple(unfinished):  # in turns, so that drift cancels
-            start = perf_counter()
-            if not baker.advance(samples):
-                unfinished.remove(baker)
-            taken[baker] += perf_counter() - start
-    maps = adaptive.maps, full.maps
-    ratio, error = ratio_and_error(*(mean_and_error(one.luminance, one.variance, one.samples) for one in maps))
-    return {
-        "adaptive_bias": ratio - 1.0,
-        "adaptive_bias_error": error,
-        "adaptive_left_out": 1.0 - float(adaptive.samples.sum()) / float(full.samples.sum()),
-        "adaptive_speedup": taken[full] / taken[adaptive],
-    }

@@ -13,7 +13,7 @@ from atra.compiled.threads import WorkerPool
 from atra.geometry.view import unit_vector
 from atra.light.checks import check_whole
 from atra.light.lightmaps.charts.texels import Texels
-from atra.light.lightmaps.gather.tables import start_off
+from atra.light.lightmaps.priority import start_off
 from atra.prim_ids import MISS
 from experiments.classification.bvh.binary import bvh_of
 from experiments.light.sun.rays import TileRays

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 import atra
 from atra import light
 from atra.errors import AtraError, InputError
-from atra.light import Atlas, Baker, BakeScene, Seams, Texels, dilated
+from atra.light import Atlas, Baker, Seams, Texels, dilated
 from scenes.cornell_box import cornell_box
-from tests.baked import baked, cube, sheet
+from tests.baked import baked, cube, painted, sheet
 from tests.meshes import cornell_camera, quads
 from tests.shown import floor
 
@@ -173,7 +173,7 @@ def test_the_culling_map_is_what_a_ray_from_each_texel_says(tracer):
     atlas = Atlas.of_uv(uv, 5 * cells, 5 * cells)
     camera = cornell_camera(64, 64)
     crowded = warnings.catch_warnings(action="ignore")
-    with crowded, Baker(BakeScene(mesh), atlas, threads=1) as baker, tracer(mesh, camera) as primary:
+    with crowded, Baker(painted(mesh), atlas, threads=1) as baker, tracer(mesh, camera) as primary:
         baker.look(camera, primary)
         texels, visible = baker.texels, baker.visible
     points = camera.to_eye_space(texels.positions)
@@ -199,7 +199,7 @@ def test_no_mesh_and_no_uv_does_more_than_be_refused(data):
     try:
         mesh = atra.Mesh(vertices, faces)
         atlas = Atlas.of_uv(np.array(uv).reshape(count, 3, 2), 8, 8)
-        scene = BakeScene(mesh, lights=[light.PointLight((0, 0, 0))], sky=light.constant_sky(1.0))
+        scene = painted(mesh, lights=[light.PointLight((0, 0, 0))], sky=light.constant_sky(1.0))
         with warnings.catch_warnings(action="ignore"):
             lightmap = baked(scene, atlas, 2)
     except AtraError:

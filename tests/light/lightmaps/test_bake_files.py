@@ -12,17 +12,17 @@ from PIL import Image
 import atra
 from atra import light as render
 from atra.errors import InputError
-from atra.light import Baker, BakeScene, ProgressiveBake, Surface, save_maps, save_model
+from atra.light import Baker, ProgressiveBake, save_maps, save_model
 from examples import bake
 from experiments.light.bake.measure import bake_scene
 from experiments.workloads.rounds import load_mesh
 from scenes.lit.lighting import lit
-from tests.baked import baked, cube, sheet
+from tests.baked import baked, cube, painted, sheet
 from tests.points import planned
 
 BOX = cube(inwards=True)
 COLOURS = np.repeat([(0.7, 0.6, 0.5), (0.2, 0.4, 0.1)], 6, axis=0)
-SCENE = BakeScene(BOX, Surface.plain(BOX, COLOURS), [render.PointLight((0.3, 0.4, 0.1))])
+SCENE = painted(BOX, COLOURS, lights=[render.PointLight((0.3, 0.4, 0.1))])
 ATLAS = sheet(BOX, 8)
 LONG_S = 600
 
@@ -33,7 +33,7 @@ def alive():
 
 @pytest.mark.slow
 def test_a_snapshot_is_the_bake_that_stopped_there():
-    with Baker(SCENE, ATLAS, threads=1, expansion=4) as baker, ProgressiveBake(baker, 64) as bake:
+    with Baker(SCENE, ATLAS, threads=1) as baker, ProgressiveBake(baker, 64) as bake:
         bake.look(atra.Camera((0, 0, 0), (1, 0.2, 0.1), width=32, height=32))
         seen = [one for _ in range(2000) if (one := bake.snapshot()) is not None]
         assert bake.wait(LONG_S)
@@ -99,8 +99,7 @@ def test_a_model_opens_elsewhere_with_its_map_and_colours(tmp_path):
 
 
 def test_panes_of_a_model_are_a_mesh_of_their_own_that_blends(tmp_path):
-    surface = replace(SCENE.surface, opacity=np.repeat([1.0, 0.4], [8, 4]).astype(np.float32))
-    scene = replace(SCENE, surface=surface)
+    scene = painted(BOX, COLOURS, opacity=np.repeat([1.0, 0.4], [8, 4]), lights=SCENE.lights)
     path = save_model(baked(scene, ATLAS, 1), scene, tmp_path / "scene.glb")
     found = trimesh.load(path).geometry
     assert {name: len(one.faces) for name, one in found.items()} == {"scene": 8, "panes": 4}
@@ -115,17 +114,12 @@ def test_a_measured_bake_has_plain_materials_unless_the_scene_s_own_are_asked_fo
     own, plain = (planned("raster", "bake", scene=room, asked=asked).point for asked in ({"materials": "own"}, {}))
     mesh = load_mesh(own)
     shown = lit("living_room", mesh, own.camera)
-    colours = Surface.of(shown)
-    scene = bake_scene(own, mesh)
-    for name in ("albedo", "emission", "opacity"):
-        np.testing.assert_array_equal(getattr(scene.surface, name), getattr(colours, name))
-    assert scene.surface.panes.any()
-    assert (scene.lights, scene.sky) == (shown.lights, shown.sky)
-    grey = bake_scene(plain, mesh)
-    np.testing.assert_array_equal(grey.surface.albedo, np.full_like(colours.albedo, 0.7))
-    assert not grey.surface.emission.any()
+    scene, grey = bake_scene(own, mesh), bake_scene(plain, mesh)
+    for name in ("materials", "lights", "sky"):
+        assert getattr(scene, name) == getattr(shown, name)
+    assert {one.colour for one in grey.materials} == {(0.7, 0.7, 0.7)}
     dark = replace(own, workload_options=replace(own.workload_options, albedo=0.25))
-    np.testing.assert_array_equal(bake_scene(dark, mesh).surface.albedo, np.full_like(colours.albedo, 0.25))
+    assert {one.colour for one in bake_scene(dark, mesh).materials if not any(one.emission)} == {(0.25, 0.25, 0.25)}
 
 
 @pytest.mark.skipif(importlib.util.find_spec("xatlas") is None, reason="xatlas is not installed (extra `bake`)")

@@ -8,9 +8,9 @@ import pytest
 import atra
 from atra import light
 from atra.errors import InputError
-from atra.light import Atlas, Baker, BakeScene
+from atra.light import Atlas, Baker
 from atra.light.lightmaps.charts.unwrap import UNMAPPED
-from atra.light.lightmaps.gather.tables_kernels import LUMINANCE
+from atra.light.lightmaps.sums_kernels import LUMINANCE
 from atra.light.tables import unit_normals
 from experiments.light.bake import BAKE
 from experiments.light.bake.mitsuba import MitsubaPaths, with_plain_light
@@ -56,7 +56,7 @@ def of_mitsuba(scene, origins, directions):
 
 def test_blocks_of_texels_have_the_light_that_mitsuba_finds_from_them():
     scene = lit_box()
-    with Baker(BakeScene.of(scene), sheet(scene.mesh, TEXELS), threads=1, bounces=BOUNCES) as baker:
+    with Baker(scene, sheet(scene.mesh, TEXELS), threads=1, bounces=BOUNCES) as baker:
         baker.add(512)
         lightmap = baker.maps
     texels = lightmap.texels
@@ -106,12 +106,12 @@ def test_a_wall_of_the_cornell_box_has_mitsuba_s_light_within_three_thousandths(
     uv, chart = np.full((count, 3, 2), np.nan), np.full(count, UNMAPPED)
     corners = 1 + TEXELS * np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
     uv[WALL], chart[WALL] = corners[[[0, 1, 2], [0, 2, 3]]], 0
-    with Baker(BakeScene.of(scene), Atlas(uv, chart, TEXELS + 2, TEXELS + 2), threads=1, bounces=BOUNCES) as baker:
+    with Baker(scene, Atlas(uv, chart, TEXELS + 2, TEXELS + 2), threads=1, bounces=BOUNCES) as baker:
         baker.add(2048)
         lightmap = baker.maps
     assert len(lightmap.texels) == TEXELS**2
     theirs = wall_by_mitsuba(scene) @ LUMINANCE
-    albedo = baker.scene.surface.albedo[WALL.start]
+    albedo = scene.materials[scene.face_materials[WALL.start]].colour
     ours = (lightmap.combined * albedo).mean(axis=0) @ LUMINANCE
     spread = theirs.std(ddof=1) / np.sqrt(RENDERS)
     assert spread < 0.001 * ours
@@ -132,7 +132,7 @@ def test_paths_that_a_round_is_held_against_find_the_same_light_and_as_many_vert
     except InputError as problem:
         pytest.skip(str(problem))
     room = with_plain_light(room)
-    with Baker(BakeScene.of(room), sheet(room.mesh, 8), threads=1, bounces=BOUNCES) as baker:
+    with Baker(room, sheet(room.mesh, 8), threads=1, bounces=BOUNCES) as baker:
         theirs = MitsubaPaths(room, baker, 16)
         for _ in range(15):
             theirs.add()

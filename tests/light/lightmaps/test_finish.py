@@ -9,10 +9,10 @@ import pytest
 import atra
 from atra import light
 from atra.errors import InputError
-from atra.light import BakeScene, Lightmap, Surface, Texels, clay_view, denoised, lit_view
+from atra.light import Lightmap, Texels, clay_view, denoised, lit_view
 from atra.light.lightmaps.finish.views import looked_up
-from atra.light.lightmaps.gather.tables_kernels import LUMINANCE
-from tests.baked import baked, cube, sheet
+from atra.light.lightmaps.sums_kernels import LUMINANCE
+from tests.baked import baked, cube, painted, sheet
 from tests.images import draw
 from tests.meshes import quads
 from tests.shown import floor
@@ -95,7 +95,7 @@ def test_a_view_shows_albedo_times_map_between_texels_and_lamps_as_they_shine():
     atlas = sheet(mesh, 16)
     emission = np.zeros((12, 3), np.float32)
     emission[2:4] = 0.25  # of the side that the camera looks at
-    scene = BakeScene(mesh, Surface.plain(mesh, 0.5, emission))
+    scene = painted(mesh, 0.5, emission)
     texels = Texels.of(mesh, atlas)
     # A map that is linear in the world is the same looked up between its texels.
     slopes = np.array([0.1, 0.2, 0.3])
@@ -109,7 +109,7 @@ def test_a_view_shows_albedo_times_map_between_texels_and_lamps_as_they_shine():
     lamp = np.isin(hits.prim_id, (2, 3))
     assert 0.1 < lamp.mean() < 0.95
     shown = lit_view(hits, scene, atlas, image)
-    np.testing.assert_allclose(shown[inside, 1], (0.5 * expected + 0.25 * lamp)[inside], atol=1e-4)
+    np.testing.assert_allclose(shown[inside, 1], np.where(lamp, 0.25, 0.5 * expected)[inside], atol=1e-4)
     clay = clay_view(hits)
     assert clay.shape == (32, 48, 3)
     assert len(np.unique(np.rint(100 * clay))) > 2
@@ -129,9 +129,8 @@ def test_a_view_of_what_has_no_place_in_the_map_and_of_nothing_is_black():
 def test_the_error_of_a_map_is_told_by_how_it_changes_and_not_by_the_variance_of_its_samples():
     mesh = quads([floor(0.5)])
     sky = light.GradientSky((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
-    for scene in (BakeScene(mesh, Surface.plain(mesh, 0.0), sky=sky), light.Scene.plain(mesh, 0.0, sky=sky)):
-        lightmap = baked(scene, sheet(mesh, 32), 64)
-        every = np.arange(len(lightmap.samples))
-        true = ((lightmap.luminance - 5 / 6) ** 2).sum()
-        assert true / 2.5 < lightmap.squared_error(every) < 2.5 * true
-        assert (lightmap.variance / 64).sum() > 4 * true
+    lightmap = baked(light.Scene.plain(mesh, 0.0, sky=sky), sheet(mesh, 32), 64)
+    every = np.arange(len(lightmap.samples))
+    true = ((lightmap.luminance - 5 / 6) ** 2).sum()
+    assert true / 2.5 < lightmap.squared_error(every) < 2.5 * true
+    assert (lightmap.variance / 64).sum() > 4 * true

@@ -18,7 +18,7 @@ from atra import light
 from atra.command.main import main
 from atra.errors import InputError
 from atra.files.gltf.tree import gltf_tree
-from atra.light import Atlas, Baker, BakeScene, save_lit_model
+from atra.light import Atlas, Baker, save_lit_model
 from atra.light.lightmaps.finish.export import exposure_of, finished
 from atra.light.lightmaps.finish.seams import Seams
 from atra.light.lightmaps.finish.views import looked_up
@@ -68,7 +68,7 @@ def source(tmp_path):
 
 def baked(source, path, samples=16, size=128):
     scene = light.load_scene(source, sky=light.constant_sky(0.5))
-    with Baker(BakeScene.of(scene), Atlas.unwrap(scene.mesh, size), threads=1) as baker:
+    with Baker(scene, Atlas.unwrap(scene.mesh, size), threads=1) as baker:
         while baker.advance(samples):
             ...
         lightmap = baker.maps
@@ -117,8 +117,8 @@ def test_what_was_not_baked_is_refused(source, tmp_path):
         save_lit_model(lightmap, scene, source, tmp_path / "lit.gltf")
     with pytest.raises(InputError, match="of another mesh"):
         save_lit_model(lightmap, light.load_scene(source), source, tmp_path / "other.glb")
-    with pytest.raises(InputError, match="scene is a BakeScene, expected the Scene that load_scene read"):
-        save_lit_model(lightmap, BakeScene.of(scene), source, tmp_path / "other.glb")
+    with pytest.raises(InputError, match="scene is a Mesh, expected the Scene that load_scene read"):
+        save_lit_model(lightmap, scene.mesh, source, tmp_path / "other.glb")
 
 
 @pytest.mark.slow

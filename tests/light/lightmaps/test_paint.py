@@ -8,7 +8,8 @@ import pytest
 import atra
 from atra import light
 from atra.errors import InputError
-from atra.light import Atlas, Baker, BakeScene, Surface, lit_view
+from atra.light import Atlas, Baker, lit_view
+from atra.light.lightmaps.finish.looks import look_of
 from tests.baked import baked, sheet, standard_error
 from tests.images import draw
 from tests.light.lightmaps.test_light import corner_factor
@@ -49,15 +50,12 @@ def split_floor(left, right):
 
 
 def test_light_from_a_texture_has_the_colour_of_the_place_as_from_plain_faces_of_these_colours():
-    painted = BakeScene.of(on_a_floor(light.Lambertian(halves(RED, GREEN))))
-    plain = BakeScene.of(split_floor(light.Lambertian(RED), light.Lambertian(GREEN)))
-    assert plain.paint is None
-    mean = replace(painted, surface=replace(painted.surface, scene=None))
-    by_place, expected, of_means = (baked(scene, of_the_first(scene.mesh, 6), 256) for scene in (painted, plain, mean))
+    painted = on_a_floor(light.Lambertian(halves(RED, GREEN)))
+    plain = split_floor(light.Lambertian(RED), light.Lambertian(GREEN))
+    by_place, expected = (baked(scene, of_the_first(scene.mesh, 6), 256) for scene in (painted, plain))
     # Random numbers are the same, so paths are, too, but for hits at the rim between both colours.
-    off, off_of_means = (np.abs(one.indirect - expected.indirect).max(axis=1) for one in (by_place, of_means))
+    off = np.abs(by_place.indirect - expected.indirect).max(axis=1)
     assert (off < standard_error(expected)).all()
-    assert off_of_means.mean() > 20 * off.mean()
     np.testing.assert_allclose(by_place.indirect.mean(axis=0), expected.indirect.mean(axis=0), rtol=0.01)
     left = by_place.texels.positions[:, 0] < 0
     red = by_place.indirect[:, 0] / by_place.indirect[:, 1]
@@ -72,7 +70,7 @@ def test_a_plate_half_red_lights_the_one_above_by_the_form_factor_of_that_half()
     materials = light.Lambertian((0, 0, 0)), light.Lambertian(halves((0.9, 0, 0), (0, 0, 0)))
     sun = light.Sun((-2.0, -1.0, 0.0), 0.0)
     scene = light.Scene(mesh, materials, np.repeat([0, 1], 2), [sun], light.constant_sky(0.0), uv=[*UV, *UV])
-    lightmap = baked(BakeScene.of(scene), of_the_first(mesh, 4), 1 << 14, bounces=1)
+    lightmap = baked(scene, of_the_first(mesh, 4), 1 << 14, bounces=1)
     x, _, z = lightmap.texels.positions.T.astype(float)
     steps = (np.arange(8) + 0.5) / 32 - 1 / 8  # within a texel
     x, z = (np.clip(v[:, None, None] + s, -0.5, 0.5) for v, s in ((x, steps[:, None]), (z, steps)))
@@ -87,8 +85,7 @@ def test_a_plate_half_red_lights_the_one_above_by_the_form_factor_of_that_half()
 
 
 @pytest.mark.parametrize("alpha", ["mask", "blend"])
-@pytest.mark.parametrize("packet_width", [1, pytest.param(None, marks=pytest.mark.slow)])
-def test_light_passes_the_holes_of_a_texture_as_if_nothing_were_there(alpha, packet_width):
+def test_light_passes_the_holes_of_a_texture_as_if_nothing_were_there(alpha):
     image = halves((0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 0.0))
     cover = [(-1, 0.5, 1), (1, 0.5, 1), (1, 0.5, -1), (-1, 0.5, -1)]
     black = light.Lambertian((0, 0, 0))
@@ -97,9 +94,7 @@ def test_light_passes_the_holes_of_a_texture_as_if_nothing_were_there(alpha, pac
     scene = light.Scene(quads([floor(1.0), cover]), materials, np.repeat([0, 1], 2), [SUN], sky, uv=[*UV, *UV])
     half = [(min(x, 0), y, z) for x, y, z in cover]
     expected = light.Scene(quads([floor(1.0), half]), [black], lights=[SUN], sky=sky)
-    got, known = (
-        baked(BakeScene.of(one), of_the_first(one.mesh, 8), 64, packet_width=packet_width) for one in (scene, expected)
-    )
+    got, known = (baked(one, of_the_first(one.mesh, 8), 64, bounces=0) for one in (scene, expected))
     np.testing.assert_allclose(got.direct, known.direct, atol=0.05)
     np.testing.assert_allclose(got.environment, known.environment, atol=0.05)
     assert got.direct.min() == 0.0
@@ -111,7 +106,7 @@ def test_a_view_shows_the_texture_at_the_place_that_it_sees():
     camera = atra.Camera((0.3, 3.0, 0.2), (0, 0, 0), (0, 0, -1), 30.0, 32, 32)
     hits = draw(scene.mesh, camera)
     atlas = sheet(scene.mesh, 8)
-    shown = lit_view(hits, BakeScene.of(scene), atlas, np.ones((atlas.height, atlas.width, 3), np.float32))
+    shown = lit_view(hits, scene, atlas, np.ones((atlas.height, atlas.width, 3), np.float32))
     x = hits.points[..., 0]
     for colour, there in ((RED, x < -0.01), (GREEN, x > 0.01)):
         assert there.sum() > 100
@@ -131,7 +126,7 @@ def test_a_view_shows_what_is_behind_panes_and_the_sky_through_the_last(sky):
         light.Lambertian(RED), light.MetallicRoughness((0.5, 0.5, 0.5), opacity=0.25, alpha="blend"),
         light.MetallicRoughness(halves((0.0, 0.0, 0.6, 1.0), (0.0, 0.0, 0.0, 0.0)), alpha="mask"),
     ]  # fmt: skip
-    scene = BakeScene.of(light.Scene(mesh, materials, np.repeat([0, 1, 2], 2), sky=sky, uv=[*UV, *UV, *UV]))
+    scene = light.Scene(mesh, materials, np.repeat([0, 1, 2], 2), sky=sky, uv=[*UV, *UV, *UV])
     camera = atra.Camera((0.0, 1000.0, 0.0), (0, 0, 0), (0, 0, -1), 0.1, 32, 32)  # hardly any perspective
     atlas = sheet(mesh, 8)
     shown = lit_view(draw(mesh, camera), scene, atlas, np.ones((atlas.height, atlas.width, 3), np.float32))
@@ -152,7 +147,7 @@ def test_a_view_shows_the_sky_where_there_is_nothing_else():
     atlas = sheet(mesh, 4)
     camera = atra.Camera((0, 1, 3), (0, 1, 0), fov_y_degrees=60, width=32, height=24)
     hits = draw(mesh, camera)
-    shown = lit_view(hits, BakeScene(mesh, sky=sky), atlas, np.zeros((atlas.height, atlas.width, 3), np.float32))
+    shown = lit_view(hits, light.Scene(mesh, sky=sky), atlas, np.zeros((atlas.height, atlas.width, 3), np.float32))
     ways = camera.rays_world()[1]
     part = (0.5 + 0.5 * ways[..., 1:2] / np.linalg.norm(ways, axis=2, keepdims=True))[~hits.hit]
     expected = 2.0 * ((1.0 - part) * sky.below + part * np.array(sky.above))
@@ -165,18 +160,18 @@ def test_colours_of_vertices_multiply_a_texture_between_the_corners():
     scene = on_a_floor(light.MetallicRoughness(halves((1, 1, 1), (0.5, 0.5, 0.5))))
     colours = np.ones((8, 4))
     colours[4:, 0] = 0.0, 1.0, 1.0, 0.0  # red grows with x
-    painted = BakeScene.of(replace(scene, colours=colours))
+    painted = look_of(replace(scene, colours=colours))
     x = np.array([-0.9, -0.2, 0.4, 0.8])
     faces = np.array([2, 3, 2, 3], np.uint32)
     points = np.stack([x, np.zeros(4), np.where(faces == 2, 1, -1) * 0.95 * np.abs(x)], axis=1)
-    found, _ = painted.surface_at(faces, points)
+    found = painted.at(faces, points).albedo
     part = np.where(x < 0, 1.0, 0.5)
     np.testing.assert_allclose(found[:, 0], (x + 1) / 2 * part, atol=1e-6)
-    np.testing.assert_allclose(found[:, 1], np.minimum(part, 0.999), atol=1e-6)
+    np.testing.assert_allclose(found[:, 1], part, atol=1e-6)
 
 
 def test_a_mesh_that_moves_takes_its_textures_along_and_another_is_refused():
-    scene = BakeScene.of(on_a_floor(light.Lambertian(halves(RED, GREEN))))
+    scene = on_a_floor(light.Lambertian(halves(RED, GREEN)))
     vertices = scene.mesh.vertices.copy()
     vertices[4:, 0] += 0.5
     moved = replace(scene, mesh=atra.Mesh(vertices, scene.mesh.faces))
@@ -187,31 +182,31 @@ def test_a_mesh_that_moves_takes_its_textures_along_and_another_is_refused():
         baker.add(32)
         np.testing.assert_array_equal(baker.maps.combined, baked(moved, atlas, 32).combined)
     points = np.array([[0.4, 0, 0], [0.6, 0, 0]])
-    np.testing.assert_allclose(moved.surface_at(np.uint32([3, 2]), points)[0], [RED, GREEN], atol=1e-6)
-    apart = atra.Mesh(scene.mesh.vertices[scene.mesh.faces].reshape(-1, 3), np.arange(12).reshape(-1, 3))
-    with pytest.raises(InputError, match=r"uv has shape \(8, 2\), expected \(12, 2\)"):
-        baked(replace(scene, mesh=apart), atlas, 1)
-    with pytest.raises(InputError, match="the scene has 4 faces, but the albedo has 2"):
-        Surface(np.zeros((2, 3)), np.zeros((2, 3)), scene=scene.surface.scene)
+    np.testing.assert_allclose(look_of(moved).at(np.uint32([3, 2]), points).albedo, [RED, GREEN], atol=1e-6)
+    with (
+        Baker(scene, atlas, threads=1) as baker,
+        pytest.raises(InputError, match="other vertices of the same"),
+    ):
+        baker.update(light.Scene.plain(atra.Mesh(vertices, scene.mesh.faces[:2])))
 
 
-def test_what_blends_lets_the_rest_of_the_light_on_and_what_shines_stops_it():
-    glass = light.MetallicRoughness((1, 1, 1), opacity=0.25, alpha="blend")
+def test_what_blends_shows_its_opacity_and_clear_glass_its_tint():
+    glass = light.MetallicRoughness((0.5, 1, 1), opacity=0.25, alpha="blend")
     scene = on_a_floor(glass)
-    surface = Surface.of(scene)
-    np.testing.assert_array_equal(surface.opacity, np.float32([1, 1, 0.25, 0.25]))
-    assert surface.scene is None
-    for changes, opacity in (
-        ({"alpha": "opaque"}, 1.0), ({"alpha": "mask"}, 0.0), ({"alpha": "mask", "cutoff": 0.2}, 1.0),
-        ({"emission": (1.0, 1.0, 1.0)}, 1.0),
+    np.testing.assert_array_equal(look_of(scene).means()[1], np.float32([1, 1, 0.25, 0.25]))
+    for changes, opacity, tint in (
+        ({"alpha": "opaque"}, 1.0, 1.0), ({"alpha": "mask"}, 0.0, 1.0), ({"alpha": "mask", "cutoff": 0.2}, 1.0, 1.0),
+        ({"alpha": "opaque", "transmission": 1.0, "roughness": 0.0}, 0.04, 0.5),
     ):  # fmt: skip
-        other = Surface.of(replace(scene, materials=[WHITE, replace(glass, **changes)]))
-        assert other.opacity[2] == opacity, changes
+        other = replace(scene, materials=[WHITE, replace(glass, **changes)])
+        shown = look_of(other).at(np.uint32([2]), np.array([[0.5, 0, 0.7]]))
+        np.testing.assert_allclose((shown.opacity[0], shown.tint[0, 0]), (opacity, tint), atol=1e-6)
 
 
-@pytest.mark.parametrize("count", [1, 150, 700, 3000])
-def test_a_white_texture_reflects_the_largest_albedo_however_many_places_its_mean_has(count):
+@pytest.mark.parametrize("count", [1, 700])
+def test_a_white_texture_is_white_however_many_places_its_mean_has(count):
     mesh = quads([floor(1.0)] * count)
     white = light.MetallicRoughness(light.Image(np.full((2, 2, 3), 255, np.uint8), is_coded=True))
-    albedo = Surface.of(light.Scene(mesh, [white], uv=UV * count)).albedo
-    np.testing.assert_allclose(albedo, 0.999, rtol=2e-6)
+    albedo, opacity = look_of(light.Scene(mesh, [white], uv=UV * count)).means()
+    np.testing.assert_allclose(albedo, 1.0, rtol=2e-6)
+    assert (opacity == 1.0).all()

@@ -11,16 +11,16 @@ from PIL import Image
 import atra
 from atra import light as render
 from atra.errors import InputError
-from atra.light import Atlas, Baker, BakeScene, Seams, Surface, Texels, dilated, save_maps, save_model
+from atra.light import Atlas, Baker, Seams, Texels, dilated, save_maps, save_model
 from atra.light.lightmaps.finish.views import looked_up
-from tests.baked import baked, cube, sheet
+from tests.baked import baked, cube, painted, sheet
 from tests.images import draw
 from tests.light.lightmaps.test_bake_charts import folded
 from tests.meshes import quads
 from tests.shown import floor
 
 BOX = cube(inwards=True)
-SCENE = BakeScene(BOX, Surface.plain(BOX, 0.5), [render.PointLight((0.3, 0.4, 0.1))], render.constant_sky(0.5))
+SCENE = painted(BOX, 0.5, lights=[render.PointLight((0.3, 0.4, 0.1))], sky=render.constant_sky(0.5))
 SIDES = np.arange(12) // 2
 CORNERS = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
 
@@ -78,7 +78,7 @@ def test_gutters_and_look_ups_take_nothing_from_another_map():
 
 
 def test_of_the_maps_that_a_view_shows_the_least_converged_comes_first():
-    with Baker(SCENE, six_maps(), threads=1, expansion=4) as baker:
+    with Baker(SCENE, six_maps(), threads=1) as baker:
         baker.look(atra.Camera((0, 0, 0), (1, 0.2, 0.1), fov_y_degrees=110, width=32, height=32))
         on_map, seen = baker.texels.map_of, baker.visible
         shown = np.unique(on_map[seen])
@@ -86,9 +86,9 @@ def test_of_the_maps_that_a_view_shows_the_least_converged_comes_first():
         for turn in range(2):
             for number, which in enumerate(shown):
                 assert baker.advance(64)
-                done = np.unique(on_map[baker.samples == 4 * (turn + 1)])
+                done = np.unique(on_map[baker.samples == 16 * (turn + 1)])
                 assert done.tolist() == shown[: number + 1].tolist(), "one map at a time, the first of several"
-                assert (baker.samples[seen & (on_map == which)] == 4 * (turn + 1)).all()
+                assert (baker.samples[seen & (on_map == which)] == 16 * (turn + 1)).all()
                 assert not baker.samples[~seen].any()
         while baker.advance(64):
             pass

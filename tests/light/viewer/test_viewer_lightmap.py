@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from atra import light
-from atra.light import Baker, BakeScene, ProgressiveBake, Surface, Texels
+from atra.light import Baker, ProgressiveBake, Scene, Texels
 from atra.light.viewer import camera_page
 from atra.light.viewer.request import Pose
 from tests.baked import cube, sheet
@@ -20,7 +20,7 @@ from atra.light.viewer.lightmap import LightmapPage, say_progress
 __all__ = ["browser"]
 
 BOX = cube(inwards=True)
-SCENE = BakeScene(BOX, Surface.plain(BOX, 0.6), [light.PointLight((0.3, 0.4, 0.1), power=0.2)])
+SCENE = Scene.plain(BOX, 0.6, lights=[light.PointLight((0.3, 0.4, 0.1), power=0.2)], sky=light.constant_sky(0.0))
 ATLAS = sheet(BOX, 24)
 FIRST = Pose((0.0, 0.0, 0.9), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 60.0)
 TARGET = 8

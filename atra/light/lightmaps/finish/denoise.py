@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.light.lightmaps.finish.seams import nearest_known
-from atra.light.lightmaps.gather.tables_kernels import LUMINANCE
 from atra.light.lightmaps.maps import LIGHTS, Lightmap
+from atra.light.lightmaps.sums_kernels import LUMINANCE
 from atra.light.oidn import Denoiser
 
 FEWEST = 16

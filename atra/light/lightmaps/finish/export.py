@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.files.paths import write_atomically
 from atra.light.lightmaps.charts.atlas import Atlas
+from atra.light.lightmaps.finish.looks import look_of
 from atra.light.lightmaps.finish.seams import Seams, dilated
 from atra.light.lightmaps.maps import LIGHTS, Lightmap
-from atra.light.lightmaps.surface import BakeScene, plain_scene
 from atra.light.pictures.files import exr_of_channels, png_of, srgb_of
 from atra.light.scene import Scene
 
@@ -75,7 +75,7 @@ def _parts(atlas: Atlas, image: NDArray[Any]) -> list[tuple[str, NDArray[Any]]]:
     return [(f"_{number}" if len(parts) > 1 else "", part) for number, part in enumerate(parts)]
 
 
-def save_model(lightmap: Lightmap, scene: BakeScene | Scene, path: Path, *, stitch: bool = True) -> Path:
+def save_model(lightmap: Lightmap, scene: Scene, path: Path, *, stitch: bool = True) -> Path:
     """Write the mesh as binary glTF with its light, which viewers show unshaded (KHR_materials_unlit).
 
     The map is the base colour, by TEXCOORD_0 and an equal TEXCOORD_1, and also a MOZ_lightmap; albedo and opacity are
@@ -86,18 +86,19 @@ def save_model(lightmap: Lightmap, scene: BakeScene | Scene, path: Path, *, stit
         raise InputError(f"a model is to be written to {str(path)!r}, expected a name that ends in .glb")
     import trimesh
 
-    scene, atlas = plain_scene(scene), lightmap.texels.atlas
+    atlas, look = lightmap.texels.atlas, look_of(scene)
     seams = Seams.of(lightmap.texels.mesh, atlas) if stitch else None
     exposure = exposure_of(lightmap)
     image = srgb_of(exposure * finished(lightmap, lightmap.combined, seams))
     mapped = np.isfinite(atlas.uv).all(axis=(1, 2))
-    assert scene.surface is not None
-    models, panes = {}, scene.surface.panes
+    albedo, opacity = look.means()
+    colours = np.clip(np.rint(255.0 * np.column_stack([albedo, opacity])), 0, 255).astype(np.uint8)
+    models, panes = {}, look.panes
     for number, (tail, part) in enumerate(_parts(atlas, image)):
         for name, kind in (("scene", ~panes), ("panes", panes)):
             faces = np.flatnonzero(mapped & kind & (atlas.map_of == number))
             if len(faces):
-                models[f"{name}{tail}"] = _lit_mesh(scene, atlas, faces, part)
+                models[f"{name}{tail}"] = _lit_mesh(scene, atlas, faces, part, colours[faces], name == "panes")
     placed, place = trimesh.Scene(), np.eye(4)
     place[:3, 3] = scene.mesh.origin
     for name, model in models.items():
@@ -107,25 +108,23 @@ def save_model(lightmap: Lightmap, scene: BakeScene | Scene, path: Path, *, stit
     return path
 
 
-def _lit_mesh(scene: BakeScene, atlas: Atlas, faces: NDArray[np.int64], image: NDArray[np.uint8]) -> Any:
-    """These triangles, all of one map, with that map as texture."""
+def _lit_mesh(
+    scene: Scene, atlas: Atlas, faces: NDArray[np.int64], image: NDArray[np.uint8], colours: NDArray[np.uint8],
+    blends: bool,
+) -> Any:  # fmt: skip
+    """These triangles, all of one map, with that map as texture and their colours, (N, 4)."""
     import trimesh
     from PIL import Image
 
-    surface = scene.surface
-    assert surface is not None
-    assert surface.opacity is not None
     corners = scene.mesh.local_vertices[scene.mesh.faces[faces]].reshape(-1, 3)
     uv = atlas.uv[faces].reshape(-1, 2) / (atlas.width, atlas.map_height)
     uv[:, 1] = 1.0 + atlas.map_of[faces[0]] - uv[:, 1]
-    whole = np.column_stack([surface.albedo[faces], surface.opacity[faces]])
-    colours = np.repeat(np.clip(np.rint(255.0 * whole), 0, 255).astype(np.uint8), 3, axis=0)
     material = trimesh.visual.material.PBRMaterial(
         name="lightmap", baseColorTexture=Image.fromarray(image, "RGB"), metallicFactor=0.0, roughnessFactor=1.0,
-        doubleSided=True, alphaMode="BLEND" if surface.panes[faces[0]] else "OPAQUE",
+        doubleSided=True, alphaMode="BLEND" if blends else "OPAQUE",
     )  # fmt: skip
     visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
-    visual.vertex_attributes["color"] = colours
+    visual.vertex_attributes["color"] = np.repeat(colours, 3, axis=0)
     return trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), visual=visual, process=False)
 
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from atra.compiled.store import float_kernel, njit
 from atra.embree.packets_kernels import INFINITY
 from atra.light.emitters.emitters_kernels import FROM_SKY, has_emitters
+from atra.light.emitters.harmonics_kernels import HARMONICS, harmonics_at
 from atra.light.lightmaps.charts.texels_kernels import corners_of, edges_of, point_at, slopes_of, weights_at
-from atra.light.lightmaps.gather.probes_kernels import project
-from atra.light.lightmaps.gather.tables_kernels import (
+from atra.light.lightmaps.sums_kernels import (
     BACK,
     CHANNELS,
     DIRECT,
@@ -23,8 +23,7 @@ from atra.light.lightmaps.gather.tables_kernels import (
     SQUARE,
     note_doubling,
 )
-from atra.light.lightmaps.samples_kernels import INSET, sequence_key
-from atra.light.numbers_kernels import ONE, ZERO, on_sphere, scaled
+from atra.light.numbers_kernels import ONE, ZERO, key_of, mixed, on_sphere, scaled
 from atra.light.pictures.paths.following_kernels import aimed, follow, more
 from atra.light.scattering.sampler_kernels import DIRECTION, JITTER, pair_of
 from atra.light.scattering.spots_kernels import (
@@ -39,6 +38,9 @@ from atra.light.scattering.spots_kernels import (
     spot_of,
 )
 from atra.light.surface_kernels import leaving
+
+INSET = 2.0
+"""Distance of points from a triangle's rim, where another surface may stand, in offsets of rays."""
 
 
 class Charts(NamedTuple):
@@ -56,42 +58,69 @@ class Charts(NamedTuple):
     seed: np.uint32
 
 
+@njit
+def sequence_key(number, seed):  # type: ignore[no-untyped-def]
+    """A uint32 key for the evenly spread numbers of all samples of a texel or probe."""
+    return key_of(np.uint32(number), mixed(np.uint32(seed)))
+
+
 @njit(forceinline=True)
 def _white(spot):  # type: ignore[no-untyped-def]
     """The same place of a surface that reflects all light equally to all sides."""
-    matter = Matter(WHITE, ZERO, ONE, ZERO, ONE, False)
-    return Spot(spot.point, spot.normal, spot.shaded, np.int64(LAMBERTIAN), spot.material, False, matter)
+    return Spot(spot.point, spot.normal, spot.shaded, np.int64(LAMBERTIAN), spot.material, False, _white_matter())
+
+
+@njit(forceinline=True)
+def _white_matter():  # type: ignore[no-untyped-def]
+    return Matter(WHITE, ZERO, ONE, ZERO, ONE, False, BLACK, ZERO, ZERO, ZERO)
+
+
+@njit(forceinline=True)
+def place_in_texel(charts, surfaces, texel):  # type: ignore[no-untyped-def]
+    """What all samples of a texel share: its face, (column, row) in the map, edges, corners, slopes, and the face's
+    unit normal, float32."""
+    face, number = charts.prim_id[texel], charts.number[texel]
+    row = number // charts.width
+    edges, corners = edges_of(charts.uv, face), corners_of(charts.vertices, charts.faces, face)
+    records = surfaces.records
+    normal = np.float32(records[face, 0]), np.float32(records[face, 1]), np.float32(records[face, 2])
+    return face, (number - row * charts.width, row), edges, corners, slopes_of(edges), normal
+
+
+@njit(forceinline=True)
+def start_in(surfaces, place, key, sample):  # type: ignore[no-untyped-def]
+    """float32 point above a texel, where one of its samples starts. place: of `place_in_texel`."""
+    face, (column, row), edges, corners, slopes, normal = place
+    x, y = pair_of(key, sample, JITTER)
+    v, w = weights_at(edges, slopes, column + np.float64(x), row + np.float64(y))
+    inset = INSET * surfaces.records[face, 4]
+    return leaving(surfaces, face, point_at(corners, v, w, inset), normal)
+
+
+@njit(forceinline=True)
+def white_spot(surfaces, face, above, down):  # type: ignore[no-untyped-def]
+    """The `Spot` of a white face below a point. A map holds light, so the face's own colour does not count."""
+    spot, _ = spot_of(surfaces, face, above, down)
+    return _white(spot)
 
 
 @float_kernel
 def light_texels(  # type: ignore[no-untyped-def]
-    order, first, count, expansion, samples, charts, surfaces, emitters, limits, scene, packet, free, sums, told
+    order, first, count, more_samples, samples, charts, surfaces, emitters, limits, scene, packet, free, sums, told
 ):  # fmt: skip
-    """Add `expansion` samples to `count` texels from place `first` of the order on, and count them.
+    """Add `more_samples` to `count` texels from place `first` of the order on, and count them.
 
     order: (M,) int32, numbers of texels. samples: (N,) int32, so far. scene, packet: of width 1. free: (FREE_ROWS, 1)
     float32, scratch. sums: (N, SUMS) float64. told: (2,) int64, gets the number of rays, and of a texel whose light is
     not finite.
     """
     rays, is_aimed = 0, has_emitters(emitters)
-    for place in range(first, first + count):
-        texel = order[place]
-        if texel < 0:
-            continue
-        face, number = charts.prim_id[texel], charts.number[texel]
-        row = number // charts.width
-        column = number - row * charts.width
-        edges, corners = edges_of(charts.uv, face), corners_of(charts.vertices, charts.faces, face)
-        slopes, inset = slopes_of(edges), INSET * surfaces.records[face, 4]
-        records = surfaces.records
-        normal = np.float32(records[face, 0]), np.float32(records[face, 1]), np.float32(records[face, 2])
-        down, key = scaled(-ONE, normal), sequence_key(number, charts.seed)
-        for sample in range(samples[texel], samples[texel] + expansion):
-            x, y = pair_of(key, sample, JITTER)
-            v, w = weights_at(edges, slopes, column + np.float64(x), row + np.float64(y))
-            above = leaving(surfaces, face, point_at(corners, v, w, inset), normal)
-            spot, _ = spot_of(surfaces, face, above, down)
-            spot = _white(spot)
+    for at in range(first, first + count):
+        texel = order[at]
+        place = place_in_texel(charts, surfaces, texel)
+        face, down, key = place[0], scaled(-ONE, place[5]), sequence_key(charts.number[texel], charts.seed)
+        for sample in range(samples[texel], samples[texel] + more_samples):
+            spot = white_spot(surfaces, face, start_in(surfaces, place, key, sample), down)
             direct, sky = BLACK, BLACK
             if is_aimed:
                 light, kind, _, traced = aimed(
@@ -109,20 +138,36 @@ def light_texels(  # type: ignore[no-untyped-def]
             )  # fmt: skip
             rays += found.rays
             direct, sky = more(direct, WHITE, found.emitted), more(sky, WHITE, found.sky)
-            luminance = ZERO
-            for channel in range(3):
-                sums[texel, DIRECT + channel] += direct[channel]
-                sums[texel, ENVIRONMENT + channel] += sky[channel]
-                sums[texel, INDIRECT + channel] += found.later[channel]
-                luminance += LUMINANCE[channel] * (direct[channel] + sky[channel] + found.later[channel])
-            if not luminance < INFINITY:
+            is_open = not found.distance < charts.open_length
+            if not add_sample(sums, texel, sample, direct, found.later, sky, is_open, found.is_back):
                 told[1] = texel
-            sums[texel, OPEN] += 0.0 if found.distance < charts.open_length else 1.0
-            sums[texel, BACK] += 1.0 if found.is_back else 0.0
-            sums[texel, SQUARE] += np.float64(luminance) * luminance
-            note_doubling(sums, texel, sample + 1)
-        samples[texel] += expansion
+        samples[texel] += more_samples
     told[0] = rays
+
+
+@njit(forceinline=True)
+def add_sample(sums, texel, sample, direct, later, sky, is_open, is_back):  # type: ignore[no-untyped-def]
+    """Add a texel's sample to its row of sums, (N, SUMS) float64; returns whether its light is finite."""
+    luminance = ZERO
+    for channel in range(3):
+        sums[texel, DIRECT + channel] += direct[channel]
+        sums[texel, ENVIRONMENT + channel] += sky[channel]
+        sums[texel, INDIRECT + channel] += later[channel]
+        luminance += LUMINANCE[channel] * (direct[channel] + sky[channel] + later[channel])
+    sums[texel, OPEN] += 1.0 if is_open else 0.0
+    sums[texel, BACK] += 1.0 if is_back else 0.0
+    sums[texel, SQUARE] += np.float64(luminance) * luminance
+    note_doubling(sums, texel, sample + 1)
+    return luminance < INFINITY
+
+
+@njit(forceinline=True)
+def project(light, direction, first, sums):  # type: ignore[no-untyped-def]
+    """Add light from a direction, times the harmonics, to channels from `first` on of sums, (CHANNELS, HARMONICS)."""
+    weights = harmonics_at(np.float64(direction[0]), np.float64(direction[1]), np.float64(direction[2]))
+    for channel in range(len(light)):
+        for one in range(HARMONICS):
+            sums[first + channel, one] += light[channel] * weights[one]
 
 
 @float_kernel
@@ -142,9 +187,8 @@ def light_probes(  # type: ignore[no-untyped-def]
             (np.float64(place[0]), np.float64(place[1]), np.float64(place[2])),
             sequence_key(probe, charts.seed),
         )
-        spot = Spot(
-            point, nowhere, nowhere, np.int64(NOTHING), np.int64(0), False, Matter(WHITE, ZERO, ONE, ZERO, ONE, False)
-        )
+        kind, material = np.int64(NOTHING), np.int64(0)
+        spot = Spot(point, nowhere, nowhere, kind, material, False, _white_matter())
         for sample in range(samples):
             if is_aimed:
                 light, kind, towards, traced = aimed(

@@ -14,18 +14,8 @@ from atra.errors import AtraError, InputError
 from atra.files.paths import write_atomically
 from atra.light.checks import checked_rows
 from atra.light.emitters.harmonics_kernels import HARMONICS, OF_COSINE, harmonics
-from atra.light.lightmaps.batches import Stages
-from atra.light.lightmaps.gather.probes_kernels import (
-    gather_light,
-    gather_paths,
-    generate_probes,
-    look_around,
-)
-from atra.light.lightmaps.gather.tables_kernels import CHANNELS, DIRECT, ENVIRONMENT, INDIRECT, Batch, Tables
+from atra.light.lightmaps.sums_kernels import CHANNELS, DIRECT, ENVIRONMENT, INDIRECT
 from atra.tracing.budgets import check_needed_bytes
-
-BLOCK = 64
-"""Samples of a probe per batch; fixed, so that no option changes the order of summation."""
 
 _FARTHEST = 1e11
 
@@ -87,24 +77,6 @@ class ProbeSums:
         check_needed_bytes(len(self.points) * CHANNELS * HARMONICS * _BYTES, None, what, "use fewer probes at a time")
         self.light = np.zeros((len(self.points), CHANNELS, HARMONICS))
         self.backs = np.zeros(len(self.points), np.int64)
-
-    def add(self, first: int, probes: int, tables: Tables, batch: Batch, stages: Stages) -> None:
-        """Add all samples of `probes` points from number `first` on. Raises AtraError for light that is not finite."""
-        for sample in range(0, self.samples, BLOCK):
-            block = min(BLOCK, self.samples - sample)
-            count = probes * block
-            generate_probes(batch, self.points, first, probes, sample, block, tables)
-            stages.lap("generate")
-            for which in range(len(tables.lights)):
-                stages.light(batch, count, which, 0)
-                gather_light(batch, first, probes, block, self.light)
-                stages.lap("gather")
-            look_around(batch, first, probes, sample, block, tables)
-            stages.lap("scatter")
-            stages.follow(batch, count)
-            bad = gather_paths(batch, first, probes, sample, block, tables, self.light, self.backs)
-            stages.lap("gather")
-            self.check(bad)
 
     def check(self, bad: int) -> None:
         """Raise AtraError for the number of a probe whose light is not finite; -1: there is none."""

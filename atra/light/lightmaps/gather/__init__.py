@@ -1,1 +1,0 @@
-"""The light that reaches texels: lights, probes, and the tables that kernels read."""

@@ -1,1 +1,0 @@
-"""Bakes by paths that are followed one after the other."""

@@ -1,0 +1,182 @@
+"""The baker in waves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atra.geometry.view import View
+from atra.light import Atlas, Lightmap, Scene, Texels, constant_sky
+from atra.light.emitters.emitters_kernels import has_emitters
+from atra.light.emitters.tables import emitters_of
+from atra.light.laps import Laps
+from atra.light.lightmaps.batches import in_batches
+from atra.light.lightmaps.options import BakeOptions
+from atra.light.lightmaps.paths import Paths
+from atra.light.lightmaps.priority import visible_texels
+from atra.light.lightmaps.sums_kernels import SUMS
+from atra.light.pictures.path_kernels import FREE_ROWS
+from atra.rays.kernel_scene import Query, scene_for_kernels
+from atra.tracing.tracer import Tracer
+from experiments.light.waves.waves_kernels import (
+    Wave,
+    aim,
+    compact,
+    gather,
+    generate,
+    new_wave,
+    scatter,
+    shade,
+    shine_kernel,
+    trace_kernel,
+)
+
+
+@dataclass(frozen=True)
+class WaveOptions(BakeOptions):
+    """Options of a bake, and of its waves.
+
+    packet_width: rays in a packet, None = the widest. environment: whether a panorama is found by both kinds of rays,
+    "mis", or by scattered ones alone, "bsdf". compaction: lanes packed together: all of the map, "none"; lit texels,
+    "texels"; or also paths that go on after a bounce, "bounces". batch_rays: rays in flight, of all threads. expansion:
+    samples of a texel side by side.
+    """
+
+    packet_width: int | None = 1  # type: ignore[assignment, misc]
+    environment: str = "mis"
+    compaction: str = "bounces"
+    batch_rays: int = 1 << 19
+    expansion: int = 16
+
+
+class WaveBaker:
+    """Samples of a lightmap as `atra.light.Baker` makes them, in waves.
+
+    stage_s: seconds by stage, averaged over threads. rays, lanes: rays traced, and lanes of their packets, idle ones
+    included. Other attributes are those of `Baker`.
+    """
+
+    def __init__(self, scene: Scene, atlas: Atlas, **options: Any) -> None:
+        self.scene, self.options = scene, WaveOptions(**options)
+        self.texels, self.rays_scene = Texels.of(scene.mesh, atlas), scene_for_kernels(scene.mesh, self.options)
+        self._paths = Paths(scene, self.texels, self.options)
+        self._emitters = self._paths.emitters
+        if self.options.environment == "bsdf":
+            self._emitters = emitters_of(replace(scene, sky=constant_sky(0.0)), self.options.lights == "grid")
+        self.visible: NDArray[np.bool_] | None = None
+        self.samples, self._sums = np.zeros(len(self.texels), np.int32), np.zeros((len(self.texels), SUMS))
+        self._waves: list[Wave | None] = [None] * self.rays_scene.threads
+        self.stage_s: dict[str, float] = {}
+        self.rays = self.lanes = 0
+        self.rays_scene.build()
+
+    def __enter__(self) -> WaveBaker:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.rays_scene.close()
+
+    @property
+    def buffer_bytes(self) -> int:
+        """Memory of the rays in flight."""
+        return sum(array.nbytes for wave in self._waves if wave is not None for array in wave)
+
+    @property
+    def maps(self) -> Lightmap:
+        """The means of all samples so far; a copy."""
+        return Lightmap.of(self.texels, self.samples.copy(), self._sums)
+
+    def look(self, camera: View, tracer: Tracer) -> None:
+        """As `Baker.look`."""
+        tracer.look(camera)
+        self.visible = visible_texels(self.texels, tracer.trace(), self.rays_scene)
+
+    def add(self, samples: int) -> None:
+        """As `Baker.add`."""
+        every = np.ones(len(self.texels), np.bool_)
+        while samples > 0:
+            count = min(samples, self.options.expansion)
+            self._pass(every, count)
+            samples -= count
+
+    def advance(self, target: int) -> bool:
+        """As `Baker.advance`, of a single map."""
+        wanted = self.samples < target
+        if self.visible is not None and (wanted & self.visible).any():
+            wanted &= self.visible
+        if wanted.any():
+            self._pass(wanted, min(target - int(self.samples[wanted].max()), self.options.expansion))
+        return bool(wanted.any())
+
+    def _order(self, wanted: NDArray[np.bool_]) -> NDArray[np.int32]:
+        """Numbers of wanted texels, neighbours together; or those of the whole map in rows, -1 elsewhere."""
+        texels = self.texels
+        if self.options.compaction != "none":
+            return texels.along_curve[wanted[texels.along_curve]]
+        order = np.full(texels.atlas.width * texels.atlas.height, -1, np.int32)
+        order[texels.number[wanted]] = np.flatnonzero(wanted)
+        return order
+
+    def _pass(self, wanted: NDArray[np.bool_], expansion: int) -> None:
+        start = perf_counter()
+        order, threads = self._order(wanted), self.rays_scene.threads
+        stages = [{"order": perf_counter() - start} for _ in range(threads)]
+        rays, lanes = max(self.options.batch_rays // threads, expansion), [0] * threads
+
+        def add(query: Query, first: int, texels: int) -> int:
+            wave, lap = self._wave(query.worker, rays), Laps(stages[query.worker])
+            charts, surfaces = self._paths.charts, self._paths.surfaces
+            generate(wave, order, first, texels, expansion, self.samples, charts, surfaces)
+            lap("generate")
+            traced, filled = self._follow(query, wave, texels * expansion, lap)
+            if not gather(wave, order, first, texels, expansion, self.samples, self._sums):
+                raise ArithmeticError("light is not finite; make lights or materials darker")
+            lap("gather")
+            lanes[query.worker] += filled
+            return traced
+
+        self.rays += in_batches(self.rays_scene, len(order), max(1, rays // expansion), add)[1]
+        self.lanes += sum(lanes)
+        whole = {name: sum(one.get(name, 0.0) for one in stages) / threads for name in set().union(*stages)}
+        whole["other"] = perf_counter() - start - sum(whole.values())
+        for name, seconds in whole.items():
+            self.stage_s[name] = self.stage_s.get(name, 0.0) + seconds
+
+    def _wave(self, worker: int, rays: int) -> Wave:
+        wave = self._waves[worker]
+        if wave is None or len(wave.key) < rays:
+            wave = self._waves[worker] = new_wave(rays)
+        return wave
+
+    def _follow(self, query: Query, wave: Wave, count: int, lap: Laps) -> tuple[int, int]:
+        """Follow the paths of a wave to their ends; returns rays traced, and lanes of their packets."""
+        surfaces, emitters, limits = self._paths.surfaces, self._emitters, self._paths.limits
+        width, is_packed = self.rays_scene.packet_width, self.options.compaction == "bounces"
+        free, rays, lanes = np.zeros((FREE_ROWS, width), np.float32), 0, 0
+        shine, trace = shine_kernel(width), trace_kernel(width)
+        while True:
+            if has_emitters(emitters):
+                aim(wave, count, surfaces, emitters)
+                lap("aim")
+                rays, lanes = rays + shine(wave, count, surfaces, query.scene, query.packet, free), lanes + count
+                lap("shadow")
+            going = scatter(wave, count, surfaces, limits.roulette)
+            lap("scatter")
+            if going:
+                count = self._packed(wave, count, lap) if is_packed else count
+                rays, lanes = rays + trace(wave, count, query.scene, query.packet), lanes + count
+                lap("trace")
+                going = shade(wave, count, surfaces, emitters, limits.max_depth, self._paths.charts.open_length)
+                lap("shade")
+            if not going:
+                return rays, lanes
+            count = self._packed(wave, count, lap) if is_packed else count
+
+    def _packed(self, wave: Wave, count: int, lap: Laps) -> int:
+        going: int = compact(wave, count)
+        lap("compact")
+        return going
