@@ -66,7 +66,7 @@ def run_rays(arguments: Sequence[str]) -> list[Path]:
     options, names = split_options(arguments, ("size", "output", "files"))
     sizes = options.get("size", ",".join(SIZES)).split(",")
     folder, keeps = Path(options.pop("output", "rays")), options.get("files", "true")
-    is_odd = any("=" in one for one in names) or keeps not in ("true", "false")
+    is_odd = any("=" in name for name in names) or keeps not in ("true", "false")
     if not names or is_odd or not set(sizes) <= SIZES.keys():
         raise InputError(f"expected: {USAGE}")
     folder.mkdir(parents=True, exist_ok=True)

@@ -45,13 +45,13 @@ def predictions(table: pd.DataFrame) -> Figure:
 def where_alignment_pays(table: pd.DataFrame) -> Figure:
     """Views, by what packets meet up to what they see, and by what the best aligned packets meet along the ray."""
     rows = table[(table["instruction_set"] == ISA) & (table["want"] == "nearest") & (table["packet_width"] == 16)]
-    found = []
+    views = []
     for _, of_view in rows.groupby(["scene", "view"]):
         packets, aligned = (of_view[of_view["method"] == name] for name in ("pixel", "aligned"))
         best, packets = aligned.loc[aligned["measured_time_s"].idxmin()], packets.iloc[0]
         is_faster = best["measured_time_s"] < packets["measured_time_s"]
-        found.append((packets["upper"] + packets["lower"], best["lower"] + best["met"], is_faster))
-    x, y, is_faster = (np.array(column) for column in zip(*found, strict=True))
+        views.append((packets["upper"] + packets["lower"], best["lower"] + best["met"], is_faster))
+    x, y, is_faster = (np.array(column) for column in zip(*views, strict=True))
     names = {True: ("aligned packets faster", BLUE, "o"), False: ("packets per pixel faster", VERMILLION, "s")}
     lines = [
         _points(name, x[is_faster == which], y[is_faster == which], color, marker)

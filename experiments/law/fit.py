@@ -46,22 +46,22 @@ def gather(folder: Path) -> pd.DataFrame:
     rows = table.to_dict("records")
     table["choice"] = choices = [choice_of(row) for row in rows]
     seen = [looks[row["instruction_set"], row["scene"], row["view"]] for row in rows]
-    table["method"] = [one.method for one in choices]
-    table["family"] = [family(one, want) for one, want in zip(choices, table["want"], strict=True)]
+    table["method"] = [choice.method for choice in choices]
+    table["family"] = [family(choice, want) for choice, want in zip(choices, table["want"], strict=True)]
     known = list(zip(seen, choices, table["want"], strict=True))
-    table["frame_terms"] = [frame_terms(one.look, choice, want) for one, choice, want in known]
-    table["build_terms"] = [build_terms(one.look, choice) for one, choice, _ in known]
-    table["array_bytes"] = [array_bytes(one.look, choice) for one, choice, _ in known]
-    table["bytes_terms"] = [byte_terms(one.look, choice) for one, choice, _ in known]
-    counted = [one.look.copied(choice.method, choice.split, choice.culling) for one, choice, _ in known]
-    table["predicted_copies"] = [one.copies for one in counted]
-    table["predicted_again"] = [one.again for one in counted]
-    counters = [counters_of(one.look, choice, want) for one, choice, want in known]
+    table["frame_terms"] = [frame_terms(seen_view.look, choice, want) for seen_view, choice, want in known]
+    table["build_terms"] = [build_terms(seen_view.look, choice) for seen_view, choice, _ in known]
+    table["array_bytes"] = [array_bytes(seen_view.look, choice) for seen_view, choice, _ in known]
+    table["bytes_terms"] = [byte_terms(seen_view.look, choice) for seen_view, choice, _ in known]
+    counted = [seen_view.look.copied(choice.method, choice.split, choice.culling) for seen_view, choice, _ in known]
+    table["predicted_copies"] = [copied.copies for copied in counted]
+    table["predicted_again"] = [copied.again for copied in counted]
+    counters = [counters_of(seen_view.look, choice, want) for seen_view, choice, want in known]
     for k, name in enumerate(COUNTERS):
-        table[name] = [one[k] for one in counters]
-    table["raster_s"] = [one.look.raster_s for one in seen]
+        table[name] = [counts[k] for counts in counters]
+    table["raster_s"] = [seen_view.look.raster_s for seen_view in seen]
     for name in ("look_s", "frame_s"):
-        table[name] = [getattr(one, name) for one in seen]
+        table[name] = [getattr(seen_view, name) for seen_view in seen]
     # One and the same packets beside every method: their median says how fast the machine was.
     for _, of in table.groupby(["instruction_set", "scene", "view", "want"]):
         table.loc[of.index, "measured_time_s"] = of["packets_time_s"].median() / of["over_packets"]
@@ -90,7 +90,7 @@ def predict(rows: pd.DataFrame, constants: dict[str, list[float]]) -> pd.DataFra
 
     def costs(terms: str, names: pd.Series) -> list[float]:
         every = zip(rows[terms], names, strict=True)
-        return [float(np.dot(one, constants.get(name, np.full(len(one), np.nan)))) for one, name in every]
+        return [float(np.dot(terms, constants.get(name, np.full(len(terms), np.nan)))) for terms, name in every]
 
     return pd.DataFrame({
         "predicted_time_s": np.array(costs("frame_terms", rows["family"])) * NANO,
@@ -210,7 +210,9 @@ def add_tables(folder: Path, tables: Sequence[pd.DataFrame]) -> None:
             choices = [choice_of(row) for row in of.to_dict("records")]
             row = {KEYS[0]: key[0], **look_at_view(str(key[1]), str(key[2]), int(of["width"].iloc[0]), choices)}
             looks[key], look = row, look_of(row)
-            rows.loc[of.index, "bytes"] += [0.0 if one.method in COUNTED else array_bytes(look, one) for one in choices]
+            rows.loc[of.index, "bytes"] += [
+                0.0 if choice.method in COUNTED else array_bytes(look, choice) for choice in choices
+            ]
         rows.loc[rows["want"].ne("nearest"), "bytes"] = np.nan
         parts.append(rows)
     folder.mkdir(parents=True, exist_ok=True)
@@ -222,7 +224,7 @@ def main(given: Sequence[str]) -> None:
     """Add tables, fit, report, and write the table."""
     if not given:
         raise InputError(f"no folder is given, expected one with measured.parquet, or tables beside it\n{__doc__}")
-    folder, tables = Path(given[0]), [pd.read_parquet(one) for one in given[1:]]
+    folder, tables = Path(given[0]), [pd.read_parquet(path) for path in given[1:]]
     if tables:
         add_tables(folder, tables)
     table = gather(folder)
@@ -230,7 +232,7 @@ def main(given: Sequence[str]) -> None:
     judged[list(COLUMNS)].to_parquet(folder / "table.parquet", index=False)
     for isa, rows in table.groupby("instruction_set"):
         print(f"{isa}: {report(judged.loc[rows.index])}")
-        rounded = {name: [float(f"{one:.3g}") for one in values] for name, values in constants_of(rows).items()}
+        rounded = {name: [float(f"{value:.3g}") for value in values] for name, values in constants_of(rows).items()}
         print(json.dumps(rounded, indent=1))
 
 

@@ -51,14 +51,14 @@ def told_of(look: Look, choices: list[Choice]) -> dict[str, Any]:
     """A look in plain values, and what is copied for each choice."""
     told = {name: getattr(look, name) for name in FIELDS}
     told |= {name: getattr(look, name).ravel().tolist() for name in COUNTS}
-    keys = dict.fromkeys((one.method, one.split, one.culling) for one in choices)
+    keys = dict.fromkeys((choice.method, choice.split, choice.culling) for choice in choices)
     copied = [[*key, *look.copied(*key)] for key in keys]
     return {**told, "shapes": json.dumps(look.shapes), "copied": json.dumps(copied)}
 
 
 def look_of(told: Any) -> Look:
     """What `told_of` told of; its sample is lost."""
-    shapes = tuple(tuple(one) for one in json.loads(told["shapes"]))
+    shapes = tuple(tuple(shape) for shape in json.loads(told["shapes"]))
     counts = [np.array(told[name], np.float64).reshape(len(shapes), 2, -1) for name in COUNTS]
     copied = {
         (method, tuple(split), culling): Copied(*numbers)

@@ -26,8 +26,8 @@ def run(arguments: Sequence[str]) -> None:
     if name not in STUDIES:
         raise InputError(f"the study is {name!r}, expected one of {', '.join(STUDIES)}")
     module = import_module(STUDIES[name])
-    options = {key: _value(value) for key, _, value in (one.partition("=") for one in rest if "=" in one)}
-    given = [one for one in rest if "=" not in one]
+    options = {key: _value(value) for key, _, value in (word.partition("=") for word in rest if "=" in word)}
+    given = [word for word in rest if "=" not in word]
     try:
         inspect.signature(module.study).bind(*given, **options)
     except TypeError as error:
@@ -38,7 +38,7 @@ def run(arguments: Sequence[str]) -> None:
 def _value(text: str) -> Any:
     """A number, a truth or a text; with a comma in it, a tuple of these, as in `1,2` or `1,`."""
     if "," in text:
-        return tuple(_value(one) for one in text.split(",") if one)
+        return tuple(_value(part) for part in text.split(",") if part)
     try:
         return ast.literal_eval(text)
     except (ValueError, SyntaxError):

@@ -66,8 +66,8 @@ class Candidate:
     @property
     def reaches(self) -> str:
         """Whether any of its gains is as large as the paper's."""
-        verdicts = [one.verdict for one in (self.nearest, self.all_hits) if one is not None]
-        return next((one for one in ("yes", "undecided", "not measured") if one in verdicts), "no")
+        verdicts = [gain.verdict for gain in (self.nearest, self.all_hits) if gain is not None]
+        return next((verdict for verdict in ("yes", "undecided", "not measured") if verdict in verdicts), "no")
 
 
 def candidates(processes: pd.DataFrame) -> Iterator[Candidate]:
@@ -80,7 +80,7 @@ def candidates(processes: pd.DataFrame) -> Iterator[Candidate]:
     aligned, pixels = (_those(single, "method", method.name) for method in (ALIGNED, PIXEL))
     groups: dict[Any, pd.DataFrame] = dict(iter(aligned.groupby(list(SETTINGS), sort=False, dropna=False)))
     usual = _usual_of(groups)
-    for key in (usual, *(one for one in groups if one != usual)):
+    for key in (usual, *(group for group in groups if group != usual)):
         base = _speeds(_those(pixels, "robust", True), _over_single) if key[-1] else {}
         yield Candidate(_say(key, usual), *_gains(groups[key], _over_single, base))
     yield Candidate("plan and build included", *_gains(groups[usual], _prepared_over_single, {}))
@@ -127,12 +127,12 @@ def _prepared_over_single(rows: pd.DataFrame) -> Any:
 
 def _speeds(rows: pd.DataFrame, read: Callable[[pd.DataFrame], Any]) -> dict[Any, list[float]]:
     """The speed-ups of each point's processes, by its split; splits are None where a method has none."""
-    found: dict[Any, list[float]] = {}
+    samples: dict[Any, list[float]] = {}
     for split, culling, value in zip(rows["split_x"], rows["culling"], read(rows), strict=True):
         if np.isfinite(value):
             key = None if pd.isna(split) else (int(split), bool(culling))
-            found.setdefault(key, []).append(float(value))
-    return found
+            samples.setdefault(key, []).append(float(value))
+    return samples
 
 
 def _gains(rows: pd.DataFrame, read: Callable[[pd.DataFrame], Any], base: dict[Any, list[float]]) -> tuple[Gain, Gain]:
@@ -179,5 +179,6 @@ def study(folder: str = "results/cornell_candidates") -> None:
     processes = read_table(Path(folder) / "processes.parquet")
     if processes is None:
         raise InputError(f"{folder} has no processes.parquet, expected the results of sweep=cornell_candidates")
-    for one in candidates(processes):
-        print(f"{one.name}: nearest hit {one.nearest}, all hits {one.all_hits}; {ASKED_FOR}: {one.reaches}")
+    for candidate in candidates(processes):
+        told = f"nearest hit {candidate.nearest}, all hits {candidate.all_hits}; {ASKED_FOR}: {candidate.reaches}"
+        print(f"{candidate.name}: {told}")

@@ -73,23 +73,23 @@ def frames(scene: str, camera: dict[str, Any], asked: list[str], count: int, siz
                 tracer.add(1)
                 return []  # pictures are unlike each other
             if what.endswith("count"):
-                found = tracer.gather(atra.Count())
-                return [found.count if hasattr(found, "count") else found]
+                result = tracer.gather(atra.Count())
+                return [result.count if hasattr(result, "count") else result]
             if what == "views":
                 to_target = np.subtract(camera["target"], camera["eye"])
                 eye = tuple(camera["eye"] + next(places) * to_target)
                 tracer.look(atra.Camera(**{**camera, "eye": eye}, width=size, height=size))
-            found = tracer.trace(out=out)
-            return [found.depth, found.prim_id]
+            hits = tracer.trace(out=out)
+            return [hits.depth, hits.prim_id]
 
         answer()
         taken_ms = []
         for _ in range(count):
             start = perf_counter()
-            found = answer()
+            arrays = answer()
             taken_ms.append(1e3 * (perf_counter() - start))
         digest = hashlib.sha256()
-        for array in found:
+        for array in arrays:
             digest.update(np.ascontiguousarray(array).tobytes())
         middle = float(np.median(taken_ms))
         rows.append({"what": what, "digest": digest.hexdigest()[:16], "least_ms": min(taken_ms), "median_ms": middle})
@@ -136,17 +136,17 @@ def _commit(folder: Path) -> str:
 def ratios(rows: pd.DataFrame) -> pd.DataFrame:
     """How many times as fast this version is, by what was asked: mean ratio of the medians of the processes that took
     turns, with its 95 % interval; the ratio of the least times; and whether all images are equal."""
-    keys, found = ["instruction_set", "threads", "what", "scene"], []
+    keys, rows_of_ratios = ["instruction_set", "threads", "what", "scene"], []
     for key, group in rows.groupby(keys, sort=True):
         paired = group.pivot_table(index="process", columns="version", values=["median_ms", "least_ms"])
         if paired.shape[1] < 4:
             continue
         estimate = Estimate.of(list(paired["median_ms", "other"] / paired["median_ms", "this"]))
         least = paired["least_ms"].min()
-        found.append({
+        rows_of_ratios.append({
             **dict(zip(keys, key, strict=True)), "this_ms": round(least["this"], 3),
             "ratio": f"{estimate.value:.3f} [{estimate.low:.3f}, {estimate.high:.3f}]",
             "ratio_of_least": round(least["other"] / least["this"], 3),
             "same": "yes" if group["digest"].nunique() == 1 else "no",
         })  # fmt: skip
-    return pd.DataFrame(found)
+    return pd.DataFrame(rows_of_ratios)

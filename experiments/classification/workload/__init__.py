@@ -218,12 +218,12 @@ def _query(scene: Any, rays: Any, any_hit: bool) -> Callable[[], Any]:
 
 def counted(scene: BvhScene, prepared: PreparedRays, plain: PreparedRays, any_hit: bool) -> dict[str, Any]:
     """What rays take from their lists and from the root, and how many of them hit something else."""
-    found, counts = scene.count(prepared, any_hit)
+    prim_id, counts = scene.count(prepared, any_hit)
     from_root, plain_counts = scene.count(plain, any_hit)
-    different = (found != MISS) != (from_root != MISS) if any_hit else found != from_root
+    different = (prim_id != MISS) != (from_root != MISS) if any_hit else prim_id != from_root
     if not any_hit:
         own, root = scene.intersect(prepared), scene.intersect(plain)
-        different |= (own.t != root.t) | (own.prim_id != found) | (root.prim_id != from_root)
+        different |= (own.t != root.t) | (own.prim_id != prim_id) | (root.prim_id != from_root)
     results: dict[str, Any] = {name: int(count) for name, count in zip(COUNTED, counts, strict=True)}
     results |= {f"plain_{name}": int(count) for name, count in zip(COUNTED[:3], plain_counts, strict=False)}
     results["rays_different"] = int(different.sum())
@@ -252,8 +252,8 @@ def _distances(hits: RayHits, rows: NDArray[np.int64]) -> NDArray[np.float64]:
     t = np.full(len(rows), np.inf)
     named = hits.prim_id[rows] != MISS
     at = rows[named]
-    found = intersect_rays(hits.mesh, hits.rays.origins[at], hits.rays.directions[at], hits.prim_id[at])
-    t[named] = np.where(np.abs(found.edge_distance) < _RIM, np.nan, found.depth)
+    plane = intersect_rays(hits.mesh, hits.rays.origins[at], hits.rays.directions[at], hits.prim_id[at])
+    t[named] = np.where(np.abs(plane.edge_distance) < _RIM, np.nan, plane.depth)
     return t
 
 

@@ -43,20 +43,20 @@ def usual_value(name: str) -> object:
 
 def usual(rows: pd.DataFrame, **changes: object) -> pd.DataFrame:
     """The rows of classified rays with all options as they are by default, but for these."""
-    found = rows[rows["method"].eq(CLASSIFIED.name) & rows["status"].eq("ok")]
+    classified = rows[rows["method"].eq(CLASSIFIED.name) & rows["status"].eq("ok")]
     for name in ClassifiedOptions.__dataclass_fields__:
-        if name in found and found[name].notna().any():  # an option newer than the table has its default there
+        if name in classified and classified[name].notna().any():  # else it is newer than the table
             wanted = changes.get(name, usual_value(name))
             if wanted is not any:
-                found = found[found[name].eq(wanted).fillna(False).astype(bool)]
-    return found
+                classified = classified[classified[name].eq(wanted).fillna(False).astype(bool)]
+    return classified
 
 
 def _judge(check: Callable[[pd.DataFrame], Judgement | None], processes: pd.DataFrame | None) -> Judgement:
-    found = None if processes is None or "steps_ratio" not in processes else check(measured_rows(processes))
-    if found is None:
+    outcome = None if processes is None or "steps_ratio" not in processes else check(measured_rows(processes))
+    if outcome is None:
         raise NotMeasuredError("the sweep holds no such points")
-    return found
+    return outcome
 
 
 def _of_points(rows: pd.DataFrame) -> pd.DataFrame:
@@ -81,8 +81,8 @@ def _mean_of_all(rows: pd.DataFrame, name: str, bounds: Bounds) -> Judgement | N
     known = known_values(rows, numbers(rows, name))
     if len(known) < rows["point_id"].nunique():
         return Judgement(UNDECIDED, "", None, "too few processes for an interval")
-    counted = [exact(one) if isinstance(one, float) else one for one in known.values()]
-    mean = geometric_mean([one for one in counted if isinstance(one, Estimate)])
+    counted = [exact(value) if isinstance(value, float) else value for value in known.values()]
+    mean = geometric_mean([estimate for estimate in counted if isinstance(estimate, Estimate)])
     state = bounds.decide(mean)
     return on_cases([("mean", Outcome(state, f"{mean.value:.2f}", mean, None if state else _OTHER_SCENES))])
 
@@ -90,8 +90,8 @@ def _mean_of_all(rows: pd.DataFrame, name: str, bounds: Bounds) -> Judgement | N
 def _on_every(rows: pd.DataFrame, values: Any, holds: Any, why: str) -> Judgement | None:
     """Whether a condition holds at every point, by what is counted; None without points."""
     cases = [
-        (f"{row['scene']} {row['ray_kind']}", Outcome(bool(one), say(float(value)), None, None if one else why))
-        for (_, row), value, one in zip(
+        (f"{row['scene']} {row['ray_kind']}", Outcome(bool(is_so), say(float(value)), None, None if is_so else why))
+        for (_, row), value, is_so in zip(
             rows.iterrows(), np.asarray(values), np.broadcast_to(holds, len(rows)), strict=True
         )
     ]
@@ -221,8 +221,8 @@ _JUDGES: Mapping[str, Callable[[pd.DataFrame], Judgement | None]] = {
     "built-shaft-by-shaft": partial(grows_with_resolution, size=partial(numbers, name="shaft_build_time_s")),
     "occupied-as-fast": occupied_as_fast,
     **{
-        name: partial(_by_query, one)
-        for name, one in tomllib.loads(_FILE.read_text(encoding="utf-8"))["points"].items()
+        name: partial(_by_query, query)
+        for name, query in tomllib.loads(_FILE.read_text(encoding="utf-8"))["points"].items()
     },
 }
 

@@ -53,7 +53,7 @@ def path_rays(kind: str, name: str, mesh: Mesh, camera: Camera, threads: int | N
             batches["bounce"].append(_rays(paths))
             prim_id = rays_scene.intersect(batches["bounce"][-1]).prim_id
     fields = ("origins", "directions", "tnear", "tfar")
-    return Rays(*(np.concatenate([getattr(one, field) for one in batches[kind]]) for field in fields))
+    return Rays(*(np.concatenate([getattr(batch, field) for batch in batches[kind]]) for field in fields))
 
 
 def _rays(rows: NDArray[np.float32], lengths: NDArray[np.float32] | None = None) -> Rays:

@@ -78,7 +78,11 @@ def _panel(rows: pd.DataFrame, setting: str) -> Panel:
     for kind, style in _STYLES.items():
         of_kind = rows[rows["ray_kind"].eq(kind)]
         lines = of_kind.groupby("shaft_directions") if setting == "shafts" else [("", of_kind)]
-        shown += [Line(kind, numbers(one, setting), numbers(one, "steps_ratio"), style) for _, one in lines if len(one)]
+        shown += [
+            Line(kind, numbers(rows_of_line, setting), numbers(rows_of_line, "steps_ratio"), style)
+            for _, rows_of_line in lines
+            if len(rows_of_line)
+        ]
     return Panel(lines=shown, levels=[ONE])
 
 

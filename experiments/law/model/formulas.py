@@ -101,7 +101,10 @@ def _beyond_cache(look: Look, choice: Choice, along: int) -> float:
     Rays side by side meet the same boxes, so a row meets no more than flat packets as wide as it.
     """
     shapes = choice.packet_shape(look.width, look.height), look.shapes[1]
-    rows = [one.row * (one.lower + one.tested) for one in (Counts(look, choice, along, shape) for shape in shapes)]
+    rows = [
+        counts.row * (counts.lower + counts.tested)
+        for counts in (Counts(look, choice, along, shape) for shape in shapes)
+    ]
     met = min(_copied(look, choice).copies, choice.cells * min(rows))
     return max(0.0, 1.0 - IN_CACHE / met) if met > 0.0 else 0.0
 
@@ -171,20 +174,20 @@ def _least_squares(rows: NDArray[np.float64], wanted: NDArray[np.float64]) -> ND
     chapter 23."""
     square, target = rows.T @ rows, rows.T @ wanted
     square[np.diag_indices_from(square)] += 1e-9
-    found, free = np.zeros(len(target)), np.zeros(len(target), np.bool_)
+    solution, free = np.zeros(len(target)), np.zeros(len(target), np.bool_)
     for _ in range(3 * len(target)):
-        slope = np.where(free, 0.0, target - square @ found)
+        slope = np.where(free, 0.0, target - square @ solution)
         if slope.max(initial=0.0) <= 1e-9 * np.abs(target).max(initial=1.0):
             break
         free[slope.argmax()] = True
         while free.any():
-            trial = np.zeros_like(found)
+            trial = np.zeros_like(solution)
             trial[free] = np.linalg.solve(square[np.ix_(free, free)], target[free])
             below = free & (trial <= 0.0)
             if not below.any():
-                found = trial
+                solution = trial
                 break
-            step = (found[below] / (found[below] - trial[below])).min()
-            found = found + step * (trial - found)
-            free &= found > 1e-12
-    return found
+            step = (solution[below] / (solution[below] - trial[below])).min()
+            solution = solution + step * (trial - solution)
+            free &= solution > 1e-12
+    return solution

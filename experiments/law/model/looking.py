@@ -163,7 +163,7 @@ def _rays(camera: View, corners: NDArray[np.int64]) -> NDArray[np.float32]:
     first = 0 if camera.is_parallel else 3
     x, y = ((corners[:, axis, None] + np.arange(SIDE)).ravel() for axis in (0, 1))
     across, down = ray_grid(camera, camera.plane.columns(x, 0.5), camera.plane.rows(y, 0.5))
-    across, down = (one.reshape(3, len(corners), SIDE).transpose(1, 0, 2) for one in (across, down))
+    across, down = (plane.reshape(3, len(corners), SIDE).transpose(1, 0, 2) for plane in (across, down))
     rays[:, first : first + 3] = across[:, :, None, :] + down[:, :, :, None]
     if camera.is_parallel:
         rays[:, 3:] = np.asarray(camera.axes[2], np.float32)[:, None, None]
