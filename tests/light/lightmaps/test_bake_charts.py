@@ -98,6 +98,20 @@ def test_uv_of_ones_own_are_refused_where_they_overlap_or_leave_the_map_and_wher
         Texels.of(two, Atlas(uv, np.array([0, 0, 1, 1]), 12, 12))
 
 
+def test_charts_that_fold_over_in_a_few_texels_are_taken_and_told():
+    square = np.array([[(0, 0), (64, 0), (64, 64)], [(0, 0), (64, 64), (0, 64)]], float)
+    sliver = [(64.0, 31.0), (64.0, 32.0), (61.0, 31.5)]  # as a triangle that a chart folds over
+    mesh = atra.Mesh(
+        [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (2, 0, 0), (2, 1, 0)], [(0, 1, 2), (0, 2, 3), (1, 4, 5)]
+    )
+    uv = np.concatenate([square, [sliver]])
+    with pytest.warns(UserWarning, match=r"faces 0 and 2 overlap in the map, in \d texels together with others; each"):
+        texels = Texels.of(mesh, Atlas(uv, np.array([0, 0, 0]), 64, 64))
+    assert len(texels) == 64 * 64
+    with pytest.raises(InputError, match=r"faces 0 and 2 overlap .*let Atlas\.unwrap make charts"):
+        Texels.of(mesh, Atlas(np.concatenate([square, [[(64, 0), (64, 64), (10, 32)]]]), np.array([0, 0, 0]), 64, 64))
+
+
 @xatlas
 def test_charts_by_xatlas_are_kept_by_the_mesh_and_made_anew_where_damaged(tmp_path):
     mesh = cornell_box()

@@ -17,6 +17,9 @@ from atra.light.lightmaps.charts.texels_kernels import claim_texels, place_texel
 from atra.light.lightmaps.charts.unwrap import UNMAPPED
 from atra.light.tables import unit_normals
 
+_FOLDED = 1e-3
+"""Share of the texels that may lie in two triangles, as where charts of xatlas fold over by rounding."""
+
 
 @dataclass(frozen=True, eq=False)
 class Texels:
@@ -83,9 +86,9 @@ class Texels:
     def of(cls, mesh: Mesh, atlas: Atlas) -> Texels:
         """The texels of a mesh's charts.
 
-        Warns of charts so close that interpolation between texels would mix them. Raises InputError for an atlas of
-        another mesh, for overlapping triangles, naming the first two and the number of texels, and if no triangle
-        touches a texel.
+        Warns of charts so close that interpolation between texels would mix them, and of overlapping triangles, naming
+        the first two and the number of texels. Raises InputError where that is more than one of a thousand, for an
+        atlas of another mesh, and if no triangle touches a texel.
         """
         if len(atlas.uv) != mesh.triangle_count:
             raise InputError(f"the atlas has {len(atlas.uv)} triangles, but {mesh!r} is to be lit; unwrap that mesh")
@@ -95,13 +98,13 @@ class Texels:
         distance = np.full(prim_of.shape, np.inf)
         overlap = np.zeros(3, np.int64)
         claim_texels(uv, prim_of, distance, overlap)
+        number = np.flatnonzero(prim_of.ravel() >= 0)
         if overlap[0]:
             count, first, second = overlap.tolist()
-            raise InputError(
-                f"faces {first} and {second} overlap in the map, in {count} texels together with others; expected "
-                "separate places; leave uv out to have charts made"
-            )
-        number = np.flatnonzero(prim_of.ravel() >= 0)
+            told = f"faces {first} and {second} overlap in the map, in {count} texels together with others"
+            if count > _FOLDED * len(number):
+                raise InputError(f"{told}; expected separate places; give other uv, or let Atlas.unwrap make charts")
+            warnings.warn(f"{told}; each such texel has the light of one of them", stacklevel=2)
         if not len(number):
             raise InputError(f"no triangle of {mesh!r} touches a texel, expected at least one")
         _warn_of_neighbours(atlas, prim_of)
