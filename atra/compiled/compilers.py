@@ -3,7 +3,8 @@
 Numba compiles each of these functions as if Python called it: optimised, as machine code, with wrappers. Without this
 file the first image in a clone takes 1.8 times as long, and kernels that are kept could not be told apart. Of the parts
 that only save time each buys 3 to 25 %: code that is never called by itself, dead branches, no collection of garbage,
-one piece of stack, no check after each pass. Leaving out passes and remembering types bought less, and are gone.
+one piece of stack, no check after each pass. Leaving out passes bought less, and remembering the types of operators at
+most a tenth for a tenth of this file; both are gone.
 """
 
 from __future__ import annotations
