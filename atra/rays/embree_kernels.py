@@ -7,8 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from atra.compiled.intrinsics import fetch_add, float_at
-from atra.compiled.memory import doubles_at
+from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import float_kernel, njit
 from atra.embree.layout import (
     FLAG_COHERENT,
@@ -31,30 +30,21 @@ from atra.embree.packets_kernels import (
     ray_component,
     set_no_hit,
 )
-from atra.rays.rays_kernels import are_coherent, scale_of
+from atra.rays.rays_kernels import are_coherent, direction_of, interval_of, origin_of, scale_of
 
 CHUNK = 512
 """Rays a thread takes at a time: whole packets of any width, so that any number of threads makes the same packets."""
 
 
 @njit(forceinline=True)
-def _vector_at(address, is_double):  # type: ignore[no-untyped-def]
-    """Three float32, or float64 rounded to such."""
-    if is_double:
-        at = doubles_at(address)
-        return np.float32(at[0]), np.float32(at[1]), np.float32(at[2])
-    return float_at(address), float_at(address + 4), float_at(address + 8)
-
-
-@njit(forceinline=True)
-def _number_at(address, is_double):  # type: ignore[no-untyped-def]
-    return np.float32(doubles_at(address)[0]) if is_double else float_at(address)
+def _narrow(vector):  # type: ignore[no-untyped-def]
+    return np.float32(vector[0]), np.float32(vector[1]), np.float32(vector[2])
 
 
 @njit(forceinline=True)
 def _scale_of(rays, ray):  # type: ignore[no-untyped-def]
     """(direction; the power of two by which it is multiplied; the inverse of this), all float32."""
-    direction = _vector_at(rays.directions + rays.vector_bytes * ray, rays.is_double)
+    direction = _narrow(direction_of(rays, ray))
     scale, length = scale_of(*direction)
     return direction, np.float32(scale), np.float32(length)
 
@@ -68,7 +58,7 @@ def _load(packet, width, lane, rays, ray):  # type: ignore[no-untyped-def]
     then depends on the length of the direction, and what is tiny (`ray_component`) is so for all. Embree would lose
     short directions, and long ones would leave the range of float32. Origins stay as they are: tiny ones lose nothing.
     """
-    x, y, z = _vector_at(rays.origins + rays.vector_bytes * ray, rays.is_double)
+    x, y, z = _narrow(origin_of(rays, ray))
     (u, v, w), scale, length = _scale_of(rays, ray)
     floats = packet.floats
     floats[RAY_ORG_X * width + lane] = x
@@ -77,8 +67,8 @@ def _load(packet, width, lane, rays, ray):  # type: ignore[no-untyped-def]
     floats[RAY_DIR_X * width + lane] = ray_component(u * scale)
     floats[RAY_DIR_Y * width + lane] = ray_component(v * scale)
     floats[RAY_DIR_Z * width + lane] = ray_component(w * scale)
-    near = _number_at(rays.tnear + rays.number_bytes * ray, rays.is_double) * length
-    far = _number_at(rays.tfar + rays.number_bytes * ray, rays.is_double) * length
+    tnear, tfar = interval_of(rays, ray)
+    near, far = np.float32(tnear) * length, np.float32(tfar) * length
     floats[RAY_TNEAR * width + lane], floats[RAY_TFAR * width + lane] = near, far
     is_open = near < far
     packet.valid[lane] = -1 if is_open else 0
