@@ -37,7 +37,7 @@ from experiments.harness.records import Record, read_record, write_record
 from experiments.results.table import Tables, make_table, read_table, write_tables
 from scenes.directory import CAMERAS_FILE, load_scene_from_directory
 from scenes.scene import CAMERA_FIELDS
-from tests.files.samples import CORNERS, QUADS, SQUARE, TRIANGLES, gltf, off, ply
+from tests.files.samples import CORNERS, FORMS, QUADS, TRIANGLES, gltf
 from tests.files.test_calibrations import KALIBR, MESSAGE, OPEN3D, OPENCV, ROS, XML
 from tests.meshes import strips_ply
 from tests.report_samples import small_table
@@ -121,8 +121,8 @@ def _read_cameras(path):
 def _read_sky(path):
     texels = PanoramaSky.load(path).texels
     assert texels.ndim == 3
+    assert (texels >= 0).all()
     assert np.isfinite(texels).all()
-    assert texels.min() >= 0
     return True
 
 
@@ -151,36 +151,30 @@ def _sky_samples():
 
 
 def _mesh_samples():
-    box = trimesh.creation.box()
-    ball = trimesh.creation.icosphere(subdivisions=1)
-    scene = trimesh.Scene([box])
-    scene.add_geometry(ball, transform=trimesh.transformations.translation_matrix((3, 0, 0)))
-    meshes = (box, ball)
-
-    def exported(**options):
-        texts = (mesh.export(**options) for mesh in meshes)
-        return tuple(text.encode() if isinstance(text, str) else text for text in texts)
-
-    placed = gltf([{"mesh": 0}, {"mesh": 0, "translation": [3, 0, 0], "scale": [-1, 2, 1]}])
-    binary = {
-        order: [ply(CORNERS, faces, f"binary_{order}_endian") for faces in (TRIANGLES, QUADS)]
-        for order in ("little", "big")
+    meshes = trimesh.creation.box(), trimesh.creation.icosphere(subdivisions=1)
+    scene = trimesh.Scene(meshes[:1])
+    scene.add_geometry(meshes[1], transform=trimesh.transformations.translation_matrix((3, 0, 0)))
+    shapes = (CORNERS, TRIANGLES), (CORNERS, QUADS), _MIXED
+    written = {
+        f"mesh.{form}" if "." not in form else form: tuple(_as_bytes(write(*shape)) for shape in shapes)
+        for form, write in FORMS.items()
     }
-    return {
-        "mesh.ply": (*exported(file_type="ply", encoding="ascii"), ply(*_MIXED).encode()),
-        "little.ply": tuple(binary["little"]),
-        "big.ply": tuple(binary["big"]),
-        "mixed.ply": tuple(ply(*_MIXED, f"binary_{order}_endian") for order in ("little", "big")),
+    placed = gltf([{"mesh": 0}, {"mesh": 0, "translation": [3, 0, 0], "scale": [-1, 2, 1]}])
+    return written | {
+        "mixed.ply": (written["little.ply"][2], written["big.ply"][2]),
         "strips.ply": (strips_ply([(0, 1, 2, 4, -1, 1, 3, 2)]), strips_ply([(0, 1, 2, 4), (1, 3, 2)])),
-        "mesh.obj": (*exported(file_type="obj"), _POLYGONS),
-        "text.stl": exported(file_type="stl_ascii"),
-        "mesh.stl": exported(file_type="stl"),
-        "mesh.off": (*exported(file_type="off"), off(SQUARE, [range(4)]).encode()),
+        "mesh.obj": (*written["mesh.obj"], _POLYGONS),
+        "text.stl": tuple(_as_bytes(mesh.export(file_type="stl_ascii")) for mesh in meshes),
+        "mesh.stl": tuple(mesh.export(file_type="stl") for mesh in meshes),
         "mesh.gltf": (json.dumps(json.loads(placed), indent=1).encode(),),
-        "mesh.glb": (scene.export(file_type="glb"), box.export(file_type="glb")),
+        "mesh.glb": (scene.export(file_type="glb"), meshes[0].export(file_type="glb")),
         "mesh.3mf": (_three_mf(_MODEL),),
         "mesh.xyz": (b"0 0 0\n1 0 0\n1 1 0\n",),
     }
+
+
+def _as_bytes(content):
+    return content if isinstance(content, bytes) else content.encode()
 
 
 _MIXED = [(0, 0, 0), (4, 0, 0), (4, 4, 0), (1, 1, 0), (0, 4, 0)], [(0, 1, 2), (0, 2, 3, 4), (0, 1, 2, 3, 4)]
@@ -278,24 +272,13 @@ def _truncate(content, _, choose):
     return content[: choose.randrange(len(content) + 1)]
 
 
-def _delete(content, _, choose):
+def _replace(content, other, choose):
+    """A piece goes or is repeated, another file's or an intruder comes before it, or a number takes its place."""
     start, end = _piece(content, choose)
-    return content[:start] + content[end:]
-
-
-def _duplicate(content, _, choose):
-    start, end = _piece(content, choose)
-    return content[:end] + content[start:end] * choose.choice((1, 2, 1000)) + content[end:]
-
-
-def _splice(content, other, choose):
-    at, (start, end) = _place(content, choose), _piece(other, choose)
-    return content[:at] + other[start:end] + content[at:]
-
-
-def _insert(content, _, choose):
-    at = _place(content, choose)
-    return content[:at] + choose.choice(_INTRUDERS) + content[at:]
+    foreign, piece = other[slice(*_piece(other, choose))], content[start:end]
+    repeated = piece * choose.choice((2, 3, 1001))
+    others = (b"", repeated, foreign + piece, choose.choice(_INTRUDERS) + piece, choose.choice(_WORDS))
+    return content[:start] + choose.choice(others) + content[end:]
 
 
 def _renumber(content, _, choose):
@@ -314,12 +297,7 @@ def _reword(content, _, choose):
     return content[:start] + content[first:last] + content[end:]
 
 
-def _overwrite(content, _, choose):
-    at = _place(content, choose) // choose.choice((1, 4)) * 4
-    return content[:at] + choose.choice(_WORDS) + content[at + 4 :]
-
-
-_CHANGES = (_flip, _truncate, _delete, _duplicate, _splice, _insert, _renumber, _renumber, _reword, _overwrite)
+_CHANGES = (_flip, _truncate, *[_replace] * 5, _renumber, _renumber, _reword)
 
 
 def make_input(kind, name, seed):

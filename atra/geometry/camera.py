@@ -183,14 +183,6 @@ class Camera(View):
         pitch = 2.0 * tan(radians(self.fov_y_degrees) / 2.0) / self.height
         return ImagePlane.centred(pitch, self.width, self.height)
 
-    @cached_property
-    def to_pixels(self) -> NDArray[np.float64]:
-        """(3, 4) float64: eye-space point (X, Y, Z, 1) -> (a, b, c), pixel position (a / c, b / c) and depth c."""
-        right, down, forward = self.axes
-        axis_x, axis_y = self.plane.axis_in_image
-        x, y = right / self.plane.pitch_x + axis_x * forward, down / self.plane.pitch_y + axis_y * forward
-        return np.column_stack([np.stack([x, y, forward]), np.zeros(3)])
-
     def crop(self, left: int, top: int, width: int, height: int) -> CalibratedCamera:
         """The camera of a part of the image; its pixel (x, y) has the ray of pixel (left + x, top + y) to the bit.
 

@@ -7,7 +7,7 @@ from math import hypot
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from atra.errors import InputError
 from atra.geometry.image_plane import ImagePlane
@@ -107,9 +107,3 @@ class OrthographicCamera(View):
     def plane(self) -> ImagePlane:
         """The image plane at Z = 0; distances in scene units."""
         return ImagePlane.centred(self.view_height / self.height, self.width, self.height)
-
-    @property
-    def to_pixels(self) -> NDArray[np.float64]:
-        """(3, 4) float64: eye-space point (X, Y, Z, 1) -> (a, b, c) with pixel position (a, b); c is 1."""
-        right, down, _ = self.axes / self.pixel_pitch
-        return np.array([[*right, self.width / 2], [*down, self.height / 2], [0.0, 0.0, 0.0, 1.0]])

@@ -84,13 +84,18 @@ class View(ABC):
         """Distance between neighbouring pixels on the image plane, the smaller one of columns and rows."""
         return min(self.plane.pitch_x, self.plane.pitch_y)
 
-    @property
-    @abstractmethod
+    @cached_property
     def to_pixels(self) -> NDArray[np.float64]:
         """(3, 4) float64: transforms eye-space points (X, Y, Z, 1) to (a, b, c) with pixel position (a / c, b / c).
 
-        The ray of pixel (x, y) at offset (ox, oy) passes through the points with position (x + ox, y + oy).
+        c is the depth, or 1 for parallel rays. The ray of pixel (x, y) at offset (ox, oy) passes through the points
+        with position (x + ox, y + oy).
         """
+        right, down, forward = self.axes
+        (axis_x, axis_y), x, y = self.plane.axis_in_image, right / self.plane.pitch_x, down / self.plane.pitch_y
+        if self.is_parallel:
+            return np.array([[*x, axis_x], [*y, axis_y], [0.0, 0.0, 0.0, 1.0]])
+        return np.column_stack([np.stack([x + axis_x * forward, y + axis_y * forward, forward]), np.zeros(3)])
 
     def rays(
         self, x: NDArray[np.integer], y: NDArray[np.integer], offset: tuple[float, float] = (0.5, 0.5)

@@ -162,10 +162,13 @@ class MetallicRoughness(Material):
     radiance of the front, times `emission_image`. normals: an image of normals, x and y times `normal_scale`.
     transmission: share of light that is not reflected and passes, times the red of `transmission_image`. ior: index of
     refraction. is_thin: a wall without thickness, which does not bend light; otherwise a surface of a solid. is_double:
-    whether backs are seen; the eye looks through backs of others.
+    whether backs are seen; the eye looks through backs of others. specular, specular_colour: factors of what plastic
+    and panes reflect, the latter at a right angle. coat: share with a clear coat of `coat_roughness`. absorption:
+    per unit of length, of light within a closed solid, but for lamps' light that passes straight.
     Light that meets several microfacets is kept, and the base gets what its surface lets through: in a furnace
     everything white keeps 0.98 to 1 of the light, and adds none.
-    Source: glTF 2.0, appendix B, and the extensions KHR_materials_emissive_strength, _ior, _transmission and _volume.
+    Source: glTF 2.0, appendix B, and the extensions KHR_materials_emissive_strength, _ior, _transmission, _volume,
+    _specular and _clearcoat.
     """
 
     kind = PHYSICAL
@@ -186,16 +189,33 @@ class MetallicRoughness(Material):
     is_thin: bool = True
     is_double: bool = True
     name: str = ""
+    specular: float = 1.0
+    specular_colour: Colour = (1.0, 1.0, 1.0)
+    coat: float = 0.0
+    coat_roughness: float = 0.0
+    absorption: Colour = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         _check_texture(self, "MetallicRoughness")
         check_one_of("alpha of MetallicRoughness", self.alpha, ALPHA)
-        for name in ("opacity", "cutoff", "metallic", "roughness", "transmission"):
+        for name in (
+            "opacity",
+            "cutoff",
+            "metallic",
+            "roughness",
+            "transmission",
+            "specular",
+            "coat",
+            "coat_roughness",
+        ):
             number = checked_number(f"{name} of MetallicRoughness", getattr(self, name), 0.0, 1.0)
             object.__setattr__(self, name, number)
         scale = checked_number("normal_scale of MetallicRoughness", self.normal_scale, -1e3, 1e3)
         ior = checked_number("ior of MetallicRoughness", self.ior, 1.0, 1e3)
         emission = checked_colour("emission of MetallicRoughness", self.emission, 1e12)
+        for name in ("specular_colour", "absorption"):
+            colour = checked_colour(f"{name} of MetallicRoughness", getattr(self, name), 1e12)
+            object.__setattr__(self, name, colour)
         set_fields(self, normal_scale=scale, ior=ior, emission=emission)
 
     @property

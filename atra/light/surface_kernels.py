@@ -20,11 +20,12 @@ KIND, COLOUR, TEXTURE, SECOND, SCALE, PARAMETER, VARIANT = 0, 1, 4, 5, 8, 9, 10
 METALLIC, ROUGHNESS, EMISSION, NORMAL_SCALE, TRANSMISSION, OPACITY, CUTOFF, IMAGES, HAS_COLOURS, BACKS = (
     11, 12, 13, 16, 17, 18, 19, 20, 25, 26,
 )  # fmt: skip
-MATERIAL_WORDS = 27
+SPECULAR, TINT, COAT, COAT_ROUGHNESS, ABSORPTION = 27, 28, 31, 32, 33
+MATERIAL_WORDS = 36
 """float64 numbers of a material. KIND: see `scattering.spots_kernels`, also for PARAMETER and VARIANT. COLOUR,
 SECOND, EMISSION: three each. CUTOFF: of a mask; below 0, opacity is a share of light; above 1, all is opaque. IMAGES:
 rows of `textures`, those of `MetallicRoughness.images` (5), -1 = none. HAS_COLOURS: whether those of vertices count.
-BACKS: whether the eye sees them."""
+BACKS: whether the eye sees them. TINT: of SPECULAR (3). ABSORPTION: per unit of length within (3)."""
 
 OF_COLOUR, OF_METAL, OF_NORMALS, OF_EMISSION, OF_TRANSMISSION = 0, 1, 2, 3, 4
 

@@ -166,6 +166,9 @@ def _physical(row: NDArray[np.float64], material: MetallicRoughness, has_colours
     row[words.OPACITY] = material.opacity
     row[words.CUTOFF] = {"opaque": 2.0, "mask": material.cutoff, "blend": -1.0}[material.alpha]
     row[words.HAS_COLOURS], row[words.BACKS] = has_colours, material.is_double
+    row[words.SPECULAR], row[words.TINT : words.TINT + 3] = material.specular, material.specular_colour
+    row[words.COAT], row[words.COAT_ROUGHNESS] = material.coat, material.coat_roughness
+    row[words.ABSORPTION : words.ABSORPTION + 3] = 0.0 if material.is_thin else material.absorption
 
 
 class _Images:

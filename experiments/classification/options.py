@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from atra.errors import InputError
-from experiments.harness.options import check_whole_numbers, option, whole
-from experiments.methods.options import MethodOptions
+from experiments.harness.options import Settings, check_whole_numbers, option, whole
 
 SUBSETS = ("complete", "occupied", "sampled", "hits", "none")
 """Which shafts have lists: all; those of voxels that hold triangles; those that most rays of a sample use; those that
@@ -26,9 +25,10 @@ def _traversal(default: str) -> Any:
 
 
 @dataclass(frozen=True)
-class BvhOptions(MethodOptions):
+class BvhOptions(Settings):
     """Options of rays through our BVH. All find the same hits."""
 
+    section = "method"
     traversal: str = _traversal("push")
 
 

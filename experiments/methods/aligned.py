@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from experiments.drawing.style import BLUE
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Method, Style, Tracing
-from experiments.harness.options import option
-from experiments.methods.options import VERIFIED, AlignedCellOptions, keywords_of, resolve_split, say_robust
+from experiments.harness.options import Settings, option
+from experiments.methods import options as common
 
 # The tracer is imported when one is made: the help of the command line has no time for it.
 if TYPE_CHECKING:
@@ -20,9 +20,15 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class AlignedOptions(AlignedCellOptions):
+class AlignedOptions(Settings):
     """An instance is always the whole mesh, so culling is off where there are any."""
 
+    section = "method"
+    split_x: int | None = common.split_x_option()
+    split_y: int = common.split_y_option()
+    packet_width: int | None = common.packet_width_option()
+    robust: bool = common.robust_option()
+    packet_rows: int | None = common.packet_rows_option()
     geometry: str = option(
         "copied",
         "copied = a sheared copy of the triangles per cell, instanced = one Embree instance of them per cell",
@@ -40,21 +46,21 @@ class AlignedOptions(AlignedCellOptions):
 def _make(mesh: Mesh, view: View, options: AlignedOptions, tracing: Tracing) -> Tracer:
     from atra.alignment.aligned import AlignedTracer
 
-    return AlignedTracer(mesh, view, options.split, **keywords_of(AlignedTracer, options, tracing))
+    return AlignedTracer(mesh, view, common.split_of(options), **common.keywords_of(AlignedTracer, options, tracing))
 
 
 def _resolve(options: AlignedOptions, width: int) -> AlignedOptions:
-    resolved: Any = resolve_split(options, width)
+    resolved = common.resolve_split(options, width)
     return replace(resolved, culling=False) if resolved.geometry == "instanced" else resolved
 
 
 def _variant(row: Mapping[str, Any]) -> str:
     place = ["reference rays of the first cell"] if row.get("reference") == "first_cell" else []
     if row.get("geometry") == "instanced":
-        return ", ".join(["instanced", *place, *say_robust(row)])
+        return ", ".join(["instanced", *place, *common.say_robust(row)])
     culling = row.get("culling")
     culled = [] if culling is None else [f"culling {'on' if culling else 'off'}"]
-    return ", ".join([*culled, *place, *say_robust(row)])
+    return ", ".join([*culled, *place, *common.say_robust(row)])
 
 
 ALIGNED = Method(
@@ -68,6 +74,6 @@ ALIGNED = Method(
     _variant,
     counters=(
         Column("triangles_left_out", WHOLE, "triangles left to the second pass, as no copy may show them"),
-        VERIFIED,
+        common.VERIFIED,
     ),
 )

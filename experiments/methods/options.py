@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from inspect import signature
 from typing import Any, TypeVar
 
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import LANES, Tracing
-from experiments.harness.options import Settings, option, whole
-
-
-class MethodOptions(Settings):
-    """Options of a method of ours."""
-
-    section = "method"
+from experiments.harness.options import option, whole
 
 
 def keywords_of(make: Callable[..., Any], options: Any, tracing: Tracing) -> dict[str, Any]:
@@ -24,16 +18,29 @@ def keywords_of(make: Callable[..., Any], options: Any, tracing: Tracing) -> dic
     return {name: known[name] for name in signature(make).parameters if name in known}
 
 
+def split_x_option() -> Any:
+    """The option `split_x` of methods with cells; None = the largest power of two up to 128 that divides the width."""
+    return whole(None, "columns of cells", 1)
+
+
+def split_y_option() -> Any:
+    """The option `split_y` of methods with cells."""
+    return whole(1, "rows of cells", 1)
+
+
 def packet_width_option() -> Any:
     """The option `packet_width` of methods on Embree."""
     return option(None, "rays in a packet; 1 = single rays, null = the widest native packets", choices=(1, *LANES))
 
 
-def robust_option(
-    help: str = "no ray slips through between two triangles; off: Embree's fast setting, as in the paper",
-) -> Any:
+def packet_rows_option() -> Any:
+    """The option `packet_rows` of methods with aligned rays."""
+    return option(None, "rows of pixels in a packet; null = the best fit for the cell", null="automatic")
+
+
+def robust_option() -> Any:
     """The option `robust`. The paper, and all tables without the column, measured Embree's fast setting."""
-    return option(False, help)
+    return option(False, "no ray slips through between two triangles; off: Embree's fast setting, as in the paper")
 
 
 def say_robust(row: Mapping[str, Any]) -> list[str]:
@@ -45,48 +52,24 @@ _LARGEST_DEFAULT_SPLIT = 128
 
 VERIFIED = Column("packets_verified", WHOLE, "packets of pixels traced again in the second pass of a frame")
 
-Cells = TypeVar("Cells", bound="SplitOptions")
+Options = TypeVar("Options")
 
 
-@dataclass(frozen=True)
-class SplitOptions(MethodOptions):
-    """split_x: None = the largest power of two up to 128 that divides the width. Raises InputError for values no image
-    could use."""
-
-    split_x: int | None = whole(None, "columns of cells", 1)
-    split_y: int = whole(1, "rows of cells", 1)
-
-    @property
-    def split(self) -> tuple[int, int]:
-        """The split; the options must be resolved."""
-        assert self.split_x is not None
-        return self.split_x, self.split_y
+def split_of(options: Any) -> tuple[int, int]:
+    """Columns and rows of cells; the options must be resolved."""
+    assert options.split_x is not None
+    return options.split_x, options.split_y
 
 
-@dataclass(frozen=True)
-class CellOptions(SplitOptions):
-    """Options of methods on Embree that split the image into cells."""
-
-    packet_width: int | None = packet_width_option()
-    robust: bool = robust_option()
-
-
-@dataclass(frozen=True)
-class AlignedCellOptions(CellOptions):
-    """Options of methods with aligned rays."""
-
-    packet_rows: int | None = option(
-        None, "rows of pixels in a packet; null = the best fit for the cell", null="automatic"
-    )
-
-
-def resolve_split(options: Cells, width: int) -> Cells:
+def resolve_split(options: Options, width: int) -> Options:
     """The options with split_x set; width & -width is the largest power of two that divides the width."""
-    if options.split_x is not None:
+    given: Any = options
+    if given.split_x is not None:
         return options
-    return replace(options, split_x=min(_LARGEST_DEFAULT_SPLIT, width & -width))
+    resolved: Options = replace(given, split_x=min(_LARGEST_DEFAULT_SPLIT, width & -width))
+    return resolved
 
 
 def two_cells(options: Any) -> Any:
     """The options with at most two cells along each axis."""
-    return replace(options, split_x=min(options.split[0], 2), split_y=min(options.split[1], 2))
+    return replace(options, split_x=min(options.split_x, 2), split_y=min(options.split_y, 2))

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.drawing.style import GREEN, TIMES
 from experiments.harness.method import BUILD_QUALITIES, Method, Style, Tracing
-from experiments.harness.options import option
-from experiments.methods.options import MethodOptions, keywords_of, packet_width_option, robust_option
+from experiments.harness.options import Settings, option
+from experiments.methods.options import keywords_of, packet_width_option, robust_option
 
 # The tracer is imported when one is made: the help of the command line has no time for it.
 if TYPE_CHECKING:
@@ -22,9 +22,10 @@ SAME = "same"
 
 
 @dataclass(frozen=True)
-class PixelOptions(MethodOptions):
+class PixelOptions(Settings):
     """What an expert would try."""
 
+    section = "method"
     packet_width: int | None = packet_width_option()
     robust: bool = robust_option()
     packet_rows: int | None = option(

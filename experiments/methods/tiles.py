@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.alignment.cells import CellOptions as TracedOptions
+from atra.alignment.cells import CellOptions
 from atra.compiled.threads import WorkerPool
 from atra.embree.callbacks_kernels import memory_monitor
 from atra.embree.device import EmbreeDevice
@@ -30,7 +30,8 @@ from atra.tracing.rays import SQUAREST_SHAPE, check_pinhole, image_ray_grid
 from atra.tracing.tracer import Tracer
 from experiments.drawing.style import ORANGE
 from experiments.harness.method import Method, Style, Tracing
-from experiments.methods.options import CellOptions, keywords_of, resolve_split, say_robust
+from experiments.harness.options import Settings
+from experiments.methods import options as common
 from experiments.methods.tiles_kernels import CellScenes, list_cells, tile_kernel
 
 
@@ -73,7 +74,7 @@ class Tiles(TracingMethod):
     """
 
     split: tuple[int, int]
-    options: TracedOptions = field(default_factory=TracedOptions)
+    options: CellOptions = field(default_factory=CellOptions)
 
     @property
     def rays_per_packet(self) -> int:
@@ -111,7 +112,7 @@ class PreparedTiles(Prepared):
         )  # fmt: skip
         self.build_time_s = perf_counter() - start
 
-    def _plan(self, mesh: Mesh, options: TracedOptions) -> AlignedGeometry:
+    def _plan(self, mesh: Mesh, options: CellOptions) -> AlignedGeometry:
         split, pool = self._split, self._pool
         vertices = padded_vertices(len(mesh.vertices))
         points_pixels, vertices[:] = project_mesh(mesh, self._camera, pool)
@@ -174,17 +175,28 @@ def TiledTracer(
 
     Raises InputError for a split that does not divide the image, MemoryBudgetError before allocating.
     """
-    options = TracedOptions(
+    options = CellOptions(
         packet_width=packet_width, build_quality=build_quality, robust=robust, memory_budget_bytes=memory_budget_bytes
     )
     return Tracer(mesh, camera, Tiles(split, options), threads=threads, ties=ties)
 
 
-def _make(mesh: Mesh, view: View, options: CellOptions, tracing: Tracing) -> Tracer:
-    return TiledTracer(mesh, view, options.split, **keywords_of(TiledTracer, options, tracing))
+@dataclass(frozen=True)
+class TilesOptions(Settings):
+    """Cells and packets."""
+
+    section = "method"
+    split_x: int | None = common.split_x_option()
+    split_y: int = common.split_y_option()
+    packet_width: int | None = common.packet_width_option()
+    robust: bool = common.robust_option()
+
+
+def _make(mesh: Mesh, view: View, options: TilesOptions, tracing: Tracing) -> Tracer:
+    return TiledTracer(mesh, view, common.split_of(options), **common.keywords_of(TiledTracer, options, tracing))
 
 
 TILES = Method(
-    "tiles", "culled tiles", Style(ORANGE, "s"), CellOptions, _make, __name__, resolve_split,
-    variant=lambda row: ", ".join(say_robust(row)),
+    "tiles", "culled tiles", Style(ORANGE, "s"), TilesOptions, _make, __name__, common.resolve_split,
+    variant=lambda row: ", ".join(common.say_robust(row)),
 )  # fmt: skip

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from atra.alignment.visible_first import VisibleFirstTracer
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
@@ -9,21 +11,36 @@ from atra.tracing.tracer import Tracer
 from experiments.drawing.style import VERMILLION
 from experiments.harness.column import REAL, Column
 from experiments.harness.method import Method, Style, Tracing
-from experiments.methods.options import VERIFIED, AlignedCellOptions, keywords_of, resolve_split, say_robust
+from experiments.harness.options import Settings
+from experiments.methods import options as common
 
 
-def _make(mesh: Mesh, view: View, options: AlignedCellOptions, tracing: Tracing) -> Tracer:
-    return VisibleFirstTracer(mesh, view, options.split, **keywords_of(VisibleFirstTracer, options, tracing))
+@dataclass(frozen=True)
+class VisibleFirstOptions(Settings):
+    """Cells and packets."""
+
+    section = "method"
+    split_x: int | None = common.split_x_option()
+    split_y: int = common.split_y_option()
+    packet_width: int | None = common.packet_width_option()
+    robust: bool = common.robust_option()
+    packet_rows: int | None = common.packet_rows_option()
+
+
+def _make(mesh: Mesh, view: View, options: VisibleFirstOptions, tracing: Tracing) -> Tracer:
+    return VisibleFirstTracer(
+        mesh, view, common.split_of(options), **common.keywords_of(VisibleFirstTracer, options, tracing)
+    )
 
 
 VISIBLE_FIRST = Method(
     "visible_first",
     "visible-first",
     Style(VERMILLION, "D"),
-    AlignedCellOptions,
+    VisibleFirstOptions,
     _make,
     __name__,
-    resolve_split,
-    variant=lambda row: ", ".join(say_robust(row)),
-    counters=(VERIFIED, Column("probe_time_s", REAL, "the probe, part of the plan")),
+    common.resolve_split,
+    variant=lambda row: ", ".join(common.say_robust(row)),
+    counters=(common.VERIFIED, Column("probe_time_s", REAL, "the probe, part of the plan")),
 )

@@ -22,7 +22,7 @@ from atra.tracing.tracer import Tracer
 from experiments.harness.environment import peak_rss_bytes, reset_peak_rss, rss_bytes
 from experiments.harness.point import Measured, Point, make_own
 from experiments.harness.rounds import RoundSamples, measure_rounds
-from experiments.methods.options import two_cells
+from experiments.methods.options import split_of, two_cells
 from experiments.methods.pixel import PixelOptions, make_pixel
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE
 from experiments.workloads.resources import Prepared, Resources
@@ -159,11 +159,11 @@ def shrunk(point: Point) -> Point:
     """The point with at most two cells along each axis; they keep their size, which decides the kernel."""
     if not point.method.has_cells:
         return point
-    split_x, split_y = point.options.split
+    split = split_of(point.options)
     options = two_cells(point.options)
     width, height = (
         cells * (whole // split)
-        for cells, whole, split in zip(options.split, (point.width, point.height), (split_x, split_y), strict=True)
+        for cells, whole, split in zip(split_of(options), (point.width, point.height), split, strict=True)
     )
     return replace(point, width=width, height=height, options=options)
 

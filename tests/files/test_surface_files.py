@@ -154,6 +154,11 @@ EXPLAINED = {
 }
 
 
+def outcomes(folders: list[Path]) -> Iterator[tuple[Path, str, str, str]]:
+    readers = Independent()
+    return ((path, *compare(path, readers)) for path in surface_files(folders))
+
+
 @pytest.mark.skipif(
     not any(find_spec(name) for name in ("pymeshlab", "open3d", "pyvista")), reason="needs an independent reader"
 )
@@ -161,24 +166,17 @@ EXPLAINED = {
 @pytest.mark.uncovered
 def test_files_of_installed_packages_measure_as_an_independent_reader_says():
     folders = [Path(name) for name in os.environ.get("ATRA_SURFACE_FILES", sysconfig.get_path("purelib")).split(":")]
-    outcomes, readers = Counter(), Independent()
-    for path in surface_files(folders):
-        outcome, ours, told = compare(path, readers)
-        outcomes[outcome] += 1
+    counts = Counter()
+    for path, outcome, ours, told in outcomes(folders):
+        counts[outcome] += 1
         assert outcome != "differ" or path.name in EXPLAINED, f"{path}: {ours}, but {told}"
-    if not outcomes["agree"]:
+    if not counts["agree"]:
         pytest.skip("no package that is installed ships surface files")
 
 
-def main(folders: list[Path]) -> None:
-    counts: Counter[str] = Counter()
-    readers = Independent()
-    for path in surface_files(folders):
-        outcome, ours, told = compare(path, readers)
+if __name__ == "__main__":
+    counts = Counter()
+    for path, outcome, ours, told in outcomes([Path(name) for name in sys.argv[1:] or [sysconfig.get_path("purelib")]]):
         counts[outcome] += 1
         print(f"{outcome}: {path.parent.name}/{path.name}: {ours} | {told}", flush=True)
     print(dict(counts))
-
-
-if __name__ == "__main__":
-    main([Path(name) for name in sys.argv[1:]] or [Path(sysconfig.get_path("purelib"))])

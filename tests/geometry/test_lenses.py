@@ -1,6 +1,7 @@
 """Lenses: as OpenCV projects through them, back again, and up to where they fold over."""
 
 import pickle
+from itertools import product
 
 import numpy as np
 import pytest
@@ -33,27 +34,20 @@ def seen_points(camera):
     return (origins + 2.0 * directions)[sees], pixels_of(camera)[sees]
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_opencv_projects_what_a_pixel_sees_to_its_centre(seed):
-    random = np.random.default_rng(seed)
-    coefficients = (random.normal(size=14) * SIZES)[: (4, 5, 8, 12, 14)[seed % 5]]
-    camera = camera_with(coefficients)
-    points, pixels = seen_points(camera)
-    assert len(points) > 1000
-    turn, _ = cv2.Rodrigues(camera.axes)
-    projected, _ = cv2.projectPoints(points, turn, -camera.axes @ np.array(camera.eye), K, coefficients)
-    np.testing.assert_allclose(projected[:, 0] + 0.5, pixels, rtol=0, atol=1e-9)
+FISHEYE_SIZES = (0.1, 0.05, 0.01, 0.005)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_opencv_projects_what_a_pixel_sees_through_a_fisheye_to_its_centre(seed):
-    coefficients = np.random.default_rng(seed).normal(size=4) * [0.1, 0.05, 0.01, 0.005]
-    camera = camera_with(coefficients, "fisheye")
+@pytest.mark.parametrize(("model", "seed"), [*product(["pinhole"], range(5)), *product(["fisheye"], range(4))])
+def test_opencv_projects_what_a_pixel_sees_to_its_centre(model, seed):
+    count, sizes = ((4, 5, 8, 12, 14)[seed % 5], SIZES) if model == "pinhole" else (4, FISHEYE_SIZES)
+    coefficients = (np.random.default_rng(seed).normal(size=len(sizes)) * sizes)[:count]
+    camera = camera_with(coefficients, model)
     points, pixels = seen_points(camera)
-    ahead = camera.to_camera_space(points)[:, 2] > 1e-3  # OpenCV mirrors what is behind
+    ahead = camera.to_camera_space(points)[:, 2] > 1e-3  # OpenCV's fisheye mirrors what is behind
+    assert ahead.sum() > 1000
     turn, _ = cv2.Rodrigues(camera.axes)
-    translation = -camera.axes @ np.array(camera.eye)
-    projected, _ = cv2.fisheye.projectPoints(points[ahead][:, None], turn, translation, K, coefficients)
+    project = cv2.projectPoints if model == "pinhole" else cv2.fisheye.projectPoints
+    projected, _ = project(points[ahead][:, None], turn, -camera.axes @ np.array(camera.eye), K, coefficients)
     np.testing.assert_allclose(projected[:, 0] + 0.5, pixels[ahead], rtol=0, atol=1e-9)
 
 
@@ -62,15 +56,10 @@ def assert_projects_back(camera):
     np.testing.assert_allclose(camera.project(points), pixels, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("seed", range(12))
-def test_what_a_pixel_sees_is_projected_back_to_it(seed):
-    assert_projects_back(lens_camera(random_lens(np.random.default_rng(seed)), PLACED))
-
-
-@pytest.mark.slow
-def test_what_pixels_of_a_thousand_lenses_see_is_projected_back_to_them():
+@pytest.mark.parametrize("count", [12, pytest.param(1000, marks=pytest.mark.slow)])
+def test_what_a_pixel_sees_is_projected_back_to_it(count):
     random = np.random.default_rng(0)
-    for _ in range(1000):
+    for _ in range(count):
         assert_projects_back(lens_camera(random_lens(random), PLACED, focal=random.uniform(0.3, 3.0)))
 
 

@@ -5,8 +5,8 @@ import pytest
 
 from atra import light
 from atra.compiled.store import float_kernel
+from atra.light.scattering.coat_kernels import coated_clear_light, coated_direction, coated_value
 from atra.light.scattering.lost_kernels import lost, lost_mean, risen, risen_mean
-from atra.light.scattering.physical_kernels import clear_light, physical_direction, physical_value
 from atra.light.scattering.spots_kernels import Matter
 
 F = np.float32
@@ -15,7 +15,7 @@ F = np.float32
 @float_kernel
 def chosen(matter, out, numbers, directions, weights, densities):
     for k in range(len(numbers)):
-        way, weight, density = physical_direction(
+        way, weight, density = coated_direction(
             matter, (out[0], out[1], out[2]), numbers[k, 0], numbers[k, 1], numbers[k, 2]
         )
         for axis in range(3):
@@ -26,7 +26,7 @@ def chosen(matter, out, numbers, directions, weights, densities):
 @float_kernel
 def valued(matter, outs, ways, values, densities):
     for k in range(len(ways)):
-        value, density = physical_value(
+        value, density = coated_value(
             matter, (outs[k, 0], outs[k, 1], outs[k, 2]), (ways[k, 0], ways[k, 1], ways[k, 2])
         )
         for axis in range(3):
@@ -34,8 +34,14 @@ def valued(matter, outs, ways, values, densities):
         densities[k] = density
 
 
-def matter(metallic=0.0, roughness=0.5, transmission=0.0, ior=1.5, is_thin=True, colour=(1.0, 1.0, 1.0)):
-    return Matter(tuple(F(c) for c in colour), F(metallic), F(roughness**2), F(transmission), F(ior), is_thin)
+def matter(
+    metallic=0.0, roughness=0.5, transmission=0.0, ior=1.5, is_thin=True, colour=(1.0, 1.0, 1.0), specular=1.0,
+    tint=(1.0, 1.0, 1.0), coat=0.0, coat_roughness=0.3,
+):  # fmt: skip
+    least = tuple(F(specular * min(1.0, one * ((ior - 1) / (ior + 1)) ** 2)) for one in tint)
+    coating = least, F(specular), F(coat), F(coat_roughness**2)
+    colour = tuple(F(c) for c in colour)
+    return Matter(colour, F(metallic), F(roughness**2), F(transmission), F(ior), is_thin, *coating)
 
 
 def sampled(made, cosine, count=1 << 16):
@@ -68,6 +74,7 @@ FURNACE = {
     "metal": {"metallic": 1.0}, "plastic": {}, "pane": {"transmission": 1.0},
     "glass": {"transmission": 1.0, "is_thin": False}, "half metal, half pane": {"metallic": 0.5, "transmission": 0.5},
     "half solid glass": {"transmission": 0.5, "is_thin": False},
+    "tinted plastic": {"specular": 0.6, "tint": (3.0, 1.0, 0.2)},
 }  # fmt: skip
 
 
@@ -80,7 +87,7 @@ def test_in_a_furnace_everything_white_of_any_roughness_keeps_all_light_and_adds
             for one in iors:
                 made = matter(roughness=roughness, ior=one, **FURNACE[name])
                 weights = sampled(made, cosine, 1 << 14)[1][:, 0].astype(float)
-                straight = clear_light(made, F(cosine))[0] if roughness**2 < 1e-3 and made.is_thin else 0.0
+                straight = coated_clear_light(made, F(cosine))[0] if roughness**2 < 1e-3 and made.is_thin else 0.0
                 noise = 4 * weights.std() / np.sqrt(len(weights))
                 assert 0.98 - noise < weights.mean() + straight < 1.0 + noise + 1e-6
 
@@ -105,7 +112,7 @@ def test_rough_glass_that_bends_no_light_lets_all_of_it_straight_on(ior, roughne
     np.testing.assert_allclose(directions, np.broadcast_to([-0.8, 0, -0.6], directions.shape), atol=1e-6)
     np.testing.assert_allclose(weights, 1.0, atol=1e-6)
     assert not densities.any()
-    assert clear_light(made, F(0.6))[0] == pytest.approx(1.0, abs=1e-5)
+    assert coated_clear_light(made, F(0.6))[0] == pytest.approx(1.0, abs=1e-5)
     assert light.MetallicRoughness(roughness=roughness, transmission=1.0, ior=1.0, is_thin=False).clear_share == 1.0
 
 
@@ -170,6 +177,8 @@ MIXED = {
     "half pane": matter(0.2, 0.5, 0.5, colour=(0.8, 0.9, 0.7)),
     "glass": matter(0.0, 0.6, 1.0, is_thin=False),
     "glass from within": matter(0.0, 0.6, 1.0, 1 / 1.5, False),
+    "coated plastic": matter(0.0, 0.6, colour=(0.8, 0.4, 0.2), coat=1.0, specular=0.7, tint=(1.0, 0.5, 0.0)),
+    "coated glass": matter(0.0, 0.6, 1.0, is_thin=False, coat=0.5, coat_roughness=0.5),
 }
 
 
@@ -199,7 +208,7 @@ def test_weights_of_chosen_directions_add_up_to_the_integral_of_what_is_scattere
     np.testing.assert_allclose(weights.astype(float).mean(0), values.astype(float).mean(0) * 4 * np.pi, rtol=0.02)
 
 
-@pytest.mark.parametrize("name", ["plastic", "half metal", "metal", "half pane"])
+@pytest.mark.parametrize("name", ["plastic", "half metal", "metal", "half pane", "coated plastic"])
 def test_light_takes_each_way_in_both_directions_alike(name):
     rng = np.random.default_rng(3)
     there, back = rng.normal(size=(2, 400, 3))
@@ -223,3 +232,20 @@ def test_light_takes_each_way_through_rough_glass_in_both_directions_alike_but_f
     other, _ = values_of(matter(0.0, 0.7, 1.0, 1 / ior, False), back, there * flipped)
     assert (one > 1e-4).any(axis=1).sum() > 50
     np.testing.assert_allclose(one / back[:, 2:], other * ior**2 / there[:, 2:], rtol=5e-3, atol=1e-5)
+
+
+@pytest.mark.parametrize("coat_roughness", [0.0, 0.2, 0.6, 1.0])
+def test_a_coat_adds_no_light_and_takes_hardly_any_from_what_is_white(coat_roughness):
+    for name, given in FURNACE.items():
+        for roughness, cosine in ((0.2, 0.3), (0.2, 1.0), (0.7, 0.1), (0.7, 0.6)):
+            weights = sampled(matter(roughness=roughness, coat=1.0, coat_roughness=coat_roughness, **given), cosine)[1]
+            light = weights[:, 0].astype(float)
+            noise = 4 * light.std() / np.sqrt(len(light))
+            assert 0.9 - noise < light.mean() < 1.0 + noise + 1e-6, (name, roughness, cosine)
+
+
+def test_a_smooth_coat_over_black_mirrors_as_fresnel_says():
+    made = matter(colour=(0.0, 0.0, 0.0), specular=0.0, coat=0.5, coat_roughness=0.0)
+    for cosine in (0.1, 0.5, 1.0):
+        expected = 0.5 * (0.04 + 0.96 * (1 - cosine) ** 5)
+        assert sampled(made, cosine)[1][:, 0].mean() == pytest.approx(expected, abs=5e-3)

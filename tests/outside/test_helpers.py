@@ -73,9 +73,6 @@ IMPORTS = {
         {"mine": "from inner import shifted\n", "inner/__init__": "from .shifting import shifted\n"},
         "inner/shifting",
     ),
-    "by its name": (
-        {"mine": "from importlib import import_module\nshifted = import_module('shifting').shifted\n"}, "shifting",
-    ),
 }  # fmt: skip
 
 

@@ -13,7 +13,8 @@ from atra.errors import InputError, printable
 from atra.files.folder import Folder
 from atra.files.gltf.nodes import nodes_of, places_of
 from atra.files.gltf.numbers import Numbers
-from atra.files.gltf.primitives import DRACO, FAN, TRIANGLES, claimed_rows, read_primitive
+from atra.files.gltf.packed import DRACO, MESHOPT
+from atra.files.gltf.primitives import FAN, TRIANGLES, claimed_rows, read_primitive
 from atra.files.gltf.tree import entry, gltf_tree, without
 from atra.files.meshes.parts import NONE, MeshFile, Part, check_rows, placed_part
 from atra.files.reading import Allowance
@@ -24,7 +25,7 @@ _BYTES_PER_PART = 20_000
 _BYTES_PER_NODE = 500
 """Memory for a node, however empty."""
 
-_READ = {DRACO, "KHR_mesh_quantization", "EXT_mesh_gpu_instancing"}
+_READ = {DRACO, *MESHOPT, "KHR_mesh_quantization", "EXT_mesh_gpu_instancing"}
 _NOT_GEOMETRY = re.compile(r"[A-Z]+_(?:materials?|textures?|lights?)_\w+")
 """Extensions that a file may require."""
 

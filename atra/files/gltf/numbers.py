@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.files.folder import Folder
+from atra.files.gltf.packed import MESHOPT, meshopt_bytes
 from atra.files.gltf.tree import entry, glb_chunks
 
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
@@ -17,13 +18,16 @@ _NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
 class Numbers:
-    """The accessors and buffer views of a glTF or GLB; buffers are read once, when needed."""
+    """The accessors and buffer views of a glTF or GLB; buffers are read once, when needed. decoded: (N, size) numbers
+    of accessors that are compressed."""
 
     def __init__(self, tree: Any, content: bytes, suffix: str, folder: Folder) -> None:
         self._tree, self._folder = tree, folder
         rest = glb_chunks(content)[1] if suffix == "glb" else memoryview(b"")
         self._chunk = rest[8 : 8 + int.from_bytes(rest[:4], "little")] if len(rest) >= 8 else None
         self._buffers: dict[int | Path, memoryview] = {}
+        self._views: dict[int, memoryview] = {}
+        self.decoded: dict[int, NDArray[Any]] = {}
 
     def view(self, number: Any) -> bytes:
         """The bytes of a buffer view."""
@@ -31,6 +35,14 @@ class Numbers:
 
     def _view(self, number: Any) -> memoryview:
         view = entry(self._tree, "bufferViews", number)
+        packed = next((view["extensions"][name] for name in MESHOPT if name in view.get("extensions", {})), None)
+        if packed is not None:
+            if number not in self._views:
+                self._views[number] = memoryview(meshopt_bytes(bytes(self._bytes(number, packed)), packed))
+            return self._views[number]
+        return self._bytes(number, view)
+
+    def _bytes(self, number: int, view: Any) -> memoryview:
         buffer = self._buffer(view["buffer"])
         start, length = view.get("byteOffset", 0), view["byteLength"]
         if not 0 <= start <= start + length <= len(buffer):
@@ -82,6 +94,8 @@ class Numbers:
     def rows(self, number: Any) -> tuple[Any, NDArray[Any]]:
         """An accessor, and its (N, size) numbers as they are stored."""
         (count, size), accessor = self.shape(number), entry(self._tree, "accessors", number)
+        if number in self.decoded:
+            return accessor, self.decoded[number]
         dtype = np.dtype(_TYPES[accessor["componentType"]])
         start = accessor.get("byteOffset", 0)
         if "bufferView" in accessor:

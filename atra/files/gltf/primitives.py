@@ -9,13 +9,12 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.files.gltf.numbers import Numbers
+from atra.files.gltf.packed import DRACO, draco_rows
 from atra.files.gltf.tree import entry
 from atra.files.meshes.parts import check_indices
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
 """Modes of a primitive of triangles; lower ones are points and lines."""
-
-DRACO = "KHR_draco_mesh_compression"
 
 
 def triangles_of_mode(mode: int, corners: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -39,29 +38,27 @@ def claimed_rows(primitive: Any, numbers: Numbers) -> int:
 
 def read_primitive(tree: Any, primitive: Any, numbers: Numbers) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Vertices (V, 3) float64 and triangles (F, 3) int64. Raises InputError for an index without vertex."""
-    compressed = primitive.get("extensions", {}).get(DRACO)
-    if compressed is not None:
-        vertices, faces = _decompressed(numbers.view(compressed["bufferView"]))
-    else:
-        position, indices = primitive["attributes"]["POSITION"], primitive.get("indices")
-        for number in (position, *(() if indices is None else (indices,))):
-            accessor = entry(tree, "accessors", number)
-            if "bufferView" not in accessor and "sparse" not in accessor:
-                raise InputError(f"accessor {number} has no numbers, or compressed ones; export it plainly")
-        vertices = numbers.floats(position, 3)
-        corners = np.arange(len(vertices)) if indices is None else numbers.whole(indices)
-        faces = triangles_of_mode(primitive.get("mode", TRIANGLES), corners)
+    decode_primitive(primitive, numbers)
+    position, indices = primitive["attributes"]["POSITION"], primitive.get("indices")
+    for number in (position, *(() if indices is None else (indices,))):
+        accessor = entry(tree, "accessors", number)
+        if "bufferView" not in accessor and "sparse" not in accessor and number not in numbers.decoded:
+            raise InputError(f"accessor {number} has no numbers, or compressed ones; export it plainly")
+    vertices = numbers.floats(position, 3)
+    corners = np.arange(len(vertices)) if indices is None else numbers.whole(indices)
+    faces = triangles_of_mode(primitive.get("mode", TRIANGLES), corners)
     check_indices(np.broadcast_to(3, len(faces)), faces.ravel(), len(vertices))
     return vertices, faces
 
 
-def _decompressed(content: bytes) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    try:
-        import DracoPy
-    except ImportError:
-        raise InputError(
-            f"a primitive is compressed by {DRACO}, which the package DracoPy reads: pip install DracoPy; or export it "
-            "without"
-        ) from None
-    found = DracoPy.decode(content)
-    return np.array(found.points, np.float64).reshape(-1, 3), np.array(found.faces, np.int64).reshape(-1, 3)
+def decode_primitive(primitive: Any, numbers: Numbers) -> None:
+    """Let the accessors of a primitive that Draco compresses have their numbers; others have them already."""
+    compressed = primitive.get("extensions", {}).get(DRACO)
+    if compressed is None:
+        return
+    accessors = primitive["attributes"]
+    named = {name: number for name, number in compressed["attributes"].items() if name in accessors}
+    rows, corners = draco_rows(numbers.view(compressed["bufferView"]), named)
+    numbers.decoded |= {accessors[name]: found for name, found in rows.items()}
+    if "indices" in primitive:
+        numbers.decoded[primitive["indices"]] = corners.astype(np.uint32)[:, None]

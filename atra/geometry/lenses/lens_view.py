@@ -68,14 +68,7 @@ class LensView(View):
 
     @property
     def plane(self) -> ImagePlane:
-        raise self._refusal()
-
-    @property
-    def to_pixels(self) -> NDArray[np.float64]:
-        raise self._refusal()
-
-    def _refusal(self) -> InputError:
-        return InputError(f"a plane with a regular grid of pixels is needed, but {bends_rays(self.lens)}")
+        raise InputError(f"a plane with a regular grid of pixels is needed, but {bends_rays(self.lens)}")
 
     @property
     def pixel_pitch(self) -> float:

@@ -67,8 +67,12 @@ def sequence_key(number, seed):  # type: ignore[no-untyped-def]
 @njit(forceinline=True)
 def _white(spot):  # type: ignore[no-untyped-def]
     """The same place of a surface that reflects all light equally to all sides."""
-    matter = Matter(WHITE, ZERO, ONE, ZERO, ONE, False)
-    return Spot(spot.point, spot.normal, spot.shaded, np.int64(LAMBERTIAN), spot.material, False, matter)
+    return Spot(spot.point, spot.normal, spot.shaded, np.int64(LAMBERTIAN), spot.material, False, _white_matter())
+
+
+@njit(forceinline=True)
+def _white_matter():  # type: ignore[no-untyped-def]
+    return Matter(WHITE, ZERO, ONE, ZERO, ONE, False, BLACK, ZERO, ZERO, ZERO)
 
 
 @njit(forceinline=True)
@@ -183,9 +187,8 @@ def light_probes(  # type: ignore[no-untyped-def]
             (np.float64(place[0]), np.float64(place[1]), np.float64(place[2])),
             sequence_key(probe, charts.seed),
         )
-        spot = Spot(
-            point, nowhere, nowhere, np.int64(NOTHING), np.int64(0), False, Matter(WHITE, ZERO, ONE, ZERO, ONE, False)
-        )
+        kind, material = np.int64(NOTHING), np.int64(0)
+        spot = Spot(point, nowhere, nowhere, kind, material, False, _white_matter())
         for sample in range(samples):
             if is_aimed:
                 light, kind, towards, traced = aimed(

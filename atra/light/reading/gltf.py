@@ -12,7 +12,8 @@ from atra.errors import InputError
 from atra.files.folder import Folder
 from atra.files.gltf.nodes import nodes_of, places_of
 from atra.files.gltf.numbers import Numbers
-from atra.files.gltf.primitives import FAN, STRIP, TRIANGLES, triangles_of_mode
+from atra.files.gltf.packed import DRACO, MESHOPT
+from atra.files.gltf.primitives import FAN, STRIP, TRIANGLES, decode_primitive, triangles_of_mode
 from atra.files.gltf.tree import entry, gltf_tree, without
 from atra.files.reading import Allowance, read_regular_file
 from atra.geometry.mesh import Mesh
@@ -23,9 +24,9 @@ from atra.light.reading.rows import sound_normals
 from atra.light.scene import ScenePart
 
 _KNOWN = EXTENSIONS | {
-    "KHR_lights_punctual", "KHR_mesh_quantization", "EXT_mesh_gpu_instancing", "KHR_materials_volume",
-    "KHR_materials_unlit", "KHR_materials_variants", "KHR_materials_clearcoat", "KHR_materials_sheen",
-    "KHR_materials_specular", "KHR_materials_iridescence", "KHR_materials_anisotropy", "KHR_materials_dispersion",
+    DRACO, *MESHOPT, "KHR_lights_punctual", "KHR_mesh_quantization", "EXT_mesh_gpu_instancing",
+    "KHR_materials_variants", "KHR_materials_sheen", "KHR_materials_iridescence", "KHR_materials_anisotropy",
+    "KHR_materials_dispersion",
 }  # fmt: skip
 """Extensions without which a file can be shown, though those of materials may be left out."""
 
@@ -93,14 +94,14 @@ def _primitive(
     """A primitive's triangles, None if it has none."""
     mode, attributes = given.get("mode", TRIANGLES), given["attributes"]
     for name in given.get("extensions", {}):
-        if name == "KHR_draco_mesh_compression":
-            raise InputError(f"a primitive is compressed by KHR_draco_mesh_compression; {without(name)}")
-        left_out[str(name)] = None
+        if name not in _KNOWN:
+            left_out[str(name)] = None
     if mode not in (TRIANGLES, STRIP, FAN):
         left_out["points and lines"] = None
         return None
     if "targets" in given:
         left_out["morph targets"] = None
+    decode_primitive(given, numbers)
     vertices = numbers.floats(attributes["POSITION"], 3)
     corners = numbers.whole(given["indices"]) if "indices" in given else np.arange(len(vertices))
     allowance.check(f"{len(vertices) + len(corners):,} rows", (len(vertices) + len(corners)) * _BYTES_PER_ROW)
@@ -114,6 +115,8 @@ def _primitive(
         rows[key] = _rows(numbers, attributes, name, size, len(vertices), left_out)
     colours = None
     if "COLOR_0" in attributes:
+        if materials.is_unlit(given.get("material")):
+            left_out["colours of vertices without light"] = None
         size = numbers.shape(attributes["COLOR_0"])[1]
         colours = _rows(numbers, attributes, "COLOR_0", size, len(vertices), left_out)
         if colours is not None:
@@ -135,6 +138,7 @@ def _primitive(
 def triangles_of(given: Any, numbers: Numbers) -> tuple[NDArray[np.int64], bool]:
     """(F, 3) int64, vertices of a primitive's triangles; and whether it has no normals, so that each corner of the
     scene has a vertex of its own."""
+    decode_primitive(given, numbers)
     count = len(numbers.floats(given["attributes"]["POSITION"], 3))
     corners = numbers.whole(given["indices"]) if "indices" in given else np.arange(count)
     return triangles_of_mode(given.get("mode", TRIANGLES), corners), "NORMAL" not in given["attributes"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
-from math import cos, sin
+from math import cos, log, sin
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.files.folder import Folder, OutsideError
 from atra.files.gltf.numbers import Numbers
+from atra.files.gltf.packed import BASIS
 from atra.files.gltf.tree import entry
 from atra.files.saving import check_package
 from atra.light.materials import MetallicRoughness
@@ -23,12 +24,15 @@ from atra.light.textures import Image
 
 EXTENSIONS = {
     "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_transmission", "KHR_texture_transform",
-    "EXT_texture_webp",
+    "EXT_texture_webp", BASIS, "KHR_materials_unlit", "KHR_materials_volume", "KHR_materials_specular",
+    "KHR_materials_clearcoat",
 }  # fmt: skip
-"""Those of materials that are used in full."""
+"""Those of materials that are used, but for textures that are named."""
 
 _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 _NEAREST = 9728
+_LEAST_COLOUR = 1e-6
+"""Least share of light that is left after the attenuation distance, which may be stated as 0."""
 _ALPHA = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}
 
 
@@ -41,6 +45,11 @@ class Materials:
             check_package(".png")
         self.texels = cache(self._read)
         self.get = cache(self._get)
+
+    def is_unlit(self, number: int | None) -> bool:
+        """Whether a material shows its colour as it is."""
+        given = {} if number is None else entry(self._tree, "materials", number)
+        return "KHR_materials_unlit" in given.get("extensions", {})
 
     def _get(self, number: int | None, has_uv: bool, has_second: bool) -> MetallicRoughness:
         """A material, None: the default one, of a primitive with such texture coordinates."""
@@ -57,21 +66,36 @@ class Materials:
     def _whole(self, number: int) -> MetallicRoughness:
         given = entry(self._tree, "materials", number)
         more = given.get("extensions", {})
-        for name in more.keys() - EXTENSIONS - {"KHR_materials_volume"}:
+        for name in more.keys() - EXTENSIONS:
             self._left_out[name] = None
+        for name in ("KHR_materials_specular", "KHR_materials_clearcoat"):
+            if any(key.endswith("Texture") for key in more.get(name, {})):
+                self._left_out[f"textures of {name}"] = None
         pbr = given.get("pbrMetallicRoughness", {})
         red, green, blue, opacity = _clipped(pbr.get("baseColorFactor", (1, 1, 1, 1)), 4)
         colour = self._image(pbr.get("baseColorTexture"), True)
         if colour is not None:
             colour = replace(colour, factor=(red, green, blue, 1.0))
+        if "KHR_materials_unlit" in more:
+            return MetallicRoughness(
+                (0.0, 0.0, 0.0) if colour is None else replace(colour, factor=(0.0, 0.0, 0.0, 1.0)),
+                opacity,
+                _ALPHA.get(given.get("alphaMode", "OPAQUE"), "opaque"),
+                _clipped([given.get("alphaCutoff", 0.5)], 1)[0],
+                emission=(red, green, blue),
+                emission_image=None if colour is None else replace(colour, factor=(1.0, 1.0, 1.0, 1.0)),
+                is_double=bool(given.get("doubleSided", False)),
+                name=str(given.get("name", "")),
+                specular=0.0,
+            )
         strength = more.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
         strength = float(np.clip(np.nan_to_num(strength), 0.0, 1e12))
         emission = tuple(strength * one for one in _clipped(given.get("emissiveFactor", (0, 0, 0)), 3))
         bumps = given.get("normalTexture")
         transmission = more.get("KHR_materials_transmission", {})
         volume = more.get("KHR_materials_volume", {})
-        if "attenuationDistance" in volume or "thicknessTexture" in volume:
-            self._left_out["attenuation of KHR_materials_volume"] = None
+        specular, coat = more.get("KHR_materials_specular", {}), more.get("KHR_materials_clearcoat", {})
+        tint = np.nan_to_num(np.asarray(specular.get("specularColorFactor", (1, 1, 1)), np.float64).reshape(3))
         return MetallicRoughness(
             colour=(red, green, blue) if colour is None else colour,
             opacity=opacity,
@@ -90,13 +114,20 @@ class Materials:
             is_thin=not volume.get("thicknessFactor", 0.0) > 0.0,
             is_double=bool(given.get("doubleSided", False)),
             name=str(given.get("name", "")),
+            specular=_clipped([specular.get("specularFactor", 1.0)], 1)[0],
+            specular_colour=tuple(np.clip(tint, 0.0, 1e6).tolist()),  # type: ignore[arg-type]
+            coat=_clipped([coat.get("clearcoatFactor", 0.0)], 1)[0],
+            coat_roughness=_clipped([coat.get("clearcoatRoughnessFactor", 0.0)], 1)[0],
+            absorption=_absorption(volume),
         )
 
     def _image(self, info: Mapping[str, Any] | None, is_coded: bool) -> Image | None:
         if info is None:
             return None
         texture = entry(self._tree, "textures", info["index"])
-        source = texture.get("extensions", {}).get("EXT_texture_webp", {}).get("source", texture.get("source"))
+        more = texture.get("extensions", {})
+        sources = [more[name].get("source") for name in ("EXT_texture_webp", BASIS) if name in more]
+        source = next((one for one in sources if one is not None), texture.get("source"))
         moved = info.get("extensions", {}).get("KHR_texture_transform", {})
         uv = moved.get("texCoord", info.get("texCoord", 0))
         if source is None or uv not in (0, 1):
@@ -131,6 +162,15 @@ def placement_of(moved: Mapping[str, Any]) -> tuple[tuple[float, float, float], 
     turn = moved.get("rotation", 0.0)
     a, b, d, e = cos(turn) * across, sin(turn) * down, -sin(turn) * across, cos(turn) * down
     return (a, -b, b + x), (-d, e, 1.0 - e - y)
+
+
+def _absorption(volume: Mapping[str, Any]) -> tuple[float, float, float]:
+    """Per unit of length, by the colour that white light has after a distance."""
+    distance = float(volume.get("attenuationDistance", 0.0))
+    if not 0.0 < distance < np.inf:
+        return 0.0, 0.0, 0.0
+    red, green, blue = _clipped(volume.get("attenuationColor", (1, 1, 1)), 3)
+    return tuple(min(1e12, -log(max(one, _LEAST_COLOUR)) / distance) for one in (red, green, blue))  # type: ignore
 
 
 def _clipped(given: Any, size: int) -> tuple[float, ...]:

@@ -11,6 +11,7 @@ import psutil
 from numpy.typing import NDArray
 
 from atra.errors import InputError
+from atra.files.gltf.packed import KTX2, ktx2_texels
 from atra.light.textures import CURVES
 
 MOST_SIDE = 4096
@@ -35,6 +36,8 @@ def read_image(content: bytes, is_coded: bool) -> NDArray[np.uint8]:
     """
     from PIL import Image
 
+    if content.startswith(KTX2):
+        return _made_smaller(ktx2_texels(content), is_coded)
     try:
         with _LIMIT:  # Pillow's own limit is below 16k x 16k, and global
             usual, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, MOST_PIXELS
@@ -50,9 +53,7 @@ def read_image(content: bytes, is_coded: bool) -> NDArray[np.uint8]:
         raise
     except Exception as error:  # Pillow raises many types for damage
         raise InputError(f"an image cannot be read: {error}") from None
-    texels = _smaller(texels, is_coded)
-    texels.setflags(write=False)
-    return texels
+    return _made_smaller(texels, is_coded)
 
 
 def _eight_bits(image: Any) -> NDArray[np.uint8]:
@@ -65,8 +66,9 @@ def _eight_bits(image: Any) -> NDArray[np.uint8]:
     return np.array(image.convert("RGBA" if has_opacity else "RGB"))
 
 
-def _smaller(texels: NDArray[np.uint8], is_coded: bool) -> NDArray[np.uint8]:
-    """Means of whole blocks, so that no side is longer than MOST_SIDE."""
+def _made_smaller(texels: NDArray[np.uint8], is_coded: bool) -> NDArray[np.uint8]:
+    """Means of whole blocks, so that no side is longer than MOST_SIDE; read-only."""
+    texels.setflags(write=False)
     rows, columns, channels = texels.shape
     block = -(-max(rows, columns) // MOST_SIDE)
     if block == 1:
@@ -81,4 +83,5 @@ def _smaller(texels: NDArray[np.uint8], is_coded: bool) -> NDArray[np.uint8]:
             table = CURVES[int(is_coded and channel < 3)]
             mean = table[blocks[..., channel]].mean(axis=(1, 3))
             part[..., channel] = np.clip(np.searchsorted((table[1:] + table[:-1]) / 2.0, mean), 0, 255)
+    out.setflags(write=False)
     return out

@@ -1,4 +1,4 @@
-"""Directions that are bent: by glass, and to the side of the surface on which light may leave."""
+"""Directions that are bent: by glass, and to the side of the surface on which light may leave; what glass absorbs."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from atra.compiled.store import njit
 from atra.light.numbers_kernels import ONE, TWO, ZERO, along, dot, scaled, unit
+from atra.light.surface_kernels import ABSORPTION
 
 
 @njit
@@ -44,3 +45,19 @@ def through_glass(direction, normal, is_front, ior, is_schlick, chance):  # type
     if chance < reflectance:
         return mirrored, False
     return unit(along(scaled(ratio, direction), ratio * cosine - refracted_cosine, normal)), True
+
+
+@njit(error_model="numpy")
+def passed_within(surfaces, spot, origin):  # type: ignore[no-untyped-def]
+    """(r, g, b) that is left of light on its way from `origin` to the back of a surface, within what it encloses.
+
+    Source: the law of Beer, Lambert and Bouguer.
+    """
+    row = surfaces.materials[spot.material]
+    x, y, z = spot.point[0] - origin[0], spot.point[1] - origin[1], spot.point[2] - origin[2]
+    length = np.sqrt(x * x + y * y + z * z)
+    return (
+        np.float32(np.exp(-row[ABSORPTION] * length)),
+        np.float32(np.exp(-row[ABSORPTION + 1] * length)),
+        np.float32(np.exp(-row[ABSORPTION + 2] * length)),
+    )

@@ -70,7 +70,7 @@ def clear_light(matter, cosine):  # type: ignore[no-untyped-def]
     """(r, g, b) that passes a clear surface straight on, at a cosine with its normal; on both sides of solid glass that
     of the outside, as for a slab."""
     if matter.is_thin:
-        own = _rising(_least(matter), schlick(cosine))
+        own = _own(matter, schlick(cosine))
     else:
         own = scaled(fresnel(cosine, max(matter.ior, ONE / matter.ior)), (ONE, ONE, ONE))
     return scaled((ONE - matter.metallic) * matter.transmission, _times(_rest(own), matter.colour))
@@ -90,13 +90,6 @@ def _shares(matter):  # type: ignore[no-untyped-def]
     return dielectric, dielectric - passing, passing
 
 
-@njit(error_model="numpy")
-def _least(matter):  # type: ignore[no-untyped-def]
-    """(r, g, b) that a dielectric reflects at a right angle."""
-    bare = (matter.ior - ONE) / (matter.ior + ONE)
-    return scaled(bare * bare, (ONE, ONE, ONE))
-
-
 @njit(forceinline=True)
 def _rest(colour):  # type: ignore[no-untyped-def]
     return ONE - colour[0], ONE - colour[1], ONE - colour[2]
@@ -108,51 +101,60 @@ def _rising(least, rise):  # type: ignore[no-untyped-def]
     return along(least, rise, _rest(least))
 
 
+@njit(forceinline=True)
+def _own(matter, rise):  # type: ignore[no-untyped-def]
+    """(r, g, b) that a microfacet of plastic reflects."""
+    least, most = matter.least, matter.most
+    return least[0] + rise * (most - least[0]), least[1] + rise * (most - least[1]), least[2] + rise * (most - least[2])
+
+
 @njit(error_model="numpy")
 def _mirrored(matter, cosine):  # type: ignore[no-untyped-def]
     """((r, g, b), (r, g, b)): reflected by metal and plastic, by their shares, and by plastic alone, at a cosine with a
     microfacet's normal."""
     rise = schlick(cosine)
-    own = _rising(_least(matter), rise)
+    own = _own(matter, rise)
     return along(scaled(_shares(matter)[0], own), matter.metallic, _rising(matter.colour, rise)), own
 
 
 @njit(error_model="numpy")
-def _again(colour, mean):  # type: ignore[no-untyped-def]
-    """(r, g, b) that is left of light that meets more than one microfacet. mean: `lost_mean`."""
-    full = _rising(colour, _MEAN_RISE)
+def _again(full, mean):  # type: ignore[no-untyped-def]
+    """(r, g, b) that is left of light that meets more than one microfacet. full: (r, g, b) that one reflects, the mean
+    over directions. mean: `lost_mean`."""
     return kept_share(full[0], mean), kept_share(full[1], mean), kept_share(full[2], mean)
 
 
 @njit(error_model="numpy")
-def _let_through(least, once, rise, more):  # type: ignore[no-untyped-def]
+def _let_through(matter, once, rise, more):  # type: ignore[no-untyped-def]
     """(r, g, b) that the surface of plastic lets through. once: share that meets one microfacet; rise: of it, by
     Schlick; more: (r, g, b), reflected later."""
+    least, grazing = matter.least, matter.most * rise
     return (
-        max(ZERO, ONE - least[0] * (once - rise) - rise - more[0]),
-        max(ZERO, ONE - least[1] * (once - rise) - rise - more[1]),
-        max(ZERO, ONE - least[2] * (once - rise) - rise - more[2]),
+        max(ZERO, ONE - least[0] * (once - rise) - grazing - more[0]),
+        max(ZERO, ONE - least[1] * (once - rise) - grazing - more[1]),
+        max(ZERO, ONE - least[2] * (once - rise) - grazing - more[2]),
     )
 
 
 @njit(error_model="numpy")
 def _through(matter, cosine):  # type: ignore[no-untyped-def]
     """`_let_through` at a cosine with the normal."""
-    least, alpha = _least(matter), matter.alpha
+    alpha = matter.alpha
     if alpha < SMOOTH:
-        return _let_through(least, ONE, schlick(cosine), _NONE)
-    away = lost(alpha, cosine)
-    return _let_through(least, ONE - away, risen(alpha, cosine), scaled(away, _again(least, lost_mean(alpha))))
+        return _let_through(matter, ONE, schlick(cosine), _NONE)
+    away, later = lost(alpha, cosine), _again(_own(matter, _MEAN_RISE), lost_mean(alpha))
+    return _let_through(matter, ONE - away, risen(alpha, cosine), scaled(away, later))
 
 
 @njit(error_model="numpy")
 def _through_mean(matter):  # type: ignore[no-untyped-def]
     """The mean of `_through` over all directions, weighted by their cosine."""
-    least, alpha = _least(matter), matter.alpha
+    alpha = matter.alpha
     if alpha < SMOOTH:
-        return _let_through(least, ONE, _MEAN_RISE, _NONE)
+        return _let_through(matter, ONE, _MEAN_RISE, _NONE)
     away = lost_mean(alpha)
-    return _let_through(least, ONE - away, risen_mean(alpha), scaled(away, _again(least, away)))
+    later = scaled(away, _again(_own(matter, _MEAN_RISE), away))
+    return _let_through(matter, ONE - away, risen_mean(alpha), later)
 
 
 @njit(error_model="numpy")
@@ -160,8 +162,9 @@ def _later(matter):  # type: ignore[no-untyped-def]
     """((r, g, b), (r, g, b)): light that meets more than one microfacet and is reflected, or passes a pane."""
     dielectric, _, passing = _shares(matter)
     mean = lost_mean(matter.alpha)
-    own = _again(_least(matter), mean)
-    above = along(scaled(dielectric, own), matter.metallic, _again(matter.colour, mean))
+    own = _again(_own(matter, _MEAN_RISE), mean)
+    metal = _again(_rising(matter.colour, _MEAN_RISE), mean)
+    above = along(scaled(dielectric, own), matter.metallic, metal)
     return above, scaled(passing, _times(_rest(own), matter.colour))
 
 

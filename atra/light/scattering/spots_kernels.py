@@ -10,17 +10,14 @@ from atra.compiled.store import njit
 from atra.light.numbers_kernels import HALF, ONE, TWO, ZERO, along, around, dot, on_sphere, scaled, unit
 from atra.light.scattering.bending_kernels import on_side, through_glass
 from atra.light.scattering.bumps_kernels import bump_of, bumped
+from atra.light.scattering.coat_kernels import coated_clear_light, coated_direction, coated_value
 from atra.light.scattering.facets_kernels import fresnel
-from atra.light.scattering.physical_kernels import (
-    clear_light,
-    is_clear_pane,
-    passes_straight,
-    physical_direction,
-    physical_value,
-)
+from atra.light.scattering.physical_kernels import is_clear_pane, passes_straight
 from atra.light.scattering.sampler_kernels import DIRECTION, LOBE, PAIRS, pair_of
 from atra.light.surface_kernels import (
     BACKS,
+    COAT,
+    COAT_ROUGHNESS,
     CUTOFF,
     EMISSION,
     HAS_COLOURS,
@@ -36,6 +33,8 @@ from atra.light.surface_kernels import (
     OPACITY,
     PARAMETER,
     ROUGHNESS,
+    SPECULAR,
+    TINT,
     TRANSMISSION,
     VARIANT,
     colour_of,
@@ -63,7 +62,8 @@ _PER_PI, PER_SPHERE = np.float32(1.0 / np.pi), np.float32(0.25 / np.pi)
 class Matter(NamedTuple):
     """The material at a point. All fields serve `MetallicRoughness`; others use `colour` and `ior`, their PARAMETER.
 
-    ior: of the far side over the near side. alpha: squared roughness.
+    ior: of the far side over the near side. alpha: squared roughness. least, most: what a dielectric reflects at a
+    right angle and where it is grazing. coat: share of the surface; coat_alpha: squared roughness of the coat.
     """
 
     colour: tuple[np.float32, np.float32, np.float32]
@@ -72,6 +72,10 @@ class Matter(NamedTuple):
     transmission: np.float32
     ior: np.float32
     is_thin: bool
+    least: tuple[np.float32, np.float32, np.float32]
+    most: np.float32
+    coat: np.float32
+    coat_alpha: np.float32
 
 
 class Spot(NamedTuple):
@@ -159,7 +163,13 @@ def spot_of(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-de
                 bump = bump_of(texel, np.float32(row[NORMAL_SCALE]))
                 shaded = bumped(surfaces, prim_id, shaded, bump, is_front, direction)
     far = ONE / ior if kind == PHYSICAL and not (is_front or is_variant) else ior
-    matter = Matter(colour, metallic, roughness * roughness, transmission, far, is_variant)
+    bare = (ior - ONE) / (ior + ONE)
+    bare *= bare
+    red, green, blue = np.float32(row[TINT]), np.float32(row[TINT + 1]), np.float32(row[TINT + 2])
+    most, coating = np.float32(row[SPECULAR]), np.float32(row[COAT_ROUGHNESS])
+    least = scaled(most, (min(ONE, bare * red), min(ONE, bare * green), min(ONE, bare * blue)))
+    coat, coating = np.float32(row[COAT]), coating * coating
+    matter = Matter(colour, metallic, roughness * roughness, transmission, far, is_variant, least, most, coat, coating)
     return Spot(point, normal, shaded, kind, material, is_variant, matter), is_front
 
 
@@ -173,7 +183,7 @@ def straight_light(spot, cosine, is_lamp):  # type: ignore[no-untyped-def]
     if spot.kind == PHYSICAL and (
         is_clear_pane(matter) or (is_lamp and not matter.is_thin and passes_straight(matter))
     ):
-        return clear_light(matter, cosine)
+        return coated_clear_light(matter, cosine)
     return BLACK
 
 
@@ -213,7 +223,7 @@ def scatter(surfaces, spot, is_front, prim_id, direction, key, sample, bounce): 
         frame = _frame(shaded)
         out = _local(frame, shaded, scaled(-ONE, direction))
         lobe, _ = pair_of(key, sample, bounce * PAIRS + LOBE)
-        way, weight, density = physical_direction(spot.matter, out, u, v, lobe)
+        way, weight, density = coated_direction(spot.matter, out, u, v, lobe)
         onward = unit(along(along(scaled(way[0], frame[0]), way[1], frame[1]), way[2], shaded))
         side = ONE if way[2] > ZERO else -ONE
         if not weight[0] + weight[1] + weight[2] > ZERO:
@@ -221,7 +231,7 @@ def scatter(surfaces, spot, is_front, prim_id, direction, key, sample, bounce): 
         facing = dot(onward, normal)
         twin = along(onward, _MINUS_TWO * facing, normal)
         if density > ZERO and dot(twin, shaded) * side > ZERO:
-            density += physical_value(spot.matter, out, _local(frame, shaded, twin))[1]
+            density += coated_value(spot.matter, out, _local(frame, shaded, twin))[1]
         onward = onward if facing * side > ZERO else twin
     elif kind == DIELECTRIC:
         onward, passes = through_glass(direction, shaded, is_front, spot.matter.ior, spot.is_variant, u)
@@ -275,9 +285,9 @@ def scattered_light(spot, direction, onward):  # type: ignore[no-untyped-def]
         out = _local(frame, spot.shaded, scaled(-ONE, direction))
         way = _local(frame, spot.shaded, onward)
         twin = _local(frame, spot.shaded, along(onward, _MINUS_TWO * facing, spot.normal))
-        value, density = physical_value(spot.matter, out, way) if way[2] * facing > ZERO else (BLACK, ZERO)
+        value, density = coated_value(spot.matter, out, way) if way[2] * facing > ZERO else (BLACK, ZERO)
         if twin[2] * facing > ZERO:
-            more, chosen = physical_value(spot.matter, out, twin)
+            more, chosen = coated_value(spot.matter, out, twin)
             value, density = along(value, ONE, more), density + chosen
         return value, density
     return BLACK, ZERO

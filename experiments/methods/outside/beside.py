@@ -54,8 +54,8 @@ _FINDER = _Finder()
 def use_helpers(file: Path, in_use: Collection[Path]) -> list[Path]:
     """Let a method's file import the modules beside it, and return their files. in_use: method files of this run.
 
-    A helper is what the file names, in an `import` anywhere or as a text, and what helpers name in turn; a package is
-    one with all its modules. What is named nowhere is not found, so nothing is imported that does not count.
+    A helper is what an `import` anywhere in the file names, and what helpers import in turn; a package is one with all
+    its modules. What none of these names is not found, so nothing is imported that does not count.
     Raises InputError where another file has another helper of that name: Python keeps one module a name.
     """
     importlib.invalidate_caches()
@@ -86,30 +86,24 @@ def _helpers_of(file: Path) -> Helpers:
     helpers: Helpers = {}
     waiting = [file]
     while waiting:
-        imported, told = _names_in(waiting.pop())
-        for name in (imported | told).difference(helpers, _OF_ATRA):
+        for name in _imported(waiting.pop()).difference(helpers, _OF_ATRA):
             spec = _spec_in(file.parent, name)
-            # Any text may be the name of a folder, so that one is a package only where it has an __init__.
-            if spec is None or (name not in imported and spec.origin is None) or _is_found_before(name, spec):
-                continue
-            helpers[name] = spec
-            waiting += [path for path in _files_of(spec) if path.suffix in SOURCE_SUFFIXES]
+            if spec is not None and not _is_found_before(name, spec):
+                helpers[name] = spec
+                waiting += [path for path in _files_of(spec) if path.suffix in SOURCE_SUFFIXES]
     return helpers
 
 
-def _names_in(file: Path) -> tuple[set[str], set[str]]:
-    """The first parts of names of modules: of those that a source imports, and of texts, which `import_module` may be
-    given. None of a source that Python cannot read, which its import tells."""
+def _imported(file: Path) -> set[str]:
+    """The first parts of names of modules that a source imports, anywhere; none of a source that Python cannot read,
+    which its import tells."""
     try:
         nodes = [*ast.walk(ast.parse(file.read_bytes()))]
     except (OSError, SyntaxError, ValueError):
-        return set(), set()
-    imported = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
-    imported |= {str(node.module) for node in nodes if isinstance(node, ast.ImportFrom) and not node.level}
-    texts = {node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)}
-    return {name.partition(".")[0] for name in imported}, {
-        first for name in texts if (first := name.partition(".")[0]).isidentifier()
-    }
+        return set()
+    names = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+    names += [str(node.module) for node in nodes if isinstance(node, ast.ImportFrom) and not node.level]
+    return {name.partition(".")[0] for name in names}
 
 
 def _spec_in(folder: Path, name: str) -> ModuleSpec | None:

@@ -12,16 +12,13 @@ from atra.alignment.frames import FramesTracer
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.hits import Hits
 from atra.judge.compare import compare
-from atra.tracing.lifetime import Lifetime
 from experiments.harness.method import AnyTracer
 from experiments.harness.options import Settings, option
 from experiments.harness.point import Measured, Point, make_own
 from experiments.methods.aligned import ALIGNED
-from experiments.methods.options import AlignedCellOptions
 from experiments.methods.raster import RASTER
-from experiments.methods.visible_first import VISIBLE_FIRST
+from experiments.methods.visible_first import VISIBLE_FIRST, VisibleFirstOptions
 from experiments.workloads import rounds
 from experiments.workloads.baselines import BESIDE_BASELINES, OWN, SINGLE, say_gains
 from experiments.workloads.images import Images, summed
@@ -84,33 +81,6 @@ MULTIFRAME = workload(
 )  # fmt: skip
 
 
-class SeparateFrames(Lifetime):
-    """One tracer a frame, one after the other; all times and bytes are sums over the frames."""
-
-    def __init__(self, tracers: Sequence[AnyTracer]) -> None:
-        super().__init__()
-        self.tracers = tuple(tracers)
-
-    @property
-    def embree_bytes(self) -> int:
-        return sum(tracer.embree_bytes for tracer in self.tracers)
-
-    def trace(self, out: Sequence[Hits | None] | None = None) -> tuple[Hits, ...]:
-        """All frames, in order. out: an earlier result that is no longer needed."""
-        earlier = out or (None,) * len(self.tracers)
-        return tuple(tracer.trace(out=hits) for tracer, hits in zip(self.tracers, earlier, strict=True))
-
-    def _build(self) -> tuple[float, float]:
-        for tracer in self.tracers:
-            tracer.build()
-        plan_time_s = sum(tracer.plan_time_s for tracer in self.tracers)
-        return plan_time_s, sum(tracer.build_time_s for tracer in self.tracers)
-
-    def _release(self) -> None:
-        for tracer in self.tracers:
-            tracer.close()
-
-
 def make(point: Point, mesh: Mesh) -> FramesTracer:
     """All frames of the point, traced together."""
     return make_together(point, mesh, point.camera)
@@ -119,7 +89,7 @@ def make(point: Point, mesh: Mesh) -> FramesTracer:
 def _visible(point: Point, mesh: Mesh, view: View) -> AnyTracer:
     """The visible-first tracer of one frame, with the point's split."""
     names = "split_x", "split_y", "packet_width", "packet_rows", "robust"
-    options = AlignedCellOptions(**{name: getattr(point.options, name) for name in names})
+    options = VisibleFirstOptions(**{name: getattr(point.options, name) for name in names})
     return VISIBLE_FIRST.make(mesh, view, options, point.tracing)
 
 
@@ -135,17 +105,24 @@ def measure(point: Point) -> Measured:
     rounds.warm_up(point, [make_together, *one_frame.values()])
     with ExitStack() as stack:
         own, results = rounds.build_own(point, stack)
-        tracers: dict[str, Any] = {OWN: own}
-        for name, make_one in one_frame.items():
-            made = [make_one(point, mesh, view) for mesh, view in own.views]
-            tracers[name] = stack.enter_context(SeparateFrames(made))
-        results["baseline_build_time_s"] = float(tracers[SINGLE].build_time_s)
-        results |= {**SeparateBytes(separate_embree_bytes=int(tracers[SEPARATE].embree_bytes))}
-        frames = {name: rounds.Frames(tracer) for name, tracer in tracers.items()}
+        tracers = {
+            name: [stack.enter_context(make_one(point, mesh, view)) for mesh, view in own.views]
+            for name, make_one in one_frame.items()
+        }
+        results["baseline_build_time_s"] = sum(tracer.build_time_s for tracer in tracers[SINGLE])
+        results["separate_embree_bytes"] = sum(tracer.embree_bytes for tracer in tracers[SEPARATE])
+        together = rounds.Frames(own)
+        frames = {name: [rounds.Frames(tracer) for tracer in of_frames] for name, of_frames in tracers.items()}
 
         def compare_all() -> dict[str, Any]:
-            pairs = zip(frames[OWN].latest().images, frames[SINGLE].latest(), strict=True)
-            images = summed([compare(hits, reference) for hits, reference in pairs])
+            pairs = zip(together.latest().images, frames[SINGLE], strict=True)
+            images = summed([compare(hits, reference.latest()) for hits, reference in pairs])
             return {**images, **rounds.plan_and_build_again(own)}
 
-        return rounds.race(point, frames, compare_all, results)
+        one_by_one = {name: partial(_each, of_frames) for name, of_frames in frames.items()}
+        return rounds.race(point, {OWN: together, **one_by_one}, compare_all, results)
+
+
+def _each(frames: Sequence[rounds.Frames]) -> None:
+    for frame in frames:
+        frame()

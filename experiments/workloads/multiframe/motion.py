@@ -14,7 +14,7 @@ from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
 from atra.geometry.numbers import Vector
 from experiments.harness.point import Point
-from experiments.methods.options import keywords_of
+from experiments.methods.options import keywords_of, split_of
 
 EYE_DISTANCE = 1 / 200
 """Distance of two eyes as a share of the scene's diagonal: 6.5 cm in a room of 13 m."""
@@ -93,7 +93,7 @@ def make_together(point: Point, mesh: Mesh, camera: Camera) -> FramesTracer:
     """All frames of the point's motion in one pass. Raises InputError and MemoryBudgetError as the tracer does."""
     asked = point.workload_options
     cameras, meshes = frames_of(camera, mesh, asked.frames, asked.motion)
-    split_x, split_y = point.options.split
+    split_x, split_y = split_of(point.options)
     of_frame = Split(split_x, split_y, width=camera.width, height=camera.height)
     reference = point.options.reference
     if asked.motion == "eyes":

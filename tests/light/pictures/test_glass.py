@@ -142,3 +142,14 @@ def test_a_panorama_lights_hybrid_frames_by_all_of_its_light():
     camera = atra.Camera((0, 5, 0), (0, 0, 0), (0, 0, -1), fov_y_degrees=20, width=24, height=24)
     seen, paths = (one.mean() for one in (hybrid(ball, camera, 4).image, traced(ball, camera, 256, max_depth=2)))
     assert seen == pytest.approx(paths, rel=0.06)
+
+
+def test_what_a_solid_absorbs_is_told_by_the_way_within_it():
+    absorption = np.array([0.1, 0.4, 2.0])
+    blue = light.MetallicRoughness(
+        roughness=0.0, transmission=1.0, ior=1.0, is_thin=False, absorption=tuple(absorption.tolist())
+    )
+    slab = quads([floor(4.0, 0.5), floor(4.0, -0.2)[::-1]])
+    scene = light.Scene(slab, [blue], sky=WHITE_SKY)
+    image = traced(scene, ABOVE, 4, max_depth=8)
+    np.testing.assert_allclose(image, np.broadcast_to(np.exp(-0.7 * absorption), image.shape), rtol=1e-3)

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import atra
 from atra import InputError, light, load_mesh
 from atra.light.reading.gltf_materials import placement_of
 from atra.light.reading.images import MOST_SIDE, read_image
+from tests.shown import BLACK, traced
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
 
@@ -75,7 +77,12 @@ def test_a_material_is_what_the_file_says(tmp_path):
         "extensions": {
             "KHR_materials_emissive_strength": {"emissiveStrength": 1e9},
             "KHR_materials_ior": {"ior": 1.33}, "KHR_materials_transmission": {"transmissionFactor": 0.7},
-            "KHR_materials_volume": {"thicknessFactor": 1.0}, "KHR_materials_clearcoat": {},
+            "KHR_materials_volume": {
+                "thicknessFactor": 1.0, "attenuationDistance": 2.0, "attenuationColor": [1, 0.5, 0.25]},
+            "KHR_materials_clearcoat": {"clearcoatFactor": 0.5, "clearcoatRoughnessFactor": 0.25},
+            "KHR_materials_specular": {"specularFactor": 0.75, "specularColorFactor": [2, 1, 0],
+                                       "specularTexture": {"index": 0}},
+            "KHR_materials_sheen": {},
         },
     }  # fmt: skip
     given["materials"][0]["pbrMetallicRoughness"] |= {"roughnessFactor": 0.6, "baseColorTexture": {"index": 0}}
@@ -93,7 +100,9 @@ def test_a_material_is_what_the_file_says(tmp_path):
     assert not made.normals.is_coded
     assert made.normals.texels is made.normals.texels
     assert made.normal_scale == 0.5
-    assert scene.left_out == ("KHR_materials_clearcoat",)
+    np.testing.assert_allclose(made.absorption, np.log([1, 2, 4]) / 2)
+    assert (made.coat, made.coat_roughness, made.specular, made.specular_colour) == (0.5, 0.25, 0.75, (2, 1, 0))
+    assert scene.left_out == ("KHR_materials_sheen", "textures of KHR_materials_specular")
     np.testing.assert_allclose(scene.colours, np.tile([1, 0, 0, 128 / 255], (3, 1)), atol=1e-6)
     np.testing.assert_array_equal(scene.uv, [[0, 1], [1, 1], [0, 0]])  # v grows upwards here
 
@@ -142,8 +151,7 @@ def test_nodes_place_instances_cameras_and_lights(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "requires the extension.*gltf-transform/cli copy"),
-        ({"extensionsRequired": ["KHR_texture_basisu"]}, "requires the extension.*gltf-transform/cli ktxdecompress"),
+        ({"extensionsRequired": ["NEW_compression"]}, "requires the extension.*gltf-transform/cli copy"),
         ({"asset": {"version": "1.0"}, "nodes": {"a": {}}}, "it is glTF 1.0, expected 2.0; .*gltf-pipeline"),
         ({"nodes": [{"children": [1]}, {"children": [0], "mesh": 0}]}, "its own ancestor"),
         ({"buffers": [{"byteLength": 3, "uri": "../other.bin"}]}, "outside its folder"),
@@ -296,3 +304,19 @@ def test_an_obj_with_paths_of_its_author_s_machine_takes_the_files_beside_it(tmp
     with pytest.warns(UserWarning, match=r"image '\.\./stone\.png', because it names 'stone\.png', which is no file"):
         scene = obj(tmp_path, text, "newmtl m\nmap_Kd ../stone.png\n")
     assert scene.materials[0].colour == pytest.approx((0.7, 0.7, 0.7))
+
+
+@pytest.mark.filterwarnings("ignore:.*not used")
+def test_a_material_without_light_shows_its_colour_and_image_as_they_are(tmp_path):
+    given = tree(textures=[{"source": 0}], images=[{"uri": uri(png(np.full((2, 2, 4), 188, np.uint8)))}])
+    given["materials"][0] |= {"extensions": {"KHR_materials_unlit": {}}, "alphaMode": "BLEND"}
+    given["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0}
+    scene = read(tmp_path, given)
+    (made,) = scene.materials
+    assert (made.emission, made.specular, made.colour.factor) == ((0.5, 0.25, 1.0), 0.0, (0, 0, 0, 1))
+    assert scene.left_out == ("colours of vertices without light",)
+    opaque = given["materials"][0] | {"alphaMode": "OPAQUE"}
+    scene = read(tmp_path, given | {"materials": [opaque]}, sky=BLACK)
+    camera = atra.Camera((0.2, 0.2, 1), (0.2, 0.2, 0), fov_y_degrees=1, width=2, height=2)
+    image = traced(scene, camera, 4)
+    np.testing.assert_allclose(image, np.broadcast_to(0.503 * np.array([0.5, 0.25, 1]), image.shape), rtol=0.01)

@@ -17,7 +17,7 @@ from experiments.harness.records import Record
 from experiments.paper.evidence import NotMeasuredError, collect_scenes
 from experiments.results.table import make_table, make_tables
 from experiments.results.terminal import print_sweep, say_label, say_outcome
-from experiments.workloads.multiframe import MultiframeOptions, SeparateFrames
+from experiments.workloads.multiframe import MultiframeOptions
 from experiments.workloads.multiframe.motion import MOTIONS, make_together
 from experiments.workloads.rounds import expert_packet_widths, make_single
 from scenes.loading import SceneSource, load_scene
@@ -99,8 +99,8 @@ def test_frame_by_frame_is_traced_with_each_frame_s_own_camera_and_mesh(motion):
     mesh = load_scene(SceneSource.procedural, "cornell_box", None).mesh
     with ExitStack() as stack:
         own = stack.enter_context(make_together(one, mesh, one.camera))
-        separate = stack.enter_context(SeparateFrames([make_single(one, mesh, camera) for mesh, camera in own.views]))
-        together, alone = own.trace(), separate.trace()
+        separate = [stack.enter_context(make_single(one, mesh, camera)) for mesh, camera in own.views]
+        together, alone = own.trace(), [tracer.trace() for tracer in separate]
     assert [_wrong(frame, other) for frame, other in zip(together, alone, strict=True)] == [0, 0]
     assert (alone[0].prim_id != alone[1].prim_id).any()
     assert all(_wrong(alone[i], _with_image(alone[i], alone[1 - i])) > 0 for i in (0, 1))

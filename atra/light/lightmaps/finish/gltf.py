@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.files.folder import Folder
 from atra.files.gltf.numbers import Numbers
+from atra.files.gltf.packed import DRACO, MESHOPT
 from atra.files.gltf.tree import gltf_tree
 from atra.files.paths import write_atomically
 from atra.files.reading import read_regular_file
@@ -136,13 +137,18 @@ class _Model(Glb):
             old = self.tree["meshes"][given["mesh"]]
             rest = [one for k, one in enumerate(old["primitives"]) if (node, k) not in seen]  # points and lines
             given["mesh"] = self.add("meshes", {**old, "primitives": primitives + rest})
-        self.use(LIGHTMAP)
+        meshes = json.dumps(self.tree["meshes"])
+        decoded = {name for name in (DRACO, *MESHOPT) if name not in meshes}
+        self.tree["extensionsUsed"] = sorted({*self.tree.get("extensionsUsed", ()), LIGHTMAP} - decoded)
+        required = sorted({*self.tree.pop("extensionsRequired", ())} - decoded)
+        self.tree |= {"extensionsRequired": required} if required else {}
 
     def _lit(self, part: ScenePart, scene: Scene, atlas: Atlas, number: int, channel: int) -> Any:
         """The primitive's triangles that lie on a map; None without any. Triangles without a place are on the first."""
         own = slice(part.first_face, part.first_face + part.faces)
         given = deepcopy(self.tree["meshes"][part.mesh]["primitives"][part.primitive])
         faces, is_flat = triangles_of(given, self._numbers)
+        given.get("extensions", {}).pop(DRACO, None)
         local = scene.mesh.faces[own].astype(np.int64) - part.first_vertex
         uv = atlas.uv[own] / (atlas.width, atlas.map_height)
         uv[..., 1] -= number

@@ -20,6 +20,7 @@ from atra.light.pictures.path_kernels import (
     shadows,
     survival,
 )
+from atra.light.scattering.bending_kernels import passed_within
 from atra.light.scattering.spots_kernels import BLACK, WHITE, scatter, spot_of
 from atra.light.surface_kernels import ENDS, SHINES, meet
 
@@ -113,6 +114,9 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
         if flags & ENDS or bounce == limits.max_depth - 1:
             break
         spot, is_front = spot_of(surfaces, prim_id, origin, direction)
+        if not is_front:
+            left = passed_within(surfaces, spot, origin)
+            weight = weight[0] * left[0], weight[1] * left[1], weight[2] * left[2]
         if is_aimed:
             light, _, _, traced = aimed(
                 surfaces, emitters, scene, packet, free, spot, prim_id, direction, key, sample, bounce
