@@ -109,7 +109,7 @@ def written_pictures(_block: Any, variables: dict[str, Any], settings: dict[str,
 
 def write_generated_pages(folder: Path) -> None:
     """Write the reference: a page for each task, and the harness's options and columns."""
-    from experiments.reference.page import command_line, configuration_keys, table_columns
+    from experiments.reference import command_line, configuration_keys, table_columns
 
     pages = {name: _names_page(title, package, names.split()) for name, (title, package, names) in PUBLIC_NAMES.items()}
     pages["command_line"] = command_line()

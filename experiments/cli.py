@@ -67,7 +67,7 @@ def verbs() -> dict[str, str]:
     """All verbs -> the functions that do them, as entry points say it."""
     from experiments.harness.entry_points import VERBS_GROUP, offered
 
-    return CONFIGURED | PLAIN | {name: one.value for name, one in offered(VERBS_GROUP).items()}
+    return CONFIGURED | PLAIN | {name: entry.value for name, entry in offered(VERBS_GROUP).items()}
 
 
 def _split(arguments: Sequence[str]) -> tuple[dict[str, Any], list[str]]:

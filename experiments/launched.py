@@ -9,8 +9,8 @@ from pathlib import Path
 from atra.errors import RecordError
 from experiments.harness.configuration import Configuration, records_folder
 from experiments.harness.environment import stable_fields
-from experiments.harness.identity import identity_of, measure
-from experiments.harness.points import PlannedPoint, plan_points
+from experiments.harness.identity import identity_of
+from experiments.harness.points import PlannedPoint, measure, plan_points
 from experiments.harness.processes.launching import run_worker
 from experiments.harness.records import Record, check_writable, load_record, write_record
 from experiments.results.processes import key_of
@@ -54,7 +54,9 @@ class Launched:
             if reusable(record, self._points[name]) is not None:
                 of_machines.setdefault(repr(stable_fields(record.environment)), {})[name] = record
         return max(
-            of_machines.values(), key=lambda found: sum(one.status == "ok" for one in found.values()), default={}
+            of_machines.values(),
+            key=lambda records: sum(record.status == "ok" for record in records.values()),
+            default={},
         )
 
     def measure(

@@ -15,8 +15,9 @@ from rich.console import Console
 
 from experiments.commands.program import PROGRAM
 from experiments.harness.configuration import Configuration, records_folder
-from experiments.harness.identity import Runner, code_sha256, measure
+from experiments.harness.identity import code_sha256
 from experiments.harness.point import Point
+from experiments.harness.points import GridPoint, PlannedPoint, Runner, in_order, measure, plan_sweep
 from experiments.harness.processes.launching import run_worker
 from experiments.harness.processes.quiet import Waiting
 from experiments.harness.progress import SweepProgress, say, say_roughly
@@ -27,7 +28,6 @@ from experiments.results.doubts import was_quiet
 from experiments.results.processes import WHY, as_replacement, key_of, to_replace
 from experiments.results.table import Tables, make_tables
 from experiments.results.terminal import print_sweep, results_console, say_label, say_outcome, say_problems
-from experiments.sweep_points import GridPoint, SweepPoint, in_order, plan_sweep
 
 _PROCESS_S = 3.0
 """Seconds that a process is expected to take before any is measured: its start and some frames of a million pixels."""
@@ -62,8 +62,7 @@ def run_sweep(
     check_writable(folder)
     check_writable(records)
     quiet = Waiting(first.measure.quiet_limit_s, partial(say, console), needed=first.measure.quiet_only)
-    planned = {name: grid_point.planned for name, grid_point in points.items()}
-    launched = None if launch is None else Launched(launch, at_once, records, planned)
+    launched = None if launch is None else Launched(launch, at_once, records, points)
     sweep = _Sweep(points, records, console, run or run_worker, launched, quiet)
     with exclusive(records.parent, records, folder):
         to_do = sweep.begin(folder, first.sweep.shuffle_seed)
@@ -119,7 +118,7 @@ class _Sweep:
     elsewhere, None = they are measured here. quiet: waits for a quiet machine. done: the records so far, by identity.
     is_quiet: whether the machine was so of late."""
 
-    points: dict[str, SweepPoint]
+    points: dict[str, PlannedPoint]
     folder: Path
     console: Console
     run: Runner
@@ -132,13 +131,13 @@ class _Sweep:
         """Take over what was finished before, record what cannot be measured, and return what is left to do."""
         self.done = self._finished() if self.launched is None else self.launched.finished()
         finished = len(self.done)
-        for name, one in self.points.items():
-            if name not in self.done and one.planned.problem is not None:
-                self._keep(name, measure(one.planned))
+        for name, planned in self.points.items():
+            if name not in self.done and planned.problem is not None:
+                self._keep(name, measure(planned))
         to_do = [name for name in self.points if name not in self.done]
         random.Random(shuffle_seed).shuffle(to_do)
-        to_do.sort(key=lambda name: self.points[name].planned.point.process)
-        of_points = sum(one.planned.point.process == 0 for one in self.points.values())
+        to_do.sort(key=lambda name: self.points[name].point.process)
+        of_points = sum(planned.point.process == 0 for planned in self.points.values())
         say(
             self.console,
             f"{of_points} points in {len(self.points)} processes: {finished} finished before, "
@@ -157,7 +156,7 @@ class _Sweep:
     def _finished(self) -> dict[str, Record]:
         """What was finished before on a machine and software like this."""
         read = {name: read_record(self.folder, name, _warn_on(self.console)) for name in self.points}
-        known = {name: reusable(record, self.points[name].planned) for name, record in read.items()}
+        known = {name: reusable(record, self.points[name]) for name, record in read.items()}
         return {name: record for name, record in known.items() if record is not None}
 
     def passes(self, names: Sequence[str]) -> list[list[str]]:
@@ -223,7 +222,7 @@ class _Sweep:
             progress.begin(label)
             if waits and point.workload.is_timed and not self.is_quiet:
                 self.quiet.for_quiet()
-            self._keep(name, measure(self.points[name].planned, self.run))
+            self._keep(name, measure(self.points[name], self.run))
             self.is_quiet = was_quiet(self.done[name])
             # What tells points apart that compile other kernels.
             progress.end(label, say_outcome(self.done[name], self.folder), f"{point.workload.name} {point.method.name}")
@@ -241,7 +240,7 @@ class _Sweep:
         launched.measure({name: self.points[name].overrides for name in names}, ended)
 
     def _point(self, name: str) -> Point:
-        return self.points[name].planned.point
+        return self.points[name].point
 
     def _keep(self, name: str, record: Record) -> None:
         """Write a record, over that which it replaces."""
@@ -255,6 +254,6 @@ def _warn_on(console: Console) -> Callable[[str], None]:
     return lambda text: say(console, f"warning: {text}")
 
 
-def _processes(some: Collection[str], one: str, several: str) -> str:
+def _processes(some: Collection[str], singular: str, plural: str) -> str:
     """How many processes, with the verb that follows."""
-    return f"1 process {one}" if len(some) == 1 else f"{len(some)} processes {several}"
+    return f"1 process {singular}" if len(some) == 1 else f"{len(some)} processes {plural}"

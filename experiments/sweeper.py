@@ -55,7 +55,8 @@ class GridSweep:
         times. Any other launcher gets one job a process of a point, `max_batch_size` of them at once. Raises InputError
         for values that leave no point, and for an option that no point has or can be measured with.
         """
-        from experiments.sweep import GridPoint, run_sweep
+        from experiments.harness.points import GridPoint
+        from experiments.sweep import run_sweep
 
         grids = dict(self._config.sweep.grids or {"points": {}}) | self._methods_of_files(arguments)
         jobs = [(grid, job) for grid, values in grids.items() for job in self._jobs(values, arguments)]

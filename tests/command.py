@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 import signal
 import sys
@@ -17,9 +18,9 @@ from hydra.core.global_hydra import GlobalHydra
 import experiments.commands.single
 import experiments.sweep
 from experiments import cli, methods
-from experiments.harness.identity import measure
+from experiments.harness.points import measure
 from experiments.harness.processes.outcome import Outcome
-from experiments.harness.processes.worker import Job, outcome_of
+from experiments.harness.processes.worker import outcome_of, read_point
 from experiments.registry import KINDS
 from tests.folders import ROOT
 
@@ -38,8 +39,12 @@ class Done:
 
 def measure_here(point):
     """Measure a point in this process, through the same JSON as a worker process."""
-    job = Job.from_json(Job(point, "", 0).to_json(), KINDS)
-    return Outcome.from_json(outcome_of(job.point).to_json(), point)
+    return Outcome.from_json(outcome_of(read_again(point)).to_json(), point)
+
+
+def read_again(point):
+    """The point as its worker has it: written as a line of JSON, and read."""
+    return read_point(json.loads(json.dumps(point.configuration())), KINDS)
 
 
 def run_here(folder, *arguments, scenes=None, encoding="utf-8"):

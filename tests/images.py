@@ -4,13 +4,24 @@ import numpy as np
 
 import atra
 
+
+def nothing_seen(mesh, camera):
+    """A probe that leaves everything to the second pass."""
+    size = camera.height, camera.width
+    return atra.Hits(np.zeros(size, np.float32), np.zeros(size, np.uint32), (0.5, 0.5), mesh, camera)
+
+
+def unprobed(mesh, camera, split, **options):
+    return atra.VisibleFirstTracer(mesh, camera, split, nothing_seen(mesh, camera), **options)
+
+
 METHODS = {
     "pixels": (atra.PixelTracer, {}),
     "aligned": (atra.AlignedTracer, {}),
     "unculled": (atra.AlignedTracer, {"culling": False}),
     "instanced": (atra.AlignedTracer, {"culling": False, "geometry": "instanced"}),
     "visible_first": (atra.VisibleFirstTracer, {}),
-    "unprobed": (atra.VisibleFirstTracer, {"probe": np.array([], np.uint32)}),
+    "unprobed": (unprobed, {}),
 }
 CELLS = tuple(method for method in METHODS if method != "pixels")
 PARALLEL = ("pixels", "aligned", "unculled", "instanced")

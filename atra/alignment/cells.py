@@ -65,7 +65,7 @@ class CellOptions:
 
     @property
     def scene_settings(self) -> dict[str, Any]:
-        """What `build_scene` is told of the BVH."""
+        """What `AlignedGeometry.build` is told."""
         return {"build_quality": self.build_quality, "robust": self.robust}
 
 

@@ -19,7 +19,7 @@ from atra.geometry.view import View, check_offset
 from atra.hits import Frames
 from atra.tracing.budgets import check_image_memory
 from atra.tracing.images import images_of, outputs
-from atra.tracing.lifetime import Lifetime, check_same_faces, synchronized
+from atra.tracing.lifetime import Lifetime, synchronized
 from atra.tracing.tracer import TIES, settle_ties
 
 
@@ -82,22 +82,20 @@ class FramesTracer(Lifetime):
         self.packet_width = self.options.rays_per_packet
         self.prepared: PreparedCells | None = None
         self._tie_tiles: list[TieTiles] = []
-        self._show(one_for_each(meshes, len(alignment.cameras)), alignment)
-        self._pool = WorkerPool(self.threads)
-
-    def _show(self, meshes: tuple[Mesh, ...], alignment: Alignment) -> None:
-        """Take meshes and alignment; changes nothing where they are refused."""
-        if self.options.is_instanced and any(mesh is not meshes[0] for mesh in meshes):
+        self.meshes = (meshes,) * len(alignment.cameras) if isinstance(meshes, Mesh) else tuple(meshes)
+        if len(self.meshes) != len(alignment.cameras):
+            raise InputError(
+                f"{len(self.meshes)} meshes for {len(alignment.cameras)} frames; expected one for each, or one for all"
+            )
+        if self.options.is_instanced and any(mesh is not self.meshes[0] for mesh in self.meshes):
             raise InputError(
                 "geometry is 'instanced' and the frames have meshes of their own, but instances show one mesh; "
                 "use geometry='copied'"
             )
-        check_image_memory(alignment.split.height * len(meshes), alignment.split.width)
-        check_aligned(meshes, alignment, self.options)
-        self.meshes, self.alignment = meshes, alignment
-        self.mesh, self.camera = meshes[0], alignment.camera
-        if self._is_built:
-            self.build()
+        check_image_memory(alignment.split.height * len(self.meshes), alignment.split.width)
+        check_aligned(self.meshes, alignment, self.options)
+        self.alignment, self.mesh, self.camera = alignment, self.meshes[0], alignment.camera
+        self._pool = WorkerPool(self.threads)
 
     @property
     def views(self) -> tuple[tuple[Mesh, View], ...]:
@@ -128,33 +126,6 @@ class FramesTracer(Lifetime):
                 settle_ties(*self.views[image], tiles, offset, prim_id[image], self._pool)
             return Frames(depth, prim_id, offset, self.meshes, cameras, self.threads)
 
-    @synchronized
-    def look(self, alignment: Alignment) -> None:
-        """Trace what the cameras of `alignment` see from the next call on: as many frames as before.
-
-        Raises InputError for anything but an alignment of as many frames, else as `Tracer.look`.
-        """
-        self._check_open()
-        count = len(self.meshes)
-        if not isinstance(alignment, Alignment) or len(alignment.cameras) != count:
-            raise InputError(
-                f"FramesTracer shows {count} cameras at once and cannot look through {alignment!r:.100}; expected "
-                f"an Alignment of {count} frames, such as Alignment.of_frames makes"
-            )
-        self._show(self.meshes, alignment)
-
-    @synchronized
-    def update(self, meshes: Mesh | Sequence[Mesh]) -> None:
-        """Trace other vertices of the same faces from the next call on. meshes: one for all frames, or one per frame.
-
-        Raises InputError for other faces and another number of meshes, else as `Tracer.update`.
-        """
-        self._check_open()
-        others = one_for_each(meshes, len(self.meshes))
-        for before, mesh in zip(self.meshes, others, strict=True):
-            check_same_faces(before, mesh)
-        self._show(others, self.alignment)
-
     @property
     @synchronized
     def triangle_count(self) -> int:
@@ -182,11 +153,3 @@ class FramesTracer(Lifetime):
     def _release(self) -> None:
         self._pool.close()  # first, so that none of its threads is in a scene that goes
         self._forget()
-
-
-def one_for_each(meshes: Mesh | Sequence[Mesh], count: int) -> tuple[Mesh, ...]:
-    """A mesh for each of `count` frames. Raises InputError unless one is given, or one per frame."""
-    given = (meshes,) * count if isinstance(meshes, Mesh) else tuple(meshes)
-    if len(given) != count:
-        raise InputError(f"{len(given)} meshes for {count} frames; expected one for each, or one for all")
-    return given

@@ -14,18 +14,19 @@ from atra.alignment.cells import CellOptions, choose_packet_shape, reference_ray
 from atra.alignment.second_pass import SecondPass, left_out_tiles
 from atra.all_hits.reductions import Reduction
 from atra.compiled.threads import WorkerPool
-from atra.embree.callbacks_kernels import memory_monitor, nearest_hit_filter
+from atra.embree.filters_kernels import memory_monitor
 from atra.embree.packets_kernels import TracedImage
 from atra.embree.scene import EmbreeScene
+from atra.embree.workspace import Workspace
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.packets.all_hits import EmbreeAllHits, RayBatch
+from atra.packets.filters_kernels import NEAREST_HIT, hit_filter
 from atra.packets.loop import Packets, trace_packets
 from atra.packets.loop_kernels import FILTERED
 from atra.packets.pixel import image_rays
-from atra.tracing.embree import build_scene, make_workspaces
 from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
-from atra.tracing.rays import SQUAREST_SHAPE, share_direction
+from atra.tracing.rays import SQUAREST_SHAPE
 
 
 class PreparedCells:
@@ -39,14 +40,14 @@ class PreparedCells:
 
     def __init__(self, meshes: Sequence[Mesh], alignment: Alignment, options: CellOptions, pool: WorkerPool) -> None:
         self.alignment, self._meshes, self._options, self._pool = alignment, meshes, options, pool
-        self.workspaces = make_workspaces(alignment.camera, options.rays_per_packet, pool.threads)
+        self.workspaces = [Workspace(options.rays_per_packet, coherent=True) for _ in range(pool.threads)]
         self.packet_shape = choose_packet_shape(options.rays_per_packet, alignment.split, options.packet_rows)
         self.row_stride = row_stride_of(alignment.split, self.packet_shape)
         self._tiles = reference_tiles(alignment.split, self.packet_shape[1])
         # No method: it would keep a reference to this object.
         self._rays = partial(reference_rays, alignment, packet_columns=self.packet_shape[0])
         # Compiled here, before any clock starts.
-        self._filter_address = nearest_hit_filter(*self.packet_shape, options.is_instanced)
+        self._filter_address = hit_filter(NEAREST_HIT, *self.packet_shape, options.geometry)
         memory_monitor()
         self.second_passes: list[SecondPass | None] = []
         self.told: dict[str, float] = {}
@@ -62,9 +63,7 @@ class PreparedCells:
         shift = sum(float(np.linalg.norm(shears, axis=1).max()) for shears in alignment.shears)
         settings = options.scene_settings
         self._all_hits = EmbreeAllHits(mesh, alignment.camera, batches, self.row_stride, self._pool, settings, shift)
-        self.scene = build_scene(
-            geometry, self._pool.threads, filter_address=self._filter_address, **self._options.scene_settings
-        )
+        self.scene = geometry.build(self._pool.threads, filter_address=self._filter_address, **settings)
 
     def still_serves(self, camera: View) -> bool:
         """Never: copies depend on the camera."""
@@ -74,12 +73,9 @@ class PreparedCells:
         """See `Prepared.draw`; of several images one stands below the other."""
         alignment, split, workspaces = self.alignment, self.alignment.split, self.workspaces
         packets = Packets(
-            self.scene.address, self.packet_shape, alignment.camera.is_parallel, self._rays(offset), self._tiles,
+            self.scene.address, self.packet_shape, alignment.camera, self._rays(offset), self._tiles,
             (split.cell_width, split.cell_height), FILTERED, self.row_stride, len(alignment.cameras) * split.ny,
         )  # fmt: skip
-        for workspace in workspaces:
-            workspace.set_row_bytes(4 * self.row_stride)
-        share_direction(workspaces, alignment.camera)  # a second pass may have set another image's
         trace_packets(packets, workspaces, self._pool, TracedImage(depth, prim_id))
         for number, one in enumerate(self.second_passes):
             if one is not None:

@@ -18,9 +18,8 @@ from atra.geometry.mesh import Mesh, position_keys
 from atra.geometry.view import View
 from atra.packets.loop import Packets, trace_packets
 from atra.packets.loop_kernels import NEARER
-from atra.tracing.embree import build_scene
 from atra.tracing.geometry import LeftOut, plan_plain_geometry
-from atra.tracing.rays import SQUAREST_SHAPE, image_ray_grid, share_direction
+from atra.tracing.rays import SQUAREST_SHAPE, image_ray_grid
 
 SECOND_PASS_TILE = (8, 4)
 """Tile size for triangles without copies, (width, height) in pixels: whole packets of any shape."""
@@ -58,8 +57,7 @@ class SecondPass:
         """Update the first pass's image; depth, prim_id: (H, W), changed in place."""
         camera, shape = self.camera, SQUAREST_SHAPE[self.packet_width]
         rays, size = image_ray_grid(camera, offset, shape), (camera.width, camera.height)
-        packets = Packets(self.scene.address, shape, camera.is_parallel, rays, self.tiles, size, NEARER)
-        share_direction(workspaces, camera)
+        packets = Packets(self.scene.address, shape, camera, rays, self.tiles, size, NEARER)
         self.packets_traced = trace_packets(packets, workspaces, pool, TracedImage(depth, prim_id), self.nearest)
 
 
@@ -74,7 +72,7 @@ def left_out_pass(
     if options.robust:
         shown |= _neighbours(mesh, left_out.prim_ids)
     tiles = left_out_tiles(mesh, camera, left_out)
-    scene = build_scene(plan_plain_geometry(mesh, camera, ~shown), pool.threads, **options.scene_settings)
+    scene = plan_plain_geometry(mesh, camera, ~shown).build(pool.threads, **options.scene_settings)
     return SecondPass(scene, camera, *tiles, options.rays_per_packet)
 
 

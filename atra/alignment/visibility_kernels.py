@@ -27,9 +27,6 @@ CHUNK = 1024
 LINES = 4
 """Rows of a triangle's linear functions: three edges, then the inverse depth."""
 
-NOWHERE, WHERE_NEAR, EVERYWHERE = 0, 1, 2
-"""Cells that get copies of a triangle: none, those where it may lie nearer than what the probe saw, or all it meets."""
-
 _RELIABLE = 1e-9
 """A float64 difference below this fraction of its terms is taken as noise; the bounding box is used instead."""
 
@@ -52,12 +49,12 @@ class TileGrid(NamedTuple):
 class Wanted(NamedTuple):
     """Which copies the first pass gets.
 
-    where: (F,) uint8, NOWHERE, WHERE_NEAR or EVERYWHERE. inverse_depth: (tile rows, tile columns) float64, from which
+    left_out: (F,) bool, triangles without copies. inverse_depth: (tile rows, tile columns) float64, from which
     on a triangle is wanted in a tile: 0 for all, inf for none. first_cell, last_cell: (tile columns,) int64, the
     columns of cells that a column of tiles meets. cell_height: pixels.
     """
 
-    where: NDArray[np.uint8]
+    left_out: NDArray[np.bool_]
     inverse_depth: NDArray[np.float64]
     first_cell: NDArray[np.int64]
     last_cell: NDArray[np.int64]
@@ -166,7 +163,7 @@ def _cells_met(footprint, grid, wanted):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True)
-def _mark_cells(lines, footprint, j, where, grid, wanted, near, tiles):  # type: ignore[no-untyped-def]
+def _mark_cells(lines, footprint, j, is_left_out, grid, wanted, near, tiles):  # type: ignore[no-untyped-def]
     """Set `near` for the columns of cells in row j where the triangle is wanted.
 
     Returns the first and last row of tiles it meets there; tiles[ty] are the first and last tile in each row.
@@ -176,10 +173,10 @@ def _mark_cells(lines, footprint, j, where, grid, wanted, near, tiles):  # type:
     for ty in range(ty_first, ty_last + 1):
         first, last = _tiles_in_row(lines, footprint, ty, grid)
         tiles[ty, 0], tiles[ty, 1] = first, last
-        if where == NOWHERE:
+        if is_left_out:
             continue
         for tx in range(first, last + 1):
-            if where == EVERYWHERE or _inverse_depth(lines, footprint, tx, ty, grid) >= wanted.inverse_depth[ty, tx]:
+            if _inverse_depth(lines, footprint, tx, ty, grid) >= wanted.inverse_depth[ty, tx]:
                 for i in range(wanted.first_cell[tx], wanted.last_cell[tx] + 1):
                     near[i] = 1
     return ty_first, ty_last
@@ -205,9 +202,9 @@ def count_visible(counter_address, points_pixels, faces, grid, wanted, depth_sla
             if footprint.left > footprint.right:
                 continue
             first, last, row_first, row_last = _cells_met(footprint, grid, wanted)
-            where, slack = wanted.where[triangle], 1.0 + depth_slack[triangle]
+            is_left_out, slack = wanted.left_out[triangle], 1.0 + depth_slack[triangle]
             for j in range(row_first, row_last + 1):
-                ty_first, ty_last = _mark_cells(lines, footprint, j, where, grid, wanted, near, tiles)
+                ty_first, ty_last = _mark_cells(lines, footprint, j, is_left_out, grid, wanted, near, tiles)
                 kept = 0
                 for i in range(first, last + 1):
                     kept += near[i]
@@ -244,7 +241,7 @@ def fill_visible(counter_address, points_pixels, points_ray, faces, grid, wanted
             everywhere = starts[triangle + 1] - copy == (last - first + 1) * (row_last - row_first + 1)
             for j in range(row_first, row_last + 1):
                 if not everywhere:
-                    _mark_cells(lines, footprint, j, wanted.where[triangle], grid, wanted, near, tiles)
+                    _mark_cells(lines, footprint, j, wanted.left_out[triangle], grid, wanted, near, tiles)
                 for i in range(first, last + 1):
                     if everywhere or near[i] != 0:
                         near[i] = 0

@@ -10,10 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from atra.alignment.alignment import Alignment
 from atra.alignment.cells import CellOptions, check_aligned
@@ -23,9 +22,6 @@ from atra.alignment.prepared import PreparedCells
 from atra.alignment.rounding import roundings_of_copies
 from atra.alignment.second_pass import DEPTH_SLACK, SecondPass, nearest_of, tiles_before
 from atra.alignment.visibility_kernels import (
-    EVERYWHERE,
-    NOWHERE,
-    WHERE_NEAR,
     TileGrid,
     Wanted,
     count_visible,
@@ -43,10 +39,9 @@ from atra.geometry.split import Split
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.packets.loop import Packets, trace_packets
-from atra.prim_ids import MISS
-from atra.tracing.embree import build_scene
 from atra.tracing.geometry import plan_plain_geometry
 from atra.tracing.images import new_images
+from atra.tracing.method import Method
 from atra.tracing.rays import SQUAREST_SHAPE, check_pinhole, pixel_tiles, ray_grid
 from atra.tracing.tracer import Tracer
 
@@ -65,19 +60,18 @@ WHOLE_BUILD_QUALITY = "low"
 """Build quality of the whole mesh's BVH, which is also compact. Only the probe and a few packets use it, so build time
 and size matter more than tracing speed."""
 
-Probed = tuple[NDArray[np.bool_], NDArray[np.float64]]
-"""(F,), triangles to keep in every cell they meet; and (tile rows, tile columns), keep what may be nearer than this
-(inf: everything, 0: nothing). A wrong probe costs time, never a hit."""
-
 
 @dataclass(frozen=True, eq=False)
-class VisibleFirst:
-    """Visible-first tracing as a method. split: see `VisibleFirstTracer`; probe: likewise, or (F,) bool, whether a
-    triangle is seen; options: its others."""
+class VisibleFirst(Method):
+    """Visible-first tracing as a method. split, probe: see `VisibleFirstTracer`; options: its others."""
 
     split: tuple[int, int]
-    probe: Hits | NDArray[np.bool_] | None = None
+    probe: Hits | None = None
     options: CellOptions = field(default_factory=CellOptions)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.probe, Hits | None):
+            raise InputError(f"the probe is {self.probe!r:.100}, expected Hits of an image, or None")
 
     @property
     def rays_per_packet(self) -> int:
@@ -92,18 +86,11 @@ class VisibleFirst:
         """See `Method.check`."""
         check_pinhole(camera, "VisibleFirstTracer")
         check_aligned((mesh,), self.alignment(camera), self.options)
-        if isinstance(self.probe, Hits) and self.probe.depth.shape != (camera.height, camera.width):
+        if self.probe is not None and self.probe.depth.shape != (camera.height, camera.width):
             raise InputError(
                 f"the probe is an image of {self.probe.depth.shape}, "
                 f"expected {(camera.height, camera.width)} (height, width)"
             )
-
-    def check_gathering(self, camera: View) -> None:
-        """Raise InputError: hidden triangles are left out."""
-        raise InputError(
-            "VisibleFirstTracer leaves out what is hidden, so it cannot gather all hits; use RasterTracer, PixelTracer "
-            "or AlignedTracer"
-        )
 
     def prepare(self, mesh: Mesh, camera: View, pool: WorkerPool) -> PreparedCells:
         """Probe, cull, shear and build: copies of what is probably visible, and a second pass through the mesh."""
@@ -113,18 +100,15 @@ class VisibleFirst:
         plain = plan_plain_geometry(mesh, camera)
         ready = perf_counter()
         settings = {**options.scene_settings, "build_quality": WHOLE_BUILD_QUALITY, "compact": True}
-        whole = build_scene(plain, pool.threads, **settings)
+        whole = plain.build(pool.threads, **settings)
         built = perf_counter()
-        seen, depth = np.zeros(mesh.triangle_count, np.bool_), np.zeros(grid.shape)
         if self.probe is None:
             depth = probed_depth(_trace_probe(whole, camera, grid, prepared.workspaces, pool), grid)
-        elif isinstance(self.probe, Hits):
-            depth = _farthest_in_tiles(self.probe.depth, grid)
         else:
-            seen = self.probe
+            depth = _farthest_in_tiles(self.probe.depth, grid)
         probed = perf_counter()
         points = project_mesh(mesh, camera, pool)
-        counts, nearest, fill = visible_copies(mesh, alignment, grid, (seen, depth), points, pool)
+        counts, nearest, fill = visible_copies(mesh, alignment, grid, depth, points, pool)
         geometry = filled_copies([counts], fill, alignment, options, prepared.row_stride)
         second_pass = SecondPass(whole, camera, *tiles_before(nearest, grid), options.rays_per_packet)
         prepared.second_passes = [second_pass]
@@ -158,7 +142,7 @@ def _trace_probe(
     x = camera.plane.columns(positions(width, shape[0], camera.width))
     y = camera.plane.rows(positions(height, shape[1], camera.height))
     image, tiles, size = TracedImage(*new_images((height, width), width)), pixel_tiles(width, height), (width, height)
-    trace_packets(Packets(whole.address, shape, False, ray_grid(camera, x, y), tiles, size), workspaces, pool, image)
+    trace_packets(Packets(whole.address, shape, camera, ray_grid(camera, x, y), tiles, size), workspaces, pool, image)
     return image.depth
 
 
@@ -184,22 +168,22 @@ def _farthest_in_tiles(depth: NDArray[np.float32], grid: TileGrid) -> NDArray[np
 
 
 def visible_copies(
-    mesh: Mesh, alignment: Alignment, grid: TileGrid, probed: Probed, points: Points, pool: WorkerPool
+    mesh: Mesh, alignment: Alignment, grid: TileGrid, depth: NDArray[np.float64], points: Points, pool: WorkerPool
 ) -> tuple[NDArray[np.int64], NDArray[np.float32], Fill]:
     """The copies of every triangle for the cells in which a probe says it may be visible.
 
-    alignment: the cells of one image. points: from `project_mesh`, for its camera. Returns (F,) int64, the cells
-    that keep each triangle; (tile rows, tile columns) float32, no ray of a tile meets a left-out triangle before this
-    depth, inf where none is left out; and what writes the copies for `filled_copies`.
+    alignment: the cells of one image. depth: (tile rows, tile columns), what may be nearer is kept (inf: everything, 0:
+    nothing); a wrong one costs time, never a hit. points: from `project_mesh`, for its camera. Returns (F,) int64,
+    the cells that keep each triangle; (tile rows, tile columns) float32, no ray of a tile meets a left-out triangle
+    before this depth, inf where none is left out; and what writes the copies for `filled_copies`.
     """
-    split, camera, (seen, depth) = alignment.split, alignment.camera, probed
+    split, camera = alignment.split, alignment.camera
     roundings = roundings_of_copies(mesh, camera, alignment, points, pool)
-    where = np.where(roundings.left_out, NOWHERE, np.where(seen, EVERYWHERE, WHERE_NEAR)).astype(np.uint8)
     with np.errstate(divide="ignore"):
         inverse_depth = (1.0 - SEEN_SLACK) / depth
     columns = np.arange(grid.shape[1]) * grid.tile_width
     last_cell = (np.minimum(columns + grid.tile_width, camera.width) - 1) // split.cell_width
-    wanted = Wanted(where, inverse_depth, columns // split.cell_width, last_cell, split.cell_height)
+    wanted = Wanted(roundings.left_out, inverse_depth, columns // split.cell_width, last_cell, split.cell_height)
     faces, slack = mesh.traced_faces, np.maximum(roundings.depth_error, DEPTH_SLACK)
     counts, hidden = np.empty(mesh.triangle_count, np.int64), np.zeros((pool.threads, *grid.shape))
 
@@ -218,7 +202,7 @@ def VisibleFirstTracer(
     mesh: Mesh,
     camera: View,
     split: tuple[int, int],
-    probe: Hits | ArrayLike | None = None,
+    probe: Hits | None = None,
     *,
     threads: int | None = None,
     ties: str = "lowest",
@@ -242,8 +226,8 @@ def VisibleFirstTracer(
     split : (int, int)
         Columns and rows of cells; they must divide the image's width and height.
     probe : optional
-        None traces a few rays while setting up; `Hits` of an image of the same size, such as an earlier frame or a
-        nearby camera; or an integer array of prim_ids for pass 1, which may be empty.
+        `Hits` of an image of the same size, such as an earlier frame or a nearby camera (default: a few rays are traced
+        while setting up).
     threads, ties, packet_width, packet_rows, build_quality, robust, memory_budget_bytes :
         As for `AlignedTracer`; the build quality is that of pass 1.
 
@@ -255,37 +239,10 @@ def VisibleFirstTracer(
     Raises
     ------
     InputError
-        For a split that does not divide the image, a probe of another size, an unknown prim_id, and parallel rays.
-
-    Examples
-    --------
-    >>> import atra
-    >>> mesh = atra.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
-    >>> camera = atra.Camera.framing(mesh, width=64, height=48)
-    >>> with atra.VisibleFirstTracer(mesh, camera, split=(16, 1)) as tracer:
-    ...     hits = tracer.trace()
-    >>> print(atra.compare(hits, atra.trace(mesh, camera)))
-    3072 of 3072 pixels equal, 0 tied, 0 edge, 0 wrong
+        For a split that does not divide the image, a probe that is no `Hits` or of another size, and parallel rays.
     """
-    check_pinhole(camera, "VisibleFirstTracer")
-    checked = probe if probe is None or isinstance(probe, Hits) else _seen_triangles(mesh, probe)
     options = CellOptions(
         packet_width=packet_width, packet_rows=packet_rows, build_quality=build_quality, robust=robust,
         memory_budget_bytes=memory_budget_bytes,
     )  # fmt: skip
-    return Tracer(mesh, camera, VisibleFirst(split, checked, options), threads=threads, ties=ties)
-
-
-def _seen_triangles(mesh: Mesh, probe: Any) -> NDArray[np.bool_]:
-    """(F,) bool: the triangles that a probe names, which may name misses, too."""
-    prim_ids, is_seen = np.asarray(probe), np.zeros(mesh.triangle_count, np.bool_)
-    if prim_ids.size and prim_ids.dtype.kind not in "iu":
-        raise InputError(f"the probe has dtype {prim_ids.dtype}, expected whole numbers: prim_ids of triangles seen")
-    prim_ids = prim_ids[prim_ids != MISS].astype(np.int64)
-    absent = prim_ids[(prim_ids < 0) | (prim_ids >= mesh.triangle_count)]
-    if len(absent):
-        raise InputError(
-            f"the probe names prim_id {absent.min()}, but {mesh.name!r} has {mesh.triangle_count} triangles"
-        )
-    is_seen[prim_ids] = True
-    return is_seen
+    return Tracer(mesh, camera, VisibleFirst(split, probe, options), threads=threads, ties=ties)

@@ -41,19 +41,21 @@ _SIDE = 1024
 
 
 def chosen_cameras(given: Any, mesh: Mesh, own: Mapping[str, View], broken: Broken) -> dict[str, View]:
-    """The cameras that `--camera` asks for, by name; without it one that frames the mesh.
+    """The cameras that `--camera` asks for, by name; without it the first of the mesh's file, or one that frames it.
 
-    own: cameras of the mesh's file. Raises InputError for what is
-    neither, and as `read_cameras`.
+    own: cameras of the mesh's file. Raises InputError for a camera that is not known, and as `read_cameras`.
     """
     size = None if given.size is None else tuple(given.size)
     width, height = size or (_SIDE, _SIDE)
+    if given.camera is None and own:
+        camera: Any = next(iter(own.values()))
+        return {given.mesh.stem: camera if size is None else replace(camera, width=width, height=height)}
     if given.camera is None:
         return {given.mesh.stem: Camera.framing(mesh, width=width, height=height)}
     if is_file_name(given.camera) and given.camera not in own:
         return read_cameras(Path(given.camera), size, broken, given.memory_per_byte)
     if given.camera in own:
-        camera: Any = own[given.camera]
+        camera = own[given.camera]
         return {given.camera: camera if size is None else replace(camera, width=width, height=height)}
     if given.camera in DIRECTIONS:
         way, up = DIRECTIONS[given.camera]

@@ -6,7 +6,6 @@ import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +18,7 @@ from atra.geometry.view import View
 
 if TYPE_CHECKING:  # a wing of the library, loaded where a picture is asked for
     from atra.light import Progress, Scene
+    from atra.light.lights import Light
     from atra.light.pictures.renderer import Renderer
 
 SAMPLES, BOUNCES = 64, 8
@@ -29,6 +29,9 @@ CamerasOf = Callable[[Mesh, Mapping[str, View]], dict[str, View]]
 _LIMITS = ("samples", "error", "minutes")
 
 _BLACK = np.zeros((1, 1, 3))
+
+_HIDES = 100.0
+"""Ratio of the irradiances of two lights from which a hint names them."""
 
 
 def add_picture(parser: ArgumentParser) -> None:
@@ -58,7 +61,10 @@ def add_shown(parser: Any) -> None:
         "--tone", default="neutral", choices=("none", "neutral", "agx"), help="tone map of a PNG (default: neutral)"
     )
     parser.add_argument("--denoise", action="store_true", help="remove noise by Open Image Denoise (extra denoise)")
-    parser.add_argument("--sky", type=Path, metavar="FILE", help="an EXR or HDR panorama that lights the scene")
+    parser.add_argument(
+        "--sky", metavar="SKY",
+        help="neutral, none, or an EXR or HDR panorama (default: none beside the file's lights, else neutral)",
+    )  # fmt: skip
 
 
 def add_scene(parser: ArgumentParser) -> None:
@@ -67,7 +73,7 @@ def add_scene(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--camera", metavar="CAMERA",
         help="front, back, left, right, top or bottom; a camera's name in the file; or a JSON file of one camera "
-        "(default: one that frames the mesh)",
+        "(default: the file's first, or one that frames the mesh)",
     )  # fmt: skip
 
 
@@ -89,18 +95,36 @@ def wants_picture(given: Namespace) -> bool:
     return bool(asked)
 
 
-def load_lit(path: Path, sky: Path | None = None, memory_per_byte: float | None = None) -> Scene:
-    """The scene of a file: with lights of its own it stands in the dark, without them under a neutral sky.
+def load_lit(path: Path, sky: str | None = None, memory_per_byte: float | None = None) -> Scene:
+    """The scene of a file, as `load_scene` lights it. A hint tells of lights that hardly show beside others.
 
-    sky: a panorama in place of either. Raises InputError as `load_scene` and `PanoramaSky.load` do.
+    sky: neutral, none, or the file of a panorama, in place of that. Raises InputError as `load_scene` and
+    `PanoramaSky.load` do.
     """
-    from atra.light import GradientSky, PanoramaSky, constant_sky, load_scene
+    from atra.light import PanoramaSky, constant_sky, load_scene
+    from atra.light.sky import NEUTRAL
 
-    scene = load_scene(path, memory_per_byte=memory_per_byte)
+    others: dict[str, Any] = {}
     if sky is not None:
-        return replace(scene, sky=PanoramaSky.load(sky))
-    neutral = GradientSky((0.45, 0.45, 0.45), (1.1, 1.1, 1.1))
-    return replace(scene, sky=constant_sky(0.0) if scene.lights else neutral)
+        others["sky"] = {"neutral": NEUTRAL, "none": constant_sky(0.0)}.get(sky) or PanoramaSky.load(sky)
+    scene = load_scene(path, memory_per_byte=memory_per_byte, **others)
+    size = float(np.linalg.norm(np.ptp(scene.mesh.bounds, axis=0)))
+    powers = {k: _on_scene(light, size) for k, light in enumerate(scene.lights) if _on_scene(light, size) > 0.0}
+    if powers:
+        most, least = max(powers, key=powers.__getitem__), min(powers, key=powers.__getitem__)
+        times = powers[most] / powers[least]
+        if times > _HIDES:
+            one, other = (f"light {k} ({type(scene.lights[k]).__name__})" for k in (most, least))
+            print(
+                f"hint: {one} is {times:,.0f} times as bright as {other}, which hardly shows beside it", file=sys.stderr
+            )
+    return scene
+
+
+def _on_scene(light: Light, size: float) -> float:
+    """The largest irradiance by a light, in the distance of the scene's size if it is a lamp; 0 of an area."""
+    power = float(getattr(light, "power", 0.0)) * max(getattr(light, "colour", (0.0,)))
+    return power if hasattr(light, "angle_degrees") else power / max(size * size, 1e-30)
 
 
 def load_with_cameras(given: Namespace) -> tuple[Mesh, dict[str, View]]:

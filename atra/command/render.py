@@ -28,7 +28,7 @@ EXAMPLES = """\
 atra render model.ply
            frames the mesh and writes its planes to model_views/
        atra render model.glb --samples 64 -o picture.png
-           a picture with the file's materials and lights, framed; --camera front, or a camera's name, looks elsewhere
+           a picture with the file's materials and lights, by its first camera or framed; --camera front looks elsewhere
        atra render room.glb --camera sparse/0 --planes depth,normals --format png
            16-bit depth in millimetres and normals of every camera of a COLMAP model, its lenses included
        atra render room.glb --camera transforms.json --out labels --planes prim_id,mask --format npy
@@ -49,7 +49,7 @@ def add_render(parser: ArgumentParser) -> None:
         help="front, back, left, right, top or bottom; the name of a camera in the file; a COLMAP model's folder; a "
         "transforms.json; a BOP scene's scene_camera.json; a calibration of OpenCV or ROS; or a JSON file of cameras "
         "by name, each with eye and target (and up, fov_y_degrees) or OpenCV's K, R and t (and distortion, model), and "
-        "with width and height (default: one camera that frames the mesh)",
+        "with width and height (default: one that frames the mesh; of a picture the file's first)",
     )  # fmt: skip
     parser.add_argument(
         "--out", type=Path, metavar="FOLDER", help="where the files go, made if missing (default: MESH_views)"

@@ -2,8 +2,8 @@
 
 Numba compiles each of these functions as if Python called it: optimised, as machine code, with wrappers. Without this
 file the first image in a clone takes 1.8 times as long, and kernels that are kept could not be told apart. Of the parts
-that only save time each buys 7 to 25 %: code that is never called by itself, remembered types, dead branches, no
-collection of garbage, one piece of stack, no check after each pass. Leaving out passes bought less, and is gone.
+that only save time each buys 3 to 25 %: code that is never called by itself, dead branches, no collection of garbage,
+one piece of stack, no check after each pass. Leaving out passes and remembering types bought less, and are gone.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import gc
 from collections.abc import Callable
 from hashlib import sha256
-from typing import Any, ClassVar
+from typing import Any
 
 from llvmlite.binding import Linkage, parse_assembly
 from numba.core import ir, types
@@ -20,30 +20,6 @@ from numba.core.compiler import Compiler
 from numba.core.compiler_machinery import FunctionPass, register_pass
 from numba.core.typed_passes import AnnotateTypes, NativeLowering
 from numba.core.untyped_passes import IRProcessing
-
-
-class _Typing:
-    """Numba's typing context, which remembers the results of operators and of Numba's functions by argument types.
-
-    Numba itself asks every registered definition, those for whole arrays too, at each addition of two numbers.
-    """
-
-    _found: ClassVar[dict[Any, Any]] = {}
-
-    def __init__(self, context: Any) -> None:
-        self._context = context
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._context, name)
-
-    def resolve_function_type(self, function: Any, arguments: Any, by_name: Any) -> Any:
-        """As in Numba. Compiled functions are not remembered: they may call themselves."""
-        if type(function) is not types.Function or by_name:
-            return self._context.resolve_function_type(function, arguments, by_name)
-        key = self._context, function, tuple(arguments)
-        if self._found.get(key) is None:
-            self._found[key] = self._context.resolve_function_type(function, arguments, by_name)
-        return self._found[key]
 
 
 @register_pass(mutates_CFG=False, analysis_only=False)
@@ -79,10 +55,6 @@ _with_room.__code__ = _with_room.__code__.replace(co_stacksize=(1 << 17) + 100)
 
 class _Compiler(Compiler):
     """Numba's compiler. Garbage is not collected meanwhile: that takes a fifth of the time and finds hardly any."""
-
-    def __init__(self, typing: Any, *rest: Any) -> None:
-        super().__init__(typing, *rest)
-        self.state.typingctx = _Typing(typing)
 
     def define_pipelines(self) -> list[Any]:
         pipelines = super().define_pipelines()

@@ -37,17 +37,6 @@ def load(typingctx: Any, address: Any, like: Any, lanes: Any) -> Any:
     return vector(types.int64, vector.element, lanes), codegen
 
 
-def _gathered(builder: ir.IRBuilder, addresses: ir.Value, kind: ir.VectorType, name: str, size: int) -> ir.Value:
-    pointers = pointer_at(builder, addresses, ir.VectorType(kind.element.as_pointer(), kind.count))
-    all_ = ir.Constant(ir.VectorType(_I1, kind.count), [1] * kind.count)
-    gather = declared(
-        builder,
-        f"llvm.masked.gather.{name}.v{kind.count}p0",
-        ir.FunctionType(kind, [pointers.type, _I32, all_.type, kind]),
-    )
-    return builder.call(gather, [pointers, _I32(size), all_, ir.Constant(kind, ir.Undefined)])
-
-
 def _mixed(builder: ir.IRBuilder, a: ir.Value, b: ir.Value, lanes: list[int]) -> ir.Value:
     return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_I32, len(lanes)), lanes))
 
@@ -87,8 +76,12 @@ def gather_at(typingctx: Any, base: Any, places: Any) -> Any:
     def emit(builder: ir.IRBuilder, base: ir.Value, places: ir.Value) -> ir.Value:
         integers = ir.VectorType(_I64, 8)
         distances = builder.shl(builder.fptosi(places, integers), ir.Constant(integers, [2] * 8))
-        addresses = builder.add(distances, emit_splat(builder, base, 8))
-        return _gathered(builder, addresses, ir.VectorType(ir.FloatType(), 8), "v8f32", 4)
+        addresses, kind = builder.add(distances, emit_splat(builder, base, 8)), ir.VectorType(ir.FloatType(), 8)
+        pointers = pointer_at(builder, addresses, ir.VectorType(kind.element.as_pointer(), 8))
+        every_lane, nothing = ir.Constant(ir.VectorType(_I1, 8), [1] * 8), ir.Constant(kind, ir.Undefined)
+        function = ir.FunctionType(kind, [pointers.type, _I32, every_lane.type, kind])
+        gather = declared(builder, "llvm.masked.gather.v8f32.v8p0", function)
+        return builder.call(gather, [pointers, _I32(4), every_lane, nothing])
 
     return VectorType(types.float32, 8)(types.int64, places), emitting(emit)
 
@@ -202,14 +195,13 @@ integers_at, identities_at = _numbers_at(types.int64), _numbers_at(types.uint32)
 """Numbers from an address on, indexed like an array but without Numba's reference counting."""
 
 
-def emit_prefetch(builder: ir.IRBuilder, address: ir.Value) -> None:
-    """Emit the prefetch of the cache line at an address."""
-    pointer = _pointer(builder, address, ir.IntType(8))
-    kind = ir.FunctionType(ir.VoidType(), [pointer.type, _I32, _I32, _I32])
-    builder.call(declared(builder, "llvm.prefetch.p0", kind), [pointer, _I32(0), _I32(3), _I32(1)])
-
-
 @intrinsic
 def prefetch(typingctx: Any, address: Any) -> Any:
     """Prefetch the cache line at an address."""
-    return types.void(types.int64), emitting(emit_prefetch)
+
+    def emit(builder: ir.IRBuilder, address: ir.Value) -> None:
+        pointer = _pointer(builder, address, ir.IntType(8))
+        kind = ir.FunctionType(ir.VoidType(), [pointer.type, _I32, _I32, _I32])
+        builder.call(declared(builder, "llvm.prefetch.p0", kind), [pointer, _I32(0), _I32(3), _I32(1)])
+
+    return types.void(types.int64), emitting(emit)

@@ -157,9 +157,6 @@ def _of_each(name: str) -> Any:
 nearest_whole, ceil, floor = _of_each("rint"), _of_each("ceil"), _of_each("floor")
 """Round each number of a float vector to the nearest whole number, up, and down."""
 
-root = _of_each("sqrt")
-"""The square roots of a float vector."""
-
 _operator(abs, VectorType, lambda builder, value: _lane_by_lane(builder, "fabs", value), count=1)
 
 

@@ -12,7 +12,6 @@ from atra.embree import layout
 from atra.embree.layout import IntersectArguments, Packet, RayQueryContext
 from atra.errors import EmbreeError
 
-_ORIGIN_FIELDS = (layout.RAY_ORG_X, layout.RAY_ORG_Y, layout.RAY_ORG_Z)
 _DIRECTION_FIELDS = (layout.RAY_DIR_X, layout.RAY_DIR_Y, layout.RAY_DIR_Z)
 
 
@@ -67,11 +66,6 @@ class Workspace:
     def set_coherent(self, coherent: bool) -> None:
         """Tell Embree whether the rays of a packet are alike in origin and direction, and may be traced together."""
         IntersectArguments.from_buffer(self._arguments.data).flags = layout.FLAG_COHERENT if coherent else 0
-
-    def set_origin(self, origin: Sequence[float]) -> None:
-        """Set the origin of all rays, three numbers; it has no effect for kernels of parallel rays."""
-        for field, value in zip(_ORIGIN_FIELDS, origin, strict=True):
-            self._lanes(self.packet.floats, field, self.width)[:] = value
 
     def set_direction(self, direction: Sequence[float]) -> None:
         """Set the direction of all rays, three numbers; it only has an effect for kernels of parallel rays."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import isfinite
+from math import isfinite, pi
 from typing import Self
 
 import numpy as np
@@ -64,6 +64,11 @@ class ImagePlane:
     def centred(cls, pitch: float, width: int, height: int) -> Self:
         """Square pixels, with the principal point in the middle of a width x height image."""
         return cls(pitch, pitch, width / 2, height / 2)
+
+    @classmethod
+    def panoramic(cls, width: float, height: float) -> Self:
+        """The grid of a panorama of width x height pixels, whose pitches are angles in radians."""
+        return cls(2.0 * pi / width, pi / height, width / 2, height / 2)
 
     @property
     def axis_in_image(self) -> tuple[float, float]:

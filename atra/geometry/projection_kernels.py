@@ -104,8 +104,9 @@ def cell_range(low, high, cell_pixels, cell_count):  # type: ignore[no-untyped-d
 
 
 @njit(forceinline=True)
-def load_triangle(points_pixels, faces, triangle, polygon):  # type: ignore[no-untyped-def]
-    """Copy a triangle's corners to `polygon`; returns nearest depth, farthest depth and largest coordinate."""
+def find_rows(points_pixels, faces, triangle, cell_height, ny, polygon, scratch):  # type: ignore[no-untyped-def]
+    """The rows of cells that a triangle meets: `MetRows`. Its part in front of the eye is written to `polygon`,
+    (CORNERS, 3) float64; so may `scratch` be."""
     nearest, farthest, largest = np.inf, -np.inf, 0.0
     for corner in range(3):
         vertex = faces[triangle, corner]
@@ -114,30 +115,12 @@ def load_triangle(points_pixels, faces, triangle, polygon):  # type: ignore[no-u
             polygon[corner, axis] = value
             largest = max(largest, abs(value))
         nearest, farthest = min(nearest, polygon[corner, 2]), max(farthest, polygon[corner, 2])
-    return nearest, farthest, largest
-
-
-@njit(forceinline=True)
-def front_part(polygon, nearest, farthest, scratch):  # type: ignore[no-untyped-def]
-    """Clip a triangle at the eye plane in place; returns the number of corners, 0 = all is behind."""
-    if nearest > 0.0:
-        return 3
-    if farthest < 0.0:
-        return 0
-    count = _clip(polygon, 3, scratch, 0.0, 0.0, 1.0)
-    for corner in range(count):
-        for axis in range(3):
-            polygon[corner, axis] = scratch[corner, axis]
-    return count
-
-
-@njit(forceinline=True)
-def find_rows(points_pixels, faces, triangle, cell_height, ny, polygon, scratch):  # type: ignore[no-untyped-def]
-    """The rows of cells that a triangle meets: `MetRows`. Its part in front of the eye is written to `polygon`,
-    (CORNERS, 3) float64; so may `scratch` be."""
-    nearest, farthest, largest = load_triangle(points_pixels, faces, triangle, polygon)
-    tiny = 1e-12 * largest
-    count = front_part(polygon, nearest, farthest, scratch)
+    count, tiny = 3, 1e-12 * largest
+    if not nearest > 0.0:  # clipped at the eye plane
+        count = 0 if farthest < 0.0 else _clip(polygon, 3, scratch, 0.0, 0.0, 1.0)
+        for corner in range(count):
+            for axis in range(3):
+                polygon[corner, axis] = scratch[corner, axis]
     y_low, y_high = pixel_range(polygon, count, 1, tiny)
     first, last = cell_range(y_low, y_high, cell_height, ny)
     return MetRows(first, last, count, y_low, y_high, tiny)

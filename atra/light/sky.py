@@ -46,6 +46,10 @@ class GradientSky:
         object.__setattr__(self, "power", checked_number("power of a sky", self.power, 0.0, 1e12))
 
 
+NEUTRAL = GradientSky((0.45, 0.45, 0.45), (1.1, 1.1, 1.1))
+"""Lights a file that has no lights."""
+
+
 @dataclass(frozen=True, eq=False)
 class PanoramaSky:
     """An image all around, in longitude and latitude.

@@ -18,10 +18,9 @@ from atra.embree.workspace import Workspace
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from atra.packets.filters_kernels import gathering_filter
+from atra.packets.filters_kernels import hit_filter
 from atra.packets.loop import Packets, trace_packets
 from atra.packets.loop_kernels import FILTERED
-from atra.tracing.embree import build_scene
 from atra.tracing.gathering import check_rays_without_lens, target_of
 from atra.tracing.geometry import AlignedGeometry
 from atra.tracing.rays import longest_ray
@@ -33,7 +32,7 @@ if TYPE_CHECKING:  # loaded by the first `gather`, which nearest hits do without
 class RayBatch(NamedTuple):
     """Rays to trace through a geometry for all of their hits.
 
-    cells: as for `gathering_filter`. rays: makes the rays of an offset. size: width and height of their grid, pixels.
+    cells: as for `hit_filter`. rays: makes the rays of an offset. size: width and height of their grid, pixels.
     is_alone: packets overlap others' pixels, so one thread traces them all.
     """
 
@@ -61,7 +60,8 @@ class EmbreeAllHits:
     found once per offset, and those of the last offset are kept.
 
     batches: makes the rays and what they are traced through. row: pixels from one row of gathered images to the next.
-    settings: of `build_scene`. shift: how far copies are shifted at most, per unit of depth; of parallel rays in all.
+    settings: of `AlignedGeometry.build`. shift: how far copies are shifted at most, per unit of depth; of parallel rays
+    in all.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class EmbreeAllHits:
 
         if not self._batches:
             settings = {"threads": self._pool.threads, "filter_in_arguments": True, **self._settings}
-            self._batches = [(batch, build_scene(batch.geometry, **settings)) for batch in self._make_batches()]
+            self._batches = [(batch, batch.geometry.build(**settings)) for batch in self._make_batches()]
         for name, plane in what.planes().items():
             if not plane.before:  # layers are filled at the end
                 images[name].fill(plane.start)
@@ -128,10 +128,10 @@ class EmbreeAllHits:
         workspaces: Sequence[Workspace],
     ) -> None:
         packets = Packets(
-            scene.address, batch.packet_shape, self._camera.is_parallel, batch.rays(offset), batch.tiles, batch.size,
+            scene.address, batch.packet_shape, self._camera, batch.rays(offset), batch.tiles, batch.size,
             FILTERED, self._row, is_alone=batch.is_alone,
         )  # fmt: skip
-        filter_address = gathering_filter(kind, *batch.packet_shape, batch.cells)
+        filter_address = hit_filter(kind, *batch.packet_shape, batch.cells)
         for workspace in workspaces:
             workspace.gather_with(filter_address, block.ctypes.data)
         try:

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from atra.compiled.threads import WorkerPool
 from atra.embree.packets_kernels import PixelTiles, RayGrid, TracedImage
 from atra.embree.workspace import Workspace, check_widths
+from atra.geometry.ray_space import ray_axes
+from atra.geometry.view import View
 from atra.packets.loop_kernels import NEAREST, Limits, packet_kernel
 
 _NO_IMAGE = TracedImage(np.empty((0, 0), np.float32), np.empty((0, 0), np.uint32))
@@ -20,14 +22,14 @@ _NO_LIMITS = np.empty(0, np.float32)
 class Packets(NamedTuple):
     """Rays to trace in packets.
 
-    scene: address of the BVH. shape: columns and rows of pixels in a packet. parallel: rays share a direction but not
-    an origin. rays, tiles, size, row_stride, cell_rows: as for `packet_kernel`. kind: NEAREST or another of the loop's.
-    is_alone: packets overlap others' pixels, so one thread traces them all.
+    scene: address of the BVH. shape: columns and rows of pixels in a packet. camera: whose rays they are; parallel ones
+    share a direction but not an origin. rays, tiles, size, row_stride, cell_rows: as for `packet_kernel`. kind: NEAREST
+    or another of the loop's. is_alone: packets overlap others' pixels, so one thread traces them all.
     """
 
     scene: int
     shape: tuple[int, int]
-    parallel: bool
+    camera: View
     rays: RayGrid | NDArray[np.float32]
     tiles: PixelTiles
     size: tuple[int, int]
@@ -49,7 +51,13 @@ def trace_packets(
     Returns how many packets were traced, which only NEARER counts. Raises EmbreeError where a filter was given packets
     of another width than were sent.
     """
-    kernel = packet_kernel(*packets.shape, packets.kind, packets.parallel)
+    camera = packets.camera
+    kernel = packet_kernel(*packets.shape, packets.kind, camera.is_parallel)
+    direction = ray_axes(camera)[2].tolist() if camera.is_parallel else None
+    for workspace in workspaces:
+        workspace.set_row_bytes(4 * packets.row_stride)
+        if direction is not None:
+            workspace.set_direction(direction)
     given = packets.rays, packets.tiles, packets.size, packets.row_stride, packets.cell_rows, image
     traced = np.zeros((len(workspaces), 16), np.int64)  # a cache line and more for each thread
 

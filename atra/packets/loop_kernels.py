@@ -141,6 +141,16 @@ def packet_kernel(shape_x: int, shape_y: int, kind: int = NEAREST, parallel: boo
                             if farthest < nearest:
                                 continue
                             limits.traced[0] += 1
+                        has_rays = True
+                        if is_table:
+                            has_rays = _set_table_rays(packet, width, shape_x, columns, rows, x0, y0, rays)
+                        else:
+                            for row in range(shape_y):
+                                for column in range(shape_x):
+                                    lane = row * shape_x + column
+                                    set_pixel_ray(packet, width, lane, parallel, rays, x0 + column, y0 + row)
+                        # Limits follow the rays: the other way round, an image of packets takes 3 % longer.
+                        if is_nearer:
                             _continue_rays(packet, width, shape_x, columns, rows, x0, y0, image, nearest)
                         elif is_filtered:
                             for lane in range(width):
@@ -151,27 +161,18 @@ def packet_kernel(shape_x: int, shape_y: int, kind: int = NEAREST, parallel: boo
                             packet.context[_PRIM_ID] = image.prim_id.ctypes.data + 4 * pixel
                         else:
                             set_unlimited(packet, width)
-                        if is_table:
-                            if _set_table_rays(packet, width, shape_x, columns, rows, x0, y0, rays):
-                                intersect(width, packet.valid, scene, packet)
-                        else:
-                            for row in range(shape_y):
-                                for column in range(shape_x):
-                                    lane = row * shape_x + column
-                                    set_pixel_ray(packet, width, lane, parallel, rays, x0 + column, y0 + row)
-                            if is_nearer:
-                                intersect(width, packet.valid, scene, packet)
-                            elif is_whole:
-                                intersect(width, packet.all_lanes, scene, packet)
-                            else:
-                                for lane in range(width):
-                                    is_inside = lane % shape_x < columns and lane // shape_x < rows
-                                    packet.valid[lane] = -1 if is_inside else 0
-                                intersect(width, packet.valid, scene, packet)
-                        if not is_filtered:
-                            if is_whole:
+                        if is_whole and not is_table and not is_nearer:
+                            intersect(width, packet.all_lanes, scene, packet)
+                            if not is_filtered:
                                 keep_hits(packet, width, shape_x, shape_y, shape_x, x0, y0, image)
-                            else:
-                                keep_hits(packet, width, columns, rows, shape_x, x0, y0, image)
+                            continue
+                        if not is_table and not is_nearer:
+                            for lane in range(width):
+                                is_inside = lane % shape_x < columns and lane // shape_x < rows
+                                packet.valid[lane] = -1 if is_inside else 0
+                        if has_rays:
+                            intersect(width, packet.valid, scene, packet)
+                        if not is_filtered:
+                            keep_hits(packet, width, columns, rows, shape_x, x0, y0, image)
 
     return trace_packets

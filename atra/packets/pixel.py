@@ -14,9 +14,10 @@ from atra.all_hits.reductions import Reduction
 from atra.all_hits.target_kernels import band_stride
 from atra.choices import check_choice, check_flags
 from atra.compiled.threads import WorkerPool
-from atra.embree.callbacks_kernels import memory_monitor
+from atra.embree.filters_kernels import memory_monitor
 from atra.embree.packets_kernels import PixelTiles, RayGrid, TracedImage
 from atra.embree.scene import BUILD_QUALITIES, resolve_packet_width
+from atra.embree.workspace import Workspace
 from atra.errors import InputError
 from atra.geometry.lenses.lens_view import LensView
 from atra.geometry.mesh import Mesh
@@ -25,9 +26,9 @@ from atra.geometry.view import View
 from atra.packets.all_hits import EmbreeAllHits, RayBatch, check_gathering
 from atra.packets.loop import Packets, trace_packets
 from atra.packets.loop_kernels import NEAREST, NEAREST_OF_TABLE
-from atra.tracing.embree import build_scene, make_workspaces
 from atra.tracing.geometry import AlignedGeometry, plan_plain_geometry
 from atra.tracing.lens_rays import LensRays
+from atra.tracing.method import Prepared
 from atra.tracing.rays import SQUAREST_SHAPE, TILE_ORDERS, image_ray_grid, pixel_tiles
 from atra.tracing.tracer import Tracer
 from atra.whole_numbers import is_whole_number
@@ -78,7 +79,7 @@ class Pixel:
         return PreparedPixel(self, mesh, camera, pool)
 
 
-class PreparedPixel:
+class PreparedPixel(Prepared):
     """A BVH of the mesh in the ray space of a camera, in which all rays start at the origin or are parallel.
 
     geometry: what Embree is given. scene: the BVH. tiles: the image's, in the order of tracing. workspaces: memory of
@@ -89,23 +90,20 @@ class PreparedPixel:
         self.method, self._mesh, self.pool = method, mesh, pool
         self._lens_rays = LensRays()
         start = perf_counter()
-        self.geometry = self.plan_geometry(mesh, camera)
+        self.geometry = plan_plain_geometry(mesh, camera)
         self.plan_time_s = perf_counter() - start
-        self.take_camera(camera)
+        self._take_camera(camera)
         memory_monitor()  # compiled before the clock starts
         start = perf_counter()
-        self.scene = build_scene(self.geometry, pool.threads, **self._settings)
+        self.scene = self.geometry.build(pool.threads, **self._settings)
         self.build_time_s = perf_counter() - start
 
-    def plan_geometry(self, mesh: Mesh, camera: View) -> AlignedGeometry:
-        """The mesh in the ray space of the camera."""
-        return plan_plain_geometry(mesh, camera)
-
-    def take_camera(self, camera: View) -> None:
+    def _take_camera(self, camera: View) -> None:
         """Make the rays those of a camera with the same ray space."""
         self.camera = camera
         self.tiles = pixel_tiles(camera.width, camera.height, self.method.tile_order)
-        self.workspaces = make_workspaces(camera, self.method.rays_per_packet, self.pool.threads, self.method.coherent)
+        width, coherent = self.method.rays_per_packet, self.method.coherent
+        self.workspaces = [Workspace(width, coherent=coherent) for _ in range(self.pool.threads)]
         batch = image_rays(self.geometry, camera, self.method.packet_shape, self.tiles)
         stride, settings = self.gathering_stride, self._settings
         self._all_hits = EmbreeAllHits(self._mesh, camera, lambda: [batch], stride, self.pool, settings)
@@ -121,13 +119,8 @@ class PreparedPixel:
         if camera.eye != before.eye or not np.array_equal(from_eye_space(camera), from_eye_space(before)):
             return False
         self._all_hits.close()  # their rays are those of the camera
-        self.take_camera(camera)
+        self._take_camera(camera)
         return True
-
-    @property
-    def row_stride(self) -> int:
-        """The image's width, pixels."""
-        return self.camera.width
 
     def draw(self, offset: tuple[float, float], depth: NDArray[np.float32], prim_id: NDArray[np.uint32]) -> None:
         """See `Prepared.draw`."""
@@ -138,7 +131,7 @@ class PreparedPixel:
         else:
             rays, kind = image_ray_grid(camera, offset, shape), NEAREST
         size = camera.width, camera.height
-        packets = Packets(self.scene.address, shape, camera.is_parallel, rays, self.tiles, size, kind)
+        packets = Packets(self.scene.address, shape, camera, rays, self.tiles, size, kind)
         trace_packets(packets, self.workspaces, self.pool, TracedImage(depth, prim_id))
 
     @property

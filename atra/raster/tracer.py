@@ -66,11 +66,6 @@ class PreparedRaster(Prepared):
         self._camera = camera
         return True
 
-    @property
-    def row_stride(self) -> int:
-        """The image's width, pixels."""
-        return self._camera.width
-
     def draw(self, offset: tuple[float, float], depth: NDArray[np.float32], prim_id: NDArray[np.uint32]) -> None:
         """See `Prepared.draw`."""
         camera, rest = self._camera, (offset, self._lanes, self.memory, self._pool, (depth, prim_id))

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.choices import check_choice
 from atra.compiled.threads import WorkerPool, resolve_threads
-from atra.embree.callbacks_kernels import memory_monitor
+from atra.embree.filters_kernels import memory_monitor
 from atra.embree.scene import BUILD_QUALITIES, EmbreeScene, resolve_packet_width
 from atra.embree.workspace import Workspace, check_widths
 from atra.geometry.mesh import Mesh

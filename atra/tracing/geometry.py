@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.embree.filters_kernels import memory_monitor
+from atra.embree.scene import EmbreeScene
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import own_space, padded_vertices, to_ray_space, unseen_from
 from atra.geometry.view import View
@@ -60,6 +63,20 @@ class AlignedGeometry:
     def copy_count(self) -> int:
         """Triangles that Embree is given."""
         return len(self.faces)
+
+    def build(self, threads: int, *, build_quality: str, robust: bool, **settings: Any) -> EmbreeScene:
+        """Build the BVH. settings: of `EmbreeScene`. Raises EmbreeError."""
+        return EmbreeScene(
+            self.vertices,
+            self.faces,
+            build_quality=build_quality,
+            threads=threads,
+            robust=robust,
+            user_data=self.records,
+            monitor_address=memory_monitor(),
+            transforms=self.transforms,
+            **settings,
+        )
 
 
 def plan_plain_geometry(mesh: Mesh, camera: View, is_left_out: NDArray[np.bool_] | None = None) -> AlignedGeometry:

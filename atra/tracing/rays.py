@@ -3,13 +3,10 @@ the tiles of the image in whose order they are traced."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.embree.packets_kernels import PixelTiles, RayGrid
-from atra.embree.workspace import Workspace
 from atra.errors import InputError
 from atra.geometry.ray_space import ray_axes
 from atra.geometry.view import View
@@ -46,13 +43,6 @@ def image_ray_grid(camera: View, offset: tuple[float, float], packet_shape: tupl
         for pixels, lanes in zip((camera.width, camera.height), packet_shape, strict=True)
     )
     return ray_grid(camera, camera.plane.columns(x, offset[0]), camera.plane.rows(y, offset[1]))
-
-
-def share_direction(workspaces: Iterable[Workspace], camera: View) -> None:
-    """Have the rays of packets head where those of a camera do, if these are parallel."""
-    if camera.is_parallel:
-        for workspace in workspaces:
-            workspace.set_direction(ray_axes(camera)[2].tolist())
 
 
 def longest_ray(camera: View) -> tuple[float, float]:

@@ -21,7 +21,7 @@ def run_board(arguments: Sequence[str]) -> Path:
     if not names:
         raise InputError(f"expected: {USAGE}")
     path = Path(options.get("output", "board.html"))
-    write_atomically(path, board_page([read_pack(Path(one)) for one in names]).encode())
+    write_atomically(path, board_page([read_pack(Path(name)) for name in names]).encode())
     print(f"written: {path}")
     return path
 
@@ -34,7 +34,7 @@ def board_page(packs: Sequence[Pack]) -> str:
     )  # fmt: skip
     environment.filters |= {"milliseconds": _milliseconds, "ratio": _ratio, "grouped": _grouped, "known": _known}
     lines = [(pack, row) for pack in packs for row in pack.rows]
-    lines.sort(key=lambda one: (one[1].scene, one[1].rays, one[1].size, -(one[1].ratio or 0.0)))
+    lines.sort(key=lambda line: (line[1].scene, line[1].rays, line[1].size, -(line[1].ratio or 0.0)))
     machines = list(dict.fromkeys(pack.machine_name for pack in packs))
     return environment.get_template("page.html").render(
         packs=packs, lines=lines, machines=machines, scenes=sorted({row.scene for _, row in lines}),

@@ -14,7 +14,7 @@ from experiments.drawing.style import TIMES
 from experiments.methods import find_method
 from experiments.methods.naming import best_of, is_missing, say_point
 from experiments.results.settings import settings
-from experiments.workloads import find_workload
+from experiments.workloads import find_workload, workload_names
 from experiments.workloads.baselines import PACKETS
 from experiments.workloads.series import OVER_PACKETS, OVER_SINGLE, POINTS, best_rows
 
@@ -54,8 +54,9 @@ class BoardRow:
 
 
 def board_rows(table: pd.DataFrame) -> list[BoardRow]:
-    """The rows of a sweep's table, of workloads that time frames or batches beside packets."""
-    timed = table[table["workload"].map(lambda name: _TIME in {column.name for column in find_workload(name).columns})]
+    """The rows of a sweep's table, of workloads that time frames or batches beside packets; a stored table may have
+    rows of a workload that has left since."""
+    timed = table[table["workload"].isin(table["workload"][table[_TIME].notna()])] if _TIME in table else table[:0]
     varying = [name for name in settings() if name in timed and name not in best_of() and name != "mesh_sha256"]
     keys = ["scene", "triangles", "workload", "method", "packet_width", "robust", *varying]
     keys = [name for name in dict.fromkeys(keys) if name in timed and timed[name].notna().any()]
@@ -72,7 +73,7 @@ def _best_of_each(table: pd.DataFrame, keys: list[str]) -> Iterator[Mapping[str,
     for _, rows in few.reset_index(drop=True).groupby(keys, dropna=False, sort=False):
         best = best_rows(rows)
         measured = rows[rows["status"].eq("ok").fillna(False).astype(bool)]
-        chosen = next(one for one in (best, measured[:1], rows[:1]) if len(one))
+        chosen = next(some for some in (best, measured[:1], rows[:1]) if len(some))
         for place, reported in zip(chosen.index, chosen[ratios].to_dict("records"), strict=True):
             yield whole[place] | reported
 
@@ -81,15 +82,16 @@ def _row(row: Mapping[str, Any]) -> BoardRow:
     known = {name: value for name, value in row.items() if not is_missing(value)}
     measured = known if row["status"] == "ok" else {}
     frame_s = measured.get(_TIME)
-    widest = [measured[name] for name in (f"{one}_{_TIME}" for one in PACKETS.values()) if name in measured][-1:]
+    widest = [measured[name] for name in (f"{series}_{_TIME}" for series in PACKETS.values()) if name in measured][-1:]
     slower = widest[0] / measured[_FASTEST_PACKETS] if widest and _FASTEST_PACKETS in measured else 1.0
     over = [measured.get(f"{OVER_PACKETS}{end}") for end in ("", "_low", "_high")]
-    ratio, low, high = (None if one is None else float(one * slower) for one in over)
+    ratio, low, high = (None if number is None else float(number * slower) for number in over)
     parts = [measured[name] for name in ("plan_time_s", "build_time_s") if name in measured]
     wrong = [int(measured[name]) for name in _WRONG if name in measured]
-    method, workload = find_method(str(row["method"])), find_workload(str(row["workload"]))
+    method, workload = find_method(str(row["method"])), str(row["workload"])
+    rays = find_workload(workload).rays_of(known) if workload in workload_names() else workload
     return BoardRow(
-        scene=str(row["scene"]), triangles=_whole(known.get("triangles")), rays=workload.rays_of(known),
+        scene=str(row["scene"]), triangles=_whole(known.get("triangles")), rays=rays,
         size=f"{known.get('width')} {TIMES} {known.get('height')}", threads=_whole(known.get("threads")),
         method=method.label,
         name=say_point(row), is_ours=method.is_ours, ratio=ratio, low=low, high=high, frame_s=frame_s,

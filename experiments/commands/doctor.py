@@ -101,7 +101,7 @@ def _results(configuration: Configuration) -> tuple[str, list[str]]:
     """Where results go, and why they cannot. A folder that is not there yet is not made."""
     folder = Path(configuration.results_dir).absolute()
     try:
-        check_writable(next(one for one in (folder, *folder.parents) if os.path.exists(one)))
+        check_writable(next(place for place in (folder, *folder.parents) if os.path.exists(place)))
     except InputError as error:
         return f"cannot be written to {folder}", [str(error)]
     return f"go to {folder}", []

@@ -30,7 +30,7 @@ def run_new_method(arguments: Sequence[str]) -> Path:
     if len(arguments) != 1:
         raise InputError(f"expected: {USAGE}")
     name = arguments[0].removesuffix(".py")
-    if not _NAME.fullmatch(name) or name in {one.name for one in METHODS}:
+    if not _NAME.fullmatch(name) or name in {method.name for method in METHODS}:
         raise InputError(
             f"a method cannot be called {name!r}, expected small letters that no method has; expected: {USAGE}"
         )

@@ -10,8 +10,7 @@ from rich.console import Console
 from atra.errors import InputError, printable
 from experiments.commands.program import PROGRAM
 from experiments.harness.configuration import Configuration, records_folder
-from experiments.harness.identity import measure
-from experiments.harness.points import plan_point
+from experiments.harness.points import measure, plan_point
 from experiments.harness.progress import SweepProgress
 from experiments.harness.records import Record, check_writable, exclusive, read_record, record_path, write_record
 from experiments.results.table import make_table

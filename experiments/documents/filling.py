@@ -82,11 +82,11 @@ def kept_of(sweep: str) -> Kept:
 
 def united(*specs: Spec) -> dict[str, Any]:
     """What several descriptions say together; of what two say the later holds, but conditions add up."""
-    found: dict[str, Any] = {}
+    union: dict[str, Any] = {}
     for spec in specs:
         for name, value in spec.items():
-            found[name] = {**found.get(name, {}), **value} if name in ("where", "over") else value
-    return found
+            union[name] = {**union.get(name, {}), **value} if name in ("where", "over") else value
+    return union
 
 
 def table_lines(spec: Spec, functions: Mapping[str, Callable[..., Any]]) -> list[str]:
@@ -100,7 +100,7 @@ def table_lines(spec: Spec, functions: Mapping[str, Callable[..., Any]]) -> list
         across = list(_entries(spec.get("columns", ["scenes"]), ""))
         heads = [spec.get("corner", ""), *(column["head"] for column in across)]
         down = list(_rows(spec))
-        changed = {name for one in (*across, *down) for name in (*one.get("where", ()), *one.get("over", ()))}
+        changed = {name for entry in (*across, *down) for name in (*entry.get("where", ()), *entry.get("over", ()))}
         shared = {name: value for name, value in spec.get("where", {}).items() if name not in changed}
         spec = {**spec, "shared": {name: shared[name] for name in shared if name not in spec.get("over", ())}}
         rows = [[row["head"], *(cell_text(united(spec, row, column)) for column in across)] for row in down]
@@ -122,7 +122,7 @@ def cell_text(spec: Spec) -> str:
 
 
 def _filled(text: str, points: pd.DataFrame, spec: Spec) -> str:
-    return _FIELD.sub(lambda found: _field(found[1], found[2], points, spec), text)
+    return _FIELD.sub(lambda field: _field(field[1], field[2], points, spec), text)
 
 
 def _entries(entries: list[Any], quote: str) -> Iterator[Spec]:
@@ -143,8 +143,8 @@ def _rows(spec: Spec) -> Iterator[Spec]:
             label = _filled(spec["label"], rows, spec)
             outer.append({"head": label, "where": dict(zip(names, values, strict=True))})
     inner = list(_entries(spec.get("rows", [{}]), "`"))
-    for one, other in product(outer, inner):
-        yield united(one, other, {"head": ", ".join(row["head"] for row in (one, other) if "head" in row)})
+    for block, row_spec in product(outer, inner):
+        yield united(block, row_spec, {"head": ", ".join(row["head"] for row in (block, row_spec) if "head" in row)})
 
 
 def _measured(spec: Spec) -> pd.DataFrame:
@@ -170,10 +170,10 @@ def _picked(spec: Spec) -> pd.DataFrame:
     if pick.startswith("lowest "):
         known = points[points[_FIELD.findall(spec["cell"])[0][0]].notna()]
         return known.sort_values(pick.removeprefix("lowest "), kind="stable").head(1)
-    found = {"best": best_rows, "first": lambda rows: rows.head(1), "": lambda rows: rows}[pick](points)
-    if len(found) != 1:
-        raise ValueError(f"{spec['sweep']} has {len(found)} points with {spec.get('where')}, expected one")
-    return found
+    rows_picked = {"best": best_rows, "first": lambda rows: rows.head(1), "": lambda rows: rows}[pick](points)
+    if len(rows_picked) != 1:
+        raise ValueError(f"{spec['sweep']} has {len(rows_picked)} points with {spec.get('where')}, expected one")
+    return rows_picked
 
 
 def _field(expression: str, form: str | None, points: pd.DataFrame, spec: Spec) -> str:
@@ -217,11 +217,11 @@ def _estimate(expression: str, points: pd.DataFrame, spec: Spec) -> Estimate:
     return Estimate.of(processes[expression][mine].astype(float).tolist())
 
 
-def _ratio(expression: str, one: pd.DataFrame, other: pd.DataFrame, spec: Spec) -> str:
+def _ratio(expression: str, numerator: pd.DataFrame, denominator: pd.DataFrame, spec: Spec) -> str:
     """The ratio of two points, with its interval; they share no process, so their errors are independent."""
-    if one.iloc[0]["point_id"] == other.iloc[0]["point_id"]:
+    if numerator.iloc[0]["point_id"] == denominator.iloc[0]["point_id"]:
         return "1"
-    return say(_estimate(expression, one, spec).over(_estimate(expression, other, spec)))
+    return say(_estimate(expression, numerator, spec).over(_estimate(expression, denominator, spec)))
 
 
 def _hours(times: pd.Series) -> str:

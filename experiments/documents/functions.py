@@ -14,9 +14,9 @@ from experiments.light.equal_error.measure import BEFORE, FAST, MITSUBA, OURS
 from experiments.methods import find_method
 from experiments.paper.conclusion import scene_gains
 from experiments.results.queries import chosen
-from experiments.results.statistics import Estimate, Interval, Pool, best_of
+from experiments.results.statistics import Estimate, Interval, Pool
 from experiments.results.verdicts import decide_greater
-from experiments.studies.candidates import Candidate, Gain, candidates
+from experiments.studies.candidates import Candidate, candidates
 from experiments.studies.paired import ratios
 from experiments.workloads.frame.shown import best_baselines
 from experiments.workloads.series import best_rows
@@ -45,20 +45,20 @@ def best_packets(sweep: str) -> Rows:
 
 def this_and_before(sweep: str) -> Rows:
     """How many times as fast this version is as the other one, by what was asked, on each scene with its interval."""
-    found = ratios(kept_of(sweep).points).set_index(["instruction_set", "threads", "what", "scene"])["ratio"]
-    known = [key for key in found.index if key[3] in SCENES]
+    gains = ratios(kept_of(sweep).points).set_index(["instruction_set", "threads", "what", "scene"])["ratio"]
+    known = [key for key in gains.index if key[3] in SCENES]
     for instruction_set, threads, what in dict.fromkeys(key[:3] for key in known):
-        cells = (found.get((instruction_set, threads, what, scene), "") for scene in SCENES)
+        cells = (gains.get((instruction_set, threads, what, scene), "") for scene in SCENES)
         yield f"{what.replace('_', ' ')}, {instruction_set}", threads, *cells
 
 
 def small_triangles_before(sweep: str) -> Rows:
     """Triangles, images and packets as in `this_and_before`, and how many times as fast as packets an image is now."""
     table = kept_of(sweep).points
-    found = ratios(table).set_index(["scene", "what"])["ratio"]
+    gains = ratios(table).set_index(["scene", "what"])["ratio"]
     for scene, rows in table[~table["scene"].isin(SCENES)].groupby("scene"):
         ms = rows[rows["version"] == "this"].groupby("what")["median_ms"].median()
-        cells = (found[scene, what] for what in ("image", "packets"))
+        cells = (gains[scene, what] for what in ("image", "packets"))
         yield f"`{scene}`", f"{rows['triangles'].iloc[0]:,}", *cells, digits(ms["packets"] / ms["image"])
 
 
@@ -85,41 +85,30 @@ def worth_of_the_shortcut(sweep: str) -> Rows:
             for how in (True, False)
         ]
         pool = Pool.of(values)
-        with_it, without = (Estimate.of(one, pool) for one in values)
+        with_it, without = (Estimate.of(samples, pool) for samples in values)
         yield f"`{scene}`", say(with_it), say(without), say(with_it.over(without))
 
 
 def best_gains(sweep: str) -> Rows:
     """The paper's gain, those of single rays under each reading of its baseline, and that of packets over packets."""
 
-    def gain_and_split(found: Any) -> str:
-        return "none" if found.best is None else f"{found.best.gain} ({found.best.splits:,} {TIMES} 1)"
+    def gain_and_split(gain: Any) -> str:
+        return "none" if gain.best is None else f"{gain.best.gain} ({gain.best.splits:,} {TIMES} 1)"
 
-    for found in scene_gains(kept_of(sweep).processes):
-        packets = gain_and_split(next(iter(found.packets.values()))) if found.packets else "none"
-        paper = "" if found.paper is None else f"{found.paper:.2f}"
-        yield f"`{found.scene}`", paper, *map(gain_and_split, found.single.values()), packets
+    for of_scene in scene_gains(kept_of(sweep).processes):
+        packets = gain_and_split(next(iter(of_scene.packets.values()))) if of_scene.packets else "none"
+        paper = "" if of_scene.paper is None else f"{of_scene.paper:.2f}"
+        yield f"`{of_scene.scene}`", paper, *map(gain_and_split, of_scene.single.values()), packets
 
 
 def _candidate_row(candidate: Candidate) -> tuple[Any, ...]:
-    found = ("" if gain is None else gain for gain in (candidate.nearest, candidate.all_hits))
-    return (candidate.name, *found, candidate.reaches)
+    gains = ("" if gain is None else gain for gain in (candidate.nearest, candidate.all_hits))
+    return (candidate.name, *gains, candidate.reaches)
 
 
 def candidates_for_the_gain(sweep: str) -> Rows:
     """Gains over the nearest hit and over all hits, and whether one is as large as the paper's."""
     return map(_candidate_row, candidates(kept_of(sweep).processes))
-
-
-def an_older_embree(sweep: str) -> Rows:
-    """The gains of the candidates by an older Embree, over both baselines."""
-    points = kept_of(sweep).points
-    assert not points["pixels_wrong"].any()
-    gains = []
-    for baseline in ("nearest", "all_hits"):
-        split_x, gain = best_of({split: list(points[f"{baseline}_over_{split}"]) for split in (64, 128, 256, 512)})
-        gains.append(Gain(f"{split_x:,} {TIMES} 1", gain))
-    yield _candidate_row(Candidate(f"Embree {points['embree_version'].iloc[0]}", *gains))
 
 
 def equal_error(sweep: str) -> Rows:
@@ -181,8 +170,8 @@ def where_alignment_stands(sweep: str) -> Rows:
     assert {_place(row, over) for _, row in deep.iterrows()} == {_BEHIND}
     yield "fastest", f"to the sun, {_ENOUGH_POSITIONS} or more a texel", "`cornell_box`", span(many[over]), ""
     for place in (_AHEAD, _LEVEL, _BEHIND):
-        for rays, found in (("all hits", every), ("nearest hit", nearest)):
-            there = [both for both in found if _place(both[0]) == place]
+        for rays, gains in (("all hits", every), ("nearest hit", nearest)):
+            there = [both for both in gains if _place(both[0]) == place]
             if there:
                 ranges = (span(row["speedup_vs_packets"] for row in rows) for rows in zip(*there, strict=True))
                 yield place, rays, ", ".join(f"`{aligned['scene']}`" for aligned, _ in there), *ranges
@@ -205,18 +194,18 @@ def _gains_of_scenes(points: pd.DataFrame) -> list[Any]:
             named = (points[chosen(points, {"scene": scene, "method": name})] for name in ("aligned", "raster"))
             both = [best_rows(rows) for rows in named]
             if all(map(len, both)):
-                yield tuple(found.iloc[0] for found in both)
+                yield tuple(rows.iloc[0] for rows in both)
 
-    found = sorted(rows(), key=lambda both: -both[0]["speedup_vs_packets"])
-    assert all(aligned["speedup_vs_packets"] < raster["speedup_vs_packets"] for aligned, raster in found)
-    return found
+    gains = sorted(rows(), key=lambda both: -both[0]["speedup_vs_packets"])
+    assert all(aligned["speedup_vs_packets"] < raster["speedup_vs_packets"] for aligned, raster in gains)
+    return gains
 
 
 FUNCTIONS: dict[str, Callable[[str], Rows]] = LAW_TABLES | {
     made.__name__: made
     for made in (
         kept_cells, best_packets, this_and_before, small_triangles_before, through_lenses,
-        worth_of_the_shortcut, best_gains, candidates_for_the_gain, an_older_embree, equal_error, images_judged,
+        worth_of_the_shortcut, best_gains, candidates_for_the_gain, equal_error, images_judged,
         where_alignment_stands,
     )
 }  # fmt: skip

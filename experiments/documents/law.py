@@ -38,9 +38,9 @@ def choices_of_methods(sweep: str) -> Rows:
     for isa in SETS:
         for want, words in WORDS.items():
             for without in ((), ("raster",)):
-                found = choices_of(table[table["instruction_set"] == isa], want, without)
-                shares = (percent(found[name]) for name in ("named", "raster", "visible_first", "median", "decile"))
-                yield f"{isa}, {words}{', rasteriser apart' if without else ''}", found["views"], *shares
+                shares = choices_of(table[table["instruction_set"] == isa], want, without)
+                told = (percent(shares[name]) for name in ("named", "raster", "visible_first", "median", "decile"))
+                yield f"{isa}, {words}{', rasteriser apart' if without else ''}", shares["views"], *told
 
 
 def rest_of_the_law(sweep: str) -> Rows:
@@ -77,12 +77,12 @@ def _gains(sweep: str, want: str) -> Iterable[Any]:
 
 def where_alignment_pays(sweep: str) -> Rows:
     for want, words in WORDS.items():
-        found = list(_gains(sweep, want))
-        gains, predicted = (np.array([view[place] for view in found]) for place in (1, 2))
-        scene, _, _, top = found[int(gains.argmax())]
+        views = list(_gains(sweep, want))
+        gains, predicted = (np.array([view[place] for view in views]) for place in (1, 2))
+        scene, _, _, top = views[int(gains.argmax())]
         rightly = int(((gains > 1) == (predicted > 1)).sum())
         split = f"`{scene}`, {top['split_x']} {TIMES} {top['split_y']}"
-        yield words, len(found), int((gains > 1).sum()), digits(gains.max()), split, rightly
+        yield words, len(views), int((gains > 1).sum()), digits(gains.max()), split, rightly
 
 
 def best_axes(sweep: str) -> Rows:
@@ -109,26 +109,9 @@ def seven_and_a_half(sweep: str) -> Rows:
     yield map(digits, (*parts, sum(parts), per_ray, per_ray / 7.5))
 
 
-def rays_of_tiles(sweep: str) -> Rows:
-    """For each way to trace rays to the sun the errors of its time, and how often it is the fastest, and named."""
-    rows, ways = kept_of(sweep).points, ("aligned", "packets", "single")
-    measured, predicted = (
-        rows[[f"{what}_{way}_s" for way in ways]].idxmin(axis=1).str.split("_").str[1]
-        for what in ("measured", "predicted")
-    )
-    for way in ways:
-        errors = (rows[f"predicted_{way}_s"] / rows[f"measured_{way}_s"] - 1).abs()
-        is_fastest = measured == way
-        named = is_fastest & (predicted == way)
-        label = way if way == "packets" else f"{way} rays"
-        deciles = percent(errors.median()), percent(errors.quantile(0.9))
-        yield label, *deciles, f"{is_fastest.sum()} of {len(rows)}", int(named.sum())
-
-
 LAW_TABLES: dict[str, Callable[[str], Rows]] = {
     made.__name__: made
     for made in (
         errors_of_methods, choices_of_methods, rest_of_the_law, where_alignment_pays, best_axes, seven_and_a_half,
-        rays_of_tiles,
     )
 }  # fmt: skip

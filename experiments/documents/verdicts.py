@@ -27,14 +27,14 @@ def recomputed(folder: Path) -> list[dict[str, Any]]:
     processes = read_table(folder / "processes.parquet")
     assert processes is not None
     if folder.name in PAPERS:
-        return [asdict(one) for one in judge_claims(processes)]
-    found = []
+        return [asdict(claim) for claim in judge_claims(processes)]
+    verdicts = []
     for workload in WORKLOADS:
         shown: Any = workload.part("shown")
         if hasattr(shown, "CLAIMS") and processes["workload"].eq(workload.name).any():
             judged = judge_all(shown.CLAIMS, workload_rows(processes, workload.name))
-            found += [asdict(one) for one in judged if one.verdict != NOT_MEASURED]
-    return found
+            verdicts += [asdict(claim) for claim in judged if claim.verdict != NOT_MEASURED]
+    return verdicts
 
 
 def as_text(verdicts: list[dict[str, Any]]) -> str:

@@ -64,7 +64,7 @@ def pages() -> Iterator[tuple[Path, str]]:
 
 def filled(template: str) -> str:
     """The template with a table in place of each block. Raises ValueError for what no stored table has."""
-    return BLOCK.sub(lambda found: "\n".join(table_lines(tomllib.loads(found[1]), FUNCTIONS)) + "\n", template)
+    return BLOCK.sub(lambda block: "\n".join(table_lines(tomllib.loads(block[1]), FUNCTIONS)) + "\n", template)
 
 
 def quotes() -> Iterator[tuple[str, str, dict[str, str]]]:
@@ -80,11 +80,11 @@ def quotes() -> Iterator[tuple[str, str, dict[str, str]]]:
 def with_numbers(page: str, quote: str, numbers: dict[str, str]) -> str:
     """The page with these numbers in the quote, wherever lines break. Raises ValueError where it is not there once."""
     pattern = r"\s+".join(_NAME.sub(lambda _: _NUMBER, re.escape(word)) for word in quote.split())
-    found = list(re.finditer(pattern, page))
-    if len(found) != 1:
-        raise ValueError(f"{len(found)} times says {quote!r}, expected once")
+    matches = list(re.finditer(pattern, page))
+    if len(matches) != 1:
+        raise ValueError(f"{len(matches)} times says {quote!r}, expected once")
     names = re.findall(r"\{(\w+)\}", quote)
     for place in range(len(names), 0, -1):  # from the last, so that earlier places stay
-        start, end = found[0].span(place)
+        start, end = matches[0].span(place)
         page = page[:start] + numbers[names[place - 1]] + page[end:]
     return page

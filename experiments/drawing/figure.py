@@ -150,7 +150,7 @@ class Panel:
     @property
     def told(self) -> list[str]:
         """Lines of text for the page."""
-        return [*self.notes, *(one.words for one in self.crosses)]
+        return [*self.notes, *(cross.words for cross in self.crosses)]
 
     @property
     def told_rows(self) -> Sequence[Sequence[str]]:
@@ -191,7 +191,12 @@ class Figure:
         """All that is said in it and beside it."""
         said = [self.provenance, self.quantity, *self.notes, *self.headings]
         for panel in self.panels:
-            said += [panel.title, stand_in_note(panel.stands_for), *panel.told, *(one.label for one in panel.levels)]
+            said += [
+                panel.title,
+                stand_in_note(panel.stands_for),
+                *panel.told,
+                *(level.label for level in panel.levels),
+            ]
             said += [cell for row in panel.told_rows for cell in row]
         return "\n".join(said)
 

@@ -219,7 +219,7 @@ def _draw_bars(axis: Axes, panel: Panel, figure: Figure) -> None:
     for level in panel.levels:
         _draw_level(axis, level, upright=True)
     bars = [(bar.value, bar.high, sum(part for part in bar.parts if part > 0)) for bar in panel.bars]
-    levels = [(one.value, one.low, one.high) for one in panel.levels]
+    levels = [(level.value, level.low, level.high) for level in panel.levels]
     _scale(axis, "x", figure.x, np.array([*bars, *levels], float).ravel())
     axis.set_yticks([])
     axis.set_ylim(max(len(panel.bars), 1) - 0.5, -0.5)

@@ -32,7 +32,7 @@ def interval(table: pd.DataFrame, name: str, factor: float = 1.0) -> tuple[NDArr
 
 def row_interval(row: pd.Series, name: str, factor: float = 1.0) -> tuple[float, float, float]:
     """The same of one row."""
-    value, low, high = (float(one[0]) for one in interval(row.to_frame().T, name, factor))
+    value, low, high = (float(end[0]) for end in interval(row.to_frame().T, name, factor))
     return value, low, high
 
 

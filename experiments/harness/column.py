@@ -39,9 +39,9 @@ class Column:
 
     def value(self, records: Sequence[Record]) -> Any:
         """The value of a point, of each of whose processes there is a record; None where none of them has one."""
-        found = [record.results.get(self.name) if self.read is None else self.read(record) for record in records]
-        found = [value for value in found if value is not None]
-        return self.over(found) if found else None
+        values = [record.results.get(self.name) if self.read is None else self.read(record) for record in records]
+        values = [value for value in values if value is not None]
+        return self.over(values) if values else None
 
     @property
     def shown(self) -> tuple[str, float]:

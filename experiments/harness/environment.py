@@ -61,7 +61,7 @@ class Environment:
     taken_at: str
 
 
-_NAMES = [one.name for one in fields(Environment)]
+_NAMES = [spec.name for spec in fields(Environment)]
 STABLE_FIELDS = tuple(_NAMES[: _NAMES.index("atra_version") + 1])
 
 

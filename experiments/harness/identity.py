@@ -1,8 +1,8 @@
-"""One planned point -> its record; and what makes the record out: configuration, machine, and the code that made it."""
+"""The identity of a record: configuration, machine, and the code that made it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict
 from functools import cache
 from importlib.util import find_spec
@@ -11,12 +11,9 @@ from typing import Any
 
 from atra.compiled.instruction_sets import chosen_instruction_set
 from atra.embree.library import embree_version
-from atra.embree.scene import resolve_packet_width
 from experiments.harness.environment import Environment, read_environment, stable_fields
 from experiments.harness.point import Point
-from experiments.harness.points import PlannedPoint
 from experiments.harness.processes.launching import run_worker
-from experiments.harness.processes.outcome import Outcome, skipped
 from experiments.harness.records import Record, point_id
 from experiments.harness.sources import Code, Source
 
@@ -34,8 +31,6 @@ not, so `scenes.lit` counts where it is used.
 
 _REGISTRIES = ("experiments.methods", "experiments.workloads")
 """Lists of all that there is, by which everything would lead to everything; what lies below them counts."""
-
-Runner = Callable[[Point], Outcome]
 
 
 def current_environment() -> Environment:
@@ -69,7 +64,7 @@ def code_sha256(point: Point) -> str:
 def code_roots(point: Point) -> tuple[str, ...]:
     """Modules where that code begins: the method's, and what its file uses; the workload's; what starts a worker, and
     with it what runs there."""
-    used = (module for one in point.method.uses for module in _code(frozenset(_OURS)).homes(one))
+    used = (module for given in point.method.uses for module in _code(frozenset(_OURS)).homes(given))
     counted = (module for module in used if decides(module) and read_source(module) is not None)
     return tuple(dict.fromkeys([point.method.module, *counted, *point.workload.modules, run_worker.__module__]))
 
@@ -114,26 +109,3 @@ def _place(package: str) -> Path:
     spec = find_spec(package)
     origin = Path(package if spec is None or spec.origin is None else spec.origin)
     return origin.parent if origin.name == "__init__.py" else origin.with_suffix("")
-
-
-def measure(planned: PlannedPoint, run: Runner = run_worker) -> Record:
-    """Measure a point in a fresh process; one with a problem is skipped, and its record says why."""
-    environment = current_environment()
-    outcome = skipped(planned.problem) if planned.problem is not None else run(planned.point)
-    return Record(
-        point_id=identity(planned.point, environment),
-        status=outcome.status,
-        error=outcome.error,
-        configuration=planned.point.configuration(),
-        environment=asdict(environment) | {"code_sha256": code_sha256(planned.point)},
-        warmup_samples=outcome.warmup_samples,
-        samples=outcome.samples,
-        results={**_packets(planned.point), **outcome.results, "on_purpose": outcome.on_purpose},
-    )
-
-
-def _packets(point: Point) -> dict[str, int]:
-    """The width of its packets, which a point that comes to nothing does not tell; a peer chooses its own."""
-    if not point.method.has_packets:
-        return {}
-    return {"packet_width": resolve_packet_width(point.options.packet_width)}

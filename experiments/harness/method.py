@@ -133,7 +133,7 @@ class Method:
 
     def has(self, name: str) -> bool:
         """Whether its options have a field of this name."""
-        return name in {one.name for one in fields(self.options)}
+        return name in {spec.name for spec in fields(self.options)}
 
     @property
     def has_cells(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import Field, asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from difflib import get_close_matches
 from enum import Enum
 from functools import cache
@@ -17,34 +17,18 @@ from atra.whole_numbers import is_whole_number
 def option(default: Any, help: str, *, choices: tuple[Any, ...] = (), unit: str = "", null: str | None = None) -> Any:
     """A field of an options type.
 
-    choices: the values there are, beside None where the type allows it; (): any of its type. unit: of a number. null:
-    what tables show for None where it is a choice like any other; without it they show that nothing is known.
+    default: a value, or the type of one that each has of its own, such as dict. choices: the values there are, beside
+    None where the type allows it; (): any of its type. unit: of a number. null: what tables show for None where it is a
+    choice like any other; without it they show that nothing is known.
     """
-    return field(default=default, metadata={"help": help, "choices": choices, "unit": unit, "null": null})
+    metadata = {"help": help, "choices": choices, "unit": unit, "null": null}
+    if isinstance(default, type):
+        return field(default_factory=default, metadata=metadata)
+    return field(default=default, metadata=metadata)
 
 
 types_of: Callable[[type], dict[str, Any]] = cache(get_type_hints)
 """The types of an options type's fields, by name; reading them takes longer than checking options by them."""
-
-
-def check_choices(options: Any, section: str = "", null: str = "None") -> None:
-    """Raise InputError, with the value, for the first field of a dataclass that is none of its choices, or neither True
-    nor False though it has to be. section: what is said before its name. null: how None is written."""
-    for spec in fields(options):
-        check_choice(spec, types_of(type(options))[spec.name], getattr(options, spec.name), section + spec.name, null)
-
-
-def check_choice(spec: Field[Any], kind: Any, value: Any, name: str, null: str = "None") -> None:
-    """`check_choices` of one field, whose type is `kind`."""
-    choices = spec.metadata.get("choices", ())
-    if kind is bool and not isinstance(value, bool):
-        raise InputError(f"{name} is {value!r}, expected True or False")
-    may_be_none = NoneType in get_args(kind)
-    if not choices or (value is None and may_be_none):
-        return
-    if not (isinstance(value, str) or is_whole_number(value)) or value not in choices:
-        or_none = f", or {null}" if may_be_none else ""
-        raise InputError(f"{name} is {value!r}, expected one of {', '.join(map(str, choices))}{or_none}")
 
 
 def whole(default: Any, help: str, least: int, most: int | None = None) -> Any:
@@ -55,22 +39,38 @@ def whole(default: Any, help: str, least: int, most: int | None = None) -> Any:
 
 
 class Settings:
-    """Options of a method or of a workload.
+    """Options of a method or of a workload, or another section of the configuration.
 
     section: where they stand on the command line. Raises InputError, naming a field as it is written there, for a value
-    that is none of its choices or outside its range.
+    that is none of its choices or outside its range. Lists become tuples.
     """
 
     section: ClassVar[str] = "workload"
 
     def __post_init__(self) -> None:
-        check_choices(self, f"{self.section}.", "null")
-        ranges = {name: spec.metadata.get("range") for name, spec in self.__dataclass_fields__.items()}
-        given = {name: spec for name, spec in ranges.items() if spec and getattr(self, name) is not None}
-        check_whole_numbers(self, f"{self.section}.", given)
+        path = f"{self.section}." if self.section else ""
+        for name, spec in self.__dataclass_fields__.items():
+            value, told = getattr(self, name), spec.metadata
+            if isinstance(value, list):
+                object.__setattr__(self, name, tuple(tuple(item) if isinstance(item, list) else item for item in value))
+            _check_choice(value, types_of(type(self))[name], told.get("choices", ()), path + name)
+            if told.get("range") and value is not None:
+                check_whole_numbers(self, path, {name: told["range"]})
 
     if TYPE_CHECKING:
         __dataclass_fields__: ClassVar[dict[str, Any]]
+
+
+def _check_choice(value: Any, kind: Any, choices: tuple[Any, ...], name: str) -> None:
+    """Raise InputError for a value that is none of the choices, or neither True nor False though its type says so."""
+    if kind is bool and not isinstance(value, bool):
+        raise InputError(f"{name} is {value!r}, expected True or False")
+    may_be_none = NoneType in get_args(kind)
+    if not choices or (value is None and may_be_none):
+        return
+    if not (isinstance(value, str) or is_whole_number(value)) or value not in choices:
+        or_none = ", or null" if may_be_none else ""
+        raise InputError(f"{name} is {value!r}, expected one of {', '.join(map(str, choices))}{or_none}")
 
 
 def check_whole_numbers(options: Any, path: str, ranges: Mapping[str, tuple[int, int | None]]) -> None:
@@ -117,22 +117,8 @@ def plain(value: Any) -> Any:
 
 def typed_options(kind: type, values: dict[str, Any]) -> Any:
     """The reverse of `plain_options`. Raises InputError for values that the options refuse."""
-    hints = types_of(kind)
-    return kind(**{name: _typed(hints[name], value) for name, value in values.items()})
-
-
-def _typed(hint: Any, value: Any) -> Any:
-    enum = next(
-        (
-            candidate
-            for candidate in (hint, *get_args(hint))
-            if isinstance(candidate, type) and issubclass(candidate, Enum)
-        ),
-        None,
-    )
-    if enum is not None and value is not None:
-        return value if isinstance(value, enum) else enum(value)
-    return tuple(_typed(None, item) for item in value) if isinstance(value, list | tuple) else value
+    enums = {name: hint for name, hint in types_of(kind).items() if isinstance(hint, type) and issubclass(hint, Enum)}
+    return kind(**{name: enums[name](value) if name in enums else value for name, value in values.items()})
 
 
 def say_options(group: str, named: Named) -> str:

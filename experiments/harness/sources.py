@@ -100,9 +100,13 @@ class Code:
         if given.taken is not None and self._source(below) is not None:
             return {below}
         if given.taken is not None and source is not None and source.is_package:
-            elsewhere = [one for one in source.imports if one.bound == given.taken and one.module != given.module]
+            elsewhere = [
+                reexport
+                for reexport in source.imports
+                if reexport.bound == given.taken and reexport.module != given.module
+            ]
             if elsewhere:
-                return {name for one in elsewhere for name in self.homes(one)}
+                return {name for reexport in elsewhere for name in self.homes(reexport)}
         return {given.module}
 
     def _source(self, module: str) -> Source | None:

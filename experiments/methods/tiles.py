@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from atra.alignment.cells import CellOptions
 from atra.compiled.threads import WorkerPool
-from atra.embree.callbacks_kernels import memory_monitor
 from atra.embree.device import EmbreeDevice
+from atra.embree.filters_kernels import memory_monitor
 from atra.embree.packets_kernels import RayGrid, TracedImage
+from atra.embree.workspace import Workspace
 from atra.errors import ClosedError
 from atra.geometry.mesh import Mesh
 from atra.geometry.projection import count_kept, project_mesh
@@ -22,7 +23,6 @@ from atra.geometry.ray_space import check_range, padded_vertices
 from atra.geometry.split import Split
 from atra.geometry.view import View
 from atra.tracing.budgets import check_memory_budget
-from atra.tracing.embree import make_workspaces
 from atra.tracing.geometry import AlignedGeometry
 from atra.tracing.method import Method as TracingMethod
 from atra.tracing.method import Prepared
@@ -99,7 +99,7 @@ class PreparedTiles(Prepared):
         self._camera, self._pool, options = camera, pool, method.options
         self._split = Split.of_image(method.split, camera)
         self._packet_shape = SQUAREST_SHAPE[options.rays_per_packet]
-        self._workspaces = make_workspaces(camera, options.rays_per_packet, pool.threads)
+        self._workspaces = [Workspace(options.rays_per_packet, coherent=True) for _ in range(pool.threads)]
         self._cell_starts = np.zeros(self._split.cell_count + 1, np.int64)
         start = perf_counter()
         self.geometry = self._plan(mesh, options)

@@ -69,4 +69,4 @@ def judge_claims(processes: pd.DataFrame | None) -> tuple[JudgedClaim, ...]:
     if under != {EVERY_HIT.name}:
         under.add("")
     evidence = Evidence(processes)
-    return tuple(one for one in judge_all(CLAIMS, evidence) if one.reading in under)
+    return tuple(claim for claim in judge_all(CLAIMS, evidence) if claim.reading in under)

@@ -103,10 +103,10 @@ def _of_scene(name: str, scene: SceneRows, scenes: dict[str, SceneRows], reading
 
 def _gain(*asked: Any) -> Gain:
     try:
-        found = best_gain(*asked)
+        gain = best_gain(*asked)
     except NotMeasuredError as error:
         return Gain(None, str(error))
-    return Gain(found, found.missing)
+    return Gain(gain, gain.missing)
 
 
 _STANDS = {True: "ahead", None: "level", False: "behind"}

@@ -53,7 +53,7 @@ class Sample(list[float]):
 
     def over(self, other: Sample) -> Sample:
         """Its ratios to another point's, process by process."""
-        ratios = Sample(one / two for one, two in zip(self, other, strict=False))
+        ratios = Sample(own / others for own, others in zip(self, other, strict=False))
         ratios.pool = None if self.pool is None else Pool(2 * self.pool.variance, self.pool.freedom)
         return ratios
 
@@ -79,7 +79,7 @@ class SceneRows:
         sample, key = Sample(read_positive(row, column) for row in rows), (str(rows[0]["workload"]), column)
         if key not in self.pools:
             by_point: dict[str, list[float]] = {}
-            for row in (one for of_point in self.points.values() for one in of_point):
+            for row in (row for of_point in self.points.values() for row in of_point):
                 if row["status"] == "ok" and row["workload"] == key[0] and row[column] is not None:
                     by_point.setdefault(row["point_id"], []).append(float(row[column]))
             self.pools[key] = Pool.of(by_point.values())

@@ -78,8 +78,8 @@ def _judge(query: Mapping[str, Any], scene: SceneRows, workload: str = FRAME.nam
 
     def ratio(n: int) -> Known:
         usual = {"splits": "columns", "workload": workload}
-        one, other = (read(scene, n, usual | query[end]) for end in ("one", "over"))
-        return one.over(other) if isinstance(one, Estimate) else one / other
+        numerator, denominator = (read(scene, n, usual | query[end]) for end in ("one", "over"))
+        return numerator.over(denominator) if isinstance(numerator, Estimate) else numerator / denominator
 
     ratios, missing = measured_at(query["at"], ratio)
     if missing and not (query.get("some_at") and ratios):
@@ -89,7 +89,7 @@ def _judge(query: Mapping[str, Any], scene: SceneRows, workload: str = FRAME.nam
     fields = _Fields(scene, ratios, shown=shown, n=n, cost=cost)
     interval = cost if query.get("cost") else shown if isinstance(shown, Estimate) else None
     tell = partial(Outcome, value=query["value"].format_map(fields), estimate=interval)
-    states = {at: _decide(found, query["each"]) for at, found in ratios.items()} if "each" in query else {}
+    states = {at: _decide(known, query["each"]) for at, known in ratios.items()} if "each" in query else {}
     for at, state in states.items():
         if state is False:
             return tell(False, why=query["each_fails"].format_map(_Fields(scene, ratios, bad=ratios[at], n=at)))
@@ -199,8 +199,8 @@ def _growth(scene: SceneRows, splits: int) -> str:
 def _with_plan(scene: SceneRows, splits: int) -> float:
     """Plan and build together, over those at one split."""
     column = "plan_and_build_over_plain"
-    one, over = (_build(scene, splits, {"splits": name}, column) for name in ("columns", "none"))
-    return one.over(over).value
+    columns, whole = (_build(scene, splits, {"splits": name}, column) for name in ("columns", "none"))
+    return columns.over(whole).value
 
 
 def _cost_of_instances(scene: SceneRows, query: Mapping[str, Any]) -> Estimate | None:
@@ -208,11 +208,11 @@ def _cost_of_instances(scene: SceneRows, query: Mapping[str, Any]) -> Estimate |
 
     def ratio(n: int) -> Estimate:
         width = scene.widest_packets(FRAME.name)
-        other, one = (
+        baseline, instances = (
             estimate(scene.sample(_point(scene, FRAME.name, (n, 1), query[end], packet_width=width), "speedup"))
             for end in ("over", "one")
         )
-        return other.over(one)
+        return baseline.over(instances)
 
     ratios, _ = measured_at(query["at"], ratio)
     return geometric_mean(list(ratios.values())) if ratios else None
@@ -224,7 +224,7 @@ def _say_price(cost: Estimate | None) -> str:
 
 _MORE: Mapping[str, Callable[..., Any]] = {
     "last": lambda fields, scene, ratios: max(ratios),
-    "each": lambda fields, scene, ratios: ", ".join(f"{n}: {_number(one):.2f}" for n, one in ratios.items()),
+    "each": lambda fields, scene, ratios: ", ".join(f"{n}: {_number(ratio):.2f}" for n, ratio in ratios.items()),
     "growth_at_one": lambda fields, scene, ratios: _growth(scene, 1),
     "growth_at_last": lambda fields, scene, ratios: _growth(scene, max(ratios)),
     "with_plan": lambda fields, scene, ratios: _with_plan(scene, max(ratios)),

@@ -84,9 +84,9 @@ def best_gain(scene: SceneRows, reading: Reading, packet_width: int = 1, over: i
     """over: packet width of a baseline that gathers all hits, None = the same. Raises NotMeasuredError."""
     column = "speedup_vs_packets" if packet_width > 1 and not reading.gathers else "speedup"
     of_rows = {"culling": True, "packet_width": packet_width, "column": column, "workload": reading.workload}
-    found, missing = scene.over_splits(**of_rows)
-    if not found:
+    speedups, missing = scene.over_splits(**of_rows)
+    if not speedups:
         raise NotMeasuredError(next(iter(missing.values())))
-    splits, value = best(found)
+    splits, value = best(speedups)
     gain = relative_to_baseline(value, scene, reading, over or packet_width)
     return BestGain(splits, gain, next(iter(missing.values()), None))

@@ -49,7 +49,7 @@ def too_many_splits_slow_down(scene: SceneRows, reading: Reading) -> Outcome:
     again at the largest split."""
     speedups, missing = scene.over_splits(culling=False, workload=reading.workload)
     most = max(speedups, default=1)
-    splits, value = best({one: speedups[one] for one in speedups if 1 < one < most})
+    splits, value = best({count: speedups[count] for count in speedups if 1 < count < most})
     gain, loss = relative_to_baseline(value, scene, reading), value.over(estimate(speedups[most]))
     said = f"{gain.value:.2f} at {splits:,} splits over none, {loss.value:.2f} over {most:,} splits"
     gains, loses = decide_greater(gain), decide_greater(loss)

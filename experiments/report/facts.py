@@ -113,7 +113,7 @@ def count_doubts(rows: pd.DataFrame) -> Doubts:
     numbers: dict[str, list[list[str]]] = {}
     for text in texts:
         numbers.setdefault(without_numbers(text), []).append(NUMBER.findall(text))
-    kinds = [Doubt(_with_ranges(kind, found), len(found)) for kind, found in numbers.items()]
+    kinds = [Doubt(_with_ranges(kind, texts), len(texts)) for kind, texts in numbers.items()]
     return Doubts(
         points=len(rows),
         measured=int((rows["status"] == "ok").sum()),
@@ -122,8 +122,8 @@ def count_doubts(rows: pd.DataFrame) -> Doubts:
     )
 
 
-def _with_ranges(kind: str, found: list[list[str]]) -> str:
-    for numbers in zip(*found, strict=True):
+def _with_ranges(kind: str, texts: list[list[str]]) -> str:
+    for numbers in zip(*texts, strict=True):
         ordered = sorted(set(numbers), key=lambda text: float(text.replace(",", "")))
         kind = kind.replace("#", ordered[0] if len(ordered) == 1 else f"{ordered[0]}{_TO}{ordered[-1]}", 1)
     return kind

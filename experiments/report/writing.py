@@ -88,7 +88,11 @@ def write_results(configuration: Configuration, tables: Tables, command: str) ->
 def most_telling(figures: Sequence[NamedFigure], table: pd.DataFrame) -> NamedFigure | None:
     """The first figure that names all methods of files in the table, if there are any; or else the first."""
     labels = [find_method(name).label for name in of_files(table)["method"].unique()]
-    named = [one for one in figures if all(re.search(rf"\b{re.escape(label)}\b", one.figure.words) for label in labels)]
+    named = [
+        figure
+        for figure in figures
+        if all(re.search(rf"\b{re.escape(label)}\b", figure.figure.words) for label in labels)
+    ]
     return next(iter([*named, *figures]), None)
 
 
@@ -125,7 +129,7 @@ def _command_of(folder: Path) -> str:
 def _is_same(command: str, other: str) -> bool:
     """Whether two commands are one but for limits, which one raises to get the points that they stopped."""
     limits = tuple(f"measure.{name}=" for name in LIMITS)
-    first, second = ([word for word in one.split() if not word.startswith(limits)] for one in (command, other))
+    first, second = ([word for word in line.split() if not word.startswith(limits)] for line in (command, other))
     return first == second
 
 

@@ -101,7 +101,7 @@ def judge_all(claims: Sequence[Claim], evidence: Any) -> list[JudgedClaim]:
 
 def by_claim(judged: Sequence[JudgedClaim]) -> list[tuple[JudgedClaim, ...]]:
     """What became of each claim under all its readings."""
-    return [tuple(readings) for _, readings in groupby(judged, key=lambda one: one.id)]
+    return [tuple(readings) for _, readings in groupby(judged, key=lambda claim: claim.id)]
 
 
 def verdict_on(readings: Sequence[JudgedClaim]) -> str:

@@ -11,8 +11,8 @@ _ENDS = ("low", "high")
 
 def _stem(name: str) -> tuple[str, str] | None:
     """ "render_time_low_s" -> "render_time" and "_s"; None for a column that is no lower end."""
-    stem, found, unit = name.rpartition("_low")
-    return (stem, unit) if found and unit in ("", "_s") else None
+    stem, separator, unit = name.rpartition("_low")
+    return (stem, unit) if separator and unit in ("", "_s") else None
 
 
 def with_intervals(points: pd.DataFrame, processes: pd.DataFrame) -> pd.DataFrame:
@@ -23,7 +23,7 @@ def with_intervals(points: pd.DataFrame, processes: pd.DataFrame) -> pd.DataFram
     """
     if "process" not in processes or processes["point_id"].isna().any():
         return points
-    stems = [found for name in points if (found := _stem(name)) is not None]
+    stems = [parts for name in points if (parts := _stem(name)) is not None]
     missing = [
         (f"{stem}{REST}", "") for stem in ("speedup", "speedup_vs_packets")
         if f"{stem}_low" in points and f"{stem}{REST}_low" not in points
@@ -55,9 +55,9 @@ def _fill(points: pd.DataFrame, row: int, stem: str, unit: str, values: list[flo
     if not pd.isna(points.iat[row, place[1]]) or (not rest and pd.isna(points.iat[row, place[0]])):
         return
     try:
-        found = Estimate.of(list(holdout(values)) if rest else values, pool)
+        estimate = Estimate.of(list(holdout(values)) if rest else values, pool)
     except ValueError:
         return
-    for column, value in zip(place, (found.value, found.low, found.high), strict=True):
+    for column, value in zip(place, (estimate.value, estimate.low, estimate.high), strict=True):
         if rest or column != place[0]:
             points.iat[row, column] = value

@@ -28,7 +28,7 @@ _TESTS: dict[str, Callable[[pd.Series, Any], Any]] = {
     "at_most": lambda values, most: values <= most,
     "below": lambda values, most: values < most,
     "known": lambda values, _: values.notna(),
-    "has": lambda values, names: values.fillna("").str.split(",").map(lambda found: not set(names).isdisjoint(found)),
+    "has": lambda values, names: values.fillna("").str.split(",").map(lambda parts: not set(names).isdisjoint(parts)),
 }
 
 

@@ -55,7 +55,9 @@ def _vector(name: str, help: str) -> Column:
 
 _POINT_COLUMNS = (
     _field("scene", TEXT, "name of the scene"),
-    Column("stands_for", TEXT, "scene of the paper that a procedural stand-in replaces", lambda one: _stands_for(one)),
+    Column(
+        "stands_for", TEXT, "scene of the paper that a procedural stand-in replaces", lambda record: _stands_for(record)
+    ),
     _field("triangles", WHOLE, "triangles of the mesh"),
     _field("subdivided", WHOLE, "number of times that each triangle was cut into four"),
     _field("copies", WHOLE, "copies of the scene's triangles, side by side in one mesh"),

@@ -84,7 +84,7 @@ def on_cases(cases: Iterable[tuple[str, Outcome]], every: bool = True) -> Judgem
         raise NotMeasuredError("no point of it is in the table")
     verdicts = [outcome.verdict for _, outcome in cases]
     settling = (DOES_NOT_HOLD, NOT_MEASURED, UNDECIDED) if every else (HOLDS, NOT_MEASURED, UNDECIDED)
-    verdict = next((one for one in settling if one in verdicts), verdicts[0])
+    verdict = next((name for name in settling if name in verdicts), verdicts[0])
     names_by_reason: dict[str, list[str]] = {}
     for name, outcome in cases:
         # A claim that fails is explained by what fails; what else is missing does not matter any more.
@@ -139,9 +139,9 @@ def known_values(processes: pd.DataFrame, values: ArrayLike, pool: Pool | None =
     return by_point
 
 
-def ratio_of(one: Known | None, other: Known | None) -> Estimate | None:
+def ratio_of(numerator: Known | None, denominator: Known | None) -> Estimate | None:
     """Ratio of the values of two points that share no process; None where one of them is not known."""
-    estimates = [exact(known) if isinstance(known, float) else known for known in (one, other)]
+    estimates = [exact(known) if isinstance(known, float) else known for known in (numerator, denominator)]
     return (
         estimates[0].over(estimates[1])
         if isinstance(estimates[0], Estimate) and isinstance(estimates[1], Estimate)

@@ -7,10 +7,11 @@ import pytest
 from rich.console import Console
 
 from experiments import cli
+from experiments.harness.points import GridPoint
 from experiments.harness.progress import SweepProgress
 from experiments.results.table import Tables, read_tables
 from experiments.results.terminal import print_point, print_sweep
-from experiments.sweep import GridPoint, run_sweep
+from experiments.sweep import run_sweep
 from tests.drawn import make_rows, method_row
 from tests.harness.test_sweep import Runner, configuration
 

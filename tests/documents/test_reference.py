@@ -10,7 +10,7 @@ from types import ModuleType
 
 import pytest
 
-from experiments.reference.page import command_line, configuration_keys, table_columns
+from experiments.reference import command_line, configuration_keys, table_columns
 from experiments.results.table import columns
 from tests.folders import ROOT
 

@@ -14,9 +14,9 @@ from packaging.requirements import Requirement
 
 import atra
 from atra.embree import layout, library
-from atra.embree.callbacks_kernels import memory_monitor
+from atra.embree.filters_kernels import memory_monitor
 from atra.embree.scene import EmbreeScene
-from atra.embree.self_check import FILTER_FUNCTION, SENT_USER_DATA
+from atra.embree.self_check import FILTER_FUNCTION
 from atra.embree.workspace import Workspace
 from atra.geometry.ray_space import padded_vertices
 from tests.meshes import cornell_box
@@ -305,50 +305,3 @@ def test_an_occlusion_that_is_answered_otherwise_is_found_out(width, monkeypatch
         with pytest.raises(atra.EmbreeError, match=rf"{field} of what rtcOccluded{width} returns .* for {width} rays"):
             load(fake, monkeypatch)
         assert fake.open == 0
-
-
-RECORDED = Path(__file__).parents[1] / "data" / "avx512_packets_of_16.npz"
-"""What Embree 4.4.0 did on an AMD EPYC of Zen 5 with the two packets of 16 that the check sends: (calls, words) of each
-array that the filter was given, and the packet afterwards."""
-
-
-def with_packets_of_16_as_recorded(change=lambda calls: calls):
-    """A library whose packets of 16 are native and answered by the record; `change`: of the list of filter calls."""
-    recorded = np.load(RECORDED)
-    filters = []
-
-    def set_filter(geometry, address):
-        filters.append(FILTER_FUNCTION(address))
-        REAL.rtcSetGeometryIntersectFilterFunction(geometry, address)
-
-    def device_property(device, which):
-        return 1 if which == layout.DEVICE_NATIVE_RAY[16] else REAL.rtcGetDeviceProperty(device, which)
-
-    def intersect(_, scene, packet, arguments):
-        dir_y = np.array((ctypes.c_float * 16).from_address(packet + layout.RAY_DIR_Y * 64))
-        signs = "signs_alike" if (dir_y < 0).all() else "signs_differ"
-        context = layout.IntersectArguments.from_address(arguments).context
-        arrays = [recorded[f"{signs}_{name}"] for name in ("valid", "ray", "hit")]
-        for call in change(list(zip(*arrays, strict=True))):
-            own = [words.copy() for words in call]
-            given = layout.FilterArguments(
-                own[0].ctypes.data, SENT_USER_DATA, context, *(w.ctypes.data for w in own[1:]), 16
-            )
-            filters[-1](ctypes.addressof(given))
-        answer = recorded[f"{signs}_packet"]
-        ctypes.memmove(packet, answer.ctypes.data, answer.nbytes)
-
-    return FakeLibrary(
-        rtcSetGeometryIntersectFilterFunction=set_filter, rtcGetDeviceProperty=device_property, rtcIntersect16=intersect
-    )
-
-
-def test_a_packet_of_16_that_avx_512_hands_to_the_filter_in_two_calls_is_taken(monkeypatch):
-    assert len(np.load(RECORDED)["signs_differ_valid"]) == 2  # the fault was to expect one
-    assert load(with_packets_of_16_as_recorded(), monkeypatch).native_packet_widths[-1] == 16
-
-
-@pytest.mark.parametrize("change", [lambda calls: calls[:-1], lambda calls: [*calls, calls[0]]], ids=["lost", "twice"])
-def test_a_hit_that_no_call_of_the_filter_or_more_than_one_tells_of_is_found_out(change, monkeypatch):
-    with pytest.raises(atra.EmbreeError, match=r"valid of all calls of the filter .* for 16 rays"):
-        load(with_packets_of_16_as_recorded(change), monkeypatch)

@@ -16,6 +16,7 @@ TILTED = {"eye": (1.0, 2.0, 5.0), "target": (-0.5, 0.25, -3.0), "up": (0.2, 1.0,
 CAMERAS = [
     Camera(**TILTED, fov_y_degrees=50.0, width=12, height=8),
     OrthographicCamera(**TILTED, view_height=3.0, width=12, height=8),
+    Camera.from_opencv([[40, 0, 3], [0, 25, 9], [0, 0, 1]], np.eye(3), (1, 2, -3), 12, 8),
 ]
 
 
@@ -66,7 +67,7 @@ def test_the_positional_order_equality_and_repr_of_a_camera():
 
 def test_pinhole_rays_share_their_origin_and_parallel_rays_their_direction():
     y, x = np.mgrid[0:8, 0:12]
-    pinhole, parallel = CAMERAS
+    pinhole, parallel, _ = CAMERAS
     origins, directions = pinhole.rays(x, y, (0.25, 0.5))
     assert (origins == 0.0).all()
     assert np.array_equal(directions, pinhole.rays(x, y, (0.25, 0.5))[1])

@@ -7,11 +7,11 @@ import pytest
 
 from atra.errors import InputError
 from experiments.harness.configuration import records_folder
-from experiments.harness.identity import identity_of, measure
-from experiments.harness.points import plan_points
+from experiments.harness.identity import identity_of
+from experiments.harness.points import GridPoint, measure, plan_points
 from experiments.harness.records import load_record, point_id, record_path, write_record
 from experiments.launched import measure_launched
-from experiments.sweep import GridPoint, run_sweep
+from experiments.sweep import run_sweep
 from tests.harness.test_sweep import Runner, configuration
 
 pytestmark = pytest.mark.usefixtures("figures_unsaved")

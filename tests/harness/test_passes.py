@@ -5,9 +5,10 @@ from dataclasses import replace
 import pytest
 
 from experiments.harness.configuration import SweepConfiguration
+from experiments.harness.points import GridPoint
 from experiments.harness.processes.quiet import LIMIT_VARIABLE, Busy, Waiting
 from experiments.harness.progress import say_roughly
-from experiments.sweep import GridPoint, run_sweep
+from experiments.sweep import run_sweep
 from tests.harness.test_sweep import Runner, configuration
 
 pytestmark = pytest.mark.usefixtures("figures_unsaved")

@@ -18,16 +18,16 @@ from experiments.harness.configuration import (
     SweepConfiguration,
     records_folder,
 )
-from experiments.harness.identity import current_environment, identity, measure
+from experiments.harness.identity import current_environment, identity
 from experiments.harness.options import NoOptions
-from experiments.harness.points import plan_points
+from experiments.harness.points import GridPoint, measure, plan_points
 from experiments.harness.processes.outcome import Outcome, skipped
 from experiments.harness.records import load_record, point_id, write_record
 from experiments.methods.aligned import ALIGNED, AlignedOptions
 from experiments.methods.peers.embreex_run import EMBREEX
 from experiments.methods.pixel import PIXEL, PixelOptions
 from experiments.results.table import make_tables, read_table, write_tables
-from experiments.sweep import GridPoint, run_sweep
+from experiments.sweep import run_sweep
 from experiments.workloads import find_workload
 from scenes.loading import SceneSource
 from tests.harness.processes.test_outcome import POINT

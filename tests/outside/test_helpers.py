@@ -12,9 +12,10 @@ from atra.errors import InputError
 from experiments import methods
 from experiments.harness.configuration import results_folder
 from experiments.harness.identity import code_roots, current_environment, identity
+from experiments.harness.points import GridPoint
 from experiments.harness.processes.launching import run_worker
 from experiments.results.table import read_tables
-from experiments.sweep import GridPoint, run_sweep
+from experiments.sweep import run_sweep
 from tests.harness.processes.test_outcome import POINT
 from tests.harness.test_identity import CODE
 from tests.outside.test_misbehaving import GOOD

@@ -9,9 +9,10 @@ import pytest
 
 from atra.errors import InputError
 from experiments import methods
+from experiments.harness.points import GridPoint
 from experiments.harness.processes.launching import run_worker
 from experiments.methods.outside import guarded, guards
-from experiments.sweep import GridPoint, run_sweep
+from experiments.sweep import run_sweep
 from tests.command import measure_here
 from tests.points import configured, planned
 

@@ -45,8 +45,7 @@ def random_view(mesh, seed, parallel=None):
 
 def wrong_pixels(mesh, camera):
     hits, reference = draw(mesh, camera, ties="any"), brute_force(mesh, camera)
-    agreement = atra.compare(hits, reference)
-    return int(examine(mesh, camera, hits, reference, agreement).hits.wrong.sum())
+    return int(examine(hits, reference).hits.wrong.sum())
 
 
 @pytest.mark.parametrize("size", [1.0, 0.03])
@@ -106,5 +105,5 @@ def test_views_that_had_wrong_pixels_have_none(scene):
         hits = draw(mesh, camera)
         with atra.PixelTracer(mesh, camera, threads=1) as tracer:
             reference = tracer.trace()
-        found = examine(mesh, camera, hits, reference, atra.compare(hits, reference))
+        found = examine(hits, reference)
         assert not found.hits.wrong.any()

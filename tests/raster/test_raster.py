@@ -32,10 +32,6 @@ every_width_the_native_quick = lanes_and_slow((NATIVE_LANES,))
 PARALLEL = atra.OrthographicCamera((0, 0, 0), (0, 0, 1), view_height=4.0, width=48, height=30)
 
 
-def scaled(mesh, factor, shift=(0.0, 0.0, 0.0)):
-    return atra.Mesh(mesh.vertices * np.float32(factor) + np.float32(shift), mesh.faces)
-
-
 @pytest.mark.core
 @every_width
 @pytest.mark.parametrize("seed", range(6))
@@ -89,22 +85,6 @@ def test_a_triangle_whose_plane_holds_the_eye_is_not_seen_and_hides_nothing():
         hits = draw(mesh, camera)
         assert (hits.prim_id < 2).all()
         np.testing.assert_array_equal(hits.depth, 5.0)
-
-
-@pytest.mark.parametrize("distance", [1e3, 1e5])
-def test_coordinates_far_from_the_origin_give_the_float64_image(distance):
-    shift = np.array([distance, -2 * distance, distance / 3]).astype(np.float32)
-    mesh = scaled(random_triangles(200, 3, size=0.5), 1.0, shift)
-    camera = atra.Camera(tuple(shift.tolist()), tuple((shift + [0, 0, 1]).tolist()), width=40, height=24)
-    assert_equal_images(mesh, camera, draw(mesh, camera), brute_force(mesh, camera))
-
-
-@pytest.mark.parametrize("factor", [1e-8, 1e9])
-def test_meshes_of_any_size_give_the_same_triangles(factor):
-    mesh, camera = random_triangles(60, 1), atra.Camera(**EYE_AT_ORIGIN, width=40, height=24)
-    hits, reference = draw(scaled(mesh, factor), camera), draw(mesh, camera)
-    assert (hits.prim_id == reference.prim_id).mean() > 0.999  # corners were rounded
-    np.testing.assert_allclose(hits.depth[hits.hit], reference.depth[hits.hit] * factor, rtol=1e-3)
 
 
 @pytest.mark.core

@@ -12,9 +12,10 @@ from experiments.drawing.provenance import how_measured, provenance
 from experiments.drawing.render import draw as drawn
 from experiments.drawing.style import PANEL_INCHES, SMALL, TIMES
 from experiments.harness.configuration import Configuration, SweepConfiguration
+from experiments.harness.points import GridPoint
 from experiments.paper.figures import instancing_figure
 from experiments.report.writing import GRID_OF_FILES, figures_of
-from experiments.sweep import GridPoint, run_sweep
+from experiments.sweep import run_sweep
 from experiments.workloads.build.shown import build_figure
 from experiments.workloads.frame.grid_figure import grid_ratios, grid_times
 from experiments.workloads.frame_figures import methods_figure, split_ratios, split_times

@@ -8,12 +8,11 @@ import pytest
 
 from atra.errors import StorageError
 from experiments.harness.configuration import results_folder
-from experiments.harness.identity import measure
-from experiments.harness.points import plan_points
+from experiments.harness.points import GridPoint, measure, plan_points
 from experiments.harness.records import write_record
 from experiments.report.writing import rewrite_report, write_results
 from experiments.results.table import make_tables, read_tables
-from experiments.sweep import GridPoint, run_sweep
+from experiments.sweep import run_sweep
 from tests.harness.test_sweep import Runner, configuration
 
 pytestmark = pytest.mark.usefixtures("figures_unsaved")

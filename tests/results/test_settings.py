@@ -9,10 +9,9 @@ import pytest
 from rich.console import Console
 
 from experiments.harness.configuration import Chosen
-from experiments.harness.identity import measure
 from experiments.harness.options import types_of
 from experiments.harness.point import Point
-from experiments.harness.points import plan_points
+from experiments.harness.points import measure, plan_points
 from experiments.methods import METHODS
 from experiments.methods.aligned import ALIGNED
 from experiments.report.facts import workload_tables

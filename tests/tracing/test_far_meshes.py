@@ -109,7 +109,7 @@ def test_judges_of_a_far_mesh_are_those_of_the_near_one(view):
     same = atra.compare(traced("raster", NEAR, near_camera), near)
     assert agreement.pixels_wrong == 0
     np.testing.assert_array_equal(agreement.verdict, same.verdict)
-    examined = examine(FAR, far_camera, hits, far, agreement, np.arange(200))
+    examined = examine(hits, far, np.arange(200))
     assert not examined.hits.wrong.any()
     y, x = np.divmod(np.arange(100), far_camera.width)
     truths = nearest_hits(FAR, far_camera, x, y), nearest_hits(NEAR, near_camera, x, y)

@@ -13,8 +13,6 @@ from tests.tracing.test_look import KINDS, PARALLEL, tracer
 from tests.tracing.test_threads import CAMERA, CAMERAS
 
 OFFSETS = ((0.5, 0.5), (0.25, 0.75))
-COMMON = {"build": rebuild, "update": pose, "counters": lambda one, random: one.counters}
-"""Calls of tracers and scenes alike."""
 
 
 @pytest.mark.slow
@@ -48,9 +46,3 @@ def test_images_of_a_tracer_that_threads_turn_trace_and_close_are_those_of_one_t
     }
     refusals = "closed", "out has an image"  # of another camera's size
     stress(partial(tracer, kind, CAMERA, threads=2), calls | ({"gather": gather} if kind in PARALLEL else {}), refusals)
-
-
-BATCHES = tuple(
-    atra.Rays(random.uniform(-0.3, 0.3, (count, 3)), random.normal(size=(count, 3)), tfar=random.uniform(0, 4, count))
-    for random, count in ((np.random.default_rng(count), count) for count in (1, 700, 5000))
-)

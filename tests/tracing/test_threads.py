@@ -83,7 +83,7 @@ RAYS = (atra.Rays(np.zeros((1, 3)), np.ones((1, 3))),)
 ALL = {"trace": (), "build": (), "look": (SMALL,), "update": (MESH,)}
 CALLS = {
     "tracer": (partial(make, CAMERA), ALL | {"gather": (atra.Count(),)}),
-    "frames": (lambda: atra.FramesTracer(MESH, FRAMES, threads=1), ALL | {"look": (FRAMES,)}),
+    "frames": (lambda: atra.FramesTracer(MESH, FRAMES, threads=1), {"trace": (), "build": ()}),
     "rays": (
         lambda: atra.RayScene(MESH, threads=1),
         {"intersect": RAYS, "occluded": RAYS, "all_hits": RAYS, "count": RAYS, "build": (), "update": (MESH,)},

@@ -62,26 +62,6 @@ def test_a_method_that_cannot_gather_says_which_can():
         TRACERS["visible_first"](MESH).gather(atra.Count())
 
 
-def test_frames_look_through_another_alignment_and_take_other_meshes():
-    split = atra.Split(4, 1, CAMERA.width, CAMERA.height)
-    near = replace(CAMERA, eye=tuple(np.add(CAMERA.eye, (0.02, 0.01, 0.0)).tolist()))
-    first, second = (atra.Alignment.of_frames(cameras, split) for cameras in ([CAMERA, near], [near, CAMERA]))
-    with atra.FramesTracer([POSED, MESH], second, threads=1) as new:
-        expected = new.trace()
-    one = atra.FramesTracer(MESH, first, threads=1)
-    one.trace()
-    one.look(second)
-    one.update([POSED, MESH])
-    assert_same_bits(one.trace(), expected)
-    with pytest.raises(atra.InputError, match="3 meshes for 2 frames"):
-        one.update([MESH] * 3)
-    with pytest.raises(atra.InputError, match=r"expected .* as before"):
-        one.update([MESH, OTHER])
-    with pytest.raises(atra.InputError, match="expected an Alignment of 2 frames"):
-        one.look(CAMERA)
-    assert_same_bits(one.trace(), expected)
-
-
 LAMP = PointLight((0.0, 1.5, 0.0), power=5.0)
 
 

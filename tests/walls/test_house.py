@@ -23,18 +23,20 @@ from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import Method, Style
 from experiments.harness.options import option
 from experiments.harness.point import Kind, Workload
+from experiments.harness.points import GridPoint
 from experiments.harness.processes.outcome import Outcome
-from experiments.harness.processes.worker import Job, measure_point
+from experiments.harness.processes.worker import measure_point
 from experiments.methods import METHODS
 from experiments.registry import KINDS
 from experiments.report.writing import rewrite_report
 from experiments.results.statistics import statistics_columns
 from experiments.results.table import read_tables, workload_rows
 from experiments.results.terminal import print_point, results_console
-from experiments.sweep import GridPoint, run_sweep
+from experiments.sweep import run_sweep
 from experiments.workloads import WORKLOADS
 from experiments.workloads.baselines import series
 from experiments.workloads.rounds import build_own, measured, timed_rounds
+from tests.command import read_again
 from tests.folders import ROOT
 
 
@@ -145,7 +147,7 @@ def configuration(folder, *overrides):
 
 def run_here(point):
     """As the worker does, in this process."""
-    got = measure_point(Job.from_json(Job(point, "", 0).to_json(), KINDS).point)
+    got = measure_point(read_again(point))
     outcome = Outcome("ok", None, True, got.warmup_samples, got.samples, got.results)
     return Outcome.from_json(outcome.to_json(), point)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from math import pi
 from typing import Any, NamedTuple
 
 from atra.errors import InputError
@@ -60,11 +59,6 @@ def model_of(name: Any) -> CameraModel:
     return CAMERA_MODELS[name]
 
 
-def panorama_plane(width: float, height: float) -> ImagePlane:
-    """The sensor of a panorama of so many pixels."""
-    return ImagePlane(2 * pi / width, pi / height, width / 2, height / 2)
-
-
 def sensor_of(name: Any, parameters: Sequence[Any]) -> tuple[Lens, ImagePlane]:
     """Lens and sensor of a model's parameters. Raises InputError, naming it, for whatever is wrong with them."""
     model = model_of(name)
@@ -76,6 +70,6 @@ def sensor_of(name: Any, parameters: Sequence[Any]) -> tuple[Lens, ImagePlane]:
     assert model.lens is not None
     lens = model.lens(**{name: given[name] for name in model.coefficients})
     if name == PANORAMA:
-        return lens, panorama_plane(given["w"], given["h"])
+        return lens, ImagePlane.panoramic(given["w"], given["h"])
     f = given.get("f", 0.0)
     return lens, image_plane_of_focals(given.get("fx", f), given.get("fy", f), given["cx"], given["cy"])

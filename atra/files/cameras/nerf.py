@@ -14,7 +14,7 @@ import numpy as np
 
 from atra.errors import InputError
 from atra.files.cameras.entries import Broken, Cameras, entry, number, numbers, pixels, read_entries, read_json
-from atra.files.cameras.lens_models import PANORAMA, model_of, panorama_plane
+from atra.files.cameras.lens_models import PANORAMA, model_of
 from atra.geometry.calibration import PIXEL_CENTRE, image_plane_of_focals, pose_of_matrix
 from atra.geometry.camera import CalibratedCamera, LensCamera, camera_of
 from atra.geometry.image_plane import ImagePlane
@@ -51,10 +51,8 @@ def read_transforms(
     path : path
     size : (int, int), optional
         Width and height, pixels, of frames without them, as Blender writes them.
-    broken : dict, optional
-        Receives the InputError of each frame that cannot be used, by name; None: the first is raised.
-    memory_per_byte : float, optional
-        Bound on the memory that reading may take, as for `atra.load_mesh`.
+    broken, memory_per_byte : optional
+        As for `read_colmap`.
 
     Returns
     -------
@@ -145,7 +143,7 @@ def _camera(
 
 def _sensor(given: dict[str, Any], width: int, height: int) -> tuple[Lens, ImagePlane]:
     if given.get("camera_model") == PANORAMA:
-        return EquirectangularLens(), panorama_plane(width, height)
+        return EquirectangularLens(), ImagePlane.panoramic(width, height)
     both = _focal(given, "x", width), _focal(given, "y", height)
     focals = [one for one in both if one is not None]
     if not focals:

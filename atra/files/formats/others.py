@@ -6,7 +6,7 @@ import io
 import logging
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,10 @@ def read_other_file(path: Path, content: bytes, suffix: str) -> MeshFile:
     """The triangles of every mesh instance in world space, in the order of trimesh's scene graph."""
     import trimesh
 
-    with warnings.catch_warnings(), _warnings_of_trimesh_refused():
+    logger, refusing = logging.getLogger("trimesh"), _Refusing(logging.WARNING)
+    with warnings.catch_warnings(), ExitStack() as undone:
+        logger.addHandler(refusing)
+        undone.callback(logger.removeHandler, refusing)
         warnings.simplefilter("ignore")
         for damage in _DAMAGE:
             warnings.filterwarnings("error", message=damage)
@@ -59,20 +62,11 @@ def read_other_file(path: Path, content: bytes, suffix: str) -> MeshFile:
     return MeshFile(parts, units=None if units is None else _UNITS.get(units, str(units)), notes=tuple(notes))
 
 
-@contextmanager
-def _warnings_of_trimesh_refused() -> Iterator[None]:
-    """Refuse files in which trimesh skips something, which it only logs."""
-    logger, handler = logging.getLogger("trimesh"), logging.Handler(logging.WARNING)
-    handler.emit = _refuse  # type: ignore[method-assign]
-    logger.addHandler(handler)
-    try:
-        yield
-    finally:
-        logger.removeHandler(handler)
+class _Refusing(logging.Handler):
+    """Refuses files in which trimesh skips something, which it only logs."""
 
-
-def _refuse(record: logging.LogRecord) -> None:
-    raise InputError(record.getMessage())
+    def emit(self, record: logging.LogRecord) -> None:
+        raise InputError(record.getMessage())
 
 
 def _folder_of(path: Path) -> Any:

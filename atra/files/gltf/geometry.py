@@ -14,6 +14,7 @@ from atra.files.folder import Folder
 from atra.files.gltf.nodes import nodes_of, places_of
 from atra.files.gltf.numbers import Numbers
 from atra.files.gltf.packed import DRACO, MESHOPT
+from atra.files.gltf.poses import poses_of
 from atra.files.gltf.primitives import FAN, TRIANGLES, claimed_rows, read_primitive
 from atra.files.gltf.tree import entry, gltf_tree, without
 from atra.files.meshes.parts import NONE, MeshFile, Part, check_rows, placed_part
@@ -28,8 +29,6 @@ _BYTES_PER_NODE = 500
 _READ = {DRACO, *MESHOPT, "KHR_mesh_quantization", "EXT_mesh_gpu_instancing"}
 _NOT_GEOMETRY = re.compile(r"[A-Z]+_(?:materials?|textures?|lights?)_\w+")
 """Extensions that a file may require."""
-
-_LEFT_OUT = {"skins": "skins", "animations": "animations"}
 
 
 def read_gltf_file(path: Path, content: bytes, suffix: str, memory_per_byte: float | None) -> MeshFile:
@@ -47,13 +46,14 @@ def read_gltf_file(path: Path, content: bytes, suffix: str, memory_per_byte: flo
     allowance = Allowance(len(content) + sum(beside.values()), memory_per_byte)
     nodes = tree.get("nodes", [])
     allowance.check(f"{len(nodes):,} nodes", len(nodes) * _BYTES_PER_NODE)
-    notes = {f"{told} are left out": None for key, told in _LEFT_OUT.items() if tree.get(key)}
+    notes = dict.fromkeys(["animations are left out"] if tree.get("animations") else [])
     parts = _parts(tree, Numbers(tree, content, suffix, folder), allowance, notes)
     return MeshFile(parts, _names(tree.get("materials", [])), _names(nodes), "meter", tuple(notes))
 
 
 def _parts(tree: Any, numbers: Numbers, allowance: Allowance, notes: dict[str, None]) -> list[Part]:
-    made: dict[tuple[int, int], tuple[NDArray[np.float64], NDArray[np.int64]]] = {}
+    made: dict[tuple[int, int, int], tuple[NDArray[np.float64], NDArray[np.int64]]] = {}
+    poses = poses_of(tree, numbers)
     parts: list[Part] = []
     count = rows = 0
     for node in nodes_of(tree):
@@ -61,7 +61,9 @@ def _parts(tree: Any, numbers: Numbers, allowance: Allowance, notes: dict[str, N
             continue
         mesh = node.given["mesh"]
         primitives = entry(tree, "meshes", mesh)["primitives"]
-        for place in places_of(node, numbers, allowance):
+        pose = poses[node.number]
+        own = NONE if pose.is_plain else node.number
+        for place in places_of(node, numbers, allowance) if pose.joints is None else [np.eye(4)]:
             for k, primitive in enumerate(primitives):
                 mode = primitive.get("mode", TRIANGLES)
                 if mode not in range(FAN + 1):
@@ -69,14 +71,12 @@ def _parts(tree: Any, numbers: Numbers, allowance: Allowance, notes: dict[str, N
                 if mode < TRIANGLES:
                     notes["points and lines are left out"] = None
                     continue
-                if "targets" in primitive:
-                    notes["morph targets are left out"] = None
                 count, rows = count + 1, rows + claimed_rows(primitive, numbers)
                 allowance.check(f"{count:,} parts and more", count * _BYTES_PER_PART)
                 check_rows(rows, allowance)
-                if (mesh, k) not in made:
-                    made[mesh, k] = read_primitive(tree, primitive, numbers)
-                vertices, faces = made[mesh, k]
+                if (mesh, k, own) not in made:
+                    made[mesh, k, own] = read_primitive(tree, primitive, numbers, pose)
+                vertices, faces = made[mesh, k, own]
                 material = primitive.get("material", NONE)
                 parts.append(placed_part(vertices, faces, place, material, node.number))
     return [part for part in parts if len(part.faces)]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.files.gltf.numbers import Numbers
 from atra.files.gltf.packed import DRACO, draco_rows
+from atra.files.gltf.poses import Pose, moved
 from atra.files.gltf.tree import entry
 from atra.files.meshes.parts import check_indices
 
@@ -36,7 +37,9 @@ def claimed_rows(primitive: Any, numbers: Numbers) -> int:
     return counts[0] + counts[-1] // (3 if primitive.get("mode", TRIANGLES) == TRIANGLES else 1)
 
 
-def read_primitive(tree: Any, primitive: Any, numbers: Numbers) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def read_primitive(
+    tree: Any, primitive: Any, numbers: Numbers, pose: Pose
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Vertices (V, 3) float64 and triangles (F, 3) int64. Raises InputError for an index without vertex."""
     decode_primitive(primitive, numbers)
     position, indices = primitive["attributes"]["POSITION"], primitive.get("indices")
@@ -44,7 +47,7 @@ def read_primitive(tree: Any, primitive: Any, numbers: Numbers) -> tuple[NDArray
         accessor = entry(tree, "accessors", number)
         if "bufferView" not in accessor and "sparse" not in accessor and number not in numbers.decoded:
             raise InputError(f"accessor {number} has no numbers, or compressed ones; export it plainly")
-    vertices = numbers.floats(position, 3)
+    vertices = moved(numbers.floats(position, 3), "POSITION", primitive, numbers, pose)
     corners = np.arange(len(vertices)) if indices is None else numbers.whole(indices)
     faces = triangles_of_mode(primitive.get("mode", TRIANGLES), corners)
     check_indices(np.broadcast_to(3, len(faces)), faces.ravel(), len(vertices))

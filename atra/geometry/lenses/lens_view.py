@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from math import pi
 from typing import ClassVar, Self
 
 import numpy as np
@@ -58,7 +57,7 @@ class LensView(View):
             As `Camera`, and for a width that is no whole number of at least 1.
         """
         height = max(checked_pixels("width", width) // 2, 1)
-        sensor = ImagePlane(2.0 * pi / width, pi / height, width / 2, height / 2)
+        sensor = ImagePlane.panoramic(width, height)
         return cls(eye, target, up, width, height, lens=EquirectangularLens(), sensor=sensor)
 
     def crop(self, left: int, top: int, width: int, height: int) -> Self:

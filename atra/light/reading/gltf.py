@@ -13,6 +13,7 @@ from atra.files.folder import Folder
 from atra.files.gltf.nodes import nodes_of, places_of
 from atra.files.gltf.numbers import Numbers
 from atra.files.gltf.packed import DRACO, MESHOPT
+from atra.files.gltf.poses import Pose, moved, poses_of
 from atra.files.gltf.primitives import FAN, STRIP, TRIANGLES, decode_primitive, triangles_of_mode
 from atra.files.gltf.tree import entry, gltf_tree, without
 from atra.files.reading import Allowance, read_regular_file
@@ -56,14 +57,14 @@ def read_gltf(path: Path, memory_per_byte: float | None) -> dict[str, Any]:
     for name in tree.get("extensionsRequired", []):
         if name not in _KNOWN:
             raise InputError(f"it requires the extension {name!r:.60}, which is not read; {without(name)}")
-    for kind in ("animations", "skins"):
-        if tree.get(kind):
-            left_out[kind] = None
+    if tree.get("animations"):
+        left_out["animations"] = None
     beside = sum(folder.size_of(one.get("uri")) for one in tree.get("buffers", []) + tree.get("images", []))
     allowance = Allowance(len(content) + beside, memory_per_byte)
     numbers = Numbers(tree, content, suffix, folder)
     materials = Materials(tree, numbers, folder, left_out)
-    made: dict[tuple[int, int], Primitive | None] = {}
+    made: dict[tuple[int, int, int], Primitive | None] = {}
+    poses = poses_of(tree, numbers)
     collected, cameras, lights = _Collected(allowance), {}, []
     for node in nodes_of(tree):
         for name in node.given.get("extensions", {}).keys() - _KNOWN:
@@ -77,11 +78,13 @@ def read_gltf(path: Path, memory_per_byte: float | None) -> dict[str, Any]:
         if "mesh" not in node.given:
             continue
         mesh = node.given["mesh"]
-        for place in places_of(node, numbers, allowance):
+        pose = poses[node.number]
+        own = -1 if pose.is_plain else node.number
+        for place in places_of(node, numbers, allowance) if pose.joints is None else [np.eye(4)]:
             for k, given in enumerate(entry(tree, "meshes", mesh)["primitives"]):
-                if (mesh, k) not in made:
-                    made[mesh, k] = _primitive(given, numbers, materials, allowance, left_out)
-                primitive = made[mesh, k]
+                if (mesh, k, own) not in made:
+                    made[mesh, k, own] = _primitive(given, numbers, pose, materials, allowance, left_out)
+                primitive = made[mesh, k, own]
                 if primitive is not None:
                     name = str(node.given.get("name", f"node {node.number}"))
                     collected.add(primitive, place, (name, node.number, mesh, k))
@@ -89,9 +92,14 @@ def read_gltf(path: Path, memory_per_byte: float | None) -> dict[str, Any]:
 
 
 def _primitive(
-    given: Any, numbers: Numbers, materials: Materials, allowance: Allowance, left_out: dict[str, None]
+    given: Any,
+    numbers: Numbers,
+    pose: Pose,
+    materials: Materials,
+    allowance: Allowance,
+    left_out: dict[str, None],
 ) -> Primitive | None:
-    """A primitive's triangles, None if it has none."""
+    """A primitive's triangles in a pose, None if it has none."""
     mode, attributes = given.get("mode", TRIANGLES), given["attributes"]
     for name in given.get("extensions", {}):
         if name not in _KNOWN:
@@ -99,8 +107,6 @@ def _primitive(
     if mode not in (TRIANGLES, STRIP, FAN):
         left_out["points and lines"] = None
         return None
-    if "targets" in given:
-        left_out["morph targets"] = None
     decode_primitive(given, numbers)
     vertices = numbers.floats(attributes["POSITION"], 3)
     corners = numbers.whole(given["indices"]) if "indices" in given else np.arange(len(vertices))
@@ -113,6 +119,9 @@ def _primitive(
     rows = {}
     for key, name, size in (("normals", "NORMAL", 3), ("uv", "TEXCOORD_0", 2), ("second", "TEXCOORD_1", 2)):
         rows[key] = _rows(numbers, attributes, name, size, len(vertices), left_out)
+    vertices = moved(vertices, "POSITION", given, numbers, pose)
+    if rows["normals"] is not None:
+        rows["normals"] = moved(rows["normals"], "NORMAL", given, numbers, pose)
     colours = None
     if "COLOR_0" in attributes:
         if materials.is_unlit(given.get("material")):

@@ -12,6 +12,7 @@ from atra.light.materials import Lambertian
 from atra.light.reading.gltf import read_gltf
 from atra.light.reading.obj import read_obj
 from atra.light.scene import Scene
+from atra.light.sky import NEUTRAL, constant_sky
 
 _READERS = {".gltf": read_gltf, ".glb": read_gltf, ".obj": read_obj}
 
@@ -23,7 +24,8 @@ def load_scene(path: str | Path, *, memory_per_byte: float | None = None, **othe
     become `MetallicRoughness`; an MTL's colours are taken as linear, as by Cycles. Triangles of all nodes of a glTF's
     default scene are joined; `parts` tells where each came from. Light intensities in candela and lux become powers
     (divided by pi). memory_per_byte: as for `atra.load_mesh`.
-    others: further fields of the scene, such as `sky`, which no file has.
+    others: further fields of the scene, such as `sky`, which no file has; without one, a file with lights stands in the
+    dark, and others under a neutral sky.
 
     What is not read is named once, in a warning and in `left_out`; images larger than 4,096 a side are made smaller.
     Raises InputError naming the file: for damage, required extensions that are not read, files of a glTF named
@@ -35,10 +37,12 @@ def load_scene(path: str | Path, *, memory_per_byte: float | None = None, **othe
         raise InputError(f"{path} is no file, expected a scene")
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
-        return Scene(load_mesh(path, memory_per_byte=memory_per_byte), [Lambertian((0.7, 0.7, 0.7))], **others)
+        grey = [Lambertian((0.7, 0.7, 0.7))]
+        return Scene(load_mesh(path, memory_per_byte=memory_per_byte), grey, **({"sky": NEUTRAL} | others))
     try:
         fields = reader(path, memory_per_byte)
-        scene = Scene(**(fields | others))
+        sky = constant_sky(0.0) if (fields | others).get("lights") else NEUTRAL
+        scene = Scene(**({"sky": sky} | fields | others))
     except Exception as error:  # a reader of damaged bytes may raise anything
         reason = str(error).strip() or type(error).__name__
         raise InputError(f"{path} cannot be read as {path.suffix.lower()[1:]}: {reason}") from None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import signal
 import subprocess
@@ -19,7 +20,7 @@ from atra.compiled.instruction_sets import VARIABLE
 from atra.errors import printable
 from experiments.harness.point import Point
 from experiments.harness.processes.outcome import Outcome
-from experiments.harness.processes.worker import CANNOT_WRITE, Job
+from experiments.harness.processes.worker import CANNOT_WRITE
 
 _ROOT = Path(__file__).resolve().parents[3]
 _OUTPUT_KEPT_BYTES = 4000
@@ -50,7 +51,13 @@ def run_worker(point: Point, command: Sequence[str] = WORKER_COMMAND) -> Outcome
 
 
 def _run_in(folder: Path, point: Point, command: Sequence[str]) -> Outcome:
-    job = Job(point, str(folder / "outcome.json"), os.getpid())
+    result_path = folder / "outcome.json"
+    job = {
+        "point": point.configuration(),
+        "version": point.method.version(),
+        "result_path": str(result_path),
+        "run": os.getpid(),
+    }
     output_path = folder / "output.txt"
     with output_path.open("wb") as output:
         process = subprocess.Popen(
@@ -61,7 +68,7 @@ def _run_in(folder: Path, point: Point, command: Sequence[str]) -> Outcome:
         try:
             assert process.stdin is not None
             with contextlib.suppress(OSError):  # it may have died without listening; its exit code tells
-                process.stdin.write(job.to_json().encode() + b"\n")
+                process.stdin.write(json.dumps(job).encode() + b"\n")
                 process.stdin.flush()
             code = _wait(process, point.time_limit_s, output_path)
             reason = _death(code, folder) if code is not None else None
@@ -74,7 +81,7 @@ def _run_in(folder: Path, point: Point, command: Sequence[str]) -> Outcome:
         reason = f"it printed {printed_bytes >> 20} MiB, more than the {_MOST_PRINTED_BYTES >> 20} MiB that are kept"
     if reason is None:
         try:
-            outcome = Outcome.from_json(Path(job.result_path).read_bytes(), point)
+            outcome = Outcome.from_json(result_path.read_bytes(), point)
         except FileNotFoundError:
             reason = "the worker ended without a result"
         except (ValueError, TypeError) as error:

@@ -50,7 +50,7 @@ def look_around(seconds: float = _LOOK_S) -> Busy:
         for (pid, name), spent in _process_times().items()
         if (pid, name) in before
     }
-    most = sorted(used.items(), key=lambda one: -one[1])[:_MOST_NAMED]
+    most = sorted(used.items(), key=lambda user: -user[1])[:_MOST_NAMED]
     names = tuple((name, share) for (_, name), share in most if share > _LEAST_NAMED)
     if busy is None:
         return Busy(0.0, 0.0)

@@ -1,4 +1,5 @@
-"""What measures one point in a process of its own, which gets a JSON job as a line on standard input.
+"""What measures one point in a process of its own, which gets a job as a line of JSON on standard input: the point, the
+version of its method, the path where the outcome goes, whole or not at all, and the process of the run that asks.
 
 Of whatever it prints nothing is read as a result: the result goes to the path named in the job. It ends when the run
 that started it does.
@@ -12,7 +13,6 @@ import sys
 import threading
 import traceback
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -36,27 +36,6 @@ CANNOT_WRITE = 74
 """Exit code of a worker that has no room for its result, and perhaps none for words either; EX_IOERR of sysexits."""
 
 
-@dataclass(frozen=True)
-class Job:
-    """point: what to measure. result_path: where the outcome goes, whole or not at all. run: the process that asks.
-    version: of the method, as that process knows it."""
-
-    point: Point
-    result_path: str
-    run: int
-    version: str | None = None
-
-    def to_json(self) -> str:
-        fields = {"point": self.point.configuration(), "version": self.point.method.version()}
-        return json.dumps(fields | {"result_path": self.result_path, "run": self.run})
-
-    @classmethod
-    def from_json(cls, text: str, kinds: Kinds) -> Job:
-        """kinds: what finds the point's method and workload."""
-        fields = json.loads(text)
-        return cls(read_point(fields["point"], kinds), fields["result_path"], fields["run"], fields["version"])
-
-
 def read_point(fields: dict[str, Any], kinds: Kinds) -> Point:
     """The reverse of `Point.configuration`. Raises InputError for a method or a workload that is not found."""
     values: dict[str, Any] = {
@@ -72,15 +51,6 @@ def read_point(fields: dict[str, Any], kinds: Kinds) -> Point:
 def measure_point(point: Point) -> Measured:
     """Measure the point in this process. Raises InputError and MemoryBudgetError as the tracers do."""
     return point.workload.measure(point)
-
-
-def outcome_of_job(job: Job) -> Outcome:
-    """Whatever measuring comes to; a method that has changed since the run began is not measured."""
-    here = job.point.method.version()
-    if here != job.version:
-        told = f"method {job.point.method.name} is {here}, expected {job.version}: it changed since this run began"
-        return Outcome("failed", printable(told), on_purpose=True)
-    return outcome_of(job.point)
 
 
 def outcome_of(point: Point) -> Outcome:
@@ -129,11 +99,19 @@ def _end_with_the_run(run: int) -> None:
 
 
 def run_job(kinds: Kinds) -> None:
-    """Measure the point of the job on standard input. kinds: what finds its method and workload."""
-    job = Job.from_json(sys.stdin.readline(), kinds)
-    threading.Thread(target=_end_with_the_run, args=(job.run,), daemon=True).start()
+    """Measure the point of the job on standard input, unless its method has changed since the run began. kinds: what
+    finds its method and workload."""
+    job = json.loads(sys.stdin.readline())
+    point = read_point(job["point"], kinds)
+    threading.Thread(target=_end_with_the_run, args=(job["run"],), daemon=True).start()
+    name, version = point.method.name, point.method.version()
+    if version == job["version"]:
+        outcome = outcome_of(point)
+    else:
+        told = f"method {name} is {version}, expected {job['version']}: it changed since this run began"
+        outcome = Outcome("failed", printable(told), on_purpose=True)
     try:
-        write_atomically(Path(job.result_path), outcome_of_job(job).to_json())
+        write_atomically(Path(job["result_path"]), outcome.to_json())
     except StorageError as error:
         with suppress(OSError):
             print(error, flush=True)

@@ -113,10 +113,9 @@ class Sample:
         if self.mesh is None:
             return Copied(0.0, 0.0, 0.0)
         tiles = tiles_of(cells)
-        probed = np.zeros(self.mesh.triangle_count, np.bool_), self._probed(tiles)
         with closing(WorkerPool(1)) as pool:
             alignment = Alignment.of_cells(self.camera, cells)
-            counts, nearest, _ = visible_copies(self.mesh, alignment, tiles, probed, self.points, pool)
+            counts, nearest, _ = visible_copies(self.mesh, alignment, tiles, self._probed(tiles), self.points, pool)
         return Copied(float(counts.sum()) * self.times, 0.0, self._again(tiles, nearest))
 
     def _kept(self, mesh: Mesh, cells: Split, culling: bool, pool: WorkerPool) -> NDArray[np.int64]:

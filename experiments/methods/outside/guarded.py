@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import psutil
@@ -88,11 +88,10 @@ class PreparedGuarded(Prepared):
 @dataclass(frozen=True)
 class Guarded(Method):
     """A foreign method as one of the harness. Nothing of it runs before `prepare`, so planning a sweep meets none of
-    its faults. own: the foreign value."""
+    its faults. own: the foreign value. prepared: what holds it to its promises."""
 
     own: Any
-
-    prepared: ClassVar[type[PreparedGuarded]] = PreparedGuarded
+    prepared: type[PreparedGuarded] = PreparedGuarded
 
     def prepare(self, mesh: Mesh, camera: View, pool: WorkerPool) -> PreparedGuarded:
         """Ask the method whether it takes these, and have it prepare."""

@@ -28,7 +28,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import psutil
@@ -143,15 +143,14 @@ class PreparedProgram(Prepared):
 
     def __init__(self, command: str, mesh: Mesh, camera: View, threads: int) -> None:
         self._camera, self._count = camera, camera.height * camera.width
+        self._conversation = Conversation(shlex.split(command))
         self._folder = tempfile.TemporaryDirectory(prefix="atra-rays-", ignore_cleanup_errors=True)
-        self._conversation: Conversation | None = None
         self.time_s: float | None = None
         try:
             path = self._path("mesh")
             path.write_bytes(mesh.vertices.astype("<f4").tobytes() + mesh.faces.astype("<u4").tobytes())
-            self._conversation = Conversation(shlex.split(command))
-            self._ask("atra-rays", VERSION)
-            self._ask("threads", threads)
+            self._conversation.ask("atra-rays", VERSION)
+            self._conversation.ask("threads", threads)
             counts = len(mesh.vertices), mesh.triangle_count
             self.build_time_s = self._conversation.ask_seconds("mesh", *counts, path)
             self._send_rays(_PIXEL_CENTRE)
@@ -162,24 +161,18 @@ class PreparedProgram(Prepared):
     @property
     def process(self) -> psutil.Process:
         """That of the program."""
-        assert self._conversation is not None
         return self._conversation.process
-
-    def _ask(self, *words: object) -> str:
-        assert self._conversation is not None
-        return self._conversation.ask(*words)
 
     def _path(self, name: str) -> Path:
         return Path(self._folder.name, name)
 
     def _send_rays(self, offset: tuple[float, float]) -> None:
         self._path("rays").write_bytes(camera_rays(self._camera, offset).tobytes())
-        self._ask("rays", self._count, self._path("rays"))
+        self._conversation.ask("rays", self._count, self._path("rays"))
         self._offset = tuple(offset)
 
     def draw(self, offset: tuple[float, float], depth: NDArray[np.float32], prim_id: NDArray[np.uint32]) -> None:
         """See `Prepared.draw`. Raises InputError for a file of another length."""
-        assert self._conversation is not None
         if tuple(offset) != self._offset:
             self._send_rays(offset)
         self.time_s = self._conversation.ask_seconds("trace", self._path("hits"))
@@ -187,8 +180,7 @@ class PreparedProgram(Prepared):
 
     def close(self) -> None:
         """End the program and remove the files."""
-        if self._conversation is not None:
-            self._conversation.close()
+        self._conversation.close()
         self._folder.cleanup()
 
 
@@ -220,20 +212,14 @@ class PreparedProgramGuarded(PreparedGuarded):
         return [program, *program.children(recursive=True)]
 
 
-@dataclass(frozen=True)
-class GuardedProgram(Guarded):
-    """An external program, held to what it promises."""
-
-    prepared: ClassVar[type[PreparedGuarded]] = PreparedProgramGuarded
-
-
 def _make(mesh: Mesh, view: View, options: ProgramOptions, tracing: Tracing) -> Tracer:
     files = _files(options.command)
     if not files:
         raise InputError(f"method.command is {options.command!r}, expected a program that is there")
     if digest_of_files(files) != options.program_sha256:
         raise InputError(f"program {options.command} changed since this run began; start it again")
-    return Tracer(mesh, view, GuardedProgram(Program(options.command)), threads=tracing.threads, ties="any")
+    method = Guarded(Program(options.command), PreparedProgramGuarded)
+    return Tracer(mesh, view, method, threads=tracing.threads, ties="any")
 
 
 def _files(command: str) -> list[Path]:

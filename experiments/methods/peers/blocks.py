@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
@@ -10,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.methods.peers.peer import Answer
+from experiments.methods.peers.peer import Answer, PeerScene
 
 _BLOCKS_PER_THREAD = 8
 """Rows differ in cost; few enough that a call's own price does not show."""
@@ -23,27 +22,28 @@ class RayArrays:
     origins: NDArray[np.float32]
     directions: NDArray[np.float32]
 
-    @classmethod
-    def of(cls, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> RayArrays:
-        """One array of each. origins: (N, 3), or (1, 3) of all."""
-        return cls(np.ascontiguousarray(np.broadcast_to(origins, directions.shape)), directions)
 
-
-class Blocks:
+class BlockScene(PeerScene):
     """With one thread all rays go into one call. With more, the rays are cut into blocks of neighbours, each with a
-    call of its own, and the threads share the blocks."""
+    call of its own, and the threads share the blocks. `cast_block` must be written."""
 
     def __init__(self, threads: int) -> None:
         self._threads = threads
         self._executor = ThreadPoolExecutor(threads, "peer") if threads > 1 else None
 
-    def cast(self, call: Callable[[RayArrays], Answer], rays: RayArrays) -> Answer:
-        """What a call answers for each block, put together."""
+    def make_rays(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> RayArrays:
+        return RayArrays(np.ascontiguousarray(np.broadcast_to(origins, directions.shape)), directions)
+
+    def cast_block(self, rays: RayArrays) -> Answer:
+        """What some of the rays hit."""
+        raise NotImplementedError
+
+    def cast(self, rays: RayArrays) -> Answer:
         if self._executor is None:
-            return call(rays)
+            return self.cast_block(rays)
         ends = np.linspace(0, len(rays.directions), 1 + _BLOCKS_PER_THREAD * self._threads).astype(int)
         blocks = [RayArrays(rays.origins[a:b], rays.directions[a:b]) for a, b in pairwise(ends) if b > a]
-        depths, prim_ids = zip(*self._executor.map(call, blocks), strict=True)
+        depths, prim_ids = zip(*self._executor.map(self.cast_block, blocks), strict=True)
         return np.concatenate(depths), np.concatenate(prim_ids)
 
     def close(self) -> None:

@@ -6,16 +6,15 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from atra.embree.library import wheel_problem
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from experiments.methods.peers.blocks import Blocks, RayArrays
-from experiments.methods.peers.peer import Answer, PeerScene, peer_method
+from experiments.methods.peers.blocks import BlockScene, RayArrays
+from experiments.methods.peers.peer import Answer, peer_method
 
 
-class EmbreexScene(PeerScene):
+class EmbreexScene(BlockScene):
     """`EmbreeScene.run(origins, directions, output=True)`: a loop over `rtcIntersect1`, robust as is its default.
 
     Timed: that call, which also stores u, v and the normal of each hit and allocates its arrays; it is the
@@ -28,25 +27,16 @@ class EmbreexScene(PeerScene):
     setting = "robust, its default"
 
     def __init__(self, mesh: Mesh, camera: View, threads: int) -> None:
-        self._blocks = Blocks(threads)
+        super().__init__(threads)
         self._scene: Any = import_module("embreex.rtcore_scene").EmbreeScene()
         construction = import_module("embreex.mesh_construction")
         construction.TriangleMesh(self._scene, mesh.vertices, mesh.faces.astype(np.int32))
         nowhere = np.zeros((1, 3), np.float32)
         self._scene.run(nowhere, nowhere + 1)  # embreex builds the BVH in the first query
 
-    def make_rays(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> RayArrays:
-        return RayArrays.of(origins, directions)
-
-    def cast(self, rays: RayArrays) -> Answer:
-        def cast(block: RayArrays) -> Answer:
-            hits = self._scene.run(block.origins, block.directions, dists=np.inf, output=True)
-            return hits["tfar"], hits["primID"].view(np.uint32)  # -1 is a miss, that is MISS
-
-        return self._blocks.cast(cast, rays)
-
-    def close(self) -> None:
-        self._blocks.close()
+    def cast_block(self, rays: RayArrays) -> Answer:
+        hits = self._scene.run(rays.origins, rays.directions, dists=np.inf, output=True)
+        return hits["tfar"], hits["primID"].view(np.uint32)  # -1 is a miss, that is MISS
 
 
 def _check() -> str | None:

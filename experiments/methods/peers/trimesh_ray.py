@@ -14,11 +14,11 @@ from atra.compiled.store import keep_on_disk
 from atra.embree.library import wheel_problem
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from experiments.methods.peers.blocks import Blocks, RayArrays
-from experiments.methods.peers.peer import Answer, Answering, Asked, PeerScene, peer_method
+from experiments.methods.peers.blocks import BlockScene, RayArrays
+from experiments.methods.peers.peer import Answer, Answering, Asked, peer_method
 
 
-class TrimeshScene(PeerScene):
+class TrimeshScene(BlockScene):
     """`mesh.ray.intersects_first(origins, directions)`: copies, scales and normalises the rays and runs embreex.
 
     Timed: that call, which returns triangles without depth, and one compiled pass that computes the depth
@@ -34,7 +34,8 @@ class TrimeshScene(PeerScene):
     def __init__(self, mesh: Mesh, camera: View, threads: int) -> None:
         import trimesh  # slow to import
 
-        self._mesh, self._blocks = mesh, Blocks(threads)
+        super().__init__(threads)
+        self._mesh = mesh
         self._ray = trimesh.Trimesh(mesh.vertices, mesh.faces.astype(np.int64), process=False, validate=False).ray
         nowhere = np.zeros((1, 3), np.float32)
         self._ray.intersects_first(nowhere, nowhere + 1)  # builds the BVH, which waits for the first query
@@ -45,21 +46,15 @@ class TrimeshScene(PeerScene):
         self._normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         self._distances = np.einsum("ij,ij->i", self._normals, corners[:, 0])
 
-    def make_rays(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> RayArrays:
-        return RayArrays.of(origins, directions)
-
     def warm_up(self, rays: RayArrays) -> None:
         """Compile the pass over planes."""
         nowhere = np.zeros((1, 3), np.float32)
-        self._depths(np.zeros(1, np.int32), nowhere, nowhere)
+        _plane_depths(np.zeros(1, np.int32), nowhere, nowhere, self._normals, self._distances)
 
-    def cast(self, rays: RayArrays) -> Answer:
-        def cast(block: RayArrays) -> Answer:
-            prim_id = self._ray.intersects_first(block.origins, block.directions).astype(np.int32, copy=False)
-            depth = self._depths(prim_id, block.origins, block.directions)
-            return depth, prim_id.view(np.uint32)  # -1 is a miss, that is MISS
-
-        return self._blocks.cast(cast, rays)
+    def cast_block(self, rays: RayArrays) -> Answer:
+        prim_id = self._ray.intersects_first(rays.origins, rays.directions).astype(np.int32, copy=False)
+        depth = _plane_depths(prim_id, rays.origins, rays.directions, self._normals, self._distances)
+        return depth, prim_id.view(np.uint32)  # -1 is a miss, that is MISS
 
     def answers(self) -> Mapping[str, Answering]:
         """Each answer is one call, which traces in one thread."""
@@ -79,14 +74,6 @@ class TrimeshScene(PeerScene):
             "all": all_hits,
             "contains": lambda points: ray.contains_points(points),
         }
-
-    def _depths(
-        self, prim_id: NDArray[np.int32], origins: NDArray[np.float32], directions: NDArray[np.float32]
-    ) -> NDArray[np.float32]:
-        return _plane_depths(prim_id, origins, directions, self._normals, self._distances)
-
-    def close(self) -> None:
-        self._blocks.close()
 
 
 @keep_on_disk

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import cos, radians, sin
 
 import numpy as np
@@ -9,7 +10,6 @@ from numpy.typing import NDArray
 
 from atra.alignment.alignment import Alignment, Split
 from atra.alignment.frames import FramesTracer
-from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
 from atra.geometry.numbers import Vector
@@ -36,25 +36,20 @@ def frames_of(camera: Camera, mesh: Mesh, frames: int, motion: str) -> tuple[tup
     forward, turns left and widens its field of view. turn: the mesh turns about the line through `camera.target` along
     `camera.up` (about the scene's middle, walls would pass through an eye in a corner). Frame 0 of a walk and a turn is
     the view as given. Frames share a mesh that stands still.
-    Raises InputError for fewer than one frame, any number of eyes but two, and a field of view that grows to 180
-    degrees.
+    Raises InputError for a field of view that grows to 180 degrees.
     """
-    if frames < 1:
-        raise InputError(f"frames is {frames}, expected at least 1")
     if motion == "turn":
         return (camera,) * frames, tuple(_turned(mesh, camera, frame) for frame in range(frames))
     size = float(np.linalg.norm(mesh.bounds[1] - mesh.bounds[0]))
     if motion == "walk":
         return tuple(_walked(camera, size * STEP, frame) for frame in range(frames)), (mesh,) * frames
-    if frames != 2:
-        raise InputError(f"frames is {frames} with motion=eyes, expected 2: one for each eye")
     aside = camera.axes[0] * (size * EYE_DISTANCE / 2)
     return (_moved(camera, -aside), _moved(camera, aside)), (mesh, mesh)
 
 
 def _moved(camera: Camera, by: NDArray[np.float64]) -> Camera:
     """The camera elsewhere, looking the same way."""
-    return _with_view(camera, np.add(camera.eye, by), np.add(camera.target, by), camera.fov_y_degrees)
+    return replace(camera, eye=_vector(camera.eye + by), target=_vector(camera.target + by))
 
 
 def _walked(camera: Camera, step: float, frame: int) -> Camera:
@@ -63,7 +58,8 @@ def _walked(camera: Camera, step: float, frame: int) -> Camera:
     view = np.subtract(camera.target, camera.eye)
     eye = camera.eye + frame * step * camera.axes[2]
     target = eye + _rotation(camera.up, frame * STEP_TURN_DEGREES) @ view
-    return _with_view(camera, eye, target, camera.fov_y_degrees * STEP_ZOOM**frame)
+    fov_y_degrees = camera.fov_y_degrees * STEP_ZOOM**frame
+    return replace(camera, eye=_vector(eye), target=_vector(target), fov_y_degrees=fov_y_degrees)
 
 
 def _turned(mesh: Mesh, camera: Camera, frame: int) -> Mesh:
@@ -78,10 +74,6 @@ def _rotation(axis: Vector, degrees: float) -> NDArray[np.float64]:
     x, y, z = np.divide(axis, np.linalg.norm(axis))
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.eye(3) + sin(radians(degrees)) * cross + (1 - cos(radians(degrees))) * cross @ cross
-
-
-def _with_view(camera: Camera, eye: NDArray, target: NDArray, fov_y_degrees: float) -> Camera:
-    return Camera(_vector(eye), _vector(target), camera.up, fov_y_degrees, camera.width, camera.height)
 
 
 def _vector(values: NDArray) -> Vector:

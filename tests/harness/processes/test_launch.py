@@ -13,8 +13,7 @@ import pytest
 
 from atra.compiled.instruction_sets import VARIABLE
 from experiments.harness.processes.launching import run_worker
-from experiments.harness.processes.worker import CANNOT_WRITE, Job
-from experiments.registry import KINDS
+from experiments.harness.processes.worker import CANNOT_WRITE
 from tests.folders import ROOT
 from tests.harness.processes.test_outcome import GOOD, POINT
 
@@ -204,7 +203,9 @@ def test_a_worker_that_may_write_nothing_more_says_so(tmp_path):
     assert "could not write its result" in str(outcome.error)
 
 
-def test_a_job_survives_its_line(tmp_path):
-    job = Job(replace(POINT, scene="two\nlines"), str(tmp_path), os.getpid())
-    assert "\n" not in job.to_json()
-    assert Job.from_json(job.to_json(), KINDS) == job
+def test_a_point_of_any_name_survives_the_line_of_its_job():
+    told = f"told = json.loads({GOOD.to_json()!r}); told['results']['scene'] = job['point']['scene']\n"
+    outcome = run_worker(
+        replace(POINT, scene="two\nlines"), worker(f"{told}json.dump(told, open(job['result_path'], 'w'))")
+    )
+    assert outcome.results["scene"] == "two\nlines"

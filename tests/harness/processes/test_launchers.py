@@ -14,11 +14,10 @@ import pytest
 from experiments.harness.configuration import (
     SweepConfiguration,
 )
-from experiments.harness.identity import measure
-from experiments.harness.points import plan_points
+from experiments.harness.points import GridPoint, measure, plan_points
 from experiments.harness.processes.outcome import Outcome
 from experiments.harness.records import write_record
-from experiments.sweep import GridPoint, run_sweep
+from experiments.sweep import run_sweep
 from tests.folders import ROOT
 from tests.points import configured
 
