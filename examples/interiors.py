@@ -31,7 +31,7 @@ def main(arguments: list[str] | None = None) -> None:
     pictures = []
     for name, make in INTERIORS.items():
         camera = atra.Camera(**BUILT_IN[name].camera, width=options.width, height=options.height)
-        with light.PathRenderer(make(), camera, threads=options.threads, max_depth=8, jitter="pixel") as renderer:
+        with light.PathRenderer(make(), camera, threads=options.threads, bounces=7, jitter="pixel") as renderer:
             renderer.add(options.samples)
             image = renderer.image if options.noisy else renderer.denoised()
         pictures.append(srgb_of(light.toned(image, light.stops_of(image, "auto"), "neutral")))

@@ -32,7 +32,7 @@ def main(arguments: list[str] | None = None) -> dict[str, dict[str, float]]:
     """Seconds by stage, of each renderer."""
     made = parts.parser(__doc__, width=600, height=400)
     made.add_argument("--samples", type=int, default=64, help="of each pixel")
-    made.add_argument("--max-depth", type=int, default=16, help="rays of a path")
+    made.add_argument("--bounces", type=int, default=15, help="most reflections")
     made.add_argument("--segments", type=int, default=24, help="around a small ball")
     options = made.parse_args(arguments)
     scene = weekend(options.segments)
@@ -40,7 +40,7 @@ def main(arguments: list[str] | None = None) -> dict[str, dict[str, float]]:
     camera = atra.Camera(**WEEKEND_CAMERA, width=options.width, height=options.height)
     pictures, told = [], {}
     for name, renderer in (
-        ("paths", light.PathRenderer(book, camera, threads=options.threads, max_depth=options.max_depth)),
+        ("paths", light.PathRenderer(book, camera, threads=options.threads, bounces=options.bounces)),
         ("hybrid", light.HybridRenderer(scene, camera, threads=options.threads, occlusion_length=1.0)),
     ):
         with renderer:

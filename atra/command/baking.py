@@ -11,6 +11,8 @@ from pathlib import Path
 from time import monotonic, perf_counter
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from atra.command.cameras import one_camera
 from atra.command.picture import add_limits, add_scene, add_shown, load_lit, progress_line
 from atra.command.viewing import add_page
@@ -61,7 +63,7 @@ def add_bake(parser: ArgumentParser) -> None:
 def run_bake(given: Namespace) -> int:
     """Bake, what the view shows first, and write maps, view and models; returns 0. Ctrl-C writes what there is.
 
-    Raises InputError for files that cannot be used, and as `Baker`, `denoised` and `LightmapPage` do; StorageError.
+    Raises InputError for files that cannot be used, and as `Baker`, `denoised` and `Page` do; StorageError.
     """
     from atra.light import Atlas, Baker, denoised, save_lit_model, save_maps, save_model
     from atra.light.checks import check_whole, checked_number
@@ -100,7 +102,7 @@ def run_bake(given: Namespace) -> int:
         start = perf_counter()
         try:
             if given.live:
-                is_done = _bake_live(baker, lit, target, given, camera)
+                is_done = _bake_live(baker, target, given, camera)
             else:
                 with progress_line() as tell:
                     is_done = bake(baker, target, tell, given.error, given.minutes)
@@ -170,17 +172,19 @@ def _view(lightmap: Lightmap, scene: Scene, camera: Camera, given: Namespace, fo
     return [folder / f"{name}.png" for name in pictures]
 
 
-def _bake_live(baker: Baker, scene: Scene, target: int, given: Namespace, camera: Camera) -> bool:
-    """Bake in a thread, shown on a page until that is closed; returns whether it is done."""
-    from atra.light import ProgressiveBake
-    from atra.light.viewer.lightmap import LightmapPage
-    from atra.light.viewer.request import Pose
+def _bake_live(baker: Baker, target: int, given: Namespace, camera: Camera) -> bool:
+    """Bake while the camera of a page rests, shown on it until it is closed; returns whether it is done."""
+    from atra.light.viewer.lightmap import MapPainter
+    from atra.light.viewer.page import Page
+    from atra.light.viewer.request import Pose, Request, Settings
 
-    first = Pose(camera.eye, camera.target, camera.up, camera.fov_y_degrees)
-    progress, name = ProgressiveBake(baker, target), printable(given.mesh.name)
-    shown = progress, scene, baker.texels.atlas, target
-    page = LightmapPage(*shown, first=first, port=given.port, title=name, threads=given.threads)
-    with closing(page), progress:
-        print(f"viewer: {page.address} shows {name}; Ctrl-C ends it, and what there is is written", flush=True)
-        page.run()
+    pose = Pose(camera.eye, camera.target, camera.up, camera.fov_y_degrees)
+    first, name = Request(pose, Settings(samples=target)), printable(given.mesh.name)
+    size = float(np.linalg.norm(np.ptp(baker.scene.mesh.bounds, axis=0)))
+    with closing(MapPainter(baker, target, given.threads)) as painter:
+        with closing(Page(painter, first, given.port, name, size, settings=False)) as page:
+            print(f"viewer: {page.address} shows {name}; Ctrl-C ends it, and what there is is written", flush=True)
+            page.session.run()
+        if painter.error is not None:
+            raise painter.error
     return bool((baker.samples >= target).all())

@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # a wing of the library, loaded where a picture is asked for
     from atra.light.lights import Light
     from atra.light.pictures.renderer import Renderer
 
-SAMPLES, BOUNCES = 64, 8
+SAMPLES, BOUNCES = 64, 7
 """Defaults: samples without another limit, and most rays of a path."""
 
 CamerasOf = Callable[[Mesh, Mapping[str, View]], dict[str, View]]
@@ -52,7 +52,7 @@ def add_picture(parser: ArgumentParser) -> None:
     )
     add_shown(group)
     group.add_argument("--transparent", action="store_true", help="alpha in place of the sky that the eye sees")
-    group.add_argument("--bounces", type=int, default=BOUNCES, help=f"most rays of a path (default: {BOUNCES})")
+    group.add_argument("--bounces", type=int, default=BOUNCES, help=f"most reflections (default: {BOUNCES})")
 
 
 def add_shown(parser: Any) -> None:
@@ -155,7 +155,7 @@ def run_picture(given: Namespace, cameras_of: CamerasOf) -> int:
     print(f"{printable(str(given.mesh))}: {scene.mesh.triangle_count:,} triangles", file=sys.stderr)
     for stem, camera in cameras.items():
         path = output if len(cameras) == 1 else output.with_name(f"{output.stem}_{stem}{output.suffix}")
-        options = {"max_depth": given.bounces, "threads": given.threads, "transparent": given.transparent}
+        options = {"bounces": given.bounces, "threads": given.threads, "transparent": given.transparent}
         with PathRenderer(scene, camera, jitter="pixel", **options) as renderer:
             _expose(renderer, given, path)
             stops = renderer.save(path, exposure=given.exposure, tone=given.tone, denoise=given.denoise)

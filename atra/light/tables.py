@@ -18,20 +18,17 @@ from atra.light.surface_kernels import Surfaces
 from atra.light.textures import CURVES, WRAPS, Checker, Image
 
 START_OFF = 2.0**-20
-"""Default offset of rays from a triangle, as a fraction of its largest coordinate: sixteen roundings of float32."""
+"""Offset of rays from a triangle, as a fraction of its largest coordinate: sixteen roundings of float32."""
 
 
-def surfaces_of(scene: Scene, sky_power: float, start_off: float | None) -> Surfaces:
-    """The tables of a scene whose sky is scaled by `sky_power`, around its mesh's origin.
-
-    start_off: offset of rays from a triangle, scene units; None: by the size of its coordinates.
-    """
+def surfaces_of(scene: Scene, sky_power: float) -> Surfaces:
+    """The tables of a scene whose sky is scaled by `sky_power`, around its mesh's origin."""
     scene = scene.local
     materials, images = _materials(scene)
     sky, panorama = sky_tables(scene.sky, sky_power)
     flags = _flags(scene)[np.asarray(scene.face_materials)]
     arrays = (
-        _records(scene, start_off),
+        _records(scene),
         flags,
         *_corners(scene),
         materials,
@@ -58,14 +55,14 @@ def unit_normals(mesh: Mesh) -> NDArray[np.float64]:
     return np.asarray(normals / np.where(length > 0.0, length, 1.0))
 
 
-def _records(scene: Scene, start_off: float | None) -> NDArray[np.float64]:
+def _records(scene: Scene) -> NDArray[np.float64]:
     mesh = scene.mesh
     corners = [mesh.vertices[mesh.faces[:, corner]].astype(np.float64) for corner in range(3)]
     normals = unit_normals(mesh)
     records = np.zeros((mesh.triangle_count, words.RECORD_WORDS))
     records[:, :3] = normals
     records[:, 3] = np.einsum("fi,fi->f", normals, corners[0])
-    records[:, 4] = START_OFF * np.abs(corners).max(axis=(0, 2)) if start_off is None else start_off
+    records[:, 4] = START_OFF * np.abs(corners).max(axis=(0, 2))
     records[:, 5] = np.asarray(scene.face_materials)
     return records
 

@@ -17,11 +17,11 @@ from atra.embree.scene import BUILD_QUALITIES, resolve_packet_width
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.rays.all_hits.contains import FARTHEST_POINT, METHODS, Interior, check_points
-from atra.rays.all_hits.finding import MOST, HitFinder, Progress
 from atra.rays.all_hits.gathered import RayHitLists, RayLayers, gathered
 from atra.rays.geometries import Geometries, joined
 from atra.rays.kernel_scene import NO_T, KernelScene
 from atra.rays.rays import RayHits, Rays, checked_out, hits_memory, rays_of
+from atra.rays.tree.finding import MOST, HitFinder, Progress
 from atra.tracing.lifetime import Lifetime
 from atra.whole_numbers import is_whole_number
 

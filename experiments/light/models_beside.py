@@ -108,7 +108,7 @@ def study(sheet: str, *models: str, samples: int = 64, variant: str = "scalar_rg
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             scene, camera = shown(path)
-        with PathRenderer(scene, camera, max_depth=_DEPTH) as renderer:
+        with PathRenderer(scene, camera, bounces=_DEPTH - 1) as renderer:
             renderer.add(samples)
             own = renderer.image.astype(np.float64)
         theirs = of_mitsuba(mi, scene, camera, samples)

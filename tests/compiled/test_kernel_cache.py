@@ -25,7 +25,7 @@ from atra.raster import drawing, spans
 from atra.raster.all_hits import undecided_kernels
 from atra.raster.all_hits.drawing_kernels import gathering_kernel
 from atra.rays import embree_kernels
-from atra.rays.nearest import batches_kernels
+from atra.rays.tree import nearest_kernels
 from experiments.methods import tiles_kernels
 
 KERNELS = {
@@ -40,7 +40,7 @@ KERNELS = {
     "packet_kernel": loop_kernels.packet_kernel(4, 2),
     "tile_kernel": tiles_kernels.tile_kernel(4, 2),
     "embree_kernel": embree_kernels.embree_kernel(4, False),
-    "nearest_kernel": batches_kernels.nearest_kernel(False),
+    "nearest_kernel": nearest_kernels.nearest_kernel(False),
     "lighting_kernel": lighting_kernels.lighting_kernel(4),
     "drawing_kernel": drawing.drawing_kernel(4, False),
     "gathering_kernel": gathering_kernel(4, False, LAYERS),

@@ -22,7 +22,6 @@ from atra.light import (
     save_model,
 )
 from atra.light.lightmaps.finish.views import lit_view
-from atra.light.pictures.carrying import carried
 from tests.baked import baked, painted, sheet
 from tests.far import AWAY, FAR, NEAR, SEEN_FAR, SEEN_NEAR
 from tests.meshes import joined, quads
@@ -86,18 +85,6 @@ def test_a_renderer_goes_from_one_origin_to_another():
         renderer.add(1)
         np.testing.assert_array_equal(renderer.image, near)
         assert renderer.scene.mesh is FAR
-
-
-def test_pixels_are_carried_between_views_of_a_far_mesh_as_between_those_of_the_near_one():
-    found = []
-    for mesh, views in ((FAR, SEEN_FAR), (NEAR, SEEN_NEAR)):
-        seen, to = (atra.RasterTracer(mesh, views[name], threads=1).trace() for name in ("pinhole", "calibrated"))
-        values = np.random.default_rng(0).uniform(size=(*seen.prim_id.shape, 2))
-        found.append(carried(values, seen, to))
-    assert found[1][1].mean() > 0.05
-    assert (found[0][1] == found[1][1]).mean() > 0.995
-    both = found[0][1] & found[1][1]
-    np.testing.assert_allclose(found[0][0][both], found[1][0][both], atol=1e-4)
 
 
 def bake_scene(mesh, at):

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 import atra
-import atra.rays.all_hits.finding as finding
+import atra.rays.tree.finding as finding
 from tests.closed_meshes import box, sphere
 from tests.meshes import cornell_box, random_triangles
 from tests.rays.near_whole_numbers import hits_without_rounding

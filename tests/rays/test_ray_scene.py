@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import atra
-import atra.rays.all_hits.finding
 import atra.rays.kernel_scene
 import atra.rays.order
+import atra.rays.tree.finding
 from atra.compiled.instruction_sets import chosen_instruction_set, cpu_features
 from atra.compiled.threads import WorkerPool
 from atra.embree.layout import FLAG_COHERENT
@@ -476,7 +476,7 @@ def assert_same_bits_of_rays(found, expected):
 @each_width
 def test_the_order_that_a_large_batch_is_traced_in_changes_no_bit(width, monkeypatch):
     monkeypatch.setattr(atra.rays.kernel_scene, "FEWEST_TRIANGLES", 1)
-    monkeypatch.setattr(atra.rays.all_hits.finding, "FEWEST_TRIANGLES", 1)
+    monkeypatch.setattr(atra.rays.tree.finding, "FEWEST_TRIANGLES", 1)
     fewest, mesh, ordered = 4000, MESHES["many small"], []
     monkeypatch.setattr(atra.rays.order, "FEWEST_RAYS", fewest)
     monkeypatch.setattr(atra.rays.order, "ORDERED", fewest - 700)  # in two parts, the second of 777

@@ -98,7 +98,7 @@ def test_amdahl_s_forecast_is_the_packets_picture_with_the_own_primary_in_it():
 
 @pytest.mark.parametrize(("options", "message"), [
     ({"samples": 0}, "samples is 0"), ({"occlusion_rays": 65}, "occlusion_rays is 65"),
-    ({"frame": "path", "max_depth": 0}, "max_depth is 0"), ({"occlusion_part": -1.0}, "occlusion_length is -1"),
+    ({"frame": "path", "max_depth": 0}, "bounces is -1"), ({"occlusion_part": -1.0}, "occlusion_length is -1"),
     ({"mitsuba": "scalar_rgb"}, "expected workload.frame=path"),
     ({"sky": "nowhere.exr"}, "nowhere.exr', which cannot be read"), ({"sky_sha256": "ab"}, "without a workload.sky"),
     ({"sky": "run.py", "sky_sha256": "ab"}, "changed since this run began"),
@@ -137,7 +137,7 @@ def test_an_interior_has_lamps_a_sun_and_an_opening_for_it():
 def test_an_interior_by_paths_is_lit_in_every_block_of_the_picture(name):
     mesh = make_scene(name).mesh
     camera = Camera(**BUILT_IN[name].camera, width=32, height=32)
-    with PathRenderer(lit(name, mesh, camera), camera, max_depth=8, threads=1) as renderer:
+    with PathRenderer(lit(name, mesh, camera), camera, bounces=7, threads=1) as renderer:
         renderer.add(16)
         blocks = renderer.image.reshape(8, 4, 8, 4, 3).mean(axis=(1, 3, 4))
     assert blocks.min() > 0.005

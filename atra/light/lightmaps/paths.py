@@ -11,15 +11,13 @@ from atra.light.lightmaps.options import BakeOptions
 from atra.light.lightmaps.paths_kernels import Charts, light_probes, light_texels
 from atra.light.lightmaps.probes import ProbeSums
 from atra.light.pictures.path_kernels import FREE_ROWS
-from atra.light.pictures.paths.following_kernels import Limits
+from atra.light.pictures.paths.following_kernels import limits_of
 from atra.light.scene import Scene
 from atra.light.tables import surfaces_of
 from atra.rays.kernel_scene import Query
 
 AT_ONCE = 1 << 12
 """Paths that a thread takes at a time."""
-
-_NEVER = 1 << 30
 
 
 class Paths:
@@ -28,14 +26,13 @@ class Paths:
 
     def __init__(self, scene: Scene, texels: Texels, options: BakeOptions) -> None:
         mesh = scene.mesh.local
-        self.surfaces = surfaces_of(scene, scene.sky.power, None)
+        self.surfaces = surfaces_of(scene, scene.sky.power)
         self.emitters = emitters_of(scene, in_grid=options.lights == "grid")
         self.charts = Charts(
             mesh.vertices, mesh.faces, texels.atlas.uv, texels.prim_id, texels.number, texels.atlas.width,
             np.float32(options.open_length), np.uint32(options.seed),
         )  # fmt: skip
-        roulette = _NEVER if options.roulette_from is None else options.roulette_from
-        self.limits = Limits(options.bounces + 2, roulette)
+        self.limits = limits_of(options.bounces, options.roulette_from, 1)
 
     def light(
         self, query: Query, order: NDArray[np.int32], part: tuple[int, int], count: int, samples: NDArray[np.int32],

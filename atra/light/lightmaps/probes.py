@@ -52,8 +52,9 @@ class LightProbes:
         weights = OF_COSINE * np.stack(harmonics(x, y, z), axis=1)
         return np.einsum("ph,phc->pc", weights, self.combined).astype(np.float32)
 
-    def save(self, path: Path) -> Path:
+    def save(self, path: Path | str) -> Path:
         """Write the arrays by name as .npz; returns the path. Raises InputError for another suffix, StorageError."""
+        path = Path(path)
         if path.suffix.lower() != ".npz":
             raise InputError(f"probes are to be written to {str(path)!r}, expected a name that ends in .npz")
         content = io.BytesIO()

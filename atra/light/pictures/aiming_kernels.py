@@ -26,30 +26,13 @@ from atra.light.pictures.gbuffer_kernels import (
 class Aim(NamedTuple):
     """The sample points of rays in the unit square.
 
-    points: (N, 2) uint32, shared by all pixels, in units of 2^-32. dimension: of the hash that shifts them per pixel.
-    is_shifted: whether they are shifted. is_traced: whether rays are traced for occlusion. length: float32, longest
+    points: (N, 2) uint32, in units of 2^-32. is_traced: whether rays are traced for occlusion. length: float32, longest
     ray.
     """
 
     points: NDArray[np.uint32]
-    dimension: int
-    is_shifted: bool
     is_traced: bool
     length: np.float32
-
-
-@njit(forceinline=True)
-def _shifted(aim, number, pixel):  # type: ignore[no-untyped-def]
-    """A pixel's shifted point: two numbers in [0, 1)."""
-    key = key_of(pixel, np.uint32(0))
-    u = np.uint32(aim.points[number, 0] + bits_of(key, aim.dimension))
-    v = np.uint32(aim.points[number, 1] + bits_of(key, aim.dimension + 1))
-    return unit_of(u), unit_of(v)
-
-
-@njit(forceinline=True)
-def _unshifted(aim, number):  # type: ignore[no-untyped-def]
-    return unit_of(aim.points[number, 0]), unit_of(aim.points[number, 1])
 
 
 @njit(forceinline=True)
@@ -72,56 +55,41 @@ def _set_open(floats, i, direction, length):  # type: ignore[no-untyped-def]
 
 
 @float_part
-def aim_at_light(floats, first, count, light, aim, number):  # type: ignore[no-untyped-def]
-    """Aim a ray from each pixel's surface at a point of the light, (LIGHT_WORDS,) float32. Returns how many may
-    arrive."""
-    rays = 0
-    if light[KIND] != SUN:
-        for i in range(count):
-            rays += _aim_at_lamp(floats, first, i, light, aim, number)
-    elif aim.is_shifted:
-        for i in range(count):
-            u, v = _shifted(aim, number, first + i)
-            direction = to_sun(light, u, v)
-            rays += _set_lit(floats, i, direction, dot(vector_of(floats, NORMAL, i), direction), aim.length)
-    else:
-        u, v = _unshifted(aim, number)
+def aim_at_light(floats, count, light, aim, number):  # type: ignore[no-untyped-def]
+    """Aim a ray from each pixel's surface at a point of the light, the same for all. light: (LIGHT_WORDS,) float32.
+    Returns how many may arrive."""
+    rays, u, v = 0, unit_of(aim.points[number, 0]), unit_of(aim.points[number, 1])
+    if light[KIND] == SUN:
         direction = to_sun(light, u, v)
         for i in range(count):
             rays += _set_lit(floats, i, direction, dot(vector_of(floats, NORMAL, i), direction), aim.length)
+    else:
+        for i in range(count):
+            rays += _aim_at_lamp(floats, i, light, u, v, aim.length)
     return rays
 
 
 @njit(error_model="numpy")
-def _aim_at_lamp(floats, first, i, light, aim, number):  # type: ignore[no-untyped-def]
+def _aim_at_lamp(floats, i, light, u, v, length):  # type: ignore[no-untyped-def]
     """`aim_at_light` for one pixel and a light that is no sun."""
-    u, v = _shifted(aim, number, first + i) if aim.is_shifted else _unshifted(aim, number)
     direction, strength, reach = to_lamp(light, vector_of(floats, ORIGIN, i), u, v)
     carried = dot(vector_of(floats, NORMAL, i), direction) * strength
-    return _set_lit(floats, i, direction, carried, min(reach, aim.length))
-
-
-@njit(forceinline=True)
-def _into_sky(normal, direction, is_cosine):  # type: ignore[no-untyped-def]
-    """A direction uniform over the sphere -> one of the hemisphere, uniform or cosine-distributed."""
-    if is_cosine:
-        return around(normal, direction)
-    return scaled(ONE if dot(direction, normal) >= ZERO else -ONE, direction)
+    return _set_lit(floats, i, direction, carried, min(reach, length))
 
 
 @float_part
 def aim_into_sky(floats, first, count, is_cosine, aim, number):  # type: ignore[no-untyped-def]
-    """Aim a ray from each pixel's surface into its hemisphere. Returns the number of rays."""
+    """Aim a ray from the surface of each pixel, from number `first` on, into its hemisphere, by a point that is shifted
+    for each. Returns the number of rays."""
     rays = 0
-    if aim.is_shifted:
-        for i in range(count):
-            u, v = _shifted(aim, number, first + i)
-            direction = _into_sky(vector_of(floats, NORMAL, i), on_sphere(u, v), is_cosine)
-            rays += _set_open(floats, i, direction, aim.length)
-    else:
-        u, v = _unshifted(aim, number)
-        shared = on_sphere(u, v)
-        for i in range(count):
-            direction = _into_sky(vector_of(floats, NORMAL, i), shared, is_cosine)
-            rays += _set_open(floats, i, direction, aim.length)
+    for i in range(count):
+        key, normal = key_of(first + i, np.uint32(0)), vector_of(floats, NORMAL, i)
+        u = np.uint32(aim.points[number, 0] + bits_of(key, 0))
+        v = np.uint32(aim.points[number, 1] + bits_of(key, 1))
+        direction = on_sphere(unit_of(u), unit_of(v))
+        if is_cosine:
+            direction = around(normal, direction)
+        elif dot(direction, normal) < ZERO:
+            direction = scaled(-ONE, direction)
+        rays += _set_open(floats, i, direction, aim.length)
     return rays

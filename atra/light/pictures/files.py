@@ -15,7 +15,6 @@ from atra.errors import InputError
 from atra.files.saving import encode_exr
 from atra.hits import Hits
 from atra.light.pictures.files_kernels import encode_srgb
-from atra.light.pictures.finish.normals import eye_normals
 
 SUFFIXES = (".png", ".exr")
 
@@ -73,7 +72,7 @@ def exr_of(
     A; R, G, B are multiplied by it.
     """
     channels: dict[str, Any] = {}
-    layers = {"": (image, "RGB"), "albedo.": (albedo, "RGB"), "N.": (eye_normals(hits), "XYZ")}
+    layers = {"": (image, "RGB"), "albedo.": (albedo, "RGB"), "N.": (_eye_normals(hits), "XYZ")}
     if noisy is not None:
         layers["noisy."] = noisy, "RGB"
     for layer, (values, names) in layers.items():
@@ -82,6 +81,20 @@ def exr_of(
         channels["A"] = alpha
     counts = np.full(hits.depth.shape, samples, np.uint32)
     return exr_of_channels(channels | {"Z": hits.depth, "prim_id": hits.prim_id, "samples": counts})
+
+
+def _eye_normals(hits: Hits) -> NDArray[np.float32]:
+    """(H, W, 3) float32, unit normals of the hit triangles in the world, facing the eye; 0 = a miss."""
+    normals = np.zeros((*hits.depth.shape, 3), np.float32)
+    y, x = np.nonzero(hits.hit)
+    corners = hits.mesh.triangles(hits.prim_id[y, x])
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(across, axis=1, keepdims=True)
+    across /= np.where(length > 0.0, length, 1.0)
+    _, directions = hits.camera.rays(x, y, hits.offset)
+    away = np.einsum("ni,ni->n", across, directions @ hits.camera.axes) > 0.0
+    normals[y, x] = np.where(away[:, None], -across, across)
+    return normals
 
 
 def exr_of_channels(channels: Mapping[str, NDArray[Any]]) -> bytes:

@@ -44,6 +44,7 @@ class Film:
         self.places = _places(width, height)
         self.sums = aligned_empty((planes, (pixels // LANES + 1) * LANES), np.float32)[:, :pixels]
         self._earlier = np.zeros((planes, pixels))
+        self._before: NDArray[np.float32] | None = None
         self.samples = 0
         self._clear()
 
@@ -55,6 +56,20 @@ class Film:
     def is_first(self) -> bool:
         """Whether the next sample is the first in the float32 sums."""
         return self.samples % _EXACT_SAMPLES == 0
+
+    def begin_sample(self) -> None:
+        """Remember the sums, so that `drop_sample` can go back to them."""
+        if not self.is_first:
+            self._before = self.sums.copy() if self._before is None else self._before
+            self._before[:] = self.sums
+
+    def drop_sample(self) -> None:
+        """Take back what was added since `begin_sample`."""
+        if self.is_first:
+            self._clear()
+        else:
+            assert self._before is not None
+            self.sums[:] = self._before
 
     def restart(self) -> None:
         """Drop all samples."""
@@ -95,10 +110,6 @@ class Film:
         image = np.empty((height, width, len(planes)), np.float32)
         place_pixels(self.places, planes, image)
         return image
-
-    def as_row(self, image: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(H, W, planes) -> (planes, pixels) in the film's order."""
-        return image[(self.places >> 16).astype(np.intp), (self.places & 0xFFFF).astype(np.intp)].T
 
     def place_of(self, pixel: int) -> tuple[int, int]:
         """(x, y) of a pixel in the film's order."""

@@ -7,39 +7,26 @@ from dataclasses import replace
 from functools import reduce
 from math import inf, sqrt
 from time import perf_counter
-from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.light.emitters.panels import Panel, panels_of
 from atra.light.lights import Light, light_row
 from atra.light.lights_kernels import LIGHT_WORDS
 from atra.light.pictures.aiming_kernels import Aim
-from atra.light.pictures.carrying import carried
-from atra.light.pictures.finish.finisher import CENTRE
 from atra.light.pictures.gbuffer_kernels import Chunk, new_chunk
 from atra.light.pictures.lighting_kernels import LIGHT_PLANES, SKY_PLANES, STAGES, lighting_kernel
 from atra.light.pictures.options import HybridOptions
 from atra.light.pictures.path_kernels import BLOCK, Pixels
 from atra.light.pictures.renderer import Primary, Renderer, unlike_but_for
-from atra.light.scattering.diffuse import plain_of, shown_of
+from atra.light.scattering.diffuse import shown_of
 from atra.light.scene import Scene
-from atra.light.sky import constant_sky
 from atra.light.surface_kernels import Surfaces
 from atra.light.tables import surfaces_of
-from atra.rays.kernel_scene import KernelScene, Query
-
-
-class _Sequence(NamedTuple):
-    """A sequence of sample points. steps: between consecutive points, in units of 2^-32 of the unit square. dimension:
-    of the hash that shifts them."""
-
-    steps: tuple[int, int]
-    dimension: int
+from atra.rays.kernel_scene import Query
 
 
 def _steps(*primes: int) -> tuple[int, int]:
@@ -47,17 +34,12 @@ def _steps(*primes: int) -> tuple[int, int]:
     return x, y
 
 
-_SKY, _LIGHT = _Sequence(_steps(2, 3), 0), _Sequence(_steps(5, 7), 2)
-"""No step is a rational multiple of another or of a step of `sub_pixel_offsets`, so all points together are evenly
-spread."""
+_SKY, _LIGHT = _steps(2, 3), _steps(5, 7)
+"""Steps between consecutive sample points, in units of 2^-32 of the unit square.
 
-
-class _Kept(NamedTuple):
-    """Pictures from before the camera moved, in the film's order. means: (planes, pixels). counts: (1, pixels),
-    samples, 0 = unknown."""
-
-    means: NDArray[np.float64]
-    counts: NDArray[np.float64]
+No step is a rational multiple of another or of a step of `sub_pixel_offsets`, so all points together are evenly
+spread.
+"""
 
 
 class HybridRenderer(Renderer):
@@ -70,9 +52,9 @@ class HybridRenderer(Renderer):
     A surface reflects colour x (light x cosine x its unshadowed share, summed over lights, + sky x the unoccluded
     share), and shows what it emits. Sky: of a gradient in its normal's direction; of a panorama all light that arrives
     there. Materials show their plain colour; clear glass lets the eye and light straight on, uncoloured.
-    Shining surfaces light others as rectangles or spheres of their area, the eight most powerful. Embree traces shared
-    directions faster; shifted ones replace banding by noise. Stages: primary, surfaces, generate, shadow, occlusion,
-    accumulate.
+    Shining surfaces light others as rectangles or spheres of their area, the eight most powerful. Points on lights are
+    the same for all pixels, which Embree traces faster; directions into the sky are shifted per pixel: noise, no bands.
+    Stages: primary, surfaces, generate, shadow, occlusion, accumulate.
 
     Parameters
     ----------
@@ -82,23 +64,14 @@ class HybridRenderer(Renderer):
         Of the scene for all rays but the primary ones, as for `atra.PixelTracer`.
     jitter : {"shared", "off"}
         Sub-pixel offset of rays: one for all pixels, new for each sample; or the centre.
-    wave_rays : int
-        Pixels that a thread takes at a time, a multiple of 2,048.
-    start_off : float, optional
-        Offset of rays from the triangle they leave, scene units (default: as far as float32 needs).
     most_samples : int, optional
         Most samples of a picture; None: any number.
     shadow_rays, occlusion_rays : int
         Rays to each light, and into the sky, per sample: 0 to 64. With 0 there is no shadow, or no occlusion.
     shadow_length, occlusion_length : float
         Largest distance at which a thing casts a shadow, or occludes; scene units.
-    shadow_directions, occlusion_directions : {"shared", "shifted"}
-        Sample points on lights, and directions into the sky: shared by all pixels, or shifted per pixel.
     occlusion : {"uniform", "cosine"}
         Weight of directions in the hemisphere.
-    most_kept : int
-        Samples that reprojected pixels count as after a camera move, which softens edges and textures a little; 0: all
-        start anew.
 
     Raises
     ------
@@ -109,19 +82,17 @@ class HybridRenderer(Renderer):
     options: HybridOptions
 
     _sets_sums = True
+    _wave_rays = 512 * BLOCK
 
     def __init__(
         self, scene: Scene, camera: View, primary: Primary | None = None, *,
         threads: int | None = None, packet_width: int | None = None, build_quality: str = "medium", robust: bool = True,
-        jitter: str = "shared", wave_rays: int = 512 * BLOCK, start_off: float | None = None,
-        most_samples: int | None = 512, shadow_rays: int = 1, shadow_length: float = inf,
-        shadow_directions: str = "shared", occlusion_rays: int = 1, occlusion_length: float = 10.0,
-        occlusion: str = "uniform", occlusion_directions: str = "shifted", most_kept: int = 0,
+        jitter: str = "shared", most_samples: int | None = 512, shadow_rays: int = 1, shadow_length: float = inf,
+        occlusion_rays: int = 1, occlusion_length: float = 10.0, occlusion: str = "uniform",
     ) -> None:  # fmt: skip
         options = HybridOptions(
-            threads, build_quality, robust, jitter, wave_rays, start_off, most_samples, packet_width, shadow_rays,
-             shadow_length, shadow_directions, occlusion_rays, occlusion_length, occlusion,
-            occlusion_directions, most_kept,
+            threads, build_quality, robust, jitter, most_samples, packet_width, shadow_rays,
+            shadow_length, occlusion_rays, occlusion_length, occlusion,
         )  # fmt: skip
         self._panels_of: tuple[Scene | None, list[Panel]] = None, []
         super().__init__(scene, camera, primary, options)
@@ -145,34 +116,11 @@ class HybridRenderer(Renderer):
         rows = [light.row if isinstance(light, Panel) else light_row(light) for light in self._lit_by]
         self._lights = np.array(rows, np.float32).reshape(-1, LIGHT_WORDS)
         shown = tuple(shown_of(material) for material in self.scene.materials)
-        return surfaces_of(replace(self.scene, materials=shown), 1.0, self.options.start_off)
+        return surfaces_of(replace(self.scene, materials=shown), 1.0)
 
     def _start_film(self) -> None:
         super()._start_film()
         self._chunks: list[Chunk | None] = [None] * self.rays.threads
-        self._kept: _Kept | None = None
-
-    def _look(self, camera: View) -> None:
-        most = self.options.most_kept
-        if not (most and self.samples):
-            super()._look(camera)
-            return
-        counts = np.full((1, self._film.sums.shape[1]), self.samples, float)
-        if self._kept is not None:
-            counts += self._kept.counts
-        before = self._film.as_image(np.vstack([self._means(slice(None)), np.minimum(counts, most)]))
-        seen = self.tracer.trace(CENTRE)
-        super()._look(camera)
-        now, _ = carried(before, seen, self.tracer.trace(CENTRE))
-        rows = self._film.as_row(now)
-        self._kept = _Kept(rows[:-1], rows[-1:])
-
-    def _means(self, planes: slice) -> NDArray[np.float64]:
-        """Means over all samples, including those kept when the camera moved."""
-        own, kept = self._film.mean(planes), self._kept
-        if kept is None:
-            return own
-        return (self.samples * own + kept.counts * kept.means[planes]) / (self.samples + kept.counts)
 
     def _same_sums(self, scene: Scene) -> bool:
         old = self.scene
@@ -187,17 +135,17 @@ class HybridRenderer(Renderer):
         return not any(unlike_but_for(new, light, "colour", "power") for new, light in pairs)
 
     def _parts(self) -> Iterator[NDArray[np.float64]]:
-        yield self.scene.sky.power * self._means(slice(3))
+        yield self.scene.sky.power * self._film.mean(slice(3))
         first, shining = SKY_PLANES, []
         for light in self._lit_by:
-            part = light.power * np.array(light.colour)[:, None] * self._means(slice(first, first + 3))
+            part = light.power * np.array(light.colour)[:, None] * self._film.mean(slice(first, first + 3))
             if isinstance(light, Panel):
                 shining.append(part)
             else:
                 yield part
             first += LIGHT_PLANES
         if shining:
-            yield reduce(np.add, shining, self._means(slice(first, first + 3)))
+            yield reduce(np.add, shining, self._film.mean(slice(first, first + 3)))
 
     def _mean(self) -> NDArray[np.float64]:
         return reduce(np.add, self._parts())
@@ -222,20 +170,17 @@ class HybridRenderer(Renderer):
                 raise InputError(f"light is {light!r}, but the scene has {len(self.scene.lights)}, counted from 0")
             return self._share(SKY_PLANES + light * LIGHT_PLANES + 3)
 
-    def _albedo(self, samples: int) -> NDArray[np.float32]:
-        return albedo_of(self, samples)
-
     def _share(self, plane: int) -> NDArray[np.float32]:
         with self._lock:
-            return self._film.as_image(self._means(slice(plane, plane + 1)))[..., 0]
+            return self._film.as_image(self._film.mean(slice(plane, plane + 1)))[..., 0]
 
     def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> int | None:
         options, start = self.options, perf_counter()
         chunk = self._chunks[query.worker]
         if chunk is None:
             chunk = self._chunks[query.worker] = new_chunk()
-        to_lights = self._aim(options.shadow_rays, options.shadow_length, options.shadow_directions, _LIGHT)
-        into_sky = self._aim(options.occlusion_rays, options.occlusion_length, options.occlusion_directions, _SKY)
+        to_lights = self._aim(options.shadow_rays, options.shadow_length, _LIGHT)
+        into_sky = self._aim(options.occlusion_rays, options.occlusion_length, _SKY)
         times = np.zeros(len(STAGES), np.int64)
         rays = lighting_kernel(self.rays.packet_width)(
             first, count, pixels, self._surfaces, self._lights, to_lights, into_sky, options.occlusion == "cosine",
@@ -247,50 +192,8 @@ class HybridRenderer(Renderer):
                 stages[stage] = stages.get(stage, 0.0) + ticks * taken_s
         return None if rays < 0 else rays
 
-    def _aim(self, rays: int, length: float, directions: str, sequence: _Sequence) -> Aim:
+    def _aim(self, rays: int, length: float, steps: tuple[int, int]) -> Aim:
         """This sample's rays; if there are none, one point that is not traced for occlusion."""
         numbers = range(self.samples * rays, (self.samples + 1) * rays)
-        places = [[number * step + (1 << 31) & 0xFFFFFFFF for step in sequence.steps] for number in numbers]
-        is_shifted = directions == "shifted" and rays > 0
-        return Aim(
-            np.array(places or [[0, 0]], np.uint32), sequence.dimension, is_shifted, rays > 0, np.float32(length)
-        )
-
-
-def albedo_of(renderer: Renderer, samples: int) -> NDArray[np.float32]:
-    """(H, W, 3) float32, base colours of what a renderer sees, mean of so many samples; 1 for the sky."""
-    plain = tuple(plain_of(material) for material in renderer.scene.materials)
-    white = replace(renderer.scene, materials=plain, lights=(), sky=constant_sky(1.0))
-    with _Albedo(white, renderer) as seen:
-        seen.add(samples)
-        return seen.image
-
-
-class _Albedo(HybridRenderer):
-    """A scene without shadows, seen by the tracer of another renderer, whose scene for rays serves, too."""
-
-    def __init__(self, scene: Scene, other: Renderer) -> None:
-        self._other = other
-        tracer: Any = _Borrowed(other.tracer)
-        options: Any = {"threads": other.options.threads, "occlusion_rays": 0, "shadow_rays": 0}
-        super().__init__(scene, other.camera, lambda mesh, view: tracer, **options)
-
-    def _new_rays(self, mesh: Mesh) -> Any:
-        rays = self._other.rays
-        return _Borrowed(rays) if isinstance(rays, KernelScene) else super()._new_rays(mesh)
-
-
-class _Borrowed:
-    """Something of another renderer, which stays open."""
-
-    plan_time_s = build_time_s = 0.0
-
-    def __init__(self, owned: Any) -> None:
-        self._owned = owned
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._owned, name)
-
-    def build(self) -> None: ...
-
-    def close(self) -> None: ...
+        places = [[number * step + (1 << 31) & 0xFFFFFFFF for step in steps] for number in numbers]
+        return Aim(np.array(places or [[0, 0]], np.uint32), rays > 0, np.float32(length))

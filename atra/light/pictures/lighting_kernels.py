@@ -99,7 +99,7 @@ def _occlude(width, chunk, count, surfaces, scene, packet):  # type: ignore[no-u
 
 
 @njit(forceinline=True)
-def _look_through(width, chunk, first, count, pixels, surfaces, scene, packet):  # type: ignore[no-untyped-def]
+def look_through(width, chunk, first, count, pixels, surfaces, scene, packet):  # type: ignore[no-untyped-def]
     """Put what `count` pixels from number `first` on see behind triangles that the eye may look through into the
     chunk. Returns the number of rays, traced by packets of `width`."""
     rays, eye = 0, passes_of(0)
@@ -211,7 +211,7 @@ def lighting_kernel(width: int) -> Callable[..., int]:
             fetch_ahead(start + CHUNK, first + count, pixels)
             find_triangles(chunk, start, some, pixels)
             if surfaces.is_looked_through:
-                rays += _look_through(width, chunk, start, some, pixels, surfaces, query.scene, query.packet)
+                rays += look_through(width, chunk, start, some, pixels, surfaces, query.scene, query.packet)
             find_surfaces(chunk, start, some, pixels, surfaces)
             for i in range(some, some + LANES):  # no rays and no light behind the last pixel
                 floats[LENGTH * STRIDE + i] = floats[LIGHT * STRIDE + i] = ZERO
@@ -221,7 +221,7 @@ def lighting_kernel(width: int) -> Callable[..., int]:
             for number in range(len(lights) * len(to_lights.points)):
                 of_light = number // len(to_lights.points)
                 point = number - of_light * len(to_lights.points)
-                there = aim_at_light(floats, start, some, lights[of_light], to_lights, point)
+                there = aim_at_light(floats, some, lights[of_light], to_lights, point)
                 clock = _lap(times, _GENERATE, clock)
                 if to_lights.is_traced:
                     rays += there
@@ -230,7 +230,7 @@ def lighting_kernel(width: int) -> Callable[..., int]:
                 own = sums[SKY_PLANES + of_light * LIGHT_PLANES :]
                 is_finite &= _add_light(floats, start, some, COLOUR, share, own, is_first and point == 0)
                 clock = _lap(times, _ACCUMULATE, clock)
-            query.flags[0] = 0 if into_sky.is_shifted else FLAG_COHERENT
+            query.flags[0] = 0
             share = ONE / np.float32(len(into_sky.points))
             for point in range(len(into_sky.points)):
                 there = aim_into_sky(floats, start, some, is_cosine, into_sky, point)

@@ -9,8 +9,7 @@ from typing import ClassVar
 from atra.choices import check_choice, check_flags
 from atra.errors import InputError
 from atra.geometry.numbers import as_number
-from atra.light.checks import check_rays, check_whole, checked_number
-from atra.light.pictures.path_kernels import BLOCK
+from atra.light.checks import check_rays, check_whole
 
 MOST_RAYS = 64
 """Most rays to a light, or into the sky, per pixel and sample."""
@@ -20,31 +19,24 @@ MOST_RAYS = 64
 class RenderOptions:
     """Options of every renderer.
 
-    The picture depends on neither threads nor wave_rays. built_with: names of options that cannot change later.
+    The picture does not depend on threads. built_with: names of options that cannot change later.
     jitters: values of `jitter`. Raises InputError, with the value.
     """
 
-    built_with: ClassVar = frozenset(("threads", "build_quality", "robust", "start_off"))
+    built_with: ClassVar = frozenset(("threads", "build_quality", "robust"))
     jitters: ClassVar[tuple[str, ...]] = ("shared", "off")
 
     threads: int | None = None
     build_quality: str = "medium"
     robust: bool = True
     jitter: str = "shared"
-    wave_rays: int = 8 * BLOCK
-    start_off: float | None = None
     most_samples: int | None = None
 
     def __post_init__(self) -> None:
         check_rays(self)
         check_choice("jitter", self.jitter, self.jitters)
-        check_whole("wave_rays", self.wave_rays, 1, 1 << 24)
-        if self.wave_rays % BLOCK:
-            raise InputError(f"wave_rays is {self.wave_rays}, expected a multiple of {BLOCK}")
         if self.most_samples is not None:
             check_whole("most_samples", self.most_samples, 1)
-        if self.start_off is not None:
-            object.__setattr__(self, "start_off", checked_number("start_off", self.start_off, 0.0))
 
 
 @dataclass(frozen=True)
@@ -55,17 +47,18 @@ class PathOptions(RenderOptions):
     jitters: ClassVar[tuple[str, ...]] = ("shared", "off", "pixel")
     packet_width: ClassVar = 1  # rays of paths are incoherent
 
-    max_depth: int = 5
+    bounces: int = 4
     lights: str = "aimed"
-    roulette: int = 4
+    roulette_from: int | None = 4
     transparent: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_choice("lights", self.lights, ("aimed", "found"))
+        check_choice("lights", self.lights, ("aimed", "grid", "found"))
         check_flags(transparent=self.transparent)
-        check_whole("max_depth", self.max_depth, 1, 1 << 20)
-        check_whole("roulette", self.roulette, 1, 1 << 20)
+        check_whole("bounces", self.bounces, 0, 1 << 20)
+        if self.roulette_from is not None:
+            check_whole("roulette_from", self.roulette_from, 0, 1 << 20)
 
 
 @dataclass(frozen=True)
@@ -75,25 +68,18 @@ class HybridOptions(RenderOptions):
     built_with: ClassVar = RenderOptions.built_with | {"packet_width"}
 
     packet_width: int | None = None
-    wave_rays: int = 512 * BLOCK
     most_samples: int | None = 512
     shadow_rays: int = 1
     shadow_length: float = inf
-    shadow_directions: str = "shared"
     occlusion_rays: int = 1
     occlusion_length: float = 10.0
     occlusion: str = "uniform"
-    occlusion_directions: str = "shifted"
-    most_kept: int = 0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("shadow_directions", "occlusion_directions"):
-            check_choice(name, getattr(self, name), ("shared", "shifted"))
         check_choice("occlusion", self.occlusion, ("uniform", "cosine"))
         for name in ("shadow_rays", "occlusion_rays"):
             check_whole(name, getattr(self, name), 0, MOST_RAYS)
-        check_whole("most_kept", self.most_kept, 0)
         for name in ("shadow_length", "occlusion_length"):
             length = as_number(getattr(self, name))
             if not 0.0 < length <= inf:

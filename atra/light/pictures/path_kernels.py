@@ -34,9 +34,6 @@ has the same packet, and Embree's answer the same bits, for any size of wave."""
 TILE = 4
 """Side of the tiles in which pixels are taken; a packet's rays then start close together."""
 
-ROW_PADDING = 80
-"""Extra columns of a wave; rows a power of two apart would compete for the same cache sets."""
-
 _HOLES = 1 << 16
 """The first dimension of the hashes that decide which surfaces with HOLES a ray passes."""
 
@@ -126,17 +123,6 @@ def load_ray(packet, width, lane, origin, direction, length, near=START):  # typ
         packet.floats[(RAY_DIR_X + axis) * width + lane] = ray_component(direction[axis])
     packet.floats[RAY_TNEAR * width + lane] = near
     packet.floats[RAY_TFAR * width + lane] = length
-
-
-@njit(forceinline=True)
-def load_rays(packet, width, floats, origin, direction, first):  # type: ignore[no-untyped-def]
-    """Load rays from number `first` on into the lanes of a packet."""
-    for axis in range(3):
-        for lane in range(width):
-            packet.floats[(RAY_ORG_X + axis) * width + lane] = floats[origin + axis, first + lane]
-            packet.floats[(RAY_DIR_X + axis) * width + lane] = ray_component(floats[direction + axis, first + lane])
-    for lane in range(width):
-        packet.floats[RAY_TNEAR * width + lane] = START
 
 
 @njit(forceinline=True)

@@ -21,7 +21,7 @@ from atra.hits import Hits
 from atra.light.checks import check_whole
 from atra.light.laps import Laps
 from atra.light.pictures.film import Film
-from atra.light.pictures.finish.finisher import CENTRE, Finisher
+from atra.light.pictures.finish.finisher import CENTRE, Finisher, Offset, Wave
 from atra.light.pictures.options import RenderOptions
 from atra.light.pictures.path_kernels import BLOCK, Pixels
 from atra.light.pictures.pixels import LensPixels, pixels_of
@@ -39,6 +39,10 @@ _WAVES_A_THREAD = 4
 """Least waves per thread; more balance the threads and ask `stop` more often."""
 
 
+def _never() -> bool:
+    return False
+
+
 class Renderer(Finisher):
     """What renderers share: primary visibility, a scene for all other rays, samples, and times of stages.
 
@@ -51,6 +55,7 @@ class Renderer(Finisher):
     """
 
     _sets_sums: ClassVar[bool] = False  # `is_set` of `Film`
+    _wave_rays: ClassVar[int] = 8 * BLOCK  # pixels that a thread takes at a time, at most
 
     def __init__(self, scene: Scene, camera: View, primary: Primary | None, options: RenderOptions) -> None:
         super().__init__()
@@ -119,12 +124,12 @@ class Renderer(Finisher):
         """The tracer of primary visibility; it belongs to the renderer."""
         return self._tracer
 
-    def add(self, samples: int = 1, stop: Callable[[], bool] | None = None) -> None:
-        """Add this many samples to every pixel, up to the option `most_samples`.
+    def add(self, samples: int = 1, stop: Callable[[], bool] | None = None) -> bool:
+        """Add this many samples to every pixel, up to the option `most_samples`; returns whether it finished.
 
         stop: asked before every wave, by several threads; it may read only `samples` of this renderer. If it returns
-        True, or on an interrupt, the picture starts anew without samples. Raises InputError for a number below 1,
-        ClosedError after `close`, AtraError naming pixel and sample for light that is not finite.
+        True, finished samples stay. On an interrupt or an error the picture starts anew. Raises InputError for a number
+        below 1, ClosedError after `close`, AtraError naming pixel and sample for light that is not finite.
         """
         check_whole("samples", samples, 1)
         with self._in_use():
@@ -135,35 +140,57 @@ class Renderer(Finisher):
                 samples = min(samples, self.options.most_samples - self.samples)
             try:
                 for _ in range(samples):
+                    if stop is not None:
+                        self._film.begin_sample()
                     if not self._add_sample(stages, stop or _never):
-                        self._start_film()
-                        return
+                        self._film.drop_sample()
+                        return False
                     self._film.end_sample()
             except BaseException:
                 self._start_film()  # the sums may hold part of a sample
                 raise
             stages["other"] = perf_counter() - start - sum(stages.values())
             self.stage_s = stages
+            return True
 
     def _add_sample(self, stages: dict[str, float], stop: Callable[[], bool]) -> bool:
         """Returns whether it finished."""
-        camera = self.camera
         offset = CENTRE if self.options.jitter == "off" else tuple(sub_pixel_offsets(1, self.samples)[0].tolist())
-        own = self.options.jitter == "pixel" and camera.lens is None
+        own = self.options.jitter == "pixel" and self.camera.lens is None
         lap = Laps(stages)
         if not own and (self._hits is None or self.options.jitter != "off"):
             self._hits = self._tracer.trace(offset, out=self._hits)
         lap("primary")
-        directions = self._lens_pixels.directions(camera, offset, self.rays.threads)
-        _, own_camera = own_space(self.scene.mesh, camera)
-        pixels = pixels_of(own_camera, self._film, offset, None if own else self._hits, directions)
-        every = camera.width * camera.height
-        waves = 1 if self.rays.threads == 1 and stop is _never else _WAVES_A_THREAD * self.rays.threads
-        share = -(-every // (waves * BLOCK)) * BLOCK
-        wave_rays = min(self.options.wave_rays, share)
-        starts = deque(range(0, every, wave_rays))  # `popleft` is thread-safe
+        pixels = self._pixels(offset, None if own else self._hits)
         times: list[dict[str, float]] = [{} for _ in range(self.rays.threads)]
         rays = [0] * self.rays.threads
+
+        def add(first: int, count: int, query: Query) -> None:
+            traced = self._add_wave(first, count, pixels, query, times[query.worker])
+            if traced is None:
+                raise self._not_finite(first, count)
+            rays[query.worker] += traced
+
+        is_finished = self._in_waves(add, stop)
+        self.ray_count += sum(rays)
+        for of_worker in times:
+            for stage, seconds in of_worker.items():
+                stages[stage] = stages.get(stage, 0.0) + seconds / self.rays.threads
+        return is_finished
+
+    def _pixels(self, offset: Offset, hits: Hits | None) -> Pixels:
+        """All pixels at a sub-pixel offset, for kernels; hits: what they see there, None = unknown."""
+        directions = self._lens_pixels.directions(self.camera, offset, self.rays.threads)
+        _, own_camera = own_space(self.scene.mesh, self.camera)
+        return pixels_of(own_camera, self._film, offset, hits, directions)
+
+    def _in_waves(self, each: Wave, stop: Callable[[], bool] = _never) -> bool:
+        """Call `each` for all pixels, wave by wave, in all threads; returns whether it finished."""
+        every = self.camera.width * self.camera.height
+        waves = 1 if self.rays.threads == 1 and stop is _never else _WAVES_A_THREAD * self.rays.threads
+        share = -(-every // (waves * BLOCK)) * BLOCK
+        wave_rays = min(self._wave_rays, share)
+        starts = deque(range(0, every, wave_rays))  # `popleft` is thread-safe
 
         def work(query: Query) -> None:
             while not stop():
@@ -171,17 +198,9 @@ class Renderer(Finisher):
                     first = starts.popleft()
                 except IndexError:
                     return
-                count = min(wave_rays, every - first)
-                traced = self._add_wave(first, count, pixels, query, times[query.worker])
-                if traced is None:
-                    raise self._not_finite(first, count)
-                rays[query.worker] += traced
+                each(first, min(wave_rays, every - first), query)
 
         self.rays.run(work)
-        self.ray_count += sum(rays)
-        for of_worker in times:
-            for stage, seconds in of_worker.items():
-                stages[stage] = stages.get(stage, 0.0) + seconds / self.rays.threads
         return not starts
 
     def _not_finite(self, first: int, count: int) -> AtraError:
@@ -252,10 +271,6 @@ class Renderer(Finisher):
     def _release(self) -> None:
         self._tracer.close()
         self.rays.close()
-
-
-def _never() -> bool:
-    return False
 
 
 def unlike_but_for(one: object, other: object, *names: str) -> bool:

@@ -1,127 +1,100 @@
-"""The page of a lightmap: its texels as they converge, those first that the camera sees while it rests."""
+"""The painter of a lightmap: bakes while the camera rests, and shows the scene by the map so far."""
 
 from __future__ import annotations
 
-import threading
-from time import monotonic
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.errors import InputError
+from atra.errors import AtraError
 from atra.geometry.camera import Camera
 from atra.hits import Hits
-from atra.light import Atlas, Lightmap, ProgressiveBake, Scene, clay_view, lit_view
+from atra.light.lightmaps.baker import Baker
 from atra.light.lightmaps.finish.export import exposure_of, finished
+from atra.light.lightmaps.finish.views import clay_view, lit_view
 from atra.light.pictures.files import srgb_of
-from atra.light.viewer.camera_page import CameraPage
-from atra.light.viewer.request import Pose, Request, Settings
-from atra.light.viewer.session import REST_S
+from atra.light.viewer.request import Request
+from atra.light.viewer.session import Picture
 from atra.raster.tracer import RasterTracer
 from atra.tracing.tracer import Tracer
 
-GAP_S = 0.25
-"""Seconds between two pictures while the camera rests."""
 
+class MapPainter:
+    """The artist of a `Session` that bakes: a sample is a pass over texels, those first that the camera sees.
 
-class LightmapPage(CameraPage):
-    """Shows the latest map of a bake from wherever the page looks, and tells the bake when the camera rests there.
-
-    bake: already begun. atlas: of its map. target: samples after which it is done. first: where it looks from
-    at first. side: the picture has about side x side pixels. threads: of the rasteriser that finds what is seen. port,
-    title: of `CameraPage`, which says what is raised.
+    baker: its map is baked, and shown, until all texels have `target` samples. threads: of the rasteriser that finds
+    what is seen. error: what ended the bake, if anything did.
     """
 
-    def __init__(
-        self, bake: ProgressiveBake, scene: Scene, atlas: Atlas, target: int, *, first: Pose, port: int, title: str,
-        side: int = 512, threads: int | None = None,
-    ) -> None:  # fmt: skip
-        super().__init__(port, title, float(np.linalg.norm(np.ptp(scene.mesh.bounds, axis=0))))
-        self._bake, self._scene, self._atlas, self._target = bake, scene, atlas, target
-        self._settings, self._threads = Settings(side=side), threads
-        self._changed = threading.Condition()
-        self._newest = first, monotonic()
-        self._is_closed = False
-        self._shown: Pose | None = None
-        self._told: Pose | None = None
-        self._drawn: Lightmap | None = None
-        self._drawn_s, self._is_done = 0.0, False
-        self._image: NDArray[np.float32] | None = None
-        self._exposure = 1.0
-        self._numbers = self._server.gui.add_markdown("preparing; a first start compiles kernels")
-        self.add_camera_controls()
-        self.follow(first)
+    def __init__(self, baker: Baker, target: int, threads: int | None = None) -> None:
+        self._baker, self._target, self._threads = baker, target, threads
+        self._tracer: Tracer | None = None
+        self._seen: tuple[Camera, Hits] | None = None
+        self._looks: Camera | None = None
+        self._lit: tuple[int, NDArray[np.float32], float] | None = None
+        self.error: AtraError | None = None
 
-    def moved(self, pose: Pose) -> None:
-        """A page looks from there."""
-        with self._changed:
-            if pose != self._newest[0]:
-                self._newest = pose, monotonic()
-                self._changed.notify()
+    def sketch(self, request: Request) -> Picture:
+        """The map as it was shown last, from there."""
+        return self._picture(request)
 
-    def left(self) -> None:
-        """Make `run` return."""
-        with self._changed:
-            self._is_closed = True
-            self._changed.notify()
+    def add(self, request: Request, stop: Callable[[], bool]) -> int:
+        """One pass, which ends early when stopped; returns the samples of the texels that come first."""
+        baker = self._baker
+        if request.camera != self._looks:
+            baker.look(request.camera)
+            self._looks = request.camera
+        wanted = baker.samples < self._target
+        if baker.visible is not None and (wanted & baker.visible).any():
+            wanted &= baker.visible
+        least = int(baker.samples[wanted].min(initial=self._target))
+        goal = min(self._target, least + 1 + least // 4)
+        try:
+            baker.advance(goal, stop)
+        except AtraError as error:
+            self.error = error
+            raise
+        return self._target if baker.share_done(self._target) == 1.0 else min(goal, self._target - 1)
 
-    def run(self) -> None:
-        """Until Ctrl-C, or until the last page has been closed for a while. Raises what the bake raised."""
-        with RasterTracer(self._scene.mesh, self._camera(self._newest[0]), threads=self._threads, ties="any") as tracer:
-            while not self._is_closed:
-                self._step(tracer)
-                with self._changed:
-                    self._changed.wait_for(lambda: self._is_closed or self._shown is not self._newest[0], GAP_S / 4)
+    def show(self, request: Request) -> Picture:
+        """The map as it is now."""
+        total = int(self._baker.samples.sum())
+        if total and (self._lit is None or self._lit[0] != total):
+            lightmap = self._baker.maps
+            if lightmap.valid.any():
+                self._lit = total, finished(lightmap, lightmap.combined), exposure_of(lightmap)
+        return self._picture(request)
 
-    def _camera(self, pose: Pose) -> Camera:
-        return Request(pose, self._settings).camera
-
-    def _step(self, tracer: Tracer) -> None:
-        pose, since_s = self._newest
-        if pose is not self._shown:
-            self._shown = pose
-            try:
-                tracer.look(self._camera(pose))
-            except InputError as error:  # too far away, say: the picture stays
-                self._told = pose
-                self._numbers.content = f"**{error}**"
-                return
-            self._hits = tracer.trace()
-            self._show(self._hits, is_still=False)
-        elif pose is not self._told and monotonic() - since_s >= REST_S:
-            self._bake.look(self._hits.camera)
-            self._told = pose
-            self._show(self._hits, is_still=True)
-        elif self._has_news() and monotonic() - self._drawn_s >= GAP_S:
-            self._show(self._hits, is_still=True)
-
-    def _has_news(self) -> bool:
-        return self._bake.snapshot() is not self._drawn or self._bake.wait(0.0) is not self._is_done
-
-    def _show(self, hits: Hits, is_still: bool) -> None:
-        lightmap = self._bake.snapshot()
-        if lightmap is not None and lightmap is not self._drawn and lightmap.valid.any():
-            self._image, self._exposure = finished(lightmap, lightmap.combined), exposure_of(lightmap)
-            self._drawn = lightmap
-        if self._drawn is not None:
-            self._is_done = self._bake.wait(0.0)
-            done = self._bake.share_done, self._is_done
-            self._numbers.content = say_progress(self._drawn.samples, self._target, *done, self._bake.seen)
-        if self._image is None:
+    def _picture(self, request: Request) -> Picture:
+        hits, baker = self._hits(request.camera), self._baker
+        if self._lit is None:
             view = clay_view(hits)
         else:
-            view = self._exposure * lit_view(hits, self._scene, self._atlas, self._image)
-        self.send(srgb_of(view), is_still)
-        self._drawn_s = monotonic()
+            view = self._lit[2] * lit_view(hits, baker.scene, baker.texels.atlas, self._lit[1])
+        seen = None if baker.visible is None else int(baker.visible.sum())
+        said = say_progress(baker.samples, self._target, baker.share_done(self._target), seen)
+        return Picture(srgb_of(view), {}, said)
+
+    def _hits(self, camera: Camera) -> Hits:
+        if self._seen is None or self._seen[0] != camera:
+            if self._tracer is None:
+                self._tracer = RasterTracer(self._baker.scene.mesh, camera, threads=self._threads, ties="any")
+            self._tracer.look(camera)
+            self._seen = camera, self._tracer.trace()
+        return self._seen[1]
+
+    def close(self) -> None:
+        """Let go of what was built."""
+        if self._tracer is not None:
+            self._tracer.close()
 
 
-def say_progress(
-    samples: NDArray[np.int32], target: int, share_done: float, is_done: bool, seen: int | None = None
-) -> str:
+def say_progress(samples: NDArray[np.int32], target: int, share_done: float, seen: int | None = None) -> str:
     """What the panel says of a map, in Markdown. samples: (N,), of each texel. seen: how many the camera sees."""
     least, most = int(samples.min()), int(samples.max())
     taken = f"{most}" if least == most else f"{least} to {most}"
-    if is_done:
+    if share_done == 1.0:
         return f"**done**: {taken} samples of {len(samples):,} texels; end it by Ctrl-C, and its files are written"
     first = "" if seen is None else f", {seen:,} in view first"
     return f"**{taken} of {target} samples** of {len(samples):,} texels{first}\n\n{share_done:.0%} done"

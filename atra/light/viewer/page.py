@@ -28,10 +28,13 @@ _TOLD_S = 0.2
 class Page(CameraPage):
     """The screen of a `Session`: of several open pages, all show what one asked for last.
 
-    size: of the scene, for its lengths. title, port: of `CameraPage`, which says what is raised.
+    size: of the scene, for its lengths. title, port: of `CameraPage`, which says what is raised. settings: whether
+    those of pictures can be changed.
     """
 
-    def __init__(self, artist: Artist, first: Request, port: int, title: str, size: float) -> None:
+    def __init__(
+        self, artist: Artist, first: Request, port: int, title: str, size: float, *, settings: bool = True
+    ) -> None:
         super().__init__(port, title, size)
         self.session = Session(artist, self, first)
         self._told_s = 0.0
@@ -39,7 +42,11 @@ class Page(CameraPage):
         self._moved_s: float | None = None
         self._is_seen = threading.Event()
         self._folders: dict[str, Any] = {}
-        self._add_controls(size)
+        self._numbers = self._server.gui.add_markdown("preparing; a first start compiles kernels")
+        if settings:
+            self._add_controls(size)
+        else:
+            self.add_camera_controls()
         self.follow(first.pose)
 
     def prepare(self) -> None:
@@ -78,7 +85,6 @@ class Page(CameraPage):
 
     def _add_controls(self, size: float) -> None:
         gui, now = self._server.gui, self.session.wanted.settings
-        self._numbers = gui.add_markdown("preparing")
         labels = {name.replace("_", " "): name for name in METHODS}
         with gui.add_folder("Picture"):
             self._choice("frame", "frame", FRAMES)
@@ -98,10 +104,8 @@ class Page(CameraPage):
             self._choice("split_x", "columns of cells", tuple(map(str, SPLITS)), int)
             self._box("jitter", "jitter")
         with self._folder("hybrid", "Hybrid"):
-            self._slider("kept", "samples kept while moving", 0, 64, 1)
             self._slider("shadow_rays", "shadow rays", 0, 8, 1)
             self._slider("shadow_length", "shadow length", 0.01 * size, 2.0 * size, 0.01 * size)
-            self._box("shadow_shared", "same for all pixels")
         with gui.add_folder("Sun"):
             self._slider("sun_cone", "cone, degrees", 0.0, 10.0, 0.05)
             self._slider("sun_heading", "heading", -180.0, 180.0, 1.0)
@@ -111,10 +115,9 @@ class Page(CameraPage):
         with self._folder("hybrid", "Ambient occlusion"):
             self._slider("occlusion_rays", "rays", 0, 8, 1)
             self._slider("occlusion_length", "length", 0.01 * size, size, 0.01 * size)
-            self._box("occlusion_shared", "same for all pixels")
             self._box("cosine", "cosine")
         with self._folder("path", "Paths"):
-            self._slider("max_depth", "depth", 1, 32, 1)
+            self._slider("bounces", "bounces", 0, 31, 1)
         with gui.add_folder("Sky"):
             self._slider("sky_power", "power", 0.0, 10.0, 0.05)
         self._show_folders()
@@ -184,6 +187,8 @@ def say_numbers(frame: Frame, since_s: float | None) -> str:
     """What the panel says of a frame, in Markdown. since_s: after the frame before it, if that was moving, too."""
     request, picture = frame.request, frame.picture
     camera, stage_s = request.camera, picture.stage_s
+    if not stage_s:
+        return picture.note
     size = f"{camera.width} x {camera.height}"
     if frame.samples:
         lines = [f"**{frame.samples} of {request.settings.enough} samples**, {size}"]

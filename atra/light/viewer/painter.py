@@ -49,7 +49,7 @@ class Painter:
         self._denoised: tuple[Request, NDArray[np.float32]] | None = None
 
     def sketch(self, request: Request) -> Picture:
-        """One hybrid frame of the rasteriser, without shadows unless earlier frames lend it their samples."""
+        """One hybrid frame of the rasteriser, without shadows."""
         settings, scene = request.settings, self._scene_of(request.settings)
         sketcher = self._sketcher
         if sketcher is None:
@@ -60,10 +60,7 @@ class Painter:
             self._sketcher = sketcher.__enter__()
         start = perf_counter()
         rays = {"shadow_rays": 0, "occlusion_rays": int(settings.shade == "occlusion")}
-        if settings.kept:
-            rays = {"shadow_rays": settings.shadow_rays, "occlusion_rays": settings.occlusion_rays}
-        lengths = {"shadow_length": settings.shadow_length, "occlusion_length": settings.occlusion_length}
-        sketcher.update(scene, most_kept=settings.kept, **rays, **lengths)  # type: ignore[arg-type]
+        sketcher.update(scene, occlusion_length=settings.occlusion_length, **rays)
         sketcher.look(request.camera)
         if settings.shade in OF_HITS:
             hits = sketcher.tracer.trace()
@@ -75,12 +72,12 @@ class Painter:
         stages = {name: seconds for name, seconds in sketcher.stage_s.items() if name != "other"}
         return Picture(image, stages | {"other": perf_counter() - start - sum(stages.values())})
 
-    def add(self, request: Request, stop: Callable[[], bool]) -> bool:
-        """One more sample; False, with none left, when stopped."""
+    def add(self, request: Request, stop: Callable[[], bool]) -> int:
+        """One more sample, unless stopped; returns their number."""
         renderer = self._renderer(request)
         self._denoised = None
         renderer.add(1, stop)
-        return renderer.samples > 0
+        return renderer.samples
 
     def show(self, request: Request) -> Picture:
         """What has been added, or what its primary rays hit."""
@@ -155,11 +152,9 @@ class Painter:
 def _options(settings: Settings) -> dict[str, Any]:
     options: dict[str, Any] = {"jitter": "shared" if settings.jitter else "off"}
     if settings.renderer == "path":
-        return options | {"max_depth": settings.max_depth}
+        return options | {"bounces": settings.bounces}
     names = ("shadow_rays", "shadow_length", "occlusion_rays", "occlusion_length")
-    chosen: dict[str, Any] = {"occlusion": "cosine" if settings.cosine else "uniform", "most_kept": settings.kept}
-    for name, is_shared in (("shadow", settings.shadow_shared), ("occlusion", settings.occlusion_shared)):
-        chosen[f"{name}_directions"] = "shared" if is_shared else "shifted"
+    chosen: dict[str, Any] = {"occlusion": "cosine" if settings.cosine else "uniform"}
     return options | chosen | {name: getattr(settings, name) for name in names}
 
 

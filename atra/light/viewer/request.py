@@ -32,7 +32,7 @@ _WIDEST = 5.0
 
 _WHOLE = {
     "samples": (1, 1 << 20), "side": (1, 4096), "split_x": (2, 64), "shadow_rays": (0, 64), "occlusion_rays": (0, 64),
-    "max_depth": (1, 1 << 20), "kept": (0, 64),
+    "bounces": (0, 1 << 20),
 }  # fmt: skip
 """Least and most of whole numbers among `Settings`."""
 
@@ -58,10 +58,9 @@ class Settings:
     side: the picture has about side x side pixels. method, split_x: of primary visibility at rest (`atra.METHODS`), and
     its columns of cells where it has cells. jitter: whether samples go through different points of their pixels.
     exposure: stops. tone: the tone map's name. denoise: whether a picture with all its samples is shown without noise.
-    kept: samples that hybrid pixels keep when the camera moves; 0: none, and moving pictures
-    have no shadows. sun_power: 0 for no sun.
+    Moving pictures have no shadows. sun_power: 0 for no sun.
     sun_heading, sun_height: in degrees, where the sun stands, about +y and above the horizon. sun_cone: half the angle
-    under which it appears, in degrees. shadow_shared, occlusion_shared: whether rays head the same way from all pixels.
+    under which it appears, in degrees.
     All others: see `atra.light`'s options, lights and skies.
     Raises InputError, with the value, for unknown words and for numbers outside of what can be drawn.
     """
@@ -75,7 +74,6 @@ class Settings:
     jitter: bool = True
     shadow_rays: int = 1
     shadow_length: float = 1e4
-    shadow_shared: bool = True
     sun_cone: float = 0.5
     sun_heading: float = 60.0
     sun_height: float = 60.0
@@ -84,13 +82,11 @@ class Settings:
     sky_power: float = 0.5
     occlusion_rays: int = 1
     occlusion_length: float = 10.0
-    occlusion_shared: bool = False
     cosine: bool = False
-    max_depth: int = 5
+    bounces: int = 4
     exposure: float = 0.0
     tone: str = "neutral"
     denoise: bool = False
-    kept: int = 0
 
     def __post_init__(self) -> None:
         for name, words in (("frame", FRAMES), ("shade", SHADES), ("tone", TONES), ("method", tuple(METHODS))):
@@ -101,7 +97,7 @@ class Settings:
             raise InputError(f"split_x is {self.split_x}, expected one of {', '.join(map(str, SPLITS))}")
         for name, (least, most) in _RANGES.items():
             checked_number(name, getattr(self, name), least, most)
-        for name in ("jitter", "shadow_shared", "occlusion_shared", "cosine", "denoise"):
+        for name in ("jitter", "cosine", "denoise"):
             if not isinstance(getattr(self, name), bool):
                 raise InputError(f"{name} is {getattr(self, name)!r}, expected True or False")
         colour = self.sun_colour

@@ -25,7 +25,8 @@ WAKE_S = 0.5
 
 
 class Picture(NamedTuple):
-    """What is seen. image: (H, W, 3) uint8, sRGB. stage_s: seconds by stage of what was drawn last. note: one line."""
+    """What is seen. image: (H, W, 3) uint8, sRGB. stage_s: seconds by stage of what was drawn last, told with the
+    samples. note: Markdown, told alone where there are no stages."""
 
     image: NDArray[np.uint8]
     stage_s: Mapping[str, float]
@@ -47,9 +48,9 @@ class Artist(Protocol):
     def sketch(self, request: Request) -> Picture:
         """Draw one frame, fast."""
 
-    def add(self, request: Request, stop: Callable[[], bool]) -> bool:
-        """Add a sample to the picture of `request`, which starts anew unless it keeps those of the last call's.
-        Returns False, with no sample left, when `stop` said True on the way."""
+    def add(self, request: Request, stop: Callable[[], bool]) -> int:
+        """Add a sample to the picture of `request`, which starts anew unless it keeps those of the last call's; when
+        `stop` says True on the way, it keeps the samples that it had. Returns their number."""
 
     def show(self, request: Request) -> Picture:
         """The samples so far, as `request`, which keeps them, shows them."""
@@ -151,11 +152,8 @@ class Session:
 
         if self._samples == 0:
             self._began_s = self._clock()
-        if not self._artist.add(request, is_stale):
-            self._samples = 0
-            return
-        self._samples += 1
-        if is_stale():
+        self._samples = self._artist.add(request, is_stale)
+        if is_stale() or not self._samples:
             return
         gap_s = max(LEAST_GAP_S, GROWTH * (self._sent_s - self._began_s))
         if self._samples in (1, request.settings.enough) or self._clock() - self._sent_s >= gap_s:

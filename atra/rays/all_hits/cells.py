@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from atra.compiled.threads import WorkerPool
 from atra.rays.all_hits.cells_kernels import OUTSIDE, UNKNOWN, look_up, mark_cells
-from atra.rays.all_hits.finding import HitFinder
+from atra.rays.tree.finding import HitFinder
 
 FEWEST_POINTS = 1 << 16
 """Points, of all calls together, from which on cells are worth making."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from atra.compiled.intrinsics import fetch_add
 from atra.compiled.store import kernel, njit
-from atra.rays.all_hits.memory import CHUNK
+from atra.rays.tree.memory import CHUNK
 
 OUTSIDE, INSIDE, UNKNOWN = 0, 1, 2
 

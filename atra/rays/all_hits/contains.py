@@ -11,9 +11,9 @@ from atra.all_hits.closed import edge_surplus
 from atra.compiled.threads import WorkerPool
 from atra.errors import InputError
 from atra.rays.all_hits.cells import FEWEST_POINTS, Cells, cells_of
-from atra.rays.all_hits.finding import HitFinder
 from atra.rays.rays import SMALLEST, vectors
 from atra.rays.rays_kernels import first_unfit
+from atra.rays.tree.finding import HitFinder
 
 METHODS = ("parity", "winding")
 

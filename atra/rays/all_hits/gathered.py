@@ -13,9 +13,9 @@ from atra.all_hits.reductions import Count, Layers, Reduction, Thickness, Transm
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh, unit_normals
 from atra.prim_ids import MISS
-from atra.rays.all_hits.finding import MOST, HitFinder, Progress
 from atra.rays.geometries import Geometries
 from atra.rays.rays import Rays
+from atra.rays.tree.finding import MOST, HitFinder, Progress
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,7 +41,7 @@ def path_rays(kind: str, name: str, mesh: Mesh, camera: Camera, threads: int | N
     paths = np.empty((PATH_ROWS, len(film.places)), np.float32)
     prim_id, pixel = np.empty(paths.shape[1], np.uint32), np.arange(paths.shape[1], dtype=np.int32)
     start_paths(pixels_of(own_camera, film, (x, y), hits), paths, prim_id)
-    tables = surfaces_of(scene, scene.sky.power, None), emitters_of(scene)
+    tables = surfaces_of(scene, scene.sky.power), emitters_of(scene)
     batches: dict[str, list[Rays]] = {kind: [] for kind in PATH_KINDS}
     with RayScene(mesh, threads=threads) as rays_scene:
         for bounce in range(_MOST_BOUNCES):

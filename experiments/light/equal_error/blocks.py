@@ -34,7 +34,9 @@ VARIANT = "llvm_ad_rgb"
 
 def _ours(shown: Shown, size: int, threads: int) -> Iterator[Floats]:
     scene, camera = shown
-    with PathRenderer(scene, camera, threads=threads, max_depth=DEPTH, roulette=ROULETTE, jitter="pixel") as renderer:
+    with PathRenderer(
+        scene, camera, threads=threads, bounces=DEPTH - 1, roulette_from=ROULETTE, jitter="pixel"
+    ) as renderer:
         yield from islice(pictures_of(renderer, size), BATCHES)
 
 

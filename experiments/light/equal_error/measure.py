@@ -103,7 +103,7 @@ def measured(makers: Mapping[str, Maker]) -> dict[str, Found]:
 def ours(shown: Shown, threads: int, **options: Any) -> Iterator[Maker]:
     """Pictures by `PathRenderer`, which has compiled and built what it needs. options: of it."""
     scene, camera = shown
-    same: Any = {"threads": threads, "max_depth": DEPTH, "roulette": ROULETTE, "jitter": "pixel"}
+    same: Any = {"threads": threads, "bounces": DEPTH - 1, "roulette_from": ROULETTE, "jitter": "pixel"}
     with PathRenderer(scene, camera, **same | options) as renderer:
         renderer.add(1)
 

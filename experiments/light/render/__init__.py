@@ -70,11 +70,6 @@ class RenderOptions(UnderSky):
     shadow_rays: int = option(1, "rays to each light per sample, 0 to 64")
     occlusion_rays: int = option(1, "rays into the sky per sample, 0 to 64")
     occlusion_part: float = option(0.1, "hybrid: how far things occlude, of the diagonal of the scene's box")
-    occlusion_directions: str = option(
-        "shifted",
-        "directions into the sky: shared by all pixels, or shifted per pixel",
-        choices=("shared", "shifted"),
-    )
     max_depth: int = option(5, "most rays of a path, the primary ray included")
     lights: str = option(
         "aimed",
@@ -99,7 +94,7 @@ class RenderOptions(UnderSky):
         of_both: dict[str, Any] = {"jitter": self.jitter, "robust": self.robust_rays}
         if self.frame == "path":
             of_paths: dict[str, Any] = of_both | {
-                "max_depth": self.max_depth,
+                "bounces": self.max_depth - 1,
                 "lights": self.lights,
             }
             PathOptions(**of_paths)
@@ -108,7 +103,6 @@ class RenderOptions(UnderSky):
             "shadow_rays": self.shadow_rays,
             "occlusion_rays": self.occlusion_rays,
             "occlusion_length": self.occlusion_part * diagonal,
-            "occlusion_directions": self.occlusion_directions,
             "most_samples": None,
         }
         HybridOptions(**hybrid)

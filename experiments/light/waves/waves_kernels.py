@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.compiled.store import float_kernel, njit
-from atra.embree.layout import RAY_TFAR, RAY_TNEAR
 from atra.embree.packets_kernels import INFINITY, MISS, START, hit_distance, hit_prim_id, intersect, set_no_hit
 from atra.light.emitters.emitters_kernels import FROM_SKY
 from atra.light.emitters.emitters_kernels import aim as aim_at_emitter
@@ -20,10 +19,8 @@ from atra.light.numbers_kernels import ONE, ZERO, scaled, set_vector, vector
 from atra.light.pictures.path_kernels import (
     FREE_KIND,
     FREE_LIGHT,
-    ROW_PADDING,
     arriving,
     load_ray,
-    load_rays,
     passed,
     passes_of,
     shadows,
@@ -37,6 +34,9 @@ ORIGIN, DIRECTION, WEIGHT, DENSITY, NEAR = 0, 3, 6, 9, 10
 PATH_ROWS = 11
 AIM_ORIGIN, AIM_DIRECTION, CARRIED, LENGTH, TOWARDS = 11, 14, 17, 20, 21
 ROWS = 22
+
+ROW_PADDING = 80
+"""Extra columns of a wave; rows a power of two apart would compete for the same cache sets."""
 
 IDLE, AT_SURFACE, PASSING = 0, 1, 2
 
@@ -205,11 +205,10 @@ def trace_kernel(width: int) -> Callable[..., int]:
             if rays == 0:
                 continue
             traced += rays
-            load_rays(packet, width, wave.floats, ORIGIN, DIRECTION, first)
             for lane in range(width):
                 packet.valid[lane] = -1 if lane < lanes and wave.state[first + lane] != IDLE else 0
-                packet.floats[RAY_TNEAR * width + lane] = wave.floats[NEAR, first + lane]
-                packet.floats[RAY_TFAR * width + lane] = INFINITY
+                origin, way = vector(wave.floats, ORIGIN, first + lane), vector(wave.floats, DIRECTION, first + lane)
+                load_ray(packet, width, lane, origin, way, INFINITY, wave.floats[NEAR, first + lane])
                 set_no_hit(packet, width, lane)
             intersect(width, packet.valid, scene, packet)
             for lane in range(lanes):

@@ -98,7 +98,7 @@ def test_maps_are_written_whole_and_read_back(tmp_path):
     import OpenEXR
 
     lightmap = baked(SCENE, ATLAS, 16)
-    written = save_maps(lightmap, tmp_path, stitch=False, visible=lightmap.direct[:, 0] > 0.5)
+    written = save_maps(lightmap, str(tmp_path), stitch=False, visible=lightmap.direct[:, 0] > 0.5)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(path.name for path in written)
     channels = OpenEXR.File(str(tmp_path / "combined.exr"), separate_channels=True).channels()
     image = np.stack([channels[name].pixels for name in "RGB"], axis=2)
@@ -111,7 +111,7 @@ def test_maps_are_written_whole_and_read_back(tmp_path):
 
 def test_a_model_opens_elsewhere_with_its_map_and_colours(tmp_path):
     lightmap = baked(SCENE, ATLAS, 16)
-    path = save_model(lightmap, SCENE, tmp_path / "scene.glb")
+    path = save_model(lightmap, SCENE, str(tmp_path / "scene.glb"))
     (model,) = trimesh.load(path).geometry.values()
     np.testing.assert_allclose(model.triangles, BOX.triangles(np.arange(12)), atol=1e-6)
     uv = model.visual.uv.reshape(12, 3, 2) * (1, -1) + (0, 1)

@@ -37,7 +37,7 @@ def from_side(x):
 @pytest.mark.parametrize(("roughness", "lost"), [(0.0, 1e-5), (0.2, 0.04)])
 def test_bumped_metal_reflects_all_light_of_a_furnace_from_both_sides(x, roughness, lost):
     scene = bumped(35, light.constant_sky(1.0), metallic=1.0, roughness=roughness)
-    image = traced(scene, from_side(x), 64, max_depth=2)
+    image = traced(scene, from_side(x), 64, bounces=1)
     np.testing.assert_allclose(image.mean(), 1.0, atol=lost)
 
 
@@ -46,6 +46,6 @@ def test_bumped_metal_reflects_all_light_of_a_furnace_from_both_sides(x, roughne
 def test_rays_aimed_at_a_lamp_and_scattered_ones_share_its_light_where_normals_lean(x, metallic):
     lamp = floor(20.0, 8.0)[::-1]  # its front faces down, above the camera
     scene = bumped(35, BLACK, lamp, metallic=metallic, roughness=0.5)
-    aimed, found = (traced(scene, from_side(x), 512, max_depth=2, lights=way).mean() for way in ("aimed", "found"))
+    aimed, found = (traced(scene, from_side(x), 512, bounces=1, lights=way).mean() for way in ("aimed", "found"))
     assert aimed > 0.5
     np.testing.assert_allclose(aimed, found, rtol=0.02)

@@ -38,7 +38,7 @@ def test_a_floor_is_lit_as_much_as_a_square_lamp_fills_of_its_view():
     half, height, beside = 0.25, 2.0, 0.5
     scene = under_a_lamp(half, height)
     camera = replace(down(4, eye=(beside, 1.0, 0), fov=2))
-    image = traced(scene, camera, 256, max_depth=2)
+    image = traced(scene, camera, 256, bounces=1)
     points = floor_points(camera)
     grid = (np.arange(64) + 0.5) / 64 * 2 * half - half
     way = np.stack(np.meshgrid(grid, grid), -1)[None, None] - points[..., None, None, ::2]
@@ -51,10 +51,10 @@ def test_a_floor_is_lit_as_much_as_a_square_lamp_fills_of_its_view():
 def test_a_lamp_shines_to_its_front_alone_and_is_shadowed():
     turned = quads([floor(), floor(0.5, 2.0)])
     scene = light.Scene(turned, [light.Lambertian(0.5), light.Emissive()], [0, 0, 1, 1], sky=BLACK)
-    assert (traced(scene, down(4, eye=(0, 1, 0)), 16, max_depth=2) == 0).all()
+    assert (traced(scene, down(4, eye=(0, 1, 0)), 16, bounces=1) == 0).all()
     screen = quads([floor(), floor(0.5, 2.0)[::-1], floor(1.0, 1.5)])
     shadowed = light.Scene(screen, [light.Lambertian(0.5), light.Emissive()], [0, 0, 1, 1, 0, 0], sky=BLACK)
-    assert (traced(shadowed, down(4, eye=(0, 1, 0), fov=20), 16, max_depth=2) == 0).all()
+    assert (traced(shadowed, down(4, eye=(0, 1, 0), fov=20), 16, bounces=1) == 0).all()
 
 
 def test_triangles_are_chosen_by_power_and_texels_by_light():
@@ -97,8 +97,8 @@ def lamp_and_panorama():
 @pytest.mark.parametrize("make", [beside_a_lamp, smooth_under_a_panorama, lamp_and_panorama])
 def test_both_ways_to_find_light_have_one_mean_and_aiming_has_less_noise(make):
     scene, camera = make()
-    aimed = batches(scene, camera, 16, 16, max_depth=4, jitter="pixel").mean(axis=(1, 2))
-    found = batches(scene, camera, 16, 256, max_depth=4, jitter="pixel", lights="found").mean(axis=(1, 2))
+    aimed = batches(scene, camera, 16, 16, bounces=3, jitter="pixel").mean(axis=(1, 2))
+    found = batches(scene, camera, 16, 256, bounces=3, jitter="pixel", lights="found").mean(axis=(1, 2))
     error = np.sqrt((aimed.var(axis=0, ddof=1) + found.var(axis=0, ddof=1)) / 16)
     assert (np.abs(aimed.mean(axis=0) - found.mean(axis=0)) < 4 * error).all()
     assert (error < 0.05 * found.mean(axis=0)).all()

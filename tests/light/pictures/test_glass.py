@@ -33,7 +33,7 @@ def beneath(glass, lamp, heights=(1.5,)):
 
 @LAMPS
 def test_lamps_shine_straight_through_a_clear_pane_and_take_its_colour(lamp):
-    image = traced(beneath(PANE, lamp), ABOVE, 16, max_depth=2)
+    image = traced(beneath(PANE, lamp), ABOVE, 16, bounces=1)
     np.testing.assert_allclose(image, np.broadcast_to(0.5 * (1 - BARE) * np.array(TINT), (4, 4, 3)), rtol=0.01)
 
 
@@ -42,7 +42,7 @@ def test_lamps_shine_straight_through_a_clear_pane_and_take_its_colour(lamp):
     light.Dielectric(1.5), light.MetallicRoughness(roughness=0.0, transmission=1.0, is_thin=False),
 ], ids=["dielectric", "solid"])  # fmt: skip
 def test_lamps_shine_straight_through_a_slab_less_what_both_sides_mirror(glass, lamp):
-    image = traced(beneath(glass, lamp, (1.6, 1.5)), ABOVE, 16, max_depth=2)
+    image = traced(beneath(glass, lamp, (1.6, 1.5)), ABOVE, 16, bounces=1)
     np.testing.assert_allclose(image, 0.5 * (1 - BARE) ** 2, rtol=0.01)
 
 
@@ -65,7 +65,7 @@ def test_rays_aimed_at_an_emitter_and_scattered_ones_share_its_light_through_a_c
     mesh = quads([floor(), floor(4.0, 1.5), lamp])
     materials = [light.Lambertian(0.5), PANE, light.Emissive((3.0, 3.0, 3.0))]
     scene = light.Scene(mesh, materials, [0, 0, 1, 1, 2, 2], sky=BLACK)
-    aimed, found = (traced(scene, ABOVE, 4096, max_depth=2, lights=way).mean((0, 1)) for way in ("aimed", "found"))
+    aimed, found = (traced(scene, ABOVE, 4096, bounces=1, lights=way).mean((0, 1)) for way in ("aimed", "found"))
     np.testing.assert_allclose(aimed, found, rtol=0.02)
     assert aimed[0] > 0.1
 
@@ -73,7 +73,7 @@ def test_rays_aimed_at_an_emitter_and_scattered_ones_share_its_light_through_a_c
 def test_clear_panes_that_absorb_nothing_cannot_be_seen_in_a_furnace():
     clear = light.MetallicRoughness(roughness=0.0, transmission=1.0)
     camera = atra.Camera((0, 0, 4), (0, 0, 0), fov_y_degrees=40, width=16, height=16)
-    image = traced(sphere(clear, WHITE_SKY, smooth=False), camera, 4, max_depth=1000)
+    image = traced(sphere(clear, WHITE_SKY, smooth=False), camera, 4, bounces=999)
     np.testing.assert_allclose(image, 1.0, atol=1e-4)
 
 
@@ -88,7 +88,7 @@ def stack(layers):
 
 def test_a_ray_passes_any_number_of_holes():
     for camera in (ABOVE, replace(ABOVE, eye=(0.3, 9.0, 0))):
-        np.testing.assert_allclose(traced(stack(130), camera, 2, max_depth=2), 0.5, rtol=1e-5)
+        np.testing.assert_allclose(traced(stack(130), camera, 2, bounces=1), 0.5, rtol=1e-5)
 
 
 def test_a_ray_of_a_hybrid_frame_passes_any_number_of_holes():
@@ -119,10 +119,10 @@ def test_a_back_that_the_eye_looks_through_is_no_hole_for_light():
     mesh = quads([floor(), floor(1.0, 1.5)[::-1]])
     lid = light.MetallicRoughness((0, 0, 0), is_double=False)
     scene = light.Scene(mesh, [light.Lambertian(0.5), lid], [0, 0, 1, 1], [light.Sun((0, -1, 0), 0.0)], BLACK)
-    tables = surfaces_of(scene, 1.0, None)
+    tables = surfaces_of(scene, 1.0)
     assert (tables.has_holes, tables.is_looked_through) == (False, True)
-    assert traced(scene, replace(ABOVE, eye=(0.3, 3.0, 0)), 4, max_depth=2).max() == 0.0
-    holes = surfaces_of(replace(scene, materials=[scene.materials[0], replace(lid, alpha="mask")]), 1.0, None)
+    assert traced(scene, replace(ABOVE, eye=(0.3, 3.0, 0)), 4, bounces=1).max() == 0.0
+    holes = surfaces_of(replace(scene, materials=[scene.materials[0], replace(lid, alpha="mask")]), 1.0)
     assert (holes.has_holes, holes.is_looked_through) == (True, True)
 
 
@@ -140,7 +140,7 @@ def test_a_panorama_lights_hybrid_frames_by_all_of_its_light():
     window[3:7, 20:24] = 40.0
     ball = sphere(light.Lambertian(1.0), light.PanoramaSky(window))
     camera = atra.Camera((0, 5, 0), (0, 0, 0), (0, 0, -1), fov_y_degrees=20, width=24, height=24)
-    seen, paths = (one.mean() for one in (hybrid(ball, camera, 4).image, traced(ball, camera, 256, max_depth=2)))
+    seen, paths = (one.mean() for one in (hybrid(ball, camera, 4).image, traced(ball, camera, 256, bounces=1)))
     assert seen == pytest.approx(paths, rel=0.06)
 
 
@@ -151,5 +151,5 @@ def test_what_a_solid_absorbs_is_told_by_the_way_within_it():
     )
     slab = quads([floor(4.0, 0.5), floor(4.0, -0.2)[::-1]])
     scene = light.Scene(slab, [blue], sky=WHITE_SKY)
-    image = traced(scene, ABOVE, 4, max_depth=8)
+    image = traced(scene, ABOVE, 4, bounces=7)
     np.testing.assert_allclose(image, np.broadcast_to(np.exp(-0.7 * absorption), image.shape), rtol=1e-3)

@@ -39,20 +39,16 @@ def test_a_point_light_s_shadow_ends_where_the_line_over_the_edge_meets_the_floo
     assert 0.1 < lit.mean() < 0.9
 
 
-def test_shadows_reach_as_far_as_asked_and_start_as_far_off_as_asked():
+def test_shadows_reach_as_far_as_asked():
     scene = with_screen(render.Sun((0, -1, 0), 0.0))
     dark = floor_points(BELOW)[..., 0] < 0
-    for options, has_shadow in (
-        ({}, True), ({"shadow_length": 1.01}, True), ({"shadow_length": 0.99}, False), ({"start_off": 0.5}, True),
-        ({"start_off": 1.01}, False),
-    ):  # fmt: skip
+    for options, has_shadow in (({}, True), ({"shadow_length": 1.01}, True), ({"shadow_length": 0.99}, False)):
         np.testing.assert_array_equal(hybrid(scene, BELOW, 1, **options).lit() == 0, dark & has_shadow)
 
 
-@pytest.mark.parametrize("directions", ["shared", "shifted"])
-def test_the_sun_s_penumbra_is_the_share_of_its_disc_beside_the_edge(directions):
+def test_the_sun_s_penumbra_is_the_share_of_its_disc_beside_the_edge():
     angle = 8.0
-    lit = hybrid(with_screen(render.Sun((0, -1, 0), angle)), BELOW, 256, shadow_directions=directions).lit()
+    lit = hybrid(with_screen(render.Sun((0, -1, 0), angle)), BELOW, 256).lit()
     across = np.clip(floor_points(BELOW)[..., 0] / np.tan(np.radians(angle)), -1, 1)
     share = 0.5 + (across * np.sqrt(1 - across**2) + np.arcsin(across)) / np.pi
     assert ((share > 0) & (share < 1)).mean() > 0.2
@@ -83,20 +79,19 @@ def test_light_falls_off_with_the_square_of_the_distance_and_the_cosine():
     np.testing.assert_allclose(hybrid(one, down(8), 1).image[..., 0], expected, rtol=1e-4)
     # A sphere wholly above the horizon gives a floor exactly as much as a point in its middle.
     large = replace(one, lights=[render.SphereLight(point.position, 0.8, power=5.0)])
-    got = hybrid(large, down(8), 1024, shadow_directions="shifted").image[..., 0]
+    got = hybrid(large, down(8), 1024).image[..., 0]
     np.testing.assert_allclose(got, expected, rtol=0.01)
 
 
-@pytest.mark.parametrize("directions", ["shared", "shifted"])
 @pytest.mark.parametrize(("occlusion", "free"), [
     ("uniform", lambda c: 1 - (1 - c) / 2),
     ("cosine", lambda c: 1 - (np.arccos(c) - c * np.sqrt(1 - c * c)) / np.pi),
 ])  # fmt: skip
-def test_beside_a_wall_the_share_of_the_hemisphere_is_free_that_its_distance_says(occlusion, free, directions):
+def test_beside_a_wall_the_share_of_the_hemisphere_is_free_that_its_distance_says(occlusion, free):
     wall = [(0, 0, 50), (0, 50, 50), (0, 50, -50), (0, 0, -50)]
     scene = render.Scene(quads([floor(), wall]), [GREY], sky=render.constant_sky(1.0))
     camera = down(16, eye=(1.3, 3, 0))
-    options = {"occlusion_length": 2.0, "occlusion": occlusion, "occlusion_directions": directions}
+    options = {"occlusion_length": 2.0, "occlusion": occlusion}
     openness = hybrid(scene, camera, 512, **options).openness
     x = floor_points(camera)[..., 0]
     expected = free(np.clip(x / 2.0, 0, 1))
@@ -272,9 +267,9 @@ def test_a_panorama_is_seen_where_its_texels_point():
 
 def direct(scene, camera, samples):
     """Hybrid, and by paths that meet a surface and an emitter."""
-    with render.PathRenderer(scene, camera, threads=1, max_depth=2) as path:
+    with render.PathRenderer(scene, camera, threads=1, bounces=1) as path:
         path.add(samples)
-        return hybrid(scene, camera, samples, shadow_directions="shifted"), path.image
+        return hybrid(scene, camera, samples), path.image
 
 
 def test_a_shining_rectangle_is_seen_and_lights_the_floor_as_paths_find():

@@ -30,7 +30,7 @@ def received(lamp, points):
 @pytest.mark.parametrize("lamp", LAMPS, ids=lambda lamp: type(lamp).__name__)
 def test_a_floor_shows_a_lamp_as_the_inverse_square_and_the_cosine_say(lamp):
     scene = light.Scene(quads([floor()]), [light.Lambertian(0.5)], lights=[lamp], sky=BLACK)
-    image = traced(scene, ABOVE, 8, max_depth=2)
+    image = traced(scene, ABOVE, 8, bounces=1)
     expected = 0.5 * received(lamp, floor_points(ABOVE))
     np.testing.assert_allclose(image[..., 0], expected, rtol=2e-3)
 
@@ -38,7 +38,7 @@ def test_a_floor_shows_a_lamp_as_the_inverse_square_and_the_cosine_say(lamp):
 def test_of_many_lamps_each_is_counted_once():
     lamps = [light.PointLight((x, 1.5, z), power=1.0 + x * x) for x in range(-3, 4) for z in range(-3, 4)]
     scene = light.Scene(quads([floor()]), [light.Lambertian(0.5)], lights=lamps, sky=BLACK)
-    image = traced(scene, ABOVE, 512, max_depth=2)
+    image = traced(scene, ABOVE, 512, bounces=1)
     expected = 0.5 * sum(received(lamp, floor_points(ABOVE)) for lamp in lamps)
     np.testing.assert_allclose(image[..., 0].mean(), expected.mean(), rtol=0.01)
 
@@ -52,14 +52,14 @@ def half_open(alpha, opacity=0.4):
 
 @pytest.mark.parametrize(("alpha", "share"), [("opaque", 0.0), ("mask", 1.0), ("blend", 0.6)])
 def test_shadows_let_through_what_holes_and_thin_things_do(alpha, share):
-    image = traced(half_open(alpha), ABOVE, 64, max_depth=2)
+    image = traced(half_open(alpha), ABOVE, 64, bounces=1)
     np.testing.assert_allclose(image, 0.5 * share, rtol=1e-4)
 
 
 def test_the_eye_sees_through_holes_and_in_part_through_what_is_blended():
     from_above = replace(ABOVE, eye=(0.3, 3.0, 0))
     for alpha, share in (("mask", 1.0), ("blend", 0.6)):
-        image = traced(half_open(alpha), from_above, 256, max_depth=2)
+        image = traced(half_open(alpha), from_above, 256, bounces=1)
         dark = 0.04 * 0.25  # what the black pane mirrors at most of the sun, rough as it is
         np.testing.assert_allclose(image.mean(), 0.5 * share * share, atol=dark + 0.02)
 
@@ -69,9 +69,9 @@ def test_the_eye_looks_through_backs_of_what_has_one_side():
     mesh = quads([floor(), floor(1.0, 1.5)[::-1]])
     scene = light.Scene(mesh, [light.Lambertian(0.5), lid], [0, 0, 1, 1], sky=light.constant_sky(1.0))
     above = replace(ABOVE, eye=(0.3, 3.0, 0))
-    assert traced(scene, above, 16, max_depth=2).mean() > 0.05
+    assert traced(scene, above, 16, bounces=1).mean() > 0.05
     shut = replace(scene, materials=[scene.materials[0], replace(lid, is_double=True)])
-    assert traced(shut, above, 16, max_depth=2).mean() < 0.05
+    assert traced(shut, above, 16, bounces=1).mean() < 0.05
 
 
 def test_a_textured_emitter_lights_as_much_as_scattering_finds():
@@ -81,14 +81,14 @@ def test_a_textured_emitter_lights_as_much_as_scattering_finds():
     mesh = quads([floor(), floor(1.0, 1.5)[::-1]])
     uv = np.tile([[0, 0], [1, 0], [1, 1], [0, 1]], (2, 1)).astype(np.float32)
     scene = light.Scene(mesh, [light.Lambertian(0.5), glow], [0, 0, 1, 1], sky=BLACK, uv=uv)
-    aimed, found = (traced(scene, ABOVE, 1024, max_depth=2, lights=way).mean() for way in ("aimed", "found"))
+    aimed, found = (traced(scene, ABOVE, 1024, bounces=1, lights=way).mean() for way in ("aimed", "found"))
     assert aimed == pytest.approx(found, rel=0.03)
     assert aimed > 0.01
 
 
 def test_roulette_changes_no_mean():
     scene, camera = lit_cornell_box(), cornell_camera(16, 16)
-    short, long = (traced(scene, camera, 256, max_depth=12, roulette=rays).mean() for rays in (1, 100))
+    short, long = (traced(scene, camera, 256, bounces=11, roulette_from=rays).mean() for rays in (1, 100))
     assert short == pytest.approx(long, rel=0.02)
 
 
@@ -98,7 +98,7 @@ def test_a_metal_of_roughness_shows_the_same_lamp_aimed_at_or_found():
     mesh = quads([floor(), floor(half, 2.0)[::-1]])
     scene = light.Scene(mesh, [metal, light.Emissive((3.0, 2.0, 1.0))], [0, 0, 1, 1], sky=BLACK)
     camera = atra.Camera((2.0, 1.5, 0.0), (0.4, 0.0, 0.0), fov_y_degrees=10, width=8, height=8)
-    aimed, found = (traced(scene, camera, 512, max_depth=2, lights=way).mean((0, 1)) for way in ("aimed", "found"))
+    aimed, found = (traced(scene, camera, 512, bounces=1, lights=way).mean((0, 1)) for way in ("aimed", "found"))
     np.testing.assert_allclose(aimed, found, rtol=0.03)
     assert aimed.min() > 0.01
 

@@ -44,15 +44,3 @@ def test_pixels_without_a_ray_are_black(kind):
     assert (image[blind] == 0.0).all()
     assert blind.any()
     assert (image[~blind] > 0.0).any()
-
-
-def test_a_moved_camera_with_a_lens_keeps_what_it_saw():
-    camera = lens_camera(atra.OpenCVLens(k1=-0.2), PLACED)
-    scene = light.Scene(cornell_box())
-    with light.HybridRenderer(scene, camera, threads=1, most_kept=8) as renderer:
-        renderer.add(8)
-        before = renderer.image
-        eye = tuple(np.add(PLACED.eye, (1e-6, 0.0, 0.0)))
-        renderer.look(lens_camera(atra.OpenCVLens(k1=-0.2), atra.Camera(eye, PLACED.target, PLACED.up)))
-        renderer.add(1)
-        assert np.abs(renderer.image - before).mean() < 0.02

@@ -22,13 +22,13 @@ AT_BALL = atra.Camera((0, 0, 4), (0, 0, 0), fov_y_degrees=40, width=16, height=1
     light.Dielectric(0.7),
 ])  # fmt: skip
 def test_in_a_furnace_what_absorbs_nothing_cannot_be_seen(material, smooth):
-    image = traced(sphere(material, WHITE_SKY, smooth), AT_BALL, 4, max_depth=1000)
+    image = traced(sphere(material, WHITE_SKY, smooth), AT_BALL, 4, bounces=999)
     np.testing.assert_allclose(image, 1.0, atol=1e-4)
 
 
 @pytest.mark.parametrize("material", [light.Lambertian(1.0), light.Metal(1.0)])
 def test_no_shading_normal_sends_light_into_a_ball(material):
-    image = traced(sphere(material, WHITE_SKY, segments=8), AT_BALL, 8, max_depth=2)  # one bounce, and out
+    image = traced(sphere(material, WHITE_SKY, segments=8), AT_BALL, 8, bounces=1)  # one bounce, and out
     np.testing.assert_allclose(image, 1.0, atol=1e-4)
 
 
@@ -36,7 +36,7 @@ def test_no_shading_normal_sends_light_into_a_ball(material):
 def test_a_white_floor_sees_the_sky_by_the_cosine(directions):
     sky = light.GradientSky((0, 0, 0), (1, 1, 1))  # (1 + y) / 2, where the mean of y, by the cosine, is 2 / 3
     scene = light.Scene(quads([floor()]), [light.Lambertian(1.0, directions)], sky=sky)
-    assert abs(traced(scene, down(8), 256, max_depth=2).mean() - 5 / 6) < 0.01
+    assert abs(traced(scene, down(8), 256, bounces=1).mean() - 5 / 6) < 0.01
 
 
 @pytest.mark.parametrize("directions", ["cosine", "uniform"])
@@ -51,22 +51,22 @@ def test_a_lamp_shines_to_its_front_alone_and_what_it_does_not_reach_is_dark():
     lamp = replace(room(light.Emissive((2.0, 1.0, 0.5))), sky=BLACK)
     inside = atra.Camera((0, 0, 0), (1, 0.2, 0.1), width=4, height=4)
     np.testing.assert_allclose(traced(lamp, inside, 1), np.broadcast_to([2.0, 1.0, 0.5], (4, 4, 3)))
-    assert (traced(room(light.Lambertian(0.9), WHITE_SKY), inside, 4, max_depth=50) == 0).all()
+    assert (traced(room(light.Lambertian(0.9), WHITE_SKY), inside, 4, bounces=49) == 0).all()
     behind = atra.Mesh(lamp.mesh.vertices, lamp.mesh.faces[:, ::-1])
     assert (traced(replace(lamp, mesh=behind), inside, 1) == 0).all()
 
 
 def test_the_depth_counts_rays():
     scene = light.Scene(quads([floor()]), [light.Lambertian(0.5)], sky=WHITE_SKY)
-    assert (traced(scene, down(4), 2, max_depth=1) == 0).all()
-    np.testing.assert_allclose(traced(scene, down(4), 2, max_depth=2), 0.5)
+    assert (traced(scene, down(4), 2, bounces=0) == 0).all()
+    np.testing.assert_allclose(traced(scene, down(4), 2, bounces=1), 0.5)
 
 
 def test_a_mirror_shows_the_sky_where_the_mirrored_ray_points():
     sky = light.GradientSky((0.0, 0.25, 1.0), (1.0, 0.5, 0.0))
     scene = light.Scene(quads([floor()]), [light.Metal((0.5, 1.0, 0.25))], sky=sky)
     camera = down(16, fov=90)
-    image = traced(scene, camera, 1, max_depth=2)
+    image = traced(scene, camera, 1, bounces=1)
     y, x = np.mgrid[:16, :16]
     directions = camera.rays(x, y)[1] @ camera.axes
     up = 0.5 - 0.5 * directions[..., 1] / np.linalg.norm(directions, axis=-1)
@@ -101,7 +101,7 @@ def test_a_slab_of_glass_passes_what_fresnel_s_equations_leave(degrees):
     tilt = np.radians(degrees)
     camera = atra.OrthographicCamera((0, 4, 0), (4 * np.tan(tilt), 0, 0), (0, 0, -1), 0.5, 8, 8)
     r = reflectance(np.cos(tilt), 1.5, "exact")
-    image = batches(scene, camera, 16, 32, max_depth=64)[..., 0]
+    image = batches(scene, camera, 16, 32, bounces=63)[..., 0]
     mean, error = image.mean(), image.mean((1, 2)).std(ddof=1) / 4
     assert abs(mean - (1 - r) / (1 + r)) < 4 * error  # 1 - 2 r / (1 + r): all orders of inner mirroring
     assert error < 0.01
@@ -117,7 +117,7 @@ def test_one_surface_of_glass_mirrors_what_fresnel_or_schlick_says():
         for degrees in (0.0, 70.0):
             tilt = np.radians(degrees)
             camera = atra.OrthographicCamera((0, 1, 0), (np.tan(tilt), 0, 0), (0, 0, -1), 0.2, 8, 8)
-            image = traced(scene, camera, 400, max_depth=2)[..., 0]
+            image = traced(scene, camera, 400, bounces=1)[..., 0]
             expected = reflectance(np.cos(tilt), 1.5, fresnel)
             assert abs(image.mean() - expected) < 4 * np.sqrt(expected / image.size / 400)
 
@@ -137,9 +137,9 @@ def test_fuzz_below_the_surface_passes_where_it_is_told_to():
     for sky, expected in ((WHITE_SKY, 1.0), (halves, 1.0)):  # heights of a sphere about 0 cancel each other
         scene = light.Scene(quads([floor()]), [metal], sky=sky)
         grazing = atra.OrthographicCamera((0, 1, 0), (40, 0, 0), (0, 0, -1), 0.001, 8, 8)
-        image = traced(scene, grazing, 64, max_depth=2)
+        image = traced(scene, grazing, 64, bounces=1)
         assert abs(image.mean() - expected) < (1e-5 if sky is WHITE_SKY else 0.05)
-    closed = traced(sphere(metal, WHITE_SKY), AT_BALL, 16, max_depth=1000)
+    closed = traced(sphere(metal, WHITE_SKY), AT_BALL, 16, bounces=999)
     np.testing.assert_allclose(closed, 1.0, atol=1e-4)
 
 
@@ -157,10 +157,11 @@ BUSY_CAMERA = atra.Camera((0.1, 0.2, -7), (0, 0, 0), fov_y_degrees=50, width=96,
 
 
 @pytest.mark.parametrize("kind", [light.PathRenderer, light.HybridRenderer])
-def test_threads_and_waves_change_no_bit(kind):
+def test_threads_and_waves_change_no_bit(kind, monkeypatch):
     scene, pictures = busy(), set()
     for threads, wave_rays in ((1, 2048), (1, 4096), (1, 1 << 20), (2, 2048), (3, 4096)):
-        with kind(scene, BUSY_CAMERA, threads=threads, wave_rays=wave_rays) as renderer:
+        monkeypatch.setattr(kind, "_wave_rays", wave_rays)
+        with kind(scene, BUSY_CAMERA, threads=threads) as renderer:
             renderer.add(3)
             pictures.add(renderer.image.tobytes())
             assert renderer.image.std() > 0.1

@@ -149,7 +149,7 @@ def test_a_state_goes_on_to_the_same_bits_in_another_renderer(tmp_path, samples)
         for step in light.accumulate(renderer, 48, error=1e-9, state=path, save_every_s=0.0):
             if step.samples == samples:
                 break
-    with made(wave_rays=4096) as other:
+    with made() as other:
         steps = list(light.accumulate(other, 48, error=1e-9, state=path))
         assert steps[0].samples == samples + 1
         np.testing.assert_array_equal(other.image, expected)
@@ -162,7 +162,7 @@ def test_a_state_of_another_picture_is_refused(tmp_path):
         next(light.accumulate(renderer, 4, state=path, save_every_s=0.0))
     brighter = replace(SCENE, sky=light.constant_sky(0.1))
     others = (
-        made(max_depth=3),
+        made(bounces=2),
         light.PathRenderer(brighter, CAMERA, threads=1),
         light.PathRenderer(SCENE, replace(CAMERA, fov_y_degrees=41), threads=1),
     )
@@ -260,7 +260,7 @@ def test_a_transparent_picture_has_the_share_of_each_pixel_that_is_hit_and_no_sk
     scene = light.Scene(half, [material], sky=light.constant_sky(1.0))
     path = tmp_path / f"half{suffix}"
     with light.PathRenderer(
-        scene, down(5), threads=1, max_depth=2, jitter="pixel", transparent=True, lights="found"
+        scene, down(5), threads=1, bounces=1, jitter="pixel", transparent=True, lights="found"
     ) as renderer:
         renderer.add(256)
         renderer.save(path)
@@ -279,3 +279,14 @@ def test_a_transparent_picture_has_the_share_of_each_pixel_that_is_hit_and_no_sk
     assert levels.shape == (5, 5, 4)
     np.testing.assert_allclose(levels[..., 3], 255 * alpha, atol=0.51)
     np.testing.assert_allclose(levels[:, :3, 0], 188, atol=8)  # half of white, coded
+
+
+@pytest.mark.parametrize("kind", [light.PathRenderer, light.HybridRenderer])
+def test_colours_and_normals_of_layers_are_those_of_one_surface_behind_what_the_eye_looks_through(kind):
+    pane, ramp = floor(9.0, 1.0)[::-1], [(-9, -9, 9), (9, 9, 9), (9, 9, -9), (-9, -9, -9)]  # the eye sees a pane's back
+    materials = [light.MetallicRoughness((0.1, 0.2, 0.9), is_double=False), light.Lambertian((0.8, 0.4, 0.2))]
+    scene = light.Scene(quads([pane, ramp]), materials, [0, 0, 1, 1])
+    with kind(scene, down(4, eye=(-2, 4, 0), fov=5), threads=1) as renderer:
+        layers = renderer.layers()
+    np.testing.assert_allclose(layers.albedo, np.broadcast_to([0.8, 0.4, 0.2], (4, 4, 3)), rtol=1e-6)
+    np.testing.assert_allclose(layers.normals, np.broadcast_to([-(0.5**0.5), 0.5**0.5, 0], (4, 4, 3)), atol=1e-6)

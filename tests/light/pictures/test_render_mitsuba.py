@@ -84,7 +84,7 @@ def test_no_tile_differs_from_mitsuba_s_more_than_chance_allows(make):
     from scipy import stats
 
     scene, camera = make()
-    ours = tiles(batches(scene, camera, BATCHES, SAMPLES, max_depth=DEPTH, jitter="pixel"))
+    ours = tiles(batches(scene, camera, BATCHES, SAMPLES, bounces=DEPTH - 1, jitter="pixel"))
     theirs = tiles(of_mitsuba(scene, camera))
     noisy = (ours.std(axis=0) > 1e-5) | (theirs.std(axis=0) > 1e-5)  # the others show the sky alone
     np.testing.assert_allclose(ours.mean(axis=0)[~noisy], theirs.mean(axis=0)[~noisy], rtol=1e-5)

@@ -57,18 +57,15 @@ WRONG = [
     (lambda: light.Scene(MESH, normals=[(0, 1, 0)] * 3 + [(0, 0, 0)]), "normal of vertex 3 is zero"),
     (lambda: light.Scene(MESH, normals=[(0, 1, 0)] * 3 + [(0, NAN, 0)]), "normal of vertex 3"),
     (lambda: light.Scene(MESH, [light.Lambertian(light.Checker(1, 0))]), "material 0 has a texture, exp"),
-    (lambda: PathOptions(max_depth=0), "max_depth is 0"),
+    (lambda: PathOptions(bounces=-1), "bounces is -1"),
     (lambda: PathOptions(jitter="none"), "jitter is 'none', expected one of shared, off, pixel"),
     (lambda: HybridOptions(jitter="pixel"), "jitter is 'pixel', expected one of shared, off"),
-    (lambda: PathOptions(wave_rays=1000), "wave_rays is 1000, expected a multiple of 2048"),
     (lambda: HybridOptions(occlusion_rays=65), "occlusion_rays is 65"),
     (lambda: HybridOptions(shadow_rays=-1), "shadow_rays is -1"),
     (lambda: HybridOptions(occlusion_length=0.0), "occlusion_length is 0.0"),
     (lambda: HybridOptions(occlusion_length=NAN), "occlusion_length is nan"),
     (lambda: HybridOptions(shadow_length=-1.0), "shadow_length is -1.0"),
-    (lambda: PathOptions(start_off=NAN), "start_off is nan, expected a finite number of at least 0"),
     (lambda: HybridOptions(occlusion="none"), "occlusion is 'none'"),
-    (lambda: HybridOptions(occlusion_directions="own"), "occlusion_directions is 'own'"),
 ]  # fmt: skip
 
 
@@ -138,15 +135,24 @@ def test_an_interrupted_sample_leaves_no_torn_picture(monkeypatch):
         np.testing.assert_array_equal(renderer.image, expected)
 
 
-def test_a_picture_can_be_stopped_between_waves_and_then_starts_anew():
-    with light.PathRenderer(light.Scene(MESH), down(64), threads=1, wave_rays=2048) as renderer:
-        renderer.add(2)
-        expected = renderer.image
-        answers = iter([False, False, False, True])  # two waves a sample: stopped within the second
-        renderer.add(9, stop=lambda: next(answers))
-        assert renderer.samples == 0
-        renderer.add(2, stop=lambda: False)
+@pytest.mark.parametrize("kind", [light.PathRenderer, light.HybridRenderer])
+@pytest.mark.parametrize("first", [1, 32])  # also where float32 sums begin anew
+def test_a_picture_that_is_stopped_between_waves_keeps_its_samples_and_goes_on(kind, first):
+    options = {"threads": 1}
+    with (
+        kind(light.Scene(MESH), down(64), **options) as whole,
+        kind(light.Scene(MESH), down(64), **options) as renderer,
+    ):
+        whole.add(first)
+        expected = whole.image
+        assert renderer.add(first - 1 or 1, stop=lambda: False)
+        answers = iter([False] * (4 if first > 1 else 1) + [True])  # two waves a sample: stopped within one
+        assert not renderer.add(9, stop=lambda: next(answers))
+        assert renderer.samples == first
         np.testing.assert_array_equal(renderer.image, expected)
+        whole.add(2)
+        assert renderer.add(2)
+        np.testing.assert_array_equal(renderer.image, whole.image)
 
 
 def test_sums_that_would_not_fit_are_refused_before_they_are_made(monkeypatch):

@@ -11,7 +11,6 @@ import atra
 from atra import light as render
 from atra.light import textures
 from atra.light.lightmaps.options import BakeOptions
-from atra.light.pictures.carrying import carried
 from atra.light.pictures.files import srgb_of
 from atra.light.pictures.film import Film
 from atra.light.pictures.options import HybridOptions, PathOptions
@@ -26,7 +25,7 @@ def test_each_sample_of_a_light_counts_by_its_own_cosine():
     angle = 40.0
     sun = render.Sun((0, -1, 0), angle)
     scene = render.Scene(FLOOR, [render.Lambertian(1.0)], lights=[sun], sky=BLACK)
-    image = hybrid(scene, down(4), 512, shadow_directions="shifted").image
+    image = hybrid(scene, down(4), 512).image
     radius = np.tan(np.radians(angle))  # points of a disc at distance 1: the mean of 1 / sqrt(1 + r^2)
     expected = 2.0 * (np.sqrt(1.0 + radius**2) - 1.0) / radius**2
     assert expected < 0.87
@@ -75,7 +74,7 @@ def test_an_image_of_any_size_is_the_part_of_a_larger_one():
     scene = sphere(GREY, render.GradientSky())
     camera = atra.Camera((0, 1, 3), (0, 0, 0), fov_y_degrees=45, width=21, height=14)
     part = camera.crop(left=3, top=2, width=13, height=7)
-    of_kinds = {render.HybridRenderer: {"occlusion_directions": "shared"}, render.PathRenderer: {"max_depth": 1}}
+    of_kinds = {render.HybridRenderer: {"occlusion_rays": 0}, render.PathRenderer: {"bounces": 0}}
     for kind, options in of_kinds.items():
         pictures = []
         for one in (camera, part):
@@ -86,9 +85,9 @@ def test_an_image_of_any_size_is_the_part_of_a_larger_one():
 
 
 RESTARTS = {
-    "jitter": "off", "wave_rays": 4096, "shadow_rays": 2, "shadow_length": 3.0, "shadow_directions": "shifted",
-    "occlusion_rays": 2, "occlusion_length": 3.0, "occlusion": "cosine", "occlusion_directions": "shared",
-    "most_kept": 4, "max_depth": 3, "roulette": 2,
+    "jitter": "off", "shadow_rays": 2, "shadow_length": 3.0,
+    "occlusion_rays": 2, "occlusion_length": 3.0, "occlusion": "cosine",
+    "bounces": 2, "roulette_from": 2,
 }  # fmt: skip
 STAYS = {"most_samples": 100}
 
@@ -163,8 +162,8 @@ MAKERS = {
     render.Sun: ("direction", "angle_degrees", "colour", "power"),
     render.PointLight: ("position", "colour", "power"), render.SphereLight: ("position", "radius", "colour", "power"),
     render.Scene: ("mesh", "materials", "face_materials", "lights", "sky", "normals", "uv"),
-    HybridOptions: tuple(RESTARTS.keys() - {"max_depth", "roulette"}) + ("start_off", "most_samples"),
-    PathOptions: ("jitter", "wave_rays", "max_depth", "roulette", "start_off", "most_samples"),
+    HybridOptions: tuple(RESTARTS.keys() - {"bounces", "roulette_from"}) + ("most_samples",),
+    PathOptions: ("jitter", "bounces", "roulette_from", "most_samples"),
 }  # fmt: skip
 USUAL = {
     render.Checker: {"first": 0.1, "second": 0.2}, render.Image: {"texels": np.zeros((1, 1, 3))},
@@ -209,70 +208,3 @@ def test_the_error_of_hybrid_pictures_falls_faster_than_the_square_root_of_the_s
             pictures[samples] = renderer.image.astype(float)
     errors = [np.sqrt(((pictures[samples] - pictures[4096]) ** 2).mean()) for samples in numbers]
     assert np.polyfit(np.log(numbers), np.log(errors), 1)[0] <= -0.45
-
-
-def lit_steps():
-    """Three steps, before which a pole stands, in the sun: edges of depth, of normals and of shadows."""
-    steps = [floor(3.0)]
-    for x, height in ((0.4, 0.5), (1.2, 1.0)):
-        steps += [
-            [(x, height, 3), (3, height, 3), (3, height, -3), (x, height, -3)],
-            [(x, height - 0.5, 3), (x, height, 3), (x, height, -3), (x, height - 0.5, -3)],
-        ]
-    pole = [(-0.6, 0, 0), (-0.5, 0, 0), (-0.5, 1.5, 0), (-0.6, 1.5, 0)]
-    light = {"lights": [render.Sun((0.7, -1.0, 0.4), 1.0)], "sky": render.constant_sky(0.5)}
-    return render.Scene(quads([*steps, pole]), [GREY], **light)
-
-
-STEPS_CAMERA = atra.Camera((-3, 2.5, 4), (0.2, 0.4, 0), fov_y_degrees=35, width=96, height=64)
-
-
-def rmse(image, truth):
-    return float(np.sqrt(((np.asarray(image, float) - truth) ** 2).mean()))
-
-
-def test_after_a_turn_of_one_degree_pixels_go_on_with_what_they_saw_before():
-    scene, angle = lit_steps(), np.radians(1.0)
-    turned = [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]
-    moved = replace(STEPS_CAMERA, eye=tuple(turned @ np.array(STEPS_CAMERA.eye)))
-    with render.HybridRenderer(scene, moved, threads=1) as still:
-        still.add(512)
-        truth = still.image.astype(float)
-    errors = {}
-    for kept in (0, 32):
-        with render.HybridRenderer(scene, STEPS_CAMERA, threads=1, most_kept=kept) as renderer:
-            renderer.add(64)
-            renderer.look(moved)
-            assert renderer.samples == 0
-            renderer.add(2)
-            errors[kept] = rmse(renderer.image, truth)
-            renderer.update(occlusion_length=3.0)  # nothing of before is a sample of this
-            renderer.add(2)
-            anew = renderer.image
-        with render.HybridRenderer(scene, moved, threads=1, occlusion_length=3.0) as renderer:
-            renderer.add(2)
-            np.testing.assert_array_equal(renderer.image, anew)
-    assert errors[32] < 0.6 * errors[0]
-
-
-def test_nothing_is_carried_to_another_surface_nor_to_what_was_not_seen():
-    near = [(-0.3, -0.3, 1), (0.3, -0.3, 1), (0.3, 0.3, 1), (-0.3, 0.3, 1)]
-    far = [(-9, -9, -3), (9, -9, -3), (9, 9, -3), (-9, 9, -3)]
-    mesh = quads([near, far])
-    pictures = []
-    for x in (0.0, 0.4):
-        camera = atra.Camera((x, 0, 4), (x, 0, 0), fov_y_degrees=40, width=64, height=64)
-        with atra.PixelTracer(mesh, camera, threads=1) as tracer:
-            pictures.append(tracer.trace())
-    seen, to = pictures
-    values = np.random.default_rng(3).random((64, 64, 2))
-    same, own = carried(values, seen, seen)
-    assert own.all()
-    np.testing.assert_allclose(same, values, atol=1e-3)  # each pixel is its own mean
-    found, known = carried((seen.prim_id < 2).astype(float)[..., None], seen, to)
-    np.testing.assert_array_equal(found[known][:, 0], to.prim_id[known] < 2)
-    x, y, is_far = to.points[..., 0], np.abs(to.points[..., 1]), to.prim_id >= 2
-    was_hidden, was_outside = (x < 0.6) & (x > 0.2) & (y < 0.6), x > 2.65  # it hid 0.7, and the image ended at 2.55
-    assert min((is_far & was_hidden).sum(), (is_far & was_outside).sum()) > 20
-    assert not known[is_far & (was_hidden | was_outside)].any()
-    assert known[is_far & (x > 0.9) & (x < 2.4)].all()

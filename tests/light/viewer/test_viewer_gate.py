@@ -45,8 +45,12 @@ class QuickArtist:
     def sketch(self, request):
         return self.show(request)
 
+    def __init__(self):
+        self.samples = 0
+
     def add(self, request, stop):
-        return True
+        self.samples += 1
+        return self.samples
 
     def show(self, request):
         assert request.camera.width > 0
@@ -122,7 +126,7 @@ BAD = [
     ("frame", "x"), ("frame", 1), ("frame", ["hybrid"]), ("frame", "x" * 3000), ("shade", {}), ("samples", 0),
     ("samples", 10**9), ("samples", 2.5e300), ("samples", -1), ("side, pixels", 10**6), ("side, pixels", INF),
     ("method", "x"), ("method", []), ("columns of cells", "3"), ("columns of cells", "x"), ("colour", [1, 2]),
-    ("colour", [1, 2, 300]), ("colour", [INF, 0, 0]), ("colour", "red"), ("shadow length", 0), ("depth", 10**6),
+    ("colour", [1, 2, 300]), ("colour", [INF, 0, 0]), ("colour", "red"), ("shadow length", 0), ("bounces", 10**6),
     ("exposure, stops", INF), ("tone map", "x"), ("movement", "fly"), ("save picture", 1),
     ("forward", "x"),
 ]  # fmt: skip
@@ -283,7 +287,7 @@ def test_however_much_others_send_a_good_client_has_every_turn_that_it_wants(mon
 @pytest.mark.parametrize(("field", "value"), [
     ("frame", "x"), ("shade", 1), ("method", "x"), ("samples", 0), ("side", 1.5), ("split_x", 3), ("sun_heading", INF),
     ("sun_cone", -1.0), ("sun_power", NAN), ("jitter", 1), ("sun_colour", (1, 2)), ("sun_colour", (0, 0, 256)),
-    ("shadow_rays", 65), ("max_depth", 0), ("occlusion_length", INF),
+    ("shadow_rays", 65), ("bounces", -1), ("occlusion_length", INF),
 ])  # fmt: skip
 def test_settings_that_cannot_be_drawn_are_refused_by_name(field, value):
     with pytest.raises(InputError, match=field):

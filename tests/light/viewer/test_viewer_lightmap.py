@@ -2,40 +2,42 @@
 browser is missing."""
 
 import threading
+from contextlib import closing
 
 import numpy as np
 import pytest
 
 from atra import light
-from atra.light import Baker, ProgressiveBake, Scene, Texels
+from atra.light import Baker, Scene, Texels
 from atra.light.viewer import camera_page
-from atra.light.viewer.request import Pose
+from atra.light.viewer.page import Page
+from atra.light.viewer.request import Pose, Request, Settings
 from tests.baked import cube, sheet
 from tests.light.viewer.test_viewer_page import PATIENCE_S, browser, screenshot, wait_for
 
 pytest.importorskip("viser", reason="viser is not installed: pip install -e '.[viewer]'")
 
-from atra.light.viewer.lightmap import LightmapPage, say_progress
+from atra.light.viewer.lightmap import MapPainter, say_progress
 
 __all__ = ["browser"]
 
 BOX = cube(inwards=True)
 SCENE = Scene.plain(BOX, 0.6, lights=[light.PointLight((0.3, 0.4, 0.1), power=0.2)], sky=light.constant_sky(0.0))
 ATLAS = sheet(BOX, 24)
-FIRST = Pose((0.0, 0.0, 0.9), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 60.0)
 TARGET = 8
+POSE = Pose((0.0, 0.0, 0.9), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 60.0)
+FIRST = Request(POSE, Settings(side=64, samples=TARGET))
 
 
 def test_the_panel_says_how_far_texels_are():
     samples = np.full(96, TARGET, np.int32)
-    assert say_progress(samples, TARGET, 1.0, True).startswith(f"**done**: {TARGET} samples of 96 texels")
+    assert say_progress(samples, TARGET, 1.0).startswith(f"**done**: {TARGET} samples of 96 texels")
     samples[:24] = 2
-    assert say_progress(samples, TARGET, 0.8125, False) == "**2 to 8 of 8 samples** of 96 texels\n\n81% done"
-    assert "of 96 texels, 24 in view first" in say_progress(samples, TARGET, 0.8125, False, 24)
-    assert say_progress(samples, 64, 1.0, True).startswith("**done**: 2 to 8 samples")  # an adaptive bake's
+    assert say_progress(samples, TARGET, 0.8125) == "**2 to 8 of 8 samples** of 96 texels\n\n81% done"
+    assert "of 96 texels, 24 in view first" in say_progress(samples, TARGET, 0.8125, 24)
 
 
-class Shown(LightmapPage):
+class Shown(Page):
     """Keeps what went to the page."""
 
     def __init__(self, *arguments, **options):
@@ -50,16 +52,31 @@ class Shown(LightmapPage):
 @pytest.fixture
 def page(monkeypatch):
     monkeypatch.setattr(camera_page, "LEAVE_S", 0.5)
-    with Baker(SCENE, ATLAS, threads=1) as baker:
-        bake = ProgressiveBake(baker, TARGET)
-        one = Shown(bake, SCENE, ATLAS, TARGET, first=FIRST, port=0, title="the box", side=64, threads=1)
-        thread = threading.Thread(target=one.run)
-        with bake:
-            thread.start()
-            yield one, baker, thread
-            one.left()
-            thread.join(PATIENCE_S)
+    with Baker(SCENE, ATLAS, threads=1) as baker, closing(MapPainter(baker, TARGET, 1)) as painter:
+        one = Shown(painter, FIRST, 0, "the box", 3.0, settings=False)
+        thread = threading.Thread(target=one.session.run)
+        thread.start()
+        yield one, baker, thread
+        one.left()
+        thread.join(PATIENCE_S)
         one.close()
+
+
+def test_a_bake_that_is_shown_takes_what_the_camera_sees_first_and_is_that_of_no_page():
+    with Baker(SCENE, ATLAS, threads=1) as baker, closing(MapPainter(baker, TARGET, 1)) as painter:
+        clay = painter.sketch(FIRST).image
+        assert painter.add(FIRST, lambda: True) < TARGET
+        assert painter.add(FIRST, lambda: False) == 1
+        assert baker.samples[baker.visible].min() == 1
+        assert baker.samples[~baker.visible].max() == 0
+        assert (painter.show(FIRST).image != clay).any()
+        while painter.add(FIRST, lambda: False) < TARGET:
+            pass
+        assert painter.show(FIRST).note.startswith("**done**")
+        shown = baker.maps.combined
+    with Baker(SCENE, ATLAS, threads=1) as baker:
+        baker.add(TARGET)
+        np.testing.assert_allclose(shown, baker.maps.combined, rtol=1e-6, atol=1e-7)
 
 
 @pytest.mark.slow

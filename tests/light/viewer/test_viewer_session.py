@@ -15,10 +15,10 @@ FIRST = Request(Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), 45.0), S
 
 OTHER = {
     "frame": "path", "shade": "occlusion", "samples": 9, "side": 256, "method": "aligned", "split_x": 4,
-    "jitter": False, "shadow_rays": 2, "shadow_length": 1.5, "shadow_shared": False, "sun_cone": 1.0,
+    "jitter": False, "shadow_rays": 2, "shadow_length": 1.5, "sun_cone": 1.0,
     "sun_heading": 10.0, "sun_height": 20.0, "sun_power": 2.0, "sun_colour": (255, 0, 0), "sky_power": 2.0,
-    "occlusion_rays": 3, "occlusion_length": 1.0, "occlusion_shared": True, "cosine": True, "max_depth": 2,
-    "exposure": 1.5, "tone": "agx", "denoise": True, "kept": 8,
+    "occlusion_rays": 3, "occlusion_length": 1.0, "cosine": True, "bounces": 1,
+    "exposure": 1.5, "tone": "agx", "denoise": True,
 }  # fmt: skip
 """Another value of every parameter."""
 
@@ -49,8 +49,9 @@ class Clock:
 
 
 class Artist:
-    """Draws wave after wave, which takes time, into one film; a sample that is stopped leaves it torn, as it must not
-    be shown then. The picture holds, wave by wave, the camera and the samples that were drawn."""
+    """Draws wave after wave, which takes time, into one film; a sample that is stopped is taken back.
+
+    The picture holds, wave by wave, the camera and the samples that were drawn."""
 
     def __init__(self, clock, wave_s=0.004):
         self.clock, self.wave_s = clock, wave_s
@@ -72,16 +73,21 @@ class Artist:
         if self.drawn is None or not request.keeps_samples_of(self.drawn):
             self.film[:] = 0.0
         self.drawn = request
+        whole = self.film.copy()
         for wave in range(WAVES):
             if stop():
-                self.drawn = None
+                self.film = whole
                 self.stopped += 1
-                return False
+                return self.samples
             self.clock.pass_(self.wave_s)
             self.film[wave, :, 0] = request.pose.eye[0]
             self.film[wave, :, 2] += 1
         self.added += 1
-        return True
+        return self.samples
+
+    @property
+    def samples(self):
+        return int(self.film[0, 0, 2])
 
     def show(self, request):
         assert self.drawn is not None, "there is nothing whole to be shown"
@@ -176,10 +182,10 @@ def test_a_camera_that_goes_and_comes_back_within_a_wave_finds_no_half_sample(mo
         if artist.added != 2 or artist.stopped:
             return add(request, stop)
         session.want(at(1.0))
-        assert not add(request, stop)
+        assert add(request, stop) == 2
         session.want(FIRST.pose)
         clock.pass_(1.0)
-        return False
+        return artist.samples
 
     monkeypatch.setattr(artist, "add", goes_and_comes_back)
     run(session, clock)
@@ -217,7 +223,7 @@ def test_a_picture_is_sent_less_often_the_longer_it_has_converged():
 @pytest.mark.parametrize("field", OTHER)
 def test_what_restarts_a_picture(field):
     assert OTHER.keys() == {one.name for one in fields(Settings)}
-    first = replace(FIRST, settings=replace(FIRST.settings, frame="path")) if field == "max_depth" else FIRST
+    first = replace(FIRST, settings=replace(FIRST.settings, frame="path")) if field == "bounces" else FIRST
     session, artist, screen, clock = made(first)
     run(session, clock)
     session.want(**{field: OTHER[field]})

@@ -37,7 +37,7 @@ def exposure_of(lightmap: Lightmap) -> float:
 
 
 def save_maps(
-    lightmap: Lightmap, folder: Path, *, stitch: bool = True, visible: NDArray[np.bool_] | None = None
+    lightmap: Lightmap, folder: Path | str, *, stitch: bool = True, visible: NDArray[np.bool_] | None = None
 ) -> list[Path]:
     """Write each kind of light and the openness as linear EXR and PNG, occupancy and charts as PNG; returns the files.
     Several maps get numbered files.
@@ -45,7 +45,7 @@ def save_maps(
     stitch: whether seams are matched. visible: (N,) bool, what a view shows, written as well. Raises InputError without
     the package OpenEXR, StorageError.
     """
-    texels = lightmap.texels
+    texels, folder = lightmap.texels, Path(folder)
     seams = Seams.of(texels.mesh, texels.atlas) if stitch else None
     exposure = exposure_of(lightmap)
     files: dict[str, bytes] = {}
@@ -76,13 +76,14 @@ def _parts(atlas: Atlas, image: NDArray[Any]) -> list[tuple[str, NDArray[Any]]]:
     return [(f"_{number}" if len(parts) > 1 else "", part) for number, part in enumerate(parts)]
 
 
-def save_model(lightmap: Lightmap, scene: Scene, path: Path, *, stitch: bool = True) -> Path:
+def save_model(lightmap: Lightmap, scene: Scene, path: Path | str, *, stitch: bool = True) -> Path:
     """Write the mesh as binary glTF with its light, which viewers show unshaded (KHR_materials_unlit).
 
     The map is the base colour, by TEXCOORD_0 and an equal TEXCOORD_1, and also a MOZ_lightmap; albedo and opacity are
     the colour of vertices. Several maps get a mesh each, and panes one of their own that blends. Nodes place vertices,
     which count from the mesh's origin. Raises InputError for another suffix, StorageError.
     """
+    path = Path(path)
     if path.suffix.lower() != ".glb":
         raise InputError(f"a model is to be written to {str(path)!r}, expected a name that ends in .glb")
     atlas, look, mesh = lightmap.texels.atlas, look_of(scene), scene.mesh

@@ -38,7 +38,7 @@ class Look:
 
     def __init__(self, scene: Scene) -> None:
         shown = replace(scene, materials=[shown_of(one) for one in scene.materials], normals=None, lights=())
-        self._surfaces, self._mesh = surfaces_of(shown, scene.sky.power, None), scene.mesh
+        self._surfaces, self._mesh = surfaces_of(shown, scene.sky.power), scene.mesh
         self._is_clear = np.array([one.clear_share > 0.0 for one in scene.materials])[scene.face_materials]
         self.panes: NDArray[np.bool_] = self._surfaces.flags & HOLES != 0
 

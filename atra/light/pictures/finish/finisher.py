@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -15,17 +15,29 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.files.paths import write_atomically
 from atra.geometry.view import View
+from atra.hits import Hits
 from atra.light.oidn import Denoiser
 from atra.light.pictures.files import check_picture_path, exr_of, png_of
 from atra.light.pictures.film import Film
 from atra.light.pictures.finish.fingerprint import fingerprint
-from atra.light.pictures.finish.normals import shading_normals
+from atra.light.pictures.finish.layers_kernels import LAYER_PLANES, layers_kernel
 from atra.light.pictures.finish.tone import stops_of, toned
+from atra.light.pictures.gbuffer_kernels import new_chunk
 from atra.light.pictures.options import RenderOptions
+from atra.light.pictures.path_kernels import Pixels
+from atra.light.scattering.diffuse import plain_of
 from atra.light.scene import Scene
+from atra.light.sky import constant_sky
+from atra.light.tables import surfaces_of
+from atra.rays.kernel_scene import KernelScene, Query
 from atra.tracing.lifetime import Lifetime
 from atra.tracing.tracer import Tracer
 from atra.views.sampling import sub_pixel_offsets
+
+Offset = tuple[float, float]
+
+Wave = Callable[[int, int, Query], None]
+"""Works on a number of pixels from a first one on, with what a thread asks a scene by."""
 
 CENTRE = (0.5, 0.5)
 
@@ -55,6 +67,7 @@ class Finisher(Lifetime):
     camera: View
     options: RenderOptions
     _film: Film
+    rays: KernelScene
     _tracer: Tracer
 
     @abstractmethod
@@ -70,8 +83,10 @@ class Finisher(Lifetime):
         return None
 
     @abstractmethod
-    def _albedo(self, samples: int) -> NDArray[np.float32]:
-        """(H, W, 3), the base colours of what is seen, mean of so many samples; 1 for the sky."""
+    def _pixels(self, offset: Offset, hits: Hits | None) -> Pixels: ...
+
+    @abstractmethod
+    def _in_waves(self, each: Wave) -> bool: ...
 
     @property
     def state(self) -> dict[str, NDArray[Any]]:
@@ -93,7 +108,7 @@ class Finisher(Lifetime):
 
     def _fingerprint(self) -> NDArray[np.uint8]:
         options = dict(vars(self.options))
-        for name in ("threads", "wave_rays", "most_samples"):  # which change no sample
+        for name in ("threads", "most_samples"):  # which change no sample
             options.pop(name, None)
         version = import_module("atra").__version__
         return fingerprint(version, type(self).__name__, self.scene, self.camera, options)
@@ -101,11 +116,22 @@ class Finisher(Lifetime):
     def layers(self) -> Layers:
         """What the pixels see first. Raises ClosedError after `close`."""
         with self._in_use():
-            albedo = self._albedo(_POINTS)
-            normals = np.zeros_like(albedo)
-            for x, y in sub_pixel_offsets(_POINTS).tolist():
-                normals += shading_normals(self._tracer.trace((x, y)), self.scene)
-            return Layers(albedo, normals / np.float32(_POINTS))
+            scene = self.scene
+            plain = tuple(plain_of(material) for material in scene.materials)
+            surfaces = surfaces_of(replace(scene, materials=plain, lights=(), sky=constant_sky(1.0)), 1.0)
+            film = Film((LAYER_PLANES, self.camera.width, self.camera.height))
+            kernel, chunks = layers_kernel(self.rays.packet_width), [new_chunk() for _ in range(self.rays.threads)]
+            for number, offset in enumerate(sub_pixel_offsets(_POINTS).tolist()):
+                pixels = self._pixels(tuple(offset), self._tracer.trace(tuple(offset)))._replace(sample=number)
+
+                def add(first: int, count: int, query: Query, pixels: Pixels = pixels) -> None:
+                    kernel(
+                        first, count, pixels, surfaces, query.scene, query.packet, chunks[query.worker], film.sums
+                    )  # fmt: skip
+
+                self._in_waves(add)
+                film.end_sample()
+            return Layers(*(film.as_image(film.mean(slice(first, first + 3))) for first in (0, 3)))
 
     def denoised(self, layers: Layers | None = None) -> NDArray[np.float32]:
         """The image without its noise, by Open Image Denoise. layers: of this camera; None: they are made.

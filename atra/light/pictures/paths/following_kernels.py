@@ -24,6 +24,8 @@ from atra.light.scattering.bending_kernels import passed_within
 from atra.light.scattering.spots_kernels import BLACK, WHITE, scatter, spot_of
 from atra.light.surface_kernels import ENDS, SHINES, meet
 
+_NEVER = 1 << 30
+
 
 class Limits(NamedTuple):
     """Where paths end. max_depth: surfaces that they meet at most, or, of texels, one more. roulette: surfaces after
@@ -31,6 +33,12 @@ class Limits(NamedTuple):
 
     max_depth: int
     roulette: int
+
+
+def limits_of(bounces: int, roulette_from: int | None, first: int = 0) -> Limits:
+    """Limits of paths of at most so many reflections between an emitter and where they start. roulette_from:
+    reflections after which they may end by chance, None = never. first: 1 for paths that start on a surface."""
+    return Limits(bounces + 1 + first, _NEVER if roulette_from is None else roulette_from)
 
 
 class Found(NamedTuple):

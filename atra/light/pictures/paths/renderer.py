@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 from atra.geometry.view import View
 from atra.light.emitters.tables import emitters_of, no_emitters
 from atra.light.laps import Laps
-from atra.light.pictures.hybrid import albedo_of
 from atra.light.pictures.options import PathOptions
-from atra.light.pictures.path_kernels import BLOCK, FREE_ROWS, Pixels
+from atra.light.pictures.path_kernels import FREE_ROWS, Pixels
 from atra.light.pictures.paths.depth_first_kernels import ALPHA, follow_depth_first
-from atra.light.pictures.paths.following_kernels import Limits
+from atra.light.pictures.paths.following_kernels import limits_of
 from atra.light.pictures.renderer import Primary, Renderer
 from atra.light.scene import Scene
 from atra.light.surface_kernels import Surfaces
@@ -23,14 +22,15 @@ from atra.rays.kernel_scene import Query
 class PathRenderer(Renderer):
     """Pictures by path tracing.
 
-        with atra.light.PathRenderer(scene, camera, max_depth=8) as renderer:
+        with atra.light.PathRenderer(scene, camera, bounces=8) as renderer:
             renderer.add(64)
             renderer.save("picture.png")
 
-    Each sample traces one path per pixel. It ends at the sky, at an `Emissive` surface, dark after `max_depth` rays, or
-    by chance where little of its light is left (option `roulette`). From every surface but mirrors another ray is aimed
-    at an emitter (option `lights`): a triangle that shines, a panorama, or one of the scene's lights. Random numbers
-    are Sobol' points, scrambled for each pixel and bounce. Stages: primary and depth_first, the paths.
+    Each sample traces one path per pixel. It ends at the sky, at an `Emissive` surface, dark after `bounces`
+    reflections, or by chance where little of its light is left (option `roulette_from`). From every surface but mirrors
+    another ray is aimed at an emitter (option `lights`): a triangle that shines, a panorama, or one of the scene's
+    lights. Random numbers are Sobol' points, scrambled for each pixel and bounce. Stages: primary and depth_first, the
+    paths.
 
     Parameters
     ----------
@@ -41,19 +41,16 @@ class PathRenderer(Renderer):
     jitter : {"shared", "off", "pixel"}
         Sub-pixel offset of rays: one for all pixels, new for each sample; the centre; or one per pixel, whose rays the
         renderer traces itself.
-    wave_rays : int
-        Pixels that a thread takes at a time, a multiple of 2,048.
-    start_off : float, optional
-        Offset of rays from the triangle they leave, scene units (default: as far as float32 needs).
     most_samples : int, optional
         Most samples of a picture (default: any number).
-    max_depth : int
-        Most rays of a path, the primary ray included.
-    lights : {"aimed", "found"}
-        How emitters are found: a ray from every surface but mirrors is aimed at one, and both ways share its light; or
-        by scattered rays alone, which never meet lamps without extent.
-    roulette : int
-        Rays after which a path may end by chance, the likelier the less light it carries.
+    bounces : int
+        Most reflections of light before it reaches the eye, 0 = what shines alone.
+    lights : {"aimed", "grid", "found"}
+        How emitters are found: a ray from every surface but mirrors is aimed at one, lamps by their power or by what
+        each gives near the surface, and both ways share its light; or by scattered rays alone, which never meet lamps
+        without extent.
+    roulette_from : int, optional
+        Reflections after which a path may end by chance, the likelier the less light it carries; None: never.
     transparent : bool
         The eye does not see the sky; what is saved has an alpha channel, also through holes and panes.
 
@@ -75,16 +72,14 @@ class PathRenderer(Renderer):
         build_quality: str = "medium",
         robust: bool = True,
         jitter: str = "shared",
-        wave_rays: int = 8 * BLOCK,
-        start_off: float | None = None,
         most_samples: int | None = None,
-        max_depth: int = 5,
+        bounces: int = 4,
         lights: str = "aimed",
-        roulette: int = 4,
+        roulette_from: int | None = 4,
         transparent: bool = False,
     ) -> None:
         options = PathOptions(
-            threads, build_quality, robust, jitter, wave_rays, start_off, most_samples, max_depth, lights, roulette,
+            threads, build_quality, robust, jitter, most_samples, bounces, lights, roulette_from,
             transparent,
         )  # fmt: skip
         super().__init__(scene, camera, primary, options)
@@ -94,8 +89,9 @@ class PathRenderer(Renderer):
         return ALPHA + 1 if self.options.transparent else ALPHA
 
     def _tables(self) -> Surfaces:
-        self._emitters = emitters_of(self.scene) if self.options.lights == "aimed" else no_emitters()
-        return surfaces_of(self.scene, self.scene.sky.power, self.options.start_off)
+        lights = self.options.lights
+        self._emitters = no_emitters() if lights == "found" else emitters_of(self.scene, in_grid=lights == "grid")
+        return surfaces_of(self.scene, self.scene.sky.power)
 
     def _same_sums(self, scene: Scene) -> bool:
         return scene is self.scene
@@ -112,13 +108,10 @@ class PathRenderer(Renderer):
         with self._lock:
             return self._film.as_image(self._film.mean(slice(ALPHA, ALPHA + 1)))[..., 0]
 
-    def _albedo(self, samples: int) -> NDArray[np.float32]:
-        return albedo_of(self, samples)
-
     def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> int | None:
         lap, free = Laps(stages), np.empty((FREE_ROWS, 1), np.float32)
         arguments = pixels, query.scene, query.packet, self._surfaces, self._emitters, self._film.sums, free
-        limits = Limits(self.options.max_depth, self.options.roulette)
+        limits = limits_of(self.options.bounces, self.options.roulette_from)
         rays = follow_depth_first(first, count, *arguments, limits)
         lap("depth_first")
         return None if rays < 0 else rays

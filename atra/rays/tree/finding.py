@@ -11,18 +11,15 @@ from numpy.typing import NDArray
 
 from atra.compiled.threads import WorkerPool
 from atra.errors import MemoryBudgetError
-from atra.exact.lines_kernels import PARTS
 from atra.geometry.mesh import Mesh
-from atra.rays.all_hits.boxes_kernels import MOST_NODES
-from atra.rays.all_hits.crossings_kernels import AREAS
-from atra.rays.all_hits.finding_kernels import all_hits_kernel, lay_out
-from atra.rays.all_hits.memory import CHUNK, LANE_ROWS, LEAVES, RAY_LANES, STACK, Found, Lists, TreeAddresses
-from atra.rays.nearest.batches_kernels import nearest_kernel
 from atra.rays.order import Numbers, RayOrder, plan_of
 from atra.rays.rays import Rays
 from atra.rays.rays_kernels import RayBatch, batch_of
+from atra.rays.tree.all_hits_kernels import all_hits_kernel, lay_out
+from atra.rays.tree.memory import CHUNK, Hits, Lists, TreeAddresses, thread_memory
+from atra.rays.tree.nearest_kernels import nearest_kernel
 from atra.tracing.budgets import check_needed_bytes
-from atra.trees.wide import CHILDREN, WideBvh, wide_bvh
+from atra.trees.wide import WideBvh, wide_bvh
 
 FEWEST_TRIANGLES = 1 << 15
 """Smallest mesh whose rays are put in order; a smaller one fits the cache anyway."""
@@ -86,6 +83,7 @@ class HitFinder:
         self.tree = TreeAddresses(nodes, blocks, vertices, faces, sphere)
         self.mesh = mesh  # kept, as kernels read its arrays
         self._pool, self._order = pool, RayOrder(pool)
+        self._memory = [thread_memory() for _ in range(pool.threads)]
         self._found = [_memory(0) for _ in range(pool.threads)]
 
     def find(self, rays: Rays, most: int = MOST, progress: Progress | None = None) -> HitArrays:
@@ -131,7 +129,9 @@ class HitFinder:
     def _run(self, kernel: Callable[..., None], rays: Numbers, some: slice, lists: Lists, most: int) -> None:
         batch = batch_of(*(array[some] for array in rays))
         self._pool.run(
-            lambda worker, counter: kernel(counter, self.tree, batch, lists, self._found[worker], worker, most)
+            lambda worker, counter: kernel(
+                counter, self.tree, batch, lists, self._memory[worker][1], self._found[worker], worker, most
+            )
         )
 
     def hit(
@@ -148,7 +148,9 @@ class HitFinder:
 
         def trace(batch: RayBatch, *out: NDArray[Any]) -> None:
             self._pool.run(
-                lambda worker, counter: kernel(counter, self.tree, batch, near_by, self._found[worker], touches, *out)
+                lambda worker, counter: kernel(
+                    counter, self.tree, batch, near_by, self._memory[worker][1], touches, *out
+                )
             )
 
         if len(answers):
@@ -194,17 +196,12 @@ def _lists(counts: NDArray[np.int32], places: NDArray[np.int64]) -> Lists:
     return Lists(np.zeros(-(-len(counts) // CHUNK), np.int64), counts, places, np.empty(len(counts), np.bool_))
 
 
-def _memory(size: int) -> Found:
+def _memory(size: int) -> Hits:
     arrays = np.empty(size), np.empty(size, np.uint32), np.empty(size, np.float32), np.empty(size, np.float32)
-    stack = np.empty(STACK, np.int64), np.empty(STACK, np.float32)
-    leaves, nodes = [np.empty((2, count), np.int64) for count in (LEAVES, MOST_NODES)]
-    return Found(
-        *arrays, np.zeros(1, np.int64), *stack, np.empty(PARTS), np.empty(AREAS), np.empty(CHILDREN, np.float32),
-        leaves[0], leaves[1], nodes[0], nodes[1], np.empty((LANE_ROWS, RAY_LANES)), np.empty(RAY_LANES, np.int64),
-    )  # fmt: skip
+    return Hits(*arrays, np.zeros(1, np.int64))
 
 
-def _grown(found: Found) -> Found:
+def _grown(found: Hits) -> Hits:
     """Memory for twice as many hits, with those found so far."""
     size, used = max(2 * len(found.t), _START), int(found.used[0])
     check_needed_bytes(size * _HIT_BYTES, None, f"{size:,} hits of a batch of rays", _CURE)

@@ -23,9 +23,10 @@ from atra.compiled.vectors import (
 )
 from atra.exact.lines_kernels import major_axis
 from atra.exact.sums_kernels import UNIT
-from atra.rays.all_hits.boxes_kernels import BOX_MARGIN, PADDING, SMALLEST_COMPONENT, slabs_of
-from atra.rays.all_hits.memory import RAY_LANES
 from atra.rays.rays_kernels import COHERENT_DIRECTIONS, direction_of, interval_of, origin_of, scale_of
+from atra.rays.tree.boxes_kernels import BOX_MARGIN, FAR_MARGIN, PADDING, SMALLEST_COMPONENT, query_of, slabs_of
+from atra.rays.tree.crossings_kernels import ROUNDINGS
+from atra.rays.tree.memory import RAY_LANES
 from atra.trees.layout import BLOCK
 from atra.trees.wide import CHILDREN, HIGH
 
@@ -123,7 +124,7 @@ def load_rays(rays, first, last, near_by, memory):  # type: ignore[no-untyped-de
 
 
 @float_part
-def begin_rays(memory, sphere, farthest, margin):  # type: ignore[no-untyped-def]
+def _begin_rays(memory, sphere, farthest, margin):  # type: ignore[no-untyped-def]
     """Bits of the rays that come near the mesh. Writes what box tests need of each, as `start_of` and `box_ray` do of
     one; rays start anew a little earlier than there, as lengths of directions count as their least."""
     cx, cy, cz, radius = sphere
@@ -160,11 +161,29 @@ def range_of(at, bits):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True)
-def axis_of(memory, axis, bits, octant, margin):  # type: ignore[no-untyped-def]
+def _axis(memory, axis, bits, octant, margin):  # type: ignore[no-untyped-def]
     """`slabs_of` some of the rays."""
     low, high = range_of(memory + _PLACE + axis * WIDE, bits)
     one, other = range_of(memory + _INVERSE + axis * WIDE, bits)
     return slabs_of(low, high, one, other, octant >> axis & 1, margin, axis)
+
+
+@float_part
+def begin_together(tree, memory, left, octant, near_by):  # type: ignore[no-untyped-def]
+    """(bits of the rays among some that may meet the mesh, their query, where they end, the margin of boxes, the error
+    of a corner laid along a ray) of rays that `load_rays` has loaded."""
+    at, (cx, cy, cz, radius) = doubles_at(memory), tree.sphere
+    farthest = max(abs(at[0] - cx), abs(at[RAY_LANES] - cy), abs(at[2 * RAY_LANES] - cz)) + near_by
+    if near_by == np.inf:
+        ox, oy, oz = three_rows(memory + ORIGIN)
+        farthest = highest_of(largest_size(ox - spread(cx), oy - spread(cy), oz - spread(cz)), ZERO_64)
+    margin = (max(abs(cx), abs(cy), abs(cz)) + 16.0 * radius) * BOX_MARGIN + farthest * FAR_MARGIN
+    left &= _begin_rays(memory, tree.sphere, farthest, margin)
+    some, margin_32 = left if left else np.int64(1), np.float32(margin)
+    _, ahead = range_of(memory + AHEAD, some)
+    x, y = _axis(memory, 0, some, octant, margin_32), _axis(memory, 1, some, octant, margin_32)
+    query = query_of(x, y, _axis(memory, 2, some, octant, margin_32), ahead, margin_32)
+    return left, query, ahead, margin, ROUNDINGS * UNIT * (farthest + radius)
 
 
 @njit(forceinline=True)

@@ -12,10 +12,9 @@ from atra.compiled.vectors import bits_of, fused, larger, mask_of, rounded, smal
 from atra.compiled.vectors import lane as lane_of
 from atra.exact.lines_kernels import major_axis
 from atra.exact.sums_kernels import UNIT, out_of_line
-from atra.rays.all_hits.boxes_kernels import BOX_MARGIN
-from atra.rays.all_hits.crossings_kernels import PRECISE, are_sure, areas_of, crossing, is_before, laid_corner
-from atra.rays.all_hits.memory import RAY_LANES
-from atra.rays.nearest.lanes_kernels import (
+from atra.rays.tree.boxes_kernels import BOX_MARGIN
+from atra.rays.tree.crossings_kernels import PRECISE, are_sure, areas_of, crossing, is_before, laid_corner
+from atra.rays.tree.lanes_kernels import (
     AHEAD,
     CROSSED,
     CROSSED_ERROR,
@@ -36,6 +35,7 @@ from atra.rays.nearest.lanes_kernels import (
     row_at,
     spread,
 )
+from atra.rays.tree.memory import RAY_LANES
 from atra.trees.layout import BLOCK
 
 

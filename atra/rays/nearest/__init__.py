@@ -1,1 +1,0 @@
-"""Nearest hits of rays, and whether they hit anything, decided without rounding by a tree of our own."""
