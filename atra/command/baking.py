@@ -6,8 +6,9 @@ import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 from contextlib import closing
+from math import inf
 from pathlib import Path
-from time import perf_counter
+from time import monotonic, perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 SAMPLES, SIZE, BOUNCES = 256, 512, 4
 """Defaults."""
 
+MOST_SAMPLES = 1 << 20
+
 TOLD = (1, 16, 256)
 """Samples after which a bake says how far it is, where it does not write on a terminal."""
 
@@ -41,7 +44,9 @@ def add_bake(parser: ArgumentParser) -> None:
     parser.usage = "atra bake MESH [--option value ...], as in: atra bake room.glb --size 512"
     add_scene(parser)
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="folder of the files (default: MESH_baked)")
-    parser.add_argument("--samples", type=int, default=SAMPLES, help=f"samples of each texel (default: {SAMPLES})")
+    parser.add_argument("--samples", type=int, help=f"at most so many samples of each texel (default: {SAMPLES})")
+    parser.add_argument("--error", type=float, metavar="PERCENT", help="stop at this estimated error of the luminance")
+    parser.add_argument("--minutes", type=float, help="stop after so many minutes; the same command goes on")
     parser.add_argument("--size", type=int, default=SIZE, help=f"texels along a side of the map (default: {SIZE})")
     parser.add_argument("--bounces", type=int, default=BOUNCES, help=f"most reflections (default: {BOUNCES})")
     parser.add_argument(
@@ -61,10 +66,18 @@ def run_bake(given: Namespace) -> int:
     Raises InputError for files that cannot be used, and as `Baker`, `denoised` and `Page` do; StorageError.
     """
     from atra.light import Atlas, Baker, denoised, save_lit_model, save_maps, save_model
-    from atra.light.checks import check_whole
+    from atra.light.checks import check_whole, checked_number
+    from atra.light.lightmaps.states import resume, save_state
     from atra.light.oidn import check_denoiser
 
-    check_whole("samples", given.samples, 1, 1 << 20)
+    has_limit = given.error is not None or given.minutes is not None
+    target = given.samples or (MOST_SAMPLES if has_limit and given.samples is None else SAMPLES)
+    check_whole("samples", target if given.samples is None else given.samples, 1, MOST_SAMPLES)
+    for name in ("error", "minutes"):
+        if getattr(given, name) is not None:
+            checked_number(name, getattr(given, name), 0.0, above=True)
+    if given.live and has_limit:
+        raise InputError("--live bakes until its page is left; leave out --error and --minutes")
     check_whole("port", given.port, 0, 65535)
     if given.denoise:
         check_denoiser()  # now rather than after all samples
@@ -82,16 +95,25 @@ def run_bake(given: Namespace) -> int:
             flush=True,
         )
         baker.look(camera)
+        state, is_done = folder / "bake.state", False
+        if state.exists():
+            resume(baker, state)
+            print(f"atra: goes on with {printable(str(state))}", file=sys.stderr)
         start = perf_counter()
         try:
             if given.live:
-                _bake_live(baker, given, camera)
+                is_done = _bake_live(baker, target, given, camera)
             else:
                 with progress_line() as tell:
-                    bake(baker, given.samples, tell)
+                    is_done = bake(baker, target, tell, given.error, given.minutes)
         except KeyboardInterrupt:
             least = int(baker.samples.min())
             print(f"\ninterrupted after {least} samples of every texel; writing these", file=sys.stderr)
+        if is_done:
+            state.unlink(missing_ok=True)
+        elif baker.samples.any():
+            save_state(baker, state)
+            print(f"atra: the same command goes on from {printable(str(state))}", file=sys.stderr)
         taken_s = perf_counter() - start
         print(f"{baker.rays:,} rays in {taken_s:.1f} s, {baker.rays / taken_s / 1e6:.2f} million a second")
         lightmap, visible = baker.maps, baker.visible
@@ -112,12 +134,25 @@ def check_keeps_input(model: Path, folder: Path) -> None:
         raise InputError(f"--out {folder} would overwrite {model}, which is baked; give another folder")
 
 
-def bake(baker: Baker, target: int, tell: Tell) -> None:
-    """Bake to the target; what was done after each of `TOLD` samples is worth a line."""
-    for count in [*(one for one in TOLD if one < target), target]:
-        while baker.advance(count):
-            tell(f"baked {baker.share_done(target):.0%}", False)
-        tell(f"baked {baker.share_done(target):.0%}, {count} of {target} samples", True)
+def bake(baker: Baker, target: int, tell: Tell, error: float | None = None, minutes: float | None = None) -> bool:
+    """Bake until the first limit; what was done after each of `TOLD` samples is worth a line.
+
+    target: samples of each texel. error: in percent. minutes: of this run. Returns whether the error that was asked
+    for is reached, or, if none was, the target.
+    """
+    end = inf if minutes is None else monotonic() + 60.0 * minutes
+    counts = TOLD if error is None else [1 << power for power in range(target.bit_length())]
+    for count in [*(one for one in counts if one < target), target]:
+        while baker.advance(count, lambda: monotonic() >= end):
+            tell(f"baked {baker.share_done(count):.0%} of {count} samples", False)
+            if monotonic() >= end:
+                return False
+        reached = None if error is None else baker.error
+        told = "" if reached is None else f", error about {reached:.1%}"
+        tell(f"baked {count} of {target} samples{told}", True)
+        if error is not None and reached is not None and reached <= error / 100.0:
+            return True
+    return error is None
 
 
 def _view(lightmap: Lightmap, scene: Scene, camera: Camera, given: Namespace, folder: Path) -> list[Path]:
@@ -137,18 +172,19 @@ def _view(lightmap: Lightmap, scene: Scene, camera: Camera, given: Namespace, fo
     return [folder / f"{name}.png" for name in pictures]
 
 
-def _bake_live(baker: Baker, given: Namespace, camera: Camera) -> None:
-    """Bake while the camera of a page rests, shown on it until it is closed."""
+def _bake_live(baker: Baker, target: int, given: Namespace, camera: Camera) -> bool:
+    """Bake while the camera of a page rests, shown on it until it is closed; returns whether it is done."""
     from atra.light.viewer.lightmap import MapPainter
     from atra.light.viewer.page import Page
     from atra.light.viewer.request import Pose, Request, Settings
 
     pose = Pose(camera.eye, camera.target, camera.up, camera.fov_y_degrees)
-    first, name = Request(pose, Settings(samples=given.samples)), printable(given.mesh.name)
+    first, name = Request(pose, Settings(samples=target)), printable(given.mesh.name)
     size = float(np.linalg.norm(np.ptp(baker.scene.mesh.bounds, axis=0)))
-    with closing(MapPainter(baker, given.samples, given.threads)) as painter:
+    with closing(MapPainter(baker, target, given.threads)) as painter:
         with closing(Page(painter, first, given.port, name, size, settings=False)) as page:
             print(f"viewer: {page.address} shows {name}; Ctrl-C ends it, and what there is is written", flush=True)
             page.session.run()
         if painter.error is not None:
             raise painter.error
+    return bool((baker.samples >= target).all())

@@ -9,6 +9,7 @@ import pytest
 import trimesh
 from PIL import Image
 
+from atra.command import baking
 from atra.command.main import main
 from atra.light import Baker
 from atra.light.lightmaps.maps import LIGHTS
@@ -42,7 +43,7 @@ def test_a_model_becomes_maps_and_views_of_a_named_side_under_the_sky_of_a_file(
     assert bake(monkeypatch, "--sky", "sky.hdr", "--camera", "front", "--lights", "grid") == 0
     told = capsys.readouterr()
     assert "charts on 32 x 32" in told.out
-    assert "baked 100%, 2 of 2 samples" in told.err
+    assert "baked 2 of 2 samples" in told.err
     assert {path.name for path in (folder / "room_baked").iterdir()} == FILES
     assert np.asarray(Image.open(folder / "room_baked" / "environment.png")).max() > 0
 
@@ -63,13 +64,36 @@ def test_an_interrupted_bake_writes_what_there_is_and_shows_what_the_camera_saw(
     monkeypatch.setattr(Baker, "advance", interrupted)
     assert bake(monkeypatch, "--samples", "64", "--out", "out", *denoise) == 0
     assert "interrupted after 1 samples of every texel; writing these" in capsys.readouterr().err
-    assert {path.name for path in (folder / "out").iterdir()} == FILES
+    assert {path.name for path in (folder / "out").iterdir()} == FILES | {"bake.state"}
     assert np.asarray(Image.open(folder / "out" / "view.png"), float).std() > 10
     assert not [thread for thread in threading.enumerate() if thread.name == "atra-bake"]
 
 
+@needs_xatlas
+def test_a_bake_out_of_time_goes_on_to_the_bit_where_it_ended_and_ends_at_its_error(folder, monkeypatch, capsys):
+    clock = iter(range(1000))
+    monkeypatch.setattr(baking, "monotonic", lambda: float(next(clock)))
+    assert bake(monkeypatch, "--samples", "64", "--out", "parts", "--minutes", "0.1") == 0
+    assert "the same command goes on from parts/bake.state" in capsys.readouterr().err
+    monkeypatch.setattr(baking, "monotonic", lambda: 0.0)
+    assert bake(monkeypatch, "--samples", "32", "--out", "parts") == 0
+    assert "goes on with parts/bake.state" in capsys.readouterr().err
+    assert bake(monkeypatch, "--samples", "32", "--out", "whole") == 0
+    for name in ("combined.exr", "openness.exr"):
+        assert (folder / "parts" / name).read_bytes() == (folder / "whole" / name).read_bytes()
+    assert {path.name for path in (folder / "parts").iterdir()} == FILES
+    assert bake(monkeypatch, "--samples", "4096", "--error", "20", "--out", "fair") == 0
+    assert "4096 of 4096" not in capsys.readouterr().err
+    assert {path.name for path in (folder / "fair").iterdir()} == FILES
+    (folder / "parts" / "bake.state").write_bytes(b"nothing")
+    assert bake(monkeypatch, "--out", "parts") == 2
+    assert "parts/bake.state is no state of a bake" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(("given", "told"), [
     (("--samples", "0"), "samples is 0, expected a whole number from 1"),
+    (("--minutes", "0"), "minutes is 0.0, expected a finite number above 0"),
+    (("--live", "--error", "1"), "--live bakes until its page is left; leave out --error and --minutes"),
     (("--size", "7"), "size of a map is 7"),
     (("--camera", "table"), "the camera is 'table', expected a file, one of front, back"),
     (("--port", "-1"), "port is -1, expected a whole number from 0 to 65535"),

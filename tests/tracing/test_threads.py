@@ -136,7 +136,7 @@ def test_a_closed_renderer_changes_no_more_but_hands_out_its_picture():
 
 
 DARK, BRIGHT = (Scene.plain(MESH, lights=[light.Sun((0.1, -1, -0.2), power=power)]) for power in (1.0, 3.0))
-BAKE = {"size": 16, "threads": 1, "expansion": 1}
+BAKE = {"size": 16, "threads": 1}
 
 
 @pytest.mark.parametrize("samples", [2, 3])

@@ -84,7 +84,7 @@ def test_a_renderer_takes_another_pose_and_another_camera(kind):
 
 def test_a_bake_takes_another_pose_on_the_charts_it_has(monkeypatch):
     one = Baker(Scene.plain(MESH, lights=[LAMP]), size=64, threads=1)
-    assert one.share_done(4) == 0.0  # asked before anything is built
+    assert (one.share_done(4), one.rays) == (0.0, 0)  # asked before anything is built
     one.add(1)
     atlas = one.texels.atlas
     built, build = [], KernelScene._build

@@ -97,7 +97,7 @@ def test_lamps_are_as_bright_together_however_many_and_lie_inside_the_scene():
         BakeSettings(lamps=-1)
 
 
-@pytest.mark.parametrize("light", [{"albedo": 0.5}, {"lamps": 4}, {"panorama": True}, {"priority": True}])
+@pytest.mark.parametrize("light", [{"albedo": 0.5}, {"lamps": 4}, {"panorama": True}])
 def test_mitsuba_is_handed_a_scene_in_its_own_light_alone(light):
     (name,) = light
     with pytest.raises(InputError, match=f"workload.{name} is .* with workload.against=mitsuba"):
@@ -108,6 +108,8 @@ def test_bakes_by_the_library_have_single_rays():
     for options in ({"against": "mitsuba"}, {"denoise": True}):
         with pytest.raises(InputError, match="packets is 4 for a bake that is denoised or held"):
             BakeSettings(packets=4, **options)
+        with pytest.raises(InputError, match="priority is True for a bake"):
+            BakeSettings(priority=True, **options)
 
 
 def test_without_mitsuba_a_point_says_what_to_install(monkeypatch):

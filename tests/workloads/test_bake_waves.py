@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import atra
 from atra import light
 from atra.light import Baker
 from atra.light.lightmaps.paths import Paths
@@ -111,15 +110,14 @@ def test_compaction_leaves_fewer_lanes_idle():
     assert used[0] < used[1] < used[2] <= 1.0
 
 
-def test_what_the_view_shows_comes_first_in_waves_too():
-    camera = atra.Camera((0, 0, 0), (1, 0.2, 0.1), width=32, height=32)
-    with WaveBaker(LIT, sheet(BOX, 6), threads=1) as waves, atra.RasterTracer(BOX, camera, threads=1) as tracer:
-        waves.look(camera, tracer)
-        assert waves.advance(16)
-        assert (waves.samples == np.where(waves.visible, 16, 0)).all()
-        while waves.advance(16):
-            pass
-        assert (waves.samples == 16).all()
+def test_wanted_texels_get_their_samples_alone_and_the_order_changes_no_bit():
+    with WaveBaker(LIT, sheet(BOX, 6), threads=1) as waves, Baker(LIT, sheet(BOX, 6), threads=1) as baker:
+        wanted = np.arange(len(waves.texels)) % 3 == 0
+        waves.add(16, wanted)
+        assert (waves.samples == np.where(wanted, 16, 0)).all()
+        waves.add(16, ~wanted)
+        baker.add(16)
+        np.testing.assert_array_equal(waves.maps.combined, baker.maps.combined)
 
 
 def test_rays_in_flight_take_no_more_memory_for_a_larger_map():

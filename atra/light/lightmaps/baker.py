@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from importlib import import_module
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +22,7 @@ from atra.light.lightmaps.paths import AT_ONCE, Paths
 from atra.light.lightmaps.priority import on_least_converged_map, visible_texels
 from atra.light.lightmaps.probes import LightProbes, ProbeSums
 from atra.light.lightmaps.sums_kernels import SUMS
+from atra.light.pictures.finish.fingerprint import fingerprint
 from atra.light.scene import Scene
 from atra.raster.tracer import RasterTracer
 from atra.rays.kernel_scene import Query, scene_for_kernels
@@ -29,6 +32,9 @@ from atra.tracing.tracer import Tracer
 
 IN_A_PASS = 16
 """Most samples that a texel gets in one pass over the map."""
+
+_FEWEST = 4
+"""Least samples that tell a map's error: two doublings."""
 
 
 class Baker(Lifetime):
@@ -230,6 +236,35 @@ class Baker(Lifetime):
         """The means of all samples so far; a copy."""
         with self._lock:
             return Lightmap.of(self.texels, self.samples.copy(), self._sums)
+
+    @property
+    def error(self) -> float | None:
+        """Estimated root mean square error of the luminance over its mean, of valid texels; None before the fourth
+        sample. Told by how the map changes while samples double, which knows nothing of light that no sample found."""
+        lightmap = self.maps
+        known = np.flatnonzero(lightmap.valid)
+        if not len(known) or lightmap.samples[known].min() < _FEWEST:
+            return None
+        mean = float(lightmap.luminance[known].mean())
+        return float(np.sqrt(lightmap.squared_error(known) / len(known))) / mean if mean > 0.0 else 0.0
+
+    @property
+    def state(self) -> dict[str, NDArray[Any]]:
+        """All that `restore` needs to go on, to the bit as if nothing had interrupted; copies."""
+        with self._lock:
+            return {"fingerprint": self._fingerprint(), "samples": self.samples.copy(), "sums": self._sums.copy()}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Go on from the `state` of a baker of the same scene, atlas and options; threads may differ. Raises InputError
+        for another, ClosedError after `close`."""
+        with self._in_use():
+            if not np.array_equal(state["fingerprint"], self._fingerprint()):
+                raise InputError("it is of another scene, atlas, option or version of atra")
+            self.samples[:], self._sums[:] = state["samples"], state["sums"]
+
+    def _fingerprint(self) -> NDArray[np.uint8]:
+        options = {name: value for name, value in vars(self.options).items() if name != "threads"}
+        return fingerprint(import_module("atra").__version__, self.scene, self.texels.atlas, options)
 
     def _release(self) -> None:
         self.rays_scene.close()

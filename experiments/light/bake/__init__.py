@@ -105,17 +105,18 @@ class BakeSettings(UnderSky):
         if self.against == "mitsuba":
             light = {"sky": self.sky, "albedo": self.albedo, "panorama": self.panorama, "lamps": self.lamps or None}
             light["materials"] = None if self.materials == "plain" else self.materials
-            for name, value in (light | {"priority": self.priority}).items():
+            for name, value in light.items():
                 if value not in (None, False):
                     raise InputError(
                         f"workload.{name} is {value!r} with workload.against=mitsuba, which is handed all texels of a "
                         "scene in its own light; leave it out"
                     )
-        if self.is_depth_first and self.packets != 1:
-            raise InputError(
-                f"workload.packets is {self.packets} for a bake that is denoised or held against Mitsuba, whose paths "
-                "are followed one by one; leave it out"
-            )
+        for name, usual in (("packets", 1), ("priority", False)):
+            if self.is_depth_first and getattr(self, name) != usual:
+                raise InputError(
+                    f"workload.{name} is {getattr(self, name)} for a bake that is denoised or held against Mitsuba, by "
+                    "paths one after the other; leave it out"
+                )
         self.options()
 
     def options(self, threads: int | None = 1, build_quality: str = "medium") -> WaveOptions:

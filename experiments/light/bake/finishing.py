@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.light import Baker, Lightmap, Seams, denoised, dilated
-from experiments.light.waves.baker import WaveBaker
 
 _REFERENCE = 4
 """Samples of the raw map that a denoised one is compared with, as a multiple of its own."""
@@ -40,7 +39,7 @@ def finishing(baker: Baker, other: Baker, samples: int, threads: int) -> dict[st
     }
 
 
-def fill(baker: Baker | WaveBaker, samples: int) -> None:
+def fill(baker: Baker, samples: int) -> None:
     """Give every texel so many samples in all."""
     while baker.advance(samples):
         pass

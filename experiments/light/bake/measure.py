@@ -16,6 +16,7 @@ from atra import light
 from atra.geometry.mesh import Mesh
 from atra.light import Atlas, Baker, Emissive, Lambertian, Lightmap, MetallicRoughness, Texels
 from atra.light.lightmaps.options import BakeOptions
+from atra.light.lightmaps.priority import visible_texels
 from atra.light.materials import Material
 from experiments.harness.point import Measured, Point, make_own
 from experiments.light.bake import (
@@ -28,7 +29,7 @@ from experiments.light.bake import (
     WHOLE_MAP,
     WITHOUT_VIEW,
 )
-from experiments.light.bake.finishing import fill, finishing, squared_differences
+from experiments.light.bake.finishing import finishing, squared_differences
 from experiments.light.bake.mitsuba import MitsubaPaths, with_plain_light
 from experiments.light.waves.baker import WaveBaker
 from experiments.workloads.baselines import OWN
@@ -161,10 +162,11 @@ def measure(point: Point) -> Measured:
         if settings.priority:
             made: Any = make_own(point, mesh, point.camera)
             with made as tracer:
-                own.look(point.camera, tracer)  # compiles
-                begin = perf_counter()
-                own.look(point.camera, tracer)
-                results["culling_map_s"] = perf_counter() - begin
+                for _ in range(2):  # the first compiles
+                    begin = perf_counter()
+                    tracer.look(point.camera)
+                    own.visible = visible_texels(own.texels, tracer.trace(), own.rays_scene)
+                    results["culling_map_s"] = perf_counter() - begin
             if settings.other is None:
                 bakers |= {WHOLE_MAP: baker(seed=1), WITHOUT_VIEW: baker()}
                 bakers[WHOLE_MAP].visible = own.visible
@@ -212,25 +214,19 @@ def _see_through(scene: light.Scene) -> light.Scene:
 
 def _calls(bakers: dict[str, AnyBaker], samples: int) -> dict[str, Callable[[], object]]:
     def call(name: str, baker: AnyBaker) -> Callable[[], object]:
-        if name == WHOLE_MAP:
-            return lambda: add_whole(baker, samples)
-        return lambda: baker.add(samples) if baker.visible is None else add_visible(baker, samples)
+        if isinstance(baker, Baker) or baker.visible is None:
+            return lambda: baker.add(samples)
+        return lambda: add_visible(baker, samples, and_others=name == WHOLE_MAP)
 
     return {name: call(name, baker) for name, baker in bakers.items()}
 
 
-def add_visible(baker: AnyBaker, samples: int) -> None:
-    """So many samples more of what the view shows."""
+def add_visible(baker: WaveBaker, samples: int, and_others: bool) -> None:
+    """So many samples more of what the view shows, and then perhaps of all other texels."""
     assert baker.visible is not None
-    if baker.visible.any():
-        target = int(baker.samples[baker.visible].max()) + samples
-        while (baker.samples[baker.visible] < target).any():
-            baker.advance(target)
-
-
-def add_whole(baker: AnyBaker, samples: int) -> None:
-    """So many samples more of all texels, of seen ones first."""
-    fill(baker, int(baker.samples.max()) + samples)
+    baker.add(samples, baker.visible)
+    if and_others:
+        baker.add(samples, ~baker.visible)
 
 
 def _told(own: Counted, rounds: int, samples: int) -> dict[str, Any]:

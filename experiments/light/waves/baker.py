@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.geometry.view import View
 from atra.light import Atlas, Lightmap, Scene, Texels, constant_sky
 from atra.light.emitters.emitters_kernels import has_emitters
 from atra.light.emitters.tables import emitters_of
@@ -17,11 +16,9 @@ from atra.light.laps import Laps
 from atra.light.lightmaps.batches import in_batches
 from atra.light.lightmaps.options import BakeOptions
 from atra.light.lightmaps.paths import Paths
-from atra.light.lightmaps.priority import visible_texels
 from atra.light.lightmaps.sums_kernels import SUMS
 from atra.light.pictures.path_kernels import FREE_ROWS
 from atra.rays.kernel_scene import Query, scene_for_kernels
-from atra.tracing.tracer import Tracer
 from experiments.light.waves.waves_kernels import (
     Wave,
     aim,
@@ -90,41 +87,27 @@ class WaveBaker:
         """The means of all samples so far; a copy."""
         return Lightmap.of(self.texels, self.samples.copy(), self._sums)
 
-    def look(self, camera: View, tracer: Tracer) -> None:
-        """As `Baker.look`."""
-        tracer.look(camera)
-        self.visible = visible_texels(self.texels, tracer.trace(), self.rays_scene)
-
-    def add(self, samples: int) -> None:
-        """As `Baker.add`."""
-        every = np.ones(len(self.texels), np.bool_)
-        while samples > 0:
+    def add(self, samples: int, wanted: NDArray[np.bool_] | None = None) -> None:
+        """Add so many samples to the wanted texels, (N,); None: to all."""
+        order = self._order(np.ones(len(self.texels), np.bool_) if wanted is None else wanted)
+        while samples > 0 and len(order):
             count = min(samples, self.options.expansion)
-            self._pass(every, count)
+            self._pass(order, count)
             samples -= count
-
-    def advance(self, target: int) -> bool:
-        """As `Baker.advance`, of a single map."""
-        wanted = self.samples < target
-        if self.visible is not None and (wanted & self.visible).any():
-            wanted &= self.visible
-        if wanted.any():
-            self._pass(wanted, min(target - int(self.samples[wanted].max()), self.options.expansion))
-        return bool(wanted.any())
 
     def _order(self, wanted: NDArray[np.bool_]) -> NDArray[np.int32]:
         """Numbers of wanted texels, neighbours together; or those of the whole map in rows, -1 elsewhere."""
-        texels = self.texels
-        if self.options.compaction != "none":
-            return texels.along_curve[wanted[texels.along_curve]]
-        order = np.full(texels.atlas.width * texels.atlas.height, -1, np.int32)
-        order[texels.number[wanted]] = np.flatnonzero(wanted)
+        start, texels = perf_counter(), self.texels
+        order = texels.along_curve[wanted[texels.along_curve]]
+        if self.options.compaction == "none":
+            order = np.full(texels.atlas.width * texels.atlas.height, -1, np.int32)
+            order[texels.number[wanted]] = np.flatnonzero(wanted)
+        self.stage_s["order"] = self.stage_s.get("order", 0.0) + perf_counter() - start
         return order
 
-    def _pass(self, wanted: NDArray[np.bool_], expansion: int) -> None:
-        start = perf_counter()
-        order, threads = self._order(wanted), self.rays_scene.threads
-        stages = [{"order": perf_counter() - start} for _ in range(threads)]
+    def _pass(self, order: NDArray[np.int32], expansion: int) -> None:
+        start, threads = perf_counter(), self.rays_scene.threads
+        stages: list[dict[str, float]] = [{} for _ in range(threads)]
         rays, lanes = max(self.options.batch_rays // threads, expansion), [0] * threads
 
         def add(query: Query, first: int, texels: int) -> int:

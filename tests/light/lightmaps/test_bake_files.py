@@ -13,12 +13,15 @@ import atra
 from atra import light as render
 from atra.errors import InputError
 from atra.light import Baker, ProgressiveBake, save_maps, save_model
+from atra.light.lightmaps.states import resume, save_state
 from examples import bake
 from experiments.light.bake.measure import bake_scene
 from experiments.workloads.rounds import load_mesh
 from scenes.lit.lighting import lit
 from tests.baked import baked, cube, painted, sheet
+from tests.meshes import quads
 from tests.points import planned
+from tests.shown import floor
 
 BOX = cube(inwards=True)
 COLOURS = np.repeat([(0.7, 0.6, 0.5), (0.2, 0.4, 0.1)], 6, axis=0)
@@ -61,6 +64,33 @@ def test_an_edit_starts_anew_and_a_bake_that_is_left_leaves_no_thread():
     nothing = pytest.raises(InputError, match="target is 0")
     with Baker(SCENE, ATLAS, threads=1) as baker, ProgressiveBake(baker, 0) as bake, nothing:
         bake.wait(LONG_S)
+
+
+def test_a_bake_goes_on_from_a_file_to_the_bit_and_refuses_that_of_another(tmp_path):
+    with Baker(SCENE, ATLAS, threads=1) as baker:
+        baker.add(5)
+        path = save_state(baker, tmp_path / "bake.state")
+    with Baker(SCENE, ATLAS, threads=2) as baker:
+        resume(baker, path)
+        baker.add(11)
+        np.testing.assert_array_equal(baker.maps.combined, baked(SCENE, ATLAS, 16).combined)
+    for other in (Baker(SCENE, ATLAS, seed=1), Baker(replace(SCENE, lights=[]), ATLAS), Baker(SCENE, sheet(BOX, 6))):
+        with other, pytest.raises(InputError, match="cannot be resumed: it is of another scene, atlas, option or"):
+            resume(other, path)
+    path.write_bytes(path.read_bytes()[:100])
+    with Baker(SCENE, ATLAS) as baker, pytest.raises(InputError, match="is no state of a bake"):
+        resume(baker, path)
+
+
+def test_the_error_of_a_bake_is_that_of_its_map():
+    sky = render.GradientSky((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+    mesh = quads([floor(0.5)])
+    with Baker(render.Scene.plain(mesh, 0.0, sky=sky), sheet(mesh, 32), threads=1) as baker:
+        baker.add(2)
+        assert baker.error is None
+        baker.add(62)
+        true = np.sqrt(((baker.maps.luminance * 6 / 5 - 1) ** 2).mean())
+        assert true / 1.6 < baker.error < 1.6 * true
 
 
 @pytest.mark.skipif(importlib.util.find_spec("OpenEXR") is None, reason="OpenEXR is not installed (extra `bake`)")

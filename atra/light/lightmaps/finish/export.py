@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.files.paths import write_atomically
 from atra.light.lightmaps.charts.atlas import Atlas
+from atra.light.lightmaps.finish.glb import LIGHTMAP, Glb
 from atra.light.lightmaps.finish.looks import look_of
 from atra.light.lightmaps.finish.seams import Seams, dilated
 from atra.light.lightmaps.maps import LIGHTS, Lightmap
-from atra.light.pictures.files import exr_of_channels, png_of, srgb_of
+from atra.light.pictures.files import exr_of_channels, png_of
 from atra.light.scene import Scene
 
 _BRIGHT = 0.99
@@ -85,58 +86,41 @@ def save_model(lightmap: Lightmap, scene: Scene, path: Path | str, *, stitch: bo
     path = Path(path)
     if path.suffix.lower() != ".glb":
         raise InputError(f"a model is to be written to {str(path)!r}, expected a name that ends in .glb")
-    import trimesh
-
-    atlas, look = lightmap.texels.atlas, look_of(scene)
+    atlas, look, mesh = lightmap.texels.atlas, look_of(scene), scene.mesh
     seams = Seams.of(lightmap.texels.mesh, atlas) if stitch else None
     exposure = exposure_of(lightmap)
-    image = srgb_of(exposure * finished(lightmap, lightmap.combined, seams))
+    image = exposure * finished(lightmap, lightmap.combined, seams)
     mapped = np.isfinite(atlas.uv).all(axis=(1, 2))
     albedo, opacity = look.means()
     colours = np.clip(np.rint(255.0 * np.column_stack([albedo, opacity])), 0, 255).astype(np.uint8)
-    models, panes = {}, look.panes
+    model = Glb({"asset": {"version": "2.0", "generator": "atra"}, "scene": 0, "nodes": []})
+    model.use("KHR_materials_unlit", LIGHTMAP)
     for number, (tail, part) in enumerate(_parts(atlas, image)):
-        for name, kind in (("scene", ~panes), ("panes", panes)):
+        texture = model.add_texture(png_of(part), f"lightmap{tail}")
+        for name, kind, mode in (("scene", ~look.panes, "OPAQUE"), ("panes", look.panes, "BLEND")):
             faces = np.flatnonzero(mapped & kind & (atlas.map_of == number))
-            if len(faces):
-                models[f"{name}{tail}"] = _lit_mesh(scene, atlas, faces, part, colours[faces], name == "panes")
-    placed, place = trimesh.Scene(), np.eye(4)
-    place[:3, 3] = scene.mesh.origin
-    for name, model in models.items():
-        placed.add_geometry(model, geom_name=name, node_name=name, transform=place)
-    content = placed.export(file_type="glb", tree_postprocessor=lambda tree: _mark_as_lightmap(tree, 1.0 / exposure))
-    write_atomically(path, content)
+            if not len(faces):
+                continue
+            uv = atlas.uv[faces].reshape(-1, 2) / (atlas.width, atlas.map_height) - (0, number)
+            on_map = model.add_rows(uv.astype(np.float32))
+            attributes = {
+                "POSITION": model.add_rows(mesh.local_vertices[mesh.faces[faces]].reshape(-1, 3)),
+                "TEXCOORD_0": on_map,
+                "TEXCOORD_1": on_map,
+                "COLOR_0": model.add_rows(np.repeat(colours[faces], 3, axis=0), normalized=True),
+            }
+            primitive = {"attributes": attributes, "material": _material(model, texture, mode, 1.0 / exposure)}
+            lit = model.add("meshes", {"name": f"{name}{tail}", "primitives": [primitive]})
+            model.add("nodes", {"name": f"{name}{tail}", "mesh": lit, "translation": mesh.origin.tolist()})
+    model.add("scenes", {"nodes": list(range(len(model.tree["nodes"])))})
+    write_atomically(path, model.encoded())
     return path
 
 
-def _lit_mesh(
-    scene: Scene, atlas: Atlas, faces: NDArray[np.int64], image: NDArray[np.uint8], colours: NDArray[np.uint8],
-    blends: bool,
-) -> Any:  # fmt: skip
-    """These triangles, all of one map, with that map as texture and their colours, (N, 4)."""
-    import trimesh
-    from PIL import Image
-
-    corners = scene.mesh.local_vertices[scene.mesh.faces[faces]].reshape(-1, 3)
-    uv = atlas.uv[faces].reshape(-1, 2) / (atlas.width, atlas.map_height)
-    uv[:, 1] = 1.0 + atlas.map_of[faces[0]] - uv[:, 1]
-    material = trimesh.visual.material.PBRMaterial(
-        name="lightmap", baseColorTexture=Image.fromarray(image, "RGB"), metallicFactor=0.0, roughnessFactor=1.0,
-        doubleSided=True, alphaMode="BLEND" if blends else "OPAQUE",
-    )  # fmt: skip
-    visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
-    visual.vertex_attributes["color"] = np.repeat(colours, 3, axis=0)
-    return trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), visual=visual, process=False)
-
-
-def _mark_as_lightmap(tree: dict[str, Any], intensity: float) -> None:
-    """Add the lightmap extensions to a glTF tree. intensity: the light that the map's white stands for."""
-    for mesh in tree["meshes"]:
-        for primitive in mesh["primitives"]:
-            primitive["attributes"]["TEXCOORD_1"] = primitive["attributes"]["TEXCOORD_0"]
-    for material in tree["materials"]:
-        texture = material["pbrMetallicRoughness"]["baseColorTexture"]
-        texture["texCoord"] = 1
-        lightmap = {"index": texture["index"], "texCoord": 1, "intensity": intensity}
-        material["extensions"] = {"KHR_materials_unlit": {}, "MOZ_lightmap": lightmap}
-    tree["extensionsUsed"] = sorted({*tree.get("extensionsUsed", ()), "KHR_materials_unlit", "MOZ_lightmap"})
+def _material(model: Glb, texture: int, mode: str, intensity: float) -> int:
+    """A material of a map. intensity: the light that its white stands for."""
+    on_map = {"index": texture, "texCoord": 1}
+    plain = {"baseColorTexture": on_map, "metallicFactor": 0.0, "roughnessFactor": 1.0}
+    extensions = {"KHR_materials_unlit": {}, LIGHTMAP: on_map | {"intensity": intensity}}
+    fields = {"name": "lightmap", "doubleSided": True, "alphaMode": mode}
+    return model.add("materials", {"pbrMetallicRoughness": plain, "extensions": extensions} | fields)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import re
+from base64 import b64encode
 from collections.abc import Iterator
 from copy import deepcopy
+from html import escape
 from math import log2
 from pathlib import Path
 from typing import Any
@@ -22,17 +24,14 @@ from atra.files.paths import write_atomically
 from atra.files.reading import read_regular_file
 from atra.light.lightmaps.charts.atlas import Atlas
 from atra.light.lightmaps.finish.export import exposure_of, finished
+from atra.light.lightmaps.finish.glb import ELEMENTS, LIGHTMAP, Glb
 from atra.light.lightmaps.finish.seams import Seams
 from atra.light.lightmaps.maps import Lightmap
 from atra.light.pictures.files import exr_of_channels, png_of
 from atra.light.reading.gltf import triangles_of
 from atra.light.scene import Scene, ScenePart
 
-_EXTENSION = "MOZ_lightmap"
-_JSON, _BINARY = 0x4E4F534A, 0x004E4942
-_ARRAY, _ELEMENTS = 34962, 34963
-_LINEAR, _CLAMP = 9729, 33071
-_SAFE = _EXTENSION, "EXT_texture_webp", "EXT_mesh_gpu_instancing"
+_SAFE = LIGHTMAP, "EXT_texture_webp", "EXT_mesh_gpu_instancing"
 """Extensions that name accessors and buffer views as glTF does."""
 
 _MIME = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".webp": "image/webp"}
@@ -41,7 +40,7 @@ _PAGE = Path(__file__).with_name("page.html")
 
 def save_lit_model(lightmap: Lightmap, scene: Scene, source: Path | str, path: Path | str) -> list[Path]:
     """Write the glTF or GLB `source` again, with its light: `path` (.glb), each map of the atlas as linear .exr and as
-    .png, and `path` with .html, a page that shows it by three.js. Returns the files.
+    .png, and `path` with .html, a page that holds all of it and shows it in any browser. Returns the files.
 
     Nodes, names, instances, materials, textures, cameras and lamps stay. The map's coordinates are TEXCOORD_1, or the
     next set if a material uses that; vertices on seams are doubled. Materials name the map by MOZ_lightmap, with its
@@ -66,49 +65,50 @@ def save_lit_model(lightmap: Lightmap, scene: Scene, source: Path | str, path: P
         stem = f"{path.stem}_light{f'_{number}' if atlas.maps > 1 else ''}"
         files[path.with_name(f"{stem}.exr")] = exr_of_channels({one: part[..., k] for k, one in enumerate("RGB")})
         files[path.with_name(f"{stem}.png")] = png = png_of(exposure * part)
-        textures.append(model.add_texture(png, stem))
+        textures.append(model.add_texture(png, stem, extras={"exr": f"{stem}.exr"}))
     model.light(scene, atlas, textures, 1.0 / exposure)
     files[path] = model.encoded()
-    stops = min(max(log2(exposure), -8.0), 8.0)
-    page = _PAGE.read_text(encoding="utf-8").replace("MODEL.glb", path.name).replace("STOPS", f"{stops:.1f}")
-    files[path.with_suffix(".html")] = page.encode()
+    maps = [
+        {"texture": one, "width": atlas.width, "height": atlas.map_height, "halves": _halves(part)}
+        for one, part in zip(textures, np.split(image, atlas.maps), strict=True)
+    ]
+    files[path.with_suffix(".html")] = _page(path.stem, files[path], maps, exposure)
     for name, content in files.items():
         write_atomically(name, content)
     return list(files)
 
 
-class _Model:
-    """The tree and the bytes of a glTF that grows."""
+def _halves(image: NDArray[np.float32]) -> str:
+    """An (H, W, 3) image as RGBA of half floats, in base64."""
+    rgba = np.ones((*image.shape[:2], 4), "<f2")
+    rgba[..., :3] = np.clip(image, 0.0, 65504.0)
+    return b64encode(rgba.tobytes()).decode()
+
+
+def _page(name: str, model: bytes, maps: list[dict[str, Any]], exposure: float) -> bytes:
+    """A page that shows a model with its maps, all of it inside."""
+    stops = min(max(log2(exposure), -8.0), 8.0)
+    held = {"NAME": escape(name), "STOPS": f"{stops:.1f}", "MODEL": b64encode(model).decode(), "MAPS": json.dumps(maps)}
+    page = _PAGE.read_text(encoding="utf-8")
+    return re.sub("|".join(held), lambda found: held[found[0]], page).encode()
+
+
+class _Model(Glb):
+    """The glTF of a file."""
 
     def __init__(self, source: Path) -> None:
         content, suffix = read_regular_file(source), source.suffix.lower().lstrip(".")
         folder = Folder(source)
-        self.tree: Any = deepcopy(gltf_tree(content, suffix))
+        super().__init__(deepcopy(gltf_tree(content, suffix)))
         self._numbers = Numbers(self.tree, content, suffix, folder)
-        self._views: list[tuple[Any, bytes]] = []
         for number, view in enumerate(self.tree.get("bufferViews", [])):
             kept = {name: view[name] for name in ("byteStride", "target", "name") if name in view}
-            self._add_view(self._numbers.view(number), **kept)
+            self.add_view(self._numbers.view(number), **kept)
         for image in self.tree.get("images", []):
             uri = image.get("uri")
             if uri is not None and not uri.startswith("data:"):
-                image["bufferView"] = self._add_view(folder.read(image.pop("uri")))
+                image["bufferView"] = self.add_view(folder.read(image.pop("uri")))
                 image["mimeType"] = _MIME.get(Path(uri).suffix.lower(), "image/png")
-
-    def _add_view(self, content: bytes, **fields: Any) -> int:
-        self._views.append((fields, content))
-        return len(self._views) - 1
-
-    def _add(self, kind: str, entry: Any) -> int:
-        self.tree.setdefault(kind, []).append(entry)
-        return len(self.tree[kind]) - 1
-
-    def add_texture(self, png: bytes, name: str) -> int:
-        """A texture of the map; returns its number."""
-        image = self._add("images", {"name": name, "mimeType": "image/png", "bufferView": self._add_view(png)})
-        sampler = {"magFilter": _LINEAR, "minFilter": _LINEAR, "wrapS": _CLAMP, "wrapT": _CLAMP}
-        texture = {"name": name, "source": image, "sampler": self._add("samplers", sampler)}
-        return self._add("textures", texture | {"extras": {"exr": f"{name}.exr"}})
 
     def light(self, scene: Scene, atlas: Atlas, textures: list[int], intensity: float) -> None:
         """Give each placed mesh coordinates on the map, and each material its texture."""
@@ -136,10 +136,10 @@ class _Model:
             given = self.tree["nodes"][node]
             old = self.tree["meshes"][given["mesh"]]
             rest = [one for k, one in enumerate(old["primitives"]) if (node, k) not in seen]  # points and lines
-            given["mesh"] = self._add("meshes", {**old, "primitives": primitives + rest})
+            given["mesh"] = self.add("meshes", {**old, "primitives": primitives + rest})
         meshes = json.dumps(self.tree["meshes"])
         decoded = {name for name in (DRACO, *MESHOPT) if name not in meshes}
-        self.tree["extensionsUsed"] = sorted({*self.tree.get("extensionsUsed", ()), _EXTENSION} - decoded)
+        self.tree["extensionsUsed"] = sorted({*self.tree.get("extensionsUsed", ()), LIGHTMAP} - decoded)
         required = sorted({*self.tree.pop("extensionsRequired", ())} - decoded)
         self.tree |= {"extensionsRequired": required} if required else {}
 
@@ -165,38 +165,21 @@ class _Model:
         vertices = corners[first]
         for attributes in (given["attributes"], *given.get("targets", ())):
             for name, accessor in attributes.items():
-                attributes[name] = self._add_rows(*self._numbers.rows(accessor), vertices)
-        on_map = self._add_rows({}, places[first])
+                given_accessor, rows = self._numbers.rows(accessor)
+                fields = {key: given_accessor[key] for key in ("normalized", "name") if key in given_accessor}
+                attributes[name] = self.add_rows(rows[vertices], **fields)
+        on_map = self.add_rows(places[first])
         for lower in range(channel):  # sets must be consecutive
             given["attributes"].setdefault(f"TEXCOORD_{lower}", on_map)
         given["attributes"][f"TEXCOORD_{channel}"] = on_map
-        given["indices"] = self._add_rows({}, corner.reshape(-1, 1).astype(np.uint32), target=_ELEMENTS)
+        given["indices"] = self.add_rows(corner.reshape(-1, 1).astype(np.uint32), ELEMENTS)
         given["mode"] = 4
         return given
 
-    def _add_rows(
-        self, accessor: Any, rows: NDArray[Any], chosen: NDArray[np.int64] | None = None, target: int = _ARRAY
-    ) -> int:
-        """An accessor of (chosen) rows that has the fields of `accessor` otherwise."""
-        rows = np.ascontiguousarray(rows if chosen is None else rows[chosen])
-        size, item = rows.shape[1], rows.dtype.itemsize
-        made = {name: accessor[name] for name in ("normalized", "name") if name in accessor}
-        made |= {
-            "count": len(rows),
-            "type": "SCALAR" if size == 1 else f"VEC{size}",
-            "componentType": _KINDS[rows.dtype.str],
-        }
-        if target == _ARRAY:
-            made |= {"min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist()}
-        padded = np.zeros((len(rows), -(-size * item // 4) * 4), np.uint8)
-        padded[:, : size * item] = rows.view(np.uint8).reshape(len(rows), -1)
-        fields = {"target": target} | ({"byteStride": padded.shape[1]} if target == _ARRAY else {})
-        return self._add("accessors", made | {"bufferView": self._add_view(padded.tobytes(), **fields)})
-
     def _lit_material(self, number: int | None, map_of: Any) -> int:
         material: Any = {} if number is None else deepcopy(self.tree["materials"][number])
-        material.setdefault("extensions", {})[_EXTENSION] = map_of
-        return self._add("materials", material)
+        material.setdefault("extensions", {})[LIGHTMAP] = map_of
+        return self.add("materials", material)
 
     def _keep(self, kind: str, places: list[Place]) -> None:
         """Keep the entries that are named."""
@@ -205,20 +188,13 @@ class _Model:
     def encoded(self) -> bytes:
         """The file, a GLB, without the geometry that has been replaced."""
         used = set(self.tree.get("extensionsUsed", ()))
-        views = self._views
         if all(
             name.startswith("KHR_") or name in _SAFE for name in used
         ):  # others may name numbers by keys of their own
             self._keep("meshes", [(node, "mesh") for node in self.tree["nodes"] if "mesh" in node])
             self._keep("accessors", list(_accessors_of(self.tree)))
-            views = [views[k] for k in _renumbered(list(_naming(self.tree, "bufferView")))]
-        content, entries = bytearray(), []
-        for fields, part in views:
-            content += b"\0" * (-len(content) % 4)
-            entries.append({"buffer": 0, "byteOffset": len(content), "byteLength": len(part), **fields})
-            content += part
-        self.tree["bufferViews"], self.tree["buffers"] = entries, [{"byteLength": len(content)}]
-        return _glb(self.tree, bytes(content))
+            self.views = [self.views[k] for k in _renumbered(list(_naming(self.tree, "bufferView")))]
+        return super().encoded()
 
 
 Place = tuple[Any, Any]
@@ -258,15 +234,3 @@ def _naming(tree: Any, key: str) -> Iterator[Place]:
     for entry in entries:
         if isinstance(entry, dict | list):
             yield from _naming(entry, key)
-
-
-def _glb(tree: Any, binary: bytes) -> bytes:
-    text = json.dumps(tree, separators=(",", ":")).encode()
-    chunks = b""
-    for kind, content, blank in ((_JSON, text, b" "), (_BINARY, binary, b"\0")):
-        content += blank * (-len(content) % 4)
-        chunks += len(content).to_bytes(4, "little") + kind.to_bytes(4, "little") + content
-    return b"glTF" + (2).to_bytes(4, "little") + (12 + len(chunks)).to_bytes(4, "little") + chunks
-
-
-_KINDS = {"|i1": 5120, "|u1": 5121, "<i2": 5122, "<u2": 5123, "<u4": 5125, "<f4": 5126}
