@@ -18,16 +18,16 @@ from experiments.harness.configuration import Configuration, records_folder
 from experiments.harness.identity import code_sha256
 from experiments.harness.point import Point
 from experiments.harness.points import GridPoint, PlannedPoint, Runner, in_order, measure, plan_sweep
+from experiments.harness.processes.idle import Waiting
 from experiments.harness.processes.launching import run_worker
-from experiments.harness.processes.quiet import Waiting
 from experiments.harness.progress import SweepProgress, say, say_roughly
 from experiments.harness.records import Record, check_writable, exclusive, read_record, write_record
 from experiments.launched import Launch, Launched, reusable
 from experiments.report.writing import check_figures, choose_folder, tell_whose_tables_are_replaced, write_results
-from experiments.results.doubts import was_quiet
 from experiments.results.processes import WHY, as_replacement, key_of, to_replace
 from experiments.results.table import Tables, make_tables
 from experiments.results.terminal import print_sweep, results_console, say_label, say_outcome, say_problems
+from experiments.results.time_warnings import was_idle
 
 _PROCESS_S = 3.0
 """Seconds that a process is expected to take before any is measured: its start and some frames of a million pixels."""
@@ -61,9 +61,9 @@ def run_sweep(
     folder, records = choose_folder(first, points, command, console), records_folder(first)
     check_writable(folder)
     check_writable(records)
-    quiet = Waiting(first.measure.quiet_limit_s, partial(say, console), needed=first.measure.quiet_only)
+    waiting = Waiting(first.measure.idle_limit_s, partial(say, console), needed=first.measure.idle_only)
     launched = None if launch is None else Launched(launch, at_once, records, points)
-    sweep = _Sweep(points, records, console, run or run_worker, launched, quiet)
+    sweep = _Sweep(points, records, console, run or run_worker, launched, waiting)
     with exclusive(records.parent, records, folder):
         to_do = sweep.begin(folder, first.sweep.shuffle_seed)
         passes = sweep.passes(to_do)
@@ -115,17 +115,17 @@ def _finish(sweep: _Sweep, first: Configuration, folder: Path, command: str, int
 @dataclass
 class _Sweep:
     """Points of a sweep by identity. folder: of the records. run: as of `run_sweep`. launched: has the points measured
-    elsewhere, None = they are measured here. quiet: waits for a quiet machine. done: the records so far, by identity.
-    is_quiet: whether the machine was so of late."""
+    elsewhere, None = they are measured here. waiting: waits for an idle machine. done: the records so far, by identity.
+    is_idle: whether the machine was so of late."""
 
     points: dict[str, PlannedPoint]
     folder: Path
     console: Console
     run: Runner
     launched: Launched | None
-    quiet: Waiting
+    waiting: Waiting
     done: dict[str, Record] = field(default_factory=dict)
-    is_quiet: bool = False
+    is_idle: bool = False
 
     def begin(self, results: Path, shuffle_seed: int) -> list[str]:
         """Take over what was finished before, record what cannot be measured, and return what is left to do."""
@@ -181,8 +181,8 @@ class _Sweep:
         with SweepProgress(sum(map(len, passes)), self.console) as progress:
             for number, names in enumerate(passes, 1):
                 is_first_look = number == 1 and len(passes) > 1
-                if is_first_look and self.quiet.tell_who_disturbs():
-                    self.is_quiet = True
+                if is_first_look and self.waiting.tell_who_disturbs():
+                    self.is_idle = True
                 self._measure(names, progress, waits=not is_first_look)
                 if number < len(passes):
                     yield self._point(names[0]).process + 1
@@ -212,7 +212,7 @@ class _Sweep:
             )
 
     def _measure(self, names: Sequence[str], progress: SweepProgress, waits: bool = True) -> None:
-        """Measure processes; an interrupt leaves those that are done. waits: for a quiet machine."""
+        """Measure processes; an interrupt leaves those that are done. waits: for an idle machine."""
         if self.launched is not None:
             self._have_measured(names, self.launched, progress)
             return
@@ -220,10 +220,10 @@ class _Sweep:
             point = self._point(name)
             label = say_label(point)
             progress.begin(label)
-            if waits and point.workload.is_timed and not self.is_quiet:
-                self.quiet.for_quiet()
+            if waits and point.workload.is_timed and not self.is_idle:
+                self.waiting.for_idle()
             self._keep(name, measure(self.points[name], self.run))
-            self.is_quiet = was_quiet(self.done[name])
+            self.is_idle = was_idle(self.done[name])
             # What tells points apart that compile other kernels.
             progress.end(label, say_outcome(self.done[name], self.folder), f"{point.workload.name} {point.method.name}")
 

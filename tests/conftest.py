@@ -36,7 +36,7 @@ def start_alike(variables):
     variables["TZ"] = "UTC"
     variables["NO_PROXY"] = variables["no_proxy"] = "localhost,127.0.0.1"  # tests talk to servers of their own
     variables["ATRA_QUIET"] = "1"  # tests compile all the time, and read what programs write on standard error
-    variables["ATRA_QUIET_LIMIT_S"] = "0"  # their sweeps measure nothing that anybody believes
+    variables["ATRA_IDLE_LIMIT_S"] = "0"  # their sweeps measure nothing that anybody believes
 
 
 start_alike(os.environ)

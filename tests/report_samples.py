@@ -37,11 +37,11 @@ CLAIMS = (
 
 
 def small_table():
-    """Eight rows: two doubtful, one skipped, one failed with an error and a scene of angle brackets and line breaks."""
+    """Eight rows: two flagged, one skipped, one failed with an error and a scene of angle brackets and line breaks."""
     times = zip((1, 2, 4, 8), (0.05, 0.009, 0.1, 0.02), strict=True)
     rows = [_time_row("cornell_box", split, time) for split, time in times]
-    rows[0]["doubts"] = "spread is 12% of the median; shortest sample is below 1 ms"
-    rows[1]["doubts"] = "spread is 31% of the median"
+    rows[0]["warnings"] = "spread is 12% of the median; shortest sample is below 1 ms"
+    rows[1]["warnings"] = "spread is 31% of the median"
     rows[1] |= {"speedup": 20.5, "speedup_low": 20.25, "speedup_high": 20.75, "pixels_wrong": 3}
     rows[2]["plan_time_s"] = 1.5e-7
     stand_in = _time_row("material_ball", 2, 0.25, packet_width=1)
@@ -127,7 +127,7 @@ def small_contents(**fields):
 def contents_that_say(text):
     """A report that has this text wherever a text of data may stand."""
     table = small_table()
-    for name in ("scene", "error", "doubts", "cpu", "stands_for", "measured_at"):
+    for name in ("scene", "error", "warnings", "cpu", "stands_for", "measured_at"):
         table[name] = (table[name].fillna("") + text).astype(table[name].dtype)
     said = dict.fromkeys(("text", "paper_value", "how", "value", "interval", "why"), text)
     return small_contents(

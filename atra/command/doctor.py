@@ -23,10 +23,10 @@ _COLUMNS, _NAME_COLUMNS = 80, 14
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """facts: (name, text), in the order shown. doubts: what may spoil results. obstacles: why nothing can be traced."""
+    """facts: (name, text), in the order shown. warnings: what may spoil results. obstacles: why none can be traced."""
 
     facts: tuple[tuple[str, str], ...]
-    doubts: tuple[str, ...]
+    warnings: tuple[str, ...]
     obstacles: tuple[str, ...]
 
 
@@ -49,7 +49,7 @@ def diagnose() -> Diagnosis:
         *embree_facts(library),
         ("kernels", say_kernels()),
     ]
-    return Diagnosis(tuple(facts), tuple(kernel_doubts()), tuple(obstacles))
+    return Diagnosis(tuple(facts), tuple(kernel_warnings()), tuple(obstacles))
 
 
 def render(diagnosis: Diagnosis, job: str) -> str:
@@ -62,7 +62,7 @@ def render(diagnosis: Diagnosis, job: str) -> str:
             subsequent_indent=" " * _NAME_COLUMNS,
             break_on_hyphens=False,
         )
-        for name, text in [*diagnosis.facts, ("doubts", "; ".join(diagnosis.doubts) or "none")]
+        for name, text in [*diagnosis.facts, ("warnings", "; ".join(diagnosis.warnings) or "none")]
     ]
     why_not = printable("; and ".join(diagnosis.obstacles))
     last = f"cannot {job}: {why_not}" if why_not else f"ready to {job}"
@@ -118,7 +118,7 @@ def _size_mb(folder: Path) -> float:
     return sum(file.stat().st_size for file in own) / 1e6
 
 
-def kernel_doubts() -> Iterator[str]:
-    """The doubt that kernels are kept nowhere."""
+def kernel_warnings() -> Iterator[str]:
+    """The warning that kernels are kept nowhere."""
     if cache_folder() is None:
         yield "every process compiles its kernels, as Numba may write nowhere; NUMBA_CACHE_DIR can name a folder"

@@ -39,7 +39,7 @@ _WITH_THE_HARNESS = """\
 with the harness, in a clone of atra's repository where `pip install -e '.[harness]'` was run:
   atra measure method=pixel      measure one point and print it
   atra sweep=horizontal          measure a sweep; table and figures are in results/horizontal
-  atra report sweep=horizontal   write its figures, claims and page anew, without measuring
+  atra report sweep=horizontal   write its figures, claims and page again, without measuring
   atra fetch scene=sponza        download a scene
   atra new-method mine           write mine.py, a method to change; measured with method_file=mine.py
   atra pack, board, rays         share results, and rays for other programs; docs/sweeps.md

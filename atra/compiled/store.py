@@ -83,7 +83,7 @@ def _imported_by(path: Path) -> tuple[Path, ...]:
 
 
 def cache_folder() -> str | None:
-    """Where compiled kernels are kept; None where nothing can be written: every process then compiles them anew."""
+    """Where compiled kernels are kept; None where nothing can be written: every process then compiles them again."""
     folder = _Cache(kernel).cache_path
     return str(folder) if folder else None
 
@@ -155,7 +155,7 @@ def _say_compiling() -> None:
 @cache
 def _warn(reason: str) -> None:
     warnings.warn(
-        f"compiled code cannot be kept ({reason}), so every run compiles it anew; NUMBA_CACHE_DIR names another folder",
+        f"compiled code cannot be kept ({reason}), so every run compiles again; NUMBA_CACHE_DIR names another folder",
         stacklevel=1,
     )
 

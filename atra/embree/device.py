@@ -106,7 +106,7 @@ class EmbreeDevice:
             self._library.functions.rtcReleaseGeometry(geometry)
 
     def _build(self, scene: int) -> None:
-        """Build the BVH of a scene, or build it anew after a change."""
+        """Build the BVH of a scene, or build it again after a change."""
         with building(self._library, self._threads):
             self._call("rtcCommitScene", scene)
 

@@ -105,7 +105,7 @@ class KernelScene(Lifetime):
             self.mesh, self._is_built = mesh, False
 
     def update(self, mesh: Mesh) -> None:
-        """Go on with other vertices of the same faces; what is built is built anew at once.
+        """Go on with other vertices of the same faces; what is built is built again at once.
 
         Raises InputError for other faces, ClosedError after `close`.
         """

@@ -118,7 +118,7 @@ class RayScene(Lifetime):
     def update(self, mesh: Mesh | Sequence[Mesh], transforms: ArrayLike | None = None) -> None:
         """Go on with other vertices of the same faces, or other transforms; None: those of before.
 
-        What is built is built anew at once; where that fails, the next use builds again.
+        What is built is built again at once; where that fails, the next use builds again.
         Raises InputError for other faces, and what making and building a new one would; ClosedError after `close`.
         """
         with self._lock:
@@ -155,7 +155,7 @@ class RayScene(Lifetime):
         ----------
         origins, directions : (..., 3) each
             (3,) is one for all. Or one array (..., 6) of both; or `atra.Rays` in their place, which are not checked and
-            copied anew at every call.
+            copied again at every call.
         tnear, tfar : numbers, or of the rays' leading shape, which results keep
             None: 0 and inf.
         coherent

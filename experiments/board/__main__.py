@@ -1,4 +1,4 @@
-"""Makes the board of the stored tables anew: `python -m experiments.board`."""
+"""Makes the board of the stored tables again: `python -m experiments.board`."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ class BoardRow:
     frame_s: float | None
     build_s: float | None
     wrong: int | None
-    doubts: str | None
+    warnings: str | None
     status: str
     error: str | None
 
@@ -96,7 +96,7 @@ def _row(row: Mapping[str, Any]) -> BoardRow:
         method=method.label,
         name=say_point(row), is_ours=method.is_ours, ratio=ratio, low=low, high=high, frame_s=frame_s,
         build_s=float(sum(parts)) if parts else None, wrong=sum(wrong) if wrong else None,
-        doubts=measured.get("doubts"), status=str(row["status"]), error=known.get("error"),
+        warnings=measured.get("warnings", measured.get("doubts")), status=str(row["status"]), error=known.get("error"),
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from atra.command.doctor import (
     Diagnosis,
     embree_facts,
-    kernel_doubts,
+    kernel_warnings,
     load_embree,
     render,
     say_instructions,
@@ -41,7 +41,7 @@ def diagnose(configuration: Configuration) -> Diagnosis:
     """Look at all that a run relies on. Nothing is measured or written, and what is missing is no error."""
     library, embree_obstacles = load_embree()
     results, results_obstacles = _results(configuration)
-    scenes, scene_doubts = _scenes()
+    scenes, scene_warnings = _scenes()
     environment = read_environment(None if library is None else embree_version())
     facts = [
         *_machine(environment),
@@ -51,8 +51,8 @@ def diagnose(configuration: Configuration) -> Diagnosis:
         ("kernels", say_kernels()),
         ("results", results),
     ]
-    doubts = [*scene_doubts, *_doubts(environment, configuration), *kernel_doubts()]
-    return Diagnosis(tuple(facts), tuple(doubts), (*embree_obstacles, *results_obstacles))
+    warnings = [*scene_warnings, *_warnings(environment, configuration), *kernel_warnings()]
+    return Diagnosis(tuple(facts), tuple(warnings), (*embree_obstacles, *results_obstacles))
 
 
 def _machine(environment: Environment) -> Iterator[tuple[str, str]]:
@@ -107,7 +107,7 @@ def _results(configuration: Configuration) -> tuple[str, list[str]]:
     return f"go to {folder}", []
 
 
-def _doubts(environment: Environment, configuration: Configuration) -> Iterator[str]:
+def _warnings(environment: Environment, configuration: Configuration) -> Iterator[str]:
     load, budget_gib = environment.load_average, configuration.measure.memory_budget_gib
     cores, threads = resolve_threads(None), configuration.threads
     if threads is not None and threads > cores:

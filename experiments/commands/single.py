@@ -22,7 +22,7 @@ _SINGLES = "singles"
 
 
 def run_single_point(configuration: Configuration) -> Record:
-    """Measure the point (always anew), write its record and files, print its table. A record that sweeps share stays as
+    """Measure the point (each time), write its record and files, print its table. A record that sweeps share stays as
     it is: they go on from it, and it counts the processes it has replaced.
 
     Raises InputError, MemoryBudgetError or EmbreeError for what cannot be measured, and SystemExit(1), with what the

@@ -40,7 +40,7 @@ from experiments.methods import find_method
 from experiments.results.intervals import with_intervals
 from experiments.results.queries import check_keys, chosen
 from experiments.results.statistics import Estimate
-from experiments.results.table import rename_workloads
+from experiments.results.table import with_names_of_today
 from experiments.workloads.series import best_rows
 from scenes.directory import PAPER_SCENES as SCENES
 
@@ -71,7 +71,7 @@ def kept_of(sweep: str) -> Kept:
     """Read once, as a table of hundreds of columns takes a tenth of a second."""
     folder = REFERENCE / sweep
     points, processes = (
-        rename_workloads(pd.read_parquet(path)) if path.exists() else pd.DataFrame()
+        with_names_of_today(pd.read_parquet(path)) if path.exists() else pd.DataFrame()
         for path in (folder / "table.parquet", folder / "processes.parquet")
     )
     if len(processes):

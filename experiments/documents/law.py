@@ -63,7 +63,7 @@ def rest_of_the_law(sweep: str) -> Rows:
 
 
 def _gains(sweep: str, want: str) -> Iterable[Any]:
-    """For each view, gains of the best aligned packets over packets per pixel, measured and predicted, and the row."""
+    """For each view, gains of the best aligned packets over ray packets, measured and predicted, and the row."""
     rows = kept_of(sweep).points
     rows = rows[(rows["instruction_set"] == "avx512") & (rows["want"] == want) & (rows["packet_width"] == 16)]
     for (scene, _), of_view in rows.groupby(["scene", "view"]):

@@ -1,6 +1,6 @@
 """Write reports/reference/tables.md whole, and the few numbers that README and documents quote, from stored tables.
 
-`python run.py tables` judges every claim anew from the stored processes by the one rule
+`python run.py tables` judges every claim again from the stored processes by the one rule
 (`experiments.results.verdicts`) and writes claims.json. Then it fills template.md, whose blocks of TOML describe
 tables, and the quotes of quotes.toml. `python run.py tables check=true` writes nothing, and fails where anything
 differs.

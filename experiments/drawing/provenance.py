@@ -28,21 +28,21 @@ def provenance(table: pd.DataFrame) -> str:
 
 
 def how_measured(table: pd.DataFrame, mark: str = "") -> str:
-    """Packets, repeats, Embree's setting and doubts of a table's rows. mark: what the figure sets apart, in words."""
+    """Packets, repeats, Embree's setting and warnings of a table's rows. mark: what the figure sets apart, in words."""
     measured = table[table["status"] == "ok"]
     widths = sorted({int(width) for width in column(measured, "packets_width").dropna()})
     given = set(column(measured, "robust").dropna().astype(bool))  # baselines are fast, as older tables are
     settings = [word for word, value in (("fast", False), ("robust", True)) if value in given]
-    doubtful = int(column(measured, "doubts").notna().sum())
+    flagged = int(column(measured, "warnings").notna().sum())
     out = int(column(table, "processes_left_out").fillna(0).sum())
     told = [
         _common(measured, ("packet_width",), "packet width {}"),
-        f"fastest packets per pixel: of {' or '.join(map(str, widths))}" if widths else "",
+        f"fastest ray packets: of {' or '.join(map(str, widths))}" if widths else "",
         _say_repeats(measured),
         f"{out} {'process' if out == 1 else 'processes'} left out as unsteady" if out else "",
         f"Embree {' and '.join(settings)}" if settings else "",
         mark,
-        f"{doubtful} of {len(measured)} points carry doubts (see table)" if doubtful else "",
+        f"{flagged} of {len(measured)} points carry warnings (see table)" if flagged else "",
     ]
     return ", ".join(filter(None, told))
 

@@ -88,5 +88,5 @@ def dtype_of(hint: Any) -> str:
 
 
 def default_of(field: Field[Any]) -> Any:
-    """The default of a dataclass field, made anew where it is made by a function."""
+    """The default of a dataclass field, made again where it is made by a function."""
     return field.default if field.default_factory is MISSING else field.default_factory()

@@ -106,11 +106,11 @@ class MeasureConfiguration(Settings):
     instruction_set: str | None = option(
         None, "instruction set of Embree and Numba, as ATRA_ISA sets it; null = that of the run"
     )
-    quiet_limit_s: float = option(
+    idle_limit_s: float = option(
         60.0, "how long a sweep waits in all while others use more than 5 % of all cores, after the first look"
     )
-    quiet_only: bool = option(
-        False, "a sweep waits before the first look, too, and ends when the time is up; otherwise its times bear doubts"
+    idle_only: bool = option(
+        False, "a sweep waits before the first look, too, and ends when the time is up; else its times are flagged"
     )
 
     def __post_init__(self) -> None:

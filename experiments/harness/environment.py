@@ -218,8 +218,8 @@ def reset_peak_rss() -> bool:
 
 
 BUSY_SHARE_OF_ALL_CORES = 0.05
-"""Part of the time of all cores that a process may use, up to which a machine is quiet: other processes and other
-machines together may take it. Beyond it a sweep waits before it measures, and what was measured is doubted. An idle
+"""Part of the time of all cores that a process may use, up to which a machine is idle: other processes and other
+machines together may take it. Beyond it a sweep waits before it measures, and what was measured is flagged. An idle
 system takes less; on two cores it is a tenth of one core."""
 
 _SHORTEST_S = 0.1

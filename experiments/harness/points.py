@@ -111,7 +111,7 @@ def _scene_of(configuration: Configuration) -> tuple[SceneSource, str | None, st
     return scene.source, scene.name, scene.path, scene.subdivided, scene.copies
 
 
-_OF_SWEEPS = ("processes", "quiet_limit_s", "quiet_only")
+_OF_SWEEPS = ("processes", "idle_limit_s", "idle_only")
 """Fields of `MeasureConfiguration` that concern a sweep and no point of it."""
 
 _OF_ALL = ("width", "height", "threads", "build_quality", "ties")

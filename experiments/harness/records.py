@@ -107,7 +107,7 @@ def load_record(folder: Path, identity: str) -> Record | None:
         return None
     except (OSError, ValueError, TypeError, AttributeError) as error:
         raise RecordError(
-            f"record {path} cannot be read ({error}); start its sweep again, which measures the point anew"
+            f"record {path} cannot be read ({error}); start its sweep again, which measures the point again"
         ) from None
 
 

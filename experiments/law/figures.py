@@ -52,7 +52,7 @@ def where_alignment_pays(table: pd.DataFrame) -> Figure:
         is_faster = best["measured_time_s"] < packets["measured_time_s"]
         views.append((packets["upper"] + packets["lower"], best["lower"] + best["met"], is_faster))
     x, y, is_faster = (np.array(column) for column in zip(*views, strict=True))
-    names = {True: ("aligned packets faster", BLUE, "o"), False: ("packets per pixel faster", VERMILLION, "s")}
+    names = {True: ("aligned packets faster", BLUE, "o"), False: ("ray packets faster", VERMILLION, "s")}
     lines = [
         _points(name, x[is_faster == which], y[is_faster == which], color, marker)
         for which, (name, color, marker) in names.items()
@@ -62,7 +62,7 @@ def where_alignment_pays(table: pd.DataFrame) -> Figure:
 
 
 def figure5(points: pd.DataFrame) -> Figure:
-    """Milliseconds over horizontal splits, measured and predicted; packets per pixel as levels."""
+    """Milliseconds over horizontal splits, measured and predicted; ray packets as levels."""
     series, panels = {1: ("single rays", VERMILLION), 16: ("packets of 16", BLUE)}, []
     for scene, of_scene in points.groupby("scene", sort=False):
         lines, levels = list[Line](), list[Level]()

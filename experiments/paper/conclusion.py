@@ -113,7 +113,7 @@ _STANDS = {True: "ahead", None: "level", False: "behind"}
 
 
 def where_packets_stand(gains: Sequence[SceneGains]) -> list[str]:
-    """A sentence for each kind of packets per pixel: the scenes where aligned packets are ahead of them, level with
+    """A sentence for each kind of ray packets: the scenes where aligned packets are ahead of them, level with
     them or behind them, by the one rule of verdict."""
     told = []
     for words in (words for words, reading, _ in PACKETS_OVER if not reading.gathers):

@@ -21,7 +21,7 @@ from experiments.workloads.gather import GATHER
 class Reading:
     """name: as shown. rays: those of the baseline, in words. gathers: the baseline gathers all hits, being the
     aligned tracer itself at 1 x 1 without culling, with rays of the same kind; otherwise it is rtcIntersect1 per pixel,
-    of packets the fastest packets per pixel. workload: of the rows that are judged."""
+    of packets the fastest ray packets. workload: of the rows that are judged."""
 
     name: str
     rays: str
@@ -39,10 +39,10 @@ _PER_PIXEL = Reading("every hit, per pixel", "rays per pixel that gather all hit
 READINGS = (NEAREST, ALL_HITS, EVERY_HIT)
 
 PACKETS_OVER = (
-    ("packets per pixel, nearest hit", NEAREST, False),
+    ("ray packets, nearest hit", NEAREST, False),
     ("packets that gather all hits", ALL_HITS, False),
     ("single rays that gather all hits", ALL_HITS, True),
-    ("packets per pixel that gather, every hit wanted", _PER_PIXEL, False),
+    ("ray packets that gather, every hit wanted", _PER_PIXEL, False),
     ("packets at 1 \N{MULTIPLICATION SIGN} 1 that gather, every hit wanted", EVERY_HIT, False),
 )
 """What the gains of packets are over: in words, the reading, and whether it is over single rays."""

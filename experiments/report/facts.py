@@ -1,4 +1,4 @@
-"""The table in short: doubts, missing points, wrong pixels, the machine in words; and a table of each workload."""
+"""The table in short: warnings, missing points, wrong pixels, the machine in words; and a table of each workload."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from experiments.harness.environment import BUSY_SHARE_OF_ALL_CORES
 from experiments.harness.point import Workload
 from experiments.methods import METHODS
 from experiments.methods.naming import say_point
-from experiments.results.doubts import WRONG
 from experiments.results.settings import NUMBER, settings_that_vary, without_numbers
 from experiments.results.table import columns, workload_rows
+from experiments.results.time_warnings import WRONG
 from experiments.workloads import WORKLOADS
 
 _TO = "\N{EN DASH}"
 
 
 @dataclass(frozen=True)
-class Doubt:
-    """A kind of doubt, its numbers as ranges, and how many points carry it."""
+class TimeWarning:
+    """A kind of warning, its numbers as ranges, and how many points carry it."""
 
     text: str
     points: int
 
 
 @dataclass(frozen=True)
-class Doubts:
-    """Counts of a figure's points: all, measured, and with any doubt; and which doubts."""
+class Warnings:
+    """Counts of a figure's points: all, measured, and with any warning; and which warnings."""
 
     points: int
     measured: int
-    doubtful: int
-    kinds: tuple[Doubt, ...]
+    flagged: int
+    kinds: tuple[TimeWarning, ...]
 
 
 @dataclass(frozen=True)
@@ -107,18 +107,18 @@ def _first(values: pd.Series) -> Any:
     return present.iloc[0] if len(present) else None
 
 
-def count_doubts(rows: pd.DataFrame) -> Doubts:
-    """Doubts that differ only in their numbers are one kind; the numbers become ranges."""
-    texts = [text for doubts in rows["doubts"].dropna() for text in str(doubts).split("; ")]
+def count_warnings(rows: pd.DataFrame) -> Warnings:
+    """Warnings that differ only in their numbers are one kind; the numbers become ranges."""
+    texts = [text for warnings in rows["warnings"].dropna() for text in str(warnings).split("; ")]
     numbers: dict[str, list[list[str]]] = {}
     for text in texts:
         numbers.setdefault(without_numbers(text), []).append(NUMBER.findall(text))
-    kinds = [Doubt(_with_ranges(kind, texts), len(texts)) for kind, texts in numbers.items()]
-    return Doubts(
+    kinds = [TimeWarning(_with_ranges(kind, texts), len(texts)) for kind, texts in numbers.items()]
+    return Warnings(
         points=len(rows),
         measured=int((rows["status"] == "ok").sum()),
-        doubtful=int(rows["doubts"].notna().sum()),
-        kinds=tuple(sorted(kinds, key=lambda doubt: -doubt.points)),
+        flagged=int(rows["warnings"].notna().sum()),
+        kinds=tuple(sorted(kinds, key=lambda warning: -warning.points)),
     )
 
 
@@ -244,7 +244,7 @@ def _columns(rows: pd.DataFrame, measured: pd.DataFrame, workload: Workload) -> 
     shared = Counter(column.name for kind in WORKLOADS for column in kind.columns)
     own = sorted((column.name for column in workload.columns), key=shared.__getitem__)
     counters = [column.name for method in METHODS for column in method.counters]
-    names = dict.fromkeys([*identity, *settings_that_vary(rows, identity), *own, *counters, "doubts"])
+    names = dict.fromkeys([*identity, *settings_that_vary(rows, identity), *own, *counters, "warnings"])
     return [known[name] for name in names if not name.endswith(_ENDS) and measured[name].notna().any()]
 
 

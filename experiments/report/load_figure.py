@@ -14,7 +14,7 @@ from experiments.drawing.values import numbers
 from experiments.harness.environment import BUSY_SHARE_OF_ALL_CORES
 
 _OTHERS, _STOLEN = "other processes", "other machines on this hardware"
-_LIMIT = f"{BUSY_SHARE_OF_ALL_CORES:.0%}: a doubt where both together are above it"
+_LIMIT = f"{BUSY_SHARE_OF_ALL_CORES:.0%}: a warning where both together are above it"
 _SERIES = ((_OTHERS, "others_share", "o", BLUE), (_STOLEN, "stolen_share", "x", ORANGE))
 _DAY_S = 86_400.0
 

@@ -99,10 +99,10 @@ def render_report(contents: ReportContents) -> str:
         load=facts.load_in_short(contents.processes),
         load_figure=load_figure(contents.processes),
         statuses=table["status"].value_counts().to_dict(),
-        doubts=facts.count_doubts(table),
+        warnings=facts.count_warnings(table),
         claims=claims,
         verdicts={name: sum(verdict == name for claim, verdict in claims if not claim[0].inferred) for name in _MARKS},
-        figures=[(figure, _doubts_of(figure, table)) for figure in contents.figures],
+        figures=[(figure, _warnings_of(figure, table)) for figure in contents.figures],
         pictures=[(picture, picture_restriction(picture.scene)) for picture in contents.pictures],
         missing=facts.missing_points(table),
         machine=facts.machine_in_short(contents.environment),
@@ -148,5 +148,5 @@ def _data_uri(content: bytes, media_type: str) -> str:
     return f"data:{media_type};base64,{base64.b64encode(content).decode('ascii')}"
 
 
-def _doubts_of(figure: NamedFigure, table: pd.DataFrame) -> facts.Doubts:
-    return facts.count_doubts(table[["status", "doubts"]][table["point_id"].isin(figure.point_ids)])
+def _warnings_of(figure: NamedFigure, table: pd.DataFrame) -> facts.Warnings:
+    return facts.count_warnings(table[["status", "warnings"]][table["point_id"].isin(figure.point_ids)])

@@ -108,7 +108,7 @@ def run_report(configuration: Configuration) -> None:
 
 
 def rewrite_report(configuration: Configuration) -> Path:
-    """`python run.py report`: figures, claims and page of a sweep anew, from its table and records; measures nothing.
+    """`python run.py report`: figures, claims and page of a sweep again, from its table and records; measures nothing.
 
     Without a table every claim is "not measured". Returns the page. Raises InputError if no such sweep was run, if the
     folder is in use, or if its points are of two machines or versions, and RecordError if one of its records cannot be
@@ -224,7 +224,7 @@ def _environment(table: pd.DataFrame, records: Path) -> dict[str, Any]:
 def tell_whose_tables_are_replaced(
     folder: Path, records: Path, console: Console, code: Callable[[Record], str | None]
 ) -> None:
-    """Say so if the sweep's earlier table is of another machine or version, which is why points are measured anew.
+    """Say so if the sweep's earlier table is of another machine or version, which is why points are measured again.
 
     code: a record -> the hash of the code that measures its point now, None for a point that is not measured now.
     """
@@ -243,7 +243,7 @@ def tell_whose_tables_are_replaced(
                 say(
                     console,
                     f"the table in {folder} is of another machine or version ({difference}, which is this one); its "
-                    f"points are measured anew and it is replaced, but its records stay in {records}",
+                    f"points are measured again and it is replaced, but its records stay in {records}",
                 )
             return
 

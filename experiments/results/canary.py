@@ -1,4 +1,4 @@
-"""The canary: rtcIntersect1 over packets per pixel, which no method of a point can change, only the machine."""
+"""The canary: rtcIntersect1 over ray packets, which no method of a point can change, only the machine."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from experiments.workloads import find_workload
 
 BAND = 0.1
 """A process whose canary strays by more than this from the median of all is measured again, and left out if it still
-strays. About three standard errors: on a quiet machine the rounds of one process scatter by 4 to 7 %, and the median of
+strays. About three standard errors: on an idle machine the rounds of one process scatter by 4 to 7 %, and the median of
 three, as `sweep=paper` has, by two thirds of that. Within the band, noise is left to intervals."""
 
 FEWEST = 5

@@ -12,7 +12,7 @@ MOST_COLUMNS = 30
 
 _POINT = ("scene", "triangles", "width", "height", "workload", "method", "packet_width", "split_x", "split_y")
 
-_OUTCOME = ("status", "error", "doubts", "processes", "cpu", "measured_at", "point_id")
+_OUTCOME = ("status", "error", "warnings", "processes", "cpu", "measured_at", "point_id")
 
 _MOST_SETTINGS = 8
 

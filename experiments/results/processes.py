@@ -12,11 +12,11 @@ from atra.errors import InputError
 from experiments.harness.environment import describe_difference
 from experiments.harness.records import Record, without_limits
 from experiments.results.canary import BAND, drifted
-from experiments.results.doubts import passing_doubts
+from experiments.results.time_warnings import passing_warnings
 
 FEWEST_IN_EARNEST = 5
 """A point with fewer processes is a quick look, which should not take twice as long: what was disturbed there stays,
-with its doubt."""
+with its warning."""
 
 WHY = f"disturbed, or rtcIntersect1 over packets strayed by over {BAND:.0%}"
 
@@ -45,7 +45,7 @@ def to_replace(records: Mapping[str, Record], repeats: float = inf) -> list[str]
     out = drifted(list(records.values()))
     for of_point in by_point(records.values()):
         if len(of_point) >= FEWEST_IN_EARNEST:
-            out.update(record.point_id for record in of_point if passing_doubts(record))
+            out.update(record.point_id for record in of_point if passing_warnings(record))
     return [name for name, record in records.items() if record.point_id in out and _times(record) < repeats]
 
 

@@ -61,5 +61,5 @@ def say_setting(name: str, value: Any) -> str:
 
 
 def without_numbers(text: str) -> str:
-    """A text in which "#" stands for every number: errors and doubts that differ in nothing else are one kind."""
+    """A text in which "#" stands for every number: errors and warnings that differ in nothing else are one kind."""
     return NUMBER.sub("#", text)

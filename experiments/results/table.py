@@ -19,10 +19,10 @@ from experiments.harness.point import Workload
 from experiments.harness.records import Record
 from experiments.methods import METHODS, find_method
 from experiments.results.canary import BAND, drifted
-from experiments.results.doubts import WRONG, doubts_of, say_doubts, why_wrong
 from experiments.results.intervals import with_intervals
 from experiments.results.people import csv_columns
 from experiments.results.processes import by_point, check_one_environment, is_replacement
+from experiments.results.time_warnings import WRONG, say_warnings, warnings_of, why_wrong
 from experiments.workloads import WORKLOADS, find_workload
 from scenes.built_in import BUILT_IN
 
@@ -89,9 +89,9 @@ _OUTCOME_COLUMNS = (
     Column("error", TEXT, "why, when not ok", lambda record: record.error or why_wrong(record), _first),
     Column("processes", WHOLE, "processes that measured it", lambda record: 1, sum),
     Column("processes_left_out", WHOLE, "processes left out, the machine not being as it mostly was"),
-    Column("processes_replaced", WHOLE, "processes measured anew: strayed or disturbed", lambda record: None),
+    Column("processes_replaced", WHOLE, "processes measured again: strayed or disturbed", lambda record: None),
     Column("rounds", WHOLE, "rounds that ran in every process", over=min),
-    Column("doubts", TEXT, "what makes the times less trustworthy", doubts_of, say_doubts),
+    Column("warnings", TEXT, "what makes the times less trustworthy", warnings_of, say_warnings),
     Column("others_share", REAL, "share of the point's cores that other processes took during the rounds", over=max),
     Column("stolen_share", REAL, "share of the point's cores that other machines on the same hardware took", over=max),
     Column("load_average", REAL, "load of the machine before the point", lambda record: _load(record), max),
@@ -234,16 +234,17 @@ def read_table(path: Path) -> pd.DataFrame | None:
         absent = [name for name in _ALWAYS if name not in table]
         if absent:
             raise ValueError(f"it has no column {absent[0]}")
+        table = with_names_of_today(table)
         # A column that is newer than the table was not measured.
         known = {name: column.dtype for name, column in columns().items() if name in table}
-        table = rename_workloads(table)
         return _frame({name: table[name].astype(dtype) for name, dtype in known.items()}, table.index)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path} cannot be read as a table of this version ({error}); run the sweep again") from None
 
 
-def rename_workloads(table: pd.DataFrame) -> pd.DataFrame:
-    """A stored table in which rows of workloads that had another name have their name of today."""
+def with_names_of_today(table: pd.DataFrame) -> pd.DataFrame:
+    """A stored table whose columns and workloads have their names of today."""
+    table = table.rename(columns={"doubts": "warnings"})
     for workload in WORKLOADS:
         option = fields(workload.options)[0].name if workload.once else None
         if option in table and "workload" in table:

@@ -21,9 +21,9 @@ from experiments.harness.records import Record, record_path
 from experiments.methods import find_method
 from experiments.methods.naming import Row, best_of, say_point
 from experiments.results.claims import NOT_MEASURED, Claim, judge_all
-from experiments.results.doubts import WRONG
 from experiments.results.settings import say_setting, settings_that_vary, without_numbers
 from experiments.results.table import Tables, columns, workload_rows
+from experiments.results.time_warnings import WRONG
 from experiments.workloads import WORKLOADS, find_workload
 from experiments.workloads.images import say_wrong_image
 
@@ -79,7 +79,7 @@ def print_point(row: pd.Series, console: Console) -> None:
         "threads",
         "rounds",
         "cpu",
-        "doubts",
+        "warnings",
     ]
     known = columns()
     for name in dict.fromkeys(names):
@@ -136,8 +136,8 @@ def print_sweep(tables: Tables, folder: Path, console: Console) -> None:
         say(console, f"{status}: {scene}, {workload}, {'; '.join(dict.fromkeys(map(', '.join, names)))}")
         say(console, f"    {rows['error'].iloc[0]}")
     counts = ", ".join(f"{count} {status}" for status, count in table["status"].value_counts().items())
-    doubtful = int(table["doubts"].notna().sum())
-    counts += f" ({doubtful} with doubts about their times, see the column doubts)" if doubtful else ""
+    flagged = int(table["warnings"].notna().sum())
+    counts += f" ({flagged} with warnings about their times, see the column warnings)" if flagged else ""
     files = ", ".join(path.name for path in sorted(folder.iterdir()) if path.is_file() and path.name[0] != ".")
     say(console, f"{counts or 'nothing measured'}; in {folder}: {files}")
 

@@ -1,4 +1,4 @@
-"""Baselines of every timed frame: rtcIntersect1 and packets per pixel, in the same rounds."""
+"""Baselines of every timed frame: rtcIntersect1 and ray packets, in the same rounds."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ OWN, SINGLE = "own", "rtcIntersect1"
 """Names in the samples of a time: the point's own method, the paper's baseline."""
 
 PACKETS = {width: f"packets_{width}" for width in LANES}
-"""Width of packets per pixel -> their name in the samples; the fastest ones are the expert's baseline."""
+"""Width of ray packets -> their name in the samples; the fastest ones are the expert's baseline."""
 
 TIME_BASELINES: dict[str, tuple[str, dict[str, Any]]] = {
     "rtcIntersect1 per pixel": ("baseline_render_time_s", {"color": BLACK, "linestyle": DASHED}),
-    "fastest packets per pixel": ("packets_render_time_s", {"color": GREEN, "linestyle": DOTTED}),
+    "fastest ray packets": ("packets_render_time_s", {"color": GREEN, "linestyle": DOTTED}),
 }
 """Label -> column and line of what every time row was measured against."""
 

@@ -35,7 +35,7 @@ from experiments.methods.naming import (
     say_variant,
 )
 from experiments.methods.pixel import PIXEL
-from experiments.results.doubts import WRONG
+from experiments.results.time_warnings import WRONG
 from experiments.workloads import series
 from experiments.workloads.baselines import TIME_BASELINES
 from experiments.workloads.panels import figure_of, make_panels, read_panels

@@ -22,7 +22,7 @@ from experiments.workloads.baselines import TIME_BASELINES
 from experiments.workloads.images import say_holes
 
 OVER_SINGLE, OVER_PACKETS = "speedup", "speedup_vs_packets"
-"""Beginnings of columns: over rtcIntersect1 per pixel, over the fastest packets per pixel."""
+"""Beginnings of columns: over rtcIntersect1 per pixel, over the fastest ray packets."""
 
 _BASELINES = dict(zip((OVER_SINGLE, OVER_PACKETS), TIME_BASELINES, strict=True))
 

@@ -90,7 +90,7 @@ class Times:
 
     quantities: names of columns -> what they are made of. Where {} stands in a name, the ends of the interval do, too;
     a name without is one number of a record, of the type that its function returns.
-    judged: the samples whose spread makes a point doubtful. optional: samples of which a record holds one at least.
+    judged: the samples whose spread flag a point. optional: samples of which a record holds one at least.
     chosen: quantities by which the best of several points is chosen, in some processes, and reported, in the others.
     canary: what a record says of the machine alone.
     """

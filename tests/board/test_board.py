@@ -144,7 +144,7 @@ def test_nothing_in_a_strangers_file_reaches_the_page_as_markup():
     from dataclasses import replace
 
     evil = '"><script>alert(1)</script>'
-    page = page_of(replace(ROW, scene=evil, name=evil, doubts=evil), cpu=evil)
+    page = page_of(replace(ROW, scene=evil, name=evil, warnings=evil), cpu=evil)
     assert "<script>alert" not in page
     assert page.count("<script>") == 1
 

@@ -108,7 +108,7 @@ def test_a_system_without_affinity_load_and_proc_is_described(platform, monkeypa
     monkeypatch.setattr(environment, "_cpu_model", lambda: "CPU\x1b[31m")
     diagnosis = diagnose(Configuration())
     assert "this process" not in dict(diagnosis.facts)["cores"]
-    assert not any("busy" in doubt for doubt in diagnosis.doubts)
+    assert not any("busy" in warning for warning in diagnosis.warnings)
     assert "\nCPU " in render(diagnosis, "run experiments")
     assert "\x1b" not in render(diagnosis, "run experiments")  # what a machine says of itself cannot steer the terminal
 
@@ -124,7 +124,7 @@ def test_cores_are_told_from_hardware_threads(physical, affinity, expected, monk
     assert facts()["cores"] == f"2 logical, {expected}"
 
 
-def test_what_may_spoil_times_is_doubted(tmp_path, monkeypatch):
+def test_what_may_spoil_times_is_flagged(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "getloadavg", lambda: (3.25, 1.0, 1.0), raising=False)
     monkeypatch.setattr(library_doctor, "cache_folder", lambda: None)
     monkeypatch.setattr(library_doctor, "SHIPPED", tmp_path / "nothing")
@@ -133,7 +133,7 @@ def test_what_may_spoil_times_is_doubted(tmp_path, monkeypatch):
     configuration.measure.memory_budget_gib = 1e9
     configuration.threads = 1025
     diagnosis = diagnose(configuration)
-    scenes, threads, load, memory, kernels = diagnosis.doubts
+    scenes, threads, load, memory, kernels = diagnosis.warnings
     assert "ATRA_SCENES is" in scenes
     assert threads == f"more threads are asked for than there are cores (1025 on {resolve_threads(None)})"
     assert load == "the machine is busy (load 3.2)"

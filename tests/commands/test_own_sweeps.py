@@ -75,7 +75,7 @@ def test_tables_fit_80_columns_and_nothing_in_them_is_cut(tmp_path):
     for text in ("fireplace_room", "1,234.5 ms", "1024 x 1", "123.46x", "1048576", "visible-first", "pixels"):
         assert any(text in line for line in lines), text
     shown.truncate(shown.seek(0))
-    print_point(table.assign(doubts="x" * 100).iloc[0], console)
+    print_point(table.assign(warnings="x" * 100).iloc[0], console)
     assert max(map(len, shown.getvalue().splitlines())) <= 80
     assert "\N{HORIZONTAL ELLIPSIS}" not in shown.getvalue()
 

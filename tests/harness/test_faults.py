@@ -150,8 +150,8 @@ def test_a_report_of_another_machine_names_that_machine(tmp_path):
     assert "a cpu far away" in rewrite_report(configuration(tmp_path)).read_text(encoding="utf-8")
 
 
-def doubts(record):
-    told = make_table([record])["doubts"][0]
+def warnings(record):
+    told = make_table([record])["warnings"][0]
     return "" if pd.isna(told) else told
 
 
@@ -162,12 +162,12 @@ def doubts(record):
     (0.9, ""),
     (0.02, ""),
 ])  # fmt: skip
-def test_a_sample_out_of_all_proportion_is_a_doubt_and_stays(tmp_path, method, sample, told):
+def test_a_sample_out_of_all_proportion_is_flagged_and_stays(tmp_path, method, sample, told):
     (planned,) = plan_points([configuration(tmp_path)])
     record = measure(planned, Runner())
     odd = replace(record, samples={**record.samples, method: [0.1, sample, 0.1]})
-    assert told in doubts(odd)
-    assert ("times the" in doubts(odd)) == bool(told)
+    assert told in warnings(odd)
+    assert ("times the" in warnings(odd)) == bool(told)
     assert load_record(tmp_path, write_record(tmp_path, odd).stem) == odd
 
 

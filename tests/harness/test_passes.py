@@ -6,7 +6,7 @@ import pytest
 
 from experiments.harness.configuration import SweepConfiguration
 from experiments.harness.points import GridPoint
-from experiments.harness.processes.quiet import LIMIT_VARIABLE, Busy, Waiting
+from experiments.harness.processes.idle import LIMIT_VARIABLE, Busy, Waiting
 from experiments.harness.progress import say_roughly
 from experiments.sweep import run_sweep
 from tests.harness.test_sweep import Runner, configuration
@@ -102,9 +102,9 @@ def test_the_first_look_names_who_disturbs_and_does_not_wait(tmp_path, monkeypat
     run_sweep(grid(tmp_path), run=Runner())
     said = capsys.readouterr().err
     assert said.index(
-        "the machine is not quiet: other processes use 90% of all cores (make 90%); measuring goes on"
+        "the machine is not idle: other processes use 90% of all cores (make 90%); measuring goes on"
     ) < said.index("[1/6]")
-    assert said.index("[2/6]") < said.index("waiting for a quiet machine") < said.index("[3/6]")
+    assert said.index("[2/6]") < said.index("waiting for an idle machine") < said.index("[3/6]")
 
 
 def test_repeats_are_announced_with_their_bound_and_what_remains_is_told(tmp_path, capsys):

@@ -40,7 +40,7 @@ def test_aligned_packets_are_ahead_or_behind_only_where_the_whole_interval_is(ag
     factor = noise.where(agreeing["scene"] == "mitsuba", agreeing["scene"].map({"sponza": 0.1}).fillna(1.0))
     table = agreeing.assign(speedup_vs_packets=agreeing["speedup_vs_packets"] * factor)
     assert where_packets_stand(scene_gains(table)) == [
-        "Aligned packets beside packets per pixel, nearest hit: ahead on cornell_box and fireplace_room; level on "
+        "Aligned packets beside ray packets, nearest hit: ahead on cornell_box and fireplace_room; level on "
         "mitsuba; behind on sponza."
     ]
     assert where_packets_stand(()) == []

@@ -33,7 +33,7 @@ def test_figure_5_draws_the_table_s_times_in_ms_with_intervals_and_both_baseline
         rows = table[table["culling"] == culling]
         assert line(axis, label) == dict(zip(rows["split_x"], 1000 * rows["render_time_s"], strict=True))
     assert level(axis, "rtcIntersect1 per pixel") == pytest.approx(100)
-    assert level(axis, "fastest packets per pixel") == pytest.approx(50)
+    assert level(axis, "fastest ray packets") == pytest.approx(50)
     assert interval_of(axis, "aligned, culling off") == [50, 200]
     assert (figure.x.label, figure.y.label) == ("horizontal splits", "time of a frame in ms")
     assert (figure.x.scale, figure.y.scale) == ("ticks", "log")
@@ -54,7 +54,7 @@ def test_beside_figure_5_stands_the_speed_up_with_every_baseline_where_it_lies_a
     assert line(axis, "aligned, culling on") == {1: 0.625, 2: 2.0, 4: 1.75}
     assert line(axis, "aligned, culling off") == {1: 0.5, 2: 1.25, 4: 1.0}
     assert level(axis, "rtcIntersect1 per pixel") == pytest.approx(0.5)
-    assert level(axis, "fastest packets per pixel") == pytest.approx(1)
+    assert level(axis, "fastest ray packets") == pytest.approx(1)
     assert level(axis, ALL_HITS) == pytest.approx(0.5)
     assert interval_of(axis, "aligned, culling off") == [1.75, 2.25]
     assert f"culling on: 2 best, 20.0 ms, 2.00{TIMES}; over all hits 4.00{TIMES}" in words(figure)
@@ -64,7 +64,7 @@ def test_single_rays_are_held_against_single_rays():
     rows = make_rows(time_row(1, 0.05, packet_width=1), time_row(2, 0.02, packet_width=1, ratio=0.1))
     (axis,) = split_ratios(rows).panels
     assert line(axis, "aligned, culling on") == {1: 2, 2: 5}
-    assert level(axis, "fastest packets per pixel") == pytest.approx(2)
+    assert level(axis, "fastest ray packets") == pytest.approx(2)
     assert "speed-up over rtcIntersect1 per pixel" in axis.y.label
 
 
@@ -149,7 +149,7 @@ def test_a_table_without_culling_off_says_so(make):
 
 @pytest.mark.parametrize(("make", "gone", "said"), [
     (split_times, ["render_time_s"], "culling on, 1, 2, 4: not measured"),
-    (split_times, ["packets_render_time_s"], "fastest packets per pixel: not measured"),
+    (split_times, ["packets_render_time_s"], "fastest ray packets: not measured"),
     (split_ratios, ["baseline_render_time_s"], "rtcIntersect1 per pixel: not measured"),
     (split_ratios, ["speedup", "speedup_vs_packets"], "culling on, 1, 2, 4: not measured"),
     (grid_times, ["render_time_s"], "3 cells: measured, but without this value"),

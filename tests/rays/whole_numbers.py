@@ -69,7 +69,7 @@ def whole_crossings(mesh, origins, directions, tnear=0, tfar=None):
     """(sign, t): (N, F) int64, 0 where a ray does not cross a triangle, and (N, F) float64.
 
     All in int64: directions times origins times edges stay below 2^60. tnear, tfar: whole numbers, (N,) or one; None:
-    no end. The rule for rays through edges is written anew here, by moving the origin by (e, e^2).
+    no end. The rule for rays through edges is written again here, by moving the origin by (e, e^2).
     """
     corners = mesh.vertices.astype(np.int64)[mesh.faces]
     o, d = origins[:, None], directions[:, None]

@@ -245,11 +245,11 @@ def test_a_stand_in_is_named_as_one_and_no_other_scene_is(name):
 def test_the_foot_and_the_notes_say_only_what_the_table_tells():
     one = make_rows(memory_row(1, 1, 2, 3))
     assert (provenance(one), how_measured(one)) == (f"threads 1, 1000 {TIMES} 1000 pixels", "packet width 8")
-    doubtful = time_row(1, 1.0, rounds=3, doubts="spread", cpu="some cpu")
-    rows = make_rows(doubtful, time_row(2, 1.0, measured_at="2000-01-01T"))
+    flagged = time_row(1, 1.0, rounds=3, warnings="spread", cpu="some cpu")
+    rows = make_rows(flagged, time_row(2, 1.0, measured_at="2000-01-01T"))
     said = how_measured(rows, "mark")
     assert "of each the median of 3 to 9 rounds; bars: 95 % confidence intervals over processes" in said
-    assert said.endswith("mark, 1 of 2 points carry doubts (see table)")
+    assert said.endswith("mark, 1 of 2 points carry warnings (see table)")
     assert provenance(rows) == f"some cpu, 2000-01-01, threads 1, 1000 {TIMES} 1000 pixels"
     held = provenance(rows.assign(instruction_set=["avx2", "none"]))
     assert "some cpu, held to avx2, 2000-01-01" in held

@@ -27,7 +27,7 @@ def test_the_methods_figure_draws_the_ratio_at_the_best_split_its_interval_the_t
     assert whiskers(axis) == [[1.75, 2.25]] * 3
     assert f"20.0 ms, 2.50{TIMES} [1.75, 2.25]" in words(figure)
     assert level(axis, "rtcIntersect1 per pixel") == 0.5
-    assert level(axis, "fastest packets per pixel") == 1
+    assert level(axis, "fastest ray packets") == 1
 
 
 def test_a_method_of_a_file_stands_beside_ours(tmp_path, monkeypatch):

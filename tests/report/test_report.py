@@ -9,7 +9,7 @@ import pytest
 
 from experiments.paper.claims import judge_claims
 from experiments.report import write_report
-from experiments.report.facts import count_doubts, missing_points, workload_tables
+from experiments.report.facts import count_warnings, missing_points, workload_tables
 from experiments.report.load_figure import load_figure
 from experiments.report.page import render_report
 from experiments.results.canary import BAND
@@ -184,14 +184,14 @@ def test_a_table_has_no_ends_of_intervals_and_no_column_without_a_value():
     names = [heading.name for heading in frame.headings]
     assert not {"render_time_low_s", "embree_bytes", "point_id"} & set(names)
     assert names.index("speedup") < names.index("rss_bytes")
-    assert "doubts" in names
+    assert "warnings" in names
     assert "render_time_s" not in [heading.name for heading in memory.headings]
 
 
-def test_doubts_of_a_kind_are_counted_together():
-    doubts = count_doubts(small_table())
-    assert (doubts.points, doubts.measured, doubts.doubtful) == (8, 6, 2)
-    assert [(doubt.text, doubt.points) for doubt in doubts.kinds] == [
+def test_warnings_of_a_kind_are_counted_together():
+    warnings = count_warnings(small_table())
+    assert (warnings.points, warnings.measured, warnings.flagged) == (8, 6, 2)
+    assert [(warning.text, warning.points) for warning in warnings.kinds] == [
         ("spread is 12\N{EN DASH}31% of the median", 2),
         ("shortest sample is below 1 ms", 1),
     ]
@@ -210,10 +210,10 @@ def test_the_page_says_what_a_wrong_pixel_is(page):
     assert f"neither a tie nor a ray at a triangle{APOSTROPHE}s edge excuses" in page
 
 
-def test_a_figure_carries_the_doubts_of_its_own_points(page):
-    captions = re.findall(r'<p class="doubts">(.*?)</p>', page, re.S)
-    assert "Doubts on 2 of 5 measured points" in " ".join(captions[0].split())
-    assert "No doubts on any of its 1 measured points" in " ".join(captions[1].split())
+def test_a_figure_carries_the_warnings_of_its_own_points(page):
+    captions = re.findall(r'<p class="warnings">(.*?)</p>', page, re.S)
+    assert "Warnings on 2 of 5 measured points" in " ".join(captions[0].split())
+    assert "No warnings on any of its 1 measured points" in " ".join(captions[1].split())
 
 
 def test_missing_points_are_listed_with_their_reasons(page):

@@ -131,21 +131,21 @@ def test_a_disturbed_process_is_replaced_until_one_is_steady(tmp_path):
     table = run_sweep(points(tmp_path, 1, 2, processes=5), run=runner)
     assert [(point.options.split_x, point.process) for point in runner.points[10:]] == [(2, 1)]
     assert list(table["processes_replaced"]) == [0, 1]
-    assert list(table["doubts"]) == ["3 of 5 rounds"] * 2  # of no disturbance
+    assert list(table["warnings"]) == ["3 of 5 rounds"] * 2  # of no disturbance
 
 
-def test_a_quick_look_with_few_processes_keeps_what_was_disturbed_and_its_doubt(tmp_path):
+def test_a_quick_look_with_few_processes_keeps_what_was_disturbed_and_its_warning(tmp_path):
     runner = Disturbed()
     table = run_sweep(points(tmp_path, 1, 2, processes=4), run=runner)
     assert len(runner.points) == 8
-    assert "spread is" in table["doubts"][1]
+    assert "spread is" in table["warnings"][1]
 
 
 @pytest.mark.parametrize(("others", "looks"), [(0.02, 1), (0.05, 1), (0.06, 3), (None, 3)])
-def test_a_sweep_looks_for_a_quiet_machine_at_first_and_after_a_process_that_was_not_quiet(
+def test_a_sweep_looks_for_an_idle_machine_at_first_and_after_a_process_that_was_not_idle(
     tmp_path, monkeypatch, others, looks
 ):
-    """The same share of the cores is too much as makes a doubt, however many cores there are."""
+    """The same share of the cores is too much as makes a warning, however many cores there are."""
 
     class Shared(Runner):
         def __call__(self, point):
@@ -153,7 +153,7 @@ def test_a_sweep_looks_for_a_quiet_machine_at_first_and_after_a_process_that_was
             return replace(outcome, results=outcome.results | {"others_share": others})
 
     seen = []
-    monkeypatch.setattr("experiments.sweep.Waiting.for_quiet", lambda self: seen.append(self))
-    monkeypatch.setattr("experiments.results.doubts.cores_of", lambda record: 8)
+    monkeypatch.setattr("experiments.sweep.Waiting.for_idle", lambda self: seen.append(self))
+    monkeypatch.setattr("experiments.results.time_warnings.cores_of", lambda record: 8)
     run_sweep(points(tmp_path, 1), run=Shared())
     assert len(seen) == looks

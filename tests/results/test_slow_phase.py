@@ -3,7 +3,7 @@
 `tests/data/slow_phase.json`, in the order of a table: the built-in Cornell box, 512 x 512 pixels, one thread, `aligned`
 with culling at 1, 16 and 128 cells, five rounds in each of six processes, the points in turn. During the last three
 processes a burner filled arrays on the same core. Other work was on that core all the time, so each call was timed by
-two clocks: that of the thread ("cpu"), which others do not move, stands for a quiet machine, and the wall clock for the
+two clocks: that of the thread ("cpu"), which others do not move, stands for an idle machine, and the wall clock for the
 slow phase.
 """
 

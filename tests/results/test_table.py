@@ -10,7 +10,6 @@ from atra.errors import InputError
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.records import Record
 from experiments.results import table as tables
-from experiments.results.doubts import was_quiet
 from experiments.results.people import MOST_COLUMNS, csv_columns
 from experiments.results.table import (
     Tables,
@@ -22,6 +21,7 @@ from experiments.results.table import (
     rows_of,
     write_tables,
 )
+from experiments.results.time_warnings import was_idle
 from experiments.workloads.frame import FRAME
 from tests.folders import ROOT
 
@@ -95,20 +95,21 @@ def test_ratios_are_medians_of_ratios_not_ratios_of_medians():
 
 
 @pytest.mark.parametrize(("affinity", "logical", "told"), [([1], 8, 1), (None, 2, 2), ([0, 1, 2], 3, None)])
-def test_more_threads_than_cores_are_a_doubt(affinity, logical, told):
+def test_more_threads_than_cores_are_flagged(affinity, logical, told):
     environment = MEASURED.environment | {"affinity": affinity, "logical_cores": logical}
     calm = {name: [1.0, 1.0, 1.0] for name in MEASURED.samples}
     record = replace(MEASURED, environment=environment, samples=calm, results=MEASURED.results | {"threads": 3})
-    doubts = make_table([record]).iloc[0]["doubts"]
-    assert pd.isna(doubts) if told is None else doubts == f"3 threads on {told} cores"
+    warnings = make_table([record]).iloc[0]["warnings"]
+    assert pd.isna(warnings) if told is None else warnings == f"3 threads on {told} cores"
 
 
-def test_a_wide_spread_and_missing_rounds_are_doubts():
-    doubts = make_table([replace(MEASURED, configuration={**MEASURED.configuration, "rounds": 9})]).iloc[0]["doubts"]
-    assert "spread" in doubts
-    assert "3 of 9 rounds" in doubts
+def test_a_wide_spread_and_missing_rounds_are_flagged():
+    record = replace(MEASURED, configuration={**MEASURED.configuration, "rounds": 9})
+    warnings = make_table([record]).iloc[0]["warnings"]
+    assert "spread" in warnings
+    assert "3 of 9 rounds" in warnings
     calm = replace(MEASURED, samples={name: [1.0, 1.0, 1.0] for name in MEASURED.samples})
-    assert pd.isna(make_table([calm]).iloc[0]["doubts"])
+    assert pd.isna(make_table([calm]).iloc[0]["warnings"])
 
 
 def test_a_skipped_point_is_a_row_with_its_reason_and_no_numbers():
@@ -191,7 +192,7 @@ def test_a_stand_in_says_whose_place_it_takes():
     assert pd.isna(row("cornell_box", "procedural")["stands_for"])
 
 
-def test_a_machine_that_was_busy_while_it_measured_is_a_doubt_and_one_that_was_before_is_none():
+def test_a_machine_that_was_busy_while_it_measured_is_flagged_and_one_that_was_before_is_none():
     def row(**results):
         busy = replace(
             MEASURED,
@@ -201,22 +202,22 @@ def test_a_machine_that_was_busy_while_it_measured_is_a_doubt_and_one_that_was_b
         )
         return make_table([busy]).iloc[0]
 
-    assert row(others_share=0.04, stolen_share=0.26)["doubts"] == "others took 30% of its cores"
-    assert row(others_share=0.3, stolen_share=None)["doubts"] == "others took 30% of its cores"
-    assert pd.isna(row(others_share=0.01, stolen_share=0.03)["doubts"])
+    assert row(others_share=0.04, stolen_share=0.26)["warnings"] == "others took 30% of its cores"
+    assert row(others_share=0.3, stolen_share=None)["warnings"] == "others took 30% of its cores"
+    assert pd.isna(row(others_share=0.01, stolen_share=0.03)["warnings"])
     assert row(others_share=0.01)["others_share"] == 0.01
-    assert row()[["doubts", "others_share"]].isna().all()  # an old record does not tell
+    assert row()[["warnings", "others_share"]].isna().all()  # an old record does not tell
 
 
 @pytest.mark.parametrize(("others", "stolen"), [(0.0, 0.0), (0.04, 0.0), (0.03, 0.03), (0.0, 0.06), (0.06, None)])
-def test_a_machine_is_quiet_where_what_is_measured_bears_no_doubt_of_others(others, stolen):
+def test_a_machine_is_quiet_where_what_is_measured_bears_no_warning_of_others(others, stolen):
     shares = {"others_share": others, "stolen_share": stolen}
     environment = {**MEASURED.environment, "affinity": list(range(16))}
     record = replace(MEASURED, environment=environment, results={**MEASURED.results, "threads": 1, **shares})
-    assert ("others took" in str(make_table([record]).iloc[0]["doubts"])) == (not was_quiet(record))
+    assert ("others took" in str(make_table([record]).iloc[0]["warnings"])) == (not was_idle(record))
 
 
-def test_the_doubts_of_a_point_are_those_of_all_its_processes_each_once_and_at_its_worst():
+def test_the_warnings_of_a_point_are_those_of_all_its_processes_each_once_and_at_its_worst():
     def process(number, own, **results):
         samples = dict.fromkeys(MEASURED.samples, own)
         configuration = {**MEASURED.configuration, "process": number, "rounds": 5}
@@ -228,7 +229,7 @@ def test_the_doubts_of_a_point_are_those_of_all_its_processes_each_once_and_at_i
     busy = process(0, [1.0] * 4, others_share=0.26)
     short = process(1, [1e-4, 1.2e-4, 1.4e-4], others_share=0.3)
     table = make_table([busy, short, calm])
-    assert table["doubts"][0].split("; ") == [
+    assert table["warnings"][0].split("; ") == [
         "others took 30% of its cores",
         "3 of 5 rounds",
         "spread is 17% of the median",
@@ -240,7 +241,7 @@ def test_the_file_for_people_begins_with_what_was_measured_and_has_no_more_colum
     others = [replace(MEASURED, configuration={**MEASURED.configuration, "scene": f"scene {k}"}) for k in range(3)]
     names = csv_columns(make_table([MEASURED, *others]))
     assert names[0] == "scene"
-    assert names.index("method") < names.index("status") < names.index("render_time_s") < names.index("doubts")
+    assert names.index("method") < names.index("status") < names.index("render_time_s") < names.index("warnings")
     assert names[-1] == "point_id"
     assert len(set(names)) == len(names) <= MOST_COLUMNS
 

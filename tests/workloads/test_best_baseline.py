@@ -1,4 +1,4 @@
-"""The best packets per pixel: chosen in some processes, told by the others, and no more than noise says nothing."""
+"""The best ray packets: chosen in some processes, told by the others, and no more than noise says nothing."""
 
 import pytest
 
@@ -36,13 +36,11 @@ def test_what_stood_out_in_the_processes_that_chose_it_alone_is_noise():
     lucky = rows_of("lucky", (1.3, 1.3, 1.3, 1.0, 1.01, 0.99), coherent=False)
     lines = list(baseline_lines(table(rows_of("usual", NOISE), lucky)))
     assert "incoherent, 1.00 [0.98, 1.03] times as fast as the usual packets (no more than noise)" in lines[0]
-    assert lines[1] == "nowhere are packets per pixel faster than the usual ones by more than noise"
+    assert lines[1] == "nowhere are ray packets faster than the usual ones by more than noise"
 
 
 def test_too_few_processes_decide_nothing_and_the_usual_packets_alone_leave_no_choice():
     rows = table(rows_of("usual", (1.0, 1.0)), rows_of("robust", (1.2, 1.2), robust=True))
-    assert list(baseline_lines(rows)) == [
-        "best of 2 packets per pixel, box: packets of 16 per pixel, robust (not decided)"
-    ]
+    assert list(baseline_lines(rows)) == ["best of 2 ray packets, box: packets of 16 per pixel, robust (not decided)"]
     single = [row | {"packet_width": 1} for row in rows_of("single", NOISE)]
     assert not list(best_baselines(table(rows_of("usual", NOISE), single)))

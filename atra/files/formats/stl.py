@@ -32,7 +32,7 @@ def read_stl_file(content: bytes, allowance: Allowance) -> MeshFile:
             raise InputError(f"it promises {count:,} facets, but has only {len(content):,} bytes; it seems cut short")
         if len(content) > size:
             if count == 0:
-                raise InputError(f"it promises no facets, but has {len(content):,} bytes; export it anew")
+                raise InputError(f"it promises no facets, but has {len(content):,} bytes; export it again")
             notes.append(f"{len(content) - size:,} bytes after its {count:,} facets are left out")
         check_rows(4 * count, allowance)
         facets = np.frombuffer(content, _FACET, count, _HEADER_BYTES)

@@ -125,7 +125,7 @@ class Baker(Lifetime):
         return self._texels
 
     def update(self, scene: Scene) -> None:
-        """Take other lights, materials or sky, or other vertices of the same faces; the map starts anew.
+        """Take other lights, materials or sky, or other vertices of the same faces; the map starts again.
 
         The charts stay on the map. Raises InputError for a mesh of other faces, ClosedError after `close`."""
         with self._lock:

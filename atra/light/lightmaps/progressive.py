@@ -92,7 +92,7 @@ class ProgressiveBake:
         self._work.edit(camera)
 
     def update(self, scene: Scene) -> None:
-        """Change lights, surfaces or sky; the map starts anew."""
+        """Change lights, surfaces or sky; the map starts again."""
         self._work.edit(scene)
 
     def snapshot(self) -> Lightmap | None:

@@ -40,7 +40,7 @@ _HOLES = 1 << 16
 _SEED = 0x2545F491
 
 _BEYOND = np.float32(1 + 2e-6)
-"""Where a ray starts anew behind a hole, over the distance to it."""
+"""Where a ray starts again behind a hole, over the distance to it."""
 
 _LEAST_SURVIVAL = np.float32(0.05)
 
@@ -156,7 +156,7 @@ def passes_of(bounce):  # type: ignore[no-untyped-def]
 @njit(error_model="numpy")
 def passed(surfaces, prim_id, origin, direction, distance, weight, is_seen, random):  # type: ignore[no-untyped-def]
     """(beyond, weight): whether a ray passes a triangle that light may pass, decided by chance. beyond: where it then
-    starts anew, as a distance from its origin; 0 if it meets the surface. weight: (r, g, b) of what goes on.
+    starts again, as a distance from its origin; 0 if it meets the surface. weight: (r, g, b) of what goes on.
 
     distance: to the hit, as far as known. is_seen: by the eye. random: (key, sample, number of surfaces met so far).
     """

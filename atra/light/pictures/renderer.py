@@ -128,7 +128,7 @@ class Renderer(Finisher):
         """Add this many samples to every pixel, up to the option `most_samples`; returns whether it finished.
 
         stop: asked before every wave, by several threads; it may read only `samples` of this renderer. If it returns
-        True, finished samples stay. On an interrupt or an error the picture starts anew. Raises InputError for a number
+        True, finished samples stay. On an interrupt or an error the picture starts over. Raises InputError for a number
         below 1, ClosedError after `close`, AtraError naming pixel and sample for light that is not finite.
         """
         check_whole("samples", samples, 1)
@@ -232,7 +232,7 @@ class Renderer(Finisher):
 
         scene: its mesh may have other vertices, but the same faces. changes: options by name; others stay as they are.
         Samples stay where their sums would be the same (`HybridRenderer`: powers and colours of lights, power of the
-        sky); otherwise it starts anew with none.
+        sky); otherwise it starts again with none.
         Raises InputError for a mesh of other faces, and for options that the scene was built with; TypeError for
         options that there are not; ClosedError after `close`.
         """

@@ -1,4 +1,4 @@
-"""Sample points of paths: Sobol' points, scrambled by Owen's method anew for each pixel and pair of dimensions."""
+"""Sample points of paths: Sobol' points, scrambled by Owen's method again for each pixel and pair of dimensions."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ class Artist(Protocol):
         """Draw one frame, fast."""
 
     def add(self, request: Request, stop: Callable[[], bool]) -> int:
-        """Add a sample to the picture of `request`, which starts anew unless it keeps those of the last call's; when
+        """Add a sample to the picture of `request`, which starts again unless it keeps those of the last call's; when
         `stop` says True on the way, it keeps the samples that it had. Returns their number."""
 
     def show(self, request: Request) -> Picture:

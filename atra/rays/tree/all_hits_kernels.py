@@ -78,7 +78,7 @@ def _sort(hits, first, count):  # type: ignore[no-untyped-def]
 
 @out_of_line
 def _settle(hits, first, count, most, close):  # type: ignore[no-untyped-def]
-    """Make t of sorted hits that are close to each other right, and sort anew; beyond the first `most` only those that
+    """Make t of sorted hits that are close to each other right, and sort again; beyond the first `most` only those that
     are close to one of these."""
     end = first + min(count, most)
     while end < first + count and hits.t[end] - hits.t[end - 1] <= close.gap:

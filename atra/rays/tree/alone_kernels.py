@@ -18,7 +18,7 @@ from atra.trees.wide import BLOCK_COUNTS
 class Alone(NamedTuple):
     """A ray that goes through the tree alone.
 
-    ray: origin and direction. ends: tnear and tfar. start: where it starts anew. margin: of boxes. line: of `line_of`.
+    ray: origin and direction. ends: tnear and tfar. start: where it starts again. margin: of boxes. line: of `line_of`.
     areas, exact: addresses of memory. touches: as for `crossing`.
     """
 
@@ -34,7 +34,7 @@ class Alone(NamedTuple):
 
 @njit(forceinline=True)
 def alone_of(tree, o, d, tnear, tfar, s, memory, touches):  # type: ignore[no-untyped-def]
-    """(query, ahead, `Alone`) of a ray of `scaled_ray` that starts anew at s."""
+    """(query, ahead, `Alone`) of a ray of `scaled_ray` that starts again at s."""
     margin = margin_of(o, tree.sphere)
     ahead, line = ahead_of(s, tfar, margin), line_of(o, d, tree.sphere)
     alone = Alone((o, d), (tnear, tfar), s, margin, line, memory.areas, memory.exact, touches)

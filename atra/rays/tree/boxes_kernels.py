@@ -1,7 +1,7 @@
 """Rays and the boxes of a node's children, in float32: no box is lost that a ray meets.
 
-The ray starts anew where it comes near the mesh, and each box is enlarged by more than all roundings. Several rays that
-head for one octant enter a box where the intervals that hold their numbers may, as float32 rounds monotonically.
+The ray starts again where it comes near the mesh, and each box is enlarged by more than all roundings. Several rays
+that head for one octant enter a box where the intervals that hold their numbers may, as float32 rounds monotonically.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ PADDING = 1.01
 
 @njit(forceinline=True)
 def start_of(o, d, tnear, tfar, sphere):  # type: ignore[no-untyped-def]
-    """(whether the ray may meet the mesh, s): it starts anew at o + s d, beyond `tnear` where the mesh is far.
+    """(whether the ray may meet the mesh, s): it starts again at o + s d, beyond `tnear` where the mesh is far.
 
     d: its largest component is from 1 to 2 in size. sphere: middle of the mesh's box and half its diagonal. Where the
     ray starts near by, it is neither moved nor left out: its start is at most four radii away, as margins have it.
@@ -69,7 +69,7 @@ def margin_of(o, sphere):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def ahead_of(s, tfar, margin):  # type: ignore[no-untyped-def]
-    """Where a ray that starts anew at s enters boxes at the latest, float32."""
+    """Where a ray that starts again at s enters boxes at the latest, float32."""
     return np.float32((tfar - s) * (1.0 + BOX_MARGIN) + margin)
 
 
@@ -97,7 +97,7 @@ def query_of(x, y, z, ahead, margin):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True)
 def query_alone(o, d, s, ahead, margin):  # type: ignore[no-untyped-def]
-    """`query_of` one ray, which starts anew at o + s d."""
+    """`query_of` one ray, which starts again at o + s d."""
     x, y, z = np.float32(o[0] + s * d[0]), np.float32(o[1] + s * d[1]), np.float32(o[2] + s * d[2])
     u, v, w = np.float32(_reciprocal(d[0])), np.float32(_reciprocal(d[1])), np.float32(_reciprocal(d[2]))
     by = np.float32(margin)

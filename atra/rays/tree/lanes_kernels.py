@@ -126,7 +126,7 @@ def load_rays(rays, first, last, near_by, memory):  # type: ignore[no-untyped-de
 @float_part
 def _begin_rays(memory, sphere, farthest, margin):  # type: ignore[no-untyped-def]
     """Bits of the rays that come near the mesh. Writes what box tests need of each, as `start_of` and `box_ray` do of
-    one; rays start anew a little earlier than there, as lengths of directions count as their least."""
+    one; rays start again a little earlier than there, as lengths of directions count as their least."""
     cx, cy, cz, radius = sphere
     (ox, oy, oz), (dx, dy, dz) = three_rows(memory + ORIGIN), three_rows(memory + DIRECTION)
     tnear, tfar = row_at(memory + NEAR), row_at(memory + FAR)

@@ -157,7 +157,7 @@ def fit(
     """Constants, none below 0, with which sums of terms come nearest to what was measured, by relative errors.
 
     terms: (N, K), measured: (N,). known: (N,), what is part of it without a constant. Outliers count by their size, not
-    its square: least squares, weighted anew.
+    its square: least squares, weighted again.
     """
     rows, wanted = terms / measured[:, None], 1.0 - known / measured
     scale = np.maximum(np.abs(rows).max(axis=0), 1e-300)

@@ -105,7 +105,7 @@ class MitsubaPaths:
         mi, dr = self._mi, self._drjit
         self._seed += 1
         self._sampler.seed(self._seed, count)
-        which = dr.arange(mi.UInt32, count) + dr.opaque(mi.UInt32, first)  # as data: a number would compile anew
+        which = dr.arange(mi.UInt32, count) + dr.opaque(mi.UInt32, first)  # as data: a number would compile again
         start = dr.gather(mi.Point3f, self._points[self._rounds % _ROUNDS], which)
         normal = dr.gather(mi.Normal3f, self._normals, which)
         sphere = mi.warp.square_to_cosine_hemisphere(self._sampler.next_2d())

@@ -37,7 +37,7 @@ CELLS = 128
 
 
 USES = ("sun", "sky", "bundle")
-"""sun: rays of one direction from texels. sky: rays of several directions, each planned and built anew. bundle: all
+"""sun: rays of one direction from texels. sky: rays of several directions, each planned and built again. bundle: all
 hits of parallel rays across the whole scene."""
 
 

@@ -41,7 +41,7 @@ class _Finder:
         return None
 
     def forget(self, file: Path) -> None:
-        """Let the next import of the file's helpers run them anew: they may have changed."""
+        """Let the next import of the file's helpers run them again: they may have changed."""
         for name in self.imported & self.helpers.pop(file, {}).keys():
             self.imported.remove(name)
             for module in [known for known in sys.modules if known == name or known.startswith(f"{name}.")]:

@@ -57,7 +57,7 @@ class PeerScene(Protocol):
 
     package, interface, setting: what is imported, what is called, and how exact it is, in words. rays_per_packet: of
     Embree, 0 where the peer decides and does not tell. follows: whether it serves any camera; otherwise it is built
-    anew, and its answers are in the order of the image's rows.
+    again, and its answers are in the order of the image's rows.
     """
 
     package: ClassVar[str]
@@ -102,7 +102,7 @@ class PreparedPeer(Prepared):
     """A peer's scene, and the rays of a camera.
 
     Rays through the pixel centres are made beforehand, and those of the last offset are kept; another offset makes them
-    anew, inside `draw`. Measure a standing camera with one. frame_time_s: of the last frame, the peer's own query of
+    again, inside `draw`. Measure a standing camera with one. frame_time_s: of the last frame, the peer's own query of
     all rays at once and the conversion of its answer, nothing else. How many threads build the BVH is up to the peer.
     """
 

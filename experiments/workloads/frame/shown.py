@@ -31,7 +31,7 @@ def sweep_lines(rows: pd.DataFrame) -> Iterator[Table | str]:
 
 
 def process_lines(rows: pd.DataFrame) -> Iterator[str]:
-    """Which packets per pixel are the fastest, where several were tried. rows: of every process that measured."""
+    """Which ray packets are the fastest, where several were tried. rows: of every process that measured."""
     yield from baseline_lines(rows)
 
 
@@ -130,8 +130,8 @@ def baseline_lines(processes: pd.DataFrame) -> Iterator[str]:
     best = list(best_baselines(processes))
     for baseline in best:
         margin = "" if baseline.margin is None else f", {baseline.margin} times as fast as the usual packets"
-        doubt = "" if baseline.is_faster else " (not decided)" if baseline.margin is None else " (no more than noise)"
-        yield f"best of {baseline.tried} packets per pixel, {baseline.scene}: {baseline.name}{margin}{doubt}"
+        warning = "" if baseline.is_faster else " (not decided)" if baseline.margin is None else " (no more than noise)"
+        yield f"best of {baseline.tried} ray packets, {baseline.scene}: {baseline.name}{margin}{warning}"
     is_decided = best and all(baseline.margin is not None for baseline in best)
     if is_decided and not any(baseline.is_faster for baseline in best):
-        yield "nowhere are packets per pixel faster than the usual ones by more than noise"
+        yield "nowhere are ray packets faster than the usual ones by more than noise"

@@ -172,9 +172,9 @@ def test_samples_stay_where_only_strengths_change_and_go_where_anything_else_doe
             renderer.look(change.get("camera", renderer.camera))
             assert renderer.samples == (3 if name in stay else 0), name
             if name in stay:
-                with render.HybridRenderer(renderer.scene, down(8), threads=1) as anew:
-                    anew.add(3)
-                    np.testing.assert_array_equal(renderer.image, anew.image)
+                with render.HybridRenderer(renderer.scene, down(8), threads=1) as again:
+                    again.add(3)
+                    np.testing.assert_array_equal(renderer.image, again.image)
             renderer.update(scene, occlusion_length=10.0, occlusion_rays=1)
             renderer.look(down(8))
             if renderer.samples:

@@ -136,7 +136,7 @@ def test_an_interrupted_sample_leaves_no_torn_picture(monkeypatch):
 
 
 @pytest.mark.parametrize("kind", [light.PathRenderer, light.HybridRenderer])
-@pytest.mark.parametrize("first", [1, 32])  # also where float32 sums begin anew
+@pytest.mark.parametrize("first", [1, 32])  # also where float32 sums begin again
 def test_a_picture_that_is_stopped_between_waves_keeps_its_samples_and_goes_on(kind, first):
     options = {"threads": 1}
     with (

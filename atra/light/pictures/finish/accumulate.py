@@ -201,6 +201,6 @@ def _resume(path: Path, renderer: Renderer, octaves: _Octaves) -> float:
         octaves.restore(state)
         return float(state["elapsed_s"])
     except InputError as error:
-        raise InputError(f"{path} cannot be resumed: {error}; remove it to start anew") from None
+        raise InputError(f"{path} cannot be resumed: {error}; remove it to start again") from None
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path} is no state of a picture ({error}); remove it to start anew") from None
+        raise InputError(f"{path} is no state of a picture ({error}); remove it to start again") from None

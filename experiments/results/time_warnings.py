@@ -8,21 +8,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from experiments.harness.environment import BUSY_SHARE_OF_ALL_CORES
-from experiments.harness.processes.quiet import Busy
+from experiments.harness.processes.idle import Busy
 from experiments.harness.records import Record
 from experiments.results.settings import without_numbers
 from experiments.workloads import find_workload
 from experiments.workloads.images import say_wrong_image
 
 _OUT_OF_PROPORTION = 10.0
-"""Samples this many times longer or shorter than their method's median make a point doubtful."""
+"""Samples this many times longer or shorter than their method's median flag a point."""
 
 WRONG = "wrong"
 """Status of a point that was timed and whose image is wrong: figures and ratios leave its time out."""
 
 
 @dataclass(frozen=True)
-class Doubt:
+class TimeWarning:
     """A reason to distrust the times of a process. badness: the larger, the worse, among those of one kind."""
 
     text: str
@@ -35,59 +35,59 @@ def cores_of(record: Record) -> int | None:
     return len(affinity) if affinity else record.environment.get("logical_cores")
 
 
-def doubts_of(record: Record) -> list[Doubt] | None:
+def warnings_of(record: Record) -> list[TimeWarning] | None:
     """Reasons to distrust the times of a process, None without any."""
     own = _judged(record)
     if own is None:
         return None
-    doubts = passing_doubts(record)
+    warnings = passing_warnings(record)
     if min(own) < 1e-3:
-        doubts.append(Doubt("shortest sample is below 1 ms"))
+        warnings.append(TimeWarning("shortest sample is below 1 ms"))
     asked = record.configuration.get("rounds")
     if asked is not None and len(own) < asked:
-        doubts.append(Doubt(f"{len(own)} of {asked} rounds", -len(own)))
+        warnings.append(TimeWarning(f"{len(own)} of {asked} rounds", -len(own)))
     cores, threads = cores_of(record), record.results.get("threads")
     if cores and threads and threads > cores:
-        doubts.append(Doubt(f"{threads} threads on {cores} cores", -cores))
-    return doubts or None
+        warnings.append(TimeWarning(f"{threads} threads on {cores} cores", -cores))
+    return warnings or None
 
 
-def say_doubts(processes: Sequence[Sequence[Doubt]]) -> str:
-    """The doubts of a point's processes in words: each kind once, in the order in which they come, by its worst."""
-    worst: dict[str, Doubt] = {}
-    for doubt in (doubt for doubts in processes for doubt in doubts):
-        kind = without_numbers(doubt.text)
-        if kind not in worst or doubt.badness > worst[kind].badness:
-            worst[kind] = doubt
-    return "; ".join(doubt.text for doubt in worst.values())
+def say_warnings(processes: Sequence[Sequence[TimeWarning]]) -> str:
+    """The warnings of a point's processes in words: each kind once, in the order in which they come, by its worst."""
+    worst: dict[str, TimeWarning] = {}
+    for warning in (warning for warnings in processes for warning in warnings):
+        kind = without_numbers(warning.text)
+        if kind not in worst or warning.badness > worst[kind].badness:
+            worst[kind] = warning
+    return "; ".join(warning.text for warning in worst.values())
 
 
-def passing_doubts(record: Record) -> list[Doubt]:
-    """Those of `doubts_of` that came from a disturbance, so that another process may be without them."""
+def passing_warnings(record: Record) -> list[TimeWarning]:
+    """Those of `warnings_of` that came from a disturbance, so that another process may be without them."""
     own = _judged(record)
     if own is None:
         return []
-    doubts = []
+    warnings = []
     q1, median, q3 = np.quantile(own, [0.25, 0.5, 0.75])
     if q3 - q1 >= 0.1 * median:
         spread = (q3 - q1) / median
-        doubts.append(Doubt(f"spread is {spread:.0%} of the median", spread))
+        warnings.append(TimeWarning(f"spread is {spread:.0%} of the median", spread))
     longest = max(max(values) / np.median(values) for values in record.samples.values())
     if longest > _OUT_OF_PROPORTION:
-        doubts.append(Doubt(f"longest sample is {longest:,.0f} times the median", longest))
+        warnings.append(TimeWarning(f"longest sample is {longest:,.0f} times the median", longest))
     shortest = max(np.median(values) / min(values) for values in record.samples.values())
     if shortest > _OUT_OF_PROPORTION:
-        doubts.append(Doubt(f"median is {shortest:,.0f} times the shortest sample", shortest))
+        warnings.append(TimeWarning(f"median is {shortest:,.0f} times the shortest sample", shortest))
     taken = sum(record.results.get(name) or 0.0 for name in ("others_share", "stolen_share"))
     if taken > BUSY_SHARE_OF_ALL_CORES:
-        doubts.append(Doubt(f"others took {taken:.0%} of its cores", taken))
-    return doubts
+        warnings.append(TimeWarning(f"others took {taken:.0%} of its cores", taken))
+    return warnings
 
 
-def was_quiet(record: Record) -> bool:
-    """Whether the machine was quiet while the point was measured; False where nobody knows."""
+def was_idle(record: Record) -> bool:
+    """Whether the machine was idle while the point was measured; False where nobody knows."""
     others = record.results.get("others_share")
-    return others is not None and Busy(others, record.results.get("stolen_share") or 0.0).is_quiet
+    return others is not None and Busy(others, record.results.get("stolen_share") or 0.0).is_idle
 
 
 def why_wrong(record: Record) -> str | None:

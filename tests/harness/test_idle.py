@@ -1,9 +1,9 @@
-"""A sweep waits for a quiet machine, says for what, and gives up after a limit. No clock, no load: both are made up."""
+"""A sweep waits for an idle machine, says for what, and gives up after a limit. No clock, no load: both are made up."""
 
 import pytest
 
 from atra.errors import InputError
-from experiments.harness.processes.quiet import LIMIT_VARIABLE, Busy, Waiting, look_around
+from experiments.harness.processes.idle import LIMIT_VARIABLE, Busy, Waiting, look_around
 
 QUIET, LOUD = Busy(0.02, 0.0), Busy(0.9, 0.0, (("make", 0.6), ("cc1", 0.3)))
 
@@ -24,44 +24,44 @@ def waiting(monkeypatch):
     return made
 
 
-def test_a_quiet_machine_is_measured_at_once(waiting):
+def test_an_idle_machine_is_measured_at_once(waiting):
     one, said = waiting(60, QUIET)
-    assert one.for_quiet()
+    assert one.for_idle()
     assert said == []
 
 
 def test_a_busy_one_is_waited_for_and_the_processes_are_named(waiting):
     one, said = waiting(60, LOUD, LOUD, QUIET, QUIET)
-    assert one.for_quiet()
-    assert one.for_quiet()
+    assert one.for_idle()
+    assert one.for_idle()
     assert len(said) == 1
     assert "other processes use 90% of all cores (make 60%, cc1 30%)" in said[0]
 
 
 def test_the_limit_is_of_all_waits_together_and_then_nobody_waits_again(waiting):
     one, said = waiting(10, LOUD, QUIET, *[LOUD] * 9)
-    assert one.for_quiet()
-    assert not one.for_quiet()
-    assert "still not quiet" in said[-1]
+    assert one.for_idle()
+    assert not one.for_idle()
+    assert "still not idle" in said[-1]
     looked = len(said)
-    assert not one.for_quiet()
+    assert not one.for_idle()
     assert len(said) == looked
 
 
-def test_where_quiet_is_needed_the_sweep_ends(waiting):
+def test_where_idle_is_needed_the_sweep_ends(waiting):
     one, _ = waiting(10, *[LOUD] * 9, needed=True)
     with pytest.raises(InputError, match="the same command goes on"):
-        one.for_quiet()
+        one.for_idle()
 
 
 def test_what_other_machines_steal_counts_too():
-    assert not Busy(0.0, 0.2).is_quiet
+    assert not Busy(0.0, 0.2).is_idle
     assert "other machines 20%" in str(Busy(0.0, 0.2))
 
 
 def test_the_variable_stands_in_place_of_the_option(monkeypatch):
     monkeypatch.setenv(LIMIT_VARIABLE, "0")
-    assert not Waiting(60, print).for_quiet()
+    assert not Waiting(60, print).for_idle()
 
 
 def test_looking_around_names_shares_of_cores():

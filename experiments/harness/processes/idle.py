@@ -1,4 +1,4 @@
-"""A quiet machine: a sweep waits while other processes, or other machines on the same hardware, use its cores."""
+"""An idle machine: a sweep waits while other processes, or other machines on the same hardware, use its cores."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import psutil
 from atra.errors import InputError
 from experiments.harness.environment import BUSY_SHARE_OF_ALL_CORES, Moment
 
-LIMIT_VARIABLE = "ATRA_QUIET_LIMIT_S"
-"""Environment variable in place of `measure.quiet_limit_s`; tests, which measure nothing, set it to 0."""
+LIMIT_VARIABLE = "ATRA_IDLE_LIMIT_S"
+"""Environment variable in place of `measure.idle_limit_s`; tests, which measure nothing, set it to 0."""
 
 _LOOK_S = 1.0
 _PAUSE_S = 4.0
@@ -31,7 +31,7 @@ class Busy:
     names: tuple[tuple[str, float], ...] = ()
 
     @property
-    def is_quiet(self) -> bool:
+    def is_idle(self) -> bool:
         return self.others + self.stolen <= BUSY_SHARE_OF_ALL_CORES
 
     def __str__(self) -> str:
@@ -70,7 +70,7 @@ def _process_times() -> dict[tuple[int, str], float]:
 
 @dataclass
 class Waiting:
-    """Waits for a quiet machine, `limit_s` seconds in all; tell is called once for each wait, with what is waited for,
+    """Waits for an idle machine, `limit_s` seconds in all; tell is called once for each wait, with what is waited for,
     and once when the time is used up. needed: then InputError is raised."""
 
     limit_s: float
@@ -84,36 +84,36 @@ class Waiting:
     def __post_init__(self) -> None:
         self.limit_s = float(os.environ.get(LIMIT_VARIABLE, self.limit_s))
 
-    def for_quiet(self) -> bool:
-        """Whether the machine is quiet, at once or after some waiting. False as soon as the time is used up, or
+    def for_idle(self) -> bool:
+        """Whether the machine is idle, at once or after some waiting. False as soon as the time is used up, or
         InputError where it is needed."""
         if self.spent_s >= self.limit_s:
             return self._given_up()
         start, told = self.clock(), False
-        while not (busy := self.look()).is_quiet:
+        while not (busy := self.look()).is_idle:
             waited = self.spent_s + self.clock() - start
             if waited >= self.limit_s:
                 self.spent_s = waited
-                self.tell(f"the machine is still not quiet after {waited:.0f} s: {busy}")
+                self.tell(f"the machine is still not idle after {waited:.0f} s: {busy}")
                 return self._given_up()
             if not told:
-                self.tell(f"waiting for a quiet machine, {self.limit_s - waited:.0f} s at most: {busy}")
+                self.tell(f"waiting for an idle machine, {self.limit_s - waited:.0f} s at most: {busy}")
                 told = True
             self.sleep(_PAUSE_S)
         self.spent_s += self.clock() - start if told else 0.0
         return True
 
     def tell_who_disturbs(self) -> bool:
-        """Look once and say who uses the cores, without waiting. Whether the machine is quiet; where quiet is needed,
-        as `for_quiet`."""
+        """Look once and say who uses the cores, without waiting. Whether the machine is idle; where quiet is needed,
+        as `for_idle`."""
         if self.needed or self.limit_s <= 0:
-            return self.for_quiet()
+            return self.for_idle()
         busy = self.look()
-        if not busy.is_quiet:
-            self.tell(f"the machine is not quiet: {busy}; measuring goes on, and the table flags what was disturbed")
-        return busy.is_quiet
+        if not busy.is_idle:
+            self.tell(f"the machine is not idle: {busy}; measuring goes on, and the table flags what was disturbed")
+        return busy.is_idle
 
     def _given_up(self) -> bool:
         if self.needed and self.limit_s > 0:
-            raise InputError("the machine is not quiet; the same command goes on from here")
+            raise InputError("the machine is not idle; the same command goes on from here")
         return False
