@@ -66,6 +66,17 @@ class Hits:
     The properties `u`, `v`, `points` and `normals` are computed in float64 at first use. They are NaN for a miss, and,
     except `normals`, for a ray that lies in its triangle's plane. They raise InputError for a bad offset and a
     `prim_id` that the mesh does not have.
+
+    Examples
+    --------
+    >>> import atra
+    >>> mesh = atra.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    >>> camera = atra.Camera.framing(mesh, width=64, height=48)
+    >>> hits = atra.trace(mesh, camera)
+    >>> hits.depth.dtype, hits.prim_id.shape
+    (dtype('float32'), (48, 64))
+    >>> hits.points[hits.hit].shape[1]
+    3
     """
 
     depth: NDArray[np.float32]

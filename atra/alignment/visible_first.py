@@ -240,6 +240,16 @@ def VisibleFirstTracer(
     ------
     InputError
         For a split that does not divide the image, a probe that is no `Hits` or of another size, and parallel rays.
+
+    Examples
+    --------
+    >>> import atra
+    >>> mesh = atra.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    >>> camera = atra.Camera.framing(mesh, width=64, height=48)
+    >>> with atra.VisibleFirstTracer(mesh, camera, split=(16, 1)) as tracer:
+    ...     hits = tracer.trace()
+    >>> print(atra.compare(hits, atra.trace(mesh, camera)))
+    3072 of 3072 pixels equal, 0 tied, 0 edge, 0 wrong
     """
     options = CellOptions(
         packet_width=packet_width, packet_rows=packet_rows, build_quality=build_quality, robust=robust,

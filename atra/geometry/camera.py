@@ -53,6 +53,13 @@ class Camera(View):
     ------
     InputError
         For a size below 1, a field of view outside (0, 180), eye = target, and up parallel to the view.
+
+    Examples
+    --------
+    >>> import atra
+    >>> camera = atra.Camera(eye=(0, 0, 3), target=(0, 0, 0), width=640, height=480)
+    >>> camera.project([(0, 0, 0)]).tolist()  # pixels, from the upper left corner
+    [[320.0, 240.0]]
     """
 
     eye: Vector
@@ -213,6 +220,13 @@ class LensCamera(LensView):
     ------
     InputError
         As `Camera`, and for a lens or sensor of another type.
+
+    Examples
+    --------
+    >>> import atra
+    >>> camera = atra.LensCamera.panorama(eye=(0, 0, 0), target=(0, 0, -1), width=360)
+    >>> camera.height, camera.depth_is_along_ray
+    (180, True)
     """
 
     def undistorted(self) -> CalibratedCamera:

@@ -49,6 +49,15 @@ class Scene:
 
     Raises InputError for shapes that do not fit the mesh, unknown materials (first face named), vertices' numbers that
     are not finite (first vertex named), and a texture without uv.
+
+    Examples
+    --------
+    >>> import atra
+    >>> from atra import light
+    >>> mesh = atra.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    >>> scene = light.Scene(mesh, [light.Lambertian((0.7, 0.6, 0.5))], lights=[light.Sun((0, 0, -1))])
+    >>> len(scene.lights)
+    1
     """
 
     mesh: Mesh

@@ -32,12 +32,6 @@ PRECISIONS = ("exact", "watertight", "fast")
 class RayScene(Lifetime):
     """Rays that come from no camera: closest hits, occlusion, all hits, and whether points are inside.
 
-        scene = atra.RayScene(mesh)
-        hits = scene.intersect(origins, directions)
-        in_shadow = scene.occluded(points, to_light, tnear=1e-3, tfar=1.0)
-        lists = scene.all_hits(origins, directions)
-        is_inside = scene.contains(points)
-
     The first batch builds; `with` builds on entry and closes on exit, and `build` and `close` do so by hand. Several
     threads may use one scene; their batches wait for each other.
 
@@ -61,8 +55,7 @@ class RayScene(Lifetime):
     faces : (F,) bool, optional
         Those of all meshes together that rays meet; None: all.
     touches
-        A ray that meets an outline in an edge or corner alone hits it, as Embree has it; otherwise it does as a ray
-        near by does. For "exact" alone.
+        A ray that meets an outline in an edge or corner alone hits it, as in Embree. For "exact" alone.
     threads
         Of a batch; None takes every core that the process may use.
     precision
@@ -81,6 +74,14 @@ class RayScene(Lifetime):
 
     Source: `rtcIntersect1/4/8/16` and `rtcOccluded1/4/8/16` of Embree's API, with its RTC_RAY_QUERY_FLAG_COHERENT for
     `coherent` and RTC_SCENE_FLAG_ROBUST for "watertight"; Gribble, Wald et al. as in `atra.trees` for our own tree.
+
+    Examples
+    --------
+    >>> import atra
+    >>> mesh = atra.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    >>> hits = atra.RayScene(mesh).intersect([(0.2, 0.2, 2)], [(0, 0, -1)])
+    >>> hits.t.tolist(), hits.prim_id.tolist()
+    ([2.0], [0])
     """
 
     def __init__(

@@ -76,6 +76,20 @@ class Baker(Lifetime):
         As `Texels.of` and `Atlas` do, and for an option's value.
     MemoryBudgetError
         Before anything large is allocated.
+
+    Examples
+    --------
+    >>> import atra
+    >>> from atra import light
+    >>> import numpy as np
+    >>> mesh = atra.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    >>> atlas = light.Atlas.of_uv(np.array([[(0, 0), (1, 0), (0, 1)]]), 8, 8)
+    >>> scene = light.Scene.plain(mesh, 0.7, sky=light.constant_sky(1.0))
+    >>> with light.Baker(scene, atlas) as baker:
+    ...     done = baker.add(16)
+    ...     combined = baker.maps.combined
+    >>> combined.shape, round(float(combined.max()), 2)
+    ((36, 3), 1.0)
     """
 
     def __init__(

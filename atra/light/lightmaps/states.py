@@ -28,6 +28,6 @@ def resume(baker: Baker, path: Path | str) -> None:
         with np.load(path, allow_pickle=False) as state:
             baker.restore(dict(state))
     except InputError as error:
-        raise InputError(f"{path} cannot be resumed: {error}; remove it to start anew") from None
+        raise InputError(f"{path} cannot be resumed: {error}; remove it to start again") from None
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path} is no state of a bake ({error}); remove it to start anew") from None
+        raise InputError(f"{path} is no state of a bake ({error}); remove it to start again") from None

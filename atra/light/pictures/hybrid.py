@@ -77,6 +77,19 @@ class HybridRenderer(Renderer):
     ------
     InputError
         For an option's value.
+
+    Examples
+    --------
+    >>> import atra
+    >>> from atra import light
+    >>> mesh = atra.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    >>> camera = atra.Camera.framing(mesh, width=64, height=48)
+    >>> scene = light.Scene.plain(mesh, 0.7, lights=[light.Sun((0, 0, -1))])
+    >>> with light.HybridRenderer(scene, camera) as renderer:
+    ...     done = renderer.add(4)
+    ...     image = renderer.image
+    >>> image.shape
+    (48, 64, 3)
     """
 
     options: HybridOptions

@@ -31,6 +31,13 @@ def load_scene(path: str | Path, *, memory_per_byte: float | None = None, **othe
     Raises InputError naming the file: for damage, required extensions that are not read, files of a glTF named
     outside its folder (of an OBJ, those of the same name beside it are read), nodes in a cycle, and more memory than
     allowed.
+
+    Examples
+    --------
+    >>> from atra import light
+    >>> scene = light.load_scene("room.glb")  # doctest: +SKIP
+    >>> list(scene.cameras), scene.left_out  # doctest: +SKIP
+    (['front'], ())
     """
     path = Path(path).expanduser()
     if not path.is_file():

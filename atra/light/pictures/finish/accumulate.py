@@ -61,6 +61,18 @@ def accumulate(
     has the error that was asked for, or, if none was, at the end; where it exists, the picture goes on from it, equal
     to the bit to one that was never interrupted. Raises InputError
     without a limit, for limits that make no sense, and for a state of another scene, camera or option; StorageError.
+
+    Examples
+    --------
+    >>> import atra
+    >>> from atra import light
+    >>> mesh = atra.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    >>> camera = atra.Camera.framing(mesh, width=64, height=48)
+    >>> scene = light.Scene.plain(mesh)
+    >>> with light.PathRenderer(scene, camera) as renderer:
+    ...     steps = list(light.accumulate(renderer, samples=4))
+    >>> steps[-1].samples, steps[-1].is_done
+    (4, True)
     """
     _check(samples, error, minutes)
     path = None if state is None else Path(state)

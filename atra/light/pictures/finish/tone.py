@@ -80,6 +80,13 @@ def toned(image: NDArray[np.floating], stops: float = 0.0, tone: str = "none") -
 
     Raises InputError for another name. Sources: Khronos PBR Neutral, specification 1.0; AgX by T. Sobotka, as fitted by
     B. Wrensch and used by three.js.
+
+    Examples
+    --------
+    >>> from atra import light
+    >>> import numpy as np
+    >>> light.toned(np.array([[[4.0, 1.0, 0.25]]]), stops=-1, tone="none").round(2).tolist()
+    [[[2.0, 0.5, 0.11999999731779099]]]
     """
     check_one_of("tone", tone, TONES)
     light = np.asarray(image, np.float32) * np.float32(2.0**stops)

@@ -58,6 +58,19 @@ class PathRenderer(Renderer):
     ------
     InputError
         For an option's value.
+
+    Examples
+    --------
+    >>> import atra
+    >>> from atra import light
+    >>> mesh = atra.Mesh([(-9, -9, 0), (9, -9, 0), (0, 9, 0)], [(0, 1, 2)])
+    >>> camera = atra.Camera(eye=(0, 0, 2), target=(0, 0, 0), width=3, height=3)
+    >>> scene = light.Scene.plain(mesh, 0.7, sky=light.constant_sky(1.0))
+    >>> with light.PathRenderer(scene, camera, threads=1) as renderer:
+    ...     done = renderer.add(64)
+    ...     image = renderer.image
+    >>> round(float(image[1, 1, 0]), 2)  # its albedo, under a white sky
+    0.7
     """
 
     options: PathOptions
