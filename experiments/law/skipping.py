@@ -14,6 +14,7 @@ from experiments.law.model.choice import Choice
 from experiments.law.model.forecasting import forecast, known_constants
 from experiments.law.model.formulas import family
 from experiments.law.model.looking import Look, look_at
+from experiments.methods.options import split_of
 
 METHODS = ("raster", "pixel", "bvh", "tiles", "visible_first", "aligned")
 """Methods of the harness whose points are predicted."""
@@ -26,7 +27,8 @@ def choice_of(point: Point) -> Choice | None:
         return None
     known_as = "instanced" if getattr(options, "geometry", None) == "instanced" else name
     width = resolve_packet_width(getattr(options, "packet_width", 1))
-    return Choice(known_as, getattr(options, "split", (1, 1)), width, getattr(options, "culling", True))
+    split = split_of(options) if hasattr(options, "split_x") else (1, 1)
+    return Choice(known_as, split, width, getattr(options, "culling", True))
 
 
 def slow_points(points: Mapping[int, Point], mesh: Mesh, limit: float) -> dict[int, Unpromising]:

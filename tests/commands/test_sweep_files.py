@@ -97,14 +97,13 @@ SWEEPS = {
     ),
     "bake_rays_smoke": (["method=raster"], {"bake_alignment"}),
     "bake_buffers": (["workload.size=16,32"], set()),
-    "bake_adaptive": (["workload.size=16", "workload.final_samples=64"], set()),
     "bake_culling_map": (["workload.size=16", "method=raster"], {"bake_convergence"}),
 }
 WITH_A_TWIN = {"bake", "bake_denoise", "bake_mitsuba", "bake_rays", "classification"}
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "paper"}
 SLOW = {
     "smoke", "methods", "methods_families", "peers", "baselines", "reference_rays", "threads",
-    "bake_buffers", "bake_adaptive", "bake_culling_map", "classification_smoke", "paths", "gather-whole",
+    "bake_buffers", "bake_culling_map", "classification_smoke", "paths", "gather-whole",
     "rays-batches", "ablations", "cornell_candidates", "law",
 }  # fmt: skip
 """Sweeps of workloads that a quick one has, too."""

@@ -268,7 +268,7 @@ def test_what_the_users_folder_holds_or_the_program_makes_is_not_fetched(home, m
 
 
 @pytest.mark.parametrize(("name", "source", "reason"), [
-    (None, SceneSource.file, "scene=file is read from scene.path"),
+    (None, SceneSource.file, "scene=file needs scene.path, for example scene.path=model.ply"),
     (None, SceneSource.directory, "needs scene.name"),
     ("dragon", SceneSource.directory, "no scene 'dragon' can be fetched, expected one of cornell_box"),
     ("dragon", SceneSource.procedural, "unknown procedural scene 'dragon'"),

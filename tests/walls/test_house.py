@@ -182,7 +182,7 @@ def test_a_new_method_and_a_new_workload_go_from_the_command_line_to_the_page(to
 
     folder = tmp_path / "toys"
     assert (folder / "games.png").exists()
-    assert "<!-- the toy" in (folder / "peers.svg").read_text(encoding="utf-8")
+    assert "<!-- the toy" in (folder / "methods.svg").read_text(encoding="utf-8")
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "Games played" in page
     assert all(f'title="{name}: ' in page for name in ("patience", "players", "waited", "moves", "game_time_s"))

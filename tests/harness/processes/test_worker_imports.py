@@ -25,7 +25,7 @@ POINTS = [
     ("pixel", "frame", set(), set()),
     ("aligned", "frame", {"alignment"}, {"aligned"}),
     ("raster", "frame", {"raster"}, {"raster"}),
-    ("tiles", "build", {"alignment"}, {"culled", "tiles"}),
+    ("tiles", "build", {"alignment"}, {"tiles", "tiles_kernels"}),
     ("visible_first", "memory", {"alignment"}, {"visible_first"}),
     ("bvh", "frame", {"rays", "trees"}, set()),
 ]
