@@ -38,7 +38,7 @@ def place_hits(
     own_mesh, own_camera = own_space(mesh, camera)
     triangles, pixels = Triangles(own_mesh.vertices, own_mesh.faces), _pixels(own_camera, prim_id.shape, offset)
     absent, kernel = np.full(1, MISS, np.uint32), surface_kernel(kind)
-    pool = _shared_pool(resolve_threads(threads))
+    pool = shared_pool(resolve_threads(threads))
     pool.run(lambda _, counter: kernel(counter, triangles, pixels, prim_id, absent, found), -(-len(prim_id) // ROWS))
     if absent[0] != MISS:
         mesh.triangles(absent)  # raises InputError naming it
@@ -72,7 +72,7 @@ def _pixels(camera: View, shape: tuple[int, ...], offset: tuple[float, float]) -
 
 
 @cache
-def _shared_pool(threads: int) -> WorkerPool:
+def shared_pool(threads: int) -> WorkerPool:
     """Threads that compute the surfaces of all images."""
     return WorkerPool(threads)
 

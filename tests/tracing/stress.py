@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 import atra
+from atra.exact.surface import shared_pool
 from tests.tracing.test_lifetimes import in_threads
 
 SECONDS = float(os.environ.get("ATRA_THREAD_SECONDS", "2"))
@@ -42,6 +43,7 @@ def stress(make: Callable[..., Any], calls: dict[str, Call], refusals: tuple[str
     calls: by name; they go on until ten of the first have succeeded, however busy the machine is. refusals: parts of
     the messages of errors that are right.
     """
+    shared_pool(2).run(lambda *worker: None)  # all images share its threads, which stay
     before, current, done = set(threading.enumerate()), [make().__enter__()], []
     end, first = time.monotonic() + SECONDS, next(iter(calls))
 
