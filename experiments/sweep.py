@@ -154,7 +154,7 @@ class _Sweep:
         return to_do
 
     def _finished(self) -> dict[str, Record]:
-        """What was finished before on a machine and software like this."""
+        """Records that an earlier run finished on a machine and with software like this."""
         read = {name: read_record(self.folder, name, _warn_on(self.console)) for name in self.points}
         known = {name: reusable(record, self.points[name]) for name, record in read.items()}
         return {name: record for name, record in known.items() if record is not None}

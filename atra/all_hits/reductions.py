@@ -39,7 +39,7 @@ class Plane(NamedTuple):
 
 
 class Reduction(ABC, Generic[Gathered]):
-    """What is gathered. result: the type of `gather`'s result. kind: the number by which kernels know it."""
+    """A reduction over all hits of a ray. result: type of `gather`'s result. kind: its number in kernels."""
 
     result: type[Gathered]
     kind: ClassVar[int]

@@ -1,4 +1,4 @@
-"""What is done around Embree's builds, so that its threads sleep afterwards."""
+"""Wraps Embree's builds so that its threads sleep afterwards."""
 
 from __future__ import annotations
 

@@ -91,7 +91,7 @@ def _enlarge(points, faces, triangle, shear_x, shear_y, depth, largest):  # type
 
 @njit(forceinline=True)
 def _roundings(largest, volume):  # type: ignore[no-untyped-def]
-    """Relative errors of volume = normal . corner in roundings: by the corners alone, and by corners and normal."""
+    """Relative errors of the volume normal . corner, in roundings: from the corners alone; from corners and normal."""
     of_corners, of_normal = 0.0, 0.0
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3

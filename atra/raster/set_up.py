@@ -1,4 +1,4 @@
-"""What drawing a triangle starts from: its box, its plane and its edges, for a batch of triangles at once."""
+"""Set-up of a batch of triangles: bounding boxes, planes and edges on the image."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def set_up(lens, parallel, hides, has_depth, margin, width, number, band, memory
 
 @njit(forceinline=True)
 def _slopes(w0, w1, w2, dx1, dy1, dx2, dy2, area):  # type: ignore[no-untyped-def]
-    """What nearness gains from column to column, and from row to row."""
+    """Change of nearness from column to column and from row to row."""
     inverse, nearer1, nearer2 = splat(1.0, BATCH) / area, w1 - w0, w2 - w0
     slope_x = splat(0.0, BATCH) - (nearer2 * dy2 + nearer1 * dy1) * inverse
     return slope_x, (nearer2 * dx2 + nearer1 * dx1) * inverse

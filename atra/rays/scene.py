@@ -139,7 +139,7 @@ class RayScene(Lifetime):
         return 0.0, perf_counter() - start
 
     def _current_finder(self) -> HitFinder:
-        """What finds hits without rounding; its tree is built on first use. Raises ClosedError after `close`."""
+        """The exact finder of hits; its tree is built on first use. Raises ClosedError after `close`."""
         self._check_open()
         if self._finder is None:
             self._finder = HitFinder(self.mesh.local, self.geometries.faces, self._pool)

@@ -258,8 +258,9 @@ def own_processor_time_s() -> float:
 
 @dataclass(frozen=True)
 class Moment:
-    """Seconds that have gone by on the clock, and that the process with its descendants, all processes on its cores,
-    and other machines on the same hardware have been busy. It takes milliseconds, so nothing is timed meanwhile."""
+    """Clock time and processor time so far, in seconds: of this process with its descendants, of all processes on its
+    cores, and of other machines on the same hardware. Reading them takes milliseconds, so it stays out of timings.
+    """
 
     clock_s: float
     own_s: float

@@ -137,7 +137,7 @@ _SAID = {
 
 
 def conclude(claims: Sequence[JudgedClaim], gains: Sequence[SceneGains], stand_ins: Collection[str] = ()) -> str:
-    """What became of the paper's speed-ups, and of its other claims. What is only inferred from it is not counted.
+    """Which of the paper's speed-ups and other claims were reproduced. Claims that are only inferred do not count.
 
     stand_ins: scenes of the paper that were replaced.
     """

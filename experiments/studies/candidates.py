@@ -88,7 +88,7 @@ def candidates(processes: pd.DataFrame) -> Iterator[Candidate]:
 
 
 def _usual_of(groups: Mapping[tuple[Any, ...], Any]) -> tuple[Any, ...]:
-    """The settings that most candidates have."""
+    """Settings shared by most candidates."""
     if not groups:
         raise InputError("the table has no aligned single rays, expected that of sweep=cornell_candidates")
     columns = zip(*groups, strict=True)

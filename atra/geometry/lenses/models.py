@@ -223,7 +223,7 @@ class EquirectangularLens(Lens):
 
 
 def bends_rays(lens: Lens) -> str:
-    """What refusals of a lens say of it, and what takes it."""
+    """Error text for functions that take no lens: names the lens and what to use instead."""
     return (
         f"the camera has the lens {lens}; RasterTracer and PixelTracer take it, RayScene takes "
         "camera.rays_world(), and camera.undistorted() has no lens"

@@ -64,7 +64,7 @@ class Film:
             self._before[:] = self.sums
 
     def drop_sample(self) -> None:
-        """Take back what was added since `begin_sample`."""
+        """Remove what was added since `begin_sample`."""
         if self.is_first:
             self._clear()
         else:

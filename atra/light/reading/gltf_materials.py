@@ -165,7 +165,7 @@ def placement_of(moved: Mapping[str, Any]) -> tuple[tuple[float, float, float], 
 
 
 def _absorption(volume: Mapping[str, Any]) -> tuple[float, float, float]:
-    """Per unit of length, by the colour that white light has after a distance."""
+    """Absorption per unit of length, from the colour that white light has after a distance."""
     distance = float(volume.get("attenuationDistance", 0.0))
     if not 0.0 < distance < np.inf:
         return 0.0, 0.0, 0.0

@@ -71,7 +71,7 @@ class Page(CameraPage):
             self._numbers.content = say_numbers(frame, None if before_s is None else now_s - before_s)
 
     def tell(self, problem: str) -> None:
-        """Put it in place of the numbers."""
+        """Show a message in place of the numbers."""
         self._numbers.content = f"**{problem}**"
 
     def moved(self, pose: Pose) -> None:

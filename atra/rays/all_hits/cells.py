@@ -1,4 +1,4 @@
-"""Where a mesh's box is empty of triangles, and whether that lies inside: most of many points then need no ray."""
+"""Cells of the mesh's box without triangles, each inside or outside: points in them need no ray."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What judges the claims on ray classification; claims.toml says what is claimed."""
+"""Judges the claims on ray classification that claims.toml states."""
 
 from __future__ import annotations
 

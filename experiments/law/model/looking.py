@@ -36,7 +36,7 @@ SMALLEST_COMPONENT = np.float32(1e-18)
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """What the model knows of a mesh and a view.
+    """Measures of a mesh and a view that the cost model predicts from.
 
     width, height: of the image, pixels. triangles, vertices: of the mesh.
     shapes: (columns, rows) of packets. boxes: (shapes, 2, LEVELS) float64, boxes of each level of a binary SAH tree

@@ -23,7 +23,7 @@ def _headline(record: Record) -> str:
 
 
 class Cost(TypedDict):
-    """The surface area cost of the BVH, of a process that tells it."""
+    """Surface area cost of the BVH."""
 
     boxes_entered: NotRequired[float]
     triangles_tested: NotRequired[float]
