@@ -71,8 +71,9 @@ def run_bake(given: Namespace) -> int:
     from atra.light.oidn import check_denoiser
 
     has_limit = given.error is not None or given.minutes is not None
-    target = given.samples or (MOST_SAMPLES if has_limit and given.samples is None else SAMPLES)
-    check_whole("samples", target if given.samples is None else given.samples, 1, MOST_SAMPLES)
+    default = MOST_SAMPLES if has_limit else SAMPLES
+    target = default if given.samples is None else given.samples
+    check_whole("samples", target, 1, MOST_SAMPLES)
     for name in ("error", "minutes"):
         if getattr(given, name) is not None:
             checked_number(name, getattr(given, name), 0.0, above=True)

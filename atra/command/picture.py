@@ -109,7 +109,7 @@ def load_lit(path: Path, sky: str | None = None, memory_per_byte: float | None =
         others["sky"] = {"neutral": NEUTRAL, "none": constant_sky(0.0)}.get(sky) or PanoramaSky.load(sky)
     scene = load_scene(path, memory_per_byte=memory_per_byte, **others)
     size = float(np.linalg.norm(np.ptp(scene.mesh.bounds, axis=0)))
-    powers = {k: _on_scene(light, size) for k, light in enumerate(scene.lights) if _on_scene(light, size) > 0.0}
+    powers = {k: power for k, light in enumerate(scene.lights) if (power := _on_scene(light, size)) > 0.0}
     if powers:
         most, least = max(powers, key=powers.__getitem__), min(powers, key=powers.__getitem__)
         times = powers[most] / powers[least]

@@ -104,7 +104,7 @@ class Waiting:
         return True
 
     def tell_who_disturbs(self) -> bool:
-        """Look once and say who uses the cores, without waiting. Whether the machine is idle; where quiet is needed,
+        """Look once and say who uses the cores, without waiting. Whether the machine is idle; where it must be,
         as `for_idle`."""
         if self.needed or self.limit_s <= 0:
             return self.for_idle()

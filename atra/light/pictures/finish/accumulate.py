@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import inf
@@ -15,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.files.paths import write_atomically
 from atra.light.checks import check_whole, checked_number
+from atra.light.pictures.finish.states import read_state, write_state
 from atra.light.pictures.finish.tone import LUMINANCE
 from atra.light.pictures.renderer import Renderer
 from atra.light.scattering.sampler_kernels import LEAST_LEFT, MOST_LEFT
@@ -199,20 +197,15 @@ class _Octaves:
 
 
 def _save(path: Path, renderer: Renderer, octaves: _Octaves, elapsed_s: float) -> None:
-    content = io.BytesIO()
-    np.savez(content, elapsed_s=elapsed_s, **renderer.state, **octaves.state)  # type: ignore[arg-type]
-    write_atomically(path, content.getvalue())
+    write_state(path, {"elapsed_s": elapsed_s, **renderer.state, **octaves.state})
 
 
 def _resume(path: Path, renderer: Renderer, octaves: _Octaves) -> float:
     """Returns the seconds that the samples took."""
-    try:
-        with np.load(path, allow_pickle=False) as found:
-            state = dict(found)
+
+    def restore(state: dict[str, Any]) -> float:
         renderer.restore(state)
         octaves.restore(state)
         return float(state["elapsed_s"])
-    except InputError as error:
-        raise InputError(f"{path} cannot be resumed: {error}; remove it to start again") from None
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path} is no state of a picture ({error}); remove it to start again") from None
+
+    return read_state(path, restore, "picture")

@@ -25,7 +25,7 @@ LAYER_PLANES = 6
 
 @cache
 def layers_kernel(width: int) -> Callable[..., None]:
-    """Of a scene with packets of `width`."""
+    """The kernel that adds a sample to the sums of layers. width: rays of the scene's packets."""
 
     @float_kernel
     def add_layers(first, count, pixels, surfaces, scene, packet, chunk, sums):  # type: ignore[no-untyped-def]
