@@ -17,12 +17,8 @@ from atra.light.lightmaps.finish.export import finished
 from atra.light.lightmaps.states import resume, save_state
 from atra.light.pictures.files import srgb_of
 from examples import bake
-from experiments.light.bake.measure import bake_scene
-from experiments.workloads.rounds import load_mesh
-from scenes.lit.lighting import lit
 from tests.baked import baked, cube, painted, sheet
 from tests.meshes import quads
-from tests.points import planned
 from tests.shown import floor
 
 BOX = cube(inwards=True)
@@ -154,19 +150,6 @@ def test_images_stay_sharper_in_a_model_than_its_map_is(tmp_path):
     row = shown[len(shown) // 2]
     assert set(row[row.size // 4 : -row.size // 4].tolist()) == {0, 255}
     assert (np.diff(row.astype(int)) != 0).sum() == 63
-
-
-def test_a_measured_bake_has_plain_materials_unless_the_scene_s_own_are_asked_for():
-    room = {"name": "living_room"}
-    own, plain = (planned("raster", "bake", scene=room, asked=asked).point for asked in ({"materials": "own"}, {}))
-    mesh = load_mesh(own)
-    shown = lit("living_room", mesh, own.camera)
-    scene, grey = bake_scene(own, mesh), bake_scene(plain, mesh)
-    for name in ("materials", "lights", "sky"):
-        assert getattr(scene, name) == getattr(shown, name)
-    assert {one.colour for one in grey.materials} == {(0.7, 0.7, 0.7)}
-    dark = replace(own, workload_options=replace(own.workload_options, albedo=0.25))
-    assert {one.colour for one in bake_scene(dark, mesh).materials if not any(one.emission)} == {(0.25, 0.25, 0.25)}
 
 
 @pytest.mark.skipif(importlib.util.find_spec("xatlas") is None, reason="xatlas is not installed (extra `bake`)")
