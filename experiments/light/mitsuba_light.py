@@ -78,14 +78,16 @@ def _plain(mi: Any, material: Material) -> Any:
         case MetallicRoughness(metallic=1.0, colour=(1.0, 1.0, 1.0), metallic_roughness=None, normals=None):
             conductor = {"type": "roughconductor", "material": "none", "distribution": "ggx"}
             return {"type": "twosided", "bsdf": conductor | {"alpha": max(material.roughness**2, 1e-3)}}
-        case MetallicRoughness(specular=0.0, metallic=0.0, transmission=0.0, colour=tuple(), normals=Image()):
-            texels = np.array(material.normals.texels[..., :3], np.float32)
+        case MetallicRoughness(
+            specular=0.0, metallic=0.0, transmission=0.0, colour=tuple(), normals=Image() as normals
+        ):
+            texels = np.array(normals.texels[..., :3], np.float32)
             bumps = {"type": "bitmap", "bitmap": mi.Bitmap(texels), "raw": True}
             base = {"type": "diffuse", "reflectance": _rgb(material.colour)}
             bumpy = {"type": "normalmap", "normalmap": bumps, "bsdf": base, "use_shadowing_function": False}
             return {"type": "twosided", "bsdf": bumpy}
-        case MetallicRoughness(transmission=1.0, metallic=0.0, roughness=0.0, is_thin=True, colour=tuple()):
-            return _pane(mi, ((material.ior - 1.0) / (material.ior + 1.0)) ** 2, material.colour)
+        case MetallicRoughness(transmission=1.0, metallic=0.0, roughness=0.0, is_thin=True, colour=tuple() as colour):
+            return _pane(mi, ((material.ior - 1.0) / (material.ior + 1.0)) ** 2, colour)
         case Emissive():
             return {"type": "diffuse", "reflectance": _rgb((0, 0, 0))}
     raise InputError(f"Mitsuba 3 has no plain material for {material!r:.100}")
