@@ -19,6 +19,7 @@ from atra.errors import InputError
 from atra.files.folder import Folder
 from atra.files.gltf.numbers import Numbers
 from atra.files.gltf.packed import DRACO, MESHOPT
+from atra.files.gltf.primitives import read_primitive
 from atra.files.gltf.tree import gltf_tree
 from atra.files.paths import write_atomically
 from atra.files.reading import read_regular_file
@@ -28,7 +29,6 @@ from atra.light.lightmaps.finish.glb import ELEMENTS, LIGHTMAP, Glb
 from atra.light.lightmaps.finish.seams import Seams
 from atra.light.lightmaps.maps import Lightmap
 from atra.light.pictures.files import exr_of_channels, png_of
-from atra.light.reading.gltf import triangles_of
 from atra.light.scene import Scene, ScenePart
 
 _SAFE = LIGHTMAP, "EXT_texture_webp", "EXT_mesh_gpu_instancing"
@@ -147,7 +147,8 @@ class _Model(Glb):
         """The primitive's triangles that lie on a map; None without any. Triangles without a place are on the first."""
         own = slice(part.first_face, part.first_face + part.faces)
         given = deepcopy(self.tree["meshes"][part.mesh]["primitives"][part.primitive])
-        faces, is_flat = triangles_of(given, self._numbers)
+        _, faces = read_primitive(given, self._numbers)
+        is_flat = "NORMAL" not in given["attributes"]  # each corner of the scene then has a vertex of its own
         given.get("extensions", {}).pop(DRACO, None)
         local = scene.mesh.faces[own].astype(np.int64) - part.first_vertex
         uv = atlas.uv[own] / (atlas.width, atlas.map_height)
