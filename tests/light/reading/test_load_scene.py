@@ -65,6 +65,25 @@ def read(tmp_path, given, **options):
     return light.load_scene(path, **options)
 
 
+@pytest.mark.parametrize("most", [1, 255])
+def test_colours_behind_the_vertices_of_an_obj_are_srgb_and_colour_what_no_mtl_describes(tmp_path, most):
+    path, half = tmp_path / "scan.obj", 0.5 * most
+    path.write_text(f"v 0 0 0 {most} 0 0\nv 1 0 0 0 {half} 0\nv 0 1 0 0 0 {most}\nv 0 0 1 0 0 0\nf 2 3 1\n")
+    scene = light.load_scene(path)
+    linear = ((0.5 + 0.055) / 1.055) ** 2.4
+    by_corner = scene.colours[scene.mesh.faces[0]]
+    assert by_corner == pytest.approx(np.array([[0, linear, 0, 1], [0, 0, 1, 1], [1, 0, 0, 1]]))
+    assert scene.materials[0].colour == (1.0, 1.0, 1.0)
+
+
+def test_an_obj_with_colours_of_some_vertices_alone_has_none(tmp_path):
+    path = tmp_path / "scan.obj"
+    path.write_text("v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0 0 0 1\nf 1 2 3\n")
+    scene = light.load_scene(path)
+    assert scene.colours is None
+    assert scene.materials[0].colour == (0.7, 0.7, 0.7)
+
+
 @pytest.mark.filterwarnings("ignore:.*not used")
 def test_a_material_is_what_the_file_says(tmp_path):
     given = tree()
