@@ -59,7 +59,8 @@ def read_gltf(path: Path, memory_per_byte: float | None) -> dict[str, Any]:
         light = light_of(tree, node, left_out)
         if light is not None:
             lights.append(light)
-    placed = [one for one in model.primitives(lambda *given: _primitive(*given, model, materials)) if len(one[1].faces)]
+    every = model.primitives(lambda given, pose: _primitive(given, pose, model, materials))
+    placed = [(source, made) for source, made in every if len(made.faces)]
     if not placed:
         raise InputError("its scene has no triangles")
     vertices, faces = joined([placed_part(made.vertices, made.faces, source.place) for source, made in placed])

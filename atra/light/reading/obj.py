@@ -18,7 +18,12 @@ from atra.light.reading.images import read_image
 from atra.light.reading.rows import sound_normals, without_images
 from atra.light.textures import Image, linear_of_srgb
 
-_USED = {"kd", "ke", "ns", "ni", "d", "tr", "pr", "pm", "illum", "map_kd", "map_ke", "map_d", "norm", "newmtl"}
+_NORMALS = ("norm", "map_bump", "bump")
+"""Statements that name an image of normals; exporters write it as one of bumps, too."""
+
+_USED = {
+    "kd", "ke", "ns", "ni", "d", "tr", "pr", "pm", "illum", "map_kd", "map_ke", "map_d", *_NORMALS, "newmtl",
+}  # fmt: skip
 _UNUSED = {"Ka": 0.0, "Ks": 0.0, "Tf": 1.0}
 """Statements that are left out, unless they name these numbers, which change nothing. Tf is the colour of glass."""
 
@@ -136,7 +141,7 @@ def _material(name: str, given: dict[str, list[str]], folder: Folder, left_out: 
         roughness=0.0 if is_glass else min(1.0, max(0.0, roughness)),
         emission=tuple((emission if glow is None or emission.any() else np.ones(3)).tolist()),  # type: ignore[arg-type]
         emission_image=glow,
-        normals=_image(given.get("norm"), False, folder, left_out),
+        normals=_normals(given, folder, left_out),
         transmission=1.0 if is_glass else 0.0,
         ior=float(np.clip(_numbers(given, "ni", 1, 1.5)[0], 1.0, 1e3)),
         is_thin=not is_glass,
@@ -164,6 +169,19 @@ def _image(words: list[str] | None, is_coded: bool, folder: Folder, left_out: di
     except InputError as error:
         left_out[f"image {name!r:.60}, because {error}"] = None
         return None
+
+
+def _normals(given: dict[str, list[str]], folder: Folder, left_out: dict[str, None]) -> Image | None:
+    """The image of normals: of those of bumps, one that is blue on average, as heights are not."""
+    key = next((key for key in _NORMALS if key in given), None)
+    image = None if key is None else _image(given[key], False, folder, left_out)
+    if image is None or key == "norm":
+        return image
+    red, green, blue = image.texels[..., :3].reshape(-1, 3).mean(axis=0)
+    if blue > 1.2 * max(red, green):
+        return image
+    left_out["heights of bumps of MTL"] = None
+    return None
 
 
 def _with_opacity(image: Image | None, mask: Image, left_out: dict[str, None]) -> Image | None:
