@@ -106,7 +106,7 @@ def read_cameras(
     given = read_json(path)
     if "frames" in given:
         return dict(read_transforms(path, size, broken=broken, memory_per_byte=memory_per_byte))
-    if any(isinstance(one, dict) and "cam_K" in one for one in given.values()):
+    if any(isinstance(entry, dict) and "cam_K" in entry for entry in given.values()):
         return dict(read_bop(path, size, broken=broken, memory_per_byte=memory_per_byte))
     if "camera_matrix" in given or "distortion_model" in given:
         return dict(read_calibration(path, size))

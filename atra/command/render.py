@@ -176,7 +176,7 @@ def file_stems(names: Iterable[str]) -> dict[str, str]:
     for name in names:
         stem = re.sub(r"[^\w.-]+", "_", str(PurePosixPath(name).with_suffix("")) if name else "").strip("._") or "view"
         if stem in stems.values():
-            other = next(one for one, taken in stems.items() if taken == stem)
+            other = next(path for path, taken in stems.items() if taken == stem)
             raise InputError(f"the views {other!r} and {name!r} would both be written to {stem}; rename one of them")
         stems[name] = stem
     return stems
