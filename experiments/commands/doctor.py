@@ -40,8 +40,7 @@ def diagnose(configuration: Configuration) -> Diagnosis:
     facts = [
         *library.facts,
         ("commit", f"{commit}{' with changes' if environment.git_dirty else ''}"),
-        ("CPU", environment.cpu),
-        ("all cores", f"{environment.logical_cores} logical, {environment.physical_cores} physical, the system says"),
+        ("CPU", f"{environment.cpu}; {environment.logical_cores} logical cores, {environment.physical_cores} physical"),
         ("memory", f"{total_gib:.1f} GiB, {free_gib:.1f} GiB free"),
         *scenes,
         ("peers", "; ".join(_peers())),

@@ -177,10 +177,14 @@ def read_configuration(composed: DictConfig, kinds: Kinds) -> Configuration:
             raise InputError(f"the file of {group} names none, expected one under defaults in it, as in [pixel]")
         kind = kinds[group].find(options.pop("name"))
         values[group] = Chosen(kind, _typed(kind.options, options, group, kinds))
-    for spec in fields(Configuration):
-        if is_dataclass(spec.default_factory):
-            values[spec.name] = _typed(spec.default_factory, values[spec.name], spec.name, kinds)
+    for section, kind in _sections().items():
+        values[section] = _typed(kind, values[section], section, kinds)
     return _typed(Configuration, values, "", kinds)  # type: ignore[no-any-return]
+
+
+def _sections() -> dict[str, Any]:
+    """The parts of every configuration that have fields of their own, by name."""
+    return {spec.name: spec.default_factory for spec in fields(Configuration) if is_dataclass(spec.default_factory)}
 
 
 def _typed(kind: Any, values: dict[str, Any], section: str, kinds: Kinds) -> Any:
@@ -206,7 +210,7 @@ def options_at(path: str, node: Any, kinds: Kinds) -> Any:
     section = path.partition(".")[0] if "." in path else ""
     if section in kinds:
         return kinds[section].find(node["name"]).options
-    return {spec.name: spec.default_factory for spec in fields(Configuration)}.get(section, Configuration)
+    return _sections().get(section, Configuration)
 
 
 def say_unknown(kind: Any, path: str, kinds: Kinds) -> str:
@@ -224,13 +228,10 @@ def say_unknown(kind: Any, path: str, kinds: Kinds) -> str:
     told = f"unknown field {name!r}{' of ' * bool(owner)}{owner}, {expected}"
     if users:
         return f"{told}; it is an option of {section}={', '.join(users)}"
-    sections = {
-        spec.name: [spec.default_factory] for spec in fields(Configuration) if is_dataclass(spec.default_factory)
-    }
-    sections |= {group: [chosen.options for chosen in chosen_from] for group, chosen_from in everyone.items()}
+    parts = [*_sections().items(), *((group, chosen.options) for group in everyone for chosen in everyone[group])]
     known = [spec.name for spec in fields(Configuration)]
-    known += [f"{part}.{spec.name}" for part, kinds_of in sections.items() for one in kinds_of for spec in fields(one)]
-    meant = [known_path for known_path in dict.fromkeys(known) if known_path.rpartition(".")[2] == name]
+    known += dict.fromkeys(f"{part}.{spec.name}" for part, kind_of_part in parts for spec in fields(kind_of_part))
+    meant = [known_path for known_path in known if known_path.rpartition(".")[2] == name]
     meant = meant or get_close_matches(path, known, 1, 0.8)
     return told + (f"; did you mean {' or '.join(meant)}?" if meant else "")
 

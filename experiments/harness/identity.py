@@ -54,7 +54,7 @@ def loaded_files(point: Point) -> dict[str, str]:
     packages = {*_OURS, *(name.partition(".")[0] for name in (point.method.module, point.workload.package))}
     files = {}
     for name, module in list(sys.modules.items()):
-        path = Path(str(getattr(module, "__file__", "")))
+        path = Path(str(getattr(module, "__file__", None) or ""))
         if name.partition(".")[0] in packages and path.suffix == ".py":
             depth = name.count(".") + (path.stem == "__init__")
             file = path.relative_to(path.parents[depth]).as_posix()

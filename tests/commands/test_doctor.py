@@ -116,7 +116,7 @@ def test_cores_that_the_system_has_are_told_from_those_of_this_process(monkeypat
     monkeypatch.setattr(psutil, "cpu_count", lambda logical=True: 200 if logical else 100)
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {1, 5}, raising=False)
     told = facts()
-    assert told["all cores"] == "200 logical, 100 physical, the system says"
+    assert told["CPU"].endswith("; 200 logical cores, 100 physical")
     assert told["cores"] == "2 for this process"
 
 
