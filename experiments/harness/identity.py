@@ -83,7 +83,7 @@ def is_current(record: Record) -> bool:
 @cache
 def _source(file: str) -> tuple[str, str]:
     """Hashes of a file's bytes and of what it runs; of no file, where it has gone."""
-    path = next((found for place in (_ROOT, *sys.path) if (found := Path(place, file)).is_file()), None)
+    path = next((found for place in (str(_ROOT), *sys.path) if (found := Path(place, file)).is_file()), None)
     if path is None:
         return "", ""
     content = path.read_bytes()
