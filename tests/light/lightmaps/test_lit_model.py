@@ -3,6 +3,7 @@
 import json
 import sys
 from base64 import b64encode
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from atra import light
 from atra.command.main import main
 from atra.errors import InputError
 from atra.files.gltf.tree import gltf_tree
-from atra.light import Atlas, Baker, lit_view, save_lit_model, save_model
+from atra.light import Atlas, Baker, atlas_of, lit_view, save_lit_model, save_model
 from atra.light.lightmaps.finish.export import exposure_of, finished
 from atra.light.lightmaps.finish.seams import Seams
 from atra.light.lightmaps.finish.views import looked_up
@@ -105,6 +106,32 @@ def test_all_of_the_file_is_kept_and_each_material_has_the_map(source, tmp_path)
     places = read.second_uv[read.mesh.faces]
     places = np.stack([places[..., 0], 1.0 - places[..., 1]], axis=-1) * 128
     np.testing.assert_allclose(places[known], lightmap.texels.atlas.uv[known], atol=1e-3)
+
+
+def test_second_coordinates_of_a_file_are_its_map_s_where_they_do(source, tmp_path):
+    _, lightmap, _ = baked(source, tmp_path / "lit.glb", samples=1)
+    with pytest.warns(UserWarning, match="not used: MOZ_lightmap"):
+        read = light.load_scene(tmp_path / "lit.glb")
+    for charts in ("auto", "file"):
+        np.testing.assert_allclose(atlas_of(read, 128, charts).uv, lightmap.texels.atlas.uv, atol=1e-3)
+    every = read.parts[1]
+    partly = read.second_uv.copy()
+    partly[every.first_vertex : every.first_vertex + every.vertices] = 0.0
+    for second_uv, told in ((partly, f"second uv of '{every.name}' are missing"), (read.second_uv % 0.3, "overlap")):
+        scene = replace(read, second_uv=second_uv)
+        with pytest.raises(InputError, match=told):
+            atlas_of(scene, 128, "file")
+        with pytest.warns(UserWarning, match=f"charts by xatlas, as .*{told}"):
+            atlas = atlas_of(scene, 128)
+        np.testing.assert_array_equal(atlas.uv, Atlas.unwrap(scene.mesh, 128).uv)
+    for options, told in (
+        ({"charts": "own"}, "expected one of auto, file, xatlas"), ({"texels_per_unit": -1.0}, "texels_per_unit is -1"),
+        ({"charts": "file", "texels_per_unit": 2.0}, "charts of the file have a size of their own"),
+    ):  # fmt: skip
+        with pytest.raises(InputError, match=told):
+            atlas_of(read, 128, **options)
+    with pytest.raises(InputError, match="no second uv"):
+        atlas_of(replace(read, second_uv=None), 128, "file")
 
 
 def test_what_was_not_baked_is_refused(source, tmp_path):
