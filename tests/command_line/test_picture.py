@@ -81,6 +81,7 @@ def test_sides_of_a_model_and_cameras_of_its_file_are_taken_by_name(folder, monk
     (("-o", "a.png", "--exposure", "bright"), "exposure is 'bright', expected auto or a number of stops"),
     (("--samples", "0"), "samples is 0"),
     (("--samples", "1", "--sky", "none.exr"), "none.exr"),
+    (("--samples", "1", "--sky", "neutral", "--sky-rotation", "90"), "--sky-rotation is 90 without a panorama"),
     (("--samples", "2", "--denoise"), "denoising needs the package pyoidn"),
 ])  # fmt: skip
 def test_what_makes_no_picture_is_refused_in_one_line(folder, monkeypatch, capsys, arguments, told):
