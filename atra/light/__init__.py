@@ -18,6 +18,7 @@ from atra.light.pictures.finish.accumulate import Progress, accumulate
 from atra.light.pictures.finish.tone import stops_of, toned
 from atra.light.pictures.hybrid import HybridRenderer
 from atra.light.pictures.paths.renderer import PathRenderer
+from atra.light.pictures.renderer import Renderer
 from atra.light.reading.scenes import load_scene
 from atra.light.scene import Scene, ScenePart
 from atra.light.sky import GradientSky, PanoramaSky, constant_sky
@@ -42,6 +43,7 @@ __all__ = [
     "PointLight",
     "Progress",
     "ProgressiveBake",
+    "Renderer",
     "Scene",
     "ScenePart",
     "Seams",

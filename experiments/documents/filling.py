@@ -18,12 +18,14 @@ FORM is one of `_FORMS`, or a format of Python; without one a number has three d
     corner          head of the first column
     align           a letter for each column, l or r
     function        instead: what `experiments.documents.functions` calls the function that makes the rows; head = heads
+    kept            instead: the file in the sweep's folder, less its suffix .csv, that holds the rows; head = heads
     claims          instead: claims.json of the sweep, by ids or all; leave_out = those whose id begins so; tell = the
                     column between text and verdict
 """
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping
@@ -50,7 +52,8 @@ TIMES = "\N{MULTIPLICATION SIGN}"
 _FIELD = re.compile(r"\{([^{}:]*)(?::([^{}]*))?\}")
 _OF_CELLS = ("sweep", "where", "pick", "cell", "over", "empty")
 _OF_TABLES = (
-    "rows", "columns", "each", "label", "corner", "align", "function", "head", "claims", "tell", "leave_out",
+    "rows", "columns", "each", "label", "corner", "align", "function", "kept", "head", "claims", "tell",
+    "leave_out",
 )  # fmt: skip
 _SUMMARIES = ("sum", "max", "min", "median")
 
@@ -94,6 +97,9 @@ def table_lines(spec: Spec, functions: Mapping[str, Callable[..., Any]]) -> list
     check_keys("a table", spec, {*_OF_CELLS, *_OF_TABLES})
     if "function" in spec:
         heads, rows = spec["head"], [list(row) for row in functions[spec["function"]](spec["sweep"])]
+    elif "kept" in spec:
+        with (REFERENCE / spec["sweep"] / f"{spec['kept']}.csv").open(encoding="utf-8", newline="") as file:
+            heads, rows = spec["head"], list(csv.reader(file))
     elif "claims" in spec:
         heads, rows = spec["head"], list(_claims(spec))
     else:

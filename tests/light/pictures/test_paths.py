@@ -152,8 +152,8 @@ BUSY_CAMERA = atra.Camera((0.1, 0.2, -7), (0, 0, 0), fov_y_degrees=50, width=96,
 def test_threads_and_waves_change_no_bit(kind, monkeypatch):
     scene, pictures = busy(), set()
     for threads, wave_rays in ((1, 2048), (1, 4096), (1, 1 << 20), (2, 2048), (3, 4096)):
-        monkeypatch.setattr(kind, "_wave_rays", wave_rays)
         with kind(scene, BUSY_CAMERA, threads=threads) as renderer:
+            monkeypatch.setattr(renderer.integrator, "wave_pixels", wave_rays)
             renderer.add(3)
             pictures.add(renderer.image.tobytes())
             assert renderer.image.std() > 0.1

@@ -89,6 +89,15 @@ def test_a_picture_needs_a_sample_and_a_number_of_them():
         renderer.add(1)
 
 
+def test_shares_that_paths_do_not_count_are_refused_by_name_and_their_parts_are_the_picture():
+    with light.PathRenderer(light.Scene(MESH, lights=[light.Sun((0, -1, 0))]), down(4), threads=1) as renderer:
+        renderer.add(1)
+        for look, name in ((lambda: renderer.openness, "openness"), (renderer.lit, "light 0")):
+            with pytest.raises(atra.InputError, match=f"a PathRenderer counts no {name}"):
+                look()
+        np.testing.assert_array_equal(renderer.parts, renderer.image[None])
+
+
 def test_light_beyond_all_numbers_is_reported_with_its_pixel_and_leaves_nothing_behind():
     camera = atra.Camera((0, 0, 0), (0, 0, -1), fov_y_degrees=40, width=4, height=2)
     texels = np.full((1, 360, 3), 0.5)

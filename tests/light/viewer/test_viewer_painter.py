@@ -12,7 +12,17 @@ import pytest
 from atra import MISS, InputError, PixelTracer
 from atra.command.viewing import light_settings
 from atra.judge.marks import COLOURS
-from atra.light import GradientSky, HybridRenderer, Lambertian, PanoramaSky, PathRenderer, PointLight, Scene, Sun
+from atra.light import (
+    GradientSky,
+    HybridRenderer,
+    Lambertian,
+    PanoramaSky,
+    PathRenderer,
+    PointLight,
+    Renderer,
+    Scene,
+    Sun,
+)
 from atra.light.pictures.files import srgb_of
 from atra.light.pictures.finish.tone import toned
 from atra.light.viewer.painter import BACKGROUND, Painter
@@ -86,7 +96,7 @@ def test_a_picture_is_denoised_once_when_it_has_its_last_sample(painter, monkeyp
         given.append(renderer.image)
         return renderer.image / 2
 
-    monkeypatch.setattr(HybridRenderer, "denoised", halved)
+    monkeypatch.setattr(Renderer, "denoised", halved)
     plain, denoised = FIRST, with_settings(denoise=True)
     assert denoised.keeps_samples_of(plain)
     assert np.array_equal(shown(painter, denoised), painter.show(plain).image)  # one of two samples
@@ -106,7 +116,7 @@ def test_without_a_denoiser_the_picture_keeps_its_noise_and_says_why(painter, mo
     def missing(_):
         raise InputError("denoising needs the package pyoidn")
 
-    monkeypatch.setattr(HybridRenderer, "denoised", missing)
+    monkeypatch.setattr(Renderer, "denoised", missing)
     picture = shown(painter, FIRST, 2)
     noisy = painter.show(with_settings(denoise=True))
     assert np.array_equal(noisy.image, picture)
