@@ -11,7 +11,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from atra.errors import InputError
-from atra.light.pictures.files import png_bytes
+from atra.files.saving import encode_png
 from atra.light.pictures.finish.tone import TONES
 from atra.light.viewer.camera_page import CameraPage, uuid_of
 from atra.light.viewer.request import FRAMES, SHADES, SPLITS, Pose, Request
@@ -125,7 +125,7 @@ class Page(CameraPage):
     def _save_picture(self, client: ClientHandle) -> None:
         """What is shown, as the page sees it."""
         if self._frame is not None:
-            client.send_file_download("picture.png", png_bytes(self._frame.picture.image), save_immediately=True)
+            client.send_file_download("picture.png", encode_png(self._frame.picture.image), save_immediately=True)
 
     def _save_camera(self, client: ClientHandle) -> None:
         """As `atra render --camera` reads it."""
