@@ -1,8 +1,6 @@
 """A glTF with its lightmap: nothing of the file is lost, and a browser shows what we show."""
 
-import json
 import sys
-from base64 import b64encode
 from dataclasses import replace
 
 import numpy as np
@@ -224,41 +222,6 @@ def test_the_command_bakes_a_gltf_into_a_model_that_keeps_its_materials_and_a_pa
     shown = [tree["meshes"][node["mesh"]] for node in tree["nodes"] if "mesh" in node]
     assert len(shown) == 3
     assert all("TEXCOORD_1" in one["attributes"] for mesh in shown for one in mesh["primitives"])
-
-
-def test_what_a_file_has_against_the_rules_of_glb_is_put_right(source, tmp_path):
-    """Rows of animations one after the other need no stride, and images lie inside."""
-    tree = tree_of(source)
-    binary = source.read_bytes()[-tree["buffers"][0]["byteLength"] :]
-    times = np.float32([0.0, 1.0]).tobytes()
-    buffer = binary + times + np.float32([[0, 0, 0], [0, 1, 0]]).tobytes()
-    tree["buffers"] = [{"byteLength": len(buffer), "uri": data_uri("application/octet-stream", buffer)}]
-    for start, size, kind in ((len(binary), 4, "SCALAR"), (len(binary) + 8, 12, "VEC3")):
-        tree["bufferViews"].append({"buffer": 0, "byteOffset": start, "byteLength": 2 * size, "byteStride": size})
-        view = len(tree["bufferViews"]) - 1
-        tree["accessors"].append({"bufferView": view, "componentType": 5126, "count": 2, "type": kind})
-    number = len(tree["accessors"])
-    target = {"node": next(k for k, node in enumerate(tree["nodes"]) if "mesh" in node), "path": "translation"}
-    tree["animations"] = [
-        {"samplers": [{"input": number - 2, "output": number - 1}], "channels": [{"sampler": 0, "target": target}]}
-    ]
-    for image in tree["images"]:
-        view = tree["bufferViews"][image.pop("bufferView")]
-        image["uri"] = data_uri(image.pop("mimeType"), binary[view["byteOffset"] :][: view["byteLength"]])
-    path = tmp_path / "other.gltf"
-    path.write_text(json.dumps(tree))
-    with pytest.warns(UserWarning, match="not used: animations"):
-        baked(path, tmp_path / "lit.glb", samples=1, size=64)
-    after = tree_of(tmp_path / "lit.glb")
-    (sampler,) = after["animations"][0]["samplers"]
-    for key in ("input", "output"):
-        assert "byteStride" not in after["bufferViews"][after["accessors"][sampler[key]]["bufferView"]]
-    assert all("bufferView" in one and "uri" not in one for one in after["images"])
-    assert {one["mimeType"] for one in after["images"]} == {"image/png"}
-
-
-def data_uri(kind, content):
-    return f"data:{kind};base64,{b64encode(content).decode()}"
 
 
 def accessors(tree):

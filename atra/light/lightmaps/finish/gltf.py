@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from base64 import b64encode
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from copy import deepcopy
 from html import escape
@@ -30,7 +31,9 @@ from atra.light.lightmaps.maps import Lightmap
 from atra.light.pictures.files import exr_of_channels, png_of
 from atra.light.scene import Scene, ScenePart
 
-_SAFE = LIGHTMAP, "EXT_texture_webp", "EXT_mesh_gpu_instancing"
+_INSTANCING = "EXT_mesh_gpu_instancing"
+
+_SAFE = LIGHTMAP, "EXT_texture_webp", _INSTANCING
 """Extensions beside Khronos's that name entries of the file as glTF does; others may do so by keys of their own."""
 
 _NAMES = "extensionsUsed", "extensionsRequired"
@@ -54,12 +57,11 @@ def save_lit_model(lightmap: Lightmap, scene: Scene, source: Path | str, path: P
     """Write the glTF or GLB `source` again, with its light: `path` (.glb), each map of the atlas as linear .exr and as
     .png, and `path` with .html, a page that holds all of it and shows it in any browser. Returns the files.
 
-    Nodes, names, instances, materials, textures, cameras and lamps stay. The map's coordinates are TEXCOORD_1, or the
-    next set if a material uses that; vertices on seams are doubled. Materials name the map by MOZ_lightmap, with its
-    `intensity` (white of the PNG; a map is irradiance over pi), and its texture the EXR by `extras.exr`. An image that
-    lay beside the file is put into it.
-    scene: of `load_scene(source)`, whose mesh was baked. Raises InputError for another suffix or mesh, and for meshes
-    placed by EXT_mesh_gpu_instancing; StorageError.
+    Nodes, names, materials, textures, cameras and lamps stay; instances of EXT_mesh_gpu_instancing become nodes. The
+    map's coordinates are TEXCOORD_1, or the next set if a material uses that; vertices on seams are doubled. Materials
+    name the map by MOZ_lightmap, with its `intensity` (white of the PNG; a map is irradiance over pi), and its texture
+    the EXR by `extras.exr`. An image that lay beside the file is put into it.
+    scene: of `load_scene(source)`, whose mesh was baked. Raises InputError for another suffix or mesh; StorageError.
     """
     path = glb_path(path)
     model = SourceModel(source, lightmap, scene)
@@ -152,13 +154,14 @@ class SourceModel(Glb):
         atlas. is_bare: whether primitives lose all but their shape, joints and morphs.
         """
         placed: dict[int, list[Any]] = {}
-        seen: set[tuple[int, int]] = set()
+        turns: Counter[tuple[int, int]] = Counter()
         materials: dict[str, int] = {}
+        instances = {number: self._instances(node) for number, node in enumerate(list(self.tree["nodes"]))}
+        source = {one: number for number, own in instances.items() for one in own or [number]}
         for part in self._scene.parts:
-            if (part.node, part.primitive) in seen:
-                raise InputError(f"node {part.name!r} places a mesh many times; save it as nodes, one for each")
-            seen.add((part.node, part.primitive))
-            of_part = placed.setdefault(part.node, [])
+            turn = turns[part.node, part.primitive]
+            of_part = placed.setdefault((instances[part.node] or [part.node])[turn], [])
+            turns[part.node, part.primitive] += 1
             for on_map in range(self._atlas.maps):
                 primitive = self._lit(part, on_map, channel, is_bare)
                 if primitive is None:
@@ -172,8 +175,35 @@ class SourceModel(Glb):
         for node, primitives in placed.items():
             given = self.tree["nodes"][node]
             old = self.tree["meshes"][given["mesh"]]
-            rest = [one for k, one in enumerate(old["primitives"]) if (node, k) not in seen]  # points and lines
+            rest = [
+                one for k, one in enumerate(old["primitives"]) if (source[node], k) not in turns
+            ]  # points and lines
             given["mesh"] = self.add("meshes", {**old, "primitives": primitives + rest})
+
+    def _instances(self, node: Any) -> list[int]:
+        """Nodes, one for each instance of a node's mesh, in place of EXT_mesh_gpu_instancing; none without that."""
+        many = node.get("extensions", {}).pop(_INSTANCING, None)
+        if many is None:
+            return []
+        if not node["extensions"]:
+            del node["extensions"]
+        found = {
+            name.lower(): self._numbers.floats(number, 4 if name == "ROTATION" else 3)
+            for name, number in many["attributes"].items()
+            if name in ("TRANSLATION", "ROTATION", "SCALE")
+        }
+        if "rotation" in found:
+            length = np.linalg.norm(found["rotation"], axis=1, keepdims=True)
+            found["rotation"] = np.where(length > 0.0, found["rotation"] / np.maximum(length, 1e-30), (0, 0, 0, 1))
+        mesh, name = node.pop("mesh"), node.get("name", "instance")
+        made = [
+            self.add(
+                "nodes", {"mesh": mesh, "name": f"{name} {k}", **{key: rows[k].tolist() for key, rows in found.items()}}
+            )
+            for k in range(min(map(len, found.values()), default=0))
+        ]
+        node["children"] = node.get("children", []) + made
+        return made
 
     def _lit(self, part: ScenePart, number: int, channel: int, is_bare: bool) -> Any:
         """The primitive's triangles that lie on a map; None without any. Triangles without a place are on the first."""
@@ -259,9 +289,6 @@ def _accessors_of(tree: Any) -> Iterator[Place]:
     for animation in tree.get("animations", ()):
         yield from ((sampler, key) for sampler in animation["samplers"] for key in ("input", "output"))
     yield from ((skin, "inverseBindMatrices") for skin in tree.get("skins", ()) if "inverseBindMatrices" in skin)
-    for node in tree["nodes"]:
-        instances = node.get("extensions", {}).get("EXT_mesh_gpu_instancing", {}).get("attributes", {})
-        yield from ((instances, name) for name in instances)
 
 
 def _naming(tree: Any, key: str) -> Iterator[Place]:
