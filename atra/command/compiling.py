@@ -31,7 +31,7 @@ from atra.rays.all_hits.cells import FEWEST_POINTS
 
 def add_compile(parser: ArgumentParser) -> None:
     """Declare its arguments."""
-    parser.add_argument("--all", action="store_true", help="every method of the core, not only the rasteriser")
+    parser.add_argument("--all", action="store_true", help="every method, and pictures, not only the rasteriser")
 
 
 def run_compile(arguments: Namespace) -> int:
@@ -149,6 +149,16 @@ def _read_files() -> None:
             atra.load_mesh(path)
 
 
+def _make_picture() -> None:
+    from atra import light  # a wing of the library, which no other job needs
+
+    scene = light.Scene(_box(), [light.MetallicRoughness()], lights=[light.Sun((0.3, -1.0, -0.2))])
+    with light.PathRenderer(scene, _CAMERAS["pinhole"], jitter="pixel") as renderer, TemporaryDirectory() as folder:
+        for _ in light.accumulate(renderer, 2):
+            pass
+        renderer.save(Path(folder, "picture.png"), exposure="auto", tone="neutral")
+
+
 def _jobs() -> Iterator[tuple[str, Callable[[], None]]]:
     views = ("pinhole", "orthographic")
     for view, tracer in product(views, _TRACERS):
@@ -162,6 +172,7 @@ def _jobs() -> Iterator[tuple[str, Callable[[], None]]]:
     yield "all hits of rays", _find_all_hits
     yield "comparing", _compare
     yield "mesh files", _read_files
+    yield "pictures in full light", _make_picture
     yield "raster, places and normals of hits", _place_hits
 
 
