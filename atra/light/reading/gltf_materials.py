@@ -46,11 +46,6 @@ class Materials:
         self.texels = cache(self._read)
         self.get = cache(self._get)
 
-    def is_unlit(self, number: int | None) -> bool:
-        """Whether a material shows its colour as it is."""
-        given = {} if number is None else entry(self._tree, "materials", number)
-        return "KHR_materials_unlit" in given.get("extensions", {})
-
     def _get(self, number: int | None, has_uv: bool, has_second: bool) -> MetallicRoughness:
         """A material, None: the default one, of a primitive with such texture coordinates."""
         if number is None:
@@ -88,6 +83,7 @@ class Materials:
                 emission=(red, green, blue),
                 emission_image=None if colour is None else replace(colour, factor=(1.0, 1.0, 1.0, 1.0)),
                 specular=0.0,
+                is_unlit=True,
                 **common,
             )
         strength = more.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
