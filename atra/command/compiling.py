@@ -19,6 +19,7 @@ import trimesh
 
 import atra
 from atra.command.doctor import say_kernels
+from atra.command.picture import compile_picture
 from atra.compat.trimesh import RayMeshIntersector
 from atra.compiled.instruction_sets import chosen_instruction_set, native_lanes
 from atra.compiled.store import QUIET_VARIABLE, cache_folder
@@ -149,16 +150,6 @@ def _read_files() -> None:
             atra.load_mesh(path)
 
 
-def _make_picture() -> None:
-    from atra import light  # a wing of the library, which no other job needs
-
-    scene = light.Scene(_box(), [light.MetallicRoughness()], lights=[light.Sun((0.3, -1.0, -0.2))])
-    with light.PathRenderer(scene, _CAMERAS["pinhole"], jitter="pixel") as renderer, TemporaryDirectory() as folder:
-        for _ in light.accumulate(renderer, 2):
-            pass
-        renderer.save(Path(folder, "picture.png"), exposure="auto", tone="neutral")
-
-
 def _jobs() -> Iterator[tuple[str, Callable[[], None]]]:
     views = ("pinhole", "orthographic")
     for view, tracer in product(views, _TRACERS):
@@ -172,7 +163,7 @@ def _jobs() -> Iterator[tuple[str, Callable[[], None]]]:
     yield "all hits of rays", _find_all_hits
     yield "comparing", _compare
     yield "mesh files", _read_files
-    yield "pictures in full light", _make_picture
+    yield "pictures in full light", partial(compile_picture, _box(), _CAMERAS["pinhole"])
     yield "raster, places and normals of hits", _place_hits
 
 

@@ -7,6 +7,7 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -160,6 +161,17 @@ def run_picture(given: Namespace, cameras_of: CamerasOf) -> int:
             stops = renderer.save(path, exposure=given.exposure, tone=given.tone, denoise=given.denoise)
         print(say_written(path, stops), flush=True)
     return 0
+
+
+def compile_picture(mesh: Mesh, camera: View) -> None:
+    """Compile what `run_picture` uses, by a picture of two samples that is not kept."""
+    from atra.light import MetallicRoughness, PathRenderer, Scene, Sun, accumulate
+
+    scene = Scene(mesh, [MetallicRoughness()], lights=[Sun((0.3, -1.0, -0.2))])
+    with PathRenderer(scene, camera, jitter="pixel") as renderer, TemporaryDirectory() as folder:
+        for _ in accumulate(renderer, 2):
+            pass
+        renderer.save(Path(folder, "picture.png"), exposure="auto", tone="neutral")
 
 
 def say_written(path: Path, stops: float | None) -> str:
