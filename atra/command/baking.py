@@ -84,7 +84,7 @@ def run_bake(given: Namespace) -> int:
         check_denoiser()  # now rather than after all samples
     folder = given.out or Path(f"{given.mesh.stem}_baked")
     check_keeps_input(given.mesh, folder)
-    lit = load_lit(given.mesh, given.sky, given.memory_per_byte)
+    lit = load_lit(given.mesh, given.sky, given.memory_per_byte, given.sky_rotation)
     camera = one_camera(given, lit.mesh, dict(lit.cameras))
     print(f"{printable(given.mesh.name)}: charts of {lit.mesh.triangle_count:,} triangles", flush=True)
     options: dict[str, Any] = {"bounces": given.bounces, "lights": given.lights, "threads": given.threads}

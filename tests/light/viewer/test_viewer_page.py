@@ -135,11 +135,11 @@ def test_the_sky_of_a_file_stands_above_what_is_shown_from_the_side_that_is_aske
         raise InputError("that is all")
 
     monkeypatch.setattr("atra.light.viewer.page.Page", keep)
-    given = "--sky", "sky.hdr", "--camera", "top", "--method", "aligned", "--tone", "agx"
+    given = "--sky", "sky.hdr", "--sky-rotation", "30", "--camera", "top", "--method", "aligned", "--tone", "agx"
     assert view(monkeypatch, *given) == 2
     assert capsys.readouterr().err == "atra: that is all\n"
     ((sky, first),) = shown
-    assert sky.power == 2.0
+    assert (sky.power, sky.rotation_degrees) == (2.0, 30.0)
     np.testing.assert_array_equal(sky.texels, [[[2.0, 1.0, 0.5]]])
     assert first.pose.eye[1] > first.pose.target[1]
     assert (first.settings.method, first.settings.frame, first.settings.tone) == ("aligned", "path", "agx")
