@@ -19,12 +19,12 @@ from typing import Any
 
 import psutil
 
-from atra.errors import AtraError, MemoryBudgetError, StorageError, printable
+from atra.errors import AtraError, InputError, MemoryBudgetError, StorageError, printable
 from atra.files.paths import write_atomically
 from experiments.harness.identity import loaded_files
 from experiments.harness.options import typed
 from experiments.harness.point import Kinds, Measured, Point
-from experiments.harness.records import LACKED_MEMORY
+from experiments.harness.records import LACKED_MEMORY, UNPROMISING
 
 METHOD_LINES = "method_lines"
 """Result of a record whose point failed in the code of another's method: where, in that code."""
@@ -73,9 +73,17 @@ class Outcome:
         return outcome
 
 
+class Unpromising(InputError):
+    """A point that need not be measured, as a frame was predicted to be slow."""
+
+
+MAY_CHANGE = {MemoryBudgetError: LACKED_MEMORY, Unpromising: UNPROMISING}
+"""Problems without which another run may measure the point, and the results that tell of them."""
+
+
 def skipped(problem: AtraError) -> Outcome:
     """The outcome of a point that cannot be measured, with the reason."""
-    results = {LACKED_MEMORY: True} if isinstance(problem, MemoryBudgetError) else {}
+    results = {name: True for kind, name in MAY_CHANGE.items() if isinstance(problem, kind)}
     return Outcome("skipped", str(problem), on_purpose=True, results=results)
 
 
