@@ -9,11 +9,12 @@ import numpy as np
 from atra.compiled.store import njit
 from atra.embree.packets_kernels import INFINITY, MISS, START, hit_distance, hit_prim_id, intersect, set_no_hit
 from atra.light.emitters.emitters_kernels import aim, has_emitters
-from atra.light.numbers_kernels import ZERO, scaled, vector
+from atra.light.numbers_kernels import ZERO, dot, scaled, vector
 from atra.light.pictures.path_kernels import (
     FREE_KIND,
     FREE_LIGHT,
     arriving,
+    behind,
     load_ray,
     passed,
     passes_of,
@@ -87,7 +88,7 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
     key, sample = random
     start, is_aimed = bounce, has_emitters(emitters)
     emitted, sky, later, seen_through, weight = BLACK, BLACK, BLACK, BLACK, WHITE
-    near, first, is_back = START, INFINITY, False
+    near, first, is_back, before = START, INFINITY, False, MISS
     rays = passes = 0
     while True:
         if known >= 0:
@@ -100,12 +101,16 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
             set_no_hit(packet, 1, 0)
             intersect(1, packet.valid, scene, packet)
             prim_id, distance = hit_prim_id(packet, 1, 0), hit_distance(packet, 1, 0)
+            if prim_id == before and prim_id != MISS:
+                near = behind(distance)
+                continue
         flags = surfaces.flags[prim_id] if prim_id != MISS else ENDS | SHINES
         if flags & passes_of(bounce):
-            near, weight = passed(
-                surfaces, prim_id, origin, direction, distance, weight, bounce == 0, (key, sample, passes + bounce)
+            goes_on, weight = passed(
+                surfaces, prim_id, origin, direction, weight, bounce == 0, (key, sample, passes + bounce)
             )
-            if near > ZERO:
+            if goes_on:
+                near, before = behind(distance), prim_id
                 passes += 1
                 continue
         if bounce == start and start > 0:
@@ -122,8 +127,9 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
         if flags & ENDS or bounce == limits.max_depth - 1:
             break
         spot, is_front = spot_of(surfaces, prim_id, origin, direction)
-        if not is_front:
-            left = passed_within(surfaces, spot, origin)
+        if not (is_front or spot.is_variant):
+            way = spot.point[0] - origin[0], spot.point[1] - origin[1], spot.point[2] - origin[2]
+            left = passed_within(surfaces, spot.material, np.sqrt(dot(way, way)))
             weight = weight[0] * left[0], weight[1] * left[1], weight[2] * left[2]
         if is_aimed:
             light, _, _, traced = aimed(
@@ -142,6 +148,6 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
             if share == ZERO:
                 break
             weight = scaled(share, weight)
-        near = START
+        near, before = START, MISS
         bounce += 1
     return Found(emitted, sky, later, seen_through, first, is_back, rays)
