@@ -15,7 +15,6 @@ from rich.console import Console
 
 from experiments.commands.program import PROGRAM
 from experiments.harness.configuration import Configuration, records_folder
-from experiments.harness.identity import code_sha256
 from experiments.harness.point import Point
 from experiments.harness.points import GridPoint, PlannedPoint, Runner, in_order, measure, plan_sweep
 from experiments.harness.processes.idle import Waiting
@@ -24,7 +23,7 @@ from experiments.harness.progress import SweepProgress, say, say_roughly
 from experiments.harness.records import Record, check_writable, exclusive, read_record, write_record
 from experiments.launched import Launch, Launched, reusable
 from experiments.report.writing import check_figures, choose_folder, tell_whose_tables_are_replaced, write_results
-from experiments.results.processes import WHY, as_replacement, key_of, to_replace
+from experiments.results.processes import WHY, as_replacement, to_replace
 from experiments.results.table import Tables, make_tables
 from experiments.results.terminal import print_sweep, results_console, say_label, say_outcome, say_problems
 from experiments.results.time_warnings import was_idle
@@ -144,13 +143,7 @@ class _Sweep:
             f"{len(self.done) - finished} cannot be measured, {len(to_do)} to do; results in {results}",
         )
         if to_do and self.launched is None:  # jobs elsewhere leave tables of other machines
-            by_configuration = {key_of(point.configuration()): point for point in map(self._point, self.points)}
-
-            def code(record: Record) -> str | None:
-                point = by_configuration.get(key_of(record.configuration))
-                return None if point is None else code_sha256(point)
-
-            tell_whose_tables_are_replaced(results, self.folder, self.console, code)
+            tell_whose_tables_are_replaced(results, self.folder, self.console)
         return to_do
 
     def _finished(self) -> dict[str, Record]:
@@ -224,8 +217,7 @@ class _Sweep:
                 self.waiting.for_idle()
             self._keep(name, measure(self.points[name], self.run))
             self.is_idle = was_idle(self.done[name])
-            # What tells points apart that compile other kernels.
-            progress.end(label, say_outcome(self.done[name], self.folder), f"{point.workload.name} {point.method.name}")
+            progress.end(label, say_outcome(self.done[name], self.folder))
 
     def _have_measured(self, names: Sequence[str], launched: Launched, progress: SweepProgress) -> None:
         """Have points measured elsewhere."""

@@ -25,7 +25,6 @@ FORM is one of `_FORMS`, or a format of Python; without one a number has three d
 
 from __future__ import annotations
 
-import csv
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping
@@ -38,6 +37,7 @@ from typing import Any
 
 import pandas as pd
 
+from experiments.documents.kept_rows import REFERENCE, kept_rows
 from experiments.methods import find_method
 from experiments.results.intervals import with_intervals
 from experiments.results.queries import check_keys, chosen
@@ -47,7 +47,6 @@ from experiments.workloads.series import best_rows
 from scenes.directory import PAPER_SCENES as SCENES
 
 ROOT = Path(__file__).resolve().parents[2]
-REFERENCE = ROOT / "reports" / "reference"
 TIMES = "\N{MULTIPLICATION SIGN}"
 _FIELD = re.compile(r"\{([^{}:]*)(?::([^{}]*))?\}")
 _OF_CELLS = ("sweep", "where", "pick", "cell", "over", "empty")
@@ -98,8 +97,7 @@ def table_lines(spec: Spec, functions: Mapping[str, Callable[..., Any]]) -> list
     if "function" in spec:
         heads, rows = spec["head"], [list(row) for row in functions[spec["function"]](spec["sweep"])]
     elif "kept" in spec:
-        with (REFERENCE / spec["sweep"] / f"{spec['kept']}.csv").open(encoding="utf-8", newline="") as file:
-            heads, rows = spec["head"], list(csv.reader(file))
+        heads, rows = spec["head"], kept_rows(spec["sweep"], spec["kept"])
     elif "claims" in spec:
         heads, rows = spec["head"], list(_claims(spec))
     else:

@@ -16,7 +16,7 @@ from atra.geometry.mesh import Mesh
 from atra.packets.pixel import PixelTracer
 from experiments.harness.configuration import Configuration, SceneConfiguration
 from experiments.harness.entry_points import FORECASTS_GROUP, offers
-from experiments.harness.identity import code_sha256, current_environment, identity
+from experiments.harness.identity import code_of_worker, current_environment, identity
 from experiments.harness.options import plain_options
 from experiments.harness.point import Point
 from experiments.harness.processes.launching import run_worker
@@ -223,10 +223,11 @@ def measure(planned: PlannedPoint, run: Runner = run_worker) -> Record:
         status=outcome.status,
         error=outcome.error,
         configuration=planned.point.configuration(),
-        environment=asdict(environment) | {"code_sha256": code_sha256(planned.point)},
+        environment=asdict(environment) | {"code_sha256": code_of_worker(outcome.files)},
         warmup_samples=outcome.warmup_samples,
         samples=outcome.samples,
         results={**_packets(planned.point), **outcome.results, "on_purpose": outcome.on_purpose},
+        files=sorted(outcome.files),
     )
 
 

@@ -40,7 +40,8 @@ class Record:
     error: why, when not ok.
     configuration, environment: plain values; see `experiments.harness.point.Point` and
     `experiments.harness.environment`. warmup_samples, samples: seconds by method name; sample r of every method belongs
-    to one round. results: everything else that was measured, by name with its unit.
+    to one round. results: everything else that was measured, by name with its unit. files: whose code measured it
+    (`experiments.harness.identity`).
     """
 
     point_id: str
@@ -51,6 +52,7 @@ class Record:
     warmup_samples: dict[str, list[float]] = field(default_factory=dict)
     samples: dict[str, list[float]] = field(default_factory=dict)
     results: dict[str, Any] = field(default_factory=dict)
+    files: list[str] = field(default_factory=list)
 
     @property
     def finished(self) -> bool:

@@ -16,6 +16,9 @@ from experiments.law.model.formulas import family
 from experiments.law.model.looking import Look, look_at
 from experiments.methods.options import split_of
 
+_ASKED_OF_A_FRAME = {"frame": "nearest", "gather": "count"}
+"""What a frame of each workload that is predicted asks of its rays."""
+
 METHODS = ("raster", "pixel", "bvh", "tiles", "visible_first", "aligned")
 """Methods of the harness whose points are predicted."""
 
@@ -42,13 +45,14 @@ def slow_points(points: Mapping[int, Point], mesh: Mesh, limit: float) -> dict[i
     constants, looks = known_constants(), dict[Any, Look]()
     frames_s: dict[Any, dict[int, float]] = {}
     for place, point in points.items():
-        camera, workload, choice = point.camera, point.workload, choice_of(point)
-        if choice is None or workload.want is None or family(choice, workload.want) not in constants:
+        camera, workload, choice = point.camera, point.workload.name, choice_of(point)
+        want = _ASKED_OF_A_FRAME.get(workload)
+        if choice is None or want is None or family(choice, want) not in constants:
             continue
         if camera not in looks:
             looks[camera] = look_at(mesh, camera)
-        predicted = forecast(looks[camera], choice, workload.want, constants)
-        frames_s.setdefault((camera, workload.name), {})[place] = predicted.frame_time_s
+        predicted = forecast(looks[camera], choice, want, constants)
+        frames_s.setdefault((camera, workload), {})[place] = predicted.frame_time_s
     return {
         place: Unpromising(
             f"predicted to take {1e3 * time_s:.3g} ms a frame, {time_s / min(of_view.values()):.3g} times as long as "

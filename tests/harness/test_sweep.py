@@ -22,7 +22,7 @@ from experiments.harness.identity import current_environment, identity
 from experiments.harness.options import NoOptions
 from experiments.harness.points import GridPoint, measure, plan_points
 from experiments.harness.processes.outcome import Outcome, skipped
-from experiments.harness.records import load_record, point_id, write_record
+from experiments.harness.records import load_record, write_record
 from experiments.methods.aligned import ALIGNED, AlignedOptions
 from experiments.methods.peers.embreex_run import EMBREEX
 from experiments.methods.pixel import PIXEL, PixelOptions
@@ -170,9 +170,7 @@ def test_processes_of_a_point_that_were_measured_with_other_limits_are_of_one_ro
 
 def measured_by_other_code(planned):
     record = measure(planned, Runner())
-    other = {"code_sha256": "another"}
-    record = replace(record, point_id=point_id(record.configuration | other, record.environment))
-    return replace(record, environment=record.environment | other)
+    return replace(record, environment=record.environment | {"code_sha256": "another"}, files=["atra/errors.py"])
 
 
 def test_a_table_of_other_code_is_replaced_though_a_limit_of_its_command_is_another(tmp_path):

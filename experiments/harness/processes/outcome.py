@@ -17,6 +17,7 @@ class Outcome:
 
     status, error, samples, results: as in `experiments.harness.records.Record`.
     on_purpose: the error is one of `atra`'s own, meant for the person at the keyboard; otherwise it is a bug.
+    files: the files whose code measured it, with their hashes (`experiments.harness.identity.loaded_files`).
     """
 
     status: str
@@ -25,6 +26,7 @@ class Outcome:
     warmup_samples: dict[str, list[float]] = field(default_factory=dict)
     samples: dict[str, list[float]] = field(default_factory=dict)
     results: dict[str, Any] = field(default_factory=dict)
+    files: dict[str, str] = field(default_factory=dict)
 
     def to_json(self) -> bytes:
         """Raises ValueError for a NaN or an infinity."""

@@ -17,7 +17,7 @@ from atra.hits import Hits
 from atra.judge.compare import compare
 from atra.light import HybridRenderer, Lambertian, MetallicRoughness, PathRenderer, Renderer, Scene, constant_sky
 from atra.light.materials import Material
-from experiments.harness.method import AnyTracer
+from atra.tracing.tracer import Tracer
 from experiments.harness.point import Measured, Point, make_own
 from experiments.light.mitsuba_light import load_mitsuba, parts_of
 from experiments.light.render import MITSUBA, RenderOptions, primary
@@ -90,7 +90,7 @@ def make_renderer(point: Point, scene: Scene, view: View, tracer: Any) -> Render
     return made  # type: ignore[no-any-return]
 
 
-def make(point: Point, mesh: Mesh) -> AnyTracer:
+def make(point: Point, mesh: Mesh) -> Tracer:
     """The point's own method. Raises InputError for a sky that cannot be read, and as the tracers do."""
     point.workload_options.under_sky(lit(point.scene, mesh, point.camera))
     return make_own(point, mesh)

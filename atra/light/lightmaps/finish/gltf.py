@@ -19,6 +19,7 @@ from atra.errors import InputError
 from atra.files.folder import Folder
 from atra.files.gltf.numbers import Numbers
 from atra.files.gltf.packed import DRACO
+from atra.files.gltf.primitives import read_primitive
 from atra.files.gltf.tree import gltf_tree
 from atra.files.paths import write_atomically
 from atra.files.reading import read_regular_file
@@ -27,7 +28,6 @@ from atra.light.lightmaps.finish.glb import ELEMENTS, LIGHTMAP, Glb, glb_path
 from atra.light.lightmaps.finish.seams import Seams
 from atra.light.lightmaps.maps import Lightmap
 from atra.light.pictures.files import exr_of_channels, png_of
-from atra.light.reading.gltf import triangles_of
 from atra.light.scene import Scene, ScenePart
 
 _SAFE = LIGHTMAP, "EXT_texture_webp", "EXT_mesh_gpu_instancing"
@@ -172,7 +172,8 @@ class SourceModel(Glb):
         scene, atlas = self._scene, self._atlas
         own = slice(part.first_face, part.first_face + part.faces)
         given = deepcopy(self.tree["meshes"][part.mesh]["primitives"][part.primitive])
-        faces, is_flat = triangles_of(given, self._numbers)
+        _, faces = read_primitive(given, self._numbers)
+        is_flat = "NORMAL" not in given["attributes"]  # each corner of the scene then has a vertex of its own
         given.get("extensions", {}).pop(DRACO, None)
         if is_bare:
             given = {name: given[name] for name in ("attributes", "targets", "material") if name in given}
