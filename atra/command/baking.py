@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from atra.command.cameras import one_camera
-from atra.command.picture import add_limits, add_scene, add_shown, load_lit, progress_line
+from atra.command.picture import add_clamp, add_limits, add_scene, add_shown, load_lit, progress_line
 from atra.command.viewing import add_page
 from atra.errors import InputError, printable
 from atra.files.paths import write_atomically
@@ -49,6 +49,7 @@ def add_bake(parser: ArgumentParser) -> None:
     parser.add_argument("--minutes", type=float, help="stop after so many minutes; the same command goes on")
     parser.add_argument("--size", type=int, default=SIZE, help=f"texels along a side of the map (default: {SIZE})")
     parser.add_argument("--bounces", type=int, default=BOUNCES, help=f"most reflections (default: {BOUNCES})")
+    add_clamp(parser)
     parser.add_argument(
         "--lights", choices=("aimed", "grid"), default="aimed",
         help="choice of lamps: by their power, or by what each gives near a surface; grid has less noise with hundreds "
@@ -87,7 +88,12 @@ def run_bake(given: Namespace) -> int:
     lit = load_lit(given.mesh, given.sky, given.memory_per_byte)
     camera = one_camera(given, lit.mesh, dict(lit.cameras))
     print(f"{printable(given.mesh.name)}: charts of {lit.mesh.triangle_count:,} triangles", flush=True)
-    options: dict[str, Any] = {"bounces": given.bounces, "lights": given.lights, "threads": given.threads}
+    options: dict[str, Any] = {
+        "bounces": given.bounces,
+        "lights": given.lights,
+        "threads": given.threads,
+        "clamp": given.clamp,
+    }
     with Baker(lit, Atlas.unwrap(lit.mesh, given.size), **options) as baker:
         texels = baker.texels
         print(

@@ -53,6 +53,14 @@ def add_picture(parser: ArgumentParser) -> None:
     add_shown(group)
     group.add_argument("--transparent", action="store_true", help="alpha in place of the sky that the eye sees")
     group.add_argument("--bounces", type=int, default=BOUNCES, help=f"most reflections (default: {BOUNCES})")
+    add_clamp(group)
+
+
+def add_clamp(parser: Any) -> None:
+    """Add the limit of bright specks."""
+    parser.add_argument(
+        "--clamp", type=float, help="most light of a speck by several reflections; biased (default: none)"
+    )
 
 
 def add_shown(parser: Any) -> None:
@@ -154,7 +162,12 @@ def run_picture(given: Namespace, cameras_of: CamerasOf) -> int:
     print(f"{printable(str(given.mesh))}: {scene.mesh.triangle_count:,} triangles", file=sys.stderr)
     for stem, camera in cameras.items():
         path = output if len(cameras) == 1 else output.with_name(f"{output.stem}_{stem}{output.suffix}")
-        options = {"bounces": given.bounces, "threads": given.threads, "transparent": given.transparent}
+        options = {
+            "bounces": given.bounces,
+            "threads": given.threads,
+            "transparent": given.transparent,
+            "clamp": given.clamp,
+        }
         with PathRenderer(scene, camera, jitter="pixel", **options) as renderer:
             _expose(renderer, given, path)
             stops = renderer.save(path, exposure=given.exposure, tone=given.tone, denoise=given.denoise)

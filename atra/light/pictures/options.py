@@ -11,7 +11,7 @@ import numpy as np
 from atra.choices import check_choice, check_flags
 from atra.errors import InputError
 from atra.geometry.numbers import as_number
-from atra.light.checks import check_rays, check_whole
+from atra.light.checks import check_clamp, check_rays, check_whole
 
 MOST_RAYS = 64
 """Most rays to a light, or into the sky, per pixel and sample."""
@@ -53,11 +53,13 @@ class PathOptions(RenderOptions):
     lights: str = "aimed"
     roulette_from: int | None = 4
     transparent: bool = False
+    clamp: float | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_choice("lights", self.lights, ("aimed", "grid", "found"))
         check_flags(transparent=self.transparent)
+        check_clamp(self)
         check_whole("bounces", self.bounces, 0, 1 << 20)
         if self.roulette_from is not None:
             check_whole("roulette_from", self.roulette_from, 0, 1 << 20)

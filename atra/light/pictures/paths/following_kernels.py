@@ -30,16 +30,19 @@ _NEVER = 1 << 30
 
 class Limits(NamedTuple):
     """Where paths end. max_depth: surfaces that they meet at most, or, of texels, one more. roulette: surfaces after
-    which they may end by chance."""
+    which they may end by chance. clamp: most that each emitter may add at once by more than one reflection."""
 
     max_depth: int
     roulette: int
+    clamp: np.float32
 
 
-def limits_of(bounces: int, roulette_from: int | None, first: int = 0) -> Limits:
+def limits_of(bounces: int, roulette_from: int | None, clamp: float | None, first: int = 0) -> Limits:
     """Limits of paths of at most so many reflections between an emitter and where they start. roulette_from:
-    reflections after which they may end by chance, None = never. first: 1 for paths that start on a surface."""
-    return Limits(bounces + 1 + first, _NEVER if roulette_from is None else roulette_from)
+    reflections after which they may end by chance, None = never. clamp: as of `Limits`, None = no limit. first: 1 for
+    paths that start on a surface."""
+    most = INFINITY if clamp is None else np.float32(clamp)
+    return Limits(bounces + 1 + first, _NEVER if roulette_from is None else roulette_from, most)
 
 
 class Found(NamedTuple):
@@ -60,6 +63,13 @@ class Found(NamedTuple):
 def more(total, weight, light):  # type: ignore[no-untyped-def]
     """Add weighted light, (r, g, b) each."""
     return total[0] + weight[0] * light[0], total[1] + weight[1] * light[1], total[2] + weight[2] * light[2]
+
+
+@njit(forceinline=True)
+def _clamped(weight, light, most):  # type: ignore[no-untyped-def]
+    """(r, g, b) of light, scaled so that, weighted, no channel is above `most`."""
+    greatest = max(weight[0] * light[0], max(weight[1] * light[1], weight[2] * light[2]))
+    return scaled(most / greatest, light) if most < greatest < INFINITY else light
 
 
 @njit(forceinline=True)
@@ -119,7 +129,7 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
         if flags & SHINES:
             light = arriving(surfaces, emitters, prim_id, origin, direction, density)
             if bounce > start:
-                later = more(later, weight, light)
+                later = more(later, weight, _clamped(weight, light, limits.clamp) if bounce > 1 else light)
             elif prim_id == MISS:
                 sky, seen_through = more(sky, weight, light), weight
             else:
@@ -136,7 +146,7 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
                 surfaces, emitters, scene, packet, free, spot, prim_id, direction, key, sample, bounce
             )
             rays += traced
-            later = more(later, weight, light)
+            later = more(later, weight, _clamped(weight, light, limits.clamp) if bounce > 0 else light)
         goes_on, origin, direction, factor, density = scatter(
             surfaces, spot, is_front, prim_id, direction, key, sample, bounce
         )

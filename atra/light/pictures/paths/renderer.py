@@ -60,7 +60,7 @@ class Paths:
         """See `Integrator.add`."""
         lap, free = Laps(stages), np.empty((FREE_ROWS, 1), np.float32)
         arguments = pixels, query.scene, query.packet, self._surfaces, self._emitters, film.sums, free
-        limits = limits_of(self._options.bounces, self._options.roulette_from)
+        limits = limits_of(self._options.bounces, self._options.roulette_from, self._options.clamp)
         rays = follow_depth_first(first, count, *arguments, limits)
         lap("depth_first")
         return None if rays < 0 else rays
@@ -71,6 +71,7 @@ def PathRenderer(
     threads: int | None = None, build_quality: str = "medium", robust: bool = True, jitter: str = "shared",
     most_samples: int | None = None, bounces: int = 4, lights: str = "aimed", roulette_from: int | None = 4,
     transparent: bool = False,
+    clamp: float | None = None,
 ) -> Renderer:  # fmt: skip
     """Pictures by path tracing.
 
@@ -105,6 +106,9 @@ def PathRenderer(
         Reflections after which a path may end by chance, the likelier the less light it carries; None: never.
     transparent : bool
         The eye does not see the sky; what is saved has an alpha channel, also through holes and panes.
+    clamp : float, optional
+        Most radiance that an emitter may add to a sample at once by more than one reflection. It takes away bright
+        specks and, with them, light: the mean is biased. None: no limit, unbiased.
 
     Returns
     -------
@@ -129,6 +133,15 @@ def PathRenderer(
     0.7
     """
     options = PathOptions(
-        threads, build_quality, robust, jitter, most_samples, bounces, lights, roulette_from, transparent
+        threads,
+        build_quality,
+        robust,
+        jitter,
+        most_samples,
+        bounces,
+        lights,
+        roulette_from,
+        transparent,
+        clamp,
     )
     return Renderer(scene, camera, primary, options, Paths())
