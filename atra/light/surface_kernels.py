@@ -121,13 +121,6 @@ def material_of(surfaces, prim_id):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True)
-def is_solid(surfaces, prim_id):  # type: ignore[no-untyped-def]
-    """Whether a triangle bounds a solid that light may pass, and is no thin wall."""
-    row = surfaces.materials[material_of(surfaces, prim_id)]
-    return row[TRANSMISSION] > 0.0 and row[VARIANT] == 0.0
-
-
-@njit(forceinline=True)
 def weights_at(surfaces, prim_id, point):  # type: ignore[no-untyped-def]
     """float32 barycentric weights of a point in the triangle's plane."""
     rows = surfaces.weights

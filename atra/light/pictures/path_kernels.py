@@ -26,7 +26,7 @@ from atra.light.numbers_kernels import ONE, ZERO, along, bits_of, dot, key_of, s
 from atra.light.scattering.emission_kernels import emitted, opacity_at
 from atra.light.scattering.sampler_kernels import JITTER, LOBE, PAIRS, pair_of
 from atra.light.scattering.spots_kernels import BLACK, WHITE, straight_light
-from atra.light.surface_kernels import HOLES, ONE_SIDED, SOLID, TRANSMISSION, is_solid, material_of, meet, sky_colour
+from atra.light.surface_kernels import HOLES, ONE_SIDED, SOLID, TRANSMISSION, VARIANT, material_of, meet, sky_colour
 
 BLOCK = 2048
 """Pixels of a wave are a multiple. Packets stay within a block, which starts at a multiple of BLOCK pixels; so a ray
@@ -200,6 +200,13 @@ def survival(weight, key, sample, bounce):  # type: ignore[no-untyped-def]
     return ONE / odds if pair_of(key, sample, bounce * PAIRS + LOBE)[1] < odds else ZERO
 
 
+@njit(forceinline=True)
+def _is_solid(surfaces, prim_id):  # type: ignore[no-untyped-def]
+    """Whether a triangle bounds a solid that light may pass, and is no thin wall."""
+    row = surfaces.materials[material_of(surfaces, prim_id)]
+    return row[TRANSMISSION] > 0.0 and row[VARIANT] == 0.0
+
+
 FREE_LIGHT, FREE_LENGTH, FREE_KIND, FREE_SINCE = 0, 3, 4, 5
 FREE_ROWS = 6
 """Rows of what `shadows` finds for the rays of a packet: the share of light that passes (r, g, b); scratch; set by the
@@ -244,7 +251,7 @@ def shadows(width, surfaces, scene, packet, free):  # type: ignore[no-untyped-de
                     origin, direction = _ray_of(packet, width, lane)
                     length = distance - free[FREE_SINCE, lane]
                     light, _ = _straight(surfaces, prim_id, origin, direction, length, False, is_lamp)
-                    if is_lamp and is_solid(surfaces, prim_id):
+                    if is_lamp and _is_solid(surfaces, prim_id):
                         free[FREE_SINCE, lane] = distance
                     packet.ids[RAY_ID * width + lane] = prim_id
                 else:
