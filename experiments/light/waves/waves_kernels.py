@@ -20,6 +20,7 @@ from atra.light.pictures.path_kernels import (
     FREE_KIND,
     FREE_LIGHT,
     arriving,
+    behind,
     load_ray,
     passed,
     passes_of,
@@ -231,10 +232,10 @@ def shade(wave, count, surfaces, emitters, max_depth, open_length):  # type: ign
         flags = surfaces.flags[prim_id] if prim_id != MISS else ENDS | SHINES
         if flags & passes_of(bounce):
             random = wave.key[i], wave.sample[i], wave.passes[i] + bounce
-            near, weight = passed(surfaces, prim_id, origin, direction, floats[NEAR, i], weight, False, random)
+            goes_on, weight = passed(surfaces, prim_id, origin, direction, weight, False, random)
             set_vector(floats, WEIGHT, i, weight)
-            if near > ZERO:
-                floats[NEAR, i], wave.state[i] = near, PASSING
+            if goes_on:
+                floats[NEAR, i], wave.state[i] = behind(floats[NEAR, i]), PASSING
                 wave.passes[i] += 1
                 going += 1
                 continue
