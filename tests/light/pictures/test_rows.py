@@ -12,7 +12,6 @@ from atra import light as render
 from atra.light import textures
 from atra.light.lightmaps.options import BakeOptions
 from atra.light.pictures.files import srgb_of
-from atra.light.pictures.film import Film
 from atra.light.pictures.options import HybridOptions, PathOptions
 from tests.meshes import quads
 from tests.shown import BLACK, down, floor, hybrid, sphere
@@ -59,17 +58,6 @@ def test_no_more_samples_are_added_than_a_picture_is_to_have(given, kept):
     assert PathOptions().most_samples is None
 
 
-@pytest.mark.parametrize(("width", "height"), [(4, 4), (13, 7), (3, 9), (1, 6), (16, 2)])
-def test_pixels_come_in_tiles_and_go_back_to_their_places(width, height):
-    film = Film((2, width, height), 0)
-    x, y = np.array([film.place_of(pixel) for pixel in range(width * height)]).T
-    image = film.as_image(np.array([x, y]))
-    np.testing.assert_array_equal(image[..., 0], np.mgrid[:height, :width][1])
-    np.testing.assert_array_equal(image[..., 1], np.mgrid[:height, :width][0])
-    tiles = np.stack([x // 4, y // 4], 1)
-    assert (np.diff(tiles, axis=0) != 0).any(axis=1).sum() == -(-width // 4) * -(-height // 4) - 1
-
-
 def test_an_image_of_any_size_is_the_part_of_a_larger_one():
     scene = sphere(GREY, render.GradientSky())
     camera = atra.Camera((0, 1, 3), (0, 0, 0), fov_y_degrees=45, width=21, height=14)
@@ -87,9 +75,10 @@ def test_an_image_of_any_size_is_the_part_of_a_larger_one():
 RESTARTS = {
     "jitter": "off", "shadow_rays": 2, "shadow_length": 3.0,
     "occlusion_rays": 2, "occlusion_length": 3.0, "occlusion": "cosine",
-    "bounces": 2, "roulette_from": 2,
+    "bounces": 2, "roulette_from": 2, "aperture_radius": 0.1, "focus_distance": 2.0,
 }  # fmt: skip
 STAYS = {"most_samples": 100}
+OF_PATHS = {"bounces", "roulette_from", "aperture_radius", "focus_distance"}
 
 
 @pytest.mark.parametrize(
@@ -133,8 +122,8 @@ MAKERS = {
     render.Sun: ("direction", "angle_degrees", "colour", "power"),
     render.PointLight: ("position", "colour", "power"), render.SphereLight: ("position", "radius", "colour", "power"),
     render.Scene: ("mesh", "materials", "face_materials", "lights", "sky", "normals", "uv"),
-    HybridOptions: tuple(RESTARTS.keys() - {"bounces", "roulette_from"}) + ("most_samples",),
-    PathOptions: ("jitter", "bounces", "roulette_from", "most_samples"),
+    HybridOptions: tuple(RESTARTS.keys() - OF_PATHS) + ("most_samples",),
+    PathOptions: ("jitter", "most_samples", *OF_PATHS),
 }  # fmt: skip
 USUAL = {
     render.Checker: {"first": 0.1, "second": 0.2}, render.Image: {"texels": np.zeros((1, 1, 3))},

@@ -170,7 +170,7 @@ def test_numbers_tell_samples_stages_and_rates():
     assert still == [
         "**2 of 2 samples**, 64 x 64",
         "a note",
-        "primary 2.0, shadow 6.0 ms",
+        "ms: primary 2.0, shadow 6.0",
         "primary: 2.0 million rays/s",
         "whole: 0.51 million pixel samples/s",
     ]
@@ -247,6 +247,7 @@ def test_a_browser_shows_the_picture_moves_the_camera_changes_parameters_and_end
         assert np.linalg.norm(from_middle) == pytest.approx(3.4, abs=1e-3), "it moved, but in no orbit"
         assert (page.session.wanted, 0) in shown.frames, "no sketch came before"
 
+        tab.get_by_text("Primary visibility").click()
         tab.get_by_label("jitter").click()
         wait_for(lambda: not page.session.wanted.settings.jitter, "the checkbox")
         wait_for(lambda: shown.frames[-1] == (page.session.wanted, 3), "the picture without jitter")
