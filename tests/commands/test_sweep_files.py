@@ -16,7 +16,7 @@ FIGURE5 = [
 OVER_SPLITS = {"figure4", "figure4_speedup", *FIGURE5, "figure5_vertical", "figure5_vertical_speedup"}
 OTHER_PICTURES = ("split", "still", "mitsuba")
 NEEDLESS = ("others", "aligned_others", "solid", "solid_others", "solid_aligned")  # as all reductions are asked for
-IN_PROCESS = ("occupancy", "dark", "packets", "expansion", "roulette", "environment", "translucency")
+IN_PROCESS = ("occupancy", "dark", "expansion", "roulette", "environment", "translucency")
 # An image of 32 pixels takes no split of 64: such points are skipped.
 SWEEPS = {
     "smoke": ([], {"figure3", "figure3_differences", *OVER_SPLITS, "figure6", "figure7", "figure7_instancing"}),
