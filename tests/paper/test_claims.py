@@ -8,9 +8,8 @@ from io import BytesIO
 import pandas as pd
 import pytest
 
-from experiments.paper.claims import CLAIMS, judge_claims
+from experiments.paper.claims import CLAIMS, judge_claims, paper_judges
 from experiments.paper.evidence import PAPER_SCENES, USED_COLUMNS, Evidence
-from experiments.paper.ratios import paper_judges
 from experiments.paper.readings import EVERY_HIT
 from experiments.results.claims import JudgedClaim, claim_files, judge_claim
 from experiments.results.table import columns
@@ -132,7 +131,7 @@ def test_every_claim_but_the_cost_model_is_flipped_above_best_speedups_on_one_sc
 
 def test_a_key_that_no_judge_has_is_refused_by_name():
     with pytest.raises(ValueError, match=r"a judge has \['most'\], expected some of \['above'"):
-        paper_judges({"one": {}, "over": {}, "at": [2], "most": 1})
+        paper_judges({"numerator": {}, "denominator": {}, "at": [2], "most": 1})
 
 
 def follow_model(table, exponent):
