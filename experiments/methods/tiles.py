@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
 
@@ -15,8 +15,8 @@ from atra.compiled.threads import WorkerPool
 from atra.embree.device import EmbreeDevice
 from atra.embree.filters_kernels import memory_monitor
 from atra.embree.packets_kernels import RayGrid, TracedImage
+from atra.embree.scene import resolve_packet_width
 from atra.embree.workspace import Workspace
-from atra.errors import ClosedError
 from atra.geometry.mesh import Mesh
 from atra.geometry.projection import count_kept, project_mesh
 from atra.geometry.ray_space import check_range, padded_vertices
@@ -41,6 +41,8 @@ class EmbreeScenes(EmbreeDevice):
     vertices, faces: as for `EmbreeScene`; all scenes share the vertices, and a hit's prim_id counts from the scene's
     first triangle. starts: (scenes + 1,) int64, ascending. device: as for `EmbreeScene`.
 
+    handles: (scenes,) int64, RTCScene handles for compiled code, 0 = no triangle.
+
     Raises EmbreeError naming the call that failed.
     """
 
@@ -48,22 +50,15 @@ class EmbreeScenes(EmbreeDevice):
         self, vertices: NDArray[np.float32], faces: NDArray[np.uint32], starts: NDArray[np.int64], **device: Any
     ) -> None:
         super().__init__(**device)
-        self._handles = np.zeros(len(starts) - 1, np.int64)
+        self.handles = np.zeros(len(starts) - 1, np.int64)
         try:
             for k in np.nonzero(np.diff(starts))[0]:
-                self._handles[k] = scene = self._new_scene()
+                self.handles[k] = scene = self._new_scene()
                 self._add_triangles(scene, vertices, faces[starts[k] : starts[k + 1]])
                 self._build(scene)
         except BaseException:
             self.close()
             raise
-
-    @property
-    def handles(self) -> NDArray[np.int64]:
-        """(scenes,) int64, RTCScene handles for compiled code, 0 = no triangle. Raises ClosedError after `close`."""
-        if self.closed:
-            raise ClosedError("these Embree scenes are closed and cannot be traced any more")
-        return self._handles
 
 
 @dataclass(frozen=True)
@@ -74,16 +69,22 @@ class Tiles(TracingMethod):
     """
 
     split: tuple[int, int]
-    options: CellOptions = field(default_factory=CellOptions)
+    packet_width: int | None = None
+    build_quality: str = "medium"
+    robust: bool = True
+    memory_budget_bytes: int | None = None
+
+    def __post_init__(self) -> None:
+        CellOptions(**{name: value for name, value in vars(self).items() if name != "split"})  # checks them
 
     @property
     def rays_per_packet(self) -> int:
         """The packet width, resolved for this machine."""
-        return self.options.rays_per_packet
+        return resolve_packet_width(self.packet_width)
 
     def check(self, mesh: Mesh, camera: View) -> None:
         """See `Method.check`."""
-        check_pinhole(camera, "TiledTracer")
+        check_pinhole(camera, "Tiles")
         Split.of_image(self.split, camera)
         check_range(mesh, camera)
 
@@ -96,30 +97,30 @@ class PreparedTiles(Prepared):
     """A BVH for each cell. geometry: vertices, faces cell by cell, and their prim_ids as records."""
 
     def __init__(self, method: Tiles, mesh: Mesh, camera: View, pool: WorkerPool) -> None:
-        self._camera, self._pool, options = camera, pool, method.options
+        self._camera, self._pool = camera, pool
         self._split = Split.of_image(method.split, camera)
-        self._packet_shape = SQUAREST_SHAPE[options.rays_per_packet]
-        self._workspaces = [Workspace(options.rays_per_packet, coherent=True) for _ in range(pool.threads)]
+        self._packet_shape = SQUAREST_SHAPE[method.rays_per_packet]
+        self._workspaces = [Workspace(method.rays_per_packet, coherent=True) for _ in range(pool.threads)]
         self._cell_starts = np.zeros(self._split.cell_count + 1, np.int64)
         start = perf_counter()
-        self.geometry = self._plan(mesh, options)
+        self.geometry = self._plan(mesh, method)
         self.plan_time_s = perf_counter() - start
         monitor_address = memory_monitor()  # compiled before the clock starts
         start = perf_counter()
         self.scenes = EmbreeScenes(
-            self.geometry.vertices, self.geometry.faces, self._cell_starts, build_quality=options.build_quality,
-            threads=pool.threads, robust=options.robust, monitor_address=monitor_address,
+            self.geometry.vertices, self.geometry.faces, self._cell_starts, build_quality=method.build_quality,
+            threads=pool.threads, robust=method.robust, monitor_address=monitor_address,
         )  # fmt: skip
         self.build_time_s = perf_counter() - start
 
-    def _plan(self, mesh: Mesh, options: CellOptions) -> AlignedGeometry:
+    def _plan(self, mesh: Mesh, method: Tiles) -> AlignedGeometry:
         split, pool = self._split, self._pool
         vertices = padded_vertices(len(mesh.vertices))
         points_pixels, vertices[:] = project_mesh(mesh, self._camera, pool)
         cell = (split.nx, split.ny, split.cell_width, split.cell_height)
         counts = count_kept(pool, points_pixels, mesh, True, cell)
         starts = np.concatenate([[0], np.cumsum(counts)])
-        check_memory_budget(int(starts[-1]), split.cell_count, options.build_quality, options.memory_budget_bytes)
+        check_memory_budget(int(starts[-1]), split.cell_count, method.build_quality, method.memory_budget_bytes)
         cells = np.empty(int(starts[-1]), np.int64)
         pool.run(lambda _, counter: list_cells(counter, points_pixels, mesh.traced_faces, *cell, starts, cells))
         self._cell_starts[1:] = np.cumsum(np.bincount(cells, minlength=split.cell_count))
@@ -159,28 +160,6 @@ class PreparedTiles(Prepared):
         self.scenes.close()
 
 
-def TiledTracer(
-    mesh: Mesh,
-    camera: View,
-    split: tuple[int, int],
-    *,
-    threads: int | None = None,
-    ties: str = "lowest",
-    packet_width: int | None = None,
-    build_quality: str = "medium",
-    robust: bool = True,
-    memory_budget_bytes: int | None = None,
-) -> Tracer:
-    """A tracer of `Tiles`; arguments as for `AlignedTracer`.
-
-    Raises InputError for a split that does not divide the image, MemoryBudgetError before allocating.
-    """
-    options = CellOptions(
-        packet_width=packet_width, build_quality=build_quality, robust=robust, memory_budget_bytes=memory_budget_bytes
-    )
-    return Tracer(mesh, camera, Tiles(split, options), threads=threads, ties=ties)
-
-
 @dataclass(frozen=True)
 class TilesOptions(Settings):
     """Cells and packets."""
@@ -193,7 +172,8 @@ class TilesOptions(Settings):
 
 
 def _make(mesh: Mesh, view: View, options: TilesOptions, tracing: Tracing) -> Tracer:
-    return TiledTracer(mesh, view, common.split_of(options), **common.keywords_of(TiledTracer, options, tracing))
+    tiles = Tiles(common.split_of(options), **common.keywords_of(Tiles, options, tracing))
+    return Tracer(mesh, view, tiles, threads=tracing.threads, ties=tracing.ties)
 
 
 TILES = Method(

@@ -33,7 +33,7 @@ def test_a_pane_no_farther_from_the_eye_than_float64_can_tell_may_be_named_or_no
     assert (far.depth == 5.0).all()
     agreement = atra.compare(near, far)
     assert set(np.unique(agreement.verdict)) == {Verdict.EDGE}
-    assert not examine(far, near).hits.wrong.any()
+    assert not examine(far, near).hits_wrong.any()
 
 
 def test_a_pane_that_float64_tells_from_the_eye_must_be_named():

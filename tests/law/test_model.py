@@ -15,7 +15,7 @@ from experiments.law.model.forecasting import forecast, known_constants
 from experiments.law.model.formulas import Counts, build_terms, family, fit, frame_terms
 from experiments.law.model.looking import _whole, look_at
 from experiments.law.model.memory import array_bytes, byte_terms
-from experiments.methods.tiles import TiledTracer
+from experiments.methods.tiles import Tiles
 from tests.machine import WIDEST
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles
 
@@ -191,7 +191,7 @@ def arrays_of(tracer):
 
 @pytest.mark.parametrize(("choice", "make"), [
     (Choice("pixel", packet_width=WIDEST), partial(atra.PixelTracer, packet_width=WIDEST)),
-    (Choice("tiles", (4, 4), WIDEST), partial(TiledTracer, split=(4, 4), packet_width=WIDEST)),
+    (Choice("tiles", (4, 4), WIDEST), partial(atra.Tracer, method=Tiles((4, 4), WIDEST))),
     (Choice("visible_first", (8, 8), WIDEST), partial(atra.VisibleFirstTracer, split=(8, 8), packet_width=WIDEST)),
     (Choice("aligned", (8, 8), WIDEST), partial(atra.AlignedTracer, split=(8, 8), packet_width=WIDEST)),
     (Choice("instanced", (8, 1), WIDEST, False),

@@ -8,7 +8,7 @@ import pytest
 import atra
 from atra.compiled.threads import WorkerPool
 from atra.geometry.projection import count_kept
-from experiments.methods.tiles import TiledTracer
+from experiments.methods.tiles import Tiles
 from tests.images import assert_equal_images, assert_same_bits
 from tests.judge.reference import brute_force
 from tests.machine import WIDTHS
@@ -19,8 +19,8 @@ from tests.tracing.test_verbs import POSED
 from tests.tracing.test_watertight import FEW, one_view
 
 
-def tiled(mesh, camera, split=(16, 1), **options):
-    return TiledTracer(mesh, camera, split, **{"threads": 1, **options})
+def tiled(mesh, camera, split=(16, 1), threads=1, ties="lowest", **options):
+    return atra.Tracer(mesh, camera, Tiles(split, **options), threads=threads, ties=ties)
 
 
 @pytest.mark.parametrize("split", [(1, 1), (8, 1), (1, 12), (8, 6)])
@@ -82,7 +82,7 @@ def test_other_cameras_and_vertices_are_seen_as_by_a_new_tracer():
 
 
 def test_parallel_rays_splits_that_do_not_divide_and_small_budgets_are_refused():
-    with pytest.raises(atra.InputError, match=r"TiledTracer needs rays through one point.*use AlignedTracer"):
+    with pytest.raises(atra.InputError, match=r"Tiles needs rays through one point.*use AlignedTracer"):
         tiled(MESH, FLAT)
     with tiled(MESH, CAMERA) as one, pytest.raises(atra.InputError, match="does not divide image 65 x 48"):
         one.look(replace(CAMERA, width=65))

@@ -42,7 +42,7 @@ def test_every_method_that_takes_a_lens_sees_what_the_reference_sees(name):
         agreement = assert_no_pixel_wrong(mesh, camera, hits, reference)
         assert agreement.pixels_equal >= 0.999 * agreement.pixels, (kind, str(agreement))
         examined = examine(hits, reference, np.arange(0, agreement.pixels, 7))
-        assert not examined.hits.wrong.any(), kind
+        assert not examined.hits_wrong.any(), kind
     assert not (reference.hit & ~camera.has_ray(reference.offset)).any()
     assert camera.has_ray().all() != (name == "folded")
 

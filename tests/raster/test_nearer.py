@@ -45,7 +45,7 @@ def random_view(mesh, seed, parallel=None):
 
 def wrong_pixels(mesh, camera):
     hits, reference = draw(mesh, camera, ties="any"), brute_force(mesh, camera)
-    return int(examine(hits, reference).hits.wrong.sum())
+    return int(examine(hits, reference).hits_wrong.sum())
 
 
 @pytest.mark.parametrize("size", [1.0, 0.03])
@@ -106,4 +106,4 @@ def test_views_that_had_wrong_pixels_have_none(scene):
         with atra.PixelTracer(mesh, camera, threads=1) as tracer:
             reference = tracer.trace()
         found = examine(hits, reference)
-        assert not found.hits.wrong.any()
+        assert not found.hits_wrong.any()

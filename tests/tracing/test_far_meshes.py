@@ -110,7 +110,7 @@ def test_judges_of_a_far_mesh_are_those_of_the_near_one(view):
     assert agreement.pixels_wrong == 0
     np.testing.assert_array_equal(agreement.verdict, same.verdict)
     examined = examine(hits, far, np.arange(200))
-    assert not examined.hits.wrong.any()
+    assert not examined.hits_wrong.any()
     y, x = np.divmod(np.arange(100), far_camera.width)
     truths = nearest_hits(FAR, far_camera, x, y), nearest_hits(NEAR, near_camera, x, y)
     np.testing.assert_array_equal(truths[0].depth, truths[1].depth)

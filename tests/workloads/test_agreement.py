@@ -61,6 +61,7 @@ def see_nothing(hits, place):
     hits.prim_id[place], hits.depth[place] = MISS, np.inf
 
 
+HOLES = {"method": "pixels_hole", "baseline": "baseline_pixels_hole"}
 MAKERS = {"method": (point, "make_own"), "baseline": (agreement, "make_single")}
 
 
@@ -89,8 +90,8 @@ def test_a_fault_in_one_pixel_is_counted_against_who_made_it(sound, monkeypatch,
     got = measured()
     assert got.results[f"{who}_wrong"] == sound.results[f"{who}_wrong"] + len(OFFSETS)
     assert got.results[f"{other}_wrong"] == sound.results[f"{other}_wrong"]
-    assert got.results[f"{who}_holes"] == sound.results[f"{who}_holes"] + holes * len(OFFSETS)
-    assert got.results[f"{other}_holes"] == sound.results[f"{other}_holes"]
+    assert got.results[HOLES[who]] == sound.results[HOLES[who]] + holes * len(OFFSETS)
+    assert got.results[HOLES[other]] == sound.results[HOLES[other]]
     assert got.results["pixels_wrong"] == len(OFFSETS)
 
 

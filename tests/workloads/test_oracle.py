@@ -84,18 +84,12 @@ def test_the_oracle_finds_no_hit_on_a_triangle_flattened_by_rounding_only():
         assert (nearest_hits(mesh, camera, x, y).prim_id == MISS).all()
 
 
-RIGHT, WRONG, LACKS = (False, False), (True, False), (True, True)
-"""Whether an answer is wrong, and whether it is a hole."""
 TRUE, HOLE, HIDDEN, OFF = (), (MISS, np.inf), (FAR, 3.0), (None, 2.1)
 
 
-def judged(answer):
-    return list(zip(answer.wrong.tolist(), answer.holes.tolist(), strict=True))
-
-
 @pytest.mark.parametrize(("hits", "reference", "expected"), [
-    (HIDDEN, TRUE, (LACKS, RIGHT)), (TRUE, HOLE, (RIGHT, LACKS)), (HOLE, HIDDEN, (LACKS, LACKS)),
-    ((BESIDE, 2.0), TRUE, (WRONG, RIGHT)), (OFF, TRUE, (WRONG, RIGHT)), (TRUE, OFF, (RIGHT, WRONG)),
+    (HIDDEN, TRUE, (True, False)), (TRUE, HOLE, (False, True)), (HOLE, HIDDEN, (True, True)),
+    ((BESIDE, 2.0), TRUE, (True, False)), (OFF, TRUE, (True, False)), (TRUE, OFF, (False, True)),
 ])  # fmt: skip
 def test_a_wrong_pixel_is_blamed_on_the_image_that_is_wrong(truth, hits, reference, expected):
     got = examine(changed(truth, *hits), changed(truth, *reference))
@@ -103,13 +97,13 @@ def test_a_wrong_pixel_is_blamed_on_the_image_that_is_wrong(truth, hits, referen
     assert (list(got.pixels), list(got.disputed)) == ([y * CAMERA.width + x], [True])
     assert got.agreement.verdict[y, x] == Verdict.WRONG
     assert (got.truth.prim_id[0], got.truth.depth[0]) == (NEAR, 2.0)
-    assert (*judged(got.hits), *judged(got.reference)) == expected
+    assert (got.hits_wrong[0], got.reference_wrong[0]) == expected
 
 
 def test_nobody_is_wrong_about_equally_deep_triangles(truth):
     found = examine(changed(truth, NEAR_TWIN), truth)
     assert found.agreement.pixels_tied == 1
-    assert (judged(found.hits), judged(found.reference)) == ([RIGHT], [RIGHT])
+    assert (list(found.hits_wrong), list(found.reference_wrong)) == ([False], [False])
 
 
 def test_the_sample_finds_where_both_images_are_wrong_alike(truth):
@@ -123,7 +117,7 @@ def test_the_sample_finds_where_both_images_are_wrong_alike(truth):
     assert not found.disputed.any()
     assert found.sampled.all()
     assert list(found.pixels) == sorted([pixel, another])
-    assert list(found.hits.wrong) == list(found.reference.wrong) == [False, True]
+    assert list(found.hits_wrong) == list(found.reference_wrong) == [False, True]
 
 
 def test_a_sample_is_distinct_pixels_of_the_image_the_same_for_the_same_seed():
@@ -141,6 +135,6 @@ def test_where_too_many_pixels_disagree_the_nearer_confirmed_answer_is_the_truth
     found = examine(changed(truth, FAR, 3.0), changed(truth, BESIDE, 2.0), np.array([0]))
     assert list(found.disputed) == [False, True]
     assert (found.truth.prim_id[1], found.truth.depth[1]) == (FAR, 3.0)
-    assert (judged(found.hits)[1], judged(found.reference)[1]) == (RIGHT, WRONG)
+    assert (found.hits_wrong[1], found.reference_wrong[1]) == (False, True)
     twins = examine(changed(truth, NEAR_TWIN), truth)
     assert list(twins.truth.prim_id) == [NEAR]

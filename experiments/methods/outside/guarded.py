@@ -22,10 +22,12 @@ _MESH_CHECKS = 3
 
 
 class PreparedGuarded(Prepared):
-    """What a foreign method has prepared. build_time_s: all that it took, by the harness's clock.
+    """What a foreign method has prepared.
 
-    own: the foreign object. frame_time_s: seconds of the last frame, without the checks of what it drew; by its own
-    clock where it has an attribute `time_s` that may be true.
+    own: the foreign object; that of a program has an attribute `process`. build_time_s: all that it took, by the
+    harness's clock; of a program by its own, as starting it and writing files is no part of a build. frame_time_s:
+    seconds of the last frame, without the checks of what it drew; by its own clock where it has an attribute `time_s`
+    that may be true.
     """
 
     def __init__(self, method: Guarded, mesh: Mesh, camera: View, pool: WorkerPool) -> None:
@@ -36,7 +38,8 @@ class PreparedGuarded(Prepared):
         start = perf_counter()
         method.own.check(mesh, camera)
         self.own = method.own.prepare(mesh, camera, pool)
-        self.build_time_s = perf_counter() - start
+        waited_s = perf_counter() - start
+        self.build_time_s = self.own.build_time_s if hasattr(self.own, "process") else waited_s
         try:
             check_mesh(mesh, self._digest)
         except BaseException:
@@ -76,8 +79,8 @@ class PreparedGuarded(Prepared):
         check_images(depth, prim_id, self._mesh.triangle_count)
 
     def _processes(self) -> list[psutil.Process]:
-        here = psutil.Process()
-        return [here, *here.children(recursive=True)]
+        first = getattr(self.own, "process", None) or psutil.Process()
+        return [first, *first.children(recursive=True)]
 
     def close(self) -> None:
         """Close it, and look at the mesh a last time."""
@@ -88,11 +91,10 @@ class PreparedGuarded(Prepared):
 @dataclass(frozen=True)
 class Guarded(Method):
     """A foreign method as one of the harness. Nothing of it runs before `prepare`, so planning a sweep meets none of
-    its faults. own: the foreign value. prepared: what holds it to its promises."""
+    its faults. own: the foreign value."""
 
     own: Any
-    prepared: type[PreparedGuarded] = PreparedGuarded
 
     def prepare(self, mesh: Mesh, camera: View, pool: WorkerPool) -> PreparedGuarded:
         """Ask the method whether it takes these, and have it prepare."""
-        return self.prepared(self, mesh, camera, pool)
+        return PreparedGuarded(self, mesh, camera, pool)

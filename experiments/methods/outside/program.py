@@ -45,7 +45,7 @@ from experiments.drawing.style import GREY
 from experiments.harness.entry_points import digest_of_files
 from experiments.harness.method import Method, Style, Tracing
 from experiments.harness.options import option
-from experiments.methods.outside.guarded import Guarded, PreparedGuarded
+from experiments.methods.outside.guarded import Guarded
 from experiments.methods.peers.pixel_rays import world_directions
 
 VERSION = 1
@@ -54,7 +54,6 @@ VERSION = 1
 _EXAMPLE = Path(__file__).resolve().parents[3] / "examples" / "external" / "trace.py"
 _LONGEST_ANSWER = 4096
 _END_S = 5.0
-_PIXEL_CENTRE = (0.5, 0.5)
 
 
 @dataclass(frozen=True)
@@ -153,7 +152,7 @@ class PreparedProgram(Prepared):
             self._conversation.ask("threads", threads)
             counts = len(mesh.vertices), mesh.triangle_count
             self.build_time_s = self._conversation.ask_seconds("mesh", *counts, path)
-            self._send_rays(_PIXEL_CENTRE)
+            self._send_rays((0.5, 0.5))
         except BaseException:
             self.close()
             raise
@@ -167,7 +166,10 @@ class PreparedProgram(Prepared):
         return Path(self._folder.name, name)
 
     def _send_rays(self, offset: tuple[float, float]) -> None:
-        self._path("rays").write_bytes(camera_rays(self._camera, offset).tobytes())
+        rays = np.empty((self._count, 8), "<f4")
+        rays[:, :3], rays[:, 3] = np.asarray(self._camera.eye, np.float32), 0.0
+        rays[:, 4:7], rays[:, 7] = world_directions(self._camera, offset), np.inf
+        self._path("rays").write_bytes(rays.tobytes())
         self._conversation.ask("rays", self._count, self._path("rays"))
         self._offset = tuple(offset)
 
@@ -176,40 +178,17 @@ class PreparedProgram(Prepared):
         if tuple(offset) != self._offset:
             self._send_rays(offset)
         self.time_s = self._conversation.ask_seconds("trace", self._path("hits"))
-        depth[:], prim_id[:] = read_hits(self._path("hits"), self._count, depth.shape)
+        path = self._path("hits")
+        words = np.fromfile(path, "<u4") if path.is_file() else np.empty(0, "<u4")
+        if len(words) != 2 * self._count:
+            raise InputError(f"the program wrote {words.nbytes:,} bytes of hits, expected {8 * self._count:,}")
+        t, faces = words.reshape(2, *depth.shape)
+        depth[:], prim_id[:] = t.view("<f4"), faces
 
     def close(self) -> None:
         """End the program and remove the files."""
         self._conversation.close()
         self._folder.cleanup()
-
-
-def camera_rays(camera: View, offset: tuple[float, float] = _PIXEL_CENTRE) -> NDArray[np.float32]:
-    """(H W, 8) float32, rays of an image as the protocol has them."""
-    rays = np.empty((camera.height * camera.width, 8), "<f4")
-    rays[:, :3], rays[:, 3] = np.asarray(camera.eye, np.float32), 0.0
-    rays[:, 4:7], rays[:, 7] = world_directions(camera, offset), np.inf
-    return rays
-
-
-def read_hits(path: Path, count: int, shape: tuple[int, ...]) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-    """t and faces of a file of hits, in this shape. Raises InputError for a file of another length."""
-    words = np.fromfile(path, "<u4") if path.is_file() else np.empty(0, "<u4")
-    if len(words) != 2 * count:
-        raise InputError(f"the program wrote {words.nbytes:,} bytes of hits, expected {8 * count:,}")
-    return words[:count].view("<f4").reshape(shape), words[count:].reshape(shape)
-
-
-class PreparedProgramGuarded(PreparedGuarded):
-    """What starts a program and writes files is no part of its build, which its own clock tells."""
-
-    def __init__(self, *given: Any) -> None:
-        super().__init__(*given)
-        self.build_time_s = self.own.build_time_s
-
-    def _processes(self) -> list[psutil.Process]:
-        program = self.own.process
-        return [program, *program.children(recursive=True)]
 
 
 def _make(mesh: Mesh, view: View, options: ProgramOptions, tracing: Tracing) -> Tracer:
@@ -218,7 +197,7 @@ def _make(mesh: Mesh, view: View, options: ProgramOptions, tracing: Tracing) -> 
         raise InputError(f"method.command is {options.command!r}, expected a program that is there")
     if digest_of_files(files) != options.program_sha256:
         raise InputError(f"program {options.command} changed since this run began; start it again")
-    method = Guarded(Program(options.command), PreparedProgramGuarded)
+    method = Guarded(Program(options.command))
     return Tracer(mesh, view, method, threads=tracing.threads, ties="any")
 
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +13,8 @@ _BLOCKS_PER_THREAD = 8
 """Rows differ in cost; few enough that a call's own price does not show."""
 
 
-@dataclass(frozen=True, eq=False)
-class RayArrays:
-    """origins, directions: (N, 3) float32, world space."""
-
-    origins: NDArray[np.float32]
-    directions: NDArray[np.float32]
+Rays = tuple[NDArray[np.float32], NDArray[np.float32]]
+"""Origins and directions, (N, 3) float32 each, world space."""
 
 
 class BlockScene(PeerScene):
@@ -31,19 +25,19 @@ class BlockScene(PeerScene):
         self._threads = threads
         self._executor = ThreadPoolExecutor(threads, "peer") if threads > 1 else None
 
-    def make_rays(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> RayArrays:
-        return RayArrays(np.ascontiguousarray(np.broadcast_to(origins, directions.shape)), directions)
+    def make_rays(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Rays:
+        return np.ascontiguousarray(np.broadcast_to(origins, directions.shape)), directions
 
-    def cast_block(self, rays: RayArrays) -> Answer:
+    def cast_block(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Answer:
         """What some of the rays hit."""
         raise NotImplementedError
 
-    def cast(self, rays: RayArrays) -> Answer:
+    def cast(self, rays: Rays) -> Answer:
         if self._executor is None:
-            return self.cast_block(rays)
-        ends = np.linspace(0, len(rays.directions), 1 + _BLOCKS_PER_THREAD * self._threads).astype(int)
-        blocks = [RayArrays(rays.origins[a:b], rays.directions[a:b]) for a, b in pairwise(ends) if b > a]
-        depths, prim_ids = zip(*self._executor.map(self.cast_block, blocks), strict=True)
+            return self.cast_block(*rays)
+        count = min(_BLOCKS_PER_THREAD * self._threads, len(rays[1]))
+        origins, directions = (np.array_split(part, count) for part in rays)
+        depths, prim_ids = zip(*self._executor.map(self.cast_block, origins, directions), strict=True)
         return np.concatenate(depths), np.concatenate(prim_ids)
 
     def close(self) -> None:

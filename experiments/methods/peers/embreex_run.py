@@ -6,11 +6,12 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from atra.embree.library import wheel_problem
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from experiments.methods.peers.blocks import BlockScene, RayArrays
+from experiments.methods.peers.blocks import BlockScene
 from experiments.methods.peers.peer import Answer, peer_method
 
 
@@ -34,8 +35,8 @@ class EmbreexScene(BlockScene):
         nowhere = np.zeros((1, 3), np.float32)
         self._scene.run(nowhere, nowhere + 1)  # embreex builds the BVH in the first query
 
-    def cast_block(self, rays: RayArrays) -> Answer:
-        hits = self._scene.run(rays.origins, rays.directions, dists=np.inf, output=True)
+    def cast_block(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Answer:
+        hits = self._scene.run(origins, directions, dists=np.inf, output=True)
         return hits["tfar"], hits["primID"].view(np.uint32)  # -1 is a miss, that is MISS
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from time import perf_counter
 from typing import Any, ClassVar, Protocol
 
@@ -95,9 +94,6 @@ class PeerScene(Protocol):
         return
 
 
-MakeScene = Callable[[Mesh, View, int], PeerScene]
-
-
 class PreparedPeer(Prepared):
     """A peer's scene, and the rays of a camera.
 
@@ -106,7 +102,7 @@ class PreparedPeer(Prepared):
     all rays at once and the conversion of its answer, nothing else. How many threads build the BVH is up to the peer.
     """
 
-    def __init__(self, make: MakeScene, mesh: Mesh, camera: View, threads: int) -> None:
+    def __init__(self, make: Callable[..., PeerScene], mesh: Mesh, camera: View, threads: int) -> None:
         self.mesh, self.camera = mesh, camera
         self.frame_time_s: float | None = None
         self._offset: tuple[float, float] | None = None
@@ -179,8 +175,7 @@ class Peer(TracingMethod):
 
     def prepare(self, mesh: Mesh, camera: View, pool: WorkerPool) -> PreparedPeer:
         """Hand over the mesh."""
-        make: Any = self.make
-        return PreparedPeer(make, mesh, camera, pool.threads)
+        return PreparedPeer(self.make, mesh, camera, pool.threads)
 
 
 def scene_for_rays(tracer: Any, name: str) -> PeerScene:
@@ -194,26 +189,24 @@ def scene_for_rays(tracer: Any, name: str) -> PeerScene:
 INSTALL = "pip install 'atra[peers]'"
 
 
-def problem_of(package: str, check: Callable[[], str | None], no_wheel: Callable[[], str | None]) -> str | None:
-    """Why a foreign package cannot be used here, in one line with what to do about it; None when it can.
-
-    check: imports the package, which takes seconds for some, and returns what is wrong with it; whatever it raises
-    becomes the text. no_wheel: why it cannot be installed here, None = it can.
-    """
-    try:
-        return check()
-    except Exception as error:  # a foreign package may raise anything; without it there is a reason, not a crash
-        if isinstance(error, ModuleNotFoundError) and error.name == package:
-            return f"{package} is not installed; {no_wheel() or INSTALL}"
-        return f"{package} cannot be imported, {type(error).__name__}: {' '.join(str(error).split())}; {INSTALL}"
-
-
 def peer_method(
     name: str, label: str, check: Callable[[], str | None], kind: type[PeerScene],
     no_wheel: Callable[[], str | None] = always_available,
 ) -> Method:  # fmt: skip
-    """The method that measures a peer. check, no_wheel: as of `problem_of`."""
-    problem = partial(problem_of, kind.package, check, no_wheel)
+    """The method that measures a peer.
+
+    check: imports the package, which takes seconds for some, and returns what is wrong with it, None = nothing; what
+    it raises becomes the text. no_wheel: why the package cannot be installed here, None = it can.
+    """
+
+    def problem() -> str | None:
+        try:
+            return check()
+        except Exception as error:  # a foreign package may raise anything; without it there is a reason, not a crash
+            if isinstance(error, ModuleNotFoundError) and error.name == kind.package:
+                return f"{kind.package} is not installed; {no_wheel() or INSTALL}"
+            told = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            return f"{kind.package} cannot be imported, {told}; {INSTALL}"
 
     def make(mesh: Mesh, view: View, options: NoOptions, tracing: Tracing) -> Tracer:
         obstacle = problem()

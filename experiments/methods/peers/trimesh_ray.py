@@ -14,7 +14,7 @@ from atra.compiled.store import keep_on_disk
 from atra.embree.library import wheel_problem
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from experiments.methods.peers.blocks import BlockScene, RayArrays
+from experiments.methods.peers.blocks import BlockScene, Rays
 from experiments.methods.peers.peer import Answer, Answering, Asked, peer_method
 
 
@@ -46,14 +46,14 @@ class TrimeshScene(BlockScene):
         self._normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         self._distances = np.einsum("ij,ij->i", self._normals, corners[:, 0])
 
-    def warm_up(self, rays: RayArrays) -> None:
+    def warm_up(self, rays: Rays) -> None:
         """Compile the pass over planes."""
         nowhere = np.zeros((1, 3), np.float32)
         _plane_depths(np.zeros(1, np.int32), nowhere, nowhere, self._normals, self._distances)
 
-    def cast_block(self, rays: RayArrays) -> Answer:
-        prim_id = self._ray.intersects_first(rays.origins, rays.directions).astype(np.int32, copy=False)
-        depth = _plane_depths(prim_id, rays.origins, rays.directions, self._normals, self._distances)
+    def cast_block(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Answer:
+        prim_id = self._ray.intersects_first(origins, directions).astype(np.int32, copy=False)
+        depth = _plane_depths(prim_id, origins, directions, self._normals, self._distances)
         return depth, prim_id.view(np.uint32)  # -1 is a miss, that is MISS
 
     def answers(self) -> Mapping[str, Answering]:

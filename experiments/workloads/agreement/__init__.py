@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import Counter
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TypedDict
 from zlib import crc32
-
-import numpy as np
-from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.geometry.view import check_offset
@@ -50,8 +47,6 @@ class Faults(TypedDict):
     images: int
     method_wrong: int
     baseline_wrong: int
-    method_holes: int
-    baseline_holes: int
     rays_sampled: int
     sampled_method_wrong: int
     sampled_baseline_wrong: int
@@ -65,28 +60,26 @@ def measure(point: Point) -> Measured:
     they disagree, and at a sample of all pixels."""
     options = point.workload_options
     seed = crc32(repr(sorted(point.row.items())).encode())
+    faults: Counter[str] = Counter()
+    agreements = []
     with ExitStack() as stack:
         own, results = build_own(point, stack)
         single = stack.enter_context(make_single(point, own.mesh, own.camera))
-        examined = []
         for number, offset in enumerate(options.offsets):
             # Every image of every point draws a sample of its own, so that a scene's samples add up.
             sample = sample_pixels(own.camera, options.sample_rays, [seed, number])
-            examined.append(examine(own.trace(offset), single.trace(offset), sample, point.threads))
-    return measured(results | {**summed([image.agreement for image in examined]), **_faults(examined)})
+            image = examine(own.trace(offset), single.trace(offset), sample, point.threads)
+            agreements.append(image.agreement)
+            faults.update(_faults(image))
+    return measured(results | {**summed(agreements), **faults})
 
 
-def _faults(examined: Sequence[Examination]) -> Faults:
-    def count(chosen: Callable[[Examination], NDArray[np.bool_]]) -> int:
-        return sum(int(chosen(image).sum()) for image in examined)
-
+def _faults(image: Examination) -> Faults:
     return Faults(
-        images=len(examined),
-        method_wrong=count(lambda image: image.disputed & image.hits.wrong),
-        baseline_wrong=count(lambda image: image.disputed & image.reference.wrong),
-        method_holes=count(lambda image: image.disputed & image.hits.holes),
-        baseline_holes=count(lambda image: image.disputed & image.reference.holes),
-        rays_sampled=count(lambda image: image.sampled),
-        sampled_method_wrong=count(lambda image: image.sampled & image.hits.wrong),
-        sampled_baseline_wrong=count(lambda image: image.sampled & image.reference.wrong),
+        images=1,
+        method_wrong=int((image.disputed & image.hits_wrong).sum()),
+        baseline_wrong=int((image.disputed & image.reference_wrong).sum()),
+        rays_sampled=int(image.sampled.sum()),
+        sampled_method_wrong=int((image.sampled & image.hits_wrong).sum()),
+        sampled_baseline_wrong=int((image.sampled & image.reference_wrong).sum()),
     )

@@ -14,14 +14,12 @@ from numpy.typing import NDArray
 
 from atra.compiled.threads import WorkerPool, resolve_threads
 from atra.exact.intersection import FLOAT64_TOLERANCE, Pairs, triangles_in_camera_space
-from atra.exact.rounding import Rounding
 from atra.exact.ties import TIE_TOLERANCE
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import own_space
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import Agreement, Verdict, compare
-from atra.judge.holes import is_closed_around
 from atra.prim_ids import MISS
 from experiments.workloads.agreement.brute_force_kernels import nearest_triangles
 
@@ -43,26 +41,13 @@ class Truth:
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
-    """An image's answers for N pixels, judged.
-
-    wrong: (N,) bool, a triangle that is neither the nearest nor one at the same depth to TIE_TOLERANCE of
-    `atra.exact.ties`, a miss in front of a triangle, or a depth that `compare` does not accept.
-    holes: (N,) bool, of these a miss, or a triangle behind, where the ray hits a surface inside, not at its rim
-    (`atra.judge.holes`).
-    """
-
-    wrong: NDArray[np.bool_]
-    holes: NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False)
 class Examination:
     """Two images judged by the oracle in every pixel whose verdict is not EQUAL, and in a sample of all pixels.
 
     agreement: of the two, all pixels. pixels: (N,) int64, those judged, y * width + x, ascending. disputed: (N,) bool,
-    the verdict is not EQUAL. sampled: (N,) bool, part of the sample. truth: the nearest hits. hits, reference: the
-    answers of the two images.
+    the verdict is not EQUAL. sampled: (N,) bool, part of the sample. truth: the nearest hits. hits_wrong,
+    reference_wrong: (N,) bool, whose answer is a triangle that is neither the nearest nor one at the same depth to
+    TIE_TOLERANCE of `atra.exact.ties`, a miss in front of a triangle, or a depth that `compare` does not accept.
     """
 
     agreement: Agreement
@@ -70,8 +55,8 @@ class Examination:
     disputed: NDArray[np.bool_]
     sampled: NDArray[np.bool_]
     truth: Truth
-    hits: Answer
-    reference: Answer
+    hits_wrong: NDArray[np.bool_]
+    reference_wrong: NDArray[np.bool_]
 
 
 def nearest_hits(
@@ -124,13 +109,12 @@ def examine(
     exhaustive = sampled[pixels] | (len(pixels) * mesh.triangle_count <= EXHAUSTIVE_TESTS)
     named = [Pairs(mesh, camera, x, y, image.prim_id[y, x], image.offset) for image in (hits, reference)]
     truth = _truth(named[0], named[1].prim_id, exhaustive, threads)
-    answers = []
+    wrong = []
     for image, pairs in zip((hits, reference), named, strict=True):
-        depth_is_wrong = np.zeros(len(pixels), bool)
+        wrong.append(_is_wrong(pairs, truth))
         if agreement.pixels_wrong:  # the verdict does not tell which image's depth is wrong
-            depth_is_wrong = compare(image, image).verdict[y, x] == Verdict.WRONG
-        answers.append(_judge_answer(pairs, truth, depth_is_wrong))
-    return Examination(agreement, pixels, verdict[pixels] != Verdict.EQUAL, sampled[pixels], truth, *answers)
+            wrong[-1] |= compare(image, image).verdict[y, x] == Verdict.WRONG
+    return Examination(agreement, pixels, verdict[pixels] != Verdict.EQUAL, sampled[pixels], truth, *wrong)
 
 
 def _truth(pairs: Pairs, other: NDArray[np.integer], exhaustive: NDArray[np.bool_], threads: int | None) -> Truth:
@@ -146,29 +130,12 @@ def _truth(pairs: Pairs, other: NDArray[np.integer], exhaustive: NDArray[np.bool
     return Truth(prim_id, depth)
 
 
-def _judge_answer(pairs: Pairs, truth: Truth, depth_is_wrong: NDArray[np.bool_]) -> Answer:
+def _is_wrong(pairs: Pairs, truth: Truth) -> NDArray[np.bool_]:
+    """Whether the triangles of `pairs` are others than the nearest, and not as deep."""
     depth, is_met = _met(pairs)
     with np.errstate(invalid="ignore"):  # inf - inf
         as_deep = np.abs(depth - truth.depth) <= TIE_TOLERANCE * np.maximum(depth, truth.depth)
-    right = (pairs.prim_id == truth.prim_id) | (is_met & as_deep)
-    holes = np.zeros(len(right), bool)
-    holes[_holes(pairs, np.flatnonzero(~right & (truth.prim_id != MISS)), depth, truth)] = True
-    return Answer(~right | depth_is_wrong, holes)
-
-
-def _holes(pairs: Pairs, asked: NDArray[np.int64], depth: NDArray[np.float64], truth: Truth) -> NDArray[np.int64]:
-    """Those of some answers that are holes. asked: where a triangle is hit and another one, or none, is named."""
-    nearest, pairs = replace(pairs, prim_id=truth.prim_id), pairs[asked]
-    error = Rounding.of(nearest[asked]).depth * truth.depth[asked]
-    limit, named = depth[asked].copy(), pairs.prim_id != MISS
-    own_error = Rounding.of(pairs[named]).depth
-    is_known = own_error < np.inf
-    least = np.full(len(own_error), -np.inf)  # lower limit of depths that may have any value
-    least[is_known] = limit[named][is_known] * (1.0 - own_error[is_known])
-    limit[named] = least
-    behind = np.isfinite(error) & (truth.depth[asked] + error < limit)
-    asked, limit = asked[behind], limit[behind]
-    return asked[is_closed_around(nearest[asked], limit)]
+    return (pairs.prim_id != truth.prim_id) & ~(is_met & as_deep)
 
 
 def _met(pairs: Pairs) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:

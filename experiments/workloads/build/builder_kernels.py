@@ -1,4 +1,4 @@
-"""Compiled C functions that Embree's BVH builder calls, and the boxes that it is given."""
+"""Compiled C functions that Embree's BVH builder calls."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from atra.compiled.intrinsics import address_at, emitting, float_at, pointer_at
-from atra.compiled.store import callback, kernel, njit
+from atra.compiled.store import callback, njit
 
 COST_WORDS = 2
 """Sums, float64, that the builder's callbacks add to: half the areas of all children, and of leaves times triangles."""
@@ -31,25 +31,6 @@ def _add_at(typingctx: Any, address: Any, value: Any) -> Any:
 def _half_area(low_x, low_y, low_z, high_x, high_y, high_z):  # type: ignore[no-untyped-def]
     x, y, z = np.float64(high_x) - low_x, np.float64(high_y) - low_y, np.float64(high_z) - low_z
     return x * y + y * z + z * x
-
-
-@kernel
-def fill_boxes(vertices, faces, boxes):  # type: ignore[no-untyped-def]
-    """Fill `boxes`, (F, 8) float32, with RTCBuildPrimitives: lower corner, geomID, upper corner, primID, the ids 0.
-
-    Returns half the area of the box around all.
-    """
-    low = np.full(3, np.inf, np.float32)
-    high = np.full(3, -np.inf, np.float32)
-    for face in range(len(faces)):
-        for axis in range(3):
-            a, b, c = vertices[faces[face, 0], axis], vertices[faces[face, 1], axis], vertices[faces[face, 2], axis]
-            boxes[face, axis] = min(a, b, c)
-            boxes[face, 4 + axis] = max(a, b, c)
-            low[axis] = min(low[axis], boxes[face, axis])
-            high[axis] = max(high[axis], boxes[face, 4 + axis])
-        boxes[face, 3] = boxes[face, 7] = 0.0
-    return _half_area(low[0], low[1], low[2], high[0], high[1], high[2])
 
 
 @cache

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from atra.embree import layout
 from atra.embree.device import EmbreeDevice, building
 from atra.tracing.geometry import AlignedGeometry
-from experiments.workloads.build.builder_kernels import COST_WORDS, builder_callbacks, fill_boxes
+from experiments.workloads.build.builder_kernels import COST_WORDS, builder_callbacks
 
 _SIZE, _POINTER, _WORD = ctypes.c_size_t, ctypes.c_void_p, ctypes.c_uint32
 
@@ -26,26 +26,13 @@ class BuildArguments(ctypes.Structure):
 
     _fields_ = (
         ("byte_size", _SIZE),
-        ("quality", _WORD),
-        ("flags", _WORD),
-        ("max_branching_factor", _WORD),
-        ("max_depth", _WORD),
-        ("sah_block_size", _WORD),
-        ("min_leaf_size", _WORD),
-        ("max_leaf_size", _WORD),
-        ("traversal_cost", ctypes.c_float),
-        ("intersection_cost", ctypes.c_float),
-        ("bvh", _POINTER),
-        ("primitives", _POINTER),
-        ("primitive_count", _SIZE),
-        ("primitive_capacity", _SIZE),
-        ("create_node", _POINTER),
-        ("set_node_children", _POINTER),
-        ("set_node_bounds", _POINTER),
-        ("create_leaf", _POINTER),
-        ("split_primitive", _POINTER),
-        ("build_progress", _POINTER),
-        ("user_data", _POINTER),
+        *((name, _WORD) for name in ("quality", "flags", "max_branching_factor", "max_depth")),
+        *((name, _WORD) for name in ("sah_block_size", "min_leaf_size", "max_leaf_size")),
+        *((name, ctypes.c_float) for name in ("traversal_cost", "intersection_cost")),
+        *((name, _POINTER) for name in ("bvh", "primitives")),
+        *((name, _SIZE) for name in ("primitive_count", "primitive_capacity")),
+        *((name, _POINTER) for name in ("create_node", "set_node_children", "set_node_bounds", "create_leaf")),
+        *((name, _POINTER) for name in ("split_primitive", "build_progress", "user_data")),
     )
 
 
@@ -70,8 +57,11 @@ def bvh_cost(
     """
     if not len(faces):
         return BvhCost(0.0, 0.0)
-    boxes = np.empty((len(faces), 8), np.float32)
-    root_area = fill_boxes(vertices, faces, boxes)
+    corners = vertices[faces]
+    boxes = np.zeros((len(faces), 8), np.float32)  # RTCBuildPrimitive: lower corner, geomID, upper corner, primID
+    boxes[:, :3], boxes[:, 4:7] = corners.min(axis=1), corners.max(axis=1)
+    x, y, z = boxes[:, 4:7].max(axis=0).astype(np.float64) - boxes[:, :3].min(axis=0)
+    root_area = float(x * y + y * z + z * x)
     cost = np.zeros(COST_WORDS, np.float64)
     create_node, set_node_children, set_node_bounds, create_leaf = builder_callbacks()
     with _Builder(build_quality=build_quality) as builder:
