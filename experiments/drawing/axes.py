@@ -34,26 +34,27 @@ def scale_axis(axis: Axes, which: str, wanted: Axis, values: Array) -> None:
         set_limits(0 if wanted.low is None else wanted.low, 1.06 * max(known, default=1.0))
         return
     if wanted.scale == "counts":
-        highest = max(1, *known, 1)
-        set_scale("symlog", linthresh=1, linscale=0.4)
+        highest, scale = max(1, *known, 1), {"value": "symlog", "linthresh": 1, "linscale": 0.4}
         ticks = [0.0, *(10.0**power for power in range(len(f"{highest:.0f}") + 1) if 10**power <= 10 * highest)]
-        set_limits(0, 1.2 * highest)
+        ends = 0.0, 1.2 * highest
     else:
-        set_scale("log")
+        scale = {"value": "log"}
         low, high = (min(known), max(known)) if len(known) else (1.0, 2.0)
         if high < 1.5 * low:  # a single value has no range of its own
             low, high = low / 1.5, high * 1.5
         low = low / 1.25 if wanted.low is None else wanted.low
-        set_limits(low, high * 1.25)
-        ticks = sorted(set(known)) if wanted.scale == "ticks" else _ticks(low, high * 1.25)
-    labelled = _labelled(drawn, ticks, _TICK_SPACE[which])
+        ends = low, high * 1.25
+        ticks = sorted(set(known)) if wanted.scale == "ticks" else _ticks(*ends)
+    set_limits(*ends)  # before the scale, which would look for limits of its own
+    set_scale(**scale)
+    labelled = _labelled(drawn, ticks, ends, _TICK_SPACE[which])
     drawn.set_ticks(ticks, [wanted.say(tick) if tick in labelled else "" for tick in ticks])
     drawn.set_ticks([], minor=True)
 
 
-def _labelled(axis: Any, ticks: Sequence[float], space: float) -> list[float]:
+def _labelled(axis: Any, ticks: Sequence[float], ends: tuple[float, float], space: float) -> list[float]:
     """The last tick and, from there back, those that are not closer than `space` to the labelled one behind them."""
-    low, high, *places = axis.get_transform().transform([*axis.get_view_interval(), *ticks])
+    low, high, *places = axis.get_transform().transform([*ends, *ticks])
     labelled: list[float] = []
     behind = np.inf
     for tick, place in sorted(zip(ticks, places, strict=True), reverse=True):

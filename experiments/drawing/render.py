@@ -166,7 +166,7 @@ def _draw_line(axis: Axes, line: Line, shown: NDArray[np.intp]) -> Array:
     x, y = line.x[shown], line.y[shown]
     looks = {"linewidth": 1.1, "zorder": 2} if line.thin else {"zorder": 3}
     axis.plot(x, y, label=line.label, rasterized=len(x) > _MANY_POINTS, **looks | dict(line.style))
-    if line.interval is None:
+    if line.interval is None or not np.isfinite(line.interval).any():
         return y
     low, high = (end[shown] for end in line.interval)
     # One line broken by NaN, a third of an SVG with a path for each.

@@ -75,7 +75,7 @@ def judge_ratios(query: Mapping[str, Any], scene: SceneRows, reading: Reading) -
     limit = BEST_SPEEDUPS[scene.paper_scene] if query.get("above") == "paper" else query.get("above")
     why = next(iter(missing.values()), None)
     fields = _Fields(scene, ratios, shown=shown, n=n, cost=cost, limit=limit, missing=why)
-    outcome = _outcome(query | {"above": limit}, fields)
+    outcome = _outcome({**query, "above": limit}, fields)
     if missing and "unless" in query and outcome.holds is not {"holds": True, "fails": False}[query["unless"]]:
         raise NotMeasuredError(query.get("so_far", "{missing}").format_map(fields))
     return outcome

@@ -99,8 +99,12 @@ def best_gain(
     Raises NotMeasuredError.
     """
     column = "speedup_vs_packets" if packet_width > 1 and not reading.gathers else "speedup"
-    options = {"culling": culling, "packet_width": packet_width, "column": column, "workload": reading.workload}
-    speedups, missing = measured_at(splits, lambda split: scene.speedups((split, 1), **options))
+    speedups, missing = measured_at(
+        splits,
+        lambda split: scene.speedups(
+            (split, 1), culling=culling, packet_width=packet_width, column=column, workload=reading.workload
+        ),
+    )
     if not speedups:
         raise NotMeasuredError(next(iter(missing.values())))
     split, value = best(speedups)
