@@ -31,6 +31,7 @@ from experiments.paper.evidence import (
     estimate,
     measured_at,
     read_number,
+    read_positive,
 )
 from experiments.paper.judging import TOO_WIDE
 from experiments.paper.readings import Reading, best_gain, relative_to_baseline
@@ -198,11 +199,7 @@ def _boxes(scene: SceneRows, n: int, point: Point) -> float:
 def _bytes(workload: str, scene: SceneRows, n: int, point: Point, **more: Any) -> float:
     """Embree's bytes."""
     (split,) = _SPLITS[point["splits"]](n)
-    row = _point(scene, workload, split, point, **more)[0]
-    count = read_number(row, "embree_bytes")
-    if count <= 0:
-        raise NotMeasuredError(f"embree_bytes is {count:,.0f} at {row['split_x']:,} x {row['split_y']:,}")
-    return count
+    return read_positive(_point(scene, workload, split, point, **more)[0], "embree_bytes")
 
 
 _KINDS: Mapping[str, Callable[..., Any]] = {

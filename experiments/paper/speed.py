@@ -105,7 +105,7 @@ def time_follows_cost_model(scene: SceneRows, reading: Reading) -> Outcome:
 
     def model_and_time(splits: int) -> tuple[float, float]:
         speedup = estimate(scene.speedups((splits, 1), culling=False, workload=reading.workload))
-        row = scene.row(reading.workload, (splits, 1), culling=False, packet_width=1)
+        row = scene.processes(reading.workload, (splits, 1), culling=False, packet_width=1)[0]  # all are alike in it
         rays = read_number(row, "width") * read_number(row, "height") / splits
         return math.log(read_number(row, "triangles_traced")) * rays, 1 / speedup.value
 
