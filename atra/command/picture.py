@@ -7,6 +7,7 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -179,6 +180,17 @@ def _blur(given: Namespace) -> dict[str, Any]:
     if (given.aperture is None) != (given.focus is None):
         raise InputError("--aperture and --focus belong together: the radius of the lens, and the distance in focus")
     return {} if given.aperture is None else {"aperture_radius": given.aperture, "focus_distance": given.focus}
+
+
+def compile_picture(mesh: Mesh, camera: View) -> None:
+    """Compile what `run_picture` uses, by a picture of two samples that is not kept."""
+    from atra.light import MetallicRoughness, PathRenderer, Scene, Sun, accumulate
+
+    scene = Scene(mesh, [MetallicRoughness()], lights=[Sun((0.3, -1.0, -0.2))])
+    with PathRenderer(scene, camera, jitter="pixel") as renderer, TemporaryDirectory() as folder:
+        for _ in accumulate(renderer, 2):
+            pass
+        renderer.save(Path(folder, "picture.png"), exposure="auto", tone="neutral")
 
 
 def say_written(path: Path, stops: float | None) -> str:

@@ -21,11 +21,11 @@ METALLIC, ROUGHNESS, EMISSION, NORMAL_SCALE, TRANSMISSION, OPACITY, CUTOFF, IMAG
     11, 12, 13, 16, 17, 18, 19, 20, 25, 26,
 )  # fmt: skip
 SPECULAR, TINT, COAT, COAT_ROUGHNESS, ABSORPTION = 27, 28, 31, 32, 33
-MATERIAL_WORDS = 36
+MATERIAL_WORDS, COLOURS_EMIT = 36, 2
 """float64 numbers of a material. KIND: see `scattering.spots_kernels`, also for PARAMETER and VARIANT. COLOUR,
 SECOND, EMISSION: three each. CUTOFF: of a mask; below 0, opacity is a share of light; above 1, all is opaque. IMAGES:
-rows of `textures`, those of `MetallicRoughness.images` (5), -1 = none. HAS_COLOURS: whether those of vertices count.
-BACKS: whether the eye sees them. TINT: of SPECULAR (3). ABSORPTION: per unit of length within (3)."""
+rows of `textures`, of `MetallicRoughness.images` (5), -1 = none. HAS_COLOURS: of vertices; if COLOURS_EMIT, emission is
+times these, too. BACKS: whether the eye sees them. TINT: of SPECULAR (3). ABSORPTION: per unit of length within (3)."""
 
 OF_COLOUR, OF_METAL, OF_NORMALS, OF_EMISSION, OF_TRANSMISSION = 0, 1, 2, 3, 4
 

@@ -162,7 +162,8 @@ def _physical(row: NDArray[np.float64], material: MetallicRoughness, has_colours
     row[words.NORMAL_SCALE], row[words.TRANSMISSION] = material.normal_scale, material.transmission
     row[words.OPACITY] = material.opacity
     row[words.CUTOFF] = {"opaque": 2.0, "mask": material.cutoff, "blend": -1.0}[material.alpha]
-    row[words.HAS_COLOURS], row[words.BACKS] = has_colours, material.is_double
+    row[words.HAS_COLOURS] = has_colours * (words.COLOURS_EMIT if material.is_unlit else 1)
+    row[words.BACKS] = material.is_double
     row[words.SPECULAR], row[words.TINT : words.TINT + 3] = material.specular, material.specular_colour
     row[words.COAT], row[words.COAT_ROUGHNESS] = material.coat, material.coat_roughness
     row[words.ABSORPTION : words.ABSORPTION + 3] = 0.0 if material.is_thin else material.absorption
