@@ -105,7 +105,7 @@ def _title(panel: Panel) -> str:
 def _folded(text: str, width: int = _TITLE_CHARACTERS) -> str:
     """A title or label in lines that end behind commas where they can."""
     parts = [part if len(part) > width // 2 else part.replace(" ", "\xa0") for part in text.split(", ")]
-    return fill(", ".join(parts), width, break_on_hyphens=False)
+    return fill(", ".join(parts), width, break_on_hyphens=False).replace("\xa0", " ")
 
 
 def _label_lines(figure: Figure) -> int:
