@@ -205,9 +205,8 @@ def _bake_live(baker: Baker, target: int, given: Namespace, camera: Camera) -> b
     size = float(np.linalg.norm(np.ptp(baker.scene.mesh.bounds, axis=0)))
     with closing(MapPainter(baker, target, given.threads)) as painter:
         with closing(Page(painter, first, given.port, name, size, settings=False)) as page:
-            page.prepare()
             print(f"viewer: {page.address} shows {name}; Ctrl-C ends it, and what there is is written", flush=True)
-            page.run()
+            page.session.run()
         if painter.error is not None:
             raise painter.error
     return bool((baker.samples >= target).all())
