@@ -47,7 +47,7 @@ _PAGE, _COMMAND_FILE = "report.html", "command.txt"
 """The latter keeps what the user ran, for a report written later."""
 
 _FORMER = (
-    r"(break_even|threads|growth|moving|agreement|stereo|multiframe|rates|peers|rays_\w+)\.(svg|png)",
+    r"(break_even|figure3_differences|threads|growth|moving|agreement|stereo|multiframe|rates|peers|rays_\w+)\.(svg|png)",
     r"disagreements(\.csv|_.+\.png)",
 )
 """Files that earlier versions drew and listed."""
