@@ -58,7 +58,7 @@ PUBLIC_NAMES = {
     "pictures": (
         "Light: pictures",
         "atra.light",
-        "PathRenderer HybridRenderer Progress accumulate relative_error toned stops_of",
+        "PathRenderer HybridRenderer Renderer Progress accumulate relative_error toned stops_of",
     ),
     "lightmaps": (
         "Light: lightmaps",

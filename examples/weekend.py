@@ -22,7 +22,7 @@ from examples import parts
 from scenes.lit.weekend import WEEKEND_CAMERA, weekend
 
 
-def shares(renderer: light.PathRenderer | light.HybridRenderer) -> str:
+def shares(renderer: light.Renderer) -> str:
     """What part each stage has in the last samples."""
     whole = sum(renderer.stage_s.values())
     return ", ".join(f"{stage} {seconds / whole:.0%}" for stage, seconds in renderer.stage_s.items())

@@ -158,10 +158,9 @@ def run_configured(composed: DictConfig) -> None:
     from experiments.launched import measure_launched
     from experiments.registry import KINDS
 
-    hydra = HydraConfig.get()
-    is_job = hydra.mode is RunMode.MULTIRUN
+    is_job = HydraConfig.get().mode is RunMode.MULTIRUN
     try:
-        configuration = read_configuration(composed, hydra.runtime.choices, KINDS)
+        configuration = read_configuration(composed, KINDS)
         if is_job:
             measure_launched(configuration)
         else:

@@ -22,5 +22,4 @@ def configure(overrides: Sequence[str], name: str = "config", folder: str | None
         own = Path(folder).absolute().as_posix().replace("'", "\\'")
         asked.append(f"hydra.searchpath=['file://{own}']")
     with initialize_config_dir(str(CONFIGURATION), version_base="1.3"):
-        composed = compose(name, asked, return_hydra_config=True)
-    return read_configuration(composed, composed.hydra.runtime.choices, KINDS)
+        return read_configuration(compose(name, asked), KINDS)

@@ -9,7 +9,7 @@ from pathlib import Path
 from atra.errors import RecordError
 from experiments.harness.configuration import Configuration, records_folder
 from experiments.harness.environment import stable_fields
-from experiments.harness.identity import identity_of
+from experiments.harness.identity import identity, is_current
 from experiments.harness.points import PlannedPoint, measure, plan_points
 from experiments.harness.processes.launching import run_worker
 from experiments.harness.records import Record, check_writable, load_record, write_record
@@ -38,7 +38,7 @@ class Launched:
     """The points of a sweep and the launcher that has them measured.
 
     Another machine writes a record under an identity of its own. Records are therefore known by their configuration and
-    by the identity that this very code gives the point on that machine; numbers of other code are no longer true.
+    by the identity that the point has on that machine; numbers of other code are no longer true.
     points: by name. folder: of the records. at_once: how many jobs the launcher is given at a time.
     """
 
@@ -104,12 +104,15 @@ class Launched:
             name = None if record is None else self._names.get(key_of(record.configuration))
             if record is None or name is None:
                 continue
-            if record.point_id == path.stem == identity_of(record, self._points[name].point):
+            its_own = identity(self._points[name].point, record.environment)
+            if record.point_id == path.stem == its_own and is_current(record):
                 yield name, record
 
 
 def reusable(record: Record | None, planned: PlannedPoint) -> Record | None:
     """The record if measuring the point again would tell nothing new; a point that was skipped may be possible now."""
-    if record is None or not record.finished or (record.status == "skipped" and planned.problem is None):
+    if record is None or not record.finished or not is_current(record):
+        return None
+    if record.status == "skipped" and planned.problem is None:
         return None
     return record

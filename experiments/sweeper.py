@@ -18,9 +18,9 @@ from hydra.core.override_parser.types import Override
 from hydra.core.utils import JobStatus
 from omegaconf import DictConfig, OmegaConf
 
-from atra.errors import InputError
+from atra.errors import AtraError, InputError
 from experiments.commands.program import COMMAND
-from experiments.harness.configuration import Configuration, read_configuration, type_configuration
+from experiments.harness.configuration import Configuration, read_configuration
 from experiments.harness.entry_points import name_of_file
 from experiments.harness.processes.launching import project_environment, stop_children
 from experiments.registry import KINDS
@@ -46,7 +46,7 @@ class GridSweep:
         self._config, self._loader, self._launcher, self._params = config, loader, launcher, params
         self._parser = OverridesParser.create(config_loader=loader)
         self._groups = set(loader.list_groups(""))
-        self._composed: dict[Job, tuple[Mapping[str, str], DictConfig]] = {}
+        self._composed: dict[Job, DictConfig] = {}
 
     def run(self, arguments: Sequence[str], max_batch_size: int | None) -> Any:
         """Compose every point of every grid, then have them measured.
@@ -131,36 +131,33 @@ class GridSweep:
         key = chosen if is_plain else job
         if key not in self._composed:
             composed = self._loader.load_sweep_config(self._config, list(key))
-            typed = type_configuration(composed)
-            typed.sweep.grids = {}  # of the sweep, not of a point; copying them takes time
-            self._composed[key] = composed.hydra.runtime.choices, typed
-        choices, own = deepcopy(self._composed[key])
+            composed.sweep.grids = {}  # of the sweep, not of a point; copying them takes time
+            self._composed[key] = OmegaConf.masked_copy(composed, [name for name in composed if name != "hydra"])
+        own = deepcopy(self._composed[key])
         for override in self._parser.parse_overrides(fields if is_plain else []):
             OmegaConf.update(own, override.get_key_element(), override.value())
-        return read_configuration(own, choices, KINDS)
+        return read_configuration(own, KINDS)
 
     def _launch(self, jobs: Sequence[Sequence[str]], ended: Ended) -> None:
         """One Hydra job a process of a point (`experiments.launched.Launch`)."""
         # A job is unpickled by an interpreter that was not started as run.py.
         os.environ.update(project_environment())
+        is_slurm = self._config.hydra.runtime.choices["hydra/launcher"] == "submitit_slurm"
         try:
-            if self._config.hydra.runtime.choices["hydra/launcher"].startswith("submitit_"):
-                run_submitted(self._launcher, jobs, ended)
-            else:
-                for place, problem in enumerate(self._launched_by_hydra(jobs)):
-                    ended(place, problem)
-        except BaseException:  # an interrupt, a full disk
+            (run_submitted if is_slurm else _run_launched)(self._launcher, jobs, ended)
+        except BaseException as error:
             stop_children()
-            raise
+            if isinstance(error, AtraError) or not isinstance(error, Exception):  # a full disk, an interrupt
+                raise
+            # Of a launcher: the queue refused, or the first of its workers was killed. Records tell of the others.
+            for place in range(len(jobs)):
+                ended(place, first_line(error))
 
-    def _launched_by_hydra(self, jobs: Sequence[Sequence[str]]) -> list[str | None]:
-        """Why each job failed, None = it did not. Some launchers raise at the first that fails, so what is said of the
-        others may be wrong: their records tell."""
-        try:
-            returns = self._launcher.launch([list(job) for job in jobs], initial_job_idx=0)
-        except Exception as error:  # a launcher's own: a worker that was killed
-            return [first_line(error)] * len(jobs)
-        return [str(returned._return_value) if returned.status is JobStatus.FAILED else None for returned in returns]
+
+def _run_launched(launcher: Any, jobs: Sequence[Sequence[str]], ended: Ended) -> None:
+    """Have Hydra's launcher run the jobs and wait for them all (`experiments.launched.Launch`)."""
+    for place, returned in enumerate(launcher.launch([list(job) for job in jobs], initial_job_idx=0)):
+        ended(place, str(returned._return_value) if returned.status is JobStatus.FAILED else None)
 
 
 def _written(override: Override) -> Iterator[str]:

@@ -104,8 +104,7 @@ class TypedSource(ConfigSource):
         )
 
     def load_config(self, config_path: str) -> ConfigResult:
-        node = OmegaConf.create(_typed(*_plain(config_path).rpartition("/")[::2]))
-        OmegaConf.set_readonly(node, None)  # as it is for frozen types, whose values are not set yet
+        node = OmegaConf.create(_defaults(*_plain(config_path).rpartition("/")[::2]))
         return ConfigResult(provider="atra", path=self.full_path(), config=node, header={"package": None})
 
 
@@ -121,14 +120,14 @@ def _groups() -> dict[str, Sequence[str]]:
     return {group: kind.names() for group, kind in KINDS.items()} | {"scene": list(package_scenes())}
 
 
-def _typed(group: str, name: str) -> Any:
-    """What the configuration of that name is: a type of options, of all fields, or the fields of a package's scene."""
-    from experiments.harness.configuration import Configuration
+def _defaults(group: str, name: str) -> dict[str, Any]:
+    """The configuration of that name: a method or workload with its options, all fields, or a package's scene."""
+    from experiments.harness.configuration import Configuration, plain_defaults
     from experiments.registry import KINDS
 
     if group == "scene":
         return {"name": name, "source": "package"}
-    return KINDS[group].find(name).options if group else Configuration
+    return {"name": name} | plain_defaults(KINDS[group].find(name).options) if group else plain_defaults(Configuration)
 
 
 def _say_options(group: str, name: str) -> str:

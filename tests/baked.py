@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 import atra
 from atra.light import Atlas, Baker, Emissive, Lambertian, Lightmap, MetallicRoughness, Scene, constant_sky
-from tests.meshes import quads
+from tests.meshes import joined, quads
 
 _CORNERS = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
 
@@ -50,6 +50,14 @@ def _painted(albedo: Any, emission: Any, opacity: Any) -> Emissive | Lambertian 
         return Emissive(tuple(emission.tolist()))
     colour = tuple(albedo.tolist())
     return Lambertian(colour) if opacity == 1.0 else MetallicRoughness(colour, float(opacity[0]), "blend")
+
+
+def shining_room() -> Scene:
+    """A closed room of coloured walls with a block in it, and one wall that shines."""
+    colours = [(0.7, 0.7, 0.6), (0.6, 0.1, 0.1), (0.1, 0.5, 0.2), (0.7, 0.6, 0.7), (0.5, 0.5, 0.5)]
+    materials = [*(Lambertian(colour) for colour in colours), Emissive((3.0, 2.5, 2.0))]
+    numbers = np.array([1, 2, 0, 5, 3, 0, 4, 4, 4, 4, 4, 4]).repeat(2)
+    return Scene(joined(cube(inwards=True), cube(0.3)), materials, numbers, sky=constant_sky(0.0))
 
 
 def baked(scene: Scene, atlas: Atlas, samples: int, **options: Any) -> Lightmap:

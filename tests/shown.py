@@ -42,18 +42,23 @@ def room(material, sky=BLACK):
     return light.Scene(quads([[tuple(corners[k]) for k in side] for side in sides]), [material], sky=sky)
 
 
+def picture(kind, scene, camera, samples, primary=None, **options):
+    """The picture of so many samples by a renderer of this kind."""
+    with kind(scene, camera, primary, **({"threads": 1} | options)) as renderer:
+        renderer.add(samples)
+        return renderer.image
+
+
+def traced(scene, camera, samples, **options):
+    """The picture of so many samples of paths."""
+    return picture(light.PathRenderer, scene, camera, samples, **options)
+
+
 def hybrid(scene, camera, samples, **options):
     """A renderer with so many samples, closed."""
     with light.HybridRenderer(scene, camera, **({"threads": 1, "jitter": "off"} | options)) as renderer:
         renderer.add(samples)
     return renderer
-
-
-def traced(scene, camera, samples, **options):
-    """The picture of so many samples of paths."""
-    with light.PathRenderer(scene, camera, **({"threads": 1} | options)) as renderer:
-        renderer.add(samples)
-        return renderer.image
 
 
 def batches(scene, camera, count, samples, **options):
@@ -68,4 +73,4 @@ def batches(scene, camera, count, samples, **options):
     return np.array(pictures)
 
 
-__all__ = ["BLACK", "batches", "down", "floor", "floor_points", "hybrid", "join", "room", "sphere", "traced"]
+__all__ = ["BLACK", "batches", "down", "floor", "floor_points", "hybrid", "join", "picture", "room", "sphere", "traced"]

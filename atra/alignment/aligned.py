@@ -69,7 +69,9 @@ def prepare_aligned(
     ]
     prepared.build(geometry)
     prepared.plan_time_s, prepared.build_time_s = ready - start, perf_counter() - ready
-    prepared.told["triangles_left_out"] = sum(len(one.prim_ids) for one in geometry.left_out if one is not None)
+    prepared.told["triangles_left_out"] = sum(
+        len(triangles.prim_ids) for triangles in geometry.left_out if triangles is not None
+    )
     return prepared
 
 

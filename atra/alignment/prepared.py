@@ -77,10 +77,10 @@ class PreparedCells:
             (split.cell_width, split.cell_height), FILTERED, self.row_stride, len(alignment.cameras) * split.ny,
         )  # fmt: skip
         trace_packets(packets, workspaces, self._pool, TracedImage(depth, prim_id))
-        for number, one in enumerate(self.second_passes):
-            if one is not None:
+        for number, second_pass in enumerate(self.second_passes):
+            if second_pass is not None:
                 own = slice(number * split.height, (number + 1) * split.height)
-                one.trace(workspaces, offset, depth[own], prim_id[own], self._pool)
+                second_pass.trace(workspaces, offset, depth[own], prim_id[own], self._pool)
 
     @property
     def gathering_stride(self) -> int:
@@ -100,24 +100,24 @@ class PreparedCells:
 
     @property
     def _held(self) -> list[EmbreeScene | EmbreeAllHits]:
-        second = [one.scene for one in self.second_passes if one is not None]
+        second = [later.scene for later in self.second_passes if later is not None]
         return [self.scene, *second, self._all_hits]
 
     @property
     def embree_bytes(self) -> int:
         """Bytes that Embree holds for all BVHs."""
-        return sum(one.embree_bytes for one in self._held)
+        return sum(scene.embree_bytes for scene in self._held)
 
     @property
     def counters(self) -> Mapping[str, float]:
         """Embree's memory, packets_verified and what was told: see `Tracer.counters`."""
-        verified = sum(one.packets_traced for one in self.second_passes if one is not None)
+        verified = sum(later.packets_traced for later in self.second_passes if later is not None)
         return {"embree_bytes": self.embree_bytes, "packets_verified": verified, **self.told}
 
     def close(self) -> None:
         """Release the BVHs."""
-        for one in self._held:
-            one.close()
+        for scene in self._held:
+            scene.close()
 
 
 def ray_batches(first: RayBatch, mesh: Mesh, camera: View, options: CellOptions) -> Iterator[RayBatch]:

@@ -120,9 +120,12 @@ def run_bake(given: Namespace) -> int:
         lightmap, visible = baker.maps, baker.visible
     if given.denoise:
         lightmap = denoised(lightmap, given.threads)
-    written = save_maps(lightmap, folder, visible=visible) + _view(lightmap, lit, camera, given, folder)
-    written.append(save_model(lightmap, lit, folder / "scene.glb"))
-    if given.mesh.suffix.lower() in GLTF:
+    views, stops = _views(lightmap, lit, camera, given, folder)
+    is_gltf = given.mesh.suffix.lower() in GLTF
+    written = save_maps(lightmap, folder, visible=visible) + views
+    own = given.mesh if is_gltf else None
+    written.append(save_model(lightmap, lit, folder / "scene.glb", own, exposure=stops, tone=given.tone))
+    if is_gltf:
         written += save_lit_model(lightmap, lit, given.mesh, folder / "lit.glb")
     for path in written:
         print(f"written: {printable(str(path))}")
@@ -156,8 +159,11 @@ def bake(baker: Baker, target: int, tell: Tell, error: float | None = None, minu
     return error is None
 
 
-def _view(lightmap: Lightmap, scene: Scene, camera: Camera, given: Namespace, folder: Path) -> list[Path]:
-    """Write what the camera sees, as PNG in the exposure that suits it, and in clay."""
+def _views(
+    lightmap: Lightmap, scene: Scene, camera: Camera, given: Namespace, folder: Path
+) -> tuple[list[Path], float]:
+    """Write what the camera sees, as PNG in the exposure that suits it, and in clay; returns the files, and the
+    exposure in stops."""
     from atra.light import Seams, clay_view, lit_view, stops_of, toned
     from atra.light.lightmaps.finish.export import finished
     from atra.light.pictures.files import png_of
@@ -167,10 +173,11 @@ def _view(lightmap: Lightmap, scene: Scene, camera: Camera, given: Namespace, fo
         hits = tracer.trace()
     atlas = lightmap.texels.atlas
     lit = lit_view(hits, scene, atlas, finished(lightmap, lightmap.combined, Seams.of(scene.mesh, atlas)))
-    pictures = {"view": toned(lit, stops_of(lit, "auto"), given.tone), "view_clay": clay_view(hits)}
+    stops = stops_of(lit, "auto")
+    pictures = {"view": toned(lit, stops, given.tone), "view_clay": clay_view(hits)}
     for name, picture in pictures.items():
         write_atomically(folder / f"{name}.png", png_of(picture))
-    return [folder / f"{name}.png" for name in pictures]
+    return [folder / f"{name}.png" for name in pictures], stops
 
 
 def _bake_live(baker: Baker, target: int, given: Namespace, camera: Camera) -> bool:

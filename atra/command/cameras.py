@@ -9,6 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from atra.errors import InputError
 from atra.files.cameras.bop import read_bop
 from atra.files.cameras.calibration_files import read_calibration
@@ -17,6 +19,7 @@ from atra.files.cameras.entries import Broken, pixels, read_entries, read_json
 from atra.files.cameras.nerf import read_transforms
 from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
+from atra.geometry.numbers import Vector, as_vector
 from atra.geometry.view import View
 
 _SIZE = ("width", "height")
@@ -36,6 +39,12 @@ DIRECTIONS: dict[str, tuple[tuple[float, float, float], tuple[float, float, floa
 }
 """Sides that a model is looked at from, with +y up and its front towards +z as in glTF: the way, and up."""
 
+_LEAST_SHOWN = 0.1
+"""Least share of what the best side shows that the usual view of a mesh must show."""
+
+_MOST_LOOKED_AT = 100_000
+"""Triangles that the choice of a side looks at; of larger meshes, every so many."""
+
 _SIDE = 1024
 """Pixels along a side of a picture whose size nothing says."""
 
@@ -51,7 +60,7 @@ def chosen_cameras(given: Any, mesh: Mesh, own: Mapping[str, View], broken: Brok
         camera: Any = next(iter(own.values()))
         return {given.mesh.stem: camera if size is None else replace(camera, width=width, height=height)}
     if given.camera is None:
-        return {given.mesh.stem: Camera.framing(mesh, width=width, height=height)}
+        return {given.mesh.stem: Camera.framing(mesh, shown_side(mesh), width=width, height=height)}
     if is_file_name(given.camera) and given.camera not in own:
         return read_cameras(Path(given.camera), size, broken, given.memory_per_byte)
     if given.camera in own:
@@ -65,6 +74,17 @@ def chosen_cameras(given: Any, mesh: Mesh, own: Mapping[str, View], broken: Brok
         f"the camera is {given.camera!r}, expected a file, one of {', '.join(DIRECTIONS)}, or a camera of "
         f"{given.mesh.name} ({names})"
     )
+
+
+def shown_side(mesh: Mesh) -> Vector:
+    """The direction of the view that frames a mesh: obliquely from the front and above, or, where hardly a front of a
+    triangle is seen from there, as of a plane that faces away, from the side that shows most."""
+    faces = mesh.faces[:: 1 + mesh.triangle_count // _MOST_LOOKED_AT]
+    a, b, c = (mesh.vertices[faces[:, k]].astype(np.float64) for k in range(3))
+    ways = np.array([(x, y, z) for z in (-1.0, 1.0) for y in (-0.4, 0.4) for x in (-0.5, 0.5)])
+    ways = np.concatenate([ways, ways[:, [2, 1, 0]], ways[:, [0, 2, 1]]])
+    shown = np.maximum(0.0, -np.cross(b - a, c - a) @ ways.T).sum(axis=0)
+    return as_vector(ways[0] if shown[0] >= _LEAST_SHOWN * shown.max() else ways[shown.argmax()])
 
 
 def one_camera(given: Any, mesh: Mesh, own: Mapping[str, View]) -> Camera:
@@ -106,7 +126,7 @@ def read_cameras(
     given = read_json(path)
     if "frames" in given:
         return dict(read_transforms(path, size, broken=broken, memory_per_byte=memory_per_byte))
-    if any(isinstance(one, dict) and "cam_K" in one for one in given.values()):
+    if any(isinstance(entry, dict) and "cam_K" in entry for entry in given.values()):
         return dict(read_bop(path, size, broken=broken, memory_per_byte=memory_per_byte))
     if "camera_matrix" in given or "distortion_model" in given:
         return dict(read_calibration(path, size))

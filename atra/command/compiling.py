@@ -93,11 +93,11 @@ _WITH_LENS = ("raster", "single rays", "packets")
 
 
 def _trace(tracer: str, view: str, what: str | None = None) -> None:
-    with _TRACERS[tracer](_MESH if what is None else _box(), _CAMERAS[view]) as one:
+    with _TRACERS[tracer](_MESH if what is None else _box(), _CAMERAS[view]) as built:
         if what is None:
-            one.trace()
+            built.trace()
         else:
-            one.gather(_REDUCTIONS[what]())
+            built.gather(_REDUCTIONS[what]())
 
 
 def _shoot_rays() -> None:

@@ -42,9 +42,9 @@ def add_picture(parser: ArgumentParser) -> None:
         "--output",
         type=Path,
         metavar="FILE",
-        help="a .png (sRGB) or .exr (linear, layers; default: MESH_picture.png)",
+        help=".png or .exr (default: MESH_picture.png)",
     )
-    group.add_argument("--samples", type=int, help=f"at most so many samples of each pixel (default: {SAMPLES})")
+    group.add_argument("--samples", type=int, help=f"most samples of each pixel (default: {SAMPLES})")
     group.add_argument("--error", type=float, metavar="PERCENT", help="stop at this estimated error of the luminance")
     group.add_argument("--minutes", type=float, help="stop after so many minutes")
     group.add_argument(
@@ -60,10 +60,10 @@ def add_shown(parser: Any) -> None:
     parser.add_argument(
         "--tone", default="neutral", choices=("none", "neutral", "agx"), help="tone map of a PNG (default: neutral)"
     )
-    parser.add_argument("--denoise", action="store_true", help="remove noise by Open Image Denoise (extra denoise)")
+    parser.add_argument("--denoise", action="store_true", help="remove noise (extra denoise)")
     parser.add_argument(
         "--sky", metavar="SKY",
-        help="neutral, none, or an EXR or HDR panorama (default: none beside the file's lights, else neutral)",
+        help="neutral, none, or an EXR or HDR panorama (default: none beside lights in the file, else neutral)",
     )  # fmt: skip
 
 
@@ -82,8 +82,7 @@ def add_limits(parser: ArgumentParser) -> None:
     parser.add_argument("--threads", type=int, help="number of threads (default: every core)")
     parser.add_argument(
         "--memory-per-byte", type=float, metavar="NUMBER",
-        help="bound on the memory that reading mesh and cameras may take, in bytes for each byte of a file (default: "
-        f"{VARIABLE} or {MEMORY_PER_BYTE:g})",
+        help=f"most memory for reading a byte of a file (default: {VARIABLE} or {MEMORY_PER_BYTE:g})",
     )  # fmt: skip
 
 

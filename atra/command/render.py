@@ -25,56 +25,40 @@ FORMATS = ("npz", "exr", "png", "ply")
 """Formats of a whole image, beside those of single planes."""
 
 EXAMPLES = """\
-atra render model.ply
-           frames the mesh and writes its planes to model_views/
-       atra render model.glb --samples 64 -o picture.png
-           a picture with the file's materials and lights, by its first camera or framed; --camera front looks elsewhere
-       atra render room.glb --camera sparse/0 --planes depth,normals --format png
-           16-bit depth in millimetres and normals of every camera of a COLMAP model, its lenses included
-       atra render room.glb --camera transforms.json --out labels --planes prim_id,mask --format npy
-           triangle numbers and masks of nerfstudio's cameras
-       atra render part.stl --camera scene_camera.json --planes depth --format png --depth-scale 10
-           tenths of millimetres, for a mesh in millimetres, from the cameras of a BOP scene
-       atra render bop DATASET --split test
-           the labels of a BOP dataset; more by: atra render bop --help"""
+atra render model.glb -o picture.png          a picture in full light
+       atra render model.ply                         arrays of what is seen
+       atra render room.glb --camera sparse/0 --planes depth,normals
+                                                     arrays by COLMAP's cameras
+       atra render bop DATASET --split test          labels of a BOP dataset"""
 """What the help of `atra render` starts with."""
 
 
 def add_render(parser: ArgumentParser) -> None:
     """Add the arguments of `run_render`."""
     parser.usage = EXAMPLES
-    parser.add_argument("mesh", type=Path, help="a file of any format that trimesh reads: model.glb, .obj, .ply, …")
+    parser.add_argument("mesh", type=Path, help="a file of a mesh: model.glb, .obj, .ply, …")
     parser.add_argument(
         "--camera", metavar="CAMERAS",
-        help="front, back, left, right, top or bottom; the name of a camera in the file; a COLMAP model's folder; a "
-        "transforms.json; a BOP scene's scene_camera.json; a calibration of OpenCV or ROS; or a JSON file of cameras "
-        "by name, each with eye and target (and up, fov_y_degrees) or OpenCV's K, R and t (and distortion, model), and "
-        "with width and height (default: one that frames the mesh; of a picture the file's first)",
+        help="front, back, left, right, top or bottom; a camera's name in the file; a COLMAP folder; or a file: "
+        "transforms.json, a BOP scene's, a calibration, or JSON of cameras by name with eye, target, width and height, "
+        "or K, R and t (default: a picture's is the file's first; else one that frames the mesh)",
     )  # fmt: skip
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="where arrays go (default: MESH_views)")
     parser.add_argument(
-        "--out", type=Path, metavar="FOLDER", help="where the files go, made if missing (default: MESH_views)"
-    )
-    parser.add_argument(
-        "--planes", nargs="+", metavar="PLANES",
-        help=f"only these of {', '.join(PLANES)}: one file of them (npz, exr) or a file each (npy, png, "
-        "tiff); a PNG of prim_id holds id + 1, and 0 for a miss",
+        "--planes", nargs="+", metavar="PLANE",
+        help=f"only these of {', '.join(PLANES)}",
     )  # fmt: skip
+    parser.add_argument("--depth-along", choices=("axis", "ray"), help="of depths (default: axis; ray for fisheyes)")
     parser.add_argument(
-        "--depth-along",
-        choices=("axis", "ray"),
-        help="direction of the depths of --planes (default: axis; ray for fisheyes)",
-    )
-    parser.add_argument(
-        "--depth-scale", type=float, default=1000.0, metavar="NUMBER",
-        help="numbers of a depth PNG per scene unit (default: 1000, millimetres of metres)",
+        "--depth-scale", type=float, default=1000.0, metavar="N",
+        help="steps of a depth PNG in a unit (default: 1000)",
     )  # fmt: skip
     parser.add_argument("--saturate", action="store_true", help="clamp depths that do not fit 16 bits")
     parser.add_argument(
-        "--format", nargs="+", choices=dict.fromkeys((*FORMATS, *PLANE_FORMATS)), default=["npz"],
-        help="npz (the default): depth, prim_id, u, v, points, normals; exr: depth, prim_id, normals; png: depth to "
-        "look at; ply: points and normals; with --planes: npz, npy, png, exr, tiff",
+        "--format", nargs="+", choices=dict.fromkeys((*FORMATS, *PLANE_FORMATS)), default=["npz"], metavar="FORMAT",
+        help=f"{', '.join(FORMATS)}; with --planes {', '.join(PLANE_FORMATS)} (default: npz)",
     )  # fmt: skip
-    parser.add_argument("--size", nargs=2, type=int, metavar=("WIDTH", "HEIGHT"), help="size of cameras without one")
+    parser.add_argument("--size", nargs=2, type=int, metavar=("W", "H"), help="size of cameras without one")
     add_picture(parser)
     add_limits(parser)
 
@@ -176,7 +160,7 @@ def file_stems(names: Iterable[str]) -> dict[str, str]:
     for name in names:
         stem = re.sub(r"[^\w.-]+", "_", str(PurePosixPath(name).with_suffix("")) if name else "").strip("._") or "view"
         if stem in stems.values():
-            other = next(one for one, taken in stems.items() if taken == stem)
+            other = next(path for path, taken in stems.items() if taken == stem)
             raise InputError(f"the views {other!r} and {name!r} would both be written to {stem}; rename one of them")
         stems[name] = stem
     return stems

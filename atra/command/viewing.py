@@ -81,7 +81,7 @@ def light_settings(scene: Scene) -> dict[str, Any]:
     from atra.light import Sun
 
     found: dict[str, Any] = {"sky_power": scene.sky.power, "sun_power": 0.0}
-    for sun in [one for one in scene.lights if isinstance(one, Sun)][:1]:
+    for sun in [light for light in scene.lights if isinstance(light, Sun)][:1]:
         x, y, z = -np.array(sun.direction) / np.linalg.norm(sun.direction)
         red, green, blue = (round(255 * min(channel, 1.0)) for channel in sun.colour)
         found |= {

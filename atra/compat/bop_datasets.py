@@ -76,7 +76,7 @@ def write_labels(
     if not scenes:
         raise InputError(f"{folder / split} has no scene with a scene_gt.json, expected a BOP dataset")
     frames = [frame for scene in scenes for frame in _frames_of(scene)]
-    used = sorted({_number_of(one, frame) for frame in frames for one in frame.objects})
+    used = sorted({_number_of(object_, frame) for frame in frames for object_ in frame.objects})
     meshes = {obj_id: load_mesh(folder / models / f"obj_{obj_id:06d}.ply") for obj_id in used}
     width, height = size or image_size(scenes[0] / "scene_gt.json")
     kept = local()

@@ -61,7 +61,7 @@ class _Compiler(Compiler):
         pipelines = super().define_pipelines()
         for pipeline in pipelines:
             # That pass writes each function's types as text for people, which would be kept on disk, too.
-            pipeline.passes = [one for one in pipeline.passes if one[0] is not AnnotateTypes]
+            pipeline.passes = [stage for stage in pipeline.passes if stage[0] is not AnnotateTypes]
             pipeline.add_pass_after(_KnownArguments, IRProcessing)
             pipeline._ENFORCING = False  # spares working out after each pass when variables end
             pipeline.finalize()
@@ -141,5 +141,7 @@ class PartCompiler(_Compiler):
     def define_pipelines(self) -> list[Any]:
         pipelines = super().define_pipelines()
         for pipeline in pipelines:
-            pipeline.passes = [(_PartLowering if one is NativeLowering else one, what) for one, what in pipeline.passes]
+            pipeline.passes = [
+                (_PartLowering if stage is NativeLowering else stage, what) for stage, what in pipeline.passes
+            ]
         return pipelines

@@ -87,9 +87,10 @@ class Workspace:
 
 def check_widths(workspaces: Iterable[Workspace]) -> None:
     """Raise EmbreeError if Embree passed packets of another width than were sent to the filter."""
-    for one in workspaces:
-        if one.wrong_width:
-            raise EmbreeError(f"Embree handed the filter {one.wrong_width} rays instead of {one.width}; hits were lost")
+    for workspace in workspaces:
+        if workspace.wrong_width:
+            handed, width = workspace.wrong_width, workspace.width
+            raise EmbreeError(f"Embree handed the filter {handed} rays instead of {width}; hits were lost")
 
 
 def _zeros(size: int) -> NDArray[np.uint8]:

@@ -199,10 +199,10 @@ def _fitting(image: ForeignImage, tracer: Tracer, given: Convention | None) -> t
     for offset in OFFSETS if given is None else ():
         right = tracer.trace(offset)
         for swaps, columns, rows, ray in product(swapped, *((False, True),) * 3):
-            one = Convention(offset, rows, columns, swaps, ray)
-            shares[one] = _shares(image, one, right)
-    believed = [one for one, share in shares.items() if share[0] >= SURE_SHARE] or [own]
-    best = max(believed, key=lambda one: (sum(shares[one]), -_departures(one, own)))
+            convention = Convention(offset, rows, columns, swaps, ray)
+            shares[convention] = _shares(image, convention, right)
+    believed = [convention for convention, share in shares.items() if share[0] >= SURE_SHARE] or [own]
+    best = max(believed, key=lambda convention: (sum(shares[convention]), -_departures(convention, own)))
     return best, shares[best][0], shares[own][0], tracer.trace(best.offset)
 
 

@@ -4,9 +4,10 @@ from atra.light.lightmaps.baker import Baker
 from atra.light.lightmaps.charts.atlas import Atlas
 from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.finish.denoise import denoised
-from atra.light.lightmaps.finish.export import save_maps, save_model
+from atra.light.lightmaps.finish.export import save_maps
 from atra.light.lightmaps.finish.gltf import save_lit_model
 from atra.light.lightmaps.finish.seams import Seams, dilated
+from atra.light.lightmaps.finish.unlit import save_model
 from atra.light.lightmaps.finish.views import clay_view, lit_view
 from atra.light.lightmaps.maps import Lightmap, relative_error
 from atra.light.lightmaps.probes import LightProbes
@@ -17,6 +18,7 @@ from atra.light.pictures.finish.accumulate import Progress, accumulate
 from atra.light.pictures.finish.tone import stops_of, toned
 from atra.light.pictures.hybrid import HybridRenderer
 from atra.light.pictures.paths.renderer import PathRenderer
+from atra.light.pictures.renderer import Renderer
 from atra.light.reading.scenes import load_scene
 from atra.light.scene import Scene, ScenePart
 from atra.light.sky import GradientSky, PanoramaSky, constant_sky
@@ -41,6 +43,7 @@ __all__ = [
     "PointLight",
     "Progress",
     "ProgressiveBake",
+    "Renderer",
     "Scene",
     "ScenePart",
     "Seams",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from atra.light.checks import Colour, check_one_of, checked_colour, checked_number, set_fields
-from atra.light.scattering.physical_kernels import LEAST_BEND, SMOOTH
+from atra.light.scattering.seen_kernels import LEAST_BEND, SMOOTH
 from atra.light.scattering.spots_kernels import DIELECTRIC, EMISSIVE, LAMBERTIAN, METAL, PHYSICAL
 from atra.light.textures import Checker, Image, Texture
 

@@ -119,6 +119,17 @@ def around(normal, direction):  # type: ignore[no-untyped-def]
     return unit(moved) if dot(moved, moved) > np.float32(1e-6) else normal
 
 
+LUMINANCE = 0.2126, 0.7152, 0.0722
+"""Weights of linear sRGB's channels (Rec. 709)."""
+
+_RED, _GREEN, _BLUE = (np.float32(weight) for weight in LUMINANCE)
+
+
+@njit(forceinline=True)
+def luminance(colour):  # type: ignore[no-untyped-def]
+    return _RED * colour[0] + _GREEN * colour[1] + _BLUE * colour[2]
+
+
 @njit(forceinline=True)
 def place_on(direction):  # type: ignore[no-untyped-def]
     """(t, s) in [0, 1], float64: where a unit vector points to on a panorama, from above and from the left."""

@@ -17,8 +17,14 @@ MOST_TEXELS = 1 << 26
 
 WRAPS = ("repeat", "mirror", "clamp")
 
+
+def linear_of_srgb(codes: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Linear light of sRGB numbers in [0, 1]."""
+    return np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
+
+
 _STEPS = np.arange(256) / 255.0
-CURVES = np.array([_STEPS, np.where(_STEPS <= 0.04045, _STEPS / 12.92, ((_STEPS + 0.055) / 1.055) ** 2.4)], np.float32)
+CURVES = np.array([_STEPS, linear_of_srgb(_STEPS)], np.float32)
 """What bytes stand for: as they are, and as sRGB codes."""
 
 

@@ -105,23 +105,23 @@ def joined(
     are not finite, and a mesh smaller than 1e-9 or farther than 1e11 from the world's origin.
     """
     listed = [meshes] if isinstance(meshes, Mesh) else list(meshes) if isinstance(meshes, Sequence) else [meshes]
-    if not listed or not all(isinstance(one, Mesh) for one in listed):
+    if not listed or not all(isinstance(mesh, Mesh) for mesh in listed):
         raise InputError(
             f"mesh is {meshes!r:.100}, expected an atra.Mesh or a list of them; Mesh(vertices, faces) and "
             "Mesh.from_trimesh make one"
         )
     maps = None if transforms is None else _checked(transforms, len(listed))
     is_mirrored = np.zeros(len(listed), np.bool_)
-    firsts = np.cumsum([0] + [one.triangle_count for one in listed])
+    firsts = np.cumsum([0] + [mesh.triangle_count for mesh in listed])
     if maps is None and len(listed) == 1:
         mesh = listed[0]
     else:
-        placed: list[NDArray] = [one.vertices for one in listed]
+        placed: list[NDArray] = [mesh.vertices for mesh in listed]
         if maps is not None:
-            placed = [_moved(one, how) for one, how in zip(listed, maps, strict=True)]
+            placed = [_moved(mesh, how) for mesh, how in zip(listed, maps, strict=True)]
             is_mirrored = np.linalg.slogdet(maps[:, :, :3])[0] < 0.0
-        starts = np.cumsum([0] + [len(one.vertices) for one in listed])
-        corners = [one.faces.astype(np.int64) + start for one, start in zip(listed, starts, strict=False)]
+        starts = np.cumsum([0] + [len(mesh.vertices) for mesh in listed])
+        corners = [mesh.faces.astype(np.int64) + start for mesh, start in zip(listed, starts, strict=False)]
         mesh = Mesh(np.concatenate(placed), np.concatenate(corners), listed[0].name)
         mesh = _exchanged(mesh, np.repeat(is_mirrored, np.diff(firsts)))
     check_world_range(mesh)

@@ -196,8 +196,8 @@ class RayHits:
     @cached_property
     def _weights(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Weights of the second and third corners of the triangles hit, as `mesh` numbers these; NaN: seen edge-on."""
-        found = intersect_rays(self.mesh, *self._lines, self._named[self.hit])
-        return found.u, found.v
+        intersection = intersect_rays(self.mesh, *self._lines, self._named[self.hit])
+        return intersection.u, intersection.v
 
     @cached_property
     def _barycentric(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -232,7 +232,7 @@ def rays_of(
         raise InputError(
             f"origins have shape {starts.shape} and directions {ways.shape}, expected as many, or one of either for all"
         ) from None
-    flat = [np.broadcast_to(one, (*shape, 3)).reshape(-1, 3) for one in (starts, ways)]
+    flat = [np.broadcast_to(vectors, (*shape, 3)).reshape(-1, 3) for vectors in (starts, ways)]
     ends = {name: _numbers(name, value, shape) for name, value in interval.items()}
     return Rays(flat[0], flat[1], **ends), shape
 

@@ -67,8 +67,8 @@ def orbit(
         direction = as_vector(-np.cos(elevation) * level - np.sin(elevation) * upward)
         framed.append(Camera.framing(mesh, direction, up=up, fov_y_degrees=fov_y_degrees, width=width, height=height))
     centre = np.array(framed[0].target)
-    distance = max(float(np.linalg.norm(one.eye - centre)) for one in framed)
+    distance = max(float(np.linalg.norm(camera.eye - centre)) for camera in framed)
     return tuple(
-        Camera(as_vector(centre - distance * one.axes[2]), one.target, one.up, fov_y_degrees, width, height)
-        for one in framed
+        Camera(as_vector(centre - distance * camera.axes[2]), camera.target, camera.up, fov_y_degrees, width, height)
+        for camera in framed
     )

@@ -79,7 +79,7 @@ def list_cameras(cameras: Mapping[Any, View] | Iterable[View]) -> list[View]:
     """The cameras themselves. Raises InputError for anything else."""
     is_several = isinstance(cameras, Iterable) and not isinstance(cameras, View)
     listed: list[Any] = list(cameras.values() if isinstance(cameras, Mapping) else cameras) if is_several else []
-    if not is_several or not all(isinstance(one, View) for one in listed):
+    if not is_several or not all(isinstance(view, View) for view in listed):
         raise InputError(f"cameras is {cameras!r:.100}, expected several: by name, or a list of them")
     return listed
 

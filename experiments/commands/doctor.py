@@ -6,17 +6,9 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from atra.command.doctor import (
-    Diagnosis,
-    embree_facts,
-    kernel_warnings,
-    load_embree,
-    render,
-    say_instructions,
-    say_kernels,
-)
+from atra.command.doctor import Diagnosis, render
+from atra.command.doctor import diagnose as examine_library
 from atra.compiled.threads import resolve_threads
-from atra.embree.library import embree_version
 from atra.errors import InputError
 from experiments.harness.configuration import Configuration
 from experiments.harness.environment import BUSY_LOAD, Environment, read_environment
@@ -39,43 +31,23 @@ def run_doctor(configuration: Configuration) -> None:
 
 def diagnose(configuration: Configuration) -> Diagnosis:
     """Look at all that a run relies on. Nothing is measured or written, and what is missing is no error."""
-    library, embree_obstacles = load_embree()
+    library = examine_library()
     results, results_obstacles = _results(configuration)
     scenes, scene_warnings = _scenes()
-    environment = read_environment(None if library is None else embree_version())
+    environment = read_environment()
+    commit = "unknown" if environment.git_commit is None else environment.git_commit[:12]
+    total_gib, free_gib = environment.memory_total_bytes / 2**30, environment.memory_available_bytes / 2**30
     facts = [
-        *_machine(environment),
-        *embree_facts(library),
+        *library.facts,
+        ("commit", f"{commit}{' with changes' if environment.git_dirty else ''}"),
+        ("CPU", f"{environment.cpu}; {environment.logical_cores} logical cores, {environment.physical_cores} physical"),
+        ("memory", f"{total_gib:.1f} GiB, {free_gib:.1f} GiB free"),
         *scenes,
         ("peers", "; ".join(_peers())),
-        ("kernels", say_kernels()),
         ("results", results),
     ]
-    warnings = [*scene_warnings, *_warnings(environment, configuration), *kernel_warnings()]
-    return Diagnosis(tuple(facts), tuple(warnings), (*embree_obstacles, *results_obstacles))
-
-
-def _machine(environment: Environment) -> Iterator[tuple[str, str]]:
-    commit = "unknown" if environment.git_commit is None else environment.git_commit[:12]
-    yield "atra", f"{environment.atra_version}, commit {commit}{' with changes' if environment.git_dirty else ''}"
-    versions = f"NumPy {environment.numpy_version}, Numba {environment.numba_version}"
-    yield "Python", f"{environment.python_version}, {versions}"
-    yield "system", f"{environment.system} {environment.system_release}, {environment.machine}"
-    yield "CPU", environment.cpu
-    yield "instructions", say_instructions(environment.cpu_extensions)
-    yield "cores", _cores(environment)
-    total_gib, free_gib = environment.memory_total_bytes / 2**30, environment.memory_available_bytes / 2**30
-    yield "memory", f"{total_gib:.1f} GiB, {free_gib:.1f} GiB free"
-
-
-def _cores(environment: Environment) -> str:
-    logical, physical, affinity = environment.logical_cores, environment.physical_cores, environment.affinity
-    told = f"{logical or 'unknown'} logical, {physical or 'unknown'} physical by the system's account"
-    if logical and physical and logical > physical:
-        told += "; the second may be a hardware thread of the first"
-    if affinity is not None and len(affinity) != logical:
-        told += f"; this process may use only {_cut(', '.join(map(str, affinity)))}"
-    return told
+    warnings = [*scene_warnings, *_warnings(environment, configuration), *library.warnings]
+    return Diagnosis(tuple(facts), tuple(warnings), (*library.obstacles, *results_obstacles))
 
 
 def _scenes() -> tuple[list[tuple[str, str]], list[str]]:

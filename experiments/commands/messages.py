@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import is_dataclass
 
 from hydra.errors import MissingConfigException
-from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException, ValidationError
+from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
-from experiments.harness.configuration import say_unknown
+from experiments.harness.configuration import options_at, say_unknown
 from experiments.harness.options import say_unknown_choice
 from experiments.harness.point import Kinds
 
@@ -19,12 +18,9 @@ def shorten_configuration_error(error: BaseException, kinds: Kinds) -> str:
     """One line: what is wrong and the choices that exist. kinds: what a configuration chooses from."""
     cause = error.__cause__
     told = error if isinstance(error, OmegaConfBaseException) else cause
-    if isinstance(told, ConfigAttributeError | ConfigKeyError) and is_dataclass(told.object_type):
-        return say_unknown(told.object_type, str(told.full_key), kinds)
-    if isinstance(told, ValidationError) and told.full_key:
-        if "is not a ListConfig" in str(told):
-            return _say_brackets(str(told.full_key))
-        return f"{told.full_key}: {str(told).splitlines()[0].rstrip('.')}"
+    if isinstance(told, ConfigAttributeError | ConfigKeyError) and told.full_key and told.parent_node is not None:
+        path = str(told.full_key)
+        return say_unknown(options_at(path, told.parent_node, kinds), path, kinds)
     if isinstance(error, MissingConfigException) and error.options and error.missing_cfg_file:
         group, _, name = error.missing_cfg_file.rpartition("/")
         return say_unknown_choice(group, name, error.options)

@@ -10,6 +10,7 @@ from rich.console import Console
 from atra.errors import InputError, printable
 from experiments.commands.program import PROGRAM
 from experiments.harness.configuration import Configuration, records_folder
+from experiments.harness.identity import is_current
 from experiments.harness.points import measure, plan_point
 from experiments.harness.progress import SweepProgress
 from experiments.harness.records import Record, check_writable, exclusive, read_record, record_path, write_record
@@ -35,7 +36,7 @@ def run_single_point(configuration: Configuration) -> Record:
         progress.begin(say_label(planned.point))
         record = measure(planned)
         kept = read_record(folder, record.point_id)
-        is_kept = kept is not None and kept.status == "ok"
+        is_kept = kept is not None and kept.status == "ok" and is_current(kept)
         path = write_record(folder.with_name(_SINGLES) if is_kept else folder, record)
         progress.end(say_label(planned.point), say_outcome(record, path.parent))
     if record.status == "ok":

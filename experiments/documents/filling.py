@@ -18,6 +18,7 @@ FORM is one of `_FORMS`, or a format of Python; without one a number has three d
     corner          head of the first column
     align           a letter for each column, l or r
     function        instead: what `experiments.documents.functions` calls the function that makes the rows; head = heads
+    kept            instead: the file in the sweep's folder, less its suffix .csv, that holds the rows; head = heads
     claims          instead: claims.json of the sweep, by ids or all; leave_out = those whose id begins so; tell = the
                     column between text and verdict
 """
@@ -36,6 +37,7 @@ from typing import Any
 
 import pandas as pd
 
+from experiments.documents.kept_rows import REFERENCE, kept_rows
 from experiments.methods import find_method
 from experiments.results.intervals import with_intervals
 from experiments.results.queries import check_keys, chosen
@@ -45,12 +47,12 @@ from experiments.workloads.series import best_rows
 from scenes.directory import PAPER_SCENES as SCENES
 
 ROOT = Path(__file__).resolve().parents[2]
-REFERENCE = ROOT / "reports" / "reference"
 TIMES = "\N{MULTIPLICATION SIGN}"
 _FIELD = re.compile(r"\{([^{}:]*)(?::([^{}]*))?\}")
 _OF_CELLS = ("sweep", "where", "pick", "cell", "over", "empty")
 _OF_TABLES = (
-    "rows", "columns", "each", "label", "corner", "align", "function", "head", "claims", "tell", "leave_out",
+    "rows", "columns", "each", "label", "corner", "align", "function", "kept", "head", "claims", "tell",
+    "leave_out",
 )  # fmt: skip
 _SUMMARIES = ("sum", "max", "min", "median")
 
@@ -94,6 +96,8 @@ def table_lines(spec: Spec, functions: Mapping[str, Callable[..., Any]]) -> list
     check_keys("a table", spec, {*_OF_CELLS, *_OF_TABLES})
     if "function" in spec:
         heads, rows = spec["head"], [list(row) for row in functions[spec["function"]](spec["sweep"])]
+    elif "kept" in spec:
+        heads, rows = spec["head"], kept_rows(spec["sweep"], spec["kept"])
     elif "claims" in spec:
         heads, rows = spec["head"], list(_claims(spec))
     else:

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from experiments.documents.filling import REFERENCE
+from experiments.documents.kept_rows import REFERENCE
 from experiments.paper.claims import judge_claims
 from experiments.results.claims import NOT_MEASURED, judge_all
 from experiments.results.table import read_table, workload_rows

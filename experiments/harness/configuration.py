@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from difflib import get_close_matches
 from math import isfinite
@@ -12,8 +11,9 @@ from typing import Any
 from omegaconf import MISSING, DictConfig, OmegaConf
 
 from atra.errors import InputError
+from experiments.harness.column import default_of
 from experiments.harness.method import BUILD_QUALITIES, TIES, TIES_HELP, Tracing
-from experiments.harness.options import Settings, option, whole
+from experiments.harness.options import Settings, option, plain, typed, whole
 from experiments.harness.point import Kinds
 from scenes.loading import SceneSource
 
@@ -74,9 +74,6 @@ class SweepConfiguration(Settings):
     report: bool = option(False, "end with the claims and the HTML page")
     shuffle_seed: int = option(1, "seed of the points' order, so that drift is no trend")
     repeats: int = whole(3, "how often a disturbed process is measured again, at most", 0)
-    skip_slower: float | None = option(
-        None, "points predicted to take more than so many times as long as the fastest of their view are skipped"
-    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -154,9 +151,6 @@ class Configuration(Settings):
             raise InputError("results_dir is empty, expected a folder")
 
 
-_SECTIONS = ("scene", "sweep", "measure", "method", "workload")
-
-
 @dataclass(frozen=True)
 class Chosen:
     """kind: a method or a workload. options: of its type."""
@@ -170,46 +164,53 @@ class Chosen:
         return str(self.kind.name)
 
 
-def read_configuration(composed: DictConfig, choices: Mapping[str, str], kinds: Kinds) -> Configuration:
-    """The composed configuration as typed values; `method` and `workload` are `Chosen`. choices: what Hydra chose of
-    each group, `hydra.runtime.choices`.
+def read_configuration(composed: DictConfig, kinds: Kinds) -> Configuration:
+    """What Hydra composed as typed values; `method` and `workload` are `Chosen`.
 
     Raises InputError for a value no point could use; what depends on the scene or the machine is checked later.
     """
-    is_typed = OmegaConf.get_type(composed) is Configuration and "hydra" not in composed
-    typed = composed if is_typed else type_configuration(composed)
-    for path, section in (("", typed), *((f"{name}.", typed[name]) for name in _SECTIONS)):
-        kind = OmegaConf.get_type(section)
-        known = getattr(kind, "__dataclass_fields__", section)
-        for name in section:
-            if name not in known:  # Hydra was made to add it, by +field=value
-                raise InputError(say_unknown(kind, f"{path}{name}", kinds))
-    configuration = OmegaConf.to_object(typed)
-    assert isinstance(configuration, Configuration)
+    values: Any = OmegaConf.to_container(composed, resolve=True)
+    values.pop("hydra", None)
     for group in kinds:
-        options = getattr(configuration, group)
-        setattr(configuration, group, Chosen(_chosen(group, choices[group], type(options), kinds), options))
-    return configuration
+        options = values[group]
+        if "name" not in options:
+            raise InputError(f"the file of {group} names none, expected one under defaults in it, as in [pixel]")
+        kind = kinds[group].find(options.pop("name"))
+        values[group] = Chosen(kind, _typed(kind.options, options, group, kinds))
+    for section, kind in _sections().items():
+        values[section] = _typed(kind, values[section], section, kinds)
+    return _typed(Configuration, values, "", kinds)  # type: ignore[no-any-return]
 
 
-def _chosen(group: str, choice: str, options: type | None, kinds: Kinds) -> Any:
-    """The method or workload that was chosen: the one of that name, or, where a file of the user's own presets options,
-    the one that has such options."""
-    names = kinds[group].names()
-    if choice in names:
-        return kinds[group].find(choice)
-    fitting = [kind for kind in map(kinds[group].find, names) if kind.options is options]
-    if len(fitting) != 1:
-        raise InputError(f"{group}={choice} has the options of no {group}; name one under defaults in its file")
-    return fitting[0]
+def _sections() -> dict[str, Any]:
+    """The parts of every configuration that have fields of their own, by name."""
+    return {spec.name: spec.default_factory for spec in fields(Configuration) if is_dataclass(spec.default_factory)}
 
 
-def type_configuration(composed: DictConfig) -> DictConfig:
-    """Our own part of what Hydra composed: setting a field of another type, or an unknown one, is an error."""
-    own = {key: composed[key] for key in composed if key != "hydra"}
-    typed = OmegaConf.merge(OmegaConf.structured(Configuration), own)
-    assert isinstance(typed, DictConfig)
-    return typed
+def _typed(kind: Any, values: dict[str, Any], section: str, kinds: Kinds) -> Any:
+    """`typed`, and InputError for a field that there is not: Hydra was made to add it, by +field=value or in a file."""
+    path = f"{section}." if section else ""
+    for name in values:
+        if name not in kind.__dataclass_fields__:
+            raise InputError(say_unknown(kind, f"{path}{name}", kinds))
+    return typed(kind, values, path)
+
+
+def plain_defaults(kind: type) -> dict[str, Any]:
+    """The fields of a section, or the options of a method or workload, with their defaults, for Hydra to compose."""
+    defaults = {}
+    for spec in fields(kind):
+        default = default_of(spec)
+        defaults[spec.name] = plain_defaults(type(default)) if is_dataclass(default) else plain(default)
+    return defaults
+
+
+def options_at(path: str, node: Any, kinds: Kinds) -> Any:
+    """Whose field the path of one is, such as "method.split_x". node: the part of the configuration with that field."""
+    section = path.partition(".")[0] if "." in path else ""
+    if section in kinds:
+        return kinds[section].find(node["name"]).options
+    return _sections().get(section, Configuration)
 
 
 def say_unknown(kind: Any, path: str, kinds: Kinds) -> str:
@@ -227,23 +228,12 @@ def say_unknown(kind: Any, path: str, kinds: Kinds) -> str:
     told = f"unknown field {name!r}{' of ' * bool(owner)}{owner}, {expected}"
     if users:
         return f"{told}; it is an option of {section}={', '.join(users)}"
-    known = _fields_of(Configuration, everyone)
-    meant = [field_path for field_path in known if field_path.rpartition(".")[2] == name] or get_close_matches(
-        path, known, 1, 0.8
-    )
+    parts = [*_sections().items(), *((group, chosen.options) for group in everyone for chosen in everyone[group])]
+    known = [spec.name for spec in fields(Configuration)]
+    known += dict.fromkeys(f"{part}.{spec.name}" for part, kind_of_part in parts for spec in fields(kind_of_part))
+    meant = [known_path for known_path in known if known_path.rpartition(".")[2] == name]
+    meant = meant or get_close_matches(path, known, 1, 0.8)
     return told + (f"; did you mean {' or '.join(meant)}?" if meant else "")
-
-
-def _fields_of(kind: Any, everyone: dict[str, list[Any]], path: str = "") -> list[str]:
-    """Every field that can be set, as it is written on the command line, each once. everyone: what there is to choose
-    from, by group."""
-    paths = []
-    for spec in fields(kind):
-        sections: list[Any] = [spec.default_factory] if is_dataclass(spec.default_factory) else []
-        sections += [chosen.options for chosen in everyone.get(spec.name, ())]
-        below = [name for section in sections for name in _fields_of(section, everyone, f"{path}{spec.name}.")]
-        paths += [f"{path}{spec.name}", *below]
-    return list(dict.fromkeys(paths))
 
 
 def results_folder(configuration: Configuration) -> Path:

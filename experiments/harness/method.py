@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import TYPE_CHECKING, Any
 
 from experiments.harness.column import Column
 
 if TYPE_CHECKING:
     from atra.geometry.mesh import Mesh
     from atra.geometry.view import View
-    from experiments.harness.sources import Import
+    from atra.tracing.tracer import Tracer
 
 # Stated again, as the help of the command line has no time for the library; a test holds them equal to it.
 LANES = (4, 8, 16)
@@ -39,47 +38,6 @@ class Tracing:
         return {"threads": self.threads, "build_quality": self.build_quality, "ties": self.ties, "robust": False}
 
 
-class AnyTracer(Protocol):
-    """The interface of `atra.Tracer` that workloads use. views: what each image shows, and its camera."""
-
-    mesh: Mesh
-    camera: View
-    threads: int
-    plan_time_s: float
-    build_time_s: float
-
-    @property
-    def packet_width(self) -> int: ...
-
-    @property
-    def views(self) -> tuple[tuple[Mesh, View], ...]: ...
-
-    @property
-    def triangle_count(self) -> int: ...
-
-    @property
-    def embree_bytes(self) -> int: ...
-
-    @property
-    def counters(self) -> Mapping[str, float]: ...
-
-    def build(self) -> None: ...
-
-    def look(self, camera: Any) -> None: ...
-
-    def update(self, mesh: Any) -> None: ...
-
-    def trace(self, offset: tuple[float, float] = (0.5, 0.5), out: Any = None) -> Any: ...
-
-    def close(self) -> None: ...
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
-
-
 @dataclass(frozen=True)
 class Style:
     """How a method looks in every figure."""
@@ -93,16 +51,15 @@ def always_available() -> str | None:
     return None
 
 
-Make = Callable[["Mesh", "View", Any, Tracing], AnyTracer]
+Make = Callable[["Mesh", "View", Any, Tracing], "Tracer"]
 
 
 @dataclass(frozen=True)
 class Method:
     """A method.
 
-    name: as configured. label: as shown. module: `__name__` of the module that defines it; with all that this module
-    imports it is the code of the method (`experiments.harness.identity`). options: its own typed settings, with
-    defaults.
+    name: as configured. label: as shown. module: `__name__` of the module that defines it. options: its own typed
+    settings, with defaults.
     make: mesh, view, options and what holds for the whole point -> a tracer, neither planned nor built; raises
     InputError and MemoryBudgetError. resolve: options and the image's width -> options without a choice left open.
     variant: a row's options -> what distinguishes it but split and packets, in words, or "". words: width of the
@@ -111,7 +68,7 @@ class Method:
     part of a record's identity. is_ours: a method of atra, no other people's tracer. is_peer: a tracer of other
     people that is installed beside atra, such as trimesh; methods of a file are neither. make_rays: mesh, options and
     what holds for the whole point -> what traces batches of rays that come from no camera; None where the method does
-    not. uses: what a method of a file imports of this project, part of its code, too.
+    not.
     """
 
     name: str
@@ -129,7 +86,6 @@ class Method:
     is_ours: bool = True
     is_peer: bool = False
     make_rays: Callable[[Mesh, Any, Tracing], Any] | None = None
-    uses: tuple[Import, ...] = ()
 
     def has(self, name: str) -> bool:
         """Whether its options have a field of this name."""

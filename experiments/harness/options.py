@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass, field, fields
 from difflib import get_close_matches
 from enum import Enum
 from functools import cache
-from types import NoneType
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar, get_args, get_type_hints
+from types import NoneType, UnionType
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from atra.errors import InputError
 from atra.whole_numbers import is_whole_number
@@ -62,9 +62,7 @@ class Settings:
 
 
 def _check_choice(value: Any, kind: Any, choices: tuple[Any, ...], name: str) -> None:
-    """Raise InputError for a value that is none of the choices, or neither True nor False though its type says so."""
-    if kind is bool and not isinstance(value, bool):
-        raise InputError(f"{name} is {value!r}, expected True or False")
+    """Raise InputError for a value that is none of the choices."""
     may_be_none = NoneType in get_args(kind)
     if not choices or (value is None and may_be_none):
         return
@@ -115,10 +113,46 @@ def plain(value: Any) -> Any:
     return [plain(item) for item in value] if isinstance(value, list | tuple) else value
 
 
-def typed_options(kind: type, values: dict[str, Any]) -> Any:
-    """The reverse of `plain_options`. Raises InputError for values that the options refuse."""
-    enums = {name: hint for name, hint in types_of(kind).items() if isinstance(hint, type) and issubclass(hint, Enum)}
-    return kind(**{name: enums[name](value) if name in enums else value for name, value in values.items()})
+_EXPECTED = {bool: "true or false", int: "a whole number", float: "a number", list: "a list, as in '[0,1,3]'"}
+
+
+def typed(kind: type, values: Mapping[str, Any], path: str = "") -> Any:
+    """Plain values, as YAML and JSON have them, as a value of the dataclass `kind`: the reverse of `plain_options`.
+
+    path: where they stand on the command line, such as "method.". Raises InputError, naming field and value, for what
+    is of another type, and as the dataclass does.
+    """
+    hints = types_of(kind)
+    return kind(**{name: _of_type(value, hints[name], path + name) for name, value in values.items()})
+
+
+def _of_type(value: Any, hint: Any, name: str) -> Any:
+    """The value as its type has it: whole numbers are numbers, and numbers are texts, where these are expected."""
+    hints = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+    if hint is Any or (value is None and NoneType in hints):
+        return value
+    for kind in hints:
+        origin = get_origin(kind) or kind
+        if issubclass(origin, Enum):
+            for member in origin:
+                if value in (member.value, member.name):
+                    return member
+        if type(value) is origin or (origin is list and isinstance(value, tuple)):
+            (item,) = get_args(kind)[-1:] or (Any,)
+            if origin is dict:
+                return {str(key): _of_type(part, item, f"{name}.{key}") for key, part in value.items()}
+            return [_of_type(part, item, name) for part in value] if origin is list else value
+    if float in hints and is_whole_number(value):
+        return float(value)
+    if str in hints and isinstance(value, int | float):
+        return str(value)
+    raise InputError(f"{name} is {value!r}, expected {' or '.join(map(_say_type, hints))}")
+
+
+def _say_type(hint: Any) -> str:
+    if isinstance(hint, type) and issubclass(hint, Enum):
+        return f"one of {', '.join(str(member.value) for member in hint)}"
+    return "null" if hint is NoneType else _EXPECTED.get(get_origin(hint) or hint, "a text")
 
 
 def say_options(group: str, named: Named) -> str:

@@ -10,7 +10,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from experiments.harness.column import Column
-from experiments.harness.method import AnyTracer, Method, Tracing
+from experiments.harness.method import Method, Tracing
 from experiments.harness.options import plain, plain_options
 from experiments.harness.records import Record
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from atra.geometry.mesh import Mesh
     from atra.geometry.numbers import Vector
     from atra.geometry.view import View
+    from atra.tracing.tracer import Tracer
 
 _TYPED = ("method", "options", "workload", "workload_options")
 """Fields of a point that are no plain values."""
@@ -27,7 +28,7 @@ _TYPED = ("method", "options", "workload", "workload_options")
 
 @dataclass(frozen=True)
 class Point:
-    """One point to measure: the worker needs nothing else, and the record's identity is a hash of it and of its code.
+    """One point to measure: the worker needs nothing else, and the record's identity is a hash of it.
 
     `triangles` and `mesh_sha256` describe the mesh as traced. process: which of the processes that measure the same.
     time_limit_s, memory_budget_gib: limits, no part of the identity; None = a share of what is free when it is traced.
@@ -101,7 +102,7 @@ def no_samples(point: Point) -> frozenset[str]:
     return frozenset()
 
 
-def make_own(point: Point, mesh: Mesh, view: View | None = None) -> AnyTracer:
+def make_own(point: Point, mesh: Mesh, view: View | None = None) -> Tracer:
     """The point's own method. view: in place of the point's. Raises InputError and MemoryBudgetError as the tracers
     do."""
     return point.method.make(mesh, view or point.camera, point.options, point.tracing)
@@ -131,8 +132,7 @@ class Workload:
     judged: the series whose spread flag a point. needs: results that a measured record holds at least.
     canary: what a measured record says of the machine alone (`experiments.results.canary`).
     problem: why a point cannot be measured. once: the name under which older tables have its rows, those with a value
-    of its first option. rays: a row -> the kind of rays it traces, None = the workload's name. want: what a frame asks
-    of a forecast, None = what it cannot predict.
+    of its first option. rays: a row -> the kind of rays it traces, None = the workload's name.
     """
 
     name: str
@@ -148,7 +148,6 @@ class Workload:
     problem: Callable[[Point], str | None] = no_problem
     once: str | None = None
     rays: Callable[[Mapping[str, Any]], str] | None = None
-    want: str | None = None
 
     def rays_of(self, row: Mapping[str, Any]) -> str:
         """The kind of rays that a row's point traces, in words."""
@@ -174,12 +173,6 @@ class Workload:
         """Measure a point, in this process. Raises what its `measure` raises."""
         measured: Measured = (self.part("measure") or import_module(self.package)).measure(point)
         return measured
-
-    @property
-    def modules(self) -> tuple[str, ...]:
-        """The modules that define and measure it."""
-        measure = f"{self.package}.measure"
-        return (self.package, measure) if _is_there(measure) else (self.package,)
 
 
 def _is_there(module: str) -> bool:

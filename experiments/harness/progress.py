@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from statistics import median
 from types import TracebackType
 
 from rich.console import Console
@@ -13,7 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
 from atra.errors import printable
 
 _ENOUGH = 3
-"""Fewest points whose mean time predicts the rest."""
+"""Fewest points whose median time predicts the rest; the first may have waited for kernels to compile."""
 
 
 class SweepProgress:
@@ -28,8 +29,7 @@ class SweepProgress:
         self._clock = clock
         self._done = 0
         self._begun_s = clock()
-        self._kinds: set[str] = set()
-        self._typical_s: list[float] = []
+        self._took_s: list[float] = []
         self._bar = Progress(
             SpinnerColumn(),
             BarColumn(bar_width=24),
@@ -56,19 +56,12 @@ class SweepProgress:
         """A point starts."""
         self._bar.update(self._task, description=escape(printable(label)), left=self._left())
 
-    def end(self, label: str, outcome: str, kind: str | None = None) -> None:
-        """The point begun last is done, or the next of several begun together.
-
-        outcome: what came of it, a line, and further lines that are told below it.
-        kind: of points that compile the same kernels. The first of a kind may have waited for them, so how long it took
-        says nothing of the others; None = it says as much as any.
-        """
+    def end(self, label: str, outcome: str) -> None:
+        """The point begun last is done, or the next of several begun together. outcome: what came of it, a line, and
+        further lines that are told below it."""
         self._done += 1
         now_s = self._clock()
-        if kind is None or kind in self._kinds:
-            self._typical_s.append(now_s - self._begun_s)
-        elif kind is not None:
-            self._kinds.add(kind)
+        self._took_s.append(now_s - self._begun_s)
         self._begun_s = now_s
         self._bar.update(self._task, completed=self._done, left=self._left())
         count = f"[{self._done:>{len(str(self._total))}}/{self._total}]"
@@ -82,10 +75,9 @@ class SweepProgress:
         remaining = self._total - self._done
         if remaining == 0:
             return "none left"
-        if len(self._typical_s) < _ENOUGH:
+        if len(self._took_s) < _ENOUGH:
             return f"{remaining} left"
-        eta_s = sum(self._typical_s) / len(self._typical_s) * remaining
-        return f"{remaining} left, about {say_duration(eta_s)}"
+        return f"{remaining} left, about {say_duration(median(self._took_s) * remaining)}"
 
 
 def say_duration(seconds: float) -> str:
@@ -95,13 +87,6 @@ def say_duration(seconds: float) -> str:
     if hours:
         return f"{hours} h {minutes:02d} min"
     return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
-
-
-def say_roughly(seconds: float) -> str:
-    """A duration that is only known roughly: tens of seconds, then minutes, then tenths of an hour."""
-    if seconds < 100:
-        return f"{max(10, 10 * round(seconds / 10))} s"
-    return f"{round(seconds / 60)} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
 
 
 def say(console: Console, text: str) -> None:

@@ -19,9 +19,9 @@ from experiments.drawing.figure import FigureKind, NamedFigure, make_figures
 from experiments.drawing.render import figure_files
 from experiments.harness.configuration import Configuration, records_folder, results_folder
 from experiments.harness.environment import describe_difference
-from experiments.harness.identity import current_environment
+from experiments.harness.identity import code_sha256, current_environment, is_current
 from experiments.harness.progress import say
-from experiments.harness.records import LIMITS, Record, exclusive, load_record
+from experiments.harness.records import LIMITS, exclusive, load_record
 from experiments.methods import find_method
 from experiments.paper.claims import judge_claims
 from experiments.paper.figures import FIGURES as PAPER_FIGURES
@@ -221,13 +221,8 @@ def _environment(table: pd.DataFrame, records: Path) -> dict[str, Any]:
     return {"cpu": cpus[0]} if cpus else {}
 
 
-def tell_whose_tables_are_replaced(
-    folder: Path, records: Path, console: Console, code: Callable[[Record], str | None]
-) -> None:
-    """Say so if the sweep's earlier table is of another machine or version, which is why points are measured again.
-
-    code: a record -> the hash of the code that measures its point now, None for a point that is not measured now.
-    """
+def tell_whose_tables_are_replaced(folder: Path, records: Path, console: Console) -> None:
+    """Say so if the sweep's earlier table is of another machine or version, which is why points are measured again."""
     tables = _readable_tables(folder, console)
     for point_identity in [] if tables is None else tables.points["point_id"]:
         try:
@@ -236,14 +231,14 @@ def tell_whose_tables_are_replaced(
             continue
         if record is not None:
             difference = describe_difference(record.environment, asdict(current_environment()))
-            before, now = record.environment.get("code_sha256"), code(record)
-            if difference is None and now is not None and before != now:
+            if difference is None and not is_current(record):
+                before, now = record.environment.get("code_sha256"), code_sha256(record.files)
                 difference = f"code_sha256 is {before!r} in one and {now!r} in the other"
             if difference is not None:
                 say(
                     console,
                     f"the table in {folder} is of another machine or version ({difference}, which is this one); its "
-                    f"points are measured again and it is replaced, but its records stay in {records}",
+                    "points are measured again and it is replaced",
                 )
             return
 

@@ -2,9 +2,13 @@
 
 import json
 from argparse import Namespace
+from pathlib import Path
 
+import numpy as np
 import pytest
+import trimesh
 
+import atra
 from atra import InputError, light
 from atra.command.cameras import chosen_cameras, one_camera
 from atra.command.picture import load_lit
@@ -36,6 +40,24 @@ def test_the_first_camera_of_a_file_is_the_one_that_looks_and_a_side_is_named_to
     assert framed["front"] != scene.cameras["door"]
     (small,) = chosen_cameras(Namespace(**{**vars(given), "size": [20, 10]}), scene.mesh, scene.cameras, {}).values()
     assert (small.width, small.height, small.eye) == (20, 10, scene.cameras["door"].eye)
+
+
+@pytest.mark.parametrize("normal", [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1), (2, 0, -1)])
+def test_a_plane_is_framed_from_a_side_where_its_front_is_seen(normal):
+    across = np.cross(normal, (0.3, 0.5, 0.7))
+    square = np.array([across, np.cross(normal, across), -across, -np.cross(normal, across)])
+    mesh = atra.Mesh(square, [(0, 1, 2), (0, 2, 3)])
+    given = Namespace(camera=None, mesh=Path("plane.glb"), size=None)
+    (camera,) = chosen_cameras(given, mesh, {}, {}).values()
+    to_eye = np.subtract(camera.eye, camera.target)
+    assert to_eye @ normal > 0.3 * np.linalg.norm(to_eye) * np.linalg.norm(normal)
+
+
+def test_a_closed_mesh_is_framed_from_the_front_and_above(room):
+    made = trimesh.creation.box((1, 0.01, 2))
+    box = atra.Mesh(made.vertices, made.faces)
+    (camera,) = chosen_cameras(Namespace(camera=None, mesh=room, size=None), box, {}, {}).values()
+    assert camera == atra.Camera.framing(box)
 
 
 def test_the_sky_of_a_program_is_that_of_the_library_and_can_be_chosen_beside_lights(room):

@@ -83,7 +83,7 @@ def test_the_help_starts_with_examples_and_its_errors_are_one_line(folder, monke
         run(monkeypatch, "--help")
     assert left.value.code == 0
     told = capsys.readouterr().out
-    assert told.startswith("usage: atra render model.ply\n")
+    assert told.startswith("usage: atra render model.glb -o picture.png ")
     assert told.index("--planes depth,normals") < told.index("positional arguments")
     for arguments, said in (
         (["--planes", "colour"], "planes are colour, expected some of depth"),

@@ -96,7 +96,7 @@ def test_a_missing_instruction_set_and_results_that_cannot_be_written_are_obstac
 
 def test_without_git_the_commit_is_unknown(tmp_path, monkeypatch):
     monkeypatch.setattr(environment, "_PROJECT", tmp_path)
-    assert facts()["atra"].endswith(", commit unknown")
+    assert facts()["commit"] == "unknown"
 
 
 @pytest.mark.parametrize("platform", ["darwin", "win32"])
@@ -107,21 +107,17 @@ def test_a_system_without_affinity_load_and_proc_is_described(platform, monkeypa
     monkeypatch.setattr(environment, "_read", lambda _: None)
     monkeypatch.setattr(environment, "_cpu_model", lambda: "CPU\x1b[31m")
     diagnosis = diagnose(Configuration())
-    assert "this process" not in dict(diagnosis.facts)["cores"]
     assert not any("busy" in warning for warning in diagnosis.warnings)
     assert "\nCPU " in render(diagnosis, "run experiments")
     assert "\x1b" not in render(diagnosis, "run experiments")  # what a machine says of itself cannot steer the terminal
 
 
-@pytest.mark.parametrize(("physical", "affinity", "expected"), [
-    (1, {0, 1}, "1 physical by the system's account; the second may be a hardware thread of the first"),
-    (2, {0, 1}, "2 physical by the system's account"),
-    (None, {1}, "unknown physical by the system's account; this process may use only 1"),
-])  # fmt: skip
-def test_cores_are_told_from_hardware_threads(physical, affinity, expected, monkeypatch):
-    monkeypatch.setattr(psutil, "cpu_count", lambda logical=True: 2 if logical else physical)
-    monkeypatch.setattr(os, "sched_getaffinity", lambda _: affinity, raising=False)
-    assert facts()["cores"] == f"2 logical, {expected}"
+def test_cores_that_the_system_has_are_told_from_those_of_this_process(monkeypatch):
+    monkeypatch.setattr(psutil, "cpu_count", lambda logical=True: 200 if logical else 100)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {1, 5}, raising=False)
+    told = facts()
+    assert told["CPU"].endswith("; 200 logical cores, 100 physical")
+    assert told["cores"] == "2 for this process"
 
 
 def test_what_may_spoil_times_is_flagged(tmp_path, monkeypatch):

@@ -70,7 +70,7 @@ def test_a_sweep_and_a_preset_of_one_s_own_are_measured_and_reported_anew_by_the
     (["-m", "hydra/sweeper=basic", *TOY], "hydra/sweeper=basic makes no table; expected hydra/sweeper=points"),
     (["--config-dir", "nowhere.d"], "nowhere.d' not found"),
     (["model.glb"], "model.glb"),
-    (["--config-dir", "own.d", "method=no_method"], "method=no_method has the options of no method"),
+    (["--config-dir", "own.d", "method=no_method"], "the file of method names none, expected one under defaults in it"),
     (["sweep=horizontal", "workload.frames=4"], "which has none; it is an option of workload=multiframe"),
     (["sweep=methods", "method.split_x=7", *TOY], "method.split_x fits no point of the sweep: split (7, 1) does not"),
     (["report", "-m", "sweep=horizontal"], "report takes no -m"),

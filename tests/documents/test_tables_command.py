@@ -1,10 +1,12 @@
 """`python run.py tables`: tables and quotes are written from stored points, and a check says what differs."""
 
+from hashlib import sha256
+
 import pandas as pd
 import pytest
 
 from atra.errors import InputError
-from experiments.documents import filling, writing
+from experiments.documents import filling, kept_rows, writing
 from experiments.documents.filling import Kept, cell_text, table_lines
 
 POINTS = pd.DataFrame([
@@ -88,6 +90,20 @@ def test_no_point_or_several_are_refused_with_what_was_asked():
 def test_a_key_that_nothing_reads_is_refused_by_name(told):
     with pytest.raises(ValueError, match=r"has \['(wehre|cel)'\], expected some of "):
         table_lines({"sweep": "toys", **told}, {})
+
+
+def test_rows_of_older_code_are_refused_once_their_table_is_measured_anew(tmp_path, monkeypatch):
+    monkeypatch.setattr(kept_rows, "REFERENCE", tmp_path)
+    monkeypatch.setattr(kept_rows, "KEPT_OF", tmp_path / "kept.sha256")
+    (tmp_path / "toys").mkdir()
+    (tmp_path / "toys" / "table.parquet").write_bytes(b"as it was")
+    (tmp_path / "toys" / "gains.csv").write_text("box,4\n")
+    (tmp_path / "kept.sha256").write_text(f"{sha256(b'as it was').hexdigest()}  toys/table.parquet\n")
+    told = {"sweep": "toys", "kept": "gains", "head": ["scene", "gain"]}
+    assert table_lines(told, {}) == ["| scene | gain |", "|---|---:|", "| box | 4 |"]
+    (tmp_path / "toys" / "table.parquet").write_bytes(b"measured anew")
+    with pytest.raises(ValueError, match="is not the table that toys"):
+        table_lines(told, {})
 
 
 def test_rows_of_another_length_than_the_head_are_refused():

@@ -116,7 +116,7 @@ def test_a_table_of_another_machine_or_version_is_told_and_its_points_are_measur
     assert list(table["point_id"]) == [identity(planned.point, current_environment())]
     told = capsys.readouterr().err
     assert f"is of another machine or version ({field} is 'another' in one and " in told
-    assert kept.exists()
+    assert (load_record(kept.parent, kept.stem) == foreign) == (field == "cpu")  # a record of other code is replaced
 
 
 def test_a_table_of_another_layout_is_told_and_replaced(tmp_path, capsys):

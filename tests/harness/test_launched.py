@@ -7,9 +7,9 @@ import pytest
 
 from atra.errors import InputError
 from experiments.harness.configuration import records_folder
-from experiments.harness.identity import identity_of
+from experiments.harness.identity import identity
 from experiments.harness.points import GridPoint, measure, plan_points
-from experiments.harness.records import load_record, point_id, record_path, write_record
+from experiments.harness.records import load_record, record_path, write_record
 from experiments.launched import measure_launched
 from experiments.sweep import run_sweep
 from tests.harness.test_sweep import Runner, configuration
@@ -31,11 +31,9 @@ def test_a_launched_job_measures_whatever_records_there_are(tmp_path, monkeypatc
 def measured_elsewhere(planned, run=None, **environment):
     """The record another machine, or other code, would have written; `environment` is what differs there."""
     record = measure(planned, run or Runner())
-    if "code_sha256" in environment:
-        record = replace(record, point_id=point_id(record.configuration | environment, record.environment))
-        return replace(record, environment={**record.environment, **environment})
-    record = replace(record, environment={**record.environment, **environment})
-    return replace(record, point_id=identity_of(record, planned.point))
+    files = ["atra/errors.py"] if "code_sha256" in environment else []
+    record = replace(record, environment={**record.environment, **environment}, files=files)
+    return replace(record, point_id=identity(planned.point, record.environment))
 
 
 class Elsewhere:

@@ -22,7 +22,7 @@ from experiments.harness.identity import current_environment, identity
 from experiments.harness.options import NoOptions
 from experiments.harness.points import GridPoint, measure, plan_points
 from experiments.harness.processes.outcome import Outcome, skipped
-from experiments.harness.records import load_record, point_id, write_record
+from experiments.harness.records import load_record, write_record
 from experiments.methods.aligned import ALIGNED, AlignedOptions
 from experiments.methods.peers.embreex_run import EMBREEX
 from experiments.methods.pixel import PIXEL, PixelOptions
@@ -170,9 +170,7 @@ def test_processes_of_a_point_that_were_measured_with_other_limits_are_of_one_ro
 
 def measured_by_other_code(planned):
     record = measure(planned, Runner())
-    other = {"code_sha256": "another"}
-    record = replace(record, point_id=point_id(record.configuration | other, record.environment))
-    return replace(record, environment=record.environment | other)
+    return replace(record, environment=record.environment | {"code_sha256": "another"}, files=["atra/errors.py"])
 
 
 def test_a_table_of_other_code_is_replaced_though_a_limit_of_its_command_is_another(tmp_path):
@@ -290,55 +288,6 @@ def test_a_single_point_that_fails_leaves_the_record_of_a_sweep_and_one_that_suc
     with pytest.raises(SystemExit):
         run_single_point(one)
     assert statuses() == ["ok"]
-
-
-class Predicted:
-    """Stands in for the model: a frame takes as many seconds as there are cells."""
-
-    def __init__(self, look, choice, want, constants):
-        assert (look, want) == ("a look", "nearest")
-        self.frame_time_s = float(choice.cells)
-
-
-@pytest.fixture
-def predicted(monkeypatch):
-    monkeypatch.setattr("experiments.law.skipping.look_at", lambda mesh, camera: "a look")
-    monkeypatch.setattr("experiments.law.skipping.forecast", Predicted)
-
-
-def skipping(folder, limit, splits=(1, 2, 8)):
-    points = [configuration(folder, split_x=split) for split in splits]
-    for one in points:
-        one.sweep.skip_slower = limit
-    return [GridPoint("a", one) for one in points]
-
-
-def test_points_predicted_to_be_slow_are_skipped_on_request_and_their_rows_say_why(tmp_path, predicted):
-    runner = Runner()
-    table = run_sweep(skipping(tmp_path, 4.0), run=runner)
-    assert sorted(point.options.split_x for point in runner.points) == [1, 2]
-    assert list(table["status"]) == ["ok", "ok", "skipped"]
-    assert "8 times as long as the fastest of this view; sweep.skip_slower is 4" in table["error"][2]
-
-
-def test_a_point_that_was_skipped_as_slow_is_measured_when_it_is_wanted_and_stays_measured(tmp_path, predicted):
-    run_sweep(skipping(tmp_path, 4.0), run=Runner())
-    runner = Runner()
-    run_sweep(skipping(tmp_path, None), run=runner)
-    assert [point.options.split_x for point in runner.points] == [8]
-    assert list(run_sweep(skipping(tmp_path, 4.0), run=Runner())["status"]) == ["ok"] * 3
-
-
-def test_a_point_of_which_the_model_knows_nothing_is_not_skipped(tmp_path, predicted):
-    one = configuration(tmp_path, method=Chosen(EMBREEX, EMBREEX.options()))
-    one.sweep.skip_slower = 1.0
-    planned = plan_points([one, *(each.configuration for each in skipping(tmp_path, 1.0, (1, 2)))])
-    assert ["predicted" in str(each.problem) for each in planned] == [False, False, True]
-
-
-def test_a_limit_below_1_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"sweep\.skip_slower is 0\.5"):
-        run_sweep(skipping(tmp_path, 0.5), run=Runner())
 
 
 def printed_record(capsys):

@@ -10,7 +10,6 @@ import atra
 from atra.light import (
     Baker,
     Checker,
-    HybridRenderer,
     Lambertian,
     PathRenderer,
     PointLight,
@@ -25,10 +24,12 @@ from atra.light.lightmaps.finish.views import lit_view
 from tests.baked import baked, painted, sheet
 from tests.far import AWAY, FAR, NEAR, SEEN_FAR, SEEN_NEAR
 from tests.meshes import joined, quads
-from tests.shown import floor
+from tests.shown import floor, hybrid, traced
 
 ROOM = joined(quads([floor(3.9375 + 2**-10)]), quads([floor(0.5, 1.0)]), quads([floor(0.5, 1.0)[::-1]]))
 ROOM_AWAY = atra.Mesh(ROOM.vertices.astype(np.float64) + AWAY, ROOM.faces)
+
+PLACES = (FAR, AWAY, SEEN_FAR), (NEAR, 0.0, SEEN_NEAR)
 
 
 def lights(at):
@@ -56,24 +57,16 @@ def scene_of(mesh, at, emits=True):
 
 @pytest.mark.parametrize("view", ["pinhole", "orthographic", "fisheye"])
 def test_paths_through_a_far_scene_are_those_through_the_near_one(view):
-    images = []
-    for mesh, at, views in ((FAR, AWAY, SEEN_FAR), (NEAR, 0.0, SEEN_NEAR)):
-        with PathRenderer(scene_of(mesh, at), views[view], threads=1) as renderer:
-            renderer.add(2)
-            images.append(renderer.image)
-    assert images[1].std() > 0.02
-    np.testing.assert_array_equal(*images)
+    far, near = (traced(scene_of(*one), views[view], 2) for *one, views in PLACES)
+    assert near.std() > 0.02
+    np.testing.assert_array_equal(far, near)
 
 
 def test_a_hybrid_picture_of_a_far_scene_is_that_of_the_near_one():
-    images = []
-    for mesh, at, views in ((FAR, AWAY, SEEN_FAR), (NEAR, 0.0, SEEN_NEAR)):
-        with HybridRenderer(scene_of(mesh, at), views["pinhole"], threads=1, occlusion_length=2.0) as renderer:
-            renderer.add(2)
-            images.append(renderer.parts)
-    assert len(images[0]) == 6
-    assert (images[1].reshape(6, -1).max(axis=1) > 0.01).all()
-    np.testing.assert_array_equal(*images)
+    options = {"occlusion_length": 2.0, "jitter": "shared"}
+    far, near = (hybrid(scene_of(*one), views["pinhole"], 2, **options).parts for *one, views in PLACES)
+    assert (near.reshape(6, -1).max(axis=1) > 0.01).all()
+    np.testing.assert_array_equal(far, near)
 
 
 def test_a_renderer_goes_from_one_origin_to_another():

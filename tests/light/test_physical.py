@@ -7,6 +7,7 @@ from atra import light
 from atra.compiled.store import float_kernel
 from atra.light.scattering.coat_kernels import coated_clear_light, coated_direction, coated_value
 from atra.light.scattering.lost_kernels import lost, lost_mean, risen, risen_mean
+from atra.light.scattering.seen_kernels import seen_from
 from atra.light.scattering.spots_kernels import Matter
 
 F = np.float32
@@ -16,7 +17,7 @@ F = np.float32
 def chosen(matter, out, numbers, directions, weights, densities):
     for k in range(len(numbers)):
         way, weight, density = coated_direction(
-            matter, (out[0], out[1], out[2]), numbers[k, 0], numbers[k, 1], numbers[k, 2]
+            matter, seen_from(matter, (out[0], out[1], out[2])), numbers[k, 0], numbers[k, 1], numbers[k, 2]
         )
         for axis in range(3):
             directions[k, axis], weights[k, axis] = way[axis], weight[axis]
@@ -27,7 +28,7 @@ def chosen(matter, out, numbers, directions, weights, densities):
 def valued(matter, outs, ways, values, densities):
     for k in range(len(ways)):
         value, density = coated_value(
-            matter, (outs[k, 0], outs[k, 1], outs[k, 2]), (ways[k, 0], ways[k, 1], ways[k, 2])
+            matter, seen_from(matter, (outs[k, 0], outs[k, 1], outs[k, 2])), (ways[k, 0], ways[k, 1], ways[k, 2])
         )
         for axis in range(3):
             values[k, axis] = value[axis]

@@ -9,8 +9,6 @@ import atra
 from atra import light
 from atra.errors import InputError
 from atra.files.saving import encode_exr
-from atra.light import Scene
-from tests.baked import baked, sheet
 from tests.meshes import quads
 from tests.shown import floor
 
@@ -127,26 +125,6 @@ def test_texels_below_0_by_rounding_become_0_with_one_warning_and_all_others_sta
     path.write_bytes(exr_of(texels))
     with pytest.raises(InputError, match=r"nan, .* at column 0 of row 0"):
         light.PanoramaSky.load(path)
-
-
-@pytest.mark.slow  # compiles for long; that the texels are equal to the bit is tested above
-@openexr
-def test_a_sky_of_a_file_lights_a_bake_and_a_picture_as_the_same_texels_do(tmp_path):
-    texels = sky()
-    loaded, given = (
-        light.PanoramaSky.load(written(tmp_path, "sky.exr", exr_of(texels))), light.PanoramaSky(texels),
-    )  # fmt: skip
-    mesh = quads([floor(0.5)])
-    first, second = (baked(Scene.plain(mesh, sky=one), sheet(mesh, 4), 4) for one in (loaded, given))
-    np.testing.assert_array_equal(first.combined, second.combined)
-    assert first.environment.min() > 0
-    camera = atra.Camera((0, 1, 2), (0, 0, 0), width=16, height=16)
-    pictures = []
-    for one in (loaded, given):
-        with light.PathRenderer(light.Scene(mesh, sky=one), camera, threads=1) as renderer:
-            renderer.add(1)
-            pictures.append(renderer.image)
-    np.testing.assert_array_equal(*pictures)
 
 
 @pytest.mark.parametrize("renderer", [light.PathRenderer, light.HybridRenderer])

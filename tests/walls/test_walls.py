@@ -130,8 +130,7 @@ WALLS = (
       for room in WORKLOAD_ROOMS),
     Wall("atra", ("viser",), apart_from=("atra.light.viewer.camera_page", "atra.light.viewer.page"),
          reason="only pages know viser"),
-    Wall("experiments", EVIDENCE, apart_from=(*EVIDENCE, "experiments.documents"),
-         reason="the core of the harness knows no wing; what writes the documents' numbers reads all"),
+    Wall("experiments", EVIDENCE, apart_from=EVIDENCE, reason="the core of the harness knows no wing"),
     *(Wall(wing, EVIDENCE[number + 1 :], reason="a wing imports only wings before it")
       for number, wing in enumerate(EVIDENCE)),
     Wall("scenes", ("experiments", "hydra", "omegaconf"), reason="scenes know no experiment"),
@@ -219,9 +218,8 @@ def test_importing_the_library_loads_no_wing_and_no_command_and_a_wing_is_loaded
 
 
 def test_the_core_of_the_harness_names_no_wing_not_even_in_a_text():
-    """Wings register by entry points. What writes the documents' numbers reads all."""
-    apart = (*EVIDENCE, "experiments.documents")
-    core = [path for name, path in modules("experiments").items() if not is_below(name, apart)]
+    """Wings register by entry points."""
+    core = [path for name, path in modules("experiments").items() if not is_below(name, EVIDENCE)]
     assert len(core) > 100
     named = [path for path in core if re.search(rf"({'|'.join(EVIDENCE)})\b", path.read_text(encoding="utf-8"))]
     assert not named

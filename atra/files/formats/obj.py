@@ -22,13 +22,14 @@ _ROWS_PER_CORNER = 3
 class ObjSurface(NamedTuple):
     """The faces of an OBJ; corners that differ in position, texture coordinate or normal have vertices of their own.
 
-    uv: (V, 2) and normals: (V, 3) float64, None where the file has none; NaN for a vertex without. libraries: the names
-    behind `mtllib`.
+    uv: (V, 2), normals and colours: (V, 3) float64, None where the file has none; NaN for a vertex without. Colours are
+    sRGB, as they stand behind the coordinates. libraries: the names behind `mtllib`.
     """
 
     part: Part
     uv: NDArray[np.float64] | None
     normals: NDArray[np.float64] | None
+    colours: NDArray[np.float64] | None
     materials: tuple[str, ...]
     libraries: tuple[str, ...]
     notes: tuple[str, ...]
@@ -73,7 +74,9 @@ def read_obj_surface(content: bytes, allowance: Allowance) -> ObjSurface:
         row[np.maximum(index, -1)] if (index >= 0).any() else None for row, index in zip(rows, others, strict=True)
     )
     libraries = tuple(dict.fromkeys(found.rest_of_lines("mtllib")))
-    return ObjSurface(part, uv, normals, found.names, libraries, (*more, *notes))
+    colours = found.colours()
+    colours = None if colours is None else colours[position]
+    return ObjSurface(part, uv, normals, colours, found.names, libraries, (*more, *notes))
 
 
 class _Faces:
@@ -123,6 +126,15 @@ class _Faces:
             index = np.where(numbers < 0, numbers + above, index)
         index[(index < 0) | (index >= len(values)) | (numbers == 0)] = -1
         return values, index, int(((index < 0) & (numbers != 0)).sum())
+
+    def colours(self) -> NDArray[np.float64] | None:
+        """(N, 3), the three numbers behind the coordinates of vertices; None where a vertex has none."""
+        lines = np.flatnonzero(self._kinds == code_of("v"))
+        firsts, ends = self.words.firsts[lines], self.words.firsts[lines + 1]
+        at = firsts[:, None] + np.arange(4, 7)
+        if not len(lines) or (at[:, -1] >= ends).any() or self.words.codes[at].any():
+            return None
+        return self.words.values[at]
 
     def rest_of_lines(self, word: str) -> list[str]:
         """What stands behind a word at the beginning of lines, up to a comment."""

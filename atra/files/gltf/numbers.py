@@ -72,6 +72,10 @@ class Numbers:
             found = np.maximum(found / np.iinfo(rows.dtype).max, -1.0)
         return found
 
+    def has_numbers(self, number: Any) -> bool:
+        """Whether an accessor has numbers that can be read; without them it would stand for zeros."""
+        return number in self.decoded or bool({"bufferView", "sparse"} & entry(self._tree, "accessors", number).keys())
+
     def whole(self, number: Any) -> NDArray[np.int64]:
         """(N,) int64 of an accessor of indices."""
         _, rows = self.rows(number)

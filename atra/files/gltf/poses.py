@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.files.gltf.nodes import Node, nodes_of
+from atra.files.gltf.nodes import Node
 from atra.files.gltf.numbers import Numbers
 from atra.files.gltf.tree import entry
 
@@ -26,9 +26,12 @@ class Pose(NamedTuple):
         return self.joints is None and not any(self.weights)
 
 
-def poses_of(tree: Any, numbers: Numbers) -> dict[int, Pose]:
-    """The poses of the nodes of the default scene that have a mesh, by their numbers."""
-    nodes = list(nodes_of(tree))
+AT_REST = Pose()
+"""Moves no vertex."""
+
+
+def poses_of(tree: Any, nodes: list[Node], numbers: Numbers) -> dict[int, Pose]:
+    """The poses of those nodes of the default scene that have a mesh, by their numbers. nodes: all of the scene."""
     worlds = {node.number: node.to_world for node in nodes}
     return {node.number: _pose(tree, node, worlds, numbers) for node in nodes if "mesh" in node.given}
 

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.files.gltf.numbers import Numbers
 from atra.files.gltf.packed import DRACO, draco_rows
-from atra.files.gltf.poses import Pose, moved
-from atra.files.gltf.tree import entry
+from atra.files.gltf.poses import AT_REST, Pose, moved
 from atra.files.meshes.parts import check_indices
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
@@ -38,14 +37,13 @@ def claimed_rows(primitive: Any, numbers: Numbers) -> int:
 
 
 def read_primitive(
-    tree: Any, primitive: Any, numbers: Numbers, pose: Pose
+    primitive: Any, numbers: Numbers, pose: Pose = AT_REST
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Vertices (V, 3) float64 and triangles (F, 3) int64. Raises InputError for an index without vertex."""
-    decode_primitive(primitive, numbers)
+    _decode(primitive, numbers)
     position, indices = primitive["attributes"]["POSITION"], primitive.get("indices")
     for number in (position, *(() if indices is None else (indices,))):
-        accessor = entry(tree, "accessors", number)
-        if "bufferView" not in accessor and "sparse" not in accessor and number not in numbers.decoded:
+        if not numbers.has_numbers(number):
             raise InputError(f"accessor {number} has no numbers, or compressed ones; export it plainly")
     vertices = moved(numbers.floats(position, 3), "POSITION", primitive, numbers, pose)
     corners = np.arange(len(vertices)) if indices is None else numbers.whole(indices)
@@ -54,7 +52,7 @@ def read_primitive(
     return vertices, faces
 
 
-def decode_primitive(primitive: Any, numbers: Numbers) -> None:
+def _decode(primitive: Any, numbers: Numbers) -> None:
     """Let the accessors of a primitive that Draco compresses have their numbers; others have them already."""
     compressed = primitive.get("extensions", {}).get(DRACO)
     if compressed is None:

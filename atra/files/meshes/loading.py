@@ -19,7 +19,7 @@ from atra.files.formats.ply import read_ply_file
 from atra.files.formats.stl import read_stl_file
 from atra.files.formats.three_mf import read_3mf_file
 from atra.files.gltf.geometry import read_gltf_file
-from atra.files.meshes.parts import MeshFile
+from atra.files.meshes.parts import MeshFile, joined
 from atra.files.reading import Allowance, read_regular_file
 from atra.geometry.mesh import Mesh
 from atra.geometry.numbers import as_number
@@ -66,11 +66,7 @@ def load_mesh(path: str | Path, *, scale: float = 1.0, memory_per_byte: float | 
     if not (isfinite(factor) and factor > 0.0):
         raise InputError(f"scale is {scale!r}, expected a number above 0")
     found = read_mesh_file(path, memory_per_byte)
-    vertices, faces = found.parts[0].vertices, found.parts[0].faces
-    if len(found.parts) > 1:
-        firsts = np.cumsum([0] + [len(part.vertices) for part in found.parts[:-1]])
-        vertices = np.concatenate([part.vertices for part in found.parts])
-        faces = np.concatenate([part.faces + first for part, first in zip(found.parts, firsts, strict=True)])
+    vertices, faces = joined(found.parts)
     if factor != 1.0:
         vertices = vertices * factor
     try:
@@ -149,12 +145,11 @@ def read_mesh_file(path: Path, memory_per_byte: float | None = None) -> MeshFile
     if suffix not in _READERS and suffix not in (*_GLTF, *FORMATS):
         _check_other(path, suffix)
     try:
-        content = read_regular_file(path)
-        allowance = Allowance(len(content), memory_per_byte)
-        if suffix in _READERS:
-            found = _READERS[suffix](content, allowance)
-        elif suffix in _GLTF:
-            found = read_gltf_file(path, content, suffix, memory_per_byte)
+        content = b"" if suffix in _GLTF else read_regular_file(path)
+        if suffix in _GLTF:
+            found = read_gltf_file(path, memory_per_byte)
+        elif suffix in _READERS:
+            found = _READERS[suffix](content, Allowance(len(content), memory_per_byte))
         else:
             found = read_cells_file(content, suffix) if suffix in FORMATS else read_other_file(path, content, suffix)
     except Exception as error:  # a reader of damaged bytes may raise anything

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from atra.geometry.mesh import LARGEST_COORDINATE
 NONE = -1
 """Stands for no material, and for no node."""
 
-_BYTES_PER_ROW = 3 * (2 * 8 + 8 + 4)
+BYTES_PER_ROW = 3 * (2 * 8 + 8 + 4)
 """Memory for the three numbers of a face or vertex: 64 bits in a part, joined and checked, 32 bits when kept."""
 
 
@@ -77,6 +78,15 @@ def placed_part(
     return Part(vertices, faces, np.arange(len(faces)), material, node)
 
 
+def joined(parts: Sequence[Part]) -> tuple[NDArray[np.floating], NDArray[np.integer]]:
+    """Vertices and faces of all parts, one behind the other; those of a single one as they are."""
+    if len(parts) == 1:
+        return parts[0].vertices, parts[0].faces
+    firsts = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
+    faces = np.concatenate([part.faces + first for part, first in zip(parts, firsts, strict=True)])
+    return np.concatenate([part.vertices for part in parts]), faces
+
+
 def check_indices(sizes: NDArray[np.int64], corners: NDArray[np.int64], count: int) -> None:
     """Raise InputError for the first corner that names none of `count` vertices."""
     if len(corners) and (corners.min() < 0 or corners.max() >= count):
@@ -104,4 +114,4 @@ def _sound(vertices: NDArray[np.floating], corners: NDArray[np.int64]) -> tuple[
 
 def check_rows(rows: int, allowance: Allowance) -> None:
     """Check the memory of so many faces and vertices."""
-    allowance.check(f"{rows:,} faces and vertices", rows * _BYTES_PER_ROW)
+    allowance.check(f"{rows:,} faces and vertices", rows * BYTES_PER_ROW)

@@ -49,14 +49,14 @@ class Lens(ABC):
     sees_sideways: ClassVar[bool]
 
     def __post_init__(self) -> None:
-        for one in fields(self):
-            value = as_number(getattr(self, one.name))
+        for field in fields(self):
+            value = as_number(getattr(self, field.name))
             if not abs(value) <= LARGEST_COEFFICIENT:
-                given = getattr(self, one.name)
+                given = getattr(self, field.name)
                 raise InputError(
-                    f"{one.name} of the lens is {given!r}, expected a finite number up to {LARGEST_COEFFICIENT:g}"
+                    f"{field.name} of the lens is {given!r}, expected a finite number up to {LARGEST_COEFFICIENT:g}"
                 )
-            object.__setattr__(self, one.name, value)
+            object.__setattr__(self, field.name, value)
 
     @cached_property
     @abstractmethod
@@ -64,7 +64,9 @@ class Lens(ABC):
         """The lens as kernels take it."""
 
     def __str__(self) -> str:
-        given = ", ".join(f"{one.name}={getattr(self, one.name):g}" for one in fields(self) if getattr(self, one.name))
+        given = ", ".join(
+            f"{field.name}={getattr(self, field.name):g}" for field in fields(self) if getattr(self, field.name)
+        )
         return f"{type(self).__name__}({given})"
 
 
@@ -239,7 +241,7 @@ def coefficients_of(distortion: Any, counts: tuple[int, ...]) -> list[float]:
     if given.size not in counts or given.size != max(given.shape, default=0):
         expected = " or ".join((", ".join(map(str, counts[:-1])), str(counts[-1]))) if len(counts) > 1 else str(*counts)
         raise InputError(f"distortion has shape {given.shape}, expected {expected} coefficients")
-    return [float(one) for one in given.ravel()]
+    return [float(number) for number in given.ravel()]
 
 
 def _numbers(

@@ -11,10 +11,10 @@ from atra.compiled.store import float_kernel, njit
 from atra.embree.packets_kernels import INFINITY
 from atra.light.emitters.grid_kernels import LampGrid, cell_of, chosen_in
 from atra.light.lights_kernels import ALMOST, KIND, SUN, to_lamp, to_sun
-from atra.light.numbers_kernels import ONE, TWO, ZERO, along, bits_of, dot, scaled, texel_of, unit_of
-from atra.light.scattering.physical_kernels import luminance
+from atra.light.numbers_kernels import ONE, TWO, ZERO, along, bits_of, dot, luminance, scaled, texel_of, unit_of
+from atra.light.scattering.emission_kernels import emission_at
 from atra.light.scattering.sampler_kernels import CHOICE, PAIRS, PLACE, pair_of
-from atra.light.scattering.spots_kernels import BLACK, emission_at, scattered_light
+from atra.light.scattering.spots_kernels import BLACK, scattered_light
 from atra.light.surface_kernels import leaving, meet
 
 _S1, _S2, _S3, _S4 = (np.float32(step) for step in (0.8566749, 0.7338919, 0.6287067, 0.5385973))
@@ -155,7 +155,7 @@ def _to_lamp(emitters, origin, chance, second, u, v):  # type: ignore[no-untyped
 
 
 @njit(forceinline=True, error_model="numpy")
-def _candidate(surfaces, emitters, spot, direction, origin, chance, second, u, v):  # type: ignore[no-untyped-def]
+def _candidate(surfaces, emitters, spot, origin, chance, second, u, v):  # type: ignore[no-untyped-def]
     """(length, direction, (r, g, b), kind): a point of an emitter, and the light that arrives from it
     along the path, over how often it is chosen, if nothing is in its way.
 
@@ -175,7 +175,7 @@ def _candidate(surfaces, emitters, spot, direction, origin, chance, second, u, v
         length, kind = distance * ALMOST, FROM_TRIANGLE
     if not density > ZERO:
         return ZERO, towards, BLACK, kind
-    scattered, own = scattered_light(spot, direction, towards)
+    scattered, own = scattered_light(spot, towards)
     factor = ONE if kind == FROM_LAMP else share_of(density, own) / density
     return length, towards, (
         factor * scattered[0] * light[0], factor * scattered[1] * light[1], factor * scattered[2] * light[2]
@@ -196,7 +196,7 @@ def aim(surfaces, emitters, spot, prim_id, direction, key, sample, bounce):  # t
     origin = leaving(surfaces, prim_id, spot.point, spot.normal)
     length, towards, light, weight, total, of = ZERO, direction, BLACK, ZERO, ZERO, FROM_TRIANGLE
     for _ in range(emitters.candidates):
-        other, way, carried, kind = _candidate(surfaces, emitters, spot, direction, origin, chance, second, u, v)
+        other, way, carried, kind = _candidate(surfaces, emitters, spot, origin, chance, second, u, v)
         chance, second, u, v = _next(chance, _S1), _next(second, _S2), _next(u, _S3), _next(v, _S4)
         more = luminance(carried)
         if not more > ZERO:

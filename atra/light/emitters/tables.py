@@ -10,13 +10,13 @@ from atra.light.emitters.grid import lamp_grid, no_grid
 from atra.light.lights import Light, SpotLight, Sun, light_row
 from atra.light.lights_kernels import LIGHT_WORDS
 from atra.light.materials import Material, images_of
+from atra.light.numbers_kernels import LUMINANCE
 from atra.light.scene import Scene
 from atra.light.sky import PanoramaSky
 from atra.light.tables import area_vectors
 from atra.light.textures import linear
 
-_LUMINANCE = np.array((0.2126, 0.7152, 0.0722))
-"""Weights of linear sRGB's channels."""
+_LUMINANCE = np.array(LUMINANCE)
 
 _LEAST_SHARE = 0.25
 """Least share of rays for triangles, for the sky, and for lamps, where several shine: only one may reach a room."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from importlib import import_module
 from time import perf_counter
 from typing import Any
 
@@ -12,8 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import AtraError, InputError
 from atra.geometry.view import View
+from atra.light.batches import in_batches
 from atra.light.checks import check_whole
-from atra.light.lightmaps.batches import in_batches, needed_bytes
+from atra.light.lightmaps.batches import needed_bytes
 from atra.light.lightmaps.charts.atlas import Atlas
 from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.maps import Lightmap
@@ -277,8 +277,7 @@ class Baker(Lifetime):
             self.samples[:], self._sums[:] = state["samples"], state["sums"]
 
     def _fingerprint(self) -> NDArray[np.uint8]:
-        options = {name: value for name, value in vars(self.options).items() if name != "threads"}
-        return fingerprint(import_module("atra").__version__, self.scene, self.texels.atlas, options)
+        return fingerprint(self.scene, self.texels.atlas, options=self.options)
 
     def _release(self) -> None:
         self.rays_scene.close()

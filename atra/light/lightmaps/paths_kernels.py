@@ -26,9 +26,11 @@ from atra.light.lightmaps.sums_kernels import (
 from atra.light.numbers_kernels import ONE, ZERO, key_of, mixed, on_sphere, scaled
 from atra.light.pictures.paths.following_kernels import aimed, follow, more
 from atra.light.scattering.sampler_kernels import DIRECTION, JITTER, pair_of
+from atra.light.scattering.seen_kernels import UNSEEN
 from atra.light.scattering.spots_kernels import (
     BLACK,
     LAMBERTIAN,
+    NO_FRAME,
     NOTHING,
     PER_SPHERE,
     WHITE,
@@ -67,7 +69,8 @@ def sequence_key(number, seed):  # type: ignore[no-untyped-def]
 @njit(forceinline=True)
 def _white(spot):  # type: ignore[no-untyped-def]
     """The same place of a surface that reflects all light equally to all sides."""
-    return Spot(spot.point, spot.normal, spot.shaded, np.int64(LAMBERTIAN), spot.material, False, _white_matter())
+    kind, matter = np.int64(LAMBERTIAN), _white_matter()
+    return Spot(spot.point, spot.normal, spot.shaded, kind, spot.material, False, matter, NO_FRAME, UNSEEN)
 
 
 @njit(forceinline=True)
@@ -188,7 +191,7 @@ def light_probes(  # type: ignore[no-untyped-def]
             sequence_key(probe, charts.seed),
         )
         kind, material = np.int64(NOTHING), np.int64(0)
-        spot = Spot(point, nowhere, nowhere, kind, material, False, _white_matter())
+        spot = Spot(point, nowhere, nowhere, kind, material, False, _white_matter(), NO_FRAME, UNSEEN)
         for sample in range(samples):
             if is_aimed:
                 light, kind, towards, traced = aimed(

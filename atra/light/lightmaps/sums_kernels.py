@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from atra.compiled.store import njit
+from atra.light import numbers_kernels
 
 DIRECT, INDIRECT, ENVIRONMENT, OPEN, BACK = 0, 3, 6, 9, 10
 CHANNELS, RESULTS = 9, 11
@@ -17,8 +18,8 @@ SUMS = RESULTS + 4
 its samples last were a power of two; and by how much that differed from the mean of half as many, squared, then and one
 doubling earlier."""
 
-LUMINANCE = np.float32(0.2126), np.float32(0.7152), np.float32(0.0722)
-"""Weights of linear RGB (Rec. 709)."""
+LUMINANCE = tuple(np.float32(weight) for weight in numbers_kernels.LUMINANCE)
+"""Weights of linear RGB (Rec. 709), float32."""
 
 
 @njit(forceinline=True)

@@ -15,17 +15,23 @@ from atra.errors import InputError
 from atra.files.saving import encode_exr
 from atra.hits import Hits
 from atra.light.pictures.files_kernels import encode_srgb
+from atra.light.pictures.finish.tone import stops_of, toned
 
 SUFFIXES = (".png", ".exr")
 
+_LEAST_ALPHA = np.float32(1e-3)
+"""Pixels of less alpha keep their darkness in a PNG, whose colours are not multiplied by alpha."""
 
-def check_picture_path(path: Path) -> None:
-    """Raise InputError for a suffix other than .png and .exr, and for an EXR without the package OpenEXR."""
+
+def check_picture_path(path: Path) -> str:
+    """The suffix of a picture's file. Raises InputError for others than .png and .exr, and for an EXR without the
+    package OpenEXR."""
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise InputError(f"a picture is to be written to {str(path)!r}, expected a name that ends in .png or .exr")
     if suffix == ".exr":
         _check_openexr()
+    return suffix
 
 
 def _check_openexr() -> None:
@@ -50,6 +56,17 @@ def png_of(image: NDArray[np.floating], alpha: NDArray[np.floating] | None = Non
     if alpha is None:
         return png_bytes(levels)
     return png_bytes(np.dstack([levels, np.rint(np.clip(alpha, 0.0, 1.0) * 255.0).astype(np.uint8)]))
+
+
+def shown_png(
+    image: NDArray[np.float32], alpha: NDArray[np.float32] | None, exposure: float | str, tone: str
+) -> tuple[bytes, float]:
+    """A PNG of a linear picture, multiplied by alpha where it has one, and its exposure in stops. exposure, tone: of
+    `tone`, which raises InputError."""
+    if alpha is not None:
+        image = (image / np.maximum(alpha, _LEAST_ALPHA)[..., None]).astype(np.float32)
+    stops = stops_of(image, exposure)
+    return png_of(toned(image, stops, tone), alpha), stops
 
 
 def png_bytes(levels: NDArray[np.uint8]) -> bytes:

@@ -11,22 +11,21 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.errors import InputError
 from atra.geometry.view import View
 from atra.light.emitters.panels import Panel, panels_of
 from atra.light.lights import Light, light_row
 from atra.light.lights_kernels import LIGHT_WORDS
 from atra.light.pictures.aiming_kernels import Aim
-from atra.light.pictures.gbuffer_kernels import Chunk, new_chunk
+from atra.light.pictures.film import Film
+from atra.light.pictures.gbuffer_kernels import new_chunk
 from atra.light.pictures.lighting_kernels import LIGHT_PLANES, SKY_PLANES, STAGES, lighting_kernel
-from atra.light.pictures.options import HybridOptions
+from atra.light.pictures.options import HybridOptions, unlike_but_for
 from atra.light.pictures.path_kernels import BLOCK, Pixels
-from atra.light.pictures.renderer import Primary, Renderer, unlike_but_for
+from atra.light.pictures.renderer import Primary, Renderer
 from atra.light.scattering.diffuse import shown_of
 from atra.light.scene import Scene
-from atra.light.surface_kernels import Surfaces
 from atra.light.tables import surfaces_of
-from atra.rays.kernel_scene import Query
+from atra.rays.kernel_scene import KernelScene, Query
 
 
 def _steps(*primes: int) -> tuple[int, int]:
@@ -42,7 +41,107 @@ spread.
 """
 
 
-class HybridRenderer(Renderer):
+class Hybrid:
+    """The integrator of `HybridRenderer`."""
+
+    name, sets_sums, wave_pixels = "HybridRenderer", True, 512 * BLOCK
+
+    def __init__(self) -> None:
+        self._panels_of: tuple[Scene | None, list[Panel]] = None, []
+
+    def take(self, scene: Scene, options: HybridOptions) -> None:
+        """See `Integrator.take`."""
+        self._scene, self._options = scene, options
+
+    @property
+    def planes(self) -> int:
+        """Sums per pixel."""
+        return SKY_PLANES + LIGHT_PLANES * (len(self._lit_by) + bool(self._panels))
+
+    @property
+    def shares(self) -> dict[str, int]:
+        """Planes of what is open and of each light."""
+        of_lights = {f"light {k}": SKY_PLANES + k * LIGHT_PLANES + 3 for k in range(len(self._scene.lights))}
+        return {"openness": 3, **of_lights}
+
+    @property
+    def _panels(self) -> list[Panel]:
+        """Lights that stand for the scene's shining surfaces."""
+        if self._panels_of[0] is not self._scene:
+            self._panels_of = self._scene, panels_of(self._scene)
+        return self._panels_of[1]
+
+    @property
+    def _lit_by(self) -> list[Light | Panel]:
+        return [*self._scene.local.lights, *self._panels]
+
+    def build(self, rays: KernelScene) -> None:
+        """See `Integrator.build`."""
+        rows = [light.row if isinstance(light, Panel) else light_row(light) for light in self._lit_by]
+        self._lights = np.array(rows, np.float32).reshape(-1, LIGHT_WORDS)
+        shown = tuple(shown_of(material) for material in self._scene.materials)
+        self._surfaces = surfaces_of(replace(self._scene, materials=shown), 1.0)
+        self._kernel, self._chunks = lighting_kernel(rays.packet_width), [new_chunk() for _ in range(rays.threads)]
+
+    def same_sums(self, scene: Scene) -> bool:
+        """See `Integrator.same_sums`."""
+        old = self._scene
+        for name in ("face_materials", "normals", "uv", "second_uv", "colours"):
+            if not np.array_equal(getattr(scene, name), getattr(old, name)):
+                return False
+        if scene.materials != old.materials or len(scene.lights) != len(old.lights):
+            return False
+        if unlike_but_for(scene.sky, old.sky, "power"):
+            return False
+        pairs = zip(scene.lights, old.lights, strict=True)
+        return not any(unlike_but_for(new, light, "colour", "power") for new, light in pairs)
+
+    def parts(self, film: Film) -> Iterator[NDArray[np.float64]]:
+        """The sky's light, each light's, and, if there are any, that of all surfaces that shine."""
+        yield self._scene.sky.power * film.mean(slice(3))
+        first, shining = SKY_PLANES, []
+        for light in self._lit_by:
+            part = light.power * np.array(light.colour)[:, None] * film.mean(slice(first, first + 3))
+            if isinstance(light, Panel):
+                shining.append(part)
+            else:
+                yield part
+            first += LIGHT_PLANES
+        if shining:
+            yield reduce(np.add, shining, film.mean(slice(first, first + 3)))
+
+    def add(
+        self, query: Query, first: int, count: int, pixels: Pixels, film: Film, stages: dict[str, float]
+    ) -> int | None:
+        """See `Integrator.add`."""
+        options, chunk, start = self._options, self._chunks[query.worker], perf_counter()
+        to_lights = _aim(film.samples, options.shadow_rays, options.shadow_length, _LIGHT)
+        into_sky = _aim(film.samples, options.occlusion_rays, options.occlusion_length, _SKY)
+        times = np.zeros(len(STAGES), np.int64)
+        rays = self._kernel(
+            first, count, pixels, self._surfaces, self._lights, to_lights, into_sky, options.occlusion == "cosine",
+            query, chunk, film.sums, film.is_first, times,
+        )  # fmt: skip
+        taken_s = (perf_counter() - start) / times.sum()
+        for stage, ticks in zip(STAGES, times.tolist(), strict=True):
+            if ticks:
+                stages[stage] = stages.get(stage, 0.0) + ticks * taken_s
+        return None if rays < 0 else rays
+
+
+def _aim(sample: int, rays: int, length: float, steps: tuple[int, int]) -> Aim:
+    """A sample's rays; if there are none, one point that is not traced for occlusion."""
+    numbers = range(sample * rays, (sample + 1) * rays)
+    places = [[number * step + (1 << 31) & 0xFFFFFFFF for step in steps] for number in numbers]
+    return Aim(np.array(places or [[0, 0]], np.uint32), rays > 0, np.float32(length))
+
+
+def HybridRenderer(
+    scene: Scene, camera: View, primary: Primary | None = None, *,
+    threads: int | None = None, packet_width: int | None = None, build_quality: str = "medium", robust: bool = True,
+    jitter: str = "shared", most_samples: int | None = 512, shadow_rays: int = 1, shadow_length: float = inf,
+    occlusion_rays: int = 1, occlusion_length: float = 10.0, occlusion: str = "uniform",
+) -> Renderer:  # fmt: skip
     """Pictures of what is seen, lit by the scene's lights and sky.
 
         with atra.light.HybridRenderer(scene, camera, occlusion_length=2.0) as renderer:
@@ -73,6 +172,10 @@ class HybridRenderer(Renderer):
     occlusion : {"uniform", "cosine"}
         Weight of directions in the hemisphere.
 
+    Returns
+    -------
+    Renderer
+
     Raises
     ------
     InputError
@@ -91,122 +194,8 @@ class HybridRenderer(Renderer):
     >>> image.shape
     (48, 64, 3)
     """
-
-    options: HybridOptions
-
-    _sets_sums = True
-    _wave_rays = 512 * BLOCK
-
-    def __init__(
-        self, scene: Scene, camera: View, primary: Primary | None = None, *,
-        threads: int | None = None, packet_width: int | None = None, build_quality: str = "medium", robust: bool = True,
-        jitter: str = "shared", most_samples: int | None = 512, shadow_rays: int = 1, shadow_length: float = inf,
-        occlusion_rays: int = 1, occlusion_length: float = 10.0, occlusion: str = "uniform",
-    ) -> None:  # fmt: skip
-        options = HybridOptions(
-            threads, build_quality, robust, jitter, most_samples, packet_width, shadow_rays,
-            shadow_length, occlusion_rays, occlusion_length, occlusion,
-        )  # fmt: skip
-        self._panels_of: tuple[Scene | None, list[Panel]] = None, []
-        super().__init__(scene, camera, primary, options)
-
-    @property
-    def _planes(self) -> int:
-        return SKY_PLANES + LIGHT_PLANES * (len(self._lit_by) + bool(self._panels))
-
-    @property
-    def _panels(self) -> list[Panel]:
-        """Lights that stand for the scene's shining surfaces."""
-        if self._panels_of[0] is not self.scene:
-            self._panels_of = self.scene, panels_of(self.scene)
-        return self._panels_of[1]
-
-    @property
-    def _lit_by(self) -> list[Light | Panel]:
-        return [*self.scene.local.lights, *self._panels]
-
-    def _tables(self) -> Surfaces:
-        rows = [light.row if isinstance(light, Panel) else light_row(light) for light in self._lit_by]
-        self._lights = np.array(rows, np.float32).reshape(-1, LIGHT_WORDS)
-        shown = tuple(shown_of(material) for material in self.scene.materials)
-        return surfaces_of(replace(self.scene, materials=shown), 1.0)
-
-    def _start_film(self) -> None:
-        super()._start_film()
-        self._chunks: list[Chunk | None] = [None] * self.rays.threads
-
-    def _same_sums(self, scene: Scene) -> bool:
-        old = self.scene
-        for name in ("face_materials", "normals", "uv", "second_uv", "colours"):
-            if not np.array_equal(getattr(scene, name), getattr(old, name)):
-                return False
-        if scene.materials != old.materials or len(scene.lights) != len(old.lights):
-            return False
-        if unlike_but_for(scene.sky, old.sky, "power"):
-            return False
-        pairs = zip(scene.lights, old.lights, strict=True)
-        return not any(unlike_but_for(new, light, "colour", "power") for new, light in pairs)
-
-    def _parts(self) -> Iterator[NDArray[np.float64]]:
-        yield self.scene.sky.power * self._film.mean(slice(3))
-        first, shining = SKY_PLANES, []
-        for light in self._lit_by:
-            part = light.power * np.array(light.colour)[:, None] * self._film.mean(slice(first, first + 3))
-            if isinstance(light, Panel):
-                shining.append(part)
-            else:
-                yield part
-            first += LIGHT_PLANES
-        if shining:
-            yield reduce(np.add, shining, self._film.mean(slice(first, first + 3)))
-
-    def _mean(self) -> NDArray[np.float64]:
-        return reduce(np.add, self._parts())
-
-    @property
-    def parts(self) -> NDArray[np.float32]:
-        """(N, H, W, 3) float32: the image split into the sky's light, each light's, and, if there are any, that of all
-        surfaces that shine."""
-        with self._lock:
-            return self._lens_pixels.blackened(np.stack([self._film.as_image(part) for part in self._parts()]))
-
-    @property
-    def openness(self) -> NDArray[np.float32]:
-        """(H, W) float32, share of rays into the sky that nothing blocked; 1 for a miss."""
-        return self._share(3)
-
-    def lit(self, light: int = 0) -> NDArray[np.float32]:
-        """(H, W) float32, share of rays to a light that nothing blocked; 0 on surfaces facing away and for a miss.
-        Raises InputError for an unknown light."""
-        with self._lock:
-            if not 0 <= light < len(self.scene.lights):
-                raise InputError(f"light is {light!r}, but the scene has {len(self.scene.lights)}, counted from 0")
-            return self._share(SKY_PLANES + light * LIGHT_PLANES + 3)
-
-    def _share(self, plane: int) -> NDArray[np.float32]:
-        with self._lock:
-            return self._film.as_image(self._film.mean(slice(plane, plane + 1)))[..., 0]
-
-    def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> int | None:
-        options, start = self.options, perf_counter()
-        chunk = self._chunks[query.worker]
-        if chunk is None:
-            chunk = self._chunks[query.worker] = new_chunk()
-        to_lights = self._aim(options.shadow_rays, options.shadow_length, _LIGHT)
-        into_sky = self._aim(options.occlusion_rays, options.occlusion_length, _SKY)
-        times = np.zeros(len(STAGES), np.int64)
-        rays = lighting_kernel(self.rays.packet_width)(
-            first, count, pixels, self._surfaces, self._lights, to_lights, into_sky, options.occlusion == "cosine",
-            query, chunk, self._film.sums, self._film.is_first, times,
-        )  # fmt: skip
-        taken_s = (perf_counter() - start) / times.sum()
-        for stage, ticks in zip(STAGES, times.tolist(), strict=True):
-            if ticks:
-                stages[stage] = stages.get(stage, 0.0) + ticks * taken_s
-        return None if rays < 0 else rays
-
-    def _aim(self, rays: int, length: float, steps: tuple[int, int]) -> Aim:
-        """This sample's rays; if there are none, one point that is not traced for occlusion."""
-        numbers = range(self.samples * rays, (self.samples + 1) * rays)
-        places = [[number * step + (1 << 31) & 0xFFFFFFFF for step in steps] for number in numbers]
-        return Aim(np.array(places or [[0, 0]], np.uint32), rays > 0, np.float32(length))
+    options = HybridOptions(
+        threads, build_quality, robust, jitter, most_samples, packet_width, shadow_rays,
+        shadow_length, occlusion_rays, occlusion_length, occlusion,
+    )  # fmt: skip
+    return Renderer(scene, camera, primary, options, Hybrid())

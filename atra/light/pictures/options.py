@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import inf
 from typing import ClassVar
+
+import numpy as np
 
 from atra.choices import check_choice, check_flags
 from atra.errors import InputError
@@ -84,3 +86,17 @@ class HybridOptions(RenderOptions):
             length = as_number(getattr(self, name))
             if not 0.0 < length <= inf:
                 raise InputError(f"{name} is {getattr(self, name)!r}, expected a length above 0, or inf")
+
+
+def unlike_but_for(one: object, other: object, *names: str) -> bool:
+    """Whether two frozen values differ in fields other than `names`."""
+    if type(one) is not type(other):
+        return True
+    kept = [field.name for field in fields(one) if field.name not in names]  # type: ignore[arg-type]
+    return not all(_is_same(getattr(one, name), getattr(other, name)) for name in kept)
+
+
+def _is_same(one: object, other: object) -> bool:
+    if isinstance(one, np.ndarray):  # texels, usually the same object
+        return one is other or np.array_equal(one, other)  # type: ignore[arg-type]
+    return bool(one == other)

@@ -23,8 +23,9 @@ from atra.embree.packets_kernels import (
 from atra.light.emitters.background_kernels import background
 from atra.light.emitters.emitters_kernels import FROM_LAMP, found_share, found_sky_share
 from atra.light.numbers_kernels import ONE, ZERO, along, bits_of, dot, key_of, scaled, set_vector, unit_of, vector
+from atra.light.scattering.emission_kernels import emitted, opacity_at
 from atra.light.scattering.sampler_kernels import JITTER, LOBE, PAIRS, pair_of
-from atra.light.scattering.spots_kernels import BLACK, WHITE, emitted, opacity_at, spot_of, straight_light
+from atra.light.scattering.spots_kernels import BLACK, WHITE, straight_light
 from atra.light.surface_kernels import HOLES, ONE_SIDED, SOLID, TRANSMISSION, material_of, meet, sky_colour
 
 BLOCK = 2048
@@ -179,8 +180,7 @@ def _straight(surfaces, prim_id, origin, direction, distance, is_seen, is_lamp):
     light = ONE - opacity, ONE - opacity, ONE - opacity
     row = surfaces.materials[material_of(surfaces, prim_id)]
     if opacity > ZERO and row[TRANSMISSION] > 0.0:
-        spot, _ = spot_of(surfaces, prim_id, origin, direction)
-        light = along(light, opacity, straight_light(spot, -dot(direction, spot.shaded), is_lamp))
+        light = along(light, opacity, straight_light(surfaces, prim_id, origin, direction, is_lamp))
     return light, opacity, beyond
 
 

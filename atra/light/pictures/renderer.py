@@ -1,123 +1,105 @@
-"""The base of renderers: samples of a scene seen by a camera, averaged to a picture."""
+"""Renderers: samples of a scene seen by a camera, averaged to a picture."""
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections import deque
-from collections.abc import Callable
-from dataclasses import fields, replace
-from functools import partial
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial, reduce
+from pathlib import Path
 from time import perf_counter
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.errors import AtraError, InputError
+from atra.errors import InputError
+from atra.files.paths import write_atomically
 from atra.geometry.mesh import Mesh
-from atra.geometry.ray_space import check_range, own_space
+from atra.geometry.ray_space import check_range
 from atra.geometry.view import View
-from atra.hits import Hits
 from atra.light.checks import check_whole
-from atra.light.laps import Laps
-from atra.light.pictures.film import Film
-from atra.light.pictures.finish.finisher import CENTRE, Finisher, Offset, Wave
-from atra.light.pictures.options import RenderOptions
-from atra.light.pictures.path_kernels import BLOCK, Pixels
-from atra.light.pictures.pixels import LensPixels, pixels_of
+from atra.light.oidn import Denoiser
+from atra.light.pictures.files import check_picture_path, exr_of, shown_png
+from atra.light.pictures.finish.fingerprint import fingerprint
+from atra.light.pictures.finish.layers import Layers, layers_of
+from atra.light.pictures.frame import CENTRE, Frame, Integrator
+from atra.light.pictures.options import RenderOptions, unlike_but_for
 from atra.light.scene import Scene
-from atra.light.surface_kernels import Surfaces
 from atra.raster.tracer import RasterTracer
-from atra.rays.kernel_scene import KernelScene, Query, scene_for_kernels
+from atra.rays.kernel_scene import scene_for_kernels
+from atra.tracing.lifetime import Lifetime, synchronized
 from atra.tracing.tracer import Tracer
-from atra.views.sampling import sub_pixel_offsets
 
 Primary = Callable[[Mesh, View], Tracer]
 """Makes the tracer of primary visibility: `atra.PixelTracer`, or `partial(atra.AlignedTracer, split=(128, 1))`."""
 
-_WAVES_A_THREAD = 4
-"""Least waves per thread; more balance the threads and ask `stop` more often."""
 
+class Renderer(Lifetime):
+    """Samples of a scene seen by a camera; `HybridRenderer` and `PathRenderer` make one.
 
-def _never() -> bool:
-    return False
+    Parameters
+    ----------
+    scene :
+        What is lit, see `Scene`.
+    camera :
+        Of any kind. Through a lens all pixels of a sample have one offset, whatever `jitter` is, and those without a
+        ray are black.
+    primary :
+        Makes the tracer of primary visibility from mesh and camera; None: the rasteriser.
+    options, integrator :
+        How light is gathered.
 
+    Attributes
+    ----------
+    stage_s : dict
+        Seconds by stage of the last `add`, which sum to its duration. Stages in several threads count their mean;
+        "other" is the rest: waiting, Python.
+    ray_count : int
+        Rays of the last `add` beside those of primary visibility.
 
-class Renderer(Finisher):
-    """What renderers share: primary visibility, a scene for all other rays, samples, and times of stages.
-
-    scene: see `Scene`. camera: of any kind; through a lens all pixels of a sample have one offset, whatever
-    `jitter` is, and those without a ray are black. primary: makes the tracer of primary visibility from mesh
-    and camera; None: the rasteriser. options: of the renderer.
-
-    stage_s: seconds by stage of the last `add`, which sum to its duration. Stages in several threads count their mean;
-    "other" is the rest: waiting, Python. ray_count: rays of the last `add` beside those of primary visibility.
+    Raises
+    ------
+    InputError
+        For a camera that cannot see the mesh.
+    MemoryBudgetError
+        For sums that the free memory cannot hold.
     """
 
-    _sets_sums: ClassVar[bool] = False  # `is_set` of `Film`
-    _wave_rays: ClassVar[int] = 8 * BLOCK  # pixels that a thread takes at a time, at most
-
-    def __init__(self, scene: Scene, camera: View, primary: Primary | None, options: RenderOptions) -> None:
+    def __init__(
+        self, scene: Scene, camera: View, primary: Primary | None, options: RenderOptions, integrator: Integrator
+    ) -> None:
         super().__init__()
-        self.options = options
+        self.options, self.integrator = options, integrator
         check_range(scene.mesh, camera, takes_lenses=True)
-        self.rays = self._new_rays(scene.mesh.local)
-        make_tracer = primary or partial(RasterTracer, threads=self.options.threads)
+        self.rays = scene_for_kernels(scene.mesh.local, options)
+        make_tracer = primary or partial(RasterTracer, threads=options.threads)
         self.scene, self.camera = scene, camera
         self._tracer = make_tracer(scene.mesh, camera)
-        self._surfaces: Surfaces | None = None
-        self._film = self._new_film()
-        self._start_film()
-
-    def _new_rays(self, mesh: Mesh) -> KernelScene:
-        """The scene for all rays but those of primary visibility."""
-        return scene_for_kernels(mesh, self.options)
-
-    @property
-    @abstractmethod
-    def _planes(self) -> int:
-        """Sums per pixel."""
-
-    @abstractmethod
-    def _tables(self) -> Surfaces: ...
-
-    @abstractmethod
-    def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> int | None:
-        """Add the next sample of `count` pixels, and the seconds of stages. Returns the number of rays traced, None if
-        light was not finite."""
-
-    @abstractmethod
-    def _mean(self) -> NDArray[np.float64]:
-        """(3, pixels), over all samples."""
-
-    @abstractmethod
-    def _same_sums(self, scene: Scene) -> bool:
-        """Whether samples of `scene` would have the sums of the current one's."""
-
-    def _new_film(self) -> Film:
-        return Film((self._planes, self.camera.width, self.camera.height), self._sets_sums)
-
-    def _start_film(self) -> None:
-        if self._film.shape != (self._planes, self.camera.width, self.camera.height):
-            self._film = self._new_film()
-        self._film.restart()
-        self._hits: Hits | None = None
-        self._lens_pixels = LensPixels()
+        integrator.take(scene, options)
+        self._frame = Frame(scene.mesh, camera, self._tracer, self.rays, integrator)
         self.stage_s: dict[str, float] = {}
         self.ray_count = 0
+
+    def _start(self) -> None:
+        self._frame.start(self.scene.mesh, self.camera)
+        self.stage_s, self.ray_count = {}, 0
 
     def _build(self) -> tuple[float, float]:
         self._tracer.build()
         self.rays.build()
         start = perf_counter()
-        self._surfaces = self._tables()
+        self.integrator.build(self.rays)
         tables_time_s = perf_counter() - start
         return self._tracer.plan_time_s, self._tracer.build_time_s + self.rays.build_time_s + tables_time_s
+
+    def _release(self) -> None:
+        self._tracer.close()
+        self.rays.close()
 
     @property
     def samples(self) -> int:
         """Samples since the last restart."""
-        return self._film.samples
+        return self._frame.film.samples
 
     @property
     def tracer(self) -> Tracer:
@@ -141,92 +123,34 @@ class Renderer(Finisher):
             try:
                 for _ in range(samples):
                     if stop is not None:
-                        self._film.begin_sample()
-                    if not self._add_sample(stages, stop or _never):
-                        self._film.drop_sample()
+                        self._frame.film.begin_sample()
+                    is_finished, rays = self._frame.add(self.options.jitter, stages, stop)
+                    self.ray_count += rays
+                    if not is_finished:
+                        self._frame.film.drop_sample()
                         return False
-                    self._film.end_sample()
+                    self._frame.film.end_sample()
             except BaseException:
-                self._start_film()  # the sums may hold part of a sample
+                self._start()  # the sums may hold part of a sample
                 raise
             stages["other"] = perf_counter() - start - sum(stages.values())
             self.stage_s = stages
             return True
 
-    def _add_sample(self, stages: dict[str, float], stop: Callable[[], bool]) -> bool:
-        """Returns whether it finished."""
-        offset = CENTRE if self.options.jitter == "off" else tuple(sub_pixel_offsets(1, self.samples)[0].tolist())
-        own = self.options.jitter == "pixel" and self.camera.lens is None
-        lap = Laps(stages)
-        if not own and (self._hits is None or self.options.jitter != "off"):
-            self._hits = self._tracer.trace(offset, out=self._hits)
-        lap("primary")
-        pixels = self._pixels(offset, None if own else self._hits)
-        times: list[dict[str, float]] = [{} for _ in range(self.rays.threads)]
-        rays = [0] * self.rays.threads
-
-        def add(first: int, count: int, query: Query) -> None:
-            traced = self._add_wave(first, count, pixels, query, times[query.worker])
-            if traced is None:
-                raise self._not_finite(first, count)
-            rays[query.worker] += traced
-
-        is_finished = self._in_waves(add, stop)
-        self.ray_count += sum(rays)
-        for of_worker in times:
-            for stage, seconds in of_worker.items():
-                stages[stage] = stages.get(stage, 0.0) + seconds / self.rays.threads
-        return is_finished
-
-    def _pixels(self, offset: Offset, hits: Hits | None) -> Pixels:
-        """All pixels at a sub-pixel offset, for kernels; hits: what they see there, None = unknown."""
-        directions = self._lens_pixels.directions(self.camera, offset, self.rays.threads)
-        _, own_camera = own_space(self.scene.mesh, self.camera)
-        return pixels_of(own_camera, self._film, offset, hits, directions)
-
-    def _in_waves(self, each: Wave, stop: Callable[[], bool] = _never) -> bool:
-        """Call `each` for all pixels, wave by wave, in all threads; returns whether it finished."""
-        every = self.camera.width * self.camera.height
-        waves = 1 if self.rays.threads == 1 and stop is _never else _WAVES_A_THREAD * self.rays.threads
-        share = -(-every // (waves * BLOCK)) * BLOCK
-        wave_rays = min(self._wave_rays, share)
-        starts = deque(range(0, every, wave_rays))  # `popleft` is thread-safe
-
-        def work(query: Query) -> None:
-            while not stop():
-                try:
-                    first = starts.popleft()
-                except IndexError:
-                    return
-                each(first, min(wave_rays, every - first), query)
-
-        self.rays.run(work)
-        return not starts
-
-    def _not_finite(self, first: int, count: int) -> AtraError:
-        sums = self._film.sums[:, first : first + count]
-        plane, pixel = np.argwhere(~np.isfinite(sums))[0].tolist()
-        return AtraError(
-            f"sample {self.samples} of pixel {self._film.place_of(first + pixel)} is {sums[plane, pixel]}, expected a "
-            "finite number; look for texels beyond 1e30 in the sky, and report this if there are none"
-        )
-
+    @synchronized
     def look(self, camera: View) -> None:
         """Take pictures through another camera, of any size; one that is unlike the last starts with no samples.
 
         Raises as the tracer of primary visibility does; ClosedError after `close`.
         """
-        with self._lock:
-            self._check_open()
-            if camera != self.camera:
-                self._look(camera)
+        self._check_open()
+        if camera != self.camera:
+            check_range(self.scene.mesh, camera, takes_lenses=True)
+            self._tracer.look(camera)
+            self.camera = camera
+            self._start()
 
-    def _look(self, camera: View) -> None:
-        check_range(self.scene.mesh, camera, takes_lenses=True)
-        self._tracer.look(camera)
-        self.camera = camera
-        self._start_film()
-
+    @synchronized
     def update(self, scene: Scene | None = None, **changes: Any) -> None:
         """Go on with another scene, or with other options.
 
@@ -236,52 +160,126 @@ class Renderer(Finisher):
         Raises InputError for a mesh of other faces, and for options that the scene was built with; TypeError for
         options that there are not; ClosedError after `close`.
         """
-        with self._lock:
-            self._check_open()
-            fixed = sorted(self.options.built_with & changes.keys())
-            if fixed:
-                raise InputError(f"{fixed[0]} is what the scene was built with; make a new {type(self).__name__}")
-            options = replace(self.options, **changes)
-            moves = scene is not None and scene.mesh is not self.scene.mesh
-            has_other_sums = moves or (scene is not None and not self._same_sums(scene))
-            if scene is not None and moves:
-                self.rays.update(scene.mesh.local)
-                self._tracer.update(scene.mesh)
-            restarts = has_other_sums or unlike_but_for(options, self.options, "most_samples")
-            self.options = options
-            self.scene = scene or self.scene
-            if has_other_sums and self._is_built:
-                self._surfaces = self._tables()
-            if restarts:
-                self._start_film()
+        self._check_open()
+        fixed = sorted(self.options.built_with & changes.keys())
+        if fixed:
+            raise InputError(f"{fixed[0]} is what the scene was built with; make a new {self.integrator.name}")
+        options = replace(self.options, **changes)
+        moves = scene is not None and scene.mesh is not self.scene.mesh
+        has_other_sums = moves or (scene is not None and not self.integrator.same_sums(scene))
+        if scene is not None and moves:
+            self.rays.update(scene.mesh.local)
+            self._tracer.update(scene.mesh)
+        restarts = has_other_sums or unlike_but_for(options, self.options, "most_samples")
+        self.options, self.scene = options, scene or self.scene
+        self.integrator.take(self.scene, options)
+        if has_other_sums and self._is_built:
+            self.integrator.build(self.rays)
+        if restarts:
+            self._start()
 
+    @synchronized
     def restart(self) -> None:
         """Drop all samples; the next one traces primary visibility, whatever `jitter` is. Raises ClosedError after
         `close`."""
-        with self._lock:
-            self._check_open()
-            self._start_film()
+        self._check_open()
+        self._start()
 
     @property
     def image(self) -> NDArray[np.float32]:
         """(H, W, 3) float32, linear RGB, the mean of the samples. Raises InputError if there is none yet."""
         with self._lock:
-            return self._lens_pixels.blackened(self._film.as_image(self._mean()))
+            mean = reduce(np.add, self.integrator.parts(self._frame.film))
+            return self._frame.lens.blackened(self._frame.film.as_image(mean))
 
-    def _release(self) -> None:
-        self._tracer.close()
-        self.rays.close()
+    @property
+    def parts(self) -> NDArray[np.float32]:
+        """(N, H, W, 3) float32: a hybrid image split into the sky's light, each light's, and, if there are any, that of
+        all surfaces that shine; by paths the image alone."""
+        with self._lock:
+            parts = [self._frame.film.as_image(part) for part in self.integrator.parts(self._frame.film)]
+            return self._frame.lens.blackened(np.stack(parts))
 
+    @property
+    def alpha(self) -> NDArray[np.float32] | None:
+        """(H, W), the share of each pixel that is not sky; None without `transparent`. Raises InputError without
+        samples."""
+        return self._share("alpha") if "alpha" in self.integrator.shares else None
 
-def unlike_but_for(one: object, other: object, *names: str) -> bool:
-    """Whether two frozen values differ in fields other than `names`."""
-    if type(one) is not type(other):
-        return True
-    kept = [field.name for field in fields(one) if field.name not in names]  # type: ignore[arg-type]
-    return not all(_is_same(getattr(one, name), getattr(other, name)) for name in kept)
+    @property
+    def openness(self) -> NDArray[np.float32]:
+        """(H, W) float32, share of rays into the sky that nothing blocked; 1 for a miss. Raises InputError by paths."""
+        return self._share("openness")
 
+    @synchronized
+    def lit(self, light: int = 0) -> NDArray[np.float32]:
+        """(H, W) float32, share of rays to a light that nothing blocked; 0 on surfaces facing away and for a miss.
+        Raises InputError for an unknown light, and by paths."""
+        if not 0 <= light < len(self.scene.lights):
+            raise InputError(f"light is {light!r}, but the scene has {len(self.scene.lights)}, counted from 0")
+        return self._share(f"light {light}")
 
-def _is_same(one: object, other: object) -> bool:
-    if isinstance(one, np.ndarray):  # texels, usually the same object
-        return one is other or np.array_equal(one, other)  # type: ignore[arg-type]
-    return bool(one == other)
+    @synchronized
+    def _share(self, name: str) -> NDArray[np.float32]:
+        plane = self.integrator.shares.get(name)
+        if plane is None:
+            raise InputError(f"a {self.integrator.name} counts no {name}, which a HybridRenderer does")
+        return self._frame.film.as_image(self._frame.film.mean(slice(plane, plane + 1)))[..., 0]
+
+    @property
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Copies of the arrays that `restore` needs to go on with these samples, in this process or another."""
+        with self._lock:
+            return {"fingerprint": self._fingerprint(), **self._frame.film.state}
+
+    @synchronized
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Go on from the `state` of a renderer of the same scene, camera and options; what follows is equal to the bit.
+
+        Raises InputError for a state of another one, ClosedError after `close`.
+        """
+        self._check_open()
+        if not np.array_equal(state["fingerprint"], self._fingerprint()):
+            raise InputError("it is of another scene, camera, option or version of atra")
+        self._start()
+        self._frame.film.restore(state)
+
+    def _fingerprint(self) -> NDArray[np.uint8]:
+        return fingerprint(self.integrator.name, self.scene, self.camera, options=self.options)
+
+    def layers(self) -> Layers:
+        """What the pixels see first. Raises ClosedError after `close`."""
+        with self._in_use():
+            return layers_of(self.scene, self.camera.width, self.camera.height, self.rays, self._frame.seen_at)
+
+    def denoised(self, layers: Layers | None = None) -> NDArray[np.float32]:
+        """The image without its noise, by Open Image Denoise. layers: of this camera; None: they are made.
+
+        Raises InputError without samples, and without the package pyoidn.
+        """
+        with self._lock, Denoiser(self.options.threads) as denoiser:
+            image, seen = self.image, layers or self.layers()
+            return denoiser.picture(image, seen.albedo, seen.normals)
+
+    def save(
+        self, path: Path | str, *, exposure: float | str = 0.0, tone: str = "none", denoise: bool = False
+    ) -> float | None:
+        """Write the picture: `.png` in 8-bit sRGB, or `.exr` in 32-bit linear RGB with layers (`files.exr_of`); returns
+        the exposure of a PNG in stops.
+
+        exposure: stops, or "auto". tone: see `tone.TONES`. An EXR has neither. denoise: see `denoised`. Raises
+        InputError for another suffix or value, without samples, and without the packages it needs; StorageError.
+        """
+        path = Path(path)
+        is_exr, stops = check_picture_path(path) == ".exr", None
+        with self._in_use():
+            raw, alpha = self.image, self.alpha
+            layers = self.layers() if is_exr or denoise else None
+            image = self.denoised(layers) if denoise else raw
+            if layers is not None and is_exr:
+                hits = self._tracer.trace(CENTRE)
+                content = exr_of(image, hits, layers.albedo, self.samples, raw if denoise else None, alpha)
+            else:
+                content, stops = shown_png(image, alpha, exposure, tone)
+            write_atomically(path, content)
+        return stops

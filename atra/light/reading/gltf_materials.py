@@ -66,8 +66,7 @@ class Materials:
     def _whole(self, number: int) -> MetallicRoughness:
         given = entry(self._tree, "materials", number)
         more = given.get("extensions", {})
-        for name in more.keys() - EXTENSIONS:
-            self._left_out[name] = None
+        self._left_out |= dict.fromkeys(name for name in more if name not in EXTENSIONS)
         for name in ("KHR_materials_specular", "KHR_materials_clearcoat"):
             if any(key.endswith("Texture") for key in more.get(name, {})):
                 self._left_out[f"textures of {name}"] = None

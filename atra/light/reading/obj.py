@@ -16,9 +16,14 @@ from atra.geometry.mesh import Mesh
 from atra.light.materials import MetallicRoughness
 from atra.light.reading.images import read_image
 from atra.light.reading.rows import sound_normals, without_images
-from atra.light.textures import Image
+from atra.light.textures import Image, linear_of_srgb
 
-_USED = {"kd", "ke", "ns", "ni", "d", "tr", "pr", "pm", "illum", "map_kd", "map_ke", "map_d", "norm", "newmtl"}
+_NORMALS = ("norm", "map_bump", "bump")
+"""Statements that name an image of normals; exporters write it as one of bumps, too."""
+
+_USED = {
+    "kd", "ke", "ns", "ni", "d", "tr", "pr", "pm", "illum", "map_kd", "map_ke", "map_d", *_NORMALS, "newmtl",
+}  # fmt: skip
 _UNUSED = {"Ka": 0.0, "Ks": 0.0, "Tf": 1.0}
 """Statements that are left out, unless they name these numbers, which change nothing. Tf is the colour of glass."""
 
@@ -40,10 +45,12 @@ def read_obj(path: Path, memory_per_byte: float | None) -> dict[str, Any]:
         is_known: NDArray[np.bool_] = np.all(np.abs(uv) <= 1e6, axis=1)
         uv, is_mapped = np.where(is_known[:, None], uv, 0.0), is_known[part.faces].all(axis=1)
     kinds, numbers = np.unique(2 * np.asarray(part.material) + is_mapped, return_inverse=True)
+    colours = None if found.colours is None else _linear_colours(found.colours)
+    grey = (0.7, 0.7, 0.7) if colours is None else (1.0, 1.0, 1.0)  # of what no MTL describes
     materials = []
     for kind in kinds.tolist():
         name = names[kind // 2] if kind >= 0 else ""
-        made = known.get(name, MetallicRoughness((0.7, 0.7, 0.7), name=name))
+        made = known.get(name, MetallicRoughness(grey, name=name))
         if name not in known and name:
             left_out[f"material {name!r:.60}, which no MTL describes"] = None
         if kind % 2 == 0 and any(made.images):
@@ -55,8 +62,16 @@ def read_obj(path: Path, memory_per_byte: float | None) -> dict[str, Any]:
         "face_materials": np.broadcast_to(numbers, len(part.faces)),
         "uv": uv,
         "normals": None if found.normals is None else sound_normals(found.normals, part.vertices, part.faces),
+        "colours": colours,
         "left_out": tuple(left_out),
     }
+
+
+def _linear_colours(codes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(V, 4), linear RGB and opacity, of sRGB numbers from 0 to 1 or, where one is above 1, to 255."""
+    codes = np.nan_to_num(codes)
+    shares = np.clip(codes / (255.0 if codes.max() > 1.0 else 1.0), 0.0, 1.0)
+    return np.pad(linear_of_srgb(shares), ((0, 0), (0, 1)), constant_values=1.0)
 
 
 def _libraries(names: tuple[str, ...], folder: Folder, left_out: dict[str, None]) -> list[str]:
@@ -126,7 +141,7 @@ def _material(name: str, given: dict[str, list[str]], folder: Folder, left_out: 
         roughness=0.0 if is_glass else min(1.0, max(0.0, roughness)),
         emission=tuple((emission if glow is None or emission.any() else np.ones(3)).tolist()),  # type: ignore[arg-type]
         emission_image=glow,
-        normals=_image(given.get("norm"), False, folder, left_out),
+        normals=_normals(given, folder, left_out),
         transmission=1.0 if is_glass else 0.0,
         ior=float(np.clip(_numbers(given, "ni", 1, 1.5)[0], 1.0, 1e3)),
         is_thin=not is_glass,
@@ -154,6 +169,19 @@ def _image(words: list[str] | None, is_coded: bool, folder: Folder, left_out: di
     except InputError as error:
         left_out[f"image {name!r:.60}, because {error}"] = None
         return None
+
+
+def _normals(given: dict[str, list[str]], folder: Folder, left_out: dict[str, None]) -> Image | None:
+    """The image of normals: of those of bumps, one that is blue on average, as heights are not."""
+    key = next((key for key in _NORMALS if key in given), None)
+    image = None if key is None else _image(given[key], False, folder, left_out)
+    if image is None or key == "norm":
+        return image
+    red, green, blue = image.texels[..., :3].reshape(-1, 3).mean(axis=0)
+    if blue > 1.2 * max(red, green):
+        return image
+    left_out["heights of bumps of MTL"] = None
+    return None
 
 
 def _with_opacity(image: Image | None, mask: Image, left_out: dict[str, None]) -> Image | None:

@@ -12,7 +12,8 @@ from atra.compiled.store import njit
 from atra.light.numbers_kernels import ONE, TWO, ZERO, along, dot, scaled, unit
 from atra.light.scattering.facets_kernels import ggx, reflected, slope, visible_normal
 from atra.light.scattering.lost_kernels import lost, risen, schlick
-from atra.light.scattering.physical_kernels import SMOOTH, clear_light, physical_direction, physical_value
+from atra.light.scattering.physical_kernels import physical_direction, physical_value
+from atra.light.scattering.seen_kernels import SMOOTH, clear_light
 
 _LEAST = np.float32(0.04)
 _WHITE = ONE, ONE, ONE
@@ -42,12 +43,13 @@ def coated_clear_light(matter, cosine):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy")
-def coated_value(matter, out, onward):  # type: ignore[no-untyped-def]
+def coated_value(matter, seen, onward):  # type: ignore[no-untyped-def]
     """`physical_value` below a coat, and of the coat."""
-    value, density = physical_value(matter, out, onward)
+    value, density = physical_value(matter, seen, onward)
     if matter.coat == ZERO:
         return value, density
-    chance, alpha = _share(matter, out[2]), matter.coat_alpha
+    out, alpha = seen.out, matter.coat_alpha
+    chance = _share(matter, out[2])
     value = scaled(ONE - max(chance, _share(matter, abs(onward[2]))), value)
     density *= ONE - chance
     if onward[2] > ZERO and alpha >= SMOOTH:
@@ -58,13 +60,14 @@ def coated_value(matter, out, onward):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy")
-def coated_direction(matter, out, u, v, lobe):  # type: ignore[no-untyped-def]
+def coated_direction(matter, seen, u, v, lobe):  # type: ignore[no-untyped-def]
     """`physical_direction` below a coat, and of the coat."""
     if matter.coat == ZERO:
-        return physical_direction(matter, out, u, v, lobe)
-    chance, alpha = _share(matter, out[2]), matter.coat_alpha
+        return physical_direction(matter, seen, u, v, lobe)
+    out, alpha = seen.out, matter.coat_alpha
+    chance = _share(matter, out[2])
     if lobe >= chance:
-        onward, weight, density = physical_direction(matter, out, u, v, (lobe - chance) / (ONE - chance))
+        onward, weight, density = physical_direction(matter, seen, u, v, (lobe - chance) / (ONE - chance))
         if density == ZERO:
             least = ONE - max(chance, _share(matter, abs(onward[2])))
             return onward, scaled(least / (ONE - chance), weight), density
@@ -75,5 +78,5 @@ def coated_direction(matter, out, u, v, lobe):  # type: ignore[no-untyped-def]
         onward = along(scaled(-ONE, out), TWO * dot(out, h), h)
         if not onward[2] > ZERO:
             return onward, (ZERO, ZERO, ZERO), ZERO
-    value, density = coated_value(matter, out, onward)
+    value, density = coated_value(matter, seen, onward)
     return onward, scaled(ONE / density, value), density

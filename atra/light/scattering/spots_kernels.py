@@ -12,25 +12,19 @@ from atra.light.scattering.bending_kernels import on_side, through_glass
 from atra.light.scattering.bumps_kernels import bump_of, bumped
 from atra.light.scattering.coat_kernels import coated_clear_light, coated_direction, coated_value
 from atra.light.scattering.facets_kernels import fresnel
-from atra.light.scattering.physical_kernels import is_clear_pane, passes_straight
 from atra.light.scattering.sampler_kernels import DIRECTION, LOBE, PAIRS, pair_of
+from atra.light.scattering.seen_kernels import UNSEEN, Seen, is_clear_pane, passes_straight, seen_from
 from atra.light.surface_kernels import (
-    BACKS,
     COAT,
     COAT_ROUGHNESS,
-    CUTOFF,
-    EMISSION,
     HAS_COLOURS,
     IMAGES,
     KIND,
     METALLIC,
     NORMAL_SCALE,
-    OF_COLOUR,
-    OF_EMISSION,
     OF_METAL,
     OF_NORMALS,
     OF_TRANSMISSION,
-    OPACITY,
     PARAMETER,
     ROUGHNESS,
     SPECULAR,
@@ -79,7 +73,9 @@ class Matter(NamedTuple):
 
 
 class Spot(NamedTuple):
-    """Where a path meets a surface: `meet`'s point and normal, the shading normal, kind and number of the material."""
+    """Where a path meets a surface: `meet`'s point and normal, the shading normal, kind and number of the material.
+    frame: two vectors orthogonal to the shading normal. seen: from the path, in that frame; UNSEEN of other kinds than
+    PHYSICAL."""
 
     point: tuple[np.float64, np.float64, np.float64]
     normal: tuple[np.float32, np.float32, np.float32]
@@ -88,54 +84,28 @@ class Spot(NamedTuple):
     material: np.int64
     is_variant: bool
     matter: Matter
+    frame: tuple[tuple[np.float32, np.float32, np.float32], tuple[np.float32, np.float32, np.float32]]
+    seen: Seen
 
 
-@njit
-def emitted(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-def]
-    """(r, g, b) of a triangle that shines, seen by a ray; its back is black."""
-    point, _, is_front = meet(surfaces, prim_id, origin, direction)
-    return emission_at(surfaces, prim_id, point) if is_front else BLACK
-
-
-@njit
-def emission_at(surfaces, prim_id, point):  # type: ignore[no-untyped-def]
-    """(r, g, b) that the front of a triangle emits at a point."""
-    material = material_of(surfaces, prim_id)
-    row = surfaces.materials[material]
-    light = np.float32(row[EMISSION]), np.float32(row[EMISSION + 1]), np.float32(row[EMISSION + 2])
-    if row[IMAGES + OF_EMISSION] < 0.0:
-        return light
-    s, t = first_uv(surfaces, prim_id, weights_at(surfaces, prim_id, point))
-    texel = textured(surfaces, material, OF_EMISSION, prim_id, point, s, t)
-    return light[0] * texel[0], light[1] * texel[1], light[2] * texel[2]
-
-
-@njit
-def opacity_at(surfaces, prim_id, point, is_front, is_seen):  # type: ignore[no-untyped-def]
-    """The share of light that meets a triangle with HOLES at a point; the rest passes. is_seen: by the eye."""
-    row = surfaces.materials[material_of(surfaces, prim_id)]
-    if is_seen and not is_front and row[BACKS] == 0.0:
-        return ZERO
-    cutoff = row[CUTOFF]
-    if cutoff > 1.0:
-        return ONE
-    opacity = np.float32(row[OPACITY])
-    has_image = row[IMAGES + OF_COLOUR] >= 0.0
-    if has_image or row[HAS_COLOURS] != 0.0:
-        weights = weights_at(surfaces, prim_id, point)
-        if has_image:
-            s, t = first_uv(surfaces, prim_id, weights)
-            opacity *= textured(surfaces, material_of(surfaces, prim_id), OF_COLOUR, prim_id, point, s, t)[3]
-        if row[HAS_COLOURS] != 0.0:
-            opacity *= vertex_colour(surfaces, prim_id, weights)[3]
-    if cutoff < 0.0:
-        return opacity
-    return ONE if opacity >= cutoff else ZERO
+NO_FRAME = BLACK, BLACK
 
 
 @njit(forceinline=True)
 def spot_of(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-def]
-    """The `Spot` where a ray meets a triangle."""
+    """(`Spot`, is_front) where a ray meets a triangle."""
+    point, normal, shaded, material, matter, is_front = _met(surfaces, prim_id, origin, direction)
+    kind = np.int64(surfaces.materials[material, KIND])
+    frame, seen = NO_FRAME, UNSEEN
+    if kind == PHYSICAL:
+        frame = _frame(shaded)
+        seen = seen_from(matter, _local(frame, shaded, scaled(-ONE, direction)))
+    return Spot(point, normal, shaded, kind, material, matter.is_thin, matter, frame, seen), is_front
+
+
+@njit(forceinline=True)
+def _met(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-def]
+    """(point, normal, shading normal, number of the material, `Matter`, is_front) where a ray meets a triangle."""
     point, normal, is_front = meet(surfaces, prim_id, origin, direction)
     material = material_of(surfaces, prim_id)
     row = surfaces.materials[material]
@@ -170,19 +140,18 @@ def spot_of(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-de
     least = scaled(most, (min(ONE, bare * red), min(ONE, bare * green), min(ONE, bare * blue)))
     coat, coating = np.float32(row[COAT]), coating * coating
     matter = Matter(colour, metallic, roughness * roughness, transmission, far, is_variant, least, most, coat, coating)
-    return Spot(point, normal, shaded, kind, material, is_variant, matter), is_front
+    return point, normal, shaded, material, matter, is_front
 
 
 @njit(error_model="numpy")
-def straight_light(spot, cosine, is_lamp):  # type: ignore[no-untyped-def]
-    """(r, g, b) that passes a surface straight on, at a cosine with its normal: through a clear pane; and that of
-    lamps, which no bent ray finds, through clear glass of any form."""
-    matter = spot.matter
-    if spot.kind == DIELECTRIC and is_lamp:
+def straight_light(surfaces, prim_id, origin, direction, is_lamp):  # type: ignore[no-untyped-def]
+    """(r, g, b) that passes a surface straight on: through a clear pane; and that of lamps, which no bent ray finds,
+    through clear glass of any form."""
+    _, _, shaded, material, matter, _ = _met(surfaces, prim_id, origin, direction)
+    kind, cosine = np.int64(surfaces.materials[material, KIND]), -dot(direction, shaded)
+    if kind == DIELECTRIC and is_lamp:
         return scaled(ONE - fresnel(cosine, max(matter.ior, ONE / matter.ior)), WHITE)
-    if spot.kind == PHYSICAL and (
-        is_clear_pane(matter) or (is_lamp and not matter.is_thin and passes_straight(matter))
-    ):
+    if kind == PHYSICAL and (is_clear_pane(matter) or (is_lamp and not matter.is_thin and passes_straight(matter))):
         return coated_clear_light(matter, cosine)
     return BLACK
 
@@ -220,10 +189,9 @@ def scatter(surfaces, spot, is_front, prim_id, direction, key, sample, bounce): 
     u, v = pair_of(key, sample, bounce * PAIRS + DIRECTION)
     side, weight, density = ONE, spot.matter.colour, ZERO
     if kind == PHYSICAL:
-        frame = _frame(shaded)
-        out = _local(frame, shaded, scaled(-ONE, direction))
+        frame = spot.frame
         lobe, _ = pair_of(key, sample, bounce * PAIRS + LOBE)
-        way, weight, density = coated_direction(spot.matter, out, u, v, lobe)
+        way, weight, density = coated_direction(spot.matter, spot.seen, u, v, lobe)
         onward = unit(along(along(scaled(way[0], frame[0]), way[1], frame[1]), way[2], shaded))
         side = ONE if way[2] > ZERO else -ONE
         if not weight[0] + weight[1] + weight[2] > ZERO:
@@ -231,7 +199,7 @@ def scatter(surfaces, spot, is_front, prim_id, direction, key, sample, bounce): 
         facing = dot(onward, normal)
         twin = along(onward, _MINUS_TWO * facing, normal)
         if density > ZERO and dot(twin, shaded) * side > ZERO:
-            density += coated_value(spot.matter, out, _local(frame, shaded, twin))[1]
+            density += coated_value(spot.matter, spot.seen, _local(frame, shaded, twin))[1]
         onward = onward if facing * side > ZERO else twin
     elif kind == DIELECTRIC:
         onward, passes = through_glass(direction, shaded, is_front, spot.matter.ior, spot.is_variant, u)
@@ -270,7 +238,7 @@ def _densities(shaded, normal, onward, is_uniform):  # type: ignore[no-untyped-d
 
 
 @njit(forceinline=True)
-def scattered_light(spot, direction, onward):  # type: ignore[no-untyped-def]
+def scattered_light(spot, onward):  # type: ignore[no-untyped-def]
     """((r, g, b), density): what a surface scatters of light from the unit vector `onward`, per solid angle, and the
     density with which `scatter` chooses it. 0 for mirrors and glass, whose light only scattering finds, and for light
     from the other side of what lets none through."""
@@ -281,13 +249,11 @@ def scattered_light(spot, direction, onward):  # type: ignore[no-untyped-def]
         by_cosine, own = _densities(spot.shaded, spot.normal, onward, spot.is_variant)
         return scaled(by_cosine, spot.matter.colour), own
     if spot.kind == PHYSICAL:
-        frame = _frame(spot.shaded)
-        out = _local(frame, spot.shaded, scaled(-ONE, direction))
-        way = _local(frame, spot.shaded, onward)
-        twin = _local(frame, spot.shaded, along(onward, _MINUS_TWO * facing, spot.normal))
-        value, density = coated_value(spot.matter, out, way) if way[2] * facing > ZERO else (BLACK, ZERO)
+        way = _local(spot.frame, spot.shaded, onward)
+        twin = _local(spot.frame, spot.shaded, along(onward, _MINUS_TWO * facing, spot.normal))
+        value, density = coated_value(spot.matter, spot.seen, way) if way[2] * facing > ZERO else (BLACK, ZERO)
         if twin[2] * facing > ZERO:
-            more, chosen = coated_value(spot.matter, out, twin)
+            more, chosen = coated_value(spot.matter, spot.seen, twin)
             value, density = along(value, ONE, more), density + chosen
         return value, density
     return BLACK, ZERO

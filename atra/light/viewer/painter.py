@@ -44,7 +44,7 @@ class Painter:
     def __init__(self, scene: Scene, threads: int | None = None) -> None:
         self._scene, self._threads = scene, threads
         self._lit: tuple[object, Scene] = (None, scene)
-        self._sketcher: HybridRenderer | None = None
+        self._sketcher: Renderer | None = None
         self._made: tuple[object, Renderer] | None = None
         self._denoised: tuple[Request, NDArray[np.float32]] | None = None
 
@@ -159,7 +159,7 @@ def _options(settings: Settings) -> dict[str, Any]:
 
 
 def _light(renderer: Renderer, settings: Settings) -> NDArray[np.uint8]:
-    if settings.shade == "occlusion" and isinstance(renderer, HybridRenderer):
+    if settings.shade == "occlusion":
         return srgb_of(np.broadcast_to(renderer.openness[..., None], (*renderer.openness.shape, 3)))
     return srgb_of(toned(renderer.image, settings.exposure, settings.tone))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
 import psutil
@@ -42,30 +43,25 @@ class Busy:
 
 def look_around(seconds: float = _LOOK_S) -> Busy:
     """What uses the cores of this process for so many seconds, this process and its descendants not counted."""
-    before, start = _process_times(), Moment.now()
+    own = {os.getpid(), *(child.pid for child in psutil.Process().children(recursive=True))}
+    others = [process for process in psutil.process_iter(["name"]) if process.pid not in own]
+    start = Moment.now()
+    for process in others:
+        _cores_used(process)
     time.sleep(seconds)
     busy = start.until(Moment.now())
-    used = {
-        (pid, name): (spent - before[pid, name]) / (seconds * start.cores)
-        for (pid, name), spent in _process_times().items()
-        if (pid, name) in before
-    }
-    most = sorted(used.items(), key=lambda user: -user[1])[:_MOST_NAMED]
-    names = tuple((name, share) for (_, name), share in most if share > _LEAST_NAMED)
     if busy is None:
         return Busy(0.0, 0.0)
-    return Busy(busy.others_share, busy.stolen_share or 0.0, names)
+    used = [(str(process.info["name"]), _cores_used(process) / start.cores) for process in others]
+    most = sorted(used, key=lambda user: -user[1])[:_MOST_NAMED]
+    return Busy(busy.others_share, busy.stolen_share or 0.0, tuple(user for user in most if user[1] > _LEAST_NAMED))
 
 
-def _process_times() -> dict[tuple[int, str], float]:
-    """Seconds of processor of every process but this one and its descendants, by number and name."""
-    own = {os.getpid(), *(child.pid for child in psutil.Process().children(recursive=True))}
-    times = {}
-    for process in psutil.process_iter(["pid", "name", "cpu_times"]):
-        spent = process.info["cpu_times"]
-        if spent is not None and process.info["pid"] not in own:
-            times[process.info["pid"], str(process.info["name"])] = spent.user + spent.system
-    return times
+def _cores_used(process: psutil.Process) -> float:
+    """How many cores a process has used since the last call; none where it has ended, or is not ours to look at."""
+    with suppress(psutil.Error):
+        return float(process.cpu_percent()) / 100
+    return 0.0
 
 
 @dataclass

@@ -6,9 +6,9 @@ import json
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from atra.errors import AtraError, InputError, MemoryBudgetError
+from atra.errors import AtraError, MemoryBudgetError
 from experiments.harness.point import Point
-from experiments.harness.records import LACKED_MEMORY, UNPROMISING
+from experiments.harness.records import LACKED_MEMORY
 
 
 @dataclass(frozen=True)
@@ -17,6 +17,7 @@ class Outcome:
 
     status, error, samples, results: as in `experiments.harness.records.Record`.
     on_purpose: the error is one of `atra`'s own, meant for the person at the keyboard; otherwise it is a bug.
+    files: the files whose code measured it, with their hashes (`experiments.harness.identity.loaded_files`).
     """
 
     status: str
@@ -25,6 +26,7 @@ class Outcome:
     warmup_samples: dict[str, list[float]] = field(default_factory=dict)
     samples: dict[str, list[float]] = field(default_factory=dict)
     results: dict[str, Any] = field(default_factory=dict)
+    files: dict[str, str] = field(default_factory=dict)
 
     def to_json(self) -> bytes:
         """Raises ValueError for a NaN or an infinity."""
@@ -44,17 +46,9 @@ class Outcome:
         return outcome
 
 
-class Unpromising(InputError):
-    """A point that need not be measured, as a frame was predicted to be slow."""
-
-
-MAY_CHANGE = {MemoryBudgetError: LACKED_MEMORY, Unpromising: UNPROMISING}
-"""Problems without which another run may measure the point, and the results that tell of them."""
-
-
 def skipped(problem: AtraError) -> Outcome:
     """The outcome of a point that cannot be measured, with the reason."""
-    results = {name: True for kind, name in MAY_CHANGE.items() if isinstance(problem, kind)}
+    results = {LACKED_MEMORY: True} if isinstance(problem, MemoryBudgetError) else {}
     return Outcome("skipped", str(problem), on_purpose=True, results=results)
 
 

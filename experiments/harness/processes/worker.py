@@ -13,6 +13,7 @@ import sys
 import threading
 import traceback
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,8 @@ import psutil
 
 from atra.errors import AtraError, MemoryBudgetError, StorageError, printable
 from atra.files.paths import write_atomically
-from experiments.harness.options import typed_options
+from experiments.harness.identity import loaded_files
+from experiments.harness.options import typed
 from experiments.harness.point import Kinds, Measured, Point
 from experiments.harness.processes.outcome import Outcome, skipped
 
@@ -43,8 +45,8 @@ def read_point(fields: dict[str, Any], kinds: Kinds) -> Point:
     }
     method = kinds["method"].find(values.pop("method"))
     workload = kinds["workload"].find(values.pop("workload"))
-    options = typed_options(method.options, values.pop("method_options"))
-    of_workload = typed_options(workload.options, values.pop("workload_options"))
+    options = typed(method.options, values.pop("method_options"), "method.")
+    of_workload = typed(workload.options, values.pop("workload_options"), "workload.")
     return Point(**values, method=method, options=options, workload=workload, workload_options=of_workload)
 
 
@@ -106,7 +108,7 @@ def run_job(kinds: Kinds) -> None:
     threading.Thread(target=_end_with_the_run, args=(job["run"],), daemon=True).start()
     name, version = point.method.name, point.method.version()
     if version == job["version"]:
-        outcome = outcome_of(point)
+        outcome = replace(outcome_of(point), files=loaded_files(point))
     else:
         told = f"method {name} is {version}, expected {job['version']}: it changed since this run began"
         outcome = Outcome("failed", printable(told), on_purpose=True)

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.light import PathRenderer
+from atra.light import PathRenderer, Renderer
 from experiments.light.mitsuba_light import load_mitsuba
 from experiments.light.render.measure import mitsuba_scene
 from scenes.lit.equal_error import SCENES, Shown
@@ -116,7 +116,7 @@ def ours(shown: Shown, threads: int, **options: Any) -> Iterator[Maker]:
         yield make
 
 
-def pictures_of(renderer: PathRenderer, size: int) -> Iterator[Floats]:
+def pictures_of(renderer: Renderer, size: int) -> Iterator[Floats]:
     """Independent pictures of `size` samples each, by a renderer without samples, as many as are asked for."""
     before: Any = 0.0
     for number in count(1):

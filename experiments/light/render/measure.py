@@ -15,9 +15,9 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import compare
-from atra.light import HybridRenderer, Lambertian, MetallicRoughness, PathRenderer, Scene, constant_sky
+from atra.light import HybridRenderer, Lambertian, MetallicRoughness, PathRenderer, Renderer, Scene, constant_sky
 from atra.light.materials import Material
-from experiments.harness.method import AnyTracer
+from atra.tracing.tracer import Tracer
 from experiments.harness.point import Measured, Point, make_own
 from experiments.light.mitsuba_light import load_mitsuba, parts_of
 from experiments.light.render import MITSUBA, RenderOptions, primary
@@ -60,7 +60,7 @@ class Primaries:
 class Pictures:
     """Makes pictures with a choice of primary visibility, and keeps the seconds of their stages."""
 
-    def __init__(self, renderer: HybridRenderer | PathRenderer, primaries: Primaries, samples: int) -> None:
+    def __init__(self, renderer: Renderer, primaries: Primaries, samples: int) -> None:
         self.renderer, self._primaries, self._samples = renderer, primaries, samples
         self.stages: dict[str, list[dict[str, float]]] = {}
 
@@ -79,7 +79,7 @@ class Pictures:
         return self._primaries.latest, self.renderer.image
 
 
-def make_renderer(point: Point, scene: Scene, view: View, tracer: Any) -> HybridRenderer | PathRenderer:
+def make_renderer(point: Point, scene: Scene, view: View, tracer: Any) -> Renderer:
     """The configured renderer, with this tracer for primary visibility."""
     options = point.workload_options
     kind = PathRenderer if options.frame == "path" else HybridRenderer
@@ -90,7 +90,7 @@ def make_renderer(point: Point, scene: Scene, view: View, tracer: Any) -> Hybrid
     return made  # type: ignore[no-any-return]
 
 
-def make(point: Point, mesh: Mesh) -> AnyTracer:
+def make(point: Point, mesh: Mesh) -> Tracer:
     """The point's own method. Raises InputError for a sky that cannot be read, and as the tracers do."""
     point.workload_options.under_sky(lit(point.scene, mesh, point.camera))
     return make_own(point, mesh)

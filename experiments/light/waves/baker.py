@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.light import Atlas, Lightmap, Scene, Texels, constant_sky
+from atra.light.batches import Laps, in_batches
 from atra.light.emitters.emitters_kernels import has_emitters
 from atra.light.emitters.tables import emitters_of
-from atra.light.laps import Laps
-from atra.light.lightmaps.batches import in_batches
 from atra.light.lightmaps.options import BakeOptions
 from atra.light.lightmaps.paths import Paths
 from atra.light.lightmaps.sums_kernels import SUMS

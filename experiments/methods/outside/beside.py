@@ -11,7 +11,6 @@ from pathlib import Path
 from types import ModuleType
 
 from atra.errors import InputError
-from experiments.harness.sources import Import, Source
 
 _OF_ATRA = ("atra", "experiments", "scenes")
 """Packages that are no helpers, even where a method's file stands beside them."""
@@ -73,13 +72,6 @@ def use_helpers(file: Path, in_use: Collection[Path]) -> list[Path]:
     if _FINDER not in sys.meta_path:
         sys.meta_path.append(_FINDER)
     return sorted({path for spec in helpers.values() for path in _files_of(spec)} - {file})
-
-
-def uses(files: Sequence[Path]) -> tuple[Import, ...]:
-    """What these sources import of this project."""
-    sources = [Source("", path.read_text(encoding="utf-8")) for path in files if path.suffix in SOURCE_SUFFIXES]
-    imports = {given for source in sources for given in source.imports}
-    return tuple(sorted((given for given in imports if given.module.partition(".")[0] in _OF_ATRA), key=str))
 
 
 def _helpers_of(file: Path) -> Helpers:

@@ -6,7 +6,7 @@ import os
 import re
 import sys
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import partial
 from importlib.util import module_from_spec, spec_from_file_location
@@ -23,7 +23,7 @@ from experiments.harness.entry_points import METHODS_GROUP, digest_of_files, nam
 from experiments.harness.method import Method, Style, Tracing
 from experiments.harness.options import NoOptions
 from experiments.harness.point import Point
-from experiments.methods.outside.beside import use_helpers, uses
+from experiments.methods.outside.beside import use_helpers
 from experiments.methods.outside.guarded import Guarded, PreparedGuarded
 
 _COLORS, _MARKERS = ("#8C510A", "#01665E", "#762A83", "#B2182B"), "hpd<>8"
@@ -80,7 +80,7 @@ def load_file(path: str | Path, number: int, taken: Collection[str], in_use: Col
         told = f"{type(error).__name__}: {' '.join(str(error).split())}"
         raise InputError(f"method_file {path} cannot be imported, {told}") from error
     version = f"{path.name} sha256:{digest_of_files([path, *helpers])}"
-    return replace(method_of(name, _method_class(module, path), version, number, taken), uses=uses([path, *helpers]))
+    return method_of(name, _method_class(module, path), version, number, taken)
 
 
 def _whole(path: str | Path) -> Path:

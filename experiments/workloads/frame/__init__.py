@@ -11,5 +11,5 @@ from experiments.workloads.typed import workload
 
 FRAME = workload(
     "frame", __name__, partial(say_gains, rtcIntersect1=SINGLE), Resources, Images, Preparation, BESIDE_BASELINES,
-    rays=lambda row: "primary", want="nearest",
+    rays=lambda row: "primary",
 )  # fmt: skip

@@ -8,7 +8,7 @@ from typing import Any
 from atra.geometry.mesh import Mesh
 from atra.judge.compare import compare
 from atra.tracing.budgets import EMBREE_BYTES_PER_COPY, check_needed_bytes
-from experiments.harness.method import AnyTracer
+from atra.tracing.tracer import Tracer
 from experiments.harness.point import Measured, Point, make_own
 from experiments.workloads import rounds
 from experiments.workloads.baselines import OWN, SINGLE
@@ -20,7 +20,7 @@ _ASIDE = (0.25, 0.75)
 """Second place in the pixels whose image is compared: a method that returns its first image again is found by it."""
 
 
-def make(point: Point, mesh: Mesh) -> AnyTracer:
+def make(point: Point, mesh: Mesh) -> Tracer:
     """The point's own method. Raises MemoryBudgetError where its baselines alone need more, and as the tracers do."""
     baselines = len(rounds.baseline_makers())
     pixels = point.width * point.height

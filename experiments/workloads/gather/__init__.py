@@ -68,7 +68,7 @@ def _problem(point: Point) -> str | None:
 
 GATHER = workload(
     "gather", __name__, _headline, Resources, Differences, Preparation, BESIDE_BASELINES,
-    options=GatherOptions, problem=_problem, want="count",
+    options=GatherOptions, problem=_problem,
 )  # fmt: skip
 
 

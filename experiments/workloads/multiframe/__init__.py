@@ -13,7 +13,7 @@ from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.judge.compare import compare
-from experiments.harness.method import AnyTracer
+from atra.tracing.tracer import Tracer
 from experiments.harness.options import Settings, option
 from experiments.harness.point import Measured, Point, make_own
 from experiments.methods.aligned import ALIGNED
@@ -86,14 +86,14 @@ def make(point: Point, mesh: Mesh) -> FramesTracer:
     return make_together(point, mesh, point.camera)
 
 
-def _visible(point: Point, mesh: Mesh, view: View) -> AnyTracer:
+def _visible(point: Point, mesh: Mesh, view: View) -> Tracer:
     """The visible-first tracer of one frame, with the point's split."""
     names = "split_x", "split_y", "packet_width", "packet_rows", "robust"
     options = VisibleFirstOptions(**{name: getattr(point.options, name) for name in names})
     return VISIBLE_FIRST.make(mesh, view, options, point.tracing)
 
 
-def _raster(point: Point, mesh: Mesh, view: View) -> AnyTracer:
+def _raster(point: Point, mesh: Mesh, view: View) -> Tracer:
     return RASTER.make(mesh, view, RASTER.options(), point.tracing)
 
 

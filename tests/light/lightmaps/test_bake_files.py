@@ -12,15 +12,13 @@ from PIL import Image
 import atra
 from atra import light as render
 from atra.errors import InputError
-from atra.light import Baker, ProgressiveBake, save_maps, save_model
+from atra.light import Baker, ProgressiveBake, Seams, save_maps, save_model, toned
+from atra.light.lightmaps.finish.export import finished
 from atra.light.lightmaps.states import resume, save_state
+from atra.light.pictures.files import srgb_of
 from examples import bake
-from experiments.light.bake.measure import bake_scene
-from experiments.workloads.rounds import load_mesh
-from scenes.lit.lighting import lit
 from tests.baked import baked, cube, painted, sheet
 from tests.meshes import quads
-from tests.points import planned
 from tests.shown import floor
 
 BOX = cube(inwards=True)
@@ -109,47 +107,49 @@ def test_maps_are_written_whole_and_read_back(tmp_path):
     assert (np.asarray(Image.open(tmp_path / "occupancy.png"))[..., 0] > 0).sum() == len(lightmap.texels)
 
 
-def test_a_model_opens_elsewhere_with_its_map_and_colours(tmp_path):
+def test_a_model_shows_elsewhere_albedo_times_light_as_a_picture_would(tmp_path):
     lightmap = baked(SCENE, ATLAS, 16)
-    path = save_model(lightmap, SCENE, str(tmp_path / "scene.glb"))
+    path = save_model(lightmap, SCENE, str(tmp_path / "scene.glb"), exposure=1.5, tone="agx")
     (model,) = trimesh.load(path).geometry.values()
     np.testing.assert_allclose(model.triangles, BOX.triangles(np.arange(12)), atol=1e-6)
     uv = model.visual.uv.reshape(12, 3, 2) * (1, -1) + (0, 1)
     np.testing.assert_allclose(uv * (ATLAS.width, ATLAS.height), ATLAS.uv, atol=1e-3)
-    colours = model.visual.vertex_attributes["color"].reshape(12, 3, -1)[:, 0, :3]
-    np.testing.assert_allclose(colours / 255, COLOURS, atol=0.003)
-    shown = np.asarray(model.visual.material.baseColorTexture.convert("RGB"), float)
-    light = lightmap.luminance
-    place = np.unravel_index(lightmap.texels.number, shown.shape[:2])
-    assert np.corrcoef(shown[place].sum(axis=1), light)[0, 1] > 0.9
+    shown = np.asarray(model.visual.material.baseColorTexture.convert("RGB")).reshape(-1, 3)
+    light = finished(lightmap, lightmap.combined, Seams.of(BOX, ATLAS)).reshape(-1, 3)[lightmap.texels.number]
+    expected = srgb_of(toned(COLOURS[lightmap.texels.prim_id] * light, 1.5, "agx")).astype(int)
+    assert np.abs(shown[lightmap.texels.number] - expected).max() <= 1
+    assert expected.std() > 20
     json = path.read_bytes()[20:].split(b"\0")[0].decode(errors="replace")
-    assert all(word in json for word in ("KHR_materials_unlit", "MOZ_lightmap", "TEXCOORD_1"))
+    assert "KHR_materials_unlit" in json
+    assert "COLOR_0" not in json
     with pytest.raises(InputError, match=r"ends in \.glb"):
         save_model(lightmap, SCENE, tmp_path / "scene.obj")
 
 
 def test_panes_of_a_model_are_a_mesh_of_their_own_that_blends(tmp_path):
     scene = painted(BOX, COLOURS, opacity=np.repeat([1.0, 0.4], [8, 4]), lights=SCENE.lights)
-    path = save_model(baked(scene, ATLAS, 1), scene, tmp_path / "scene.glb")
-    found = trimesh.load(path).geometry
+    lightmap = baked(scene, ATLAS, 1)
+    found = trimesh.load(save_model(lightmap, scene, tmp_path / "scene.glb")).geometry
     assert {name: len(one.faces) for name, one in found.items()} == {"scene": 8, "panes": 4}
-    for name, mode, opacity in (("scene", "OPAQUE", 255), ("panes", "BLEND", 102)):
+    for name, mode in (("scene", "OPAQUE"), ("panes", "BLEND")):
         assert (found[name].visual.material.alphaMode or "OPAQUE") == mode
-        colours = found[name].visual.vertex_attributes["color"]
-        assert (colours[:, 3] == opacity).all() if colours.shape[1] == 4 else opacity == 255
+    shown = np.asarray(found["panes"].visual.material.baseColorTexture).reshape(-1, 4)
+    is_pane = lightmap.texels.prim_id >= 8
+    np.testing.assert_array_equal(shown[lightmap.texels.number, 3], np.where(is_pane, 102, 255))
 
 
-def test_a_measured_bake_has_plain_materials_unless_the_scene_s_own_are_asked_for():
-    room = {"name": "living_room"}
-    own, plain = (planned("raster", "bake", scene=room, asked=asked).point for asked in ({"materials": "own"}, {}))
-    mesh = load_mesh(own)
-    shown = lit("living_room", mesh, own.camera)
-    scene, grey = bake_scene(own, mesh), bake_scene(plain, mesh)
-    for name in ("materials", "lights", "sky"):
-        assert getattr(scene, name) == getattr(shown, name)
-    assert {one.colour for one in grey.materials} == {(0.7, 0.7, 0.7)}
-    dark = replace(own, workload_options=replace(own.workload_options, albedo=0.25))
-    assert {one.colour for one in bake_scene(dark, mesh).materials if not any(one.emission)} == {(0.25, 0.25, 0.25)}
+def test_images_stay_sharper_in_a_model_than_its_map_is(tmp_path):
+    stripes = np.zeros((1, 64, 3), np.float32)
+    stripes[:, ::2] = 1.0
+    material = render.Lambertian(render.Image(stripes, is_nearest=True))
+    mesh = quads([floor(1.0)])
+    scene = render.Scene(mesh, [material], uv=[(0, 0), (1, 0), (1, 1), (0, 1)], sky=render.constant_sky(1.0))
+    path = save_model(baked(scene, sheet(mesh, 16), 1), scene, tmp_path / "scene.glb", exposure=0, tone="none")
+    (model,) = trimesh.load(path).geometry.values()
+    shown = np.asarray(model.visual.material.baseColorTexture.convert("RGB"))[..., 0]
+    row = shown[len(shown) // 2]
+    assert set(row[row.size // 4 : -row.size // 4].tolist()) == {0, 255}
+    assert (np.diff(row.astype(int)) != 0).sum() == 63
 
 
 @pytest.mark.skipif(importlib.util.find_spec("xatlas") is None, reason="xatlas is not installed (extra `bake`)")

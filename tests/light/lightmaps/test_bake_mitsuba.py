@@ -6,37 +6,20 @@ import numpy as np
 import pytest
 
 import atra
-from atra import light
-from atra.errors import InputError
 from atra.light import Atlas, Baker
 from atra.light.lightmaps.charts.unwrap import UNMAPPED
 from atra.light.lightmaps.sums_kernels import LUMINANCE
 from atra.light.tables import unit_normals
-from experiments.light.bake import BAKE
-from experiments.light.bake.mitsuba import MitsubaPaths, with_plain_light
-from experiments.light.mitsuba_light import load_mitsuba, parts_of, suns_of
+from experiments.light.mitsuba_light import parts_of
 from experiments.light.render.measure import mitsuba_scene
 from scenes.cornell_box import CORNELL_BOX_CAMERA
 from scenes.lit.rooms import lit_cornell_box
-from tests.baked import cube, sheet, standard_error
-from tests.meshes import joined, quads
-from tests.shown import floor
-from tests.workloads.test_bake_points import measured, xatlas
+from tests.baked import sheet, shining_room, standard_error
 
 if importlib.util.find_spec("mitsuba") is None:
     pytest.skip("Mitsuba 3 is not installed (extra `peers`)", allow_module_level=True)
 
 BOUNCES, PATHS, TEXELS, BLOCK = 3, 64, 16, 8
-
-
-def lit_box():
-    """A closed room of coloured walls with a block in it, and one wall that shines."""
-    room, block = cube(inwards=True), cube(0.3)
-    mesh = joined(room, block)
-    colours = [(0.7, 0.7, 0.6), (0.6, 0.1, 0.1), (0.1, 0.5, 0.2), (0.7, 0.6, 0.7), (0.5, 0.5, 0.5)]
-    materials = [*(light.Lambertian(colour) for colour in colours), light.Emissive((3.0, 2.5, 2.0))]
-    numbers = np.array([1, 2, 0, 5, 3, 0, 4, 4, 4, 4, 4, 4]).repeat(2)
-    return light.Scene(mesh, materials, numbers, sky=light.constant_sky(0.0))
 
 
 def of_mitsuba(scene, origins, directions):
@@ -55,7 +38,7 @@ def of_mitsuba(scene, origins, directions):
 
 
 def test_blocks_of_texels_have_the_light_that_mitsuba_finds_from_them():
-    scene = lit_box()
+    scene = shining_room()
     with Baker(scene, sheet(scene.mesh, TEXELS), threads=1, bounces=BOUNCES) as baker:
         baker.add(512)
         lightmap = baker.maps
@@ -116,43 +99,3 @@ def test_a_wall_of_the_cornell_box_has_mitsuba_s_light_within_three_thousandths(
     spread = theirs.std(ddof=1) / np.sqrt(RENDERS)
     assert spread < 0.001 * ours
     assert abs(ours / theirs.mean() - 1) < 0.003
-
-
-def sunlit():
-    """A box above a floor, beneath a sun and a sky."""
-    mesh = joined(cube(0.5), quads([floor(3.0, -0.6)]))
-    materials, sky = [light.Lambertian((0.6, 0.5, 0.4))], light.GradientSky((0.3, 0.3, 0.3), (0.5, 0.7, 1.0))
-    return light.Scene(mesh, materials, lights=[light.Sun((-0.35, -1.0, 0.25), power=3.0)], sky=sky)
-
-
-@pytest.mark.parametrize("room", [lit_box(), sunlit()], ids=["lamp", "sun"])
-def test_paths_that_a_round_is_held_against_find_the_same_light_and_as_many_vertices(room):
-    try:
-        load_mitsuba("llvm_ad_rgb", "this test", 1)
-    except InputError as problem:
-        pytest.skip(str(problem))
-    room = with_plain_light(room)
-    with Baker(room, sheet(room.mesh, 8), threads=1, bounces=BOUNCES) as baker:
-        theirs = MitsubaPaths(room, baker, 16)
-        for _ in range(15):
-            theirs.add()
-        baker.add(256)
-        found = theirs.against(baker.maps, baker.maps)
-    assert abs(found["other_light_ratio"] - 1) < 4 * found["other_light_error"]
-    assert found["other_light_error"] < 0.01
-
-
-@xatlas
-def test_a_round_of_a_point_is_held_against_as_many_paths_by_mitsuba():
-    point, found = measured(against="mitsuba", samples=4)
-    assert set(found.samples) == {"own", "other"} == BAKE.samples(point)
-    assert found.results["paths_per_round"] == 4 * found.results["texels"]
-    assert {"other_light_ratio", "other_light_error", "best_other_ratio"} <= set(found.results)
-    assert "other_rays_per_round" not in found.results
-
-
-def test_light_that_mitsuba_is_not_handed_is_refused():
-    with pytest.raises(InputError, match="expected no PointLight"):
-        suns_of([light.PointLight((0, 1, 0))])
-    with pytest.raises(InputError, match="expected no Sun"):
-        suns_of([light.Sun((0, -1, 0))])

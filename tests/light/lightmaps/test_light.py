@@ -9,7 +9,6 @@ import atra
 from atra import light as render
 from atra.errors import AtraError, ClosedError, InputError
 from atra.light import Atlas, Baker, SpotLight
-from atra.light.lightmaps.finish.looks import look_of
 from experiments.light.waves.baker import WaveBaker
 from tests.baked import baked, cube, painted, sheet, standard_error
 from tests.meshes import joined, quads
@@ -243,17 +242,3 @@ def test_what_no_light_could_be_is_refused_with_its_value():
         baked(LIT, sheet(BOX, 6), 0)
     with pytest.raises(InputError, match="the atlas has 2 triangles"):
         baked(LIT, Atlas.of_uv(np.zeros((2, 3, 2)), 8, 8), 1)
-
-
-def test_a_textured_triangle_shows_the_mean_of_its_image():
-    texels = np.zeros((32, 32, 3), np.float32)
-    texels[:, 24:] = 0.8, 0.4, 0.2  # at u above 3 / 4
-    corners = [(-1, 0, 1), (1, 0, 1), (1, 0, -1), (-1, 0, -1)]
-    material = render.MetallicRoughness(render.Image(texels))
-    scene = render.Scene(quads([corners]), [material], uv=[(0, 0), (1, 0), (1, 1), (0, 1)])
-    # The coloured strip covers 7 / 16 of the first triangle, which has the corner (1, 0), and 1 / 16 of the second.
-    shares = np.array([7.0, 1.0]) / 16
-    np.testing.assert_allclose(look_of(scene).means()[0], shares[:, None] * (0.8, 0.4, 0.2), atol=0.01)
-    checker = render.Lambertian(render.Checker((1, 0, 0), (0, 0, 1), 8.0))
-    checked = look_of(replace(scene, materials=[checker])).means()[0]
-    np.testing.assert_allclose(checked, np.broadcast_to((0.5, 0, 0.5), (2, 3)), atol=0.03)

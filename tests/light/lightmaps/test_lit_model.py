@@ -13,7 +13,7 @@ from atra import light
 from atra.command.main import main
 from atra.errors import InputError
 from atra.files.gltf.tree import gltf_tree
-from atra.light import Atlas, Baker, save_lit_model
+from atra.light import Atlas, Baker, lit_view, save_lit_model, save_model
 from atra.light.lightmaps.finish.export import exposure_of, finished
 from atra.light.lightmaps.finish.seams import Seams
 from atra.light.lightmaps.finish.views import looked_up
@@ -150,6 +150,34 @@ def test_a_browser_shows_from_the_page_alone_what_we_show(source, tmp_path):
     error = np.abs(shown - np.minimum(expected, 1.0))[seen]
     assert shown[seen].mean() == pytest.approx(np.minimum(expected, 1.0)[seen].mean(), rel=0.02)
     assert np.median(error) < 0.01
+
+
+def test_an_unlit_copy_keeps_the_nodes_and_shows_what_the_lit_view_shows(source, tmp_path):
+    scene, lightmap, _ = baked(source, tmp_path / "lit.glb", samples=64, size=256)
+    camera = atra.Camera((1.5, 2.5, 3.5), (0.0, 0.3, 0.0), fov_y_degrees=45.0, width=200, height=200)
+    with atra.RasterTracer(scene.mesh, camera, threads=1) as tracer:
+        hits = tracer.trace()
+    atlas = lightmap.texels.atlas
+    view = lit_view(hits, scene, atlas, finished(lightmap, lightmap.combined, Seams.of(scene.mesh, atlas)))
+    path = save_model(lightmap, scene, tmp_path / "unlit.glb", source, exposure=-1.0)
+    before, after = tree_of(source), tree_of(path)
+    same = ("name", "children", "matrix", "translation", "extensions", "camera")
+    assert [{key: node.get(key) for key in same} for node in after["nodes"]] == [
+        {key: node.get(key) for key in same} for node in before["nodes"]
+    ]
+    assert len(after["images"]) == 1
+    assert {one["name"] for one in after["materials"]} == {one["name"] for one in before["materials"]}
+    assert all(
+        one["attributes"].keys() == {"POSITION", "TEXCOORD_0"} for m in after["meshes"] for one in m["primitives"]
+    )
+    read = light.load_scene(path)
+    with light.HybridRenderer(read, camera, threads=1) as renderer:
+        renderer.add(1)
+        shown = renderer.image
+    inside = minimum_filter(hits.hit, 5)
+    assert np.median(np.abs(shown - light.toned(view, -1.0, "neutral"))[inside]) < 0.01
+    with pytest.raises(InputError, match="of another mesh"):
+        save_model(lightmap, read, tmp_path / "other.glb", source)
 
 
 def linear(levels):

@@ -130,6 +130,7 @@ def test_a_probe_has_the_harmonics_of_suns_points_and_the_sky():
         1.5 * np.pi * np.sqrt(5 / (16 * np.pi)) * (3 * y[2] ** 2 - 1), rel=1e-4
     )
     point = probes(painted(FAR, lights=[render.PointLight((0, 2, 0))]), [(0, 0, 0), (0, 1, 0)], 1)
+    np.testing.assert_allclose(point.direct[:, 0, 0], np.pi / np.array([4, 1]) / np.sqrt(4 * np.pi), rtol=1e-4)
     np.testing.assert_allclose(point.direct[1, :, 0], 4 * point.direct[0, :, 0], rtol=1e-4, atol=1e-6)
     rows, columns = 16, 32
     height = np.cos((np.arange(rows) + 0.5) * np.pi / rows)

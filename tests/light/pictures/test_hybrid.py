@@ -160,29 +160,22 @@ def test_samples_stay_where_only_strengths_change_and_go_where_anything_else_doe
         "material": {"scene": replace(scene, materials=[render.Lambertian(), render.Metal()])},
         "light added": {"scene": replace(scene, lights=[sun, sun])},
         "camera": {"camera": down(8, eye=(0, 3, 0))},
-        "occlusion length": {"occlusion_length": 3.0},
-        "occlusion rays": {"occlusion_rays": 2},
         "the same": {"scene": replace(scene), "camera": down(8)},
     }
     stay = {"sky power", "light power", "light colour", "the same"}
     with render.HybridRenderer(scene, down(8), threads=1) as renderer:
         for name, change in changed.items():
             renderer.add(3)
-            renderer.update(**{field: value for field, value in change.items() if field != "camera"})
+            renderer.update(change.get("scene"))
             renderer.look(change.get("camera", renderer.camera))
             assert renderer.samples == (3 if name in stay else 0), name
             if name in stay:
                 with render.HybridRenderer(renderer.scene, down(8), threads=1) as again:
                     again.add(3)
                     np.testing.assert_array_equal(renderer.image, again.image)
-            renderer.update(scene, occlusion_length=10.0, occlusion_rays=1)
+            renderer.update(scene)
             renderer.look(down(8))
-            if renderer.samples:
-                renderer.update(occlusion="cosine")
-                renderer.update(occlusion="uniform")
-        for refused in ("threads", "build_quality"):
-            with pytest.raises(atra.InputError, match=f"{refused} is what the scene was built with"):
-                renderer.update(**{refused: 1 if refused == "threads" else "low"})
+            renderer.restart()
         turned = atra.Mesh(scene.mesh.vertices, scene.mesh.faces[::-1])
         with pytest.raises(atra.InputError, match=r"expected .* as before: update takes other vertices"):
             renderer.update(replace(scene, mesh=turned))
@@ -265,19 +258,12 @@ def test_a_panorama_is_seen_where_its_texels_point():
             np.testing.assert_allclose(image[0, 0], 2 * texels[row, column], rtol=1e-4)
 
 
-def direct(scene, camera, samples):
-    """Hybrid, and by paths that meet a surface and an emitter."""
-    with render.PathRenderer(scene, camera, threads=1, bounces=1) as path:
-        path.add(samples)
-        return hybrid(scene, camera, samples), path.image
-
-
 def test_a_shining_rectangle_is_seen_and_lights_the_floor_as_paths_find():
     lamp = [(0.3, 1.5, -0.7), (1.2, 1.5, -0.7), (1.2, 1.8, 0.9), (0.3, 1.8, 0.9)]
     materials = [GREY, render.Emissive((5.0, 3.0, 1.0))]
     scene = render.Scene(quads([floor(4.0), lamp]), materials, [0, 0, 1, 1], sky=BLACK)
     below = down(16, eye=(0, 4, 0), fov=60)  # sees the lamp's back, which is black
-    renderer, expected = direct(scene, below, 256)
+    renderer, expected = hybrid(scene, below, 256), traced(scene, below, 256, bounces=1)
     np.testing.assert_allclose(renderer.image.mean(axis=(0, 1)), expected.mean(axis=(0, 1)), rtol=0.02)
     assert renderer.parts.shape == (2, 16, 16, 3)
     up = atra.Camera((0.7, 0.2, 0.1), (0.75, 1.65, 0.1), (0, 0, 1), 10, 8, 8)

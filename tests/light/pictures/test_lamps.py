@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import atra
 from atra import light
 from scenes.lit.rooms import lit_cornell_box
 from tests.meshes import cornell_camera, quads
-from tests.shown import BLACK, down, floor, floor_points, hybrid, traced
+from tests.shown import BLACK, down, floor, floor_points, picture, traced
 
 ABOVE = down(4, eye=(0.3, 1.0, 0), fov=2)
 LAMPS = [
@@ -50,28 +49,14 @@ def half_open(alpha, opacity=0.4):
     return light.Scene(mesh, [light.Lambertian(0.5), pane], [0, 0, 1, 1], [light.Sun((0, -1, 0), 0.0)], BLACK)
 
 
+@pytest.mark.parametrize("kind", [light.PathRenderer, light.HybridRenderer])
 @pytest.mark.parametrize(("alpha", "share"), [("opaque", 0.0), ("mask", 1.0), ("blend", 0.6)])
-def test_shadows_let_through_what_holes_and_thin_things_do(alpha, share):
-    image = traced(half_open(alpha), ABOVE, 64, bounces=1)
-    np.testing.assert_allclose(image, 0.5 * share, rtol=1e-4)
-
-
-def test_the_eye_sees_through_holes_and_in_part_through_what_is_blended():
-    from_above = replace(ABOVE, eye=(0.3, 3.0, 0))
-    for alpha, share in (("mask", 1.0), ("blend", 0.6)):
-        image = traced(half_open(alpha), from_above, 256, bounces=1)
-        dark = 0.04 * 0.25  # what the black pane mirrors at most of the sun, rough as it is
-        np.testing.assert_allclose(image.mean(), 0.5 * share * share, atol=dark + 0.02)
-
-
-def test_the_eye_looks_through_backs_of_what_has_one_side():
-    lid = light.MetallicRoughness((0.0, 0.0, 0.0), is_double=False)
-    mesh = quads([floor(), floor(1.0, 1.5)[::-1]])
-    scene = light.Scene(mesh, [light.Lambertian(0.5), lid], [0, 0, 1, 1], sky=light.constant_sky(1.0))
-    above = replace(ABOVE, eye=(0.3, 3.0, 0))
-    assert traced(scene, above, 16, bounces=1).mean() > 0.05
-    shut = replace(scene, materials=[scene.materials[0], replace(lid, is_double=True)])
-    assert traced(shut, above, 16, bounces=1).mean() < 0.05
+def test_the_eye_and_light_pass_holes_and_in_part_what_is_blended(kind, alpha, share):
+    scene, options = half_open(alpha), {"bounces": 1} if kind is light.PathRenderer else {"occlusion_rays": 0}
+    np.testing.assert_allclose(picture(kind, scene, ABOVE, 64, **options), 0.5 * share, rtol=1e-4)
+    above = picture(kind, scene, replace(ABOVE, eye=(0.3, 3.0, 0)), 256, **options)
+    dark = 0.04 * 0.25  # what the black pane mirrors at most of the sun, rough as it is
+    np.testing.assert_allclose(above.mean(), 0.5 * share * share, atol=dark + 0.02)
 
 
 def test_a_textured_emitter_lights_as_much_as_scattering_finds():
@@ -90,23 +75,3 @@ def test_roulette_changes_no_mean():
     scene, camera = lit_cornell_box(), cornell_camera(16, 16)
     short, long = (traced(scene, camera, 256, bounces=11, roulette_from=rays).mean() for rays in (1, 100))
     assert short == pytest.approx(long, rel=0.02)
-
-
-def test_a_metal_of_roughness_shows_the_same_lamp_aimed_at_or_found():
-    half = 0.5
-    metal = light.MetallicRoughness((0.9, 0.6, 0.3), metallic=1.0, roughness=0.4)
-    mesh = quads([floor(), floor(half, 2.0)[::-1]])
-    scene = light.Scene(mesh, [metal, light.Emissive((3.0, 2.0, 1.0))], [0, 0, 1, 1], sky=BLACK)
-    camera = atra.Camera((2.0, 1.5, 0.0), (0.4, 0.0, 0.0), fov_y_degrees=10, width=8, height=8)
-    aimed, found = (traced(scene, camera, 512, bounces=1, lights=way).mean((0, 1)) for way in ("aimed", "found"))
-    np.testing.assert_allclose(aimed, found, rtol=0.03)
-    assert aimed.min() > 0.01
-
-
-@pytest.mark.parametrize(("alpha", "share"), [("opaque", 0.0), ("mask", 1.0), ("blend", 0.6)])
-def test_hybrid_pictures_see_and_are_lit_through_holes(alpha, share):
-    scene = half_open(alpha)
-    below = hybrid(scene, ABOVE, 64, occlusion_rays=0).image
-    np.testing.assert_allclose(below, 0.5 * share, rtol=1e-4)
-    above = hybrid(scene, replace(ABOVE, eye=(0.3, 3.0, 0)), 256, jitter="shared", occlusion_rays=0).image
-    np.testing.assert_allclose(above.mean(), 0.5 * share * share, atol=0.03)

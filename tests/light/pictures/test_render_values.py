@@ -1,8 +1,6 @@
 """What is handed to renderers, what is refused, and what is written."""
 
-import re
 from dataclasses import replace
-from pathlib import Path
 from time import perf_counter
 from types import SimpleNamespace
 
@@ -14,7 +12,6 @@ import atra
 from atra import light
 from atra.light.pictures.files import srgb_of
 from atra.light.pictures.options import HybridOptions, PathOptions
-from scenes.lit.weekend import WEEKEND_CAMERA, weekend
 from tests.meshes import quads
 from tests.shown import down, floor
 
@@ -75,16 +72,6 @@ def test_what_cannot_be_shown_is_refused_by_name(make, message):
         make()
 
 
-@pytest.mark.parametrize("kind", [light.Metal, light.Dielectric])
-def test_a_kind_of_material_is_known_to_two_files(kind):
-    """Its class, and where light scatters; the package's list of names beside them."""
-    root = Path(atra.__file__).parents[1]
-    words = re.compile(rf"\b({kind.__name__}|{kind.__name__.upper()})\b")
-    code = {path: re.sub(r'""".*?"""', "", path.read_text(), flags=re.DOTALL) for path in (root / "atra").rglob("*.py")}
-    known = {path.relative_to(root).as_posix() for path, text in code.items() if words.search(text)}
-    assert known == {"atra/light/materials.py", "atra/light/scattering/spots_kernels.py", "atra/light/__init__.py"}
-
-
 def test_a_picture_needs_a_sample_and_a_number_of_them():
     scene = light.Scene(MESH, lights=[light.Sun((0, -1, 0))])
     with light.HybridRenderer(scene, down(4), threads=1) as renderer:
@@ -100,6 +87,15 @@ def test_a_picture_needs_a_sample_and_a_number_of_them():
             renderer.update(depth=3)
     with pytest.raises(atra.ClosedError, match="closed"):
         renderer.add(1)
+
+
+def test_shares_that_paths_do_not_count_are_refused_by_name_and_their_parts_are_the_picture():
+    with light.PathRenderer(light.Scene(MESH, lights=[light.Sun((0, -1, 0))]), down(4), threads=1) as renderer:
+        renderer.add(1)
+        for look, name in ((lambda: renderer.openness, "openness"), (renderer.lit, "light 0")):
+            with pytest.raises(atra.InputError, match=f"a PathRenderer counts no {name}"):
+                look()
+        np.testing.assert_array_equal(renderer.parts, renderer.image[None])
 
 
 def test_light_beyond_all_numbers_is_reported_with_its_pixel_and_leaves_nothing_behind():
@@ -138,11 +134,8 @@ def test_an_interrupted_sample_leaves_no_torn_picture(monkeypatch):
 @pytest.mark.parametrize("kind", [light.PathRenderer, light.HybridRenderer])
 @pytest.mark.parametrize("first", [1, 32])  # also where float32 sums begin again
 def test_a_picture_that_is_stopped_between_waves_keeps_its_samples_and_goes_on(kind, first):
-    options = {"threads": 1}
-    with (
-        kind(light.Scene(MESH), down(64), **options) as whole,
-        kind(light.Scene(MESH), down(64), **options) as renderer,
-    ):
+    whole, renderer = (kind(light.Scene(MESH), down(64), threads=1) for _ in range(2))
+    with whole, renderer:
         whole.add(first)
         expected = whole.image
         assert renderer.add(first - 1 or 1, stop=lambda: False)
@@ -176,19 +169,14 @@ def test_stages_are_named_and_sum_to_the_call():
             assert sum(renderer.stage_s.values()) <= whole
 
 
-def test_a_png_is_srgb():
-    ends = srgb_of(np.array([[[0.0, 1.0, 7.0]], [[0.5, 0.002, 0.2158605]]]))
-    assert ends.tolist() == [[[0, 255, 255]], [[188, 7, 128]]]
-
-
 def test_pictures_are_written_as_their_names_say(tmp_path):
     scene = light.Scene(quads([floor(0.5)]), [light.Lambertian((0.25, 0.5, 0.75))], sky=light.constant_sky(1.0))
     camera = down(16, height=12)
     with light.PathRenderer(scene, camera, threads=1) as renderer:
         renderer.add(2)
-        renderer.save(tmp_path / "a.png")
+        renderer.save(tmp_path / "a.png", exposure=1.0, tone="agx")
         shown = np.asarray(Image.open(tmp_path / "a.png"))
-        np.testing.assert_array_equal(shown, srgb_of(renderer.image))
+        np.testing.assert_array_equal(shown, srgb_of(light.toned(renderer.image, 1.0, "agx")))
         with pytest.raises(atra.InputError, match=r"ends in \.png or \.exr"):
             renderer.save(tmp_path / "a.jpg")
         exr = pytest.importorskip("OpenEXR")
@@ -200,6 +188,10 @@ def test_pictures_are_written_as_their_names_say(tmp_path):
         np.testing.assert_array_equal(parts["prim_id"].pixels, hits.prim_id)
         normals = np.stack([parts[f"N.{name}"].pixels for name in "XYZ"], -1)
         np.testing.assert_array_equal(normals[hits.hit], np.broadcast_to([0, 1, 0], (hits.hit.sum(), 3)))
+        albedo = np.stack([parts[f"albedo.{name}"].pixels for name in "RGB"], -1)
+        np.testing.assert_allclose(albedo[6, 8], (0.25, 0.5, 0.75), rtol=1e-5)
+        assert (parts["samples"].pixels == 2).all()
+        assert (albedo[0, 0] == 1).all()
         assert 0 < hits.hit.mean() < 1
         assert (normals[~hits.hit] == 0).all()
 
@@ -210,22 +202,3 @@ def test_without_openexr_an_exr_is_refused_saying_what_to_install(monkeypatch, t
         renderer.add(1)
         with pytest.raises(atra.InputError, match="pip install OpenEXR"):
             renderer.save(tmp_path / "a.exr")
-
-
-def test_the_weekend_is_the_book_s():
-    scene = weekend(segments=8)
-    corners = scene.mesh.triangles(np.arange(scene.mesh.triangle_count))
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    inner = scene.normals[scene.mesh.faces].astype(float).sum(axis=1)
-    assert ((across * inner).sum(axis=1) > 0).all()  # fronts are outside
-    count = len(scene.materials) - 4 - 3
-    assert 470 <= count <= 484
-    kinds = [type(material) for material in scene.materials[4 : 4 + count]]
-    assert abs(kinds.count(light.Lambertian) / count - 0.8) < 0.05
-    assert abs(kinds.count(light.Metal) / count - 0.15) < 0.05
-    camera = atra.Camera(**WEEKEND_CAMERA, width=30, height=20)
-    with light.PathRenderer(scene, camera, threads=1) as renderer:
-        renderer.add(8)
-        image = renderer.image
-    assert np.ptp(image.mean(axis=2)) > 0.5
-    np.testing.assert_allclose(image[0, :, 2], 1.0, atol=0.2)  # the sky is blue

@@ -1,6 +1,6 @@
 """Rows of the two articles' tables: what restarts, what stops, what is summed, and that nothing is ever torn."""
 
-from dataclasses import fields, replace
+from dataclasses import fields
 from inspect import signature
 from math import inf, nan
 
@@ -123,36 +123,6 @@ def test_every_option_restarts_or_stays_or_is_refused_as_the_table_says(kind, op
                 renderer.update(**{name: getattr(renderer.options, name)})
 
 
-def test_no_frame_of_a_thousand_random_moves_is_torn():
-    scene = replace(sphere(GREY, render.GradientSky()), lights=[render.Sun((0.3, -1, 0.2), 2.0)])
-    random = np.random.default_rng(5)
-    cameras = [
-        atra.Camera(tuple(3 * eye / np.linalg.norm(eye)), (0, 0, 0), (0.1, 1, 0.2), 40.0, 24 + 8 * (number % 2), 17)
-        for number, eye in enumerate(random.normal(size=(6, 3)))
-    ]
-    expected = {}
-    for number, camera in enumerate(cameras):
-        with render.HybridRenderer(scene, camera, threads=1) as renderer:
-            for samples in (1, 2, 3):
-                renderer.add(1)
-                expected[number, samples] = renderer.image
-    seen = 0
-    with render.HybridRenderer(scene, cameras[0], threads=2) as renderer:
-        for _ in range(1000):
-            number = int(random.integers(len(cameras)))
-            renderer.look(cameras[number])
-            answers = iter([False] * int(random.integers(0, 6)) + [True] * 9)
-            if random.random() < 0.5:
-                renderer.add(int(random.integers(1, 4)), stop=lambda answers=answers: next(answers))
-            else:
-                renderer.restart()
-                renderer.add(int(random.integers(1, 4)))
-            if 0 < renderer.samples <= 3:
-                seen += 1
-                np.testing.assert_array_equal(renderer.image, expected[number, renderer.samples])
-    assert seen > 500
-
-
 NASTY = [nan, inf, -inf, -1.0, -1e-300, 1e300, 1e400, "x", "", None, (), (1, 2), (1, 2, 3, 4), (nan, 0, 0), [[1]],
          np.zeros((0, 3)), np.full(3, nan), object(), {}, b"", 1j, (1j, 0, 0), True, ("a",) * 3, 2**70]  # fmt: skip
 MAKERS = {
@@ -190,21 +160,3 @@ def test_a_texture_that_is_too_large_is_refused(monkeypatch):
     render.Image(np.zeros((1, 5, 3)))
     with pytest.raises(atra.InputError, match="make it smaller"):
         render.Image(np.zeros((2, 3, 3)))
-
-
-def test_the_error_of_hybrid_pictures_falls_faster_than_the_square_root_of_the_samples():
-    """The points of rays are spread evenly, so that more is gained than by chance."""
-    wall = [(0, 0, 50), (0, 50, 50), (0, 50, -50), (0, 0, -50)]
-    scene = render.Scene(
-        quads([floor(), wall]), [GREY], lights=[render.Sun((1.0, -1.0, 0.0), 10.0)], sky=render.constant_sky(1.0)
-    )
-    numbers, errors = [4, 16, 64, 256], []
-    with render.HybridRenderer(
-        scene, down(24, eye=(1.3, 3, 0)), threads=1, occlusion_length=2.0, jitter="off", most_samples=None
-    ) as renderer:
-        pictures = {}
-        for samples in (*numbers, 4096):
-            renderer.add(samples - renderer.samples)
-            pictures[samples] = renderer.image.astype(float)
-    errors = [np.sqrt(((pictures[samples] - pictures[4096]) ** 2).mean()) for samples in numbers]
-    assert np.polyfit(np.log(numbers), np.log(errors), 1)[0] <= -0.45

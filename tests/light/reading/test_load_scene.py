@@ -65,6 +65,40 @@ def read(tmp_path, given, **options):
     return light.load_scene(path, **options)
 
 
+@pytest.mark.parametrize("most", [1, 255])
+def test_colours_behind_the_vertices_of_an_obj_are_srgb_and_colour_what_no_mtl_describes(tmp_path, most):
+    path, half = tmp_path / "scan.obj", 0.5 * most
+    path.write_text(f"v 0 0 0 {most} 0 0\nv 1 0 0 0 {half} 0\nv 0 1 0 0 0 {most}\nv 0 0 1 0 0 0\nf 2 3 1\n")
+    scene = light.load_scene(path)
+    linear = ((0.5 + 0.055) / 1.055) ** 2.4
+    by_corner = scene.colours[scene.mesh.faces[0]]
+    assert by_corner == pytest.approx(np.array([[0, linear, 0, 1], [0, 0, 1, 1], [1, 0, 0, 1]]))
+    assert scene.materials[0].colour == (1.0, 1.0, 1.0)
+
+
+@pytest.mark.parametrize("word", ["norm", "map_Bump", "bump"])
+def test_an_image_of_normals_is_read_by_each_word_that_exporters_have_for_it_and_heights_are_named(tmp_path, word):
+    (tmp_path / "up.png").write_bytes(png(np.full((2, 2, 3), (128, 128, 255), np.uint8)))
+    (tmp_path / "high.png").write_bytes(png(np.full((2, 2), 200, np.uint8)))
+    path = tmp_path / "tile.obj"
+    path.write_text("mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3\n")
+    (tmp_path / "m.mtl").write_text(f"newmtl a\n{word} up.png\n")
+    scene = light.load_scene(path)
+    assert scene.materials[0].normals.texels[0, 0].tolist() == [128, 128, 255]
+    assert scene.left_out == ()
+    (tmp_path / "m.mtl").write_text("newmtl a\nmap_bump high.png\n")
+    with pytest.warns(UserWarning, match="heights of bumps of MTL"):
+        assert light.load_scene(path).materials[0].normals is None
+
+
+def test_an_obj_with_colours_of_some_vertices_alone_has_none(tmp_path):
+    path = tmp_path / "scan.obj"
+    path.write_text("v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0 0 0 1\nf 1 2 3\n")
+    scene = light.load_scene(path)
+    assert scene.colours is None
+    assert scene.materials[0].colour == (0.7, 0.7, 0.7)
+
+
 @pytest.mark.filterwarnings("ignore:.*not used")
 def test_a_material_is_what_the_file_says(tmp_path):
     given = tree()
@@ -227,13 +261,13 @@ def test_a_long_image_is_made_smaller_in_linear_light():
 def test_an_obj_s_materials_come_with_their_colours_textures_and_opacity(tmp_path):
     (tmp_path / "wood.png").write_bytes(png(np.full((2, 2, 3), 100, np.uint8)))
     (tmp_path / "m.mtl").write_text(
-        "newmtl wood\nKd 0.5 0.5 0.5\nmap_Kd wood.png\nPr 0.3\nnewmtl lamp\nKe 4 3 2\nKd 0 0 0\nbump x.png\n"
+        "newmtl wood\nKd 0.5 0.5 0.5\nmap_Kd wood.png\nPr 0.3\nnewmtl lamp\nKe 4 3 2\nKd 0 0 0\nrefl x.png\n"
     )
     (tmp_path / "m.obj").write_text(
         "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n"
         "usemtl wood\nf 1/1 2/2 3/3\nusemtl lamp\nf 2/1 4/2 3/3\n"
     )
-    with pytest.warns(UserWarning, match="bump of MTL"):
+    with pytest.warns(UserWarning, match="refl of MTL"):
         scene = light.load_scene(tmp_path / "m.obj")
     assert scene.mesh.triangle_count == 2
     named = {one.name: one for one in scene.materials}

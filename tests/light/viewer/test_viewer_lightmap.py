@@ -13,7 +13,7 @@ from atra.light.viewer import camera_page
 from atra.light.viewer.page import Page
 from atra.light.viewer.request import Pose, Request, Settings
 from tests.baked import cube, sheet
-from tests.light.viewer.test_viewer_page import PATIENCE_S, browser, screenshot, wait_for
+from tests.light.viewer.test_viewer_page import PATIENCE_S, Shown, browser, opened, screenshot, wait_for
 
 pytest.importorskip("viser", reason="viser is not installed: pip install -e '.[viewer]'")
 
@@ -37,23 +37,11 @@ def test_the_panel_says_how_far_texels_are():
     assert "of 96 texels, 24 in view first" in say_progress(samples, TARGET, 0.8125, 24)
 
 
-class Shown(Page):
-    """Keeps what went to the page."""
-
-    def __init__(self, *arguments, **options):
-        self.sent = []
-        super().__init__(*arguments, **options)
-
-    def send(self, image, is_still):
-        self.sent.append((is_still, float(image.mean())))
-        super().send(image, is_still)
-
-
 @pytest.fixture
 def page(monkeypatch):
     monkeypatch.setattr(camera_page, "LEAVE_S", 0.5)
     with Baker(SCENE, ATLAS, threads=1) as baker, closing(MapPainter(baker, TARGET, 1)) as painter:
-        one = Shown(painter, FIRST, 0, "the box", 3.0, settings=False)
+        one = Page(painter, FIRST, 0, "the box", 3.0, settings=False)
         thread = threading.Thread(target=one.session.run)
         thread.start()
         yield one, baker, thread
@@ -80,29 +68,24 @@ def test_a_bake_that_is_shown_takes_what_the_camera_sees_first_and_is_that_of_no
 
 
 @pytest.mark.slow
-def test_a_browser_shows_the_map_and_its_camera_says_what_comes_first(page, browser):
-    shown, baker, thread = page
-    complaints = []
-    with browser.new_context(viewport={"width": 400, "height": 800}) as context:
-        tab = context.new_page()
-        tab.set_default_timeout(1e3 * PATIENCE_S)
-        tab.on("pageerror", lambda error: complaints.append(str(error)))
-        tab.goto(shown.address)
+def test_a_browser_shows_the_map_and_its_camera_says_what_comes_first(page, browser, monkeypatch):
+    page, baker, thread = page
+    shown = Shown(page, monkeypatch)
+    with opened(browser, page.address, 400, 800) as tab:
         tab.get_by_text("done").wait_for()
         assert tab.evaluate("document.documentElement.scrollWidth") <= 400
         tab.set_viewport_size({"width": 640, "height": 400})
         wait_for(lambda: np.ptp(screenshot(tab)[200, 20:200].astype(int)) > 20, "a picture on the canvas")
         wait_for(lambda: baker.visible is not None, "what the camera sees")
-        before, count = baker.visible, len(shown.sent)
+        before, count = baker.visible, len(shown.frames)
         tab.mouse.move(150, 250)
         tab.mouse.down()
         for step in range(5):
             tab.mouse.move(150 + 20 * step, 250)
         tab.mouse.up()
         wait_for(lambda: (baker.visible != before).any(), "what another camera sees")
-        wait_for(lambda: not all(one[0] for one in shown.sent[count:]), "a sketch of another camera")
-        wait_for(lambda: shown.sent[-1][0], "a picture at rest")
-    assert complaints == []
+        wait_for(lambda: not all(samples for _, samples in shown.frames[count:]), "a sketch of another camera")
+        wait_for(lambda: shown.frames[-1][1], "a picture at rest")
     thread.join(PATIENCE_S)
     assert not thread.is_alive(), "the last page is closed, the viewer is not"
     texels = Texels.of(BOX, ATLAS)

@@ -1,6 +1,7 @@
 """The viewer's page: its port, its errors, its ends, and what a real browser shows; skipped, with the reason, where
 viser or a browser is missing."""
 
+import contextlib
 import io
 import json
 import os
@@ -208,18 +209,27 @@ def screenshot(tab):
     return np.asarray(Image.open(io.BytesIO(tab.screenshot())).convert("RGB"))
 
 
+@contextlib.contextmanager
+def opened(browser, address, width=640, height=400, count=1, **options):
+    """Tabs of a context of its own; the first shows the page. Errors of its scripts are the test's."""
+    complaints = []
+    with browser.new_context(viewport={"width": width, "height": height}, **options) as context:
+        tabs = [context.new_page() for _ in range(count)]
+        for tab in tabs:
+            tab.set_default_timeout(1e3 * PATIENCE_S)
+            tab.on("pageerror", lambda error: complaints.append(str(error)))
+        tabs[0].goto(address)
+        yield tabs[0] if count == 1 else tabs
+    assert complaints == []
+
+
 @pytest.mark.slow
 def test_a_browser_shows_the_picture_moves_the_camera_changes_parameters_and_ends_the_viewer(
     page, browser, monkeypatch
 ):
-    shown, complaints = Shown(page, monkeypatch), []
-    with browser.new_context(viewport={"width": 640, "height": 400}) as context:
-        tab = context.new_page()
-        tab.set_default_timeout(1e3 * PATIENCE_S)
-        tab.on("pageerror", lambda error: complaints.append(str(error)))
-        tab.goto(page.address)
-        done = tab.get_by_text("3 of 3 samples")
-        done.wait_for()
+    shown = Shown(page, monkeypatch)
+    with opened(browser, page.address) as tab:
+        tab.get_by_text("3 of 3 samples").wait_for()
         wait_for(lambda: page.session.wanted.pose.aspect == pytest.approx(1.6, abs=0.01), "the page's own camera")
         wait_for(lambda: page.session.wanted.pose.eye == pytest.approx(FIRST.pose.eye, abs=1e-6), "the scene's view")
         # The left wall has another brightness than the floor; before it came, all was white.
@@ -241,17 +251,13 @@ def test_a_browser_shows_the_picture_moves_the_camera_changes_parameters_and_end
         wait_for(lambda: not page.session.wanted.settings.jitter, "the checkbox")
         wait_for(lambda: shown.frames[-1] == (page.session.wanted, 3), "the picture without jitter")
         assert set(shown.formats) == {(False, "jpeg"), (True, "png")}
-    assert complaints == []
     page.thread.join(PATIENCE_S)
     assert not page.thread.is_alive(), "the last page is closed, the viewer is not"
 
 
 @pytest.mark.slow
 def test_walking_turns_the_head_moves_by_keys_and_buttons_and_picture_and_camera_are_saved(page, browser, tmp_path):
-    with browser.new_context(viewport={"width": 640, "height": 400}, accept_downloads=True) as context:
-        tab = context.new_page()
-        tab.set_default_timeout(1e3 * PATIENCE_S)
-        tab.goto(page.address)
+    with opened(browser, page.address, accept_downloads=True) as tab:
         tab.get_by_text("3 of 3 samples").wait_for()
 
         def eye():
@@ -310,10 +316,7 @@ def test_walking_turns_the_head_moves_by_keys_and_buttons_and_picture_and_camera
 
 @pytest.mark.slow
 def test_controls_are_reached_and_nothing_scrolls_sideways_on_desktop_and_phone(page, browser):
-    with browser.new_context(viewport={"width": 400, "height": 800}) as context:
-        tab = context.new_page()
-        tab.set_default_timeout(1e3 * PATIENCE_S)
-        tab.goto(page.address)
+    with opened(browser, page.address, 400, 800) as tab:
         tab.get_by_text("3 of 3 samples").wait_for()
         for width, height in ((400, 800), (1280, 900)):
             tab.set_viewport_size({"width": width, "height": height})
@@ -325,3 +328,18 @@ def test_controls_are_reached_and_nothing_scrolls_sideways_on_desktop_and_phone(
                 lambda shape=width / height: page.session.wanted.pose.aspect == pytest.approx(shape, abs=0.01),
                 "its shape",
             )
+
+
+@pytest.mark.slow
+def test_a_page_that_opens_while_another_walks_shows_the_scene(page, browser):
+    with opened(browser, page.address, count=2) as tabs:
+        tabs[0].get_by_text("3 of 3 samples").wait_for()
+        tabs[0].get_by_label("movement").click()
+        tabs[0].get_by_role("option", name="walk").click()
+        wait_for(lambda: page._movement.value == "walk", "walking")
+        tabs[1].bring_to_front()
+        tabs[1].goto(page.address)
+        wait_for(lambda: len(page._server.get_clients()) == 2, "the second page")
+        wait_for(lambda: np.ptp(screenshot(tabs[1])[300, 20:200].astype(int)) > 20, "a picture on the second page")
+        wait_for(lambda: page.session.wanted.pose.eye == pytest.approx(FIRST.pose.eye, abs=1e-3), "the scene's view")
+        assert page._movement.value == "orbit"

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from atra.errors import InputError
 
 ELEMENTS = 34963
 """Target of a buffer view that holds indices."""
@@ -18,6 +21,14 @@ _ARRAY = 34962
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942
 _LINEAR, _CLAMP = 9729, 33071
 _KINDS = {"|i1": 5120, "|u1": 5121, "<i2": 5122, "<u2": 5123, "<u4": 5125, "<f4": 5126}
+
+
+def glb_path(path: Path | str) -> Path:
+    """The path of a model. Raises InputError for another suffix than .glb."""
+    path = Path(path)
+    if path.suffix.lower() != ".glb":
+        raise InputError(f"a model is to be written to {str(path)!r}, expected a name that ends in .glb")
+    return path
 
 
 class Glb:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from base64 import b64encode
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from copy import deepcopy
 from html import escape
 from math import log2
@@ -18,24 +18,34 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.files.folder import Folder
 from atra.files.gltf.numbers import Numbers
-from atra.files.gltf.packed import DRACO, MESHOPT
+from atra.files.gltf.packed import DRACO
+from atra.files.gltf.primitives import read_primitive
 from atra.files.gltf.tree import gltf_tree
 from atra.files.paths import write_atomically
 from atra.files.reading import read_regular_file
-from atra.light.lightmaps.charts.atlas import Atlas
-from atra.light.lightmaps.finish.export import exposure_of, finished
-from atra.light.lightmaps.finish.glb import ELEMENTS, LIGHTMAP, Glb
+from atra.light.lightmaps.finish.export import exposure_of, finished, parts_of
+from atra.light.lightmaps.finish.glb import ELEMENTS, LIGHTMAP, Glb, glb_path
 from atra.light.lightmaps.finish.seams import Seams
 from atra.light.lightmaps.maps import Lightmap
 from atra.light.pictures.files import exr_of_channels, png_of
-from atra.light.reading.gltf import triangles_of
 from atra.light.scene import Scene, ScenePart
 
 _SAFE = LIGHTMAP, "EXT_texture_webp", "EXT_mesh_gpu_instancing"
-"""Extensions that name accessors and buffer views as glTF does."""
+"""Extensions beside Khronos's that name entries of the file as glTF does; others may do so by keys of their own."""
+
+_NAMES = "extensionsUsed", "extensionsRequired"
+
+_SHAPE = "POSITI", "JOINTS", "WEIGHT"
+"""First letters of the attributes that say where vertices are."""
+
+_QUANTIZED = "KHR_mesh_quantization"
+"""An extension that is used without being named again."""
 
 _MIME = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".webp": "image/webp"}
 _PAGE = Path(__file__).with_name("page.html")
+
+MaterialOf = Callable[[ScenePart, int | None, int], Any]
+"""The material of a part of a scene, whose material has a number in the file, on a map of an atlas."""
 
 
 def save_lit_model(lightmap: Lightmap, scene: Scene, source: Path | str, path: Path | str) -> list[Path]:
@@ -49,29 +59,38 @@ def save_lit_model(lightmap: Lightmap, scene: Scene, source: Path | str, path: P
     scene: of `load_scene(source)`, whose mesh was baked. Raises InputError for another suffix or mesh, and for meshes
     placed by EXT_mesh_gpu_instancing; StorageError.
     """
-    source, path = Path(source), Path(path)
-    if path.suffix.lower() != ".glb":
-        raise InputError(f"a model is to be written to {str(path)!r}, expected a name that ends in .glb")
-    if not isinstance(scene, Scene):
-        raise InputError(f"scene is a {type(scene).__name__}, expected the Scene that load_scene read from a glTF")
-    if lightmap.texels.mesh is not scene.mesh or not scene.parts:
-        raise InputError("the lightmap is of another mesh, expected that of a scene which load_scene read from a glTF")
-    model = _Model(source)
+    path = glb_path(path)
+    model = SourceModel(source, lightmap, scene)
     atlas, exposure = lightmap.texels.atlas, exposure_of(lightmap)
     image = finished(lightmap, lightmap.combined, Seams.of(scene.mesh, atlas))
     files: dict[Path, bytes] = {}
     textures = []
-    for number, part in enumerate(np.split(image, atlas.maps)):
-        stem = f"{path.stem}_light{f'_{number}' if atlas.maps > 1 else ''}"
+    for tail, part in parts_of(atlas, image):
+        stem = f"{path.stem}_light{tail}"
         files[path.with_name(f"{stem}.exr")] = exr_of_channels({one: part[..., k] for k, one in enumerate("RGB")})
         files[path.with_name(f"{stem}.png")] = png = png_of(exposure * part)
         textures.append(model.add_texture(png, stem, extras={"exr": f"{stem}.exr"}))
-    model.light(scene, atlas, textures, 1.0 / exposure)
+    sets = re.findall(r'"texCoord": (\d+)', json.dumps(model.tree.get("materials", [])))
+    channel = 1 + max(map(int, sets), default=0)
+    given = model.tree.get("materials", [])
+
+    def lit_material(part: ScenePart, number: int | None, on_map: int) -> Any:
+        material: Any = {} if number is None else deepcopy(given[number])
+        light = {"index": textures[on_map], "texCoord": channel, "intensity": 1.0 / exposure}
+        material.setdefault("extensions", {})[LIGHTMAP] = light
+        return material
+
+    model.place(channel, lit_material)
+    model.use(LIGHTMAP)
+    entries = [model.tree["textures"][one] for one in textures]
     files[path] = model.encoded()
     maps = [
-        {"texture": one, "width": atlas.width, "height": atlas.map_height, "halves": _halves(part)}
-        for one, part in zip(textures, np.split(image, atlas.maps), strict=True)
-    ]
+        {
+            "texture": model.tree["textures"].index(one),
+            "width": atlas.width, "height": atlas.map_height, "halves": _halves(part),
+        }
+        for one, part in zip(entries, np.split(image, atlas.maps), strict=True)
+    ]  # fmt: skip
     files[path.with_suffix(".html")] = _page(path.stem, files[path], maps, exposure)
     for name, content in files.items():
         write_atomically(name, content)
@@ -93,13 +112,21 @@ def _page(name: str, model: bytes, maps: list[dict[str, Any]], exposure: float) 
     return re.sub("|".join(held), lambda found: held[found[0]], page).encode()
 
 
-class _Model(Glb):
-    """The glTF of a file."""
+class SourceModel(Glb):
+    """The glTF that a scene was read from. Raises InputError for another scene or mesh than that of the map."""
 
-    def __init__(self, source: Path) -> None:
+    def __init__(self, source: Path | str, lightmap: Lightmap, scene: Scene) -> None:
+        if not isinstance(scene, Scene):
+            raise InputError(f"scene is a {type(scene).__name__}, expected the Scene that load_scene read from a glTF")
+        if lightmap.texels.mesh is not scene.mesh or not scene.parts:
+            raise InputError(
+                "the lightmap is of another mesh, expected that of a scene which load_scene read from a glTF"
+            )
+        source = Path(source)
         content, suffix = read_regular_file(source), source.suffix.lower().lstrip(".")
         folder = Folder(source)
         super().__init__(deepcopy(gltf_tree(content, suffix)))
+        self._scene, self._atlas = scene, lightmap.texels.atlas
         self._numbers = Numbers(self.tree, content, suffix, folder)
         for number, view in enumerate(self.tree.get("bufferViews", [])):
             kept = {name: view[name] for name in ("byteStride", "target", "name") if name in view}
@@ -110,26 +137,28 @@ class _Model(Glb):
                 image["bufferView"] = self.add_view(folder.read(image.pop("uri")))
                 image["mimeType"] = _MIME.get(Path(uri).suffix.lower(), "image/png")
 
-    def light(self, scene: Scene, atlas: Atlas, textures: list[int], intensity: float) -> None:
-        """Give each placed mesh coordinates on the map, and each material its texture."""
-        sets = re.findall(r'"texCoord": (\d+)', json.dumps(self.tree.get("materials", [])))
-        channel = 1 + max(map(int, sets), default=0)
+    def place(self, channel: int, material_of: MaterialOf, is_bare: bool = False) -> None:
+        """Give each placed mesh coordinates on the map and materials.
+
+        channel: set of the coordinates. material_of: the material of a part, by its number in the file, on a map of the
+        atlas. is_bare: whether primitives lose all but their shape, joints and morphs.
+        """
         placed: dict[int, list[Any]] = {}
         seen: set[tuple[int, int]] = set()
-        materials: dict[tuple[int | None, int], int] = {}
-        for part in scene.parts:
+        materials: dict[str, int] = {}
+        for part in self._scene.parts:
             if (part.node, part.primitive) in seen:
                 raise InputError(f"node {part.name!r} places a mesh many times; save it as nodes, one for each")
             seen.add((part.node, part.primitive))
             of_part = placed.setdefault(part.node, [])
-            for number, texture in enumerate(textures):
-                primitive = self._lit(part, scene, atlas, number, channel)
+            for on_map in range(self._atlas.maps):
+                primitive = self._lit(part, on_map, channel, is_bare)
                 if primitive is None:
                     continue
-                key = primitive.get("material"), number
+                material = material_of(part, primitive.get("material"), on_map)
+                key = json.dumps(material)
                 if key not in materials:
-                    map_of = {"index": texture, "texCoord": channel, "intensity": intensity}
-                    materials[key] = self._lit_material(key[0], map_of)
+                    materials[key] = self.add("materials", material)
                 primitive["material"] = materials[key]
                 of_part.append(primitive)
         for node, primitives in placed.items():
@@ -137,18 +166,18 @@ class _Model(Glb):
             old = self.tree["meshes"][given["mesh"]]
             rest = [one for k, one in enumerate(old["primitives"]) if (node, k) not in seen]  # points and lines
             given["mesh"] = self.add("meshes", {**old, "primitives": primitives + rest})
-        meshes = json.dumps(self.tree["meshes"])
-        decoded = {name for name in (DRACO, *MESHOPT) if name not in meshes}
-        self.tree["extensionsUsed"] = sorted({*self.tree.get("extensionsUsed", ()), LIGHTMAP} - decoded)
-        required = sorted({*self.tree.pop("extensionsRequired", ())} - decoded)
-        self.tree |= {"extensionsRequired": required} if required else {}
 
-    def _lit(self, part: ScenePart, scene: Scene, atlas: Atlas, number: int, channel: int) -> Any:
+    def _lit(self, part: ScenePart, number: int, channel: int, is_bare: bool) -> Any:
         """The primitive's triangles that lie on a map; None without any. Triangles without a place are on the first."""
+        scene, atlas = self._scene, self._atlas
         own = slice(part.first_face, part.first_face + part.faces)
         given = deepcopy(self.tree["meshes"][part.mesh]["primitives"][part.primitive])
-        faces, is_flat = triangles_of(given, self._numbers)
+        _, faces = read_primitive(given, self._numbers)
+        is_flat = "NORMAL" not in given["attributes"]  # each corner of the scene then has a vertex of its own
         given.get("extensions", {}).pop(DRACO, None)
+        if is_bare:
+            given = {name: given[name] for name in ("attributes", "targets", "material") if name in given}
+            given["attributes"] = {name: number for name, number in given["attributes"].items() if name[:6] in _SHAPE}
         local = scene.mesh.faces[own].astype(np.int64) - part.first_vertex
         uv = atlas.uv[own] / (atlas.width, atlas.map_height)
         uv[..., 1] -= number
@@ -176,39 +205,40 @@ class _Model(Glb):
         given["mode"] = 4
         return given
 
-    def _lit_material(self, number: int | None, map_of: Any) -> int:
-        material: Any = {} if number is None else deepcopy(self.tree["materials"][number])
-        material.setdefault("extensions", {})[LIGHTMAP] = map_of
-        return self.add("materials", material)
-
-    def _keep(self, kind: str, places: list[Place]) -> None:
-        """Keep the entries that are named."""
-        self.tree[kind] = [self.tree[kind][number] for number in _renumbered(places)]
+    def _keep(self, kind: str, places: Iterable[Place]) -> None:
+        """Keep the entries that are named; there, each number becomes its place among them."""
+        unique = {(id(entry), key): (entry, key) for entry, key in places}.values()
+        kept = sorted({entry[key] for entry, key in unique})
+        number = {old: new for new, old in enumerate(kept)}
+        for entry, key in unique:
+            entry[key] = number[entry[key]]
+        if kind == "bufferViews":
+            self.views = [self.views[old] for old in kept]
+        elif kept:
+            self.tree[kind] = [self.tree[kind][old] for old in kept]
+        else:
+            self.tree.pop(kind, None)
 
     def encoded(self) -> bytes:
-        """The file, a GLB, without the geometry that has been replaced."""
-        used = set(self.tree.get("extensionsUsed", ()))
-        if all(
-            name.startswith("KHR_") or name in _SAFE for name in used
-        ):  # others may name numbers by keys of their own
-            self._keep("meshes", [(node, "mesh") for node in self.tree["nodes"] if "mesh" in node])
-            self._keep("accessors", list(_accessors_of(self.tree)))
-            self.views = [self.views[k] for k in _renumbered(list(_naming(self.tree, "bufferView")))]
+        """The file, a GLB, without what has been replaced."""
+        tree = self.tree
+        if all(name.startswith("KHR_") or name in _SAFE for name in tree.get("extensionsUsed", ())):
+            self._keep("meshes", [(node, "mesh") for node in tree["nodes"] if "mesh" in node])
+            self._keep("accessors", _accessors_of(tree))
+            self._keep("materials", _naming(tree["meshes"], "material"))
+            self._keep("textures", _naming(tree["materials"], "index"))
+            self._keep("images", _naming(tree.get("textures", []), "source"))
+            self._keep("samplers", _naming(tree.get("textures", []), "sampler"))
+            self._keep("bufferViews", _naming([tree["accessors"], tree.get("images", [])], "bufferView"))
+        text = json.dumps({kind: held for kind, held in tree.items() if kind not in (*_NAMES, "bufferViews")})
+        for kind in _NAMES:
+            left = [name for name in tree.pop(kind, ()) if name == _QUANTIZED or f'"{name}": ' in text]
+            tree |= {kind: left} if left else {}
         return super().encoded()
 
 
 Place = tuple[Any, Any]
 """Where a number stands: an object of the tree, and a key in it."""
-
-
-def _renumbered(places: list[Place]) -> list[int]:
-    """The numbers that stand at places, in order; there, each becomes its place in that order."""
-    unique = {(id(entry), key): (entry, key) for entry, key in places}.values()
-    kept = sorted({entry[key] for entry, key in unique})
-    number = {old: new for new, old in enumerate(kept)}
-    for entry, key in unique:
-        entry[key] = number[entry[key]]
-    return kept
 
 
 def _accessors_of(tree: Any) -> Iterator[Place]:
@@ -228,9 +258,8 @@ def _accessors_of(tree: Any) -> Iterator[Place]:
 
 def _naming(tree: Any, key: str) -> Iterator[Place]:
     """Where a key stands with a whole number."""
-    entries = tree.values() if isinstance(tree, dict) else tree
     if isinstance(tree, dict) and isinstance(tree.get(key), int):
         yield tree, key
-    for entry in entries:
-        if isinstance(entry, dict | list):
+    for name, entry in tree.items() if isinstance(tree, dict) else enumerate(tree):
+        if isinstance(entry, dict | list) and name != "extras":
             yield from _naming(entry, key)

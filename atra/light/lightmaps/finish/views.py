@@ -27,8 +27,14 @@ def _on_map(
     """(N, C) float32: the map at barycentric weights of N triangles."""
     second, third = (weights.astype(np.float64)[:, None] for weights in (u, v))
     a, b, c = atlas.uv[face].swapaxes(0, 1)
-    place = (1.0 - second - third) * a + second * b + third * c
-    mapped = np.isfinite(place).all(axis=1)
+    return interpolated(face, (1.0 - second - third) * a + second * b + third * c, atlas, image)
+
+
+def interpolated(
+    face: NDArray[np.integer], place: NDArray[np.float64], atlas: Atlas, image: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """(N, C) float32: an (h, w, C) map at places, (N, 2) in texels, of N triangles; 0 where they are not finite."""
+    mapped = np.asarray(np.isfinite(place).all(axis=1))
     rows, columns, *steps = atlas.texels_around(np.where(mapped[:, None], place, 0.0), face)
     fy, fx = (step.astype(np.float32)[:, None] for step in steps)
     upper, lower = ((1.0 - fx) * image[row, columns[0]] + fx * image[row, columns[1]] for row in rows)

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.light.checks import check_whole, checked_number
+from atra.light.numbers_kernels import LUMINANCE
 from atra.light.pictures.finish.states import read_state, write_state
-from atra.light.pictures.finish.tone import LUMINANCE
 from atra.light.pictures.renderer import Renderer
 from atra.light.scattering.sampler_kernels import LEAST_LEFT, MOST_LEFT
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields, is_dataclass
 from hashlib import blake2b
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,15 @@ from numpy.typing import NDArray
 
 from atra.geometry.mesh import Mesh
 
+_CHANGE_NOTHING = ("threads", "most_samples")
 
-def fingerprint(*values: Any) -> NDArray[np.uint8]:
-    """(32,) uint8. values: arrays, numbers, words, None, meshes; sequences, mappings, dataclasses and other objects of
-    such."""
+
+def fingerprint(*values: Any, options: Any) -> NDArray[np.uint8]:
+    """(32,) uint8, of this version of atra. values: arrays, numbers, words, None, meshes; sequences, mappings,
+    dataclasses and other objects of such. options: those that change no sample do not count."""
     taken = blake2b(digest_size=32)
-    _take(taken, values)
+    counted = {name: value for name, value in vars(options).items() if name not in _CHANGE_NOTHING}
+    _take(taken, (import_module("atra").__version__, *values, counted))
     return np.frombuffer(taken.digest(), np.uint8)
 
 

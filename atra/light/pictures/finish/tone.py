@@ -10,14 +10,12 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.geometry.numbers import as_number
 from atra.light.checks import check_one_of
+from atra.light.numbers_kernels import LUMINANCE
 
 TONES = ("none", "neutral", "agx")
 """none: light above 1 becomes white. neutral: Khronos PBR Neutral, which keeps base colours. agx: film-like."""
 
 AUTO = "auto"
-
-LUMINANCE = (0.2126, 0.7152, 0.0722)
-"""Weights of linear sRGB's red, green and blue (ITU-R BT.709)."""
 
 MOST_STOPS = 64.0
 

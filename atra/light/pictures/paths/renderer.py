@@ -2,24 +2,76 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.geometry.view import View
+from atra.light.batches import Laps
 from atra.light.emitters.tables import emitters_of, no_emitters
-from atra.light.laps import Laps
+from atra.light.pictures.film import Film
 from atra.light.pictures.options import PathOptions
-from atra.light.pictures.path_kernels import FREE_ROWS, Pixels
+from atra.light.pictures.path_kernels import BLOCK, FREE_ROWS, Pixels
 from atra.light.pictures.paths.depth_first_kernels import ALPHA, follow_depth_first
 from atra.light.pictures.paths.following_kernels import limits_of
 from atra.light.pictures.renderer import Primary, Renderer
 from atra.light.scene import Scene
-from atra.light.surface_kernels import Surfaces
 from atra.light.tables import surfaces_of
-from atra.rays.kernel_scene import Query
+from atra.rays.kernel_scene import KernelScene, Query
 
 
-class PathRenderer(Renderer):
+class Paths:
+    """The integrator of `PathRenderer`."""
+
+    name, sets_sums, wave_pixels = "PathRenderer", False, 8 * BLOCK
+
+    def take(self, scene: Scene, options: PathOptions) -> None:
+        """See `Integrator.take`."""
+        self._scene, self._options = scene, options
+
+    @property
+    def planes(self) -> int:
+        """Sums per pixel."""
+        return ALPHA + self._options.transparent
+
+    @property
+    def shares(self) -> dict[str, int]:
+        """The plane of alpha, if there is one."""
+        return {"alpha": ALPHA} if self._options.transparent else {}
+
+    def build(self, rays: KernelScene) -> None:
+        """See `Integrator.build`."""
+        lights = self._options.lights
+        self._emitters = no_emitters() if lights == "found" else emitters_of(self._scene, in_grid=lights == "grid")
+        self._surfaces = surfaces_of(self._scene, self._scene.sky.power)
+
+    def same_sums(self, scene: Scene) -> bool:
+        """See `Integrator.same_sums`."""
+        return scene is self._scene
+
+    def parts(self, film: Film) -> Iterator[NDArray[np.float64]]:
+        """The picture as a whole."""
+        yield film.mean(slice(3))
+
+    def add(
+        self, query: Query, first: int, count: int, pixels: Pixels, film: Film, stages: dict[str, float]
+    ) -> int | None:
+        """See `Integrator.add`."""
+        lap, free = Laps(stages), np.empty((FREE_ROWS, 1), np.float32)
+        arguments = pixels, query.scene, query.packet, self._surfaces, self._emitters, film.sums, free
+        limits = limits_of(self._options.bounces, self._options.roulette_from)
+        rays = follow_depth_first(first, count, *arguments, limits)
+        lap("depth_first")
+        return None if rays < 0 else rays
+
+
+def PathRenderer(
+    scene: Scene, camera: View, primary: Primary | None = None, *,
+    threads: int | None = None, build_quality: str = "medium", robust: bool = True, jitter: str = "shared",
+    most_samples: int | None = None, bounces: int = 4, lights: str = "aimed", roulette_from: int | None = 4,
+    transparent: bool = False,
+) -> Renderer:  # fmt: skip
     """Pictures by path tracing.
 
         with atra.light.PathRenderer(scene, camera, bounces=8) as renderer:
@@ -54,6 +106,10 @@ class PathRenderer(Renderer):
     transparent : bool
         The eye does not see the sky; what is saved has an alpha channel, also through holes and panes.
 
+    Returns
+    -------
+    Renderer
+
     Raises
     ------
     InputError
@@ -72,59 +128,7 @@ class PathRenderer(Renderer):
     >>> round(float(image[1, 1, 0]), 2)  # its albedo, under a white sky
     0.7
     """
-
-    options: PathOptions
-
-    def __init__(
-        self,
-        scene: Scene,
-        camera: View,
-        primary: Primary | None = None,
-        *,
-        threads: int | None = None,
-        build_quality: str = "medium",
-        robust: bool = True,
-        jitter: str = "shared",
-        most_samples: int | None = None,
-        bounces: int = 4,
-        lights: str = "aimed",
-        roulette_from: int | None = 4,
-        transparent: bool = False,
-    ) -> None:
-        options = PathOptions(
-            threads, build_quality, robust, jitter, most_samples, bounces, lights, roulette_from,
-            transparent,
-        )  # fmt: skip
-        super().__init__(scene, camera, primary, options)
-
-    @property
-    def _planes(self) -> int:
-        return ALPHA + 1 if self.options.transparent else ALPHA
-
-    def _tables(self) -> Surfaces:
-        lights = self.options.lights
-        self._emitters = no_emitters() if lights == "found" else emitters_of(self.scene, in_grid=lights == "grid")
-        return surfaces_of(self.scene, self.scene.sky.power)
-
-    def _same_sums(self, scene: Scene) -> bool:
-        return scene is self.scene
-
-    def _mean(self) -> NDArray[np.float64]:
-        return self._film.mean(slice(3))
-
-    @property
-    def alpha(self) -> NDArray[np.float32] | None:
-        """(H, W), the share of each pixel that is not sky; None without `transparent`. Raises InputError without
-        samples."""
-        if not self.options.transparent:
-            return None
-        with self._lock:
-            return self._film.as_image(self._film.mean(slice(ALPHA, ALPHA + 1)))[..., 0]
-
-    def _add_wave(self, first: int, count: int, pixels: Pixels, query: Query, stages: dict[str, float]) -> int | None:
-        lap, free = Laps(stages), np.empty((FREE_ROWS, 1), np.float32)
-        arguments = pixels, query.scene, query.packet, self._surfaces, self._emitters, self._film.sums, free
-        limits = limits_of(self.options.bounces, self.options.roulette_from)
-        rays = follow_depth_first(first, count, *arguments, limits)
-        lap("depth_first")
-        return None if rays < 0 else rays
+    options = PathOptions(
+        threads, build_quality, robust, jitter, most_samples, bounces, lights, roulette_from, transparent
+    )
+    return Renderer(scene, camera, primary, options, Paths())
