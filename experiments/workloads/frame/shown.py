@@ -30,11 +30,6 @@ def sweep_lines(rows: pd.DataFrame) -> Iterator[Table | str]:
     yield best_split_table(rows, "pixels_wrong")
 
 
-def process_lines(rows: pd.DataFrame) -> Iterator[str]:
-    """Which ray packets are the fastest, where several were tried. rows: of every process that measured."""
-    yield from baseline_lines(rows)
-
-
 _AXES = ("split_x", "split_y")
 
 
@@ -118,8 +113,8 @@ def _best(values: dict[int, list[float]]) -> tuple[int, Estimate | None]:
         return max(values, key=lambda place: float(np.log(values[place]).mean())), None
 
 
-def baseline_lines(processes: pd.DataFrame) -> Iterator[str]:
-    """The best baselines, a line each."""
+def process_lines(processes: pd.DataFrame) -> Iterator[str]:
+    """Which ray packets are the fastest, where several were tried. processes: rows of all that measured."""
     best = list(best_baselines(processes))
     for baseline in best:
         margin = "" if baseline.margin is None else f", {baseline.margin} times as fast as the usual packets"
