@@ -19,7 +19,7 @@ from experiments.harness.point import Point
 from experiments.harness.points import GridPoint, PlannedPoint, Runner, in_order, measure, plan_sweep
 from experiments.harness.processes.idle import Waiting
 from experiments.harness.processes.launching import run_worker
-from experiments.harness.progress import SweepProgress, say
+from experiments.harness.progress import SweepProgress, say, say_roughly
 from experiments.harness.records import Record, check_writable, exclusive, read_record, write_record
 from experiments.launched import Launch, Launched, reusable
 from experiments.report.writing import check_figures, choose_folder, tell_whose_tables_are_replaced, write_results
@@ -27,6 +27,9 @@ from experiments.results.processes import WHY, as_replacement, to_replace
 from experiments.results.table import Tables, make_tables
 from experiments.results.terminal import print_sweep, results_console, say_label, say_outcome, say_problems
 from experiments.results.time_warnings import was_idle
+
+_PROCESS_S = 3.0
+"""Seconds that a process is expected to take before any is measured: its start and some frames of a million pixels."""
 
 
 def run_sweep(
@@ -63,6 +66,7 @@ def run_sweep(
     with exclusive(records.parent, records, folder):
         to_do = sweep.begin(folder, first.sweep.shuffle_seed)
         passes = sweep.passes(to_do)
+        sweep.say_what_is_ahead(passes, first.sweep.repeats)
         interrupted = False
         try:
             for number in sweep.measure_passes(passes):
@@ -154,6 +158,16 @@ class _Sweep:
         if self.launched is not None:
             return [list(names)] if names else []
         return [list(of_pass) for _, of_pass in groupby(names, lambda name: self._point(name).process)]
+
+    def say_what_is_ahead(self, passes: Sequence[Sequence[str]], repeats: int) -> None:
+        """One line before the first process: when there is something to see, and when all is done."""
+        if self.launched is not None or not passes:
+            return
+        first, every = _PROCESS_S * len(passes[0]), _PROCESS_S * sum(map(len, passes))
+        words = [f"first look in about {say_roughly(first)}"] if len(passes) > 1 else []
+        words.append(f"all in about {say_roughly(every)} at {_PROCESS_S:g} s a process")
+        repeated = f"; up to {repeats} repeat{'s' * (repeats != 1)} if disturbed" if repeats else ""
+        say(self.console, f"{', '.join(words)}{repeated}; Ctrl-C keeps all")
 
     def measure_passes(self, passes: Sequence[Sequence[str]]) -> Iterator[int]:
         """Measure pass by pass. Yields the number of processes that each point has had after each pass but the last."""

@@ -84,7 +84,7 @@ def run_bake(given: Namespace) -> int:
         check_denoiser()  # now rather than after all samples
     folder = given.out or Path(f"{given.mesh.stem}_baked")
     check_keeps_input(given.mesh, folder)
-    lit = load_lit(given.mesh, given.sky, given.memory_per_byte)
+    lit = load_lit(given.mesh, given.sky, given.memory_per_byte, given.sky_rotation)
     camera = one_camera(given, lit.mesh, dict(lit.cameras))
     print(f"{printable(given.mesh.name)}: charts of {lit.mesh.triangle_count:,} triangles", flush=True)
     options: dict[str, Any] = {"bounces": given.bounces, "lights": given.lights, "threads": given.threads}
@@ -191,8 +191,9 @@ def _bake_live(baker: Baker, target: int, given: Namespace, camera: Camera) -> b
     size = float(np.linalg.norm(np.ptp(baker.scene.mesh.bounds, axis=0)))
     with closing(MapPainter(baker, target, given.threads)) as painter:
         with closing(Page(painter, first, given.port, name, size, settings=False)) as page:
+            page.prepare()
             print(f"viewer: {page.address} shows {name}; Ctrl-C ends it, and what there is is written", flush=True)
-            page.session.run()
+            page.run()
         if painter.error is not None:
             raise painter.error
     return bool((baker.samples >= target).all())

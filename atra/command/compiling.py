@@ -19,6 +19,7 @@ import trimesh
 
 import atra
 from atra.command.doctor import say_kernels
+from atra.command.picture import compile_picture
 from atra.compat.trimesh import RayMeshIntersector
 from atra.compiled.instruction_sets import chosen_instruction_set, native_lanes
 from atra.compiled.store import QUIET_VARIABLE, cache_folder
@@ -31,7 +32,7 @@ from atra.rays.all_hits.cells import FEWEST_POINTS
 
 def add_compile(parser: ArgumentParser) -> None:
     """Declare its arguments."""
-    parser.add_argument("--all", action="store_true", help="every method of the core, not only the rasteriser")
+    parser.add_argument("--all", action="store_true", help="every method, and pictures, not only the rasteriser")
 
 
 def run_compile(arguments: Namespace) -> int:
@@ -162,6 +163,7 @@ def _jobs() -> Iterator[tuple[str, Callable[[], None]]]:
     yield "all hits of rays", _find_all_hits
     yield "comparing", _compare
     yield "mesh files", _read_files
+    yield "pictures in full light", partial(compile_picture, _box(), _CAMERAS["pinhole"])
     yield "raster, places and normals of hits", _place_hits
 
 

@@ -7,6 +7,7 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -52,6 +53,8 @@ def add_picture(parser: ArgumentParser) -> None:
     )
     add_shown(group)
     group.add_argument("--transparent", action="store_true", help="alpha in place of the sky that the eye sees")
+    group.add_argument("--aperture", type=float, metavar="RADIUS", help="of a lens that blurs what is not in focus")
+    group.add_argument("--focus", type=float, metavar="DISTANCE", help="at which all is sharp, for --aperture")
     group.add_argument("--bounces", type=int, default=BOUNCES, help=f"most reflections (default: {BOUNCES})")
 
 
@@ -64,6 +67,10 @@ def add_shown(parser: Any) -> None:
     parser.add_argument(
         "--sky", metavar="SKY",
         help="neutral, none, or an EXR or HDR panorama (default: none beside lights in the file, else neutral)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--sky-rotation", type=float, default=0.0, metavar="DEGREES",
+        help="turn the panorama, counterclockwise seen from above (default: 0)",
     )  # fmt: skip
 
 
@@ -94,18 +101,23 @@ def wants_picture(given: Namespace) -> bool:
     return bool(asked)
 
 
-def load_lit(path: Path, sky: str | None = None, memory_per_byte: float | None = None) -> Scene:
+def load_lit(
+    path: Path, sky: str | None = None, memory_per_byte: float | None = None, sky_rotation: float = 0.0
+) -> Scene:
     """The scene of a file, as `load_scene` lights it. A hint tells of lights that hardly show beside others.
 
-    sky: neutral, none, or the file of a panorama, in place of that. Raises InputError as `load_scene` and
-    `PanoramaSky.load` do.
+    sky: neutral, none, or the file of a panorama, in place of that. sky_rotation: degrees of a panorama. Raises
+    InputError as `load_scene` and `PanoramaSky.load` do, and for a rotation without a panorama.
     """
     from atra.light import PanoramaSky, constant_sky, load_scene
     from atra.light.sky import NEUTRAL
 
     others: dict[str, Any] = {}
+    plain = {"neutral": NEUTRAL, "none": constant_sky(0.0)}
     if sky is not None:
-        others["sky"] = {"neutral": NEUTRAL, "none": constant_sky(0.0)}.get(sky) or PanoramaSky.load(sky)
+        others["sky"] = plain.get(sky) or PanoramaSky.load(sky, rotation_degrees=sky_rotation)
+    if sky_rotation and (sky is None or sky in plain):
+        raise InputError(f"--sky-rotation is {sky_rotation:g} without a panorama, expected the file of one as --sky")
     scene = load_scene(path, memory_per_byte=memory_per_byte, **others)
     size = float(np.linalg.norm(np.ptp(scene.mesh.bounds, axis=0)))
     powers = {k: power for k, light in enumerate(scene.lights) if (power := _on_scene(light, size)) > 0.0}
@@ -147,19 +159,38 @@ def run_picture(given: Namespace, cameras_of: CamerasOf) -> int:
     output = given.output or Path(f"{given.mesh.stem}_picture.png")  # MESH.png may be a texture of the model
     check_picture_path(output)
     stops_of(_BLACK, given.exposure)
+    blur = _blur(given)
     if given.denoise:
         check_denoiser()  # now rather than after all samples
-    scene = load_lit(given.mesh, given.sky, given.memory_per_byte)
+    scene = load_lit(given.mesh, given.sky, given.memory_per_byte, given.sky_rotation)
     cameras = cameras_of(scene.mesh, dict(scene.cameras))
     print(f"{printable(str(given.mesh))}: {scene.mesh.triangle_count:,} triangles", file=sys.stderr)
     for stem, camera in cameras.items():
         path = output if len(cameras) == 1 else output.with_name(f"{output.stem}_{stem}{output.suffix}")
         options = {"bounces": given.bounces, "threads": given.threads, "transparent": given.transparent}
-        with PathRenderer(scene, camera, jitter="pixel", **options) as renderer:
+        with PathRenderer(scene, camera, jitter="pixel", **options, **blur) as renderer:
             _expose(renderer, given, path)
             stops = renderer.save(path, exposure=given.exposure, tone=given.tone, denoise=given.denoise)
         print(say_written(path, stops), flush=True)
     return 0
+
+
+def _blur(given: Namespace) -> dict[str, Any]:
+    """Options of an aperture. Raises InputError for one of both alone."""
+    if (given.aperture is None) != (given.focus is None):
+        raise InputError("--aperture and --focus belong together: the radius of the lens, and the distance in focus")
+    return {} if given.aperture is None else {"aperture_radius": given.aperture, "focus_distance": given.focus}
+
+
+def compile_picture(mesh: Mesh, camera: View) -> None:
+    """Compile what `run_picture` uses, by a picture of two samples that is not kept."""
+    from atra.light import MetallicRoughness, PathRenderer, Scene, Sun, accumulate
+
+    scene = Scene(mesh, [MetallicRoughness()], lights=[Sun((0.3, -1.0, -0.2))])
+    with PathRenderer(scene, camera, jitter="pixel") as renderer, TemporaryDirectory() as folder:
+        for _ in accumulate(renderer, 2):
+            pass
+        renderer.save(Path(folder, "picture.png"), exposure="auto", tone="neutral")
 
 
 def say_written(path: Path, stops: float | None) -> str:

@@ -49,7 +49,7 @@ def run_view(given: Namespace) -> int:
     from atra.light.viewer.request import Pose, Request, Settings
 
     check_whole("port", given.port, 0, 65535)
-    scene = load_lit(given.mesh, given.sky, given.memory_per_byte)
+    scene = load_lit(given.mesh, given.sky, given.memory_per_byte, given.sky_rotation)
     camera = one_camera(given, scene.mesh, dict(scene.cameras))
     size = float(np.linalg.norm(np.ptp(scene.mesh.bounds, axis=0)))
     settings = Settings(

@@ -36,6 +36,9 @@ none. Previews, to look at: depth as grey values, and ids and normals as colours
 SOURCES = {"instance": "node", "material": "material"}
 """Planes that need a mesh's `FaceSources`, and the fields they show."""
 
+_UP = 2
+"""PNG's filter that stores how bytes differ from those of the row above: files are a fifth smaller."""
+
 _GOLDEN = 2654435761
 """Odd, so that neighbouring ids have unlike colours."""
 
@@ -115,13 +118,14 @@ def exr_channels(layers: Layers) -> dict[str, NDArray[Any]]:
 
 
 def encode_png(image: NDArray[Any]) -> bytes:
-    """A PNG file of (H, W) or (H, W, 3) uint8 or uint16."""
+    """A PNG file of (H, W), (H, W, 3) or, with alpha, (H, W, 4) uint8 or uint16."""
     height, width = image.shape[:2]
     rows = np.ascontiguousarray(image, image.dtype.newbyteorder(">")).reshape(height, -1).view(np.uint8)
-    lines = np.concatenate([np.zeros((height, 1), np.uint8), rows], axis=1)  # each without a filter
-    colour = 2 if image.ndim == 3 else 0
+    lines = np.full((height, rows.shape[1] + 1), _UP, np.uint8)
+    lines[:, 1:] = np.diff(rows, axis=0, prepend=np.uint8(0))
+    colour = {2: 0, 3: 2 if image.shape[-1] == 3 else 6}[image.ndim]
     header = pack(">IIBBBBB", width, height, 8 * image.dtype.itemsize, colour, 0, 0, 0)
-    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(lines.tobytes(), 1)), (b"IEND", b""))
+    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(lines.tobytes())), (b"IEND", b""))
     return b"\x89PNG\r\n\x1a\n" + b"".join(
         pack(">I", len(data)) + kind + data + pack(">I", zlib.crc32(kind + data)) for kind, data in chunks
     )

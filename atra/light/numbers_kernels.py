@@ -128,18 +128,3 @@ _RED, _GREEN, _BLUE = (np.float32(weight) for weight in LUMINANCE)
 @njit(forceinline=True)
 def luminance(colour):  # type: ignore[no-untyped-def]
     return _RED * colour[0] + _GREEN * colour[1] + _BLUE * colour[2]
-
-
-@njit(forceinline=True)
-def place_on(direction):  # type: ignore[no-untyped-def]
-    """(t, s) in [0, 1], float64: where a unit vector points to on a panorama, from above and from the left."""
-    height = max(-1.0, min(1.0, np.float64(direction[1])))
-    s = 0.5 + np.arctan2(np.float64(direction[0]), -np.float64(direction[2])) / (2.0 * np.pi)
-    return np.arccos(height) / np.pi, s
-
-
-@njit(forceinline=True)
-def texel_of(rows, columns, direction):  # type: ignore[no-untyped-def]
-    """(y, x) of the texel of a panorama that a unit vector points to."""
-    t, s = place_on(direction)
-    return min(np.int64(t * rows), rows - 1), min(np.int64(s * columns), columns - 1)

@@ -126,18 +126,6 @@ class Scene:
         of the class. Raises InputError as they do."""
         return cls(mesh, (Lambertian(albedo),), **others)
 
-    @classmethod
-    def from_trimesh(cls, loaded: Any, **others: Any) -> Self:
-        """The triangles, uv and base colours of what `trimesh.load` returns; `load_scene` reads more of a file. Each
-        material becomes a `Lambertian` of its base colour and texture; its other properties are ignored.
-
-        loaded: a `trimesh.Trimesh` or `trimesh.Scene`; a scene's meshes are concatenated. others: further fields of the
-        class. Raises InputError for anything else, for no triangles, and as `Mesh` and `Image` do.
-        """
-        from atra.light.reading.from_trimesh import fields_of
-
-        return cls(**(fields_of(loaded) | others))
-
     def __setstate__(self, state: dict[str, Any]) -> None:
         # Copied and unpickled arrays are writable, even if the original was not.
         self.__dict__.update(state)

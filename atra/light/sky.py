@@ -55,22 +55,27 @@ class PanoramaSky:
     """An image all around, in longitude and latitude.
 
     texels: (H, W, 3) radiance, linear RGB; row 0 is above (+y), the middle column looks along -z, those right of it
-    along +x. power: a factor.
+    along +x. It is interpolated between the middles of its texels. power: a factor. rotation_degrees: by which it is
+    turned about +y, counterclockwise seen from above, from -360 to 360.
     """
 
     texels: NDArray[np.float32]
     power: float = 1.0
+    rotation_degrees: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "texels", checked_texels("texels of a sky", self.texels))
         object.__setattr__(self, "power", checked_number("power of a sky", self.power, 0.0, 1e12))
+        rotation = checked_number("rotation_degrees of a sky", self.rotation_degrees, -360.0, 360.0)
+        object.__setattr__(self, "rotation_degrees", rotation)
 
     @classmethod
     def load(
-        cls, path: str | os.PathLike[str], power: float = 1.0, *, memory_per_byte: float | None = None
-    ) -> PanoramaSky:
+        cls, path: str | os.PathLike[str], power: float = 1.0, rotation_degrees: float = 0.0, *,
+        memory_per_byte: float | None = None,
+    ) -> PanoramaSky:  # fmt: skip
         """Read an EXR or Radiance HDR panorama. memory_per_byte and errors: as for `read_panorama`."""
-        return cls(read_panorama(path, memory_per_byte=memory_per_byte), power)
+        return cls(read_panorama(path, memory_per_byte=memory_per_byte), power, rotation_degrees)
 
 
 Sky = GradientSky | PanoramaSky

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.compiled.store import njit
-from atra.light.numbers_kernels import HALF, ONE, ZERO, dot, scaled, texel_of
+from atra.light.numbers_kernels import ONE, ZERO, dot, scaled
 
 RECORD_WORDS = 8
 """float64 numbers of a triangle, a cache line: unit normal (3), plane's n . p, offset of rays that leave it, material;
@@ -21,11 +21,11 @@ METALLIC, ROUGHNESS, EMISSION, NORMAL_SCALE, TRANSMISSION, OPACITY, CUTOFF, IMAG
     11, 12, 13, 16, 17, 18, 19, 20, 25, 26,
 )  # fmt: skip
 SPECULAR, TINT, COAT, COAT_ROUGHNESS, ABSORPTION = 27, 28, 31, 32, 33
-MATERIAL_WORDS = 36
+MATERIAL_WORDS, COLOURS_EMIT = 36, 2
 """float64 numbers of a material. KIND: see `scattering.spots_kernels`, also for PARAMETER and VARIANT. COLOUR,
 SECOND, EMISSION: three each. CUTOFF: of a mask; below 0, opacity is a share of light; above 1, all is opaque. IMAGES:
-rows of `textures`, those of `MetallicRoughness.images` (5), -1 = none. HAS_COLOURS: whether those of vertices count.
-BACKS: whether the eye sees them. TINT: of SPECULAR (3). ABSORPTION: per unit of length within (3)."""
+rows of `textures`, of `MetallicRoughness.images` (5), -1 = none. HAS_COLOURS: of vertices; if COLOURS_EMIT, emission is
+times these, too. BACKS: whether the eye sees them. TINT: of SPECULAR (3). ABSORPTION: per unit of length within (3)."""
 
 OF_COLOUR, OF_METAL, OF_NORMALS, OF_EMISSION, OF_TRANSMISSION = 0, 1, 2, 3, 4
 
@@ -41,8 +41,8 @@ SHINES, ENDS, HOLES, ONE_SIDED, SOLID = 1, 2, 4, 8, 16
 the eye looks through the back. SOLID: clear glass that bends light, but lets that of lamps straight on."""
 
 GRADIENT, PANORAMA = 0, 1
-SKY_WORDS = 8
-"""float32 numbers of the sky: kind, then the colours below and above."""
+SKY_WORDS, SKY_TURN = 8, 1
+"""float32 numbers of the sky: kind, then the colours below and above, or how far a panorama is turned, in turns."""
 
 CORNER_WORDS = 8
 """float64 numbers of a triangle in `weights`: a cache line."""
@@ -291,15 +291,3 @@ def _inside(place, count, wrap):  # type: ignore[no-untyped-def]
     if wrap == REPEAT:
         return place + count if place < 0 else place - count if place >= count else place
     return min(count - 1, max(0, place))
-
-
-@njit(forceinline=True)
-def sky_colour(surfaces, direction):  # type: ignore[no-untyped-def]
-    """(r, g, b) float32 of the sky in a direction, a unit vector."""
-    sky = surfaces.sky
-    if sky[0] == GRADIENT:
-        above = HALF * (direction[1] + ONE)
-        below = ONE - above
-        return (below * sky[1] + above * sky[4], below * sky[2] + above * sky[5], below * sky[3] + above * sky[6])
-    y, x = texel_of(surfaces.panorama.shape[0], surfaces.panorama.shape[1], direction)
-    return surfaces.panorama[y, x, 0], surfaces.panorama[y, x, 1], surfaces.panorama[y, x, 2]

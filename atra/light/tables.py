@@ -35,7 +35,7 @@ def surfaces_of(scene: Scene, sky_power: float) -> Surfaces:
         *images,
         sky,
         panorama,
-        _sky_harmonics(panorama),
+        _sky_harmonics(panorama, float(sky[words.SKY_TURN])),
     )
     either = int(np.bitwise_or.reduce(flags))
     seen_through = bool(either & (words.HOLES | words.SOLID)), bool(either & (words.HOLES | words.ONE_SIDED))
@@ -162,7 +162,8 @@ def _physical(row: NDArray[np.float64], material: MetallicRoughness, has_colours
     row[words.NORMAL_SCALE], row[words.TRANSMISSION] = material.normal_scale, material.transmission
     row[words.OPACITY] = material.opacity
     row[words.CUTOFF] = {"opaque": 2.0, "mask": material.cutoff, "blend": -1.0}[material.alpha]
-    row[words.HAS_COLOURS], row[words.BACKS] = has_colours, material.is_double
+    row[words.HAS_COLOURS] = has_colours * (words.COLOURS_EMIT if material.is_unlit else 1)
+    row[words.BACKS] = material.is_double
     row[words.SPECULAR], row[words.TINT : words.TINT + 3] = material.specular, material.specular_colour
     row[words.COAT], row[words.COAT_ROUGHNESS] = material.coat, material.coat_roughness
     row[words.ABSORPTION : words.ABSORPTION + 3] = 0.0 if material.is_thin else material.absorption
@@ -211,12 +212,13 @@ def _four_channels(texels: NDArray[Any]) -> NDArray[Any]:
     return np.concatenate([flat, opaque], axis=1)
 
 
-def _sky_harmonics(panorama: NDArray[np.float32]) -> NDArray[np.float32]:
-    """`harmonics` of `Surfaces`, of a panorama."""
+def _sky_harmonics(panorama: NDArray[np.float32], turn: float) -> NDArray[np.float32]:
+    """`harmonics` of `Surfaces`, of a panorama. turn: as of SKY_TURN."""
     rows, columns = panorama.shape[:2]
     ends = np.cos(np.pi * np.arange(rows + 1) / rows)
     middle, thick = 0.5 * (ends[:-1] + ends[1:])[:, None], (ends[:-1] - ends[1:]) * (2.0 * np.pi / columns)
-    light = np.tensordot(panorama, _waves(2.0 * np.pi * ((np.arange(columns) + 0.5) / columns - 0.5)), (1, 1))
+    around = 2.0 * np.pi * ((np.arange(columns) + 0.5) / columns - 0.5 - turn)
+    light = np.tensordot(panorama, _waves(around), (1, 1))
     # Within a row harmonics are sums of five waves; eight turns tell how much of each.
     turns = np.arange(8) * (np.pi / 4.0)
     across = np.sqrt(1.0 - middle**2)
@@ -238,6 +240,6 @@ def sky_tables(sky: Sky, power: float) -> tuple[NDArray[np.float32], NDArray[np.
         row[0] = words.GRADIENT
         row[1:4], row[4:7] = np.multiply(power, sky.below), np.multiply(power, sky.above)
         return row, np.zeros((1, 1, 3), np.float32)
-    row[0] = words.PANORAMA
+    row[0], row[words.SKY_TURN] = words.PANORAMA, sky.rotation_degrees / 360.0
     with np.errstate(over="ignore"):  # reported where a ray meets infinite light
         return row, sky.texels * np.float32(power)

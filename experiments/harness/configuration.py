@@ -74,6 +74,9 @@ class SweepConfiguration(Settings):
     report: bool = option(False, "end with the claims and the HTML page")
     shuffle_seed: int = option(1, "seed of the points' order, so that drift is no trend")
     repeats: int = whole(3, "how often a disturbed process is measured again, at most", 0)
+    skip_slower: float | None = option(
+        None, "points predicted to take more than so many times as long as the fastest of their view are skipped"
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

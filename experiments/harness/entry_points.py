@@ -20,6 +20,9 @@ WORKLOADS_GROUP = "atra.workloads"
 VERBS_GROUP = "atra.verbs"
 """`mine = "my_package.making:run_mine"`: a function that takes the words behind `python run.py mine`."""
 
+FORECASTS_GROUP = "atra.forecasts"
+"""`slow_points`: what predicts which points of a scene are slow (`sweep.skip_slower`)."""
+
 _NO_CODE = {"__pycache__", ".git"}
 
 _OURS = "experiments."

@@ -15,11 +15,12 @@ from atra.errors import AtraError, InputError, MemoryBudgetError, printable
 from atra.geometry.mesh import Mesh
 from atra.packets.pixel import PixelTracer
 from experiments.harness.configuration import Configuration, SceneConfiguration
+from experiments.harness.entry_points import FORECASTS_GROUP, offers
 from experiments.harness.identity import code_of_worker, current_environment, identity
 from experiments.harness.options import plain_options
 from experiments.harness.point import Point
 from experiments.harness.processes.launching import run_worker
-from experiments.harness.processes.outcome import Outcome, skipped
+from experiments.harness.processes.outcome import MAY_CHANGE, Outcome, skipped
 from experiments.harness.progress import say
 from experiments.harness.records import Record
 from scenes.loading import SceneSource, load_scene, replace_missing_scenes
@@ -77,9 +78,24 @@ def plan_points(configurations: Sequence[Configuration]) -> list[PlannedPoint]:
                 PixelTracer(scene.mesh, point.camera, packet_width=width, **ours).close()
                 checked.add(checked_key)
             planned[place] = PlannedPoint(point, _problem(point, scene.mesh))
+        limit = configurations[of_scene[0]].sweep.skip_slower
+        if limit is not None:
+            possible = {place: planned[place].point for place in of_scene if planned[place].problem is None}
+            slow = _forecast()(possible, scene.mesh, limit)
+            planned |= {place: PlannedPoint(possible[place], problem) for place, problem in slow.items()}
     if planned and all(isinstance(planned_point.problem, InputError) for planned_point in planned.values()):
         raise InputError(str(planned[0].problem))
     return [planned[place] for place in range(len(configurations))]
+
+
+def _forecast() -> Callable[[dict[int, Point], Mesh, float], dict[int, AtraError]]:
+    """What predicts slow points; loaded only where a sweep asks for it. Raises InputError where no package does."""
+    offer = next(offers(FORECASTS_GROUP), None)
+    if offer is None or offer.value is None:
+        problem = "no package offers a forecast" if offer is None else offer.problem
+        raise InputError(f"sweep.skip_slower needs a forecast: {problem}; expected sweep.skip_slower=null")
+    forecast: Callable[[dict[int, Point], Mesh, float], dict[int, AtraError]] = offer.value
+    return forecast
 
 
 def plan_point(configuration: Configuration) -> PlannedPoint:
@@ -172,8 +188,8 @@ def plan_sweep(grid_points: Sequence[GridPoint], console: Console) -> dict[str, 
         point_identity = identity(planned.point, environment)
         before = points[point_identity].grids if point_identity in points else ()
         grids = tuple(dict.fromkeys([*before, grid_point.grid]))
-        # One that lacks memory now may have been measured when there was more.
-        possible = planned.problem is None or isinstance(planned.problem, MemoryBudgetError)
+        # One that lacks memory now may have been measured when there was more, and a slow one where it was wanted.
+        possible = planned.problem is None or isinstance(planned.problem, tuple(MAY_CHANGE))
         repeated = planned.point.workload.is_timed and possible
         for process in range(grid_point.configuration.measure.processes if repeated else 1):
             point = replace(planned.point, process=process)

@@ -89,6 +89,13 @@ def say_duration(seconds: float) -> str:
     return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
 
 
+def say_roughly(seconds: float) -> str:
+    """A duration that is only known roughly: tens of seconds, then minutes, then tenths of an hour."""
+    if seconds < 100:
+        return f"{max(10, 10 * round(seconds / 10))} s"
+    return f"{round(seconds / 60)} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
+
+
 def say(console: Console, text: str) -> None:
     """Print one line as it is: no markup, no colours, no line breaks of our own, and what it quotes made printable."""
     console.print(printable(text), markup=False, highlight=False, soft_wrap=True)

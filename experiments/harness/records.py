@@ -22,6 +22,9 @@ FORMAT = 2
 LACKED_MEMORY = "lacked_memory"
 """The result of a point that was skipped because it needed more memory than it was given."""
 
+UNPROMISING = "unpromising"
+"""The result of a point that was skipped because it was predicted to be slow."""
+
 LIMITS = ("time_limit_s", "memory_budget_gib")
 """Fields of a configuration that say when to give a point up; what a point that is not given up comes to is the same
 with all of them."""
@@ -32,8 +35,8 @@ class Record:
     """A point's outcome.
 
     point_id: from `point_id`; also the file's name.
-    status: ok = measured; skipped = cannot be measured under this configuration, or for want of memory; failed = went
-    wrong, worth a retry.
+    status: ok = measured; skipped = cannot be measured under this configuration, or for want of memory, or predicted to
+    be slow; failed = went wrong, worth a retry.
     error: why, when not ok.
     configuration, environment: plain values; see `experiments.harness.point.Point` and
     `experiments.harness.environment`. warmup_samples, samples: seconds by method name; sample r of every method belongs
@@ -53,8 +56,10 @@ class Record:
 
     @property
     def finished(self) -> bool:
-        """Whether measuring the point again would tell nothing new. More memory may be free the next time."""
-        return self.status == "ok" or (self.status == "skipped" and not self.results.get(LACKED_MEMORY))
+        """Whether measuring the point again would tell nothing new. More memory may be free the next time, and slow
+        points may be wanted."""
+        may_change = self.results.get(LACKED_MEMORY) or self.results.get(UNPROMISING)
+        return self.status == "ok" or (self.status == "skipped" and not may_change)
 
 
 def without_limits(configuration: Mapping[str, Any]) -> dict[str, Any]:

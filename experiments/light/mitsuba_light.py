@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from atra.compiled.threads import resolve_threads
 from atra.errors import InputError
@@ -137,12 +138,8 @@ def parts_of(mi: Any, scene: Scene) -> dict[str, Any]:
     if is_gradient or scene.normals is not None:
         raise InputError("Mitsuba 3 is handed flat triangles under a sky of one colour, expected a scene without more")
     parts: dict[str, Any] = {"type": "scene"}
-    if isinstance(sky, PanoramaSky):  # its middle column looks the other way
-        turned = np.roll(sky.power * sky.texels, sky.texels.shape[1] // 2, axis=1)
-        # Mitsuba blends the texels, whose colours end at their borders here: finer ones blend in less of the sky.
-        finer = -(-_FINE_ROWS // len(turned))
-        turned = turned.repeat(finer, axis=0).repeat(finer, axis=1)
-        parts["sky"] = {"type": "envmap", "bitmap": mi.Bitmap(np.ascontiguousarray(turned, np.float32))}
+    if isinstance(sky, PanoramaSky):
+        parts["sky"] = {"type": "envmap", "bitmap": mi.Bitmap(_environment(sky))}
     elif any(sky.above):
         parts["sky"] = {"type": "constant", "radiance": _rgb([sky.power * channel for channel in sky.above])}
     for number, material in enumerate(scene.materials):
@@ -164,6 +161,20 @@ def parts_of(mi: Any, scene: Scene) -> dict[str, Any]:
         parameters.update()
         parts[f"part{number}"] = mesh
     return parts
+
+
+def _environment(sky: PanoramaSky) -> NDArray[np.float32]:
+    """A panorama as Mitsuba has it: the first column is ahead, the first and the last row are at the poles."""
+    found = sky.power * sky.texels.astype(np.float64)
+    rows, columns = (max(_FINE_ROWS, 2 * count) for count in found.shape[:2])
+    down = np.clip(np.arange(rows) / (rows - 1) * len(found) - 0.5, 0, len(found) - 1)
+    turn = (np.arange(columns) + 0.5) / columns + 0.5 + sky.rotation_degrees / 360.0
+    for axis, place in enumerate((down, turn * found.shape[1] - 0.5)):
+        first = np.floor(place).astype(int)
+        part = (place - first).reshape((-1, 1) if axis else (-1, 1, 1))
+        near, far = (found.take(first + step, axis, mode="wrap") for step in (0, 1))
+        found = (1.0 - part) * near + part * far
+    return np.ascontiguousarray(found, np.float32)
 
 
 def suns_of(lights: Sequence[Any]) -> dict[str, Any]:

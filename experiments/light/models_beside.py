@@ -1,122 +1,140 @@
-"""Models as our path tracer shows them, beside Mitsuba 3.
+"""Models as our path tracer shows them, beside Blender's Cycles, which reads the files by itself.
 
-    python -m experiments.studies models_beside SHEET.png MODEL...
+    python -m experiments.studies models_beside TABLE.csv SHEET.png MODEL...
 
-Both get the same triangles, normals, textures, sky and sun. Mitsuba's `principled` stands for glTF's material: it has
-the same parameters, another diffuse part and other masking, so pictures are alike, not equal. What is printed are
-the ratio of the means of both pictures, and how far apart blocks of 16 x 16 pixels are at most.
+Both see the model under the same gradient sky, without lights of the file, by the same camera. Cycles needs the package
+`bpy`. The table has the mean luminance of what the camera hits in both pictures and their ratio, and how far apart
+blocks of 16 x 16 pixels are at most.
 """
 
 from __future__ import annotations
 
+import csv
+import tempfile
 import warnings
+from importlib import import_module
+from math import radians
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from atra import RasterTracer
+from atra.errors import InputError
 from atra.geometry.camera import Camera
-from atra.light import Image, MetallicRoughness, PathRenderer, Scene, Sun, constant_sky, load_scene
+from atra.light import PathRenderer, Scene, load_scene
 from atra.light.pictures.files import srgb_of
-from atra.light.textures import linear
+from atra.light.sky import NEUTRAL, read_panorama
 from experiments.light.equal_error.measure import block_differences
-from experiments.light.mitsuba_light import load_mitsuba, suns_of
 
-_SIDE, _DEPTH = 256, 6
-_SKY = 0.8
-_SUN = Sun((-0.5, -1.0, -0.6), 0.0, power=0.6)
+_SIDE, _BOUNCES = 128, 8
+_LUMINANCE = np.array((0.2126, 0.7152, 0.0722))
 
 
 def shown(path: Path) -> tuple[Scene, Camera]:
-    """The model under a plain sky and a sun, seen as a whole."""
-    scene = load_scene(path, sky=constant_sky(_SKY))
-    scene = Scene(**{**vars(scene), "lights": (_SUN,)})
+    """The model under the sky alone, seen as a whole."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        scene = load_scene(path, sky=NEUTRAL, lights=())
     return scene, Camera.framing(scene.mesh, fov_y_degrees=30, width=_SIDE, height=_SIDE)
 
 
-def _texture(mi: Any, image: Image, channels: slice | int, factor: NDArray[np.float64] | float) -> Any:
-    texels = linear(image.texels, image.is_coded).astype(np.float64)[..., channels] * factor
-    held = np.ascontiguousarray(texels.reshape(*texels.shape[:2], -1), np.float32)
-    return mi.load_dict({"type": "bitmap", "bitmap": mi.Bitmap(held), "raw": True})
+def of_cycles(bpy: Any, path: Path, camera: Camera, samples: int) -> NDArray[np.float64]:
+    """(H, W, 3), the picture that Cycles makes of a file."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        if path.suffix.lower() == ".obj":
+            bpy.ops.wm.obj_import(filepath=str(path))
+        else:
+            import_module("addon_utils").enable("io_scene_gltf2")
+            bpy.ops.import_scene.gltf(filepath=str(path))
+    scene = bpy.context.scene
+    for one in [one for one in bpy.data.objects if one.type in ("LIGHT", "CAMERA")]:
+        bpy.data.objects.remove(one)
+    scene.world = _sky(bpy)
+    eye = bpy.data.objects.new("eye", bpy.data.cameras.new("eye"))
+    x, y, z = (np.asarray(axis, np.float64) for axis in _axes(camera))
+    for column, axis in enumerate((x, y, z, np.asarray(camera.eye))):
+        for row, value in enumerate((axis[0], -axis[2], axis[1])):  # from y upwards to z upwards
+            eye.matrix_world[row][column] = value
+    distance = float(np.linalg.norm(np.subtract(camera.target, camera.eye)))
+    eye.data.sensor_fit, eye.data.angle_y = "VERTICAL", radians(camera.fov_y_degrees)
+    eye.data.clip_start, eye.data.clip_end = distance * 1e-3, distance * 1e3
+    scene.collection.objects.link(eye)
+    scene.camera, render, cycles = eye, scene.render, scene.cycles
+    render.engine, render.resolution_x, render.resolution_y = "CYCLES", _SIDE, _SIDE
+    cycles.samples, cycles.use_adaptive_sampling, cycles.use_denoising = samples, False, False
+    cycles.sample_clamp_indirect = cycles.blur_glossy = 0.0
+    cycles.pixel_filter_type = "BOX"
+    for name in ("max", "diffuse", "glossy", "transmission", "transparent_max"):
+        setattr(cycles, f"{name}_bounces", _BOUNCES)
+    render.image_settings.file_format, render.image_settings.color_depth = "OPEN_EXR", "32"
+    with tempfile.TemporaryDirectory() as folder:
+        render.filepath = str(Path(folder) / "picture.exr")
+        bpy.ops.render.render(write_still=True)
+        return read_panorama(render.filepath).astype(np.float64)
 
 
-def _material(mi: Any, one: MetallicRoughness) -> Any:
-    made: dict[str, Any] = {"type": "principled", "specular": 0.5, "metallic": one.metallic, "roughness": one.roughness}
-    if isinstance(one.colour, Image):
-        made["base_color"] = _texture(mi, one.colour, slice(3), np.array(one.colour.factor[:3]))
-    else:
-        made["base_color"] = {"type": "rgb", "value": list(one.colour)}  # type: ignore[arg-type]
-    if one.metallic_roughness is not None:
-        made["metallic"] = _texture(mi, one.metallic_roughness, 2, one.metallic)
-        made["roughness"] = _texture(mi, one.metallic_roughness, 1, one.roughness)
-    made = {"type": "twosided", "bsdf": made}
-    if one.normals is not None:
-        normal = _texture(mi, one.normals, slice(3), 1.0)
-        made = {"type": "normalmap", "normalmap": normal, "bsdf": made}
-    if one.alpha == "blend" and not isinstance(one.colour, Image):
-        made = {"type": "mask", "opacity": one.opacity, "bsdf": made}
-    return mi.load_dict(made)
+def _axes(camera: Camera) -> tuple[Any, Any, Any]:
+    """Right, up, and backwards."""
+    back = np.subtract(camera.eye, camera.target)
+    back = back / np.linalg.norm(back)
+    right = np.cross(camera.up, back)
+    right = right / np.linalg.norm(right)
+    return right, np.cross(back, right), back
 
 
-def of_mitsuba(mi: Any, scene: Scene, camera: Camera, samples: int) -> NDArray[np.float64]:
-    """(H, W, 3), Mitsuba's picture."""
-    parts: dict[str, Any] = {
-        "type": "scene",
-        "sky": {"type": "constant", "radiance": {"type": "rgb", "value": [_SKY] * 3}},
-        "integrator": {"type": "path", "max_depth": _DEPTH},
-        "camera": {
-            "type": "perspective", "fov": camera.fov_y_degrees, "fov_axis": "y", "near_clip": 1e-4,
-            "to_world": mi.ScalarTransform4f().look_at(origin=camera.eye, target=camera.target, up=camera.up),
-            "film": {"type": "hdrfilm", "width": _SIDE, "height": _SIDE, "rfilter": {"type": "box"}},
-        },
-    } | suns_of(scene.lights)  # fmt: skip
-    for number, material in enumerate(scene.materials):
-        assert isinstance(material, MetallicRoughness)
-        used, faces = np.unique(scene.mesh.faces[scene.face_materials == number], return_inverse=True)
-        properties = mi.Properties()
-        properties["bsdf"] = _material(mi, material)
-        if any(material.emission):
-            glow = material.emission_image
-            light = {"type": "rgb", "value": list(material.emission)}
-            light = light if glow is None else _texture(mi, glow, slice(3), np.array(material.emission))
-            properties["emitter"] = mi.load_dict({"type": "area", "radiance": light})
-        mesh = mi.Mesh(
-            f"part {number}", len(used), faces.size // 3, props=properties, has_vertex_normals=True,
-            has_vertex_texcoords=scene.uv is not None,
-        )  # fmt: skip
-        given = mi.traverse(mesh)
-        given["vertex_positions"] = np.ascontiguousarray(scene.mesh.vertices[used].ravel())
-        given["faces"] = faces.ravel().astype(np.uint32)
-        assert scene.normals is not None
-        given["vertex_normals"] = np.ascontiguousarray(scene.normals[used].ravel())
-        if scene.uv is not None:
-            downwards = scene.uv[used] * np.array([1, -1], np.float32) + np.array([0, 1], np.float32)
-            given["vertex_texcoords"] = np.ascontiguousarray(downwards.ravel())
-        given.update()
-        parts[f"part{number}"] = mesh
-    return np.array(mi.render(mi.load_dict(parts), spp=samples, seed=1), np.float64)[..., :3]
+def _sky(bpy: Any) -> Any:
+    """NEUTRAL as a world: linear in the height of the direction."""
+    world = bpy.data.worlds.new("sky")
+    world.use_nodes = True
+    nodes, links = world.node_tree.nodes, world.node_tree.links
+    direction, split, height = (nodes.new(f"ShaderNode{kind}") for kind in ("TexCoord", "SeparateXYZ", "MapRange"))
+    for name, value in (("From Min", -1), ("From Max", 1), ("To Min", NEUTRAL.below[0]), ("To Max", NEUTRAL.above[0])):
+        height.inputs[name].default_value = value
+    links.new(direction.outputs["Generated"], split.inputs[0])
+    links.new(split.outputs["Z"], height.inputs["Value"])
+    links.new(height.outputs[0], nodes["Background"].inputs["Color"])
+    return world
 
 
-def study(sheet: str, *models: str, samples: int = 64, variant: str = "scalar_rgb") -> None:
-    """Draw every model twice, ours first, into one sheet."""
+def study(table: str, sheet: str, *models: str, samples: int = 64) -> None:
+    """Draw every model twice, ours first, into one sheet, and write a row of each into a table."""
     from PIL import Image as Picture
 
-    mi, _ = load_mitsuba(variant, f"variant={variant}", None)
-    rows = []
+    try:
+        bpy = import_module("bpy")
+    except ImportError:
+        raise InputError("models_beside needs Blender as a package; run: pip install bpy") from None
+    rows, pairs = [], []
     for path in map(Path, models):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        row: dict[str, Any] = {"model": f"{path.parent.name}/{path.name}"}
+        rows.append(row)
+        try:
             scene, camera = shown(path)
-        with PathRenderer(scene, camera, bounces=_DEPTH - 1) as renderer:
-            renderer.add(samples)
-            own = renderer.image.astype(np.float64)
-        theirs = of_mitsuba(mi, scene, camera, samples)
-        rows.append(np.concatenate([srgb_of(own.astype(np.float32)), srgb_of(theirs.astype(np.float32))], axis=1))
-        apart = block_differences(own, theirs).max()
-        name = f"{path.parent.name}/{path.name}"
-        print(f"{name}: mean {own.mean() / theirs.mean():.4f} of Mitsuba's, blocks {apart:.2%} apart", flush=True)
-        across = 4
-        padded = rows + [np.zeros_like(rows[0])] * (-len(rows) % across)
-        lines = [np.concatenate(padded[k : k + across], axis=1) for k in range(0, len(padded), across)]
-        Picture.fromarray(np.concatenate(lines, axis=0)).save(sheet)
+            with PathRenderer(scene, camera, bounces=_BOUNCES, jitter="pixel") as renderer:
+                renderer.add(samples)
+                own = renderer.image.astype(np.float64)
+            theirs = of_cycles(bpy, path.resolve(), camera, samples)
+        except Exception as error:  # a row says so, and the others go on
+            row["failure"] = " ".join(str(error).split())[:200]
+        else:
+            with RasterTracer(scene.mesh, camera) as tracer:
+                hit = np.asarray(tracer.trace().hit)
+            ours, others = (float((one[hit] @ _LUMINANCE).mean()) for one in (own, theirs))
+            apart = block_differences(own, theirs).max()
+            row |= {"hit": hit.mean(), "atra": ours, "cycles": others, "ratio": ours / others, "blocks_apart": apart}
+            pairs.append(np.concatenate([srgb_of(one.astype(np.float32)) for one in (own, theirs)], axis=1))
+            row["left_out"] = "; ".join(scene.left_out)
+        print(*(f"{value:.4f}" if isinstance(value, float) else value for value in row.values()), flush=True)
+        with Path(table).open("w", encoding="utf-8", newline="") as file:
+            names = dict.fromkeys(name for one in rows for name in one)
+            writer = csv.DictWriter(file, list(names))
+            writer.writeheader()
+            writer.writerows(rows)
+        if pairs:
+            padded = pairs + [np.zeros_like(pairs[0])] * (-len(pairs) % 6)
+            lines = [np.concatenate(padded[k : k + 6], axis=1) for k in range(0, len(padded), 6)]
+            Picture.fromarray(np.concatenate(lines, axis=0)).save(sheet)

@@ -40,7 +40,7 @@ def bake(monkeypatch, *arguments):
 @needs_xatlas
 def test_a_model_becomes_maps_and_views_of_a_named_side_under_the_sky_of_a_file(folder, monkeypatch, capsys):
     (folder / "sky.hdr").write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n" + bytes([128] * 4))
-    assert bake(monkeypatch, "--sky", "sky.hdr", "--camera", "front", "--lights", "grid") == 0
+    assert bake(monkeypatch, "--sky", "sky.hdr", "--sky-rotation", "30", "--camera", "front", "--lights", "grid") == 0
     told = capsys.readouterr()
     assert "charts on 32 x 32" in told.out
     assert "baked 2 of 2 samples" in told.err

@@ -80,7 +80,10 @@ def test_sides_of_a_model_and_cameras_of_its_file_are_taken_by_name(folder, monk
     (("-o", "a.png", "--planes", "depth"), "--output makes a picture and --planes makes planes"),
     (("-o", "a.png", "--exposure", "bright"), "exposure is 'bright', expected auto or a number of stops"),
     (("--samples", "0"), "samples is 0"),
+    (("-o", "a.png", "--aperture", "0.1"), "--aperture and --focus belong together"),
+    (("-o", "a.png", "--aperture", "-1", "--focus", "2"), "aperture_radius is -1.0, expected"),
     (("--samples", "1", "--sky", "none.exr"), "none.exr"),
+    (("--samples", "1", "--sky", "neutral", "--sky-rotation", "90"), "--sky-rotation is 90 without a panorama"),
     (("--samples", "2", "--denoise"), "denoising needs the package pyoidn"),
 ])  # fmt: skip
 def test_what_makes_no_picture_is_refused_in_one_line(folder, monkeypatch, capsys, arguments, told):

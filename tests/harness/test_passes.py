@@ -7,6 +7,7 @@ import pytest
 from experiments.harness.configuration import SweepConfiguration
 from experiments.harness.points import GridPoint
 from experiments.harness.processes.idle import LIMIT_VARIABLE, Busy, Waiting
+from experiments.harness.progress import say_roughly
 from experiments.sweep import run_sweep
 from tests.harness.test_sweep import Runner, configuration
 
@@ -69,6 +70,21 @@ def test_an_interrupt_after_the_first_pass_leaves_table_and_figure_of_every_proc
     assert stopped.value.code == 130
     assert (tmp_path / "one" / "figure5.png").exists()
     assert len(list((tmp_path / "records").glob("*.json"))) == 3
+
+
+def test_before_the_first_process_one_line_says_how_long_it_takes(tmp_path, capsys):
+    run_sweep(grid(tmp_path, (1, 2, 4, 8, 16, 32), processes=6, repeats=1), run=Runner())
+    first = capsys.readouterr().err.splitlines()[1]
+    assert first == (
+        "first look in about 20 s, all in about 2 min at 3 s a process; up to 1 repeat if disturbed; Ctrl-C keeps all"
+    )
+
+
+@pytest.mark.parametrize(
+    ("seconds", "said"), [(1, "10 s"), (36, "40 s"), (99, "100 s"), (108, "2 min"), (5000, "83 min"), (9000, "2.5 h")]
+)
+def test_a_rough_duration_has_one_or_two_figures(seconds, said):
+    assert say_roughly(seconds) == said
 
 
 def test_the_first_look_names_who_disturbs_and_does_not_wait(tmp_path, monkeypatch, capsys):

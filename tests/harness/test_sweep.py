@@ -290,6 +290,55 @@ def test_a_single_point_that_fails_leaves_the_record_of_a_sweep_and_one_that_suc
     assert statuses() == ["ok"]
 
 
+class Predicted:
+    """Stands in for the model: a frame takes as many seconds as there are cells."""
+
+    def __init__(self, look, choice, want, constants):
+        assert (look, want) == ("a look", "nearest")
+        self.frame_time_s = float(choice.cells)
+
+
+@pytest.fixture
+def predicted(monkeypatch):
+    monkeypatch.setattr("experiments.law.skipping.look_at", lambda mesh, camera: "a look")
+    monkeypatch.setattr("experiments.law.skipping.forecast", Predicted)
+
+
+def skipping(folder, limit, splits=(1, 2, 8)):
+    points = [configuration(folder, split_x=split) for split in splits]
+    for one in points:
+        one.sweep.skip_slower = limit
+    return [GridPoint("a", one) for one in points]
+
+
+def test_points_predicted_to_be_slow_are_skipped_on_request_and_their_rows_say_why(tmp_path, predicted):
+    runner = Runner()
+    table = run_sweep(skipping(tmp_path, 4.0), run=runner)
+    assert sorted(point.options.split_x for point in runner.points) == [1, 2]
+    assert list(table["status"]) == ["ok", "ok", "skipped"]
+    assert "8 times as long as the fastest of this view; sweep.skip_slower is 4" in table["error"][2]
+
+
+def test_a_point_that_was_skipped_as_slow_is_measured_when_it_is_wanted_and_stays_measured(tmp_path, predicted):
+    run_sweep(skipping(tmp_path, 4.0), run=Runner())
+    runner = Runner()
+    run_sweep(skipping(tmp_path, None), run=runner)
+    assert [point.options.split_x for point in runner.points] == [8]
+    assert list(run_sweep(skipping(tmp_path, 4.0), run=Runner())["status"]) == ["ok"] * 3
+
+
+def test_a_point_of_which_the_model_knows_nothing_is_not_skipped(tmp_path, predicted):
+    one = configuration(tmp_path, method=Chosen(EMBREEX, EMBREEX.options()))
+    one.sweep.skip_slower = 1.0
+    planned = plan_points([one, *(each.configuration for each in skipping(tmp_path, 1.0, (1, 2)))])
+    assert ["predicted" in str(each.problem) for each in planned] == [False, False, True]
+
+
+def test_a_limit_below_1_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"sweep\.skip_slower is 0\.5"):
+        run_sweep(skipping(tmp_path, 0.5), run=Runner())
+
+
 def printed_record(capsys):
     (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("record: ")]
     return Path(line.removeprefix("record: "))

@@ -100,8 +100,6 @@ def test_amdahl_s_forecast_is_the_packets_picture_with_the_own_primary_in_it():
     ({"samples": 0}, "samples is 0"), ({"occlusion_rays": 65}, "occlusion_rays is 65"),
     ({"frame": "path", "max_depth": 0}, "bounces is -1"), ({"occlusion_part": -1.0}, "occlusion_length is -1"),
     ({"mitsuba": "scalar_rgb"}, "expected workload.frame=path"),
-    ({"sky": "nowhere.exr"}, "nowhere.exr', which cannot be read"), ({"sky_sha256": "ab"}, "without a workload.sky"),
-    ({"sky": "run.py", "sky_sha256": "ab"}, "changed since this run began"),
 ])  # fmt: skip
 def test_what_no_picture_can_have_is_refused(options, message):
     with pytest.raises(InputError, match=message):

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from atra.compiled.store import float_kernel, njit
 from atra.embree.packets_kernels import INFINITY
 from atra.light.emitters.grid_kernels import LampGrid, cell_of, chosen_in
+from atra.light.emitters.sky_kernels import sky_colour, sky_density, sky_direction
 from atra.light.lights_kernels import ALMOST, KIND, SUN, to_lamp, to_sun
-from atra.light.numbers_kernels import ONE, TWO, ZERO, along, bits_of, dot, luminance, scaled, texel_of, unit_of
+from atra.light.numbers_kernels import ONE, TWO, ZERO, along, bits_of, dot, luminance, scaled, unit_of
 from atra.light.scattering.emission_kernels import emission_at
 from atra.light.scattering.sampler_kernels import CHOICE, PAIRS, PLACE, pair_of
 from atra.light.scattering.spots_kernels import BLACK, scattered_light
-from atra.light.surface_kernels import leaving, meet
+from atra.light.surface_kernels import SKY_TURN, leaving, meet
 
 _S1, _S2, _S3, _S4 = (np.float32(step) for step in (0.8566749, 0.7338919, 0.6287067, 0.5385973))
 """Steps between candidates, which spread them evenly. Source: M. Roberts, "The unreasonable effectiveness of
@@ -33,7 +34,8 @@ class Emitters(NamedTuple):
     prim_ids: (N,) uint32. corners: (N, 9) float32: a corner, and the edges to the other two. odds, others: (N,) float32
     and int32, their alias table. densities: (F,) float32, how often a point of each triangle of the mesh is chosen, per
     area; empty without triangles that shine. sky_odds, sky_others: (H W,), alias table of the texels. sky_densities:
-    (H, W) float32, how often a direction is chosen, per solid angle. lamps: (L, LIGHT_WORDS) float32; lamp_light: (L,
+    (H, W) float32, how often directions to the middles of texels are chosen, per solid angle, times the sine of the
+    angle to the pole. lamps: (L, LIGHT_WORDS) float32; lamp_light: (L,
     3) float32, what a surface that faces them receives, over how often they are chosen; with a grid, over how often
     lamps are. lamp_odds, lamp_others: (L,), alias table. sky_share, lamp_share: how often the sky, and lamps, are
     chosen. candidates: points of emitters that are weighed for each ray. grid: what chooses lamps in place of the alias
@@ -103,16 +105,12 @@ def _entry(odds, others, chance, second):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True)
-def _to_sky(emitters, panorama, chance, second, u, v):  # type: ignore[no-untyped-def]
-    """(direction, density, light) of a texel, and a point within it by u and v."""
-    rows, columns = panorama.shape[0], panorama.shape[1]
-    y, x = divmod(_entry(emitters.sky_odds, emitters.sky_others, chance, second), columns)
-    top, bottom = np.cos(np.pi * y / rows), np.cos(np.pi * (y + 1) / rows)
-    height = top + (bottom - top) * np.float64(v)
-    turn = 2.0 * np.pi * ((x + np.float64(u)) / columns - 0.5)
-    across = np.sqrt(max(0.0, 1.0 - height * height))
-    direction = np.float32(across * np.sin(turn)), np.float32(height), np.float32(-across * np.cos(turn))
-    return direction, emitters.sky_densities[y, x], (panorama[y, x, 0], panorama[y, x, 1], panorama[y, x, 2])
+def _to_sky(surfaces, emitters, chance, second, u, v):  # type: ignore[no-untyped-def]
+    """(direction, density, light) of a place of the panorama, by four numbers in [0, 1)."""
+    rows, columns = emitters.sky_densities.shape
+    texel, turn = _entry(emitters.sky_odds, emitters.sky_others, chance, second), surfaces.sky[SKY_TURN]
+    direction = sky_direction(rows, columns, texel, u, v, turn)
+    return direction, sky_density(emitters.sky_densities, direction, turn), sky_colour(surfaces, direction)
 
 
 @njit(forceinline=True, error_model="numpy")
@@ -167,7 +165,7 @@ def _candidate(surfaces, emitters, spot, origin, chance, second, u, v):  # type:
     if chance < lamps:
         towards, length, light = _to_lamp(emitters, origin, chance / lamps, second, u, v)
     elif chance < lamps + sky or len(emitters.prim_ids) == 0:
-        towards, density, light = _to_sky(emitters, surfaces.panorama, (chance - lamps) / sky, second, u, v)
+        towards, density, light = _to_sky(surfaces, emitters, (chance - lamps) / sky, second, u, v)
         kind = FROM_SKY
     else:
         rest = (chance - lamps - sky) / (ONE - lamps - sky)
@@ -247,10 +245,8 @@ def found_share(surfaces, emitters, prim_id, origin, direction, density):  # typ
 
 
 @njit(error_model="numpy")
-def found_sky_share(emitters, direction, density):  # type: ignore[no-untyped-def]
+def found_sky_share(surfaces, emitters, direction, density):  # type: ignore[no-untyped-def]
     """`found_share` of the sky in a direction."""
-    rows, columns = emitters.sky_densities.shape
-    if density == ZERO or rows == 0:
+    if density == ZERO or len(emitters.sky_densities) == 0:
         return ONE
-    y, x = texel_of(rows, columns, direction)
-    return share_of(density, emitters.sky_densities[y, x])
+    return share_of(density, sky_density(emitters.sky_densities, direction, surfaces.sky[SKY_TURN]))

@@ -104,13 +104,8 @@ def _sky_weights(scene: Scene) -> NDArray[np.float64]:
     if not isinstance(sky, PanoramaSky) or sky.power == 0.0 or not sky.texels.any():
         return np.zeros((0, 0))
     weights = sky.power * (sky.texels.astype(np.float64) @ _LUMINANCE)
-    return np.asarray(weights * _solid_angles(*weights.shape))
-
-
-def _solid_angles(rows: int, columns: int) -> NDArray[np.float64]:
-    """(H, 1): of a texel in each row of a panorama."""
-    heights = np.cos(np.pi * np.arange(rows + 1) / rows)
-    return np.asarray((heights[:-1] - heights[1:])[:, None] * (2.0 * np.pi / columns))
+    heights = np.cos(np.pi * np.arange(len(weights) + 1) / len(weights))
+    return np.asarray(weights * (heights[:-1] - heights[1:])[:, None] * (2.0 * np.pi / weights.shape[1]))
 
 
 def _emitters(
@@ -125,7 +120,7 @@ def _emitters(
 ) -> Emitters:
     """chances: how often triangles, sky and lamps are chosen, and the powers of lamps. box: of their grid, (2, 3)."""
     (_, sky_share, lamp_share), of_lamps = chances
-    sky = texels / texels.sum() * sky_share / _solid_angles(*texels.shape) if texels.size else texels
+    sky = texels / texels.sum() * sky_share * texels.size / (2.0 * np.pi**2) if texels.size else texels
     rows = np.array([light_row(lamp) for lamp in lamps], np.float32).reshape(-1, LIGHT_WORDS)
     light = np.array([np.pi * lamp.power * np.array(lamp.colour) for lamp in lamps]).reshape(-1, 3)
     grid, chosen = no_grid(), np.ones(1)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.files.saving import encode_exr
+from atra.files.saving import encode_exr, encode_png
 from atra.hits import Hits
 from atra.light.pictures.files_kernels import encode_srgb
 from atra.light.pictures.finish.tone import stops_of, toned
@@ -54,8 +53,8 @@ def png_of(image: NDArray[np.floating], alpha: NDArray[np.floating] | None = Non
     """(H, W, 3) linear RGB, not multiplied by alpha, and (H, W) alpha -> a PNG in sRGB."""
     levels = srgb_of(image)
     if alpha is None:
-        return png_bytes(levels)
-    return png_bytes(np.dstack([levels, np.rint(np.clip(alpha, 0.0, 1.0) * 255.0).astype(np.uint8)]))
+        return encode_png(levels)
+    return encode_png(np.dstack([levels, np.rint(np.clip(alpha, 0.0, 1.0) * 255.0).astype(np.uint8)]))
 
 
 def shown_png(
@@ -67,15 +66,6 @@ def shown_png(
         image = (image / np.maximum(alpha, _LEAST_ALPHA)[..., None]).astype(np.float32)
     stops = stops_of(image, exposure)
     return png_of(toned(image, stops, tone), alpha), stops
-
-
-def png_bytes(levels: NDArray[np.uint8]) -> bytes:
-    """(H, W, 3) 8-bit sRGB, or (H, W, 4) with alpha -> a PNG."""
-    from PIL import Image  # imported here because it is slow to load
-
-    buffer = io.BytesIO()
-    Image.fromarray(levels, "RGBA" if levels.shape[2] == 4 else "RGB").save(buffer, format="PNG")
-    return buffer.getvalue()
 
 
 def exr_of(

@@ -15,6 +15,7 @@ from atra.geometry.view import View
 from atra.hits import Hits
 from atra.light.batches import Laps, in_batches
 from atra.light.pictures.film import Film
+from atra.light.pictures.options import RenderOptions
 from atra.light.pictures.path_kernels import BLOCK, Pixels
 from atra.light.pictures.pixels import LensPixels, pixels_of
 from atra.light.scene import Scene
@@ -47,8 +48,8 @@ class Integrator(Protocol):
     @property
     def shares(self) -> dict[str, int]: ...
 
-    def take(self, scene: Scene, options: Any) -> None:
-        """Go on with a scene and options of the renderer."""
+    def take(self, scene: Scene, options: Any, camera: View) -> None:
+        """Go on with a scene, options and a camera of the renderer."""
 
     def build(self, rays: KernelScene) -> None:
         """Make the tables of the scene that kernels read. rays: the scene that is asked."""
@@ -84,13 +85,15 @@ class Frame:
         self._hits: Hits | None = None
         self.lens = LensPixels()
 
-    def add(self, jitter: str, stages: dict[str, float], stop: Callable[[], bool] | None) -> tuple[bool, int]:
+    def add(
+        self, options: RenderOptions, stages: dict[str, float], stop: Callable[[], bool] | None
+    ) -> tuple[bool, int]:
         """Add a sample, and the seconds of its stages; returns whether it finished, and the rays traced."""
         samples, threads = self.film.samples, self._rays.threads
-        offset = CENTRE if jitter == "off" else tuple(sub_pixel_offsets(1, samples)[0].tolist())
-        own = jitter == "pixel" and self._camera.lens is None
+        offset = CENTRE if options.jitter == "off" else tuple(sub_pixel_offsets(1, samples)[0].tolist())
+        own = options.is_jittered and self._camera.lens is None
         lap = Laps(stages)
-        if not own and (self._hits is None or jitter != "off"):
+        if not own and (self._hits is None or options.jitter != "off"):
             self._hits = self._tracer.trace(offset, out=self._hits)
         lap("primary")
         pixels = self.pixels(offset, None if own else self._hits)

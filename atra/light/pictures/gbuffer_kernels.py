@@ -16,8 +16,8 @@ from atra.compiled.memory import load, prefetch, store
 from atra.compiled.store import float_part, njit
 from atra.compiled.vectors import bits_of, splat, where
 from atra.embree.packets_kernels import MISS
-from atra.light.emitters.background_kernels import background
 from atra.light.emitters.harmonics_kernels import reflected
+from atra.light.emitters.sky_kernels import sky_colour
 from atra.light.numbers_kernels import ONE, ZERO, unit
 from atra.light.pictures.path_kernels import FREE_ROWS, TILE, pixel_line, place_of, seen_by
 from atra.light.scattering.spots_kernels import BLACK
@@ -34,7 +34,6 @@ from atra.light.surface_kernels import (
     meet,
     plain_colour,
     shading_normal,
-    sky_colour,
     vertex_colour,
     weights_at,
 )
@@ -115,7 +114,7 @@ def find_surfaces(chunk, first, count, pixels, surfaces):  # type: ignore[no-unt
         if floats[SEEN * STRIDE + i] == ZERO:
             _, direction = pixel_line(pixels, first + i)
             set_vector(floats, NORMAL, i, BLACK)
-            set_vector(floats, SKY, i, background(surfaces, unit(direction)))
+            set_vector(floats, SKY, i, sky_colour(surfaces, unit(direction)))
 
 
 @njit(forceinline=True)

@@ -49,7 +49,7 @@ class Hybrid:
     def __init__(self) -> None:
         self._panels_of: tuple[Scene | None, list[Panel]] = None, []
 
-    def take(self, scene: Scene, options: HybridOptions) -> None:
+    def take(self, scene: Scene, options: HybridOptions, camera: View) -> None:
         """See `Integrator.take`."""
         self._scene, self._options = scene, options
 

@@ -11,7 +11,11 @@ import numpy as np
 from atra.choices import check_choice, check_flags
 from atra.errors import InputError
 from atra.geometry.numbers import as_number
-from atra.light.checks import check_rays, check_whole
+from atra.geometry.view import View
+from atra.light.checks import check_rays, check_whole, checked_number
+
+LARGEST = 1e12
+"""Largest radius of an aperture."""
 
 MOST_RAYS = 64
 """Most rays to a light, or into the sky, per pixel and sample."""
@@ -34,6 +38,14 @@ class RenderOptions:
     jitter: str = "shared"
     most_samples: int | None = None
 
+    @property
+    def is_jittered(self) -> bool:
+        """Whether each pixel has an offset of its own; then the renderer traces primary rays itself."""
+        return self.jitter == "pixel"
+
+    def check_camera(self, camera: View) -> None:
+        """Raise InputError for a camera that cannot have these options."""
+
     def __post_init__(self) -> None:
         check_rays(self)
         check_choice("jitter", self.jitter, self.jitters)
@@ -53,9 +65,26 @@ class PathOptions(RenderOptions):
     lights: str = "aimed"
     roulette_from: int | None = 4
     transparent: bool = False
+    aperture_radius: float = 0.0
+    focus_distance: float = inf
+
+    @property
+    def is_jittered(self) -> bool:
+        """See `RenderOptions`; always with an aperture."""
+        return self.jitter == "pixel" or self.aperture_radius > 0.0
+
+    def check_camera(self, camera: View) -> None:
+        """Raise InputError for a lens with an aperture."""
+        if self.aperture_radius > 0.0 and camera.lens is not None:
+            raise InputError(
+                f"aperture_radius is {self.aperture_radius!r}, but the camera has the lens {camera.lens!r}; expected a "
+                "pinhole or an orthographic camera, such as camera.undistorted()"
+            )
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        checked_number("aperture_radius", self.aperture_radius, 0.0, LARGEST)
+        _check_length("focus_distance", self.focus_distance)
         check_choice("lights", self.lights, ("aimed", "grid", "found"))
         check_flags(transparent=self.transparent)
         check_whole("bounces", self.bounces, 0, 1 << 20)
@@ -83,9 +112,12 @@ class HybridOptions(RenderOptions):
         for name in ("shadow_rays", "occlusion_rays"):
             check_whole(name, getattr(self, name), 0, MOST_RAYS)
         for name in ("shadow_length", "occlusion_length"):
-            length = as_number(getattr(self, name))
-            if not 0.0 < length <= inf:
-                raise InputError(f"{name} is {getattr(self, name)!r}, expected a length above 0, or inf")
+            _check_length(name, getattr(self, name))
+
+
+def _check_length(name: str, value: object) -> None:
+    if not 0.0 < as_number(value) <= inf:
+        raise InputError(f"{name} is {value!r}, expected a length above 0, or inf")
 
 
 def unlike_but_for(one: object, other: object, *names: str) -> bool:

@@ -20,13 +20,13 @@ from atra.embree.packets_kernels import (
     ray_component,
     set_no_hit,
 )
-from atra.light.emitters.background_kernels import background
 from atra.light.emitters.emitters_kernels import FROM_LAMP, found_share, found_sky_share
+from atra.light.emitters.sky_kernels import sky_colour
 from atra.light.numbers_kernels import ONE, ZERO, along, bits_of, dot, key_of, scaled, set_vector, unit_of, vector
 from atra.light.scattering.emission_kernels import emitted, opacity_at
 from atra.light.scattering.sampler_kernels import JITTER, LOBE, PAIRS, pair_of
 from atra.light.scattering.spots_kernels import BLACK, WHITE, straight_light
-from atra.light.surface_kernels import HOLES, ONE_SIDED, SOLID, TRANSMISSION, material_of, meet, sky_colour
+from atra.light.surface_kernels import HOLES, ONE_SIDED, SOLID, TRANSMISSION, material_of, meet
 
 BLOCK = 2048
 """Pixels of a wave are a multiple. Packets stay within a block, which starts at a multiple of BLOCK pixels; so a ray
@@ -138,10 +138,8 @@ def add_light(sums, pixel, weight, light):  # type: ignore[no-untyped-def]
 @njit
 def arriving(surfaces, emitters, prim_id, origin, direction, density):  # type: ignore[no-untyped-def]
     """(r, g, b) of the sky or a triangle that shines, as far as it is left to scattering."""
-    if prim_id == MISS and density == ZERO:
-        return background(surfaces, direction)
     if prim_id == MISS:
-        return scaled(found_sky_share(emitters, direction, density), sky_colour(surfaces, direction))
+        return scaled(found_sky_share(surfaces, emitters, direction, density), sky_colour(surfaces, direction))
     light = emitted(surfaces, prim_id, origin, direction)
     if not light[0] + light[1] + light[2] > ZERO:
         return light

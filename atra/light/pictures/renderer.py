@@ -71,11 +71,12 @@ class Renderer(Lifetime):
         super().__init__()
         self.options, self.integrator = options, integrator
         check_range(scene.mesh, camera, takes_lenses=True)
+        options.check_camera(camera)
         self.rays = scene_for_kernels(scene.mesh.local, options)
         make_tracer = primary or partial(RasterTracer, threads=options.threads)
         self.scene, self.camera = scene, camera
         self._tracer = make_tracer(scene.mesh, camera)
-        integrator.take(scene, options)
+        integrator.take(scene, options, camera)
         self._frame = Frame(scene.mesh, camera, self._tracer, self.rays, integrator)
         self.stage_s: dict[str, float] = {}
         self.ray_count = 0
@@ -124,7 +125,7 @@ class Renderer(Lifetime):
                 for _ in range(samples):
                     if stop is not None:
                         self._frame.film.begin_sample()
-                    is_finished, rays = self._frame.add(self.options.jitter, stages, stop)
+                    is_finished, rays = self._frame.add(self.options, stages, stop)
                     self.ray_count += rays
                     if not is_finished:
                         self._frame.film.drop_sample()
@@ -146,8 +147,10 @@ class Renderer(Lifetime):
         self._check_open()
         if camera != self.camera:
             check_range(self.scene.mesh, camera, takes_lenses=True)
+            self.options.check_camera(camera)
             self._tracer.look(camera)
             self.camera = camera
+            self.integrator.take(self.scene, self.options, camera)
             self._start()
 
     @synchronized
@@ -165,6 +168,7 @@ class Renderer(Lifetime):
         if fixed:
             raise InputError(f"{fixed[0]} is what the scene was built with; make a new {self.integrator.name}")
         options = replace(self.options, **changes)
+        options.check_camera(self.camera)
         moves = scene is not None and scene.mesh is not self.scene.mesh
         has_other_sums = moves or (scene is not None and not self.integrator.same_sums(scene))
         if scene is not None and moves:
@@ -172,7 +176,7 @@ class Renderer(Lifetime):
             self._tracer.update(scene.mesh)
         restarts = has_other_sums or unlike_but_for(options, self.options, "most_samples")
         self.options, self.scene = options, scene or self.scene
-        self.integrator.take(self.scene, options)
+        self.integrator.take(self.scene, options, self.camera)
         if has_other_sums and self._is_built:
             self.integrator.build(self.rays)
         if restarts:

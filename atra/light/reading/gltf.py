@@ -108,8 +108,6 @@ def _primitive(given: Any, pose: Pose, model: Gltf, materials: Materials) -> Pri
         rows = {name: found[order] for name, found in rows.items()}
     else:
         normals = moved(normals, "NORMAL", given, numbers, pose)
-    if "colours" in rows and materials.is_unlit(given.get("material")):
-        left_out["colours of vertices without light"] = None
     material = materials.get(given.get("material"), "uv" in rows, "second_uv" in rows)
     return Primitive(vertices, faces, sound_normals(normals, vertices, faces), rows, material)
 

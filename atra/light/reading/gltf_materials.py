@@ -46,11 +46,6 @@ class Materials:
         self.texels = cache(self._read)
         self.get = cache(self._get)
 
-    def is_unlit(self, number: int | None) -> bool:
-        """Whether a material shows its colour as it is."""
-        given = {} if number is None else entry(self._tree, "materials", number)
-        return "KHR_materials_unlit" in given.get("extensions", {})
-
     def _get(self, number: int | None, has_uv: bool, has_second: bool) -> MetallicRoughness:
         """A material, None: the default one, of a primitive with such texture coordinates."""
         if number is None:
@@ -75,17 +70,21 @@ class Materials:
         colour = self._image(pbr.get("baseColorTexture"), True)
         if colour is not None:
             colour = replace(colour, factor=(red, green, blue, 1.0))
+        common: dict[str, Any] = {
+            "opacity": opacity,
+            "alpha": _ALPHA.get(given.get("alphaMode", "OPAQUE"), "opaque"),
+            "cutoff": _clipped([given.get("alphaCutoff", 0.5)], 1)[0],
+            "is_double": bool(given.get("doubleSided", False)),
+            "name": str(given.get("name", "")),
+        }
         if "KHR_materials_unlit" in more:
             return MetallicRoughness(
                 (0.0, 0.0, 0.0) if colour is None else replace(colour, factor=(0.0, 0.0, 0.0, 1.0)),
-                opacity,
-                _ALPHA.get(given.get("alphaMode", "OPAQUE"), "opaque"),
-                _clipped([given.get("alphaCutoff", 0.5)], 1)[0],
                 emission=(red, green, blue),
                 emission_image=None if colour is None else replace(colour, factor=(1.0, 1.0, 1.0, 1.0)),
-                is_double=bool(given.get("doubleSided", False)),
-                name=str(given.get("name", "")),
                 specular=0.0,
+                is_unlit=True,
+                **common,
             )
         strength = more.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
         strength = float(np.clip(np.nan_to_num(strength), 0.0, 1e12))
@@ -97,9 +96,6 @@ class Materials:
         tint = np.nan_to_num(np.asarray(specular.get("specularColorFactor", (1, 1, 1)), np.float64).reshape(3))
         return MetallicRoughness(
             colour=(red, green, blue) if colour is None else colour,
-            opacity=opacity,
-            alpha=_ALPHA.get(given.get("alphaMode", "OPAQUE"), "opaque"),
-            cutoff=_clipped([given.get("alphaCutoff", 0.5)], 1)[0],
             metallic=_clipped([pbr.get("metallicFactor", 1.0)], 1)[0],
             roughness=_clipped([pbr.get("roughnessFactor", 1.0)], 1)[0],
             metallic_roughness=self._image(pbr.get("metallicRoughnessTexture"), False),
@@ -111,13 +107,12 @@ class Materials:
             transmission_image=self._image(transmission.get("transmissionTexture"), False),
             ior=max(1.0, min(1e3, float(more.get("KHR_materials_ior", {}).get("ior", 1.5)))),
             is_thin=not volume.get("thicknessFactor", 0.0) > 0.0,
-            is_double=bool(given.get("doubleSided", False)),
-            name=str(given.get("name", "")),
             specular=_clipped([specular.get("specularFactor", 1.0)], 1)[0],
             specular_colour=tuple(np.clip(tint, 0.0, 1e6).tolist()),  # type: ignore[arg-type]
             coat=_clipped([coat.get("clearcoatFactor", 0.0)], 1)[0],
             coat_roughness=_clipped([coat.get("clearcoatRoughnessFactor", 0.0)], 1)[0],
             absorption=_absorption(volume),
+            **common,
         )
 
     def _image(self, info: Mapping[str, Any] | None, is_coded: bool) -> Image | None:

@@ -8,6 +8,7 @@ from atra.compiled.store import njit
 from atra.light.numbers_kernels import ONE, ZERO
 from atra.light.surface_kernels import (
     BACKS,
+    COLOURS_EMIT,
     CUTOFF,
     EMISSION,
     HAS_COLOURS,
@@ -39,11 +40,18 @@ def emission_at(surfaces, prim_id, point):  # type: ignore[no-untyped-def]
     material = material_of(surfaces, prim_id)
     row = surfaces.materials[material]
     light = np.float32(row[EMISSION]), np.float32(row[EMISSION + 1]), np.float32(row[EMISSION + 2])
-    if row[IMAGES + OF_EMISSION] < 0.0:
+    has_image, has_colours = row[IMAGES + OF_EMISSION] >= 0.0, row[HAS_COLOURS] == COLOURS_EMIT
+    if not (has_image or has_colours):
         return light
-    s, t = first_uv(surfaces, prim_id, weights_at(surfaces, prim_id, point))
-    texel = textured(surfaces, material, OF_EMISSION, prim_id, point, s, t)
-    return light[0] * texel[0], light[1] * texel[1], light[2] * texel[2]
+    weights = weights_at(surfaces, prim_id, point)
+    if has_image:
+        s, t = first_uv(surfaces, prim_id, weights)
+        texel = textured(surfaces, material, OF_EMISSION, prim_id, point, s, t)
+        light = light[0] * texel[0], light[1] * texel[1], light[2] * texel[2]
+    if has_colours:
+        colour = vertex_colour(surfaces, prim_id, weights)
+        light = light[0] * colour[0], light[1] * colour[1], light[2] * colour[2]
+    return light
 
 
 @njit

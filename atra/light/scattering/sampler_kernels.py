@@ -17,6 +17,9 @@ on it."""
 JITTER = 0xFFFF
 """The pair for a place within the pixel."""
 
+APERTURE = 0xFFFE
+"""The pair for a place within the aperture."""
+
 LEAST_LEFT, MOST_LEFT = 1.0 / 3.0, 0.5
 """Least and most share of the squared error that is left where the points double. Most: that of independent points."""
 

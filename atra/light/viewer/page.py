@@ -11,7 +11,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from atra.errors import InputError
-from atra.light.pictures.files import png_bytes
+from atra.files.saving import encode_png
 from atra.light.pictures.finish.tone import TONES
 from atra.light.viewer.camera_page import CameraPage, uuid_of
 from atra.light.viewer.request import FRAMES, SHADES, SPLITS, Pose, Request
@@ -91,17 +91,17 @@ class Page(CameraPage):
             self._choice("shade", "shade", SHADES)
             self._slider("samples", "samples", 1, 512, 1)
             self._slider("side", "side, pixels", 64, 2048, 64)
-            self._slider("exposure", "exposure, stops", -10.0, 10.0, 0.1)
+            self._slider("exposure", "exposure", -10.0, 10.0, 0.1)
             self._choice("tone", "tone map", TONES)
             self._box("denoise", "denoise at rest")
             self.add_button("save picture", self._save_picture)
         with gui.add_folder("Camera"):
             self.add_camera_controls()
             self.add_button("save camera", self._save_camera)
-        with gui.add_folder("Primary visibility"):
+        with gui.add_folder("Primary visibility", expand_by_default=False):
             method = gui.add_dropdown("method", tuple(labels), initial_value=now.method.replace("_", " "))
             self._on_update(method, "method", labels.__getitem__)
-            self._choice("split_x", "columns of cells", tuple(map(str, SPLITS)), int)
+            self._choice("split_x", "columns", tuple(map(str, SPLITS)), int)
             self._box("jitter", "jitter")
         with self._folder("hybrid", "Hybrid"):
             self._slider("shadow_rays", "shadow rays", 0, 8, 1)
@@ -118,14 +118,14 @@ class Page(CameraPage):
             self._box("cosine", "cosine")
         with self._folder("path", "Paths"):
             self._slider("bounces", "bounces", 0, 31, 1)
-        with gui.add_folder("Sky"):
+        with gui.add_folder("Sky", expand_by_default=False):
             self._slider("sky_power", "power", 0.0, 10.0, 0.05)
         self._show_folders()
 
     def _save_picture(self, client: ClientHandle) -> None:
         """What is shown, as the page sees it."""
         if self._frame is not None:
-            client.send_file_download("picture.png", png_bytes(self._frame.picture.image), save_immediately=True)
+            client.send_file_download("picture.png", encode_png(self._frame.picture.image), save_immediately=True)
 
     def _save_camera(self, client: ClientHandle) -> None:
         """As `atra render --camera` reads it."""
@@ -135,7 +135,7 @@ class Page(CameraPage):
     @contextlib.contextmanager
     def _folder(self, renderer: str, title: str) -> Iterator[None]:
         """A folder of controls that one renderer has alone."""
-        with self._server.gui.add_folder(title) as folder:
+        with self._server.gui.add_folder(title, expand_by_default=False) as folder:
             yield
         self._folders[title] = renderer, folder
 
@@ -196,7 +196,7 @@ def say_numbers(frame: Frame, since_s: float | None) -> str:
         rate = f", {1.0 / since_s:.0f} frames/s" if since_s else ""
         lines = [f"**moving**{rate}, {size}"]
     lines += [picture.note] if picture.note else []
-    lines.append(", ".join(f"{stage} {1e3 * seconds:.1f}" for stage, seconds in stage_s.items()) + " ms")
+    lines.append("ms: " + ", ".join(f"{name.replace('_', ' ')} {1e3 * s:.1f}" for name, s in stage_s.items()))
     pixels, primary_s, whole_s = camera.width * camera.height, stage_s.get("primary", 0.0), sum(stage_s.values())
     if primary_s > 1e-5:  # or its hits are kept
         lines.append(f"primary: {1e-6 * pixels / primary_s:.1f} million rays/s")

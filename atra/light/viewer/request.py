@@ -6,10 +6,11 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 from math import cos, radians, sin, sqrt
 
+from atra.choices import check_choice, check_flags
 from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.geometry.numbers import Vector
-from atra.light.checks import check_one_of, check_whole, checked_number
+from atra.light.checks import check_whole, checked_number
 from atra.light.pictures.finish.tone import TONES
 from atra.methods import METHODS
 from atra.whole_numbers import is_whole_number
@@ -31,7 +32,7 @@ _WIDEST = 5.0
 """Largest ratio of the sides of a picture; a browser that opens may briefly report any page size."""
 
 _WHOLE = {
-    "samples": (1, 1 << 20), "side": (1, 4096), "split_x": (2, 64), "shadow_rays": (0, 64), "occlusion_rays": (0, 64),
+    "samples": (1, 1 << 20), "side": (1, 4096), "shadow_rays": (0, 64), "occlusion_rays": (0, 64),
     "bounces": (0, 1 << 20),
 }  # fmt: skip
 """Least and most of whole numbers among `Settings`."""
@@ -89,17 +90,14 @@ class Settings:
     denoise: bool = False
 
     def __post_init__(self) -> None:
-        for name, words in (("frame", FRAMES), ("shade", SHADES), ("tone", TONES), ("method", tuple(METHODS))):
-            check_one_of(name, getattr(self, name), words)
+        choices = {"frame": FRAMES, "shade": SHADES, "tone": TONES, "method": tuple(METHODS), "split_x": SPLITS}
+        for name, words in choices.items():
+            check_choice(name, getattr(self, name), words)
         for name, ends in _WHOLE.items():
             check_whole(name, getattr(self, name), *ends)
-        if self.split_x not in SPLITS:
-            raise InputError(f"split_x is {self.split_x}, expected one of {', '.join(map(str, SPLITS))}")
         for name, (least, most) in _RANGES.items():
             checked_number(name, getattr(self, name), least, most)
-        for name in ("jitter", "cosine", "denoise"):
-            if not isinstance(getattr(self, name), bool):
-                raise InputError(f"{name} is {getattr(self, name)!r}, expected True or False")
+        check_flags(jitter=self.jitter, cosine=self.cosine, denoise=self.denoise)
         colour = self.sun_colour
         if not isinstance(colour, tuple) or len(colour) != 3 or not all(
             is_whole_number(channel) and 0 <= channel <= 255 for channel in colour

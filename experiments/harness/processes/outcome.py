@@ -6,9 +6,9 @@ import json
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from atra.errors import AtraError, MemoryBudgetError
+from atra.errors import AtraError, InputError, MemoryBudgetError
 from experiments.harness.point import Point
-from experiments.harness.records import LACKED_MEMORY
+from experiments.harness.records import LACKED_MEMORY, UNPROMISING
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,17 @@ class Outcome:
         return outcome
 
 
+class Unpromising(InputError):
+    """A point that need not be measured, as a frame was predicted to be slow."""
+
+
+MAY_CHANGE = {MemoryBudgetError: LACKED_MEMORY, Unpromising: UNPROMISING}
+"""Problems without which another run may measure the point, and the results that tell of them."""
+
+
 def skipped(problem: AtraError) -> Outcome:
     """The outcome of a point that cannot be measured, with the reason."""
-    results = {LACKED_MEMORY: True} if isinstance(problem, MemoryBudgetError) else {}
+    results = {name: True for kind, name in MAY_CHANGE.items() if isinstance(problem, kind)}
     return Outcome("skipped", str(problem), on_purpose=True, results=results)
 
 

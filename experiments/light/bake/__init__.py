@@ -12,10 +12,10 @@ from atra.compiled.instruction_sets import LANE_COUNTS
 from atra.errors import InputError
 from atra.light.oidn import check_denoiser
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.options import option, whole
+from experiments.harness.options import Settings, option, whole
 from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
-from experiments.light.under_sky import UnderSky
+from experiments.light import ROBUST
 from experiments.light.waves.baker import WaveOptions
 from experiments.results.statistics import Series, statistics_columns
 from experiments.workloads.baselines import OWN, over, over_own, series
@@ -44,9 +44,10 @@ the sky; code for translucent faces; choice of lamps by their power; as many pat
 
 
 @dataclass(frozen=True)
-class BakeSettings(UnderSky):
+class BakeSettings(Settings):
     """Raises InputError for values that no bake could use."""
 
+    robust_rays: bool = option(True, ROBUST)
     size: int = whole(512, "texels along a side of the map, before a lower occupancy makes it larger", 8, 1 << 14)
     occupancy: float | None = option(
         None, "share of the map that is lit, by empty rows; null: what xatlas makes", null="any"
@@ -103,7 +104,7 @@ class BakeSettings(UnderSky):
             if share is not None and not 0.0 < share <= most:
                 raise InputError(f"workload.{name} is {share}, expected a number above 0 and at most {most}, or null")
         if self.against == "mitsuba":
-            light = {"sky": self.sky, "albedo": self.albedo, "panorama": self.panorama, "lamps": self.lamps or None}
+            light: dict[str, Any] = {"albedo": self.albedo, "panorama": self.panorama, "lamps": self.lamps or None}
             light["materials"] = None if self.materials == "plain" else self.materials
             for name, value in light.items():
                 if value not in (None, False):

@@ -73,7 +73,7 @@ def room_of(point: Point, mesh: Mesh) -> light.Scene:
     """The mesh with its materials and light, restricted to what Mitsuba has where that is compared."""
     settings = point.workload_options
     is_own = settings.materials == "own"
-    room = settings.under_sky(lit(point.scene, mesh, point.camera) if is_own else lit_room(mesh))
+    room = lit(point.scene, mesh, point.camera) if is_own else lit_room(mesh)
     return with_plain_light(room) if settings.against == "mitsuba" else room
 
 
@@ -107,28 +107,9 @@ def emptier(mesh: Mesh, atlas: Atlas, occupancy: float) -> Atlas:
     return Atlas(np.nan_to_num(atlas.uv), atlas.chart, atlas.width, height)
 
 
-class Counted:
-    """A baker, and what it has done since it was ready."""
-
-    def __init__(self, baker: AnyBaker) -> None:
-        self.baker = baker
-        self._before = self._now()
-
-    def _now(self) -> tuple[int, int, dict[str, float]]:
-        """Rays, lanes and seconds by stage; the library's baker has single rays and no stages."""
-        one = self.baker
-        return (one.rays, one.lanes, dict(one.stage_s)) if isinstance(one, WaveBaker) else (one.rays, one.rays, {})
-
-    def rays(self) -> int:
-        return self._now()[0] - self._before[0]
-
-    def lanes(self) -> int:
-        return self._now()[1] - self._before[1]
-
-    def stage_s(self, *stages: str) -> float:
-        """Seconds of these stages in all rounds together."""
-        now = self._now()[2]
-        return sum(now.get(one, 0.0) - self._before[2].get(one, 0.0) for one in stages)
+def stage_s(baker: AnyBaker, *stages: str) -> float:
+    """Seconds of these stages in all rounds together; the library's baker has no stages."""
+    return sum(baker.stage_s.get(one, 0.0) for one in stages) if isinstance(baker, WaveBaker) else 0.0
 
 
 def measure(point: Point) -> Measured:
@@ -146,6 +127,8 @@ def measure(point: Point) -> Measured:
             kind: Any = Baker if settings.is_depth_first else WaveBaker
             one = stack.enter_context(kind(scene, atlas, **given))
             one.add(1)  # compiles
+            one.rays = one.lanes = 0
+            one.stage_s = {}
             return one
 
         own = baker()
@@ -172,16 +155,15 @@ def measure(point: Point) -> Measured:
                 bakers[WHOLE_MAP].visible = own.visible
             else:
                 bakers[OTHER].visible = own.visible
-        counted = {name: Counted(one) for name, one in bakers.items()}
         calls, theirs = _calls(bakers, settings.samples), None
         if settings.against == "mitsuba":
             theirs = MitsubaPaths(room_of(point, mesh), own, settings.samples)
             calls[OTHER] = theirs.add
         timed = timed_rounds(point, calls)
         rounds = timed.rounds + point.warmup
-        results |= _told(counted[OWN], rounds, settings.samples)
-        if OTHER in counted:
-            results |= _against(counted[OWN], counted[OTHER], rounds)
+        results |= _told(own, rounds, settings.samples)
+        if OTHER in bakers:
+            results |= _against(own, bakers[OTHER], rounds)
         if theirs is not None:
             at_best = median(timed.samples[OTHER]) - theirs.coherent_cost_s()
             again = baker(seed=1)
@@ -229,22 +211,21 @@ def add_visible(baker: WaveBaker, samples: int, and_others: bool) -> None:
         baker.add(samples, ~baker.visible)
 
 
-def _told(own: Counted, rounds: int, samples: int) -> dict[str, Any]:
-    baker, texels = own.baker, own.baker.texels
-    visible = baker.visible
+def _told(baker: AnyBaker, rounds: int, samples: int) -> dict[str, Any]:
+    texels, visible, waves = baker.texels, baker.visible, baker if isinstance(baker, WaveBaker) else None
     first = len(texels) if visible is None else int(visible.sum())
     return {
-        "rays_per_round": own.rays() // rounds,
+        "rays_per_round": baker.rays // rounds,
         "paths_per_round": first * samples,
-        "lane_utilisation": own.rays() / max(1, own.lanes()),
-        "batch_fill": _batch_fill(baker, first, samples) if isinstance(baker, WaveBaker) else None,
-        "buffer_bytes": baker.buffer_bytes if isinstance(baker, WaveBaker) else 0,
+        "lane_utilisation": 1.0 if waves is None else waves.rays / max(1, waves.lanes),
+        "batch_fill": None if waves is None else _batch_fill(waves, first, samples),
+        "buffer_bytes": 0 if waves is None else waves.buffer_bytes,
         "texels": len(texels),
         "charts": texels.atlas.charts,
         "texels_lost": texels.faces_lost,
         "map_occupancy": texels.occupancy,
         "visible_share": None if visible is None else float(visible.mean()),
-    } | {f"{stage}_s": own.stage_s(stage) / rounds for stage in STAGES if isinstance(baker, WaveBaker)}
+    } | {f"{stage}_s": stage_s(baker, stage) / rounds for stage in STAGES if waves is not None}
 
 
 def _batch_fill(baker: WaveBaker, texels: int, samples: int) -> float:
@@ -255,14 +236,14 @@ def _batch_fill(baker: WaveBaker, texels: int, samples: int) -> float:
     return texels * expansion / (batches * room) if batches else 0.0
 
 
-def _against(own: Counted, other: Counted, rounds: int) -> dict[str, float | None]:
-    which = np.ones(len(own.baker.texels), bool) if own.baker.visible is None else own.baker.visible
-    variances = [_variance(one.baker.maps, which) for one in (own, other)]
+def _against(own: AnyBaker, other: AnyBaker, rounds: int) -> dict[str, float | None]:
+    which = np.ones(len(own.texels), bool) if own.visible is None else own.visible
+    variances = [_variance(one.maps, which) for one in (own, other)]
     return {
-        "other_rays_per_round": other.rays() / rounds,
+        "other_rays_per_round": other.rays / rounds,
         "variance_ratio": variances[1] / variances[0] if all(variances) else None,  # type: ignore[operator]
-        "tracing_ratio": other.stage_s(*TRACING) / max(own.stage_s(*TRACING), 1e-9),
-        "shading_ratio": other.stage_s(*SHADING) / max(own.stage_s(*SHADING), 1e-9),
+        "tracing_ratio": stage_s(other, *TRACING) / max(stage_s(own, *TRACING), 1e-9),
+        "shading_ratio": stage_s(other, *SHADING) / max(stage_s(own, *SHADING), 1e-9),
     }
 
 

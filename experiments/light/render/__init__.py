@@ -14,10 +14,10 @@ from atra.errors import InputError
 from atra.light.pictures.options import HybridOptions, PathOptions
 from atra.whole_numbers import is_whole_number as is_whole_number
 from experiments.harness.column import REAL, WHOLE, Column
-from experiments.harness.options import option, whole
+from experiments.harness.options import Settings, option, whole
 from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
-from experiments.light.under_sky import UnderSky
+from experiments.light import ROBUST
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import (
     BESIDE_BASELINES,
@@ -57,9 +57,10 @@ RIVALS = ("none", "scalar_rgb", "llvm_ad_rgb")
 
 
 @dataclass(frozen=True)
-class RenderOptions(UnderSky):
+class RenderOptions(Settings):
     """Raises InputError for values that no picture can have."""
 
+    robust_rays: bool = option(True, ROBUST)
     frame: str = option("hybrid", "how a picture is made: hybrid or path", choices=("hybrid", "path"))
     samples: int = whole(16, "samples of each pixel of a picture", 1)
     jitter: str = option(
@@ -86,8 +87,6 @@ class RenderOptions(UnderSky):
         self.of_library(1.0)
         if self.mitsuba != "none" and self.frame != "path":
             raise InputError("workload.mitsuba is set with workload.frame=hybrid, expected workload.frame=path")
-        if self.mitsuba != "none" and self.sky is not None:
-            raise InputError("workload.mitsuba is set with workload.sky, whose sky has one colour")
 
     def of_library(self, diagonal: float) -> dict[str, Any]:
         """The renderer's own options, checked. diagonal: of the scene's box."""

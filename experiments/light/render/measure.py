@@ -11,14 +11,12 @@ from typing import Any
 import numpy as np
 
 from atra.geometry.camera import Camera
-from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import compare
 from atra.light import HybridRenderer, Lambertian, MetallicRoughness, PathRenderer, Renderer, Scene, constant_sky
 from atra.light.materials import Material
-from atra.tracing.tracer import Tracer
-from experiments.harness.point import Measured, Point, make_own
+from experiments.harness.point import Measured, Point
 from experiments.light.mitsuba_light import load_mitsuba, parts_of
 from experiments.light.render import MITSUBA, RenderOptions, primary
 from experiments.workloads import rounds
@@ -90,12 +88,6 @@ def make_renderer(point: Point, scene: Scene, view: View, tracer: Any) -> Render
     return made  # type: ignore[no-any-return]
 
 
-def make(point: Point, mesh: Mesh) -> Tracer:
-    """The point's own method. Raises InputError for a sky that cannot be read, and as the tracers do."""
-    point.workload_options.under_sky(lit(point.scene, mesh, point.camera))
-    return make_own(point, mesh)
-
-
 def _one_picture(point: Point, tracer: Any) -> None:
     scene = lit("", tracer.mesh, tracer.camera)
     with make_renderer(point, scene, tracer.camera, tracer) as renderer:
@@ -110,7 +102,7 @@ def measure(point: Point) -> Measured:
     with ExitStack() as stack:
         tracers, results = rounds.build_with_baselines(point, stack)
         own = tracers[OWN]
-        scene = options.under_sky(lit(point.scene, own.mesh, point.camera))
+        scene = lit(point.scene, own.mesh, point.camera)
         if options.mitsuba != "none":
             scene = replace(scene, sky=constant_sky(0.8), lights=(), materials=[*map(_plain, scene.materials)])
         primaries = Primaries(tracers)

@@ -87,9 +87,10 @@ def test_an_image_of_any_size_is_the_part_of_a_larger_one():
 RESTARTS = {
     "jitter": "off", "shadow_rays": 2, "shadow_length": 3.0,
     "occlusion_rays": 2, "occlusion_length": 3.0, "occlusion": "cosine",
-    "bounces": 2, "roulette_from": 2,
+    "bounces": 2, "roulette_from": 2, "aperture_radius": 0.1, "focus_distance": 2.0,
 }  # fmt: skip
 STAYS = {"most_samples": 100}
+OF_PATHS = {"bounces", "roulette_from", "aperture_radius", "focus_distance"}
 
 
 @pytest.mark.parametrize(
@@ -128,12 +129,13 @@ NASTY = [nan, inf, -inf, -1.0, -1e-300, 1e300, 1e400, "x", "", None, (), (1, 2),
 MAKERS = {
     render.Lambertian: ("colour", "directions"), render.Metal: ("colour", "fuzz", "below"),
     render.Dielectric: ("ior", "fresnel"), render.Emissive: ("colour",), render.Checker: ("first", "second", "scale"),
-    render.Image: ("texels",), render.GradientSky: ("below", "above", "power"), render.PanoramaSky: ("texels", "power"),
+    render.Image: ("texels",), render.GradientSky: ("below", "above", "power"),
+    render.PanoramaSky: ("texels", "power", "rotation_degrees"),
     render.Sun: ("direction", "angle_degrees", "colour", "power"),
     render.PointLight: ("position", "colour", "power"), render.SphereLight: ("position", "radius", "colour", "power"),
     render.Scene: ("mesh", "materials", "face_materials", "lights", "sky", "normals", "uv"),
-    HybridOptions: tuple(RESTARTS.keys() - {"bounces", "roulette_from"}) + ("most_samples",),
-    PathOptions: ("jitter", "bounces", "roulette_from", "most_samples"),
+    HybridOptions: tuple(RESTARTS.keys() - OF_PATHS) + ("most_samples",),
+    PathOptions: ("jitter", "most_samples", *OF_PATHS),
 }  # fmt: skip
 USUAL = {
     render.Checker: {"first": 0.1, "second": 0.2}, render.Image: {"texels": np.zeros((1, 1, 3))},

@@ -340,17 +340,20 @@ def test_an_obj_with_paths_of_its_author_s_machine_takes_the_files_beside_it(tmp
     assert scene.materials[0].colour == pytest.approx((0.7, 0.7, 0.7))
 
 
-@pytest.mark.filterwarnings("ignore:.*not used")
-def test_a_material_without_light_shows_its_colour_and_image_as_they_are(tmp_path):
+@pytest.mark.parametrize("has_colours", [False, True])
+def test_a_material_without_light_shows_its_colour_image_and_colours_of_vertices_as_they_are(tmp_path, has_colours):
     given = tree(textures=[{"source": 0}], images=[{"uri": uri(png(np.full((2, 2, 4), 188, np.uint8)))}])
     given["materials"][0] |= {"extensions": {"KHR_materials_unlit": {}}, "alphaMode": "BLEND"}
     given["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0}
+    if not has_colours:
+        del given["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"]
     scene = read(tmp_path, given)
     (made,) = scene.materials
     assert (made.emission, made.specular, made.colour.factor) == ((0.5, 0.25, 1.0), 0.0, (0, 0, 0, 1))
-    assert scene.left_out == ("colours of vertices without light",)
+    assert scene.left_out == ()
     opaque = given["materials"][0] | {"alphaMode": "OPAQUE"}
     scene = read(tmp_path, given | {"materials": [opaque]}, sky=BLACK)
     camera = atra.Camera((0.2, 0.2, 1), (0.2, 0.2, 0), fov_y_degrees=1, width=2, height=2)
     image = traced(scene, camera, 4)
-    np.testing.assert_allclose(image, np.broadcast_to(0.503 * np.array([0.5, 0.25, 1]), image.shape), rtol=0.01)
+    shown = 0.503 * np.array([0.5, 0.25, 1.0]) * ((1.0, 0.0, 0.0) if has_colours else 1.0)  # the vertices are red
+    np.testing.assert_allclose(image, np.broadcast_to(shown, image.shape), rtol=0.01)

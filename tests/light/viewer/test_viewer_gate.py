@@ -125,9 +125,9 @@ BAD = [
     ("heading", INF), ("heading", NAN), ("heading", 181.0), ("heading", "x"), ("heading", None), ("heading", [1.0]),
     ("frame", "x"), ("frame", 1), ("frame", ["hybrid"]), ("frame", "x" * 3000), ("shade", {}), ("samples", 0),
     ("samples", 10**9), ("samples", 2.5e300), ("samples", -1), ("side, pixels", 10**6), ("side, pixels", INF),
-    ("method", "x"), ("method", []), ("columns of cells", "3"), ("columns of cells", "x"), ("colour", [1, 2]),
+    ("method", "x"), ("method", []), ("columns", "3"), ("columns", "x"), ("colour", [1, 2]),
     ("colour", [1, 2, 300]), ("colour", [INF, 0, 0]), ("colour", "red"), ("shadow length", 0), ("bounces", 10**6),
-    ("exposure, stops", INF), ("tone map", "x"), ("movement", "fly"), ("save picture", 1),
+    ("exposure", INF), ("tone map", "x"), ("movement", "fly"), ("save picture", 1),
     ("forward", "x"),
 ]  # fmt: skip
 

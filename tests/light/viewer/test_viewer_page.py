@@ -135,11 +135,11 @@ def test_the_sky_of_a_file_stands_above_what_is_shown_from_the_side_that_is_aske
         raise InputError("that is all")
 
     monkeypatch.setattr("atra.light.viewer.page.Page", keep)
-    given = "--sky", "sky.hdr", "--camera", "top", "--method", "aligned", "--tone", "agx"
+    given = "--sky", "sky.hdr", "--sky-rotation", "30", "--camera", "top", "--method", "aligned", "--tone", "agx"
     assert view(monkeypatch, *given) == 2
     assert capsys.readouterr().err == "atra: that is all\n"
     ((sky, first),) = shown
-    assert sky.power == 2.0
+    assert (sky.power, sky.rotation_degrees) == (2.0, 30.0)
     np.testing.assert_array_equal(sky.texels, [[[2.0, 1.0, 0.5]]])
     assert first.pose.eye[1] > first.pose.target[1]
     assert (first.settings.method, first.settings.frame, first.settings.tone) == ("aligned", "path", "agx")
@@ -170,7 +170,7 @@ def test_numbers_tell_samples_stages_and_rates():
     assert still == [
         "**2 of 2 samples**, 64 x 64",
         "a note",
-        "primary 2.0, shadow 6.0 ms",
+        "ms: primary 2.0, shadow 6.0",
         "primary: 2.0 million rays/s",
         "whole: 0.51 million pixel samples/s",
     ]
@@ -247,6 +247,7 @@ def test_a_browser_shows_the_picture_moves_the_camera_changes_parameters_and_end
         assert np.linalg.norm(from_middle) == pytest.approx(3.4, abs=1e-3), "it moved, but in no orbit"
         assert (page.session.wanted, 0) in shown.frames, "no sketch came before"
 
+        tab.get_by_text("Primary visibility").click()
         tab.get_by_label("jitter").click()
         wait_for(lambda: not page.session.wanted.settings.jitter, "the checkbox")
         wait_for(lambda: shown.frames[-1] == (page.session.wanted, 3), "the picture without jitter")

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from atra.compiled.store import float_kernel
 from atra.embree.packets_kernels import INFINITY
+from atra.light.emitters.sky_kernels import sky_colour
 from atra.light.scattering.emission_kernels import emission_at, opacity_at
-from atra.light.surface_kernels import HAS_COLOURS, colour_of, material_of, sky_colour, vertex_colour, weights_at
+from atra.light.surface_kernels import HAS_COLOURS, colour_of, material_of, vertex_colour, weights_at
 
 
 @float_kernel

@@ -72,7 +72,7 @@ def accumulate(
     >>> steps[-1].samples, steps[-1].is_done
     (4, True)
     """
-    _check(samples, error, minutes)
+    limits = _Limits(samples, error, minutes)
     path = None if state is None else Path(state)
     octaves, before_s = _Octaves(), 0.0
     if path is not None and path.exists():
@@ -81,15 +81,9 @@ def accumulate(
     pace_s: float | None = None
 
     def progress() -> Progress:
-        elapsed_s, count = before_s + monotonic() - start, renderer.samples
-        reached = (
-            (samples is not None and count >= samples)
-            or (error is not None and octaves.error is not None and octaves.error <= error)
-            or (minutes is not None and elapsed_s - before_s >= 60.0 * minutes)
-        )
-        run_s = elapsed_s - before_s
-        left_s = 0.0 if reached else _left_s(count, octaves.error, run_s, pace_s, samples, error, minutes)
-        return Progress(count, octaves.error, elapsed_s, left_s, reached)
+        run_s, count = monotonic() - start, renderer.samples
+        left_s = limits.left_s(count, octaves.error, run_s, pace_s)
+        return Progress(count, octaves.error, before_s + run_s, left_s, left_s == 0.0)
 
     latest, warm, warm_s = progress(), 0, start
     while not latest.is_done:
@@ -115,35 +109,33 @@ def accumulate(
         _save(path, renderer, octaves, latest.elapsed_s)
 
 
-def _check(samples: int | None, error: float | None, minutes: float | None) -> None:
-    if samples is None and error is None and minutes is None:
-        raise InputError("nothing says when the picture is done; expected samples, error or minutes")
-    if samples is not None:
-        check_whole("samples", samples, 1)
-    for name, value in (("error", error), ("minutes", minutes)):
-        if value is not None:
-            checked_number(name, value, 0.0, above=True)
+@dataclass(frozen=True)
+class _Limits:
+    """What ends a picture, as for `accumulate`. Raises InputError."""
 
+    samples: int | None
+    error: float | None
+    minutes: float | None
 
-def _left_s(
-    count: int,
-    reached: float | None,
-    elapsed_s: float,
-    pace_s: float | None,
-    samples: int | None,
-    error: float | None,
-    minutes: float | None,
-) -> float | None:
-    """Seconds until the first limit; errors fall with the square root of the number of samples.
+    def __post_init__(self) -> None:
+        if self.samples is None and self.error is None and self.minutes is None:
+            raise InputError("nothing says when the picture is done; expected samples, error or minutes")
+        if self.samples is not None:
+            check_whole("samples", self.samples, 1)
+        for name in ("error", "minutes"):
+            if getattr(self, name) is not None:
+                checked_number(name, getattr(self, name), 0.0, above=True)
 
-    elapsed_s: of this run. pace_s: seconds that a sample takes; None: not known yet.
-    """
-    left = inf if minutes is None else 60.0 * minutes - elapsed_s
-    if pace_s is not None and samples is not None:
-        left = min(left, pace_s * (samples - count))
-    if pace_s is not None and error is not None and reached is not None:
-        left = min(left, pace_s * count * max(0.0, (reached / error) ** 2 - 1.0))
-    return None if left == inf else left
+    def left_s(self, count: int, error: float | None, run_s: float, pace_s: float | None) -> float | None:
+        """Seconds until the first limit, 0 where it is reached, None where that is not known; errors fall with the
+        square root of the number of samples. run_s: of this run. pace_s: seconds that a sample takes; None: not known.
+        """
+        left = [inf if self.minutes is None else 60.0 * self.minutes - run_s]
+        missing = [] if self.samples is None else [float(self.samples - count)]  # samples
+        if self.error is not None and error is not None:
+            missing.append(count * ((error / self.error) ** 2 - 1.0))
+        left += [0.0 if more <= 0.0 else inf if pace_s is None else pace_s * more for more in missing]
+        return None if min(left) == inf else max(min(left), 0.0)
 
 
 class _Octaves:

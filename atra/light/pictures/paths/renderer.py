@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from atra.light.emitters.tables import emitters_of, no_emitters
 from atra.light.pictures.film import Film
 from atra.light.pictures.options import PathOptions
 from atra.light.pictures.path_kernels import BLOCK, FREE_ROWS, Pixels
-from atra.light.pictures.paths.depth_first_kernels import ALPHA, follow_depth_first
+from atra.light.pictures.paths.depth_first_kernels import ALPHA, aperture_of, follow_depth_first
 from atra.light.pictures.paths.following_kernels import limits_of
 from atra.light.pictures.renderer import Primary, Renderer
 from atra.light.scene import Scene
@@ -26,9 +27,10 @@ class Paths:
 
     name, sets_sums, wave_pixels = "PathRenderer", False, 8 * BLOCK
 
-    def take(self, scene: Scene, options: PathOptions) -> None:
+    def take(self, scene: Scene, options: PathOptions, camera: View) -> None:
         """See `Integrator.take`."""
         self._scene, self._options = scene, options
+        self._aperture = aperture_of(camera, options.aperture_radius, options.focus_distance)
 
     @property
     def planes(self) -> int:
@@ -61,7 +63,7 @@ class Paths:
         lap, free = Laps(stages), np.empty((FREE_ROWS, 1), np.float32)
         arguments = pixels, query.scene, query.packet, self._surfaces, self._emitters, film.sums, free
         limits = limits_of(self._options.bounces, self._options.roulette_from)
-        rays = follow_depth_first(first, count, *arguments, limits)
+        rays = follow_depth_first(first, count, *arguments, limits, self._aperture)
         lap("depth_first")
         return None if rays < 0 else rays
 
@@ -70,7 +72,7 @@ def PathRenderer(
     scene: Scene, camera: View, primary: Primary | None = None, *,
     threads: int | None = None, build_quality: str = "medium", robust: bool = True, jitter: str = "shared",
     most_samples: int | None = None, bounces: int = 4, lights: str = "aimed", roulette_from: int | None = 4,
-    transparent: bool = False,
+    transparent: bool = False, aperture_radius: float = 0.0, focus_distance: float = inf,
 ) -> Renderer:  # fmt: skip
     """Pictures by path tracing.
 
@@ -105,6 +107,11 @@ def PathRenderer(
         Reflections after which a path may end by chance, the likelier the less light it carries; None: never.
     transparent : bool
         The eye does not see the sky; what is saved has an alpha channel, also through holes and panes.
+    aperture_radius : float
+        Radius of the disk that rays start from, scene units; 0 = a pinhole, everything is sharp. With a disk each pixel
+        has an offset of its own, whatever `jitter` is. Not through a lens. Layers, and so `denoised`, see as a pinhole.
+    focus_distance : float
+        Distance along the view axis at which things are sharp, scene units.
 
     Returns
     -------
@@ -129,6 +136,16 @@ def PathRenderer(
     0.7
     """
     options = PathOptions(
-        threads, build_quality, robust, jitter, most_samples, bounces, lights, roulette_from, transparent
+        threads,
+        build_quality,
+        robust,
+        jitter,
+        most_samples,
+        bounces,
+        lights,
+        roulette_from,
+        transparent,
+        aperture_radius,
+        focus_distance,
     )
     return Renderer(scene, camera, primary, options, Paths())
