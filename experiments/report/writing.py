@@ -52,7 +52,7 @@ _TOLD_BY_TABLES = (
 """Columns that tell of the environment, where all points have it alike."""
 
 _FORMER = (
-    r"(break_even|threads|growth|moving|agreement|stereo|multiframe|rates|peers|rays_\w+)\.(svg|png)",
+    r"(break_even|figure3_differences|threads|growth|moving|agreement|stereo|multiframe|rates|peers|rays_\w+)\.(svg|png)",
     r"disagreements(\.csv|_.+\.png)",
 )
 """Files that earlier versions drew and listed."""

@@ -9,7 +9,7 @@ from experiments.drawing.style import TIMES
 from experiments.workloads.frame.grid_figure import grid_ratios, grid_times
 from experiments.workloads.frame_figures import ALL_HITS, PAPER_BEST, split_ratios, split_times
 from experiments.workloads.picture.files import ScenePictures, read_pictures
-from experiments.workloads.picture.shown import differences_figure, scenes_figure
+from experiments.workloads.picture.shown import scenes_figure
 from tests.drawn import COMMON, interval_of, level, line, make_rows, save, skipped, time_row, unfolded, words
 
 OFF = {"culling": False}
@@ -193,19 +193,6 @@ def test_figure_3_holds_no_picture_that_must_not_be_passed_on_and_says_what_it_l
     assert "room: no picture: neither a record nor a kept file holds it" in said
     assert "skipped: needs 9 GiB" in said
     save(figure)
-
-
-def test_beside_figure_3_stand_the_pictures_of_both_methods_with_their_counts():
-    one = pictures("ball", stands_for="mitsuba")
-    rows = make_rows(picture_row("ball"))
-    figure = differences_figure(rows, [one, one])
-    for panel, image in zip(figure.panels, IMAGES + IMAGES, strict=True):
-        np.testing.assert_array_equal(panel.picture, image)
-    stand_in = "stand-in for mitsuba, not that scene"
-    for text in ("ball (61,600 triangles)", stand_in, "29 pixels equal", "2 tied, 1 edge"):
-        assert text in words(figure)
-    save(figure)
-    assert differences_figure(rows, []).is_empty
 
 
 def test_kept_pictures_stand_in_for_records_that_are_gone(tmp_path):
