@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from atra.command.cameras import one_camera
-from atra.command.picture import add_limits, add_scene, add_shown, load_lit, progress_line
+from atra.command.picture import add_clamp, add_limits, add_scene, add_shown, load_lit, progress_line
 from atra.command.viewing import add_page
 from atra.errors import InputError, printable
 from atra.files.paths import write_atomically
@@ -56,6 +56,7 @@ def add_bake(parser: ArgumentParser) -> None:
         "--texels-per-unit", type=float, default=0.0, metavar="NUMBER", help="as many maps as that resolution needs"
     )
     parser.add_argument("--bounces", type=int, default=BOUNCES, help=f"most reflections (default: {BOUNCES})")
+    add_clamp(parser)
     parser.add_argument(
         "--lights", choices=("aimed", "grid"), default="aimed",
         help="choice of lamps: by their power, or by what each gives near a surface; grid has less noise with hundreds "
@@ -94,7 +95,12 @@ def run_bake(given: Namespace) -> int:
     lit = load_lit(given.mesh, given.sky, given.memory_per_byte, given.sky_rotation)
     camera = one_camera(given, lit.mesh, dict(lit.cameras))
     print(f"{printable(given.mesh.name)}: charts of {lit.mesh.triangle_count:,} triangles", flush=True)
-    options: dict[str, Any] = {"bounces": given.bounces, "lights": given.lights, "threads": given.threads}
+    options: dict[str, Any] = {
+        "bounces": given.bounces,
+        "lights": given.lights,
+        "threads": given.threads,
+        "clamp": given.clamp,
+    }
     atlas = atlas_of(lit, given.size, given.charts, given.texels_per_unit)
     with Baker(lit, atlas, **options) as baker:
         texels = baker.texels
@@ -199,9 +205,8 @@ def _bake_live(baker: Baker, target: int, given: Namespace, camera: Camera) -> b
     size = float(np.linalg.norm(np.ptp(baker.scene.mesh.bounds, axis=0)))
     with closing(MapPainter(baker, target, given.threads)) as painter:
         with closing(Page(painter, first, given.port, name, size, settings=False)) as page:
-            page.prepare()
             print(f"viewer: {page.address} shows {name}; Ctrl-C ends it, and what there is is written", flush=True)
-            page.run()
+            page.session.run()
         if painter.error is not None:
             raise painter.error
     return bool((baker.samples >= target).all())

@@ -56,6 +56,14 @@ def add_picture(parser: ArgumentParser) -> None:
     group.add_argument("--aperture", type=float, metavar="RADIUS", help="of a lens that blurs what is not in focus")
     group.add_argument("--focus", type=float, metavar="DISTANCE", help="at which all is sharp, for --aperture")
     group.add_argument("--bounces", type=int, default=BOUNCES, help=f"most reflections (default: {BOUNCES})")
+    add_clamp(group)
+
+
+def add_clamp(parser: Any) -> None:
+    """Add the limit of bright specks."""
+    parser.add_argument(
+        "--clamp", type=float, help="most light of a speck by several reflections; biased (default: none)"
+    )
 
 
 def add_shown(parser: Any) -> None:
@@ -167,7 +175,12 @@ def run_picture(given: Namespace, cameras_of: CamerasOf) -> int:
     print(f"{printable(str(given.mesh))}: {scene.mesh.triangle_count:,} triangles", file=sys.stderr)
     for stem, camera in cameras.items():
         path = output if len(cameras) == 1 else output.with_name(f"{output.stem}_{stem}{output.suffix}")
-        options = {"bounces": given.bounces, "threads": given.threads, "transparent": given.transparent}
+        options = {
+            "bounces": given.bounces,
+            "threads": given.threads,
+            "transparent": given.transparent,
+            "clamp": given.clamp,
+        }
         with PathRenderer(scene, camera, jitter="pixel", **options, **blur) as renderer:
             _expose(renderer, given, path)
             stops = renderer.save(path, exposure=given.exposure, tone=given.tone, denoise=given.denoise)

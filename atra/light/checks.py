@@ -39,6 +39,12 @@ def check_rays(options: Any) -> None:
     check_flags(robust=options.robust)
 
 
+def check_clamp(options: Any) -> None:
+    """Check the number `clamp` of options, and make it a float. Raises InputError."""
+    if options.clamp is not None:
+        object.__setattr__(options, "clamp", checked_number("clamp", options.clamp, 0.0, 1e30, above=True))
+
+
 def check_whole(name: str, value: Any, low: int, high: float = inf) -> None:
     """Raise InputError, naming the value, unless it is a whole number from `low` to `high`."""
     if not is_whole_number(value) or not low <= value <= high:

@@ -164,7 +164,7 @@ class MetallicRoughness(Material):
     refraction. is_thin: a wall without thickness, which does not bend light; otherwise a surface of a solid. is_double:
     whether backs are seen; the eye looks through backs of others. specular, specular_colour: factors of what plastic
     and panes reflect, the latter at a right angle. coat: share with a clear coat of `coat_roughness`. absorption:
-    per unit of length, of light within a closed solid, but for lamps' light that passes straight. is_unlit: whether
+    per unit of length, of light within a closed solid. is_unlit: whether
     colours of vertices multiply emission, too, as of a material that shows its colour without light.
     Light that meets several microfacets is kept, and the base gets what its surface lets through: in a furnace
     everything white keeps 0.98 to 1 of the light, and adds none.

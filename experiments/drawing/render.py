@@ -9,7 +9,6 @@ from typing import Any
 
 import matplotlib
 import numpy as np
-from matplotlib import dates
 from matplotlib import figure as mpl
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -17,7 +16,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from experiments.drawing.figure import Array, Axis, Bar, Figure, Level, Line, NamedFigure, Panel, stand_in_note
+from experiments.drawing.axes import scale_axis, tidy_axes
+from experiments.drawing.figure import Array, Bar, Figure, Level, Line, NamedFigure, Panel, stand_in_note
 from experiments.drawing.style import BLACK, DOTTED, GREY, PANEL_INCHES, PARTS, SMALL
 from experiments.drawing.values import drawable
 
@@ -28,11 +28,14 @@ _STYLE = {
 }  # fmt: skip
 _CHARACTERS_PER_INCH = 11.0
 """Characters of small text that fit an inch."""
-_MOST_TICKS = 8
-"""More ticks of counts than this are labelled at every other one."""
+_TITLE_CHARACTERS, _BAR_CHARACTERS = 35, 40
+"""Longest lines of a panel's title and of a bar's label."""
 _MANY_POINTS = 500
 """A line of more points is kept as dots in an SVG."""
-_BAR_INCHES = 0.4
+_LINE_INCHES, _BAR_INCHES, _CELL_INCHES = 0.17, 0.23, 0.45
+"""Heights of a line of text, and of a bar without its label; both sides of a cell."""
+_PAIRED_CELLS = 5
+"""Grids of more columns stand alone in their row."""
 
 
 def figure_files(named: NamedFigure) -> dict[str, bytes]:
@@ -56,36 +59,59 @@ def draw(figure: Figure) -> mpl.Figure:
 
 def _sheet(figure: Figure) -> mpl.Figure:
     panels = figure.panels
-    columns = max(1, min(figure.columns, len(panels)))
-    rows = max(1, -(-len(panels) // columns))
-    sheet = mpl.Figure(figsize=(PANEL_INCHES * columns, rows * _height(figure) + 0.8), layout="constrained")
+    cells = max((len(panel.cells.columns) for panel in panels if panel.cells is not None), default=0)
+    columns = 1 if cells > _PAIRED_CELLS else max(1, min(figure.columns, len(panels)))
+    width = max(PANEL_INCHES, 0.8 + _CELL_INCHES * cells)
+    rows = [panels[start : start + columns] for start in range(0, len(panels), columns)] or [()]
+    heights = [_height(figure, row) for row in rows]
+    sheet = mpl.Figure(figsize=(width * columns, sum(heights) + 0.8), layout="constrained")
     FigureCanvasAgg(sheet)
-    axes = list(sheet.subplots(rows, columns, squeeze=False).ravel())
+    axes = list(sheet.subplots(len(rows), columns, squeeze=False, height_ratios=heights).ravel())
     for axis in axes[len(panels) :]:
         axis.set_visible(False)
     for axis, panel in zip(axes, panels, strict=False):
-        _set_title(axis, panel)
+        axis.set_title(_title(panel), loc="left")
         _DRAW[figure.kind](axis, panel, figure)
+    for at, row in enumerate(rows):  # bars of a row are equally thick
+        if figure.kind == "bars":
+            for axis in axes[at * columns : at * columns + len(row)]:
+                axis.set_ylim(max(1, *(len(panel.bars) for panel in row), 1) - 0.5, -0.5)
     _add_legend(sheet, axes[: len(panels)], [figure.quantity, *figure.legend, *figure.parts])
-    foot = fill(figure.provenance, int(sheet.get_figwidth() * _CHARACTERS_PER_INCH * 1.15))
+    foot = fill(figure.provenance, int(sheet.get_figwidth() * _CHARACTERS_PER_INCH * 1.25))
     sheet.supxlabel(foot, fontsize=SMALL, color=GREY)
     return sheet
 
 
-def _height(figure: Figure) -> float:
-    """Inches of a panel."""
+def _height(figure: Figure, row: Sequence[Panel]) -> float:
+    """Inches of a row of panels."""
+    titles = _LINE_INCHES * max((_title(panel).count("\n") for panel in row), default=0)
     if figure.kind == "bars":
-        return 1.0 + _BAR_INCHES * max(2, *(len(panel.bars) for panel in figure.panels), 2)
+        bars = max((len(panel.bars) for panel in row), default=0)
+        return 0.9 + titles + (_BAR_INCHES + _LINE_INCHES * _label_lines(figure)) * max(1, bars)
     if figure.kind == "pictures":
         shapes = [panel.picture.shape for panel in figure.panels if panel.picture is not None]
-        return 0.5 + (PANEL_INCHES - 0.2) * max((shape[0] / shape[1] for shape in shapes), default=0.5)
-    return 3.1 if figure.kind == "cells" else 2.8
+        return 0.3 + titles + (PANEL_INCHES - 0.2) * max((shape[0] / shape[1] for shape in shapes), default=0.5)
+    if figure.kind == "cells":
+        cells = max((len(panel.cells.rows) for panel in row if panel.cells is not None), default=1)
+        return 0.9 + titles + _CELL_INCHES * max(1, cells)
+    return 2.6 + titles
 
 
-def _set_title(axis: Axes, panel: Panel) -> None:
+def _title(panel: Panel) -> str:
     """The title and, below it, whose stand-in the scene is."""
-    lines = [fill(panel.title, int(PANEL_INCHES * _CHARACTERS_PER_INCH)), stand_in_note(panel.stands_for)]
-    axis.set_title("\n".join(filter(None, lines)), loc="left")
+    return "\n".join(filter(None, [_folded(panel.title), stand_in_note(panel.stands_for)]))
+
+
+def _folded(text: str, width: int = _TITLE_CHARACTERS) -> str:
+    """A title or label in lines that end behind commas where they can."""
+    parts = [part if len(part) > width // 2 else part.replace(" ", "\xa0") for part in text.split(", ")]
+    return fill(", ".join(parts), width, break_on_hyphens=False).replace("\xa0", " ")
+
+
+def _label_lines(figure: Figure) -> int:
+    """Lines of the longest label of a bar."""
+    labels = [_folded(bar.label, _BAR_CHARACTERS) for panel in figure.panels for bar in panel.bars]
+    return max((label.count("\n") + 1 for label in labels), default=1)
 
 
 def _add_legend(sheet: mpl.Figure, axes: Sequence[Axes], order: Sequence[str]) -> None:
@@ -97,12 +123,13 @@ def _add_legend(sheet: mpl.Figure, axes: Sequence[Axes], order: Sequence[str]) -
     if not labels:
         return
     width = sheet.get_figwidth() * _CHARACTERS_PER_INCH
-    room = width / (max(map(len, labels)) + 6)
-    rows = -(-len(labels) // max(1, int(room)))
+    most_columns = max(1, int(width / (max(map(len, labels)) + 6)))
+    rows = -(-len(labels) // most_columns)
     shown, columns = [handles[label] for label in labels], -(-len(labels) // rows)
     folded = [fill(label, int(width) - 8) for label in labels]
     sheet.legend(shown, folded, loc="outside upper center", ncols=columns, frameon=False, fontsize=SMALL)
-    sheet.set_figheight(sheet.get_figheight() + 0.2 * rows)
+    more = max(label.count("\n") for label in folded)
+    sheet.set_figheight(sheet.get_figheight() + 0.2 * (rows + more))
 
 
 def _draw_lines(axis: Axes, panel: Panel, figure: Figure) -> None:
@@ -123,9 +150,9 @@ def _draw_lines(axis: Axes, panel: Panel, figure: Figure) -> None:
     ]
     marks = np.array([mark.y for mark in panel.marks], float)
     levels = [np.array([level.value, level.low, level.high]) for level in panel.levels]
-    _scale(axis, "x", x_axis, np.concatenate([*abscissae, []]))
-    _scale(axis, "y", y_axis, np.concatenate([*ordinates, marks, *levels]))
-    _tidy(axis, "both", ("left", "bottom"))
+    scale_axis(axis, "x", x_axis, np.concatenate([*abscissae, []]))
+    scale_axis(axis, "y", y_axis, np.concatenate([*ordinates, marks, *levels]))
+    tidy_axes(axis, "both", ("left", "bottom"))
     if panel.is_empty:
         axis.set_yticks([])
         axis.text(0.5, 0.5, "nothing measured", transform=axis.transAxes, ha="center", va="center", color=GREY)
@@ -139,14 +166,12 @@ def _draw_line(axis: Axes, line: Line, shown: NDArray[np.intp]) -> Array:
     x, y = line.x[shown], line.y[shown]
     looks = {"linewidth": 1.1, "zorder": 2} if line.thin else {"zorder": 3}
     axis.plot(x, y, label=line.label, rasterized=len(x) > _MANY_POINTS, **looks | dict(line.style))
-    if line.interval is None:
+    if line.interval is None or not np.isfinite(line.interval).any():
         return y
     low, high = (end[shown] for end in line.interval)
-    # One line broken by NaN, a third of an SVG with a path for each; caps as wide on every place of a log axis.
-    gap, left, right = np.full(len(x), np.nan), x / 1.06, x * 1.06
-    bars_x = np.stack([x, x, gap, left, right, gap, left, right, gap], axis=1).ravel()
-    bars_y = np.stack([low, high, gap, low, low, gap, high, high, gap], axis=1).ravel()
-    axis.plot(bars_x, bars_y, linewidth=0.9, zorder=2.9, color=line.style["color"], label="_bars")
+    # One line broken by NaN, a third of an SVG with a path for each.
+    bars_x, bars_y = (np.stack(ends, axis=1).ravel() for ends in ([x, x, x], [low, high, np.full(len(x), np.nan)]))
+    axis.plot(bars_x, bars_y, "_-", linewidth=0.9, zorder=2.9, color=line.style["color"], label="_bars")
     return np.concatenate([y, low, high])
 
 
@@ -168,82 +193,41 @@ def _draw_crosses(axis: Axes, panel: Panel) -> None:
         )  # fmt: skip
 
 
-def _scale(axis: Axes, which: str, wanted: Axis, values: Array) -> None:
-    """Scale, limits, ticks and label of one axis, by all values that it shows."""
-    drawn = axis.xaxis if which == "x" else axis.yaxis
-    drawn.set_label_text(wanted.label)
-    set_scale, set_limits = getattr(axis, f"set_{which}scale"), getattr(axis, f"set_{which}lim")
-    if wanted.scale == "days":
-        places = dates.AutoDateLocator(minticks=2, maxticks=5)
-        drawn.set_major_locator(places)
-        drawn.set_major_formatter(dates.ConciseDateFormatter(places))
-        return
-    known = values[drawable(values)]
-    if wanted.scale == "linear":
-        set_limits(0 if wanted.low is None else wanted.low, 1.06 * max(known, default=1.0))
-        return
-    if wanted.scale == "counts":
-        highest = max(1, *known, 1)
-        set_scale("symlog", linthresh=1, linscale=0.4)
-        ticks = [0.0, *(10.0**power for power in range(len(f"{highest:.0f}") + 1) if 10**power <= 10 * highest)]
-        set_limits(0, 1.2 * highest)
-    else:
-        set_scale("log")
-        low, high = (min(known), max(known)) if len(known) else (1.0, 2.0)
-        if high < 1.5 * low:  # a single value has no range of its own
-            low, high = low / 1.5, high * 1.5
-        low = low / 1.25 if wanted.low is None else wanted.low
-        set_limits(low, high * 1.25)
-        ticks = sorted(set(known)) if wanted.scale == "ticks" else _ticks(low, high * 1.25)
-    rare = 2 if len(ticks) > _MOST_TICKS else 1
-    drawn.set_ticks(ticks, [wanted.say(tick) if place % rare == 0 else "" for place, tick in enumerate(ticks)])
-    drawn.set_ticks([], minor=True)
-
-
-def _ticks(low: float, high: float) -> list[float]:
-    """The coarsest round values, at least three of them if possible, from `low` to `high`."""
-    ticks: list[float] = []
-    for steps in ((1,), (1, 2, 5), (1, 1.5, 2, 3, 4, 5, 7), tuple(step / 10 for step in range(10, 100, 5))):
-        ticks = [step * 10.0**power for power in range(-4, 9) for step in steps]
-        ticks = sorted({tick for tick in ticks if low <= tick <= high})
-        if len(ticks) >= 3:
-            break
-    return ticks
-
-
 def _draw_bars(axis: Axes, panel: Panel, figure: Figure) -> None:
     """Bars from zero, from the top down, each below its label, with whiskers over their intervals; levels upright."""
     assert figure.x is not None
     for place, bar in enumerate(panel.bars):
-        _draw_bar(axis, place, bar, figure.parts)
+        _draw_bar(axis, place, bar, figure.parts, _label_lines(figure))
     for level in panel.levels:
         _draw_level(axis, level, upright=True)
     bars = [(bar.value, bar.high, sum(part for part in bar.parts if part > 0)) for bar in panel.bars]
     levels = [(level.value, level.low, level.high) for level in panel.levels]
-    _scale(axis, "x", figure.x, np.array([*bars, *levels], float).ravel())
+    scale_axis(axis, "x", figure.x, np.array([*bars, *levels], float).ravel())
     axis.set_yticks([])
-    axis.set_ylim(max(len(panel.bars), 1) - 0.5, -0.5)
-    _tidy(axis, "x", ("bottom",))
+    tidy_axes(axis, "x", ("bottom",))
 
 
-def _draw_bar(axis: Axes, place: int, bar: Bar, names: Sequence[str]) -> None:
-    middle, end = place + 0.2, 0.0
+def _draw_bar(axis: Axes, place: int, bar: Bar, names: Sequence[str], lines: int) -> None:
+    """Below its label. lines: of the longest label of its figure."""
+    share = _LINE_INCHES * lines / (_BAR_INCHES + _LINE_INCHES * lines)  # of the height, for the label
+    top, thick, end = place - 0.5 + share, 0.7 * (1 - share), 0.0
+    middle = top + thick / 2
     for part, name, (color, hatch) in zip(bar.parts, names, PARTS, strict=False):
         if part > 0:
             axis.barh(
-                middle, part, left=end, height=0.36, color=color, hatch=hatch, edgecolor="white", linewidth=0.4,
+                middle, part, left=end, height=thick, color=color, hatch=hatch, edgecolor="white", linewidth=0.4,
                 zorder=2, label=name,
             )  # fmt: skip
             end += part
     is_shown = np.isfinite(bar.value) and (bar.value > 0 or bar.series)
     if is_shown and not bar.parts:
         alpha, label = 0.5 if bar.faint else 1.0, bar.series or "_bar"
-        axis.barh(middle, bar.value, height=0.36, color=bar.color, alpha=alpha, zorder=2, label=label)
+        axis.barh(middle, bar.value, height=thick, color=bar.color, alpha=alpha, zorder=2, label=label)
         axis.plot([bar.low, bar.high], [middle] * 2, color=BLACK, linewidth=1.1, zorder=3, label="_bars")
     axis.text(
-        0, place - 0.2, bar.label, transform=axis.get_yaxis_transform(), va="center", zorder=4,
+        0, top, _folded(bar.label, _BAR_CHARACTERS), transform=axis.get_yaxis_transform(), va="bottom", zorder=4,
         color=BLACK if is_shown or bar.parts else GREY,
-        bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.85},
+        bbox={"boxstyle": "square,pad=0.05", "facecolor": "white", "edgecolor": "none", "alpha": 0.85},
     )  # fmt: skip
 
 
@@ -254,7 +238,7 @@ def _draw_cells(axis: Axes, panel: Panel, figure: Figure) -> None:
     assert figure.x is not None
     assert figure.y is not None
     norm = LogNorm(cells.low, max(cells.high, cells.low * 1.01))
-    axis.imshow(cells.values, origin="lower", cmap="cividis_r", norm=norm)
+    axis.imshow(cells.values, origin="lower", cmap="cividis_r", norm=norm, aspect="auto")
     axis.plot([], [], "s", color="#7D7C78", label=figure.quantity)  # a tone of the map
     middle = np.sqrt(cells.low * cells.high)
     for (row, column), value in np.ndenumerate(cells.values):
@@ -283,14 +267,6 @@ def _draw_picture(axis: Axes, panel: Panel, figure: Figure) -> None:
     axis.set_yticks([])
     for spine in axis.spines.values():
         spine.set_edgecolor("#BBBBBB")
-
-
-def _tidy(axis: Axes, lines: Any, frame: Sequence[str]) -> None:
-    """A light grid of these lines behind all that is drawn, and no frame but on these sides."""
-    axis.grid(True, axis=lines, color="#DDDDDD", linewidth=0.6)
-    axis.set_axisbelow(True)
-    for side, spine in axis.spines.items():
-        spine.set_visible(side in frame)
 
 
 _DRAW = {"lines": _draw_lines, "bars": _draw_bars, "cells": _draw_cells, "pictures": _draw_picture}

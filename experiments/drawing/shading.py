@@ -73,10 +73,10 @@ def _creases(hits: Hits) -> NDArray[np.float32]:
             middle = inverse[rows, columns]
             if middle.size == 0:
                 continue
-            one = inverse[abs(dy) + dy : height - abs(dy) + dy, 2 * dx : width]
-            other = inverse[abs(dy) - dy : height - abs(dy) - dy, 0 : width - 2 * dx]
+            ahead = inverse[abs(dy) + dy : height - abs(dy) + dy, 2 * dx : width]
+            behind = inverse[abs(dy) - dy : height - abs(dy) - dy, 0 : width - 2 * dx]
             with np.errstate(divide="ignore", invalid="ignore"):
-                rise = (0.5 * (one + other) - middle) / middle * np.float32(24 / radius**0.5)
+                rise = (0.5 * (ahead + behind) - middle) / middle * np.float32(24 / radius**0.5)
                 # A jump is no crease: the farther in front the neighbour, the less it darkens. And below 0.02 it is
                 # rounding of the depths, which two tracers may do differently.
                 darker[rows, columns] += np.where(rise > 0.02, np.minimum(rise, 1 / rise), 0)

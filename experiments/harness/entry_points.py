@@ -79,7 +79,8 @@ def digest_of_module(module: str) -> str:
     if spec is None:
         return "unknown"
     folders = [Path(place) for place in spec.submodule_search_locations or ()]
-    files = [path for folder in folders for path in folder.rglob("*") if path.is_file() and not _is_cache(path)]
+    found = (path for folder in folders for path in folder.rglob("*") if _NO_CODE.isdisjoint(path.parts))
+    files = [path for path in found if path.is_file()]
     if not folders and spec.origin is not None and Path(spec.origin).is_file():
         files = [Path(spec.origin)]
     return digest_of_files(sorted(files))
@@ -92,7 +93,3 @@ def digest_of_files(files: list[Path]) -> str:
         digest.update(f"{path.name}\0{path.stat().st_size}\0".encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:20]
-
-
-def _is_cache(path: Path) -> bool:
-    return not _NO_CODE.isdisjoint(path.parts)

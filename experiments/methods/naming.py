@@ -11,7 +11,6 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.drawing.style import BLUE, PURPLE, TIMES, VERMILLION
-from experiments.harness.method import Method
 from experiments.harness.options import plain_options
 from experiments.methods import METHODS, find_method
 from experiments.methods.aligned import ALIGNED
@@ -42,7 +41,8 @@ def say_split(row: Row) -> str:
         return ""
     words = [f"{known['split_x']} {TIMES} {known['split_y']}"]
     variant = method.variant(known)
-    return ", ".join([*words, variant] if variant not in ("", _usual(method)) else words)
+    is_usual = variant in ("", method.variant(plain_options(method.options())))
+    return ", ".join(words if is_usual else [*words, variant])
 
 
 def say_kind(row: Row) -> str:
@@ -79,10 +79,6 @@ def _known(row: Row) -> dict[str, Any]:
 def is_missing(value: Any) -> bool:
     """Whether a value of a row is that of a column that was not measured."""
     return not isinstance(value, list | tuple) and bool(pd.isna(value))
-
-
-def _usual(method: Method) -> str:
-    return method.variant(plain_options(method.options()))
 
 
 FORM_OPTIONS = ("geometry", "culling")

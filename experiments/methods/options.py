@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from inspect import signature
-from typing import Any, TypeVar
+from typing import Any
 
 from experiments.harness.column import WHOLE, Column
 from experiments.harness.method import LANES, Tracing
@@ -52,8 +52,6 @@ _LARGEST_DEFAULT_SPLIT = 128
 
 VERIFIED = Column("packets_verified", WHOLE, "packets of pixels traced again in the second pass of a frame")
 
-Options = TypeVar("Options")
-
 
 def split_of(options: Any) -> tuple[int, int]:
     """Columns and rows of cells; the options must be resolved."""
@@ -61,13 +59,10 @@ def split_of(options: Any) -> tuple[int, int]:
     return options.split_x, options.split_y
 
 
-def resolve_split(options: Options, width: int) -> Options:
+def resolve_split(options: Any, width: int) -> Any:
     """The options with split_x set; width & -width is the largest power of two that divides the width."""
-    given: Any = options
-    if given.split_x is not None:
-        return options
-    resolved: Options = replace(given, split_x=min(_LARGEST_DEFAULT_SPLIT, width & -width))
-    return resolved
+    default = min(_LARGEST_DEFAULT_SPLIT, width & -width)
+    return options if options.split_x is not None else replace(options, split_x=default)
 
 
 def two_cells(options: Any) -> Any:

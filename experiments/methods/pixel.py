@@ -66,14 +66,10 @@ def _variant(row: Mapping[str, Any]) -> str:
         words.append(f"{int(rows)} rows" if width is None else f"{int(width) // int(rows)} {TIMES} {int(rows)} pixels")
     words += ["incoherent"] if row.get("coherent") in (False,) else []
     words += [name for name in ("compact", "robust") if row.get(name)]
-    words += [f"tiles in {order}" for order in _unusual(row, "tile_order", "blocks")]
-    words += [f"{quality} build quality" for quality in _unusual(row, "own_build_quality", SAME)]
+    order, quality = row.get("tile_order"), row.get("own_build_quality")
+    words += [] if order in (None, "blocks") else [f"tiles in {order}"]
+    words += [] if quality in (None, SAME) else [f"{quality} build quality"]
     return ", ".join(words)
-
-
-def _unusual(row: Mapping[str, Any], name: str, usual: str) -> list[str]:
-    value = row.get(name)
-    return [] if value in (None, usual) else [str(value)]
 
 
 PIXEL = Method(

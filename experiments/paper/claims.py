@@ -11,11 +11,11 @@ import pandas as pd
 
 from experiments.paper import images, speed
 from experiments.paper.evidence import Evidence
-from experiments.paper.judging import on_every_scene, on_paper_scene, on_paper_scenes, on_some_scene
-from experiments.paper.ratios import paper_judges
-from experiments.paper.readings import EVERY_HIT, NEAREST, READINGS, readings_of
+from experiments.paper.judging import on_scenes
+from experiments.paper.ratios import KEYS, judge_ratios
+from experiments.paper.readings import EVERY_HIT, UNDER, readings_of
 from experiments.results.claims import Judge, JudgedClaim, judge_all
-from experiments.results.queries import read_claims
+from experiments.results.queries import check_keys, query_judge, read_claims
 from experiments.workloads.reported import BEST_SPEEDUPS
 
 
@@ -24,37 +24,33 @@ def best_speedup_id(scene: str) -> str:
     return f"best-speedup-{scene}"
 
 
-def _alike(judge: Callable[..., Any]) -> dict[str, Judge]:
-    """The baseline does not matter, but whether the nearest hit is wanted or every one."""
-    return {
-        "": on_every_scene(judge),
-        EVERY_HIT.name: on_every_scene(partial(judge, workload=EVERY_HIT.workload)),
-    }
+_FUNCTIONS: Mapping[str, Callable[..., Any]] = {
+    function.__name__: function
+    for function in (
+        speed.too_many_splits_slow_down, speed.more_splits_faster, speed.larger_scenes_gain_less,
+        speed.time_follows_cost_model, images.image_without_error, images.any_divisor_works,
+    )
+}  # fmt: skip
+"""What judges a claim that no query says, from a scene and a reading."""
 
 
-def _each(on_scenes: Callable[[Any], Judge], judge: Callable[..., Any]) -> dict[str, Judge]:
-    """Under each reading of the paper's baseline."""
-    return {reading.name: on_scenes(partial(judge, reading=reading)) for reading in READINGS}
+def paper_judges(query: Mapping[str, Any] | str) -> Mapping[str, Judge]:
+    """By reading, what judges a claim of claims.toml. Raises ValueError for a key that no judge has.
 
+    query: as `ratios` says; function: its name instead. on: the scenes, see `on_scenes`; every where nothing is said.
+    under: its readings, a name of `UNDER`.
+    """
+    if isinstance(query, str):
+        return {"": query_judge(query)}
+    check_keys("a judge", query, {*KEYS, "function", "on", "under"})
+    judge = _FUNCTIONS[query["function"]] if "function" in query else partial(judge_ratios, query)
+    readings = UNDER[query.get("under", "")]
+    on = query.get("on", "every")
+    return {name: on_scenes(partial(judge, reading=reading), on) for name, reading in readings.items()}
 
-_JUDGES: Mapping[str, Mapping[str, Judge]] = {
-    **{
-        best_speedup_id(scene): _each(partial(on_paper_scene, scene), speed.best_speedup_reaches(value))
-        for scene, value in BEST_SPEEDUPS.items()
-    },
-    "culling-off-slows-again": _each(on_every_scene, speed.too_many_splits_slow_down),
-    "culling-off-falls-below-start": _each(on_some_scene, speed.too_many_splits_fall_below_start),
-    "culling-off-few-splits-gain": _each(on_every_scene, speed.few_splits_gain),
-    "culling-on-keeps-gaining": _each(on_every_scene, speed.more_splits_faster),
-    "nearest-alone-may-lose": {NEAREST.name: on_some_scene(speed.nearest_alone_may_lose)},
-    "image-without-error": {"": on_every_scene(images.image_without_error)},
-    "cost-model": _alike(speed.time_follows_cost_model),
-    "larger-scenes-gain-less": _each(on_paper_scenes, speed.larger_scenes_gain_less),
-    "any-divisor-works": {"": on_every_scene(images.any_divisor_works)},
-}
 
 CLAIMS = read_claims(
-    Path(__file__).with_suffix(".toml"), _JUDGES, paper_judges, best=BEST_SPEEDUPS, largest_loss=speed.LARGEST_LOSS,
+    Path(__file__).with_suffix(".toml"), {}, paper_judges, best=BEST_SPEEDUPS, largest_loss=speed.LARGEST_LOSS,
     exponent=speed.MODEL_EXPONENT, r_squared=speed.MODEL_R_SQUARED,
 )  # fmt: skip
 

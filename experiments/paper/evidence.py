@@ -120,10 +120,6 @@ class SceneRows:
             raise NotMeasuredError(f"{name}: {rows[0]['status']}, {reason}")
         raise NotMeasuredError(f"{name}: not in the table")
 
-    def row(self, workload: str, split: tuple[int, int], **options: Any) -> Row:
-        """One of `processes`, of what all have alike."""
-        return self.processes(workload, split, **options)[0]
-
     def speedups(
         self,
         split: tuple[int, int],

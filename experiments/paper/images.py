@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from experiments.drawing.values import say_things
 from experiments.methods.aligned import ALIGNED
 from experiments.paper.evidence import SPLITS, NotMeasuredError, Row, SceneRows, read_number
+from experiments.paper.readings import Reading
 from experiments.results.verdicts import Outcome
-from experiments.workloads.frame import FRAME
 
 
-def any_divisor_works(scene: SceneRows) -> Outcome:
+def any_divisor_works(scene: SceneRows, reading: Reading) -> Outcome:
     """Wrong pixels at every number of horizontal splits that divides an image of 1,024 pixels, culling on."""
     worst = {
-        splits: max(scene.processes(FRAME.name, (splits, 1), culling=True, packet_width=1), key=_wrong)
+        splits: max(scene.processes(reading.workload, (splits, 1), culling=True, packet_width=1), key=_wrong)
         for splits in SPLITS
     }
     bad = [
@@ -30,7 +30,7 @@ def _wrong(row: Row) -> int:
     return int(read_number(row, "pixels_wrong"))
 
 
-def image_without_error(scene: SceneRows) -> Outcome:
+def image_without_error(scene: SceneRows, reading: Reading) -> Outcome:
     """Wrong pixels over all aligned images of the scene that were compared with the per-pixel image."""
     images = [row for row in scene.rows if row["method"] == ALIGNED.name and row["pixels_wrong"] is not None]
     if not images:

@@ -4,40 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 
 from experiments.paper.evidence import PAPER_SCENES, TIMED, Evidence, NotMeasuredError, SceneRows
 from experiments.results.claims import Judge, Judgement
 from experiments.results.verdicts import Outcome, on_cases
 from experiments.workloads.reported import PAPER_SIZE
 
-SceneJudge = Callable[[SceneRows], Outcome]
+TOO_WIDE = "the interval is wider than the difference"
 
 
-def on_every_scene(judge_scene: SceneJudge) -> Judge:
-    """A claim about all four scenes, or their stand-ins."""
-    return lambda evidence: _judged(evidence.scenes, judge_scene, every=True)
+def on_scenes(judge: Callable[[Any], Any], on: str) -> Judge:
+    """A judge of the evidence, from one of a scene. on: "every" scene or "some" scene, or its stand-in; the name of a
+    scene, which is compared with the paper's number; or "together", all four at once, compared with each other. The
+    latter two take no stand-in, and the paper's image size alone."""
 
+    def judged(evidence: Evidence) -> Judgement:
+        if on == "together":
+            told: Judgement = judge({name: paper_scene(evidence.scenes, name) for name in PAPER_SCENES})
+            return told
+        if on in PAPER_SCENES:
+            outcome = judge(paper_scene(evidence.scenes, on))
+            interval = None if outcome.estimate is None else outcome.estimate.interval()
+            return Judgement(outcome.verdict, outcome.value, interval, outcome.why)
+        return _on_cases(evidence.scenes, judge, every=on == "every")
 
-def on_some_scene(judge_scene: SceneJudge) -> Judge:
-    """A claim that something happens on some scene, or its stand-in."""
-    return lambda evidence: _judged(evidence.scenes, judge_scene, every=False)
-
-
-def on_paper_scene(name: str, judge_scene: SceneJudge) -> Judge:
-    """A claim that compares a number of scene `name` with the paper's: no stand-in, and the paper's image size."""
-
-    def judge(evidence: Evidence) -> Judgement:
-        outcome = judge_scene(paper_scene(evidence.scenes, name))
-        interval = None if outcome.estimate is None else outcome.estimate.interval()
-        return Judgement(outcome.verdict, outcome.value, interval, outcome.why)
-
-    return judge
-
-
-def on_paper_scenes(judge_scenes: Callable[[Mapping[str, SceneRows]], Judgement]) -> Judge:
-    """A claim that compares all four scenes with each other: no stand-ins, and the paper's image size."""
-
-    return lambda evidence: judge_scenes({name: paper_scene(evidence.scenes, name) for name in PAPER_SCENES})
+    return judged
 
 
 def paper_scene(scenes: Mapping[str, SceneRows], name: str) -> SceneRows:
@@ -57,7 +49,7 @@ def paper_scene(scenes: Mapping[str, SceneRows], name: str) -> SceneRows:
     return scene
 
 
-def _judged(scenes: Mapping[str, SceneRows], judge_scene: SceneJudge, every: bool) -> Judgement:
+def _on_cases(scenes: Mapping[str, SceneRows], judge: Callable[[SceneRows], Outcome], every: bool) -> Judgement:
     cases: list[tuple[str, Outcome]] = []
     for name in PAPER_SCENES:
         scene = scenes.get(name)
@@ -65,7 +57,7 @@ def _judged(scenes: Mapping[str, SceneRows], judge_scene: SceneJudge, every: boo
             cases.append((name, Outcome(None, why=_absent())))
             continue
         try:
-            outcome = judge_scene(scene)
+            outcome = judge(scene)
         except NotMeasuredError as error:
             outcome = Outcome(None, why=str(error))
         replaced = f"{scene.scene} for {scene.paper_scene}" if scene.stand_in else None

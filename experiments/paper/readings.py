@@ -7,11 +7,12 @@ every hit is wanted, and not the nearest alone, both sides gather them, and nobo
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import pandas as pd
 
-from experiments.paper.evidence import NotMeasuredError, SceneRows, best, estimate
+from experiments.paper.evidence import SPLITS, NotMeasuredError, SceneRows, best, estimate, measured_at
 from experiments.results.statistics import Estimate
 from experiments.workloads.frame import FRAME
 from experiments.workloads.gather import GATHER
@@ -37,6 +38,15 @@ EVERY_HIT = Reading(
 _PER_PIXEL = Reading("every hit, per pixel", "rays per pixel that gather all hits", False, GATHER.name)
 
 READINGS = (NEAREST, ALL_HITS, EVERY_HIT)
+
+UNDER: Mapping[str, Mapping[str, Reading]] = {
+    "": {"": NEAREST},
+    "each": {reading.name: reading for reading in READINGS},
+    "nearest": {NEAREST.name: NEAREST},
+    "alike": {"": NEAREST, EVERY_HIT.name: EVERY_HIT},
+}
+"""By what claims.toml says, the readings that a claim is judged under. alike: the baseline does not matter, but whether
+the nearest hit is wanted or every one."""
 
 PACKETS_OVER = (
     ("ray packets, nearest hit", NEAREST, False),
@@ -72,21 +82,31 @@ def relative_to_baseline(value: Estimate, scene: SceneRows, reading: Reading, pa
 
 @dataclass(frozen=True)
 class BestGain:
-    """splits: the best number of horizontal splits, culling on. gain: over the baseline. missing: why some number of
-    splits, which might be better still, was not measured; None where all were."""
+    """splits: the best number of horizontal splits. gain: over the baseline. missing: why some number of splits, which
+    might be better still, was not measured; None where all were."""
 
     splits: int
     gain: Estimate
     missing: str | None
 
 
-def best_gain(scene: SceneRows, reading: Reading, packet_width: int = 1, over: int | None = None) -> BestGain:
-    """over: packet width of a baseline that gathers all hits, None = the same. Raises NotMeasuredError."""
+def best_gain(
+    scene: SceneRows, reading: Reading, packet_width: int = 1, over: int | None = None,
+    splits: Sequence[int] = SPLITS, culling: bool = True,
+) -> BestGain:  # fmt: skip
+    """over: packet width of a baseline that gathers all hits, None = the same. splits: numbers of them to choose from.
+
+    Raises NotMeasuredError.
+    """
     column = "speedup_vs_packets" if packet_width > 1 and not reading.gathers else "speedup"
-    of_rows = {"culling": True, "packet_width": packet_width, "column": column, "workload": reading.workload}
-    speedups, missing = scene.over_splits(**of_rows)
+    speedups, missing = measured_at(
+        splits,
+        lambda split: scene.speedups(
+            (split, 1), culling=culling, packet_width=packet_width, column=column, workload=reading.workload
+        ),
+    )
     if not speedups:
         raise NotMeasuredError(next(iter(missing.values())))
-    splits, value = best(speedups)
+    split, value = best(speedups)
     gain = relative_to_baseline(value, scene, reading, over or packet_width)
-    return BestGain(splits, gain, next(iter(missing.values()), None))
+    return BestGain(split, gain, next(iter(missing.values()), None))

@@ -1,9 +1,9 @@
-"""Claims on render time (the paper's figures 4 and 5, and its cost model), judged scene by scene."""
+"""Claims on render time that no query says: where the minimum is, whether more splits are faster, the cost model."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from itertools import pairwise
 
 from experiments.paper.evidence import (
@@ -15,14 +15,11 @@ from experiments.paper.evidence import (
     measured_at,
     read_number,
 )
-from experiments.paper.ratios import TOO_WIDE
-from experiments.paper.readings import NEAREST, Reading, best_gain, relative_to_baseline
+from experiments.paper.judging import TOO_WIDE
+from experiments.paper.readings import Reading, best_gain, relative_to_baseline
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, UNDECIDED, Judgement
-from experiments.results.statistics import FEWEST_FITTED, Estimate, fit_exponent
+from experiments.results.statistics import FEWEST_FITTED, fit_exponent
 from experiments.results.verdicts import Bounds, Outcome, decide_greater
-from experiments.workloads.frame import FRAME
-
-FEW_SPLITS = (2, 4, 8)
 
 LARGEST_LOSS = 1.05
 """More splits keep gaining where none is slower than fewer by more than this. Our reading."""
@@ -30,18 +27,6 @@ LARGEST_LOSS = 1.05
 MODEL_EXPONENT = Bounds(0.9, 1.1)
 MODEL_R_SQUARED = 0.9
 """Time grows like the cost model where the fitted exponent may lie in this range and the fit explains this much."""
-
-
-def few_splits_gain(scene: SceneRows, reading: Reading) -> Outcome:
-    """The fastest of 2, 4 and 8 horizontal splits over the baseline, culling off."""
-    speedups, missing = scene.over_splits(culling=False, workload=reading.workload)
-    few = {splits: speedups[splits] for splits in FEW_SPLITS if splits in speedups}
-    splits, value = best(few)
-    gain = relative_to_baseline(value, scene, reading)
-    outcome = _gain(gain, f"{gain.value:.2f} at {splits} splits", f"{splits} splits are {gain} times as fast as none")
-    if outcome.holds is not True and len(few) < len(FEW_SPLITS):
-        raise NotMeasuredError(next(missing[splits] for splits in FEW_SPLITS if splits in missing))
-    return outcome
 
 
 def too_many_splits_slow_down(scene: SceneRows, reading: Reading) -> Outcome:
@@ -64,19 +49,6 @@ def too_many_splits_slow_down(scene: SceneRows, reading: Reading) -> Outcome:
     return Outcome(None, said, loss, TOO_WIDE)
 
 
-def too_many_splits_fall_below_start(scene: SceneRows, reading: Reading) -> Outcome:
-    """The baseline over the largest split, culling off."""
-    speedups, missing = scene.over_splits(culling=False, workload=reading.workload)
-    most = max(speedups, default=1)
-    if most == 1:
-        raise NotMeasuredError(next(iter(missing.values())))
-    ratio = relative_to_baseline(estimate(speedups[most]), scene, reading).inverse()
-    outcome = _gain(ratio, f"{ratio.value:.2f} at {most:,} splits", f"{most:,} splits are faster than none: {ratio}")
-    if missing and not outcome.holds:
-        raise NotMeasuredError(next(iter(missing.values())))
-    return outcome
-
-
 def more_splits_faster(scene: SceneRows, reading: Reading) -> Outcome:
     """Whether no number of horizontal splits, culling on, is slower than a smaller one, and 1,024 gain."""
     speedups, missing = scene.over_splits(culling=True, workload=reading.workload)
@@ -95,32 +67,9 @@ def more_splits_faster(scene: SceneRows, reading: Reading) -> Outcome:
         return Outcome(False, value, gain, f"{more:,} splits are slower than {fewer:,}, by a factor of {loss}")
     if loses is None:
         return Outcome(None, value, gain, f"{more:,} splits may be slower than {fewer:,}, by a factor of {loss}")
-    return _gain(gain, value, f"{most:,} splits are {gain} times as fast as none")
-
-
-def best_speedup_reaches(paper_value: float) -> Callable[[SceneRows, Reading], Outcome]:
-    """Whether the best speed-up of single rays over horizontal splits, culling on, reaches the paper's."""
-
-    def judge(scene: SceneRows, reading: Reading) -> Outcome:
-        top = best_gain(scene, reading)
-        value = f"{top.gain.value:.2f} at {top.splits:,} x 1"
-        why = f"the interval ends at {top.gain.high:.2f}, below {paper_value:.2f}"
-        outcome = _gain(top.gain, value, why, paper_value)
-        if top.missing and not outcome.holds:
-            raise NotMeasuredError(f"best so far {top.gain} at {top.splits:,} x 1; {top.missing}")
-        return outcome
-
-    return judge
-
-
-def nearest_alone_may_lose(scene: SceneRows) -> Outcome:
-    """Whether rtcIntersect1 is faster than aligned single rays at their best split, culling on."""
-    top = best_gain(scene, NEAREST)
-    value = f"{top.gain.value:.2f} at {top.splits:,} x 1"
-    if top.missing and not decide_greater(top.gain):
-        raise NotMeasuredError(f"best so far {top.gain} at {top.splits:,} x 1; {top.missing}")
-    why = f"aligned rays are {top.gain} times as fast at {top.splits:,} x 1"
-    return _gain(top.gain.inverse(), value, why)
+    gains = decide_greater(gain)
+    slower = f"{most:,} splits are {gain} times as fast as none"
+    return Outcome(gains, value, gain, {True: None, False: slower, None: TOO_WIDE}[gains])
 
 
 def larger_scenes_gain_less(scenes: Mapping[str, SceneRows], reading: Reading) -> Judgement:
@@ -151,12 +100,12 @@ def larger_scenes_gain_less(scenes: Mapping[str, SceneRows], reading: Reading) -
     return Judgement(HOLDS, value, interval)
 
 
-def time_follows_cost_model(scene: SceneRows, workload: str = FRAME.name) -> Outcome:
+def time_follows_cost_model(scene: SceneRows, reading: Reading) -> Outcome:
     """The exponent of time over log(N_p) N_r on the single-ray points without culling (paper, section 3.2)."""
 
     def model_and_time(splits: int) -> tuple[float, float]:
-        speedup = estimate(scene.speedups((splits, 1), culling=False, workload=workload))
-        row = scene.row(workload, (splits, 1), culling=False, packet_width=1)
+        speedup = estimate(scene.speedups((splits, 1), culling=False, workload=reading.workload))
+        row = scene.processes(reading.workload, (splits, 1), culling=False, packet_width=1)[0]  # all are alike in it
         rays = read_number(row, "width") * read_number(row, "height") / splits
         return math.log(read_number(row, "triangles_traced")) * rays, 1 / speedup.value
 
@@ -175,9 +124,3 @@ def time_follows_cost_model(scene: SceneRows, workload: str = FRAME.name) -> Out
     else:
         why = f"the interval reaches beyond {MODEL_EXPONENT.low:g} to {MODEL_EXPONENT.high:g}"
     return Outcome(state, value, fit.exponent, None if state else why)
-
-
-def _gain(ratio: Estimate, value: str, otherwise: str, limit: float = 1.0) -> Outcome:
-    """Holds when the whole interval is above `limit`; otherwise: why it fails where all of it is below."""
-    holds = decide_greater(ratio, limit)
-    return Outcome(holds, value, ratio, {True: None, False: otherwise, None: TOO_WIDE}[holds])

@@ -46,8 +46,13 @@ GRID_OF_FILES = "method_file"
 _PAGE, _COMMAND_FILE = "report.html", "command.txt"
 """The latter keeps what the user ran, for a report written later."""
 
+_TOLD_BY_TABLES = (
+    "cpu", "cpu_extensions", "affinity", "git_commit", "embree_version", "numba_version", "python_version",
+)  # fmt: skip
+"""Columns that tell of the environment, where all points have it alike."""
+
 _FORMER = (
-    r"(break_even|threads|growth|moving|agreement|stereo|multiframe|rates|peers|rays_\w+)\.(svg|png)",
+    r"(break_even|figure3_differences|threads|growth|moving|agreement|stereo|multiframe|rates|peers|rays_\w+)\.(svg|png)",
     r"disagreements(\.csv|_.+\.png)",
 )
 """Files that earlier versions drew and listed."""
@@ -218,7 +223,8 @@ def _environment(table: pd.DataFrame, records: Path) -> dict[str, Any]:
     check_one_environment(records_found)
     if records_found:
         return records_found[0].environment
-    return {"cpu": cpus[0]} if cpus else {}
+    known = {name: table[name].dropna().unique() for name in _TOLD_BY_TABLES if name in table}
+    return {name: values[0] for name, values in known.items() if len(values) == 1}
 
 
 def tell_whose_tables_are_replaced(folder: Path, records: Path, console: Console) -> None:

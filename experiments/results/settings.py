@@ -55,6 +55,8 @@ def say_setting(name: str, value: Any) -> str:
         return "every instruction set" if value == "none" else f"instructions up to {value}"
     if name == "build_quality":
         return f"{value} build quality"
+    if name in ("eye", "target", "up"):
+        return f"{name} {', '.join(f'{float(part):.6g}' for part in str(value).split(','))}"
     if name.endswith("_sha256"):
         return f"{name.removesuffix('_sha256')} {value[:8]}"
     return f"{name.replace('_', ' ')} {value}"

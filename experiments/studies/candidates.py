@@ -23,6 +23,7 @@ from experiments.drawing.style import TIMES
 from experiments.drawing.values import numbers
 from experiments.methods.aligned import ALIGNED
 from experiments.methods.pixel import PIXEL
+from experiments.results.queries import chosen
 from experiments.results.settings import say_setting
 from experiments.results.statistics import Estimate, Pool, best_of
 from experiments.results.table import read_table
@@ -75,13 +76,12 @@ def candidates(processes: pd.DataFrame) -> Iterator[Candidate]:
 
     Raises InputError where the usual point is missing.
     """
-    rows = _those(processes, "status", "ok")
-    single = _those(rows, "packet_width", 1)
-    aligned, pixels = (_those(single, "method", method.name) for method in (ALIGNED, PIXEL))
+    rows = processes[chosen(processes, {"status": "ok"})]
+    aligned, pixels = (rows[chosen(rows, {"packet_width": 1, "method": method.name})] for method in (ALIGNED, PIXEL))
     groups: dict[Any, pd.DataFrame] = dict(iter(aligned.groupby(list(SETTINGS), sort=False, dropna=False)))
     usual = _usual_of(groups)
     for key in (usual, *(group for group in groups if group != usual)):
-        base = _speeds(_those(pixels, "robust", True), _over_single) if key[-1] else {}
+        base = _speeds(pixels[chosen(pixels, {"robust": True})], _over_single) if key[-1] else {}
         yield Candidate(_say(key, usual), *_gains(groups[key], _over_single, base))
     yield Candidate("plan and build included", *_gains(groups[usual], _prepared_over_single, {}))
     yield from _without_the_flag(rows, pixels, groups[usual])
@@ -157,20 +157,16 @@ def _over(best: Estimate, values: Sequence[float], pool: Pool | None) -> Estimat
         return None
 
 
-def _those(rows: pd.DataFrame, name: str, value: Any) -> pd.DataFrame:
-    return rows[rows[name].eq(value).fillna(False).astype(bool)]
-
-
 def _without_the_flag(rows: pd.DataFrame, pixels: pd.DataFrame, usual: pd.DataFrame) -> Iterator[Candidate]:
     """Gains over rays per pixel without Embree's flag that rays are alike: over single rays, and over packets."""
     name = "per pixel without the flag that rays are alike"
-    alone = _speeds(_those(pixels, "coherent", False), _over_single)
+    alone = _speeds(pixels[chosen(pixels, {"coherent": False})], _over_single)
     if alone:
         yield Candidate(f"single rays {name}", _gains(usual, _over_single, alone)[0], None)
     wide = rows[rows["packet_width"].gt(1).fillna(False)]
-    packets = _speeds(_those(_those(wide, "method", PIXEL.name), "coherent", False), _over_packets)
+    packets = _speeds(wide[chosen(wide, {"method": PIXEL.name, "coherent": False})], _over_packets)
     if packets:
-        aligned = _those(wide, "method", ALIGNED.name)
+        aligned = wide[chosen(wide, {"method": ALIGNED.name})]
         yield Candidate(f"packets {name}, aligned packets with it", _gains(aligned, _over_packets, packets)[0], None)
 
 

@@ -24,6 +24,7 @@ ANSWERS = (("raster", "count", "layers"), ("aligned",), ("packets",), ("rays",))
 
 def first_answers(asked: list[str]) -> list[Row]:
     """Wall and CPU seconds to `import atra`, and from each answer to the next."""
+    import os
     from time import perf_counter
 
     def now() -> tuple[float, float]:
@@ -74,12 +75,8 @@ def study(
     """
     if state not in ("cold", "warm"):
         raise InputError(f"state is {state!r}, expected cold or warm")
-    columns: dict[str, Any] = {
-        "source": source,
-        "state": state,
-        "instruction_set": os.environ.get("ATRA_ISA", "native"),
-    }
-    columns |= {"commit": commit, "numba": package_version("numba")}
+    columns: dict[str, Any] = {"source": source, "state": state, "commit": commit, "numba": package_version("numba")}
+    columns["instruction_set"] = os.environ.get("ATRA_ISA", "native")
     for number, asked in enumerate(ANSWERS):
         with TemporaryDirectory() as kept:
             for run in range(-1 if state == "warm" else 0, runs):

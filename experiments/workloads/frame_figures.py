@@ -87,7 +87,7 @@ def times_panel(rows: pd.DataFrame, axis_name: str) -> Panel:
     """Milliseconds a frame of one panel's aligned rows, each form of the geometry a line, with the baselines, and of
     methods of files, which have no splits, as levels."""
     shown = _splits_panel(rows, axis_name, None, [])
-    return replace(shown, levels=[*series.time_levels(aligned_rows(rows)), *shown.levels])
+    return replace(shown, levels=[*series.baseline_levels(aligned_rows(rows), None), *shown.levels])
 
 
 def ratios_panel(rows: pd.DataFrame, axis_name: str, with_paper: bool = False) -> Panel:
@@ -98,7 +98,7 @@ def ratios_panel(rows: pd.DataFrame, axis_name: str, with_paper: bool = False) -
     levels = [Level(ALL_HITS, height, {"color": GREY, "linestyle": DASH_DOTTED}) for height in starts]
     stars = _paper_best(aligned, axis_name) if with_paper and ratio == series.OVER_SINGLE else []
     return replace(
-        shown, levels=[*series.ratio_levels(aligned, ratio), *levels, *shown.levels], marks=[*shown.marks, *stars],
+        shown, levels=[*series.baseline_levels(aligned, ratio), *levels, *shown.levels], marks=[*shown.marks, *stars],
         y=Axis(f"speed-up over {series.say_baseline(ratio)}"),
     )  # fmt: skip
 
@@ -198,7 +198,7 @@ def _methods(rows: pd.DataFrame) -> Panel:
         else:
             notes += point.notes()
             bars.append(_ratio_bar(point) if len(point.best) else _without_value(point))
-    return Panel(bars=bars, levels=series.ratio_levels(rows, series.OVER_PACKETS), notes=notes)
+    return Panel(bars=bars, levels=series.baseline_levels(rows, series.OVER_PACKETS), notes=notes)
 
 
 def _without_value(point: series.BestPoint) -> Bar:

@@ -92,15 +92,10 @@ def build_own(point: Point, stack: ExitStack) -> tuple[Any, dict[str, Any]]:
     return own, results
 
 
-def trace_once(tracer: Any) -> None:
-    """What most workloads warm up by."""
-    tracer.trace()
-
-
 def warm_up(
     point: Point,
     makers: Iterable[MakeTracer],
-    use: Callable[[Any], object] = trace_once,
+    use: Callable[[Any], object] = lambda tracer: tracer.trace(),
     triangles: Sequence[tuple[int, int, int]] = _FEW,
 ) -> None:
     """Compile every kernel of the point and start Embree's threads, before memory is read or a clock runs.

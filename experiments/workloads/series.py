@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from experiments.drawing.figure import Level, median_level
 from experiments.drawing.missing import missing_points
-from experiments.drawing.style import BLACK, DASHED, GREY, TIMES
+from experiments.drawing.style import BLACK, GREY, TIMES
 from experiments.drawing.values import MILLISECONDS, column, numbers, say_things
 from experiments.methods import METHODS, find_method
 from experiments.methods.naming import say_series, say_split
@@ -94,20 +93,14 @@ def beside(rows: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
     return others
 
 
-def ratio_levels(rows: pd.DataFrame, ratio: str) -> list[Level]:
-    """A level at each baseline's ratio; one of the two is 1."""
-    own_s = numbers(rows, TIME_BASELINES[_BASELINES[ratio]][0])
-    return _levels(lambda name: own_s / numbers(rows, name))
-
-
-def time_levels(rows: pd.DataFrame) -> list[Level]:
-    """A level at each baseline's milliseconds."""
-    return _levels(lambda name: numbers(rows, name) * MILLISECONDS)
-
-
-def _levels(read: Callable[[str], NDArray[np.float64]]) -> list[Level]:
-    lines = TIME_BASELINES.items()
-    return [level for label, (name, style) in lines for level in median_level(label, read(name), style)]
+def baseline_levels(rows: pd.DataFrame, ratio: str | None) -> list[Level]:
+    """A level at each baseline's ratio, one of which is 1. ratio: beginning of its column, None = milliseconds."""
+    over_s = None if ratio is None else numbers(rows, TIME_BASELINES[_BASELINES[ratio]][0])
+    levels = []
+    for label, (name, style) in TIME_BASELINES.items():
+        time_s = numbers(rows, name)
+        levels += median_level(label, time_s * MILLISECONDS if over_s is None else over_s / time_s, style)
+    return levels
 
 
 def series_of(rows: pd.DataFrame) -> Iterator[tuple[str, int | None, pd.DataFrame]]:
@@ -127,15 +120,6 @@ def series_of(rows: pd.DataFrame) -> Iterator[tuple[str, int | None, pd.DataFram
         for width in widths:
             same = of_method["packet_width"].eq(width)
             yield method.name, width, of_method[same.fillna(width == widths[0]).astype(bool)]
-
-
-def style_of(name: str, packet_width: int | None) -> dict[str, Any]:
-    """Colour, marker and line of a series; that of single rays is dashed and hollow."""
-    if name == PIXEL.name and packet_width == 1:
-        return {"color": BLACK, "marker": "^", "linestyle": DASHED}
-    method = find_method(name)
-    is_single = packet_width == 1 and method.has_packets
-    return vars(method.style) | ({"linestyle": DASHED, "markerfacecolor": "white"} if is_single else {})
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +144,8 @@ class BestPoint:
 
     @property
     def color(self) -> str:
-        return str(style_of(self.method, self.packet_width)["color"])
+        is_baseline = self.method == PIXEL.name and self.packet_width == 1
+        return BLACK if is_baseline else find_method(self.method).style.color
 
     def notes(self) -> list[str]:
         """Lines on what was not measured, and on wrong pixels of the best row."""

@@ -16,13 +16,13 @@ FIGURE5 = [
 OVER_SPLITS = {"figure4", "figure4_speedup", *FIGURE5, "figure5_vertical", "figure5_vertical_speedup"}
 OTHER_PICTURES = ("split", "still", "mitsuba")
 NEEDLESS = ("others", "aligned_others", "solid", "solid_others", "solid_aligned")  # as all reductions are asked for
-IN_PROCESS = ("occupancy", "dark", "packets", "expansion", "roulette", "environment", "translucency")
+IN_PROCESS = ("occupancy", "dark", "expansion", "roulette", "environment", "translucency")
 # An image of 32 pixels takes no split of 64: such points are skipped.
 SWEEPS = {
-    "smoke": ([], {"figure3", "figure3_differences", *OVER_SPLITS, "figure6", "figure7", "figure7_instancing"}),
+    "smoke": ([], {"figure3", *OVER_SPLITS, "figure6", "figure7", "figure7_instancing"}),
     "build": (["method.split_x=4"], {"figure6"}),
     "memory": (["method.split_x=4"], {"figure7", "figure7_instancing"}),
-    "scenes": (["scene=cornell_box"], {"figure3", "figure3_differences"}),
+    "scenes": (["scene=cornell_box"], {"figure3"}),
     "methods": (["method.split_x=4", "method.split_y=1"], {"methods"}),
     "instruction_sets": (["method.split_x=4", "method.split_y=1"], {"methods"}),
     "methods_families": (["method.split_x=4", "method.split_y=1"], {"methods"}),

@@ -179,6 +179,7 @@ MIXED = {
     "glass": matter(0.0, 0.6, 1.0, is_thin=False),
     "glass from within": matter(0.0, 0.6, 1.0, 1 / 1.5, False),
     "coated plastic": matter(0.0, 0.6, colour=(0.8, 0.4, 0.2), coat=1.0, specular=0.7, tint=(1.0, 0.5, 0.0)),
+    "coated metal": matter(1.0, 0.4, colour=(0.8, 0.4, 0.2), coat=1.0, coat_roughness=0.1),
     "coated glass": matter(0.0, 0.6, 1.0, is_thin=False, coat=0.5, coat_roughness=0.5),
 }
 
@@ -209,7 +210,7 @@ def test_weights_of_chosen_directions_add_up_to_the_integral_of_what_is_scattere
     np.testing.assert_allclose(weights.astype(float).mean(0), values.astype(float).mean(0) * 4 * np.pi, rtol=0.02)
 
 
-@pytest.mark.parametrize("name", ["plastic", "half metal", "metal", "half pane", "coated plastic"])
+@pytest.mark.parametrize("name", ["plastic", "half metal", "metal", "half pane", "coated plastic", "coated metal"])
 def test_light_takes_each_way_in_both_directions_alike(name):
     rng = np.random.default_rng(3)
     there, back = rng.normal(size=(2, 400, 3))
@@ -233,6 +234,18 @@ def test_light_takes_each_way_through_rough_glass_in_both_directions_alike_but_f
     other, _ = values_of(matter(0.0, 0.7, 1.0, 1 / ior, False), back, there * flipped)
     assert (one > 1e-4).any(axis=1).sum() > 50
     np.testing.assert_allclose(one / back[:, 2:], other * ior**2 / there[:, 2:], rtol=5e-3, atol=1e-5)
+
+
+@pytest.mark.parametrize("coat_roughness", [0.0, 0.1, 0.3, 0.5, 0.8, 1.0])
+@pytest.mark.parametrize("metallic", [0.0, 1.0])
+@pytest.mark.parametrize("coat", [0.3, 1.0])
+def test_in_a_furnace_a_coat_over_what_is_white_keeps_nearly_all_light_and_adds_none(coat, metallic, coat_roughness):
+    for roughness in (0.0, 0.1, 0.2, 0.4, 0.7, 1.0):
+        made = matter(metallic, roughness, coat=coat, coat_roughness=coat_roughness)
+        for cosine in (0.05, 0.15, 0.3, 0.6, 1.0):
+            weights = sampled(made, cosine, 1 << 14)[1][:, 0].astype(float)
+            noise = 4 * weights.std() / np.sqrt(len(weights))
+            assert 0.97 - noise < weights.mean() < 1.0 + noise + 1e-6, (roughness, cosine)
 
 
 @pytest.mark.parametrize("coat_roughness", [0.0, 0.2, 0.6, 1.0])

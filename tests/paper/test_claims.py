@@ -8,9 +8,8 @@ from io import BytesIO
 import pandas as pd
 import pytest
 
-from experiments.paper.claims import CLAIMS, judge_claims
+from experiments.paper.claims import CLAIMS, judge_claims, paper_judges
 from experiments.paper.evidence import PAPER_SCENES, USED_COLUMNS, Evidence
-from experiments.paper.ratios import paper_judges
 from experiments.paper.readings import EVERY_HIT
 from experiments.results.claims import JudgedClaim, claim_files, judge_claim
 from experiments.results.table import columns
@@ -33,9 +32,11 @@ def agreeing():
 
 def finding(table, claim_id, reading=None):
     """Under one reading; None: under the last of a frame, where the paper's 1 x 1 gathers all hits."""
-    found = judge_claim(next(claim for claim in CLAIMS if claim.id == claim_id), Evidence(table))
+    judged = judge_claim(next(claim for claim in CLAIMS if claim.id == claim_id), Evidence(table))
     return next(
-        one for one in reversed(found) if one.reading == reading or (reading is None and one.reading != EVERY_HIT.name)
+        claim
+        for claim in reversed(judged)
+        if claim.reading == reading or (reading is None and claim.reading != EVERY_HIT.name)
     )
 
 
@@ -46,10 +47,10 @@ def where_every_hit_is_wanted(table):
 
 def not_measured(table, claim_id, why):
     """The finding, which must be that nothing was measured, for this reason."""
-    found = finding(table, claim_id)
-    assert found.verdict == "not measured"
-    assert why in found.why
-    return found
+    judged = finding(table, claim_id)
+    assert judged.verdict == "not measured"
+    assert why in judged.why
+    return judged
 
 
 def verdict(table, claim_id):
@@ -57,12 +58,12 @@ def verdict(table, claim_id):
 
 
 def test_every_claim_holds_on_a_table_that_agrees_with_the_paper_and_any_other_verdict_has_a_reason(agreeing):
-    verdicts = {(one.id, one.reading): one.verdict for one in judge_claims(agreeing)}
+    verdicts = {(claim.id, claim.reading): claim.verdict for claim in judge_claims(agreeing)}
     assert {name for (name, _), verdict in verdicts.items() if verdict != "holds"} == IMPOSSIBLE_TOGETHER | NO_NUMBER
     assert {verdicts["cost-model", ""], verdicts["nearest-alone-may-lose", "nearest hit"]} == {"does not hold"}
-    for one in (*judge_claims(agreeing), *judge_claims(agreeing_table(("sponza",)))):
-        assert bool(one.why) is (one.verdict != "holds"), one
-        assert "\n" not in (one.why or "")
+    for claim in (*judge_claims(agreeing), *judge_claims(agreeing_table(("sponza",)))):
+        assert bool(claim.why) is (claim.verdict != "holds"), claim
+        assert "\n" not in (claim.why or "")
 
 
 SINGLE = {"workload": "frame", "packet_width": 1, "scene": "sponza"}
@@ -98,12 +99,12 @@ FLIPS = {
 
 @pytest.mark.parametrize("claim_id", FLIPS)
 def test_one_number_of_one_scene_refutes_the_claim_and_the_finding_names_the_scene(agreeing, claim_id):
-    found = finding(FLIPS[claim_id](agreeing), claim_id)
-    assert found.verdict == "does not hold"
+    judged = finding(FLIPS[claim_id](agreeing), claim_id)
+    assert judged.verdict == "does not hold"
     if "best-speedup" not in claim_id:
-        assert "sponza" in found.why
-        assert "mitsuba: " not in found.why
-        assert "mitsuba: " in found.value
+        assert "sponza" in judged.why
+        assert "mitsuba: " not in judged.why
+        assert "mitsuba: " in judged.value
 
 
 SOME = {
@@ -132,7 +133,7 @@ def test_every_claim_but_the_cost_model_is_flipped_above_best_speedups_on_one_sc
 
 def test_a_key_that_no_judge_has_is_refused_by_name():
     with pytest.raises(ValueError, match=r"a judge has \['most'\], expected some of \['above'"):
-        paper_judges({"one": {}, "over": {}, "at": [2], "most": 1})
+        paper_judges({"numerator": {}, "denominator": {}, "at": [2], "most": 1})
 
 
 def follow_model(table, exponent):
@@ -145,9 +146,9 @@ def follow_model(table, exponent):
 
 def test_the_cost_model_holds_for_exponent_one_fails_for_a_half_and_needs_five_points(agreeing):
     table = follow_model(agreeing, 1)
-    found = finding(table, "cost-model")
-    assert found.verdict == "holds"
-    assert "sponza: exponent 1.00, R2 1.00, 11 points" in found.value
+    judged = finding(table, "cost-model")
+    assert judged.verdict == "holds"
+    assert "sponza: exponent 1.00, R2 1.00, 11 points" in judged.value
     assert verdict(follow_model(agreeing, 0.5), "cost-model") == "does not hold"
     large = (table["split_x"] > 8) & where(table, scene="sponza", workload="frame", culling=False)
     not_measured(table[~large], "cost-model", "4 points, 5 are needed")
@@ -159,9 +160,9 @@ def test_without_numbers_nothing_holds_and_nothing_fails(agreeing):
     others = table_of([{**row, "scene": "somebody's own"} for row in sponza])
     for table in (None, pd.DataFrame(), table_of([]), skipped_rows, agreeing[["scene", "split_x"]], others):
         findings = judge_claims(table)
-        assert list(dict.fromkeys(one.id for one in findings)) == [claim.id for claim in CLAIMS]
-        assert {one.verdict for one in findings} == {"not measured"}
-        assert all(one.why for one in findings)
+        assert list(dict.fromkeys(claim.id for claim in findings)) == [claim.id for claim in CLAIMS]
+        assert {claim.verdict for claim in findings} == {"not measured"}
+        assert all(claim.why for claim in findings)
 
 
 @pytest.mark.parametrize("column", [
@@ -169,11 +170,11 @@ def test_without_numbers_nothing_holds_and_nothing_fails(agreeing):
     *(pytest.param(name, marks=pytest.mark.slow) for name in ("build_over_plain", "embree_bytes", "pixels_wrong")),
 ])  # fmt: skip
 def test_a_missing_column_leaves_its_claims_not_measured_and_the_others_as_they_were(agreeing, column):
-    before = {(one.id, one.reading): one.verdict for one in judge_claims(agreeing)}
-    after = {(one.id, one.reading): one.verdict for one in judge_claims(agreeing.drop(columns=column))}
-    changed = {one for one in before if before[one] != after[one]}
+    before = {(claim.id, claim.reading): claim.verdict for claim in judge_claims(agreeing)}
+    after = {(claim.id, claim.reading): claim.verdict for claim in judge_claims(agreeing.drop(columns=column))}
+    changed = {key for key in before if before[key] != after[key]}
     assert changed
-    assert {after[one] for one in changed} == {"not measured"}
+    assert {after[key] for key in changed} == {"not measured"}
     concerned = {"build_over_plain": "build", "embree_bytes": "memory", "pixels_wrong": "image|divisor"}
     if column in concerned:
         assert all(re.search(concerned[column], claim_id) for claim_id, _ in changed)
@@ -183,9 +184,9 @@ def test_holes_are_wrong_pixels_and_are_told_with_whose_rays_they_are(agreeing):
     chosen = where(agreeing, **SINGLE, split_x=2, split_y=1, culling=True)
     counts = {"pixels_wrong": 3, "pixels_hole": 1, "baseline_pixels_hole": 2}
     table = agreeing.assign(**{name: chosen.astype("int64") * count for name, count in counts.items()})
-    found = finding(table, "any-divisor-works")
-    assert found.verdict == "does not hold"
-    assert "3 pixels wrong at 2 splits (holes between triangles: 1 of aligned rays, 2 of rtcIntersect1)" in found.why
+    judged = finding(table, "any-divisor-works")
+    assert judged.verdict == "does not hold"
+    assert "3 pixels wrong at 2 splits (holes between triangles: 1 of aligned rays, 2 of rtcIntersect1)" in judged.why
     assert "(holes between triangles: " in finding(table, "image-without-error").why
 
 
@@ -198,14 +199,14 @@ def test_a_missing_scene_leaves_a_claim_not_measured_unless_another_scene_refute
 def test_an_interval_wider_than_the_difference_leaves_the_claim_undecided_if_every_scene_was_measured(agreeing):
     noise = agreeing["process"].map({0: 0.8, 1: 1.25, 2: 1.0, 3: 0.8, 4: 1.25})
     table = agreeing.assign(speedup=agreeing["speedup"] * noise)
-    found = finding(table, "one-axis-beats-both")
-    assert found.verdict == "undecided"
-    assert "wider than the difference" in found.why
-    assert found.interval is not None
-    found = finding(table[~where(table, scene="mitsuba")], "one-axis-beats-both")
-    assert found.verdict == "not measured"
-    assert re.search(r"sponza: [^;]*\(undecided\)", found.value)
-    assert "mitsuba: - (not measured)" in found.value
+    judged = finding(table, "one-axis-beats-both")
+    assert judged.verdict == "undecided"
+    assert "wider than the difference" in judged.why
+    assert judged.interval is not None
+    judged = finding(table[~where(table, scene="mitsuba")], "one-axis-beats-both")
+    assert judged.verdict == "not measured"
+    assert re.search(r"sponza: [^;]*\(undecided\)", judged.value)
+    assert "mitsuba: - (not measured)" in judged.value
 
 
 def test_more_splits_count_as_slower_only_when_the_whole_interval_says_so(agreeing):
@@ -243,18 +244,18 @@ def test_the_two_readings_differ_by_what_gathering_all_hits_costs_at_one_split(a
 
 def test_where_every_hit_is_wanted_the_claims_on_speed_are_judged_by_themselves(agreeing):
     gathered = where_every_hit_is_wanted(agreeing)
-    found = {one.id: one for one in judge_claims(gathered)}
-    assert {one.reading for one in found.values()} == {EVERY_HIT.name}
-    assert {name for name, one in found.items() if one.verdict != "holds"} == {"cost-model"}
-    assert found["best-speedup-sponza"].value == "1.75 at 1,024 x 1"
+    judged = {claim.id: claim for claim in judge_claims(gathered)}
+    assert {claim.reading for claim in judged.values()} == {EVERY_HIT.name}
+    assert {name for name, claim in judged.items() if claim.verdict != "holds"} == {"cost-model"}
+    assert judged["best-speedup-sponza"].value == "1.75 at 1,024 x 1"
     slower = scaled(gathered, 0.5, culling=True, packet_width=1)
-    assert next(one.verdict for one in judge_claims(slower) if one.id == "best-speedup-sponza") == "does not hold"
+    assert next(claim.verdict for claim in judge_claims(slower) if claim.id == "best-speedup-sponza") == "does not hold"
 
 
 def test_a_table_of_frames_alone_is_not_asked_what_is_so_where_every_hit_is_wanted(agreeing):
-    assert EVERY_HIT.name not in {one.reading for one in judge_claims(agreeing)}
+    assert EVERY_HIT.name not in {claim.reading for claim in judge_claims(agreeing)}
     both = pd.concat([agreeing, where_every_hit_is_wanted(agreeing).assign(point_id=lambda rows: rows.point_id + "g")])
-    assert {one.verdict for one in judge_claims(both) if one.id.startswith("best-speedup")} == {"holds"}
+    assert {claim.verdict for claim in judge_claims(both) if claim.id.startswith("best-speedup")} == {"holds"}
     layers = both.assign(what=both["what"].mask(both["workload"] == "gather", "layers"))
     assert finding(layers, "best-speedup-sponza", EVERY_HIT.name).verdict == "not measured"
 
@@ -291,9 +292,9 @@ def test_a_minimum_inside_is_faster_than_none_and_than_more(agreeing):
     flat = scaled(flat, 1.05, **off, split_x=1024)
     slow_from_the_start = scaled(agreeing, 2, **off, split_x=1)
     for table, why in ((slow_from_the_start, "no minimum inside"), (flat, "faster than any fewer")):
-        found = finding(table, "culling-off-slows-again")
-        assert found.verdict == "does not hold"
-        assert why in found.why
+        judged = finding(table, "culling-off-slows-again")
+        assert judged.verdict == "does not hold"
+        assert why in judged.why
 
 
 def test_a_scene_that_stays_above_its_start_decides_nothing_while_points_are_missing(agreeing):
@@ -308,16 +309,16 @@ def test_stand_ins_are_named_and_never_compared_with_the_papers_numbers(agreeing
     rows = agreeing_rows("cornell_box")
     for scene, name in STAND_INS.items():
         rows += [{**row, "scene": name, "stands_for": scene} for row in agreeing_rows(scene)]
-    for one in judge_claims(table_of(rows)):
-        if one.id in NO_NUMBER:
+    for claim in judge_claims(table_of(rows)):
+        if claim.id in NO_NUMBER:
             continue
-        best_speedup = one.id.startswith("best-speedup")
-        if (best_speedup and "cornell_box" not in one.id) or one.id == "larger-scenes-gain-less":
-            assert (one.verdict, one.value) == ("not measured", ""), one
-            assert "stand-ins only" in one.why
+        best_speedup = claim.id.startswith("best-speedup")
+        if (best_speedup and "cornell_box" not in claim.id) or claim.id == "larger-scenes-gain-less":
+            assert (claim.verdict, claim.value) == ("not measured", ""), claim
+            assert "stand-ins only" in claim.why
         else:
-            assert one.verdict == ("does not hold" if one.id in IMPOSSIBLE_TOGETHER else "holds")
-            assert ("atrium for sponza" in one.text) is not best_speedup
+            assert claim.verdict == ("does not hold" if claim.id in IMPOSSIBLE_TOGETHER else "holds")
+            assert ("atrium for sponza" in claim.text) is not best_speedup
 
 
 def test_a_stand_in_beside_its_scene_is_left_out(agreeing):
@@ -337,9 +338,9 @@ def test_two_machines_or_two_build_qualities_are_refused_and_both_named_and_so_i
 ):
     table = agreeing.copy()
     table.loc[where(table, **SINGLE), column] = value
-    for one in judge_claims(table):
-        assert one.verdict == "not measured"
-        assert one.id in NO_NUMBER or said in one.why
+    for claim in judge_claims(table):
+        assert claim.verdict == "not measured"
+        assert claim.id in NO_NUMBER or said in claim.why
     twice = agreeing[where(agreeing, **SINGLE, split_x=2, split_y=2)].assign(point_id="another")
     not_measured(pd.concat([agreeing, twice]), "one-axis-beats-both", "2 points")
 
@@ -362,7 +363,7 @@ def test_a_table_read_from_csv_gives_the_same_findings_and_both_files_hold_every
     assert [JudgedClaim(**row) for row in rows] == list(findings)
     from_csv = pd.read_csv(BytesIO(files["claims.csv"]))
     assert list(from_csv.columns) == list(JudgedClaim.__dataclass_fields__)
-    assert list(from_csv["verdict"]) == [one.verdict for one in findings]
+    assert list(from_csv["verdict"]) == [claim.verdict for claim in findings]
 
 
 def test_claims_have_distinct_names_say_how_they_are_judged_and_read_columns_that_the_table_has():

@@ -1,5 +1,6 @@
 """Figures draw what the table says, on tables small enough to read."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import pandas as pd
@@ -8,9 +9,10 @@ from matplotlib.axis import Tick
 from matplotlib.text import Text
 
 from atra.errors import InputError
+from experiments.drawing.figure import Axis, Bar, Figure, Panel
 from experiments.drawing.provenance import how_measured, provenance
 from experiments.drawing.render import draw as drawn
-from experiments.drawing.style import PANEL_INCHES, SMALL, TIMES
+from experiments.drawing.style import BLACK, PANEL_INCHES, SMALL, TIMES
 from experiments.harness.configuration import Configuration, SweepConfiguration
 from experiments.harness.points import GridPoint
 from experiments.paper.figures import instancing_figure
@@ -228,6 +230,28 @@ def test_every_text_of_a_figure_is_large_enough_and_inside_of_it(name):
             whole = text.get_window_extent()
             assert min(whole.x0, whole.y0) >= 0, text
             assert max(whole.x1 - figure.bbox.x1, whole.y1 - figure.bbox.y1) <= 0, text
+
+
+def test_labels_of_ticks_keep_apart():
+    rows = [time_row(split, 0.1, ratio=1.5) for split in (1, 16, 64, 128, 256, 512, 1024)]
+    (axis, *_) = drawn(split_ratios(make_rows(*rows))).axes
+    axis.figure.draw_without_rendering()
+    places = [text.get_window_extent() for text in axis.get_xticklabels() if text.get_text()]
+    assert [text.get_text() for text in axis.get_xticklabels()][-1] == "1,024"
+    assert len(places) >= 4
+    assert all(left.x1 < right.x0 for left, right in pairwise(places))
+
+
+def test_a_long_label_of_a_bar_is_folded_and_leaves_its_panel_as_wide_as_the_others():
+    bars = [Bar(", ".join(["some option of it"] * count), 1.0, 0.9, 1.1, BLACK, "") for count in (1, 6)]
+    figure = drawn(Figure("bars", [Panel(bars=bars), Panel(bars=bars[:1])], x=Axis("ratio", "linear")))
+    figure.draw_without_rendering()
+    long, short = figure.axes
+    widths = [axis.get_window_extent().width for axis in figure.axes]
+    assert widths[0] == pytest.approx(widths[1], rel=0.02)
+    assert widths[0] > 0.4 * figure.bbox.width
+    label = next(text for text in long.texts if "\n" in text.get_text())
+    assert label.get_window_extent().x1 < short.get_window_extent().x0
 
 
 @pytest.mark.parametrize(

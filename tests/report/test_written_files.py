@@ -3,6 +3,7 @@
 import errno
 import os
 import tempfile
+from shutil import rmtree
 
 import pytest
 
@@ -72,6 +73,18 @@ def test_a_report_written_later_is_of_the_table_alone(tmp_path):
     found = contents(tmp_path / "one")
     assert set(found) >= TABLES | FIGURE | PAGE
     assert "figure5_packets_of_99.png" not in found
+
+
+def test_without_records_the_page_tells_what_the_table_knows_of_the_software(tmp_path):
+    sweep(tmp_path, 1)
+    rmtree(tmp_path / "records")
+    one = configuration(tmp_path)
+    one.sweep.figures = {}
+    rewrite_report(one)
+    page = contents(tmp_path / "one")["report.html"].decode()
+    assert "unknown versions" not in page
+    known = read_tables(tmp_path / "one").points["numba_version"].iloc[0]
+    assert f"Numba {known}" in page
 
 
 @pytest.fixture

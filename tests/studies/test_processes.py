@@ -1,10 +1,17 @@
 """Processes of studies, tables that they add to, and how a study is asked for."""
 
+import builtins
+import dis
+import inspect
+
 import pandas as pd
 import pytest
 
 from atra.errors import InputError
 from experiments.studies.__main__ import STUDIES, run
+from experiments.studies.first_image import first_answers
+from experiments.studies.lens_speed import timed
+from experiments.studies.paired import frames
 from experiments.studies.processes import HERE, Turn, add_rows, in_processes
 
 
@@ -32,6 +39,17 @@ def test_every_row_is_of_a_process_of_its_own_and_turns_change_their_order():
 def test_a_process_that_fails_says_which_function_and_why():
     with pytest.raises(RuntimeError, match=r"(?s)broken failed in .*the lamp is out"):
         in_processes(broken, 1)
+
+
+def globals_of(code):
+    """Names that it and the functions in it look up outside of themselves."""
+    names = {step.argval for step in dis.get_instructions(code) if step.opname == "LOAD_GLOBAL"}
+    return names.union(*(globals_of(inner) for inner in code.co_consts if inspect.iscode(inner)))
+
+
+@pytest.mark.parametrize("function", [first_answers, frames, timed], ids=lambda function: function.__name__)
+def test_what_a_study_runs_elsewhere_imports_all_that_it_uses(function):
+    assert globals_of(function.__code__) <= {*dir(builtins), "json", "sys"}
 
 
 @pytest.mark.parametrize("name", ["table.csv", "table.parquet"])

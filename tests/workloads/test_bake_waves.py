@@ -9,10 +9,9 @@ from atra import light
 from atra.light import Baker
 from atra.light.lightmaps.paths import Paths
 from experiments.light.waves.baker import WaveBaker
-from experiments.light.waves.waves_kernels import DIRECTION, NEAR, ORIGIN, generate, new_wave, scatter, trace_kernel
+from experiments.light.waves.waves_kernels import DIRECTION, NEAR, ORIGIN, generate, new_wave, scatter, trace
 from tests.baked import cube, painted, sheet
 from tests.light.lightmaps.test_light import BOX, LIT
-from tests.machine import WIDEST
 from tests.meshes import joined
 
 RAYS = 10_000
@@ -45,16 +44,16 @@ MIXED = light.Scene(
 )  # fmt: skip
 
 
-def first_hits(packet_width):
+def first_hits():
     """What paths from the texels of a room meet first; their origins and directions, (R, 3) float64."""
-    with WaveBaker(painted(ROOM), sheet(ROOM, 8), threads=1, packet_width=packet_width) as baker:
+    with WaveBaker(painted(ROOM), sheet(ROOM, 8), threads=1) as baker:
         texels, wave, paths = baker.texels, new_wave(RAYS), Paths(baker.scene, baker.texels, baker.options)
         order = (np.arange(RAYS) % len(texels)).astype(np.int32)
         generate(wave, order, 0, RAYS, 1, np.arange(len(texels), dtype=np.int32), paths.charts, paths.surfaces)
         assert scatter(wave, RAYS, paths.surfaces, 100) == RAYS
 
         def work(query):
-            assert trace_kernel(packet_width)(wave, RAYS, query.scene, query.packet) == RAYS
+            assert trace(wave, RAYS, query.scene, query.packet) == RAYS
 
         baker.rays_scene.run(work)
     origins, ways = (wave.floats[first : first + 3, :RAYS].T.astype(float) for first in (ORIGIN, DIRECTION))
@@ -62,7 +61,7 @@ def first_hits(packet_width):
 
 
 def test_rays_of_texels_meet_what_brute_force_says():
-    prim_id, got, origins, ways = first_hits(1)
+    prim_id, got, origins, ways = first_hits()
     distances = nearest(ROOM, origins, ways)
     first = np.sort(distances, axis=1)
     assert np.isfinite(first[:, 0]).all()  # nothing leaks out of a closed box
@@ -72,16 +71,6 @@ def test_rays_of_texels_meet_what_brute_force_says():
     assert apart.mean() > 0.99
     assert (met == first[:, 0])[apart].mean() > 0.9995
     assert (prim_id >= 12).mean() > 0.03
-
-
-def test_packets_meet_what_single_rays_meet_but_where_a_ray_is_at_an_edge():
-    (single, near, origins, ways), (packets, near_of_packets, *_) = first_hits(1), first_hits(WIDEST)
-    different = single != packets
-    first = np.sort(nearest(ROOM, origins, ways), axis=1)
-    at_an_edge = first[:, 1] - first[:, 0] <= 1e-5
-    assert at_an_edge[different].all()
-    assert different.sum() < 1e-3 * RAYS
-    np.testing.assert_allclose(near_of_packets, near, rtol=1e-4, atol=1e-5)
 
 
 @pytest.mark.parametrize("options", [

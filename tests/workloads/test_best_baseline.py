@@ -3,7 +3,7 @@
 import pytest
 
 from experiments.drawing.style import TIMES
-from experiments.workloads.frame.shown import baseline_lines, best_baselines
+from experiments.workloads.frame.shown import best_baselines, process_lines
 from tests.drawn import make_rows, method_row
 
 pytestmark = pytest.mark.uncovered
@@ -34,13 +34,13 @@ def test_the_fastest_of_a_scene_is_told_with_its_margin():
 
 def test_what_stood_out_in_the_processes_that_chose_it_alone_is_noise():
     lucky = rows_of("lucky", (1.3, 1.3, 1.3, 1.0, 1.01, 0.99), coherent=False)
-    lines = list(baseline_lines(table(rows_of("usual", NOISE), lucky)))
+    lines = list(process_lines(table(rows_of("usual", NOISE), lucky)))
     assert "incoherent, 1.00 [0.98, 1.03] times as fast as the usual packets (no more than noise)" in lines[0]
     assert lines[1] == "nowhere are ray packets faster than the usual ones by more than noise"
 
 
 def test_too_few_processes_decide_nothing_and_the_usual_packets_alone_leave_no_choice():
     rows = table(rows_of("usual", (1.0, 1.0)), rows_of("robust", (1.2, 1.2), robust=True))
-    assert list(baseline_lines(rows)) == ["best of 2 ray packets, box: packets of 16 per pixel, robust (not decided)"]
+    assert list(process_lines(rows)) == ["best of 2 ray packets, box: packets of 16 per pixel, robust (not decided)"]
     single = [row | {"packet_width": 1} for row in rows_of("single", NOISE)]
     assert not list(best_baselines(table(rows_of("usual", NOISE), single)))

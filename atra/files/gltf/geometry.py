@@ -16,6 +16,9 @@ _READ = {DRACO, *MESHOPT, "KHR_mesh_quantization", "EXT_mesh_gpu_instancing"}
 _NOT_GEOMETRY = re.compile(r"[A-Z]+_(?:materials?|textures?|lights?)_\w+")
 """Extensions that a file may require."""
 
+_BYTES_PER_PART = 20_000
+"""Memory for a placed primitive, more than it takes: the bound then covers the time of reading it, too."""
+
 
 def read_gltf_file(path: Path, memory_per_byte: float | None) -> MeshFile:
     """The triangles of the default scene: nodes depth first in their order, primitives in theirs.
@@ -23,7 +26,8 @@ def read_gltf_file(path: Path, memory_per_byte: float | None) -> MeshFile:
     Vertices are in world space; a transform that mirrors turns the winding of its faces. Raises InputError for required
     extensions that are not read, and for nodes with several parents.
     """
-    model = Gltf(path, memory_per_byte, lambda name: name in _READ or _NOT_GEOMETRY.fullmatch(name), BYTES_PER_ROW)
+    sizes = BYTES_PER_ROW, _BYTES_PER_PART
+    model = Gltf(path, memory_per_byte, lambda name: name in _READ or _NOT_GEOMETRY.fullmatch(name), *sizes)
     parts = [
         placed_part(*made, source.place, source.given.get("material", NONE), source.node.number)
         for source, made in model.primitives(lambda given, pose: read_primitive(given, model.numbers, pose))

@@ -19,9 +19,6 @@ from atra.files.gltf.tree import entry, gltf_tree, without
 from atra.files.meshes.parts import NONE
 from atra.files.reading import Allowance, read_regular_file
 
-_BYTES_PER_PART = 20_000
-"""Memory for a placed primitive, more than it takes: the bound then covers the time of reading it, too."""
-
 _BYTES_PER_NODE = 500
 """Memory for a node, however empty."""
 
@@ -45,8 +42,9 @@ class Gltf:
     """A glTF or GLB. nodes: those of the default scene. left_out: what is not read, by name.
 
     is_read: whether an extension that the file requires is read. named: lists of entries that name files, whose bytes
-    count for memory_per_byte. bytes_per_row: memory for a face or vertex. Raises InputError for extensions that are
-    required and not read, for nodes with several parents, and for more nodes than allowed.
+    count for memory_per_byte. bytes_per_row, bytes_per_part: memory for a face or vertex, and for a placed primitive.
+    Raises InputError for extensions that are required and not read, for nodes with several parents, and for more nodes
+    than allowed.
     """
 
     def __init__(
@@ -55,10 +53,12 @@ class Gltf:
         memory_per_byte: float | None,
         is_read: Callable[[str], Any],
         bytes_per_row: int,
+        bytes_per_part: int,
         named: tuple[str, ...] = ("buffers",),
     ) -> None:
         content, suffix = read_regular_file(path), path.suffix.lower().lstrip(".")
-        self.tree, self.folder, self._bytes_per_row = gltf_tree(content, suffix), Folder(path), bytes_per_row
+        self.tree, self.folder = gltf_tree(content, suffix), Folder(path)
+        self._bytes_per_row, self._bytes_per_part = bytes_per_row, bytes_per_part
         for name in self.tree.get("extensionsRequired", []):
             if not is_read(name):
                 raise InputError(f"it requires the extension {name!r:.60}, which is not read; {without(name)}")
@@ -88,7 +88,7 @@ class Gltf:
                     if not self._has_triangles(given):
                         continue
                     count += 1
-                    self.allowance.check(f"{count:,} parts and more", count * _BYTES_PER_PART)
+                    self.allowance.check(f"{count:,} parts and more", count * self._bytes_per_part)
                     if (mesh, k, own) not in made:
                         self._check_rows(rows + claimed_rows(given, self.numbers))
                         made[mesh, k, own] = read(given, pose)

@@ -63,6 +63,9 @@ class Baker(Lifetime):
         less noise for hundreds of lamps.
     seed : int
         Of random numbers.
+    clamp : float, optional
+        Most radiance that an emitter may add to a sample at once by more than one reflection. It takes away bright
+        specks and, with them, light: the mean is biased. None: no limit, unbiased.
 
     Attributes
     ----------
@@ -96,11 +99,11 @@ class Baker(Lifetime):
     def __init__(
         self, scene: Scene, atlas: Atlas | None = None, size: int = 512, *, threads: int | None = None,
         build_quality: str = "medium", robust: bool = True, bounces: int = 4, roulette_from: int | None = 2,
-        open_length: float = 1.0, lights: str = "aimed", seed: int = 0,
+        open_length: float = 1.0, lights: str = "aimed", seed: int = 0, clamp: float | None = None,
     ) -> None:  # fmt: skip
         super().__init__()
         self.options = BakeOptions(
-            threads, build_quality, robust, bounces, roulette_from, open_length, lights, seed
+            threads, build_quality, robust, bounces, roulette_from, open_length, lights, seed, clamp
         )  # fmt: skip
         self._take(scene)
         self._given, self._size = atlas, size

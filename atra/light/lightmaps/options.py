@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from atra.choices import check_choice
-from atra.light.checks import check_rays, check_whole, checked_number
+from atra.light.checks import check_clamp, check_rays, check_whole, checked_number
 
 
 @dataclass(frozen=True)
@@ -24,6 +24,7 @@ class BakeOptions:
     open_length: float = 1.0
     lights: str = "aimed"
     seed: int = 0
+    clamp: float | None = None
 
     def __post_init__(self) -> None:
         check_rays(self)
@@ -33,3 +34,4 @@ class BakeOptions:
             check_whole("roulette_from", self.roulette_from, 0, 1 << 20)
         object.__setattr__(self, "open_length", checked_number("open_length", self.open_length, 0.0, 1e30, above=True))
         check_whole("seed", self.seed, 0, (1 << 32) - 1)
+        check_clamp(self)

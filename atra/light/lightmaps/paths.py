@@ -32,7 +32,7 @@ class Paths:
             mesh.vertices, mesh.faces, texels.atlas.uv, texels.prim_id, texels.number, texels.atlas.width,
             np.float32(options.open_length), np.uint32(options.seed),
         )  # fmt: skip
-        self.limits = limits_of(options.bounces, options.roulette_from, 1)
+        self.limits = limits_of(options.bounces, options.roulette_from, options.clamp, 1)
 
     def light(
         self, query: Query, order: NDArray[np.int32], part: tuple[int, int], count: int, samples: NDArray[np.int32],

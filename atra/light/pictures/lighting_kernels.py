@@ -43,7 +43,7 @@ from atra.light.pictures.gbuffer_kernels import (
     set_vector,
     vector_of,
 )
-from atra.light.pictures.path_kernels import load_ray, passed, passes_of, path_key, pixel_line, shadows
+from atra.light.pictures.path_kernels import behind, load_ray, passed, passes_of, path_key, pixel_line, shadows
 from atra.light.scattering.emission_kernels import emission_at
 from atra.light.scattering.spots_kernels import WHITE
 from atra.light.surface_kernels import SHINES
@@ -112,15 +112,17 @@ def look_through(width, chunk, first, count, pixels, surfaces, scene, packet):  
         direction, distance, passes = unit(direction), START, 0
         while prim_id != MISS and surfaces.flags[prim_id] & eye:
             random = path_key(first + i), pixels.sample, passes
-            near, _ = passed(surfaces, prim_id, origin, direction, distance, WHITE, True, random)
-            if not near > ZERO:
+            goes_on, _ = passed(surfaces, prim_id, origin, direction, WHITE, True, random)
+            if not goes_on:
                 break
-            for lane in range(width):
-                packet.valid[lane] = -1 if lane == 0 else 0
-            load_ray(packet, width, 0, origin, direction, INFINITY, near)
-            set_no_hit(packet, width, 0)
-            intersect(width, packet.valid, scene, packet)
-            prim_id, distance = hit_prim_id(packet, width, 0), hit_distance(packet, width, 0)
+            before = prim_id
+            while prim_id == before and prim_id != MISS:
+                for lane in range(width):
+                    packet.valid[lane] = -1 if lane == 0 else 0
+                load_ray(packet, width, 0, origin, direction, INFINITY, behind(distance))
+                set_no_hit(packet, width, 0)
+                intersect(width, packet.valid, scene, packet)
+                prim_id, distance = hit_prim_id(packet, width, 0), hit_distance(packet, width, 0)
             passes += 1
         rays += passes
         chunk.floats[SEEN * STRIDE + i] = ZERO if prim_id == MISS else ONE

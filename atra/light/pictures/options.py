@@ -12,7 +12,7 @@ from atra.choices import check_choice, check_flags
 from atra.errors import InputError
 from atra.geometry.numbers import as_number
 from atra.geometry.view import View
-from atra.light.checks import check_rays, check_whole, checked_number
+from atra.light.checks import check_clamp, check_rays, check_whole, checked_number
 
 LARGEST = 1e12
 """Largest radius of an aperture."""
@@ -67,6 +67,7 @@ class PathOptions(RenderOptions):
     transparent: bool = False
     aperture_radius: float = 0.0
     focus_distance: float = inf
+    clamp: float | None = None
 
     @property
     def is_jittered(self) -> bool:
@@ -87,6 +88,7 @@ class PathOptions(RenderOptions):
         _check_length("focus_distance", self.focus_distance)
         check_choice("lights", self.lights, ("aimed", "grid", "found"))
         check_flags(transparent=self.transparent)
+        check_clamp(self)
         check_whole("bounces", self.bounces, 0, 1 << 20)
         if self.roulette_from is not None:
             check_whole("roulette_from", self.roulette_from, 0, 1 << 20)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.compiled.store import njit
-from atra.embree.layout import RAY_DIR_X, RAY_ORG_X, RAY_TFAR, RAY_TNEAR
+from atra.embree.layout import RAY_DIR_X, RAY_ID, RAY_ORG_X, RAY_TFAR, RAY_TNEAR
 from atra.embree.packets_kernels import (
     INFINITY,
     MISS,
@@ -26,7 +26,7 @@ from atra.light.numbers_kernels import ONE, ZERO, along, bits_of, dot, key_of, s
 from atra.light.scattering.emission_kernels import emitted, opacity_at
 from atra.light.scattering.sampler_kernels import JITTER, LOBE, PAIRS, pair_of
 from atra.light.scattering.spots_kernels import BLACK, WHITE, straight_light
-from atra.light.surface_kernels import HOLES, ONE_SIDED, SOLID, TRANSMISSION, material_of, meet
+from atra.light.surface_kernels import HOLES, ONE_SIDED, SOLID, TRANSMISSION, VARIANT, material_of, meet
 
 BLOCK = 2048
 """Pixels of a wave are a multiple. Packets stay within a block, which starts at a multiple of BLOCK pixels; so a ray
@@ -40,8 +40,9 @@ _HOLES = 1 << 16
 
 _SEED = 0x2545F491
 
-_BEYOND = np.float32(1 + 2e-6)
-"""Where a ray starts again behind a hole, over the distance to it."""
+_BEYOND = np.float32(1 + 2.0**-23)
+"""Where a ray starts again behind a hole, over the distance to it: the next float32 or the one after. Embree may find
+the same triangle there once more; its number tells."""
 
 _LEAST_SURVIVAL = np.float32(0.05)
 
@@ -153,33 +154,39 @@ def passes_of(bounce):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy")
-def passed(surfaces, prim_id, origin, direction, distance, weight, is_seen, random):  # type: ignore[no-untyped-def]
-    """(beyond, weight): whether a ray passes a triangle that light may pass, decided by chance. beyond: where it then
-    starts again, as a distance from its origin; 0 if it meets the surface. weight: (r, g, b) of what goes on.
+def passed(surfaces, prim_id, origin, direction, weight, is_seen, random):  # type: ignore[no-untyped-def]
+    """(passes, weight): whether a ray passes a triangle that light may pass, decided by chance; its origin stays, and
+    it goes on `behind` the hit. weight: (r, g, b) of what goes on.
 
-    distance: to the hit, as far as known. is_seen: by the eye. random: (key, sample, number of surfaces met so far).
+    is_seen: by the eye. random: (key, sample, number of surfaces met so far).
     """
     key, sample, number = random
-    light, opacity, beyond = _straight(surfaces, prim_id, origin, direction, distance, is_seen, False)
+    light, opacity = _straight(surfaces, prim_id, origin, direction, ZERO, is_seen, False)
     share = max(light[0], max(light[1], light[2]))
     if unit_of(bits_of(key ^ np.uint32(sample), np.uint32(_HOLES + number))) < share:
-        return beyond, (weight[0] * light[0] / share, weight[1] * light[1] / share, weight[2] * light[2] / share)
-    return ZERO, scaled(opacity / (ONE - share), weight)
+        return True, (weight[0] * light[0] / share, weight[1] * light[1] / share, weight[2] * light[2] / share)
+    return False, scaled(opacity / (ONE - share), weight)
+
+
+@njit(forceinline=True)
+def behind(distance):  # type: ignore[no-untyped-def]
+    """Where a ray goes on that has passed what it met at a distance, exact to one or two steps of float32: what stands
+    close behind is met."""
+    return distance * _BEYOND
 
 
 @njit
-def _straight(surfaces, prim_id, origin, direction, distance, is_seen, is_lamp):  # type: ignore[no-untyped-def]
-    """((r, g, b), opacity, beyond) where a ray meets a triangle: what passes straight on, the share that meets the
-    surface, and a distance behind it. is_lamp: whether the light is that of a lamp, which passes SOLID glass, too."""
+def _straight(surfaces, prim_id, origin, direction, length, is_seen, is_lamp):  # type: ignore[no-untyped-def]
+    """((r, g, b), opacity) where a ray meets a triangle: what passes straight on, and the share that meets the surface.
+    length: of the way there within a solid, if this is its back. is_lamp: whether the light is that of a lamp, which
+    passes SOLID glass, too."""
     point, _, is_front = meet(surfaces, prim_id, origin, direction)
-    way = np.float32(point[0]) - origin[0], np.float32(point[1]) - origin[1], np.float32(point[2]) - origin[2]
-    beyond = max(distance, dot(way, direction)) * _BEYOND + np.float32(surfaces.records[prim_id, 4])
     opacity = opacity_at(surfaces, prim_id, point, is_front, is_seen)
     light = ONE - opacity, ONE - opacity, ONE - opacity
     row = surfaces.materials[material_of(surfaces, prim_id)]
     if opacity > ZERO and row[TRANSMISSION] > 0.0:
-        light = along(light, opacity, straight_light(surfaces, prim_id, origin, direction, is_lamp))
-    return light, opacity, beyond
+        light = along(light, opacity, straight_light(surfaces, prim_id, origin, direction, length, is_lamp))
+    return light, opacity
 
 
 @njit(forceinline=True, error_model="numpy")
@@ -191,10 +198,17 @@ def survival(weight, key, sample, bounce):  # type: ignore[no-untyped-def]
     return ONE / odds if pair_of(key, sample, bounce * PAIRS + LOBE)[1] < odds else ZERO
 
 
-FREE_LIGHT, FREE_LENGTH, FREE_KIND = 0, 3, 4
-FREE_ROWS = 5
-"""Rows of what `shadows` finds for the rays of a packet: the share of light that passes (r, g, b); scratch; and, set by
-the caller, what they are aimed at, as of `aim`."""
+@njit(forceinline=True)
+def _is_solid(surfaces, prim_id):  # type: ignore[no-untyped-def]
+    """Whether a triangle bounds a solid that light may pass, and is no thin wall."""
+    row = surfaces.materials[material_of(surfaces, prim_id)]
+    return row[TRANSMISSION] > 0.0 and row[VARIANT] == 0.0
+
+
+FREE_LIGHT, FREE_LENGTH, FREE_KIND, FREE_SINCE = 0, 3, 4, 5
+FREE_ROWS = 6
+"""Rows of what `shadows` finds for the rays of a packet: the share of light that passes (r, g, b); scratch; set by the
+caller, what they are aimed at, as of `aim`; scratch."""
 
 
 @njit(forceinline=True)
@@ -213,7 +227,8 @@ def shadows(width, surfaces, scene, packet, free):  # type: ignore[no-untyped-de
     waiting = 0
     for lane in range(width):
         set_vector(free, FREE_LIGHT, lane, WHITE if valid[lane] != 0 else BLACK)
-        free[FREE_LENGTH, lane] = floats[RAY_TFAR * width + lane]
+        free[FREE_LENGTH, lane], free[FREE_SINCE, lane] = floats[RAY_TFAR * width + lane], ZERO
+        packet.ids[RAY_ID * width + lane] = MISS
         waiting += 1 if valid[lane] != 0 else 0
     while waiting > 0:
         for lane in range(width):
@@ -226,11 +241,19 @@ def shadows(width, surfaces, scene, packet, free):  # type: ignore[no-untyped-de
             prim_id = hit_prim_id(packet, width, lane)
             light, beyond = WHITE, INFINITY
             if prim_id != MISS:
-                light, is_lamp = BLACK, free[FREE_KIND, lane] == FROM_LAMP
-                if surfaces.flags[prim_id] & (HOLES | SOLID if is_lamp else HOLES):
+                is_lamp, distance = free[FREE_KIND, lane] == FROM_LAMP, hit_distance(packet, width, lane)
+                beyond = behind(distance)
+                if prim_id == packet.ids[RAY_ID * width + lane]:
+                    pass
+                elif surfaces.flags[prim_id] & (HOLES | SOLID if is_lamp else HOLES):
                     origin, direction = _ray_of(packet, width, lane)
-                    distance = hit_distance(packet, width, lane)
-                    light, _, beyond = _straight(surfaces, prim_id, origin, direction, distance, False, is_lamp)
+                    length = distance - free[FREE_SINCE, lane]
+                    light, _ = _straight(surfaces, prim_id, origin, direction, length, False, is_lamp)
+                    if is_lamp and _is_solid(surfaces, prim_id):
+                        free[FREE_SINCE, lane] = distance
+                    packet.ids[RAY_ID * width + lane] = prim_id
+                else:
+                    light = BLACK
             for channel in range(3):
                 free[FREE_LIGHT + channel, lane] *= light[channel]
             floats[RAY_TNEAR * width + lane] = beyond

@@ -28,8 +28,8 @@ _KNOWN = EXTENSIONS | {
 }  # fmt: skip
 """Extensions without which a file can be shown, though those of materials may be left out."""
 
-_BYTES_PER_ROW = 200
-"""Peak memory for a face or vertex, as a node places it."""
+_BYTES_PER_ROW, _BYTES_PER_PART = 200, 2_000
+"""Peak memory for a face or vertex, as a node places it, and for the placed primitive itself."""
 
 _DEFAULTS = {"uv": 0.0, "second_uv": 0.0, "colours": 1.0}
 """Rows of vertices that a primitive may lack, and the number that then stands for them."""
@@ -47,7 +47,7 @@ class Primitive(NamedTuple):
 
 def read_gltf(path: Path, memory_per_byte: float | None) -> dict[str, Any]:
     """Fields of `atra.light.Scene`, but for the sky. Raises InputError, and other errors for damage."""
-    model = Gltf(path, memory_per_byte, _KNOWN.__contains__, _BYTES_PER_ROW, ("buffers", "images"))
+    model = Gltf(path, memory_per_byte, _KNOWN.__contains__, _BYTES_PER_ROW, _BYTES_PER_PART, ("buffers", "images"))
     tree, left_out = model.tree, model.left_out
     materials = Materials(tree, model.numbers, model.folder, left_out)
     cameras, lights = {}, []

@@ -48,16 +48,14 @@ def through_glass(direction, normal, is_front, ior, is_schlick, chance):  # type
 
 
 @njit(forceinline=True, error_model="numpy")
-def passed_within(surfaces, spot, origin):  # type: ignore[no-untyped-def]
-    """(r, g, b) that is left of light on its way from `origin` to the back of a surface, within what it encloses.
+def passed_within(surfaces, material, length):  # type: ignore[no-untyped-def]
+    """(r, g, b) that is left of light on a way of this length to the back of a surface, within what it encloses.
 
     Source: the law of Beer, Lambert and Bouguer.
     """
-    row = surfaces.materials[spot.material]
+    row = surfaces.materials[material]
     if row[ABSORPTION] == 0.0 and row[ABSORPTION + 1] == 0.0 and row[ABSORPTION + 2] == 0.0:
         return ONE, ONE, ONE
-    x, y, z = spot.point[0] - origin[0], spot.point[1] - origin[1], spot.point[2] - origin[2]
-    length = np.sqrt(x * x + y * y + z * z)
     return (
         np.float32(np.exp(-row[ABSORPTION] * length)),
         np.float32(np.exp(-row[ABSORPTION + 1] * length)),

@@ -8,12 +8,12 @@ import numpy as np
 
 from atra.compiled.store import njit
 from atra.light.numbers_kernels import HALF, ONE, TWO, ZERO, along, around, dot, on_sphere, scaled, unit
-from atra.light.scattering.bending_kernels import on_side, through_glass
+from atra.light.scattering.bending_kernels import on_side, passed_within, through_glass
 from atra.light.scattering.bumps_kernels import bump_of, bumped
 from atra.light.scattering.coat_kernels import coated_clear_light, coated_direction, coated_value
 from atra.light.scattering.facets_kernels import fresnel
 from atra.light.scattering.sampler_kernels import DIRECTION, LOBE, PAIRS, pair_of
-from atra.light.scattering.seen_kernels import UNSEEN, Seen, is_clear_pane, passes_straight, seen_from
+from atra.light.scattering.seen_kernels import UNSEEN, Seen, is_clear_pane, passes_straight, seen_from, times
 from atra.light.surface_kernels import (
     COAT,
     COAT_ROUGHNESS,
@@ -144,15 +144,16 @@ def _met(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy")
-def straight_light(surfaces, prim_id, origin, direction, is_lamp):  # type: ignore[no-untyped-def]
+def straight_light(surfaces, prim_id, origin, direction, length, is_lamp):  # type: ignore[no-untyped-def]
     """(r, g, b) that passes a surface straight on: through a clear pane; and that of lamps, which no bent ray finds,
-    through clear glass of any form."""
-    _, _, shaded, material, matter, _ = _met(surfaces, prim_id, origin, direction)
+    through clear glass of any form, less what that absorbs. length: of the way within a solid to its back."""
+    _, _, shaded, material, matter, is_front = _met(surfaces, prim_id, origin, direction)
     kind, cosine = np.int64(surfaces.materials[material, KIND]), -dot(direction, shaded)
     if kind == DIELECTRIC and is_lamp:
         return scaled(ONE - fresnel(cosine, max(matter.ior, ONE / matter.ior)), WHITE)
     if kind == PHYSICAL and (is_clear_pane(matter) or (is_lamp and not matter.is_thin and passes_straight(matter))):
-        return coated_clear_light(matter, cosine)
+        light = coated_clear_light(matter, cosine)
+        return light if is_front or matter.is_thin else times(light, passed_within(surfaces, material, length))
     return BLACK
 
 

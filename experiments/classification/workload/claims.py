@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from experiments.classification.classified import CLASSIFIED, ClassifiedOptions
 from experiments.classification.workload import KINDS
 from experiments.drawing.values import numbers
-from experiments.results.claims import UNDECIDED, Judgement, NotMeasuredError
+from experiments.results.claims import UNDECIDED, Judge, Judgement, NotMeasuredError
 from experiments.results.queries import read_claims
 from experiments.results.statistics import Estimate, geometric_mean
 from experiments.results.verdicts import (
@@ -175,7 +174,17 @@ def _bytes_of_lists(rows: pd.DataFrame) -> NDArray[np.float64]:
     return np.asarray(numbers(rows, "lookup_bytes") + 4 * entries)
 
 
-def grows_with_resolution(table: pd.DataFrame, size: Callable[[pd.DataFrame], NDArray[np.float64]]) -> Judgement | None:
+def build_time_grows(table: pd.DataFrame) -> Judgement | None:
+    """As the number of shafts."""
+    return _grows(table, partial(numbers, name="shaft_build_time_s"))
+
+
+def bytes_grow(table: pd.DataFrame) -> Judgement | None:
+    """As the number of shafts."""
+    return _grows(table, _bytes_of_lists)
+
+
+def _grows(table: pd.DataFrame, size: Callable[[pd.DataFrame], NDArray[np.float64]]) -> Judgement | None:
     """Exponent of a size over shafts, between 0.9 and 1.1."""
     rows = _of_points(usual(table, shaft_cells=any, shaft_directions=any))
     rows = rows[rows["shaft_cells"].ne("by memory")]
@@ -208,22 +217,19 @@ def _pairs(rows: pd.DataFrame, others: pd.DataFrame) -> pd.DataFrame:
     return rows.drop_duplicates(keys).merge(others.drop_duplicates(keys), on=keys, suffixes=("", "_other"))
 
 
-_FILE = Path(__file__).with_suffix(".toml")
+_FUNCTIONS: Mapping[str, Callable[[pd.DataFrame], Judgement | None]] = {
+    function.__name__: function
+    for function in (
+        same_hits, half_is_best, high_nears_root, dedup_saves, occlusion_helps, subset_is_efficient, bytes_grow,
+        build_time_grows, occupied_as_fast,
+    )
+}  # fmt: skip
 
-_JUDGES: Mapping[str, Callable[[pd.DataFrame], Judgement | None]] = {
-    "same-hits": same_hits,
-    "half-is-best": half_is_best,
-    "extremes-lose": high_nears_root,
-    "equal-lists": dedup_saves,
-    "occlusion-helps": occlusion_helps,
-    "subset-is-efficient": subset_is_efficient,
-    "grows-with-shafts": partial(grows_with_resolution, size=_bytes_of_lists),
-    "built-shaft-by-shaft": partial(grows_with_resolution, size=partial(numbers, name="shaft_build_time_s")),
-    "occupied-as-fast": occupied_as_fast,
-    **{
-        name: partial(_by_query, query)
-        for name, query in tomllib.loads(_FILE.read_text(encoding="utf-8"))["points"].items()
-    },
-}
 
-CLAIMS = read_claims(_FILE, {name: {"": partial(_judge, check)} for name, check in _JUDGES.items()})
+def _judges(query: Mapping[str, Any]) -> Mapping[str, Judge]:
+    """What judges a claim: a function by its name, or `_by_query`."""
+    check = _FUNCTIONS[query["function"]] if "function" in query else partial(_by_query, query)
+    return {"": partial(_judge, check)}
+
+
+CLAIMS = read_claims(Path(__file__).with_suffix(".toml"), {}, _judges)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from atra.compiled.instruction_sets import LANE_COUNTS
+from atra.compiled.instruction_sets import LANE_COUNTS as LANE_COUNTS
 from atra.errors import InputError
 from atra.light.oidn import check_denoiser
 from experiments.harness.column import REAL, WHOLE, Column
@@ -86,12 +86,6 @@ class BakeSettings(Settings):
         "noise for many lamps",
         choices=("aimed", "grid"),
     )
-    packets: int | None = option(
-        1,
-        "rays in a packet; 1 = single rays, null = the widest native packets",
-        choices=(1, *LANE_COUNTS),
-        null="widest",
-    )
     batch_rays: int = whole(1 << 19, "rays in flight, of all threads together; determines the memory", 1 << 8, 1 << 26)
     expansion: int = whole(16, "samples of a texel side by side in a batch", 1, 1 << 12)
     denoise: bool = option(False, "whether the finished map is denoised")
@@ -112,21 +106,18 @@ class BakeSettings(Settings):
                         f"workload.{name} is {value!r} with workload.against=mitsuba, which is handed all texels of a "
                         "scene in its own light; leave it out"
                     )
-        for name, usual in (("packets", 1), ("priority", False)):
-            if self.is_depth_first and getattr(self, name) != usual:
-                raise InputError(
-                    f"workload.{name} is {getattr(self, name)} for a bake that is denoised or held against Mitsuba, by "
-                    "paths one after the other; leave it out"
-                )
+        if self.is_depth_first and self.priority:
+            raise InputError(
+                "workload.priority is True for a bake that is denoised or held against Mitsuba, by paths one after the "
+                "other; leave it out"
+            )
         self.options()
 
     def options(self, threads: int | None = 1, build_quality: str = "medium") -> WaveOptions:
         """The value for it."""
         names = "bounces", "roulette_from", "environment", "lights", "compaction", "batch_rays", "expansion"
         given = {name: getattr(self, name) for name in names}
-        return WaveOptions(
-            threads=threads, packet_width=self.packets, build_quality=build_quality, robust=self.robust_rays, **given
-        )
+        return WaveOptions(threads=threads, build_quality=build_quality, robust=self.robust_rays, **given)
 
     @property
     def is_depth_first(self) -> bool:

@@ -26,7 +26,7 @@ def _where(**values: object) -> Which:
     return found
 
 
-_ALONE = _where(against="compaction", compaction="bounces", priority=False, albedo="own", packets="1")
+_ALONE = _where(against="compaction", compaction="bounces", priority=False, albedo="own")
 
 
 def _share_of(*stages: str) -> Callable[[pd.DataFrame], object]:

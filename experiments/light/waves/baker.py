@@ -27,8 +27,8 @@ from experiments.light.waves.waves_kernels import (
     new_wave,
     scatter,
     shade,
-    shine_kernel,
-    trace_kernel,
+    shine,
+    trace,
 )
 
 
@@ -36,13 +36,12 @@ from experiments.light.waves.waves_kernels import (
 class WaveOptions(BakeOptions):
     """Options of a bake, and of its waves.
 
-    packet_width: rays in a packet, None = the widest. environment: whether a panorama is found by both kinds of rays,
+    environment: whether a panorama is found by both kinds of rays,
     "mis", or by scattered ones alone, "bsdf". compaction: lanes packed together: all of the map, "none"; lit texels,
     "texels"; or also paths that go on after a bounce, "bounces". batch_rays: rays in flight, of all threads. expansion:
     samples of a texel side by side.
     """
 
-    packet_width: int | None = 1  # type: ignore[assignment, misc]
     environment: str = "mis"
     compaction: str = "bounces"
     batch_rays: int = 1 << 19
@@ -137,9 +136,8 @@ class WaveBaker:
     def _follow(self, query: Query, wave: Wave, count: int, lap: Laps) -> tuple[int, int]:
         """Follow the paths of a wave to their ends; returns rays traced, and lanes of their packets."""
         surfaces, emitters, limits = self._paths.surfaces, self._emitters, self._paths.limits
-        width, is_packed = self.rays_scene.packet_width, self.options.compaction == "bounces"
-        free, rays, lanes = np.zeros((FREE_ROWS, width), np.float32), 0, 0
-        shine, trace = shine_kernel(width), trace_kernel(width)
+        free, is_packed = np.zeros((FREE_ROWS, 1), np.float32), self.options.compaction == "bounces"
+        rays = lanes = 0
         while True:
             if has_emitters(emitters):
                 aim(wave, count, surfaces, emitters)

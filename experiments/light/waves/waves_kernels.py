@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +18,7 @@ from atra.light.pictures.path_kernels import (
     FREE_KIND,
     FREE_LIGHT,
     arriving,
+    behind,
     load_ray,
     passed,
     passes_of,
@@ -127,41 +126,23 @@ def _add(wave, i, plane, weight, light):  # type: ignore[no-untyped-def]
         wave.results[wave.slot[i], plane + channel] += weight[channel] * light[channel]
 
 
-@cache
-def shine_kernel(width: int) -> Callable[..., int]:
-    """Rays to emitters, in packets of `width`."""
-
-    @float_kernel
-    def shine(wave, count, surfaces, scene, packet, free):  # type: ignore[no-untyped-def]
-        """Add what aimed rays carry and nothing blocks. free: (FREE_ROWS, width) float32. Returns rays traced."""
-        floats, traced = wave.floats, 0
-        for first in range(0, count, width):
-            lanes, rays = min(width, count - first), 0
-            for lane in range(width):
-                packet.valid[lane] = 0
-            for lane in range(lanes):
-                i = first + lane
-                if floats[LENGTH, i] > ZERO:
-                    start, towards = vector(floats, AIM_ORIGIN, i), vector(floats, AIM_DIRECTION, i)
-                    load_ray(packet, width, lane, start, towards, floats[LENGTH, i])
-                    packet.valid[lane], free[FREE_KIND, lane] = -1, floats[TOWARDS, i]
-                    rays += 1
-            if rays == 0:
-                continue
-            traced += rays
-            shadows(width, surfaces, scene, packet, free)
-            for lane in range(lanes):
-                i = first + lane
-                if floats[LENGTH, i] > ZERO:
-                    red, green, blue = vector(free, FREE_LIGHT, lane)
-                    light = vector(floats, CARRIED, i)
-                    at_texel = ENVIRONMENT if floats[TOWARDS, i] == FROM_SKY else DIRECT
-                    plane = at_texel if wave.bounce[i] == 0 else INDIRECT
-                    light = red * light[0], green * light[1], blue * light[2]
-                    _add(wave, i, plane, vector(floats, WEIGHT, i), light)
-        return traced
-
-    return shine
+@float_kernel
+def shine(wave, count, surfaces, scene, packet, free):  # type: ignore[no-untyped-def]
+    """Add what aimed rays carry and nothing blocks. free: (FREE_ROWS, 1) float32. Returns rays traced."""
+    floats, traced = wave.floats, 0
+    for i in range(count):
+        if not floats[LENGTH, i] > ZERO:
+            continue
+        traced += 1
+        load_ray(packet, 1, 0, vector(floats, AIM_ORIGIN, i), vector(floats, AIM_DIRECTION, i), floats[LENGTH, i])
+        packet.valid[0], free[FREE_KIND, 0] = -1, floats[TOWARDS, i]
+        shadows(1, surfaces, scene, packet, free)
+        red, green, blue = vector(free, FREE_LIGHT, 0)
+        light = vector(floats, CARRIED, i)
+        at_texel = ENVIRONMENT if floats[TOWARDS, i] == FROM_SKY else DIRECT
+        plane = at_texel if wave.bounce[i] == 0 else INDIRECT
+        _add(wave, i, plane, vector(floats, WEIGHT, i), (red * light[0], green * light[1], blue * light[2]))
+    return traced
 
 
 @float_kernel
@@ -190,33 +171,21 @@ def scatter(wave, count, surfaces, roulette):  # type: ignore[no-untyped-def]
     return going
 
 
-@cache
-def trace_kernel(width: int) -> Callable[..., int]:
-    """Closest hits, in packets of `width`."""
-
-    @float_kernel
-    def trace(wave, count, scene, packet):  # type: ignore[no-untyped-def]
-        """Find what all paths meet. Returns rays traced."""
-        traced = 0
-        for first in range(0, count, width):
-            lanes, rays = min(width, count - first), 0
-            for lane in range(lanes):
-                rays += wave.state[first + lane] != IDLE
-            if rays == 0:
-                continue
-            traced += rays
-            for lane in range(width):
-                packet.valid[lane] = -1 if lane < lanes and wave.state[first + lane] != IDLE else 0
-                origin, way = vector(wave.floats, ORIGIN, first + lane), vector(wave.floats, DIRECTION, first + lane)
-                load_ray(packet, width, lane, origin, way, INFINITY, wave.floats[NEAR, first + lane])
-                set_no_hit(packet, width, lane)
-            intersect(width, packet.valid, scene, packet)
-            for lane in range(lanes):
-                wave.prim_id[first + lane] = hit_prim_id(packet, width, lane)
-                wave.floats[NEAR, first + lane] = hit_distance(packet, width, lane)
-        return traced
-
-    return trace
+@float_kernel
+def trace(wave, count, scene, packet):  # type: ignore[no-untyped-def]
+    """Find what all paths meet. Returns rays traced."""
+    traced = 0
+    for i in range(count):
+        if wave.state[i] == IDLE:
+            continue
+        traced += 1
+        origin, way = vector(wave.floats, ORIGIN, i), vector(wave.floats, DIRECTION, i)
+        load_ray(packet, 1, 0, origin, way, INFINITY, wave.floats[NEAR, i])
+        packet.valid[0] = -1
+        set_no_hit(packet, 1, 0)
+        intersect(1, packet.valid, scene, packet)
+        wave.prim_id[i], wave.floats[NEAR, i] = hit_prim_id(packet, 1, 0), hit_distance(packet, 1, 0)
+    return traced
 
 
 @float_kernel
@@ -231,10 +200,10 @@ def shade(wave, count, surfaces, emitters, max_depth, open_length):  # type: ign
         flags = surfaces.flags[prim_id] if prim_id != MISS else ENDS | SHINES
         if flags & passes_of(bounce):
             random = wave.key[i], wave.sample[i], wave.passes[i] + bounce
-            near, weight = passed(surfaces, prim_id, origin, direction, floats[NEAR, i], weight, False, random)
+            goes_on, weight = passed(surfaces, prim_id, origin, direction, weight, False, random)
             set_vector(floats, WEIGHT, i, weight)
-            if near > ZERO:
-                floats[NEAR, i], wave.state[i] = near, PASSING
+            if goes_on:
+                floats[NEAR, i], wave.state[i] = behind(floats[NEAR, i]), PASSING
                 wave.passes[i] += 1
                 going += 1
                 continue

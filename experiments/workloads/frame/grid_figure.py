@@ -29,8 +29,8 @@ Values = NDArray[np.float64]
 def grid_times(table: pd.DataFrame) -> Figure:
     """Two maps a scene (and a value of any other setting that varies), culling off and on, of milliseconds a frame.
 
-    Framed are the best split, and the one that splits and culls nothing. A cell without a time says why. Both maps of a
-    scene share their colours, which are logarithmic.
+    Framed are the best split, and the one that splits and culls nothing. The legend says why cells have no time. Both
+    maps of a scene share their colours, which are logarithmic.
     """
 
     def read(rows: pd.DataFrame) -> Values:
@@ -64,8 +64,8 @@ def _say_beside(panel: PanelRows, table: pd.DataFrame, ratio: str | None = None)
 
 def _say_ratios(start: float, ratio: float) -> str:
     """Over the nearest hit, and over all hits where that was measured."""
-    over = f"\n{ratio / start:.2f}{TIMES}" if np.isfinite(start) else ""
-    return f"{ratio:.2f}{TIMES}{over}"
+    over = f"\n{ratio / start:.2f}" if np.isfinite(start) else ""
+    return f"{ratio:.2f}{over}"
 
 
 def _panels(table: pd.DataFrame) -> list[PanelRows]:
@@ -73,9 +73,14 @@ def _panels(table: pd.DataFrame) -> list[PanelRows]:
 
 
 def _figure(table: pd.DataFrame, panels: Sequence[Panel], cells: str) -> Figure:
+    """It says why cells are empty, from the table."""
+    reasons = {reason.reason for reason in missing_points(aligned_rows(table), "split_x", "", GREY)}
+    has_absent = any(_ABSENT in row for panel in panels if panel.cells for row in panel.cells.texts)
+    why = [f"{TIMES}: {' or '.join(sorted(reasons))}"] if reasons else []
+    why += [f"{_ABSENT}: {_NO_POINTS}"] if has_absent else []
     return figure_of(
-        "cells", panels, table, legend=[_BEST, ALL_HITS], quantity=cells, x=Axis("horizontal splits"),
-        y=Axis("vertical splits"),
+        "cells", panels, table, legend=[_BEST, ALL_HITS], quantity="; ".join([cells, *why]),
+        x=Axis("horizontal splits"), y=Axis("vertical splits"),
     )  # fmt: skip
 
 
@@ -113,7 +118,7 @@ def _cells(
         if drawable(value):
             colours[cell], texts[cell] = value, say(value)
         else:
-            texts[cell] = "no value" if point["status"] == "ok" else str(point["status"])
+            texts[cell] = "no value" if point["status"] == "ok" else TIMES
     return colours, texts
 
 
@@ -137,7 +142,7 @@ def _why_empty(points: pd.DataFrame, values: Values, words: str, absent: int) ->
     notes = []
     for _, cells in points[points["status"] != "ok"].groupby("status", sort=False):
         reasons = missing_points(cells, "split_x", "", GREY)
-        notes += [f"{say_things(len(cells), 'cell')}: {reason.reason}" for reason in reasons]
+        notes += [f"{TIMES} {say_things(len(cells), 'cell')}: {reason.reason}" for reason in reasons]
     without = int((points["status"].eq("ok").fillna(False).to_numpy(bool) & ~drawable(values)).sum())
     notes += [f"{say_things(without, 'cell')}: measured, but without this value"] if without else []
     return [*notes, *([f"{_ABSENT} {say_things(absent, 'cell')}: {_NO_POINTS}"] if absent else [])]

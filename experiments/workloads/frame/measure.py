@@ -43,7 +43,7 @@ def measure(point: Point) -> Measured:
         def compare_last() -> dict[str, Any]:
             centred = compare(frames[OWN].latest(), frames[SINGLE].latest())
             aside = compare(tracers[OWN].trace(_ASIDE), tracers[SINGLE].trace(_ASIDE))
-            images = summed([max(centred, aside, key=lambda one: one.pixels_wrong)])
+            images = summed([max(centred, aside, key=lambda image: image.pixels_wrong)])
             return {**images, **rounds.plan_and_build_again(tracers[OWN])}
 
         return rounds.race(point, frames, compare_last, results)

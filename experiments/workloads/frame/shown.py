@@ -30,11 +30,6 @@ def sweep_lines(rows: pd.DataFrame) -> Iterator[Table | str]:
     yield best_split_table(rows, "pixels_wrong")
 
 
-def process_lines(rows: pd.DataFrame) -> Iterator[str]:
-    """Which ray packets are the fastest, where several were tried. rows: of every process that measured."""
-    yield from baseline_lines(rows)
-
-
 _AXES = ("split_x", "split_y")
 
 
@@ -49,23 +44,19 @@ def _over(*axes: str) -> Callable[[pd.DataFrame], pd.DataFrame]:
     return chosen
 
 
+_FIGURE5 = "Figure 5 as speed-up: over horizontal splits, culling off and on"
+_UPRIGHT = "As figure 5, over vertical splits"
+_paper_ratios = partial(split_ratios, with_paper=True)
+_upright_times, _upright_ratios = (partial(draw, axis_name="split_y") for draw in (split_times, split_ratios))
+
 _OVER_SPLITS = (
     ("figure4", "Figure 4: render time over the splits of both axes, culling off and on", grid_times, _AXES),
     ("figure4_speedup", "Figure 4 as speed-up, over the nearest hit and over all hits", grid_ratios, _AXES),
     ("figure5", "Figure 5: render time over horizontal splits, culling off and on", split_times, _AXES[:1]),
-    (
-        "figure5_speedup", "Figure 5 as speed-up: over horizontal splits, culling off and on",
-        partial(split_ratios, with_paper=True), _AXES[:1],
-    ),
-    (
-        "figure5_vertical", "As figure 5, over vertical splits: render time, culling off and on",
-        partial(split_times, axis_name="split_y"), _AXES[1:],
-    ),
-    (
-        "figure5_vertical_speedup", "As figure 5, over vertical splits: speed-up, culling off and on",
-        partial(split_ratios, axis_name="split_y"), _AXES[1:],
-    ),
-)  # fmt: skip
+    ("figure5_speedup", _FIGURE5, _paper_ratios, _AXES[:1]),
+    ("figure5_vertical", f"{_UPRIGHT}: render time, culling off and on", _upright_times, _AXES[1:]),
+    ("figure5_vertical_speedup", f"{_UPRIGHT}: speed-up, culling off and on", _upright_ratios, _AXES[1:]),
+)
 """Name, caption, what draws it, and the splits' axes that vary."""
 
 FIGURES = (
@@ -106,27 +97,24 @@ def best_baselines(processes: pd.DataFrame) -> Iterator[BestBaseline]:
     rows = processes[(of_pixels & measured).fillna(False).astype(bool)]
     varying = settings_that_vary(rows, (*best_of(), "packet_width", "packet_rows"))
     for key, some in rows.groupby(["scene", *varying], sort=False, dropna=False):
-        values = {
-            place: of_point["speedup_vs_packets"].to_numpy(np.float64)
-            for place, (_, of_point) in enumerate(some.groupby("point_id", sort=False))
-        }
-        firsts = [of_point.iloc[0] for _, of_point in some.groupby("point_id", sort=False)]
+        points = [of_point for _, of_point in some.groupby("point_id", sort=False)]
+        values = {place: of_point["speedup_vs_packets"].tolist() for place, of_point in enumerate(points)}
         if len(values) < 2:
             continue
         chosen, margin = _best(values)
         words = [say_setting(name, value) for name, value in zip(varying, key[1:], strict=True)]
-        yield BestBaseline(", ".join([str(key[0]), *words]), say_point(firsts[chosen]), margin, len(values))
+        yield BestBaseline(", ".join([str(key[0]), *words]), say_point(points[chosen].iloc[0]), margin, len(values))
 
 
-def _best(values: dict[int, np.ndarray]) -> tuple[int, Estimate | None]:
+def _best(values: dict[int, list[float]]) -> tuple[int, Estimate | None]:
     try:
-        return best_candidate({place: list(ratios) for place, ratios in values.items()})
+        return best_candidate(values)
     except ValueError:  # too few processes
         return max(values, key=lambda place: float(np.log(values[place]).mean())), None
 
 
-def baseline_lines(processes: pd.DataFrame) -> Iterator[str]:
-    """The best baselines, a line each."""
+def process_lines(processes: pd.DataFrame) -> Iterator[str]:
+    """Which ray packets are the fastest, where several were tried. processes: rows of all that measured."""
     best = list(best_baselines(processes))
     for baseline in best:
         margin = "" if baseline.margin is None else f", {baseline.margin} times as fast as the usual packets"

@@ -26,9 +26,6 @@ from experiments.workloads.multiframe.motion import MOTIONS, make_together
 from experiments.workloads.resources import Preparation, Resources
 from experiments.workloads.typed import Times, workload
 
-SEPARATE, SEPARATE_VISIBLE, SEPARATE_RASTER = "separate", "visible_first", "rasteriser"
-"""Names in the samples: one aligned tracer a frame, one visible-first tracer a frame, and one rasteriser a frame."""
-
 
 @dataclass(frozen=True)
 class MultiframeOptions(Settings):
@@ -49,7 +46,7 @@ class MultiframeOptions(Settings):
             )
 
 
-_headline = partial(say_gains, rtcIntersect1=SINGLE, separate_frames=SEPARATE)
+_headline = partial(say_gains, rtcIntersect1=SINGLE, separate_frames="separate")
 
 
 def _problem(point: Point) -> str | None:
@@ -65,20 +62,6 @@ class SeparateBytes(TypedDict):
     """Memory of one aligned tracer a frame."""
 
     separate_embree_bytes: int
-
-
-WAYS = {"separate": SEPARATE, "visible_first": SEPARATE_VISIBLE, "rasteriser": SEPARATE_RASTER}
-"""Ways with a tracer a frame, as columns call them -> their samples."""
-
-MULTIFRAME = workload(
-    "multiframe", __name__, _headline, Resources, Images, Preparation, BESIDE_BASELINES,
-    Times(
-        {f"{way}_render_time{{}}_s": name for way, name in WAYS.items()}
-        | {f"speedup_vs_{way}{{}}": (name, OWN) for way, name in WAYS.items()}
-    ),
-    SeparateBytes,
-    options=MultiframeOptions, problem=_problem,
-)  # fmt: skip
 
 
 def make(point: Point, mesh: Mesh) -> FramesTracer:
@@ -97,11 +80,23 @@ def _raster(point: Point, mesh: Mesh, view: View) -> Tracer:
     return RASTER.make(mesh, view, RASTER.options(), point.tracing)
 
 
+WAYS: dict[str, rounds.MakeTracer] = {"separate": make_own, "visible_first": _visible, "rasteriser": _raster}
+"""Ways with a tracer a frame, as columns and samples call them -> what makes one."""
+
+MULTIFRAME = workload(
+    "multiframe", __name__, _headline, Resources, Images, Preparation, BESIDE_BASELINES,
+    Times(
+        {f"{way}_render_time{{}}_s": way for way in WAYS} | {f"speedup_vs_{way}{{}}": (way, OWN) for way in WAYS}
+    ),
+    SeparateBytes,
+    options=MultiframeOptions, problem=_problem,
+)  # fmt: skip
+
+
 def measure(point: Point) -> Measured:
     """All frames together, timed in rounds with one tracer a frame of every other way, and compared frame by frame.
     Each frame may use the whole memory budget."""
-    one_frame = rounds.baseline_makers()
-    one_frame |= {SEPARATE: make_own, SEPARATE_VISIBLE: _visible, SEPARATE_RASTER: _raster}
+    one_frame = rounds.baseline_makers() | WAYS
     rounds.warm_up(point, [make_together, *one_frame.values()])
     with ExitStack() as stack:
         own, results = rounds.build_own(point, stack)
@@ -110,7 +105,7 @@ def measure(point: Point) -> Measured:
             for name, make_one in one_frame.items()
         }
         results["baseline_build_time_s"] = sum(tracer.build_time_s for tracer in tracers[SINGLE])
-        results["separate_embree_bytes"] = sum(tracer.embree_bytes for tracer in tracers[SEPARATE])
+        results["separate_embree_bytes"] = sum(tracer.embree_bytes for tracer in tracers["separate"])
         together = rounds.Frames(own)
         frames = {name: [rounds.Frames(tracer) for tracer in of_frames] for name, of_frames in tracers.items()}
 

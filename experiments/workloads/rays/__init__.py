@@ -19,14 +19,10 @@ from experiments.harness.options import Settings, option, whole
 from experiments.harness.point import Measured, Point, make_own
 from experiments.harness.records import Record
 from experiments.methods.peers.peer import QUESTIONS, Asked, scene_for_rays
-from experiments.workloads.baselines import OWN
+from experiments.workloads.baselines import LIBRARY, OWN, say_library
 from experiments.workloads.rays.judging import judged, sample_of, truth_of
 from experiments.workloads.rounds import load_mesh, race
 from experiments.workloads.typed import Times, Worst, workload
-
-LIBRARY = "library"
-"""Name in the samples of `atra.RayScene`."""
-
 
 Rays = tuple[NDArray[np.float32], NDArray[np.float32]]
 """Origins and directions, (N, 3) each."""
@@ -65,9 +61,8 @@ class Judged(TypedDict):
 
 
 def _headline(record: Record) -> str:
-    own, library = (np.asarray(record.samples[name]) for name in (OWN, LIBRARY))
-    gain = f"{np.median(own):.3f} s; the library {np.median(library):.3f} s, {np.median(own / library):.2f}x as fast"
-    return f"{gain}; lost {{library_lost}} against {{lost}} of {{judged_hits}}".format(**record.results)
+    lost = "lost {library_lost} against {lost} of {judged_hits}".format(**record.results)
+    return f"{say_library(record)}; {lost}"
 
 
 def _problem(point: Point) -> str | None:

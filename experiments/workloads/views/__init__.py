@@ -17,13 +17,9 @@ from atra.geometry.camera import CalibratedCamera, Camera, LensCamera
 from atra.geometry.mesh import Mesh
 from experiments.harness.options import Settings, whole
 from experiments.harness.point import Measured, Point, make_own
-from experiments.harness.records import Record
-from experiments.workloads.baselines import OWN
+from experiments.workloads.baselines import LIBRARY, OWN, say_library
 from experiments.workloads.rounds import load_mesh, race
 from experiments.workloads.typed import Least, Times, workload
-
-LIBRARY = "library"
-"""Name in the samples of `atra.render_views`."""
 
 
 @dataclass(frozen=True)
@@ -42,13 +38,7 @@ class Equality(TypedDict):
     ids_equal: Least
 
 
-def _headline(record: Record) -> str:
-    own, library = (np.asarray(record.samples[name]) for name in (OWN, LIBRARY))
-    gain = f"{np.median(own / library):.2f}x as fast"
-    return f"{np.median(own):.3f} s; the library {np.median(library):.3f} s, {gain}"
-
-
-VIEWS = workload("views", __name__, _headline, TIMES, Equality, options=ViewsOptions)
+VIEWS = workload("views", __name__, say_library, TIMES, Equality, options=ViewsOptions)
 
 
 STEP, TURN_DEGREES = 1 / 50, 30.0

@@ -88,3 +88,14 @@ def test_smooth_normals_light_a_ball_as_a_ball():
     np.testing.assert_allclose(lit.direct[top, 0], height[top], atol=0.06)
     flat = baked(replace(ball, normals=None), atlas, 64, bounces=0)
     assert np.abs(flat.direct[top, 0] - height[top]).max() > 0.1
+
+
+def test_a_clamp_limits_each_share_of_indirect_light_and_no_other():
+    mesh = quads([floor(1.0), floor(1.0, 1.0)[::-1]])
+    scene = light.Scene(mesh, [light.Lambertian(1.0)], sky=light.constant_sky(1.0))
+    whole, less = (
+        baked(scene, sheet(mesh, 4), 16, bounces=64, roulette_from=None, clamp=most) for most in (None, 0.25)
+    )
+    np.testing.assert_array_equal(less.environment, whole.environment)
+    np.testing.assert_allclose(less.indirect, 0.25 * whole.indirect, rtol=1e-5)
+    assert whole.indirect.min() > 0.0

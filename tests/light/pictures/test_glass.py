@@ -50,6 +50,35 @@ def test_lamps_shine_straight_through_clear_glass_less_what_its_sides_mirror(kin
     np.testing.assert_allclose(image, np.broadcast_to(0.5 * share, image.shape), rtol=0.01)
 
 
+@pytest.mark.parametrize("lamp", [light.Sun((0, -1, 0), 0.0), light.PointLight((0.3, 6, 0), power=36.0)], ids=str)
+def test_light_that_passes_glass_straight_is_absorbed_on_its_way_within_by_beers_law(lamp):
+    tint, density = np.array((0.9, 0.5, 1.0)), (0.0, 1.0, 5.0)
+    glass = replace(SOLID, colour=tuple(tint), absorption=density)
+    image = traced(beneath(glass, lamp, (1.6, 1.5)), ABOVE, 16, bounces=1)
+    once = (tint * (1 - BARE)) ** 2
+    np.testing.assert_allclose(
+        image, np.broadcast_to(0.5 * once * np.exp(-0.1 * np.array(density)), image.shape), rtol=0.01
+    )
+    twice = traced(beneath(glass, lamp, (2.7, 2.5, 1.6, 1.5)), ABOVE, 16, bounces=1)  # 0.9 of air between them
+    np.testing.assert_allclose(
+        twice, np.broadcast_to(0.5 * once**2 * np.exp(-0.3 * np.array(density)), image.shape), rtol=0.01
+    )
+
+
+HOLE = light.MetallicRoughness((1, 1, 1), 0.0, "mask")
+
+
+@pytest.mark.parametrize("gap", [1e-6, 1e-4])
+@pytest.mark.parametrize(("pane", "mirrored"), [(HOLE, 0.0), (PANE, 0.2)], ids=["hole", "glass"])
+def test_what_stands_a_millionth_behind_a_pane_is_seen_and_shades(pane, mirrored, gap):
+    materials, numbers = [light.Lambertian(1.0), light.Lambertian(0.0), pane], [0, 0, 1, 1, 2, 2]
+    scene = light.Scene(quads([floor(1.0), floor(4.0, 0.5 - gap), floor(4.0, 0.5)]), materials, numbers, sky=WHITE_SKY)
+    assert traced(scene, ABOVE, 64, bounces=1).max() <= mirrored
+    sun, mesh = light.Sun((0, -1, 0), 0.0), quads([floor(1.0), floor(4.0, 0.5), floor(4.0, 0.5 - gap)])
+    lit = light.Scene(mesh, materials, numbers, [sun], BLACK)
+    assert traced(lit, replace(ABOVE, eye=(0.3, 0.4, 0)), 4, bounces=1).max() == 0.0
+
+
 def test_rays_aimed_at_an_emitter_and_scattered_ones_share_its_light_through_a_clear_pane():
     lamp = floor(1.0, 3.0)[::-1]
     mesh = quads([floor(), floor(4.0, 1.5), lamp])

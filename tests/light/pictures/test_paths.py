@@ -234,3 +234,16 @@ def test_samples_and_dimensions_are_uncorrelated_and_even():
         assert abs(np.corrcoef(one[:-1], one[1:])[0, 1]) < 0.065
         for other in streams[:k]:
             assert abs(np.corrcoef(one, other)[0, 1]) < 0.065
+
+
+def test_a_clamp_limits_what_comes_by_more_than_one_reflection_alone():
+    between = light.Scene(quads([floor(1.0), floor(1.0, 1.0)[::-1]]), [light.Lambertian(1.0)], sky=WHITE_SKY)
+    camera = down(4, eye=(0.3, 0.5, 0))
+    options = {"bounces": 999, "roulette_from": None}
+    once, whole = traced(between, camera, 16, bounces=1), traced(between, camera, 16, **options)
+    np.testing.assert_allclose(whole, 1.0, atol=1e-5)
+    assert 0.0 < once.mean() < 0.9
+    np.testing.assert_allclose(traced(between, camera, 16, clamp=0.25, **options), once + 0.25 * (1 - once), atol=1e-5)
+    for wrong in (0.0, -1.0, float("nan"), "much"):
+        with pytest.raises(atra.InputError, match="clamp is"):
+            light.PathRenderer(between, camera, clamp=wrong)

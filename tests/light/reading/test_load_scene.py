@@ -357,3 +357,14 @@ def test_a_material_without_light_shows_its_colour_image_and_colours_of_vertices
     image = traced(scene, camera, 4)
     shown = 0.503 * np.array([0.5, 0.25, 1.0]) * ((1.0, 0.0, 0.0) if has_colours else 1.0)  # the vertices are red
     np.testing.assert_allclose(image, np.broadcast_to(shown, image.shape), rtol=0.01)
+
+
+def test_a_leaf_may_have_thousands_of_instances(tmp_path):
+    places = np.arange(24_000, dtype=np.float32).reshape(-1, 3)
+    given = tree()
+    given["buffers"].append({"byteLength": places.nbytes, "uri": uri(places.tobytes())})
+    given["bufferViews"].append({"buffer": 1, "byteLength": places.nbytes})
+    given["accessors"].append({"bufferView": 4, "componentType": 5126, "type": "VEC3", "count": len(places)})
+    given["nodes"][0]["extensions"] = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 4}}}
+    scene = read(tmp_path, given)
+    assert scene.mesh.vertices[::3].tolist() == places.tolist()

@@ -9,11 +9,12 @@ import numpy as np
 from atra.compiled.store import njit
 from atra.embree.packets_kernels import INFINITY, MISS, START, hit_distance, hit_prim_id, intersect, set_no_hit
 from atra.light.emitters.emitters_kernels import aim, has_emitters
-from atra.light.numbers_kernels import ZERO, scaled, vector
+from atra.light.numbers_kernels import ZERO, dot, scaled, vector
 from atra.light.pictures.path_kernels import (
     FREE_KIND,
     FREE_LIGHT,
     arriving,
+    behind,
     load_ray,
     passed,
     passes_of,
@@ -29,16 +30,19 @@ _NEVER = 1 << 30
 
 class Limits(NamedTuple):
     """Where paths end. max_depth: surfaces that they meet at most, or, of texels, one more. roulette: surfaces after
-    which they may end by chance."""
+    which they may end by chance. clamp: most that each emitter may add at once by more than one reflection."""
 
     max_depth: int
     roulette: int
+    clamp: np.float32
 
 
-def limits_of(bounces: int, roulette_from: int | None, first: int = 0) -> Limits:
+def limits_of(bounces: int, roulette_from: int | None, clamp: float | None, first: int = 0) -> Limits:
     """Limits of paths of at most so many reflections between an emitter and where they start. roulette_from:
-    reflections after which they may end by chance, None = never. first: 1 for paths that start on a surface."""
-    return Limits(bounces + 1 + first, _NEVER if roulette_from is None else roulette_from)
+    reflections after which they may end by chance, None = never. clamp: as of `Limits`, None = no limit. first: 1 for
+    paths that start on a surface."""
+    most = INFINITY if clamp is None else np.float32(clamp)
+    return Limits(bounces + 1 + first, _NEVER if roulette_from is None else roulette_from, most)
 
 
 class Found(NamedTuple):
@@ -59,6 +63,13 @@ class Found(NamedTuple):
 def more(total, weight, light):  # type: ignore[no-untyped-def]
     """Add weighted light, (r, g, b) each."""
     return total[0] + weight[0] * light[0], total[1] + weight[1] * light[1], total[2] + weight[2] * light[2]
+
+
+@njit(forceinline=True)
+def _clamped(weight, light, most):  # type: ignore[no-untyped-def]
+    """(r, g, b) of light, scaled so that, weighted, no channel is above `most`."""
+    greatest = max(weight[0] * light[0], max(weight[1] * light[1], weight[2] * light[2]))
+    return scaled(most / greatest, light) if most < greatest < INFINITY else light
 
 
 @njit(forceinline=True)
@@ -87,7 +98,7 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
     key, sample = random
     start, is_aimed = bounce, has_emitters(emitters)
     emitted, sky, later, seen_through, weight = BLACK, BLACK, BLACK, BLACK, WHITE
-    near, first, is_back = START, INFINITY, False
+    near, first, is_back, before = START, INFINITY, False, MISS
     rays = passes = 0
     while True:
         if known >= 0:
@@ -100,12 +111,16 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
             set_no_hit(packet, 1, 0)
             intersect(1, packet.valid, scene, packet)
             prim_id, distance = hit_prim_id(packet, 1, 0), hit_distance(packet, 1, 0)
+            if prim_id == before and prim_id != MISS:
+                near = behind(distance)
+                continue
         flags = surfaces.flags[prim_id] if prim_id != MISS else ENDS | SHINES
         if flags & passes_of(bounce):
-            near, weight = passed(
-                surfaces, prim_id, origin, direction, distance, weight, bounce == 0, (key, sample, passes + bounce)
+            goes_on, weight = passed(
+                surfaces, prim_id, origin, direction, weight, bounce == 0, (key, sample, passes + bounce)
             )
-            if near > ZERO:
+            if goes_on:
+                near, before = behind(distance), prim_id
                 passes += 1
                 continue
         if bounce == start and start > 0:
@@ -114,7 +129,7 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
         if flags & SHINES:
             light = arriving(surfaces, emitters, prim_id, origin, direction, density)
             if bounce > start:
-                later = more(later, weight, light)
+                later = more(later, weight, _clamped(weight, light, limits.clamp) if bounce > 1 else light)
             elif prim_id == MISS:
                 sky, seen_through = more(sky, weight, light), weight
             else:
@@ -122,15 +137,16 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
         if flags & ENDS or bounce == limits.max_depth - 1:
             break
         spot, is_front = spot_of(surfaces, prim_id, origin, direction)
-        if not is_front:
-            left = passed_within(surfaces, spot, origin)
+        if not (is_front or spot.is_variant):
+            way = spot.point[0] - origin[0], spot.point[1] - origin[1], spot.point[2] - origin[2]
+            left = passed_within(surfaces, spot.material, np.sqrt(dot(way, way)))
             weight = weight[0] * left[0], weight[1] * left[1], weight[2] * left[2]
         if is_aimed:
             light, _, _, traced = aimed(
                 surfaces, emitters, scene, packet, free, spot, prim_id, direction, key, sample, bounce
             )
             rays += traced
-            later = more(later, weight, light)
+            later = more(later, weight, _clamped(weight, light, limits.clamp) if bounce > 0 else light)
         goes_on, origin, direction, factor, density = scatter(
             surfaces, spot, is_front, prim_id, direction, key, sample, bounce
         )
@@ -142,6 +158,6 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
             if share == ZERO:
                 break
             weight = scaled(share, weight)
-        near = START
+        near, before = START, MISS
         bounce += 1
     return Found(emitted, sky, later, seen_through, first, is_back, rays)

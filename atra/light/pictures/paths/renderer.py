@@ -62,7 +62,7 @@ class Paths:
         """See `Integrator.add`."""
         lap, free = Laps(stages), np.empty((FREE_ROWS, 1), np.float32)
         arguments = pixels, query.scene, query.packet, self._surfaces, self._emitters, film.sums, free
-        limits = limits_of(self._options.bounces, self._options.roulette_from)
+        limits = limits_of(self._options.bounces, self._options.roulette_from, self._options.clamp)
         rays = follow_depth_first(first, count, *arguments, limits, self._aperture)
         lap("depth_first")
         return None if rays < 0 else rays
@@ -73,6 +73,7 @@ def PathRenderer(
     threads: int | None = None, build_quality: str = "medium", robust: bool = True, jitter: str = "shared",
     most_samples: int | None = None, bounces: int = 4, lights: str = "aimed", roulette_from: int | None = 4,
     transparent: bool = False, aperture_radius: float = 0.0, focus_distance: float = inf,
+    clamp: float | None = None,
 ) -> Renderer:  # fmt: skip
     """Pictures by path tracing.
 
@@ -112,6 +113,9 @@ def PathRenderer(
         has an offset of its own, whatever `jitter` is. Not through a lens. Layers, and so `denoised`, see as a pinhole.
     focus_distance : float
         Distance along the view axis at which things are sharp, scene units.
+    clamp : float, optional
+        Most radiance that an emitter may add to a sample at once by more than one reflection. It takes away bright
+        specks and, with them, light: the mean is biased. None: no limit, unbiased.
 
     Returns
     -------
@@ -147,5 +151,6 @@ def PathRenderer(
         transparent,
         aperture_radius,
         focus_distance,
+        clamp,
     )
     return Renderer(scene, camera, primary, options, Paths())
