@@ -63,7 +63,7 @@ PUBLIC_NAMES = {
     "lightmaps": (
         "Light: lightmaps",
         "atra.light",
-        "Baker ProgressiveBake Atlas Texels Lightmap LightProbes Seams denoised dilated clay_view lit_view save_maps "
+        "Baker Atlas atlas_of Texels Lightmap LightProbes Seams denoised dilated clay_view lit_view save_maps "
         "save_model save_lit_model",
     ),
 }

@@ -99,44 +99,39 @@ class GridSweep:
         """The jobs without those options of the command line that their method or workload has not. An option that no
         job has stays, and is refused."""
 
-        def fits(override: str, chosen: Mapping[str, str]) -> bool:
-            group, _, name = override.partition("=")[0].partition(".")
-            if not name or group not in KINDS or chosen[group] not in KINDS[group].names():
-                return True
-            return name in KINDS[group].find(chosen[group]).options.__dataclass_fields__
+        def fits(setting: str, job: Job) -> bool:
+            group, _, name = setting.partition("=")[0].partition(".")
+            return not name or group not in KINDS or name in self._composed_of(self._choices(job))[group]
 
-        usual = self._config.hydra.runtime.choices
-        chosen = [
-            {group: usual[group] for group in KINDS}
-            | {key: value for key, _, value in (override.partition("=") for override in job) if key in KINDS}
-            for job in jobs
-        ]
-        served = {
-            setting.partition("=")[0]
-            for job, names in zip(jobs, chosen, strict=True)
-            for setting in job
-            if fits(setting, names)
-        }
+        served = {setting.partition("=")[0] for job in jobs for setting in job if fits(setting, job)}
         optional = asked & served
         return [
-            tuple(setting for setting in job if setting.partition("=")[0] not in optional or fits(setting, names))
-            for job, names in zip(jobs, chosen, strict=True)
+            tuple(setting for setting in job if setting.partition("=")[0] not in optional or fits(setting, job))
+            for job in jobs
         ]
 
+    def _choices(self, job: Job) -> Job:
+        """What of a job chooses from groups."""
+        return tuple(override for override in job if override.partition("=")[0] in self._groups)
+
     def _compose(self, job: Job) -> Configuration:
-        """The configuration of a point. Hydra composes each choice of groups once, as it takes a tenth of a second."""
-        chosen = tuple(override for override in job if override.partition("=")[0] in self._groups)
-        fields = [override for override in job if override not in chosen]
-        is_plain = all(override[0].isalpha() for override in fields)  # +field, ~field: only Hydra knows what they mean
-        key = chosen if is_plain else job
-        if key not in self._composed:
-            composed = self._loader.load_sweep_config(self._config, list(key))
-            composed.sweep.grids = {}  # of the sweep, not of a point; copying them takes time
-            self._composed[key] = OmegaConf.masked_copy(composed, [name for name in composed if name != "hydra"])
-        own = deepcopy(self._composed[key])
-        for override in self._parser.parse_overrides(fields if is_plain else []):
+        """The configuration of a point."""
+        choices = self._choices(job)
+        fields = [override for override in job if override not in choices]
+        if not all(override[0].isalpha() for override in fields):  # +field, ~field: only Hydra knows what they mean
+            return read_configuration(self._composed_of(job), KINDS)
+        own = deepcopy(self._composed_of(choices))
+        for override in self._parser.parse_overrides(fields):
             OmegaConf.update(own, override.get_key_element(), override.value())
         return read_configuration(own, KINDS)
+
+    def _composed_of(self, job: Job) -> DictConfig:
+        """What Hydra composes, each job once, as it takes a tenth of a second."""
+        if job not in self._composed:
+            composed = self._loader.load_sweep_config(self._config, list(job))
+            composed.sweep.grids = {}  # of the sweep, not of a point; copying them takes time
+            self._composed[job] = OmegaConf.masked_copy(composed, [name for name in composed if name != "hydra"])
+        return self._composed[job]
 
     def _launch(self, jobs: Sequence[Sequence[str]], ended: Ended) -> None:
         """One Hydra job a process of a point (`experiments.launched.Launch`)."""

@@ -19,8 +19,7 @@ import experiments.commands.single
 import experiments.sweep
 from experiments import cli, methods
 from experiments.harness.points import measure
-from experiments.harness.processes.outcome import Outcome
-from experiments.harness.processes.worker import outcome_of, read_point
+from experiments.harness.processes.worker import Outcome, outcome_of, read_point
 from experiments.registry import KINDS
 from tests.folders import ROOT
 

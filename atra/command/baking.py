@@ -48,6 +48,13 @@ def add_bake(parser: ArgumentParser) -> None:
     parser.add_argument("--error", type=float, metavar="PERCENT", help="stop at this estimated error of the luminance")
     parser.add_argument("--minutes", type=float, help="stop after so many minutes; the same command goes on")
     parser.add_argument("--size", type=int, default=SIZE, help=f"texels along a side of the map (default: {SIZE})")
+    parser.add_argument(
+        "--charts", choices=("auto", "file", "xatlas"), default="auto",
+        help="by the file's second uv or by xatlas (default: the file's, if they suit a map)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--texels-per-unit", type=float, default=0.0, metavar="NUMBER", help="as many maps as that resolution needs"
+    )
     parser.add_argument("--bounces", type=int, default=BOUNCES, help=f"most reflections (default: {BOUNCES})")
     parser.add_argument(
         "--lights", choices=("aimed", "grid"), default="aimed",
@@ -65,7 +72,7 @@ def run_bake(given: Namespace) -> int:
 
     Raises InputError for files that cannot be used, and as `Baker`, `denoised` and `Page` do; StorageError.
     """
-    from atra.light import Atlas, Baker, denoised, save_lit_model, save_maps, save_model
+    from atra.light import Baker, atlas_of, denoised, save_lit_model, save_maps, save_model
     from atra.light.checks import check_whole, checked_number
     from atra.light.lightmaps.states import resume, save_state
     from atra.light.oidn import check_denoiser
@@ -88,7 +95,8 @@ def run_bake(given: Namespace) -> int:
     camera = one_camera(given, lit.mesh, dict(lit.cameras))
     print(f"{printable(given.mesh.name)}: charts of {lit.mesh.triangle_count:,} triangles", flush=True)
     options: dict[str, Any] = {"bounces": given.bounces, "lights": given.lights, "threads": given.threads}
-    with Baker(lit, Atlas.unwrap(lit.mesh, given.size), **options) as baker:
+    atlas = atlas_of(lit, given.size, given.charts, given.texels_per_unit)
+    with Baker(lit, atlas, **options) as baker:
         texels = baker.texels
         print(
             f"{len(texels):,} texels in {texels.atlas.charts} charts on {texels.atlas.width} x {texels.atlas.height}, "

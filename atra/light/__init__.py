@@ -2,6 +2,7 @@
 
 from atra.light.lightmaps.baker import Baker
 from atra.light.lightmaps.charts.atlas import Atlas
+from atra.light.lightmaps.charts.own import atlas_of
 from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.finish.denoise import denoised
 from atra.light.lightmaps.finish.export import save_maps
@@ -11,7 +12,6 @@ from atra.light.lightmaps.finish.unlit import save_model
 from atra.light.lightmaps.finish.views import clay_view, lit_view
 from atra.light.lightmaps.maps import Lightmap, relative_error
 from atra.light.lightmaps.probes import LightProbes
-from atra.light.lightmaps.progressive import ProgressiveBake
 from atra.light.lights import PointLight, SphereLight, SpotLight, Sun
 from atra.light.materials import Dielectric, Emissive, Lambertian, Metal, MetallicRoughness
 from atra.light.pictures.finish.accumulate import Progress, accumulate
@@ -42,7 +42,6 @@ __all__ = [
     "PathRenderer",
     "PointLight",
     "Progress",
-    "ProgressiveBake",
     "Renderer",
     "Scene",
     "ScenePart",
@@ -52,6 +51,7 @@ __all__ = [
     "Sun",
     "Texels",
     "accumulate",
+    "atlas_of",
     "clay_view",
     "constant_sky",
     "denoised",

@@ -59,7 +59,7 @@ def loaded_files(point: Point) -> dict[str, str]:
             depth = name.count(".") + (path.stem == "__init__")
             file = path.relative_to(path.parents[depth]).as_posix()
             if file.startswith(_LIGHT) or not file.startswith(_DECIDES_NOTHING):
-                files[file] = hashlib.sha256(path.read_bytes()).hexdigest()
+                files[file] = hashlib.sha256(path.read_bytes()).hexdigest() if path.exists() else ""
     return files
 
 

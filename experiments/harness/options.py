@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from enum import Enum
 from functools import cache
 from types import NoneType, UnionType
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from atra.errors import InputError
 from atra.whole_numbers import is_whole_number
@@ -83,22 +83,12 @@ def check_whole_numbers(options: Any, path: str, ranges: Mapping[str, tuple[int,
             raise InputError(f"{path}{name} is {value!r}, expected a whole number {expected}")
 
 
-class Named(Protocol):
-    """A method or a workload."""
-
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def options(self) -> type: ...
-
-
 @dataclass(frozen=True)
 class NoOptions:
     """The options of a method or a workload that has none."""
 
 
-Kind = TypeVar("Kind", bound=Named)
+Kind = TypeVar("Kind", bound=Any)  # a method or a workload
 
 
 def plain_options(options: Any) -> dict[str, Any]:
@@ -155,7 +145,7 @@ def _say_type(hint: Any) -> str:
     return "null" if hint is NoneType else _EXPECTED.get(get_origin(hint) or hint, "a text")
 
 
-def say_options(group: str, named: Named) -> str:
+def say_options(group: str, named: Any) -> str:
     """The options with their help, choices and units, a line each, as they are written on the command line."""
     lines = []
     for spec in fields(named.options):

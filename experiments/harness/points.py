@@ -20,7 +20,7 @@ from experiments.harness.identity import code_of_worker, current_environment, id
 from experiments.harness.options import plain_options
 from experiments.harness.point import Point
 from experiments.harness.processes.launching import run_worker
-from experiments.harness.processes.outcome import MAY_CHANGE, Outcome, skipped
+from experiments.harness.processes.worker import MAY_CHANGE, Outcome, skipped
 from experiments.harness.progress import say
 from experiments.harness.records import Record
 from scenes.loading import SceneSource, load_scene, replace_missing_scenes

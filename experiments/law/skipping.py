@@ -9,7 +9,7 @@ from atra.embree.scene import resolve_packet_width
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
 from experiments.harness.point import Point
-from experiments.harness.processes.outcome import Unpromising
+from experiments.harness.processes.worker import Unpromising
 from experiments.law.model.choice import Choice
 from experiments.law.model.forecasting import forecast, known_constants
 from experiments.law.model.formulas import family

@@ -11,7 +11,7 @@ from experiments.harness.identity import code_of_worker, code_sha256, current_en
 from experiments.harness.identity import loaded_files as files_loaded_here
 from experiments.harness.points import measure
 from experiments.harness.processes.launching import run_worker
-from experiments.harness.processes.outcome import Outcome
+from experiments.harness.processes.worker import Outcome
 from experiments.methods.pixel import PIXEL
 from experiments.methods.raster import RASTER
 from tests.harness.processes.test_outcome import POINT

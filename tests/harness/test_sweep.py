@@ -21,7 +21,7 @@ from experiments.harness.configuration import (
 from experiments.harness.identity import current_environment, identity
 from experiments.harness.options import NoOptions
 from experiments.harness.points import GridPoint, measure, plan_points
-from experiments.harness.processes.outcome import Outcome, skipped
+from experiments.harness.processes.worker import Outcome, skipped
 from experiments.harness.records import load_record, write_record
 from experiments.methods.aligned import ALIGNED, AlignedOptions
 from experiments.methods.peers.embreex_run import EMBREEX

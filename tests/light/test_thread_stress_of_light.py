@@ -9,7 +9,7 @@ import pytest
 
 import atra
 from atra import light
-from atra.light import Baker, ProgressiveBake, Scene
+from atra.light import Baker, Scene
 from tests.baked import cube, sheet
 from tests.tracing.stress import Expected, any_of, stress
 from tests.tracing.test_threads import CAMERAS, LARGE, MESH
@@ -129,35 +129,3 @@ def test_maps_of_a_baker_that_threads_update_and_close_are_those_of_one_thread()
         "build": lambda one, random: one.build(),
     }
     stress(make_baker, calls)
-
-
-class _Bake(ProgressiveBake):
-    """With a baker of its own, and closed like others."""
-
-    def __init__(self):
-        self.own = make_baker().__enter__()
-        super().__init__(self.own, 6)
-
-    def close(self):
-        self.__exit__(None, None, None)
-        self.own.close()
-
-
-@pytest.mark.slow
-def test_snapshots_of_a_bake_that_threads_edit_and_leave_are_those_of_one_thread():
-    expected = Expected(map_of)
-
-    def snapshot(one, random):
-        found = one.snapshot()
-        if found is not None:
-            assert_of_one_scene(found, expected)
-
-    calls = {
-        "snapshot": snapshot,
-        "view": lambda one, random: one.look(any_of(VIEWS, random)),
-        "update": lambda one, random: one.update(any_of(BAKES, random)),
-        "wait": lambda one, random: one.wait(0.02),
-        "share": lambda one, random: one.share_done,
-        "seen": lambda one, random: one.seen,
-    }
-    stress(_Bake, calls)

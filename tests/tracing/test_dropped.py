@@ -2,7 +2,6 @@
 
 import gc
 import threading
-import time
 import weakref
 
 import numpy as np
@@ -12,7 +11,7 @@ import pytest
 import atra
 from atra import light
 from atra.embree.device import EmbreeDevice
-from atra.light import Baker, ProgressiveBake, Scene
+from atra.light import Baker, Scene
 from tests.images import make_tracer
 from tests.meshes import cornell_box, cornell_camera
 
@@ -52,25 +51,6 @@ def added(one):
     return one
 
 
-def baking():
-    """In the midst of a bake that would take hours."""
-    baker = Baker(Scene.plain(MESH), size=16, threads=2)
-    baker.build()
-    bake = ProgressiveBake(baker, 1 << 30).__enter__()
-    while bake.snapshot() is None:
-        time.sleep(0.001)
-    return bake
-
-
-def baked():
-    """With every sample it was to take: its thread waits for edits."""
-    baker = Baker(Scene.plain(MESH), size=16, threads=2)
-    baker.build()
-    bake = ProgressiveBake(baker, 1).__enter__()
-    assert bake.wait(60)
-    return bake
-
-
 MAKE = {
     **{
         kind: lambda kind=kind: traced(make_tracer(kind, MESH, CAMERA, (16, 1), threads=2))
@@ -86,8 +66,6 @@ MAKE = {
     "hybrid renderer": lambda: added(light.HybridRenderer(SCENE, CAMERA, threads=2)),
     "path renderer": lambda: added(light.PathRenderer(SCENE, CAMERA, threads=2)),
     "baker": lambda: added(Baker(Scene.plain(MESH), size=16, threads=2)),
-    "progressive bake": baking,
-    "progressive bake that is done": baked,
 }
 
 

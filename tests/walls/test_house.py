@@ -24,8 +24,7 @@ from experiments.harness.method import Method, Style
 from experiments.harness.options import option
 from experiments.harness.point import Kind, Workload
 from experiments.harness.points import GridPoint
-from experiments.harness.processes.outcome import Outcome
-from experiments.harness.processes.worker import measure_point
+from experiments.harness.processes.worker import Outcome, measure_point
 from experiments.methods import METHODS
 from experiments.registry import KINDS
 from experiments.report.writing import rewrite_report

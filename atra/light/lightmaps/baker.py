@@ -15,6 +15,7 @@ from atra.light.batches import in_batches
 from atra.light.checks import check_whole
 from atra.light.lightmaps.batches import needed_bytes
 from atra.light.lightmaps.charts.atlas import Atlas
+from atra.light.lightmaps.charts.own import atlas_of
 from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.maps import Lightmap
 from atra.light.lightmaps.options import BakeOptions
@@ -49,7 +50,7 @@ class Baker(Lifetime):
     Parameters
     ----------
     scene, atlas :
-        What is lit, and where its triangles lie on the map (default: charts by xatlas on a map of `size` texels).
+        What is lit, and where its triangles lie on the map (default: `atlas_of(scene, size)`).
     threads, build_quality, robust :
         Of the scene for rays, as for `atra.PixelTracer`.
     bounces, roulette_from : int
@@ -114,7 +115,7 @@ class Baker(Lifetime):
 
     def _build(self) -> tuple[float, float]:
         start = perf_counter()
-        self._given = atlas = self._given or Atlas.unwrap(self.scene.mesh, self._size)
+        self._given = atlas = self._given or atlas_of(self.scene, self._size)
         what = f"sums of a map of {atlas.width} x {atlas.height} texels"
         check_needed_bytes(needed_bytes(atlas.width * atlas.height), None, what, "use a smaller map")
         self._texels = Texels.of(self.scene.mesh, atlas)

@@ -19,8 +19,7 @@ import psutil
 from atra.compiled.instruction_sets import VARIABLE
 from atra.errors import printable
 from experiments.harness.point import Point
-from experiments.harness.processes.outcome import Outcome
-from experiments.harness.processes.worker import CANNOT_WRITE
+from experiments.harness.processes.worker import CANNOT_WRITE, Outcome
 
 _ROOT = Path(__file__).resolve().parents[3]
 _OUTPUT_KEPT_BYTES = 4000

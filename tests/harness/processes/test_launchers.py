@@ -15,7 +15,7 @@ from experiments.harness.configuration import (
     SweepConfiguration,
 )
 from experiments.harness.points import GridPoint, measure, plan_points
-from experiments.harness.processes.outcome import Outcome
+from experiments.harness.processes.worker import Outcome
 from experiments.harness.records import write_record
 from experiments.sweep import run_sweep
 from tests.folders import ROOT

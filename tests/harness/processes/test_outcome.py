@@ -6,7 +6,7 @@ import pytest
 
 from experiments.harness.options import NoOptions
 from experiments.harness.point import Point
-from experiments.harness.processes.outcome import Outcome
+from experiments.harness.processes.worker import Outcome
 from experiments.methods.aligned import ALIGNED, AlignedOptions
 from experiments.workloads.build import BUILD
 from experiments.workloads.frame import FRAME

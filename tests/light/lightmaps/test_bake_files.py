@@ -1,7 +1,6 @@
-"""Progressive bakes, their snapshots, and the files of lightmaps."""
+"""Bakes that are edited or go on, and the files of lightmaps."""
 
 import importlib.util
-import threading
 from dataclasses import replace
 
 import numpy as np
@@ -9,10 +8,9 @@ import pytest
 import trimesh
 from PIL import Image
 
-import atra
 from atra import light as render
 from atra.errors import InputError
-from atra.light import Baker, ProgressiveBake, Seams, save_maps, save_model, toned
+from atra.light import Baker, Seams, save_maps, save_model, toned
 from atra.light.lightmaps.finish.export import finished
 from atra.light.lightmaps.states import resume, save_state
 from atra.light.pictures.files import srgb_of
@@ -25,43 +23,17 @@ BOX = cube(inwards=True)
 COLOURS = np.repeat([(0.7, 0.6, 0.5), (0.2, 0.4, 0.1)], 6, axis=0)
 SCENE = painted(BOX, COLOURS, lights=[render.PointLight((0.3, 0.4, 0.1))])
 ATLAS = sheet(BOX, 8)
-LONG_S = 600
 
 
-def alive():
-    return [thread.name for thread in threading.enumerate() if thread.name == "atra-bake"]
-
-
-@pytest.mark.slow
-def test_a_snapshot_is_the_bake_that_stopped_there():
-    with Baker(SCENE, ATLAS, threads=1) as baker, ProgressiveBake(baker, 64) as bake:
-        bake.look(atra.Camera((0, 0, 0), (1, 0.2, 0.1), width=32, height=32))
-        seen = [one for _ in range(2000) if (one := bake.snapshot()) is not None]
-        assert bake.wait(LONG_S)
-        seen.append(bake.snapshot())
-    assert (seen[-1].samples == 64).all()
-    whole = {count: baked(SCENE, ATLAS, count).combined for count in {*np.unique(seen[0].samples), 64} if count}
-    for one in (seen[0], seen[-1]):
-        for count, expected in whole.items():
-            np.testing.assert_array_equal(one.combined[one.samples == count], expected[one.samples == count])
-    assert not alive()
-
-
-def test_an_edit_starts_anew_and_a_bake_that_is_left_leaves_no_thread():
+def test_an_edit_starts_anew():
     dark = replace(SCENE, lights=[render.PointLight((0.3, 0.4, 0.1), power=0.25)])
     with Baker(SCENE, ATLAS, threads=1) as baker:
-        with ProgressiveBake(baker, 32) as bake:
-            assert bake.wait(LONG_S)
-            bake.update(dark)
-            assert bake.wait(LONG_S)
-            np.testing.assert_array_equal(bake.snapshot().combined, baked(dark, ATLAS, 32).combined)
-        with ProgressiveBake(baker, 1 << 20) as bake:
-            assert alive()
-            assert not bake.wait(0.01)
-        assert not alive()
-    nothing = pytest.raises(InputError, match="target is 0")
-    with Baker(SCENE, ATLAS, threads=1) as baker, ProgressiveBake(baker, 0) as bake, nothing:
-        bake.wait(LONG_S)
+        baker.add(32)
+        baker.update(dark)
+        baker.add(32)
+        np.testing.assert_array_equal(baker.maps.combined, baked(dark, ATLAS, 32).combined)
+        with pytest.raises(InputError, match="target is 0"):
+            baker.advance(0)
 
 
 def test_a_bake_goes_on_from_a_file_to_the_bit_and_refuses_that_of_another(tmp_path):

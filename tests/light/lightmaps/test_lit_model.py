@@ -1,6 +1,9 @@
 """A glTF with its lightmap: nothing of the file is lost, and a browser shows what we show."""
 
+import json
 import sys
+from base64 import b64encode
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +16,7 @@ from atra import light
 from atra.command.main import main
 from atra.errors import InputError
 from atra.files.gltf.tree import gltf_tree
-from atra.light import Atlas, Baker, lit_view, save_lit_model, save_model
+from atra.light import Atlas, Baker, atlas_of, lit_view, save_lit_model, save_model
 from atra.light.lightmaps.finish.export import exposure_of, finished
 from atra.light.lightmaps.finish.seams import Seams
 from atra.light.lightmaps.finish.views import looked_up
@@ -103,6 +106,32 @@ def test_all_of_the_file_is_kept_and_each_material_has_the_map(source, tmp_path)
     places = read.second_uv[read.mesh.faces]
     places = np.stack([places[..., 0], 1.0 - places[..., 1]], axis=-1) * 128
     np.testing.assert_allclose(places[known], lightmap.texels.atlas.uv[known], atol=1e-3)
+
+
+def test_second_coordinates_of_a_file_are_its_map_s_where_they_do(source, tmp_path):
+    _, lightmap, _ = baked(source, tmp_path / "lit.glb", samples=1)
+    with pytest.warns(UserWarning, match="not used: MOZ_lightmap"):
+        read = light.load_scene(tmp_path / "lit.glb")
+    for charts in ("auto", "file"):
+        np.testing.assert_allclose(atlas_of(read, 128, charts).uv, lightmap.texels.atlas.uv, atol=1e-3)
+    every = read.parts[1]
+    partly = read.second_uv.copy()
+    partly[every.first_vertex : every.first_vertex + every.vertices] = 0.0
+    for second_uv, told in ((partly, f"second uv of '{every.name}' are missing"), (read.second_uv % 0.3, "overlap")):
+        scene = replace(read, second_uv=second_uv)
+        with pytest.raises(InputError, match=told):
+            atlas_of(scene, 128, "file")
+        with pytest.warns(UserWarning, match=f"charts by xatlas, as .*{told}"):
+            atlas = atlas_of(scene, 128)
+        np.testing.assert_array_equal(atlas.uv, Atlas.unwrap(scene.mesh, 128).uv)
+    for options, told in (
+        ({"charts": "own"}, "expected one of auto, file, xatlas"), ({"texels_per_unit": -1.0}, "texels_per_unit is -1"),
+        ({"charts": "file", "texels_per_unit": 2.0}, "charts of the file have a size of their own"),
+    ):  # fmt: skip
+        with pytest.raises(InputError, match=told):
+            atlas_of(read, 128, **options)
+    with pytest.raises(InputError, match="no second uv"):
+        atlas_of(replace(read, second_uv=None), 128, "file")
 
 
 def test_what_was_not_baked_is_refused(source, tmp_path):
@@ -195,6 +224,41 @@ def test_the_command_bakes_a_gltf_into_a_model_that_keeps_its_materials_and_a_pa
     shown = [tree["meshes"][node["mesh"]] for node in tree["nodes"] if "mesh" in node]
     assert len(shown) == 3
     assert all("TEXCOORD_1" in one["attributes"] for mesh in shown for one in mesh["primitives"])
+
+
+def test_what_a_file_has_against_the_rules_of_glb_is_put_right(source, tmp_path):
+    """Rows of animations one after the other need no stride, and images lie inside."""
+    tree = tree_of(source)
+    binary = source.read_bytes()[-tree["buffers"][0]["byteLength"] :]
+    times = np.float32([0.0, 1.0]).tobytes()
+    buffer = binary + times + np.float32([[0, 0, 0], [0, 1, 0]]).tobytes()
+    tree["buffers"] = [{"byteLength": len(buffer), "uri": data_uri("application/octet-stream", buffer)}]
+    for start, size, kind in ((len(binary), 4, "SCALAR"), (len(binary) + 8, 12, "VEC3")):
+        tree["bufferViews"].append({"buffer": 0, "byteOffset": start, "byteLength": 2 * size, "byteStride": size})
+        view = len(tree["bufferViews"]) - 1
+        tree["accessors"].append({"bufferView": view, "componentType": 5126, "count": 2, "type": kind})
+    number = len(tree["accessors"])
+    target = {"node": next(k for k, node in enumerate(tree["nodes"]) if "mesh" in node), "path": "translation"}
+    tree["animations"] = [
+        {"samplers": [{"input": number - 2, "output": number - 1}], "channels": [{"sampler": 0, "target": target}]}
+    ]
+    for image in tree["images"]:
+        view = tree["bufferViews"][image.pop("bufferView")]
+        image["uri"] = data_uri(image.pop("mimeType"), binary[view["byteOffset"] :][: view["byteLength"]])
+    path = tmp_path / "other.gltf"
+    path.write_text(json.dumps(tree))
+    with pytest.warns(UserWarning, match="not used: animations"):
+        baked(path, tmp_path / "lit.glb", samples=1, size=64)
+    after = tree_of(tmp_path / "lit.glb")
+    (sampler,) = after["animations"][0]["samplers"]
+    for key in ("input", "output"):
+        assert "byteStride" not in after["bufferViews"][after["accessors"][sampler[key]]["bufferView"]]
+    assert all("bufferView" in one and "uri" not in one for one in after["images"])
+    assert {one["mimeType"] for one in after["images"]} == {"image/png"}
+
+
+def data_uri(kind, content):
+    return f"data:{kind};base64,{b64encode(content).decode()}"
 
 
 def accessors(tree):

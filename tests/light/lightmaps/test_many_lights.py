@@ -7,10 +7,7 @@ import atra
 from atra import light as render
 from atra.errors import AtraError, InputError
 from atra.light import Baker, SpotLight, Texels
-from atra.light.emitters.grid import LISTED, lamp_grid
-from atra.light.emitters.grid_kernels import cell_of, chosen_in
-from atra.light.emitters.tables import emitters_of
-from atra.light.lights import light_row
+from atra.light.emitters.grid import LISTED
 from tests.baked import baked, cube, painted, sheet, standard_error
 from tests.light.lightmaps.test_light import BOX, LIT
 from tests.meshes import joined, quads
@@ -68,40 +65,6 @@ def test_a_grid_of_lamps_has_the_mean_of_a_choice_by_power_and_less_noise(shines
         assert abs(difference) < 4 * error, name
     assert grid.direct.mean() > 20 * mean_and_error(grid)[1]
     assert grid.variance.mean() < 0.8 * aimed.variance.mean()
-
-
-def grid_of(lights, bounds):
-    rows = np.array([light_row(light) for light in lights])
-    return lamp_grid(rows, np.array([light.power for light in lights]), bounds)
-
-
-def test_the_odds_of_every_cell_add_up_to_one_and_follow_what_is_near():
-    lights = many(200)
-    bounds = np.array([(-2, 0, -2), (2, 2, 2)], float)
-    made = grid_of(lights, bounds)
-    assert made.listed.shape == (32 * 16 * 32, LISTED)
-    np.testing.assert_allclose(made.of_all + made.odds.sum(axis=1), 1.0, atol=1e-5)
-    assert made.of_all.min() >= 0.1 - 1e-6
-    for light in (1, 2, 4):  # points
-        place = ((np.array(lights[light].position) - bounds[0]) / np.diff(bounds, axis=0)[0] * (32, 16, 32)).astype(int)
-        cell = (place[0] * 16 + place[1]) * 32 + place[2]
-        assert light in made.listed[cell, :3]
-    above = grid_of((SpotLight((0, 1, 0), (0, 1, 0)), render.PointLight((0, 1, 0))), bounds)
-    below = np.indices((32, 16, 32)).reshape(3, -1)[1] < 4
-    assert (above.odds[below][above.listed[below] == 0] == 0).all()  # behind a spot
-    flat = grid_of((render.Sun((0, -1, 0)),), np.array([(0, 0, 0), (4, 0, 2)], float))
-    assert flat.listed.shape == (32 * 1 * 16, 1)
-
-
-def test_lamps_are_chosen_as_often_as_their_odds_say():
-    emitters = emitters_of(painted(OPEN, lights=many(100)), in_grid=True)
-    cell = cell_of(emitters.grid, (np.float32(0.5), np.float32(0.1), np.float32(-0.3)))
-    found = [chosen_in(emitters.grid, 100, cell, np.float32((k + 0.5) / 4000)) for k in range(4000)]
-    lamps, odds = (np.array(one) for one in zip(*found, strict=True))
-    for lamp in np.unique(lamps):
-        assert (lamps == lamp).mean() == pytest.approx(odds[lamps == lamp][0], abs=6e-4)
-    assert len(np.unique(lamps)) == 100
-    assert odds.max() > 0.05
 
 
 def probes(scene, points, samples=1024, **options):

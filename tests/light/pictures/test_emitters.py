@@ -7,7 +7,6 @@ import pytest
 
 import atra
 from atra import light
-from atra.light.emitters.tables import emitters_of
 from scenes.lit.rooms import lit_cornell_box
 from scenes.scene import upright_camera
 from tests.meshes import cornell_camera, quads
@@ -25,13 +24,6 @@ def under_a_lamp(half, height):
     """A grey floor, and a square lamp whose front faces down."""
     mesh = quads([floor(), floor(half, height)[::-1]])
     return light.Scene(mesh, [light.Lambertian(0.5), light.Emissive((3.0, 2.0, 1.0))], [0, 0, 1, 1], sky=BLACK)
-
-
-def chosen_shares(odds, others):
-    """How often each entry of an alias table is chosen."""
-    shares = odds.astype(np.float64).copy()
-    np.add.at(shares, others, 1.0 - odds.astype(np.float64))
-    return shares / len(odds)
 
 
 def test_a_floor_is_lit_as_much_as_a_square_lamp_fills_of_its_view():
@@ -55,26 +47,6 @@ def test_a_lamp_shines_to_its_front_alone_and_is_shadowed():
     screen = quads([floor(), floor(0.5, 2.0)[::-1], floor(1.0, 1.5)])
     shadowed = light.Scene(screen, [light.Lambertian(0.5), light.Emissive()], [0, 0, 1, 1, 0, 0], sky=BLACK)
     assert (traced(shadowed, down(4, eye=(0, 1, 0), fov=20), 16, bounces=1) == 0).all()
-
-
-def test_triangles_are_chosen_by_power_and_texels_by_light():
-    rng = np.random.default_rng(1)
-    mesh = atra.Mesh(rng.random((30, 3)), np.arange(30).reshape(10, 3))
-    materials = [light.Lambertian(0.5), light.Emissive((1, 2, 3)), light.Emissive((0, 0, 0)), light.Emissive(9.0)]
-    scene = light.Scene(mesh, materials, np.arange(10) % 4, sky=panorama())
-    emitters = emitters_of(scene)
-    assert set(emitters.prim_ids) == {1, 3, 5, 7, 9}
-    corners = mesh.vertices[mesh.faces].astype(float)
-    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
-    luminance = np.array([0, 0.2126 + 2 * 0.7152 + 3 * 0.0722, 0, 9])[np.arange(10) % 4]
-    shares = (areas * luminance)[emitters.prim_ids] / (areas * luminance).sum()
-    np.testing.assert_allclose(chosen_shares(emitters.odds, emitters.others), shares, rtol=1e-4, atol=1e-6)
-    per_area = emitters.densities[emitters.prim_ids] * areas[emitters.prim_ids]
-    np.testing.assert_allclose(per_area, (1 - emitters.sky_share) * shares, rtol=1e-4)
-    in_texels = chosen_shares(emitters.sky_odds, emitters.sky_others).reshape(8, 16) * emitters.sky_share
-    np.testing.assert_allclose(emitters.sky_densities * (2 * np.pi**2 / (8 * 16)), in_texels, rtol=1e-4, atol=1e-7)
-    np.testing.assert_allclose(in_texels.sum(), emitters.sky_share, rtol=1e-6)
-    assert 0.25 <= emitters.sky_share <= 0.75
 
 
 def beside_a_lamp():

@@ -12,7 +12,6 @@ from atra import light as render
 from atra.light import textures
 from atra.light.lightmaps.options import BakeOptions
 from atra.light.pictures.files import srgb_of
-from atra.light.pictures.film import Film
 from atra.light.pictures.options import HybridOptions, PathOptions
 from tests.meshes import quads
 from tests.shown import BLACK, down, floor, hybrid, sphere
@@ -57,17 +56,6 @@ def test_no_more_samples_are_added_than_a_picture_is_to_have(given, kept):
         assert renderer.samples == 50
     assert HybridOptions().most_samples == 512
     assert PathOptions().most_samples is None
-
-
-@pytest.mark.parametrize(("width", "height"), [(4, 4), (13, 7), (3, 9), (1, 6), (16, 2)])
-def test_pixels_come_in_tiles_and_go_back_to_their_places(width, height):
-    film = Film((2, width, height), 0)
-    x, y = np.array([film.place_of(pixel) for pixel in range(width * height)]).T
-    image = film.as_image(np.array([x, y]))
-    np.testing.assert_array_equal(image[..., 0], np.mgrid[:height, :width][1])
-    np.testing.assert_array_equal(image[..., 1], np.mgrid[:height, :width][0])
-    tiles = np.stack([x // 4, y // 4], 1)
-    assert (np.diff(tiles, axis=0) != 0).any(axis=1).sum() == -(-width // 4) * -(-height // 4) - 1
 
 
 def test_an_image_of_any_size_is_the_part_of_a_larger_one():

@@ -30,6 +30,7 @@ from atra.light.viewer.request import Pose, Request, Settings
 from atra.light.viewer.session import Session
 from atra.raster.tracer import PreparedRaster
 from scenes.built_in import make_scene
+from tests.shown import picture
 
 BOX = make_scene("cornell_box")
 SCENE = Scene(BOX.mesh, [Lambertian((0.7, 0.5, 0.3))])
@@ -123,32 +124,20 @@ def test_without_a_denoiser_the_picture_keeps_its_noise_and_says_why(painter, mo
     assert noisy.note == "denoising needs the package pyoidn"
 
 
-def test_exposure_and_tone_are_those_of_saved_pictures_and_cost_no_sample(painter):
-    for frame in ("hybrid", "path"):
-        first = with_settings(frame=frame)
-        shown(painter, first, 2)
-        image = painter._renderer(first).image
-        other = with_settings(frame=frame, exposure=-1.5, tone="agx")
-        assert other.keeps_samples_of(first)
-        assert np.array_equal(painter.show(other).image, srgb_of(toned(image, -1.5, "agx")))
-
-
 def single_rays(camera):
     with PixelTracer(BOX.mesh, camera, packet_width=1, threads=1) as tracer:
         return tracer.trace()
 
 
-def test_a_picture_is_the_renderer_s_own(painter):
+def test_a_picture_is_the_renderer_s_own_and_exposure_and_tone_cost_no_sample(painter):
     scene = painter._scene_of(SETTINGS)
-    for request, kind, options in (
-        (FIRST, HybridRenderer, {"occlusion_length": 0.5}),
-        (with_settings(frame="path"), PathRenderer, {"bounces": 4}),
-    ):
-        with kind(scene, request.camera, threads=1, **options) as renderer:
-            renderer.add(2)
-            assert np.array_equal(
-                shown(painter, request, 2), srgb_of(toned(renderer.image, tone=request.settings.tone))
-            )
+    for frame, kind, options in (("hybrid", HybridRenderer, {"occlusion_length": 0.5}), ("path", PathRenderer, {})):
+        request = with_settings(frame=frame)
+        other = with_settings(frame=frame, exposure=-1.5, tone="agx")
+        image = picture(kind, scene, request.camera, 2, **options)
+        assert np.array_equal(shown(painter, request, 2), srgb_of(toned(image, tone=request.settings.tone)))
+        assert other.keeps_samples_of(request)
+        assert np.array_equal(painter.show(other).image, srgb_of(toned(image, -1.5, "agx")))
 
 
 @pytest.mark.parametrize("direction", [(-0.4, -1.0, 0.3), (0.0, 0.0, 5.0), (1.0, 0.2, -1.0)])

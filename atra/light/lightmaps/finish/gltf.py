@@ -41,7 +41,9 @@ _SHAPE = "POSITI", "JOINTS", "WEIGHT"
 _QUANTIZED = "KHR_mesh_quantization"
 """An extension that is used without being named again."""
 
-_MIME = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".webp": "image/webp"}
+_MIME = {b"\x89": "image/png", b"\xff": "image/jpeg", b"R": "image/webp", b"\xab": "image/ktx2"}
+"""Kinds of images, by their first byte."""
+
 _PAGE = Path(__file__).with_name("page.html")
 
 MaterialOf = Callable[[ScenePart, int | None, int], Any]
@@ -132,10 +134,16 @@ class SourceModel(Glb):
             kept = {name: view[name] for name in ("byteStride", "target", "name") if name in view}
             self.add_view(self._numbers.view(number), **kept)
         for image in self.tree.get("images", []):
-            uri = image.get("uri")
-            if uri is not None and not uri.startswith("data:"):
-                image["bufferView"] = self.add_view(folder.read(image.pop("uri")))
-                image["mimeType"] = _MIME.get(Path(uri).suffix.lower(), "image/png")
+            if "uri" in image:
+                content = folder.read(image.pop("uri"))
+                image["bufferView"] = self.add_view(content)
+                image["mimeType"] = _MIME.get(content[:1], "image/png")
+        samplers = [one for animation in self.tree.get("animations", ()) for one in animation["samplers"]]
+        for number in {sampler[key] for sampler in samplers for key in ("input", "output")}:
+            accessor, rows = self._numbers.rows(number)
+            view = self.views[accessor["bufferView"]][0] if "bufferView" in accessor else {}
+            if view.get("byteStride") == rows.shape[1] * rows.itemsize:
+                del view["byteStride"]  # rows of an animation may have none
 
     def place(self, channel: int, material_of: MaterialOf, is_bare: bool = False) -> None:
         """Give each placed mesh coordinates on the map and materials.
