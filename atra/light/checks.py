@@ -129,9 +129,3 @@ def set_fields(value: object, **fields: Any) -> None:
     """Set fields of a frozen dataclass, for its constructor."""
     for name, field in fields.items():
         object.__setattr__(value, name, field)
-
-
-def check_one_of(name: str, value: object, possible: tuple[str, ...]) -> None:
-    """Raise InputError, naming the value, unless it is one of `possible`."""
-    if not isinstance(value, str) or value not in possible:
-        raise InputError(f"{name} is {value!r}, expected one of {', '.join(possible)}")

@@ -6,14 +6,13 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from atra.light.checks import Colour, check_one_of, checked_colour, checked_number, set_fields
+from atra.choices import check_choice
+from atra.light.checks import Colour, checked_colour, checked_number, set_fields
 from atra.light.scattering.seen_kernels import LEAST_BEND, SMOOTH
 from atra.light.scattering.spots_kernels import DIELECTRIC, EMISSIVE, LAMBERTIAN, METAL, PHYSICAL
 from atra.light.textures import Checker, Image, Texture
 
 FRESNEL = ("exact", "schlick")
-DIRECTIONS = ("cosine", "uniform")
-BELOW = ("absorbed", "passes")
 ALPHA = ("opaque", "mask", "blend")
 IMAGE_FIELDS = ("colour", "metallic_roughness", "normals", "emission_image", "transmission_image")
 """Fields of `MetallicRoughness` that may be images."""
@@ -50,27 +49,17 @@ class Material(ABC):
 
 @dataclass(frozen=True)
 class Lambertian(Material):
-    """A diffuse surface.
-
-    colour: albedo in [0, 1]. directions: how path tracing samples the hemisphere, "cosine" or "uniform"; both converge
-    to the same picture.
-    """
+    """A diffuse surface. colour: albedo in [0, 1]."""
 
     kind = LAMBERTIAN
     colour: Texture = (0.5, 0.5, 0.5)
-    directions: str = "cosine"
 
     def __post_init__(self) -> None:
         _check_texture(self, "Lambertian")
-        check_one_of("directions of Lambertian", self.directions, DIRECTIONS)
 
     @property
     def plain(self) -> Texture:
         return self.colour
-
-    @property
-    def numbers(self) -> tuple[float, bool]:
-        return 0.0, self.directions == "uniform"
 
 
 @dataclass(frozen=True)
@@ -78,19 +67,16 @@ class Metal(Material):
     """A mirror, blurred by `fuzz`.
 
     colour: reflectance in [0, 1]. fuzz: in [0, 1], radius of a sphere around the tip of the mirrored unit vector, on
-    which the new direction ends. below: directions below the surface are "absorbed", or the ray "passes" through the
-    triangle, as in renderers that do not check.
+    which the new direction ends; what ends below the surface is absorbed.
     """
 
     kind = METAL
     colour: Texture = (0.8, 0.8, 0.8)
     fuzz: float = 0.0
-    below: str = "absorbed"
 
     def __post_init__(self) -> None:
         _check_texture(self, "Metal")
         object.__setattr__(self, "fuzz", checked_number("fuzz of Metal", self.fuzz, 0.0, 1.0))
-        check_one_of("below of Metal", self.below, BELOW)
 
     @property
     def plain(self) -> Texture:
@@ -98,7 +84,7 @@ class Metal(Material):
 
     @property
     def numbers(self) -> tuple[float, bool]:
-        return self.fuzz, self.below == "passes"
+        return self.fuzz, False
 
 
 @dataclass(frozen=True)
@@ -114,7 +100,7 @@ class Dielectric(Material):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ior", checked_number("ior of Dielectric", self.ior, 0.0, 1e3, above=True))
-        check_one_of("fresnel of Dielectric", self.fresnel, FRESNEL)
+        check_choice("fresnel of Dielectric", self.fresnel, FRESNEL)
 
     @property
     def plain(self) -> Texture:
@@ -199,7 +185,7 @@ class MetallicRoughness(Material):
 
     def __post_init__(self) -> None:
         _check_texture(self, "MetallicRoughness")
-        check_one_of("alpha of MetallicRoughness", self.alpha, ALPHA)
+        check_choice("alpha of MetallicRoughness", self.alpha, ALPHA)
         for name in (
             "opacity",
             "cutoff",

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.choices import check_choice
 from atra.errors import InputError
 from atra.geometry.numbers import Vector, checked_vector
-from atra.light.checks import Colour, check_one_of, checked_colour, checked_image, checked_number, set_fields
+from atra.light.checks import Colour, checked_colour, checked_image, checked_number, set_fields
 
 MOST_TEXELS = 1 << 26
 """Most texels of an image; they take 768 MiB."""
@@ -72,7 +73,7 @@ class Image:
         factor = (*checked_colour("factor of an image", (red, green, blue), 1e12), opacity)
         first, second = (checked_vector("placement of an image", row) for row in self.placement)
         for wrap in self.wrap:
-            check_one_of("wrap of an image", wrap, WRAPS)
+            check_choice("wrap of an image", wrap, WRAPS)
         set_fields(self, texels=texels, factor=factor, placement=(first, second))
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from atra.compiled.store import njit
-from atra.light.numbers_kernels import HALF, ONE, TWO, ZERO, along, around, dot, on_sphere, scaled, unit
+from atra.light.numbers_kernels import ONE, ZERO, along, around, dot, on_sphere, scaled, unit
 from atra.light.scattering.bending_kernels import on_side, passed_within, through_glass
 from atra.light.scattering.bumps_kernels import bump_of, bumped
 from atra.light.scattering.coat_kernels import coated_clear_light, coated_direction, coated_value
@@ -43,8 +43,8 @@ from atra.light.surface_kernels import (
 )
 
 LAMBERTIAN, METAL, DIELECTRIC, EMISSIVE, PHYSICAL, NOTHING = 0, 1, 2, 3, 4, 5
-"""Kinds of material; NOTHING: a point in the open. PARAMETER: a metal's fuzz, an index of refraction. VARIANT: uniform
-directions (Lambertian), rays pass below the surface (metal), Schlick's approximation (glass), no thickness (physical).
+"""Kinds of material; NOTHING: a point in the open. PARAMETER: a metal's fuzz, an index of refraction. VARIANT:
+Schlick's approximation (glass), no thickness (physical).
 """
 
 BLACK = ZERO, ZERO, ZERO
@@ -212,30 +212,21 @@ def scatter(surfaces, spot, is_front, prim_id, direction, key, sample, bounce): 
             mirrored = along(direction, _MINUS_TWO * dot(direction, shaded), shaded)
             onward = unit(along(mirrored, spot.matter.ior, sphere))
             if not dot(onward, shaded) > ZERO:
-                if not spot.is_variant:
-                    return False, direction, direction, BLACK, ZERO
-                side = ONE if dot(onward, normal) > ZERO else -ONE
-        elif not spot.is_variant:
+                return False, direction, direction, BLACK, ZERO
+        else:
             onward = around(shaded, sphere)
-        else:  # uniform over the hemisphere: density 1 / (2 pi) where the reflectance is cos / pi
-            onward = sphere if dot(sphere, shaded) >= ZERO else scaled(-ONE, sphere)
-            weight = scaled(TWO * dot(onward, shaded), weight)
         onward = on_side(onward, normal, side)
-        density = _densities(shaded, normal, onward, spot.is_variant)[1] if kind == LAMBERTIAN else ZERO
+        density = _by_cosine(shaded, normal, onward) if kind == LAMBERTIAN else ZERO
     return True, leaving(surfaces, prim_id, spot.point, scaled(side, normal)), onward, weight, density
 
 
 @njit
-def _densities(shaded, normal, onward, is_uniform):  # type: ignore[no-untyped-def]
-    """(by the cosine, own): densities of a direction on the side of `normal`, per solid angle, if directions are chosen
-    by the cosine, and as they are. Both count the direction that `on_side` mirrors there."""
+def _by_cosine(shaded, normal, onward):  # type: ignore[no-untyped-def]
+    """How often a direction on the side of `normal` is chosen by the cosine, per solid angle. The direction that
+    `on_side` mirrors there counts, too."""
     cosine = max(ZERO, dot(onward, shaded))
     mirrored = max(ZERO, dot(along(onward, _MINUS_TWO * dot(onward, normal), normal), shaded))
-    by_cosine = (cosine + mirrored) * _PER_PI
-    if not is_uniform:
-        return by_cosine, by_cosine
-    count = (ONE if cosine > ZERO else ZERO) + (ONE if mirrored > ZERO else ZERO)
-    return by_cosine, HALF * _PER_PI * count
+    return (cosine + mirrored) * _PER_PI
 
 
 @njit(forceinline=True)
@@ -247,8 +238,8 @@ def scattered_light(spot, onward):  # type: ignore[no-untyped-def]
         return scaled(PER_SPHERE, WHITE), PER_SPHERE
     facing = dot(onward, spot.normal)
     if spot.kind == LAMBERTIAN and facing > ZERO:
-        by_cosine, own = _densities(spot.shaded, spot.normal, onward, spot.is_variant)
-        return scaled(by_cosine, spot.matter.colour), own
+        density = _by_cosine(spot.shaded, spot.normal, onward)
+        return scaled(density, spot.matter.colour), density
     if spot.kind == PHYSICAL:
         way = _local(spot.frame, spot.shaded, onward)
         twin = _local(spot.frame, spot.shaded, along(onward, _MINUS_TWO * facing, spot.normal))

@@ -60,7 +60,7 @@ def smooth_under_a_panorama():
 
 def lamp_and_panorama():
     corners = [floor(20.0), floor(0.4, 1.5)[::-1], [(-2, 0, -1), (2, 0, -1), (2, 3, -1), (-2, 3, -1)]]
-    materials = [light.Lambertian(0.6, "uniform"), light.Emissive(8.0), light.Metal(0.9, 0.2)]
+    materials = [light.Lambertian(0.6), light.Emissive(8.0), light.Metal(0.9, 0.2)]
     scene = light.Scene(quads(corners), materials, [0, 0, 1, 1, 2, 2], sky=panorama())
     return scene, atra.Camera(**upright_camera((1.0, 2.0, 5.0), (0.0, 0.7, 0.0), 40.0), width=12, height=12)
 

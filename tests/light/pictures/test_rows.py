@@ -115,7 +115,7 @@ def test_every_option_restarts_or_stays_or_is_refused_as_the_table_says(kind, op
 NASTY = [nan, inf, -inf, -1.0, -1e-300, 1e300, 1e400, "x", "", None, (), (1, 2), (1, 2, 3, 4), (nan, 0, 0), [[1]],
          np.zeros((0, 3)), np.full(3, nan), object(), {}, b"", 1j, (1j, 0, 0), True, ("a",) * 3, 2**70]  # fmt: skip
 MAKERS = {
-    render.Lambertian: ("colour", "directions"), render.Metal: ("colour", "fuzz", "below"),
+    render.Lambertian: ("colour",), render.Metal: ("colour", "fuzz"),
     render.Dielectric: ("ior", "fresnel"), render.Emissive: ("colour",), render.Checker: ("first", "second", "scale"),
     render.Image: ("texels",), render.GradientSky: ("below", "above", "power"),
     render.PanoramaSky: ("texels", "power", "rotation_degrees"),

@@ -7,9 +7,9 @@ from math import log2
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.choices import check_choice
 from atra.errors import InputError
 from atra.geometry.numbers import as_number
-from atra.light.checks import check_one_of
 from atra.light.numbers_kernels import LUMINANCE
 
 TONES = ("none", "neutral", "agx")
@@ -86,7 +86,7 @@ def toned(image: NDArray[np.floating], stops: float = 0.0, tone: str = "none") -
     >>> light.toned(np.array([[[4.0, 1.0, 0.25]]]), stops=-1, tone="none").round(2).tolist()
     [[[2.0, 0.5, 0.11999999731779099]]]
     """
-    check_one_of("tone", tone, TONES)
+    check_choice("tone", tone, TONES)
     light = np.asarray(image, np.float32) * np.float32(2.0**stops)
     if tone == "none":
         return light
