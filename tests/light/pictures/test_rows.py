@@ -76,9 +76,10 @@ RESTARTS = {
     "jitter": "off", "shadow_rays": 2, "shadow_length": 3.0,
     "occlusion_rays": 2, "occlusion_length": 3.0, "occlusion": "cosine",
     "bounces": 2, "roulette_from": 2, "aperture_radius": 0.1, "focus_distance": 2.0,
+    "clamp": 4.0,
 }  # fmt: skip
 STAYS = {"most_samples": 100}
-OF_PATHS = {"bounces", "roulette_from", "aperture_radius", "focus_distance"}
+OF_PATHS = {"bounces", "roulette_from", "aperture_radius", "focus_distance", "clamp"}
 
 
 @pytest.mark.parametrize(
