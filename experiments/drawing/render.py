@@ -261,8 +261,6 @@ def _draw_picture(axis: Axes, panel: Panel, figure: Figure) -> None:
         axis.set_box_aspect(1)
     else:
         axis.imshow(panel.picture)
-    for mark in panel.marks:
-        axis.plot([], [], label=mark.label, **{"linestyle": "none"} | dict(mark.style))
     axis.set_xticks([])
     axis.set_yticks([])
     for spine in axis.spines.values():
