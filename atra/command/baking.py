@@ -53,7 +53,7 @@ def add_bake(parser: ArgumentParser) -> None:
         help="by the file's second uv or by xatlas (default: the file's, if they suit a map)",
     )  # fmt: skip
     parser.add_argument(
-        "--texels-per-unit", type=float, default=0.0, metavar="NUMBER", help="as many maps as that resolution needs"
+        "--texels-per-unit", type=float, default=0.0, metavar="N", help="as many maps as that resolution needs"
     )
     parser.add_argument("--bounces", type=int, default=BOUNCES, help=f"most reflections (default: {BOUNCES})")
     add_clamp(parser)

@@ -53,8 +53,10 @@ def add_picture(parser: ArgumentParser) -> None:
     )
     add_shown(group)
     group.add_argument("--transparent", action="store_true", help="alpha in place of the sky that the eye sees")
-    group.add_argument("--aperture", type=float, metavar="RADIUS", help="of a lens that blurs what is not in focus")
-    group.add_argument("--focus", type=float, metavar="DISTANCE", help="at which all is sharp, for --aperture")
+    group.add_argument(
+        "--aperture", type=float, metavar="RADIUS", help="blur, by a lens of this radius, what is not in focus"
+    )
+    group.add_argument("--focus", type=float, metavar="DISTANCE", help="where all is sharp, for --aperture")
     group.add_argument("--bounces", type=int, default=BOUNCES, help=f"most reflections (default: {BOUNCES})")
     add_clamp(group)
 
@@ -62,7 +64,7 @@ def add_picture(parser: ArgumentParser) -> None:
 def add_clamp(parser: Any) -> None:
     """Add the limit of bright specks."""
     parser.add_argument(
-        "--clamp", type=float, help="most light of a speck by several reflections; biased (default: none)"
+        "--clamp", type=float, metavar="LIGHT", help="most that a path of several reflections adds; biased"
     )
 
 
@@ -77,8 +79,8 @@ def add_shown(parser: Any) -> None:
         help="neutral, none, or an EXR or HDR panorama (default: none beside lights in the file, else neutral)",
     )  # fmt: skip
     parser.add_argument(
-        "--sky-rotation", type=float, default=0.0, metavar="DEGREES",
-        help="turn the panorama, counterclockwise seen from above (default: 0)",
+        "--sky-rotation", type=float, default=0.0, metavar="DEG",
+        help="turn the panorama counterclockwise, from above",
     )  # fmt: skip
 
 
@@ -96,8 +98,8 @@ def add_limits(parser: ArgumentParser) -> None:
     """Add bounds on threads and memory."""
     parser.add_argument("--threads", type=int, help="number of threads (default: every core)")
     parser.add_argument(
-        "--memory-per-byte", type=float, metavar="NUMBER",
-        help=f"most memory for reading a byte of a file (default: {VARIABLE} or {MEMORY_PER_BYTE:g})",
+        "--memory-per-byte", type=float, metavar="N",
+        help=f"most bytes of memory a byte of a file may take (default: {VARIABLE} or {MEMORY_PER_BYTE:g})",
     )  # fmt: skip
 
 

@@ -27,8 +27,7 @@ FORMATS = ("npz", "exr", "png", "ply")
 EXAMPLES = """\
 atra render model.glb -o picture.png          a picture in full light
        atra render model.ply                         arrays of what is seen
-       atra render room.glb --camera sparse/0 --planes depth,normals
-                                                     arrays by COLMAP's cameras
+       atra render room.glb --camera sparse/0        arrays by COLMAP's cameras
        atra render bop DATASET --split test          labels of a BOP dataset"""
 """What the help of `atra render` starts with."""
 
@@ -45,17 +44,19 @@ def add_render(parser: ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="where arrays go (default: MESH_views)")
     parser.add_argument(
-        "--planes", nargs="+", metavar="PLANE",
+        "--planes", nargs="+", metavar="P",
         help=f"only these of {', '.join(PLANES)}",
     )  # fmt: skip
-    parser.add_argument("--depth-along", choices=("axis", "ray"), help="of depths (default: axis; ray for fisheyes)")
+    parser.add_argument(
+        "--depth-along", choices=("axis", "ray"), help="how depths are measured (default: axis; ray for fisheyes)"
+    )
     parser.add_argument(
         "--depth-scale", type=float, default=1000.0, metavar="N",
         help="steps of a depth PNG in a unit (default: 1000)",
     )  # fmt: skip
     parser.add_argument("--saturate", action="store_true", help="clamp depths that do not fit 16 bits")
     parser.add_argument(
-        "--format", nargs="+", choices=dict.fromkeys((*FORMATS, *PLANE_FORMATS)), default=["npz"], metavar="FORMAT",
+        "--format", nargs="+", choices=dict.fromkeys((*FORMATS, *PLANE_FORMATS)), default=["npz"], metavar="F",
         help=f"{', '.join(FORMATS)}; with --planes {', '.join(PLANE_FORMATS)} (default: npz)",
     )  # fmt: skip
     parser.add_argument("--size", nargs=2, type=int, metavar=("W", "H"), help="size of cameras without one")
