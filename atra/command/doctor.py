@@ -92,7 +92,7 @@ def say_instructions(extensions: Sequence[str] = ()) -> str:
     """The machine's instruction sets and which are used; extensions: features of processors other than x86-64."""
     here = ", ".join(instruction_sets_here() or extensions) or "none that is known"
     held = os.environ.get(VARIABLE)
-    used = f"Embree and Numba are held to {held} ({VARIABLE})" if held else f"all are used ({VARIABLE} is not set)"
+    used = f"held to {held} ({VARIABLE})" if held else f"all are used ({VARIABLE} is not set)"
     return f"{here}; {used}"
 
 
