@@ -26,7 +26,7 @@ FORMATS = ("npz", "exr", "png", "ply")
 
 EXAMPLES = """\
 atra render model.glb -o picture.png          a picture in full light
-       atra render model.ply                         arrays of what is seen
+       atra render model.ply --planes depth,normals  arrays of what is seen
        atra render room.glb --camera sparse/0        arrays by COLMAP's cameras
        atra render bop DATASET --split test          labels of a BOP dataset"""
 """What the help of `atra render` starts with."""
