@@ -21,7 +21,7 @@ import pandas as pd
 from atra.compiled.instruction_sets import LANE_COUNTS, instruction_sets_here
 from atra.errors import InputError
 from experiments.law.looks import choice_of, kept_looks, look_at_view, look_of
-from experiments.law.model.formulas import NANO, SEEN, WHOLE, Counts, build_terms, family, fit, frame_terms
+from experiments.law.model.formulas import NANO, SEEN, WANTS, WHOLE, Counts, build_terms, family, fit, frame_terms
 from experiments.law.model.looking import Look
 from experiments.law.model.memory import array_bytes, byte_terms
 
@@ -165,9 +165,6 @@ COLUMNS = (
     *COUNTERS, "look_s", "frame_s", "raster_s", "rounds",
 )  # fmt: skip
 
-
-WANTS = {"frame": "nearest", "gather": "count"}
-"""Workloads of the sweep, and what their frames ask for."""
 
 KEPT = ("embree_bytes", "bvh_bytes", "scratch_bytes", "list_bytes", "lookup_bytes")
 """Columns of bytes that a tracer counts."""

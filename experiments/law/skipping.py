@@ -12,12 +12,9 @@ from experiments.harness.point import Point
 from experiments.harness.processes.worker import Unpromising
 from experiments.law.model.choice import Choice
 from experiments.law.model.forecasting import forecast, known_constants
-from experiments.law.model.formulas import family
+from experiments.law.model.formulas import WANTS, family
 from experiments.law.model.looking import Look, look_at
 from experiments.methods.options import split_of
-
-_ASKED_OF_A_FRAME = {"frame": "nearest", "gather": "count"}
-"""What a frame of each workload that is predicted asks of its rays."""
 
 METHODS = ("raster", "pixel", "bvh", "tiles", "visible_first", "aligned")
 """Methods of the harness whose points are predicted."""
@@ -46,7 +43,7 @@ def slow_points(points: Mapping[int, Point], mesh: Mesh, limit: float) -> dict[i
     frames_s: dict[Any, dict[int, float]] = {}
     for place, point in points.items():
         camera, workload, choice = point.camera, point.workload.name, choice_of(point)
-        want = _ASKED_OF_A_FRAME.get(workload)
+        want = WANTS.get(workload)
         if choice is None or want is None or family(choice, want) not in constants:
             continue
         if camera not in looks:

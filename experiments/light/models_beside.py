@@ -24,12 +24,12 @@ from atra import RasterTracer
 from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.light import PathRenderer, Scene, load_scene
+from atra.light.numbers_kernels import LUMINANCE
 from atra.light.pictures.files import srgb_of
 from atra.light.sky import NEUTRAL, read_panorama
 from experiments.light.equal_error.measure import block_differences
 
 _SIDE, _BOUNCES = 128, 8
-_LUMINANCE = np.array((0.2126, 0.7152, 0.0722))
 
 
 def shown(path: Path) -> tuple[Scene, Camera]:
@@ -123,7 +123,7 @@ def study(table: str, sheet: str, *models: str, samples: int = 64) -> None:
         else:
             with RasterTracer(scene.mesh, camera) as tracer:
                 hit = np.asarray(tracer.trace().hit)
-            ours, others = (float((one[hit] @ _LUMINANCE).mean()) for one in (own, theirs))
+            ours, others = (float((picture[hit] @ np.array(LUMINANCE)).mean()) for picture in (own, theirs))
             apart = block_differences(own, theirs).max()
             row |= {"hit": hit.mean(), "atra": ours, "cycles": others, "ratio": ours / others, "blocks_apart": apart}
             pairs.append(np.concatenate([srgb_of(one.astype(np.float32)) for one in (own, theirs)], axis=1))

@@ -171,7 +171,7 @@ class Seen(NamedTuple):
 
 
 UNSEEN = Seen(NO_LIGHT, ZERO, ZERO, ONE, ONE, NO_LIGHT, NO_LIGHT, NO_LIGHT, NO_LIGHT, NO_LIGHT)
-"""Of other materials."""
+"""What stands in the place of `Seen` for all other materials, which do not use it."""
 
 
 @njit(error_model="numpy")

@@ -23,6 +23,9 @@ NANO = 1e-9
 
 WHOLE, SEEN = 0, 1
 
+WANTS = {"frame": "nearest", "gather": "count"}
+"""What a frame of each workload that is predicted asks for."""
+
 IN_CACHE = 3e4
 """Boxes and triangles that a cache holds, some three megabytes."""
 
