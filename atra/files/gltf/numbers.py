@@ -13,7 +13,9 @@ from atra.files.folder import Folder
 from atra.files.gltf.packed import MESHOPT, meshopt_bytes
 from atra.files.gltf.tree import entry, glb_chunks
 
-_TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+COMPONENT_TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+"""What the numbers of an accessor are, by its componentType."""
+
 _NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
@@ -87,7 +89,7 @@ class Numbers:
         """Elements of an accessor, and numbers of each, as it claims. Raises InputError for what is not read."""
         accessor = entry(self._tree, "accessors", number)
         size, count = _NUMBERS.get(accessor["type"]), accessor["count"]
-        if size is None or accessor["componentType"] not in _TYPES:
+        if size is None or accessor["componentType"] not in COMPONENT_TYPES:
             raise InputError(
                 f"accessor {number} is {accessor['type']!r} of {accessor['componentType']!r}, which is not read"
             )
@@ -100,7 +102,7 @@ class Numbers:
         (count, size), accessor = self.shape(number), entry(self._tree, "accessors", number)
         if number in self.decoded:
             return accessor, self.decoded[number]
-        dtype = np.dtype(_TYPES[accessor["componentType"]])
+        dtype = np.dtype(COMPONENT_TYPES[accessor["componentType"]])
         start = accessor.get("byteOffset", 0)
         if "bufferView" in accessor:
             rows = self._plain(accessor["bufferView"], start, count, size, dtype)
@@ -109,7 +111,7 @@ class Numbers:
         sparse = accessor.get("sparse")
         if sparse:
             rows, few, of_indices = rows.copy(), sparse["count"], sparse["indices"]
-            kind = np.dtype(_TYPES[of_indices["componentType"]])
+            kind = np.dtype(COMPONENT_TYPES[of_indices["componentType"]])
             places = self._plain(of_indices["bufferView"], of_indices.get("byteOffset", 0), few, 1, kind)[:, 0]
             if len(places) and places.max() >= count:
                 raise InputError(f"accessor {number} replaces number {places.max()} of {count}")

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
+from atra.files.gltf.numbers import COMPONENT_TYPES
 
 ELEMENTS = 34963
 """Target of a buffer view that holds indices."""
@@ -20,7 +21,7 @@ LIGHTMAP = "MOZ_lightmap"
 _ARRAY = 34962
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942
 _LINEAR, _CLAMP = 9729, 33071
-_KINDS = {"|i1": 5120, "|u1": 5121, "<i2": 5122, "<u2": 5123, "<u4": 5125, "<f4": 5126}
+_KINDS = {np.dtype(name).str: kind for kind, name in COMPONENT_TYPES.items()}
 
 
 def glb_path(path: Path | str) -> Path:
