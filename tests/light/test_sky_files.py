@@ -5,12 +5,9 @@ import importlib.util
 import numpy as np
 import pytest
 
-import atra
 from atra import light
 from atra.errors import InputError
 from atra.files.saving import encode_exr
-from tests.meshes import quads
-from tests.shown import floor
 
 openexr = pytest.mark.skipif(importlib.util.find_spec("OpenEXR") is None, reason="OpenEXR is not installed")
 
@@ -125,18 +122,3 @@ def test_texels_below_0_by_rounding_become_0_with_one_warning_and_all_others_sta
     path.write_bytes(exr_of(texels))
     with pytest.raises(InputError, match=r"nan, .* at column 0 of row 0"):
         light.PanoramaSky.load(path)
-
-
-@pytest.mark.parametrize("renderer", [light.PathRenderer, light.HybridRenderer])
-def test_pictures_show_a_panorama_without_steps_between_its_texels(renderer):
-    rows, columns = 8, 16
-    ramp = np.broadcast_to(np.arange(columns, dtype=np.float32)[:, None], (rows, columns, 3))
-    scene = light.Scene(quads([floor(0.5)]), sky=light.PanoramaSky(ramp))
-    camera = atra.Camera((0, 2, 0), (0, 2, -1), fov_y_degrees=60, width=32, height=32)
-    with renderer(scene, camera, threads=1, jitter="off") as drawn:
-        drawn.add(1)
-        image = drawn.image
-    y, x = np.mgrid[:32, :32]
-    ways = camera.rays(x, y)[1] @ camera.axes
-    turn = np.arctan2(ways[..., 0], -ways[..., 2])
-    np.testing.assert_allclose(image[..., 0], columns * (0.5 + turn / (2 * np.pi)) - 0.5, atol=1e-4)
