@@ -10,7 +10,7 @@ from atra.errors import InputError
 from atra.light.viewer.request import COLUMNS, SHADES, SPLITS, Pose, Request, Settings
 from atra.light.viewer.session import GROWTH, LEAST_GAP_S, REST_S, Picture, Session
 
-WAVES = 8
+WAVES, INF, NAN = 8, float("inf"), float("nan")
 FIRST = Request(Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), 45.0), Settings(samples=5))
 
 OTHER = {
@@ -22,8 +22,9 @@ OTHER = {
 }  # fmt: skip
 """Another value of every parameter."""
 
-KEEP_SAMPLES = {"shade", "samples", "sun_power", "sun_colour", "sky_power", "exposure", "tone", "denoise"}
-"""Of hybrid rendering: what costs no sample."""
+KEPT = {"samples", "exposure", "tone", "denoise"}
+KEEP_SAMPLES = {"hybrid": KEPT | {"shade", "sun_power", "sun_colour", "sky_power"}, "path": KEPT}
+"""What costs no sample: light is in those of paths, and another shade is hybrid rendering's."""
 
 
 def at(x):
@@ -102,7 +103,7 @@ class Screen:
         self.told = []
 
     def show(self, frame):
-        self.frames.append((self.clock.now_s, frame))
+        self.frames.append((self.clock(), frame))
 
     def tell(self, problem):
         self.told.append(problem)
@@ -166,7 +167,12 @@ def test_samples_wait_until_the_camera_has_rested():
     assert still[0] == pytest.approx(0.5 + REST_S + WAVES * 0.004)
 
 
-def test_a_wave_is_the_last_when_the_camera_moves():
+def test_a_wave_is_the_last_when_the_camera_moves_and_other_light_stops_no_sample():
+    session, artist, screen, clock = made()
+    clock.due = [(REST_S + 2.5 * artist.wave_s, lambda: session.want(sun_power=3.0))]
+    run(session, clock)
+    assert (artist.stopped, artist.added, len(artist.sketched)) == (0, 5, 1)
+    assert screen.frames[-1][1].picture.image[0, 0, 1] == 3.0
     session, artist, screen, clock = made()
     clock.due = [(REST_S + 2.5 * artist.wave_s, lambda: session.want(at(1.0)))]
     run(session, clock)
@@ -220,32 +226,17 @@ def test_a_picture_is_sent_less_often_the_longer_it_has_converged():
     assert len(times) < 30
 
 
+@pytest.mark.parametrize("frame", KEEP_SAMPLES)
 @pytest.mark.parametrize("field", OTHER)
-def test_what_restarts_a_picture(field):
+def test_what_restarts_a_picture(field, frame):
     assert OTHER.keys() == {one.name for one in fields(Settings)}
-    first = replace(FIRST, settings=replace(FIRST.settings, frame="path")) if field == "bounces" else FIRST
-    session, artist, screen, clock = made(first)
+    session, artist, screen, clock = made(replace(FIRST, settings=replace(FIRST.settings, frame=frame)))
     run(session, clock)
-    session.want(**{field: OTHER[field]})
+    session.want(**{field: "hybrid" if (field, frame) == ("frame", "path") else OTHER[field]})
     session.step()
-    keeps = field in KEEP_SAMPLES
-    assert screen.frames[-1][1].request is session.wanted
-    assert (screen.frames[-1][1].samples, len(artist.sketched)) == ((5, 1) if keeps else (0, 2))
-
-
-def test_in_path_tracing_light_is_in_the_samples_and_restarts_them():
-    path = replace(FIRST.settings, frame="path")
-    assert not replace(path, sky_power=2.0).keeps_samples_of(path)
-    assert replace(path, samples=2).keeps_samples_of(path)
-    assert not replace(path, shade="occlusion").keeps_samples_of(path)  # it is hybrid rendering's
-
-
-def test_other_light_does_not_stop_the_sample_that_is_being_added():
-    session, artist, screen, clock = made()
-    clock.due = [(REST_S + 2.5 * artist.wave_s, lambda: session.want(sun_power=3.0))]
-    run(session, clock)
-    assert (artist.stopped, artist.added, len(artist.sketched)) == (0, 5, 1)
-    assert screen.frames[-1][1].picture.image[0, 0, 1] == 3.0
+    shown = screen.frames[-1][1]
+    assert shown.request is session.wanted
+    assert (shown.samples, len(artist.sketched)) == ((5, 1) if field in KEEP_SAMPLES[frame] else (0, 2))
 
 
 def test_asking_for_the_same_again_changes_nothing():
@@ -299,3 +290,13 @@ def test_pictures_have_the_asked_for_pixels_and_widths_that_every_split_divides(
 def test_the_sun_stands_where_its_angles_say(heading, height, travels):
     settings = Settings(sun_heading=heading, sun_height=height)
     assert settings.sun_direction == pytest.approx(travels, abs=1e-12)
+
+
+@pytest.mark.parametrize(("field", "value"), [
+    ("frame", "x"), ("shade", 1), ("method", "x"), ("samples", 0), ("side", 1.5), ("split_x", 3), ("sun_heading", INF),
+    ("sun_cone", -1.0), ("sun_power", NAN), ("jitter", 1), ("sun_colour", (1, 2)), ("sun_colour", (0, 0, 256)),
+    ("shadow_rays", 65), ("bounces", -1), ("occlusion_length", INF),
+])  # fmt: skip
+def test_settings_that_cannot_be_drawn_are_refused_by_name(field, value):
+    with pytest.raises(InputError, match=field):
+        Settings(**{field: value})
