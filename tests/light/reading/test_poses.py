@@ -1,4 +1,4 @@
-"""Skins and morph targets: vertices and normals stand where joints and weights put them."""
+"""Skins, morph targets and instances: vertices and normals stand where joints, weights and places put them."""
 
 import base64
 
@@ -15,7 +15,7 @@ def with_rows(given, *arrays):
     numbers = []
     for array in arrays:
         given["bufferViews"].append({"buffer": 0, "byteOffset": len(content), "byteLength": array.nbytes})
-        kind = {3: "VEC3", 4: "VEC4", 16: "MAT4"}[array.shape[1]]
+        kind = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}[array.shape[1]]
         numbers.append(len(given["accessors"]))
         given["accessors"].append({
             "bufferView": len(given["bufferViews"]) - 1, "componentType": 5121 if array.dtype == np.uint8 else 5126,
@@ -74,3 +74,10 @@ def test_morph_targets_count_by_the_weights_of_the_node_or_the_mesh(tmp_path, pl
     np.testing.assert_allclose(scene.mesh.vertices, 2 * CORNERS + 2 * (CORNERS + 1), rtol=1e-6)
     np.testing.assert_allclose(load_mesh(tmp_path / "model.gltf").vertices, scene.mesh.vertices)
     np.testing.assert_allclose(scene.normals, np.tile([0, 0.5**0.5, 0.5**0.5], (3, 1)), atol=1e-6)
+
+
+def test_a_leaf_may_have_thousands_of_instances(tmp_path):
+    places, given = np.arange(24_000, dtype=np.float32).reshape(-1, 3), tree()
+    (number,) = with_rows(given, places)
+    given["nodes"][0]["extensions"] = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": number}}}
+    assert read(tmp_path, given).mesh.vertices[::3].tolist() == places.tolist()
