@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 import atra
-from atra import light
 from atra.errors import InputError
 from atra.light import Lightmap, Texels, clay_view, denoised, lit_view
 from atra.light.lightmaps.finish.views import looked_up
 from atra.light.lightmaps.sums_kernels import LUMINANCE
-from tests.baked import baked, cube, painted, sheet
+from tests.baked import cube, painted, sheet
 from tests.images import draw
 from tests.meshes import quads
 from tests.shown import floor
@@ -124,13 +123,3 @@ def test_a_view_of_what_has_no_place_in_the_map_and_of_nothing_is_black():
     image = np.ones((whole.height, whole.width, 1), np.float32)
     shown = looked_up(hits, atlas, image)[..., 0]
     np.testing.assert_array_equal(shown, np.isin(hits.prim_id, np.flatnonzero(atlas.chart == 0)).astype(np.float32))
-
-
-def test_the_error_of_a_map_is_told_by_how_it_changes_and_not_by_the_variance_of_its_samples():
-    mesh = quads([floor(0.5)])
-    sky = light.GradientSky((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
-    lightmap = baked(light.Scene.plain(mesh, 0.0, sky=sky), sheet(mesh, 32), 64)
-    every = np.arange(len(lightmap.samples))
-    true = ((lightmap.luminance - 5 / 6) ** 2).sum()
-    assert true / 2.5 < lightmap.squared_error(every) < 2.5 * true
-    assert (lightmap.variance / 64).sum() > 4 * true

@@ -9,7 +9,6 @@ import atra
 from atra import light as render
 from atra.errors import AtraError, ClosedError, InputError
 from atra.light import Atlas, Baker, SpotLight
-from experiments.light.waves.baker import WaveBaker
 from tests.baked import baked, cube, painted, sheet, standard_error
 from tests.meshes import joined, quads
 from tests.shown import floor
@@ -96,25 +95,6 @@ def test_nothing_leaks_into_a_closed_thin_box_and_its_texels_are_dark():
     assert lightmap.combined.max() == 0.0
 
 
-def test_light_of_a_small_sun_in_the_sky_is_the_same_on_average_whatever_ends_paths_and_finds_the_sky():
-    texels = np.full((8, 16, 3), 0.02, np.float32)
-    texels[2, 3] = 40.0  # a small sun
-    walls = quads([floor(1.0), [(-1, 0, -1), (1, 0, -1), (1, 2, -1), (-1, 2, -1)]])
-    scene = painted(walls, 0.6, sky=render.PanoramaSky(texels))
-    atlas = sheet(walls, 6)
-    found = {}
-    for name, options in (("mis", {}), ("bsdf", {"environment": "bsdf"}), ("no roulette", {"roulette_from": None})):
-        with WaveBaker(scene, atlas, threads=1, seed=len(found), **options) as baker:
-            baker.add(768)
-            lightmap = baker.maps
-        error = np.sqrt((standard_error(lightmap) ** 2).sum()) / len(lightmap.samples)
-        found[name] = lightmap.luminance.mean(), error
-    mean, error = found.pop("mis")
-    for name, (other, other_error) in found.items():
-        assert abs(other - mean) < 4 * np.hypot(error, other_error), name
-    assert error < 0.2 * found["bsdf"][1]  # aiming pays
-
-
 def test_many_lights_after_a_bounce_are_chosen_without_bias():
     walls = quads([floor(1.0), [(-1, 0, -1), (1, 0, -1), (1, 2, -1), (-1, 2, -1)]])
     lights = [
@@ -131,31 +111,10 @@ def test_many_lights_after_a_bounce_are_chosen_without_bias():
     assert together.indirect.mean() > 20 * error
 
 
-def panes(*tints):
-    """A floor beneath sheets of clear glass of these colours, one above the other, far wider than it."""
-    mesh = joined(PLATE, *(quads([floor(500.0, 0.5 + 0.2 * k)]) for k in range(len(tints))))
-    glass = [render.MetallicRoughness(tint, roughness=0.0, transmission=1.0) for tint in tints]
-    uv = np.full((mesh.triangle_count, 3, 2), np.nan)
-    uv[:2] = sheet(PLATE, 6).uv
-    atlas = Atlas(uv, np.where(np.arange(len(uv)) < 2, 0, -1), 10, 10)
-    numbers = np.arange(mesh.triangle_count) // 2
-    return render.Scene(mesh, [render.Lambertian(0.0), *glass], numbers, sky=render.constant_sky(0.0)), atlas
-
-
-def test_the_sun_passes_panes_by_the_product_of_their_tints_in_any_order():
-    tints = np.array([(1.0, 0.5, 0.25), (0.8, 0.9, 0.1), (0.5, 1.0, 1.0)])
-    expected = 0.96**3 * np.prod(tints, axis=0)
-    for order in ([0, 1, 2], [2, 0, 1]):
-        scene, atlas = panes(*tints[order].tolist())
-        lightmap = baked(replace(scene, lights=[render.Sun((0, -1, 0), 0.0)]), atlas, 8, bounces=0)
-        np.testing.assert_allclose(lightmap.direct, np.broadcast_to(expected, lightmap.direct.shape), rtol=1e-4)
-
-
 def test_a_scene_of_opaque_faces_is_the_same_to_the_bit_beside_a_pane_that_is_far_away():
     far = atra.Mesh(PLATE.vertices + np.float32([0, 0, 300]), PLATE.faces)
     mesh = joined(BOX, far)
-    uv = np.concatenate([sheet(BOX, 6).uv, np.full((2, 3, 2), np.nan)])
-    atlas = Atlas(uv, np.where(np.isnan(uv[:, 0, 0]), -1, 0), *[sheet(BOX, 6).width] * 2)
+    atlas = sheet(mesh, 6, charted=6)
     numbers = np.append(LIT.face_materials, [2, 2])
     pane = render.MetallicRoughness((0.5, 0.5, 0.5), 0.5, "blend")
     scenes = [
@@ -182,20 +141,6 @@ def test_threads_change_no_bit_and_another_seed_changes_all():
     assert usual.indirect.max() > 0
     other = baked(LIT, atlas, 9, seed=1)
     assert (usual.indirect != other.indirect).any()
-
-
-def test_seen_texels_come_first_and_the_order_changes_no_bit():
-    atlas = sheet(BOX, 6)
-    with Baker(LIT, atlas, threads=1) as baker:
-        baker.look(atra.Camera((0, 0, 0), (1, 0.2, 0.1), width=32, height=32))
-        assert 0.05 < baker.visible.mean() < 0.9
-        assert baker.advance(16)
-        assert (baker.samples == np.where(baker.visible, 16, 0)).all()
-        while baker.advance(16):
-            pass
-        assert (baker.samples == 16).all()
-        first = baker.maps.combined
-    np.testing.assert_array_equal(first, baked(LIT, atlas, 16).combined)
 
 
 def test_a_stop_between_batches_loses_no_sample_and_doubles_none():
@@ -233,12 +178,12 @@ def test_what_no_light_could_be_is_refused_with_its_value():
             Baker(LIT, sheet(BOX, 6), **{option: value})
     with pytest.raises(InputError, match=r"scene is Mesh.*expected a Scene; of a mesh, Scene.plain\(mesh\)"):
         Baker(PLATE)
-    with pytest.raises(InputError, match="outer_degrees of SpotLight is 100"):
-        SpotLight((0, 1, 0), (0, -1, 0), outer_degrees=100)
     bright = render.PanoramaSky(np.full((2, 4, 3), 1e38, np.float32), power=1e12)
     with pytest.raises(AtraError, match=r"texel \(\d+, \d+\) is not finite at sample"):
         baked(painted(PLATE, sky=bright), sheet(PLATE, 4), 1)
     with pytest.raises(InputError, match="samples is 0"):
         baked(LIT, sheet(BOX, 6), 0)
+    with Baker(LIT, sheet(BOX, 6)) as baker, pytest.raises(InputError, match="target is 0"):
+        baker.advance(0)
     with pytest.raises(InputError, match="the atlas has 2 triangles"):
         baked(LIT, Atlas.of_uv(np.zeros((2, 3, 2)), 8, 8), 1)

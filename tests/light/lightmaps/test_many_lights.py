@@ -95,18 +95,11 @@ def test_a_probe_has_the_harmonics_of_suns_points_and_the_sky():
     point = probes(painted(FAR, lights=[render.PointLight((0, 2, 0))]), [(0, 0, 0), (0, 1, 0)], 1)
     np.testing.assert_allclose(point.direct[:, 0, 0], np.pi / np.array([4, 1]) / np.sqrt(4 * np.pi), rtol=1e-4)
     np.testing.assert_allclose(point.direct[1, :, 0], 4 * point.direct[0, :, 0], rtol=1e-4, atol=1e-6)
-    rows, columns = 16, 32
-    height = np.cos((np.arange(rows) + 0.5) * np.pi / rows)
-    texels = np.broadcast_to((1.0 + 0.8 * height)[:, None, None], (rows, columns, 3))
-    texels = np.where(np.indices((rows, columns))[1][..., None] == 3, 20 * texels, texels)
-    bands = -np.diff(np.cos(np.linspace(0, np.pi, rows + 1))) * 2 * np.pi / columns
-    expected = (texels[..., 0] * bands[:, None]).sum() / np.sqrt(4 * np.pi)
-    edges = np.cos(np.linspace(0, np.pi, rows + 1))
-    upward = (texels[..., 0].sum(axis=1) * (edges[:-1] ** 2 - edges[1:] ** 2) / 2 * 2 * np.pi / columns).sum()
-    scene = painted(FAR, sky=render.PanoramaSky(texels))
-    found = probes(scene, np.zeros((4, 3)), 2048).environment[..., 0].mean(axis=0)
-    assert found[0] == pytest.approx(expected, rel=0.03)
-    assert found[1] == pytest.approx(np.sqrt(3 / (4 * np.pi)) * upward, rel=0.06)
+    height = np.cos((np.arange(64) + 0.5) * np.pi / 64)
+    rising = render.PanoramaSky(np.broadcast_to((1.0 + 0.8 * height)[:, None, None], (64, 8, 3)))
+    found = probes(painted(FAR, sky=rising), np.zeros((4, 3)), 2048).environment[..., 0].mean(axis=0)
+    expected = np.array([4 * np.pi / np.sqrt(4 * np.pi), 0.8 * np.sqrt(3 / (4 * np.pi)) * 4 * np.pi / 3])
+    np.testing.assert_allclose(found[:2], expected, rtol=0.03)
 
 
 def test_a_probe_lights_a_surface_as_the_harmonics_of_a_cosine_do():

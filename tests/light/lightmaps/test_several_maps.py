@@ -10,7 +10,6 @@ from PIL import Image
 
 import atra
 from atra import light as render
-from atra.errors import InputError
 from atra.light import Atlas, Baker, Seams, Texels, dilated, save_maps, save_model
 from atra.light.lightmaps.finish.views import looked_up
 from atra.light.pictures.files import srgb_of
@@ -116,24 +115,6 @@ def test_each_map_has_files_of_its_own_and_the_model_shows_all(tmp_path):
         place = lightmap.texels.number[here] - 64 * number
         expected = srgb_of(0.5 * lightmap.combined[here]).astype(int)
         assert np.median(np.abs(image.reshape(-1, 3)[place] - expected)) <= 1  # all but seams, which are matched
-
-
-def test_uv_on_several_maps_are_refused_where_they_are_on_none():
-    uv = CORNERS[[[0, 1, 2], [0, 2, 3]]]
-    for numbers, told in (
-        (np.array([0, -1]), "expected \\(F,\\) numbers from 0 on"), (np.array([0.0, 1.0]), "of float64"),
-        (np.array([0, 0, 1]), "shape \\(3,\\)"), (np.array([0, 1 << 14]), "expected at most 2\\^28"),
-    ):  # fmt: skip
-        with pytest.raises(InputError, match=told):
-            Atlas.of_uv(uv, 1 << 14, 1 << 14, numbers)
-    with pytest.raises(InputError, match="uv of face 1 are"):
-        Atlas.of_uv(np.stack([uv[0], uv[1] + (0, 0.5)]), 8, 8, np.array([0, 1]))
-    with pytest.raises(InputError, match="height of 2 maps together is 9"):
-        Atlas(uv, np.zeros(2, int), 8, 9, 2)
-    with pytest.raises(InputError, match="number of maps is 0"):
-        Atlas(uv, np.zeros(2, int), 8, 8, 0)
-    with pytest.raises(InputError, match="face 1 lies on maps 0 and 1, expected one"):
-        Atlas(np.stack([uv[0], 15 * uv[1]]) / (2, 1), np.zeros(2, int), 8, 16, 2)
 
 
 @pytest.mark.skipif(importlib.util.find_spec("xatlas") is None, reason="xatlas is not installed (extra `bake`)")
