@@ -18,8 +18,7 @@ from scenes.atrium import ATRIUM_CAMERA, atrium
 from scenes.lit.rooms import lit_cornell_box
 from scenes.lit.weekend import WEEKEND_CAMERA, outwards, weekend
 from scenes.shapes import ball, join, quad
-from tests.meshes import cornell_box, cornell_camera, joined, quads
-from tests.shown import batches, floor
+from tests.shown import batches
 
 needs_mitsuba = pytest.mark.skipif(
     importlib.util.find_spec("mitsuba") is None, reason="Mitsuba 3 is not installed (extra `peers`)"
@@ -56,30 +55,6 @@ def differ(one, other):
     return np.nanmin(chance) < 1 - 0.99 ** (1 / chance.size) or (apart > 4 * error + 1e-6).any()  # Šidák
 
 
-def cornell():
-    mesh = cornell_box()
-    materials = [
-        light.Lambertian((0.73, 0.7, 0.65)), light.Lambertian((0.65, 0.05, 0.05)),
-        light.Lambertian((0.12, 0.45, 0.15)), light.Emissive((9.0, 8.0, 6.0)), light.Metal((0.9, 0.8, 0.7)),
-    ]  # fmt: skip
-    numbers = np.zeros(mesh.triangle_count, int)
-    numbers[6:8], numbers[8:10], numbers[10:12], numbers[24:] = 1, 2, 3, 4
-    return light.Scene(mesh, materials, numbers, sky=light.constant_sky((0.2, 0.3, 0.4))), cornell_camera(32, 32)
-
-
-def three_balls():
-    one = outwards(ball(1.0, 24, 12))
-    balls = [one.moved(x=x, y=1.0).to_mesh("ball") for x in (-2.1, 0.0, 2.1)]
-    numbers = np.repeat([0, 1, 2, 3], [2, *(part.triangle_count for part in balls)])
-    materials = [
-        light.Lambertian((0.5, 0.6, 0.3)), light.Lambertian((0.4, 0.2, 0.1)), light.Dielectric(1.5),
-        light.Metal((0.7, 0.6, 0.5)),
-    ]  # fmt: skip
-    mesh, sky = joined(quads([floor(8.0)]), *balls), light.constant_sky((0.5, 0.7, 1.0))
-    camera = atra.Camera((3, 2.5, 6), (0, 0.8, 0), fov_y_degrees=40, width=48, height=32)
-    return light.Scene(mesh, materials, numbers, sky=sky), camera
-
-
 def book():
     """The weekend's scene without fuzz, chequers and a sky of two colours, which Mitsuba's plain materials have not."""
     scene = weekend(segments=8)
@@ -100,7 +75,7 @@ def hall():
 
 
 @needs_mitsuba
-@pytest.mark.parametrize("make", [cornell, three_balls, book, hall])
+@pytest.mark.parametrize("make", [book, hall])
 def test_no_tile_differs_from_mitsuba_s_more_than_chance_allows(make):
     scene, camera = make()
     ours = batches(scene, camera, BATCHES, 16, bounces=3, jitter="pixel")

@@ -6,7 +6,7 @@ import pytest
 import atra
 from atra import light as render
 from atra.errors import AtraError, InputError
-from atra.light import Baker, SpotLight, Texels
+from atra.light import Baker, SpotLight
 from atra.light.emitters.grid import LISTED
 from tests.baked import baked, cube, painted, sheet, standard_error
 from tests.light.lightmaps.test_light import BOX, LIT
@@ -38,15 +38,6 @@ def test_samples_of_a_texel_are_spread_evenly_so_that_maps_lie_nearer_to_each_ot
         assert np.abs(apart.mean()) < 4 * apart.std() / np.sqrt(len(apart)), name
     random = np.sqrt((standard_error(one) ** 2 + standard_error(other) ** 2).mean())
     assert 0.0 < np.sqrt(((one.luminance - other.luminance) ** 2).mean()) < 0.8 * random
-
-
-def test_texels_side_by_side_in_a_batch_lie_near_each_other_in_space():
-    texels = Texels.of(BOX, sheet(BOX, 16))
-    order = texels.along_curve
-    assert sorted(order.tolist()) == list(range(len(texels)))
-    random = np.random.default_rng(1).permutation(len(texels))
-    steps = [np.linalg.norm(np.diff(texels.positions[one], axis=0), axis=1).mean() for one in (order, random)]
-    assert steps[0] < 0.2 * steps[1]
 
 
 @pytest.mark.parametrize("shines", [False, True], ids=["lamps", "lamps, a panel and a sky"])

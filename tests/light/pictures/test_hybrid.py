@@ -11,7 +11,7 @@ from atra import light as render
 from atra.light.emitters.panels import MOST_PANELS, panels_of
 from atra.light.lights_kernels import KIND, PANEL, PLACE, SIZE, SPHERE
 from tests.meshes import joined, quads
-from tests.shown import BLACK, down, floor, floor_points, hybrid, room, sphere, traced
+from tests.shown import BLACK, down, floor, floor_points, hybrid, rectangles, room, sphere, traced
 
 GREY = render.Lambertian((0.5, 0.25, 1.0))
 
@@ -19,7 +19,7 @@ GREY = render.Lambertian((0.5, 0.25, 1.0))
 def with_screen(light, height=1.0):
     """A floor, and over the half x < 0 a screen that casts a straight edge along z; seen from between the two."""
     screen = [(-50, height, 50), (0, height, 50), (0, height, -50), (-50, height, -50)]
-    return render.Scene(quads([floor(), screen]), [GREY], lights=[light], sky=BLACK)
+    return rectangles((floor(), GREY), (screen, GREY), lights=[light])
 
 
 BELOW = down(48, eye=(-0.2, 0.9, 0), fov=70)
@@ -57,8 +57,7 @@ def test_the_sun_s_penumbra_is_the_share_of_its_disc_beside_the_edge():
 
 def test_each_sample_of_a_light_counts_by_its_own_cosine():
     angle = 40.0
-    sun = render.Sun((0, -1, 0), angle)
-    scene = render.Scene(quads([floor()]), [render.Lambertian(1.0)], lights=[sun], sky=BLACK)
+    scene = rectangles((floor(), render.Lambertian(1.0)), lights=[render.Sun((0, -1, 0), angle)])
     image = hybrid(scene, down(4), 512).image
     radius = np.tan(np.radians(angle))  # points of a disc at distance 1: the mean of 1 / sqrt(1 + r^2)
     expected = 2.0 * (np.sqrt(1.0 + radius**2) - 1.0) / radius**2
@@ -70,7 +69,7 @@ def test_each_sample_of_a_light_counts_by_its_own_cosine():
 def test_a_pixel_is_colour_times_light_and_sky_as_by_hand(samples):
     sun = render.Sun((1.0, -2.0, 0.5), 0.0, colour=(1.0, 0.5, 0.25), power=3.0)
     sky = render.GradientSky((0.1, 0.2, 0.3), (0.5, 0.7, 1.0), power=2.0)
-    scene = render.Scene(quads([floor()]), [GREY], lights=[sun], sky=sky)
+    scene = rectangles((floor(), GREY), lights=[sun], sky=sky)
     cosine = 2.0 / np.sqrt(1 + 4 + 0.25)
     expected = np.array(GREY.colour) * (cosine * 3.0 * np.array(sun.colour) + 2.0 * np.array(sky.above))
     renderer = hybrid(scene, down(4), samples, most_samples=None)
@@ -84,7 +83,7 @@ def test_a_pixel_is_colour_times_light_and_sky_as_by_hand(samples):
 ])  # fmt: skip
 def test_beside_a_wall_the_share_of_the_hemisphere_is_free_that_its_distance_says(occlusion, free):
     wall = [(0, 0, 50), (0, 50, 50), (0, 50, -50), (0, 0, -50)]
-    scene = render.Scene(quads([floor(), wall]), [GREY], sky=render.constant_sky(1.0))
+    scene = rectangles((floor(), GREY), (wall, GREY), sky=render.constant_sky(1.0))
     camera = down(16, eye=(1.3, 3, 0))
     options = {"occlusion_length": 2.0, "occlusion": occlusion}
     openness = hybrid(scene, camera, 512, **options).openness
@@ -203,8 +202,7 @@ def test_images_looked_up_for_eight_pixels_at_once_have_the_colours_of_one_pixel
 
 def test_a_shining_rectangle_is_seen_and_lights_the_floor_as_paths_find():
     lamp = [(0.3, 1.5, -0.7), (1.2, 1.5, -0.7), (1.2, 1.8, 0.9), (0.3, 1.8, 0.9)]
-    materials = [GREY, render.Emissive((5.0, 3.0, 1.0))]
-    scene = render.Scene(quads([floor(4.0), lamp]), materials, [0, 0, 1, 1], sky=BLACK)
+    scene = rectangles((floor(4.0), GREY), (lamp, render.Emissive((5.0, 3.0, 1.0))))
     below = down(16, eye=(0, 4, 0), fov=60)  # sees the lamp's back, which is black
     renderer, expected = hybrid(scene, below, 256), traced(scene, below, 256, bounces=1)
     np.testing.assert_allclose(renderer.image.mean(axis=(0, 1)), expected.mean(axis=(0, 1)), rtol=0.02)

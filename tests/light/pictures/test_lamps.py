@@ -11,8 +11,8 @@ import atra
 from atra import light
 from scenes.lit.rooms import lit_cornell_box
 from scenes.scene import upright_camera
-from tests.meshes import cornell_camera, quads
-from tests.shown import BLACK, batches, down, floor, floor_points, picture, room, sphere, traced
+from tests.meshes import cornell_camera
+from tests.shown import BLACK, batches, down, floor, floor_points, picture, rectangles, room, sphere, traced
 
 KINDS = {light.PathRenderer: {"bounces": 1}, light.HybridRenderer: {"occlusion_rays": 0}}
 ABOVE = down(4, eye=(0.3, 1.0, 0), fov=2)
@@ -37,7 +37,7 @@ def received(lamp, points):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("lamp", LAMPS)
 def test_a_floor_shows_a_lamp_as_the_inverse_square_and_the_cosine_say(kind, lamp):
-    scene = light.Scene(quads([floor()]), [GREY], lights=[LAMPS[lamp]], sky=BLACK)
+    scene = rectangles((floor(), GREY), lights=[LAMPS[lamp]])
     samples, error = (1024, 0.01) if lamp == "large ball" else (8, 2e-3)
     for camera in (ABOVE,) if lamp == "spot" else (ABOVE, down(8)):
         image = picture(kind, scene, camera, samples, most_samples=None, jitter="off", **KINDS[kind])
@@ -46,7 +46,7 @@ def test_a_floor_shows_a_lamp_as_the_inverse_square_and_the_cosine_say(kind, lam
 
 def test_of_many_lamps_each_is_counted_once():
     lamps = [light.PointLight((x, 1.5, z), power=1.0 + x * x) for x in range(-3, 4) for z in range(-3, 4)]
-    image = traced(light.Scene(quads([floor()]), [GREY], lights=lamps, sky=BLACK), ABOVE, 512, bounces=1)
+    image = traced(rectangles((floor(), GREY), lights=lamps), ABOVE, 512, bounces=1)
     expected = 0.5 * sum(received(lamp, floor_points(ABOVE)) for lamp in lamps)
     np.testing.assert_allclose(image[..., 0].mean(), expected.mean(), rtol=0.01)
 
@@ -55,8 +55,7 @@ def test_of_many_lamps_each_is_counted_once():
 @pytest.mark.parametrize(("alpha", "share"), [("opaque", 0.0), ("mask", 1.0), ("blend", 0.6)])
 def test_the_eye_and_light_pass_holes_and_in_part_what_is_blended(kind, alpha, share):
     pane = light.MetallicRoughness((0.0, 0.0, 0.0), 0.4, alpha, roughness=1.0)
-    mesh = quads([floor(), floor(1.0, 1.5)])
-    scene = light.Scene(mesh, [GREY, pane], [0, 0, 1, 1], [light.Sun((0, -1, 0), 0.0)], BLACK)
+    scene = rectangles((floor(), GREY), (floor(1.0, 1.5), pane), lights=[light.Sun((0, -1, 0), 0.0)])
     np.testing.assert_allclose(picture(kind, scene, ABOVE, 64, **KINDS[kind]), 0.5 * share, rtol=1e-4)
     above = picture(kind, scene, replace(ABOVE, eye=(0.3, 3.0, 0)), 256, **KINDS[kind])
     dark = 0.04 * 0.25  # what the black pane mirrors at most of the sun, rough as it is
@@ -65,8 +64,7 @@ def test_the_eye_and_light_pass_holes_and_in_part_what_is_blended(kind, alpha, s
 
 def test_a_floor_is_lit_as_much_as_a_square_lamp_fills_of_its_view():
     half, height = 0.25, 2.0
-    mesh = quads([floor(), floor(half, height)[::-1]])
-    scene = light.Scene(mesh, [GREY, light.Emissive((3.0, 2.0, 1.0))], [0, 0, 1, 1], sky=BLACK)
+    scene = rectangles((floor(), GREY), (floor(half, height)[::-1], light.Emissive((3.0, 2.0, 1.0))))
     camera = down(4, eye=(0.5, 1.0, 0), fov=2)
     grid = (np.arange(64) + 0.5) / 64 * 2 * half - half
     way = np.stack(np.meshgrid(grid, grid), -1)[None, None] - floor_points(camera)[..., None, None, ::2]
@@ -84,10 +82,9 @@ def test_a_lamp_shines_to_its_front_alone_is_shadowed_and_what_it_does_not_reach
     behind = replace(shining, mesh=atra.Mesh(shining.mesh.vertices, shining.mesh.faces[:, ::-1]))
     assert (traced(behind, inside, 1) == 0).all()
     assert (traced(room(light.Lambertian(0.9), WHITE_SKY), inside, 4, bounces=49) == 0).all()
-    turned, shadowed = [floor(0.5, 2.0)], [floor(0.5, 2.0)[::-1], floor(1.0, 1.5)]
-    for parts in (turned, shadowed):
-        numbers = np.repeat([0, 1, 0], 2)[: 2 + 2 * len(parts)]
-        scene = light.Scene(quads([floor(), *parts]), [GREY, light.Emissive()], numbers, sky=BLACK)
+    lamp = light.Emissive()
+    for parts in ([(floor(0.5, 2.0), lamp)], [(floor(0.5, 2.0)[::-1], lamp), (floor(1.0, 1.5), GREY)]):
+        scene = rectangles((floor(), GREY), *parts)
         assert (traced(scene, down(4, eye=(0, 1, 0), fov=20), 16, bounces=1) == 0).all()
 
 
@@ -108,9 +105,9 @@ def smooth_under_a_panorama():
 
 
 def lamp_and_panorama():
-    corners = [floor(20.0), floor(0.4, 1.5)[::-1], [(-2, 0, -1), (2, 0, -1), (2, 3, -1), (-2, 3, -1)]]
-    materials = [light.Lambertian(0.6), light.Emissive(8.0), light.Metal(0.9, 0.2)]
-    scene = light.Scene(quads(corners), materials, [0, 0, 1, 1, 2, 2], sky=panorama())
+    wall = [(-2, 0, -1), (2, 0, -1), (2, 3, -1), (-2, 3, -1)], light.Metal(0.9, 0.2)
+    lamp = floor(0.4, 1.5)[::-1], light.Emissive(8.0)
+    scene = rectangles((floor(20.0), light.Lambertian(0.6)), lamp, wall, sky=panorama())
     return scene, atra.Camera(**upright_camera((1.0, 2.0, 5.0), (0.0, 0.7, 0.0), 40.0), width=12, height=12)
 
 
@@ -118,14 +115,13 @@ def textured_lamp():
     texels = np.zeros((4, 4, 3), np.uint8)
     texels[:2, :2] = 255
     glow = light.MetallicRoughness((0, 0, 0), emission=(4.0, 4.0, 4.0), emission_image=light.Image(texels))
-    mesh = quads([floor(), floor(1.0, 1.5)[::-1]])
-    return light.Scene(mesh, [GREY, glow], [0, 0, 1, 1], sky=BLACK, uv=UV * 2), ABOVE
+    return rectangles((floor(), GREY), (floor(1.0, 1.5)[::-1], glow), uv=UV * 2), ABOVE
 
 
 def lamp_behind_a_pane():
     pane = light.MetallicRoughness((0.9, 0.6, 0.3), roughness=0.0, transmission=1.0)
-    mesh = quads([floor(), floor(4.0, 1.5), floor(1.0, 3.0)[::-1]])
-    return light.Scene(mesh, [GREY, pane, light.Emissive((3.0, 3.0, 3.0))], [0, 0, 1, 1, 2, 2], sky=BLACK), ABOVE
+    lamp = floor(1.0, 3.0)[::-1], light.Emissive((3.0, 3.0, 3.0))
+    return rectangles((floor(), GREY), (floor(4.0, 1.5), pane), lamp), ABOVE
 
 
 def leaning(x, metallic, roughness=0.5, sky=BLACK):
@@ -133,9 +129,10 @@ def leaning(x, metallic, roughness=0.5, sky=BLACK):
     angle = np.radians(35)
     normal = np.float32([[[np.sin(angle), 0.0, np.cos(angle)]]])
     bumped = light.MetallicRoughness(normals=light.Image(0.5 + 0.5 * normal), metallic=metallic, roughness=roughness)
-    mesh = quads([floor(), floor(20.0, 8.0)[::-1]])
-    scene = light.Scene(mesh, [bumped, light.Emissive((5.0, 5.0, 5.0))], [0, 0, 1, 1], sky=sky, uv=UV * 2)
-    return scene, atra.Camera((x, 4, 0), (0, 0, 0), (0, 1, 0), 2, 8, 8)
+    lamp = floor(20.0, 8.0)[::-1], light.Emissive((5.0, 5.0, 5.0))
+    return rectangles((floor(), bumped), lamp, sky=sky, uv=UV * 2), atra.Camera(
+        (x, 4, 0), (0, 0, 0), (0, 1, 0), 2, 8, 8
+    )
 
 
 @pytest.mark.parametrize(("make", "is_small"), [
@@ -157,12 +154,12 @@ def test_both_ways_to_find_light_have_one_mean_and_aiming_at_what_is_small_has_l
 @pytest.mark.parametrize(("roughness", "lost"), [(0.0, 1e-5), (0.2, 0.04)])
 def test_metal_whose_normals_lean_reflects_all_light_of_a_furnace_from_both_sides(x, roughness, lost):
     scene, camera = leaning(x, 1.0, roughness, WHITE_SKY)
-    open_floor = light.Scene(quads([floor()]), scene.materials[:1], sky=WHITE_SKY, uv=UV)
+    open_floor = rectangles((floor(), scene.materials[0]), sky=WHITE_SKY, uv=UV)
     np.testing.assert_allclose(traced(open_floor, camera, 64, bounces=1).mean(), 1.0, atol=lost)
 
 
 def test_without_emitters_nothing_is_aimed_and_the_rays_are_the_same():
-    scene, seen = light.Scene(quads([floor()]), [GREY]), []
+    scene, seen = rectangles((floor(), GREY), sky=WHITE_SKY), []
     for lights in ("aimed", "found"):
         with light.PathRenderer(scene, down(8), threads=1, lights=lights) as renderer:
             renderer.add(2)

@@ -15,8 +15,7 @@ from atra import light
 from atra.light.pictures.files import srgb_of
 from scenes.lit.rooms import lit_cornell_box
 from tests.folders import ROOT
-from tests.meshes import quads
-from tests.shown import down, floor
+from tests.shown import down, floor, rectangles
 
 SCENE = lit_cornell_box()
 CAMERA = atra.Camera((0, 1, 3.4), (0, 1, 0), fov_y_degrees=40, width=64, height=48)
@@ -218,9 +217,9 @@ def test_a_transparent_picture_has_the_share_of_each_pixel_that_is_hit_and_no_sk
     tmp_path, opacity, suffix
 ):
     """The left half of a floor that reflects half of a white sky, seen from above by five columns."""
-    half = quads([[(-50, 0, 50), (0, 0, 50), (0, 0, -50), (-50, 0, -50)]])
+    half = [(-50, 0, 50), (0, 0, 50), (0, 0, -50), (-50, 0, -50)]
     material = light.MetallicRoughness((0.5, 0.5, 0.5), opacity, "blend", ior=1.0)
-    scene = light.Scene(half, [material], sky=light.constant_sky(1.0))
+    scene = rectangles((half, material), sky=light.constant_sky(1.0))
     path = tmp_path / f"half{suffix}"
     with light.PathRenderer(
         scene, down(5), threads=1, bounces=1, jitter="pixel", transparent=True, lights="found"
@@ -249,9 +248,9 @@ def test_layers_hold_colours_and_shading_normals_of_the_one_surface_behind_what_
     kind, monkeypatch
 ):
     pane, ramp = floor(9.0, 1.0)[::-1], [(-9, -9, 9), (9, 9, 9), (9, 9, -9), (-9, -9, -9)]  # the eye sees a pane's back
-    materials = [light.MetallicRoughness((0.1, 0.2, 0.9), is_double=False), light.Lambertian((0.8, 0.4, 0.2))]
+    thin, dull = light.MetallicRoughness((0.1, 0.2, 0.9), is_double=False), light.Lambertian((0.8, 0.4, 0.2))
     tilted = np.array([(0.6, 0.8, 0.0)] * 8, np.float32)
-    scene = light.Scene(quads([pane, ramp]), materials, [0, 0, 1, 1], normals=tilted)
+    scene = rectangles((pane, thin), (ramp, dull), normals=tilted)
     with kind(scene, down(4, eye=(-2, 4, 0), fov=5), threads=1) as renderer:
         renderer.add(1)
         monkeypatch.setattr("atra.rays.kernel_scene.EmbreeScene", None)  # a second scene cannot be built
