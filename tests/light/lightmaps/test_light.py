@@ -8,7 +8,7 @@ import pytest
 import atra
 from atra import light as render
 from atra.errors import AtraError, ClosedError, InputError
-from atra.light import Atlas, Baker, SpotLight
+from atra.light import Atlas, Baker
 from tests.baked import baked, cube, painted, sheet, standard_error
 from tests.meshes import joined, quads
 from tests.shown import floor
@@ -23,14 +23,6 @@ def test_a_convex_body_in_a_sky_of_one_receives_just_that_and_is_open():
     assert lightmap.openness.min() == 1.0
     assert lightmap.indirect.max() == lightmap.direct.max() == 0.0
     assert lightmap.valid.all()
-
-
-def test_a_sky_that_grows_brighter_upwards_gives_what_its_mean_by_the_cosine_says():
-    sky = render.GradientSky((0.2, 0.4, 1.0), (1.0, 0.5, 0.0), 2.0)
-    lightmap = baked(painted(PLATE, 0.0, sky=sky), sheet(PLATE, 6), 2048)
-    below, above = np.array(sky.below), np.array(sky.above)
-    expected = 2.0 * (below + (above - below) * 5 / 6)  # the mean height by the cosine is 2/3
-    np.testing.assert_allclose(lightmap.environment.mean(axis=0), expected, rtol=0.002)
 
 
 @pytest.mark.parametrize(("albedo", "bounces", "roulette_from"), [(0.5, 4, None), (0.8, 2, None), (0.5, 8, 1)])
@@ -68,23 +60,6 @@ def test_parallel_unit_plates_have_their_form_factors():
     met = 1 - lightmap.openness[below][interior]  # no two points lie farther apart than the square root of 3
     assert (np.abs(met - expected[interior]) < 5 * np.sqrt(expected[interior] / 2048)).all()
     np.testing.assert_allclose(met.mean(), expected[interior].mean(), rtol=0.02)
-
-
-def test_suns_points_and_spots_give_what_their_laws_say():
-    atlas = sheet(PLATE, 8)
-    sun = render.Sun((1.0, -2.0, 0.5), 0.0, (1.0, 0.5, 0.25), 3.0)
-    lightmap = baked(painted(PLATE, 0.0, lights=[sun]), atlas, 2)
-    expected = 3.0 * np.array(sun.colour) * 2.0 / np.sqrt(5.25)
-    np.testing.assert_allclose(lightmap.direct, np.broadcast_to(expected, lightmap.direct.shape), rtol=1e-5)
-    point = render.PointLight((0.2, 0.7, -0.1), power=5.0)
-    spot = SpotLight(point.position, (0, -1, 0), 20.0, 30.0, power=5.0)
-    of_point, of_spot = (baked(painted(PLATE, 0.0, lights=[light]), atlas, 1024) for light in (point, spot))
-    way = np.array(point.position) - of_point.texels.positions
-    expected = 5.0 * way[:, 1] / np.linalg.norm(way, axis=1) ** 3
-    np.testing.assert_allclose(of_point.direct[:, 0], expected, rtol=0.03)
-    angle = np.degrees(np.arctan2(np.hypot(way[:, 0], way[:, 2]), way[:, 1]))
-    assert (of_spot.direct[angle > 36, 0] == 0).all()
-    np.testing.assert_allclose(of_spot.direct[angle < 14], of_point.direct[angle < 14], rtol=1e-5)
 
 
 def test_nothing_leaks_into_a_closed_thin_box_and_its_texels_are_dark():

@@ -195,18 +195,6 @@ def test_probes_see_through_panes():
     np.testing.assert_allclose(found, [0.5 * np.sqrt(4 * np.pi), 0.0], rtol=1e-5)
 
 
-@pytest.mark.parametrize("ceiling", [light.Metal(0.5), light.Lambertian(0.5)], ids=["mirror", "dull"])
-def test_a_ceiling_throws_back_the_light_of_the_floor(ceiling):
-    mesh = quads([floor(200.0), floor(200.0, 1.0)[::-1]])
-    scene = light.Scene(mesh, [light.Emissive((1, 1, 1)), ceiling], [0, 0, 1, 1], sky=BLACK)
-    lit = baked(scene, sheet(mesh, 4), 512, bounces=1)
-    inner = (lit.texels.prim_id < 2) & (np.abs(lit.texels.positions) < 150).all(axis=1)
-    np.testing.assert_allclose(lit.indirect[inner].mean(), 0.5, rtol=0.03)
-    assert lit.direct[inner].max() == 0.0
-    above = (lit.texels.prim_id >= 2) & (np.abs(lit.texels.positions) < 150).all(axis=1)
-    np.testing.assert_allclose(lit.direct[above].mean(), 1.0, rtol=0.03)
-
-
 def test_smooth_normals_light_a_ball_as_a_ball():
     ball = replace(sphere(light.Lambertian(0.5), BLACK, segments=12), lights=[light.Sun((0, -1, 0), 0.0)])
     count = ball.mesh.triangle_count
