@@ -86,21 +86,6 @@ def test_many_lights_after_a_bounce_are_chosen_without_bias():
     assert together.indirect.mean() > 20 * error
 
 
-def test_a_scene_of_opaque_faces_is_the_same_to_the_bit_beside_a_pane_that_is_far_away():
-    far = atra.Mesh(PLATE.vertices + np.float32([0, 0, 300]), PLATE.faces)
-    mesh = joined(BOX, far)
-    atlas = sheet(mesh, 6, charted=6)
-    numbers = np.append(LIT.face_materials, [2, 2])
-    pane = render.MetallicRoughness((0.5, 0.5, 0.5), 0.5, "blend")
-    scenes = [
-        replace(LIT, mesh=mesh, materials=[*LIT.materials, last], face_materials=numbers)
-        for last in (render.Lambertian(0.5), pane)
-    ]
-    plain, through = (baked(scene, atlas, 8) for scene in scenes)
-    np.testing.assert_array_equal(plain.combined, through.combined)
-    assert plain.indirect.mean() > 0
-
-
 BOX = cube(inwards=True)
 LIT = painted(
     BOX, (0.7, 0.5, 0.3), np.repeat([[4.0], [0.0]], [2, 10], axis=0), sky=render.constant_sky(0.5),

@@ -3,7 +3,6 @@
 from contextlib import suppress
 from dataclasses import fields, replace
 from inspect import signature
-from time import perf_counter
 from types import SimpleNamespace
 
 import numpy as np
@@ -255,21 +254,6 @@ def test_sums_that_would_not_fit_are_refused_before_they_are_made(monkeypatch):
     monkeypatch.setattr("psutil.virtual_memory", lambda: SimpleNamespace(available=20 << 20))
     with pytest.raises(atra.MemoryBudgetError, match="sums of 1,048,576 pixels"):
         light.PathRenderer(light.Scene(MESH), down(1024), threads=1)
-
-
-def test_stages_are_named_and_sum_to_the_call():
-    scene = light.Scene(MESH, lights=[light.Sun((0, -1, 0))])
-    for kind, stages in (
-        (light.PathRenderer, {"primary", "depth_first", "other"}),
-        (light.HybridRenderer, {"primary", "surfaces", "generate", "shadow", "occlusion", "accumulate", "other"}),
-    ):
-        with kind(scene, down(64), threads=2) as renderer:
-            before = perf_counter()
-            renderer.add(4)
-            whole = perf_counter() - before
-            assert renderer.stage_s.keys() == stages
-            assert min(renderer.stage_s.values()) >= 0
-            assert sum(renderer.stage_s.values()) <= whole
 
 
 def test_pictures_are_written_as_their_names_say(tmp_path):
