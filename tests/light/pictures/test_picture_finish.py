@@ -212,35 +212,29 @@ def test_what_ends_before_the_asked_error_goes_on_where_it_was(tmp_path):
     assert not path.exists()
 
 
-@pytest.mark.parametrize(("opacity", "suffix"), [(1.0, ".png"), (0.25, ".png"), (0.25, ".exr")])
-def test_a_transparent_picture_has_the_share_of_each_pixel_that_is_hit_and_no_sky_in_its_colours(
-    tmp_path, opacity, suffix
-):
+@pytest.mark.parametrize("opacity", [1.0, 0.25])
+def test_a_transparent_picture_has_the_share_of_each_pixel_that_is_hit_and_no_sky_in_its_colours(tmp_path, opacity):
     """The left half of a floor that reflects half of a white sky, seen from above by five columns."""
     half = [(-50, 0, 50), (0, 0, 50), (0, 0, -50), (-50, 0, -50)]
     material = light.MetallicRoughness((0.5, 0.5, 0.5), opacity, "blend", ior=1.0)
     scene = rectangles((half, material), sky=light.constant_sky(1.0))
-    path = tmp_path / f"half{suffix}"
-    with light.PathRenderer(
-        scene, down(5), threads=1, bounces=1, jitter="pixel", transparent=True, lights="found"
-    ) as renderer:
+    options = {"bounces": 1, "jitter": "pixel", "transparent": True, "lights": "found"}
+    with light.PathRenderer(scene, down(5), threads=1, **options) as renderer:
         renderer.add(256)
-        renderer.save(path)
+        renderer.save(tmp_path / "half.png")
         alpha, image = renderer.alpha, renderer.image
-    expected = np.broadcast_to(opacity * np.array([1, 1, 0.5, 0, 0]), (5, 5))
-    np.testing.assert_allclose(alpha, expected, atol=0.05)
-    assert (alpha[:, 3:] == 0.0).all()
-    np.testing.assert_allclose(image, 0.5 * alpha[..., None] + np.zeros(3), atol=0.02)
-    if suffix == ".exr":
+        expected = np.broadcast_to(opacity * np.array([1, 1, 0.5, 0, 0]), (5, 5))
+        np.testing.assert_allclose(alpha, expected, atol=0.05)
+        assert (alpha[:, 3:] == 0.0).all()
+        np.testing.assert_allclose(image, 0.5 * alpha[..., None] + np.zeros(3), atol=0.02)
+        levels = np.asarray(Image.open(tmp_path / "half.png")).astype(int)
+        np.testing.assert_allclose(levels[..., 3], 255 * alpha, atol=0.51)
+        np.testing.assert_allclose(levels[:, :3, :3], 188, atol=8)  # half of white, coded
         openexr = pytest.importorskip("OpenEXR")
-        with openexr.File(str(path), separate_channels=True) as file:
+        renderer.save(tmp_path / "half.exr")
+        with openexr.File(str(tmp_path / "half.exr"), separate_channels=True) as file:
             np.testing.assert_array_equal(file.channels()["A"].pixels, alpha)
             np.testing.assert_array_equal(file.channels()["R"].pixels, image[..., 0])
-        return
-    levels = np.asarray(Image.open(path)).astype(int)
-    assert levels.shape == (5, 5, 4)
-    np.testing.assert_allclose(levels[..., 3], 255 * alpha, atol=0.51)
-    np.testing.assert_allclose(levels[:, :3, 0], 188, atol=8)  # half of white, coded
 
 
 @pytest.mark.parametrize("kind", [light.PathRenderer, light.HybridRenderer])
