@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import threading
 import urllib.error
 import urllib.request
 from collections import Counter
@@ -14,9 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from atra.light.viewer.messages import LARGEST_BYTES, Messages
-from atra.light.viewer.page import Page
 from atra.light.viewer.session import Picture
-from tests.light.viewer.test_viewer_page import PATIENCE_S, wait_for
+from tests.light.viewer.test_viewer_page import PATIENCE_S, running, wait_for
 from tests.light.viewer.test_viewer_session import FIRST
 
 viser = pytest.importorskip("viser", reason="viser is not installed: pip install -e '.[viewer]'")
@@ -56,17 +54,10 @@ class QuickArtist:
 
 @pytest.fixture(scope="module")
 def page():
-    leave_s, camera_page.LEAVE_S = camera_page.LEAVE_S, 1e6  # or it ends between two tests
-    one = Page(QuickArtist(), FIRST, 0, "a test", 3.0)
-    thread = threading.Thread(target=one.run)
-    thread.start()
-    yield one
-    assert thread.is_alive(), "a message has ended the viewer"
-    one.session.close()
-    one.moved(FIRST.pose)
-    thread.join(PATIENCE_S)
-    one.close()
-    camera_page.LEAVE_S = leave_s
+    with pytest.MonkeyPatch.context() as changed, running(QuickArtist(), FIRST) as one:
+        changed.setattr(camera_page, "LEAVE_S", 1e6)  # or it ends between two tests
+        yield one
+        assert one.thread.is_alive(), "a message has ended the viewer"
 
 
 def joined(page, origin="own"):

@@ -48,21 +48,27 @@ def wait_for(happens, what):
     pytest.fail(f"waited in vain for {what}")
 
 
-@pytest.fixture
-def page(monkeypatch):
-    """It runs in a thread, at 64 x 64 pixels."""
-    monkeypatch.setattr(camera_page, "LEAVE_S", 0.5)
-    painter = made()
-    one = Page(painter, replace(FIRST, settings=replace(FIRST.settings, samples=3)), 0, "the box", 3.0)
+@contextlib.contextmanager
+def running(artist, first):
+    """The page of an artist, in a thread."""
+    one = Page(artist, first, 0, "the box", 3.0)
     one.prepare()
-    thread = threading.Thread(target=one.run)
-    thread.start()
-    one.thread = thread
+    one.thread = threading.Thread(target=one.run)
+    one.thread.start()
     yield one
     one.session.close()
-    thread.join(PATIENCE_S)
+    one.moved(first.pose)
+    one.thread.join(PATIENCE_S)
     one.close()
-    painter.close()
+
+
+@pytest.fixture
+def page(monkeypatch):
+    """At 64 x 64 pixels."""
+    monkeypatch.setattr(camera_page, "LEAVE_S", 0.5)
+    first = replace(FIRST, settings=replace(FIRST.settings, samples=3))
+    with contextlib.closing(made()) as painter, running(painter, first) as one:
+        yield one
 
 
 def test_only_this_machine_reaches_it_and_nobody_can_share_it(page):
