@@ -61,7 +61,7 @@ class WaveBaker:
         self._paths = Paths(scene, self.texels, self.options)
         self._emitters = self._paths.emitters
         if self.options.environment == "bsdf":
-            self._emitters = emitters_of(replace(scene, sky=constant_sky(0.0)), self.options.lights == "grid")
+            self._emitters = emitters_of(replace(scene, sky=constant_sky(0.0)), self.options.lights)
         self.visible: NDArray[np.bool_] | None = None
         self.samples, self._sums = np.zeros(len(self.texels), np.int32), np.zeros((len(self.texels), SUMS))
         self._waves: list[Wave | None] = [None] * self.rays_scene.threads
