@@ -99,18 +99,13 @@ def test_a_view_of_a_far_scene_shows_the_colours_of_the_near_one():
     np.testing.assert_allclose(*views, atol=1e-5)
 
 
-def test_texels_that_a_view_shows_and_probes_are_those_of_the_near_scene():
+def test_probes_of_a_far_scene_are_those_of_the_near_one():
     found, points = [], np.array([[0.5, 0.5, 0.25], [0.0, 2.0, 0.0]])
     for mesh, at in ROOMS:
-        eye, target = (tuple((np.array(place) + at).tolist()) for place in ((3.0, 4.0, 5.0), (0, 0, 0)))
         with Baker(bake_scene(mesh, at), sheet(mesh, 6), threads=1) as baker:
-            baker.look(atra.Camera(eye, target, width=32, height=32))
-            found.append((baker.visible, baker.probes(points + at, 64)))
-    (far_seen, far), (near_seen, near) = found
-    assert 0.1 < near_seen.mean() < 0.95
-    np.testing.assert_array_equal(far_seen, near_seen)
-    np.testing.assert_array_equal(far.points, points + AWAY)
-    np.testing.assert_array_equal(far.combined, near.combined)
+            found.append(baker.probes(points + at, 64))
+    np.testing.assert_array_equal(found[0].points, points + AWAY)
+    np.testing.assert_array_equal(found[0].combined, found[1].combined)
 
 
 def test_a_model_saved_with_the_light_of_a_far_scene_lies_where_the_scene_does(tmp_path):

@@ -207,13 +207,10 @@ class Shown:
         monkeypatch.setattr(page._server.scene, "set_background_image", sent)
 
 
-def screenshot(tab):
-    return np.asarray(Image.open(io.BytesIO(tab.screenshot())).convert("RGB"))
-
-
 def has_picture(tab):
     """The left wall has another brightness than the floor; before a picture came, all was white."""
-    return np.ptp(screenshot(tab)[-100, 20:200].astype(int)) > 20
+    pixels = np.asarray(Image.open(io.BytesIO(tab.screenshot())).convert("RGB"))
+    return np.ptp(pixels[-100, 20:200].astype(int)) > 20
 
 
 def drag(tab, across):
