@@ -68,7 +68,7 @@ def measure(point: Point) -> Measured:
         for number, offset in enumerate(options.offsets):
             # Every image of every point draws a sample of its own, so that a scene's samples add up.
             sample = sample_pixels(own.camera, options.sample_rays, [seed, number])
-            image = examine(own.trace(offset), single.trace(offset), sample, point.threads)
+            image = examine(own.trace(offset), single.trace(offset), sample)
             agreements.append(image.agreement)
             faults.update(_faults(image))
     return measured(results | {**summed(agreements), **faults})
