@@ -14,8 +14,8 @@ _CLEAR = 1e-10
 """Distance of a line and an edge, as a share of the mesh's size, from which float64 knows the side; far above rounding
 and above FLOAT64_TOLERANCE."""
 
-_AT_ONCE = 4_000_000
-"""Pairs of a ray and a triangle that are looked at together, 96 MB of them."""
+_RAYS, _TRIANGLES = 64, 2048
+"""Size of the blocks that are looked at together, few enough for the second-level cache."""
 
 
 def near_pairs(
@@ -39,21 +39,24 @@ def near_pairs(
     reach = 1.0 + np.linalg.norm(origins, axis=1) / size
     lines /= (np.linalg.norm(directions, axis=1) * reach)[:, None]
     is_point = (corners == corners[:, :1]).all(axis=(1, 2))
-    found = list(_near(lines, edges, ~is_point))
-    rays, triangles = (np.concatenate([np.empty(0, np.int64), *parts]) for parts in zip(*found, strict=True))
-    return rays, triangles
+    found = [np.empty((2, 0), np.int64), *_near(lines, edges, ~is_point)]
+    rays, triangles = np.concatenate(found, axis=1)
+    order = np.lexsort((triangles, rays))
+    return rays[order], triangles[order]
 
 
 def _near(
     lines: NDArray[np.float64], edges: list[NDArray[np.float64]], may_be_met: NDArray[np.bool_]
-) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
-    """Block by block of rays."""
-    step = max(_AT_ONCE // max(len(may_be_met), 1), 1)
-    for start in range(0, max(len(lines), 1), step):
-        sides = [lines[start : start + step] @ edge for edge in edges]
-        is_near = (np.minimum.reduce(sides) >= -_CLEAR) | (np.maximum.reduce(sides) <= _CLEAR)
-        rays, triangles = np.nonzero(is_near & may_be_met)
-        yield rays + start, triangles
+) -> Iterator[NDArray[np.int64]]:
+    """Block by block."""
+    for first in range(0, len(may_be_met), _TRIANGLES):
+        some = slice(first, first + _TRIANGLES)
+        edges_here = [np.ascontiguousarray(edge[:, some]) for edge in edges]
+        for start in range(0, len(lines), _RAYS):
+            a, b, c = (lines[start : start + _RAYS] @ edge for edge in edges_here)
+            low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+            is_near = ((low >= -_CLEAR) | (high <= _CLEAR)) & may_be_met[some]
+            yield np.argwhere(is_near).T + np.array([[start], [first]])
 
 
 def nearest_of(
