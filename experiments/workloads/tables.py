@@ -21,7 +21,7 @@ from experiments.workloads.series import best_rows
 def narrow_table(title: str, first: str, headings: Sequence[str]) -> Table:
     """An empty table. first: heading of the first column, which wraps. headings: of the right-aligned others."""
     table = Table(title=title, title_justify="left", box=box.SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)
-    table.add_column(first, overflow="fold", min_width=20)
+    table.add_column(first, overflow="fold", min_width=16)
     for name in headings:
         table.add_column(name, justify="right")
     return table
