@@ -11,14 +11,14 @@ from atra.light import Baker, lit_view
 from atra.light.lightmaps.finish.looks import look_of
 from tests.baked import baked, cube, painted, sheet, standard_error
 from tests.images import draw
-from tests.meshes import joined, quads
-from tests.shown import BLACK, floor, sphere
+from tests.meshes import joined
+from tests.shown import BLACK, floor, rectangles, sphere
 
 RED, GREEN = (0.8, 0.1, 0.05), (0.05, 0.6, 0.1)
 WALL = [(-1, 0, -1), (1, 0, -1), (1, 2, -1), (-1, 2, -1)]
 UV = [(0, 0), (1, 0), (1, 1), (0, 1)]
 SUN = light.Sun((0.2, -1.0, -0.3), 0.0)
-WHITE = light.Lambertian((0.8, 0.8, 0.8))
+WHITE, DIM = light.Lambertian((0.8, 0.8, 0.8)), light.constant_sky(0.2)
 
 
 def halves(left, right):
@@ -28,15 +28,13 @@ def halves(left, right):
 
 def on_a_floor(material, uv=UV):
     """A white wall, a chart of its own, behind a floor of a material with uv, which has none."""
-    mesh = quads([WALL, floor(1.0)])
-    return light.Scene(mesh, [WHITE, material], np.repeat([0, 1], 2), [SUN], light.constant_sky(0.2), uv=[*UV, *uv])
+    return rectangles((WALL, WHITE), (floor(1.0), material), lights=[SUN], sky=DIM, uv=[*UV, *uv])
 
 
 def split_floor(left, right):
     """The wall behind a floor of two quadrilaterals."""
     parts = [[(x, 0, 1), (x + 1, 0, 1), (x + 1, 0, -1), (x, 0, -1)] for x in (-1, 0)]
-    mesh = quads([WALL, *parts])
-    return light.Scene(mesh, [WHITE, left, right], np.repeat([0, 1, 2], 2), [SUN], light.constant_sky(0.2))
+    return rectangles((WALL, WHITE), (parts[0], left), (parts[1], right), lights=[SUN], sky=DIM)
 
 
 def test_light_from_a_texture_has_the_colour_of_the_place_as_from_plain_faces_of_these_colours():
@@ -57,12 +55,10 @@ def test_light_from_a_texture_has_the_colour_of_the_place_as_from_plain_faces_of
 def test_light_passes_the_holes_of_a_texture_as_if_nothing_were_there(alpha):
     image = halves((0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 0.0))
     cover = [(-1, 0.5, 1), (1, 0.5, 1), (1, 0.5, -1), (-1, 0.5, -1)]
-    black = light.Lambertian((0, 0, 0))
-    sky = light.constant_sky(0.5)
-    materials = [black, light.MetallicRoughness(image, alpha=alpha)]
-    scene = light.Scene(quads([floor(1.0), cover]), materials, np.repeat([0, 1], 2), [SUN], sky, uv=[*UV, *UV])
-    half = [(min(x, 0), y, z) for x, y, z in cover]
-    expected = light.Scene(quads([floor(1.0), half]), [black], lights=[SUN], sky=sky)
+    ground, half = (floor(1.0), light.Lambertian(0.0)), [(min(x, 0), y, z) for x, y, z in cover]
+    lit = {"lights": [SUN], "sky": light.constant_sky(0.5)}
+    scene = rectangles(ground, (cover, light.MetallicRoughness(image, alpha=alpha)), uv=UV * 2, **lit)
+    expected = rectangles(ground, (half, light.Lambertian(0.0)), **lit)
     got, known = (baked(one, sheet(one.mesh, 8, charted=1), 64, bounces=0) for one in (scene, expected))
     np.testing.assert_allclose(got.direct, known.direct, atol=0.05)
     np.testing.assert_allclose(got.environment, known.environment, atol=0.05)
@@ -70,23 +66,23 @@ def test_light_passes_the_holes_of_a_texture_as_if_nothing_were_there(alpha):
     assert (got.direct > 0.9).mean() > 0.3
 
 
+def seen(scene, camera, level):
+    """The view of a scene whose map has this light everywhere, and its hits."""
+    hits, atlas = draw(scene.mesh, camera), sheet(scene.mesh, 8)
+    return lit_view(hits, scene, atlas, np.full((atlas.height, atlas.width, 3), level, np.float32)), hits
+
+
 @pytest.mark.parametrize("sky", [
     light.GradientSky((0.1, 0.2, 0.3), (0.4, 0.5, 0.6), 2.0), light.PanoramaSky(np.float32([[[0.1, 0.2, 0.3]]]), 2.0),
 ], ids=["gradient", "panorama"])  # fmt: skip
 def test_a_view_shows_what_is_behind_panes_and_the_sky_through_the_last(sky):
     """The camera looks down at two panes, one with a hole on the right, above half a floor."""
-    half = [(x, y, min(z, 0)) for x, y, z in floor(1.0)]
-    tinted = [(x, 0.5, z) for x, _, z in floor(1.0)]
-    holed = [(x, 1.0, z) for x, _, z in floor(1.0)]
-    mesh = quads([half, tinted, holed])
-    materials = [
-        light.Lambertian(RED), light.MetallicRoughness((0.5, 0.5, 0.5), opacity=0.25, alpha="blend"),
-        light.MetallicRoughness(halves((0.0, 0.0, 0.6, 1.0), (0.0, 0.0, 0.0, 0.0)), alpha="mask"),
-    ]  # fmt: skip
-    scene = light.Scene(mesh, materials, np.repeat([0, 1, 2], 2), sky=sky, uv=[*UV, *UV, *UV])
+    half = [(x, y, min(z, 0)) for x, y, z in floor(1.0)], light.Lambertian(RED)
+    tinted = floor(1.0, 0.5), light.MetallicRoughness((0.5, 0.5, 0.5), opacity=0.25, alpha="blend")
+    image = halves((0.0, 0.0, 0.6, 1.0), (0.0, 0.0, 0.0, 0.0))
+    holed = floor(1.0, 1.0), light.MetallicRoughness(image, alpha="mask")
     camera = atra.Camera((0.0, 1000.0, 0.0), (0, 0, 0), (0, 0, -1), 0.1, 32, 32)  # hardly any perspective
-    atlas = sheet(mesh, 8)
-    shown = lit_view(draw(mesh, camera), scene, atlas, np.ones((atlas.height, atlas.width, 3), np.float32))
+    shown, _ = seen(rectangles(half, tinted, holed, sky=sky, uv=UV * 3), camera, 1.0)
     far, near = slice(2, 14), slice(18, 30)  # rows above the floor, and of the sky below
     left, right = far, near
     below = 2 * np.float32(sky.below) if isinstance(sky, light.GradientSky) else 2 * sky.texels[0, 0]
@@ -100,11 +96,8 @@ def test_a_view_shows_what_is_behind_panes_and_the_sky_through_the_last(sky):
 
 def test_a_view_shows_the_sky_where_there_is_nothing_else():
     sky = light.GradientSky((0.1, 0.2, 0.3), (0.4, 0.5, 0.6), 2.0)
-    mesh = quads([floor(1.0)])
-    atlas = sheet(mesh, 4)
     camera = atra.Camera((0, 1, 3), (0, 1, 0), fov_y_degrees=60, width=32, height=24)
-    hits = draw(mesh, camera)
-    shown = lit_view(hits, light.Scene(mesh, sky=sky), atlas, np.zeros((atlas.height, atlas.width, 3), np.float32))
+    shown, hits = seen(rectangles((floor(1.0), WHITE), sky=sky), camera, 0.0)
     ways = camera.rays_world()[1]
     part = (0.5 + 0.5 * ways[..., 1:2] / np.linalg.norm(ways, axis=2, keepdims=True))[~hits.hit]
     expected = 2.0 * ((1.0 - part) * sky.below + part * np.array(sky.above))
@@ -212,11 +205,10 @@ def test_smooth_normals_light_a_ball_as_a_ball():
 
 
 def test_a_clamp_limits_each_share_of_indirect_light_and_no_other():
-    mesh = quads([floor(1.0), floor(1.0, 1.0)[::-1]])
-    scene = light.Scene(mesh, [light.Lambertian(1.0)], sky=light.constant_sky(1.0))
-    whole, less = (
-        baked(scene, sheet(mesh, 4), 16, bounces=64, roulette_from=None, clamp=most) for most in (None, 0.25)
-    )
+    white = light.Lambertian(1.0)
+    scene = rectangles((floor(1.0), white), (floor(1.0, 1.0)[::-1], white), sky=light.constant_sky(1.0))
+    options = {"bounces": 64, "roulette_from": None}
+    whole, less = (baked(scene, sheet(scene.mesh, 4), 16, clamp=most, **options) for most in (None, 0.25))
     np.testing.assert_array_equal(less.environment, whole.environment)
     np.testing.assert_allclose(less.indirect, 0.25 * whole.indirect, rtol=1e-5)
     assert whole.indirect.min() > 0.0
