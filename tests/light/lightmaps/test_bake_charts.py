@@ -88,14 +88,6 @@ def test_uv_of_ones_own_are_refused_where_they_overlap_or_leave_their_map(make, 
         make()
 
 
-def test_charts_whose_neighbouring_texels_mix_are_warned_of():
-    two = quads([floor(0.5), floor(0.5, 1.0)])
-    uv = sheet(two, 6, gap=0).uv.copy()
-    uv[2:, :, 0] = 6.5 + 0.9 * (uv[2:, :, 0] - 6.0)
-    with pytest.warns(UserWarning, match="pairs of neighbouring texels belong to different charts"):
-        Texels.of(two, Atlas(uv, np.array([0, 0, 1, 1]), 12, 12))
-
-
 def test_charts_that_fold_over_in_a_few_texels_are_taken_and_told():
     square = np.array([[(0, 0), (64, 0), (64, 64)], [(0, 0), (64, 64), (0, 64)]], float)
     sliver = [(64.0, 31.0), (64.0, 32.0), (61.0, 31.5)]  # as a triangle that a chart folds over
