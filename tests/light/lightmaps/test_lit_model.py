@@ -21,8 +21,7 @@ from atra.light.lightmaps.finish.export import exposure_of, finished
 from atra.light.lightmaps.finish.seams import Seams
 from atra.light.lightmaps.finish.views import looked_up
 from tests.browser import chromium
-from tests.light.reading.test_load_scene import uri
-from tests.light.reading.test_poses import with_rows
+from tests.light.reading.test_load_scene import uri, with_rows
 
 KEPT_BY_NODES = ("name", "children", "matrix", "translation", "extensions", "camera")
 

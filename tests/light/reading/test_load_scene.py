@@ -27,28 +27,26 @@ def uri(content, kind="application/octet-stream"):
     return f"data:{kind};base64," + base64.b64encode(content).decode()
 
 
+def with_rows(given, *arrays):
+    """Accessors of further float32 rows, or bytes; returns their numbers."""
+    content = base64.b64decode(given["buffers"][0]["uri"].partition(",")[2])
+    numbers = []
+    for array in arrays:
+        given["bufferViews"].append({"buffer": 0, "byteOffset": len(content), "byteLength": array.nbytes})
+        numbers.append(len(given["accessors"]))
+        given["accessors"].append({
+            "bufferView": len(given["bufferViews"]) - 1, "componentType": 5121 if array.dtype == np.uint8 else 5126,
+            "type": {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}[array.shape[1]], "count": len(array),
+        })  # fmt: skip
+        content += array.tobytes()
+    given["buffers"] = [{"byteLength": len(content), "uri": uri(content)}]
+    return numbers
+
+
 def tree(**changes):
-    """A triangle with normals, texture coordinates, and a material; bytes lie in the file."""
-    uv = np.array([[0, 0], [1, 0], [0, 1]], np.float32)
-    parts = [
-        CORNERS.tobytes(),
-        np.tile([0, 0, 1], (3, 1)).astype(np.float32).tobytes(),
-        uv.tobytes(),
-        np.array([[255, 0, 0, 128]] * 3, np.uint8).tobytes(),
-    ]
-    starts = np.cumsum([0, *map(len, parts)])
+    """A triangle with normals, texture coordinates, colours, and a material; bytes lie in the file."""
     made = {
-        "asset": {"version": "2.0"},
-        "buffers": [{"byteLength": int(starts[-1]), "uri": uri(b"".join(parts))}],
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": int(a), "byteLength": len(p)} for a, p in zip(starts[:-1], parts, strict=True)
-        ],
-        "accessors": [
-            {"bufferView": k, "componentType": kind, "type": of, "count": 3, **more}
-            for k, (kind, of, more) in enumerate(
-                [(5126, "VEC3", {}), (5126, "VEC3", {}), (5126, "VEC2", {}), (5121, "VEC4", {"normalized": True})]
-            )
-        ],
+        "asset": {"version": "2.0"}, "buffers": [{"uri": uri(b"")}], "bufferViews": [], "accessors": [],
         "meshes": [{"primitives": [{
             "attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2, "COLOR_0": 3}, "material": 0}]}],
         "materials": [{"name": "paint", "pbrMetallicRoughness": {
@@ -56,6 +54,9 @@ def tree(**changes):
         "nodes": [{"mesh": 0, "name": "leaf"}],
         "scenes": [{"nodes": [0]}],
     }  # fmt: skip
+    normals, uv = np.tile(np.float32([0, 0, 1]), (3, 1)), np.float32([[0, 0], [1, 0], [0, 1]])
+    with_rows(made, CORNERS, normals, uv, np.array([[255, 0, 0, 128]] * 3, np.uint8))
+    made["accessors"][3]["normalized"] = True
     return made | changes
 
 

@@ -7,24 +7,7 @@ import numpy as np
 import pytest
 
 from atra import InputError, light, load_mesh
-from tests.light.reading.test_load_scene import CORNERS, read, tree, uri
-
-
-def with_rows(given, *arrays):
-    """Accessors of further float32 rows, or bytes; returns their numbers."""
-    content = base64.b64decode(given["buffers"][0]["uri"].partition(",")[2])
-    numbers = []
-    for array in arrays:
-        given["bufferViews"].append({"buffer": 0, "byteOffset": len(content), "byteLength": array.nbytes})
-        kind = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}[array.shape[1]]
-        numbers.append(len(given["accessors"]))
-        given["accessors"].append({
-            "bufferView": len(given["bufferViews"]) - 1, "componentType": 5121 if array.dtype == np.uint8 else 5126,
-            "type": kind, "count": len(array),
-        })  # fmt: skip
-        content += array.tobytes()
-    given["buffers"] = [{"byteLength": len(content), "uri": uri(content)}]
-    return numbers
+from tests.light.reading.test_load_scene import CORNERS, read, tree, uri, with_rows
 
 
 def skinned():
