@@ -43,13 +43,11 @@ def source(tmp_path_factory):
         made.append(corners)
     scene = trimesh.Scene()
     scene.add_geometry(made[0], node_name="the floor", geom_name="floor")
+    scene.geometry["box"] = made[1]
     for name, x, mirror in (("left", -0.9, 1), ("right", 0.9, -1)):
         place = np.diag([mirror, 1.0, 1.0, 1.0])
         place[:3, 3] = x, 0.65, 0.0
-        if name == "left":
-            scene.add_geometry(made[1], node_name=name, geom_name="box", transform=place)
-        else:
-            scene.graph.update(frame_to=name, geometry="box", matrix=place)
+        scene.graph.update(frame_to=name, geometry="box", matrix=place)
 
     def with_lamp(tree):
         tree["extensionsUsed"] = ["KHR_lights_punctual"]
