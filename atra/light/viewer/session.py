@@ -92,11 +92,6 @@ class Session:
         """What was asked for last."""
         return self._newest[0]
 
-    @property
-    def is_closed(self) -> bool:
-        """Whether nothing is drawn any more."""
-        return self._is_closed
-
     def want(self, pose: Pose | None = None, **settings: Any) -> None:
         """Ask for another camera, or for other values of fields of `Settings`."""
         with self._changed:
