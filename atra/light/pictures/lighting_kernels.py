@@ -24,7 +24,6 @@ from atra.embree.packets_kernels import (
     set_no_hit,
 )
 from atra.light.numbers_kernels import ONE, ZERO, unit
-from atra.light.pictures.aiming_kernels import aim_at_light, aim_into_sky
 from atra.light.pictures.gbuffer_kernels import (
     CHUNK,
     COLOUR,
@@ -37,6 +36,8 @@ from atra.light.pictures.gbuffer_kernels import (
     SEEN,
     SKY,
     STRIDE,
+    aim_at_light,
+    aim_into_sky,
     fetch_ahead,
     find_surfaces,
     find_triangles,
@@ -50,6 +51,9 @@ from atra.light.surface_kernels import SHINES
 
 SKY_PLANES = LIGHT_PLANES = 4
 """Sums of the sky, and of each light: r, g, b, and the unblocked share."""
+
+LAYER_PLANES = 6
+"""Sums of layers: the base colour, 1 for the sky, then the shading normal, 0 for the sky."""
 
 STAGES = "surfaces", "generate", "shadow", "occlusion", "accumulate"
 """Names of `times`."""
@@ -252,3 +256,27 @@ def lighting_kernel(width: int) -> Callable[..., int]:
         return rays if is_finite else -1
 
     return light_pixels
+
+
+@cache
+def layers_kernel(width: int) -> Callable[..., None]:
+    """The kernel that adds a sample to the sums of layers. width: rays of the scene's packets."""
+
+    @float_kernel
+    def add_layers(first, count, pixels, surfaces, scene, packet, chunk, sums):  # type: ignore[no-untyped-def]
+        """Add what `count` pixels from number `first` on see to sums: (LAYER_PLANES, pixels) float32."""
+        floats = chunk.floats
+        for start in range(first, first + count, CHUNK):
+            some = min(CHUNK, first + count - start)
+            fetch_ahead(start + CHUNK, first + count, pixels)
+            find_triangles(chunk, start, some, pixels)
+            if surfaces.is_looked_through:
+                look_through(width, chunk, start, some, pixels, surfaces, scene, packet)
+            find_surfaces(chunk, start, some, pixels, surfaces)
+            for i in range(some):
+                is_seen = floats[SEEN * STRIDE + i] != ZERO
+                for axis in range(3):
+                    sums[axis, start + i] += floats[(COLOUR + axis) * STRIDE + i] if is_seen else ONE
+                    sums[3 + axis, start + i] += floats[(NORMAL + axis) * STRIDE + i] if is_seen else ZERO
+
+    return add_layers

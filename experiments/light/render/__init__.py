@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from atra.errors import InputError
-from atra.light.pictures.options import HybridOptions, PathOptions
+from atra.light.pictures.hybrid import Hybrid
+from atra.light.pictures.paths import Paths
 from atra.whole_numbers import is_whole_number as is_whole_number
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.options import Settings, option, whole
@@ -96,7 +97,7 @@ class RenderOptions(Settings):
                 "bounces": self.max_depth - 1,
                 "lights": self.lights,
             }
-            PathOptions(**of_paths)
+            Paths(**of_paths)
             return of_paths
         hybrid: dict[str, Any] = of_both | {
             "shadow_rays": self.shadow_rays,
@@ -104,7 +105,7 @@ class RenderOptions(Settings):
             "occlusion_length": self.occlusion_part * diagonal,
             "most_samples": None,
         }
-        HybridOptions(**hybrid)
+        Hybrid(**hybrid)
         return hybrid
 
 

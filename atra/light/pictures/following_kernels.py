@@ -5,27 +5,39 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from atra.compiled.store import njit
+from atra.compiled.store import float_kernel, njit
 from atra.embree.packets_kernels import INFINITY, MISS, START, hit_distance, hit_prim_id, intersect, set_no_hit
+from atra.geometry.view import View
 from atra.light.emitters.emitters_kernels import aim, has_emitters
-from atra.light.numbers_kernels import ZERO, dot, scaled, vector
+from atra.light.numbers_kernels import ONE, ZERO, along, circle, dot, scaled, unit, vector
 from atra.light.pictures.path_kernels import (
     FREE_KIND,
     FREE_LIGHT,
+    add_light,
     arriving,
     behind,
     load_ray,
     passed,
     passes_of,
+    path_key,
+    pixel_line,
+    seen_by,
     shadows,
     survival,
 )
 from atra.light.scattering.bending_kernels import passed_within
+from atra.light.scattering.sampler_kernels import APERTURE, pair_of
 from atra.light.scattering.spots_kernels import BLACK, WHITE, scatter, spot_of
 from atra.light.surface_kernels import ENDS, SHINES, meet
 
 _NEVER = 1 << 30
+
+ALPHA = 3
+"""Plane of the film that holds the share of a pixel which is not sky."""
+
+_THIRDS = np.float32(1.0 / 3.0), np.float32(1.0 / 3.0), np.float32(1.0 / 3.0)
 
 
 class Limits(NamedTuple):
@@ -161,3 +173,59 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
         near, before = START, MISS
         bounce += 1
     return Found(emitted, sky, later, seen_through, first, is_back, rays)
+
+
+class Aperture(NamedTuple):
+    """Where rays start. axes: (2, 3) float32, its radius to the right and down, in the world; none of a pinhole.
+    nearness: of what is in focus, 1 over its depth."""
+
+    axes: NDArray[np.float32]
+    nearness: np.float32
+
+
+def aperture_of(camera: View, radius: float, focus_distance: float) -> Aperture:
+    """The aperture of a camera. radius, focus_distance: scene units."""
+    axes = (radius * camera.axes[:2]).astype(np.float32)
+    return Aperture(axes if radius > 0.0 else axes[:0], np.float32(1.0 / focus_distance))
+
+
+@njit(forceinline=True)
+def _through(aperture, key, sample, origin, direction):  # type: ignore[no-untyped-def]
+    """(origin, direction) from a point of the aperture to the point that the ray given has in focus. direction: of
+    depth 1, as is the one returned."""
+    square, turns = pair_of(key, sample, APERTURE)
+    axes, radius, (right, down) = aperture.axes, np.sqrt(square), circle(turns)
+    shift = (
+        radius * (right * axes[0, 0] + down * axes[1, 0]),
+        radius * (right * axes[0, 1] + down * axes[1, 1]),
+        radius * (right * axes[0, 2] + down * axes[1, 2]),
+    )
+    return along(origin, ONE, shift), along(direction, -aperture.nearness, shift)
+
+
+@float_kernel
+def follow_depth_first(first, count, pixels, scene, packet, surfaces, emitters, sums, free, limits, aperture):  # type: ignore[no-untyped-def]
+    """Add a sample of `count` pixels from number `first` on, one path after the other.
+
+    scene, packet: of width 1. sums: (3 or 4, pixels) float32 of a `Film`. free: (FREE_ROWS, 1) float32, scratch.
+    limits: `Limits`. aperture: `Aperture`. Where `sums` have a plane ALPHA, the sky that the eye sees is left out, and
+    the share of it that is hidden is added there. Returns the number of rays traced, -1 if light was not finite.
+    """
+    is_finite, rays, is_known = True, 0, len(pixels.prim_id) > 0
+    for pixel in range(first, first + count):
+        origin, direction = pixel_line(pixels, pixel)
+        known = np.int64(seen_by(pixels, pixel)) if is_known else np.int64(-1)
+        random = path_key(pixel), pixels.sample
+        if len(aperture.axes) > 0:
+            origin, direction = _through(aperture, random[0], random[1], origin, direction)
+        found = follow(
+            surfaces, emitters, scene, packet, free, known, origin, unit(direction), ZERO, random, 0, limits
+        )  # fmt: skip
+        rays += found.rays
+        light = more(found.emitted, WHITE, found.later)
+        if sums.shape[0] > ALPHA:
+            sums[ALPHA, pixel] += ONE - dot(found.seen_through, _THIRDS)
+        else:
+            light = more(light, WHITE, found.sky)
+        is_finite &= add_light(sums, pixel, WHITE, light)
+    return rays if is_finite else -1
