@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.compiled.store import float_kernel, njit
-from atra.embree.packets_kernels import INFINITY, MISS, START, hit_distance, hit_prim_id, intersect, set_no_hit
+from atra.embree.packets_kernels import INFINITY, MISS, START
 from atra.geometry.view import View
 from atra.light.emitters.emitters_kernels import aim, has_emitters
 from atra.light.numbers_kernels import ONE, ZERO, along, circle, dot, scaled, unit, vector
@@ -19,6 +19,7 @@ from atra.light.pictures.path_kernels import (
     arriving,
     behind,
     load_ray,
+    nearest,
     passed,
     passes_of,
     path_key,
@@ -118,11 +119,7 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
             known = np.int64(-1)
         else:
             rays += 1
-            load_ray(packet, 1, 0, origin, direction, INFINITY, near)
-            packet.valid[0] = -1
-            set_no_hit(packet, 1, 0)
-            intersect(1, packet.valid, scene, packet)
-            prim_id, distance = hit_prim_id(packet, 1, 0), hit_distance(packet, 1, 0)
+            prim_id, distance = nearest(1, scene, packet, origin, direction, near)
             if prim_id == before and prim_id != MISS:
                 near = behind(distance)
                 continue

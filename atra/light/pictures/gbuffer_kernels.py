@@ -224,22 +224,19 @@ class Aim(NamedTuple):
 
 
 @njit(forceinline=True)
-def _set_lit(floats, i, direction, carried, reach):  # type: ignore[no-untyped-def]
-    """Write a pixel's ray; returns 1 if it carries light, else 0."""
-    is_lit = carried > ZERO
+def _set_ray(floats, i, direction, light, length, is_traced):  # type: ignore[no-untyped-def]
+    """Write a pixel's ray and the light that it carries; returns 1 if it is traced, else 0."""
     set_vector(floats, DIRECTION, i, direction)
-    floats[LENGTH * STRIDE + i] = reach if is_lit else ZERO
-    floats[LIGHT * STRIDE + i] = carried if is_lit else ZERO
-    return 1 if is_lit else 0
+    floats[LENGTH * STRIDE + i] = length if is_traced else ZERO
+    floats[LIGHT * STRIDE + i] = light
+    return 1 if is_traced else 0
 
 
 @njit(forceinline=True)
-def _set_open(floats, i, direction, length):  # type: ignore[no-untyped-def]
-    is_seen = floats[SEEN * STRIDE + i] != ZERO
-    set_vector(floats, DIRECTION, i, direction)
-    floats[LENGTH * STRIDE + i] = length if is_seen else ZERO
-    floats[LIGHT * STRIDE + i] = ONE
-    return 1 if is_seen else 0
+def _set_lit(floats, i, direction, strength, length):  # type: ignore[no-untyped-def]
+    """Write a pixel's ray to a light; returns 1 if it carries any, else 0."""
+    carried = dot(vector_of(floats, NORMAL, i), direction) * strength
+    return _set_ray(floats, i, direction, carried if carried > ZERO else ZERO, length, carried > ZERO)
 
 
 @float_part
@@ -250,19 +247,12 @@ def aim_at_light(floats, count, light, aim, number):  # type: ignore[no-untyped-
     if light[KIND] == SUN:
         direction = to_sun(light, u, v)
         for i in range(count):
-            rays += _set_lit(floats, i, direction, dot(vector_of(floats, NORMAL, i), direction), aim.length)
+            rays += _set_lit(floats, i, direction, ONE, aim.length)
     else:
         for i in range(count):
-            rays += _aim_at_lamp(floats, i, light, u, v, aim.length)
+            direction, strength, reach = to_lamp(light, vector_of(floats, ORIGIN, i), u, v)
+            rays += _set_lit(floats, i, direction, strength, min(reach, aim.length))
     return rays
-
-
-@njit(error_model="numpy")
-def _aim_at_lamp(floats, i, light, u, v, length):  # type: ignore[no-untyped-def]
-    """`aim_at_light` for one pixel and a light that is no sun."""
-    direction, strength, reach = to_lamp(light, vector_of(floats, ORIGIN, i), u, v)
-    carried = dot(vector_of(floats, NORMAL, i), direction) * strength
-    return _set_lit(floats, i, direction, carried, min(reach, length))
 
 
 @float_part
@@ -279,5 +269,5 @@ def aim_into_sky(floats, first, count, is_cosine, aim, number):  # type: ignore[
             direction = around(normal, direction)
         elif dot(direction, normal) < ZERO:
             direction = scaled(-ONE, direction)
-        rays += _set_open(floats, i, direction, aim.length)
+        rays += _set_ray(floats, i, direction, ONE, aim.length, floats[SEEN * STRIDE + i] != ZERO)
     return rays

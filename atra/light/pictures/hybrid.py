@@ -29,9 +29,6 @@ from atra.light.scene import Scene
 from atra.light.tables import surfaces_of
 from atra.rays.kernel_scene import KernelScene, Query
 
-MOST_RAYS = 64
-"""Most rays to a light, or into the sky, per pixel and sample."""
-
 
 def _steps(*primes: int) -> tuple[int, int]:
     x, y = (int(sqrt(prime) % 1.0 * 2**32) for prime in primes)
@@ -74,7 +71,7 @@ class Hybrid(Integrator):
         super().__post_init__()
         check_choice("occlusion", self.occlusion, ("uniform", "cosine"))
         for name in ("shadow_rays", "occlusion_rays"):
-            check_whole(name, getattr(self, name), 0, MOST_RAYS)
+            check_whole(name, getattr(self, name), 0, 64)
         for name in ("shadow_length", "occlusion_length"):
             check_length(name, getattr(self, name))
 

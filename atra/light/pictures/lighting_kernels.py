@@ -12,17 +12,7 @@ from atra.compiled.memory import load, store, stream
 from atra.compiled.store import float_kernel, float_part, njit
 from atra.compiled.vectors import bits_of, splat, where
 from atra.embree.layout import FLAG_COHERENT, RAY_DIR_X, RAY_ORG_X, RAY_TFAR, RAY_TNEAR
-from atra.embree.packets_kernels import (
-    INFINITY,
-    MISS,
-    SMALLEST_COMPONENT,
-    START,
-    hit_distance,
-    hit_prim_id,
-    intersect,
-    occluded,
-    set_no_hit,
-)
+from atra.embree.packets_kernels import MISS, SMALLEST_COMPONENT, START, occluded
 from atra.light.numbers_kernels import ONE, ZERO, unit
 from atra.light.pictures.gbuffer_kernels import (
     CHUNK,
@@ -44,7 +34,7 @@ from atra.light.pictures.gbuffer_kernels import (
     set_vector,
     vector_of,
 )
-from atra.light.pictures.path_kernels import behind, load_ray, passed, passes_of, path_key, pixel_line, shadows
+from atra.light.pictures.path_kernels import behind, nearest, passed, passes_of, path_key, pixel_line, shadows
 from atra.light.scattering.emission_kernels import emission_at
 from atra.light.scattering.spots_kernels import WHITE
 from atra.light.surface_kernels import SHINES
@@ -121,12 +111,7 @@ def look_through(width, chunk, first, count, pixels, surfaces, scene, packet):  
                 break
             before = prim_id
             while prim_id == before and prim_id != MISS:
-                for lane in range(width):
-                    packet.valid[lane] = -1 if lane == 0 else 0
-                load_ray(packet, width, 0, origin, direction, INFINITY, behind(distance))
-                set_no_hit(packet, width, 0)
-                intersect(width, packet.valid, scene, packet)
-                prim_id, distance = hit_prim_id(packet, width, 0), hit_distance(packet, width, 0)
+                prim_id, distance = nearest(width, scene, packet, origin, direction, behind(distance))
             passes += 1
         rays += passes
         chunk.floats[SEEN * STRIDE + i] = ZERO if prim_id == MISS else ONE

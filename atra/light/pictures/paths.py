@@ -24,9 +24,6 @@ from atra.light.scene import Scene
 from atra.light.tables import surfaces_of
 from atra.rays.kernel_scene import KernelScene, Query
 
-LARGEST = 1e12
-"""Largest radius of an aperture."""
-
 
 @dataclass(frozen=True)
 class Paths(Integrator):
@@ -47,7 +44,7 @@ class Paths(Integrator):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        checked_number("aperture_radius", self.aperture_radius, 0.0, LARGEST)
+        checked_number("aperture_radius", self.aperture_radius, 0.0, 1e12)
         check_length("focus_distance", self.focus_distance)
         check_choice("lights", self.lights, ("aimed", "grid", "found"))
         check_flags(transparent=self.transparent)

@@ -132,7 +132,8 @@ class Page:
             self._slider("side", "side, pixels", 64, 2048, 64)
             self._slider("exposure", "exposure", -10.0, 10.0, 0.1)
             self._choice("tone", "tone map", TONES)
-            self._box("denoise", "denoise at rest")
+            denoise = gui.add_checkbox("denoise at rest", self.session.wanted.settings.denoise)
+            self._on_update(denoise, lambda one: type(one) is bool, "denoise", bool)
             self._add_button("save picture", self._save_picture)
         with gui.add_folder("Camera"):
             self._add_movement()
@@ -140,13 +141,13 @@ class Page:
         with gui.add_folder("Primary visibility", expand_by_default=False):
             self._choice("method", "method", tuple(METHODS))
             self._choice("split_x", "columns", tuple(map(str, SPLITS)), int)
-            self._box("jitter", "jitter")
+            self._choice("jitter", "jitter", ("shared", "off"))
         with gui.add_folder("Hybrid", expand_by_default=False):
             self._slider("shadow_rays", "shadow rays", 0, 8, 1)
             self._slider("shadow_length", "shadow length", 0.01 * size, 2.0 * size, 0.01 * size)
             self._slider("occlusion_rays", "occlusion rays", 0, 8, 1)
             self._slider("occlusion_length", "occlusion length", 0.01 * size, size, 0.01 * size)
-            self._box("cosine", "cosine")
+            self._choice("occlusion", "occlusion", ("uniform", "cosine"))
         with gui.add_folder("Paths", expand_by_default=False):
             self._slider("bounces", "bounces", 0, 31, 1)
         with gui.add_folder("Light"):
@@ -213,10 +214,6 @@ class Page:
     def _choice(self, field: str, label: str, names: Sequence[str], kind: type = str) -> None:
         now = str(getattr(self.session.wanted.settings, field))
         self._on_update(self._server.gui.add_dropdown(label, names, initial_value=now), names.__contains__, field, kind)
-
-    def _box(self, field: str, label: str) -> None:
-        box = self._server.gui.add_checkbox(label, getattr(self.session.wanted.settings, field))
-        self._on_update(box, lambda one: type(one) is bool, field, bool)
 
     def _on_update(self, control: Any, can_have: Callable[[Any], bool], field: str, read: Callable[[Any], Any]) -> None:
         """Hand a control's values to the session."""

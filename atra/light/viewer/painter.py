@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +28,11 @@ from atra.raster.tracer import RasterTracer
 BACKGROUND = (236, 238, 241)
 """RGB of a miss."""
 
-_HYBRID = "shadow_rays", "shadow_length", "occlusion_rays", "occlusion_length"
-"""Settings that are options of hybrid rendering."""
+_OPTIONS = {
+    "hybrid": ("jitter", "shadow_rays", "shadow_length", "occlusion_rays", "occlusion_length", "occlusion"),
+    "path": ("jitter", "bounces"),
+}
+"""Settings that are options of a renderer."""
 
 _PREVIEW_OF = {"normal": "preview_normals", "depth": "preview", "prim_id": "preview_ids"}
 """Planes of `atra render` by the shades of hits."""
@@ -110,12 +112,7 @@ class Painter:
     def _renderer(self, request: Request) -> Renderer:
         """The renderer of the request; what an earlier request added stays where it may."""
         settings, scene, camera = request.settings, self._scene_of(request.settings), request.camera
-        options: dict[str, Any] = {"jitter": "shared" if settings.jitter else "off"}
-        if settings.renderer == "path":
-            options["bounces"] = settings.bounces
-        else:
-            options["occlusion"] = "cosine" if settings.cosine else "uniform"
-            options |= {name: getattr(settings, name) for name in _HYBRID}
+        options = {name: getattr(settings, name) for name in _OPTIONS[settings.renderer]}
         made_for = settings.renderer, settings.method, settings.split_x
         if self._made is not None and self._made[0] == made_for:
             self._made[1].update(scene, **options)

@@ -35,12 +35,10 @@ class Settings:
     frame: "hybrid" or "path". shade: "material", the picture; "normal", "depth", "prim_id", of what is seen;
     "occlusion", the share of the sky; "wrong", pixels that differ from `rtcIntersect1`. samples: of a resting picture.
     side: the picture has about side x side pixels. method, split_x: of primary visibility at rest (`atra.METHODS`), and
-    its columns of cells where it has cells. jitter: whether samples go through different points of their pixels.
-    exposure: stops. tone: the tone map's name. denoise: whether a picture with all its samples is shown without noise.
-    Moving pictures have no shadows. sun_power: 0 for no sun.
-    sun_heading, sun_height: in degrees, where the sun stands, about +y and above the horizon. sun_cone: half the angle
-    under which it appears, in degrees.
-    All others: see `atra.light`'s options, lights and skies.
+    its columns of cells where it has cells. exposure: stops. tone: the tone map's name. denoise: whether a picture with
+    all its samples is shown without noise. Moving pictures have no shadows. sun_power: 0 for no sun. sun_heading,
+    sun_height: in degrees, where the sun stands, about +y and above the horizon. sun_cone: half the angle under which
+    it appears, in degrees. All others: see `atra.light`'s options, lights and skies.
     """
 
     frame: str = "hybrid"
@@ -49,7 +47,7 @@ class Settings:
     side: int = 512
     method: str = "raster"
     split_x: int = COLUMNS
-    jitter: bool = True
+    jitter: str = "shared"
     shadow_rays: int = 1
     shadow_length: float = 1e4
     sun_cone: float = 0.5
@@ -60,7 +58,7 @@ class Settings:
     sky_power: float = 0.5
     occlusion_rays: int = 1
     occlusion_length: float = 10.0
-    cosine: bool = False
+    occlusion: str = "uniform"
     bounces: int = 4
     exposure: float = 0.0
     tone: str = "neutral"

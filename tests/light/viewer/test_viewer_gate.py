@@ -124,7 +124,7 @@ BAD = [
     ("frame", "x"), ("frame", 1), ("frame", ["hybrid"]), ("frame", "x" * 3000), ("shade", {}), ("samples", 0),
     ("samples", 10**9), ("samples", 2.5e300), ("samples", -1), ("side, pixels", 10**6), ("side, pixels", INF),
     ("method", "x"), ("method", []), ("columns", "3"), ("columns", "x"), ("jitter", 1),
-    ("cosine", None), ("colour", [1, 2]),
+    ("denoise at rest", None), ("denoise at rest", 1), ("colour", [1, 2]),
     ("colour", [1, 2, 300]), ("colour", [INF, 0, 0]), ("colour", "red"), ("shadow length", 0), ("bounces", 10**6),
     ("exposure", INF), ("tone map", "x"), ("movement", "fly"), ("save picture", 1),
     ("step", "x"),

@@ -232,7 +232,8 @@ def test_a_browser_shows_the_picture_moves_the_camera_changes_parameters_and_end
 
         tab.get_by_text("Primary visibility").click()
         tab.get_by_label("jitter").click()
-        wait_for(lambda: not page.session.wanted.settings.jitter, "the checkbox")
+        tab.get_by_role("option", name="off").click()
+        wait_for(lambda: page.session.wanted.settings.jitter == "off", "the choice")
         wait_for(lambda: shown.frames[-1] == (page.session.wanted, 3), "the picture without jitter")
         assert set(shown.formats) == {(False, "jpeg"), (True, "png")}
     page.thread.join(PATIENCE_S)

@@ -199,7 +199,7 @@ def test_right_pixels_are_white_and_a_wrong_one_is_marked_and_counted(painter, m
 
 def test_a_sketch_has_the_pixels_of_the_picture_and_no_shadow(painter):
     sketch = painter.sketch(FIRST)
-    unshadowed = with_settings(shadow_rays=0, occlusion_rays=0, jitter=False)
+    unshadowed = with_settings(shadow_rays=0, occlusion_rays=0, jitter="off")
     assert np.array_equal(sketch.image, shown(painter, unshadowed))
 
 

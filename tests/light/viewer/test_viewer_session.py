@@ -15,9 +15,9 @@ FIRST = Request(Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), 45.0), S
 
 OTHER = {
     "frame": "path", "shade": "occlusion", "samples": 9, "side": 256, "method": "aligned", "split_x": 4,
-    "jitter": False, "shadow_rays": 2, "shadow_length": 1.5, "sun_cone": 1.0,
+    "jitter": "off", "shadow_rays": 2, "shadow_length": 1.5, "sun_cone": 1.0,
     "sun_heading": 10.0, "sun_height": 20.0, "sun_power": 2.0, "sun_colour": (255, 0, 0), "sky_power": 2.0,
-    "occlusion_rays": 3, "occlusion_length": 1.0, "cosine": True, "bounces": 1,
+    "occlusion_rays": 3, "occlusion_length": 1.0, "occlusion": "cosine", "bounces": 1,
     "exposure": 1.5, "tone": "agx", "denoise": True,
 }  # fmt: skip
 """Another value of every parameter."""

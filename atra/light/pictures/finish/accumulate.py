@@ -93,7 +93,7 @@ def accumulate(
     pace_s: float | None = None
 
     def progress() -> Progress:
-        run_s, count, found = monotonic() - start, renderer.samples, octaves.error
+        run_s, count, found = monotonic() - start, renderer.samples, octaves.error(renderer.samples)
         left = [inf if minutes is None else 60.0 * minutes - run_s]
         missing = [] if samples is None else [float(samples - count)]
         if error is not None and found is not None:
@@ -123,7 +123,7 @@ def accumulate(
         yield latest
     if path is None:
         return
-    if latest.is_done and (error is None or (octaves.error is not None and octaves.error <= error)):
+    if latest.is_done and (error is None or (latest.error is not None and latest.error <= error)):
         path.unlink(missing_ok=True)
     elif renderer.samples:
         save(path, latest.elapsed_s)
@@ -137,28 +137,25 @@ class _Octaves:
     how changes fall from one doubling to the next. The mean of two changes steadies both. Between two doublings the
     error is taken to fall with the square root of the number of samples.
 
-    changes: relative, of the last doublings. count, luminance: samples at the last of them, and their picture.
+    changes: relative, of the last doublings. luminance: of the picture at the last of them.
     """
 
     def __init__(self) -> None:
         self.changes: list[float] = []
-        self.count, self.luminance = 0, np.zeros((0, 0))
-        self._samples = 0
+        self.luminance = np.zeros((0, 0))
 
     def look(self, renderer: Renderer) -> None:
-        """Count the samples that the renderer has now."""
-        count = self._samples = renderer.samples
-        if count & (count - 1):
+        """Count the samples that the renderer has now, one more than before."""
+        if renderer.samples & (renderer.samples - 1):
             return
         now = renderer.image.astype(np.float64) @ np.array(LUMINANCE)
-        if self.count and count == 2 * self.count:
+        if len(self.luminance):
             mean = float(now.mean())
             change = float(((now - self.luminance) ** 2).mean()) ** 0.5
             self.changes = [*self.changes, change / mean if mean > 0.0 else 0.0][-_DOUBLINGS:]
-        self.count, self.luminance = count, now
+        self.luminance = now
 
-    @property
-    def error(self) -> float | None:
+    def error(self, samples: int) -> float | None:
         """Relative, of all samples; None before there are two."""
         if not self.changes:
             return None
@@ -167,13 +164,12 @@ class _Octaves:
         if earlier[0] > 0.0 and earlier[1] > 0.0:
             squared = min(max((first * last / (earlier[0] * earlier[1])) ** 0.5, LEAST_LEFT), MOST_LEFT)
         change = (first * last) ** 0.5 * squared**0.25 if first > 0.0 else last
-        return change * (squared / (1.0 - squared) * self.count / self._samples) ** 0.5
+        doubled = 1 << (samples.bit_length() - 1)
+        return change * (squared / (1.0 - squared) * doubled / samples) ** 0.5
 
     @property
     def state(self) -> dict[str, NDArray[Any]]:
-        counts = np.array([self.count, self._samples])
-        return {"octave": counts, "octave_light": self.luminance, "changes": np.array(self.changes)}
+        return {"octave_light": self.luminance, "changes": np.array(self.changes)}
 
     def restore(self, state: Any) -> None:
-        self.count, self._samples = state["octave"].tolist()
         self.luminance, self.changes = state["octave_light"], state["changes"].tolist()
