@@ -15,12 +15,10 @@ from atra.light.numbers_kernels import ONE, ZERO, along, circle, dot, scaled, un
 from atra.light.pictures.path_kernels import (
     FREE_KIND,
     FREE_LIGHT,
-    add_light,
     arriving,
-    behind,
+    beyond_holes,
     load_ray,
     nearest,
-    passed,
     passes_of,
     path_key,
     pixel_line,
@@ -111,7 +109,7 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
     key, sample = random
     start, is_aimed = bounce, has_emitters(emitters)
     emitted, sky, later, seen_through, weight = BLACK, BLACK, BLACK, BLACK, WHITE
-    near, first, is_back, before = START, INFINITY, False, MISS
+    first, is_back = INFINITY, False
     rays = passes = 0
     while True:
         if known >= 0:
@@ -119,19 +117,16 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
             known = np.int64(-1)
         else:
             rays += 1
-            prim_id, distance = nearest(1, scene, packet, origin, direction, near)
-            if prim_id == before and prim_id != MISS:
-                near = behind(distance)
-                continue
+            prim_id, distance = nearest(1, scene, packet, origin, direction, START)
         flags = surfaces.flags[prim_id] if prim_id != MISS else ENDS | SHINES
         if flags & passes_of(bounce):
-            goes_on, weight = passed(
-                surfaces, prim_id, origin, direction, weight, bounce == 0, (key, sample, passes + bounce)
-            )
-            if goes_on:
-                near, before = behind(distance), prim_id
-                passes += 1
-                continue
+            prim_id, distance, weight, traced, holes = beyond_holes(
+                1, surfaces, scene, packet, prim_id, distance, origin, direction, weight, bounce,
+                (key, sample, passes + bounce),
+            )  # fmt: skip
+            rays += traced
+            passes += holes
+            flags = surfaces.flags[prim_id] if prim_id != MISS else ENDS | SHINES
         if bounce == start and start > 0:
             first = distance
             is_back = prim_id != MISS and not meet(surfaces, prim_id, origin, direction)[2]
@@ -167,7 +162,6 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
             if share == ZERO:
                 break
             weight = scaled(share, weight)
-        near, before = START, MISS
         bounce += 1
     return Found(emitted, sky, later, seen_through, first, is_back, rays)
 
@@ -224,5 +218,7 @@ def follow_depth_first(first, count, pixels, scene, packet, surfaces, emitters, 
             sums[ALPHA, pixel] += ONE - dot(found.seen_through, _THIRDS)
         else:
             light = more(light, WHITE, found.sky)
-        is_finite &= add_light(sums, pixel, WHITE, light)
+        for channel in range(3):
+            sums[channel, pixel] += light[channel]
+            is_finite &= light[channel] < INFINITY
     return rays if is_finite else -1

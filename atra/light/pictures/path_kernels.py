@@ -131,15 +131,6 @@ def nearest(width, scene, packet, origin, direction, near):  # type: ignore[no-u
     return hit_prim_id(packet, width, 0), hit_distance(packet, width, 0)
 
 
-@njit(forceinline=True)
-def add_light(sums, pixel, weight, light):  # type: ignore[no-untyped-def]
-    """Add weighted light to a pixel's sums; returns whether it was finite."""
-    arrived = weight[0] * light[0], weight[1] * light[1], weight[2] * light[2]
-    for channel in range(3):
-        sums[channel, pixel] += arrived[channel]
-    return arrived[0] < INFINITY and arrived[1] < INFINITY and arrived[2] < INFINITY
-
-
 @njit
 def arriving(surfaces, emitters, prim_id, origin, direction, density):  # type: ignore[no-untyped-def]
     """(r, g, b) of the sky or a triangle that shines, as far as it is left to scattering."""
@@ -177,6 +168,28 @@ def behind(distance):  # type: ignore[no-untyped-def]
     """Where a ray goes on that has passed what it met at a distance, exact to one or two steps of float32: what stands
     close behind is met."""
     return distance * _BEYOND
+
+
+@njit
+def beyond_holes(width, surfaces, scene, packet, prim_id, distance, origin, direction, weight, bounce, random):  # type: ignore[no-untyped-def]
+    """(prim_id, distance, weight, rays, passes): what a ray meets that has met a triangle at a distance and goes on
+    through all that light may pass, by chance; the numbers of rays traced and of triangles passed.
+
+    bounce: as of `passes_of`. random: (key, sample, number of surfaces met before). packet: of `width`.
+    """
+    key, sample, number = random
+    rays = passes = 0
+    while prim_id != MISS and surfaces.flags[prim_id] & passes_of(bounce):
+        random = key, sample, number + passes
+        goes_on, weight = passed(surfaces, prim_id, origin, direction, weight, bounce == 0, random)
+        if not goes_on:
+            break
+        passes += 1
+        before = prim_id
+        while prim_id == before and prim_id != MISS:
+            rays += 1
+            prim_id, distance = nearest(width, scene, packet, origin, direction, behind(distance))
+    return prim_id, distance, weight, rays, passes
 
 
 @njit

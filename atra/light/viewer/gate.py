@@ -66,28 +66,25 @@ class _Control(Struct, tag="GuiUpdateMessage", forbid_unknown_fields=True):
     updates: _Value
 
 
-class Messages:
-    """What a page may say: where its camera is, and the new value of a control.
+Controls = dict[str, Callable[[Any], bool]]
+"""Whether a control can have a value, by the control's identifier."""
 
-    controls: whether a control can have a value, by the control's identifier; filled while the page is made.
-    """
+_DECODER = Decoder(_Camera | _Control)
 
-    def __init__(self) -> None:
-        self.controls: dict[str, Callable[[Any], bool]] = {}
-        self._decoder = Decoder(_Camera | _Control)
 
-    def make_sense(self, raw: object) -> bool:
-        """Whether these bytes are a message of the page. Never raises."""
-        if not isinstance(raw, bytes) or len(raw) > LARGEST_BYTES:
-            return False
-        try:
-            message = self._decoder.decode(raw)
-        except (ValueError, RecursionError):  # msgspec's own errors are ValueErrors
-            return False
-        if isinstance(message, _Camera):
-            return 0.9 < hypot(*message.wxyz) < 1.1
-        can_have = self.controls.get(message.uuid)
-        return can_have is not None and can_have(message.updates.value)
+def makes_sense(raw: object, controls: Controls) -> bool:
+    """Whether these bytes are a message of the page: where its camera is, or the new value of a control. Never
+    raises."""
+    if not isinstance(raw, bytes) or len(raw) > LARGEST_BYTES:
+        return False
+    try:
+        message = _DECODER.decode(raw)
+    except (ValueError, RecursionError):  # msgspec's own errors are ValueErrors
+        return False
+    if isinstance(message, _Camera):
+        return 0.9 < hypot(*message.wxyz) < 1.1
+    can_have = controls.get(message.uuid)
+    return can_have is not None and can_have(message.updates.value)
 
 
 class GatedConnection(ServerConnection):
@@ -96,16 +93,16 @@ class GatedConnection(ServerConnection):
     So one client costs a bounded time before it is the turn of the others, however much it sends.
     """
 
-    def __init__(self, messages: Messages, *arguments: Any, **more: Any) -> None:
+    def __init__(self, controls: Controls, *arguments: Any, **more: Any) -> None:
         super().__init__(*arguments, **more)
-        self._messages, self._bad = messages, 0
+        self._controls, self._bad = controls, 0
 
     async def recv(self, decode: bool | None = None) -> Any:
         """The next message that makes sense. Raises what `websockets` does where the connection is closed."""
         while True:
             message = await super().recv(decode)
             await asyncio.sleep(0)  # messages that are already here would come without a pause
-            if self._messages.make_sense(message):
+            if makes_sense(message, self._controls):
                 return message
             self._bad += 1
             if self._bad >= MOST_BAD:
@@ -132,7 +129,7 @@ def refusal(headers: Headers, connected: int) -> Response | None:
 
 
 @contextmanager
-def _gated(messages: Messages) -> Iterator[None]:
+def _gated(controls: Controls) -> Iterator[None]:
     """Servers of `websockets` that start inside have the gate; viser has no option for one."""
     serve = websockets_server.serve
 
@@ -141,7 +138,7 @@ def _gated(messages: Messages) -> Iterator[None]:
             refused = refusal(request.headers, len(connection.server.connections))
             return refused or process_request(connection, request)
 
-        own = {"create_connection": partial(GatedConnection, messages), "max_size": LARGEST_BYTES}
+        own = {"create_connection": partial(GatedConnection, controls), "max_size": LARGEST_BYTES}
         return serve(handler, *arguments, process_request=admit, **{**more, **own})
 
     websockets_server.serve = serve_gated  # type: ignore[assignment, misc]
@@ -151,11 +148,12 @@ def _gated(messages: Messages) -> Iterator[None]:
         websockets_server.serve = serve  # type: ignore[misc]
 
 
-def serve(port: int, title: str, messages: Messages) -> viser.ViserServer:
-    """A server with the gate, bound to this machine alone. Raises InputError where the port is taken."""
+def serve(port: int, title: str, controls: Controls) -> viser.ViserServer:
+    """A server with the gate, bound to this machine alone. controls: filled while its page is made. Raises InputError
+    where the port is taken."""
     try:
         socket.create_server((HOST, port)).close()  # viser would take the next one
     except OSError:
         raise InputError(f"port {port} is taken; choose another by --port, or 0 for any that is free") from None
-    with contextlib.redirect_stdout(io.StringIO()), _gated(messages):  # its banner
+    with contextlib.redirect_stdout(io.StringIO()), _gated(controls):  # its banner
         return viser.ViserServer(host=HOST, port=port, label=title, verbose=False)

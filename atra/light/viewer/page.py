@@ -56,13 +56,13 @@ class Page:
         self, artist: Artist, first: Request, port: int, title: str, size: float, *, settings: bool = True
     ) -> None:
         try:
-            from atra.light.viewer.gate import Messages, serve
+            from atra.light.viewer.gate import serve
         except ImportError:
             raise InputError(
                 "the viewer needs viser, which is not installed; run: pip install -e '.[viewer]'"
             ) from None
-        self._messages = Messages()
-        self._server = serve(port, title, self._messages)
+        self._can_have: dict[str, Callable[[Any], bool]] = {}
+        self._server = serve(port, title, self._can_have)
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
         self._unit = size / _ACROSS if size > 0.0 else 1.0
         self._distance = float(np.linalg.norm(np.subtract(first.pose.target, first.pose.eye))) / self._unit
@@ -226,7 +226,7 @@ class Page:
 
     def _accept(self, control: Any, can_have: Callable[[Any], bool]) -> None:
         """Let messages in that give a control a value it can have; viser has no public name for its identifier."""
-        self._messages.controls[control._impl.uuid] = can_have
+        self._can_have[control._impl.uuid] = can_have
 
 
 def _is_colour(value: Any) -> bool:
