@@ -14,7 +14,7 @@ from atra.errors import InputError
 from atra.geometry.view import View
 from atra.light.batches import Laps
 from atra.light.checks import check_clamp, check_whole, checked_number
-from atra.light.emitters.tables import emitters_of, no_emitters
+from atra.light.emitters.tables import emitters_of
 from atra.light.pictures.film import Film
 from atra.light.pictures.following_kernels import ALPHA, aperture_of, follow_depth_first, limits_of
 from atra.light.pictures.integrator import Integrator, check_length
@@ -76,8 +76,7 @@ class Paths(Integrator):
 
     def tables(self, scene: Scene, lamps: Sequence[Any], rays: KernelScene) -> tuple[Any, Any]:
         """See `Integrator.tables`."""
-        emitters = no_emitters() if self.lights == "found" else emitters_of(scene, in_grid=self.lights == "grid")
-        return surfaces_of(scene, scene.sky.power), emitters
+        return surfaces_of(scene, scene.sky.power), emitters_of(scene, self.lights)
 
     def add(
         self, tables: Any, camera: View, query: Query, first: int, count: int, pixels: Pixels, film: Film,
