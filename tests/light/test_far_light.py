@@ -49,12 +49,10 @@ def test_a_picture_of_a_far_scene_is_that_of_the_near_one(view):
     def draw(scene, views):
         if view != "hybrid":
             return traced(scene, views[view], 2)
-        return hybrid(scene, views["pinhole"], 2, occlusion_length=2.0, jitter="shared").parts
+        return hybrid(scene, views["pinhole"], 2, occlusion_length=2.0, jitter="shared").image
 
     far, near = (draw(scene_of(mesh, at), views) for mesh, at, views in PLACES)
     assert near.std() > 0.02
-    if view == "hybrid":
-        assert (near.reshape(6, -1).max(axis=1) > 0.01).all()
     np.testing.assert_array_equal(far, near)
 
 

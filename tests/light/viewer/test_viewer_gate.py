@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from atra.light.viewer.messages import LARGEST_BYTES, Messages
+from atra.light.viewer import page as pages
 from atra.light.viewer.session import Picture
 from tests.light.viewer.test_viewer_page import PATIENCE_S, running, wait_for
 from tests.light.viewer.test_viewer_session import FIRST
@@ -24,7 +24,8 @@ from websockets.asyncio.server import ServerConnection  # noqa: E402
 from websockets.exceptions import ConnectionClosed, InvalidStatus  # noqa: E402
 from websockets.sync.client import connect  # noqa: E402
 
-from atra.light.viewer import camera_page, gate  # noqa: E402
+from atra.light.viewer import gate  # noqa: E402
+from atra.light.viewer.gate import LARGEST_BYTES, makes_sense  # noqa: E402
 
 CAMERA = {
     "type": "ViewerCameraMessage", "wxyz": [1.0, 0.0, 0.0, 0.0], "position": [0, 0, 1.5], "fov": 0.8, "near": 0.01,
@@ -55,7 +56,7 @@ class QuickArtist:
 @pytest.fixture(scope="module")
 def page():
     with pytest.MonkeyPatch.context() as changed, running(QuickArtist(), FIRST) as one:
-        changed.setattr(camera_page, "LEAVE_S", 1e6)  # or it ends between two tests
+        changed.setattr(pages, "LEAVE_S", 1e6)  # or it ends between two tests
         yield one
         assert one.thread.is_alive(), "a message has ended the viewer"
 
@@ -80,7 +81,7 @@ def update(page, label, value):
 
 def controls(page):
     every = page._server.gui._gui_input_handle_from_uuid.values()
-    return [one for one in every if one._impl.uuid in page._messages.controls]
+    return [one for one in every if one._impl.uuid in page._can_have]
 
 
 def arrives(page, client, side):
@@ -101,10 +102,11 @@ BAD = [
     ("heading", INF), ("heading", NAN), ("heading", 181.0), ("heading", "x"), ("heading", None), ("heading", [1.0]),
     ("frame", "x"), ("frame", 1), ("frame", ["hybrid"]), ("frame", "x" * 3000), ("shade", {}), ("samples", 0),
     ("samples", 10**9), ("samples", 2.5e300), ("samples", -1), ("side, pixels", 10**6), ("side, pixels", INF),
-    ("method", "x"), ("method", []), ("columns", "3"), ("columns", "x"), ("colour", [1, 2]),
+    ("method", "x"), ("method", []), ("columns", "3"), ("columns", "x"), ("jitter", 1),
+    ("denoise at rest", None), ("denoise at rest", 1), ("colour", [1, 2]),
     ("colour", [1, 2, 300]), ("colour", [INF, 0, 0]), ("colour", "red"), ("shadow length", 0), ("bounces", 10**6),
     ("exposure", INF), ("tone map", "x"), ("movement", "fly"), ("save picture", 1),
-    ("forward", "x"),
+    ("step", "x"),
 ]  # fmt: skip
 
 
@@ -118,16 +120,12 @@ def malformed(page):
         {**CAMERA, "wxyz": [0, 0, 0, 0]}, {**CAMERA, "image_height": 0}, {**CAMERA, "fov": 4.0},
     ])  # fmt: skip
     yield from (sent({**CAMERA, name: value}) for name in CAMERA if name != "type" for value in (None, "x", [], INF))
-    (button,) = (one._impl.uuid for one in controls(page) if one.label == "forward")
-    held = {"type": "GuiButtonHoldMessage", "uuid": button, "frequency": 10.0}
-    assert page._messages.make_sense(sent(held))
-    yield from (sent({**held, name: value}) for name in ("uuid", "frequency") for value in (None, "x", 1e3, [], NAN))
 
 
 def test_messages_without_sense_and_values_that_no_control_can_have_are_ignored_and_the_viewer_goes_on(page):
     before = page.session.wanted.settings
     for side, messages in ((128, [sent(update(page, *one)) for one in BAD]), (192, [*malformed(page)])):
-        assert not any(map(page._messages.make_sense, messages))
+        assert not any(makes_sense(message, page._can_have) for message in messages)
         assert len(messages) < gate.MOST_BAD
         with joined(page) as client:
             for message in messages:
@@ -147,14 +145,14 @@ JSON = st.recursive(
 @settings(deadline=None, max_examples=150)
 @given(st.data())
 def test_random_messages_are_ignored_or_lead_to_settings_that_can_be_drawn(page, data):
-    makes_sense = page._messages.make_sense
-    assert not makes_sense(data.draw(st.binary(max_size=200)))
-    assert not makes_sense(sent(data.draw(JSON)))
-    makes_sense(sent(CAMERA | data.draw(st.dictionaries(st.sampled_from(sorted(CAMERA)), JSON, max_size=2))))
+    assert not makes_sense(data.draw(st.binary(max_size=200)), page._can_have)
+    assert not makes_sense(sent(data.draw(JSON)), page._can_have)
+    changed = data.draw(st.dictionaries(st.sampled_from(sorted(CAMERA)), JSON, max_size=2))
+    makes_sense(sent(CAMERA | changed), page._can_have)
     control = data.draw(st.sampled_from(controls(page)))
     value = data.draw(JSON | st.sampled_from(["hybrid", "path", "normal", "4", (1, 2, 3)]))
     raw = sent({"type": "GuiUpdateMessage", "uuid": control._impl.uuid, "updates": {"value": value}})
-    if makes_sense(raw):
+    if makes_sense(raw, page._can_have):
         handled = page._server._websock_server._message_class.deserialize(raw)  # what viser makes of it
         asyncio.run(page._server.gui._handle_gui_updates(0, handled))
         QuickArtist().show(page.session.wanted)
@@ -211,12 +209,11 @@ def test_however_much_others_send_a_good_client_has_every_turn_that_it_wants(mon
 
     monkeypatch.setattr(ServerConnection, "recv", here_already)
     monkeypatch.setattr(gate, "MOST_BAD", 10**9)
-    messages = Messages()
-    monkeypatch.setattr(messages, "make_sense", lambda raw: raw == b"good")
+    monkeypatch.setattr(gate, "makes_sense", lambda raw, _: raw == b"good")
 
     def connection(name):
         one = gate.GatedConnection.__new__(gate.GatedConnection)
-        one._messages, one._bad, one.name = messages, 0, name
+        one._controls, one._bad, one.name = {}, 0, name
         return one
 
     async def race():
