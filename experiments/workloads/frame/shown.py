@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from rich.table import Table
 
 from experiments.drawing.values import varies
 from experiments.methods.naming import aligned_rows, best_of, say_point
@@ -22,13 +21,6 @@ from experiments.workloads.frame.grid_figure import grid_ratios, grid_times
 from experiments.workloads.frame_figures import methods_figure, split_ratios, split_times
 from experiments.workloads.panels import where_varies, workload_figure
 from experiments.workloads.series import of_files
-from experiments.workloads.tables import best_split_table
-
-
-def sweep_lines(rows: pd.DataFrame) -> Iterator[Table | str]:
-    """The best splits. rows: those of this workload that were measured."""
-    yield best_split_table(rows, "pixels_wrong")
-
 
 _AXES = ("split_x", "split_y")
 

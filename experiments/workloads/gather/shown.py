@@ -3,18 +3,11 @@
 from __future__ import annotations
 
 import pandas as pd
-from rich.table import Table
 
 from experiments.methods.naming import aligned_rows
 from experiments.workloads.frame_figures import methods_figure, split_ratios
 from experiments.workloads.gather import GATHER
 from experiments.workloads.panels import where_varies, workload_figure
-from experiments.workloads.tables import best_split_table
-
-
-def sweep_lines(rows: pd.DataFrame) -> list[Table]:
-    """The best splits. rows: measured, of this workload."""
-    return [best_split_table(rows, "pixels_different")]
 
 
 def _over_splits(rows: pd.DataFrame) -> pd.DataFrame:

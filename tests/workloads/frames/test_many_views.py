@@ -97,7 +97,8 @@ def test_a_peer_is_given_any_rays_and_another_camera(name):
 
 
 def test_the_terminal_says_how_many_times_as_fast_the_library_is(capsys):
-    row = {"scene": "cornell_box", "method": "embreex", "views": 20, "workload": VIEWS.name,
+    row = {"scene": "cornell_box", "method": "embreex", "views": 20, "workload": VIEWS.name, "point_id": "0",
+           "split_x": None, "packet_width": 1,
            "job_time_s": 6.0, "library_time_s": 0.75, "library_gain": 8.0, "ids_equal": 0.99997,
            "library_gain_low": 7.5, "library_gain_high": 8.5}  # fmt: skip
     results_console().print(told_table(VIEWS, pd.DataFrame([row])))
