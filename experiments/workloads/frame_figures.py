@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from math import nan
 
@@ -21,6 +22,7 @@ from experiments.drawing.values import (
     only_measured,
     row_interval,
     say_number,
+    varies,
 )
 from experiments.methods.naming import (
     COPIED_OFF,
@@ -52,6 +54,17 @@ SPLIT_AXES = {"split_x": Axis("horizontal splits", "ticks"), "split_y": Axis("ve
 _RING = {"marker": "o", "markersize": 10, "markerfacecolor": "none", "markeredgewidth": 1.6}
 _RINGED = "ringed: the best split, by the ratio in the same rounds"
 _STAR = f"star: {PAPER_BEST} speed-up of single rays, at whatever number of splits"
+
+
+def rows_over(*axes: str) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    """Aligned rows and those of methods of files, if exactly these of the axes of aligned splits vary."""
+
+    def chosen(rows: pd.DataFrame) -> pd.DataFrame:
+        aligned = aligned_rows(rows)
+        told = pd.concat([aligned, series.of_files(rows)])
+        return told if {axis for axis in SPLIT_AXES if varies(aligned, axis)} == set(axes) else rows[:0]
+
+    return chosen
 
 
 def split_times(table: pd.DataFrame, axis_name: str = "split_x") -> Figure:
