@@ -3,8 +3,7 @@
 import base64
 import io
 import json
-import re
-from dataclasses import fields, replace
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -96,17 +95,6 @@ def test_a_memory_has_the_bytes_of_each_step_and_no_times(fields):
     if "geometry" in fields:
         copied = measured("memory", culling=False).results
         assert 0.99 < copied["triangles_traced"] / (4 * results["triangles_traced"]) <= 1
-
-
-def test_every_help_is_a_phrase_that_needs_no_row_above():
-    leaning = re.compile(r"(of|and|these|those|that|the same|what it|until|finding|making)\b")
-    helps = {f"{one.name}.{column.name}": column.help for one in WORKLOADS for column in one.columns}
-    helps |= {
-        f"{one.name}.{option.name}": option.metadata.get("help", "")
-        for one in WORKLOADS
-        for option in fields(one.options)
-    }
-    assert not {name: help for name, help in helps.items() if leaning.match(help)}
 
 
 def test_the_pictures_have_the_image_s_size_and_the_difference_marks_what_the_counts_tell():
