@@ -1,15 +1,20 @@
-"""The reference that the documentation's build makes of the code: it is complete, and says what everything means."""
+"""The reference of the code: it is complete, says what everything means, and its examples print what they say."""
 
 from __future__ import annotations
 
+import doctest
 import importlib
+import inspect
 import re
 import runpy
 import sys
 from types import ModuleType
 
+import numpy as np
 import pytest
 
+import atra
+from atra import light
 from experiments.reference import command_line, configuration_keys, table_columns
 from experiments.results.table import columns
 from tests.folders import ROOT
@@ -56,3 +61,20 @@ def test_every_column_of_a_result_table_is_in_the_reference():
     """As a column, or as the key of the same name."""
     listed = set(re.findall(r"^\| `(?:\w+\.)?(\w+)`", configuration_keys() + table_columns(), re.M))
     assert set(columns()) <= listed
+
+
+NAMES = {name: getattr(package, name) for package in (atra, light) for name in package.__all__}
+EXAMPLES = {name: found for name, found in NAMES.items() if ">>> " in (inspect.getdoc(found) or "")}
+
+
+def test_most_public_functions_have_an_example():
+    functions = [name for name, found in NAMES.items() if inspect.isfunction(found)]
+    assert len(set(functions) & set(EXAMPLES)) > len(functions) / 2
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_the_example_of_a_docstring_prints_what_it_says(name, capsys):
+    (example,) = doctest.DocTestFinder(recurse=False).find(EXAMPLES[name], name, globs={"np": np})
+    failed, tried = doctest.DocTestRunner().run(example)
+    assert tried > 0
+    assert failed == 0, capsys.readouterr().out

@@ -17,7 +17,7 @@ from experiments.registry import KINDS
 from experiments.workloads import WORKLOADS, rounds
 from experiments.workloads.rounds import expert_packet_widths
 from tests import points
-from tests.harness.processes.test_outcome import POINT
+from tests.points import POINT
 
 pytestmark = pytest.mark.uncovered
 
