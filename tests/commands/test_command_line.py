@@ -92,7 +92,7 @@ def swept(toy_sweep, tmp_path):
     (["model.glb"], "model.glb"),
     (["--config-dir", "own.d", "method=no_method"], "the file of method names none, expected one under defaults in it"),
     (["sweep=horizontal", "workload.frames=4"], "which has none; it is an option of workload=multiframe"),
-    (["sweep=methods", "method.split_x=7", "scene=cornell_box"], "method.split_x fits no point of the sweep: split (7, 1) does not"),
+    (["sweep=methods", "method.split_x=7", "scene=cornell_box"], "fits no point of the sweep: split (7, 1) does not"),
     (["report", "-m", "sweep=horizontal"], "report takes no -m"),
     (["measure", "sweep=horizontal"], "measure takes one point"),
     (["sweep=horizontal,vertical", "-m"], "sweep=horizontal,vertical names several sweeps, expected one"),
