@@ -98,6 +98,9 @@ def test_without_git_the_commit_is_unknown_and_kernels_that_came_with_the_librar
     monkeypatch.setattr(environment, "_PROJECT", tmp_path)
     monkeypatch.setattr(library_doctor, "SHIPPED", tmp_path)
     (tmp_path / "drawing.1.nbc").write_bytes(bytes(2_000_000))
+    assert facts()["commit"] == "unknown"  # outside of a repository
+    (tmp_path / ".git").mkdir()
+    monkeypatch.setenv("PATH", str(tmp_path))
     assert facts()["commit"] == "unknown"
     assert facts()["kernels"].startswith(f"2.0 MB shipped in {tmp_path}")
 

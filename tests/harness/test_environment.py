@@ -62,15 +62,6 @@ def test_processors_of_one_name_are_told_apart_by_their_design(known_to_llvm, ex
     assert read_environment().cpu == expected
 
 
-@pytest.mark.parametrize("is_repository", [False, True])
-def test_outside_a_repository_and_without_git_there_is_no_commit(is_repository, tmp_path, monkeypatch):
-    if is_repository:
-        (tmp_path / ".git").mkdir()
-        monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setattr(environment, "_PROJECT", tmp_path)
-    assert environment._git_state() == (None, None)
-
-
 @pytest.mark.parametrize(
     ("system", "expected"), [("win32", 7_000_000), ("darwin", 5_000_000), ("freebsd14", 5_000_000 * 1024)]
 )
