@@ -59,9 +59,6 @@ def test_views_of_our_own_methods_are_those_of_the_library(monkeypatch):
     monkeypatch.setattr(measuring, "Mesh", lambda *given: made.append(mesh(*given)) or made[-1])
     assert measured("raster", views=2).results["ids_equal"] == 1.0
     assert len(made) == 2 * (1 + 3)  # of which nothing is known when the clock starts
-
-
-def test_at_least_one_view_is_asked_for():
     with pytest.raises(atra.InputError, match=r"workload\.views is 0"):
         ViewsOptions(views=0)
 
