@@ -251,3 +251,9 @@ def test_layers_hold_colours_and_shading_normals_of_the_one_surface_behind_what_
         layers = renderer.layers()
     np.testing.assert_allclose(layers.albedo, np.broadcast_to([0.8, 0.4, 0.2], (4, 4, 3)), rtol=1e-6)
     np.testing.assert_allclose(layers.normals, np.broadcast_to(tilted[0], (4, 4, 3)), atol=1e-6)
+
+
+def test_the_colour_layer_shows_a_lamp_as_its_light_up_to_white():
+    scene = rectangles((floor(), light.Emissive((4.0, 0.5, 0.0))))
+    with light.PathRenderer(scene, down(2), threads=1) as renderer:
+        np.testing.assert_allclose(renderer.layers().albedo, np.broadcast_to((1.0, 0.5, 0.0), (2, 2, 3)))
