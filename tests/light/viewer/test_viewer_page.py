@@ -218,6 +218,8 @@ def test_a_browser_shows_the_picture_moves_the_camera_changes_parameters_and_end
         # The left wall has another brightness than the floor; before it came, all was white.
         wait_for(lambda: np.ptp(screenshot(tab)[300, 20:200].astype(int)) > 20, "a picture on the canvas")
 
+        assert {request.pose.eye for request, _ in shown.frames} <= {FIRST.pose.eye, page.session.wanted.pose.eye}
+
         before = page.session.wanted.pose
         tab.mouse.move(150, 250)
         tab.mouse.down()
