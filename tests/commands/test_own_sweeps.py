@@ -9,6 +9,7 @@ from rich.console import Console
 
 from atra.errors import InputError, printable
 from experiments import cli
+from experiments.drawing.style import TIMES
 from experiments.harness.points import GridPoint
 from experiments.harness.processes.launching import WORKER_COMMAND, project_environment
 from experiments.harness.progress import SweepProgress, say
@@ -70,7 +71,7 @@ def test_tables_fit_80_columns_and_nothing_in_them_is_cut(tmp_path):
     *lines, _, _ = shown.getvalue().splitlines()  # the last ones name files, and no terminal breaks them well
     assert max(map(len, lines)) <= 80
     assert "\N{HORIZONTAL ELLIPSIS}" not in shown.getvalue()
-    for text in ("fireplace_room", "1,234.5 ms", "1024 x 1", "123.46x", "1048576", "visible-first", "pixels"):
+    for text in ("fireplace_room", "1,234.5 ms", f"1024 {TIMES} 1", "123.46", "1,048,576", "visible-first", "pixels"):
         assert any(text in line for line in lines), text
     shown.truncate(shown.seek(0))
     print_point(table.assign(warnings="x" * 100).iloc[0], console)

@@ -78,7 +78,7 @@ def test_what_fails_in_the_warm_up_names_mesh_and_camera():
     (note,) = caught.value.__notes__
     assert "while warming up" in note
     assert "faces [[0, 1, 2], [3, 2, 1]]" in note
-    assert "camera at (0.0, 0.0, 2.0)" in note
+    assert "Camera(eye=(0.0, 0.0, 2.0)" in note
     with pytest.raises(InputError) as of_ours:
         warm_up(planned("pixel", "frame").point, [refuse])
     assert not hasattr(of_ours.value, "__notes__")
