@@ -24,7 +24,6 @@ from tests.meshes import cornell_camera
 from tests.points import configured
 from tests.shown import traced
 
-
 STAND_INS = [name for name, made in BUILT_IN.items() if made.stands_for]
 MADE = ["cornell_box", *STAND_INS]
 
