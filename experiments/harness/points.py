@@ -20,7 +20,7 @@ from experiments.harness.identity import code_of_worker, current_environment, id
 from experiments.harness.options import plain_options
 from experiments.harness.point import Point
 from experiments.harness.processes.launching import run_worker
-from experiments.harness.processes.worker import MAY_CHANGE, Outcome, skipped
+from experiments.harness.processes.worker import MAY_CHANGE, skipped
 from experiments.harness.progress import say
 from experiments.harness.records import Record
 from scenes.loading import SceneSource, load_scene, replace_missing_scenes
@@ -30,7 +30,7 @@ from scenes.views import view_fields
 _LAST = ("packet_width", "culling", "frames", "split_y", "split_x")
 """Settings by which the rows of a method are ordered last, as numbers."""
 
-Runner = Callable[[Point], Outcome]
+Runner = Callable[[Point], Record]
 
 
 @dataclass(frozen=True)
@@ -217,17 +217,14 @@ def in_order(points: dict[str, PlannedPoint], done: Collection[str]) -> list[str
 def measure(planned: PlannedPoint, run: Runner = run_worker) -> Record:
     """Measure a point in a fresh process; one with a problem is skipped, and its record says why."""
     environment = current_environment()
-    outcome = skipped(planned.problem) if planned.problem is not None else run(planned.point)
-    return Record(
+    record = skipped(planned.problem) if planned.problem is not None else run(planned.point)
+    return replace(
+        record,
         point_id=identity(planned.point, environment),
-        status=outcome.status,
-        error=outcome.error,
         configuration=planned.point.configuration(),
-        environment=asdict(environment) | {"code_sha256": code_of_worker(outcome.files)},
-        warmup_samples=outcome.warmup_samples,
-        samples=outcome.samples,
-        results={**_packets(planned.point), **outcome.results, "on_purpose": outcome.on_purpose},
-        files=sorted(outcome.files),
+        environment=asdict(environment) | {"code_sha256": code_of_worker(dict(record.files))},
+        results=_packets(planned.point) | record.results,
+        files=sorted(record.files),
     )
 
 

@@ -15,7 +15,7 @@ from experiments.harness.configuration import (
     SweepConfiguration,
 )
 from experiments.harness.points import GridPoint, measure, plan_points
-from experiments.harness.processes.worker import Outcome
+from experiments.harness.processes.worker import failed
 from experiments.harness.records import write_record
 from experiments.sweep import run_sweep
 from tests.folders import ROOT
@@ -110,7 +110,7 @@ class Launcher:
         for place, split in enumerate(splits):
             if split != self.refused:
                 (planned,) = plan_points([configuration(self.folder, split)])
-                write_record(self.folder / "records", measure(planned, lambda _: Outcome("failed", "on purpose")))
+                write_record(self.folder / "records", measure(planned, lambda _: failed("on purpose")))
             ended(place, "the queue is closed" if split == self.refused else None)
 
 

@@ -6,7 +6,8 @@ import pytest
 
 from experiments.harness.options import NoOptions
 from experiments.harness.point import Point
-from experiments.harness.processes.worker import Outcome
+from experiments.harness.processes.worker import read_result
+from experiments.harness.records import Record
 from experiments.methods.aligned import ALIGNED, AlignedOptions
 from experiments.workloads.build import BUILD
 from experiments.workloads.frame import FRAME
@@ -33,9 +34,9 @@ COUNTS = {
 TIMES = {"plan_time_s": 0.0, "build_time_s": 0.1, "baseline_build_time_s": 0.1, "rounds": 3}
 ROUNDS = {"rounds": 4}
 METHODS = ("own", "rtcIntersect1", "packets_8")
-GOOD = Outcome(
+GOOD = Record(
+    "",
     "ok",
-    on_purpose=True,
     warmup_samples={name: [1.0] for name in METHODS},
     samples={name: [0.5, 0.25, 0.5] for name in METHODS},
     results=MEMORY | COUNTS | TIMES,
@@ -43,7 +44,7 @@ GOOD = Outcome(
 
 
 def test_a_good_result_comes_through_unchanged():
-    assert Outcome.from_json(GOOD.to_json(), POINT) == GOOD
+    assert read_result(GOOD.to_json(), POINT) == GOOD
 
 
 def timed(*names):
@@ -62,7 +63,7 @@ def timed(*names):
 ])  # fmt: skip
 def test_each_workload_has_results_of_its_own(point, changes):
     outcome = replace(GOOD, **changes)
-    assert Outcome.from_json(outcome.to_json(), point) == outcome
+    assert read_result(outcome.to_json(), point) == outcome
 
 
 @pytest.mark.parametrize("name", sorted({*GOOD.results, *METHODS} - {"rounds"}))
@@ -70,13 +71,13 @@ def test_a_measured_point_with_something_missing_is_refused(name):
     results = {key: value for key, value in GOOD.results.items() if key != name}
     samples = {key: value for key, value in GOOD.samples.items() if key != name}
     with pytest.raises(ValueError, match=f"status ok without .*{name}"):
-        Outcome.from_json(replace(GOOD, results=results, samples=samples).to_json(), POINT)
+        read_result(replace(GOOD, results=results, samples=samples).to_json(), POINT)
 
 
 @pytest.mark.parametrize("status", ["failed", "skipped"])
 def test_what_was_not_measured_needs_nothing_but_a_reason(status):
-    outcome = Outcome(status, "the reason")
-    assert Outcome.from_json(outcome.to_json(), POINT) == outcome
+    outcome = Record("", status, "the reason")
+    assert read_result(outcome.to_json(), POINT) == outcome
 
 
 def test_a_worker_cannot_write_a_number_that_is_none():
