@@ -21,7 +21,7 @@ from experiments.harness.processes.idle import Waiting
 from experiments.harness.processes.launching import run_worker
 from experiments.harness.progress import SweepProgress, say, say_roughly
 from experiments.harness.records import Record, check_writable, exclusive, read_record, write_record
-from experiments.launched import Launch, Launched, reusable
+from experiments.launched import Launch, finished_elsewhere, measure_elsewhere, reusable
 from experiments.report.writing import check_figures, choose_folder, tell_whose_tables_are_replaced, write_results
 from experiments.results.processes import WHY, as_replacement, to_replace
 from experiments.results.table import Tables, make_tables
@@ -61,8 +61,7 @@ def run_sweep(
     check_writable(folder)
     check_writable(records)
     waiting = Waiting(first.measure.idle_limit_s, partial(say, console), needed=first.measure.idle_only)
-    launched = None if launch is None else Launched(launch, at_once, records, points)
-    sweep = _Sweep(points, records, console, run or run_worker, launched, waiting)
+    sweep = _Sweep(points, records, console, run or run_worker, waiting, launch, at_once)
     with exclusive(records.parent, records, folder):
         to_do = sweep.begin(folder, first.sweep.shuffle_seed)
         passes = sweep.passes(to_do)
@@ -113,22 +112,22 @@ def _finish(sweep: _Sweep, first: Configuration, folder: Path, command: str, int
 
 @dataclass
 class _Sweep:
-    """Points of a sweep by identity. folder: of the records. run: as of `run_sweep`. launched: has the points measured
-    elsewhere, None = they are measured here. waiting: waits for an idle machine. done: the records so far, by identity.
-    is_idle: whether the machine was so of late."""
+    """Points of a sweep by identity. folder: of the records. run, launch, at_once: of `run_sweep`. waiting: waits for
+    an idle machine. done: the records so far, by identity. is_idle: whether the machine was so of late."""
 
     points: dict[str, PlannedPoint]
     folder: Path
     console: Console
     run: Runner
-    launched: Launched | None
     waiting: Waiting
+    launch: Launch | None
+    at_once: int
     done: dict[str, Record] = field(default_factory=dict)
     is_idle: bool = False
 
     def begin(self, results: Path, shuffle_seed: int) -> list[str]:
         """Take over what was finished before, record what cannot be measured, and return what is left to do."""
-        self.done = self._finished() if self.launched is None else self.launched.finished()
+        self.done = self._finished() if self.launch is None else finished_elsewhere(self.folder, self.points)
         finished = len(self.done)
         for name, planned in self.points.items():
             if name not in self.done and planned.problem is not None:
@@ -142,7 +141,7 @@ class _Sweep:
             f"{of_points} points in {len(self.points)} processes: {finished} finished before, "
             f"{len(self.done) - finished} cannot be measured, {len(to_do)} to do; results in {results}",
         )
-        if to_do and self.launched is None:  # jobs elsewhere leave tables of other machines
+        if to_do and self.launch is None:  # jobs elsewhere leave tables of other machines
             tell_whose_tables_are_replaced(results, self.folder, self.console)
         return to_do
 
@@ -155,13 +154,13 @@ class _Sweep:
     def passes(self, names: Sequence[str]) -> list[list[str]]:
         """The processes to do, the first of every point before the second of any. A launcher gets all in one pass, as
         it need not wait for the end of one before the next."""
-        if self.launched is not None:
+        if self.launch is not None:
             return [list(names)] if names else []
         return [list(of_pass) for _, of_pass in groupby(names, lambda name: self._point(name).process)]
 
     def say_what_is_ahead(self, passes: Sequence[Sequence[str]], repeats: int) -> None:
         """One line before the first process: when there is something to see, and when all is done."""
-        if self.launched is not None or not passes:
+        if self.launch is not None or not passes:
             return
         first, every = _PROCESS_S * len(passes[0]), _PROCESS_S * sum(map(len, passes))
         words = [f"first look in about {say_roughly(first)}"] if len(passes) > 1 else []
@@ -206,30 +205,29 @@ class _Sweep:
 
     def _measure(self, names: Sequence[str], progress: SweepProgress, waits: bool = True) -> None:
         """Measure processes; an interrupt leaves those that are done. waits: for an idle machine."""
-        if self.launched is not None:
-            self._have_measured(names, self.launched, progress)
-            return
-        for name in names:
-            point = self._point(name)
-            label = say_label(point)
-            progress.begin(label)
-            if waits and point.workload.is_timed and not self.is_idle:
-                self.waiting.for_idle()
-            self._keep(name, measure(self.points[name], self.run))
-            self.is_idle = was_idle(self.done[name])
-            progress.end(label, say_outcome(self.done[name], self.folder))
-
-    def _have_measured(self, names: Sequence[str], launched: Launched, progress: SweepProgress) -> None:
-        """Have points measured elsewhere."""
-
-        def ended(name: str, record: Record | None, problem: str | None) -> None:
+        if self.launch is None:
+            measured = self._measure_here(names, progress, waits)
+        else:
+            progress.begin("jobs elsewhere")
+            measured = measure_elsewhere(self.launch, self.at_once, self.folder, self.points, names)
+        for name, record, problem in measured:
             if record is not None:
                 self._keep(name, record)
-            told = f"no record: {problem}" if record is None else say_outcome(record, self.folder)
+            told = f"no record: {problem}" if record is None else say_outcome(self.done[name], self.folder)
             progress.end(say_label(self._point(name)), told)
 
-        progress.begin("jobs elsewhere")
-        launched.measure({name: self.points[name].overrides for name in names}, ended)
+    def _measure_here(
+        self, names: Sequence[str], progress: SweepProgress, waits: bool
+    ) -> Iterator[tuple[str, Record | None, str | None]]:
+        """Process by process, as `measure_elsewhere`."""
+        for name in names:
+            point = self._point(name)
+            progress.begin(say_label(point))
+            if waits and point.workload.is_timed and not self.is_idle:
+                self.waiting.for_idle()
+            record = measure(self.points[name], self.run)
+            self.is_idle = was_idle(record)
+            yield name, record, None
 
     def _point(self, name: str) -> Point:
         return self.points[name].point

@@ -11,23 +11,19 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
-from hydra.core.utils import JobStatus
 from omegaconf import DictConfig, OmegaConf
 
-from atra.errors import AtraError, InputError
+from atra.errors import InputError
 from experiments.commands.program import COMMAND
 from experiments.harness.configuration import Configuration, read_configuration
 from experiments.harness.entry_points import name_of_file
-from experiments.harness.processes.launching import project_environment, stop_children
+from experiments.harness.points import GridPoint
+from experiments.launched import launch_with
 from experiments.registry import KINDS
-from experiments.submitted import first_line, run_submitted
-
-if TYPE_CHECKING:
-    from experiments.launched import Ended
 
 _QUEUED_AT_ONCE = 1000
 """Jobs that Slurm's queue is given at once. It takes no longer arrays, unless it is told to."""
@@ -55,7 +51,6 @@ class GridSweep:
         times. Any other launcher gets one job a process of a point, `max_batch_size` of them at once. Raises InputError
         for values that leave no point, and for an option that no point has or can be measured with.
         """
-        from experiments.harness.points import GridPoint
         from experiments.sweep import run_sweep
 
         grids = dict(self._config.sweep.grids or {"points": {}}) | self._methods_of_files(arguments)
@@ -75,7 +70,8 @@ class GridSweep:
         if name == "basic":
             return run_sweep(points, command=command)
         at_once = max_batch_size or (_QUEUED_AT_ONCE if name == "submitit_slurm" else 1)
-        return run_sweep(points, command=command, launch=self._launch, at_once=at_once)
+        launch = launch_with(self._launcher, name == "submitit_slurm")
+        return run_sweep(points, command=command, launch=launch, at_once=at_once)
 
     def _jobs(self, values: Mapping[str, Any], arguments: Sequence[str]) -> Iterator[Job]:
         """Every combination of the values of a grid; the later of two overrides of one key wins."""
@@ -132,27 +128,6 @@ class GridSweep:
             composed.sweep.grids = {}  # of the sweep, not of a point; copying them takes time
             self._composed[job] = OmegaConf.masked_copy(composed, [name for name in composed if name != "hydra"])
         return self._composed[job]
-
-    def _launch(self, jobs: Sequence[Sequence[str]], ended: Ended) -> None:
-        """One Hydra job a process of a point (`experiments.launched.Launch`)."""
-        # A job is unpickled by an interpreter that was not started as run.py.
-        os.environ.update(project_environment())
-        is_slurm = self._config.hydra.runtime.choices["hydra/launcher"] == "submitit_slurm"
-        try:
-            (run_submitted if is_slurm else _run_launched)(self._launcher, jobs, ended)
-        except BaseException as error:
-            stop_children()
-            if isinstance(error, AtraError) or not isinstance(error, Exception):  # a full disk, an interrupt
-                raise
-            # Of a launcher: the queue refused, or the first of its workers was killed. Records tell of the others.
-            for place in range(len(jobs)):
-                ended(place, first_line(error))
-
-
-def _run_launched(launcher: Any, jobs: Sequence[Sequence[str]], ended: Ended) -> None:
-    """Have Hydra's launcher run the jobs and wait for them all (`experiments.launched.Launch`)."""
-    for place, returned in enumerate(launcher.launch([list(job) for job in jobs], initial_job_idx=0)):
-        ended(place, str(returned._return_value) if returned.status is JobStatus.FAILED else None)
 
 
 def _written(override: Override) -> Iterator[str]:

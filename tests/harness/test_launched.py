@@ -45,7 +45,7 @@ class Elsewhere:
         self.planned = {one.method.options.split_x: one for one in configurations}
         self.written, self.jobs = [], []
 
-    def __call__(self, jobs, ended):
+    def __call__(self, jobs):
         self.jobs += jobs
         for place, overrides in enumerate(jobs):
             fields = dict(one.split("=") for one in overrides)
@@ -56,7 +56,7 @@ class Elsewhere:
             record = measured_elsewhere(planned, self.run, **there)
             write_record(self.folder / "records", record)
             self.written.append(record.point_id)
-            ended(place, None)
+            yield place, None
 
 
 def grid_points(configurations):
@@ -84,11 +84,11 @@ def test_a_job_s_record_that_this_code_did_not_write_is_not_taken(tmp_path, faul
     elif faults == "another method":  # of a later version
         record = replace(record, configuration=record.configuration | {"method": "later"})
 
-    def job(jobs, ended):
+    def job(jobs):
         path = write_record(tmp_path / "records", record)
         if faults == "no record":
             path.write_text("{}")
-        ended(0, None)
+        yield 0, None
 
     with pytest.raises(SystemExit):
         run_sweep([GridPoint("a", configuration(tmp_path))], launch=job)
@@ -119,9 +119,9 @@ def test_jobs_that_a_queue_bound_to_one_core_each_make_one_table(tmp_path):
     configurations = [configuration(tmp_path, split_x=split) for split in (1, 2)]
 
     class Bound(Elsewhere):
-        def __call__(self, jobs, ended):
+        def __call__(self, jobs):
             self.fields = {"affinity": [len(self.jobs)]}
-            super().__call__(jobs, ended)
+            yield from super().__call__(jobs)
 
     table = run_sweep(grid_points(configurations), launch=Bound(tmp_path, configurations))
     assert sorted(table["affinity"]) == ["0", "1"]
@@ -214,12 +214,12 @@ def test_an_interrupt_while_processes_are_measured_again_loses_no_record(elsewhe
 
 def test_a_record_whose_successor_s_job_fails_stays_as_it_is(tmp_path):
     class Once(Elsewhere):
-        def __call__(self, jobs, ended):
+        def __call__(self, jobs):
             if len(self.jobs) < 5:
-                super().__call__(jobs, ended)
+                yield from super().__call__(jobs)
             else:
                 self.jobs += jobs
-                ended(0, "killed")
+                yield 0, "killed"
 
     launch = Once(tmp_path, five(tmp_path), disturbed_once(1), cpu="another cpu")
     run_sweep(grid_points(five(tmp_path)), launch=launch, at_once=5)

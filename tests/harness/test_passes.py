@@ -126,10 +126,10 @@ def test_a_sweep_without_repeats_measures_nothing_again(tmp_path):
 def test_a_launcher_gets_every_process_in_one_pass(tmp_path):
     batches = []
 
-    def launch(jobs, ended):
+    def launch(jobs):
         batches.append(list(jobs))
         for place in range(len(jobs)):
-            ended(place, "no queue")
+            yield place, "no queue"
 
     with pytest.raises(SystemExit):
         run_sweep(grid(tmp_path), launch=launch, at_once=6)

@@ -104,14 +104,14 @@ class Launcher:
         self.refused = refused
         self.batches = []
 
-    def __call__(self, jobs, ended):
+    def __call__(self, jobs):
         splits = [int(job[0]) for job in jobs]
         self.batches.append(splits)
         for place, split in enumerate(splits):
             if split != self.refused:
                 (planned,) = plan_points([configuration(self.folder, split)])
                 write_record(self.folder / "records", measure(planned, lambda _: failed("on purpose")))
-            ended(place, "the queue is closed" if split == self.refused else None)
+            yield place, "the queue is closed" if split == self.refused else None
 
 
 def configuration(folder, split_x):
@@ -143,8 +143,8 @@ def test_a_point_whose_job_failed_is_named_with_the_reason_and_the_others_are_in
 
 def test_an_interrupted_launcher_loses_no_record_of_its_batch(tmp_path):
     class Interrupted(Launcher):
-        def __call__(self, jobs, ended):
-            super().__call__(jobs, lambda place, problem: None)
+        def __call__(self, jobs):
+            yield from list(super().__call__(jobs))[:0]
             raise KeyboardInterrupt
 
     assert sweep(tmp_path, Interrupted(tmp_path, refused=4), at_once=5) == 130
