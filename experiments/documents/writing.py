@@ -8,21 +8,30 @@ differs.
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from atra.errors import InputError
 from atra.files.paths import write_atomically
-from experiments.documents.filling import ROOT, cell_text, table_lines, united
+from experiments.documents.filling import REFERENCE, ROOT, cell_text, table_lines, united
 from experiments.documents.functions import FUNCTIONS
-from experiments.documents.verdicts import as_text, folders, recomputed
+from experiments.paper.claims import judge_claims
+from experiments.results.claims import NOT_MEASURED, judge_all
+from experiments.results.table import read_table, workload_rows
+from experiments.workloads import WORKLOADS
 
 USAGE = "python run.py tables [check=true]"
 TABLES = "reports/reference/tables.md"
 TEMPLATE = Path(__file__).with_name("template.md")
 QUOTES = Path(__file__).with_name("quotes.toml")
+PAPERS = ("paper", "gather")
+"""Sweeps whose tables answer the paper's claims."""
+
 BLOCK = re.compile(r"^```toml\n(.*?)^```\n", re.M | re.S)
 _NAME = re.compile(r"\\\{(\w+)\\\}")
 _NUMBER = r"(\d[\d.,]*(?:\s+to\s+\d[\d.,]*)?)"
@@ -46,7 +55,28 @@ def run_tables(arguments: Sequence[str]) -> None:
 
 def _claims() -> Iterator[tuple[Path, str]]:
     for folder in folders():
-        yield folder / "claims.json", as_text(verdicts) if (verdicts := recomputed(folder)) else ""
+        verdicts = recomputed(folder)
+        yield folder / "claims.json", json.dumps(verdicts, indent=1, ensure_ascii=False) + "\n" if verdicts else ""
+
+
+def folders() -> list[Path]:
+    """Those under reports/reference that keep processes."""
+    return sorted(path.parent for path in REFERENCE.glob("*/processes.parquet"))
+
+
+def recomputed(folder: Path) -> list[dict[str, Any]]:
+    """The verdicts of a sweep: the paper's claims, or those of its workloads that were measured."""
+    processes = read_table(folder / "processes.parquet")
+    assert processes is not None
+    if folder.name in PAPERS:
+        return [asdict(claim) for claim in judge_claims(processes)]
+    verdicts = []
+    for workload in WORKLOADS:
+        shown: Any = workload.part("shown")
+        if hasattr(shown, "CLAIMS") and processes["workload"].eq(workload.name).any():
+            judged = judge_all(shown.CLAIMS, workload_rows(processes, workload.name))
+            verdicts += [asdict(claim) for claim in judged if claim.verdict != NOT_MEASURED]
+    return verdicts
 
 
 def pages() -> Iterator[tuple[Path, str]]:

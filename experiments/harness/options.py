@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import Field, asdict, dataclass, field, fields
 from difflib import get_close_matches
 from enum import Enum
 from functools import cache
@@ -103,7 +103,7 @@ def plain(value: Any) -> Any:
     return [plain(item) for item in value] if isinstance(value, list | tuple) else value
 
 
-_EXPECTED = {bool: "true or false", int: "a whole number", float: "a number", list: "a list, as in '[0,1,3]'"}
+_EXPECTED = {bool: "true or false", int: "a whole number", float: "a number", list: "a list, as in '[0,1,3]'", dict: "values by name"}
 
 
 def typed(kind: type, values: Mapping[str, Any], path: str = "") -> Any:
@@ -136,23 +136,28 @@ def _of_type(value: Any, hint: Any, name: str) -> Any:
         return float(value)
     if str in hints and isinstance(value, int | float):
         return str(value)
-    raise InputError(f"{name} is {value!r}, expected {' or '.join(map(_say_type, hints))}")
+    raise InputError(f"{name} is {value!r}, expected {say_type(hint)}")
 
 
-def _say_type(hint: Any) -> str:
+def say_type(hint: Any) -> str:
+    """The values of a type, in words."""
+    if get_origin(hint) in (Union, UnionType):
+        return " or ".join(map(say_type, get_args(hint)))
     if isinstance(hint, type) and issubclass(hint, Enum):
         return f"one of {', '.join(str(member.value) for member in hint)}"
     return "null" if hint is NoneType else _EXPECTED.get(get_origin(hint) or hint, "a text")
 
 
+def say_option(spec: Field[Any]) -> str:
+    """The help of an option, with its choices and its unit."""
+    told = spec.metadata
+    choices = f"one of {', '.join(map(str, told['choices']))}" if told.get("choices") else ""
+    return "; ".join(filter(None, [told.get("help"), choices, told.get("unit")]))
+
+
 def say_options(group: str, named: Any) -> str:
-    """The options with their help, choices and units, a line each, as they are written on the command line."""
-    lines = []
-    for spec in fields(named.options):
-        told = spec.metadata
-        choices = ", ".join(map(str, told.get("choices", ())))
-        beside = [f"one of {choices}"] * bool(choices) + [told.get("unit", "")] * bool(told.get("unit"))
-        lines.append("; ".join([f"{group}.{spec.name}: {told.get('help', '')}", *beside]))
+    """The options with their help, a line each, as they are written on the command line."""
+    lines = [f"{group}.{spec.name}: {say_option(spec)}" for spec in fields(named.options)]
     return "\n".join(lines) or f"{group}={named.name} has none"
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -218,13 +218,14 @@ def measure(planned: PlannedPoint, run: Runner = run_worker) -> Record:
     """Measure a point in a fresh process; one with a problem is skipped, and its record says why."""
     environment = current_environment()
     record = skipped(planned.problem) if planned.problem is not None else run(planned.point)
+    files = record.files if isinstance(record.files, dict) else {}
     return replace(
         record,
         point_id=identity(planned.point, environment),
         configuration=planned.point.configuration(),
-        environment=asdict(environment) | {"code_sha256": code_of_worker(dict(record.files))},
+        environment=environment | {"code_sha256": code_of_worker(files)},
         results=_packets(planned.point) | record.results,
-        files=sorted(record.files),
+        files=sorted(files),
     )
 
 

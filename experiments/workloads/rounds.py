@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import partial
 from statistics import median
 from typing import Any
@@ -226,7 +226,7 @@ def measured(results: dict[str, Any], timed: RoundSamples | None = None) -> Meas
     later, such as counters when a stack closes, is in the record, too."""
     if timed is None:
         return Measured(results)
-    results |= {"rounds": timed.rounds} | ({} if timed.occupancy is None else asdict(timed.occupancy))
+    results |= {"rounds": timed.rounds} | ({} if timed.occupancy is None else timed.occupancy.shares)
     return Measured(
         results,
         {name: list(values) for name, values in timed.warmup.items()},

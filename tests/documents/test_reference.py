@@ -10,7 +10,7 @@ from types import ModuleType
 
 import pytest
 
-from experiments.reference import command_line, configuration_keys, table_columns
+from experiments.reference import command_line, configuration_keys, parsers, table_columns
 from experiments.results.table import columns
 from tests.folders import ROOT
 
@@ -43,11 +43,19 @@ def test_links_to_files_outside_of_the_pages_become_their_names(parts):
     assert source == ["table (`reports/reference/rays`), [all](reference/tables.md#rays), [rays](rays.md)"]
 
 
-@pytest.mark.parametrize("section", [command_line, configuration_keys, table_columns])
-def test_every_option_key_and_column_says_what_it_means(section):
-    rows = [line for line in section().splitlines() if line.startswith("| `")]
-    assert len(rows) > 10
-    assert [row for row in rows if not row.split("|")[-2].strip()] == []
+def helps():
+    """The help of every option, key and column."""
+    rows = [line for text in (configuration_keys(), table_columns()) for line in text.splitlines() if line[:3] == "| `"]
+    options = [action.help or "" for parser in parsers() for action in parser._actions]
+    assert len(rows) > 400
+    assert len(options) > 40
+    return [*(row.split("|")[-2].strip() for row in rows), *options]
+
+
+def test_every_option_key_and_column_says_what_it_means_in_a_phrase_that_stands_alone():
+    said = helps()
+    assert "" not in said
+    assert [text for text in said if re.match(r"(of|and|the same|theirs|ours|its|their)\b", text)] == []
 
 
 def test_every_column_of_a_result_table_is_in_the_reference():
@@ -56,7 +64,7 @@ def test_every_column_of_a_result_table_is_in_the_reference():
     assert set(columns()) <= listed
 
 
-@pytest.mark.parametrize("section", [command_line, configuration_keys, table_columns])
-def test_a_help_is_a_phrase_that_stands_alone(section):
-    helps = [line.split("|")[-2].strip() for line in section().splitlines() if line.startswith("| `")]
-    assert [text for text in helps if re.match(r"(of|and|the same|theirs|ours|its|their)\b", text)] == []
+def test_the_command_line_is_the_help_of_every_verb():
+    page = command_line()
+    for told in ("python run.py report sweep=horizontal", "usage: atra render", "usage: atra view", "usage: atra bake"):
+        assert told in page

@@ -3,9 +3,9 @@
 import pytest
 
 from atra.errors import InputError
-from experiments.harness.processes.idle import LIMIT_VARIABLE, Busy, Waiting, look_around
+from experiments.harness.processes.idle import LIMIT_VARIABLE, Occupancy, Waiting, look_around
 
-QUIET, LOUD = Busy(0.02, 0.0), Busy(0.9, 0.0, (("make", 0.6), ("cc1", 0.3)))
+QUIET, LOUD = Occupancy(0.02, 0.0), Occupancy(0.9, 0.0, (("make", 0.6), ("cc1", 0.3)))
 
 
 @pytest.fixture
@@ -55,8 +55,8 @@ def test_where_idle_is_needed_the_sweep_ends(waiting):
 
 
 def test_what_other_machines_steal_counts_too():
-    assert not Busy(0.0, 0.2).is_idle
-    assert "other machines 20%" in str(Busy(0.0, 0.2))
+    assert not Occupancy(0.0, 0.2).is_idle
+    assert "other machines 20%" in str(Occupancy(0.0, 0.2))
 
 
 def test_the_variable_stands_in_place_of_the_option(monkeypatch):
@@ -66,5 +66,5 @@ def test_the_variable_stands_in_place_of_the_option(monkeypatch):
 
 def test_looking_around_names_shares_of_cores():
     found = look_around(0.2)
-    assert found.others >= 0
+    assert found.others_share >= 0
     assert all(share > 0 for _, share in found.names)

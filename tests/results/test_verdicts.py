@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from experiments.documents.verdicts import folders, recomputed
+from experiments.documents.writing import folders, recomputed
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, NotMeasuredError
 from experiments.results.intervals import with_intervals
 from experiments.results.statistics import Estimate, Interval, Pool

@@ -72,7 +72,7 @@ def study(folder: str, *, scenes: Sequence[str] = tuple(SCENES), samples: int = 
     path, machine = Path(folder, "table.parquet"), read_environment()
     table = pd.read_parquet(path) if path.exists() else pd.DataFrame()
     for name in scenes:
-        row = compare(name, samples, threads) | {"processor": machine.cpu, "commit": machine.git_commit}
+        row = compare(name, samples, threads) | {"processor": machine["cpu"], "commit": machine["git_commit"]}
         table = pd.concat([table, pd.DataFrame([row])]).drop_duplicates("scene", keep="last", ignore_index=True)
         table.to_parquet(path, index=False)
         print(row, flush=True)

@@ -29,7 +29,7 @@ def study(
     """Measure these renderers beside ours, and write table and figure."""
     Path(folder).mkdir(parents=True, exist_ok=True)
     path, machine = Path(folder, "table.parquet"), read_environment()
-    same = {"processor": machine.cpu, "cores": machine.logical_cores, "commit": machine.git_commit}
+    same = {"processor": machine["cpu"], "cores": machine["logical_cores"], "commit": machine["git_commit"]}
     table = pd.read_parquet(path) if path.exists() else pd.DataFrame()
     for name in scenes:
         rows = [{**row, **same} for row in measure(name, threads, renderers)]

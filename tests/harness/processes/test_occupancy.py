@@ -9,7 +9,7 @@ from dataclasses import replace
 import psutil
 import pytest
 
-from experiments.harness.environment import Moment, Occupancy
+from experiments.harness.processes.idle import Moment, Occupancy
 
 Linux = namedtuple("Linux", "user nice system idle iowait irq softirq steal guest guest_nice")
 Mac = namedtuple("Mac", "user nice system idle")
