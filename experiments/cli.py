@@ -11,8 +11,9 @@ import signal
 import sys
 import traceback
 from argparse import ArgumentParser
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from importlib import import_module
+from pkgutil import resolve_name
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
@@ -55,12 +56,26 @@ def main() -> int:
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _leave)
     from atra.command import escape_what_stdout_lacks
+    from atra.errors import AtraError
 
     escape_what_stdout_lacks()
     flags, words = _split(sys.argv[1:])
-    if words and "=" not in words[0] and words[0] in verbs():
-        return _exit_code(lambda: _run_verb(words[0], words[1:], flags))
-    return _exit_code(lambda: _run_hydra(words))
+    try:
+        if words and "=" not in words[0] and words[0] in verbs():
+            _run_verb(words[0], words[1:], flags)
+        else:
+            _run_hydra(words)
+    except AtraError as error:
+        return refuse(error)
+    except KeyboardInterrupt:
+        print(f"{PROGRAM}: interrupted", file=sys.stderr)
+        return 130
+    except Exception as error:
+        raised_in = [str(frame.f_globals.get("__name__")) for frame, _ in traceback.walk_tb(error.__traceback__)]
+        if raised_in[-1].partition(".")[0] in ("hydra", "omegaconf", "yaml"):  # complaints about what was given
+            return refuse(error)
+        raise
+    return 0
 
 
 def verbs() -> dict[str, str]:
@@ -94,7 +109,7 @@ def _run_verb(verb: str, words: Sequence[str], flags: dict[str, Any]) -> None:
         usage = getattr(module, "USAGE", f"{COMMAND} {verb} key=value ...    # fields: {COMMAND} --help")
         print(f"usage: {usage}\n\n{module.__doc__}".rstrip())
         return
-    function = _function(where)
+    function = resolve_name(where)
     _let_interrupts_pass()
     if verb not in CONFIGURED:
         function([*words, *flags["unknown"]])
@@ -175,8 +190,7 @@ def _use_method_files(arguments: Sequence[str]) -> None:
     """Make the methods of `method_file=...` known, here and to the processes that this one starts.
 
     Without a sweep, and without a method of its own, the run takes the first of them (conf/config.yaml); a sweep
-    measures them beside its own methods (`experiments.sweeper`). Raises InputError for a file that holds no usable
-    method.
+    measures them beside its own methods. Raises InputError for a file that holds no usable method.
     """
     os.environ.pop("ATRA_METHOD", None)
     given = [argument.partition("=")[2].strip("'\"") for argument in arguments if argument.startswith("method_file=")]
@@ -195,30 +209,6 @@ def _use_method_files(arguments: Sequence[str]) -> None:
         os.environ["ATRA_METHOD"] = methods[0].name
 
 
-def _exit_code(run: Callable[[], object]) -> int:
-    """Run something, and say in a line why it was refused or that it was interrupted."""
-    from atra.errors import AtraError
-
-    try:
-        run()
-    except AtraError as error:
-        return refuse(error)
-    except KeyboardInterrupt:
-        print(f"{PROGRAM}: interrupted", file=sys.stderr)
-        return 130
-    except Exception as error:
-        if not _is_of_hydra(error):
-            raise
-        return refuse(error)
-    return 0
-
-
-def _is_of_hydra(error: Exception) -> bool:
-    """Whether an error is a complaint of Hydra or OmegaConf about what was given, by the module that raised it."""
-    raised_in = [str(frame.f_globals.get("__name__")) for frame, _ in traceback.walk_tb(error.__traceback__)]
-    return raised_in[-1].partition(".")[0] in ("hydra", "omegaconf", "yaml")
-
-
 def _leave(number: int, frame: FrameType | None) -> None:
     """Nothing has begun, and KeyboardInterrupt inside an import may be taken for a missing package."""
     os.write(sys.stderr.fileno(), f"{PROGRAM}: interrupted\n".encode())
@@ -228,12 +218,6 @@ def _leave(number: int, frame: FrameType | None) -> None:
 def _let_interrupts_pass() -> None:
     if signal.getsignal(signal.SIGINT) is _leave:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-
-
-def _function(where: str) -> Any:
-    """What a text such as "package.module:function" names, imported now."""
-    module, _, function = where.partition(":")
-    return getattr(import_module(module), function)
 
 
 def refuse(error: Exception) -> int:

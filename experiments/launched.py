@@ -51,12 +51,11 @@ def finished_elsewhere(folder: Path, points: Mapping[str, PlannedPoint]) -> dict
     """What earlier runs finished, by name: records of one machine, on which most of the points were measured."""
     of_machines: dict[str, dict[str, Record]] = {}
     for name, record in _written(folder, points, {}):
-        if reusable(record, points[name]) is not None:
+        if is_reusable(record, points[name]):
             of_machines.setdefault(repr(stable_fields(record.environment)), {})[name] = record
-    measured = {
-        machine: sum(record.status == "ok" for record in found.values()) for machine, found in of_machines.items()
-    }
-    return of_machines[max(measured, key=measured.__getitem__)] if measured else {}
+    return max(
+        of_machines.values(), key=lambda found: sum(record.status == "ok" for record in found.values()), default={}
+    )
 
 
 def measure_elsewhere(
@@ -117,13 +116,10 @@ def _written(folder: Path, points: Mapping[str, PlannedPoint], seen: Stamps) -> 
             yield name, record
 
 
-def reusable(record: Record | None, planned: PlannedPoint) -> Record | None:
-    """The record if measuring the point again would tell nothing new; a point that was skipped may be possible now."""
-    if record is None or not record.finished or not is_current(record):
-        return None
-    if record.status == "skipped" and planned.problem is None:
-        return None
-    return record
+def is_reusable(record: Record, planned: PlannedPoint) -> bool:
+    """Whether measuring the point again would tell nothing new; a point that was skipped may be possible now."""
+    is_possible_now = record.status == "skipped" and planned.problem is None
+    return record.finished and is_current(record) and not is_possible_now
 
 
 def launch_with(launcher: Any, is_slurm: bool) -> Launch:

@@ -17,7 +17,7 @@ FORM is one of `_FORMS`, or a format of Python; without one a number has three d
     each            columns whose values have a row each, in their order, beneath `label`, a text with fields
     corner          head of the first column
     align           a letter for each column, l or r
-    function        instead: what `experiments.documents.functions` calls the function that makes the rows; head = heads
+    function        instead: what `experiments.documents.writing` calls the function that makes the rows; head = heads
     kept            instead: the file in the sweep's folder, less its suffix .csv, that holds the rows; head = heads
     claims          instead: claims.json of the sweep, by ids or all; leave_out = those whose id begins so; tell = the
                     column between text and verdict

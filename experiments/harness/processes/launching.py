@@ -62,8 +62,7 @@ def _run_in(folder: Path, point: Point, command: Sequence[str]) -> Record:
     with output_path.open("wb") as output:
         process = subprocess.Popen(
             list(command), stdin=subprocess.PIPE, stdout=output, stderr=subprocess.STDOUT,
-            env=project_environment() | _thread_limits(point) | _vectors(point),
-            **_apart_from_the_interrupt_key(),
+            env=_environment(point), **_apart_from_the_interrupt_key(),
         )  # fmt: skip
         try:
             assert process.stdin is not None
@@ -140,16 +139,12 @@ def _end_of(output: Path) -> str:
         return printed.read().decode(errors="replace").strip()
 
 
-def _thread_limits(point: Point) -> dict[str, str]:
-    """NumPy's matrix library would take every core whatever the point asks for."""
-    if point.threads is None:
-        return {}
-    return {f"{name}_NUM_THREADS": str(point.threads) for name in ("OPENBLAS", "MKL", "OMP")}
-
-
-def _vectors(point: Point) -> dict[str, str]:
-    """The instruction set is read once, when `atra` is imported."""
-    return {} if point.instruction_set is None else {VARIABLE: point.instruction_set}
+def _environment(point: Point) -> dict[str, str]:
+    """Of the worker, which reads its instruction set once, when `atra` is imported. NumPy's matrix library would take
+    every core whatever the point asks for."""
+    libraries = () if point.threads is None else ("OPENBLAS", "MKL", "OMP")
+    vectors = {} if point.instruction_set is None else {VARIABLE: point.instruction_set}
+    return project_environment() | vectors | {f"{name}_NUM_THREADS": str(point.threads) for name in libraries}
 
 
 def stop_children() -> None:
