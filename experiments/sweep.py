@@ -59,7 +59,7 @@ def run_sweep(
     folder, records = choose_folder(first, points, command, console), records_folder(first)
     check_writable(folder)
     check_writable(records)
-    waiting = Waiting(first.measure.idle_limit_s, partial(say, console), needed=first.measure.idle_only)
+    waiting = Waiting(first.measure.idle_limit_s, partial(say, console))
     sweep = _Sweep(points, records, console, run or run_worker, waiting, launch, at_once)
     with exclusive(records.parent, records, folder):
         to_do = sweep.begin(folder, first.sweep.shuffle_seed)

@@ -91,7 +91,7 @@ def _forecast() -> Callable[[dict[int, Point], Mesh, float], dict[int, AtraError
     return forecast
 
 
-_OF_SWEEPS = ("processes", "idle_limit_s", "idle_only")
+_OF_SWEEPS = ("processes", "idle_limit_s")
 """Fields of `MeasureConfiguration` that concern a sweep and no point of it."""
 
 _CAMERA = ("eye", "target", "up", "fov_y_degrees")

@@ -2,7 +2,6 @@
 
 import pytest
 
-from atra.errors import InputError
 from experiments.harness.processes.idle import LIMIT_VARIABLE, Occupancy, Waiting, look_around
 
 QUIET, LOUD = Occupancy(0.02, 0.0), Occupancy(0.9, 0.0, (("make", 0.6), ("cc1", 0.3)))
@@ -13,13 +12,13 @@ def waiting(monkeypatch):
     """limit and what is seen, one look after another -> a `Waiting` whose clock counts seconds slept, and its words."""
     monkeypatch.delenv(LIMIT_VARIABLE)
 
-    def made(limit_s, *seen, needed=False):
+    def made(limit_s, *seen):
         said, now, looks = [], [0.0], iter(seen)
 
         def sleep(seconds):
             now[0] += seconds
 
-        return Waiting(limit_s, said.append, needed, lambda: next(looks), lambda: now[0], sleep), said
+        return Waiting(limit_s, said.append, lambda: next(looks), lambda: now[0], sleep), said
 
     return made
 
@@ -46,12 +45,6 @@ def test_the_limit_is_of_all_waits_together_and_then_nobody_waits_again(waiting)
     looked = len(said)
     assert not one.for_idle()
     assert len(said) == looked
-
-
-def test_where_idle_is_needed_the_sweep_ends(waiting):
-    one, _ = waiting(10, *[LOUD] * 9, needed=True)
-    with pytest.raises(InputError, match="the same command goes on"):
-        one.for_idle()
 
 
 def test_what_other_machines_steal_counts_too():

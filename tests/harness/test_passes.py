@@ -77,8 +77,8 @@ def test_the_first_look_names_who_disturbs_and_does_not_wait(tmp_path, monkeypat
         looks.append(None)
         return Occupancy(0.9, 0.0, (("make", 0.9),)) if len(looks) < 3 else Occupancy(0.0, 0.0)
 
-    def waiting(limit_s, tell, needed):
-        return Waiting(limit_s, tell, needed, look, sleep=lambda seconds: None)
+    def waiting(limit_s, tell):
+        return Waiting(limit_s, tell, look, sleep=lambda seconds: None)
 
     monkeypatch.delenv(LIMIT_VARIABLE)
     monkeypatch.setattr("experiments.sweep.Waiting", waiting)

@@ -11,8 +11,6 @@ from typing import Self
 
 import psutil
 
-from atra.errors import InputError
-
 LIMIT_VARIABLE = "ATRA_IDLE_LIMIT_S"
 """Environment variable in place of `measure.idle_limit_s`; tests, which measure nothing, set it to 0."""
 
@@ -132,11 +130,10 @@ def _cores_used(process: psutil.Process) -> float:
 @dataclass
 class Waiting:
     """Waits for an idle machine, `limit_s` seconds in all; tell is called once for each wait, with what is waited for,
-    and once when the time is used up. needed: then InputError is raised."""
+    and once when the time is used up."""
 
     limit_s: float
     tell: Callable[[str], None]
-    needed: bool = False
     look: Callable[[], Occupancy] = look_around
     clock: Callable[[], float] = time.monotonic
     sleep: Callable[[float], None] = time.sleep
@@ -146,17 +143,16 @@ class Waiting:
         self.limit_s = float(os.environ.get(LIMIT_VARIABLE, self.limit_s))
 
     def for_idle(self) -> bool:
-        """Whether the machine is idle, at once or after some waiting. False as soon as the time is used up, or
-        InputError where it is needed."""
+        """Whether the machine is idle, at once or after some waiting. False as soon as the time is used up."""
         if self.spent_s >= self.limit_s:
-            return self._given_up()
+            return False
         start, told = self.clock(), False
         while not (busy := self.look()).is_idle:
             waited = self.spent_s + self.clock() - start
             if waited >= self.limit_s:
                 self.spent_s = waited
                 self.tell(f"the machine is still not idle after {waited:.0f} s: {busy}")
-                return self._given_up()
+                return False
             if not told:
                 self.tell(f"waiting for an idle machine, {self.limit_s - waited:.0f} s at most: {busy}")
                 told = True
@@ -165,16 +161,10 @@ class Waiting:
         return True
 
     def tell_who_disturbs(self) -> bool:
-        """Look once and say who uses the cores, without waiting. Whether the machine is idle; where it must be,
-        as `for_idle`."""
-        if self.needed or self.limit_s <= 0:
-            return self.for_idle()
+        """Look once, unless nobody is to wait, and say who uses the cores. Whether the machine is idle."""
+        if self.limit_s <= 0:
+            return False
         busy = self.look()
         if not busy.is_idle:
             self.tell(f"the machine is not idle: {busy}; measuring goes on, and the table flags what was disturbed")
         return busy.is_idle
-
-    def _given_up(self) -> bool:
-        if self.needed and self.limit_s > 0:
-            raise InputError("the machine is not idle; the same command goes on from here")
-        return False
