@@ -163,7 +163,7 @@ class Waiting:
     def tell_who_disturbs(self) -> bool:
         """Look once, unless nobody is to wait, and say who uses the cores. Whether the machine is idle."""
         if self.limit_s <= 0:
-            return False
+            return self.for_idle()
         busy = self.look()
         if not busy.is_idle:
             self.tell(f"the machine is not idle: {busy}; measuring goes on, and the table flags what was disturbed")
