@@ -7,6 +7,7 @@ Exit codes: 0 done, 1 something failed, 2 the input cannot be used, 130 interrup
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 import traceback
@@ -49,6 +50,9 @@ _FLAGS_WITH_VALUES = (
     "--experimental-rerun",
 )
 """Flags of Hydra that take a value; that value is no verb."""
+
+_NOISE = ("full_key:", "object_type=", "reference_type=", "To append to your config", "Config search path", "provider=")
+"""Beginnings of lines of Hydra's errors that say nothing to people."""
 
 
 def main() -> int:
@@ -220,18 +224,40 @@ def _let_interrupts_pass() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def _shortened(error: Exception) -> str:
+    """An error of Hydra in one line: what is wrong and the choices that exist."""
+    from hydra.errors import MissingConfigException
+    from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
+
+    from experiments.harness.configuration import options_at, say_unknown
+    from experiments.harness.options import say_unknown_choice
+    from experiments.registry import KINDS
+
+    cause = error.__cause__
+    told = error if isinstance(error, OmegaConfBaseException) else cause
+    if isinstance(told, ConfigAttributeError | ConfigKeyError) and told.full_key and told.parent_node is not None:
+        path = str(told.full_key)
+        return say_unknown(options_at(path, told.parent_node, KINDS), path, KINDS)
+    if isinstance(error, MissingConfigException) and error.options and error.missing_cfg_file:
+        group, _, name = error.missing_cfg_file.rpartition("/")
+        return say_unknown_choice(group, name, error.options)
+    lines = str(error).splitlines() + ([] if cause is None or str(cause) in str(error) else str(cause).splitlines())
+    kept = [line.strip().rstrip(".") for line in lines if line.strip() and not line.strip().startswith(_NOISE)]
+    if kept and kept[0].startswith("Ambiguous value"):
+        vector = re.search(r"'(scene\.(?:eye|target|up))=", kept[0])  # the one place where Hydra's words are read
+        if vector:
+            brackets = "is a list, which brackets hold together, and quotes the brackets"
+            return f"{vector[1]} {brackets}: '{vector[1]}=[0,1,3]'"
+        return f"{kept[0]}: several values make a sweep; add sweep=horizontal or -m"
+    return "; ".join(dict.fromkeys(kept)) or type(error).__name__
+
+
 def refuse(error: Exception) -> int:
     """Say on stderr, in one line, why something is refused. Returns the exit code."""
     from atra.errors import AtraError, printable
 
     if "debug=true" in (argument.lower() for argument in sys.argv):
         traceback.print_exception(error)
-    if isinstance(error, AtraError):
-        message = str(error)
-    else:
-        from experiments.commands.messages import shorten_configuration_error
-        from experiments.registry import KINDS
-
-        message = shorten_configuration_error(error, KINDS)
+    message = str(error) if isinstance(error, AtraError) else _shortened(error)
     print(f"{PROGRAM}: {printable(message)}", file=sys.stderr)
     return 2
