@@ -107,6 +107,7 @@ def _resolve(configuration: Configuration, scene: Scene) -> Point:
     path = None if given.path is None else str(Path(given.path).expanduser().resolve())
     view = view_fields(scene.mesh, scene.camera, given.view)
     view |= {name: getattr(given, name) for name in _CAMERA if getattr(given, name) is not None}
+    camera: dict[str, Any] = {name: tuple(map(float, view[name])) for name in ("eye", "target", "up")}
     return Point(
         scene=given.name or printable(Path(given.path or "scene").stem),
         scene_source=given.source.value,
@@ -116,7 +117,7 @@ def _resolve(configuration: Configuration, scene: Scene) -> Point:
         copies=given.copies,
         triangles=int(scene.mesh.triangle_count),
         view=given.view,
-        **{name: tuple(map(float, view[name])) for name in ("eye", "target", "up")},
+        **camera,
         fov_y_degrees=float(view["fov_y_degrees"]),
         **{name: getattr(configuration, name) for name in _OF_ALL},
         method=method,
