@@ -1,15 +1,20 @@
-"""The reference that the documentation's build makes of the code: it is complete, and says what everything means."""
+"""The reference of the code: it is complete, says what everything means, and its examples print what they say."""
 
 from __future__ import annotations
 
+import doctest
 import importlib
+import inspect
 import re
 import runpy
 import sys
 from types import ModuleType
 
+import numpy as np
 import pytest
 
+import atra
+from atra import light
 from experiments.reference import command_line, configuration_keys, parsers, table_columns
 from experiments.results.table import columns
 from tests.folders import ROOT
@@ -43,19 +48,21 @@ def test_links_to_files_outside_of_the_pages_become_their_names(parts):
     assert source == ["table (`reports/reference/rays`), [all](reference/tables.md#rays), [rays](rays.md)"]
 
 
-def helps():
-    """The help of every option, key and column."""
+def test_every_option_key_and_column_says_what_it_means_in_a_phrase_that_stands_alone():
     rows = [line for text in (configuration_keys(), table_columns()) for line in text.splitlines() if line[:3] == "| `"]
     options = [action.help or "" for parser in parsers() for action in parser._actions]
+    helps = [*(row.split("|")[-2].strip() for row in rows), *options]
     assert len(rows) > 400
     assert len(options) > 40
-    return [*(row.split("|")[-2].strip() for row in rows), *options]
+    assert all(helps)
+    leaning = re.compile(r"(of|and|these|those|that|the same|what it|until|finding|making|theirs|ours|its|their)\b")
+    assert [text for text in helps if leaning.match(text)] == []
 
 
-def test_every_option_key_and_column_says_what_it_means_in_a_phrase_that_stands_alone():
-    said = helps()
-    assert "" not in said
-    assert [text for text in said if re.match(r"(of|and|the same|theirs|ours|its|their)\b", text)] == []
+def test_the_command_line_is_the_help_of_every_verb():
+    page = command_line()
+    for told in ("python run.py report sweep=horizontal", "usage: atra render", "usage: atra view", "usage: atra bake"):
+        assert told in page
 
 
 def test_every_column_of_a_result_table_is_in_the_reference():
@@ -64,7 +71,18 @@ def test_every_column_of_a_result_table_is_in_the_reference():
     assert set(columns()) <= listed
 
 
-def test_the_command_line_is_the_help_of_every_verb():
-    page = command_line()
-    for told in ("python run.py report sweep=horizontal", "usage: atra render", "usage: atra view", "usage: atra bake"):
-        assert told in page
+NAMES = {name: getattr(package, name) for package in (atra, light) for name in package.__all__}
+EXAMPLES = {name: found for name, found in NAMES.items() if ">>> " in (inspect.getdoc(found) or "")}
+
+
+def test_most_public_functions_have_an_example():
+    functions = [name for name, found in NAMES.items() if inspect.isfunction(found)]
+    assert len(set(functions) & set(EXAMPLES)) > len(functions) / 2
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_the_example_of_a_docstring_prints_what_it_says(name, capsys):
+    (example,) = doctest.DocTestFinder(recurse=False).find(EXAMPLES[name], name, globs={"np": np})
+    failed, tried = doctest.DocTestRunner().run(example)
+    assert tried > 0
+    assert failed == 0, capsys.readouterr().out
