@@ -231,6 +231,7 @@ def test_a_browser_shows_the_picture_moves_the_camera_changes_parameters_and_end
         wait_for(lambda: page.session.wanted.pose.aspect == pytest.approx(1.6, abs=0.01), "the page's own camera")
         wait_for(lambda: page.session.wanted.pose.eye == pytest.approx(FIRST.pose.eye, abs=1e-6), "the scene's view")
         wait_for(lambda: has_picture(tab), "a picture on the canvas")
+        assert {request.pose.eye for request, _ in shown.frames} <= {FIRST.pose.eye, page.session.wanted.pose.eye}
         before = page.session.wanted.pose
         drag(tab, 48)
         wait_for(lambda: page.session.wanted.pose != before, "the camera to move")
