@@ -17,9 +17,8 @@ from atra.light import Atlas, Lightmap, Scene, Texels, constant_sky
 from atra.light.batches import Laps, in_batches
 from atra.light.emitters.emitters_kernels import has_emitters
 from atra.light.emitters.tables import emitters_of
-from atra.light.lightmaps.options import BakeOptions
-from atra.light.lightmaps.paths import Paths
-from atra.light.lightmaps.sums_kernels import SUMS
+from atra.light.lightmaps.paths import BakeOptions, Paths
+from atra.light.lightmaps.paths_kernels import SUMS
 from atra.light.pictures.path_kernels import FREE_ROWS
 from atra.rays.kernel_scene import Query, scene_for_kernels
 from experiments.light import waves_kernels as waves

@@ -15,7 +15,7 @@ import numpy as np
 from atra import light
 from atra.geometry.mesh import Mesh
 from atra.light import Atlas, Baker, Emissive, Lambertian, Lightmap, MetallicRoughness, Texels
-from atra.light.lightmaps.options import BakeOptions
+from atra.light.lightmaps.paths import BakeOptions
 from atra.light.lightmaps.priority import visible_texels
 from atra.light.materials import Material
 from experiments.harness.point import Measured, Point, make_own

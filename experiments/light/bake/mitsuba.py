@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from atra.light import Baker, GradientSky, Lightmap, Scene
 from atra.light.lightmaps.paths import Paths
-from atra.light.lightmaps.sums_kernels import LUMINANCE
+from atra.light.lightmaps.paths_kernels import LUMINANCE
 from experiments.light.bake.finishing import squared_differences
 from experiments.light.mitsuba_light import load_mitsuba, parts_of, suns_of
 from experiments.light.waves_kernels import DIRECTION, ORIGIN, generate, new_wave

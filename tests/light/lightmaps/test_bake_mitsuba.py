@@ -8,7 +8,7 @@ import pytest
 import atra
 from atra.light import Atlas, Baker
 from atra.light.lightmaps.charts.unwrap import UNMAPPED
-from atra.light.lightmaps.sums_kernels import LUMINANCE
+from atra.light.lightmaps.paths_kernels import LUMINANCE
 from atra.light.tables import unit_normals
 from experiments.light.mitsuba_light import mitsuba_scene, parts_of
 from scenes.cornell_box import CORNELL_BOX_CAMERA

@@ -9,7 +9,7 @@ import atra
 from atra import light
 from atra.errors import InputError
 from atra.light import Atlas, Baker, lit_view
-from atra.light.lightmaps.finish.looks import look_of
+from atra.light.lightmaps.finish.views import look_of
 from tests.baked import baked, sheet, standard_error
 from tests.images import draw
 from tests.light.lightmaps.test_light import corner_factor

@@ -12,9 +12,8 @@ import atra
 from atra import light as render
 from atra.errors import InputError
 from atra.light import Atlas, Baker, Seams, Texels, dilated, save_maps, save_model
-from atra.light.lightmaps.finish.views import looked_up
 from atra.light.pictures.files import srgb_of
-from tests.baked import baked, cube, painted, sheet
+from tests.baked import baked, cube, looked_up, painted, sheet
 from tests.images import draw
 from tests.light.lightmaps.test_bake_charts import folded
 from tests.meshes import quads

@@ -10,7 +10,7 @@ import pytest
 import atra
 from atra import light as render
 from atra.light import textures
-from atra.light.lightmaps.options import BakeOptions
+from atra.light.lightmaps.paths import BakeOptions
 from atra.light.pictures.files import srgb_of
 from atra.light.pictures.options import HybridOptions, PathOptions
 from tests.meshes import quads
