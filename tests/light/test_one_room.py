@@ -14,6 +14,7 @@ from atra.light.lightmaps.charts.unwrap import UNMAPPED
 from experiments.light.mitsuba_light import parts_of
 from scenes.lit.weekend import outwards
 from scenes.shapes import ball, join, quad
+from tests.light.mitsuba_materials import material_in_room
 
 CELL, PLACES, SIDE = 0.25, 50, 16
 BATCHES, SAMPLES, BOUNCES = 8, 1024, 24
@@ -129,7 +130,9 @@ def by_mitsuba(scene, variant="scalar_rgb"):
     """The same."""
     mi = pytest.importorskip("mitsuba")
     mi.set_variant(variant)
-    loaded = mi.load_dict(parts_of(mi, scene) | {"integrator": {"type": "path", "max_depth": -1, "rr_depth": 6}})
+    loaded = mi.load_dict(
+        parts_of(mi, scene, material_in_room) | {"integrator": {"type": "path", "max_depth": -1, "rr_depth": 6}}
+    )
     found = np.empty((BATCHES, PLACES, 3))
     for place, camera in enumerate(cameras()):
         where = mi.ScalarTransform4f().look_at(origin=camera.eye, target=camera.target, up=camera.up)

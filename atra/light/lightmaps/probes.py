@@ -90,5 +90,7 @@ def probed(
 
     in_batches(scene, len(local), max(1, AT_ONCE // samples), add)
     means = np.swapaxes(4.0 * np.pi / samples * light, 1, 2).astype(np.float32)
-    kinds = (np.ascontiguousarray(means[:, :, kind : kind + 3]) for kind in (DIRECT, INDIRECT, ENVIRONMENT))
-    return LightProbes(in_world, samples, *kinds, (backs / samples).astype(np.float32))
+    direct, indirect, environment = (
+        np.ascontiguousarray(means[:, :, kind : kind + 3]) for kind in (DIRECT, INDIRECT, ENVIRONMENT)
+    )
+    return LightProbes(in_world, samples, direct, indirect, environment, (backs / samples).astype(np.float32))
