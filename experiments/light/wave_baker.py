@@ -42,7 +42,7 @@ class WaveBaker(AbstractContextManager["WaveBaker"]):
         self.texels, self.rays_scene = Texels.of(scene.mesh, atlas), scene_for_kernels(scene.mesh, self.options)
         self._paths = Paths(scene, self.texels, self.options)
         aimed_at = replace(scene, sky=constant_sky(0.0)) if environment == "bsdf" else scene
-        self._emitters = emitters_of(aimed_at, self.options.lights == "grid")
+        self._emitters = emitters_of(aimed_at, self.options.lights)
         self.visible: NDArray[np.bool_] | None = None
         self.samples, self._sums = np.zeros(len(self.texels), np.int32), np.zeros((len(self.texels), SUMS))
         threads = self.rays_scene.threads

@@ -57,7 +57,7 @@ class Paths:
     def __init__(self, scene: Scene, texels: Texels, options: BakeOptions) -> None:
         mesh = scene.mesh.local
         self.surfaces = surfaces_of(scene, scene.sky.power)
-        self.emitters = emitters_of(scene, in_grid=options.lights == "grid")
+        self.emitters = emitters_of(scene, options.lights)
         self.charts = Charts(
             mesh.vertices, mesh.faces, texels.atlas.uv, texels.prim_id, texels.number, texels.atlas.width,
             np.float32(options.open_length), np.uint32(options.seed),

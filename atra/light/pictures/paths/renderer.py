@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from atra.geometry.view import View
 from atra.light.batches import Laps
-from atra.light.emitters.tables import emitters_of, no_emitters
+from atra.light.emitters.tables import emitters_of
 from atra.light.pictures.film import Film
 from atra.light.pictures.options import PathOptions
 from atra.light.pictures.path_kernels import BLOCK, FREE_ROWS, Pixels
@@ -44,8 +44,7 @@ class Paths:
 
     def build(self, rays: KernelScene) -> None:
         """See `Integrator.build`."""
-        lights = self._options.lights
-        self._emitters = no_emitters() if lights == "found" else emitters_of(self._scene, in_grid=lights == "grid")
+        self._emitters = emitters_of(self._scene, self._options.lights)
         self._surfaces = surfaces_of(self._scene, self._scene.sky.power)
 
     def same_sums(self, scene: Scene) -> bool:
