@@ -105,6 +105,8 @@ def test_bakes_by_the_library_have_no_view_first():
     for options in ({"against": "mitsuba"}, {"denoise": True}):
         with pytest.raises(InputError, match="priority is True for a bake"):
             BakeSettings(priority=True, **options)
+    with pytest.raises(InputError, match="against is compaction for a bake"):
+        BakeSettings(denoise=True, against="compaction")
 
 
 def test_without_mitsuba_a_point_says_what_to_install(monkeypatch):

@@ -105,11 +105,12 @@ class BakeSettings(Settings):
                         f"workload.{name} is {value!r} with workload.against=mitsuba, which is handed all texels of a "
                         "scene in its own light; leave it out"
                     )
-        if self.is_depth_first and self.priority:
-            raise InputError(
-                "workload.priority is True for a bake that is denoised or held against Mitsuba, by paths one after the "
-                "other; leave it out"
-            )
+        for name, of_waves in (("priority", (True,)), ("against", ("compaction", "expansion", "environment"))):
+            if self.is_depth_first and getattr(self, name) in of_waves:
+                raise InputError(
+                    f"workload.{name} is {getattr(self, name)} for a bake that is denoised or held against Mitsuba, by "
+                    "paths one after the other; leave it out"
+                )
         self.options()
 
     def options(self, threads: int | None = 1, build_quality: str = "medium") -> dict[str, Any]:
