@@ -12,8 +12,8 @@ from atra.light.checks import check_clamp, check_rays, check_whole, checked_numb
 from atra.light.emitters.tables import emitters_of
 from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.paths_kernels import Charts
+from atra.light.pictures.following_kernels import limits_of
 from atra.light.pictures.path_kernels import FREE_ROWS
-from atra.light.pictures.paths.following_kernels import limits_of
 from atra.light.scene import Scene
 from atra.light.tables import surfaces_of
 from atra.rays.kernel_scene import Query

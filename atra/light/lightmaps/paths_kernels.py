@@ -14,7 +14,7 @@ from atra.light.emitters.emitters_kernels import FROM_SKY, has_emitters
 from atra.light.emitters.harmonics_kernels import HARMONICS, harmonics_at
 from atra.light.lightmaps.charts.texels_kernels import corners_of, edges_of, point_at, slopes_of, weights_at
 from atra.light.numbers_kernels import ONE, ZERO, key_of, mixed, on_sphere, scaled
-from atra.light.pictures.paths.following_kernels import aimed, follow, more
+from atra.light.pictures.following_kernels import aimed, follow, more
 from atra.light.scattering.sampler_kernels import DIRECTION, JITTER, pair_of
 from atra.light.scattering.seen_kernels import UNSEEN
 from atra.light.scattering.spots_kernels import (

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.files.paths import write_atomically
+from atra.files.saving import encode_exr
 from atra.light.lightmaps.charts.atlas import Atlas
 from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.finish.export import exposure_of, finished, parts_of
@@ -23,7 +24,7 @@ from atra.light.lightmaps.finish.gltf import Glb, SourceModel
 from atra.light.lightmaps.finish.seams import Seams, dilated
 from atra.light.lightmaps.finish.views import interpolated, look_of
 from atra.light.lightmaps.maps import Lightmap
-from atra.light.pictures.files import exr_of_channels, png_of
+from atra.light.pictures.files import png_of
 from atra.light.pictures.finish.tone import stops_of, toned
 from atra.light.scene import Scene, ScenePart
 
@@ -63,7 +64,7 @@ def save_lit_model(lightmap: Lightmap, scene: Scene, source: Path | str, path: P
     textures, maps = [], []
     for tail, part in parts_of(atlas, finished(lightmap, lightmap.combined, Seams.of(scene.mesh, atlas))):
         stem = f"{path.stem}_light{tail}"
-        files[path.with_name(f"{stem}.exr")] = exr_of_channels({one: part[..., k] for k, one in enumerate("RGB")})
+        files[path.with_name(f"{stem}.exr")] = encode_exr({one: part[..., k] for k, one in enumerate("RGB")})
         files[path.with_name(f"{stem}.png")] = png = png_of(exposure * part)
         textures.append(model.add_texture(png, stem, extras={"exr": f"{stem}.exr"}))
         same = {"width": atlas.width, "height": atlas.map_height}
