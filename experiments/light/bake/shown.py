@@ -46,7 +46,7 @@ def _by_compaction(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _figure(
-    kind: str, read: Callable[[pd.DataFrame], Panel], settings: tuple[str, ...], note: str, **others: Any
+    kind: Any, read: Callable[[pd.DataFrame], Panel], settings: tuple[str, ...], note: str, **others: Any
 ) -> Any:
     """What makes a figure of rows: a panel a scene; the foot says the sizes of the maps and the note."""
 
