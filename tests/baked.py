@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 import atra
 from atra.light import Atlas, Baker, Emissive, Lambertian, Lightmap, MetallicRoughness, Scene, constant_sky
 from atra.light.lightmaps.charts.unwrap import UNMAPPED
+from atra.light.lightmaps.finish.views import on_map
 from tests.meshes import joined, quads
 
 _CORNERS = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
@@ -70,6 +71,13 @@ def baked(scene: Scene, atlas: Atlas, samples: int, **options: Any) -> Lightmap:
     with Baker(scene, atlas, **({"threads": 1} | options)) as baker:
         baker.add(samples)
         return baker.maps
+
+
+def looked_up(hits: atra.Hits, atlas: Atlas, image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(H, W, C): an (h, w, C) map at the hits; 0 without a hit or a place on the map."""
+    shown = np.zeros((*hits.depth.shape, image.shape[2]), np.float32)
+    shown[hits.hit] = on_map(hits.prim_id[hits.hit], hits.u[hits.hit], hits.v[hits.hit], atlas, image)
+    return shown
 
 
 def standard_error(lightmap: Lightmap) -> NDArray[np.float64]:

@@ -18,6 +18,7 @@ from scenes.atrium import ATRIUM_CAMERA, atrium
 from scenes.lit.rooms import lit_cornell_box
 from scenes.lit.weekend import WEEKEND_CAMERA, outwards, weekend
 from scenes.shapes import ball, join, quad
+from tests.light.mitsuba_materials import material_in_room
 from tests.shown import batches
 
 needs_mitsuba = pytest.mark.skipif(
@@ -30,7 +31,8 @@ def by_mitsuba(scene, cameras, samples, count=BATCHES, **integrator):
     """(count, cameras, H, W, 3): pictures of so many samples each, their seeds 0, 1, 2, ..."""
     mi = pytest.importorskip("mitsuba")
     mi.set_variant("scalar_rgb")
-    loaded = mi.load_dict(parts_of(mi, scene) | {"integrator": {"type": "path", "rr_depth": 10_000} | integrator})
+    paths = {"integrator": {"type": "path", "rr_depth": 10_000} | integrator}
+    loaded = mi.load_dict(parts_of(mi, scene, material_in_room) | paths)
     sensors = []
     for camera in cameras:
         place = mi.ScalarTransform4f().look_at(origin=camera.eye, target=camera.target, up=camera.up)

@@ -194,7 +194,6 @@ def test_a_new_method_and_a_new_workload_go_from_the_command_line_to_the_page(to
 NAMES = {one.name for one in (*METHODS, *WORKLOADS)}
 NO_NAME_OF_OURS = {
     ("drawing/missing.py", "memory"): "a word in the text of an error",
-    ("light/render/__init__.py", "rays"): "how many there are, among the results of a point",
 }
 """Constants that are spelled like one of `NAMES` and compared, and why they are something else."""
 

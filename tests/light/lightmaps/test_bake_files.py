@@ -16,8 +16,8 @@ from atra import light as render
 from atra.errors import InputError, MemoryBudgetError
 from atra.light import Atlas, Baker, Seams, dilated, save_maps, save_model, toned
 from atra.light.lightmaps.finish.export import finished
-from atra.light.lightmaps.states import resume, save_state
 from atra.light.pictures.files import srgb_of
+from atra.light.pictures.finish.states import read_state, write_state
 from examples import bake
 from tests.baked import baked, cube, painted, sheet
 from tests.light.lightmaps.test_light import PLATE
@@ -33,17 +33,18 @@ ATLAS = sheet(BOX, 8)
 def test_a_bake_goes_on_from_a_file_to_the_bit_and_refuses_that_of_another(tmp_path):
     with Baker(SCENE, ATLAS, threads=1) as baker:
         baker.add(5)
-        path = save_state(baker, tmp_path / "bake.state")
+        path = tmp_path / "bake.state"
+        write_state(path, baker.state)
     with Baker(SCENE, ATLAS, threads=2) as baker:
-        resume(baker, path)
+        read_state(path, baker.restore, "bake")
         baker.add(11)
         np.testing.assert_array_equal(baker.maps.combined, baked(SCENE, ATLAS, 16).combined)
     for other in (Baker(SCENE, ATLAS, seed=1), Baker(replace(SCENE, lights=[]), ATLAS), Baker(SCENE, sheet(BOX, 6))):
         with other, pytest.raises(InputError, match="cannot be resumed: it is of another scene, atlas, option or"):
-            resume(other, path)
+            read_state(path, other.restore, "bake")
     path.write_bytes(path.read_bytes()[:100])
     with Baker(SCENE, ATLAS) as baker, pytest.raises(InputError, match="is no state of a bake"):
-        resume(baker, path)
+        read_state(path, baker.restore, "bake")
 
 
 def test_the_error_of_a_bake_is_that_of_its_map_and_not_the_variance_of_its_samples():

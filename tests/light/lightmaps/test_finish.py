@@ -26,10 +26,9 @@ from atra.light import (
     save_maps,
     save_model,
 )
-from atra.light.lightmaps.finish.views import looked_up
-from atra.light.lightmaps.sums_kernels import LUMINANCE
+from atra.light.lightmaps.paths_kernels import LUMINANCE
 from atra.light.pictures.files import srgb_of
-from tests.baked import baked, cube, painted, sheet
+from tests.baked import baked, cube, looked_up, painted, sheet
 from tests.images import draw
 from tests.light.lightmaps.test_bake_charts import folded
 from tests.meshes import quads
@@ -50,8 +49,9 @@ def of_light(texels, light, noise=NOISE, samples=16):
     nothing, whole = np.zeros((count, 3), np.float32), np.ones(count, np.float32)
     of_one = whole * np.float32(samples * noise * np.square(LUMINANCE).sum())
     return Lightmap(
-        texels, np.full(count, samples, np.int32), light, nothing, nothing, whole, np.zeros(count, np.float32), of_one
-    )
+        texels, np.full(count, samples, np.int32), light, nothing, nothing, whole, np.zeros(count, np.float32), of_one,
+        np.stack([of_one, 2 * of_one], axis=1) / samples,
+    )  # fmt: skip
 
 
 def test_without_the_package_one_line_says_what_to_install(monkeypatch):

@@ -19,7 +19,7 @@ from atra.files.gltf.tree import gltf_tree
 from atra.light import Atlas, Baker, atlas_of, lit_view, save_lit_model, save_model
 from atra.light.lightmaps.finish.export import exposure_of, finished
 from atra.light.lightmaps.finish.seams import Seams
-from atra.light.lightmaps.finish.views import looked_up
+from tests.baked import looked_up
 from tests.browser import chromium
 from tests.light.reading.test_load_scene import uri, with_rows
 

@@ -8,7 +8,7 @@ import pytest
 import atra
 from atra import light
 from atra.light import Baker, lit_view
-from atra.light.lightmaps.finish.looks import look_of
+from atra.light.lightmaps.finish.views import look_of
 from tests.baked import baked, cube, painted, sheet, standard_error
 from tests.images import draw
 from tests.meshes import joined

@@ -12,7 +12,7 @@ from PIL import Image
 import atra
 from atra import light
 from atra.light import textures
-from atra.light.lightmaps.options import BakeOptions
+from atra.light.lightmaps.paths import BakeOptions
 from atra.light.pictures.files import srgb_of
 from atra.light.pictures.hybrid import Hybrid
 from atra.light.pictures.paths import Paths
