@@ -10,8 +10,7 @@ from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import own_space
 from atra.light.emitters.tables import emitters_of
-from atra.light.pictures.film import Film
-from atra.light.pictures.pixels import pixels_of
+from atra.light.pictures.film import Film, pixels_of
 from atra.light.tables import surfaces_of
 from atra.raster.tracer import RasterTracer
 from atra.rays.rays import Rays
