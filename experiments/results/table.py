@@ -18,10 +18,9 @@ from experiments.harness.method import TIES_HELP
 from experiments.harness.point import Workload
 from experiments.harness.records import Record
 from experiments.methods import METHODS, find_method
-from experiments.results.canary import BAND, drifted
 from experiments.results.intervals import with_intervals
 from experiments.results.people import csv_columns
-from experiments.results.processes import by_point, check_one_environment, is_replacement
+from experiments.results.processes import BAND, by_point, check_one_environment, drifted, is_replacement
 from experiments.results.time_warnings import WRONG, say_warnings, warnings_of, why_wrong
 from experiments.workloads import WORKLOADS, find_workload
 from scenes.built_in import BUILT_IN

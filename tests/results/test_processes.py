@@ -10,7 +10,7 @@ from atra.errors import InputError
 from experiments.harness.configuration import MeasureConfiguration
 from experiments.harness.points import GridPoint
 from experiments.harness.records import Record
-from experiments.results.canary import BAND, drifted
+from experiments.results.processes import BAND, drifted
 from experiments.results.table import make_tables
 from experiments.sweep import run_sweep
 from tests.harness.test_passes import Unsteady

@@ -35,7 +35,8 @@ def verdict(**query):
     ({"column": "gain", "at_least": 1, "where": {"size": {"at_least": 4}}}, DOES_NOT_HOLD),
     ({"column": "gain", "at_least": 1, "where": {"size": {"at_most": 4}}}, HOLDS),
     ({"column": "gain", "at_least": 1, "where": {"size": {"below": 1}}}, NOT_MEASURED),
-    ({"column": "gain", "at_least": 1, "where": {"weight": {"known": True}}}, NOT_MEASURED),
+    ({"column": "gain", "at_least": 1, "where": {"speedup": {"known": True}}}, NOT_MEASURED),
+    ({"column": "gain", "at_most": 1, "where": {"kind": "b", "speedup": {"not": 2.0}}}, HOLDS),
     ({"column": "gain", "at_least": 1, "least": "size"}, HOLDS),
     ({"column": "gain", "at_least": 2.5}, DOES_NOT_HOLD),
     ({"column": "gain", "at_least": 2.5, "some": True}, HOLDS),
@@ -43,6 +44,14 @@ def verdict(**query):
 ])  # fmt: skip
 def test_a_query_is_about_the_rows_that_it_names_and_judges_what_it_names(query, expected):
     assert verdict(**query) == expected
+
+
+@pytest.mark.parametrize("query", [
+    {"column": "gain", "where": {"weight": {"not": 1}}}, {"column": "weight"}, {"column": "gain", "least": "weight"},
+])  # fmt: skip
+def test_a_column_that_no_table_has_is_refused_with_the_name_of_the_claim(query):
+    with pytest.raises(ValueError, match="claim one cannot be judged: weight is a column of no table"):
+        verdict(**query)
 
 
 def test_a_claim_that_no_table_can_judge_says_why():

@@ -5,11 +5,11 @@ import json
 import pytest
 
 from experiments.documents.verdicts import folders, recomputed
-from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, NotMeasuredError
+from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED
 from experiments.results.intervals import with_intervals
-from experiments.results.statistics import Estimate, Interval, Pool
+from experiments.results.statistics import Estimate, Interval, NotMeasuredError, Pool
 from experiments.results.table import frame_of
-from experiments.results.verdicts import Bounds, Outcome, exact, known_values, on_cases, ratio_judge, ratio_of
+from experiments.results.verdicts import Bounds, Outcome, exact, known_values, on_cases, ratio_of, value_judge
 
 YES, NO, OPEN, NONE = Outcome(True, "1"), Outcome(False, "1", None, "no"), Outcome(None, "1", None, "?"), Outcome(None)
 
@@ -54,7 +54,7 @@ def test_few_processes_borrow_the_variance_of_the_other_points():
 
 
 def test_a_judge_reads_processes_and_one_point_of_a_scene_refutes():
-    judge = ratio_judge("speedup", lambda rows: rows["speedup"].notna(), Bounds(low=1.0))
+    judge = value_judge(lambda rows: rows["speedup"], lambda rows: rows["speedup"].notna(), Bounds(low=1.0))
     assert judge(rows(a=[1.2, 1.21, 1.22], b=[1.3, 1.31, 1.32])).verdict == HOLDS
     assert judge(rows(a=[1.2, 1.21, 1.22], b=[0.8, 0.81, 0.82])).verdict == DOES_NOT_HOLD
     assert judge(rows(a=[1.2, 1.21, 1.22], b=[0.5, 1.0, 2.0])).verdict == UNDECIDED

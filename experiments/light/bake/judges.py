@@ -16,8 +16,8 @@ from experiments.results.verdicts import (
     known_values,
     measured_rows,
     on_cases,
-    ratio_judge,
     ratio_of,
+    value_judge,
 )
 
 _FORECAST = Bounds(low=1.5)
@@ -30,7 +30,7 @@ _DEVIATIONS = 4.0
 def judge_mitsuba(processes: pd.DataFrame | None, which: Which, ratio: str, least: float) -> Judgement:
     """By points in one thread, a ratio that is at least `least`; undecided where any of them finds other light than
     Mitsuba."""
-    judged = ratio_judge(ratio, which, Bounds(low=least))(processes)
+    judged = value_judge(lambda rows: numbers(rows, ratio), which, Bounds(low=least))(processes)
     rows = measured_rows(processes, which)
     off, error = numbers(rows, "other_light_ratio") - 1.0, numbers(rows, "other_light_error")
     other = rows["scene"][~(abs(off) <= _DEVIATIONS * error)].unique()
