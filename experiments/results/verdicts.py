@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -167,7 +168,7 @@ def say(value: float) -> str:
 
 
 def value_judge(
-    values: Callable[[pd.DataFrame], ArrayLike], which: Which, bounds: Bounds, counted: bool = False, every: bool = True
+    values: Callable[[pd.DataFrame], Any], which: Which, bounds: Bounds, counted: bool = False, every: bool = True
 ) -> Judge:
     """A judge of a value of each row: all points of a scene that say something must lie inside. counted: there is no
     noise in it."""
