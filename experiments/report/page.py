@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -106,7 +107,7 @@ def render_report(contents: ReportContents) -> str:
         missing=facts.missing_points(table),
         machine=facts.machine_in_short(contents.environment),
         software=facts.software_in_short(contents.environment),
-        environment_lines=facts.environment_lines(contents.environment),
+        environment=json.dumps(contents.environment, indent=1, default=str),
         measured_between=facts.measured_between(contents.processes),
         tables=list(facts.workload_tables(table)),
     )

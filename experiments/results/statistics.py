@@ -211,7 +211,7 @@ def statistics_columns(name: str, help: str, series: Series) -> tuple[Column, ..
     read = _median(series)
     end = f"end of the 95 % confidence interval of {help}, over processes"
     return (
-        Column(name.format(""), REAL, f"median of {help}", read, _mean),
+        Column(name.format(""), REAL, f"median of {help}", read, mean_of),
         Column(name.format("_low"), REAL, f"lower {end}", read, lambda values: _interval(values, 0)),
         Column(name.format("_high"), REAL, f"upper {end}", read, lambda values: _interval(values, 1)),
     )
@@ -220,7 +220,7 @@ def statistics_columns(name: str, help: str, series: Series) -> tuple[Column, ..
 def choosing_column(name: str, help: str, series: Series) -> Column:
     """The same mean over the first half of the processes alone, by which the best of several points is chosen."""
     text = f"median of {help}, over the processes that choose the best"
-    return Column(name, REAL, text, _median(series), lambda values: _mean(selection(values)))
+    return Column(name, REAL, text, _median(series), lambda values: mean_of(selection(values)))
 
 
 REST = "_rest"
@@ -246,8 +246,12 @@ def _median(series: Series) -> Callable[[Record], float | None]:
     return read
 
 
-def _mean(values: Sequence[float]) -> float:
-    return values[0] if len(values) == 1 else float(np.exp(np.log(values).mean()))
+def mean_of(values: Sequence[float]) -> float:
+    """The geometric mean of numbers that are not negative, which is what intervals are of; 0 if one of them is."""
+    if len(values) == 1:
+        return values[0]
+    with np.errstate(divide="ignore"):
+        return float(np.exp(np.log(values).mean()))
 
 
 def _interval(values: Sequence[float], end: int) -> float | None:

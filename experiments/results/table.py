@@ -12,7 +12,6 @@ from typing import Any
 import pandas as pd
 
 from atra.errors import InputError
-from atra.files.paths import write_together
 from experiments.harness.column import REAL, TEXT, TRUTH, WHOLE, Column, option_columns
 from experiments.harness.method import TIES_HELP
 from experiments.harness.point import Workload
@@ -195,20 +194,10 @@ def _frame(told: Mapping[str, Any], index: pd.Index) -> pd.DataFrame:
     return pd.DataFrame(values, index=index)
 
 
-def csv_bytes(table: pd.DataFrame) -> bytes:
-    """A table as a file of comma-separated values."""
-    return table.to_csv(index=False).encode()
-
-
-def write_tables(folder: Path, tables: Tables) -> None:
-    """Write `table_files` into `folder`."""
-    write_together({folder / name: content for name, content in table_files(tables).items()})
-
-
 def table_files(tables: Tables) -> dict[str, bytes]:
     """The contents of `table.csv`, which has the columns that people read, `table.parquet` and `processes.parquet`, by
     name."""
-    files = {"table.csv": csv_bytes(tables.points[csv_columns(tables.points)])}
+    files = {"table.csv": tables.points[csv_columns(tables.points)].to_csv(index=False).encode()}
     for name, table in (("table", tables.points), ("processes", tables.processes)):
         buffer = io.BytesIO()
         table.to_parquet(buffer, index=False)

@@ -26,11 +26,12 @@ from experiments.harness.records import load_record, write_record
 from experiments.methods.aligned import ALIGNED, AlignedOptions
 from experiments.methods.peers.embreex_run import EMBREEX
 from experiments.methods.pixel import PIXEL, PixelOptions
-from experiments.results.table import make_tables, read_table, write_tables
+from experiments.results.table import make_tables, read_table
 from experiments.sweep import run_sweep
 from experiments.workloads import find_workload
 from scenes.loading import SceneSource
 from tests.harness.processes.test_outcome import POINT
+from tests.report_samples import write_tables
 
 pytestmark = pytest.mark.usefixtures("figures_unsaved")
 
