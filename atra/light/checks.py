@@ -19,7 +19,7 @@ from atra.whole_numbers import is_whole_number
 Colour = tuple[float, float, float]
 
 
-def checked_number(name: str, value: Any, low: float, high: float = inf, *, above: bool = False) -> float:
+def checked_number(name: str, value: Any, low: float, high: float = inf, above: bool = False) -> float:
     """`value` as a float from `low` to `high`; above: without `low` itself. Raises InputError naming it otherwise."""
     number = as_number(value)
     if not isfinite(number) or not low <= number <= high or (above and number == low):
@@ -42,7 +42,7 @@ def check_rays(options: Any) -> None:
 def check_clamp(options: Any) -> None:
     """Check the number `clamp` of options, and make it a float. Raises InputError."""
     if options.clamp is not None:
-        object.__setattr__(options, "clamp", checked_number("clamp", options.clamp, 0.0, 1e30, above=True))
+        set_fields(options, clamp=checked_number("clamp", options.clamp, 0.0, 1e30, above=True))
 
 
 def check_whole(name: str, value: Any, low: int, high: float = inf) -> None:
@@ -62,12 +62,13 @@ def checked_colour(name: str, value: Any, high: float = inf) -> Colour:
     return colour
 
 
-def checked_texels(name: str, value: Any, high: float = inf) -> NDArray[np.float32]:
-    """`value` as a read-only (H, W, 3) float32 copy, linear RGB from 0 to `high`. Raises InputError naming the first
-    texel outside."""
+def checked_texels(name: str, value: Any, high: float = inf, channels: tuple[int, ...] = (3,)) -> NDArray[np.float32]:
+    """`value` as a read-only (H, W, one of `channels`) float32 copy, linear light from 0 to `high`. Raises InputError
+    naming the first texel outside."""
     texels = _float32(name, value)
-    if texels.ndim != 3 or texels.shape[2] != 3 or texels.size == 0:
-        raise InputError(f"{name} has shape {texels.shape}, expected (H, W, 3)")
+    if texels.ndim != 3 or texels.shape[2] not in channels or texels.size == 0:
+        expected = " or ".join(f"(H, W, {count})" for count in channels)
+        raise InputError(f"{name} has shape {texels.shape}, expected {expected}")
     good = (texels >= 0.0) & (texels <= high) & np.isfinite(texels)
     if not good.all():
         y, x, _ = np.argwhere(~good)[0].tolist()
@@ -81,17 +82,9 @@ def checked_image(name: str, value: Any) -> NDArray[Any]:
     """`value` as a read-only copy, (H, W, 3 or 4), uint8 or float32 in [0, 1]. Raises InputError naming the first texel
     outside."""
     given = np.asarray(value)
-    if given.ndim == 3 and given.shape[2] == 3 and given.dtype != np.uint8:
-        return checked_texels(name, value, 1.0)
-    if given.ndim != 3 or given.shape[2] not in (3, 4) or given.size == 0:
-        raise InputError(f"{name} has shape {given.shape}, expected (H, W, 3) or (H, W, 4)")
-    if given.dtype == np.uint8:
-        texels = given.copy() if given.flags.writeable else given  # what nobody can change needs no copy
-        texels.setflags(write=False)
-        return texels
-    checked_texels(name, given[..., :3], 1.0)
-    checked_texels(name, np.repeat(given[..., 3:], 3, axis=2), 1.0)
-    texels = given.astype(np.float32)
+    if given.dtype != np.uint8 or given.ndim != 3 or given.shape[2] not in (3, 4) or given.size == 0:
+        return checked_texels(name, value, 1.0, (3, 4))
+    texels = given.copy() if given.flags.writeable else given  # what nobody can change needs no copy
     texels.setflags(write=False)
     return texels
 
@@ -129,3 +122,14 @@ def set_fields(value: object, **fields: Any) -> None:
     """Set fields of a frozen dataclass, for its constructor."""
     for name, field in fields.items():
         object.__setattr__(value, name, field)
+
+
+def check_fields(value: object, **bounds: Any) -> None:
+    """Check fields of a frozen dataclass, for its constructor: colours of at most a number, numbers within two.
+
+    bounds: of each field, as `checked_colour` and `checked_number` take them. Raises InputError naming field and class.
+    """
+    for name, bound in bounds.items():
+        check, limits = (checked_number, bound) if isinstance(bound, tuple) else (checked_colour, (bound,))
+        told = f"{name} of {type(value).__name__}"
+        set_fields(value, **{name: check(told, getattr(value, name), *limits)})  # type: ignore[operator]

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from math import cos, radians, tan
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from math import cos, inf, radians, tan
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.errors import InputError
-from atra.geometry.numbers import Vector, as_vector, checked_vector, unit_vector
-from atra.light.checks import Colour, checked_colour, checked_number, set_fields
+from atra.geometry.numbers import Vector, checked_vector, unit_vector
+from atra.light.checks import Colour, check_fields, set_fields
 from atra.light.lights_kernels import ACROSS, KIND, LIGHT_WORDS, PLACE, POINT, SIZE, SPHERE, SPOT, SUN, UP
 
 _WHITE: Colour = (1.0, 1.0, 1.0)
@@ -31,11 +30,7 @@ class Sun:
     power: float = 1.0
 
     def __post_init__(self) -> None:
-        direction = checked_vector("direction of Sun", self.direction)
-        unit_vector("direction of Sun", direction)
-        angle = checked_number("angle_degrees of Sun", self.angle_degrees, 0.0, 45.0)
-        set_fields(self, direction=direction, angle_degrees=angle)
-        set_strength(self)
+        _check(self, angle_degrees=(0.0, 45.0))
 
 
 @dataclass(frozen=True)
@@ -51,8 +46,7 @@ class PointLight:
     power: float = 1.0
 
     def __post_init__(self) -> None:
-        set_fields(self, position=checked_vector("position of PointLight", self.position))
-        set_strength(self)
+        _check(self)
 
 
 @dataclass(frozen=True)
@@ -69,11 +63,7 @@ class SphereLight:
     power: float = 1.0
 
     def __post_init__(self) -> None:
-        position = checked_vector("position of SphereLight", self.position)
-        set_fields(
-            self, position=position, radius=checked_number("radius of SphereLight", self.radius, 0.0, above=True)
-        )
-        set_strength(self)
+        _check(self, radius=(0.0, inf, True))
 
 
 @dataclass(frozen=True)
@@ -89,30 +79,26 @@ class SpotLight:
     direction: Vector
     inner_degrees: float = 20.0
     outer_degrees: float = 30.0
-    colour: Colour = (1.0, 1.0, 1.0)
+    colour: Colour = _WHITE
     power: float = 1.0
 
     def __post_init__(self) -> None:
-        direction = checked_vector("direction of SpotLight", self.direction)
-        unit_vector("direction of SpotLight", direction)
-        outer = checked_number("outer_degrees of SpotLight", self.outer_degrees, 0.0, 90.0, above=True)
-        inner = checked_number("inner_degrees of SpotLight", self.inner_degrees, 0.0, outer)
-        position = checked_vector("position of SpotLight", self.position)
-        set_fields(self, position=position, direction=direction, inner_degrees=inner, outer_degrees=outer)
-        set_strength(self)
+        _check(self, outer_degrees=(0.0, 90.0, True))
+        check_fields(self, inner_degrees=(0.0, self.outer_degrees))
 
 
 Light = Sun | PointLight | SphereLight | SpotLight
 
 
-_Lamp = TypeVar("_Lamp")
-
-
-def light_from(light: _Lamp, origin: NDArray[np.float64]) -> _Lamp:
-    """The light with a position that counts from `origin`, (3,) float64; a sun has none."""
-    if not isinstance(light, PointLight | SphereLight | SpotLight):
-        return light
-    return replace(light, position=as_vector(np.asarray(light.position) - origin))
+def _check(light: Any, **bounds: Any) -> None:
+    """Check where a light stands and shines, its colour and power, and further fields as `check_fields` does."""
+    for name in ("position", "direction"):
+        if hasattr(light, name):
+            told = f"{name} of {type(light).__name__}"
+            set_fields(light, **{name: checked_vector(told, getattr(light, name))})
+            if name == "direction":
+                unit_vector(told, light.direction)
+    check_fields(light, colour=1e12, power=(0.0, 1e12), **bounds)
 
 
 def light_row(light: Light) -> NDArray[np.float32]:
@@ -129,21 +115,6 @@ def light_row(light: Light) -> NDArray[np.float32]:
         row[KIND], row[PLACE:SIZE] = SPOT, light.position
         row[ACROSS:UP] = unit_vector("direction of SpotLight", light.direction)
         row[UP : UP + 2] = cos(radians(light.inner_degrees)), cos(radians(light.outer_degrees))
-    elif isinstance(light, PointLight):
-        row[KIND], row[PLACE:SIZE] = POINT, light.position
     else:
-        raise AssertionError(light)
+        row[KIND], row[PLACE:SIZE] = POINT, light.position
     return row
-
-
-def set_strength(light: Any) -> None:
-    """Check colour and power of a light."""
-    name = type(light).__name__
-    colour = checked_colour(f"colour of {name}", light.colour, 1e12)
-    set_fields(light, colour=colour, power=checked_number(f"power of {name}", light.power, 0.0, 1e12))
-
-
-def check_light(light: object) -> None:
-    """Raise InputError for anything that is not a light."""
-    if not isinstance(light, Light):
-        raise InputError(f"a light is {light!r:.100}, expected Sun, PointLight, SphereLight or SpotLight")

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from atra.choices import check_choice
-from atra.light.checks import Colour, checked_colour, checked_number, set_fields
+from atra.light.checks import Colour, check_fields
 from atra.light.scattering.seen_kernels import LEAST_BEND, SMOOTH
 from atra.light.scattering.spots_kernels import DIELECTRIC, EMISSIVE, LAMBERTIAN, METAL, PHYSICAL
 from atra.light.textures import Checker, Image, Texture
@@ -18,23 +17,21 @@ IMAGE_FIELDS = ("colour", "metallic_roughness", "normals", "emission_image", "tr
 """Fields of `MetallicRoughness` that may be images."""
 
 
-class Material(ABC):
+class Material:
     """Base of materials. A new kind needs a subclass and a branch in `atra.light.scattering.spots_kernels.scatter`.
 
-    kind: its number in `atra.light.scattering.spots_kernels`.
+    kind: its number in `atra.light.scattering.spots_kernels`. colour: see the subclasses. emission: radiance of its
+    front.
     """
 
     kind: ClassVar[int]
+    colour: Any = (1.0, 1.0, 1.0)
+    emission: Any = (0.0, 0.0, 0.0)
 
     @property
-    @abstractmethod
     def plain(self) -> Texture:
         """The diffuse colour that stands for it in hybrid pictures and lightmaps."""
-
-    @property
-    def emission(self) -> Colour:
-        """Radiance that its front emits."""
-        return (0.0, 0.0, 0.0)
+        return self.colour  # type: ignore[no-any-return]
 
     @property
     def clear_share(self) -> float:
@@ -43,8 +40,14 @@ class Material(ABC):
 
     @property
     def numbers(self) -> tuple[float, bool]:
-        """PARAMETER and VARIANT of its row."""
+        """`parameter` and `is_variant` of its row for kernels."""
         return 0.0, False
+
+    @property
+    def images(self) -> tuple[Image | None, ...]:
+        """Those of IMAGE_FIELDS that are images; None where there is none."""
+        found = (getattr(self, name, None) for name in IMAGE_FIELDS)
+        return tuple(one if isinstance(one, Image) else None for one in found)
 
 
 @dataclass(frozen=True)
@@ -55,11 +58,7 @@ class Lambertian(Material):
     colour: Texture = (0.5, 0.5, 0.5)
 
     def __post_init__(self) -> None:
-        _check_texture(self, "Lambertian")
-
-    @property
-    def plain(self) -> Texture:
-        return self.colour
+        _check_texture(self)
 
 
 @dataclass(frozen=True)
@@ -75,12 +74,8 @@ class Metal(Material):
     fuzz: float = 0.0
 
     def __post_init__(self) -> None:
-        _check_texture(self, "Metal")
-        object.__setattr__(self, "fuzz", checked_number("fuzz of Metal", self.fuzz, 0.0, 1.0))
-
-    @property
-    def plain(self) -> Texture:
-        return self.colour
+        _check_texture(self)
+        check_fields(self, fuzz=(0.0, 1.0))
 
     @property
     def numbers(self) -> tuple[float, bool]:
@@ -99,12 +94,8 @@ class Dielectric(Material):
     fresnel: str = "exact"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "ior", checked_number("ior of Dielectric", self.ior, 0.0, 1e3, above=True))
+        check_fields(self, ior=(0.0, 1e3, True))
         check_choice("fresnel of Dielectric", self.fresnel, FRESNEL)
-
-    @property
-    def plain(self) -> Texture:
-        return (1.0, 1.0, 1.0)
 
     @property
     def clear_share(self) -> float:
@@ -126,7 +117,7 @@ class Emissive(Material):
     colour: Colour = (1.0, 1.0, 1.0)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "colour", checked_colour("colour of Emissive", self.colour, 1e12))
+        check_fields(self, colour=1e12)
 
     @property
     def plain(self) -> Texture:
@@ -134,7 +125,7 @@ class Emissive(Material):
         return min(red, 1.0), min(green, 1.0), min(blue, 1.0)
 
     @property
-    def emission(self) -> Colour:
+    def emission(self) -> Colour:  # type: ignore[override]
         return self.colour
 
 
@@ -184,31 +175,9 @@ class MetallicRoughness(Material):
     is_unlit: bool = False
 
     def __post_init__(self) -> None:
-        _check_texture(self, "MetallicRoughness")
+        _check_texture(self)
         check_choice("alpha of MetallicRoughness", self.alpha, ALPHA)
-        for name in (
-            "opacity",
-            "cutoff",
-            "metallic",
-            "roughness",
-            "transmission",
-            "specular",
-            "coat",
-            "coat_roughness",
-        ):
-            number = checked_number(f"{name} of MetallicRoughness", getattr(self, name), 0.0, 1.0)
-            object.__setattr__(self, name, number)
-        scale = checked_number("normal_scale of MetallicRoughness", self.normal_scale, -1e3, 1e3)
-        ior = checked_number("ior of MetallicRoughness", self.ior, 1.0, 1e3)
-        emission = checked_colour("emission of MetallicRoughness", self.emission, 1e12)
-        for name in ("specular_colour", "absorption"):
-            colour = checked_colour(f"{name} of MetallicRoughness", getattr(self, name), 1e12)
-            object.__setattr__(self, name, colour)
-        set_fields(self, normal_scale=scale, ior=ior, emission=emission)
-
-    @property
-    def plain(self) -> Texture:
-        return self.colour
+        check_fields(self, **_BOUNDS)
 
     @property
     def clear_share(self) -> float:
@@ -221,25 +190,15 @@ class MetallicRoughness(Material):
     def numbers(self) -> tuple[float, bool]:
         return self.ior, self.is_thin
 
-    @property
-    def images(self) -> tuple[Image | None, ...]:
-        """Those of IMAGE_FIELDS that are images; None where there is none."""
-        return tuple(one if isinstance(one := getattr(self, name), Image) else None for name in IMAGE_FIELDS)
+
+_SHARES = ("opacity", "cutoff", "metallic", "roughness", "transmission", "specular", "coat", "coat_roughness")
+_BOUNDS: dict[str, Any] = {
+    **dict.fromkeys(_SHARES, (0.0, 1.0)), **dict.fromkeys(("emission", "specular_colour", "absorption"), 1e12),
+    "normal_scale": (-1e3, 1e3), "ior": (1.0, 1e3),
+}  # fmt: skip
+"""Bounds of the fields of `MetallicRoughness`, as for `check_fields`."""
 
 
-def images_of(material: Material) -> tuple[Image | None, ...]:
-    """As `MetallicRoughness.images`, of any material."""
-    if isinstance(material, MetallicRoughness):
-        return material.images
-    colour = getattr(material, "colour", None)
-    return (colour if isinstance(colour, Image) else None, None, None, None, None)
-
-
-def needs_uv(material: Material) -> bool:
-    """Whether it has a texture over uv."""
-    return isinstance(getattr(material, "colour", None), Checker) or any(images_of(material))
-
-
-def _check_texture(material: Any, name: str) -> None:
+def _check_texture(material: Any) -> None:
     if not isinstance(material.colour, Checker | Image):
-        object.__setattr__(material, "colour", checked_colour(f"colour of {name}", material.colour, 1.0))
+        check_fields(material, colour=1.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -12,12 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
+from atra.geometry.numbers import as_vector
 from atra.geometry.view import View
 from atra.light.checks import checked_rows, set_fields
-from atra.light.lights import Light, check_light, light_from
-from atra.light.materials import Lambertian, Material, images_of, needs_uv
+from atra.light.lights import Light, Sun
+from atra.light.materials import Lambertian, Material
 from atra.light.sky import GradientSky, Sky
-from atra.light.textures import Texture
+from atra.light.textures import Checker, Texture
 
 
 class ScenePart(NamedTuple):
@@ -83,7 +84,8 @@ class Scene:
             if not isinstance(material, Material):
                 raise InputError(f"material {number} is {material!r:.100}, expected one of atra.light's materials")
         for light in lights:
-            check_light(light)
+            if not isinstance(light, Light):
+                raise InputError(f"a light is {light!r:.100}, expected Sun, PointLight, SphereLight or SpotLight")
         numbers = _checked_numbers(self.face_materials, self.mesh.triangle_count, len(materials))
         vertices = len(self.mesh.vertices)
         rows: dict[str, NDArray[np.float32] | None] = {}
@@ -97,7 +99,10 @@ class Scene:
         if normals is not None and not (zero := np.abs(normals).max(axis=1) > 1e-6).all():
             raise InputError(f"the normal of vertex {int(np.argmin(zero))} is zero, expected a direction")
         for number, one in enumerate(materials):
-            self._check_texture(number, one)
+            if self.uv is None and (isinstance(one.colour, Checker) or any(one.images)):
+                raise InputError(f"material {number} has a texture, expected uv of the vertices, but uv is None")
+            if self.second_uv is None and any(image is not None and image.second_uv for image in one.images):
+                raise InputError(f"material {number} has a texture over second_uv, but second_uv is None")
         set_fields(self, materials=materials, lights=lights, face_materials=numbers, **rows)
         set_fields(self, cameras=dict(self.cameras), parts=tuple(self.parts), left_out=tuple(self.left_out))
 
@@ -108,17 +113,14 @@ class Scene:
         if not self.mesh.has_origin:
             return self
         moved = copy(self)
-        lights = tuple(light_from(light, self.mesh.origin) for light in self.lights)
+        lights = tuple(
+            light
+            if isinstance(light, Sun)
+            else replace(light, position=as_vector(np.subtract(light.position, self.mesh.origin)))
+            for light in self.lights
+        )
         set_fields(moved, mesh=self.mesh.local, lights=lights, cameras={})
         return moved
-
-    def _check_texture(self, number: int, material: Material) -> None:
-        if not needs_uv(material):
-            return
-        if self.uv is None:
-            raise InputError(f"material {number} has a texture, expected uv of the vertices, but uv is None")
-        if self.second_uv is None and any(one is not None and one.second_uv for one in images_of(material)):
-            raise InputError(f"material {number} has a texture over second_uv, but second_uv is None")
 
     @classmethod
     def plain(cls, mesh: Mesh, albedo: Texture = 0.7, **others: Any) -> Self:  # type: ignore[assignment]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from atra.errors import InputError, printable
 from atra.files.reading import Allowance, read_regular_file
 from atra.files.saving import check_package
-from atra.light.checks import Colour, checked_colour, checked_number, checked_texels
+from atra.light.checks import Colour, check_fields, checked_colour, checked_texels, set_fields
 
 WHITE: Colour = (1.0, 1.0, 1.0)
 
@@ -41,9 +41,7 @@ class GradientSky:
     power: float = 1.0
 
     def __post_init__(self) -> None:
-        for name in ("below", "above"):
-            object.__setattr__(self, name, checked_colour(f"{name} of a sky", getattr(self, name), 1e12))
-        object.__setattr__(self, "power", checked_number("power of a sky", self.power, 0.0, 1e12))
+        check_fields(self, below=1e12, above=1e12, power=(0.0, 1e12))
 
 
 NEUTRAL = GradientSky((0.45, 0.45, 0.45), (1.1, 1.1, 1.1))
@@ -64,10 +62,8 @@ class PanoramaSky:
     rotation_degrees: float = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "texels", checked_texels("texels of a sky", self.texels))
-        object.__setattr__(self, "power", checked_number("power of a sky", self.power, 0.0, 1e12))
-        rotation = checked_number("rotation_degrees of a sky", self.rotation_degrees, -360.0, 360.0)
-        object.__setattr__(self, "rotation_degrees", rotation)
+        set_fields(self, texels=checked_texels("texels of a sky", self.texels))
+        check_fields(self, power=(0.0, 1e12), rotation_degrees=(-360.0, 360.0))
 
     @classmethod
     def load(

@@ -11,7 +11,7 @@ from atra.geometry.mesh import Mesh
 from atra.hits import read_only
 from atra.light import surface_kernels as words
 from atra.light.emitters.harmonics_kernels import OF_COSINE, harmonics
-from atra.light.materials import Emissive, Material, MetallicRoughness, images_of
+from atra.light.materials import Emissive, Material, MetallicRoughness
 from atra.light.scene import Scene
 from atra.light.sky import GradientSky, Sky
 from atra.light.surface_kernels import Surfaces
@@ -138,7 +138,7 @@ def _materials(scene: Scene) -> tuple[NDArray[np.float64], tuple[NDArray[Any], .
         row[words.KIND] = material.kind
         row[words.PARAMETER], row[words.VARIANT] = material.numbers
         row[words.CUTOFF], row[words.OPACITY], row[words.BACKS] = 2.0, 1.0, 1.0
-        colour = getattr(material, "colour", (1.0, 1.0, 1.0))
+        colour = material.colour
         if isinstance(colour, Checker):
             row[words.TEXTURE], row[words.SCALE] = words.CHECKER, colour.scale
             row[words.COLOUR : words.COLOUR + 3] = colour.first
@@ -149,7 +149,7 @@ def _materials(scene: Scene) -> tuple[NDArray[np.float64], tuple[NDArray[Any], .
             row[words.COLOUR : words.COLOUR + 3] = colour
         row[words.EMISSION : words.EMISSION + 3] = material.emission
         row[words.TRANSMISSION] = material.clear_share > 0.0
-        for slot, image in enumerate(images_of(material)):
+        for slot, image in enumerate(material.images):
             if image is not None:
                 row[words.IMAGES + slot] = images.number_of(image)
         if isinstance(material, MetallicRoughness):

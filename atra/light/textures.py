@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from atra.choices import check_choice
 from atra.errors import InputError
 from atra.geometry.numbers import Vector, checked_vector
-from atra.light.checks import Colour, checked_colour, checked_image, checked_number, set_fields
+from atra.light.checks import Colour, check_fields, checked_colour, checked_image, set_fields
 
 MOST_TEXELS = 1 << 26
 """Most texels of an image; they take 768 MiB."""
@@ -41,9 +42,7 @@ class Checker:
     scale: float = 1.0
 
     def __post_init__(self) -> None:
-        for name in ("first", "second"):
-            object.__setattr__(self, name, checked_colour(f"{name} of a checker", getattr(self, name), 1.0))
-        object.__setattr__(self, "scale", checked_number("scale of a checker", self.scale, 0.0, above=True))
+        check_fields(self, first=1.0, second=1.0, scale=(0.0, inf, True))
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.light.emitters.emitters_kernels import Emitters, fill_alias_table
-from atra.light.emitters.grid import lamp_grid, no_grid
+from atra.light.emitters.grid_kernels import lamp_grid, no_grid
 from atra.light.lights import Light, SpotLight, Sun, light_row
 from atra.light.lights_kernels import LIGHT_WORDS
-from atra.light.materials import Material, images_of
+from atra.light.materials import Material
 from atra.light.numbers_kernels import LUMINANCE
 from atra.light.scene import Scene
 from atra.light.sky import PanoramaSky
@@ -21,53 +21,61 @@ _LUMINANCE = np.array(LUMINANCE)
 _LEAST_SHARE = 0.25
 """Least share of rays for triangles, for the sky, and for lamps, where several shine: only one may reach a room."""
 
-
 _MOST_CANDIDATES = 5
+"""Most points of emitters that are weighed for each ray. The points of one lamp are alike, and weighing takes time."""
+
 _PANORAMA_COUNTS = 4
 """How many emitters a panorama counts as."""
 
 
-def no_emitters() -> Emitters:
-    """Nothing to be aimed at."""
-    return _emitters(
-        np.zeros(0, np.uint32), np.zeros((0, 9)), np.zeros(0), np.zeros(0), np.zeros((0, 0)), (), _NOBODY, None
-    )
-
-
-def emitters_of(scene: Scene, in_grid: bool = False) -> Emitters:
+def emitters_of(scene: Scene, lights: str = "aimed") -> Emitters:
     """The triangles of a scene that shine by their power, its lamps by theirs, and its sky, if a panorama, by the
-    radiance of texels. A sky of a gradient is left to scattering, which finds it everywhere. in_grid: lamps are chosen
-    by what each may give where a ray starts, by a grid over the mesh."""
+    radiance of texels. A sky of a gradient is left to scattering, which finds it everywhere.
+
+    lights: "grid": lamps are chosen by what each may give where a ray starts, by a grid over the mesh. "found": nothing
+    is aimed at.
+    """
     scene = scene.local
-    mesh = scene.mesh
+    mesh, is_aimed = scene.mesh, lights != "found"
     luminance = np.array([_LUMINANCE @ mean_emission(material) for material in scene.materials])[scene.face_materials]
     corners = mesh.vertices[mesh.faces].astype(np.float64)
-    edges = corners[:, 1:] - corners[:, :1]
     areas = np.linalg.norm(area_vectors(corners), axis=1)
-    powers = np.pi * areas * luminance
+    powers = np.pi * areas * luminance * is_aimed
     prim_ids = np.flatnonzero(powers > 0.0).astype(np.uint32)
-    texels = _sky_weights(scene)
-    radius = 0.5 * np.linalg.norm(np.ptp(mesh.bounds, axis=0))
-    lamps = tuple(lamp for lamp in scene.lights if lamp.power * max(lamp.colour) > 0.0)
-    of_lamps = np.array([_lamp_power(lamp, float(radius)) for lamp in lamps])
-    shares = _shares(float(powers.sum()), float(texels.sum() * np.pi * radius**2), float(of_lamps.sum()))
+    corners = corners[prim_ids]
+    corners[:, 1:] -= corners[:, :1]
+    texels = _sky_weights(scene) if is_aimed else np.zeros((0, 0))
+    radius = float(0.5 * np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
+    lamps = [lamp for lamp in scene.lights if lamp.power * max(lamp.colour) > 0.0 and is_aimed]
+    of_lamps = np.array([_lamp_power(lamp, radius) for lamp in lamps])
+    of_triangles, sky_share, lamp_share = _shares(
+        float(powers.sum()), float(texels.sum() * np.pi * radius**2), float(of_lamps.sum())
+    )
     densities = np.zeros(mesh.triangle_count if len(prim_ids) else 0)
     if len(prim_ids):
-        densities[prim_ids] = shares[0] * powers[prim_ids] / powers.sum() / areas[prim_ids]
-    shapes = np.concatenate([corners[prim_ids, 0], edges[prim_ids].reshape(-1, 6)], axis=1)
-    return _emitters(
+        densities[prim_ids] = of_triangles * powers[prim_ids] / powers.sum() / areas[prim_ids]
+    sky = texels / texels.sum() * sky_share * texels.size / (2.0 * np.pi**2) if texels.size else texels
+    rows = np.array([light_row(lamp) for lamp in lamps], np.float32).reshape(-1, LIGHT_WORDS)
+    light = np.array([np.pi * lamp.power * np.array(lamp.colour) for lamp in lamps]).reshape(-1, 3)
+    grid, chosen = no_grid(), lamp_share * of_lamps[:, None] / max(of_lamps.sum(), 1e-300)
+    if len(lamps) and lights == "grid":
+        grid, chosen = lamp_grid(rows, light @ _LUMINANCE / np.pi, mesh.bounds), np.full(1, lamp_share)
+    count = len(prim_ids) + len(lamps) + _PANORAMA_COUNTS * bool(texels.size)
+    return Emitters(
         prim_ids,
-        shapes,
-        powers[prim_ids],
-        densities,
-        texels,
-        lamps,
-        (shares, of_lamps),
-        mesh.bounds if in_grid else None,
+        corners.reshape(-1, 9).astype(np.float32),
+        *_alias_table(powers[prim_ids]),
+        densities.astype(np.float32),
+        *_alias_table(texels.ravel()),
+        sky.astype(np.float32),
+        rows,
+        np.minimum(light / chosen, 1e30).astype(np.float32),
+        *_alias_table(of_lamps),
+        np.float32(sky_share),
+        np.float32(lamp_share),
+        min(max(1, count.bit_length() - 1), _MOST_CANDIDATES),
+        grid,
     )
-
-
-_NOBODY = (np.zeros(3), np.zeros(0))
 
 
 def _shares(*powers: float) -> NDArray[np.float64]:
@@ -80,7 +88,7 @@ def _shares(*powers: float) -> NDArray[np.float64]:
 
 def mean_emission(material: Material) -> NDArray[np.float64]:
     """Radiance of a material, that of its image on average."""
-    emission, image = np.array(material.emission), images_of(material)[3]
+    emission, image = np.array(material.emission), material.images[3]
     if image is None or not emission.any():
         return emission
     step = max(1, int(max(image.texels.shape[:2]) / 256))
@@ -106,49 +114,6 @@ def _sky_weights(scene: Scene) -> NDArray[np.float64]:
     weights = sky.power * (sky.texels.astype(np.float64) @ _LUMINANCE)
     heights = np.cos(np.pi * np.arange(len(weights) + 1) / len(weights))
     return np.asarray(weights * (heights[:-1] - heights[1:])[:, None] * (2.0 * np.pi / weights.shape[1]))
-
-
-def _emitters(
-    prim_ids: NDArray[np.uint32],
-    corners: NDArray[np.float64],
-    powers: NDArray[np.float64],
-    densities: NDArray[np.float64],
-    texels: NDArray[np.float64],
-    lamps: tuple[Light, ...],
-    chances: tuple[NDArray[np.float64], NDArray[np.float64]],
-    box: NDArray[np.floating] | None,
-) -> Emitters:
-    """chances: how often triangles, sky and lamps are chosen, and the powers of lamps. box: of their grid, (2, 3)."""
-    (_, sky_share, lamp_share), of_lamps = chances
-    sky = texels / texels.sum() * sky_share * texels.size / (2.0 * np.pi**2) if texels.size else texels
-    rows = np.array([light_row(lamp) for lamp in lamps], np.float32).reshape(-1, LIGHT_WORDS)
-    light = np.array([np.pi * lamp.power * np.array(lamp.colour) for lamp in lamps]).reshape(-1, 3)
-    grid, chosen = no_grid(), np.ones(1)
-    if len(lamps):
-        chosen = lamp_share * of_lamps[:, None] / max(of_lamps.sum(), 1e-300)
-        if box is not None:
-            grid, chosen = lamp_grid(rows, light @ _LUMINANCE / np.pi, box), np.full(1, lamp_share)
-    count = len(prim_ids) + len(lamps) + _PANORAMA_COUNTS * bool(texels.size)
-    return Emitters(
-        prim_ids,
-        corners.astype(np.float32),
-        *_alias_table(powers),
-        densities.astype(np.float32),
-        *_alias_table(texels.ravel()),
-        sky.astype(np.float32),
-        rows,
-        np.minimum(light / chosen, 1e30).astype(np.float32),
-        *_alias_table(of_lamps),
-        np.float32(sky_share),
-        np.float32(lamp_share),
-        _candidates(count),
-        grid,
-    )
-
-
-def _candidates(emitters: int) -> int:
-    """Points of emitters that are weighed for each ray. The points of one lamp are alike, and weighing takes time."""
-    return min(max(1, emitters.bit_length() - 1), _MOST_CANDIDATES)
 
 
 def _alias_table(weights: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.int32]]:

@@ -10,8 +10,8 @@ from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.options import BakeOptions
 from atra.light.lightmaps.paths_kernels import Charts, light_probes, light_texels
 from atra.light.lightmaps.probes import ProbeSums
+from atra.light.pictures.following_kernels import limits_of
 from atra.light.pictures.path_kernels import FREE_ROWS
-from atra.light.pictures.paths.following_kernels import limits_of
 from atra.light.scene import Scene
 from atra.light.tables import surfaces_of
 from atra.rays.kernel_scene import Query
@@ -27,7 +27,7 @@ class Paths:
     def __init__(self, scene: Scene, texels: Texels, options: BakeOptions) -> None:
         mesh = scene.mesh.local
         self.surfaces = surfaces_of(scene, scene.sky.power)
-        self.emitters = emitters_of(scene, in_grid=options.lights == "grid")
+        self.emitters = emitters_of(scene, options.lights)
         self.charts = Charts(
             mesh.vertices, mesh.faces, texels.atlas.uv, texels.prim_id, texels.number, texels.atlas.width,
             np.float32(options.open_length), np.uint32(options.seed),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import degrees, pi
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,14 +11,19 @@ from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.files.gltf.model import Gltf
+from atra.files.gltf.nodes import Node
 from atra.files.gltf.packed import DRACO, MESHOPT
 from atra.files.gltf.poses import Pose, moved
 from atra.files.gltf.primitives import read_primitive
+from atra.files.gltf.tree import entry
 from atra.files.meshes.parts import joined, placed_part
+from atra.geometry.camera import Camera
 from atra.geometry.mesh import Mesh
+from atra.geometry.numbers import as_vector
+from atra.geometry.view import View
+from atra.light.lights import Light, PointLight, SpotLight, Sun
 from atra.light.materials import Material
 from atra.light.reading.gltf_materials import EXTENSIONS, Materials
-from atra.light.reading.gltf_nodes import camera_of, light_of
 from atra.light.reading.rows import sound_normals
 from atra.light.scene import ScenePart
 
@@ -30,6 +36,9 @@ _KNOWN = EXTENSIONS | {
 
 _BYTES_PER_ROW, _BYTES_PER_PART = 200, 2_000
 """Peak memory for a face or vertex, as a node places it, and for the placed primitive itself."""
+
+_HEIGHT = 720
+"""Rows of a camera's image; files do not tell."""
 
 _DEFAULTS = {"uv": 0.0, "second_uv": 0.0, "colours": 1.0}
 """Rows of vertices that a primitive may lack, and the number that then stands for them."""
@@ -53,10 +62,10 @@ def read_gltf(path: Path, memory_per_byte: float | None) -> dict[str, Any]:
     cameras, lights = {}, []
     for node in model.nodes:
         left_out |= dict.fromkeys(str(name) for name in node.given.get("extensions", {}) if name not in _KNOWN)
-        found = camera_of(tree, node, left_out)
+        found = _camera_of(tree, node, left_out)
         if found is not None:
             cameras[found[0]] = found[1]
-        light = light_of(tree, node, left_out)
+        light = _light_of(tree, node, left_out)
         if light is not None:
             lights.append(light)
     every = model.primitives(lambda given, pose: _primitive(given, pose, model, materials))
@@ -145,3 +154,49 @@ def _joined_rows(primitives: list[Primitive]) -> dict[str, NDArray[np.float64]]:
         )
         for name, size in names.items()
     }
+
+
+def _camera_of(tree: Any, node: Node, left_out: dict[str, None]) -> tuple[str, View] | None:
+    """The name and camera of a node, None if it has none that is read."""
+    if "camera" not in node.given:
+        return None
+    given = entry(tree, "cameras", node.given["camera"])
+    perspective = given.get("perspective")
+    if given.get("type") != "perspective" or perspective is None:
+        left_out["orthographic cameras"] = None
+        return None
+    name = str(node.given.get("name") or given.get("name") or f"camera {node.number}")
+    eye, ahead, up = node.to_world[:3, 3], -node.to_world[:3, 2], node.to_world[:3, 1]
+    width = max(1, min(1 << 14, round(_HEIGHT * float(perspective.get("aspectRatio", 16 / 9)))))
+    target = eye + ahead / (np.linalg.norm(ahead) or 1.0)
+    fov = degrees(float(perspective["yfov"]))
+    return name, Camera(as_vector(eye), as_vector(target), as_vector(up), fov, width, _HEIGHT)
+
+
+def _light_of(tree: Any, node: Node, left_out: dict[str, None]) -> Light | None:
+    """The light of a node by KHR_lights_punctual, None if it has none, or one that does not shine."""
+    number = node.given.get("extensions", {}).get("KHR_lights_punctual", {}).get("light")
+    if number is None:
+        return None
+    given = entry(tree.get("extensions", {}).get("KHR_lights_punctual", {}), "lights", number)
+    colour = np.nan_to_num(np.asarray(given.get("color", (1, 1, 1)), np.float64).reshape(3)).clip(0.0, 1e6)
+    power = float(given.get("intensity", 1.0)) / pi  # the file's candela and lux are of light before reflection
+    if not 0.0 < power < 1e12 or not colour.any():
+        left_out["lights whose intensity is not above 0"] = None
+        return None
+    if "range" in given:
+        left_out["range of lights"] = None
+    position, direction = as_vector(node.to_world[:3, 3]), as_vector(-node.to_world[:3, 2])
+    tint = as_vector(colour)
+    match given.get("type"):
+        case "directional":
+            return Sun(direction, 0.0, tint, power)
+        case "point":
+            return PointLight(position, tint, power)
+        case "spot":
+            cone = given.get("spot", {})
+            outer = min(90.0, max(1e-3, degrees(float(cone.get("outerConeAngle", pi / 4)))))
+            inner = min(outer, max(0.0, degrees(float(cone.get("innerConeAngle", 0.0)))))
+            return SpotLight(position, direction, inner, outer, tint, power)
+    left_out[f"lights of type {given.get('type')!r:.40}"] = None
+    return None

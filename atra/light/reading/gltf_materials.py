@@ -33,7 +33,6 @@ _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 _NEAREST = 9728
 _LEAST_COLOUR = 1e-6
 """Least share of light that is left after the attenuation distance, which may be stated as 0."""
-_ALPHA = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}
 
 
 class Materials:
@@ -72,7 +71,7 @@ class Materials:
             colour = replace(colour, factor=(red, green, blue, 1.0))
         common: dict[str, Any] = {
             "opacity": opacity,
-            "alpha": _ALPHA.get(given.get("alphaMode", "OPAQUE"), "opaque"),
+            "alpha": {"MASK": "mask", "BLEND": "blend"}.get(given.get("alphaMode", "OPAQUE"), "opaque"),
             "cutoff": _clipped([given.get("alphaCutoff", 0.5)], 1)[0],
             "is_double": bool(given.get("doubleSided", False)),
             "name": str(given.get("name", "")),

@@ -7,7 +7,7 @@ import atra
 from atra import light as render
 from atra.errors import AtraError, InputError
 from atra.light import Baker, SpotLight, Texels
-from atra.light.emitters.grid import LISTED
+from atra.light.emitters.grid_kernels import LISTED
 from tests.baked import baked, cube, painted, sheet, standard_error
 from tests.light.lightmaps.test_light import BOX, LIT
 from tests.meshes import joined, quads
