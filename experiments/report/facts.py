@@ -11,8 +11,8 @@ import pandas as pd
 
 from experiments.drawing.values import column
 from experiments.harness.column import TEXT, TRUTH, Column
-from experiments.harness.environment import BUSY_SHARE_OF_ALL_CORES
 from experiments.harness.point import Workload
+from experiments.harness.processes.idle import BUSY_SHARE_OF_ALL_CORES
 from experiments.methods import METHODS
 from experiments.methods.naming import say_point
 from experiments.results.settings import NUMBER, settings_that_vary, without_numbers

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.documents.kept_rows import REFERENCE
+from experiments.documents.filling import REFERENCE
 from experiments.law.fit import (
     add_tables,
     choices_of,

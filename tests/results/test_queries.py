@@ -5,7 +5,7 @@ import json
 import pandas as pd
 import pytest
 
-from experiments.documents.verdicts import folders, recomputed
+from experiments.documents.writing import folders, recomputed
 from experiments.results.claims import (
     DOES_NOT_HOLD,
     HOLDS,
