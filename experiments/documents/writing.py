@@ -140,12 +140,12 @@ def best_gains(sweep: str) -> Rows:
     """The paper's gain, those of single rays under each reading of its baseline, and that of packets over packets."""
 
     def gain_and_split(gain: Any) -> str:
-        return "none" if gain.best is None else f"{gain.best.gain} ({gain.best.splits:,} {TIMES} 1)"
+        return "none" if isinstance(gain, str) else f"{gain.estimate} ({gain.splits:,} {TIMES} 1)"
 
     for of_scene in scene_gains(kept_of(sweep).processes):
         packets = gain_and_split(next(iter(of_scene.packets.values()))) if of_scene.packets else "none"
         paper = "" if of_scene.paper is None else f"{of_scene.paper:.2f}"
-        yield f"`{of_scene.scene}`", paper, *map(gain_and_split, of_scene.single.values()), packets
+        yield f"`{of_scene.scene.measured}`", paper, *map(gain_and_split, of_scene.single.values()), packets
 
 
 _SUMMED = "^(pixels|images$|rays_|method_|baseline_wrong|sampled_)"

@@ -120,7 +120,7 @@ class Workload:
     `process_lines` for the terminal, and `write` for further files, with FILES, patterns of their names.
     samples: which series a record of a point must hold. optional: series that it may hold beside these, at least one.
     judged: the series whose spread flag a point. needs: results that a measured record holds at least.
-    canary: what a measured record says of the machine alone (`experiments.results.canary`).
+    canary: what a measured record says of the machine alone (`experiments.results.processes`).
     problem: why a point cannot be measured. once: the name under which older tables have its rows, those with a value
     of its first option. rays: a row -> the kind of rays it traces, None = the workload's name. told: columns that the
     terminal shows of every point of a sweep, with {} those whose interval it shows, too.
