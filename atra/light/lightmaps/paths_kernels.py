@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from atra.compiled.store import float_kernel, njit
 from atra.embree.packets_kernels import INFINITY
 from atra.light.emitters.emitters_kernels import FROM_SKY, has_emitters
-from atra.light.emitters.harmonics_kernels import HARMONICS, harmonics_at
+from atra.light.emitters.sky_kernels import HARMONICS, harmonics_at
 from atra.light.lightmaps.charts.texels_kernels import corners_of, edges_of, point_at, slopes_of, weights_at
 from atra.light.lightmaps.sums_kernels import (
     BACK,

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from atra.errors import AtraError, InputError
 from atra.files.paths import write_atomically
 from atra.light.checks import checked_rows
-from atra.light.emitters.harmonics_kernels import HARMONICS, OF_COSINE, harmonics
+from atra.light.emitters.sky_kernels import HARMONICS, OF_COSINE, harmonics
 from atra.light.lightmaps.sums_kernels import CHANNELS, DIRECT, ENVIRONMENT, INDIRECT
 from atra.tracing.budgets import check_needed_bytes
 

@@ -15,6 +15,7 @@ from atra.geometry.view import View
 from atra.light.emitters.panels import Panel, panels_of
 from atra.light.lights import Light, light_row
 from atra.light.lights_kernels import LIGHT_WORDS
+from atra.light.materials import shown_of
 from atra.light.pictures.aiming_kernels import Aim
 from atra.light.pictures.film import Film
 from atra.light.pictures.gbuffer_kernels import new_chunk
@@ -22,7 +23,6 @@ from atra.light.pictures.lighting_kernels import LIGHT_PLANES, SKY_PLANES, STAGE
 from atra.light.pictures.options import HybridOptions, unlike_but_for
 from atra.light.pictures.path_kernels import BLOCK, Pixels
 from atra.light.pictures.renderer import Primary, Renderer
-from atra.light.scattering.diffuse import shown_of
 from atra.light.scene import Scene
 from atra.light.tables import surfaces_of
 from atra.rays.kernel_scene import KernelScene, Query

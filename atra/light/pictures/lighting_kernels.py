@@ -44,9 +44,8 @@ from atra.light.pictures.gbuffer_kernels import (
     vector_of,
 )
 from atra.light.pictures.path_kernels import behind, load_ray, passed, passes_of, path_key, pixel_line, shadows
-from atra.light.scattering.emission_kernels import emission_at
 from atra.light.scattering.spots_kernels import WHITE
-from atra.light.surface_kernels import SHINES
+from atra.light.surface_kernels import SHINES, emission_at
 
 SKY_PLANES = LIGHT_PLANES = 4
 """Sums of the sky, and of each light: r, g, b, and the unblocked share."""

@@ -18,7 +18,7 @@ from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import check_range
 from atra.geometry.view import View
 from atra.light.checks import check_whole
-from atra.light.oidn import Denoiser
+from atra.light.oidn import denoiser
 from atra.light.pictures.files import check_picture_path, exr_of, shown_png
 from atra.light.pictures.finish.fingerprint import fingerprint
 from atra.light.pictures.finish.layers import Layers, layers_of
@@ -261,9 +261,9 @@ class Renderer(Lifetime):
 
         Raises InputError without samples, and without the package pyoidn.
         """
-        with self._lock, Denoiser(self.options.threads) as denoiser:
+        with self._lock, denoiser(self.options.threads) as filtered:
             image, seen = self.image, layers or self.layers()
-            return denoiser.picture(image, seen.albedo, seen.normals)
+            return filtered(color=image, albedo=seen.albedo, normal=seen.normals)
 
     def save(
         self, path: Path | str, *, exposure: float | str = 0.0, tone: str = "none", denoise: bool = False

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.light.lightmaps.finish.views_kernels import look_into_sky, look_up
-from atra.light.scattering.diffuse import shown_of
+from atra.light.materials import shown_of
 from atra.light.scene import Scene
 from atra.light.surface_kernels import HOLES
 from atra.light.tables import surfaces_of
