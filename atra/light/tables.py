@@ -28,7 +28,7 @@ def surfaces_of(scene: Scene, sky_power: float) -> Surfaces:
     materials, images = _materials(scene)
     sky, panorama = sky_tables(scene.sky, sky_power)
     flags = np.array([_flags(one, bool(scene.lights)) for one in scene.materials], np.uint8)[scene.face_materials]
-    arrays = (
+    arrays: tuple[NDArray[Any], ...] = (
         _records(scene),
         flags,
         *_corners(scene),
