@@ -76,6 +76,17 @@ def pytest_sessionfinish():
 
 
 @pytest.fixture
+def methods_as_before(monkeypatch):
+    """Methods of files are known until the test ends."""
+    from experiments import methods
+
+    before = methods.METHODS[:]
+    monkeypatch.setenv(methods.METHOD_FILES, "")
+    yield
+    methods.METHODS[:] = before
+
+
+@pytest.fixture
 def figures_unsaved(monkeypatch):
     """Figures are drawn, and none is made a picture; what they look like is tested in tests/report."""
     _save_figures_as(monkeypatch)

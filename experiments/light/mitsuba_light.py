@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from atra.compiled.threads import resolve_threads
 from atra.errors import InputError
+from atra.geometry.camera import Camera
 from atra.geometry.view import unit_vector
 from atra.light import (
     Dielectric,
@@ -161,6 +162,23 @@ def parts_of(mi: Any, scene: Scene) -> dict[str, Any]:
         parameters.update()
         parts[f"part{number}"] = mesh
     return parts
+
+
+def mitsuba_scene(mi: Any, scene: Scene, camera: Camera, max_depth: int, roulette: int = 10_000) -> Any:
+    """A scene, in Mitsuba's variant of the moment. roulette: rays after which a path may end by chance. Raises
+    InputError as `parts_of` does."""
+    return mi.load_dict(parts_of(mi, scene) | {
+        "integrator": {"type": "path", "max_depth": max_depth, "rr_depth": roulette},
+        "camera": {
+            "type": "perspective", "fov": camera.fov_y_degrees, "fov_axis": "y", "near_clip": 1e-3,
+            "to_world": mi.ScalarTransform4f().look_at(origin=camera.eye, target=camera.target, up=camera.up),
+            "film": {
+                "type": "hdrfilm", "width": camera.width, "height": camera.height, "rfilter": {"type": "box"},
+                "component_format": "float32",
+            },
+            "sampler": {"type": "independent"},
+        },
+    })  # fmt: skip
 
 
 def _environment(sky: PanoramaSky) -> NDArray[np.float32]:

@@ -13,9 +13,7 @@ from atra.errors import AtraError, InputError
 
 STUDIES = {
     **{name: f"experiments.studies.{name}" for name in ("candidates", "first_image", "lens_speed", "paired")},
-    "equal_error": "experiments.light.equal_error.table",
-    "equal_error_blocks": "experiments.light.equal_error.blocks",
-    "models_beside": "experiments.light.models_beside",
+    **{name: f"experiments.light.{name}" for name in ("equal_error", "equal_error_blocks")},
 }
 """By name, the file of each; those of light lie in their own wing."""
 

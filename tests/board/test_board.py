@@ -3,11 +3,12 @@
 import io
 import json
 import zipfile
+from dataclasses import replace
+from hashlib import sha256
 
 import pytest
 
 from atra.errors import InputError
-from experiments import methods
 from experiments.board.command import board_page, run_board
 from experiments.board.pack import UNKNOWN, Pack, packed, read_pack, run_pack
 from experiments.board.rows import BoardRow, board_rows
@@ -23,25 +24,8 @@ pytestmark = pytest.mark.uncovered
 
 METHODS = ROOT / "reports" / "reference" / "methods"
 
-ROW = BoardRow(
-    "box",
-    12,
-    "primary",
-    f"8 {TIMES} 8",
-    1,
-    "rasteriser",
-    "rasteriser",
-    True,
-    2.0,
-    1.9,
-    2.1,
-    0.001,
-    0.002,
-    0,
-    None,
-    "ok",
-    None,
-)
+ROW = BoardRow("box", 12, "primary", f"8 {TIMES} 8", 1, "rasteriser", "rasteriser", True, 2.0, 1.9, 2.1, 0.001, 0.002,
+               0, None, "ok", None)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -75,19 +59,15 @@ def test_a_sweep_is_packed_into_the_same_bytes_and_read_back(tmp_path, content):
         assert archive.read("table.parquet") == (METHODS / "table.parquet").read_bytes()
 
 
+@pytest.mark.usefixtures("methods_as_before")
 def test_a_sweep_of_a_method_of_ones_own_is_packed_with_its_file(tmp_path, monkeypatch):
-    monkeypatch.setenv(methods.METHOD_FILES, "")
     monkeypatch.chdir(tmp_path)
     run_new_method(["own"])
     table = make_rows(method_row("embreex"), method_row("aligned", 2)).replace({"method": {"embreex": "own"}})
     table.to_parquet(tmp_path / "table.parquet", index=False)
     with pytest.raises(InputError, match=r"unknown method 'own'.* give its method_file="):
         run_pack([str(tmp_path), "output=own.atra"])
-    before = methods.METHODS[:]
-    try:
-        run_pack([str(tmp_path), "output=own.atra", "method_file=own.py"])
-    finally:
-        methods.METHODS[:] = before
+    run_pack([str(tmp_path), "output=own.atra", "method_file=own.py"])
     assert [(row.name, row.is_ours) for row in read_pack(tmp_path / "own.atra").rows if "own" in row.name] == [
         ("own", False)
     ]
@@ -140,8 +120,6 @@ def test_a_method_that_failed_is_a_row_with_its_reason():
 
 
 def test_nothing_in_a_strangers_file_reaches_the_page_as_markup():
-    from dataclasses import replace
-
     evil = '"><script>alert(1)</script>'
     page = page_of(replace(ROW, scene=evil, name=evil, warnings=evil), cpu=evil)
     assert "<script>alert" not in page
@@ -163,8 +141,6 @@ def test_a_damaged_file_is_refused(tmp_path, content, member, damaged, reason):
 
 @pytest.mark.parametrize("change", [{"ratio": "2"}, {"wrong": True}, {"more": 1}, {"scene": None}, {"frame_s": 1e999}])
 def test_rows_of_other_fields_and_types_are_refused(tmp_path, content, change):
-    from hashlib import sha256
-
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         rows, about = json.loads(archive.read("rows.json")), json.loads(archive.read("atra.json"))
     told = json.dumps([rows[0] | change]).encode()

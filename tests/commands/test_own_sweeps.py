@@ -13,41 +13,34 @@ from experiments.results.table import Tables, read_tables
 from experiments.results.terminal import print_point, print_sweep
 from experiments.sweep import run_sweep
 from tests.drawn import make_rows, method_row
-from tests.harness.test_sweep import Runner, configuration
+from tests.sweeps import Runner, configuration
 
 pytestmark = [pytest.mark.uncovered, pytest.mark.usefixtures("figures_unsaved")]
 
 
-def sweep(folder, command, *splits):
-    points = [GridPoint("points", configuration(folder, "point", split)) for split in splits]
-    run_sweep(points, command=command, run=Runner())
+def test_a_sweep_that_goes_on_or_grows_keeps_its_folder_and_another_of_its_name_has_its_own_and_says_so(
+    tmp_path, capsys
+):
+    def sweep(*splits):
+        """What a sweep says, and the splits in each folder after it."""
+        command = f"run.py -m method.split_x={','.join(map(str, splits))}"
+        run_sweep(
+            [GridPoint("points", configuration(tmp_path, "point", split)) for split in splits],
+            command=command,
+            run=Runner(),
+        )
+        folders = sorted(path for path in tmp_path.iterdir() if path.name.startswith("point"))
+        return capsys.readouterr().err, [sorted(read_tables(folder).points["split_x"]) for folder in folders]
 
-
-def splits_in(folder):
-    tables = read_tables(folder)
-    return sorted(tables.points["split_x"])
-
-
-def test_a_second_sweep_of_a_name_has_a_folder_of_its_own_and_says_so(tmp_path, capsys):
-    sweep(tmp_path, "run.py -m method.split_x=1,2", 1, 2)
-    assert "which stays" not in capsys.readouterr().err
-    sweep(tmp_path, "run.py -m method.split_x=4", 4)
-    told = capsys.readouterr().err
-    assert f"{tmp_path / 'point'} holds the table of `run.py -m method.split_x=1,2`, which stays" in told
+    for splits in ((1, 2), (1, 2), (1, 2, 4)):
+        told, found = sweep(*splits)
+        assert ("which stays" in told, found) == (False, [list(splits)])
+    told, found = sweep(8)
+    assert found == [[1, 2, 4], [8]]
+    assert f"{tmp_path / 'point'} holds the table of `run.py -m method.split_x=1,2,4`, which stays" in told
     assert f"this sweep goes to {tmp_path / 'point_2'}, unless sweep.name=... says otherwise" in told
-    sweep(tmp_path, "run.py -m method.split_x=8", 8)
-    assert [splits_in(tmp_path / name) for name in ("point", "point_2", "point_3")] == [[1, 2], [4], [8]]
-
-
-def test_a_sweep_that_goes_on_or_grows_keeps_its_folder(tmp_path):
-    sweep(tmp_path, "run.py -m method.split_x=1,2", 1, 2)
-    sweep(tmp_path, "run.py -m method.split_x=1,2", 1, 2)
-    sweep(tmp_path, "run.py -m method.split_x=1,2,4", 1, 2, 4)
-    assert splits_in(tmp_path / "point") == [1, 2, 4]
-    sweep(tmp_path, "run.py -m method.split_x=8", 8)
-    sweep(tmp_path, "run.py -m method.split_x=8", 8)
-    assert splits_in(tmp_path / "point_2") == [8]
-    assert not (tmp_path / "point_3").exists()
+    assert sweep(8)[1] == [[1, 2, 4], [8]]
+    assert sweep(16)[1] == [[1, 2, 4], [8], [16]]
 
 
 def test_a_grid_may_ask_for_a_setting_that_is_left_to_the_machine(monkeypatch):

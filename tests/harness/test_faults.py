@@ -4,76 +4,43 @@ import errno
 import os
 import tempfile
 from dataclasses import replace
-from html import escape
-from pathlib import Path
 
 import pandas as pd
 import pytest
 
 from atra.errors import InputError, RecordError, StorageError
 from experiments.harness.identity import current_environment, identity
-from experiments.harness.points import GridPoint, measure, plan_points
+from experiments.harness.points import measure, plan_points
 from experiments.harness.records import load_record, record_path, write_record
 from experiments.report.writing import rewrite_report
 from experiments.results.table import Tables, make_table, make_tables, write_tables
 from experiments.sweep import run_sweep
 from tests.harness.test_launched import measured_elsewhere
-from tests.harness.test_sweep import Runner, configuration
+from tests.sweeps import Runner, configuration, files, grid
 
 pytestmark = pytest.mark.usefixtures("figures_unsaved")
 
 
-def points(folder, *splits):
-    return [GridPoint("one", configuration(folder, split_x=split)) for split in splits]
+def test_a_disk_that_fills_up_between_two_records_loses_no_finished_point(tmp_path, monkeypatch):
+    records, rename = tmp_path / "records", os.replace
 
-
-def files(folder):
-    return {path.name for path in folder.iterdir()} if folder.is_dir() else set()
-
-
-def full_disk(monkeypatch, concerns):
-    """No file whose final name `concerns` says yes to can be put in its place any more."""
-    rename = os.replace
-
-    def refusing(source, target):
-        if concerns(Path(target).name):
+    def refuse_a_second(source, target):
+        if any(not name.startswith(".") for name in files(records)):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         rename(source, target)
 
-    monkeypatch.setattr(os, "replace", refusing)
-
-
-def test_a_disk_that_fills_up_between_two_records_loses_no_finished_point(tmp_path, monkeypatch):
-    records = tmp_path / "records"
     with monkeypatch.context() as filling:
-        full_disk(filling, lambda _: any(not name.startswith(".") for name in files(records)))
+        filling.setattr(os, "replace", refuse_a_second)
         with pytest.raises(
             StorageError, match=r"\.json cannot be written: No space left on device; its old content is untouched"
         ):
-            run_sweep(points(tmp_path, 1, 2, 4), run=Runner())
+            run_sweep(grid(tmp_path, 1, 2, 4), run=Runner())
     assert len(files(records)) == 1
-    assert files(tmp_path / "one") == set()
+    assert files(tmp_path / "one") == {}
     again = Runner()
-    table = run_sweep(points(tmp_path, 1, 2, 4), run=again)
+    table = run_sweep(grid(tmp_path, 1, 2, 4), run=again)
     assert len(again.points) == 2
     assert list(table["status"]) == ["ok", "ok", "ok"]
-
-
-@pytest.mark.parametrize("name", ["table.parquet", "figure5.png"])
-def test_a_disk_that_is_full_for_a_result_names_it_and_the_next_run_makes_it_without_measuring(
-    tmp_path, monkeypatch, name
-):
-    (point,) = points(tmp_path, 1)
-    point.configuration.sweep.figures = {"figure5": ["one"]}
-    with monkeypatch.context() as full:
-        full_disk(full, lambda written: written == name)
-        with pytest.raises(StorageError, match=f"{name} cannot be written: No space left on device"):
-            run_sweep([point], run=Runner())
-    assert not [left for left in files(tmp_path / "one") if left.startswith(".")]
-    again = Runner()
-    run_sweep([point], run=again)
-    assert again.points == []
-    assert name in files(tmp_path / "one")
 
 
 def test_a_results_folder_that_takes_no_file_is_refused_before_any_work(tmp_path, monkeypatch):
@@ -83,25 +50,17 @@ def test_a_results_folder_that_takes_no_file_is_refused_before_any_work(tmp_path
     monkeypatch.setattr(tempfile, "TemporaryFile", refusing)
     runner = Runner()
     with pytest.raises(InputError, match=r"cannot be written to .*: Read-only file system; choose another results_dir"):
-        run_sweep(points(tmp_path, 1), run=runner)
+        run_sweep(grid(tmp_path, 1), run=runner)
     assert runner.points == []
 
 
 def test_a_report_is_refused_if_a_record_behind_it_is_damaged_and_leaves_that_where_it_is(tmp_path):
-    path = record_path(tmp_path / "records", run_sweep(points(tmp_path, 1), run=Runner())["point_id"][0])
+    path = record_path(tmp_path / "records", run_sweep(grid(tmp_path, 1), run=Runner())["point_id"][0])
     path.write_text("{")
     with pytest.raises(RecordError, match=rf"{path.name} cannot be read .*start its sweep again"):
         rewrite_report(configuration(tmp_path))
     assert path.exists()
     assert "report.html" not in files(tmp_path / "one")
-
-
-def test_a_report_without_records_is_made_of_the_table_alone(tmp_path):
-    table = run_sweep(points(tmp_path, 1), run=Runner())
-    record_path(tmp_path / "records", table["point_id"][0]).unlink()
-    page = rewrite_report(configuration(tmp_path)).read_text(encoding="utf-8")
-    assert escape(table["cpu"][0]) in page
-    assert f"Embree {table['embree_version'][0]}" in page
 
 
 @pytest.mark.parametrize("field", ["cpu", "code_sha256"])
@@ -110,9 +69,11 @@ def test_a_table_of_another_machine_or_version_is_told_and_its_points_are_measur
     foreign = measured_elsewhere(planned, **{field: "another"})
     kept = write_record(tmp_path / "records", foreign)
     write_tables(tmp_path / "one", make_tables([foreign]))
-    runner = Runner()
-    table = run_sweep(points(tmp_path, 1), run=runner)
+    (tmp_path / "one" / "command.txt").write_text("run.py measure.time_limit_s=10 sweep=one\n")
+    points, runner = grid(tmp_path, 1), Runner()
+    table = run_sweep(points, command="run.py sweep=one measure.time_limit_s=20", run=runner)
     assert len(runner.points) == 1
+    assert points[0].configuration.sweep.name == "one"  # in the same folder, though a limit is another
     assert list(table["point_id"]) == [identity(planned.point, current_environment())]
     told = capsys.readouterr().err
     assert f"is of another machine or version ({field} is 'another' in one and " in told
@@ -124,7 +85,7 @@ def test_a_table_of_another_layout_is_told_and_replaced(tmp_path, capsys):
     pd.DataFrame({"scene": ["box"]}).to_parquet(tmp_path / "one" / "table.parquet")
     with pytest.raises(InputError, match="cannot be read as a table of this version"):
         rewrite_report(configuration(tmp_path))
-    assert len(run_sweep(points(tmp_path, 1), run=Runner())) == 1
+    assert len(run_sweep(grid(tmp_path, 1), run=Runner())) == 1
     assert "cannot be read as a table of this version" in capsys.readouterr().err
 
 

@@ -9,7 +9,7 @@ from atra.errors import InputError, StorageError
 from experiments.harness.records import exclusive
 from experiments.report.writing import rewrite_report
 from tests.folders import ROOT
-from tests.harness.test_sweep import configuration
+from tests.sweeps import configuration
 
 HOLD = """
 import sys

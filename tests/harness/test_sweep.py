@@ -12,91 +12,48 @@ from atra.errors import InputError, MemoryBudgetError
 from experiments.commands.single import run_single_point
 from experiments.harness.configuration import (
     Chosen,
-    Configuration,
-    MeasureConfiguration,
     SceneConfiguration,
-    SweepConfiguration,
     records_folder,
 )
 from experiments.harness.identity import current_environment, identity
-from experiments.harness.options import NoOptions
 from experiments.harness.points import GridPoint, measure, plan_points
 from experiments.harness.processes.worker import Outcome, skipped
 from experiments.harness.records import load_record, write_record
 from experiments.methods.aligned import ALIGNED, AlignedOptions
 from experiments.methods.peers.embreex_run import EMBREEX
 from experiments.methods.pixel import PIXEL, PixelOptions
-from experiments.results.table import make_tables, read_table, write_tables
+from experiments.results.table import read_table
 from experiments.sweep import run_sweep
-from experiments.workloads import find_workload
 from scenes.loading import SceneSource
 from tests.harness.processes.test_outcome import POINT
+from tests.sweeps import Runner, configuration, grid
 
 pytestmark = pytest.mark.usefixtures("figures_unsaved")
 
 
-class Runner:
-    """Stands in for the worker: remembers the points it was given."""
-
-    def __init__(self, status="ok"):
-        self.status = status
-        self.points = []
-
-    def __call__(self, point):
-        self.points.append(point)
-        if self.status != "ok":
-            return Outcome(self.status, "on purpose")
-        results = {
-            "triangles_traced": 10, "packet_width": 8, "threads": 1, "plan_time_s": 0.1,
-            "build_time_s": 0.1, "rss_bytes": 9, "peak_rss_bytes": 9, "embree_bytes": 9, "rounds": 3,
-            "pixels_equal": 64, "pixels_tied": 0, "pixels_edge": 0, "pixels_wrong": 0,
-        }  # fmt: skip
-        names = ("own", "rtcIntersect1", "packets_8")
-        return Outcome("ok", samples={name: [0.1, 0.1, 0.1] for name in names}, results=results)
-
-
-def configuration(folder, sweep="one", split_x=1, workload="frame", **fields):
-    """Of a sweep that draws nothing: drawing takes time."""
-    return Configuration(
-        scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
-        sweep=SweepConfiguration(name=sweep, figures={"figure5": []}),
-        measure=MeasureConfiguration(processes=1),
-        method=fields.pop("method", Chosen(ALIGNED, AlignedOptions(split_x))),
-        workload=Chosen(find_workload(workload), NoOptions()),
-        **{"width": 64, "height": 64, "results_dir": str(folder), **fields},
-    )
-
-
 def test_a_point_of_two_grids_is_measured_once_and_belongs_to_both(tmp_path):
     runner = Runner()
-    points = [
-        GridPoint("horizontal", configuration(tmp_path, split_x=1)),
-        GridPoint("horizontal", configuration(tmp_path, split_x=2)),
-        GridPoint("grid", configuration(tmp_path, split_x=2)),
-    ]
-    table = run_sweep(points, run=runner)
-    assert sorted(point.options.split_x for point in runner.points) == [1, 2]
+    table = run_sweep(grid(tmp_path, 1, 2, name="horizontal") + grid(tmp_path, 2, name="grid"), run=runner)
+    assert sorted(runner.measured) == [(1, 0), (2, 0)]
     assert list(table["grids"]) == ["horizontal", "horizontal,grid"]
 
 
 def test_what_one_sweep_measured_another_does_not_measure_again(tmp_path):
-    run_sweep([GridPoint("a", configuration(tmp_path, "first"))], run=Runner())
+    run_sweep(grid(tmp_path, 1), run=Runner())
     runner = Runner()
-    both = [GridPoint("b", configuration(tmp_path, "second", split_x=split)) for split in (1, 4)]
-    table = run_sweep(both, run=runner)
-    assert [point.options.split_x for point in runner.points] == [4]
+    table = run_sweep([GridPoint("b", configuration(tmp_path, "second", split)) for split in (1, 4)], run=runner)
+    assert runner.measured == [(4, 0)]
     assert len(table) == 2
     assert (tmp_path / "second" / "table.csv").exists()
 
 
 def test_a_failed_point_is_tried_again_and_the_exit_code_tells(tmp_path):
-    points = [GridPoint("a", configuration(tmp_path))]
     with pytest.raises(SystemExit) as failed:
-        run_sweep(points, run=Runner(status="failed"))
+        run_sweep(grid(tmp_path, 1), run=Runner(status="failed"))
     assert failed.value.code == 1
     again = Runner()
-    run_sweep(points, run=again)
-    assert len(again.points) == 1
+    run_sweep(grid(tmp_path, 1), run=again)
+    assert again.measured == [(1, 0)]
 
 
 def test_a_point_that_lacked_memory_is_tried_again_when_more_is_free_and_not_given_up_when_less_is(
@@ -132,7 +89,7 @@ class Limited(Runner):
 
 def test_a_larger_limit_is_for_the_points_that_the_smaller_one_stopped_and_the_sweep_stays_where_it_is(tmp_path):
     def sweep(time_limit_s, memory_budget_gib):
-        points = [GridPoint("a", configuration(tmp_path, split_x=split)) for split in (1, 2, 4)]
+        points = grid(tmp_path, 1, 2, 4)
         for one in points:
             one.configuration.measure.time_limit_s = time_limit_s
             one.configuration.measure.memory_budget_gib = memory_budget_gib
@@ -141,7 +98,7 @@ def test_a_larger_limit_is_for_the_points_that_the_smaller_one_stopped_and_the_s
         with suppress(SystemExit):
             run_sweep(points, command=command, run=runner)
         statuses = list(read_table(tmp_path / "one" / "table.parquet")["status"])
-        return statuses, sorted(point.options.split_x for point in runner.points)
+        return statuses, sorted(split for split, _ in runner.measured)
 
     assert sweep(10.0, 1.0) == (["ok", "failed", "skipped"], [1, 2, 4])
     assert sweep(100.0, 1.0) == (["ok", "ok", "skipped"], [2, 4])
@@ -151,8 +108,7 @@ def test_a_larger_limit_is_for_the_points_that_the_smaller_one_stopped_and_the_s
 
 
 def test_processes_of_a_point_that_were_measured_with_other_limits_are_of_one_row(tmp_path):
-    points = [GridPoint("a", configuration(tmp_path))]
-    points[0].configuration.measure.processes = 3
+    points = grid(tmp_path, 1, processes=3)
 
     class StoppedOnce(Runner):
         def __call__(self, point):
@@ -165,21 +121,7 @@ def test_processes_of_a_point_that_were_measured_with_other_limits_are_of_one_ro
     points[0].configuration.measure.time_limit_s = 100.0
     again = StoppedOnce()
     assert list(run_sweep(points, run=again)["processes"]) == [3]
-    assert [point.process for point in again.points] == [1]
-
-
-def measured_by_other_code(planned):
-    record = measure(planned, Runner())
-    return replace(record, environment=record.environment | {"code_sha256": "another"}, files=["atra/errors.py"])
-
-
-def test_a_table_of_other_code_is_replaced_though_a_limit_of_its_command_is_another(tmp_path):
-    (planned,) = plan_points([configuration(tmp_path)])
-    write_tables(tmp_path / "one", make_tables([measured_by_other_code(planned)]))
-    (tmp_path / "one" / "command.txt").write_text("run.py measure.time_limit_s=10 sweep=one\n")
-    one = configuration(tmp_path)
-    run_sweep([GridPoint("a", one)], command="run.py sweep=one measure.time_limit_s=20", run=Runner())
-    assert one.sweep.name == "one"
+    assert again.measured == [(1, 1)]
 
 
 def test_a_point_skipped_for_want_of_a_library_is_measured_when_the_library_is_there(tmp_path):
@@ -245,49 +187,38 @@ def test_a_peer_that_does_not_tell_its_memory_is_no_reason_to_stop(tmp_path):
         results = Runner()(point).results
         return Outcome("ok", results={"rss_bytes": results["rss_bytes"], "peak_rss_bytes": 9})
 
-    memory = GridPoint("a", configuration(tmp_path, workload="memory"))
-    assert list(run_sweep([memory], run=run)["rss_bytes"]) == [9]
+    assert list(run_sweep(grid(tmp_path, 1, workload="memory"), run=run)["rss_bytes"]) == [9]
 
 
-def test_a_single_point_leaves_the_record_of_a_sweep_as_it_is(tmp_path, monkeypatch, capsys):
-    one = configuration(tmp_path)
-    monkeypatch.setattr("experiments.commands.single.measure", lambda planned: measure(planned, Runner()))
-    run_single_point(one)
-    of_a_sweep = load_record(records_folder(one), printed_record(capsys).stem)
-    counted = replace(of_a_sweep, results=of_a_sweep.results | {"measured_again": 2})
-    kept = write_record(records_folder(one), counted)
-    before = kept.read_bytes()
-
-    class Slower(Runner):
-        def __call__(self, point):
-            return replace(super().__call__(point), samples={"own": [0.2] * 3, "rtcIntersect1": [0.1] * 3})
-
-    monkeypatch.setattr("experiments.commands.single.measure", lambda planned: measure(planned, Slower()))
-    run_single_point(one)
-    path = printed_record(capsys)
-    assert kept.read_bytes() == before
-    assert load_record(path.parent, path.stem).samples["own"] == [0.2] * 3
-
-
-def test_a_single_point_that_fails_leaves_the_record_of_a_sweep_and_one_that_succeeds_replaces_a_failure(
-    tmp_path, monkeypatch
+def test_a_single_point_leaves_the_record_of_a_sweep_as_it_is_and_replaces_one_that_failed(
+    tmp_path, monkeypatch, capsys
 ):
     one = configuration(tmp_path)
-    outcomes = []
-    monkeypatch.setattr("experiments.commands.single.measure", lambda planned: measure(planned, outcomes.pop(0)))
+    run = {"run": Runner("failed")}
+    monkeypatch.setattr("experiments.commands.single.measure", lambda planned: measure(planned, run["run"]))
+
+    def record(runner):
+        """The record that a point by this runner prints."""
+        run["run"] = runner
+        with suppress(SystemExit):
+            run_single_point(one)
+        told = [line for line in capsys.readouterr().out.splitlines() if line.startswith("record: ")]
+        return Path(told[0].removeprefix("record: ")) if told else None
 
     def statuses():
         return [load_record(path.parent, path.stem).status for path in records_folder(one).glob("*.json")]
 
-    outcomes += [Runner("failed"), Runner(), Runner("failed")]
-    with pytest.raises(SystemExit):
-        run_single_point(one)
+    record(Runner("failed"))
     assert statuses() == ["failed"]
-    run_single_point(one)
+    kept = record(Runner())
     assert statuses() == ["ok"]
-    with pytest.raises(SystemExit):
-        run_single_point(one)
-    assert statuses() == ["ok"]
+    of_a_sweep = load_record(kept.parent, kept.stem)
+    write_record(kept.parent, replace(of_a_sweep, results=of_a_sweep.results | {"measured_again": 2}))
+    before = kept.read_bytes()
+    record(Runner("failed"))
+    slower = record(lambda point: replace(Runner()(point), samples={"own": [0.2] * 3, "rtcIntersect1": [0.1] * 3}))
+    assert kept.read_bytes() == before
+    assert load_record(slower.parent, slower.stem).samples["own"] == [0.2] * 3
 
 
 class Predicted:
@@ -304,41 +235,22 @@ def predicted(monkeypatch):
     monkeypatch.setattr("experiments.law.skipping.forecast", Predicted)
 
 
-def skipping(folder, limit, splits=(1, 2, 8)):
-    points = [configuration(folder, split_x=split) for split in splits]
-    for one in points:
-        one.sweep.skip_slower = limit
-    return [GridPoint("a", one) for one in points]
-
-
-def test_points_predicted_to_be_slow_are_skipped_on_request_and_their_rows_say_why(tmp_path, predicted):
+def test_points_predicted_to_be_slow_are_skipped_on_request_and_measured_when_they_are_wanted(tmp_path, predicted):
     runner = Runner()
-    table = run_sweep(skipping(tmp_path, 4.0), run=runner)
-    assert sorted(point.options.split_x for point in runner.points) == [1, 2]
+    table = run_sweep(grid(tmp_path, 1, 2, 8, skip_slower=4.0), run=runner)
+    assert sorted(runner.measured) == [(1, 0), (2, 0)]
     assert list(table["status"]) == ["ok", "ok", "skipped"]
     assert "8 times as long as the fastest of this view; sweep.skip_slower is 4" in table["error"][2]
+    again = Runner()
+    run_sweep(grid(tmp_path, 1, 2, 8), run=again)
+    assert again.measured == [(8, 0)]
+    assert list(run_sweep(grid(tmp_path, 1, 2, 8, skip_slower=4.0), run=Runner())["status"]) == ["ok"] * 3
 
 
-def test_a_point_that_was_skipped_as_slow_is_measured_when_it_is_wanted_and_stays_measured(tmp_path, predicted):
-    run_sweep(skipping(tmp_path, 4.0), run=Runner())
-    runner = Runner()
-    run_sweep(skipping(tmp_path, None), run=runner)
-    assert [point.options.split_x for point in runner.points] == [8]
-    assert list(run_sweep(skipping(tmp_path, 4.0), run=Runner())["status"]) == ["ok"] * 3
-
-
-def test_a_point_of_which_the_model_knows_nothing_is_not_skipped(tmp_path, predicted):
+def test_a_point_of_which_the_model_knows_nothing_is_not_skipped_and_a_limit_below_1_is_refused(tmp_path, predicted):
     one = configuration(tmp_path, method=Chosen(EMBREEX, EMBREEX.options()))
     one.sweep.skip_slower = 1.0
-    planned = plan_points([one, *(each.configuration for each in skipping(tmp_path, 1.0, (1, 2)))])
+    planned = plan_points([one, *(each.configuration for each in grid(tmp_path, 1, 2, skip_slower=1.0))])
     assert ["predicted" in str(each.problem) for each in planned] == [False, False, True]
-
-
-def test_a_limit_below_1_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"sweep\.skip_slower is 0\.5"):
-        run_sweep(skipping(tmp_path, 0.5), run=Runner())
-
-
-def printed_record(capsys):
-    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("record: ")]
-    return Path(line.removeprefix("record: "))
+        run_sweep(grid(tmp_path, 1, skip_slower=0.5), run=Runner())

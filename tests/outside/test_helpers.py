@@ -26,10 +26,8 @@ SHIFTED = "def shifted(depth):\n    return depth + SHIFT\n"
 
 
 @pytest.fixture
-def write(tmp_path, monkeypatch):
-    """Writes files below a folder; those of methods are known until the test ends."""
-    before = list(methods.METHODS)
-    monkeypatch.setenv(methods.METHOD_FILES, "")
+def write(tmp_path, methods_as_before):
+    """Writes files below a folder."""
 
     def write(**files):
         for name, text in files.items():
@@ -37,8 +35,7 @@ def write(tmp_path, monkeypatch):
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
 
-    yield write
-    methods.METHODS[:] = before
+    return write
 
 
 def use(folder, name="mine"):
@@ -60,23 +57,15 @@ def test_a_helper_that_changes_makes_a_sweep_measure_again_and_its_fault_is_seen
     assert statuses() == ["wrong"]
 
 
-IMPORTS = {
-    "at the top": ({"mine": "from shifting import shifted\n"}, "shifting"),
-    "where it is called": ({"mine": "def shifted(depth):\n    import shifting\n    return shifting.shifted(depth)\n"},
-                           "shifting"),
-    "through another": ({"mine": "from between import shifted\n", "between": "from shifting import *\n"}, "shifting"),
-    "of a package": ({"mine": "from inner.shifting import shifted\n", "inner/__init__": ""}, "inner/shifting"),
-    "of a folder": ({"mine": "from inner.shifting import shifted\n"}, "inner/shifting"),
-    "within a package": (
-        {"mine": "from inner import shifted\n", "inner/__init__": "from .shifting import shifted\n"},
-        "inner/shifting",
-    ),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("kind", IMPORTS)
-def test_whatever_way_a_helper_is_imported_it_is_found_and_part_of_the_identity(write, tmp_path, kind):
-    files, helper = IMPORTS[kind]
+@pytest.mark.parametrize(("helper", "files"), [
+    ("shifting", {"mine": "from shifting import shifted\n"}),
+    ("shifting", {"mine": "def shifted(depth):\n    import shifting\n    return shifting.shifted(depth)\n"}),
+    ("shifting", {"mine": "from between import shifted\n", "between": "from shifting import *\n"}),
+    ("inner/shifting", {"mine": "from inner.shifting import shifted\n", "inner/__init__": ""}),
+    ("inner/shifting", {"mine": "from inner.shifting import shifted\n"}),
+    ("inner/shifting", {"mine": "from inner import shifted\n", "inner/__init__": "from .shifting import shifted\n"}),
+], ids=["at the top", "when called", "through another", "of a package", "of a folder", "in a package"])  # fmt: skip
+def test_whatever_way_a_helper_is_imported_it_is_found_and_part_of_the_identity(write, tmp_path, helper, files):
     environment, found = current_environment(), []
     for shift in ("0.0", "1.0", "0.0"):
         write(**{**files, "mine": files["mine"] + HELPED, helper: f"SHIFT = {shift}\n{SHIFTED}"})

@@ -12,6 +12,7 @@ from experiments import methods
 from experiments.harness.points import GridPoint
 from experiments.harness.processes.launching import run_worker
 from experiments.methods.outside import guarded, guards
+from experiments.results.table import read_tables
 from experiments.sweep import run_sweep
 from tests.command import measure_here
 from tests.points import configured, planned
@@ -95,19 +96,15 @@ def run(point):
 
 
 @pytest.fixture
-def files(tmp_path, monkeypatch):
-    """Writes method files that are known until the test ends."""
-    monkeypatch.setattr(methods, "METHODS", methods.METHODS)
-    before = list(methods.METHODS)
-    monkeypatch.setenv(methods.METHOD_FILES, "")
+def files(tmp_path, methods_as_before):
+    """Writes and uses method files."""
 
     def write(name, text):
         path = tmp_path / f"{name}.py"
         path.write_text(text, encoding="utf-8")
         return methods.use_method_file(str(path))
 
-    yield write
-    methods.METHODS[:] = before
+    return write
 
 
 def test_each_misbehaving_method_is_a_row_with_its_reason_and_the_others_are_measured(files, tmp_path):
@@ -121,8 +118,6 @@ def test_each_misbehaving_method_is_a_row_with_its_reason_and_the_others_are_mea
         given.append(GridPoint("all", replace(point, results_dir=str(tmp_path / "results"))))
     with pytest.raises(SystemExit):
         run_sweep(given, run=run)
-    from experiments.results.table import read_tables
-
     table = read_tables(tmp_path / "results" / "point").points.set_index("method")
     assert table["status"]["good"] == "ok"
     assert table["pixels_wrong"]["good"] == 0
@@ -149,13 +144,16 @@ def test_waiting_for_a_core_while_threads_are_counted_excuses_no_clock(files, mo
     assert re.search(reason, outcome.error), outcome.error
 
 
-def test_a_file_that_changes_while_a_sweep_runs_is_not_measured(files, tmp_path):
-    method = files("mine", GOOD)
+def test_a_file_that_changes_has_another_version_and_is_not_measured_while_a_sweep_runs(files, tmp_path):
+    version = files("mine", GOOD).version()
+    assert files("mine", GOOD).version() == version
     (tmp_path / "mine.py").write_text(GOOD + "# changed\n", encoding="utf-8")
     outcome = run_worker(planned("mine", "frame").point)
     assert outcome.status == "failed"
     assert "changed since this run began" in outcome.error
-    assert method.version() in outcome.error
+    assert version in outcome.error
+    assert files("mine", GOOD + "# changed\n").version() != version
+    assert os.environ[methods.METHOD_FILES].count("mine.py") == 1
 
 
 @pytest.mark.parametrize(("text", "reason"), [
@@ -169,14 +167,6 @@ def test_a_file_without_a_method_is_refused_with_the_reason(files, text, reason)
         files("mine", text)
     with pytest.raises(ValueError, match="a name of letters that atra does not use"):
         files("pixel", GOOD)
-
-
-def test_changed_code_has_another_version(files):
-    text = GOOD
-    before = files("mine", text).version()
-    assert files("mine", text).version() == before
-    assert files("mine", text + "# changed\n").version() != before
-    assert os.environ[methods.METHOD_FILES].count("mine.py") == 1
 
 
 def test_threads_are_counted_by_their_own_seconds_however_long_a_busy_machine_takes_over_a_frame(monkeypatch):

@@ -6,21 +6,12 @@ import sys
 
 import pytest
 
-from experiments import methods
 from experiments.commands.new_method import run_new_method
 from experiments.harness.processes.launching import project_environment
 from tests.command import run_here
 from tests.folders import ROOT
 
-pytestmark = pytest.mark.uncovered
-
-
-@pytest.fixture(autouse=True)
-def methods_as_before(monkeypatch):
-    before = list(methods.METHODS)
-    monkeypatch.setenv(methods.METHOD_FILES, "")
-    yield
-    methods.METHODS[:] = before
+pytestmark = [pytest.mark.uncovered, pytest.mark.usefixtures("methods_as_before")]
 
 
 def test_the_file_is_measured_by_the_command_it_names_and_its_own_test_passes(tmp_path):
@@ -57,12 +48,11 @@ def test_a_name_that_no_method_can_have_is_refused(tmp_path, name, told):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_folder_of_data_does_not_take_its_name(tmp_path):
+def test_a_folder_of_data_does_not_take_its_name_a_file_that_is_there_stays_and_a_missing_one_is_refused(
+    tmp_path, monkeypatch
+):
     (tmp_path / "results").mkdir()
     assert run_here(tmp_path, "new-method", "results").returncode == 0
-
-
-def test_a_file_that_is_there_is_left_alone_and_a_missing_one_refused(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.py").write_text("mine", encoding="utf-8")
     with pytest.raises(ValueError, match="is there already"):

@@ -1,5 +1,7 @@
 """The figures that compare methods draw what the table says, on tables small enough to read."""
 
+import pytest
+
 from experiments import methods
 from experiments.commands.new_method import run_new_method
 from experiments.drawing.style import TIMES
@@ -30,17 +32,12 @@ def test_the_methods_figure_draws_the_ratio_at_the_best_split_its_interval_the_t
     assert level(axis, "fastest ray packets") == 1
 
 
+@pytest.mark.usefixtures("methods_as_before")
 def test_a_method_of_a_file_stands_beside_ours(tmp_path, monkeypatch):
-    monkeypatch.setenv(methods.METHOD_FILES, "")
     monkeypatch.chdir(tmp_path)
     run_new_method(["theirs"])
-    before = methods.METHODS[:]
-    try:
-        methods.use_method_file("theirs.py")
-        figure = methods_figure(make_rows(method_row("theirs"), method_row("aligned", 2), PIXEL))
-    finally:
-        methods.METHODS[:] = before
-    assert "theirs" in words(figure)
+    methods.use_method_file("theirs.py")
+    assert "theirs" in words(methods_figure(make_rows(method_row("theirs"), method_row("aligned", 2), PIXEL)))
 
 
 def test_a_method_without_a_time_keeps_its_place_and_its_reason():

@@ -3,18 +3,19 @@
 import errno
 import os
 import tempfile
+from html import escape
 from shutil import rmtree
 
 import pytest
 
 from atra.errors import StorageError
 from experiments.harness.configuration import results_folder
-from experiments.harness.points import GridPoint, measure, plan_points
+from experiments.harness.points import measure, plan_points
 from experiments.harness.records import write_record
 from experiments.report.writing import rewrite_report, write_results
 from experiments.results.table import make_tables, read_tables
 from experiments.sweep import run_sweep
-from tests.harness.test_sweep import Runner, configuration
+from tests.sweeps import Runner, configuration, files, grid
 
 pytestmark = pytest.mark.usefixtures("figures_unsaved")
 
@@ -23,28 +24,23 @@ FIGURE = {"figure5.png", "figure5.svg"}
 PAGE = {"report.html", "claims.json", "claims.csv"}
 
 
-def sweep(folder, *splits, figures=("one",), report=False):
-    given = [GridPoint("one", configuration(folder, split_x=split)) for split in splits]
-    for one in given:
-        one.configuration.sweep.figures = {"figure5": list(figures)}
-        one.configuration.sweep.report = report
-    return run_sweep(given, command="run.py sweep=one", run=Runner())
+DRAWN = {"figures": {"figure5": ["one"]}}
 
 
-def contents(folder):
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+def sweep(folder, *splits, **fields):
+    return run_sweep(grid(folder, *splits, **fields), command="run.py sweep=one", run=Runner())
 
 
 def test_figures_claims_and_page_of_an_earlier_table_are_gone_and_not_told_as_results(tmp_path, capsys):
-    sweep(tmp_path, 1, 2, report=True)
-    assert set(contents(tmp_path / "one")) == TABLES | FIGURE | PAGE
+    sweep(tmp_path, 1, 2, report=True, **DRAWN)
+    assert set(files(tmp_path / "one")) == TABLES | FIGURE | PAGE
     capsys.readouterr()
-    sweep(tmp_path, 1, 4, figures=())
-    assert set(contents(tmp_path / "one")) == TABLES
+    sweep(tmp_path, 1, 4)
+    assert set(files(tmp_path / "one")) == TABLES
     told = capsys.readouterr().out
     assert not [name for name in FIGURE | PAGE if name in told]
-    sweep(tmp_path, 1, 4)
-    assert set(contents(tmp_path / "one")) == TABLES | FIGURE
+    sweep(tmp_path, 1, 4, **DRAWN)
+    assert set(files(tmp_path / "one")) == TABLES | FIGURE
 
 
 OLD = (
@@ -60,39 +56,31 @@ def test_what_any_earlier_version_left_goes_and_files_of_the_user_s_own_stay(tmp
     for name in (*OLD, *OWN):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text("old")
-    sweep(tmp_path, 1, figures=())
-    assert set(contents(folder)) == TABLES | set(OWN)
+    sweep(tmp_path, 1)
+    assert set(files(folder)) == TABLES | set(OWN)
 
 
-def test_a_report_written_later_is_of_the_table_alone(tmp_path):
-    sweep(tmp_path, 1, 2)
+@pytest.mark.parametrize("with_records", [True, False])
+def test_a_report_written_later_is_of_the_table_alone_and_tells_its_machine_and_software(tmp_path, with_records):
+    table = sweep(tmp_path, 1, 2, **DRAWN)
     (tmp_path / "one" / "figure5_packets_of_99.png").write_text("old")
+    if not with_records:
+        rmtree(tmp_path / "records")
     one = configuration(tmp_path)
     one.sweep.figures = {}
-    rewrite_report(one)
-    found = contents(tmp_path / "one")
+    page = rewrite_report(one).read_text(encoding="utf-8")
+    found = files(tmp_path / "one")
     assert set(found) >= TABLES | FIGURE | PAGE
     assert "figure5_packets_of_99.png" not in found
-
-
-def test_without_records_the_page_tells_what_the_table_knows_of_the_software(tmp_path):
-    sweep(tmp_path, 1)
-    rmtree(tmp_path / "records")
-    one = configuration(tmp_path)
-    one.sweep.figures = {}
-    rewrite_report(one)
-    page = contents(tmp_path / "one")["report.html"].decode()
     assert "unknown versions" not in page
-    known = read_tables(tmp_path / "one").points["numba_version"].iloc[0]
-    assert f"Numba {known}" in page
+    for said in (escape(table["cpu"][0]), f"Embree {table['embree_version'][0]}", f"Numba {table['numba_version'][0]}"):
+        assert said in page
 
 
 @pytest.fixture
 def pass_of(tmp_path):
     """Writes the results of the first points of a sweep, as it may after each of its passes."""
-    configurations = [configuration(tmp_path, split_x=split) for split in (1, 2, 4)]
-    configurations[0].sweep.figures = {"figure5": ["one"]}
-    configurations[0].sweep.report = True
+    configurations = [one.configuration for one in grid(tmp_path, 1, 2, 4, report=True, **DRAWN)]
     records = [measure(planned, Runner()) for planned in plan_points(configurations)]
 
     def write(count):
@@ -109,7 +97,7 @@ def test_results_may_be_written_after_every_pass(pass_of):
     for count in (1, 2, 3):
         assert pass_of(count) == f"report: {pass_of.folder / 'report.html'}"
         assert len(read_tables(pass_of.folder).points) == count
-        assert set(contents(pass_of.folder)) == TABLES | FIGURE | PAGE
+        assert set(files(pass_of.folder)) == TABLES | FIGURE | PAGE
 
 
 @pytest.mark.parametrize("name", ["table.csv", "table.parquet", "figure5.svg", "report.html", "command.txt"])
@@ -117,7 +105,7 @@ def test_a_disk_that_fills_up_between_two_passes_leaves_the_results_of_the_first
     pass_of, tmp_path, monkeypatch, name
 ):
     pass_of(1)
-    before = contents(pass_of.folder)
+    before = files(pass_of.folder)
     make = tempfile.mkstemp
 
     def full(prefix, **given):
@@ -129,7 +117,7 @@ def test_a_disk_that_fills_up_between_two_passes_leaves_the_results_of_the_first
         filled.setattr(tempfile, "mkstemp", full)
         with pytest.raises(StorageError, match=f"{name} cannot be written: No space left on device; its old content"):
             pass_of(2)
-    assert contents(pass_of.folder) == before
+    assert files(pass_of.folder) == before
     assert len(list((tmp_path / "records").glob("*.json"))) == 2
     pass_of(2)
     assert len(read_tables(pass_of.folder).points) == 2

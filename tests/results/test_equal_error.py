@@ -4,14 +4,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.light.equal_error.figure import errors_figure
-from experiments.light.equal_error.measure import (
+from experiments.light.equal_error import (
     BEFORE,
     FAST,
     MITSUBA,
     OURS,
     Found,
     block_differences,
+    errors_figure,
     measured,
     relative_error,
 )

@@ -24,8 +24,8 @@ from experiments.workloads.frame.grid_figure import grid_times
 from experiments.workloads.frame_figures import split_times
 from experiments.workloads.memory.shown import memory_figure
 from tests.drawn import build_row, make_rows, memory_row, time_row
-from tests.harness.test_sweep import Runner, configuration
 from tests.results.test_table import MEASURED
+from tests.sweeps import Runner, configuration
 
 OTHERWISE_TOLD = {"scene", "triangles", "method", "workload", "scene_source", "scene_path"}
 OPTIONS = {"options", "workload_options"}

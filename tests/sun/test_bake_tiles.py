@@ -147,18 +147,6 @@ def test_a_size_below_1_is_refused():
         tiles_of(0)
 
 
-@pytest.mark.parametrize(("offsets", "out", "told"), [
-    ([(0.5, 0.5), (1.5, 0.5)], None, "offset"),
-    ([0.5, 0.5], None, r"offsets have shape \(2,\)"),
-    (np.zeros((0, 2)), None, r"offsets have shape \(0, 2\)"),
-    ([(0.5, 0.5)], np.zeros((1, 8, 8, 1), np.bool_), "out is bool"),
-])  # fmt: skip
-def test_positions_and_results_that_do_not_fit_are_refused(offsets, out, told):
-    tiles = tiles_of(8)
-    with tiles.towards(tiles.facing(SUN), SUN, threads=1) as rays, pytest.raises(InputError, match=told):
-        rays.trace(offsets, out=out)
-
-
 def rows(*intervals, scene="cornell_box"):
     return pd.DataFrame(
         [

@@ -20,7 +20,7 @@ IN_TEXT = re.compile(r"\b(?:packet_width|lanes)=[\d,]*\b(?:4|8|16)\b")
 """As overrides of the command line say it."""
 
 MADE_BY_HAND = (
-    "drawn.py", "harness/test_sweep.py", "law/test_law.py", "paper/", "paper_table.py", "report/",
+    "drawn.py", "sweeps.py", "law/test_law.py", "paper/", "paper_table.py", "report/",
     "report_samples.py", "results/", "studies/", "walls/test_machines.py",
     "workloads/test_agreement.py", "workloads/test_best_baseline.py",
 )  # fmt: skip

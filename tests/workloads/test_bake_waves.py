@@ -8,8 +8,8 @@ import pytest
 from atra import light
 from atra.light import Baker
 from atra.light.lightmaps.paths import Paths
-from experiments.light.waves.baker import WaveBaker
-from experiments.light.waves.waves_kernels import DIRECTION, NEAR, ORIGIN, generate, new_wave, scatter, trace
+from experiments.light.wave_baker import WaveBaker
+from experiments.light.waves_kernels import DIRECTION, NEAR, ORIGIN, generate, new_wave, scatter, trace
 from tests.baked import cube, painted, sheet
 from tests.light.lightmaps.test_light import BOX, LIT
 from tests.meshes import joined

@@ -99,7 +99,6 @@ def test_amdahl_s_forecast_is_the_packets_picture_with_the_own_primary_in_it():
 @pytest.mark.parametrize(("options", "message"), [
     ({"samples": 0}, "samples is 0"), ({"occlusion_rays": 65}, "occlusion_rays is 65"),
     ({"frame": "path", "max_depth": 0}, "bounces is -1"), ({"occlusion_part": -1.0}, "occlusion_length is -1"),
-    ({"mitsuba": "scalar_rgb"}, "expected workload.frame=path"),
 ])  # fmt: skip
 def test_what_no_picture_can_have_is_refused(options, message):
     with pytest.raises(InputError, match=message):

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from atra.compiled.instruction_sets import LANE_COUNTS as LANE_COUNTS
 from atra.errors import InputError
 from atra.light.oidn import check_denoiser
 from experiments.harness.column import REAL, WHOLE, Column
@@ -16,7 +15,7 @@ from experiments.harness.options import Settings, option, whole
 from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
 from experiments.light import ROBUST
-from experiments.light.waves.baker import WaveOptions
+from experiments.light.wave_baker import WaveOptions
 from experiments.results.statistics import Series, statistics_columns
 from experiments.workloads.baselines import OWN, over, over_own, series
 from experiments.workloads.resources import say_mib

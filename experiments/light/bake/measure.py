@@ -31,7 +31,7 @@ from experiments.light.bake import (
 )
 from experiments.light.bake.finishing import finishing, squared_differences
 from experiments.light.bake.mitsuba import MitsubaPaths, with_plain_light
-from experiments.light.waves.baker import WaveBaker
+from experiments.light.wave_baker import WaveBaker
 from experiments.workloads.baselines import OWN
 from experiments.workloads.rounds import load_mesh, measured, timed_rounds
 from scenes.directory import default_cache
@@ -230,8 +230,7 @@ def _told(baker: AnyBaker, rounds: int, samples: int) -> dict[str, Any]:
 
 def _batch_fill(baker: WaveBaker, texels: int, samples: int) -> float:
     """Share of the room of a wave that texels fill with rays."""
-    expansion = min(samples, baker.options.expansion)
-    room = max(baker.options.batch_rays // baker.rays_scene.threads, baker.options.expansion)
+    expansion, room = min(samples, baker.options.expansion), baker.paths_at_once
     batches = -(-texels // max(1, room // expansion))
     return texels * expansion / (batches * room) if batches else 0.0
 

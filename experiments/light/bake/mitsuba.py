@@ -15,7 +15,7 @@ from atra.light.lightmaps.paths import Paths
 from atra.light.lightmaps.sums_kernels import LUMINANCE
 from experiments.light.bake.finishing import squared_differences
 from experiments.light.mitsuba_light import load_mitsuba, parts_of, suns_of
-from experiments.light.waves.waves_kernels import DIRECTION, ORIGIN, generate, new_wave
+from experiments.light.waves_kernels import DIRECTION, ORIGIN, generate, new_wave
 
 _VARIANT = "llvm_ad_rgb"
 """The variant for CPUs and three colours that takes rays from anywhere, compiled for vectors."""

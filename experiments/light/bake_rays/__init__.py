@@ -22,8 +22,7 @@ from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.options import Settings, option, whole
 from experiments.harness.point import Measured, Point, Workload
 from experiments.harness.records import Record
-from experiments.light.sun.rays import TileRays
-from experiments.light.sun.tiles import Tiles, without_shortcut
+from experiments.light.sun.tiles import Tiles
 from experiments.results.statistics import statistics_columns
 from experiments.workloads.baselines import OWN, over_own, series
 from experiments.workloads.rounds import load_mesh, measured, timed_rounds
@@ -119,34 +118,25 @@ class AlignedTiles:
 
     def __init__(self, point: Point, tiles: Tiles) -> None:
         self._tiles = tiles
-        # A BVH of copies serves only one direction, which does not repay a better build.
-        self._options: dict[str, Any] = {"threads": point.threads, "build_quality": "low"}
-        self._shortcut = point.workload_options.shortcut
+        self._options = {"threads": point.threads, "shortcut": point.workload_options.shortcut}
         self._rooms: dict[int, NDArray[np.bool_]] = {}
         self.prepare_s, self.triangles = 0.0, 0
 
-    def trace(
-        self, directions: NDArray[np.float64], offsets: NDArray[np.float64], keep: bool = False
-    ) -> list[NDArray[np.bool_]]:
-        """With `keep`, whether rays hit something: (R,) bool for each direction, positions of a texel side by side."""
-        kept, self.prepare_s, self.triangles = [], 0.0, 0
+    def trace(self, directions: NDArray[np.float64], offsets: NDArray[np.float64]) -> None:
+        """Trace the rays of all directions, one after the other."""
+        self.prepare_s, self.triangles = 0.0, 0
         for number, direction in enumerate(directions):
             start = perf_counter()
-            facing = self._tiles.facing(direction)
-            with self._towards(facing, direction) as rays:
+            with self._tiles.towards(self._tiles.facing(direction), direction, **self._options) as rays:
                 self.prepare_s += perf_counter() - start
                 self.triangles += rays.triangle_count
-                self._rooms[number] = met = rays.trace(offsets, out=self._rooms.get(number))
-            if keep:
-                kept.append(met[self._tiles.texel[facing] >= 0].ravel())
-        return kept
+                self._rooms[number] = rays.trace(offsets, out=self._rooms.get(number))
 
-    def _towards(self, facing: NDArray[np.int64], direction: NDArray[np.float64]) -> TileRays:
-        """Rays of these tiles. Without the shortcut no triangle covers part of one; whether one does is still asked."""
-        if self._shortcut:
-            return self._tiles.towards(facing, direction, **self._options)
-        prisms = without_shortcut(self._tiles.prisms(facing, direction))
-        return TileRays(self._tiles.tree, prisms, self._tiles.size, **self._options)
+    def met(self, directions: NDArray[np.float64]) -> list[NDArray[np.bool_]]:
+        """Whether the rays of the last call hit something: (R,) bool for each direction, positions of a texel side by
+        side."""
+        lit = [self._tiles.texel[self._tiles.facing(direction)] >= 0 for direction in directions]
+        return [self._rooms[number][here].ravel() for number, here in enumerate(lit)]
 
 
 def undecided(mesh: Mesh, rays: Rays, numbers: NDArray[np.int64]) -> int:
@@ -172,7 +162,7 @@ def undecided(mesh: Mesh, rays: Rays, numbers: NDArray[np.int64]) -> int:
     return count
 
 
-def tile_rays(tiles: Tiles, direction: NDArray[np.float64], offsets: NDArray[np.float64]) -> Rays:
+def rays_of(tiles: Tiles, direction: NDArray[np.float64], offsets: NDArray[np.float64]) -> Rays:
     """Rays of the tiles that face a direction; positions of a texel lie side by side, which suits packets."""
     facing = tiles.facing(direction)
     origins, directions = zip(*(tiles.rays(facing, direction, tuple(offset)) for offset in offsets), strict=True)
@@ -198,13 +188,14 @@ def _measure_tiles(point: Point, mesh: Mesh, stack: ExitStack) -> Measured:
         )
         for name, width in ((ONE_BY_ONE, 1), (TOGETHER, None))
     }
-    batches = [tile_rays(tiles, direction, offsets) for direction in directions]
+    batches = [rays_of(tiles, direction, offsets) for direction in directions]
 
     def occlude(scene: RayScene) -> list[NDArray[np.bool_]]:
         return [scene.occluded(batch, coherent=True) for batch in batches]
 
-    aligned = own.trace(directions, offsets, keep=True)
-    different = [np.flatnonzero(a != b) for a, b in zip(aligned, occlude(scenes[ONE_BY_ONE]), strict=True)]
+    own.trace(directions, offsets)
+    pairs = zip(own.met(directions), occlude(scenes[ONE_BY_ONE]), strict=True)
+    different = [np.flatnonzero(one != other) for one, other in pairs]
     doubtful = sum(undecided(mesh, batch, numbers) for batch, numbers in zip(batches, different, strict=True))
     prepared: list[float] = []
 

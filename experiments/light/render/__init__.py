@@ -10,24 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from atra.errors import InputError
 from atra.light.pictures.options import HybridOptions, PathOptions
-from atra.whole_numbers import is_whole_number as is_whole_number
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.options import Settings, option, whole
-from experiments.harness.point import Point, Workload
+from experiments.harness.point import Workload
 from experiments.harness.records import Record
 from experiments.light import ROBUST
 from experiments.results.statistics import statistics_columns
-from experiments.workloads.baselines import (
-    BESIDE_BASELINES,
-    OWN,
-    PACKETS,
-    SINGLE,
-    over_own,
-    packets_width,
-    series,
-)
+from experiments.workloads.baselines import BESIDE_BASELINES, OWN, PACKETS, SINGLE, over_own, packets_width, series
 from experiments.workloads.images import Images
 from experiments.workloads.resources import Preparation, Resources, say_ms
 from experiments.workloads.typed import columns_of, needs_of
@@ -45,15 +35,6 @@ STAGES = {
 """Stages of both renderers, in the order of figures, and what each does."""
 
 _EMBREE = ("primary", "shadow", "occlusion")
-
-_WITH_EMBREE_WITHIN = ("depth_first",)
-
-MITSUBA = "mitsuba"
-"""Name in the samples: the same picture by Mitsuba 3."""
-
-
-RIVALS = ("none", "scalar_rgb", "llvm_ad_rgb")
-"""Variants of Mitsuba 3: scalar_rgb = ray by ray; llvm_ad_rgb = compiled for vectors, by a libLLVM new enough."""
 
 
 @dataclass(frozen=True)
@@ -78,24 +59,16 @@ class RenderOptions(Settings):
         "light, found = by scattered rays alone, which never meet lamps without extent",
         choices=("aimed", "found"),
     )
-    mitsuba: str = option(
-        "none", "path: Mitsuba 3's variant that makes the same picture in every round", choices=RIVALS
-    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self.of_library(1.0)
-        if self.mitsuba != "none" and self.frame != "path":
-            raise InputError("workload.mitsuba is set with workload.frame=hybrid, expected workload.frame=path")
 
     def of_library(self, diagonal: float) -> dict[str, Any]:
         """The renderer's own options, checked. diagonal: of the scene's box."""
         of_both: dict[str, Any] = {"jitter": self.jitter, "robust": self.robust_rays}
         if self.frame == "path":
-            of_paths: dict[str, Any] = of_both | {
-                "bounces": self.max_depth - 1,
-                "lights": self.lights,
-            }
+            of_paths: dict[str, Any] = of_both | {"bounces": self.max_depth - 1, "lights": self.lights}
             PathOptions(**of_paths)
             return of_paths
         hybrid: dict[str, Any] = of_both | {
@@ -139,7 +112,7 @@ def stage_column(name: str) -> str:
 
 def outside_embree(stages: Mapping[str, float]) -> float | None:
     """The share of a picture's time that is neither primary visibility nor Embree's; None where that is not known."""
-    if not stages or not stages.keys().isdisjoint(_WITH_EMBREE_WITHIN):
+    if not stages or "depth_first" in stages:  # Embree within
         return None
     return 1.0 - sum(stages.get(name, 0.0) for name in _EMBREE) / sum(stages.values())
 
@@ -173,11 +146,6 @@ def _headline(record: Record) -> str:
     )
 
 
-def _samples(point: Point) -> frozenset[str]:
-    beside = set() if point.workload_options.mitsuba == "none" else {MITSUBA}
-    return frozenset({OWN, SINGLE, primary(OWN), primary(SINGLE)} | beside)
-
-
 RENDER = Workload(
     name="render",
     options=RenderOptions,
@@ -197,12 +165,10 @@ RENDER = Workload(
         ),
         Column("rays_per_second", REAL, "rays of all kinds a second, primary visibility's included", _rays_per_second),
         Column("break_even_subframes", WHOLE, "samples after which plan and build are paid back", _break_even),
-        *statistics_columns("mitsuba_time{}_s", "the same picture by Mitsuba 3", series(MITSUBA)),
-        *statistics_columns("samples_vs_mitsuba{}", "samples a second / Mitsuba 3's", over_own(series(MITSUBA))),
     ),
     headline=_headline,
     package=__name__,
-    samples=_samples,
+    samples=lambda _: frozenset({OWN, SINGLE, primary(OWN), primary(SINGLE)}),
     needs=(*needs_of(Resources, Images, Preparation), "rays", "stages", "stages_over_frame"),
     optional=BESIDE_BASELINES.optional,
     judged=OWN,

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from atra.geometry.camera import Camera
 from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import compare
-from atra.light import HybridRenderer, Lambertian, MetallicRoughness, PathRenderer, Renderer, Scene, constant_sky
-from atra.light.materials import Material
+from atra.light import HybridRenderer, PathRenderer, Renderer, Scene
 from experiments.harness.point import Measured, Point
-from experiments.light.mitsuba_light import load_mitsuba, parts_of
-from experiments.light.render import MITSUBA, RenderOptions, primary
+from experiments.light.render import primary
 from experiments.workloads import rounds
 from experiments.workloads.baselines import OWN, SINGLE
 from experiments.workloads.images import summed
@@ -103,16 +99,11 @@ def measure(point: Point) -> Measured:
         tracers, results = rounds.build_with_baselines(point, stack)
         own = tracers[OWN]
         scene = lit(point.scene, own.mesh, point.camera)
-        if options.mitsuba != "none":
-            scene = replace(scene, sky=constant_sky(0.8), lights=(), materials=[*map(_plain, scene.materials)])
         primaries = Primaries(tracers)
         renderer = make_renderer(point, scene, own.camera, primaries)
         stack.enter_context(renderer)
         pictures = Pictures(renderer, primaries, options.samples)
         calls: dict[str, Any] = {name: partial(pictures.make, name) for name in tracers}
-        if options.mitsuba != "none":
-            theirs = MitsubaPicture(scene, point.camera, options, point.threads)
-            calls[MITSUBA] = partial(theirs.make, options.samples)
         timed = rounds.timed_rounds(point, calls)
         rays = pictures.renderer.ray_count  # of whichever came last: all shoot the same, but for ties
         stages = {name: of_all[-timed.rounds :] for name, of_all in pictures.stages.items()}
@@ -133,58 +124,3 @@ def measure(point: Point) -> Measured:
     for name, of_rounds in stages.items():
         made.samples[primary(name)] = [one["primary"] for one in of_rounds]
     return made
-
-
-def _plain(material: Material) -> Material:
-    """Paint in place of glTF's material, which Mitsuba's plain materials are not."""
-    return Lambertian(material.plain) if isinstance(material, MetallicRoughness) else material
-
-
-_PATHS_AT_ONCE = 1 << 22
-"""A wavefront of them is kept in memory."""
-
-
-def mitsuba_scene(mi: Any, scene: Scene, camera: Camera, max_depth: int, roulette: int = 10_000) -> Any:
-    """A scene, in Mitsuba's variant of the moment. roulette: rays after which a path may end by chance. Raises
-    InputError as `parts_of` does."""
-    return mi.load_dict(parts_of(mi, scene) | {
-        "integrator": {"type": "path", "max_depth": max_depth, "rr_depth": roulette},
-        "camera": {
-            "type": "perspective", "fov": camera.fov_y_degrees, "fov_axis": "y", "near_clip": 1e-3,
-            "to_world": mi.ScalarTransform4f().look_at(origin=camera.eye, target=camera.target, up=camera.up),
-            "film": {
-                "type": "hdrfilm", "width": camera.width, "height": camera.height, "rfilter": {"type": "box"},
-                "component_format": "float32",
-            },
-            "sampler": {"type": "independent"},
-        },
-    })  # fmt: skip
-
-
-class MitsubaPicture:
-    """Pictures by Mitsuba's `path` integrator, a few million paths at a time.
-
-    It aims at a sky of one colour, too, which path tracing here leaves to scattering. Scene and camera as for
-    `mitsuba_scene`, threads as for tracers.
-    Raises InputError where Mitsuba, or what its variant needs, is missing.
-    """
-
-    def __init__(self, scene: Scene, camera: Camera, options: RenderOptions, threads: int | None) -> None:
-        variant = options.mitsuba
-        self._mi, _ = load_mitsuba(variant, f"workload.mitsuba={variant}", threads)
-        self._scene = mitsuba_scene(self._mi, scene, camera, options.max_depth)
-        self._most = max(1, _PATHS_AT_ONCE // (camera.width * camera.height))
-        self._seed = 0
-        self.make(1)
-
-    def make(self, samples: int) -> Any:
-        """(H, W, 3) float32, the mean of so many samples, other ones at every call."""
-        total: Any = 0.0
-        left = samples
-        while left:
-            count = min(left, self._most)
-            image = self._mi.render(self._scene, spp=count, seed=self._seed)
-            total = total + count * np.array(image)
-            left -= count
-            self._seed += 1
-        return total / samples

@@ -13,7 +13,7 @@ from experiments.drawing.figure import Axis, Bar, Figure, Panel
 from experiments.drawing.style import BLACK
 from experiments.drawing.values import MILLISECONDS, numbers, say_number
 from experiments.light.render import RENDER, STAGES, stage_column
-from experiments.methods.naming import best_of, say_kind
+from experiments.methods.naming import best_of
 from experiments.workloads.panels import figure_of, make_panels, read_panels, workload_figure
 from experiments.workloads.resources import say_ms
 from experiments.workloads.series import BestPoint, best_points, say_ratio
@@ -42,8 +42,6 @@ def sweep_lines(rows: pd.DataFrame) -> Iterator[Table | str]:
             "camera still, no jitter: what is seen is found once and kept, so that no method is faster than one that "
             f"is kept: gains over packets {gains.min():.2f}x to {gains.max():.2f}x"
         )
-    for _, row in rows[rows["samples_vs_mitsuba"].notna()].iterrows():
-        yield f"{row['scene']}, {say_kind(row)}: {row['samples_vs_mitsuba']:.2f} samples for each of Mitsuba 3's"
 
 
 def say_break_even(samples: Any) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -16,7 +17,7 @@ from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.priority import start_off
 from atra.prim_ids import MISS
 from experiments.classification.bvh.binary import bvh_of
-from experiments.light.sun.rays import TileRays
+from experiments.light.sun.rays import TileRays, tile_rays
 from experiments.light.sun.tiles_kernels import BoxTree, Prisms
 
 FLAT = 1e-3
@@ -129,9 +130,15 @@ class Tiles:
         middle, half = self._rectangles
         return Prisms(onto, shift, off, middle[tiles], half[tiles])
 
-    def towards(self, tiles: NDArray[np.int64], direction: ArrayLike, **options: Any) -> TileRays:
-        """`TileRays` of this direction from tiles, with its options."""
-        return TileRays(self.tree, self.prisms(tiles, direction), self.size, **options)
+    def towards(
+        self, tiles: NDArray[np.int64], direction: ArrayLike, shortcut: bool = True, **options: Any
+    ) -> AbstractContextManager[TileRays]:
+        """`tile_rays` of this direction from tiles, with its options. Without the shortcut no triangle covers part of a
+        tile; whether one does is still asked."""
+        prisms = self.prisms(tiles, direction)
+        if not shortcut:
+            prisms = prisms._replace(off=np.full_like(prisms.off, np.inf))  # no ray starts surely before one
+        return tile_rays(self.tree, prisms, self.size, **options)
 
     def rays(
         self, tiles: NDArray[np.int64], direction: ArrayLike, offset: tuple[float, float]
@@ -146,11 +153,6 @@ class Tiles:
         ways = np.broadcast_to(way.astype(np.float32), origins.shape)
         mesh = self.texels.mesh
         return (origins + mesh.origin if mesh.has_origin else origins.astype(np.float32)), ways
-
-
-def without_shortcut(prisms: Prisms) -> Prisms:
-    """The same prisms, of which no triangle covers a part: no ray starts surely before one."""
-    return prisms._replace(off=np.full_like(prisms.off, np.inf))
 
 
 def _planes(texels: Texels, charts: NDArray[np.int32]) -> NDArray[np.float64]:

@@ -11,15 +11,7 @@ import pandas as pd
 import psutil
 import pytest
 
-from experiments.harness.configuration import (
-    SweepConfiguration,
-)
-from experiments.harness.points import GridPoint, measure, plan_points
-from experiments.harness.processes.worker import Outcome
-from experiments.harness.records import write_record
-from experiments.sweep import run_sweep
 from tests.folders import ROOT
-from tests.points import configured
 
 pytestmark = pytest.mark.slow
 
@@ -94,58 +86,3 @@ def processes_below(pid):
                 return below
         time.sleep(0.1)
     pytest.fail("no worker was started")
-
-
-class Launcher:
-    """Stands in for a launcher: writes records of made-up times, save for one split, and remembers its batches."""
-
-    def __init__(self, folder, refused=None):
-        self.folder = folder
-        self.refused = refused
-        self.batches = []
-
-    def __call__(self, jobs, ended):
-        splits = [int(job[0]) for job in jobs]
-        self.batches.append(splits)
-        for place, split in enumerate(splits):
-            if split != self.refused:
-                (planned,) = plan_points([configuration(self.folder, split)])
-                write_record(self.folder / "records", measure(planned, lambda _: Outcome("failed", "on purpose")))
-            ended(place, "the queue is closed" if split == self.refused else None)
-
-
-def configuration(folder, split_x):
-    kept_in = {"sweep": SweepConfiguration(name="toy"), "results_dir": str(folder)}
-    return configured("aligned", "frame", (64, 64), measure={"processes": 1}, options={"split_x": split_x}, **kept_in)
-
-
-def sweep(folder, launcher, at_once):
-    points = [GridPoint("points", configuration(folder, split), (str(split),)) for split in (1, 2, 4, 8, 16)]
-    with pytest.raises(SystemExit) as ended:
-        run_sweep(points, launch=launcher, at_once=at_once)
-    return ended.value.code
-
-
-def test_a_launcher_is_given_so_many_points_at_once_and_each_just_once(tmp_path):
-    launcher = Launcher(tmp_path)
-    sweep(tmp_path, launcher, at_once=2)
-    assert [len(batch) for batch in launcher.batches] == [2, 2, 1]
-    assert sorted(split for batch in launcher.batches for split in batch) == [1, 2, 4, 8, 16]
-
-
-def test_a_point_whose_job_failed_is_named_with_the_reason_and_the_others_are_in_the_table(tmp_path, capsys):
-    assert sweep(tmp_path, Launcher(tmp_path, refused=4), at_once=5) == 1
-    told = capsys.readouterr().err
-    assert "4 \N{MULTIPLICATION SIGN} 1, culling on: no record: the queue is closed" in told
-    assert "1 points have no record" in told
-    assert sorted(pd.read_csv(tmp_path / "toy" / "table.csv")["split_x"]) == [1, 2, 8, 16]
-
-
-def test_an_interrupted_launcher_loses_no_record_of_its_batch(tmp_path):
-    class Interrupted(Launcher):
-        def __call__(self, jobs, ended):
-            super().__call__(jobs, lambda place, problem: None)
-            raise KeyboardInterrupt
-
-    assert sweep(tmp_path, Interrupted(tmp_path, refused=4), at_once=5) == 130
-    assert sorted(pd.read_csv(tmp_path / "toy" / "table.csv")["split_x"]) == [1, 2, 8, 16]

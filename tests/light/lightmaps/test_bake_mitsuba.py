@@ -10,8 +10,7 @@ from atra.light import Atlas, Baker
 from atra.light.lightmaps.charts.unwrap import UNMAPPED
 from atra.light.lightmaps.sums_kernels import LUMINANCE
 from atra.light.tables import unit_normals
-from experiments.light.mitsuba_light import parts_of
-from experiments.light.render.measure import mitsuba_scene
+from experiments.light.mitsuba_light import mitsuba_scene, parts_of
 from scenes.cornell_box import CORNELL_BOX_CAMERA
 from scenes.lit.rooms import lit_cornell_box
 from tests.baked import sheet, shining_room, standard_error

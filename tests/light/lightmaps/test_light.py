@@ -9,7 +9,7 @@ import atra
 from atra import light as render
 from atra.errors import AtraError, ClosedError, InputError
 from atra.light import Atlas, Baker, SpotLight
-from experiments.light.waves.baker import WaveBaker
+from experiments.light.wave_baker import WaveBaker
 from tests.baked import baked, cube, painted, sheet, standard_error
 from tests.meshes import joined, quads
 from tests.shown import floor

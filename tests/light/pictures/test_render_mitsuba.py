@@ -8,7 +8,7 @@ import pytest
 
 import atra
 from atra import light
-from experiments.light.render.measure import mitsuba_scene
+from experiments.light.mitsuba_light import mitsuba_scene
 from scenes.atrium import ATRIUM_CAMERA, atrium
 from scenes.lit.weekend import WEEKEND_CAMERA, outwards, weekend
 from scenes.shapes import ball

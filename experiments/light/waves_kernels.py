@@ -29,10 +29,8 @@ from atra.light.scattering.spots_kernels import WHITE, spot_of
 from atra.light.scattering.spots_kernels import scatter as scatter_ray
 from atra.light.surface_kernels import ENDS, SHINES, meet
 
-ORIGIN, DIRECTION, WEIGHT, DENSITY, NEAR = 0, 3, 6, 9, 10
-PATH_ROWS = 11
-AIM_ORIGIN, AIM_DIRECTION, CARRIED, LENGTH, TOWARDS = 11, 14, 17, 20, 21
-ROWS = 22
+ORIGIN, DIRECTION, WEIGHT, DENSITY, NEAR, PATH_ROWS = 0, 3, 6, 9, 10, 11
+AIM_ORIGIN, AIM_DIRECTION, CARRIED, LENGTH, TOWARDS, ROWS = 11, 14, 17, 20, 21, 22
 
 ROW_PADDING = 80
 """Extra columns of a wave; rows a power of two apart would compete for the same cache sets."""
@@ -248,7 +246,7 @@ def gather(wave, order, first, texels, expansion, samples, sums):  # type: ignor
         for e in range(expansion):
             one = wave.results[k * expansion + e]
             direct, later, sky = (one[0], one[1], one[2]), (one[3], one[4], one[5]), (one[6], one[7], one[8])
-            sample, is_open, is_back = samples[texel] + e, one[OPEN] > ZERO, one[BACK] > ZERO
-            is_finite &= add_sample(sums, texel, sample, direct, later, sky, is_open, is_back)
+            is_open, is_back = one[OPEN] > ZERO, one[BACK] > ZERO
+            is_finite &= add_sample(sums, texel, samples[texel] + e, direct, later, sky, is_open, is_back)
         samples[texel] += expansion
     return is_finite

@@ -1,4 +1,8 @@
-"""The baker in waves."""
+"""A small baker in waves: paths of many texels pass every stage together, with lanes packed or not.
+
+It finds the light of `atra.light.Baker` to the bit, and is measured for what the article on a progressive lightmapper
+claims of compaction and expansion.
+"""
 
 from __future__ import annotations
 
@@ -18,28 +22,16 @@ from atra.light.lightmaps.paths import Paths
 from atra.light.lightmaps.sums_kernels import SUMS
 from atra.light.pictures.path_kernels import FREE_ROWS
 from atra.rays.kernel_scene import Query, scene_for_kernels
-from experiments.light.waves.waves_kernels import (
-    Wave,
-    aim,
-    compact,
-    gather,
-    generate,
-    new_wave,
-    scatter,
-    shade,
-    shine,
-    trace,
-)
+from experiments.light import waves_kernels as waves
 
 
 @dataclass(frozen=True)
 class WaveOptions(BakeOptions):
     """Options of a bake, and of its waves.
 
-    environment: whether a panorama is found by both kinds of rays,
-    "mis", or by scattered ones alone, "bsdf". compaction: lanes packed together: all of the map, "none"; lit texels,
-    "texels"; or also paths that go on after a bounce, "bounces". batch_rays: rays in flight, of all threads. expansion:
-    samples of a texel side by side.
+    environment: whether a panorama is found by both kinds of rays, "mis", or by scattered ones alone, "bsdf".
+    compaction: lanes packed together: all of the map, "none"; lit texels, "texels"; or also paths that go on after a
+    bounce, "bounces". batch_rays: rays in flight, of all threads. expansion: samples of a texel side by side.
     """
 
     environment: str = "mis"
@@ -52,7 +44,7 @@ class WaveBaker:
     """Samples of a lightmap as `atra.light.Baker` makes them, in waves.
 
     stage_s: seconds by stage, averaged over threads. rays, lanes: rays traced, and lanes of their packets, idle ones
-    included. Other attributes are those of `Baker`.
+    included. buffer_bytes: memory of the rays in flight. Other attributes are those of `Baker`.
     """
 
     def __init__(self, scene: Scene, atlas: Atlas, **options: Any) -> None:
@@ -64,7 +56,10 @@ class WaveBaker:
             self._emitters = emitters_of(replace(scene, sky=constant_sky(0.0)), self.options.lights)
         self.visible: NDArray[np.bool_] | None = None
         self.samples, self._sums = np.zeros(len(self.texels), np.int32), np.zeros((len(self.texels), SUMS))
-        self._waves: list[Wave | None] = [None] * self.rays_scene.threads
+        threads = self.rays_scene.threads
+        self.paths_at_once = max(self.options.batch_rays // threads, self.options.expansion)
+        self._waves = [waves.new_wave(self.paths_at_once) for _ in range(threads)]
+        self.buffer_bytes = sum(array.nbytes for wave in self._waves for array in wave)
         self.stage_s: dict[str, float] = {}
         self.rays = self.lanes = 0
         self.rays_scene.build()
@@ -76,18 +71,15 @@ class WaveBaker:
         self.rays_scene.close()
 
     @property
-    def buffer_bytes(self) -> int:
-        """Memory of the rays in flight."""
-        return sum(array.nbytes for wave in self._waves if wave is not None for array in wave)
-
-    @property
     def maps(self) -> Lightmap:
         """The means of all samples so far; a copy."""
         return Lightmap.of(self.texels, self.samples.copy(), self._sums)
 
     def add(self, samples: int, wanted: NDArray[np.bool_] | None = None) -> None:
         """Add so many samples to the wanted texels, (N,); None: to all."""
+        start = perf_counter()
         order = self._order(np.ones(len(self.texels), np.bool_) if wanted is None else wanted)
+        self._took("order", perf_counter() - start)
         while samples > 0 and len(order):
             count = min(samples, self.options.expansion)
             self._pass(order, count)
@@ -95,68 +87,65 @@ class WaveBaker:
 
     def _order(self, wanted: NDArray[np.bool_]) -> NDArray[np.int32]:
         """Numbers of wanted texels, neighbours together; or those of the whole map in rows, -1 elsewhere."""
-        start, texels = perf_counter(), self.texels
-        order = texels.along_curve[wanted[texels.along_curve]]
-        if self.options.compaction == "none":
-            order = np.full(texels.atlas.width * texels.atlas.height, -1, np.int32)
-            order[texels.number[wanted]] = np.flatnonzero(wanted)
-        self.stage_s["order"] = self.stage_s.get("order", 0.0) + perf_counter() - start
+        texels = self.texels
+        if self.options.compaction != "none":
+            return texels.along_curve[wanted[texels.along_curve]]
+        order = np.full(texels.atlas.width * texels.atlas.height, -1, np.int32)
+        order[texels.number[wanted]] = np.flatnonzero(wanted)
         return order
+
+    def _took(self, stage: str, seconds: float) -> None:
+        self.stage_s[stage] = self.stage_s.get(stage, 0.0) + seconds
 
     def _pass(self, order: NDArray[np.int32], expansion: int) -> None:
         start, threads = perf_counter(), self.rays_scene.threads
         stages: list[dict[str, float]] = [{} for _ in range(threads)]
-        rays, lanes = max(self.options.batch_rays // threads, expansion), [0] * threads
+        lanes = [0] * threads
 
         def add(query: Query, first: int, texels: int) -> int:
-            wave, lap = self._wave(query.worker, rays), Laps(stages[query.worker])
+            wave, lap = self._waves[query.worker], Laps(stages[query.worker])
             charts, surfaces = self._paths.charts, self._paths.surfaces
-            generate(wave, order, first, texels, expansion, self.samples, charts, surfaces)
+            waves.generate(wave, order, first, texels, expansion, self.samples, charts, surfaces)
             lap("generate")
             traced, filled = self._follow(query, wave, texels * expansion, lap)
-            if not gather(wave, order, first, texels, expansion, self.samples, self._sums):
+            if not waves.gather(wave, order, first, texels, expansion, self.samples, self._sums):
                 raise ArithmeticError("light is not finite; make lights or materials darker")
             lap("gather")
             lanes[query.worker] += filled
             return traced
 
-        self.rays += in_batches(self.rays_scene, len(order), max(1, rays // expansion), add)[1]
+        self.rays += in_batches(self.rays_scene, len(order), max(1, self.paths_at_once // expansion), add)[1]
         self.lanes += sum(lanes)
-        whole = {name: sum(one.get(name, 0.0) for one in stages) / threads for name in set().union(*stages)}
-        whole["other"] = perf_counter() - start - sum(whole.values())
-        for name, seconds in whole.items():
-            self.stage_s[name] = self.stage_s.get(name, 0.0) + seconds
+        other = perf_counter() - start
+        for name, seconds in (taken for one in stages for taken in one.items()):
+            self._took(name, seconds / threads)
+            other -= seconds / threads
+        self._took("other", other)
 
-    def _wave(self, worker: int, rays: int) -> Wave:
-        wave = self._waves[worker]
-        if wave is None or len(wave.key) < rays:
-            wave = self._waves[worker] = new_wave(rays)
-        return wave
-
-    def _follow(self, query: Query, wave: Wave, count: int, lap: Laps) -> tuple[int, int]:
+    def _follow(self, query: Query, wave: waves.Wave, count: int, lap: Laps) -> tuple[int, int]:
         """Follow the paths of a wave to their ends; returns rays traced, and lanes of their packets."""
         surfaces, emitters, limits = self._paths.surfaces, self._emitters, self._paths.limits
         free, is_packed = np.zeros((FREE_ROWS, 1), np.float32), self.options.compaction == "bounces"
         rays = lanes = 0
         while True:
             if has_emitters(emitters):
-                aim(wave, count, surfaces, emitters)
+                waves.aim(wave, count, surfaces, emitters)
                 lap("aim")
-                rays, lanes = rays + shine(wave, count, surfaces, query.scene, query.packet, free), lanes + count
+                rays, lanes = rays + waves.shine(wave, count, surfaces, query.scene, query.packet, free), lanes + count
                 lap("shadow")
-            going = scatter(wave, count, surfaces, limits.roulette)
+            going = waves.scatter(wave, count, surfaces, limits.roulette)
             lap("scatter")
             if going:
                 count = self._packed(wave, count, lap) if is_packed else count
-                rays, lanes = rays + trace(wave, count, query.scene, query.packet), lanes + count
+                rays, lanes = rays + waves.trace(wave, count, query.scene, query.packet), lanes + count
                 lap("trace")
-                going = shade(wave, count, surfaces, emitters, limits.max_depth, self._paths.charts.open_length)
+                going = waves.shade(wave, count, surfaces, emitters, limits.max_depth, self._paths.charts.open_length)
                 lap("shade")
             if not going:
                 return rays, lanes
             count = self._packed(wave, count, lap) if is_packed else count
 
-    def _packed(self, wave: Wave, count: int, lap: Laps) -> int:
-        going: int = compact(wave, count)
+    def _packed(self, wave: waves.Wave, count: int, lap: Laps) -> int:
+        going: int = waves.compact(wave, count)
         lap("compact")
         return going
