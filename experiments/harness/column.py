@@ -15,7 +15,7 @@ TEXT, WHOLE, REAL, TRUTH = "string", "Int64", "Float64", "boolean"
 
 _SHOWN = {"s": ("ms", 1e3), "bytes": ("MiB", 2.0**-20)}
 
-_UNITS = {"_s": "s", "_bytes": "bytes", "_gib": "GiB", "_degrees": "degrees"}
+_UNITS = {"_per_s": "", "_s": "s", "_bytes": "bytes", "_gib": "GiB", "_degrees": "degrees"}
 
 
 def middle(values: Sequence[Any]) -> Any:

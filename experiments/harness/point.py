@@ -132,7 +132,8 @@ class Workload:
     judged: the series whose spread flag a point. needs: results that a measured record holds at least.
     canary: what a measured record says of the machine alone (`experiments.results.canary`).
     problem: why a point cannot be measured. once: the name under which older tables have its rows, those with a value
-    of its first option. rays: a row -> the kind of rays it traces, None = the workload's name.
+    of its first option. rays: a row -> the kind of rays it traces, None = the workload's name. told: columns that the
+    terminal shows of every point of a sweep, with {} those whose interval it shows, too.
     """
 
     name: str
@@ -148,6 +149,7 @@ class Workload:
     problem: Callable[[Point], str | None] = no_problem
     once: str | None = None
     rays: Callable[[Mapping[str, Any]], str] | None = None
+    told: tuple[str, ...] = ()
 
     def rays_of(self, row: Mapping[str, Any]) -> str:
         """The kind of rays that a row's point traces, in words."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
+from functools import partial
 from inspect import signature
 from typing import Any
 
@@ -18,29 +19,20 @@ def keywords_of(make: Callable[..., Any], options: Any, tracing: Tracing) -> dic
     return {name: known[name] for name in signature(make).parameters if name in known}
 
 
-def split_x_option() -> Any:
-    """The option `split_x` of methods with cells; None = the largest power of two up to 128 that divides the width."""
-    return whole(None, "columns of cells", 1)
-
-
-def split_y_option() -> Any:
-    """The option `split_y` of methods with cells."""
-    return whole(1, "rows of cells", 1)
-
-
-def packet_width_option() -> Any:
-    """The option `packet_width` of methods on Embree."""
-    return option(None, "rays in a packet; 1 = single rays, null = the widest native packets", choices=(1, *LANES))
-
-
-def packet_rows_option() -> Any:
-    """The option `packet_rows` of methods with aligned rays."""
-    return option(None, "rows of pixels in a packet; null = the best fit for the cell", null="automatic")
-
-
-def robust_option() -> Any:
-    """The option `robust`. The paper, and all tables without the column, measured Embree's fast setting."""
-    return option(False, "no ray slips through between two triangles; off: Embree's fast setting, as in the paper")
+# What makes a field: a dataclass needs one of its own.
+split_x_option = partial(whole, None, "columns of cells", 1)
+"""None = the largest power of two up to 128 that divides the width."""
+split_y_option = partial(whole, 1, "rows of cells", 1)
+packet_width_option = partial(
+    option, None, "rays in a packet; 1 = single rays, null = the widest native packets", choices=(1, *LANES)
+)
+packet_rows_option = partial(
+    option, None, "rows of pixels in a packet; null = the best fit for the cell", null="automatic"
+)
+robust_option = partial(
+    option, False, "no ray slips through between two triangles; off: Embree's fast setting, as in the paper"
+)
+"""The paper, and all tables without the column, measured Embree's fast setting."""
 
 
 def say_robust(row: Mapping[str, Any]) -> list[str]:
@@ -63,8 +55,3 @@ def resolve_split(options: Any, width: int) -> Any:
     """The options with split_x set; width & -width is the largest power of two that divides the width."""
     default = min(_LARGEST_DEFAULT_SPLIT, width & -width)
     return options if options.split_x is not None else replace(options, split_x=default)
-
-
-def two_cells(options: Any) -> Any:
-    """The options with at most two cells along each axis."""
-    return replace(options, split_x=min(options.split_x, 2), split_y=min(options.split_y, 2))

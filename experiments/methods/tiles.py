@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
@@ -149,11 +148,6 @@ class PreparedTiles(Prepared):
     def embree_bytes(self) -> int:
         """Bytes that Embree holds for all BVHs."""
         return self.scenes.embree_bytes
-
-    @property
-    def counters(self) -> Mapping[str, float]:
-        """Embree's memory."""
-        return {"embree_bytes": self.embree_bytes}
 
     def close(self) -> None:
         """Release the BVHs."""

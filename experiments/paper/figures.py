@@ -12,7 +12,7 @@ from experiments.methods.naming import FORM_OPTIONS, FORM_STYLES, INSTANCED, ali
 from experiments.results.settings import say_setting
 from experiments.results.table import workload_rows
 from experiments.workloads.frame import FRAME
-from experiments.workloads.frame_figures import RATIO_LABELS, SPLIT_AXES, ratios_panel
+from experiments.workloads.frame_figures import RATIO_LABELS, SPLIT_AXES, splits_panel
 from experiments.workloads.memory import MEMORY
 from experiments.workloads.memory.shown import baseline_rows, memory_mib
 from experiments.workloads.panels import PanelRows, figure_of, make_panels
@@ -36,7 +36,7 @@ def instancing_figure(table: pd.DataFrame) -> Figure:
         shown = _memory(pair.rows[of_memory], baseline_rows(memory, pair.rows))
         panels += [
             pair.panel(shown, ": memory"),
-            pair.panel(ratios_panel(pair.rows[~of_memory], "split_x"), ": speed-up"),
+            pair.panel(splits_panel(pair.rows[~of_memory], "split_x", in_ratios=True), ": speed-up"),
         ]
     return figure_of(
         "lines", panels, pd.concat([time, memory]), "memory: Embree's own account, each point one process",

@@ -26,6 +26,7 @@ from experiments.results.table import Tables, columns, workload_rows
 from experiments.results.time_warnings import WRONG
 from experiments.workloads import WORKLOADS, find_workload
 from experiments.workloads.images import say_wrong_image
+from experiments.workloads.tables import told_table
 
 _PARTS = ("_low", "_high", "_half", "_rest")
 
@@ -111,6 +112,9 @@ def print_sweep(tables: Tables, folder: Path, console: Console) -> None:
     table = tables.points
     for workload in WORKLOADS:
         shown: Any = workload.part("shown")
+        points = workload_rows(table[table["status"].eq("ok").fillna(False).astype(bool)], workload.name)
+        if workload.told and len(points):
+            console.print(told_table(workload, points))
         for part, rows in (("sweep_lines", table), ("process_lines", tables.processes)):
             lines = getattr(shown, part, None)
             if lines is None or not rows["workload"].eq(workload.name).any():

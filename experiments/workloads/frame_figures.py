@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from math import nan
 
 import numpy as np
@@ -62,19 +60,21 @@ def split_times(table: pd.DataFrame, axis_name: str = "split_x") -> Figure:
     axis_name: `split_x` (horizontal splits, the paper's figure 5) or `split_y` (vertical). The baselines, measured
     beside every point, are lines at their medians.
     """
-    return _over_splits(table, axis_name, times_panel, "time of a frame in ms")
+    return _over_splits(table, axis_name, False, "time of a frame in ms")
 
 
 def split_ratios(table: pd.DataFrame, axis_name: str = "split_x", with_paper: bool = False) -> Figure:
     """The same in speed-ups: ratios within rounds of single rays over rtcIntersect1 and of packets over packets, with
     intervals. Horizontal lines are other baselines. with_paper: the paper's best stand among single rays."""
-    return _over_splits(table, axis_name, partial(ratios_panel, with_paper=with_paper), "speed-up")
+    return _over_splits(table, axis_name, True, "speed-up", with_paper)
 
 
-def _over_splits(table: pd.DataFrame, axis_name: str, read: Callable[..., Panel], quantity: str) -> Figure:
+def _over_splits(
+    table: pd.DataFrame, axis_name: str, in_ratios: bool, quantity: str, with_paper: bool = False
+) -> Figure:
     panels = make_panels(aligned_rows(table), (axis_name, *FORM_OPTIONS))
     panels = [replace(panel, rows=pd.concat([panel.rows, series.beside(panel.rows, table)])) for panel in panels]
-    shown = read_panels(panels, partial(read, axis_name=axis_name))
+    shown = read_panels(panels, lambda rows: splits_panel(rows, axis_name, in_ratios, with_paper))
     notes = [_RINGED, *([_STAR] if any(mark.label == PAPER_BEST for panel in shown for mark in panel.marks) else [])]
     legend = [*RATIO_LABELS, *(point.name for point in series.best_points(series.of_files(table)))]
     return figure_of(
@@ -83,31 +83,20 @@ def _over_splits(table: pd.DataFrame, axis_name: str, read: Callable[..., Panel]
     )  # fmt: skip
 
 
-def times_panel(rows: pd.DataFrame, axis_name: str) -> Panel:
-    """Milliseconds a frame of one panel's aligned rows, each form of the geometry a line, with the baselines, and of
-    methods of files, which have no splits, as levels."""
-    shown = _splits_panel(rows, axis_name, None, [])
-    return replace(shown, levels=[*series.baseline_levels(aligned_rows(rows), None), *shown.levels])
+def splits_panel(table: pd.DataFrame, axis_name: str, in_ratios: bool, with_paper: bool = False) -> Panel:
+    """A line for each form of the geometry, a ring around its best split, a level for each baseline and for each method
+    of a file, which has no splits, at the best of its options; and in words what is best and what is missing.
 
-
-def ratios_panel(rows: pd.DataFrame, axis_name: str, with_paper: bool = False) -> Panel:
-    """The same in ratios, over all hits, too, where the row that splits and culls nothing was measured."""
-    aligned = aligned_rows(rows)
-    ratio, starts = series.own_ratio(aligned), [float(height) for height in all_hits(aligned)]
-    shown = _splits_panel(rows, axis_name, ratio, starts)
-    levels = [Level(ALL_HITS, height, {"color": GREY, "linestyle": DASH_DOTTED}) for height in starts]
-    stars = _paper_best(aligned, axis_name) if with_paper and ratio == series.OVER_SINGLE else []
-    return replace(
-        shown, levels=[*series.baseline_levels(aligned, ratio), *levels, *shown.levels], marks=[*shown.marks, *stars],
-        y=Axis(f"speed-up over {series.say_baseline(ratio)}"),
-    )  # fmt: skip
-
-
-def _splits_panel(table: pd.DataFrame, axis_name: str, ratio: str | None, starts: list[float]) -> Panel:
-    """A line for each form, a ring around its best split, a level for each method of a file at the best of its options;
-    and in words what is best and what is missing. ratio: None = milliseconds. starts: the ratio over all hits."""
-    rows, drawn = aligned_rows(table), ("render_time{}_s", MILLISECONDS) if ratio is None else (ratio + "{}", 1.0)
-    lines, rings, missing, levels, notes, forms = [], [], [], [], [], aligned_forms(rows)
+    in_ratios: speed-ups in place of milliseconds, over all hits, too, where the row that splits and culls nothing was
+    measured.
+    """
+    rows = aligned_rows(table)
+    ratio = series.own_ratio(rows) if in_ratios else None
+    starts = [float(height) for height in all_hits(rows)] if in_ratios else []
+    drawn = ("render_time{}_s", MILLISECONDS) if ratio is None else (ratio + "{}", 1.0)
+    levels = series.baseline_levels(rows, ratio)
+    levels += [Level(ALL_HITS, height, {"color": GREY, "linestyle": DASH_DOTTED}) for height in starts]
+    lines, marks, missing, notes, forms = [], [], [], [], aligned_forms(rows)
     for form, points in forms.items():
         style, short = FORM_STYLES[form], form.removeprefix("aligned, ")
         value, low, high = (only_measured(points, values) for values in interval(points, *drawn))
@@ -117,12 +106,12 @@ def _splits_panel(table: pd.DataFrame, axis_name: str, ratio: str | None, starts
         # A single one is no choice.
         for _, best in series.best_rows(points if drawable(value).sum() > 1 else points[:0]).iterrows():
             heights = value[(points[axis_name] == best[axis_name]).to_numpy(bool)]
-            rings += [ring(float(best[axis_name]), float(height), style["color"]) for height in heights]
+            marks += [ring(float(best[axis_name]), float(height), style["color"]) for height in heights]
             notes.append(f"{short}: {_say_best(best, axis_name, ratio, starts)}")
     absent = [form for form in expected_forms(rows) if form not in forms]
     notes += [f"{form.removeprefix('aligned, ')}: not in the table" for form in absent]
     baselines = [label for label, (name, _) in TIME_BASELINES.items() if not drawable(numbers(rows, name)).any()]
-    unmeasured = [*([ALL_HITS] if ratio is not None and not starts else []), *baselines]
+    unmeasured = [*([ALL_HITS] if in_ratios and not starts else []), *baselines]
     notes += [f"{label}: not measured" for label in unmeasured]
     for point in series.best_points(series.of_files(table)):
         for _, best in point.best.iterrows():
@@ -130,8 +119,11 @@ def _splits_panel(table: pd.DataFrame, axis_name: str, ratio: str | None, starts
             if height > 0:
                 levels.append(Level(point.name, height, {"color": point.color}, *ends))
             notes.append(f"{point.name}: {say_level(best, ratio)}")
-        notes += point.notes()
-    return Panel(lines=lines, marks=rings, levels=levels, crosses=missing, notes=notes)
+        notes += series.say_wrong(point.best, point.name)
+    if with_paper and ratio == series.OVER_SINGLE:
+        marks += _paper_best(rows, axis_name)
+    y = None if ratio is None else Axis(f"speed-up over {series.say_baseline(ratio)}")
+    return Panel(lines=lines, marks=marks, levels=levels, crosses=missing, notes=notes, y=y)
 
 
 def _say_best(best: pd.Series, axis_name: str, ratio: str | None, starts: list[float]) -> str:
@@ -190,15 +182,17 @@ def methods_figure(table: pd.DataFrame) -> Figure:
 
 
 def _methods(rows: pd.DataFrame) -> Panel:
-    bars, notes = [], []
     lines = {1, None, *column(rows, "packets_width").dropna()}
-    for point in series.best_points(rows):
-        if point.method == PIXEL.name and point.packet_width in lines:
-            notes += series.say_unmeasured(point.points, point.name)
-        else:
-            notes += point.notes()
-            bars.append(_ratio_bar(point) if len(point.best) else _without_value(point))
-    return Panel(bars=bars, levels=series.baseline_levels(rows, series.OVER_PACKETS), notes=notes)
+    points = [
+        point
+        for point in series.best_points(rows)
+        if not (point.method == PIXEL.name and point.packet_width in lines)  # these are levels
+    ]
+    return Panel(
+        bars=[_ratio_bar(point) if len(point.best) else _without_value(point) for point in points],
+        levels=series.baseline_levels(rows, series.OVER_PACKETS),
+        notes=[line for point in points for line in series.say_wrong(point.best, point.name)],
+    )
 
 
 def _without_value(point: series.BestPoint) -> Bar:

@@ -22,7 +22,7 @@ from atra.tracing.tracer import Tracer
 from experiments.harness.environment import peak_rss_bytes, reset_peak_rss, rss_bytes
 from experiments.harness.point import Measured, Point, make_own
 from experiments.harness.rounds import RoundSamples, measure_rounds
-from experiments.methods.options import split_of, two_cells
+from experiments.methods.options import split_of
 from experiments.methods.pixel import PixelOptions, make_pixel
 from experiments.workloads.baselines import OWN, PACKETS, SINGLE
 from experiments.workloads.resources import Prepared, Resources
@@ -140,6 +140,25 @@ def own_and_baselines() -> list[MakeTracer]:
     return [make_own, *baseline_makers().values()]
 
 
+def race_baselines(
+    point: Point,
+    judge: Callable[[dict[str, Any], dict[str, Frames]], Mapping[str, Any]],
+    what: Reduction[Any] | None = None,
+    triangles: Sequence[tuple[int, int, int]] = _FEW,
+) -> Measured:
+    """Build the point's own method, read the memory, time it against the baselines round by round, and plan and build
+    it again for more samples of these.
+
+    judge: tracers and their frames, by the names of their samples -> what is found by comparing them. what: is gathered
+    in place of the nearest hit. triangles: as of `warm_up`. Raises InputError and MemoryBudgetError as the tracers do.
+    """
+    warm_up(point, own_and_baselines(), lambda tracer: Frames(tracer, what)(), triangles)
+    with ExitStack() as stack:
+        tracers, results = build_with_baselines(point, stack)
+        frames = {name: Frames(tracer, what) for name, tracer in tracers.items()}
+        return race(point, frames, lambda: {**judge(tracers, frames), **plan_and_build_again(tracers[OWN])}, results)
+
+
 def build_with_baselines(point: Point, stack: ExitStack) -> tuple[dict[str, Any], dict[str, Any]]:
     """`build_own`, then the baselines. Returns the tracers by the names of their samples, and the results."""
     own, results = build_own(point, stack)
@@ -154,13 +173,10 @@ def shrunk(point: Point) -> Point:
     """The point with at most two cells along each axis; they keep their size, which decides the kernel."""
     if not point.method.has_cells:
         return point
-    split = split_of(point.options)
-    options = two_cells(point.options)
-    width, height = (
-        cells * (whole // split)
-        for cells, whole, split in zip(split_of(options), (point.width, point.height), split, strict=True)
-    )
-    return replace(point, width=width, height=height, options=options)
+    columns, rows = split_of(point.options)
+    few = replace(point.options, split_x=min(columns, 2), split_y=min(rows, 2))
+    width, height = few.split_x * (point.width // columns), few.split_y * (point.height // rows)
+    return replace(point, width=width, height=height, options=few)
 
 
 class Frames:
@@ -221,11 +237,9 @@ def plan_and_build_again(own: Any) -> Prepared:
     )
 
 
-def measured(results: dict[str, Any], timed: RoundSamples | None = None) -> Measured:
-    """Results and the samples of the rounds, if there were any, in the form of a record. What is added to `results`
-    later, such as counters when a stack closes, is in the record, too."""
-    if timed is None:
-        return Measured(results)
+def measured(results: dict[str, Any], timed: RoundSamples) -> Measured:
+    """Results and the samples of the rounds in the form of a record. What is added to `results` later, such as counters
+    when a stack closes, is in the record, too."""
     results |= {"rounds": timed.rounds} | ({} if timed.occupancy is None else asdict(timed.occupancy))
     return Measured(
         results,

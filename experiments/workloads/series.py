@@ -1,4 +1,4 @@
-"""Series of methods in figures: ratios of times over baselines, best points, styles, and reasons of missing points."""
+"""Series of methods in figures: ratios of times over baselines, best points, and styles."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.drawing.figure import Level, median_level
-from experiments.drawing.missing import missing_points
-from experiments.drawing.style import BLACK, GREY, TIMES
+from experiments.drawing.style import BLACK, TIMES
 from experiments.drawing.values import MILLISECONDS, column, numbers, say_things
 from experiments.methods import METHODS, find_method
 from experiments.methods.naming import say_series, say_split
@@ -103,25 +102,6 @@ def baseline_levels(rows: pd.DataFrame, ratio: str | None) -> list[Level]:
     return levels
 
 
-def series_of(rows: pd.DataFrame) -> Iterator[tuple[str, int | None, pd.DataFrame]]:
-    """Method, packet width (None if unknown) and rows of every series, in the order of `METHODS`.
-
-    A point without a packet width was not measured; it belongs to the method's first series.
-    """
-    present = set(rows["method"].dropna())
-    for method in METHODS:
-        if method.name not in present:
-            continue
-        of_method = rows[rows["method"].eq(method.name).fillna(False).astype(bool)]
-        widths = sorted((int(width) for width in column(of_method, "packet_width").dropna().unique()), reverse=True)
-        if not method.has_packets or len(widths) <= 1:
-            yield method.name, widths[0] if widths else None, of_method
-            continue
-        for width in widths:
-            same = of_method["packet_width"].eq(width)
-            yield method.name, width, of_method[same.fillna(width == widths[0]).astype(bool)]
-
-
 @dataclass(frozen=True, eq=False)
 class BestPoint:
     """A series at its best split. name: in words. points: its rows. best: the best of them, or none."""
@@ -147,15 +127,22 @@ class BestPoint:
         is_baseline = self.method == PIXEL.name and self.packet_width == 1
         return BLACK if is_baseline else find_method(self.method).style.color
 
-    def notes(self) -> list[str]:
-        """Lines on what was not measured, and on wrong pixels of the best row."""
-        return [*say_unmeasured(self.points, self.name), *say_wrong(self.best, self.name)]
-
 
 def best_points(rows: pd.DataFrame) -> Iterator[BestPoint]:
-    """One for each series."""
-    for method, width, points in series_of(rows):
-        yield BestPoint(method, width, say_series(method, width), points, best_rows(points))
+    """One for each series, in the order of `METHODS`: a method and, where that is ours to choose, a width of packets.
+
+    A point without a packet width was not measured; it belongs to the method's first series.
+    """
+    for method in METHODS:
+        of_method = rows[rows["method"].eq(method.name).fillna(False).astype(bool)]
+        known = column(of_method, "packet_width").dropna().unique()
+        widths: list[int | None] = [*sorted((int(width) for width in known), reverse=True)] or [None]
+        for width in widths if method.has_packets else widths[:1]:
+            points = of_method
+            if method.has_packets and len(widths) > 1:
+                points = of_method[of_method["packet_width"].eq(width).fillna(width == widths[0]).astype(bool)]
+            if len(points):
+                yield BestPoint(method.name, width, say_series(method.name, width), points, best_rows(points))
 
 
 def say_ratio(row: pd.Series, name: str = OVER_PACKETS) -> str:
@@ -170,7 +157,7 @@ def say_ratio(row: pd.Series, name: str = OVER_PACKETS) -> str:
 
 
 def say_wrong(rows: pd.DataFrame, name: str) -> list[str]:
-    """A line for each measured row with pixels that are wrong; of a wrong image, `say_unmeasured` tells."""
+    """A line for each measured row with pixels that are wrong; the page lists wrong images by themselves."""
     rows = rows[rows["status"].eq("ok").fillna(False).astype(bool)]
     wrong = rows[column(rows, "pixels_wrong").gt(0).fillna(False).astype(bool)]
     return [
@@ -178,17 +165,3 @@ def say_wrong(rows: pd.DataFrame, name: str) -> list[str]:
         f"{say_things(row['pixels_wrong'], 'pixel')} wrong{say_holes(row)}"
         for _, row in wrong.iterrows()
     ]
-
-
-def say_unmeasured(rows: pd.DataFrame, name: str) -> list[str]:
-    """A line for each status other than "ok": the points of a series, and the first reason."""
-    lines = []
-    told = rows[["status", "error"]].assign(split_x=rows["split_x"].fillna(0))
-    for missing in missing_points(told, "split_x", name, GREY):
-        status = missing.reason.partition(",")[0]
-        points = rows[rows["status"].eq(status).fillna(False).astype(bool)]
-        splits = list(dict.fromkeys(filter(None, (say_split(row) for _, row in points.iterrows()))))
-        where = ", ".join(splits) if len(splits) <= 3 else f"{len(points)} points from {splits[0]} to {splits[-1]}"
-        title = f"{TIMES} {', '.join(filter(None, [name, where]))}"
-        lines.append(f"{title}: {missing.reason}")
-    return lines

@@ -62,13 +62,15 @@ def test_embree_and_numba_are_held_to(name):
         [
             "-c",
             "from atra.embree.library import load_library\n"
-            "from experiments.workloads.agreement.brute_force_kernels import nearest_triangles\n"
+            "import numba\n"
             "import numpy as np\n"
             "print(load_library().native_packet_widths)\n"
-            "z = np.zeros((3, 1)); t = np.zeros((1, 3)); counter = np.zeros(1, np.int64)\n"
-            "nearest_triangles._cache.disable()\n"
-            "nearest_triangles(counter.ctypes.data, z, z, t, t, t, 0.0, np.zeros(1), np.zeros(1, np.uint32))\n"
-            "(assembly,) = nearest_triangles.inspect_asm().values()\n"
+            "@numba.njit\n"
+            "def halve(x):\n"
+            "    for i in range(len(x)):\n"
+            "        x[i] = 0.5 * x[i] if x[i] > 1.0 else x[i] - 1.0\n"
+            "halve(np.zeros(9))\n"
+            "(assembly,) = halve.inspect_asm().values()\n"
             "print('%k1' in assembly, '%ymm' in assembly, '%xmm' in assembly)",
         ],
         name,

@@ -14,8 +14,7 @@ from atra.geometry.ray_space import NARROWEST_WORLD_PITCH
 from experiments.harness.method import Tracing
 from experiments.methods import METHODS, find_method
 from experiments.methods.peers import embreex_run, llvmpipe
-from experiments.methods.peers.peer import PEER_COLUMNS
-from experiments.methods.peers.pixel_rays import block_order
+from experiments.methods.peers.peer import PEER_COLUMNS, block_order
 from tests.images import trace_pixels
 from tests.judge.reference import brute_force
 from tests.meshes import EYE_AT_ORIGIN, cornell_box, cornell_camera, quads, random_triangles

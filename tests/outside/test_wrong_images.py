@@ -11,7 +11,7 @@ from experiments.report.facts import compared_images, missing_points
 from experiments.results.table import make_table
 from experiments.workloads.frame_figures import methods_figure
 from tests.command import run_here
-from tests.drawn import make_rows, method_row, unfolded, words
+from tests.drawn import make_rows, method_row, words
 from tests.outside.test_misbehaving import GOOD
 from tests.report_samples import small_table
 from tests.results.test_table import MEASURED
@@ -76,9 +76,8 @@ def test_more_than_a_hundredth_of_the_pixels_is_a_wrong_image(wrong, status):
 WRONG = {"status": "wrong", "error": "4,096 of 4,096 pixels wrong", "pixels_wrong": 4096}
 
 
-def test_a_wrong_image_is_a_cross_and_a_note_in_figures_and_no_bar():
+def test_a_wrong_image_is_told_in_figures_and_no_bar():
     figure = methods_figure(make_rows(method_row("raster") | WRONG, method_row("aligned", 2)))
-    assert f"{TIMES} rasteriser: wrong, 4,096 of 4,096 pixels wrong" in unfolded(figure)
     (panel,) = figure.panels
     assert len([bar for bar in panel.bars if bar.value > 0]) == 1
     assert f"{TIMES} wrong image" in words(figure)

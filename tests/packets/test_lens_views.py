@@ -104,7 +104,7 @@ def test_fifty_random_lenses_on_each_scene_show_nothing_wrong(source, name):
     for _ in range(50):
         camera = lens_camera(random_lens(random), placed, 32, 24, random.uniform(0.3, 1.5))
         y, x = np.divmod(np.arange(32 * 24), 32)
-        truth = nearest_hits(scene.mesh, camera, x, y, threads=None)
+        truth = nearest_hits(scene.mesh, camera, x, y)
         depth, prim_id = truth.depth.astype(np.float32).reshape(24, 32), truth.prim_id.reshape(24, 32)
         reference = atra.Hits(depth, prim_id, (0.5, 0.5), scene.mesh, camera)
         for kind, (tracer, own) in TRACERS.items():

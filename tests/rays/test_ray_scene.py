@@ -14,11 +14,11 @@ import atra.rays.tree.finding
 from atra.compiled.instruction_sets import chosen_instruction_set, cpu_features
 from atra.compiled.threads import WorkerPool
 from atra.embree.layout import FLAG_COHERENT
-from atra.exact.intersection import intersect_rays
+from atra.exact.intersection import FLOAT64_TOLERANCE, intersect_rays
 from atra.rays.embree_kernels import CHUNK, embree_kernel
 from atra.rays.order import RayOrder, box_of
 from atra.rays.order_kernels import CELLS, SORTED_CHUNK
-from experiments.workloads.agreement.brute_force_kernels import nearest_triangles
+from experiments.workloads.brute_force import near_pairs, nearest_of
 from tests.images import assert_no_pixel_wrong, assert_same_bits, trace
 from tests.machine import WIDEST, WIDTHS
 from tests.meshes import EYE_AT_ORIGIN, boards, cornell_box, cornell_camera, quads, random_triangles
@@ -65,10 +65,11 @@ def nearest_in_float64(mesh, rays):
     """(t, prim_id) of the nearest of all triangles behind tnear, by testing all; MISS beyond tfar."""
     origins, directions = rays.origins.astype(np.float64), rays.directions.astype(np.float64)
     start = rays.tnear.astype(np.float64)
-    a, b, c = np.moveaxis(mesh.triangles(np.arange(mesh.triangle_count)), 1, 0)
-    t, prim_id, counter = np.empty(len(rays)), np.empty(len(rays), np.uint32), np.zeros(1, np.int64)
-    parts = (origins + start[:, None] * directions).T, directions.T, a, b - a, c - a
-    nearest_triangles(counter.ctypes.data, *map(np.ascontiguousarray, parts), 0.0, t, prim_id)
+    starts = origins + start[:, None] * directions
+    ray, face = near_pairs(starts, directions, mesh.triangles(np.arange(mesh.triangle_count)))
+    met = intersect_rays(mesh, starts[ray], directions[ray], face)
+    depth = np.where(met.edge_distance >= -FLOAT64_TOLERANCE, met.depth, np.inf)
+    t, prim_id = nearest_of(len(rays), ray, face, depth)
     prim_id[t + start > rays.tfar] = atra.MISS
     return t + start, prim_id
 

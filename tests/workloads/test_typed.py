@@ -2,7 +2,7 @@
 
 from typing import NotRequired, TypedDict
 
-from experiments.harness.column import REAL, WHOLE, middle
+from experiments.harness.column import REAL, WHOLE, Column, middle
 from experiments.harness.records import Record
 from experiments.workloads import WORKLOADS
 from experiments.workloads.typed import HELP, Least, Times, Unlisted, Worst, columns_of, needs_of, workload
@@ -43,6 +43,10 @@ def test_samples_and_columns_follow_from_quantities_in_their_order():
     values = {one.name: one.value([record]) for one in made.columns}
     assert (values["first_frame_time_s"], values["speedup"], values["lost"]) == (1.0, 2.0, 3)
     assert values["packets_render_time_s"] is None
+
+
+def test_what_is_counted_a_second_is_no_time():
+    assert (Column("rays_per_s", REAL).shown, Column("atlas_s", REAL).shown) == (("", 1.0), ("ms", 1e3))
 
 
 def test_every_help_is_of_a_column():

@@ -138,6 +138,7 @@ CLASSIFICATION = Workload(
     problem=_problem,
     once="rays",
     rays=lambda row: f"{row.get('ray_kind', 'own')}, in a batch",
+    told=("render_time_s", "steps_ratio", "speedup_vs_bvh", "speedup", "speedup_vs_packets"),
 )
 
 

@@ -241,4 +241,7 @@ BAKE = Workload(
     judged=OWN,
     needs=("rays_per_round", "lane_utilisation", "buffer_bytes", "texels"),
     problem=_problem,
+    told=(
+        "rays_per_s", "lane_utilisation", "speedup_vs_other", "quality_vs_other", "view_speedup", "whole_map_cost",
+    ),
 )  # fmt: skip

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from rich.table import Table
 
 from experiments.drawing.figure import Axis, Bar, Figure, Line, Panel
 from experiments.drawing.style import BLACK, BLUE, DASHED, GREY, ORANGE, SKY, VERMILLION
@@ -15,24 +13,8 @@ from experiments.drawing.values import MILLISECONDS, column, drawable, numbers, 
 from experiments.light.bake import BAKE, STAGES, THRESHOLDS
 from experiments.light.bake.claims import CLAIMS as CLAIMS
 from experiments.workloads.panels import figure_of, make_panels, read_panels, workload_figure
-from experiments.workloads.tables import cell, points_table
 
 CLAIMS_FILE = "bake_claims"
-
-_COLUMNS = {
-    "rays/s": cell("rays_per_s", "{:.3g}"),
-    "lanes\nused": cell("lane_utilisation", "{:.0%}"),
-    "vs\nother": cell("speedup_vs_other"),
-    "time to\nerror": cell("quality_vs_other"),
-    "seen\nsooner": cell("view_speedup"),
-    "whole\nmap": cell("whole_map_cost"),
-}
-
-
-def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
-    """A line a point. rows: measured, of this workload."""
-    yield points_table("lightmaps", rows, _COLUMNS)
-
 
 _MEGA = 1e-6
 

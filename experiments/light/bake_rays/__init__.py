@@ -81,6 +81,7 @@ BAKE_RAYS = Workload(
     samples=lambda _: frozenset((OWN, ONE_BY_ONE, TOGETHER)),
     judged=OWN,
     needs=("rays_compared", "rays_different"),
+    told=("aligned_time_s", "single_over_aligned", "packets_over_aligned", "rays_different"),
 )  # fmt: skip
 
 

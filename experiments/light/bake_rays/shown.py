@@ -2,36 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pandas as pd
-from rich.table import Table
 
 from experiments.drawing.figure import Axis, Bar, Figure, Panel
 from experiments.drawing.style import BLUE, GREEN, ORANGE, TIMES
-from experiments.drawing.values import MILLISECONDS, row_interval, say_number, say_things
+from experiments.drawing.values import row_interval, say_number, say_things
 from experiments.light.bake_rays import BAKE_RAYS
 from experiments.results.queries import read_claims
 from experiments.workloads.panels import ONE, figure_of, make_panels, read_panels, workload_figure
-from experiments.workloads.tables import cell, points_table
 
 CLAIMS_FILE = "predictions/claims"
 
 CLAIMS = read_claims(Path(__file__).with_name("claims.toml"), {})
-
-
-_COLUMNS = {
-    "aligned\nms": cell("aligned_time_s", "{:,.1f}", MILLISECONDS),
-    "vs\nsingle": cell("single_over_aligned"),
-    "vs\npackets": cell("packets_over_aligned"),
-    "other\nrays": cell("rays_different", "{}"),
-}
-
-
-def sweep_lines(rows: pd.DataFrame) -> Iterator[Table]:
-    """A line a point. rows: measured, of this workload."""
-    yield points_table("aligned rays of a bake, plan and build included", rows, _COLUMNS)
 
 
 _COLOURS = {"sun": ORANGE, "sky": BLUE, "bundle": GREEN}

@@ -16,7 +16,7 @@ from experiments.light.render import RENDER, STAGES, stage_column
 from experiments.methods.naming import best_of
 from experiments.workloads.panels import figure_of, make_panels, read_panels, workload_figure
 from experiments.workloads.resources import say_ms
-from experiments.workloads.series import BestPoint, best_points, say_ratio
+from experiments.workloads.series import BestPoint, best_points, say_ratio, say_wrong
 from experiments.workloads.tables import best_by_kind, narrow_table, plain, times
 
 _NUMBERS = ("a\nsample", "primary", "outside\nEmbree", "single\nrays", "packets", "by\nAmdahl", "paid back\nafter")
@@ -65,7 +65,8 @@ def stages_figure(table: pd.DataFrame) -> Figure:
 def _panel(rows: pd.DataFrame) -> Panel:
     found = list(best_points(rows))
     return Panel(
-        bars=[_bar(one) for one in found if len(one.best)], notes=[line for one in found for line in one.notes()]
+        bars=[_bar(one) for one in found if len(one.best)],
+        notes=[line for one in found for line in say_wrong(one.best, one.name)],
     )
 
 

@@ -23,7 +23,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -46,7 +46,7 @@ from experiments.harness.entry_points import digest_of_files
 from experiments.harness.method import Method, Style, Tracing
 from experiments.harness.options import option
 from experiments.methods.outside.guarded import Guarded
-from experiments.methods.peers.pixel_rays import world_directions
+from experiments.methods.peers.peer import world_directions
 
 VERSION = 1
 """Version of the protocol."""
@@ -64,68 +64,6 @@ class ProgramOptions:
     program_sha256: str = option("", "hash of the program's files, set when a run begins")
 
 
-class Conversation:
-    """A running program. Raises InputError for a program that cannot be started, and in `ask` for one that answers
-    something else or ends."""
-
-    def __init__(self, command: Sequence[str]) -> None:
-        self._name = Path(command[-1] if len(command) > 1 else command[0]).name
-        try:
-            self._process = subprocess.Popen(list(command), stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-        except OSError as error:
-            raise InputError(f"program {shlex.join(command)} cannot be started: {error}") from None
-
-    @property
-    def process(self) -> psutil.Process:
-        """The process, to be looked at."""
-        return psutil.Process(self._process.pid)
-
-    def ask(self, *words: object) -> str:
-        """Send a command and return what follows `ok`."""
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        with suppress(OSError):  # one that has ended is found out by its answer
-            self._process.stdin.write((" ".join(map(str, words)) + "\n").encode())
-            self._process.stdin.flush()
-        answer = self._process.stdout.readline(_LONGEST_ANSWER).decode(errors="replace")
-        if not answer:
-            code = self._process.wait(_END_S)
-            raise InputError(f"program {self._name} ended with exit code {code} when asked to {words[0]}")
-        kind, _, text = answer.strip().partition(" ")
-        if kind != "ok" or not answer.endswith("\n"):
-            raise InputError(f"program {self._name} answered {printable(answer.strip())[:200]!r} to {words[0]}")
-        return text.strip()
-
-    def ask_seconds(self, *words: object) -> float:
-        """`ask`, with an answer in seconds. Raises ClockError for one that is no time the harness could have waited."""
-        start = perf_counter()
-        text = self.ask(*words)
-        waited_s = perf_counter() - start
-        try:
-            seconds = float(text)
-        except ValueError:
-            raise InputError(f"program {self._name} answered {text[:200]!r} to {words[0]}, expected seconds") from None
-        if not 0.0 < seconds <= waited_s:
-            raise ClockError(
-                f"program {self._name} says that {words[0]} took {seconds:g} s; the harness waited {waited_s:.3g} s"
-            )
-        return seconds
-
-    def close(self) -> None:
-        """Ask the program to end, and kill one that does not."""
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        with suppress(OSError):
-            self._process.stdin.write(b"end\n")
-            self._process.stdin.close()
-        try:
-            self._process.wait(_END_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-        self._process.stdout.close()
-
-
 @dataclass(frozen=True)
 class Program(TracingMethod):
     """An external program as a method. command: as in a shell."""
@@ -138,20 +76,26 @@ class Program(TracingMethod):
 
 
 class PreparedProgram(Prepared):
-    """A program that has the mesh and the rays of the last offset. time_s, build_time_s: by its own clock."""
+    """A running program that has the mesh and the rays of the last offset. time_s, build_time_s: by its own clock.
+
+    Raises InputError for a program that cannot be started, answers something else than it should, or ends.
+    """
 
     def __init__(self, command: str, mesh: Mesh, camera: View, threads: int) -> None:
         self._camera, self._count = camera, camera.height * camera.width
-        self._conversation = Conversation(shlex.split(command))
+        words = shlex.split(command)
+        self._name, self.time_s = Path(words[-1]).name, 0.0
+        try:
+            self._running = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        except OSError as error:
+            raise InputError(f"program {command} cannot be started: {error}") from None
         self._folder = tempfile.TemporaryDirectory(prefix="atra-rays-", ignore_cleanup_errors=True)
-        self.time_s: float | None = None
         try:
             path = self._path("mesh")
             path.write_bytes(mesh.vertices.astype("<f4").tobytes() + mesh.faces.astype("<u4").tobytes())
-            self._conversation.ask("atra-rays", VERSION)
-            self._conversation.ask("threads", threads)
-            counts = len(mesh.vertices), mesh.triangle_count
-            self.build_time_s = self._conversation.ask_seconds("mesh", *counts, path)
+            self._ask("atra-rays", VERSION)
+            self._ask("threads", threads)
+            self.build_time_s = self._ask_seconds("mesh", len(mesh.vertices), mesh.triangle_count, path)
             self._send_rays((0.5, 0.5))
         except BaseException:
             self.close()
@@ -160,25 +104,56 @@ class PreparedProgram(Prepared):
     @property
     def process(self) -> psutil.Process:
         """That of the program."""
-        return self._conversation.process
+        return psutil.Process(self._running.pid)
 
     def _path(self, name: str) -> Path:
         return Path(self._folder.name, name)
+
+    def _ask(self, *words: object) -> str:
+        """Send a command and return what follows `ok`."""
+        assert self._running.stdin is not None
+        assert self._running.stdout is not None
+        with suppress(OSError):  # one that has ended is found out by its answer
+            self._running.stdin.write((" ".join(map(str, words)) + "\n").encode())
+            self._running.stdin.flush()
+        answer = self._running.stdout.readline(_LONGEST_ANSWER).decode(errors="replace")
+        if not answer:
+            code = self._running.wait(_END_S)
+            raise InputError(f"program {self._name} ended with exit code {code} when asked to {words[0]}")
+        kind, _, text = answer.strip().partition(" ")
+        if kind != "ok" or not answer.endswith("\n"):
+            raise InputError(f"program {self._name} answered {printable(answer.strip())[:200]!r} to {words[0]}")
+        return text.strip()
+
+    def _ask_seconds(self, *words: object) -> float:
+        """`_ask`, with an answer in seconds. Raises ClockError for a time that the harness could not have waited."""
+        start = perf_counter()
+        text = self._ask(*words)
+        waited_s = perf_counter() - start
+        try:
+            seconds = float(text)
+        except ValueError:
+            raise InputError(f"program {self._name} answered {text[:200]!r} to {words[0]}, expected seconds") from None
+        if not 0.0 < seconds <= waited_s:
+            raise ClockError(
+                f"program {self._name} says that {words[0]} took {seconds:g} s; the harness waited {waited_s:.3g} s"
+            )
+        return seconds
 
     def _send_rays(self, offset: tuple[float, float]) -> None:
         rays = np.empty((self._count, 8), "<f4")
         rays[:, :3], rays[:, 3] = np.asarray(self._camera.eye, np.float32), 0.0
         rays[:, 4:7], rays[:, 7] = world_directions(self._camera, offset), np.inf
         self._path("rays").write_bytes(rays.tobytes())
-        self._conversation.ask("rays", self._count, self._path("rays"))
+        self._ask("rays", self._count, self._path("rays"))
         self._offset = tuple(offset)
 
     def draw(self, offset: tuple[float, float], depth: NDArray[np.float32], prim_id: NDArray[np.uint32]) -> None:
         """See `Prepared.draw`. Raises InputError for a file of another length."""
         if tuple(offset) != self._offset:
             self._send_rays(offset)
-        self.time_s = self._conversation.ask_seconds("trace", self._path("hits"))
         path = self._path("hits")
+        self.time_s = self._ask_seconds("trace", path)
         words = np.fromfile(path, "<u4") if path.is_file() else np.empty(0, "<u4")
         if len(words) != 2 * self._count:
             raise InputError(f"the program wrote {words.nbytes:,} bytes of hits, expected {8 * self._count:,}")
@@ -186,8 +161,11 @@ class PreparedProgram(Prepared):
         depth[:], prim_id[:] = t.view("<f4"), faces
 
     def close(self) -> None:
-        """End the program and remove the files."""
-        self._conversation.close()
+        """Ask the program to end, kill one that does not, and remove the files."""
+        with suppress(OSError, subprocess.TimeoutExpired):
+            self._running.communicate(b"end\n", _END_S)
+        self._running.kill()
+        self._running.communicate()
         self._folder.cleanup()
 
 
@@ -203,26 +181,27 @@ def _make(mesh: Mesh, view: View, options: ProgramOptions, tracing: Tracing) -> 
 
 def _files(command: str) -> list[Path]:
     """The program and those of its arguments that are files; empty where there is no such program."""
+    return [Path(word) for word in _words(command) if Path(word).is_file()]
+
+
+def _words(command: str) -> list[str]:
+    """Program and arguments, with paths that hold wherever a worker starts; empty where there is no such program."""
     try:
         words = shlex.split(command)
     except ValueError:
         return []
     program = shutil.which(words[0]) if words else None
-    return [] if program is None else [Path(program), *(Path(word) for word in words[1:] if Path(word).is_file())]
+    words = [] if program is None else [program, *words[1:]]
+    return [str(Path(word).absolute()) if Path(word).is_file() else word for word in words]
 
 
 def _resolve(options: ProgramOptions, width: int) -> ProgramOptions:
-    """With paths that hold wherever a worker starts, and the hash of the files."""
+    """With whole paths, and the hash of the files."""
     command = options.command or shlex.join([sys.executable, str(_EXAMPLE)])
-    files = _files(command)
-    if not files:
+    words = _words(command)
+    if not words:
         return options
-    words = shlex.split(command)
-    whole = [
-        str(files[0].absolute()),
-        *(str(Path(word).absolute()) if Path(word).is_file() else word for word in words[1:]),
-    ]
-    return replace(options, command=shlex.join(whole), program_sha256=digest_of_files(files))
+    return replace(options, command=shlex.join(words), program_sha256=digest_of_files(_files(command)))
 
 
 def _variant(row: Mapping[str, Any]) -> str:

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from atra.embree.library import wheel_problem
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from experiments.methods.peers.blocks import BlockScene
-from experiments.methods.peers.peer import Answer, peer_method
+from experiments.methods.peers.peer import Answer, BlockScene, peer_method
 
 
 class EmbreexScene(BlockScene):

@@ -8,6 +8,7 @@ triangles; putting the answers back into the image's rows is not part of their t
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any, ClassVar, Protocol
@@ -18,16 +19,17 @@ from numpy.typing import NDArray
 from atra.compiled.threads import WorkerPool
 from atra.errors import InputError
 from atra.geometry.mesh import Mesh
+from atra.geometry.ray_space import from_eye_space
 from atra.geometry.view import View
 from atra.tracing.method import Method as TracingMethod
 from atra.tracing.method import Prepared
+from atra.tracing.rays import image_ray_grid
 from atra.tracing.tracer import Tracer
 from experiments.drawing.style import PURPLE
 from experiments.harness.column import TEXT, Column
 from experiments.harness.environment import package_version
 from experiments.harness.method import Method, Style, Tracing, always_available
 from experiments.harness.options import NoOptions
-from experiments.methods.peers.pixel_rays import block_order, world_directions
 
 PEER_COLUMNS = (
     Column("peer_version", TEXT, "version of the other tracer"),
@@ -45,6 +47,9 @@ each, the rays and the triangles of the hits."""
 
 Answering = Callable[..., Asked]
 """Origins and directions, (N, 3) float32 each, or points alone -> the answer."""
+
+Rays = tuple[NDArray[np.float32], NDArray[np.float32]]
+"""Origins and directions, (N, 3) float32 each, world space."""
 
 Answer = tuple[NDArray[np.float32], NDArray[np.uint32]]
 """Depth and prim_id as in `Hits`, in the order of the rays; any shape."""
@@ -92,6 +97,62 @@ class PeerScene(Protocol):
     def close(self) -> None:
         """Release what it holds."""
         return
+
+
+_BLOCKS_PER_THREAD = 8
+"""Rows differ in cost; few enough that a call's own price does not show."""
+
+
+class BlockScene(PeerScene):
+    """With one thread all rays go into one call. With more, the rays are cut into blocks of neighbours, each with a
+    call of its own, and the threads share the blocks. `cast_block` must be written."""
+
+    def __init__(self, threads: int) -> None:
+        self._threads = threads
+        self._executor = ThreadPoolExecutor(threads, "peer") if threads > 1 else None
+
+    def make_rays(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Rays:
+        return np.ascontiguousarray(np.broadcast_to(origins, directions.shape)), directions
+
+    def cast_block(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Answer:
+        """What some of the rays hit."""
+        raise NotImplementedError
+
+    def cast(self, rays: Rays) -> Answer:
+        if self._executor is None:
+            return self.cast_block(*rays)
+        count = min(_BLOCKS_PER_THREAD * self._threads, len(rays[1]))
+        origins, directions = (np.array_split(part, count) for part in rays)
+        depths, prim_ids = zip(*self._executor.map(self.cast_block, origins, directions), strict=True)
+        return np.concatenate(depths), np.concatenate(prim_ids)
+
+    def close(self) -> None:
+        """End the threads."""
+        if self._executor is not None:
+            self._executor.shutdown()
+
+
+BLOCK = 8
+"""Pixels along the sides of the blocks in which peers get rays."""
+
+
+def block_order(width: int, height: int) -> NDArray[np.int64]:
+    """(H W,) numbers of pixels, counted along rows: block by block, each row by row."""
+    y, x = np.divmod(np.arange(height * width), width)
+    return np.lexsort((x, y, x // BLOCK, y // BLOCK))
+
+
+def world_directions(camera: View, offset: tuple[float, float]) -> NDArray[np.float32]:
+    """(H W, 3) float32, directions of the rays of `PixelTracer` in the order of the rows, world space; lengths make
+    their t the depth."""
+    column_rays, row_rays = image_ray_grid(camera, offset)
+    # Summed in float32 as the kernels of atra do, so that the rays are the same bit by bit.
+    directions = column_rays[:, None, :] + row_rays[:, :, None]
+    # A peer sees the mesh in the world's axes; ray space has the camera's where the view is narrow.
+    to_ray_space = from_eye_space(camera)
+    if not np.array_equal(to_ray_space, np.eye(3)):
+        directions = np.tensordot(to_ray_space.T, directions, 1).astype(np.float32)
+    return np.ascontiguousarray(directions.reshape(3, -1).T)
 
 
 class PreparedPeer(Prepared):
@@ -176,14 +237,6 @@ class Peer(TracingMethod):
     def prepare(self, mesh: Mesh, camera: View, pool: WorkerPool) -> PreparedPeer:
         """Hand over the mesh."""
         return PreparedPeer(self.make, mesh, camera, pool.threads)
-
-
-def scene_for_rays(tracer: Any, name: str) -> PeerScene:
-    """The scene of a peer's tracer that takes any rays. name: of its method. Raises InputError for another tracer."""
-    prepared = getattr(tracer, "prepared", None)
-    if not isinstance(prepared, PreparedPeer) or not prepared.scene.follows:
-        raise InputError(f"method={name} takes no rays, expected a ray tracer of others")
-    return prepared.scene
 
 
 INSTALL = "pip install 'atra[peers]'"

@@ -14,8 +14,7 @@ from atra.compiled.store import keep_on_disk
 from atra.embree.library import wheel_problem
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
-from experiments.methods.peers.blocks import BlockScene, Rays
-from experiments.methods.peers.peer import Answer, Answering, Asked, peer_method
+from experiments.methods.peers.peer import Answer, Answering, Asked, BlockScene, Rays, peer_method
 
 
 class TrimeshScene(BlockScene):

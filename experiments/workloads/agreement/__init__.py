@@ -16,7 +16,7 @@ from experiments.harness.records import Record
 from experiments.workloads.agreement.oracle import Examination, examine, sample_pixels
 from experiments.workloads.images import Images, say_holes, summed
 from experiments.workloads.resources import Resources
-from experiments.workloads.rounds import build_own, make_single, measured
+from experiments.workloads.rounds import build_own, make_single
 from experiments.workloads.typed import workload
 
 
@@ -68,10 +68,10 @@ def measure(point: Point) -> Measured:
         for number, offset in enumerate(options.offsets):
             # Every image of every point draws a sample of its own, so that a scene's samples add up.
             sample = sample_pixels(own.camera, options.sample_rays, [seed, number])
-            image = examine(own.trace(offset), single.trace(offset), sample, point.threads)
+            image = examine(own.trace(offset), single.trace(offset), sample)
             agreements.append(image.agreement)
             faults.update(_faults(image))
-    return measured(results | {**summed(agreements), **faults})
+    return Measured(results | {**summed(agreements), **faults})
 
 
 def _faults(image: Examination) -> Faults:

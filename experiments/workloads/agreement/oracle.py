@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from atra.compiled.threads import WorkerPool, resolve_threads
-from atra.exact.intersection import FLOAT64_TOLERANCE, Pairs, triangles_in_camera_space
+from atra.exact.intersection import FLOAT64_TOLERANCE, Pairs
 from atra.exact.ties import TIE_TOLERANCE
 from atra.geometry.mesh import Mesh
 from atra.geometry.ray_space import own_space
@@ -21,7 +20,7 @@ from atra.geometry.view import View
 from atra.hits import Hits
 from atra.judge.compare import Agreement, Verdict, compare
 from atra.prim_ids import MISS
-from experiments.workloads.agreement.brute_force_kernels import nearest_triangles
+from experiments.workloads.brute_force import near_pairs, nearest_of
 
 EXHAUSTIVE_TESTS = 2e10
 """Rays times triangles up to which `examine` tests all triangles. Images that disagree in more pixels are broken, and
@@ -60,28 +59,18 @@ class Examination:
 
 
 def nearest_hits(
-    mesh: Mesh,
-    camera: View,
-    x: NDArray[np.integer],
-    y: NDArray[np.integer],
-    offset: tuple[float, float] = (0.5, 0.5),
-    threads: int | None = 1,
+    mesh: Mesh, camera: View, x: NDArray[np.integer], y: NDArray[np.integer], offset: tuple[float, float] = (0.5, 0.5)
 ) -> Truth:
     """The nearest hit of the ray of each pixel (x, y), found by testing all triangles in float64.
 
     x, y: (N,) integers. Edges belong to the triangle, and of triangles at one depth the lowest `prim_id` wins,
-    both to FLOAT64_TOLERANCE. Raises InputError for a bad offset or thread count.
+    both to FLOAT64_TOLERANCE. Raises InputError for a bad offset.
     """
     mesh, camera = own_space(mesh, camera)
-    origins, directions = (np.ascontiguousarray(part.T) for part in camera.rays(x, y, offset))
-    geometry = triangles_in_camera_space(mesh, camera, np.arange(mesh.triangle_count))
-    depth, prim_id = np.empty(len(x)), np.empty(len(x), np.uint32)
-    pool, eye_square = WorkerPool(resolve_threads(threads)), float(np.dot(camera.eye, camera.eye))
-    rest = origins, directions, *geometry, eye_square, depth, prim_id
-    try:
-        pool.run(lambda _, counter: nearest_triangles(counter, *rest))
-    finally:
-        pool.close()
+    corners = camera.to_camera_space(mesh.triangles(np.arange(mesh.triangle_count)).reshape(-1, 3)).reshape(-1, 3, 3)
+    rays, prim_ids = near_pairs(*camera.rays(x, y, offset), corners)
+    depths, is_met = _met(Pairs(mesh, camera, x[rays], y[rays], prim_ids, offset))
+    depth, prim_id = nearest_of(len(x), rays, prim_ids, np.where(is_met, depths, np.inf))
     return Truth(prim_id, depth)
 
 
@@ -91,9 +80,7 @@ def sample_pixels(camera: View, rays: int, seed: Sequence[int]) -> NDArray[np.in
     return np.random.default_rng(seed).choice(pixels, min(rays, pixels), replace=False).astype(np.int64)
 
 
-def examine(
-    hits: Hits, reference: Hits, sample: Sequence[int] | NDArray[np.integer] = (), threads: int | None = 1
-) -> Examination:
+def examine(hits: Hits, reference: Hits, sample: Sequence[int] | NDArray[np.integer] = ()) -> Examination:
     """Decide which of two images is wrong wherever they disagree, and in a sample of all pixels.
 
     sample: pixels y * width + x that are examined in any case, since both images may be wrong. The truth is that of
@@ -108,7 +95,7 @@ def examine(
     y, x = np.divmod(pixels, camera.width)
     exhaustive = sampled[pixels] | (len(pixels) * mesh.triangle_count <= EXHAUSTIVE_TESTS)
     named = [Pairs(mesh, camera, x, y, image.prim_id[y, x], image.offset) for image in (hits, reference)]
-    truth = _truth(named[0], named[1].prim_id, exhaustive, threads)
+    truth = _truth(named[0], named[1].prim_id, exhaustive)
     wrong = []
     for image, pairs in zip((hits, reference), named, strict=True):
         wrong.append(_is_wrong(pairs, truth))
@@ -117,15 +104,14 @@ def examine(
     return Examination(agreement, pixels, verdict[pixels] != Verdict.EQUAL, sampled[pixels], truth, *wrong)
 
 
-def _truth(pairs: Pairs, other: NDArray[np.integer], exhaustive: NDArray[np.bool_], threads: int | None) -> Truth:
+def _truth(pairs: Pairs, other: NDArray[np.integer], exhaustive: NDArray[np.bool_]) -> Truth:
     """The nearest of all triangles where `exhaustive`, elsewhere of those of `pairs` and `other`."""
-    depth, prim_id = np.full(len(other), np.inf), np.full(len(other), MISS)
-    for candidate in (np.minimum(pairs.prim_id, other), np.maximum(pairs.prim_id, other)):  # the lowest of ties wins
-        met, is_met = _met(replace(pairs, prim_id=candidate))
-        nearer = is_met & (met > 0.0) & (met < depth * (1.0 - FLOAT64_TOLERANCE))
-        depth[nearer], prim_id[nearer] = met[nearer], candidate[nearer]
+    rays = np.repeat(np.arange(len(other)), 2)
+    prim_ids = np.sort(np.stack([pairs.prim_id, other], axis=1), axis=1).ravel()  # the lowest of ties wins
+    depths, is_met = _met(replace(pairs[rays], prim_id=prim_ids))
+    depth, prim_id = nearest_of(len(other), rays, prim_ids, np.where(is_met, depths, np.inf))
     x, y = pairs.x[exhaustive], pairs.y[exhaustive]
-    tested = nearest_hits(pairs.mesh, pairs.camera, x, y, pairs.offset, threads)
+    tested = nearest_hits(pairs.mesh, pairs.camera, x, y, pairs.offset)
     depth[exhaustive], prim_id[exhaustive] = tested.depth, tested.prim_id
     return Truth(prim_id, depth)
 

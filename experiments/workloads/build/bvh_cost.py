@@ -7,7 +7,10 @@ Source: Embree 4 API manual, `rtcBuildBVH`; J. Goldsmith, J. Salmon, 1987.
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import count
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -16,9 +19,16 @@ from numpy.typing import NDArray
 from atra.embree import layout
 from atra.embree.device import EmbreeDevice, building
 from atra.tracing.geometry import AlignedGeometry
-from experiments.workloads.build.builder_kernels import COST_WORDS, builder_callbacks
 
 _SIZE, _POINTER, _WORD = ctypes.c_size_t, ctypes.c_void_p, ctypes.c_uint32
+
+_CREATE_NODE = ctypes.CFUNCTYPE(_SIZE, _POINTER, _WORD, _POINTER)
+_SET_CHILDREN = ctypes.CFUNCTYPE(None, _SIZE, ctypes.POINTER(_SIZE), _WORD, _POINTER)
+_SET_BOUNDS = ctypes.CFUNCTYPE(None, _SIZE, ctypes.POINTER(ctypes.POINTER(ctypes.c_float * 8)), _WORD, _POINTER)
+_CREATE_LEAF = ctypes.CFUNCTYPE(_SIZE, _POINTER, _POINTER, _SIZE, _POINTER)
+
+_LEAF = 4
+"""Most triangles in a leaf."""
 
 
 class BuildArguments(ctypes.Structure):
@@ -60,12 +70,10 @@ def bvh_cost(
     corners = vertices[faces]
     boxes = np.zeros((len(faces), 8), np.float32)  # RTCBuildPrimitive: lower corner, geomID, upper corner, primID
     boxes[:, :3], boxes[:, 4:7] = corners.min(axis=1), corners.max(axis=1)
-    x, y, z = boxes[:, 4:7].max(axis=0).astype(np.float64) - boxes[:, :3].min(axis=0)
-    root_area = float(x * y + y * z + z * x)
-    cost = np.zeros(COST_WORDS, np.float64)
-    create_node, set_node_children, set_node_bounds, create_leaf = builder_callbacks()
+    root_area = _half_area([*boxes[:, :4].min(axis=0).tolist(), *boxes[:, 4:].max(axis=0).tolist()])
+    nodes = _Nodes()
     with _Builder(build_quality=build_quality) as builder:
-        builder.build(
+        root = builder.build(
             BuildArguments(
                 byte_size=ctypes.sizeof(BuildArguments),
                 # High quality splits triangles, which needs one more callback.
@@ -74,20 +82,58 @@ def bvh_cost(
                 max_depth=48,
                 sah_block_size=4,
                 min_leaf_size=1,
-                max_leaf_size=4,
+                max_leaf_size=_LEAF,
                 traversal_cost=1.0,
                 intersection_cost=1.0,
                 primitives=boxes.ctypes.data,
                 primitive_count=len(boxes),
                 primitive_capacity=len(boxes),
-                create_node=create_node,
-                set_node_children=set_node_children,
-                set_node_bounds=set_node_bounds,
-                create_leaf=create_leaf,
-                user_data=cost.ctypes.data,
+                **{name: ctypes.cast(function, _POINTER) for name, function in nodes.functions.items()},
             )
         )
-    return BvhCost(*(float(area) / root_area for area in cost))
+    in_root = root if root <= _LEAF else 0
+    return BvhCost(nodes.boxes / root_area, nodes.triangles / root_area + in_root)
+
+
+def _half_area(box: Sequence[float]) -> float:
+    """Half the surface of a box: lower corner, a word, upper corner, a word."""
+    x, y, z = box[4] - box[0], box[5] - box[1], box[6] - box[2]
+    return x * y + y * z + z * x
+
+
+class _Nodes:
+    """What Embree's builder tells of its nodes. A leaf is called by its number of triangles, a node by a larger number.
+
+    boxes, triangles: sums of the half areas of all children, and of those of leaves times their triangles.
+    """
+
+    def __init__(self) -> None:
+        self.boxes, self.triangles = 0.0, 0.0
+        self._areas: dict[int, list[float]] = {}
+        self._children: dict[int, list[int]] = {}
+        self._lock, self._numbers = Lock(), count(_LEAF + 1)
+        self.functions = {
+            "create_node": _CREATE_NODE(lambda allocator, children, _: next(self._numbers)),
+            "set_node_children": _SET_CHILDREN(self._set_children),
+            "set_node_bounds": _SET_BOUNDS(self._set_bounds),
+            "create_leaf": _CREATE_LEAF(lambda allocator, primitives, triangles, _: triangles),
+        }
+
+    def _set_children(self, node: int, children: Any, count: int, _: Any) -> None:
+        self._children[node] = children[:count]
+        self._sum(node)
+
+    def _set_bounds(self, node: int, bounds: Any, count: int, _: Any) -> None:
+        self._areas[node] = [_half_area(bounds[child].contents) for child in range(count)]
+        self._sum(node)
+
+    def _sum(self, node: int) -> None:
+        """Add what is known of a node, once both are: quality decides which of them Embree tells first."""
+        with self._lock:  # another device may let Embree build in two threads
+            if node in self._areas and node in self._children:
+                for area, child in zip(self._areas.pop(node), self._children.pop(node), strict=True):
+                    self.boxes += area
+                    self.triangles += area * child if child <= _LEAF else 0.0
 
 
 def cost_of(tracer: Any, build_quality: str) -> BvhCost | None:
@@ -104,10 +150,11 @@ def cost_of(tracer: Any, build_quality: str) -> BvhCost | None:
 
 
 class _Builder(EmbreeDevice):
-    def build(self, arguments: BuildArguments) -> None:
+    def build(self, arguments: BuildArguments) -> int:
+        """Build a BVH and throw it away; what its root is called."""
         arguments.bvh = bvh = self._call("rtcNewBVH", self._device)
         try:
             with building(self._library, self._threads):
-                self._call("rtcBuildBVH", ctypes.byref(arguments))
+                return self._call("rtcBuildBVH", ctypes.byref(arguments))
         finally:
             self._call("rtcReleaseBVH", bvh)

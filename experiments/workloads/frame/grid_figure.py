@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
@@ -12,18 +12,19 @@ from numpy.typing import NDArray
 from experiments.drawing.figure import Axis, Cells, Figure, Frame, Panel
 from experiments.drawing.missing import missing_points
 from experiments.drawing.style import DASHED, GREY, PURPLE, TIMES, VERMILLION
-from experiments.drawing.values import MILLISECONDS, drawable, numbers, only_measured, say_number, say_things
+from experiments.drawing.values import MILLISECONDS, drawable, numbers, only_measured, say_number
 from experiments.methods.naming import COPIED_OFF, FORM_OPTIONS, aligned_forms, aligned_rows, expected_forms
 from experiments.workloads.frame_figures import ALL_HITS, all_hits, say_level
 from experiments.workloads.panels import PanelRows, figure_of, make_panels
-from experiments.workloads.series import beside, best_points, best_rows, own_ratio, say_baseline
+from experiments.workloads.series import beside, best_points, best_rows, own_ratio, say_baseline, say_wrong
 
 _BEST = "best split, by the ratio in the same rounds"
 _ABSENT = "\N{EN DASH}"
-_NO_POINTS = "not in the table"
 _AXES = ("split_x", "split_y")
 
 Values = NDArray[np.float64]
+Read = Callable[[pd.DataFrame], tuple[Callable[[pd.DataFrame], Values], Callable[[float], str], list[str]]]
+"""The rows of a panel -> what reads the values of rows, what says a value in its cell, and notes."""
 
 
 def grid_times(table: pd.DataFrame) -> Figure:
@@ -33,33 +34,31 @@ def grid_times(table: pd.DataFrame) -> Figure:
     maps of a scene share their colours, which are logarithmic.
     """
 
-    def read(rows: pd.DataFrame) -> Values:
+    def times_ms(rows: pd.DataFrame) -> Values:
         return numbers(rows, "render_time_s") * MILLISECONDS
 
-    panels = []
-    for panel in _panels(table):
-        panels += _maps(panel, read, say_number, _say_beside(panel, table))
-    return _figure(table, panels, "in each cell: milliseconds of a frame")
+    return _figure(table, lambda rows: (times_ms, say_number, _say_beside(rows, table)), "milliseconds of a frame")
 
 
 def grid_ratios(table: pd.DataFrame) -> Figure:
     """The same in speed-ups under both readings of the paper's 1 x 1: over rays of the same kind (single rays or
     packets), and below over all hits, which is 1 x 1 without culling."""
-    panels, over = [], ""
-    for panel in _panels(table):
-        ratio, start = own_ratio(panel.rows), next(iter(all_hits(panel.rows)), np.nan)
+
+    def read(rows: pd.DataFrame) -> tuple[Callable[[pd.DataFrame], Values], Callable[[float], str], list[str]]:
+        ratio, start = own_ratio(rows), next(iter(all_hits(rows)), np.nan)
         notes = [] if np.isfinite(start) else [f"{ALL_HITS}: not measured, so no speed-up over it"]
-        notes += _say_beside(panel, table, ratio)
-        panels += _maps(panel, partial(numbers, name=ratio), partial(_say_ratios, start), notes)
-        over = say_baseline(ratio)
-    return _figure(table, panels, f"in each cell: speed-up over {over}; below, over all hits")
+        say = partial(_say_ratios, start)
+        return partial(numbers, name=ratio), say, [*notes, *_say_beside(rows, table, ratio)]
+
+    over = say_baseline(own_ratio(aligned_rows(table)))
+    return _figure(table, read, f"speed-up over {over}; below, over all hits")
 
 
-def _say_beside(panel: PanelRows, table: pd.DataFrame, ratio: str | None = None) -> list[str]:
+def _say_beside(rows: pd.DataFrame, table: pd.DataFrame, ratio: str | None = None) -> list[str]:
     """A line for each method of a file, which has no splits and no cell."""
-    points = list(best_points(beside(panel.rows, table)))
+    points = list(best_points(beside(rows, table)))
     told = [f"{point.name}: {say_level(best, ratio)}" for point in points for _, best in point.best.iterrows()]
-    return [*told, *(line for point in points for line in point.notes())]
+    return [*told, *(line for point in points for line in say_wrong(point.best, point.name))]
 
 
 def _say_ratios(start: float, ratio: float) -> str:
@@ -68,81 +67,57 @@ def _say_ratios(start: float, ratio: float) -> str:
     return f"{ratio:.2f}{over}"
 
 
-def _panels(table: pd.DataFrame) -> list[PanelRows]:
-    return make_panels(aligned_rows(table), (*_AXES, *FORM_OPTIONS))
-
-
-def _figure(table: pd.DataFrame, panels: Sequence[Panel], cells: str) -> Figure:
-    """It says why cells are empty, from the table."""
-    reasons = {reason.reason for reason in missing_points(aligned_rows(table), "split_x", "", GREY)}
+def _figure(table: pd.DataFrame, read: Read, cells: str) -> Figure:
+    """It says why cells are empty."""
+    aligned = aligned_rows(table)
+    panels = [shown for panel in make_panels(aligned, (*_AXES, *FORM_OPTIONS)) for shown in _maps(panel, read)]
+    reasons = {reason.reason for reason in missing_points(aligned, "split_x", "", GREY)}
     has_absent = any(_ABSENT in row for panel in panels if panel.cells for row in panel.cells.texts)
     why = [f"{TIMES}: {' or '.join(sorted(reasons))}"] if reasons else []
-    why += [f"{_ABSENT}: {_NO_POINTS}"] if has_absent else []
+    why += [f"{_ABSENT}: not in the table"] if has_absent else []
     return figure_of(
-        "cells", panels, table, legend=[_BEST, ALL_HITS], quantity="; ".join([cells, *why]),
+        "cells", panels, table, legend=[_BEST, ALL_HITS], quantity="; ".join([f"in each cell: {cells}", *why]),
         x=Axis("horizontal splits"), y=Axis("vertical splits"),
     )  # fmt: skip
 
 
-def _maps(
-    panel: PanelRows, read: Callable[[pd.DataFrame], Values], say: Callable[[float], str], notes: Sequence[str]
-) -> list[Panel]:
-    """A map for each form of the geometry. read: rows -> their values. say: a value -> text of its cell."""
-    shown = only_measured(panel.rows, read(panel.rows))
+def _maps(panel: PanelRows, read: Read) -> Iterator[Panel]:
+    """A map for each form of the geometry."""
+    values_of, say, notes = read(panel.rows)
+    shown = only_measured(panel.rows, values_of(panel.rows))
     shown = shown[drawable(shown)]
     low, high = (float(shown.min()), float(shown.max())) if len(shown) else (1.0, 1.0)
     splits_x, splits_y = (sorted(int(split) for split in panel.rows[name].dropna().unique()) for name in _AXES)
-    forms, maps = aligned_forms(panel.rows), []
+    forms = aligned_forms(panel.rows)
     for form in expected_forms(panel.rows):
-        points, words = forms.get(form, panel.rows[:0]), form.removeprefix("aligned, ")
-        values = only_measured(points, read(points))
-        colours, texts = _cells(points, values, say, splits_x, splits_y)
+        points = forms.get(form, panel.rows[:0])
+        values = only_measured(points, values_of(points))
+        # Rows are vertical splits, from below.
+        colours = np.full((len(splits_y), len(splits_x)), np.nan)
+        texts = np.full(colours.shape, _ABSENT, object)
+        for (_, point), value in zip(points.iterrows(), values, strict=True):
+            cell = splits_y.index(int(point["split_y"])), splits_x.index(int(point["split_x"]))
+            if drawable(value):
+                colours[cell], texts[cell] = value, say(value)
+            else:
+                texts[cell] = "no value" if point["status"] == "ok" else TIMES
         frames = [
             Frame(label, splits_x.index(point["split_x"]), splits_y.index(point["split_y"]), style, inset=inset)
             for point, label, style, inset in _framed(form, points, values)
         ]
         cells = Cells(splits_x, splits_y, colours, texts.tolist(), low, high, frames)
-        why = _why_empty(points, values, words, int((texts == _ABSENT).sum()))
-        maps.append(panel.panel(Panel(cells=cells, notes=[*why, *notes]), f", {words}"))
-    return maps
+        yield panel.panel(Panel(cells=cells, notes=notes), f", {form.removeprefix('aligned, ')}")
 
 
-def _cells(
-    points: pd.DataFrame, values: Values, say: Callable[[float], str], splits_x: list[int], splits_y: list[int]
-) -> tuple[Values, NDArray[np.object_]]:
-    """Values, NaN where missing, and texts of all cells: rows are vertical splits, from below."""
-    colours = np.full((len(splits_y), len(splits_x)), np.nan)
-    texts = np.full(colours.shape, _ABSENT if len(points) else "", object)
-    for (_, point), value in zip(points.iterrows(), values, strict=True):
-        cell = splits_y.index(int(point["split_y"])), splits_x.index(int(point["split_x"]))
-        if drawable(value):
-            colours[cell], texts[cell] = value, say(value)
-        else:
-            texts[cell] = "no value" if point["status"] == "ok" else TIMES
-    return colours, texts
-
-
-def _framed(form: str, points: pd.DataFrame, values: Values) -> list[tuple[pd.Series, str, dict[str, object], bool]]:
+def _framed(
+    form: str, points: pd.DataFrame, values: Values
+) -> Iterator[tuple[pd.Series, str, dict[str, object], bool]]:
     """The best split and, without culling, the one that splits nothing: its label, its line, and whether it lies inside
     of other frames."""
-    framed: list[tuple[pd.Series, str, dict[str, object], bool]] = []
     if form == COPIED_OFF:
         start = points[points["split_x"].eq(1) & points["split_y"].eq(1) & drawable(values)]
-        looks: dict[str, object] = {"edgecolor": PURPLE, "linestyle": DASHED}
-        framed += [(point, ALL_HITS, looks, True) for _, point in start.iterrows()]
+        for _, point in start.iterrows():
+            yield point, ALL_HITS, {"edgecolor": PURPLE, "linestyle": DASHED}, True
     if drawable(values).sum() > 1:  # a single one is no choice
-        framed += [(best, _BEST, {"edgecolor": VERMILLION}, False) for _, best in best_rows(points).iterrows()]
-    return framed
-
-
-def _why_empty(points: pd.DataFrame, values: Values, words: str, absent: int) -> list[str]:
-    """Why cells have no value."""
-    if len(points) == 0:
-        return [f"{words}: {_NO_POINTS}"]
-    notes = []
-    for _, cells in points[points["status"] != "ok"].groupby("status", sort=False):
-        reasons = missing_points(cells, "split_x", "", GREY)
-        notes += [f"{TIMES} {say_things(len(cells), 'cell')}: {reason.reason}" for reason in reasons]
-    without = int((points["status"].eq("ok").fillna(False).to_numpy(bool) & ~drawable(values)).sum())
-    notes += [f"{say_things(without, 'cell')}: measured, but without this value"] if without else []
-    return [*notes, *([f"{_ABSENT} {say_things(absent, 'cell')}: {_NO_POINTS}"] if absent else [])]
+        for _, best in best_rows(points).iterrows():
+            yield best, _BEST, {"edgecolor": VERMILLION}, False

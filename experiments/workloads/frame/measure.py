@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
 from typing import Any
 
 from atra.geometry.mesh import Mesh
@@ -12,7 +11,7 @@ from atra.tracing.tracer import Tracer
 from experiments.harness.point import Measured, Point, make_own
 from experiments.workloads import rounds
 from experiments.workloads.baselines import OWN, SINGLE
-from experiments.workloads.images import summed
+from experiments.workloads.images import Images, summed
 
 _BYTES_PER_PIXEL = 8
 
@@ -32,18 +31,12 @@ def make(point: Point, mesh: Mesh) -> Tracer:
 
 
 def measure(point: Point) -> Measured:
-    """Build the point's own method, read the memory, time it against the baselines round by round, and plan and build
-    it again for more samples of these. Of two images, at the centres of the pixels and beside them, the one with more
-    wrong pixels is reported. Raises InputError and MemoryBudgetError as the tracers do."""
-    rounds.warm_up(point, rounds.own_and_baselines())
-    with ExitStack() as stack:
-        tracers, results = rounds.build_with_baselines(point, stack)
-        frames = {name: rounds.Frames(tracer) for name, tracer in tracers.items()}
+    """Time frames. Of two images, at the centres of the pixels and beside them, the one with more wrong pixels is
+    reported."""
+    return rounds.race_baselines(point, _judge)
 
-        def compare_last() -> dict[str, Any]:
-            centred = compare(frames[OWN].latest(), frames[SINGLE].latest())
-            aside = compare(tracers[OWN].trace(_ASIDE), tracers[SINGLE].trace(_ASIDE))
-            images = summed([max(centred, aside, key=lambda image: image.pixels_wrong)])
-            return {**images, **rounds.plan_and_build_again(tracers[OWN])}
 
-        return rounds.race(point, frames, compare_last, results)
+def _judge(tracers: dict[str, Any], frames: dict[str, rounds.Frames]) -> Images:
+    centred = compare(frames[OWN].latest(), frames[SINGLE].latest())
+    aside = compare(tracers[OWN].trace(_ASIDE), tracers[SINGLE].trace(_ASIDE))
+    return summed([max(centred, aside, key=lambda image: image.pixels_wrong)])

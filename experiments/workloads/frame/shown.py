@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -71,8 +71,7 @@ FIGURES = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class BestBaseline:
+class BestBaseline(NamedTuple):
     """scene: with the settings its points share, in words. name: of the fastest packets in one half of the processes.
     margin: usual packets / these in the other half, None with too few processes. tried: number of candidates."""
 
@@ -101,16 +100,12 @@ def best_baselines(processes: pd.DataFrame) -> Iterator[BestBaseline]:
         values = {place: of_point["speedup_vs_packets"].tolist() for place, of_point in enumerate(points)}
         if len(values) < 2:
             continue
-        chosen, margin = _best(values)
+        try:
+            chosen, margin = best_candidate(values)
+        except ValueError:  # too few processes
+            chosen, margin = max(values, key=lambda place: float(np.log(values[place]).mean())), None
         words = [say_setting(name, value) for name, value in zip(varying, key[1:], strict=True)]
         yield BestBaseline(", ".join([str(key[0]), *words]), say_point(points[chosen].iloc[0]), margin, len(values))
-
-
-def _best(values: dict[int, list[float]]) -> tuple[int, Estimate | None]:
-    try:
-        return best_candidate(values)
-    except ValueError:  # too few processes
-        return max(values, key=lambda place: float(np.log(values[place]).mean())), None
 
 
 def process_lines(processes: pd.DataFrame) -> Iterator[str]:

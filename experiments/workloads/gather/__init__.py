@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any, TypedDict
 
@@ -81,19 +80,13 @@ corner in the eye would put every sample in doubt, which takes seconds to decide
 
 
 def measure(point: Point) -> Measured:
-    """Build the point's own method, read the memory, and time it against the baselines. Raises InputError and
-    MemoryBudgetError as the tracers do, and InputError for a mesh that is not for what is gathered."""
+    """Time gatherings. Raises InputError for a mesh that is not for what is gathered, too."""
     what = point.workload_options.reduction
-    rounds.warm_up(point, rounds.own_and_baselines(), lambda tracer: tracer.gather(what), CLOSED)
-    with ExitStack() as stack:
-        tracers, results = rounds.build_with_baselines(point, stack)
-        gathered = {name: rounds.Frames(tracer, what=what) for name, tracer in tracers.items()}
 
-        def compare() -> dict[str, Any]:
-            unlike = differences(gathered[OWN].latest(), gathered[SINGLE].latest(), what)
-            return {**unlike, **rounds.plan_and_build_again(tracers[OWN])}
+    def judge(_: Any, gathered: dict[str, rounds.Frames]) -> Differences:
+        return differences(gathered[OWN].latest(), gathered[SINGLE].latest(), what)
 
-        return rounds.race(point, gathered, compare, results)
+    return rounds.race_baselines(point, judge, what, CLOSED)
 
 
 def differences(own: Any, single: Any, what: Reduction[Any]) -> Differences:

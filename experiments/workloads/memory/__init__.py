@@ -6,7 +6,7 @@ from contextlib import ExitStack
 
 from experiments.harness.point import Measured, Point, make_own
 from experiments.workloads.resources import Resources, say_memory
-from experiments.workloads.rounds import build_own, measured, warm_up
+from experiments.workloads.rounds import build_own, warm_up
 from experiments.workloads.typed import workload
 
 MEMORY = workload("memory", __name__, say_memory, Resources)
@@ -17,4 +17,4 @@ def measure(point: Point) -> Measured:
     warm_up(point, [make_own])
     with ExitStack() as stack:
         _, results = build_own(point, stack)
-    return measured(results)
+    return Measured(results)

@@ -90,6 +90,7 @@ MULTIFRAME = workload(
     ),
     SeparateBytes,
     options=MultiframeOptions, problem=_problem,
+    told=("render_time_s", *(f"speedup_vs_{way}" for way in (*WAYS, "packets")), "pixels_wrong"),
 )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from experiments.drawing.shading import difference_picture, shade
 from experiments.harness.point import Measured, Point
 from experiments.workloads.images import Images, summed
 from experiments.workloads.resources import Resources, say_memory
-from experiments.workloads.rounds import build_own, make_single, measured
+from experiments.workloads.rounds import build_own, make_single
 from experiments.workloads.typed import workload
 
 
@@ -38,4 +38,4 @@ def measure(point: Point) -> Measured:
         "difference": difference_picture(hits, reference, agreement.verdict),
     }
     pictures = {name: base64.b64encode(encode_png(image)).decode() for name, image in images.items()}
-    return measured(results | {**summed([agreement]), **Pictures(pictures=pictures)})
+    return Measured(results | {**summed([agreement]), **Pictures(pictures=pictures)})

@@ -18,7 +18,7 @@ from atra.rays.scene import RayScene
 from experiments.harness.options import Settings, option, whole
 from experiments.harness.point import Measured, Point, make_own
 from experiments.harness.records import Record
-from experiments.methods.peers.peer import QUESTIONS, Asked, scene_for_rays
+from experiments.methods.peers.peer import QUESTIONS, Asked, PreparedPeer
 from experiments.workloads.baselines import LIBRARY, OWN, say_library
 from experiments.workloads.rays.judging import judged, sample_of, truth_of
 from experiments.workloads.rounds import load_mesh, race
@@ -77,6 +77,7 @@ def _problem(point: Point) -> str | None:
 RAYS = workload(
     "rays", __name__, _headline, TIMES, Judged, options=RaysOptions, problem=_problem,
     rays=lambda row: f"{row.get('ray_batch', 'own')}, {row.get('question', 'closest')}",
+    told=("answer_time_s", "answer_library_time_s", "answer_gain", "judged_hits", "lost", "library_lost"),
 )  # fmt: skip
 
 
@@ -127,8 +128,8 @@ def random_rays(mesh: Mesh, count: int) -> Rays:
 def _calls(
     point: Point, mesh: Mesh, question: str, given: tuple[NDArray[np.float32], ...], stack: ExitStack
 ) -> Mapping[str, Callable[[], Asked]]:
-    own = scene_for_rays(stack.enter_context(make_own(point, mesh)), point.method.name)
-    answer = own.answers().get(question)
+    own = getattr(stack.enter_context(make_own(point, mesh)), "prepared", None)
+    answer = own.scene.answers().get(question) if isinstance(own, PreparedPeer) else None
     if answer is None:
         raise InputError(f"method={point.method.name} has no answer to workload.question={question}")
     scene = stack.enter_context(RayScene(mesh, threads=point.tracing.threads))

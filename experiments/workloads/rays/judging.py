@@ -12,7 +12,8 @@ from atra.exact.lines_kernels import PARTS
 from atra.geometry.mesh import Mesh
 from atra.prim_ids import MISS
 from experiments.methods.peers.peer import Asked
-from experiments.workloads.rays.judging_kernels import cross_every_triangle
+from experiments.workloads.brute_force import near_pairs, nearest_of
+from experiments.workloads.rays.judging_kernels import decide_crossings
 
 _AS_NEAR = 1e-5
 """Relative difference of two distances within which float32 may take either triangle for the nearer."""
@@ -49,15 +50,14 @@ def truth_of(
     if directions is None:
         directions = np.broadcast_to(_WAY, origins.shape)
     corners = mesh.triangles(np.arange(mesh.triangle_count)).astype(np.float64)
-    prim_ids, t = np.empty(len(corners), np.int64), np.empty(len(corners))
-    exact, nearest = np.empty(PARTS), np.full(len(origins), np.inf)
-    of_rays = []
-    for ray, (o, d) in enumerate(zip(origins.astype(np.float64), directions.astype(np.float64), strict=True)):
-        count = cross_every_triangle(corners, o, d, exact, prim_ids, t)
-        of_rays.append(prim_ids[:count].copy())
-        nearest[ray] = t[:count].min(initial=np.inf)
-    counts = np.array([len(prim_ids_of_ray) for prim_ids_of_ray in of_rays], np.int64)
-    ray_ids, crossed = np.repeat(np.arange(len(origins)), counts), np.concatenate([*of_rays, np.empty(0, np.int64)])
+    rays = origins.astype(np.float64), directions.astype(np.float64)
+    ray_ids, prim_ids = near_pairs(*rays, corners)
+    crosses = np.empty(len(ray_ids), np.bool_)
+    decide_crossings(corners, *rays, ray_ids, prim_ids, np.empty(PARTS), crosses)
+    ray_ids, prim_ids = ray_ids[crosses], prim_ids[crosses]
+    depths = intersect_rays(mesh, origins[ray_ids], directions[ray_ids], prim_ids).depth
+    nearest, _ = nearest_of(len(origins), ray_ids, prim_ids, depths)
+    counts = np.bincount(ray_ids, minlength=len(origins))
     match question:
         case "count" | "all":
             hits = int(counts.sum())
@@ -65,7 +65,7 @@ def truth_of(
             hits = int((counts % 2).sum())
         case "closest" | "any":
             hits = int((counts > 0).sum())
-    return Truth(ray_ids, crossed, nearest, hits)
+    return Truth(ray_ids, prim_ids, nearest, hits)
 
 
 def judged(

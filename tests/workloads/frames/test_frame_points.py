@@ -136,9 +136,8 @@ def test_the_terminal_tells_the_speed_up_over_separate_frames(tmp_path):
     )
     shown = io.StringIO()
     print_sweep(make_tables([frames_record(), skipped, MEASURED]), tmp_path, Console(file=shown, width=80))
-    lines = [line.split() for line in shown.getvalue().splitlines()]
-    expected = "box, 2 2 x 1 4,000.0 ms 1.50x 0.25x 0.50x 1.00x 0"
-    assert expected.split() in lines
+    told = " ".join(shown.getvalue().split())
+    assert "4,000.0 ms 1.50 0.25 0.50 1.00 0" in told
     assert f"skipped: box, multiframe, frames 2, motion eyes, aligned, 4 {TIMES} 1, culling on" in shown.getvalue()
 
 

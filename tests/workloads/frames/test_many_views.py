@@ -13,8 +13,8 @@ from experiments.results.terminal import results_console
 from experiments.workloads import views as measuring
 from experiments.workloads.baselines import OWN
 from experiments.workloads.rays import camera_rays, random_rays
+from experiments.workloads.tables import told_table
 from experiments.workloads.views import LIBRARY, VIEWS, ViewsOptions, cameras_around
-from experiments.workloads.views.shown import sweep_lines
 from tests import points
 from tests.images import assert_same_bits
 from tests.meshes import cornell_box, cornell_camera
@@ -100,7 +100,7 @@ def test_the_terminal_says_how_many_times_as_fast_the_library_is(capsys):
     row = {"scene": "cornell_box", "method": "embreex", "views": 20, "workload": VIEWS.name,
            "job_time_s": 6.0, "library_time_s": 0.75, "library_gain": 8.0, "ids_equal": 0.99997,
            "library_gain_low": 7.5, "library_gain_high": 8.5}  # fmt: skip
-    results_console().print(*sweep_lines(pd.DataFrame([row])))
+    results_console().print(told_table(VIEWS, pd.DataFrame([row])))
     said = capsys.readouterr().out
-    for text in ("cornell_box, embreex", "6.000", "0.750", "8.00x", "7.50-8.50", "0.99997"):
+    for text in ("cornell_box, embreex", "6,000.0 ms", "750.0 ms", "8.00 [7.50, 8.50]", "0.99997"):
         assert text in said
