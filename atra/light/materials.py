@@ -12,7 +12,6 @@ from atra.light.scattering.seen_kernels import LEAST_BEND, SMOOTH
 from atra.light.scattering.spots_kernels import DIELECTRIC, EMISSIVE, LAMBERTIAN, METAL, PHYSICAL
 from atra.light.textures import Checker, Image, Texture
 
-FRESNEL = ("exact", "schlick")
 ALPHA = ("opaque", "mask", "blend")
 IMAGE_FIELDS = ("colour", "metallic_roughness", "normals", "emission_image", "transmission_image")
 """Fields of `MetallicRoughness` that may be images."""
@@ -38,11 +37,6 @@ class Material:
     def clear_share(self) -> float:
         """The share of light that clear glass lets straight on at a right angle, colour left out; 0 of others."""
         return 0.0
-
-    @property
-    def numbers(self) -> tuple[float, bool]:
-        """`parameter` and `is_variant` of its row for kernels."""
-        return 0.0, False
 
     @property
     def images(self) -> tuple[Image | None, ...]:
@@ -78,33 +72,23 @@ class Metal(Material):
         _check_texture(self)
         check_fields(self, fuzz=(0.0, 1.0))
 
-    @property
-    def numbers(self) -> tuple[float, bool]:
-        return self.fuzz, False
-
 
 @dataclass(frozen=True)
 class Dielectric(Material):
     """Clear glass that reflects and refracts; triangles are counterclockwise seen from outside.
 
-    ior: index of refraction, inside over outside. fresnel: "exact", or "schlick" for Schlick's approximation.
+    ior: index of refraction, inside over outside.
     """
 
     kind = DIELECTRIC
     ior: float = 1.5
-    fresnel: str = "exact"
 
     def __post_init__(self) -> None:
         check_fields(self, ior=(0.0, 1e3, True))
-        check_choice("fresnel of Dielectric", self.fresnel, FRESNEL)
 
     @property
     def clear_share(self) -> float:
         return 1.0 - ((self.ior - 1.0) / (self.ior + 1.0)) ** 2
-
-    @property
-    def numbers(self) -> tuple[float, bool]:
-        return self.ior, self.fresnel == "schlick"
 
 
 @dataclass(frozen=True)
@@ -186,10 +170,6 @@ class MetallicRoughness(Material):
         if bends and self.roughness**2 >= SMOOTH:
             return 0.0
         return self.transmission * (1.0 - self.metallic) * (1.0 - ((self.ior - 1.0) / (self.ior + 1.0)) ** 2)
-
-    @property
-    def numbers(self) -> tuple[float, bool]:
-        return self.ior, self.is_thin
 
 
 _SHARES = ("opacity", "cutoff", "metallic", "roughness", "transmission", "specular", "coat", "coat_roughness")

@@ -21,7 +21,7 @@ CONSTANT, CHECKER, IMAGE = 0, 1, 2
 MATERIAL_ROW = np.dtype(
     [
         ("kind", "i8"), ("texture", "i8"), ("scale", "f8"), ("colour", "f4", 3), ("second", "f4", 3),
-        ("parameter", "f4"), ("is_variant", "?"), ("images", "i8", 5), ("emission", "f4", 3), ("metallic", "f4"),
+        ("parameter", "f4"), ("is_thin", "?"), ("images", "i8", 5), ("emission", "f4", 3), ("metallic", "f4"),
         ("roughness", "f4"), ("normal_scale", "f4"), ("transmission", "f4"), ("opacity", "f4"), ("cutoff", "f8"),
         ("has_colours", "?"), ("colours_emit", "?"), ("is_double", "?"), ("specular", "f4"),
         ("specular_colour", "f4", 3), ("coat", "f4"), ("coat_roughness", "f4"), ("absorption", "f8", 3),
@@ -29,7 +29,7 @@ MATERIAL_ROW = np.dtype(
     align=True,
 )  # fmt: skip
 """A material for kernels; fields of `MetallicRoughness` have its names. kind: see `scattering.spots_kernels`, also for
-parameter and is_variant. texture: of the colour; second, scale: of a checker. images: rows of `textures`, of
+parameter. texture: of the colour; second, scale: of a checker. images: rows of `textures`, of
 `Material.images`, -1 = none. cutoff: of a mask; below 0, opacity is a share of light; above 1, all is opaque.
 has_colours: of vertices; colours_emit: emission is times these, too. is_double: whether the eye sees its backs."""
 

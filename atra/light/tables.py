@@ -138,7 +138,7 @@ def _materials(scene: Scene) -> tuple[NDArray[np.void], tuple[NDArray[Any], ...]
     rows, images = np.zeros(len(scene.materials), words.MATERIAL_ROW), _Images()
     rows["cutoff"], rows["opacity"], rows["is_double"] = 2.0, 1.0, True
     for row, material in zip(rows, scene.materials, strict=True):
-        row["kind"], (row["parameter"], row["is_variant"]) = material.kind, material.numbers
+        row["kind"], row["parameter"] = material.kind, getattr(material, "ior", getattr(material, "fuzz", 0.0))
         row["transmission"], row["emission"] = material.clear_share > 0.0, material.emission
         colour = material.colour
         if isinstance(colour, Checker):
@@ -160,8 +160,8 @@ def _materials(scene: Scene) -> tuple[NDArray[np.void], tuple[NDArray[Any], ...]
 
 
 _OWN = (
-    "metallic", "roughness", "normal_scale", "transmission", "opacity", "is_double", "specular", "specular_colour",
-    "coat", "coat_roughness",
+    "metallic", "roughness", "normal_scale", "transmission", "opacity", "is_double", "is_thin", "specular",
+    "specular_colour", "coat", "coat_roughness",
 )  # fmt: skip
 """Fields that `MetallicRoughness` has of its own, as they are."""
 

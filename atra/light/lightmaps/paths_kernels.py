@@ -70,7 +70,7 @@ def sequence_key(number, seed):  # type: ignore[no-untyped-def]
 def _white(spot):  # type: ignore[no-untyped-def]
     """The same place of a surface that reflects all light equally to all sides."""
     kind, matter = np.int64(LAMBERTIAN), _white_matter()
-    return Spot(spot.point, spot.normal, spot.shaded, kind, spot.material, False, matter, NO_FRAME, UNSEEN)
+    return Spot(spot.point, spot.normal, spot.shaded, kind, spot.material, matter, NO_FRAME, UNSEEN)
 
 
 @njit(forceinline=True)
@@ -191,7 +191,7 @@ def light_probes(  # type: ignore[no-untyped-def]
             sequence_key(probe, charts.seed),
         )
         kind, material = np.int64(NOTHING), np.int64(0)
-        spot = Spot(point, nowhere, nowhere, kind, material, False, _white_matter(), NO_FRAME, UNSEEN)
+        spot = Spot(point, nowhere, nowhere, kind, material, _white_matter(), NO_FRAME, UNSEEN)
         for sample in range(samples):
             if is_aimed:
                 light, kind, towards, traced = aimed(

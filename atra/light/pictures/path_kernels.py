@@ -201,7 +201,7 @@ def survival(weight, key, sample, bounce):  # type: ignore[no-untyped-def]
 def _is_solid(surfaces, prim_id):  # type: ignore[no-untyped-def]
     """Whether a triangle bounds a solid that light may pass, and is no thin wall."""
     row = surfaces.materials[material_of(surfaces, prim_id)]
-    return row.transmission > ZERO and not row.is_variant
+    return row.transmission > ZERO and not row.is_thin
 
 
 FREE_LIGHT, FREE_LENGTH, FREE_KIND, FREE_SINCE = 0, 3, 4, 5

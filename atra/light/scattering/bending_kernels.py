@@ -57,10 +57,10 @@ def on_side(direction, normal, wanted):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy")
-def through_glass(direction, normal, is_front, ior, is_schlick, chance):  # type: ignore[no-untyped-def]
+def through_glass(direction, normal, is_front, ior, chance):  # type: ignore[no-untyped-def]
     """(direction, passes): refracted, or reflected with the probability of Fresnel's equations.
 
-    Source: Fresnel's equations for unpolarised light; C. Schlick, "An inexpensive BRDF model", 1994.
+    Source: Fresnel's equations for unpolarised light.
     """
     ratio = ONE / ior if is_front else ior
     cosine = min(ONE, -dot(direction, normal))
@@ -69,17 +69,9 @@ def through_glass(direction, normal, is_front, ior, is_schlick, chance):  # type
     if inside <= ZERO:
         return mirrored, False
     refracted_cosine = np.sqrt(inside)
-    if is_schlick:
-        least = (ONE - ior) / (ONE + ior)
-        least *= least
-        rest = ONE - cosine
-        square = rest * rest
-        reflectance = least + (ONE - least) * square * square * rest
-    else:
-        across = (ratio * cosine - refracted_cosine) / (ratio * cosine + refracted_cosine)
-        within = (cosine - ratio * refracted_cosine) / (cosine + ratio * refracted_cosine)
-        reflectance = (across * across + within * within) / TWO
-    if chance < reflectance:
+    across = (ratio * cosine - refracted_cosine) / (ratio * cosine + refracted_cosine)
+    within = (cosine - ratio * refracted_cosine) / (cosine + ratio * refracted_cosine)
+    if chance < (across * across + within * within) / TWO:
         return mirrored, False
     return unit(along(scaled(ratio, direction), ratio * cosine - refracted_cosine, normal)), True
 

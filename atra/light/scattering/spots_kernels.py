@@ -30,8 +30,7 @@ from atra.light.surface_kernels import (
 )
 
 LAMBERTIAN, METAL, DIELECTRIC, EMISSIVE, PHYSICAL, NOTHING = 0, 1, 2, 3, 4, 5
-"""Kinds of material; NOTHING: a point in the open. Their parameter: a metal's fuzz, an index of refraction; is_variant:
-Schlick's approximation (glass), no thickness (physical)."""
+"""Kinds of material; NOTHING: a point in the open. Their parameter: a metal's fuzz, an index of refraction."""
 
 BLACK = ZERO, ZERO, ZERO
 WHITE = ONE, ONE, ONE
@@ -68,7 +67,6 @@ class Spot(NamedTuple):
     shaded: tuple[np.float32, np.float32, np.float32]
     kind: np.int64
     material: np.int64
-    is_variant: bool
     matter: Matter
     frame: tuple[tuple[np.float32, np.float32, np.float32], tuple[np.float32, np.float32, np.float32]]
     seen: Seen
@@ -86,7 +84,7 @@ def spot_of(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-de
     if kind == PHYSICAL:
         frame = _frame(shaded)
         seen = seen_from(matter, _local(frame, shaded, scaled(-ONE, direction)))
-    return Spot(point, normal, shaded, kind, material, matter.is_thin, matter, frame, seen), is_front
+    return Spot(point, normal, shaded, kind, material, matter, frame, seen), is_front
 
 
 @njit(forceinline=True)
@@ -99,7 +97,7 @@ def _met(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-def]
     shaded = shading_normal(surfaces, prim_id, point, normal, is_front, direction)
     colour = colour_of(surfaces, material, prim_id, point) if kind != DIELECTRIC else WHITE
     metallic, roughness, transmission = row.metallic, row.roughness, row.transmission
-    ior, is_variant = row.parameter, row.is_variant
+    ior, is_thin = row.parameter, row.is_thin
     if kind == PHYSICAL and len(surfaces.weights) > 0:
         weights = weights_at(surfaces, prim_id, point)
         if row.has_colours:
@@ -114,13 +112,13 @@ def _met(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-def]
                 texel = textured(surfaces, material, OF_NORMALS, prim_id, point, s, t)
                 bump = bump_of(texel, row.normal_scale)
                 shaded = bumped(surfaces, prim_id, shaded, bump, is_front, direction)
-    far = ONE / ior if kind == PHYSICAL and not (is_front or is_variant) else ior
+    far = ONE / ior if kind == PHYSICAL and not (is_front or is_thin) else ior
     bare = (ior - ONE) / (ior + ONE)
     bare *= bare
     red, green, blue = three(row.specular_colour)
     most, coating = row.specular, row.coat_roughness * row.coat_roughness
     least = scaled(most, (min(ONE, bare * red), min(ONE, bare * green), min(ONE, bare * blue)))
-    glass = transmission, far, is_variant
+    glass = transmission, far, is_thin
     matter = Matter(colour, metallic, roughness * roughness, *glass, least, most, row.coat, coating)
     return point, normal, shaded, material, matter, is_front
 
@@ -185,7 +183,7 @@ def scatter(surfaces, spot, is_front, prim_id, direction, key, sample, bounce): 
             density += coated_value(spot.matter, spot.seen, _local(frame, shaded, twin))[1]
         onward = onward if facing * side > ZERO else twin
     elif kind == DIELECTRIC:
-        onward, passes = through_glass(direction, shaded, is_front, spot.matter.ior, spot.is_variant, u)
+        onward, passes = through_glass(direction, shaded, is_front, spot.matter.ior, u)
         side = -ONE if passes else ONE
         onward = on_side(onward, normal, side)
     else:

@@ -26,7 +26,6 @@ WRONG = [
     (lambda: light.Metal(0.5, -0.1), "fuzz of Metal is -0.1"),
     (lambda: light.Dielectric(0.0), "ior of Dielectric is 0.0, expected a finite number above 0"),
     (lambda: light.Dielectric(NAN), "ior of Dielectric is nan"),
-    (lambda: light.Dielectric(1.5, "none"), "fresnel of Dielectric is 'none'"),
     (lambda: light.Emissive((1, -1, 0)), "colour of Emissive is -1"),
     (lambda: light.Emissive((1, np.inf, 0)), "colour of Emissive"),
     (lambda: light.Checker((1, 1, 1), (0, 0, 0), 0.0), "scale of Checker is 0.0"),

@@ -117,7 +117,7 @@ NASTY = [nan, inf, -inf, -1.0, -1e-300, 1e300, 1e400, "x", "", None, (), (1, 2),
          np.zeros((0, 3)), np.full(3, nan), object(), {}, b"", 1j, (1j, 0, 0), True, ("a",) * 3, 2**70]  # fmt: skip
 MAKERS = {
     render.Lambertian: ("colour",), render.Metal: ("colour", "fuzz"),
-    render.Dielectric: ("ior", "fresnel"), render.Emissive: ("colour",), render.Checker: ("first", "second", "scale"),
+    render.Dielectric: ("ior",), render.Emissive: ("colour",), render.Checker: ("first", "second", "scale"),
     render.Image: ("texels",), render.GradientSky: ("below", "above", "power"),
     render.PanoramaSky: ("texels", "power", "rotation_degrees"),
     render.Sun: ("direction", "angle_degrees", "colour", "power"),
