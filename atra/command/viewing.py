@@ -69,9 +69,9 @@ def run_view(given: Namespace) -> int:
         contextlib.closing(Page(painter, first, given.port, name, size)) as page,
     ):
         print("viewer: preparing; a first start compiles kernels, which takes about a minute", flush=True)
-        page.prepare()
+        page.session.step()  # so that a picture is there when a page is
         print(f"viewer: {page.address} shows {name}; Ctrl-C ends it", flush=True)
-        page.run()
+        page.session.run()
     print("viewer: ended")
     return 0
 

@@ -194,7 +194,7 @@ _WRITERS: dict[str, tuple[tuple[str, ...], Callable[[Layers], bytes]]] = {
 }
 """Layers that a file has, and its encoder, by its suffix."""
 
-_PREVIEWS: dict[str, tuple[str, Callable[[NDArray[Any]], NDArray[np.uint8]]]] = {
+PREVIEWS: dict[str, tuple[str, Callable[[NDArray[Any]], NDArray[np.uint8]]]] = {
     "preview": ("depth", depth_shading),
     "preview_ids": ("prim_id", _id_colours),
     "preview_normals": ("normals", _normal_colours),
@@ -230,9 +230,7 @@ def write_planes(
         raise InputError(f"the format of planes is {kind!r}, expected one of {', '.join(PLANE_FORMATS)}")
     if kind == "exr":
         check_package(".exr")  # before anything is computed
-    found = {
-        name: _PREVIEWS[name][1](plane(_PREVIEWS[name][0])) if name in _PREVIEWS else plane(name) for name in names
-    }
+    found = {name: PREVIEWS[name][1](plane(PREVIEWS[name][0])) if name in PREVIEWS else plane(name) for name in names}
     if kind in ("npz", "exr"):
         whole = encode_numpy(np.savez, **found) if kind == "npz" else encode_exr(exr_channels(found))
         files = {f".{kind}": whole}
@@ -278,6 +276,6 @@ def _as_integers(name: str, array: NDArray[Any], depth_scale: float, saturate: b
         return np.where(array, 255, 0).astype(np.uint8)
     if name == "normals":
         return np.where(np.isfinite(array), np.rint((array * 0.5 + 0.5) * _MOST), 0).astype(np.uint16)
-    if name in _PREVIEWS:
+    if name in PREVIEWS:
         return array
     raise InputError(f"{name} as PNG would lose digits, expected npz, npy, exr or tiff for it")

@@ -17,7 +17,7 @@ from atra.light.materials import Dielectric, Emissive, Lambertian, Metal, Metall
 from atra.light.pictures.finish.accumulate import Progress, accumulate
 from atra.light.pictures.finish.tone import stops_of, toned
 from atra.light.pictures.hybrid import HybridRenderer
-from atra.light.pictures.paths.renderer import PathRenderer
+from atra.light.pictures.paths import PathRenderer
 from atra.light.pictures.renderer import Renderer
 from atra.light.reading.scenes import load_scene
 from atra.light.scene import Scene, ScenePart

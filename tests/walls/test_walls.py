@@ -129,7 +129,7 @@ WALLS = (
          reason="results know no figure"),
     *(Wall(room, tuple(other for other in WORKLOAD_ROOMS if other != room), reason="a workload never imports another")
       for room in WORKLOAD_ROOMS),
-    Wall("atra", ("viser",), apart_from=("atra.light.viewer.camera_page", "atra.light.viewer.page"),
+    Wall("atra", ("viser",), apart_from=("atra.light.viewer.gate", "atra.light.viewer.page"),
          reason="only pages know viser"),
     Wall("experiments", EVIDENCE, apart_from=EVIDENCE, reason="the core of the harness knows no wing"),
     *(Wall(wing, EVIDENCE[number + 1 :], reason="a wing imports only wings before it")

@@ -23,7 +23,7 @@ from atra.light.lightmaps.paths import AT_ONCE, Paths
 from atra.light.lightmaps.priority import on_least_converged_map, visible_texels
 from atra.light.lightmaps.probes import LightProbes, ProbeSums
 from atra.light.lightmaps.sums_kernels import SUMS
-from atra.light.pictures.finish.fingerprint import fingerprint
+from atra.light.pictures.finish.states import fingerprint
 from atra.light.scene import Scene
 from atra.raster.tracer import RasterTracer
 from atra.rays.kernel_scene import Query, scene_for_kernels

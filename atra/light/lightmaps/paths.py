@@ -10,8 +10,8 @@ from atra.light.lightmaps.charts.texels import Texels
 from atra.light.lightmaps.options import BakeOptions
 from atra.light.lightmaps.paths_kernels import Charts, light_probes, light_texels
 from atra.light.lightmaps.probes import ProbeSums
+from atra.light.pictures.following_kernels import limits_of
 from atra.light.pictures.path_kernels import FREE_ROWS
-from atra.light.pictures.paths.following_kernels import limits_of
 from atra.light.scene import Scene
 from atra.light.tables import surfaces_of
 from atra.rays.kernel_scene import Query

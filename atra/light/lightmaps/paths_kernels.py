@@ -24,7 +24,7 @@ from atra.light.lightmaps.sums_kernels import (
     note_doubling,
 )
 from atra.light.numbers_kernels import ONE, ZERO, key_of, mixed, on_sphere, scaled
-from atra.light.pictures.paths.following_kernels import aimed, follow, more
+from atra.light.pictures.following_kernels import aimed, follow, more
 from atra.light.scattering.sampler_kernels import DIRECTION, JITTER, pair_of
 from atra.light.scattering.seen_kernels import UNSEEN
 from atra.light.scattering.spots_kernels import (

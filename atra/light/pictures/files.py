@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
-from atra.files.saving import encode_exr, encode_png
+from atra.files.saving import check_package, encode_exr, encode_png
 from atra.hits import Hits
 from atra.light.pictures.files_kernels import encode_srgb
 from atra.light.pictures.finish.tone import stops_of, toned
@@ -29,17 +27,8 @@ def check_picture_path(path: Path) -> str:
     if suffix not in SUFFIXES:
         raise InputError(f"a picture is to be written to {str(path)!r}, expected a name that ends in .png or .exr")
     if suffix == ".exr":
-        _check_openexr()
+        check_package(suffix)
     return suffix
-
-
-def _check_openexr() -> None:
-    try:
-        import_module("OpenEXR")
-    except ImportError:
-        raise InputError(
-            "an EXR needs the package OpenEXR, which is not installed; `pip install OpenEXR`, or write a .png"
-        ) from None
 
 
 def srgb_of(image: NDArray[np.floating]) -> NDArray[np.uint8]:
@@ -87,7 +76,7 @@ def exr_of(
     if alpha is not None:
         channels["A"] = alpha
     counts = np.full(hits.depth.shape, samples, np.uint32)
-    return exr_of_channels(channels | {"Z": hits.depth, "prim_id": hits.prim_id, "samples": counts})
+    return encode_exr(channels | {"Z": hits.depth, "prim_id": hits.prim_id, "samples": counts})
 
 
 def _eye_normals(hits: Hits) -> NDArray[np.float32]:
@@ -102,9 +91,3 @@ def _eye_normals(hits: Hits) -> NDArray[np.float32]:
     away = np.einsum("ni,ni->n", across, directions @ hits.camera.axes) > 0.0
     normals[y, x] = np.where(away[:, None], -across, across)
     return normals
-
-
-def exr_of_channels(channels: Mapping[str, NDArray[Any]]) -> bytes:
-    """An EXR of named (H, W) arrays, 32 bits each. Raises InputError without the package OpenEXR."""
-    _check_openexr()
-    return encode_exr(channels)

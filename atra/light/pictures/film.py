@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.compiled.aligned_memory import aligned_empty
-from atra.errors import InputError
+from atra.errors import AtraError, InputError
 from atra.light.pictures.files_kernels import place_pixels
 from atra.light.pictures.gbuffer_kernels import LANES
 from atra.light.pictures.path_kernels import TILE
@@ -111,24 +111,23 @@ class Film:
         place_pixels(self.places, planes, image)
         return image
 
-    def place_of(self, pixel: int) -> tuple[int, int]:
-        """(x, y) of a pixel in the film's order."""
-        place = int(self.places[pixel])
-        return place & 0xFFFF, place >> 16
+    def not_finite(self, first: int, count: int) -> AtraError:
+        """The error that names a sum, of `count` pixels from number `first` on, which is not finite."""
+        plane, pixel = np.argwhere(~np.isfinite(self.sums[:, first : first + count]))[0].tolist()
+        place = int(self.places[first + pixel])
+        return AtraError(
+            f"sample {self.samples} of pixel {(place & 0xFFFF, place >> 16)} is {self.sums[plane, first + pixel]}, "
+            "expected a finite number; look for texels beyond 1e30 in the sky, and report this if there are none"
+        )
 
 
 @lru_cache(maxsize=4)
 def _places(width: int, height: int) -> NDArray[np.uint32]:
-    full, rest = divmod(height, TILE)
-    whole = _band(width, TILE)[None] + (np.arange(full, dtype=np.uint32)[:, None] * np.uint32(TILE << 16))
-    beyond = np.zeros(LANES, np.uint32)  # vectors read past the last pixel
-    places = np.concatenate([whole.ravel(), _band(width, rest) + np.uint32(full * TILE << 16), beyond])
+    """Pixels in rows of tiles, and row by row within each."""
+    columns, rows = (-(-side // TILE) * TILE for side in (width, height))
+    tiled = np.arange(columns, dtype=np.uint32) + (np.arange(rows, dtype=np.uint32)[:, None] << np.uint32(16))
+    tiled = tiled.reshape(rows // TILE, TILE, columns // TILE, TILE).swapaxes(1, 2).ravel()
+    inside = tiled[((tiled & 0xFFFF) < width) & (tiled >> 16 < height)]
+    places = np.append(inside, np.zeros(LANES, np.uint32))  # vectors read past the last pixel
     places.setflags(write=False)
     return places[: width * height]
-
-
-def _band(width: int, height: int) -> NDArray[np.uint32]:
-    """Places of a row of tiles of this height; the last tile may be narrower."""
-    y, x = np.divmod(np.arange(width * height), width)
-    order = np.lexsort((x, y, x // TILE))
-    return (x + (y << 16))[order].astype(np.uint32)

@@ -1,4 +1,5 @@
-"""The G-buffer: what pixels see, with origins of further rays, normals and colours, before any light.
+"""The G-buffer: what pixels see, with origins of further rays, normals and colours, before any light; and a ray from
+each surface, at a light or into the sky.
 
 Points, normals and colours come from the functions that paths use, one pixel after the other. Only images are looked up
 eight pixels at once: with that one by one, too, a textured frame of 1280 x 720 pixels and 262,267 triangles took 1.22
@@ -17,7 +18,9 @@ from atra.compiled.store import float_part, njit
 from atra.compiled.vectors import bits_of, splat, where
 from atra.embree.packets_kernels import MISS
 from atra.light.emitters.sky_kernels import reflected, sky_colour
-from atra.light.numbers_kernels import ONE, ZERO, unit
+from atra.light.lights_kernels import KIND, SUN, to_lamp, to_sun
+from atra.light.numbers_kernels import ONE, ZERO, around, dot, key_of, on_sphere, scaled, unit, unit_of
+from atra.light.numbers_kernels import bits_of as random_bits
 from atra.light.pictures.path_kernels import FREE_ROWS, TILE, pixel_line, place_of, seen_by
 from atra.light.scattering.spots_kernels import BLACK
 from atra.light.scattering.texels_kernels import colours_at, places_in
@@ -204,3 +207,65 @@ def vector_of(floats, row, i):  # type: ignore[no-untyped-def]
 def set_vector(floats, row, i, vector):  # type: ignore[no-untyped-def]
     """Write three numbers of the i-th pixel to a row and the next two."""
     floats[row * STRIDE + i], floats[(row + 1) * STRIDE + i], floats[(row + 2) * STRIDE + i] = vector
+
+
+class Aim(NamedTuple):
+    """The sample points of rays in the unit square.
+
+    points: (N, 2) uint32, in units of 2^-32. is_traced: whether rays are traced for occlusion. length: float32, longest
+    ray.
+    """
+
+    points: NDArray[np.uint32]
+    is_traced: bool
+    length: np.float32
+
+
+@njit(forceinline=True)
+def _set_ray(floats, i, direction, light, length, is_traced):  # type: ignore[no-untyped-def]
+    """Write a pixel's ray and the light that it carries; returns 1 if it is traced, else 0."""
+    set_vector(floats, DIRECTION, i, direction)
+    floats[LENGTH * STRIDE + i] = length if is_traced else ZERO
+    floats[LIGHT * STRIDE + i] = light
+    return 1 if is_traced else 0
+
+
+@njit(forceinline=True)
+def _set_lit(floats, i, direction, strength, length):  # type: ignore[no-untyped-def]
+    """Write a pixel's ray to a light; returns 1 if it carries any, else 0."""
+    carried = dot(vector_of(floats, NORMAL, i), direction) * strength
+    return _set_ray(floats, i, direction, carried if carried > ZERO else ZERO, length, carried > ZERO)
+
+
+@float_part
+def aim_at_light(floats, count, light, aim, number):  # type: ignore[no-untyped-def]
+    """Aim a ray from each pixel's surface at a point of the light, the same for all. light: (LIGHT_WORDS,) float32.
+    Returns how many may arrive."""
+    rays, u, v = 0, unit_of(aim.points[number, 0]), unit_of(aim.points[number, 1])
+    if light[KIND] == SUN:
+        direction = to_sun(light, u, v)
+        for i in range(count):
+            rays += _set_lit(floats, i, direction, ONE, aim.length)
+    else:
+        for i in range(count):
+            direction, strength, reach = to_lamp(light, vector_of(floats, ORIGIN, i), u, v)
+            rays += _set_lit(floats, i, direction, strength, min(reach, aim.length))
+    return rays
+
+
+@float_part
+def aim_into_sky(floats, first, count, is_cosine, aim, number):  # type: ignore[no-untyped-def]
+    """Aim a ray from the surface of each pixel, from number `first` on, into its hemisphere, by a point that is shifted
+    for each. Returns the number of rays."""
+    rays = 0
+    for i in range(count):
+        key, normal = key_of(first + i, np.uint32(0)), vector_of(floats, NORMAL, i)
+        u = np.uint32(aim.points[number, 0] + random_bits(key, 0))
+        v = np.uint32(aim.points[number, 1] + random_bits(key, 1))
+        direction = on_sphere(unit_of(u), unit_of(v))
+        if is_cosine:
+            direction = around(normal, direction)
+        elif dot(direction, normal) < ZERO:
+            direction = scaled(-ONE, direction)
+        rays += _set_ray(floats, i, direction, ONE, aim.length, floats[SEEN * STRIDE + i] != ZERO)
+    return rays

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import reduce
 from math import inf, sqrt
 from time import perf_counter
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.choices import check_choice
 from atra.geometry.view import View
+from atra.light.checks import check_whole
 from atra.light.emitters.panels import Panel, panels_of
 from atra.light.lights import Light, light_row
 from atra.light.lights_kernels import LIGHT_WORDS
 from atra.light.materials import shown_of
-from atra.light.pictures.aiming_kernels import Aim
 from atra.light.pictures.film import Film
-from atra.light.pictures.gbuffer_kernels import new_chunk
+from atra.light.pictures.gbuffer_kernels import Aim, Chunk, new_chunk
+from atra.light.pictures.integrator import Integrator, check_length, unlike_but_for
 from atra.light.pictures.lighting_kernels import LIGHT_PLANES, SKY_PLANES, STAGES, lighting_kernel
-from atra.light.pictures.options import HybridOptions, unlike_but_for
 from atra.light.pictures.path_kernels import BLOCK, Pixels
 from atra.light.pictures.renderer import Primary, Renderer
 from atra.light.scene import Scene
@@ -41,51 +43,62 @@ spread.
 """
 
 
-class Hybrid:
-    """The integrator of `HybridRenderer`."""
+class _Tables(NamedTuple):
+    """What kernels read of a scene, and the scratch of each thread."""
 
-    name, sets_sums, wave_pixels = "HybridRenderer", True, 512 * BLOCK
+    kernel: Callable[..., int]
+    surfaces: Any
+    lights: NDArray[np.float32]
+    chunks: list[Chunk]
 
-    def __init__(self) -> None:
-        self._panels_of: tuple[Scene | None, list[Panel]] = None, []
 
-    def take(self, scene: Scene, options: HybridOptions, camera: View) -> None:
-        """See `Integrator.take`."""
-        self._scene, self._options = scene, options
+@dataclass(frozen=True)
+class Hybrid(Integrator):
+    """How a `HybridRenderer` gathers light. With 0 rays of a kind there is no shadow, or no occlusion."""
 
-    @property
-    def planes(self) -> int:
-        """Sums per pixel."""
-        return SKY_PLANES + LIGHT_PLANES * (len(self._lit_by) + bool(self._panels))
+    renderer, sets_sums, wave_pixels = "HybridRenderer", True, 512 * BLOCK
+    built_with: ClassVar = Integrator.built_with | {"packet_width"}
 
-    @property
-    def shares(self) -> dict[str, int]:
+    packet_width: int | None = None
+    most_samples: int | None = 512
+    shadow_rays: int = 1
+    shadow_length: float = inf
+    occlusion_rays: int = 1
+    occlusion_length: float = 10.0
+    occlusion: str = "uniform"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_choice("occlusion", self.occlusion, ("uniform", "cosine"))
+        for name in ("shadow_rays", "occlusion_rays"):
+            check_whole(name, getattr(self, name), 0, 64)
+        for name in ("shadow_length", "occlusion_length"):
+            check_length(name, getattr(self, name))
+
+    def lamps(self, scene: Scene) -> Sequence[Light | Panel]:
+        """The scene's lights, then those that stand for its shining surfaces."""
+        return [*scene.local.lights, *panels_of(scene)]
+
+    def planes(self, lamps: Sequence[Light | Panel]) -> int:
+        """Sums per pixel; one more for what surfaces emit, if any do."""
+        return SKY_PLANES + LIGHT_PLANES * (len(lamps) + any(isinstance(one, Panel) for one in lamps))
+
+    def shares(self, scene: Scene) -> dict[str, int]:
         """Planes of what is open and of each light."""
-        of_lights = {f"light {k}": SKY_PLANES + k * LIGHT_PLANES + 3 for k in range(len(self._scene.lights))}
+        of_lights = {f"light {k}": SKY_PLANES + k * LIGHT_PLANES + 3 for k in range(len(scene.lights))}
         return {"openness": 3, **of_lights}
 
-    @property
-    def _panels(self) -> list[Panel]:
-        """Lights that stand for the scene's shining surfaces."""
-        if self._panels_of[0] is not self._scene:
-            self._panels_of = self._scene, panels_of(self._scene)
-        return self._panels_of[1]
+    def tables(self, scene: Scene, lamps: Sequence[Light | Panel], rays: KernelScene) -> _Tables:
+        """See `Integrator.tables`."""
+        rows = [one.row if isinstance(one, Panel) else light_row(one) for one in lamps]
+        shown = tuple(shown_of(material) for material in scene.materials)
+        return _Tables(
+            lighting_kernel(rays.packet_width), surfaces_of(replace(scene, materials=shown), 1.0),
+            np.array(rows, np.float32).reshape(-1, LIGHT_WORDS), [new_chunk() for _ in range(rays.threads)],
+        )  # fmt: skip
 
-    @property
-    def _lit_by(self) -> list[Light | Panel]:
-        return [*self._scene.local.lights, *self._panels]
-
-    def build(self, rays: KernelScene) -> None:
-        """See `Integrator.build`."""
-        rows = [light.row if isinstance(light, Panel) else light_row(light) for light in self._lit_by]
-        self._lights = np.array(rows, np.float32).reshape(-1, LIGHT_WORDS)
-        shown = tuple(shown_of(material) for material in self._scene.materials)
-        self._surfaces = surfaces_of(replace(self._scene, materials=shown), 1.0)
-        self._kernel, self._chunks = lighting_kernel(rays.packet_width), [new_chunk() for _ in range(rays.threads)]
-
-    def same_sums(self, scene: Scene) -> bool:
-        """See `Integrator.same_sums`."""
-        old = self._scene
+    def same_sums(self, scene: Scene, old: Scene) -> bool:
+        """See `Integrator.same_sums`; colours and powers of lights and the power of the sky are not in the sums."""
         for name in ("face_materials", "normals", "uv", "second_uv", "colours"):
             if not np.array_equal(getattr(scene, name), getattr(old, name)):
                 return False
@@ -96,31 +109,31 @@ class Hybrid:
         pairs = zip(scene.lights, old.lights, strict=True)
         return not any(unlike_but_for(new, light, "colour", "power") for new, light in pairs)
 
-    def parts(self, film: Film) -> Iterator[NDArray[np.float64]]:
-        """The sky's light, each light's, and, if there are any, that of all surfaces that shine."""
-        yield self._scene.sky.power * film.mean(slice(3))
-        first, shining = SKY_PLANES, []
-        for light in self._lit_by:
-            part = light.power * np.array(light.colour)[:, None] * film.mean(slice(first, first + 3))
-            if isinstance(light, Panel):
-                shining.append(part)
-            else:
-                yield part
-            first += LIGHT_PLANES
-        if shining:
-            yield reduce(np.add, shining, film.mean(slice(first, first + 3)))
+    def mean(self, scene: Scene, lamps: Sequence[Light | Panel], film: Film) -> NDArray[np.float64]:
+        """The sum of the sky's light, of each lamp's, and of what surfaces emit."""
+        starts = range(SKY_PLANES, film.shape[0], LIGHT_PLANES)
+        of_lamps = [
+            one.power * np.array(one.colour)[:, None] * film.mean(slice(start, start + 3))
+            for one, start in zip(lamps, starts, strict=False)
+        ]
+        lights, last = len(scene.lights), film.shape[0] - LIGHT_PLANES
+        total = reduce(np.add, of_lamps[:lights], scene.sky.power * film.mean(slice(3)))
+        if len(lamps) == lights:
+            return total
+        return total + reduce(np.add, of_lamps[lights:], film.mean(slice(last, last + 3)))
 
     def add(
-        self, query: Query, first: int, count: int, pixels: Pixels, film: Film, stages: dict[str, float]
-    ) -> int | None:
+        self, tables: _Tables, camera: View, query: Query, first: int, count: int, pixels: Pixels, film: Film,
+        stages: dict[str, float],
+    ) -> int | None:  # fmt: skip
         """See `Integrator.add`."""
-        options, chunk, start = self._options, self._chunks[query.worker], perf_counter()
-        to_lights = _aim(film.samples, options.shadow_rays, options.shadow_length, _LIGHT)
-        into_sky = _aim(film.samples, options.occlusion_rays, options.occlusion_length, _SKY)
+        start = perf_counter()
+        to_lights = _aim(film.samples, self.shadow_rays, self.shadow_length, _LIGHT)
+        into_sky = _aim(film.samples, self.occlusion_rays, self.occlusion_length, _SKY)
         times = np.zeros(len(STAGES), np.int64)
-        rays = self._kernel(
-            first, count, pixels, self._surfaces, self._lights, to_lights, into_sky, options.occlusion == "cosine",
-            query, chunk, film.sums, film.is_first, times,
+        rays = tables.kernel(
+            first, count, pixels, tables.surfaces, tables.lights, to_lights, into_sky, self.occlusion == "cosine",
+            query, tables.chunks[query.worker], film.sums, film.is_first, times,
         )  # fmt: skip
         taken_s = (perf_counter() - start) / times.sum()
         for stage, ticks in zip(STAGES, times.tolist(), strict=True):
@@ -194,8 +207,8 @@ def HybridRenderer(
     >>> image.shape
     (48, 64, 3)
     """
-    options = HybridOptions(
+    integrator = Hybrid(
         threads, build_quality, robust, jitter, most_samples, packet_width, shadow_rays,
         shadow_length, occlusion_rays, occlusion_length, occlusion,
     )  # fmt: skip
-    return Renderer(scene, camera, primary, options, Hybrid())
+    return Renderer(scene, camera, primary, integrator)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import closing
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,25 +25,21 @@ class LensPixels:
     """Rays of all pixels through a lens; those of the last offset are kept. Without a lens there are none."""
 
     def __init__(self) -> None:
-        self._kept: tuple[tuple[float, float], NDArray[np.float32]] | None = None
-        self._blind: NDArray[np.bool_] | None = None
+        self._offset: tuple[float, float] | None = None
+        self._directions, self._blind = NO_DIRECTIONS, np.zeros((0, 0), np.bool_)
 
     def directions(self, camera: View, offset: tuple[float, float], threads: int) -> NDArray[np.float32]:
         """`directions` of `Pixels`. Pixels without a ray look along the view axis."""
-        if not isinstance(camera, LensView):
-            return NO_DIRECTIONS
-        if self._kept is None or self._kept[0] != offset:
-            pool = WorkerPool(threads)
-            directions = world_directions(camera, offset, pool)
-            pool.close()
-            self._blind = np.isnan(directions[0])
-            directions[:, self._blind] = camera.axes[2].astype(np.float32)[:, None]
-            self._kept = offset, directions
-        return self._kept[1]
+        if isinstance(camera, LensView) and offset != self._offset:
+            with closing(WorkerPool(threads)) as pool:
+                self._offset, self._directions = offset, world_directions(camera, offset, pool)
+            self._blind = np.isnan(self._directions[0])
+            self._directions[:, self._blind] = camera.axes[2].astype(np.float32)[:, None]
+        return self._directions
 
     def blackened(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
         """An image (..., H, W, 3), changed in place: black where the last offset gave no ray."""
-        if self._blind is not None:
+        if self._blind.any():
             image[..., self._blind, :] = 0.0
         return image
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial, reduce
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -15,20 +15,27 @@ from numpy.typing import NDArray
 from atra.errors import InputError
 from atra.files.paths import write_atomically
 from atra.geometry.mesh import Mesh
-from atra.geometry.ray_space import check_range
+from atra.geometry.ray_space import check_range, own_space
 from atra.geometry.view import View
+from atra.hits import Hits
+from atra.light.batches import Laps
 from atra.light.checks import check_whole
 from atra.light.oidn import denoiser
 from atra.light.pictures.files import check_picture_path, exr_of, shown_png
-from atra.light.pictures.finish.fingerprint import fingerprint
-from atra.light.pictures.finish.layers import Layers, layers_of
-from atra.light.pictures.frame import CENTRE, Frame, Integrator
-from atra.light.pictures.options import RenderOptions, unlike_but_for
+from atra.light.pictures.film import Film
+from atra.light.pictures.finish.layers import Layers, Offset, layers_of
+from atra.light.pictures.finish.states import fingerprint
+from atra.light.pictures.integrator import Integrator, unlike_but_for
+from atra.light.pictures.path_kernels import Pixels
+from atra.light.pictures.pixels import LensPixels, pixels_of
 from atra.light.scene import Scene
 from atra.raster.tracer import RasterTracer
 from atra.rays.kernel_scene import scene_for_kernels
 from atra.tracing.lifetime import Lifetime, synchronized
 from atra.tracing.tracer import Tracer
+from atra.views.sampling import sub_pixel_offsets
+
+_CENTRE = (0.5, 0.5)
 
 Primary = Callable[[Mesh, View], Tracer]
 """Makes the tracer of primary visibility: `atra.PixelTracer`, or `partial(atra.AlignedTracer, split=(128, 1))`."""
@@ -46,11 +53,13 @@ class Renderer(Lifetime):
         ray are black.
     primary :
         Makes the tracer of primary visibility from mesh and camera; None: the rasteriser.
-    options, integrator :
-        How light is gathered.
+    integrator :
+        Its options, and how light is gathered.
 
     Attributes
     ----------
+    tracer : Tracer
+        The tracer of primary visibility; it belongs to the renderer.
     stage_s : dict
         Seconds by stage of the last `add`, which sum to its duration. Stages in several threads count their mean;
         "other" is the rest: waiting, Python.
@@ -65,47 +74,44 @@ class Renderer(Lifetime):
         For sums that the free memory cannot hold.
     """
 
-    def __init__(
-        self, scene: Scene, camera: View, primary: Primary | None, options: RenderOptions, integrator: Integrator
-    ) -> None:
+    def __init__(self, scene: Scene, camera: View, primary: Primary | None, integrator: Integrator) -> None:
         super().__init__()
-        self.options, self.integrator = options, integrator
         check_range(scene.mesh, camera, takes_lenses=True)
-        options.check_camera(camera)
-        self.rays = scene_for_kernels(scene.mesh.local, options)
-        make_tracer = primary or partial(RasterTracer, threads=options.threads)
-        self.scene, self.camera = scene, camera
-        self._tracer = make_tracer(scene.mesh, camera)
-        integrator.take(scene, options, camera)
-        self._frame = Frame(scene.mesh, camera, self._tracer, self.rays, integrator)
+        integrator.check_camera(camera)
+        self.scene, self.camera, self.integrator = scene, camera, integrator
+        self.rays = scene_for_kernels(scene.mesh.local, integrator)
+        make_tracer = primary or partial(RasterTracer, threads=integrator.threads)
+        self.tracer = make_tracer(scene.mesh, camera)
+        self._lamps = integrator.lamps(scene)
+        self._start()
+
+    def _start(self) -> None:
+        """Begin with no samples; in the same memory where that fits."""
+        shape = self.integrator.planes(self._lamps), self.camera.width, self.camera.height
+        film: Film | None = getattr(self, "_film", None)
+        self._film: Film = film if film and film.shape == shape else Film(shape, self.integrator.sets_sums)
+        self._film.restart()
+        self._hits: Hits | None = None
+        self._lens = LensPixels()
         self.stage_s: dict[str, float] = {}
         self.ray_count = 0
 
-    def _start(self) -> None:
-        self._frame.start(self.scene.mesh, self.camera)
-        self.stage_s, self.ray_count = {}, 0
-
     def _build(self) -> tuple[float, float]:
-        self._tracer.build()
+        self.tracer.build()
         self.rays.build()
         start = perf_counter()
-        self.integrator.build(self.rays)
+        self._tables = self.integrator.tables(self.scene, self._lamps, self.rays)
         tables_time_s = perf_counter() - start
-        return self._tracer.plan_time_s, self._tracer.build_time_s + self.rays.build_time_s + tables_time_s
+        return self.tracer.plan_time_s, self.tracer.build_time_s + self.rays.build_time_s + tables_time_s
 
     def _release(self) -> None:
-        self._tracer.close()
+        self.tracer.close()
         self.rays.close()
 
     @property
     def samples(self) -> int:
         """Samples since the last restart."""
-        return self._frame.film.samples
-
-    @property
-    def tracer(self) -> Tracer:
-        """The tracer of primary visibility; it belongs to the renderer."""
-        return self._tracer
+        return self._film.samples
 
     def add(self, samples: int = 1, stop: Callable[[], bool] | None = None) -> bool:
         """Add this many samples to every pixel, up to the option `most_samples`; returns whether it finished.
@@ -119,24 +125,42 @@ class Renderer(Lifetime):
             start = perf_counter()
             stages: dict[str, float] = {}
             self.ray_count = 0
-            if self.options.most_samples is not None:
-                samples = min(samples, self.options.most_samples - self.samples)
+            if self.integrator.most_samples is not None:
+                samples = min(samples, self.integrator.most_samples - self.samples)
             try:
                 for _ in range(samples):
                     if stop is not None:
-                        self._frame.film.begin_sample()
-                    is_finished, rays = self._frame.add(self.options, stages, stop)
+                        self._film.begin_sample()
+                    is_finished, rays = self._add_sample(stages, stop)
                     self.ray_count += rays
                     if not is_finished:
-                        self._frame.film.drop_sample()
+                        self._film.drop_sample()
                         return False
-                    self._frame.film.end_sample()
+                    self._film.end_sample()
             except BaseException:
                 self._start()  # the sums may hold part of a sample
                 raise
             stages["other"] = perf_counter() - start - sum(stages.values())
             self.stage_s = stages
             return True
+
+    def _add_sample(self, stages: dict[str, float], stop: Callable[[], bool] | None) -> tuple[bool, int]:
+        """Add to the sums, and the seconds of stages; returns whether it finished, and the rays traced."""
+        integrator, film, camera = self.integrator, self._film, self.camera
+        is_still, own = integrator.jitter == "off", integrator.is_jittered and camera.lens is None
+        offset = _CENTRE if is_still else tuple(sub_pixel_offsets(1, film.samples)[0].tolist())
+        lap = Laps(stages)
+        if not own and (self._hits is None or not is_still):
+            self._hits = self.tracer.trace(offset, out=self._hits)
+        lap("primary")
+        pixels = self._pixels(offset, None if own else self._hits)
+        return integrator.add_all(self._tables, camera, self.rays, pixels, film, stages, stop)
+
+    def _pixels(self, offset: Offset, hits: Hits | None) -> Pixels:
+        """All pixels at a sub-pixel offset, for kernels; hits: what they see there, None = unknown."""
+        directions = self._lens.directions(self.camera, offset, self.rays.threads)
+        _, own_camera = own_space(self.scene.mesh, self.camera)
+        return pixels_of(own_camera, self._film, offset, hits, directions)
 
     @synchronized
     def look(self, camera: View) -> None:
@@ -147,10 +171,9 @@ class Renderer(Lifetime):
         self._check_open()
         if camera != self.camera:
             check_range(self.scene.mesh, camera, takes_lenses=True)
-            self.options.check_camera(camera)
-            self._tracer.look(camera)
+            self.integrator.check_camera(camera)
+            self.tracer.look(camera)
             self.camera = camera
-            self.integrator.take(self.scene, self.options, camera)
             self._start()
 
     @synchronized
@@ -164,28 +187,28 @@ class Renderer(Lifetime):
         options that there are not; ClosedError after `close`.
         """
         self._check_open()
-        fixed = sorted(self.options.built_with & changes.keys())
+        fixed = sorted(self.integrator.built_with & changes.keys())
         if fixed:
-            raise InputError(f"{fixed[0]} is what the scene was built with; make a new {self.integrator.name}")
-        options = replace(self.options, **changes)
-        options.check_camera(self.camera)
-        moves = scene is not None and scene.mesh is not self.scene.mesh
-        has_other_sums = moves or (scene is not None and not self.integrator.same_sums(scene))
-        if scene is not None and moves:
+            raise InputError(f"{fixed[0]} is what the scene was built with; make a new {self.integrator.renderer}")
+        integrator, scene = replace(self.integrator, **changes), scene or self.scene
+        integrator.check_camera(self.camera)
+        moves = scene.mesh is not self.scene.mesh
+        has_other_sums = moves or (scene is not self.scene and not integrator.same_sums(scene, self.scene))
+        if moves:
             self.rays.update(scene.mesh.local)
-            self._tracer.update(scene.mesh)
-        restarts = has_other_sums or unlike_but_for(options, self.options, "most_samples")
-        self.options, self.scene = options, scene or self.scene
-        self.integrator.take(self.scene, options, self.camera)
+            self.tracer.update(scene.mesh)
+        restarts = has_other_sums or unlike_but_for(integrator, self.integrator, "most_samples")
+        if scene is not self.scene:
+            self._lamps = integrator.lamps(scene)
+        self.integrator, self.scene = integrator, scene
         if has_other_sums and self._is_built:
-            self.integrator.build(self.rays)
+            self._tables = integrator.tables(scene, self._lamps, self.rays)
         if restarts:
             self._start()
 
     @synchronized
     def restart(self) -> None:
-        """Drop all samples; the next one traces primary visibility, whatever `jitter` is. Raises ClosedError after
-        `close`."""
+        """Drop all samples; the next one traces primary visibility, too. Raises ClosedError after `close`."""
         self._check_open()
         self._start()
 
@@ -193,22 +216,14 @@ class Renderer(Lifetime):
     def image(self) -> NDArray[np.float32]:
         """(H, W, 3) float32, linear RGB, the mean of the samples. Raises InputError if there is none yet."""
         with self._lock:
-            mean = reduce(np.add, self.integrator.parts(self._frame.film))
-            return self._frame.lens.blackened(self._frame.film.as_image(mean))
-
-    @property
-    def parts(self) -> NDArray[np.float32]:
-        """(N, H, W, 3) float32: a hybrid image split into the sky's light, each light's, and, if there are any, that of
-        all surfaces that shine; by paths the image alone."""
-        with self._lock:
-            parts = [self._frame.film.as_image(part) for part in self.integrator.parts(self._frame.film)]
-            return self._frame.lens.blackened(np.stack(parts))
+            mean = self.integrator.mean(self.scene, self._lamps, self._film)
+            return self._lens.blackened(self._film.as_image(mean))
 
     @property
     def alpha(self) -> NDArray[np.float32] | None:
         """(H, W), the share of each pixel that is not sky; None without `transparent`. Raises InputError without
         samples."""
-        return self._share("alpha") if "alpha" in self.integrator.shares else None
+        return self._share("alpha") if "alpha" in self.integrator.shares(self.scene) else None
 
     @property
     def openness(self) -> NDArray[np.float32]:
@@ -225,16 +240,16 @@ class Renderer(Lifetime):
 
     @synchronized
     def _share(self, name: str) -> NDArray[np.float32]:
-        plane = self.integrator.shares.get(name)
+        plane = self.integrator.shares(self.scene).get(name)
         if plane is None:
-            raise InputError(f"a {self.integrator.name} counts no {name}, which a HybridRenderer does")
-        return self._frame.film.as_image(self._frame.film.mean(slice(plane, plane + 1)))[..., 0]
+            raise InputError(f"a {self.integrator.renderer} counts no {name}, which a HybridRenderer does")
+        return self._film.as_image(self._film.mean(slice(plane, plane + 1)))[..., 0]
 
     @property
     def state(self) -> dict[str, NDArray[Any]]:
         """Copies of the arrays that `restore` needs to go on with these samples, in this process or another."""
         with self._lock:
-            return {"fingerprint": self._fingerprint(), **self._frame.film.state}
+            return {"fingerprint": self._fingerprint(), **self._film.state}
 
     @synchronized
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
@@ -246,22 +261,23 @@ class Renderer(Lifetime):
         if not np.array_equal(state["fingerprint"], self._fingerprint()):
             raise InputError("it is of another scene, camera, option or version of atra")
         self._start()
-        self._frame.film.restore(state)
+        self._film.restore(state)
 
     def _fingerprint(self) -> NDArray[np.uint8]:
-        return fingerprint(self.integrator.name, self.scene, self.camera, options=self.options)
+        return fingerprint(self.integrator.renderer, self.scene, self.camera, options=self.integrator)
 
     def layers(self) -> Layers:
         """What the pixels see first. Raises ClosedError after `close`."""
         with self._in_use():
-            return layers_of(self.scene, self.camera.width, self.camera.height, self.rays, self._frame.seen_at)
+            size = self.camera.width, self.camera.height
+            return layers_of(self.scene, size, self.rays, lambda at: self._pixels(at, self.tracer.trace(at)))
 
     def denoised(self, layers: Layers | None = None) -> NDArray[np.float32]:
         """The image without its noise, by Open Image Denoise. layers: of this camera; None: they are made.
 
         Raises InputError without samples, and without the package pyoidn.
         """
-        with self._lock, denoiser(self.options.threads) as filtered:
+        with self._lock, denoiser(self.integrator.threads) as filtered:
             image, seen = self.image, layers or self.layers()
             return filtered(color=image, albedo=seen.albedo, normal=seen.normals)
 
@@ -281,7 +297,7 @@ class Renderer(Lifetime):
             layers = self.layers() if is_exr or denoise else None
             image = self.denoised(layers) if denoise else raw
             if layers is not None and is_exr:
-                hits = self._tracer.trace(CENTRE)
+                hits = self.tracer.trace(_CENTRE)
                 content = exr_of(image, hits, layers.albedo, self.samples, raw if denoise else None, alpha)
             else:
                 content, stops = shown_png(image, alpha, exposure, tone)

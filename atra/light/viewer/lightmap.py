@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from atra.errors import AtraError
 from atra.geometry.camera import Camera
-from atra.hits import Hits
 from atra.light.lightmaps.baker import Baker
 from atra.light.lightmaps.finish.export import exposure_of, finished
 from atra.light.lightmaps.finish.views import clay_view, lit_view
@@ -30,14 +29,13 @@ class MapPainter:
     def __init__(self, baker: Baker, target: int, threads: int | None = None) -> None:
         self._baker, self._target, self._threads = baker, target, threads
         self._tracer: Tracer | None = None
-        self._seen: tuple[Camera, Hits] | None = None
         self._looks: Camera | None = None
         self._lit: tuple[int, NDArray[np.float32], float] | None = None
         self.error: AtraError | None = None
 
     def sketch(self, request: Request) -> Picture:
         """The map as it was shown last, from there."""
-        return self._picture(request)
+        return self._picture(request.camera)
 
     def add(self, request: Request, stop: Callable[[], bool]) -> int:
         """One pass, which ends early when stopped; returns the samples of the texels that come first."""
@@ -64,10 +62,14 @@ class MapPainter:
             lightmap = self._baker.maps
             if lightmap.valid.any():
                 self._lit = total, finished(lightmap, lightmap.combined), exposure_of(lightmap)
-        return self._picture(request)
+        return self._picture(request.camera)
 
-    def _picture(self, request: Request) -> Picture:
-        hits, baker = self._hits(request.camera), self._baker
+    def _picture(self, camera: Camera) -> Picture:
+        baker = self._baker
+        if self._tracer is None:
+            self._tracer = RasterTracer(baker.scene.mesh, camera, threads=self._threads, ties="any")
+        self._tracer.look(camera)
+        hits = self._tracer.trace()
         if self._lit is None:
             view = clay_view(hits)
         else:
@@ -75,14 +77,6 @@ class MapPainter:
         seen = None if baker.visible is None else int(baker.visible.sum())
         said = say_progress(baker.samples, self._target, baker.share_done(self._target), seen)
         return Picture(srgb_of(view), {}, said)
-
-    def _hits(self, camera: Camera) -> Hits:
-        if self._seen is None or self._seen[0] != camera:
-            if self._tracer is None:
-                self._tracer = RasterTracer(self._baker.scene.mesh, camera, threads=self._threads, ties="any")
-            self._tracer.look(camera)
-            self._seen = camera, self._tracer.trace()
-        return self._seen[1]
 
     def close(self) -> None:
         """Let go of what was built."""

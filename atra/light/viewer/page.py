@@ -1,91 +1,130 @@
-"""The page: a thin shell of viser around a `Session`; what people set goes in, frames and times come out."""
+"""The page: viser around a `Session`; where people look from and what they set goes in, pictures and times come out."""
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
+import io
 import json
-import threading
-from collections.abc import Callable, Iterator
-from dataclasses import replace
-from time import monotonic
+from collections.abc import Callable, Sequence
+from math import degrees, radians
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from atra.errors import InputError
 from atra.files.saving import encode_png
 from atra.light.pictures.finish.tone import TONES
-from atra.light.viewer.camera_page import CameraPage, uuid_of
 from atra.light.viewer.request import FRAMES, SHADES, SPLITS, Pose, Request
-from atra.light.viewer.session import WAKE_S, Artist, Frame, Session
+from atra.light.viewer.session import Artist, Frame, Session
 from atra.methods import METHODS
 
 if TYPE_CHECKING:
-    from viser import ClientHandle, GuiEvent
+    from viser import CameraHandle, ClientHandle, GuiEvent
 
-_TOLD_S = 0.2
-"""Seconds between two updates of the numbers while the camera moves."""
+LEAVE_S = 10.0
+"""Seconds without any page before the viewer ends; reloading a page takes less."""
+
+_JPEG_QUALITY = 85
+
+MOVEMENTS = ("orbit", "walk")
+"""orbit: dragging turns the scene. walk: dragging turns the head; W, A, S, D, Q, E or buttons move."""
+
+_ACROSS = 8.0
+"""Diagonal of the scene in units of the page, whose keys move two of them a second."""
+
+_STEP = 0.2
+"""How far a button moves the camera, in units of the page."""
+
+_NEAR, _FAR = 0.01, 1e4
+"""Distances from the eye to the point it turns about: always, while walking; and most, in orbit."""
+
+_WAYS = {"forward": (0.0, 1.0), "back": (0.0, -1.0), "left": (-1.0, 0.0), "right": (1.0, 0.0)}
+"""Buttons: how far to the right and ahead."""
 
 
-class Page(CameraPage):
+class Page:
     """The screen of a `Session`: of several open pages, all show what one asked for last.
 
-    size: of the scene, for its lengths. title, port: of `CameraPage`, which says what is raised. settings: whether
-    those of pictures can be changed.
+    It is reached from this machine alone, answers to its own pages only, and ignores messages that make no sense
+    (`gate`). title: of the panel. size: diagonal of the scene, for its lengths and for how fast one moves. settings:
+    whether those of pictures can be changed. Raises InputError where viser is missing or the port is taken.
     """
 
     def __init__(
         self, artist: Artist, first: Request, port: int, title: str, size: float, *, settings: bool = True
     ) -> None:
-        super().__init__(port, title, size)
-        self.session = Session(artist, self, first)
-        self._told_s = 0.0
+        try:
+            from atra.light.viewer.gate import serve
+        except ImportError:
+            raise InputError(
+                "the viewer needs viser, which is not installed; run: pip install -e '.[viewer]'"
+            ) from None
+        self._can_have: dict[str, Callable[[Any], bool]] = {}
+        self._server = serve(port, title, self._can_have)
+        self._server.gui.configure_theme(show_logo=False, show_share_button=False)
+        self._unit = size / _ACROSS if size > 0.0 else 1.0
+        self._distance = float(np.linalg.norm(np.subtract(first.pose.target, first.pose.eye))) / self._unit
         self._frame: Frame | None = None
-        self._moved_s: float | None = None
-        self._is_seen = threading.Event()
-        self._folders: dict[str, Any] = {}
+        self.session = Session(artist, self, first)
         self._numbers = self._server.gui.add_markdown("preparing; a first start compiles kernels")
         if settings:
             self._add_controls(size)
         else:
-            self.add_camera_controls()
-        self.follow(first.pose)
+            self._add_movement()
+        self._begin_at(first.pose)
 
-    def prepare(self) -> None:
-        """Draw the first picture, so that it is there when a page is."""
-        self.session.step()
-
-    def run(self) -> None:
-        """Until Ctrl-C, or until the last page has been closed for a while; samples wait for a page that looks."""
-        while not self._is_seen.wait(WAKE_S) and not self.session.is_closed:
-            pass
-        self.session.run()
+    @property
+    def address(self) -> str:
+        """Where it is."""
+        return f"http://{self._server.get_host()}:{self._server.get_port()}"
 
     def show(self, frame: Frame) -> None:
-        """Send a picture: a JPEG while the camera moves, a PNG when it rests."""
-        is_still = frame.samples > 0
-        self.send(frame.picture.image, is_still)
+        """Send a picture: a JPEG while the camera moves; a PNG and its numbers when it rests."""
+        image, scene = np.ascontiguousarray(frame.picture.image), self._server.scene
+        if frame.samples:
+            scene.set_background_image(image, format="png")
+            self._numbers.content = say_numbers(frame)
+        else:
+            scene.set_background_image(image, format="jpeg", jpeg_quality=_JPEG_QUALITY)
+        self._server.flush()
         self._frame = frame
-        now_s, before_s = monotonic(), self._moved_s
-        self._moved_s = None if is_still else now_s
-        if is_still or now_s - self._told_s >= _TOLD_S:
-            self._told_s = now_s
-            self._numbers.content = say_numbers(frame, None if before_s is None else now_s - before_s)
 
     def tell(self, problem: str) -> None:
         """Show a message in place of the numbers."""
         self._numbers.content = f"**{problem}**"
 
-    def moved(self, pose: Pose) -> None:
-        """A page looks from there."""
-        self.session.want(pose)
-        self._is_seen.set()
+    def close(self) -> None:
+        """Close the port."""
+        with contextlib.redirect_stdout(io.StringIO()):
+            self._server.stop()
 
-    def left(self) -> None:
-        """The last page is closed."""
-        self.session.close()
+    def _begin_at(self, first: Pose) -> None:
+        """Pages look from there at first, then tell the session; it ends when the last was closed `LEAVE_S` ago."""
+        server, camera = self._server, self._server.initial_camera
+        server.scene.set_up_direction(first.up)
+        camera.position, camera.look_at = np.array(first.eye) / self._unit, np.array(first.target) / self._unit
+        camera.up, camera.fov = np.array(first.up), radians(first.fov_y_degrees)
+
+        async def moved(camera: CameraHandle) -> None:  # on viser's own thread, so that cameras come in their order
+            self.session.want(pose_of(camera, self._unit))
+
+        def end_without_pages() -> None:
+            if not server.get_clients():
+                self.session.close()
+
+        @server.on_client_connect
+        async def _(client: ClientHandle) -> None:
+            client.camera.on_update(moved)
+            self._movement.value = MOVEMENTS[0]  # of all pages: a new one has not found its own camera yet
+
+        @server.on_client_disconnect
+        async def _(client: ClientHandle) -> None:
+            asyncio.get_running_loop().call_later(LEAVE_S, end_without_pages)
 
     def _add_controls(self, size: float) -> None:
-        gui, now = self._server.gui, self.session.wanted.settings
-        labels = {name.replace("_", " "): name for name in METHODS}
+        gui = self._server.gui
         with gui.add_folder("Picture"):
             self._choice("frame", "frame", FRAMES)
             self._choice("shade", "shade", SHADES)
@@ -93,34 +132,32 @@ class Page(CameraPage):
             self._slider("side", "side, pixels", 64, 2048, 64)
             self._slider("exposure", "exposure", -10.0, 10.0, 0.1)
             self._choice("tone", "tone map", TONES)
-            self._box("denoise", "denoise at rest")
-            self.add_button("save picture", self._save_picture)
+            denoise = gui.add_checkbox("denoise at rest", self.session.wanted.settings.denoise)
+            self._on_update(denoise, lambda one: type(one) is bool, "denoise", bool)
+            self._add_button("save picture", self._save_picture)
         with gui.add_folder("Camera"):
-            self.add_camera_controls()
-            self.add_button("save camera", self._save_camera)
+            self._add_movement()
+            self._add_button("save camera", self._save_camera)
         with gui.add_folder("Primary visibility", expand_by_default=False):
-            method = gui.add_dropdown("method", tuple(labels), initial_value=now.method.replace("_", " "))
-            self._on_update(method, "method", labels.__getitem__)
+            self._choice("method", "method", tuple(METHODS))
             self._choice("split_x", "columns", tuple(map(str, SPLITS)), int)
-            self._box("jitter", "jitter")
-        with self._folder("hybrid", "Hybrid"):
+            self._choice("jitter", "jitter", ("shared", "off"))
+        with gui.add_folder("Hybrid", expand_by_default=False):
             self._slider("shadow_rays", "shadow rays", 0, 8, 1)
             self._slider("shadow_length", "shadow length", 0.01 * size, 2.0 * size, 0.01 * size)
-        with gui.add_folder("Sun"):
+            self._slider("occlusion_rays", "occlusion rays", 0, 8, 1)
+            self._slider("occlusion_length", "occlusion length", 0.01 * size, size, 0.01 * size)
+            self._choice("occlusion", "occlusion", ("uniform", "cosine"))
+        with gui.add_folder("Paths", expand_by_default=False):
+            self._slider("bounces", "bounces", 0, 31, 1)
+        with gui.add_folder("Light"):
+            self._slider("sun_power", "sun's power", 0.0, 10.0, 0.05)
             self._slider("sun_cone", "cone, degrees", 0.0, 10.0, 0.05)
             self._slider("sun_heading", "heading", -180.0, 180.0, 1.0)
             self._slider("sun_height", "height", -90.0, 90.0, 1.0)
-            self._slider("sun_power", "power", 0.0, 10.0, 0.05)
-            self._on_update(gui.add_rgb("colour", now.sun_colour), "sun_colour", tuple)
-        with self._folder("hybrid", "Ambient occlusion"):
-            self._slider("occlusion_rays", "rays", 0, 8, 1)
-            self._slider("occlusion_length", "length", 0.01 * size, size, 0.01 * size)
-            self._box("cosine", "cosine")
-        with self._folder("path", "Paths"):
-            self._slider("bounces", "bounces", 0, 31, 1)
-        with gui.add_folder("Sky", expand_by_default=False):
-            self._slider("sky_power", "power", 0.0, 10.0, 0.05)
-        self._show_folders()
+            colour = gui.add_rgb("colour", self.session.wanted.settings.sun_colour)
+            self._on_update(colour, _is_colour, "sun_colour", tuple)
+            self._slider("sky_power", "sky's power", 0.0, 10.0, 0.05)
 
     def _save_picture(self, client: ClientHandle) -> None:
         """What is shown, as the page sees it."""
@@ -129,77 +166,106 @@ class Page(CameraPage):
 
     def _save_camera(self, client: ClientHandle) -> None:
         """As `atra render --camera` reads it."""
-        content = camera_file(self.session.wanted).encode()
-        client.send_file_download("camera.json", content, save_immediately=True)
+        camera = self.session.wanted.camera
+        fields = ("eye", "target", "up", "fov_y_degrees", "width", "height")
+        content = json.dumps({"view": {name: getattr(camera, name) for name in fields}}, indent=2)
+        client.send_file_download("camera.json", content.encode(), save_immediately=True)
 
-    @contextlib.contextmanager
-    def _folder(self, renderer: str, title: str) -> Iterator[None]:
-        """A folder of controls that one renderer has alone."""
-        with self._server.gui.add_folder(title, expand_by_default=False) as folder:
-            yield
-        self._folders[title] = renderer, folder
+    def _add_movement(self) -> None:
+        """Add the choice between orbiting and walking, and buttons to walk by."""
+        gui = self._server.gui
+        self._movement: Any = gui.add_dropdown("movement", MOVEMENTS)  # Any: typed as read-only
+        steps = gui.add_button_group("step", tuple(_WAYS), visible=False)
 
-    def _show_folders(self) -> None:
-        for renderer, folder in self._folders.values():
-            folder.visible = renderer == self.session.wanted.settings.renderer
+        async def chosen(_: GuiEvent) -> None:
+            steps.visible = walks = self._movement.value == "walk"
+            for client in self._server.get_clients().values():
+                camera = client.camera
+                with client.atomic():  # the point that a camera turns about is right before the eye, or far from it
+                    camera.max_orbit_distance = _FAR
+                    camera.look_at = camera.position + (_NEAR if walks else self._distance) * _axes(camera)[:, 2]
+                    camera.max_orbit_distance = _NEAR if walks else _FAR
+
+        self._accept(self._movement, MOVEMENTS.__contains__)
+        self._movement.on_update(chosen)
+        self._accept(steps, tuple(_WAYS).__contains__)
+        self._on_click(steps, lambda client: _move(client, *_WAYS[steps.value]))
+
+    def _add_button(self, label: str, act: Callable[[ClientHandle], None]) -> None:
+        button = self._server.gui.add_button(label)
+        self._accept(button, lambda value: value is True)
+        self._on_click(button, act)
+
+    def _on_click(self, button: Any, act: Callable[[ClientHandle], None]) -> None:
+        """`act` is told whose page it was pressed on."""
+
+        @button.on_click
+        def _(event: GuiEvent) -> None:
+            if event.client is not None:
+                act(event.client)
 
     def _slider(self, field: str, label: str, least: float, most: float, step: float) -> None:
-        now = type(least)(getattr(self.session.wanted.settings, field))
-        slider = self._server.gui.add_slider(label, min(least, now), max(most, now), step, now)
-        self._on_update(slider, field, type(least), lambda value: slider.min <= value <= slider.max)
+        kind = type(least)
+        now = kind(getattr(self.session.wanted.settings, field))
+        least, most = min(least, now), max(most, now)
+        slider = self._server.gui.add_slider(label, least, most, step, now)
+        self._on_update(slider, lambda one: type(one) in (int, float) and least <= one <= most, field, kind)
 
-    def _choice(self, field: str, label: str, names: tuple[str, ...], kind: type = str) -> None:
+    def _choice(self, field: str, label: str, names: Sequence[str], kind: type = str) -> None:
         now = str(getattr(self.session.wanted.settings, field))
-        self._on_update(self._server.gui.add_dropdown(label, names, initial_value=now), field, kind)
+        self._on_update(self._server.gui.add_dropdown(label, names, initial_value=now), names.__contains__, field, kind)
 
-    def _box(self, field: str, label: str) -> None:
-        now = getattr(self.session.wanted.settings, field)
-        self._on_update(self._server.gui.add_checkbox(label, now), field, bool)
-
-    def _on_update(
-        self, control: Any, field: str, read: Callable[[Any], Any], is_inside: Callable[[Any], bool] = lambda _: True
-    ) -> None:
-        """Hand a control's values to the session; messages with values that `Settings` refuses are ignored."""
-
-        def can_have(value: Any) -> bool:
-            try:
-                replace(self.session.wanted.settings, **{field: read(value)})
-                return is_inside(value)
-            except (InputError, TypeError, ValueError, LookupError, OverflowError):
-                return False
+    def _on_update(self, control: Any, can_have: Callable[[Any], bool], field: str, read: Callable[[Any], Any]) -> None:
+        """Hand a control's values to the session."""
 
         async def changed(event: GuiEvent) -> None:
             self.session.want(**{field: read(event.target.value)})
-            self._show_folders()
 
-        self._messages.controls[uuid_of(control)] = can_have
+        self._accept(control, can_have)
         control.on_update(changed)
 
-
-def camera_file(request: Request) -> str:
-    """A JSON file of the camera."""
-    camera = request.camera
-    fields = ("eye", "target", "up", "fov_y_degrees", "width", "height")
-    return json.dumps({"view": {name: getattr(camera, name) for name in fields}}, indent=2)
+    def _accept(self, control: Any, can_have: Callable[[Any], bool]) -> None:
+        """Let messages in that give a control a value it can have; viser has no public name for its identifier."""
+        self._can_have[control._impl.uuid] = can_have
 
 
-def say_numbers(frame: Frame, since_s: float | None) -> str:
-    """What the panel says of a frame, in Markdown. since_s: after the frame before it, if that was moving, too."""
-    request, picture = frame.request, frame.picture
-    camera, stage_s = request.camera, picture.stage_s
-    if not stage_s:
+def _is_colour(value: Any) -> bool:
+    return isinstance(value, list) and len(value) == 3 and all(type(one) is int and 0 <= one <= 255 for one in value)
+
+
+def _axes(camera: CameraHandle) -> NDArray[np.float64]:
+    """(3, 3): columns right, down, forward, as viser's axes are those of OpenCV, as ours."""
+    from viser.transforms import SO3
+
+    return np.asarray(SO3(np.asarray(camera.wxyz)).as_matrix(), np.float64)
+
+
+def _move(client: ClientHandle, right: float, ahead: float) -> None:
+    """Move a page's camera by a step; ahead means level, wherever the eye looks."""
+    camera = client.camera
+    across = _axes(camera)[:, 0]
+    level = np.cross(np.asarray(camera.up_direction, np.float64), across)
+    length = float(np.linalg.norm(level))
+    if length > 0.0:
+        with client.atomic():
+            camera.position = camera.position + _STEP * (right * across + ahead / length * level)
+
+
+def pose_of(camera: CameraHandle, unit: float) -> Pose:
+    """Where a page looks from. unit: of the page, in units of the scene."""
+    axes = _axes(camera)
+    eye = unit * np.asarray(camera.position, np.float64)
+    x, y, z = eye.tolist()
+    target, up = (eye + axes[:, 2]).tolist(), (-axes[:, 1]).tolist()
+    return Pose((x, y, z), tuple(target), tuple(up), degrees(camera.fov), camera.aspect)
+
+
+def say_numbers(frame: Frame) -> str:
+    """What the panel says of a frame, in Markdown."""
+    picture, camera = frame.picture, frame.request.camera
+    if not picture.stage_s:
         return picture.note
-    size = f"{camera.width} x {camera.height}"
-    if frame.samples:
-        lines = [f"**{frame.samples} of {request.settings.enough} samples**, {size}"]
-    else:
-        rate = f", {1.0 / since_s:.0f} frames/s" if since_s else ""
-        lines = [f"**moving**{rate}, {size}"]
+    lines = [f"**{frame.samples} of {frame.request.settings.enough} samples**, {camera.width} x {camera.height}"]
     lines += [picture.note] if picture.note else []
-    lines.append("ms: " + ", ".join(f"{name.replace('_', ' ')} {1e3 * s:.1f}" for name, s in stage_s.items()))
-    pixels, primary_s, whole_s = camera.width * camera.height, stage_s.get("primary", 0.0), sum(stage_s.values())
-    if primary_s > 1e-5:  # or its hits are kept
-        lines.append(f"primary: {1e-6 * pixels / primary_s:.1f} million rays/s")
-    if whole_s > 0.0:
-        lines.append(f"whole: {1e-6 * pixels / whole_s:.2f} million pixel samples/s")
+    lines.append("ms: " + ", ".join(f"{name.replace('_', ' ')} {1e3 * s:.1f}" for name, s in picture.stage_s.items()))
     return "\n\n".join(lines)

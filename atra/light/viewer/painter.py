@@ -6,14 +6,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import AtraError
-from atra.geometry.mesh import Mesh
-from atra.geometry.view import View
+from atra.files.saving import PREVIEWS
 from atra.hits import Hits
 from atra.judge.compare import compare
 from atra.judge.marks import mark_verdicts
@@ -21,7 +19,7 @@ from atra.light import HybridRenderer, PathRenderer, Scene, Sun
 from atra.light.pictures.files import srgb_of
 from atra.light.pictures.finish.tone import toned
 from atra.light.pictures.renderer import Renderer
-from atra.light.viewer.request import OF_HITS, WITH_CELLS, Request, Settings
+from atra.light.viewer.request import OF_HITS, Request, Settings
 from atra.light.viewer.session import Picture
 from atra.methods import METHODS
 from atra.packets.pixel import PixelTracer
@@ -30,8 +28,14 @@ from atra.raster.tracer import RasterTracer
 BACKGROUND = (236, 238, 241)
 """RGB of a miss."""
 
-_COLOUR_STEPS = np.array([0x9E3779B1, 0x85EBCA77, 0xC2B2AE3D], np.uint32)
-"""Odd numbers without a pattern: neighbours in the mesh get colours that are far apart."""
+_OPTIONS = {
+    "hybrid": ("jitter", "shadow_rays", "shadow_length", "occlusion_rays", "occlusion_length", "occlusion"),
+    "path": ("jitter", "bounces"),
+}
+"""Settings that are options of a renderer."""
+
+_PREVIEW_OF = {"normal": "preview_normals", "depth": "preview", "prim_id": "preview_ids"}
+"""Planes of `atra render` by the shades of hits."""
 
 
 class Painter:
@@ -51,26 +55,19 @@ class Painter:
     def sketch(self, request: Request) -> Picture:
         """One hybrid frame of the rasteriser, without shadows."""
         settings, scene = request.settings, self._scene_of(request.settings)
-        sketcher = self._sketcher
-        if sketcher is None:
+        if self._sketcher is None:
             primary = partial(RasterTracer, threads=self._threads, ties="any")
-            sketcher = HybridRenderer(
+            self._sketcher = HybridRenderer(
                 scene, request.camera, primary, threads=self._threads, shadow_rays=0, jitter="off"
             )
-            self._sketcher = sketcher.__enter__()
-        start = perf_counter()
-        rays = {"shadow_rays": 0, "occlusion_rays": int(settings.shade == "occlusion")}
-        sketcher.update(scene, occlusion_length=settings.occlusion_length, **rays)
-        sketcher.look(request.camera)
+        rays = int(settings.shade == "occlusion")
+        self._sketcher.update(scene, occlusion_length=settings.occlusion_length, occlusion_rays=rays)
+        self._sketcher.look(request.camera)
         if settings.shade in OF_HITS:
-            hits = sketcher.tracer.trace()
-            traced = perf_counter()
-            image = _coloured(hits, "depth" if settings.shade == "wrong" else settings.shade)
-            return Picture(image, {"primary": traced - start, "shade": perf_counter() - traced})
-        sketcher.add(1)
-        image = _light(sketcher, settings)
-        stages = {name: seconds for name, seconds in sketcher.stage_s.items() if name != "other"}
-        return Picture(image, stages | {"other": perf_counter() - start - sum(stages.values())})
+            shade = "depth" if settings.shade == "wrong" else settings.shade
+            return Picture(_coloured(self._sketcher.tracer.trace(), shade), {})
+        self._sketcher.add(1)
+        return Picture(_light(self._sketcher, settings), {})
 
     def add(self, request: Request, stop: Callable[[], bool]) -> int:
         """One more sample, unless stopped; returns their number."""
@@ -81,11 +78,11 @@ class Painter:
 
     def show(self, request: Request) -> Picture:
         """What has been added, or what its primary rays hit."""
-        renderer, shade = self._renderer(request), request.settings.shade
-        if shade == "material" and request.settings.denoise and renderer.samples >= request.settings.enough:
+        renderer, settings, shade = self._renderer(request), request.settings, request.settings.shade
+        if shade == "material" and settings.denoise and renderer.samples >= settings.enough:
             return self._without_noise(renderer, request)
         if shade not in OF_HITS:
-            return Picture(_light(renderer, request.settings), renderer.stage_s)
+            return Picture(_light(renderer, settings), renderer.stage_s)
         hits = renderer.tracer.trace()
         if shade != "wrong":
             return Picture(_coloured(hits, shade), renderer.stage_s)
@@ -111,13 +108,12 @@ class Painter:
         for renderer in (self._sketcher, self._made and self._made[1]):
             if renderer is not None:
                 renderer.close()
-        self._sketcher = self._made = None
 
     def _renderer(self, request: Request) -> Renderer:
         """The renderer of the request; what an earlier request added stays where it may."""
         settings, scene, camera = request.settings, self._scene_of(request.settings), request.camera
+        options = {name: getattr(settings, name) for name in _OPTIONS[settings.renderer]}
         made_for = settings.renderer, settings.method, settings.split_x
-        options = _options(settings)
         if self._made is not None and self._made[0] == made_for:
             self._made[1].update(scene, **options)
             self._made[1].look(camera)
@@ -125,15 +121,11 @@ class Painter:
         if self._made is not None:
             self._made[1].close()
             self._made = None
-        primary = partial(self._primary, settings)
+        split = {"split": (settings.split_x, 1)} if settings.method in ("aligned", "visible_first") else {}
+        primary = partial(METHODS[settings.method], threads=self._threads, **split)
         kind = HybridRenderer if settings.renderer == "hybrid" else PathRenderer
-        renderer = kind(scene, camera, primary, threads=self._threads, **options).__enter__()
-        self._made = made_for, renderer
-        return renderer
-
-    def _primary(self, settings: Settings, mesh: Mesh, view: View) -> Any:
-        options: dict[str, Any] = {"split": (settings.split_x, 1)} if settings.method in WITH_CELLS else {}
-        return METHODS[settings.method](mesh, view, threads=self._threads, **options)
+        self._made = made_for, kind(scene, camera, primary, threads=self._threads, **options)
+        return self._made[1]
 
     def _scene_of(self, settings: Settings) -> Scene:
         """The scene in this light; the same value for the same light, which renderers take for no change."""
@@ -149,15 +141,6 @@ class Painter:
         return self._lit[1]
 
 
-def _options(settings: Settings) -> dict[str, Any]:
-    options: dict[str, Any] = {"jitter": "shared" if settings.jitter else "off"}
-    if settings.renderer == "path":
-        return options | {"bounces": settings.bounces}
-    names = ("shadow_rays", "shadow_length", "occlusion_rays", "occlusion_length")
-    chosen: dict[str, Any] = {"occlusion": "cosine" if settings.cosine else "uniform"}
-    return options | chosen | {name: getattr(settings, name) for name in names}
-
-
 def _light(renderer: Renderer, settings: Settings) -> NDArray[np.uint8]:
     if settings.shade == "occlusion":
         return srgb_of(np.broadcast_to(renderer.openness[..., None], (*renderer.openness.shape, 3)))
@@ -166,14 +149,8 @@ def _light(renderer: Renderer, settings: Settings) -> NDArray[np.uint8]:
 
 def _coloured(hits: Hits, shade: str) -> NDArray[np.uint8]:
     """(H, W, 3) uint8: normals as colours, near depths light and far ones dark, or a colour for each triangle."""
-    if shade == "normal":
-        with np.errstate(invalid="ignore"):  # of misses, which have none
-            colours = (127.5 * (hits.normals + np.float32(1.0))).astype(np.uint8)
-    elif shade == "depth":
-        near = 0.2 * float(np.linalg.norm(np.ptp(hits.mesh.bounds, axis=0)))
-        grey = 255.0 / (1.0 + hits.depth / np.float32(near))
-        colours = np.repeat(grey.astype(np.uint8)[..., None], 3, axis=2)
-    else:
-        colours = ((hits.prim_id[..., None] + np.uint32(1)) * _COLOUR_STEPS >> 24).astype(np.uint8)
+    plane, preview = PREVIEWS[_PREVIEW_OF[shade]]
+    shown = preview(getattr(hits, plane))
+    colours = np.array(np.broadcast_to(shown.reshape(*hits.depth.shape, -1), (*hits.depth.shape, 3)))
     colours[~hits.hit] = BACKGROUND
     return colours

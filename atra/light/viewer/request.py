@@ -6,14 +6,8 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 from math import cos, radians, sin, sqrt
 
-from atra.choices import check_choice, check_flags
-from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.geometry.numbers import Vector
-from atra.light.checks import check_whole, checked_number
-from atra.light.pictures.finish.tone import TONES
-from atra.methods import METHODS
-from atra.whole_numbers import is_whole_number
 
 FRAMES = ("hybrid", "path")
 SHADES = ("material", "normal", "depth", "prim_id", "occlusion", "wrong")
@@ -25,24 +19,8 @@ COLUMNS = 64
 
 SPLITS = (2, 4, 8, 16, 32, 64)
 
-WITH_CELLS = ("aligned", "visible_first")
-"""Methods that cut the image into cells."""
-
 _WIDEST = 5.0
 """Largest ratio of the sides of a picture; a browser that opens may briefly report any page size."""
-
-_WHOLE = {
-    "samples": (1, 1 << 20), "side": (1, 4096), "shadow_rays": (0, 64), "occlusion_rays": (0, 64),
-    "bounces": (0, 1 << 20),
-}  # fmt: skip
-"""Least and most of whole numbers among `Settings`."""
-
-_RANGES = {
-    "shadow_length": (0.0, 1e12), "occlusion_length": (0.0, 1e12), "sun_cone": (0.0, 90.0),
-    "sun_heading": (-360.0, 360.0), "sun_height": (-360.0, 360.0), "sun_power": (0.0, 1e12), "sky_power": (0.0, 1e12),
-    "exposure": (-16.0, 16.0),
-}  # fmt: skip
-"""Least and most of other numbers."""
 
 _LIGHTING = frozenset({"sun_power", "sun_colour", "sky_power"})
 
@@ -52,18 +30,15 @@ _SHOWN = frozenset({"samples", "shade", "frame", "exposure", "tone", "denoise"})
 
 @dataclass(frozen=True)
 class Settings:
-    """Parameters of both articles on whole frames, and what is shown of them.
+    """Parameters of both articles on whole frames, and what is shown of them; what draws with them checks them.
 
     frame: "hybrid" or "path". shade: "material", the picture; "normal", "depth", "prim_id", of what is seen;
     "occlusion", the share of the sky; "wrong", pixels that differ from `rtcIntersect1`. samples: of a resting picture.
     side: the picture has about side x side pixels. method, split_x: of primary visibility at rest (`atra.METHODS`), and
-    its columns of cells where it has cells. jitter: whether samples go through different points of their pixels.
-    exposure: stops. tone: the tone map's name. denoise: whether a picture with all its samples is shown without noise.
-    Moving pictures have no shadows. sun_power: 0 for no sun.
-    sun_heading, sun_height: in degrees, where the sun stands, about +y and above the horizon. sun_cone: half the angle
-    under which it appears, in degrees.
-    All others: see `atra.light`'s options, lights and skies.
-    Raises InputError, with the value, for unknown words and for numbers outside of what can be drawn.
+    its columns of cells where it has cells. exposure: stops. tone: the tone map's name. denoise: whether a picture with
+    all its samples is shown without noise. Moving pictures have no shadows. sun_power: 0 for no sun. sun_heading,
+    sun_height: in degrees, where the sun stands, about +y and above the horizon. sun_cone: half the angle under which
+    it appears, in degrees. All others: see `atra.light`'s options, lights and skies.
     """
 
     frame: str = "hybrid"
@@ -72,7 +47,7 @@ class Settings:
     side: int = 512
     method: str = "raster"
     split_x: int = COLUMNS
-    jitter: bool = True
+    jitter: str = "shared"
     shadow_rays: int = 1
     shadow_length: float = 1e4
     sun_cone: float = 0.5
@@ -83,26 +58,11 @@ class Settings:
     sky_power: float = 0.5
     occlusion_rays: int = 1
     occlusion_length: float = 10.0
-    cosine: bool = False
+    occlusion: str = "uniform"
     bounces: int = 4
     exposure: float = 0.0
     tone: str = "neutral"
     denoise: bool = False
-
-    def __post_init__(self) -> None:
-        choices = {"frame": FRAMES, "shade": SHADES, "tone": TONES, "method": tuple(METHODS), "split_x": SPLITS}
-        for name, words in choices.items():
-            check_choice(name, getattr(self, name), words)
-        for name, ends in _WHOLE.items():
-            check_whole(name, getattr(self, name), *ends)
-        for name, (least, most) in _RANGES.items():
-            checked_number(name, getattr(self, name), least, most)
-        check_flags(jitter=self.jitter, cosine=self.cosine, denoise=self.denoise)
-        colour = self.sun_colour
-        if not isinstance(colour, tuple) or len(colour) != 3 or not all(
-            is_whole_number(channel) and 0 <= channel <= 255 for channel in colour
-        ):  # fmt: skip
-            raise InputError(f"sun_colour is {colour!r}, expected three whole numbers from 0 to 255")
 
     @property
     def renderer(self) -> str:
@@ -131,19 +91,13 @@ class Settings:
 
 @dataclass(frozen=True)
 class Pose:
-    """Where a page looks from. aspect: its width over its height. The others: of `Camera`, which checks them.
-
-    Raises InputError for an aspect that is not finite and above 0.
-    """
+    """Where a page looks from. aspect: its width over its height. The others: of `Camera`, which checks them."""
 
     eye: Vector
     target: Vector
     up: Vector
     fov_y_degrees: float
     aspect: float = 1.0
-
-    def __post_init__(self) -> None:
-        checked_number("aspect", self.aspect, 0.0, above=True)
 
 
 @dataclass(frozen=True)

@@ -85,17 +85,12 @@ class Session:
         self._refused: Request | None = None
         self._samples = 0
         self._began_s = self._sent_s = 0.0
-        self._is_closed = False
+        self._is_asked = self._is_closed = False
 
     @property
     def wanted(self) -> Request:
         """What was asked for last."""
         return self._newest[0]
-
-    @property
-    def is_closed(self) -> bool:
-        """Whether nothing is drawn any more."""
-        return self._is_closed
 
     def want(self, pose: Pose | None = None, **settings: Any) -> None:
         """Ask for another camera, or for other values of fields of `Settings`."""
@@ -104,7 +99,8 @@ class Session:
             request = Request(pose or old.pose, replace(old.settings, **settings))
             if request != old:
                 self._newest = request, self._clock()
-                self._changed.notify()
+            self._is_asked = True
+            self._changed.notify()
 
     def close(self) -> None:
         """Make `run` return after the wave that it is at."""
@@ -113,13 +109,15 @@ class Session:
             self._changed.notify()
 
     def run(self) -> None:
-        """Until `close`."""
+        """Until `close`; begins when something has been asked for, since a first picture may be of another shape."""
+
+        def is_due() -> bool:
+            return self._is_closed or (self._is_asked and self._shown is not self.wanted)
+
         while not self._is_closed:
-            pause_s = self.step()
+            pause_s = self.step() if self._is_asked else None
             with self._changed:
-                self._changed.wait_for(
-                    lambda: self._is_closed or self._shown is not self.wanted, WAKE_S if pause_s is None else pause_s
-                )
+                self._changed.wait_for(is_due, WAKE_S if pause_s is None else pause_s)
 
     def step(self) -> float | None:
         """Draw one frame or add one sample; returns the seconds until there is more to do, None: until it is wanted."""

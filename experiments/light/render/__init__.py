@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from atra.light.pictures.options import HybridOptions, PathOptions
+from atra.light.pictures.hybrid import Hybrid
+from atra.light.pictures.paths import Paths
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.options import Settings, option, whole
 from experiments.harness.point import Workload
@@ -69,7 +70,7 @@ class RenderOptions(Settings):
         of_both: dict[str, Any] = {"jitter": self.jitter, "robust": self.robust_rays}
         if self.frame == "path":
             of_paths: dict[str, Any] = of_both | {"bounces": self.max_depth - 1, "lights": self.lights}
-            PathOptions(**of_paths)
+            Paths(**of_paths)
             return of_paths
         hybrid: dict[str, Any] = of_both | {
             "shadow_rays": self.shadow_rays,
@@ -77,7 +78,7 @@ class RenderOptions(Settings):
             "occlusion_length": self.occlusion_part * diagonal,
             "most_samples": None,
         }
-        HybridOptions(**hybrid)
+        Hybrid(**hybrid)
         return hybrid
 
 

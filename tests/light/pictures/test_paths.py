@@ -134,7 +134,7 @@ def test_threads_and_waves_change_no_bit(kind, monkeypatch):
     scene, pictures = busy(), set()
     for threads, wave_rays in ((1, 2048), (1, 4096), (1, 1 << 20), (2, 2048), (3, 4096)):
         with kind(scene, BUSY_CAMERA, threads=threads) as renderer:
-            monkeypatch.setattr(renderer.integrator, "wave_pixels", wave_rays)
+            monkeypatch.setattr(type(renderer.integrator), "wave_pixels", wave_rays)
             renderer.add(3)
             pictures.add(renderer.image.tobytes())
             assert renderer.image.std() > 0.1

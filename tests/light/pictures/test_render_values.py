@@ -11,7 +11,8 @@ from PIL import Image
 import atra
 from atra import light
 from atra.light.pictures.files import srgb_of
-from atra.light.pictures.options import HybridOptions, PathOptions
+from atra.light.pictures.hybrid import Hybrid
+from atra.light.pictures.paths import Paths
 from tests.meshes import quads
 from tests.shown import down, floor
 
@@ -51,15 +52,15 @@ WRONG = [
     (lambda: light.Scene(MESH, normals=[(0, 1, 0)] * 3 + [(0, 0, 0)]), "normal of vertex 3 is zero"),
     (lambda: light.Scene(MESH, normals=[(0, 1, 0)] * 3 + [(0, NAN, 0)]), "normal of vertex 3"),
     (lambda: light.Scene(MESH, [light.Lambertian(light.Checker(1, 0))]), "material 0 has a texture, exp"),
-    (lambda: PathOptions(bounces=-1), "bounces is -1"),
-    (lambda: PathOptions(jitter="none"), "jitter is 'none', expected one of shared, off, pixel"),
-    (lambda: HybridOptions(jitter="pixel"), "jitter is 'pixel', expected one of shared, off"),
-    (lambda: HybridOptions(occlusion_rays=65), "occlusion_rays is 65"),
-    (lambda: HybridOptions(shadow_rays=-1), "shadow_rays is -1"),
-    (lambda: HybridOptions(occlusion_length=0.0), "occlusion_length is 0.0"),
-    (lambda: HybridOptions(occlusion_length=NAN), "occlusion_length is nan"),
-    (lambda: HybridOptions(shadow_length=-1.0), "shadow_length is -1.0"),
-    (lambda: HybridOptions(occlusion="none"), "occlusion is 'none'"),
+    (lambda: Paths(bounces=-1), "bounces is -1"),
+    (lambda: Paths(jitter="none"), "jitter is 'none', expected one of shared, off, pixel"),
+    (lambda: Hybrid(jitter="pixel"), "jitter is 'pixel', expected one of shared, off"),
+    (lambda: Hybrid(occlusion_rays=65), "occlusion_rays is 65"),
+    (lambda: Hybrid(shadow_rays=-1), "shadow_rays is -1"),
+    (lambda: Hybrid(occlusion_length=0.0), "occlusion_length is 0.0"),
+    (lambda: Hybrid(occlusion_length=NAN), "occlusion_length is nan"),
+    (lambda: Hybrid(shadow_length=-1.0), "shadow_length is -1.0"),
+    (lambda: Hybrid(occlusion="none"), "occlusion is 'none'"),
 ]  # fmt: skip
 
 
@@ -86,13 +87,12 @@ def test_a_picture_needs_a_sample_and_a_number_of_them():
         renderer.add(1)
 
 
-def test_shares_that_paths_do_not_count_are_refused_by_name_and_their_parts_are_the_picture():
+def test_shares_that_paths_do_not_count_are_refused_by_name():
     with light.PathRenderer(light.Scene(MESH, lights=[light.Sun((0, -1, 0))]), down(4), threads=1) as renderer:
         renderer.add(1)
         for look, name in ((lambda: renderer.openness, "openness"), (renderer.lit, "light 0")):
             with pytest.raises(atra.InputError, match=f"a PathRenderer counts no {name}"):
                 look()
-        np.testing.assert_array_equal(renderer.parts, renderer.image[None])
 
 
 def test_light_beyond_all_numbers_is_reported_with_its_pixel_and_leaves_nothing_behind():
@@ -119,7 +119,7 @@ def test_an_interrupted_sample_leaves_no_torn_picture(monkeypatch):
         def interrupt(*_):
             raise KeyboardInterrupt
 
-        monkeypatch.setattr("atra.light.pictures.paths.renderer.follow_depth_first", interrupt)
+        monkeypatch.setattr("atra.light.pictures.paths.follow_depth_first", interrupt)
         with pytest.raises(KeyboardInterrupt):
             renderer.add(1)
         monkeypatch.undo()
@@ -197,5 +197,5 @@ def test_without_openexr_an_exr_is_refused_saying_what_to_install(monkeypatch, t
     monkeypatch.setitem(__import__("sys").modules, "OpenEXR", None)
     with light.PathRenderer(light.Scene(MESH), down(4), threads=1) as renderer:
         renderer.add(1)
-        with pytest.raises(atra.InputError, match="pip install OpenEXR"):
+        with pytest.raises(atra.InputError, match="pip install openexr"):
             renderer.save(tmp_path / "a.exr")

@@ -12,7 +12,8 @@ from atra import light as render
 from atra.light import textures
 from atra.light.lightmaps.options import BakeOptions
 from atra.light.pictures.files import srgb_of
-from atra.light.pictures.options import HybridOptions, PathOptions
+from atra.light.pictures.hybrid import Hybrid
+from atra.light.pictures.paths import Paths
 from tests.meshes import quads
 from tests.shown import BLACK, down, floor, hybrid, sphere
 
@@ -54,8 +55,8 @@ def test_no_more_samples_are_added_than_a_picture_is_to_have(given, kept):
         renderer.update(most_samples=50)
         renderer.add(99)
         assert renderer.samples == 50
-    assert HybridOptions().most_samples == 512
-    assert PathOptions().most_samples is None
+    assert Hybrid().most_samples == 512
+    assert Paths().most_samples is None
 
 
 def test_an_image_of_any_size_is_the_part_of_a_larger_one():
@@ -84,19 +85,17 @@ OF_PATHS = {"bounces", "roulette_from", "aperture_radius", "focus_distance", "cl
 
 @pytest.mark.parametrize(
     ("kind", "options"),
-    [(render.HybridRenderer, HybridOptions), (render.PathRenderer, PathOptions), (render.Baker, BakeOptions)],
+    [(render.HybridRenderer, Hybrid), (render.PathRenderer, Paths), (render.Baker, BakeOptions)],
 )
 def test_a_keyword_has_the_default_that_its_options_value_has(kind, options):
     shown = {one.name: one.default for one in signature(kind).parameters.values() if one.kind is one.KEYWORD_ONLY}
     assert shown == vars(options())
 
 
-REFUSED = {name for kind in (HybridOptions, PathOptions) for name in kind.built_with}
+REFUSED = {name for kind in (Hybrid, Paths) for name in kind.built_with}
 
 
-@pytest.mark.parametrize(
-    ("kind", "options"), [(render.HybridRenderer, HybridOptions), (render.PathRenderer, PathOptions)]
-)
+@pytest.mark.parametrize(("kind", "options"), [(render.HybridRenderer, Hybrid), (render.PathRenderer, Paths)])
 def test_every_option_restarts_or_stays_or_is_refused_as_the_table_says(kind, options):
     names = {field.name for field in fields(options)}
     assert names <= RESTARTS.keys() | STAYS.keys() | REFUSED
@@ -110,7 +109,7 @@ def test_every_option_restarts_or_stays_or_is_refused_as_the_table_says(kind, op
                 assert renderer.samples == (2 if name in STAYS else 0), name
         for name in options.built_with:
             with pytest.raises(atra.InputError, match="was built with"):
-                renderer.update(**{name: getattr(renderer.options, name)})
+                renderer.update(**{name: getattr(renderer.integrator, name)})
 
 
 NASTY = [nan, inf, -inf, -1.0, -1e-300, 1e300, 1e400, "x", "", None, (), (1, 2), (1, 2, 3, 4), (nan, 0, 0), [[1]],
@@ -123,8 +122,8 @@ MAKERS = {
     render.Sun: ("direction", "angle_degrees", "colour", "power"),
     render.PointLight: ("position", "colour", "power"), render.SphereLight: ("position", "radius", "colour", "power"),
     render.Scene: ("mesh", "materials", "face_materials", "lights", "sky", "normals", "uv"),
-    HybridOptions: tuple(RESTARTS.keys() - OF_PATHS) + ("most_samples",),
-    PathOptions: ("jitter", "most_samples", *OF_PATHS),
+    Hybrid: tuple(RESTARTS.keys() - OF_PATHS) + ("most_samples",),
+    Paths: ("jitter", "most_samples", *OF_PATHS),
 }  # fmt: skip
 USUAL = {
     render.Checker: {"first": 0.1, "second": 0.2}, render.Image: {"texels": np.zeros((1, 1, 3))},

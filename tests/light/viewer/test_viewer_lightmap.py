@@ -9,7 +9,7 @@ import pytest
 
 from atra import light
 from atra.light import Baker, Scene, Texels
-from atra.light.viewer import camera_page
+from atra.light.viewer import page as pages
 from atra.light.viewer.page import Page
 from atra.light.viewer.request import Pose, Request, Settings
 from tests.baked import cube, sheet
@@ -39,13 +39,13 @@ def test_the_panel_says_how_far_texels_are():
 
 @pytest.fixture
 def page(monkeypatch):
-    monkeypatch.setattr(camera_page, "LEAVE_S", 0.5)
+    monkeypatch.setattr(pages, "LEAVE_S", 0.5)
     with Baker(SCENE, ATLAS, threads=1) as baker, closing(MapPainter(baker, TARGET, 1)) as painter:
         one = Page(painter, FIRST, 0, "the box", 3.0, settings=False)
         thread = threading.Thread(target=one.session.run)
         thread.start()
         yield one, baker, thread
-        one.left()
+        one.session.close()
         thread.join(PATIENCE_S)
         one.close()
 

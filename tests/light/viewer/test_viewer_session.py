@@ -1,6 +1,7 @@
 """The viewer's session without page, thread or renderer: what is drawn when, by a clock that the tests move."""
 
 import random
+import threading
 from dataclasses import fields, replace
 
 import numpy as np
@@ -15,9 +16,9 @@ FIRST = Request(Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), 45.0), S
 
 OTHER = {
     "frame": "path", "shade": "occlusion", "samples": 9, "side": 256, "method": "aligned", "split_x": 4,
-    "jitter": False, "shadow_rays": 2, "shadow_length": 1.5, "sun_cone": 1.0,
+    "jitter": "off", "shadow_rays": 2, "shadow_length": 1.5, "sun_cone": 1.0,
     "sun_heading": 10.0, "sun_height": 20.0, "sun_power": 2.0, "sun_colour": (255, 0, 0), "sky_power": 2.0,
-    "occlusion_rays": 3, "occlusion_length": 1.0, "cosine": True, "bounces": 1,
+    "occlusion_rays": 3, "occlusion_length": 1.0, "occlusion": "cosine", "bounces": 1,
     "exposure": 1.5, "tone": "agx", "denoise": True,
 }  # fmt: skip
 """Another value of every parameter."""
@@ -164,6 +165,21 @@ def test_samples_wait_until_the_camera_has_rested():
     still = [when_s for when_s, frame in screen.frames if frame.samples]
     assert len(moving) == 6
     assert still[0] == pytest.approx(0.5 + REST_S + WAVES * 0.004)
+
+
+def test_nothing_is_drawn_before_it_is_asked_for():
+    session, _, screen, _ = made()
+    asking = threading.Timer(0.1, session.want, (at(1.0),))
+    asking.start()
+    keep = screen.show
+
+    def show(frame):
+        keep(frame)
+        session.close()
+
+    screen.show = show
+    session.run()
+    assert screen.frames[0][1].request.pose == at(1.0)
 
 
 def test_a_wave_is_the_last_when_the_camera_moves():

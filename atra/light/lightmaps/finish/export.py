@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.files.paths import write_atomically
+from atra.files.saving import encode_exr
 from atra.light.lightmaps.charts.atlas import Atlas
 from atra.light.lightmaps.finish.seams import Seams, dilated
 from atra.light.lightmaps.maps import LIGHTS, Lightmap
-from atra.light.pictures.files import exr_of_channels, png_of
+from atra.light.pictures.files import png_of
 
 _BRIGHT = 0.99
 """Quantile of the texels' luminance that is shown as white."""
@@ -50,7 +51,7 @@ def save_maps(
         for tail, part in parts_of(texels.atlas, image):
             if exactly:
                 channels = "RGB" if part.shape[2] == 3 else "Y"
-                files[f"{name}{tail}.exr"] = exr_of_channels({one: part[..., k] for k, one in enumerate(channels)})
+                files[f"{name}{tail}.exr"] = encode_exr({one: part[..., k] for k, one in enumerate(channels)})
             files[f"{name}{tail}.png"] = png_of(np.broadcast_to(exposure * part, (*part.shape[:2], 3)))
 
     for name in LIGHTS:

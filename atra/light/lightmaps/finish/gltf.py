@@ -24,11 +24,12 @@ from atra.files.gltf.primitives import read_primitive
 from atra.files.gltf.tree import gltf_tree
 from atra.files.paths import write_atomically
 from atra.files.reading import read_regular_file
+from atra.files.saving import encode_exr
 from atra.light.lightmaps.finish.export import exposure_of, finished, parts_of
 from atra.light.lightmaps.finish.glb import ELEMENTS, LIGHTMAP, Glb, glb_path
 from atra.light.lightmaps.finish.seams import Seams
 from atra.light.lightmaps.maps import Lightmap
-from atra.light.pictures.files import exr_of_channels, png_of
+from atra.light.pictures.files import png_of
 from atra.light.scene import Scene, ScenePart
 
 _INSTANCING = "EXT_mesh_gpu_instancing"
@@ -71,7 +72,7 @@ def save_lit_model(lightmap: Lightmap, scene: Scene, source: Path | str, path: P
     textures = []
     for tail, part in parts_of(atlas, image):
         stem = f"{path.stem}_light{tail}"
-        files[path.with_name(f"{stem}.exr")] = exr_of_channels({one: part[..., k] for k, one in enumerate("RGB")})
+        files[path.with_name(f"{stem}.exr")] = encode_exr({one: part[..., k] for k, one in enumerate("RGB")})
         files[path.with_name(f"{stem}.png")] = png = png_of(exposure * part)
         textures.append(model.add_texture(png, stem, extras={"exr": f"{stem}.exr"}))
     sets = re.findall(r'"texCoord": (\d+)', json.dumps(model.tree.get("materials", [])))

@@ -72,18 +72,38 @@ def accumulate(
     >>> steps[-1].samples, steps[-1].is_done
     (4, True)
     """
-    limits = _Limits(samples, error, minutes)
+    if samples is None and error is None and minutes is None:
+        raise InputError("nothing says when the picture is done; expected samples, error or minutes")
+    if samples is not None:
+        check_whole("samples", samples, 1)
+    for name, limit in (("error", error), ("minutes", minutes)):
+        if limit is not None:
+            checked_number(name, limit, 0.0, above=True)
     path = None if state is None else Path(state)
     octaves, before_s = _Octaves(), 0.0
     if path is not None and path.exists():
-        before_s = _resume(path, renderer, octaves)
+
+        def restore(kept: dict[str, Any]) -> float:
+            renderer.restore(kept)
+            octaves.restore(kept)
+            return float(kept["elapsed_s"])
+
+        before_s = read_state(path, restore, "picture")
     start = saved = monotonic()
     pace_s: float | None = None
 
     def progress() -> Progress:
-        run_s, count = monotonic() - start, renderer.samples
-        left_s = limits.left_s(count, octaves.error, run_s, pace_s)
-        return Progress(count, octaves.error, before_s + run_s, left_s, left_s == 0.0)
+        run_s, count, found = monotonic() - start, renderer.samples, octaves.error(renderer.samples)
+        left = [inf if minutes is None else 60.0 * minutes - run_s]
+        missing = [] if samples is None else [float(samples - count)]
+        if error is not None and found is not None:
+            missing.append(count * ((found / error) ** 2 - 1.0))  # errors fall with the square root of the samples
+        left += [0.0 if more <= 0.0 else inf if pace_s is None else pace_s * more for more in missing]
+        left_s = None if min(left) == inf else max(min(left), 0.0)
+        return Progress(count, found, before_s + run_s, left_s, left_s == 0.0)
+
+    def save(state_path: Path, elapsed_s: float) -> None:
+        write_state(state_path, {"elapsed_s": elapsed_s, **renderer.state, **octaves.state})
 
     latest, warm, warm_s = progress(), 0, start
     while not latest.is_done:
@@ -93,7 +113,7 @@ def accumulate(
             break
         octaves.look(renderer)
         if path is not None and monotonic() - saved >= save_every_s:
-            _save(path, renderer, octaves, before_s + monotonic() - start)
+            save(path, before_s + monotonic() - start)
             saved = monotonic()
         if not warm:  # the first sample of a run may have compiled kernels, which tells nothing of the others
             warm, warm_s = renderer.samples, monotonic()
@@ -103,39 +123,10 @@ def accumulate(
         yield latest
     if path is None:
         return
-    if latest.is_done and (error is None or (octaves.error is not None and octaves.error <= error)):
+    if latest.is_done and (error is None or (latest.error is not None and latest.error <= error)):
         path.unlink(missing_ok=True)
     elif renderer.samples:
-        _save(path, renderer, octaves, latest.elapsed_s)
-
-
-@dataclass(frozen=True)
-class _Limits:
-    """What ends a picture, as for `accumulate`. Raises InputError."""
-
-    samples: int | None
-    error: float | None
-    minutes: float | None
-
-    def __post_init__(self) -> None:
-        if self.samples is None and self.error is None and self.minutes is None:
-            raise InputError("nothing says when the picture is done; expected samples, error or minutes")
-        if self.samples is not None:
-            check_whole("samples", self.samples, 1)
-        for name in ("error", "minutes"):
-            if getattr(self, name) is not None:
-                checked_number(name, getattr(self, name), 0.0, above=True)
-
-    def left_s(self, count: int, error: float | None, run_s: float, pace_s: float | None) -> float | None:
-        """Seconds until the first limit, 0 where it is reached, None where that is not known; errors fall with the
-        square root of the number of samples. run_s: of this run. pace_s: seconds that a sample takes; None: not known.
-        """
-        left = [inf if self.minutes is None else 60.0 * self.minutes - run_s]
-        missing = [] if self.samples is None else [float(self.samples - count)]  # samples
-        if self.error is not None and error is not None:
-            missing.append(count * ((error / self.error) ** 2 - 1.0))
-        left += [0.0 if more <= 0.0 else inf if pace_s is None else pace_s * more for more in missing]
-        return None if min(left) == inf else max(min(left), 0.0)
+        save(path, latest.elapsed_s)
 
 
 class _Octaves:
@@ -146,28 +137,25 @@ class _Octaves:
     how changes fall from one doubling to the next. The mean of two changes steadies both. Between two doublings the
     error is taken to fall with the square root of the number of samples.
 
-    changes: relative, of the last doublings. count, luminance: samples at the last of them, and their picture.
+    changes: relative, of the last doublings. luminance: of the picture at the last of them.
     """
 
     def __init__(self) -> None:
         self.changes: list[float] = []
-        self.count, self.luminance = 0, np.zeros((0, 0))
-        self._samples = 0
+        self.luminance = np.zeros((0, 0))
 
     def look(self, renderer: Renderer) -> None:
-        """Count the samples that the renderer has now."""
-        count = self._samples = renderer.samples
-        if count & (count - 1):
+        """Count the samples that the renderer has now, one more than before."""
+        if renderer.samples & (renderer.samples - 1):
             return
         now = renderer.image.astype(np.float64) @ np.array(LUMINANCE)
-        if self.count and count == 2 * self.count:
+        if len(self.luminance):
             mean = float(now.mean())
             change = float(((now - self.luminance) ** 2).mean()) ** 0.5
             self.changes = [*self.changes, change / mean if mean > 0.0 else 0.0][-_DOUBLINGS:]
-        self.count, self.luminance = count, now
+        self.luminance = now
 
-    @property
-    def error(self) -> float | None:
+    def error(self, samples: int) -> float | None:
         """Relative, of all samples; None before there are two."""
         if not self.changes:
             return None
@@ -176,28 +164,12 @@ class _Octaves:
         if earlier[0] > 0.0 and earlier[1] > 0.0:
             squared = min(max((first * last / (earlier[0] * earlier[1])) ** 0.5, LEAST_LEFT), MOST_LEFT)
         change = (first * last) ** 0.5 * squared**0.25 if first > 0.0 else last
-        return change * (squared / (1.0 - squared) * self.count / self._samples) ** 0.5
+        doubled = 1 << (samples.bit_length() - 1)
+        return change * (squared / (1.0 - squared) * doubled / samples) ** 0.5
 
     @property
     def state(self) -> dict[str, NDArray[Any]]:
-        counts = np.array([self.count, self._samples])
-        return {"octave": counts, "octave_light": self.luminance, "changes": np.array(self.changes)}
+        return {"octave_light": self.luminance, "changes": np.array(self.changes)}
 
     def restore(self, state: Any) -> None:
-        self.count, self._samples = state["octave"].tolist()
         self.luminance, self.changes = state["octave_light"], state["changes"].tolist()
-
-
-def _save(path: Path, renderer: Renderer, octaves: _Octaves, elapsed_s: float) -> None:
-    write_state(path, {"elapsed_s": elapsed_s, **renderer.state, **octaves.state})
-
-
-def _resume(path: Path, renderer: Renderer, octaves: _Octaves) -> float:
-    """Returns the seconds that the samples took."""
-
-    def restore(state: dict[str, Any]) -> float:
-        renderer.restore(state)
-        octaves.restore(state)
-        return float(state["elapsed_s"])
-
-    return read_state(path, restore, "picture")

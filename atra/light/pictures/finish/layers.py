@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from atra.light.batches import in_batches
 from atra.light.materials import plain_of
 from atra.light.pictures.film import Film
-from atra.light.pictures.finish.layers_kernels import LAYER_PLANES, layers_kernel
 from atra.light.pictures.gbuffer_kernels import new_chunk
+from atra.light.pictures.lighting_kernels import LAYER_PLANES, layers_kernel
 from atra.light.pictures.path_kernels import BLOCK, Pixels
 from atra.light.scene import Scene
 from atra.light.sky import constant_sky
@@ -38,11 +38,12 @@ class Layers:
     normals: NDArray[np.float32]
 
 
-def layers_of(scene: Scene, width: int, height: int, rays: KernelScene, seen_at: Callable[[Offset], Pixels]) -> Layers:
-    """Layers of an image. rays: the scene's. seen_at: what all pixels see at a sub-pixel offset."""
+def layers_of(scene: Scene, size: tuple[int, int], rays: KernelScene, seen_at: Callable[[Offset], Pixels]) -> Layers:
+    """Layers of an image. size: its width and height. rays: the scene's. seen_at: what all pixels see at a sub-pixel
+    offset."""
     plain = tuple(plain_of(material) for material in scene.materials)
     surfaces = surfaces_of(replace(scene, materials=plain, lights=(), sky=constant_sky(1.0)), 1.0)
-    film = Film((LAYER_PLANES, width, height))
+    film = Film((LAYER_PLANES, *size))
     kernel, chunks = layers_kernel(rays.packet_width), [new_chunk() for _ in range(rays.threads)]
     for number, offset in enumerate(sub_pixel_offsets(_POINTS).tolist()):
         pixels = seen_at(tuple(offset))._replace(sample=number)
@@ -51,6 +52,6 @@ def layers_of(scene: Scene, width: int, height: int, rays: KernelScene, seen_at:
             kernel(first, count, pixels, surfaces, query.scene, query.packet, chunks[query.worker], film.sums)
             return 0
 
-        in_batches(rays, width * height, BLOCK, add)
+        in_batches(rays, size[0] * size[1], BLOCK, add)
         film.end_sample()
     return Layers(*(film.as_image(film.mean(slice(first, first + 3))) for first in (0, 3)))

@@ -43,26 +43,18 @@ _AGX_STOPS = -12.47393, 4.026069
 _AGX_CURVE = (15.5, -40.14, 31.96, -6.868, 0.4298, 0.1191, -0.00232)
 
 
-def check_exposure(value: object) -> float | str:
-    """`auto`, or a number of stops. Raises InputError, naming the value."""
-    if value == AUTO:
-        return AUTO
-    try:
-        stops = float(value) if isinstance(value, str) else as_number(value)
-    except ValueError:
-        stops = np.nan
-    if not abs(stops) <= MOST_STOPS:
-        raise InputError(f"exposure is {value!r}, expected auto or a number of stops from -64 to 64")
-    return stops
-
-
 def stops_of(image: NDArray[np.floating], exposure: float | str) -> float:
     """The exposure of an (H, W, 3) linear picture in stops: `exposure` itself, or what `auto` finds for it.
 
-    `auto` ignores black pixels. Raises InputError for anything else.
+    `auto` ignores black pixels. Raises InputError for anything else, naming it.
     """
-    stops = check_exposure(exposure)
-    if not isinstance(stops, str):
+    if exposure != AUTO:
+        try:
+            stops = float(exposure) if isinstance(exposure, str) else as_number(exposure)
+        except ValueError:
+            stops = np.nan
+        if not abs(stops) <= MOST_STOPS:
+            raise InputError(f"exposure is {exposure!r}, expected auto or a number of stops from -64 to 64")
         return stops
     luminance = np.asarray(image, np.float64) @ np.array(LUMINANCE)
     lit = luminance[np.isfinite(luminance) & (luminance > 0.0)]

@@ -5,27 +5,38 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from atra.compiled.store import njit
-from atra.embree.packets_kernels import INFINITY, MISS, START, hit_distance, hit_prim_id, intersect, set_no_hit
+from atra.compiled.store import float_kernel, njit
+from atra.embree.packets_kernels import INFINITY, MISS, START
+from atra.geometry.view import View
 from atra.light.emitters.emitters_kernels import aim, has_emitters
-from atra.light.numbers_kernels import ZERO, dot, scaled, vector
+from atra.light.numbers_kernels import ONE, ZERO, along, circle, dot, scaled, unit, vector
 from atra.light.pictures.path_kernels import (
     FREE_KIND,
     FREE_LIGHT,
     arriving,
-    behind,
+    beyond_holes,
     load_ray,
-    passed,
+    nearest,
     passes_of,
+    path_key,
+    pixel_line,
+    seen_by,
     shadows,
     survival,
 )
 from atra.light.scattering.bending_kernels import passed_within
+from atra.light.scattering.sampler_kernels import APERTURE, pair_of
 from atra.light.scattering.spots_kernels import BLACK, WHITE, scatter, spot_of
 from atra.light.surface_kernels import ENDS, SHINES, meet
 
 _NEVER = 1 << 30
+
+ALPHA = 3
+"""Plane of the film that holds the share of a pixel which is not sky."""
+
+_THIRDS = np.float32(1.0 / 3.0), np.float32(1.0 / 3.0), np.float32(1.0 / 3.0)
 
 
 class Limits(NamedTuple):
@@ -98,7 +109,7 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
     key, sample = random
     start, is_aimed = bounce, has_emitters(emitters)
     emitted, sky, later, seen_through, weight = BLACK, BLACK, BLACK, BLACK, WHITE
-    near, first, is_back, before = START, INFINITY, False, MISS
+    first, is_back = INFINITY, False
     rays = passes = 0
     while True:
         if known >= 0:
@@ -106,23 +117,16 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
             known = np.int64(-1)
         else:
             rays += 1
-            load_ray(packet, 1, 0, origin, direction, INFINITY, near)
-            packet.valid[0] = -1
-            set_no_hit(packet, 1, 0)
-            intersect(1, packet.valid, scene, packet)
-            prim_id, distance = hit_prim_id(packet, 1, 0), hit_distance(packet, 1, 0)
-            if prim_id == before and prim_id != MISS:
-                near = behind(distance)
-                continue
+            prim_id, distance = nearest(1, scene, packet, origin, direction, START)
         flags = surfaces.flags[prim_id] if prim_id != MISS else ENDS | SHINES
         if flags & passes_of(bounce):
-            goes_on, weight = passed(
-                surfaces, prim_id, origin, direction, weight, bounce == 0, (key, sample, passes + bounce)
-            )
-            if goes_on:
-                near, before = behind(distance), prim_id
-                passes += 1
-                continue
+            prim_id, distance, weight, traced, holes = beyond_holes(
+                1, surfaces, scene, packet, prim_id, distance, origin, direction, weight, bounce,
+                (key, sample, passes + bounce),
+            )  # fmt: skip
+            rays += traced
+            passes += holes
+            flags = surfaces.flags[prim_id] if prim_id != MISS else ENDS | SHINES
         if bounce == start and start > 0:
             first = distance
             is_back = prim_id != MISS and not meet(surfaces, prim_id, origin, direction)[2]
@@ -158,6 +162,63 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
             if share == ZERO:
                 break
             weight = scaled(share, weight)
-        near, before = START, MISS
         bounce += 1
     return Found(emitted, sky, later, seen_through, first, is_back, rays)
+
+
+class Aperture(NamedTuple):
+    """Where rays start. axes: (2, 3) float32, its radius to the right and down, in the world; none of a pinhole.
+    nearness: of what is in focus, 1 over its depth."""
+
+    axes: NDArray[np.float32]
+    nearness: np.float32
+
+
+def aperture_of(camera: View, radius: float, focus_distance: float) -> Aperture:
+    """The aperture of a camera. radius, focus_distance: scene units."""
+    axes = (radius * camera.axes[:2]).astype(np.float32)
+    return Aperture(axes if radius > 0.0 else axes[:0], np.float32(1.0 / focus_distance))
+
+
+@njit(forceinline=True)
+def _through(aperture, key, sample, origin, direction):  # type: ignore[no-untyped-def]
+    """(origin, direction) from a point of the aperture to the point that the ray given has in focus. direction: of
+    depth 1, as is the one returned."""
+    square, turns = pair_of(key, sample, APERTURE)
+    axes, radius, (right, down) = aperture.axes, np.sqrt(square), circle(turns)
+    shift = (
+        radius * (right * axes[0, 0] + down * axes[1, 0]),
+        radius * (right * axes[0, 1] + down * axes[1, 1]),
+        radius * (right * axes[0, 2] + down * axes[1, 2]),
+    )
+    return along(origin, ONE, shift), along(direction, -aperture.nearness, shift)
+
+
+@float_kernel
+def follow_depth_first(first, count, pixels, scene, packet, surfaces, emitters, sums, free, limits, aperture):  # type: ignore[no-untyped-def]
+    """Add a sample of `count` pixels from number `first` on, one path after the other.
+
+    scene, packet: of width 1. sums: (3 or 4, pixels) float32 of a `Film`. free: (FREE_ROWS, 1) float32, scratch.
+    limits: `Limits`. aperture: `Aperture`. Where `sums` have a plane ALPHA, the sky that the eye sees is left out, and
+    the share of it that is hidden is added there. Returns the number of rays traced, -1 if light was not finite.
+    """
+    is_finite, rays, is_known = True, 0, len(pixels.prim_id) > 0
+    for pixel in range(first, first + count):
+        origin, direction = pixel_line(pixels, pixel)
+        known = np.int64(seen_by(pixels, pixel)) if is_known else np.int64(-1)
+        random = path_key(pixel), pixels.sample
+        if len(aperture.axes) > 0:
+            origin, direction = _through(aperture, random[0], random[1], origin, direction)
+        found = follow(
+            surfaces, emitters, scene, packet, free, known, origin, unit(direction), ZERO, random, 0, limits
+        )  # fmt: skip
+        rays += found.rays
+        light = more(found.emitted, WHITE, found.later)
+        if sums.shape[0] > ALPHA:
+            sums[ALPHA, pixel] += ONE - dot(found.seen_through, _THIRDS)
+        else:
+            light = more(light, WHITE, found.sky)
+        for channel in range(3):
+            sums[channel, pixel] += light[channel]
+            is_finite &= light[channel] < INFINITY
+    return rays if is_finite else -1

@@ -2,67 +2,92 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
+from dataclasses import dataclass
 from math import inf
+from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from atra.choices import check_choice, check_flags
+from atra.errors import InputError
 from atra.geometry.view import View
 from atra.light.batches import Laps
+from atra.light.checks import check_clamp, check_whole, checked_number
 from atra.light.emitters.tables import emitters_of
 from atra.light.pictures.film import Film
-from atra.light.pictures.options import PathOptions
+from atra.light.pictures.following_kernels import ALPHA, aperture_of, follow_depth_first, limits_of
+from atra.light.pictures.integrator import Integrator, check_length
 from atra.light.pictures.path_kernels import BLOCK, FREE_ROWS, Pixels
-from atra.light.pictures.paths.depth_first_kernels import ALPHA, aperture_of, follow_depth_first
-from atra.light.pictures.paths.following_kernels import limits_of
 from atra.light.pictures.renderer import Primary, Renderer
 from atra.light.scene import Scene
 from atra.light.tables import surfaces_of
 from atra.rays.kernel_scene import KernelScene, Query
 
 
-class Paths:
-    """The integrator of `PathRenderer`."""
+@dataclass(frozen=True)
+class Paths(Integrator):
+    """How a `PathRenderer` gathers light."""
 
-    name, sets_sums, wave_pixels = "PathRenderer", False, 8 * BLOCK
+    renderer, sets_sums, wave_pixels = "PathRenderer", False, 8 * BLOCK
+    built_with: ClassVar = Integrator.built_with | {"lights", "transparent"}
+    jitters: ClassVar[tuple[str, ...]] = ("shared", "off", "pixel")
+    packet_width: ClassVar = 1  # rays of paths are incoherent
 
-    def take(self, scene: Scene, options: PathOptions, camera: View) -> None:
-        """See `Integrator.take`."""
-        self._scene, self._options = scene, options
-        self._aperture = aperture_of(camera, options.aperture_radius, options.focus_distance)
+    bounces: int = 4
+    lights: str = "aimed"
+    roulette_from: int | None = 4
+    transparent: bool = False
+    aperture_radius: float = 0.0
+    focus_distance: float = inf
+    clamp: float | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        checked_number("aperture_radius", self.aperture_radius, 0.0, 1e12)
+        check_length("focus_distance", self.focus_distance)
+        check_choice("lights", self.lights, ("aimed", "grid", "found"))
+        check_flags(transparent=self.transparent)
+        check_clamp(self)
+        check_whole("bounces", self.bounces, 0, 1 << 20)
+        if self.roulette_from is not None:
+            check_whole("roulette_from", self.roulette_from, 0, 1 << 20)
 
     @property
-    def planes(self) -> int:
+    def is_jittered(self) -> bool:
+        """See `Integrator`; always with an aperture."""
+        return self.jitter == "pixel" or self.aperture_radius > 0.0
+
+    def check_camera(self, camera: View) -> None:
+        """Raise InputError for a lens with an aperture."""
+        if self.aperture_radius > 0.0 and camera.lens is not None:
+            raise InputError(
+                f"aperture_radius is {self.aperture_radius!r}, but the camera has the lens {camera.lens!r}; expected a "
+                "pinhole or an orthographic camera, such as camera.undistorted()"
+            )
+
+    def planes(self, lamps: Sequence[Any]) -> int:
         """Sums per pixel."""
-        return ALPHA + self._options.transparent
+        return ALPHA + self.transparent
 
-    @property
-    def shares(self) -> dict[str, int]:
+    def shares(self, scene: Scene) -> dict[str, int]:
         """The plane of alpha, if there is one."""
-        return {"alpha": ALPHA} if self._options.transparent else {}
+        return {"alpha": ALPHA} if self.transparent else {}
 
-    def build(self, rays: KernelScene) -> None:
-        """See `Integrator.build`."""
-        self._emitters = emitters_of(self._scene, self._options.lights)
-        self._surfaces = surfaces_of(self._scene, self._scene.sky.power)
-
-    def same_sums(self, scene: Scene) -> bool:
-        """See `Integrator.same_sums`."""
-        return scene is self._scene
-
-    def parts(self, film: Film) -> Iterator[NDArray[np.float64]]:
-        """The picture as a whole."""
-        yield film.mean(slice(3))
+    def tables(self, scene: Scene, lamps: Sequence[Any], rays: KernelScene) -> tuple[Any, Any]:
+        """See `Integrator.tables`."""
+        return surfaces_of(scene, scene.sky.power), emitters_of(scene, self.lights)
 
     def add(
-        self, query: Query, first: int, count: int, pixels: Pixels, film: Film, stages: dict[str, float]
-    ) -> int | None:
+        self, tables: Any, camera: View, query: Query, first: int, count: int, pixels: Pixels, film: Film,
+        stages: dict[str, float],
+    ) -> int | None:  # fmt: skip
         """See `Integrator.add`."""
         lap, free = Laps(stages), np.empty((FREE_ROWS, 1), np.float32)
-        arguments = pixels, query.scene, query.packet, self._surfaces, self._emitters, film.sums, free
-        limits = limits_of(self._options.bounces, self._options.roulette_from, self._options.clamp)
-        rays = follow_depth_first(first, count, *arguments, limits, self._aperture)
+        aperture = aperture_of(camera, self.aperture_radius, self.focus_distance)
+        limits = limits_of(self.bounces, self.roulette_from, self.clamp)
+        arguments = pixels, query.scene, query.packet, *tables, film.sums, free, limits, aperture
+        rays = follow_depth_first(first, count, *arguments)
         lap("depth_first")
         return None if rays < 0 else rays
 
@@ -138,18 +163,8 @@ def PathRenderer(
     >>> round(float(image[1, 1, 0]), 2)  # its albedo, under a white sky
     0.7
     """
-    options = PathOptions(
-        threads,
-        build_quality,
-        robust,
-        jitter,
-        most_samples,
-        bounces,
-        lights,
-        roulette_from,
-        transparent,
-        aperture_radius,
-        focus_distance,
-        clamp,
-    )
-    return Renderer(scene, camera, primary, options, Paths())
+    integrator = Paths(
+        threads, build_quality, robust, jitter, most_samples, bounces, lights, roulette_from, transparent,
+        aperture_radius, focus_distance, clamp,
+    )  # fmt: skip
+    return Renderer(scene, camera, primary, integrator)

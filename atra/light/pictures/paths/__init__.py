@@ -1,1 +1,0 @@
-"""Paths of light, wave by wave or one after the other."""
