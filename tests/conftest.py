@@ -89,27 +89,10 @@ def methods_as_before(monkeypatch):
 @pytest.fixture
 def figures_unsaved(monkeypatch):
     """Figures are drawn, and none is made a picture; what they look like is tested in tests/report."""
-    _save_figures_as(monkeypatch)
-
-
-@pytest.fixture
-def figures_as_png(monkeypatch):
-    """Figures become PNG alone, and their SVG is empty."""
-    _save_figures_as(monkeypatch, "png")
-
-
-def _save_figures_as(monkeypatch, *formats):
     from matplotlib.figure import Figure
 
-    saved = Figure.savefig
-
-    def savefig(figure, file, *, format, **options):
-        if format in formats:
-            saved(figure, file, format=format, **options)
-        else:
-            file.write(b'<svg xmlns="http://www.w3.org/2000/svg"/>')
-
-    monkeypatch.setattr(Figure, "savefig", savefig)
+    svg = b'<svg xmlns="http://www.w3.org/2000/svg"/>'
+    monkeypatch.setattr(Figure, "savefig", lambda figure, file, **options: file.write(svg))
 
 
 UNCOVERED = {"documents", "harness", "methods", "paper", "report", "results", "scenes", "walls"}

@@ -1,7 +1,6 @@
 """A table of processes small enough to know the verdict of each of the paper's claims, and ways to change it."""
 
 import math
-from typing import Any
 
 import pandas as pd
 
@@ -14,8 +13,6 @@ SCATTER = (0.997, 1.003, 1.0, 0.998, 1.002)
 SCATTERED = ("speedup", "speedup_vs_packets", "build_over_plain", "plan_and_build_over_plain")
 
 BEST = {"cornell_box": 7.6, "mitsuba": 3.0, "fireplace_room": 1.9, "sponza": 1.75}
-
-Row = dict[str, Any]
 
 
 def agreeing_rows(scene):

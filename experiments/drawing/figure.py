@@ -67,13 +67,12 @@ def median_level(label: str, values: Array, style: Style) -> list[Level]:
 
 @dataclass(frozen=True)
 class Mark:
-    """One place in a panel. label: in the legend, "" = none. drop: with a dotted line down to the axis."""
+    """One place in a panel. label: in the legend, "" = none."""
 
     label: str
     x: float
     y: float
     style: Style
-    drop: bool = False
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from experiments.drawing.axes import scale_axis, tidy_axes
 from experiments.drawing.figure import Array, Bar, Figure, Level, Line, NamedFigure, Panel, stand_in_note
-from experiments.drawing.style import BLACK, DOTTED, GREY, PANEL_INCHES, PARTS, SMALL
+from experiments.drawing.style import BLACK, GREY, PANEL_INCHES, PARTS, SMALL
 from experiments.drawing.values import drawable
 
 # A fixed salt and no date keep the SVG of equal tables equal.
@@ -141,8 +141,6 @@ def _draw_lines(axis: Axes, panel: Panel, figure: Figure) -> None:
     for level in panel.levels:
         _draw_level(axis, level)
     for mark in panel.marks:
-        if mark.drop:
-            axis.plot([mark.x] * 2, [1e-9, mark.y], color=mark.style["color"], linewidth=1, linestyle=DOTTED)
         axis.plot([mark.x], [mark.y], label=mark.label or "_mark", zorder=5, **{"linestyle": "none"} | dict(mark.style))
     _draw_crosses(axis, panel)
     abscissae = [line.x[shows(line.y)] for line in panel.lines] + [

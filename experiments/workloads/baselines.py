@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from statistics import median
 from typing import Any
 
@@ -37,15 +36,10 @@ def say_library(record: Record) -> str:
     return f"{np.median(own):.3f} s; the library {np.median(library):.3f} s, {np.median(own / library):.2f}x as fast"
 
 
-def fastest_packets(samples: Mapping[str, Sequence[float]]) -> int:
-    """The width of the packets with the shortest median among the samples of a time."""
-    widths = [width for width, name in PACKETS.items() if name in samples]
-    return min(widths, key=lambda width: median(samples[PACKETS[width]]))
-
-
 def packets_width(record: Record) -> int | None:
-    """That width, None where no packets were timed."""
-    return fastest_packets(record.samples) if any(name in record.samples for name in PACKETS.values()) else None
+    """The width of the packets with the shortest median, None where no packets were timed."""
+    widths = [width for width, name in PACKETS.items() if name in record.samples]
+    return min(widths, key=lambda width: median(record.samples[PACKETS[width]]), default=None)
 
 
 def single_over_packets(record: Record) -> float | None:

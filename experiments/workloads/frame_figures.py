@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from math import nan
 
@@ -21,6 +22,7 @@ from experiments.drawing.values import (
     only_measured,
     row_interval,
     say_number,
+    varies,
 )
 from experiments.methods.naming import (
     COPIED_OFF,
@@ -49,8 +51,20 @@ RATIO_LABELS = (*FORM_STYLES, *TIME_BASELINES, ALL_HITS, PAPER_BEST)
 
 SPLIT_AXES = {"split_x": Axis("horizontal splits", "ticks"), "split_y": Axis("vertical splits", "ticks")}
 
+_RING = {"marker": "o", "markersize": 10, "markerfacecolor": "none", "markeredgewidth": 1.6}
 _RINGED = "ringed: the best split, by the ratio in the same rounds"
 _STAR = f"star: {PAPER_BEST} speed-up of single rays, at whatever number of splits"
+
+
+def rows_over(*axes: str) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    """Aligned rows and those of methods of files, if exactly these of the axes of aligned splits vary."""
+
+    def chosen(rows: pd.DataFrame) -> pd.DataFrame:
+        aligned = aligned_rows(rows)
+        told = pd.concat([aligned, series.of_files(rows)])
+        return told if {axis for axis in SPLIT_AXES if varies(aligned, axis)} == set(axes) else rows[:0]
+
+    return chosen
 
 
 def split_times(table: pd.DataFrame, axis_name: str = "split_x") -> Figure:
@@ -106,7 +120,9 @@ def splits_panel(table: pd.DataFrame, axis_name: str, in_ratios: bool, with_pape
         # A single one is no choice.
         for _, best in series.best_rows(points if drawable(value).sum() > 1 else points[:0]).iterrows():
             heights = value[(points[axis_name] == best[axis_name]).to_numpy(bool)]
-            marks += [ring(float(best[axis_name]), float(height), style["color"]) for height in heights]
+            marks += [
+                Mark("", float(best[axis_name]), float(height), {"color": style["color"]} | _RING) for height in heights
+            ]
             notes.append(f"{short}: {_say_best(best, axis_name, ratio, starts)}")
     absent = [form for form in expected_forms(rows) if form not in forms]
     notes += [f"{form.removeprefix('aligned, ')}: not in the table" for form in absent]
@@ -160,12 +176,6 @@ def say_level(row: pd.Series, ratio: str | None = None) -> str:
     words = [say_variant(row), f"{say_number(row['render_time_s'] * MILLISECONDS)} ms"]
     words += [] if ratio is None or pd.isna(row[ratio]) else [f"{row[ratio]:.2f}{TIMES}"]
     return ", ".join(filter(None, words))
-
-
-def ring(x: float, y: float, color: str, drop: bool = False) -> Mark:
-    """A mark around a point of a line."""
-    looks = {"color": color, "marker": "o", "markersize": 10, "markerfacecolor": "none", "markeredgewidth": 1.6}
-    return Mark("", x, y, looks, drop)
 
 
 def methods_figure(table: pd.DataFrame) -> Figure:

@@ -55,15 +55,11 @@ def make_panels(table: pd.DataFrame, shown: Collection[str]) -> list[PanelRows]:
     shown: settings that make no panels, because the figure tells them apart or shows the best of them.
     """
     varying = settings_that_vary(table, shown)
+    order, _ = pd.factorize(table["scene"])
     panels = []
-    for scene in table["scene"].unique():
-        of_scene = table[table["scene"] == scene]
-        if not varying:
-            panels.append(PanelRows(str(scene), "", of_scene))
-            continue
-        for key, rows in of_scene.groupby(varying, sort=True, dropna=False):
-            words = [say_setting(name, value) for name, value in zip(varying, key, strict=True)]
-            panels.append(PanelRows(str(scene), ", ".join(words), rows))
+    for (_, *key), rows in table.groupby([order, *(table[name] for name in varying)], dropna=False):
+        words = [say_setting(name, value) for name, value in zip(varying, key, strict=True)]
+        panels.append(PanelRows(str(rows["scene"].iloc[0]), ", ".join(words), rows))
     return panels
 
 

@@ -116,17 +116,9 @@ def warm_up(
                 use(tracer)
         except Exception as error:
             if is_foreign:
-                error.add_note(f"while warming up, before the scene: {_say_everyday(camera)}")
+                corners, faces = _EVERYDAY.vertices.tolist(), _EVERYDAY.faces.tolist()
+                error.add_note(f"while warming up, before the scene: vertices {corners}, faces {faces}, {camera}")
             raise
-
-
-def _say_everyday(camera: Camera) -> str:
-    """The mesh and the camera of the warm-up, so that its fault can be repeated."""
-    vertices = ", ".join("({:g}, {:g}, {:g})".format(*vertex) for vertex in _EVERYDAY.vertices)
-    return (
-        f"a mesh of vertices {vertices} and faces {_EVERYDAY.faces.tolist()}, a camera at {camera.eye} with target "
-        f"{camera.target}, up {camera.up}, {camera.fov_y_degrees:g} degrees, {camera.width} x {camera.height} pixels"
-    )
 
 
 def baseline_makers() -> dict[str, MakeTracer]:

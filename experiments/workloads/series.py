@@ -145,9 +145,9 @@ def best_points(rows: pd.DataFrame) -> Iterator[BestPoint]:
                 yield BestPoint(method.name, width, say_series(method.name, width), points, best_rows(points))
 
 
-def say_ratio(row: pd.Series, name: str = OVER_PACKETS) -> str:
-    """A speed-up with its interval, "" where it is missing. name: beginning of its columns."""
-    value, low, high = (row.get(f"{name}{end}") for end in ("", "_low", "_high"))
+def say_ratio(row: pd.Series) -> str:
+    """The speed-up over packets with its interval, "" where it is missing."""
+    value, low, high = (row.get(f"{OVER_PACKETS}{end}") for end in ("", "_low", "_high"))
     # A peer may be a hundred times slower.
     digits = 2 if pd.isna(value) or value >= 0.095 else 3
     text = "" if pd.isna(value) else f"{value:.{digits}f}{TIMES}"

@@ -226,10 +226,7 @@ def test_meshes_that_are_flat_or_empty_lose_nothing(mesh):
         expected, hits = scene.intersect(scene.prepare(rays)), seeded.intersect(seeded.prepare(rays))
     np.testing.assert_array_equal(hits.prim_id, expected.prim_id)
     assert expected.hit.any() == (mesh is not WITHOUT_AREA)
-
-
-def test_flat_meshes_have_one_layer_of_voxels():
-    assert 1 in grid_of(built(MESHES["flat"]), 27, 2).voxels
+    assert mesh is not MESHES["flat"] or 1 in grid_of(built(mesh), 27, 2).voxels
 
 
 @pytest.mark.parametrize("subset", ["complete", "occupied"])

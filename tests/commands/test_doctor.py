@@ -94,9 +94,15 @@ def test_a_missing_instruction_set_and_results_that_cannot_be_written_are_obstac
     assert taken in last
 
 
-def test_without_git_the_commit_is_unknown(tmp_path, monkeypatch):
+def test_without_git_the_commit_is_unknown_and_kernels_that_came_with_the_library_are_told(tmp_path, monkeypatch):
     monkeypatch.setattr(environment, "_PROJECT", tmp_path)
+    monkeypatch.setattr(library_doctor, "SHIPPED", tmp_path)
+    (tmp_path / "drawing.1.nbc").write_bytes(bytes(2_000_000))
+    assert facts()["commit"] == "unknown"  # outside of a repository
+    (tmp_path / ".git").mkdir()
+    monkeypatch.setenv("PATH", str(tmp_path))
     assert facts()["commit"] == "unknown"
+    assert facts()["kernels"].startswith(f"2.0 MB shipped in {tmp_path}")
 
 
 @pytest.mark.parametrize("platform", ["darwin", "win32"])
@@ -149,10 +155,3 @@ def test_a_folder_of_many_scenes_and_reasons_of_any_length_still_fit_the_screen(
     assert len(lines) <= 36
     assert max(map(len, lines)) <= 80
     assert not any("do this" in line for line in lines)
-
-
-def test_kernels_that_came_with_the_library_are_told(tmp_path, monkeypatch):
-    monkeypatch.setattr(library_doctor, "SHIPPED", tmp_path)
-    (tmp_path / "raster").mkdir()
-    (tmp_path / "raster" / "drawing.1.nbc").write_bytes(bytes(2_000_000))
-    assert facts()["kernels"].startswith(f"2.0 MB shipped in {tmp_path}")

@@ -10,7 +10,6 @@ from importlib import import_module
 from pathlib import Path
 from unittest.mock import Mock, patch
 
-import numpy as np
 import pytest
 import trimesh
 
@@ -42,13 +41,8 @@ SMALLER = {
 }
 """What pages say, and what the tests run in place of it, to be done sooner."""
 
-CALIBRATED = {
-    "K": [[900, 0, 320], [0, 910, 240], [0, 0, 1]],
-    "R": np.diag([1, -1, -1]).tolist(),
-    "t": [0, 0, 3],
-    "width": 64,
-    "height": 48,
-}
+CALIBRATED = {"K": [[900, 0, 320], [0, 910, 240], [0, 0, 1]], "R": [[1, 0, 0], [0, -1, 0], [0, 0, -1]], "t": [0, 0, 3],
+              "width": 64, "height": 48}  # fmt: skip
 LAUNCHER = "hydra/launcher="
 
 
@@ -94,10 +88,8 @@ def for_the_harness():
 def folder(tmp_path, monkeypatch):
     """The working directory, with a model, cameras in every kind of file that the pages name, and a method."""
     mesh = cornell_box()
-    box = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    box.export(tmp_path / "model.obj")
-    box.export(tmp_path / "model.glb")
-    box.export(tmp_path / "model.ply")
+    for kind in ("obj", "glb", "ply"):
+        trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(tmp_path / f"model.{kind}")
     (tmp_path / "sparse" / "0").mkdir(parents=True)
     (tmp_path / "sparse" / "0" / "cameras.txt").write_text("1 PINHOLE 64 48 60 60 32 24\n")
     (tmp_path / "sparse" / "0" / "images.txt").write_text("1 0 1 0 0 0 0 3 1 front.jpg\n\n")
@@ -147,9 +139,8 @@ def test_the_tutorial_prints_what_it_says(tmp_path, monkeypatch, capsys):
 def test_the_program_for_processes_runs(folder):
     (program,) = blocks(ROOT / "docs" / A_PROGRAM, "python")
     (folder / "program.py").write_text(program, encoding="utf-8")
-    subprocess.run(
-        [sys.executable, "program.py"], cwd=folder, env=os.environ | {"PYTHONPATH": str(ROOT)}, check=True, timeout=600
-    )
+    variables = os.environ | {"PYTHONPATH": str(ROOT)}
+    subprocess.run([sys.executable, "program.py"], cwd=folder, env=variables, check=True, timeout=600)
     assert (folder / "front.jpg.npz").exists()
 
 

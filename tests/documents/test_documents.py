@@ -40,13 +40,12 @@ def text_of(page):
     return (ROOT / page).read_text(encoding="utf-8")
 
 
-def test_the_readme_is_read_in_two_minutes():
+def test_readme_and_documents_are_short_enough_to_be_read_and_quote_few_numbers():
     assert len(text_of("README.md").splitlines()) <= 120
-
-
-def test_the_documents_are_short_enough_to_be_read():
     words = {page: len(text_of(page).split()) for page in PAGES}
     assert sum(words.values()) <= MOST_WORDS, words
+    numbers = [number for _, _, of_quote in quotes() for number in of_quote.values()]
+    assert sum(len(re.findall(r"\d[\d.,]*", number)) for number in numbers) <= MOST_QUOTED
 
 
 @pytest.mark.parametrize("block", BLOCK.findall(TEMPLATE.read_text(encoding="utf-8")), ids=name_of)
@@ -64,11 +63,6 @@ def test_quotes_are_what_the_tables_command_writes():
     for page, quote, numbers in quotes():
         text = text_of(page)
         assert with_numbers(text, quote, numbers) == text, "run: python run.py tables"
-
-
-def test_readme_and_documents_quote_few_numbers():
-    numbers = [number for _, _, of_quote in quotes() for number in of_quote.values()]
-    assert sum(len(re.findall(r"\d[\d.,]*", number)) for number in numbers) <= MOST_QUOTED
 
 
 def test_every_table_that_is_kept_is_shown():
@@ -98,16 +92,24 @@ def test_the_documents_name_every_sweep_and_no_other():
 
 def test_every_page_that_code_or_configuration_names_is_there():
     folders = ("atra", "conf", "examples", "experiments", "scenes", "tests", ".github")
-    files = [
-        path for folder in folders for path in (ROOT / folder).rglob("*") if path.suffix in (".py", ".yaml", ".yml")
-    ]
-    named = {
-        (path.name, page)
-        for path in files
-        for page in re.findall(r"\bdocs/\w+\.md\b", path.read_text(encoding="utf-8"))
-    }
+    paths = (path for folder in folders for path in (ROOT / folder).rglob("*") if path.suffix in (".py", ".yaml"))
+    named = {page for path in paths for page in re.findall(r"\bdocs/\w+\.md\b", path.read_text(encoding="utf-8"))}
     assert named
-    assert [one for one in sorted(named) if not (ROOT / one[1]).exists()] == []
+    assert [page for page in sorted(named) if not (ROOT / page).exists()] == []
+
+
+ARCHITECTURE = text_of("docs/architecture.md")
+
+
+def test_every_place_that_the_architecture_names_is_there():
+    named = re.findall(r"`((?:atra|experiments|conf|scenes|tests|reports)/[\w/.]*)`", ARCHITECTURE)
+    assert len(named) > 15
+    assert [one for one in named if not (ROOT / one).exists()] == []
+
+
+def test_the_architecture_draws_every_room_of_the_library_and_no_other():
+    drawn = set(re.findall(r'\b\w+\["(\w+)', ARCHITECTURE))
+    assert drawn == {path.parent.name for path in (ROOT / "atra").glob("*/__init__.py")}
 
 
 def anchors(document):
@@ -115,23 +117,16 @@ def anchors(document):
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
-@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.relative_to(ROOT).as_posix())
-def test_every_link_and_picture_is_there(document):
-    links = re.findall(r"\]\(([^)\s]+)\)", document.read_text(encoding="utf-8"))
-    for link in links:
-        if link.startswith(("http://", "https://")):
-            continue
-        name, _, anchor = link.partition("#")
-        target = (document.parent / name).resolve() if name else document
-        assert target.exists(), link
-        if anchor:
-            assert anchor in anchors(target), link
-
-
-def test_every_picture_of_the_documents_is_shown_somewhere():
-    shown = {
-        link for document in DOCUMENTS for link in re.findall(r"images/([\w.]+)", document.read_text(encoding="utf-8"))
-    }
+def test_every_link_and_picture_is_there_and_every_picture_is_shown():
+    shown = set()
+    for document in DOCUMENTS:
+        text = document.read_text(encoding="utf-8")
+        shown |= set(re.findall(r"images/([\w.]+)", text))
+        for link in re.findall(r"\]\(((?!https?://)[^)\s]+)\)", text):
+            name, _, anchor = link.partition("#")
+            target = (document.parent / name).resolve() if name else document
+            assert target.exists(), (document, link)
+            assert not anchor or anchor in anchors(target), (document, link)
     assert {path.name for path in (ROOT / "docs" / "images").iterdir()} == shown
 
 

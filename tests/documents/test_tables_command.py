@@ -90,6 +90,8 @@ def test_no_point_or_several_are_refused_with_what_was_asked():
 def test_a_key_that_nothing_reads_is_refused_by_name(told):
     with pytest.raises(ValueError, match=r"has \['(wehre|cel)'\], expected some of "):
         table_lines({"sweep": "toys", **told}, {})
+    with pytest.raises(ValueError, match="rows of another length"):
+        table_lines({"sweep": "toys", "function": "made", "head": ["a", "b"]}, {"made": lambda sweep: [["1"]]})
 
 
 def test_rows_of_older_code_are_refused_once_their_table_is_measured_anew(tmp_path, monkeypatch):
@@ -106,24 +108,14 @@ def test_rows_of_older_code_are_refused_once_their_table_is_measured_anew(tmp_pa
         table_lines(told, {})
 
 
-def test_rows_of_another_length_than_the_head_are_refused():
-    with pytest.raises(ValueError, match="rows of another length"):
-        table_lines({"sweep": "toys", "function": "made", "head": ["a", "b"]}, {"made": lambda sweep: [["1"]]})
-
-
 @pytest.fixture
 def page(tmp_path, monkeypatch):
-    for name, text in (
-        ("template.md", TEMPLATE),
-        ("quotes.toml", QUOTES),
-        ("page.md", "It is\n1.00 times as\nfast.\n"),
-    ):
+    files = {"template.md": TEMPLATE, "quotes.toml": QUOTES, "page.md": "It is\n1.00 times as\nfast.\n"}
+    for name, text in files.items():
         (tmp_path / name).write_text(text, encoding="utf-8")
-    monkeypatch.setattr(writing, "ROOT", tmp_path)
-    monkeypatch.setattr(writing, "TABLES", "tables.md")
-    monkeypatch.setattr(writing, "TEMPLATE", tmp_path / "template.md")
-    monkeypatch.setattr(writing, "QUOTES", tmp_path / "quotes.toml")
-    monkeypatch.setattr(writing, "folders", list)
+    places = {"ROOT": tmp_path, "TABLES": "tables.md", "TEMPLATE": tmp_path / "template.md"}
+    for name, place in (places | {"QUOTES": tmp_path / "quotes.toml", "folders": list}).items():
+        monkeypatch.setattr(writing, name, place)
     return tmp_path / "page.md"
 
 
@@ -146,12 +138,9 @@ def test_a_check_writes_nothing_and_fails_where_a_number_differs(page):
     assert not (page.parent / "tables.md").exists()
 
 
-def test_a_quote_that_its_page_does_not_have_is_an_error(page):
+def test_a_quote_that_its_page_does_not_have_and_another_argument_are_refused(page):
     page.write_text("It is slower.\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"page.md: 0 times says 'It is \{gain\} times as fast', expected once"):
         writing.run_tables([])
-
-
-def test_another_argument_is_refused():
     with pytest.raises(InputError, match="tables takes check=true alone, not check; usage"):
         writing.run_tables(["check"])

@@ -1,24 +1,30 @@
-"""Records: identity, whole files or none, bad files set aside."""
+"""Records: identity, whole files or none, bad files set aside; two runs never share a folder of results."""
 
 import errno
 import json
 import os
+import subprocess
+import sys
 import tempfile
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from atra.errors import RecordError, StorageError
+from atra.errors import InputError, RecordError, StorageError
 from experiments.harness.records import (
     LACKED_MEMORY,
     Record,
+    exclusive,
     load_record,
     point_id,
     read_record,
     record_path,
     write_record,
 )
+from experiments.report.writing import rewrite_report
+from tests.folders import ROOT
+from tests.sweeps import configuration
 
 CONFIGURATION = {"scene": "box", "split_x": 4, "culling": True, "eye": [0.0, 1.0, 2.0], "threads": None}
 MACHINE = {"cpu": "some cpu", "logical_cores": 2}
@@ -40,19 +46,11 @@ def test_a_record_survives_the_file_and_a_missing_one_is_none(tmp_path):
     assert read_record(tmp_path / "made" / "on demand", RECORD.point_id) == RECORD
 
 
-@pytest.mark.parametrize(("configuration", "machine"), [
-    ({**CONFIGURATION, "split_x": 8}, MACHINE),
-    ({**CONFIGURATION, "culling": False}, MACHINE),
-    ({**CONFIGURATION, "eye": [0.0, -1.0, 2.0]}, MACHINE),
-    ({**CONFIGURATION, "eye": [0.0, 0.1, 2.0]}, MACHINE),
-    (CONFIGURATION, {**MACHINE, "logical_cores": 4}),
-])  # fmt: skip
-def test_the_identity_changes_with_every_field(configuration, machine):
-    assert point_id(configuration, machine) != RECORD.point_id
-
-
-def test_the_identity_ignores_the_order_of_keys():
+def test_the_identity_changes_with_every_field_and_not_with_the_order_of_keys():
     assert point_id(dict(reversed(CONFIGURATION.items())), MACHINE) == RECORD.point_id
+    for change in ({"split_x": 8}, {"culling": False}, {"eye": [0.0, -1.0, 2.0]}, {"eye": [0.0, 0.1, 2.0]}):
+        assert point_id(CONFIGURATION | change, MACHINE) != RECORD.point_id
+    assert point_id(CONFIGURATION, MACHINE | {"logical_cores": 4}) != RECORD.point_id
 
 
 def test_a_half_written_record_is_set_aside_with_a_warning(tmp_path):
@@ -76,19 +74,15 @@ def test_a_file_that_is_no_record_is_set_aside(tmp_path, content):
     assert not record_path(tmp_path, RECORD.point_id).exists()
 
 
-@pytest.mark.parametrize("version", [1, 3, None])
-def test_a_record_of_another_version_is_refused(tmp_path, version):
+def test_a_record_of_another_format_is_refused_and_one_of_an_earlier_version_of_this_one_is_read(tmp_path):
     path = write_record(tmp_path, RECORD)
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"format": version}))
-    with pytest.raises(RecordError, match=rf"it is of format {version}, expected 2\); start its sweep again"):
-        load_record(tmp_path, RECORD.point_id)
-
-
-def test_a_record_of_earlier_versions_with_a_digest_and_without_files_is_read(tmp_path):
-    path = write_record(tmp_path, RECORD)
-    fields = json.loads(path.read_text()) | {"sha256": "0"}
+    fields = json.loads(path.read_text())
+    for version in (1, 3, None):
+        path.write_text(json.dumps(fields | {"format": version}))
+        with pytest.raises(RecordError, match=rf"it is of format {version}, expected 2\); start its sweep again"):
+            load_record(tmp_path, RECORD.point_id)
     del fields["files"]
-    path.write_text(json.dumps(fields))
+    path.write_text(json.dumps(fields | {"sha256": "0"}))
     assert load_record(tmp_path, RECORD.point_id) == RECORD
 
 
@@ -118,3 +112,43 @@ def test_only_points_that_failed_or_lacked_memory_are_worth_a_retry():
     assert replace(RECORD, status="skipped", error="too large").finished
     assert not replace(RECORD, status="skipped", error="too large", results={LACKED_MEMORY: True}).finished
     assert not replace(RECORD, status="failed", error="killed").finished
+
+
+HOLD = """
+import sys
+from pathlib import Path
+from experiments.harness.records import exclusive
+with exclusive(Path(sys.argv[1])):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+IN_USE = "in use by another run; wait for it to end or choose another results_dir"
+
+
+def test_a_second_run_or_report_is_refused_and_may_go_on_when_the_first_is_killed(tmp_path):
+    (tmp_path / "one").mkdir()
+    command = [sys.executable, "-c", HOLD, str(tmp_path)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT) as other:
+        assert other.stdout.readline() == b"held\n"
+        with pytest.raises(InputError, match=IN_USE):
+            exclusive(tmp_path).__enter__()
+        with pytest.raises(InputError, match=IN_USE):
+            rewrite_report(configuration(tmp_path))
+        other.kill()
+        other.wait()
+    with exclusive(tmp_path):
+        pass
+
+
+def test_a_folder_that_cannot_be_locked_is_refused(tmp_path):
+    (tmp_path / ".lock").mkdir()
+    with pytest.raises(StorageError, match=r"cannot be locked: .*choose another results_dir"):
+        exclusive(tmp_path).__enter__()
+
+
+def test_half_written_files_of_a_killed_run_are_removed_and_nothing_else(tmp_path):
+    for name in (".a.json.x1.unfinished", "a.json", "a.json.corrupt"):
+        (tmp_path / name).write_text("{")
+    with exclusive(tmp_path, tmp_path):
+        pass
+    assert {path.name for path in tmp_path.iterdir()} - {".lock"} == {"a.json", "a.json.corrupt"}

@@ -25,7 +25,7 @@ from experiments.methods.pixel import PIXEL, PixelOptions
 from experiments.results.table import read_table
 from experiments.sweep import run_sweep
 from scenes.loading import SceneSource
-from tests.harness.processes.test_outcome import POINT
+from tests.points import POINT
 from tests.sweeps import Runner, configuration, grid
 
 pytestmark = pytest.mark.usefixtures("figures_unsaved")

@@ -1,6 +1,9 @@
-"""The program of mutations: what it says of a toy project, and that its list fits ours."""
+"""The tests' own programs: mutations and what they say of a toy project, and coverage that compiles untraced."""
 
+import json
+import os
 import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +13,7 @@ from tests.mutations import __main__ as program
 from tests.mutations.__main__ import MUTATIONS, Mutation, main
 
 pytestmark = pytest.mark.uncovered
+
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCE = "def larger(a, b):\n    return a if a > b else b\n\n\ndef half(a):\n    return a / 2\n"
@@ -89,3 +93,49 @@ def test_every_mutation_of_the_list_fits_the_code_and_names_tests_that_are_there
         for test in mutation.caught_by:
             path, _, name = test.partition("::")
             assert f"def {name.partition('[')[0]}(" in (ROOT / path).read_text(encoding="utf-8"), test
+
+
+PROGRAM = """\
+import sys
+from numba import njit
+from numba.core.compiler import CompilerBase
+seen, compile_ir = [], CompilerBase.compile_extra
+def spied(*given):
+    seen.append(sys.gettrace())
+    return compile_ir(*given)
+CompilerBase.compile_extra = spied
+@njit
+def double(x):
+    return 2 * x
+def called(x):
+    if x > 2:
+        x = -x
+    return double(x)
+import colorsys  # as a file of ours that is run after Numba was imported
+print([called(x) for x in (1, 2, 3)], seen == [None], sys.gettrace() is not None)
+"""
+
+
+def test_lines_after_numba_has_compiled_are_counted_as_those_before(tmp_path):
+    (tmp_path / "program.py").write_text(PROGRAM, encoding="utf-8")
+    (tmp_path / ".coveragerc").write_text("[run]\nbranch = true\nplugins = tests.untraced\n", encoding="utf-8")
+    variables = {name: value for name, value in os.environ.items() if not name.startswith("COV")}
+
+    def coverage(*arguments):
+        command = [sys.executable, "-m", "coverage", *arguments]
+        variables["PYTHONPATH"] = str(ROOT)
+        return subprocess.run(command, cwd=tmp_path, env=variables, capture_output=True, text=True, check=True).stdout
+
+    assert coverage("run", "--include=program.py", "program.py") == "[2, 4, -6] True True\n"
+    coverage("json", "-q", "-o", "found.json")
+    found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))["files"]["program.py"]
+    missing = [PROGRAM.splitlines()[number - 1].strip() for number in found["missing_lines"]]
+    assert missing == ["seen.append(sys.gettrace())", "return compile_ir(*given)", "return 2 * x"]
+    assert found["missing_branches"] == []
+
+
+def test_what_is_marked_uncovered_runs_without_a_tracer_and_so_do_its_processes():
+    assert sys.gettrace() is None
+    code = "import sys; print(sys.gettrace(), 'coverage' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "None False\n"

@@ -89,19 +89,15 @@ def test_a_verdict_is_said_in_words(verdict):
 
 
 def test_a_picture_that_must_not_be_passed_on_is_left_out_and_its_counts_and_the_reason_stay():
-    shown, withheld = (
-        render_report(small_contents(pictures=(scene_pictures(scene),), figures=()))
-        for scene in ("cornell_box", "mitsuba")
+    shown, withheld, equal = (
+        render_report(small_contents(pictures=(pictures,), figures=()))
+        for pictures in (scene_pictures(), scene_pictures("mitsuba"), scene_pictures(pixels_equal=256, pixels_tied=0))
     )
     assert shown.count("data:image/png") == 3
+    assert equal.count("data:image/png") == 2  # no empty one shows their difference
     assert "data:image" not in withheld
     assert "does not allow pictures of it to be passed on" in withheld
     assert "254 pixels equal" in withheld
-
-
-def test_where_pictures_are_equal_no_empty_one_shows_their_difference():
-    page = render_report(small_contents(pictures=(scene_pictures(pixels_equal=256, pixels_tied=0),), figures=()))
-    assert page.count("data:image/png") == 2
 
 
 def test_stand_ins_are_called_stand_ins_wherever_their_numbers_stand(page):
@@ -141,16 +137,12 @@ def test_the_page_says_how_many_processes_were_left_out_and_how_busy_the_machine
     assert f"is over {BAND * 100:.0f} % off its median" in page
     assert "0.2 to 1.8 before a process" in page
     assert "nothing else" not in page
-
-
-@pytest.mark.parametrize(("most", "said"), [
-    (0.03, "nothing else was running: others took 1.0% to 3.0% of its cores while it measured"),
-    (0.2, "<dd>others took 1.0% to 20.0% of its cores while it measured"),
-])  # fmt: skip
-def test_that_nothing_else_was_running_is_said_only_where_it_was_measured(most, said):
-    table = small_table().assign(load_average=0.1, others_share=0.01, stolen_share=pd.NA)
-    table.loc[0, "stolen_share"] = most - 0.01
-    assert said in render_report(small_contents(table=table, processes=table))
+    for most, said in ((0.03, "nothing else was running: others took 1.0% to 3.0%"), (0.2, "<dd>others took 1.0% to")):
+        table = small_table().assign(load_average=0.1, others_share=0.01, stolen_share=pd.NA)
+        table.loc[0, "stolen_share"] = most - 0.01
+        page = render_report(small_contents(table=table, processes=table))
+        assert said in page
+        assert "of its cores while it measured" in page
 
 
 def column(table, name):
@@ -165,27 +157,18 @@ def test_a_table_holds_the_measured_points_of_its_workload_in_units_people_read(
     assert column(frame, "split_x") == [("1", ""), ("2", ""), ("4", ""), ("8", ""), ("2", "")]
     assert column(frame, "culling")[0] == ("yes", "")
     assert column(frame, "triangles_traced")[0] == ("1,234,567", "")
+    assert column(frame, "plan_time_s")[2] == ("1.5e-04", "")  # too small for its decimals
     assert column(frame, "render_time_s")[1] == ("9.00", "[8.55, 9.54]")
     assert column(frame, "speedup")[1] == ("20.50", "[20.25, 20.75]")
     assert column(memory, "rss_bytes") == [("1,024.00", "")]
     units = {heading.name: (heading.text, heading.unit) for heading in frame.headings}
     assert units["render_time_s"] == ("render time", "ms")
     assert units["rss_bytes"] == ("rss", "MiB")
-    assert re.search(r'<td class="number">9\.00 <small>\[8\.55, 9\.54\]</small></td>', page)
-
-
-def test_a_number_too_small_for_its_decimals_is_not_shown_as_zero():
-    frame, _ = workload_tables(small_table())
-    assert column(frame, "plan_time_s")[2] == ("1.5e-04", "")
-
-
-def test_a_table_has_no_ends_of_intervals_and_no_column_without_a_value():
-    frame, memory = workload_tables(small_table())
-    names = [heading.name for heading in frame.headings]
-    assert not {"render_time_low_s", "embree_bytes", "point_id"} & set(names)
-    assert names.index("speedup") < names.index("rss_bytes")
-    assert "warnings" in names
+    assert not {"render_time_low_s", "embree_bytes", "point_id"} & set(units)  # ends of intervals, or without a value
+    assert list(units).index("speedup") < list(units).index("rss_bytes")
+    assert "warnings" in units
     assert "render_time_s" not in [heading.name for heading in memory.headings]
+    assert re.search(r'<td class="number">9\.00 <small>\[8\.55, 9\.54\]</small></td>', page)
 
 
 def test_warnings_of_a_kind_are_counted_together():
@@ -197,52 +180,36 @@ def test_warnings_of_a_kind_are_counted_together():
     ]
 
 
-def test_over_every_figure_stands_what_it_shows_and_beside_it_its_notes(page):
+def test_over_every_figure_stands_what_it_shows_and_beside_it_its_notes_and_the_warnings_of_its_points(page):
     figures = re.findall(r'<h3 id="figure-\d">(.*?)</h3>.*?<details class="beside">(.*?)</details>', page, re.S)
     assert [title for title, _ in figures] == ["Frame time over horizontal splits.", "Memory over horizontal splits."]
     for name, (_, beside) in zip(("figure5", "figure7"), figures, strict=True):
         assert "three processes" in beside
         assert beside.count(f"a note on {name}") == 2
+    own, none = (" ".join(text.split()) for text in re.findall(r'<p class="warnings">(.*?)</p>', page, re.S))
+    assert "Warnings on 2 of 5 measured points" in own
+    assert "No warnings on any of its 1 measured points" in none
+    assert f"neither a tie nor a ray at a triangle{APOSTROPHE}s edge excuses" in page  # a wrong pixel
 
 
-def test_the_page_says_what_a_wrong_pixel_is(page):
-    assert "wrong pixels in" in page
-    assert f"neither a tie nor a ray at a triangle{APOSTROPHE}s edge excuses" in page
-
-
-def test_a_figure_carries_the_warnings_of_its_own_points(page):
-    captions = re.findall(r'<p class="warnings">(.*?)</p>', page, re.S)
-    assert "Warnings on 2 of 5 measured points" in " ".join(captions[0].split())
-    assert "No warnings on any of its 1 measured points" in " ".join(captions[1].split())
-
-
-def test_missing_points_are_listed_with_their_reasons(page):
+def test_missing_points_are_listed_with_their_reasons_and_those_that_differ_in_numbers_alone_are_one(page):
     skipped, failed = missing_points(small_table())
     assert (skipped.status, skipped.reason) == ("skipped", "needs 9.5 GiB, the budget is 4 GiB")
     assert skipped.points == (f"frame: aligned, packets of 8, 16 {TIMES} 1, culling on",)
     assert failed.scene == HOSTILE
     assert "needs 9.5 GiB, the budget is 4 GiB" in page
-
-
-def test_reasons_that_differ_in_numbers_alone_are_one():
-    table = small_table()
-    skipped = table[table["status"] == "skipped"]
-    more = pd.concat(
-        [skipped, skipped.assign(error="needs 11 GiB, the budget is 4 GiB", split_x=32)], ignore_index=True
-    )
+    row = small_table().query("status == 'skipped'")
+    more = pd.concat([row, row.assign(error="needs 11 GiB, the budget is 4 GiB", split_x=32)], ignore_index=True)
     assert [len(group.points) for group in missing_points(more)] == [2]
 
 
-def test_a_page_on_which_no_claim_was_judged_speaks_of_none():
+def test_a_page_on_which_no_claim_was_judged_speaks_of_none_and_an_empty_table_still_makes_one():
     unjudged = tuple(replace(one, verdict=NOT_MEASURED) for one in CLAIMS)
     page = render_report(small_contents(claims=unjudged))
     assert "claims of the paper hold" not in page
     assert 'id="claims"' not in page
     assert 'href="#claims"' not in page
     assert 'class="conclusion"' not in page
-
-
-def test_an_empty_table_still_makes_a_page():
     empty = small_table().iloc[:0]
     page = render_report(small_contents(table=empty, processes=empty, figures=(), pictures=(), claims=()))
     assert "No best speed-up can be told: the table is empty." in page

@@ -39,7 +39,7 @@ def _unfold(page):
     page.eval_on_selector_all("details", "all => all.forEach(one => one.open = true)")
 
 
-def test_it_opens_without_complaint_and_without_asking_for_anything(page, address):
+def test_it_opens_without_complaint_asks_for_nothing_and_draws_its_figures_and_pictures(page, address):
     complaints, requests = [], []
     page.on("console", lambda message: complaints.append(f"{message.type}: {message.text}"))
     page.on("pageerror", lambda error: complaints.append(str(error)))
@@ -47,26 +47,19 @@ def test_it_opens_without_complaint_and_without_asking_for_anything(page, addres
     page.goto(address)
     assert complaints == []
     assert [url for url in requests if not url.startswith("data:")] == [address]
+    widths = page.eval_on_selector_all("img", "all => all.map(image => image.naturalWidth)")
+    assert len(widths) == 5
+    assert all(width > 0 for width in widths)
 
 
-def test_a_script_that_got_into_the_page_would_not_run(page, address):
+def test_hostile_text_is_shown_and_not_run_and_neither_would_a_script_that_got_into_the_page(page, address):
+    page.goto(address)
+    assert page.title() == "The paper on this machine"
+    assert HOSTILE in page.inner_text("#missing")
     path = Path(address.removeprefix("file://"))
     path.with_name("broken.html").write_text(path.read_text(encoding="utf-8") + HOSTILE, encoding="utf-8")
     page.goto(address.replace("report.html", "broken.html"))
     assert page.title() == "The paper on this machine"
-
-
-def test_hostile_text_is_shown_and_not_run(page, address):
-    page.goto(address)
-    assert page.title() == "The paper on this machine"
-    assert HOSTILE in page.inner_text("#missing")
-
-
-def test_figures_and_pictures_are_really_drawn(page, address):
-    page.goto(address)
-    widths = page.eval_on_selector_all("img", "all => all.map(image => image.naturalWidth)")
-    assert len(widths) == 5
-    assert all(width > 0 for width in widths)
 
 
 @pytest.mark.parametrize("width", [400, 800, 1280])

@@ -1,15 +1,12 @@
 """Estimates against hand calculations, and what is called 95 % against simulated processes."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 from experiments.results.statistics import Estimate, Interval, best_of, fit_exponent, geometric_mean
 from experiments.results.verdicts import decide_greater
-
-Draw = Callable[[np.random.Generator, int], np.ndarray]
 
 SIMULATIONS = 2000
 EDGE = 4 * math.sqrt(0.95 * 0.05 / SIMULATIONS)

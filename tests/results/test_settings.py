@@ -70,21 +70,14 @@ BESIDE = ("separate", "visible_first", "rasteriser", *(f"{name}_primary" for nam
 """Series that workloads have of their own."""
 WORKLOAD_OF = {field.name: workload for workload in WORKLOADS for field in fields(workload.options)}
 OF_METHODS = {field.name for method in METHODS for field in fields(method.options)}
-every_setting = pytest.mark.parametrize("name", settings())
-
 QUICK = ("split_x", "culling", "packet_width", "view", "threads", "what", "bounces", "shaft_cells")
-"""Settings of points, methods and workloads, of each some."""
+"""Settings of points, methods and workloads, of each some; where drawing takes time, those of the others are slow."""
 
 
 def cases(names):
-    """Settings as cases of a test; those that are not quick are slow."""
     return pytest.mark.parametrize(
         "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in names]
     )
-
-
-some_settings = cases(list(settings()))
-some_settings_but_samples = cases([name for name in settings() if name not in ("offsets", "sample_rays")])
 
 
 def records_that_differ_in(name):
@@ -132,62 +125,43 @@ def test_an_option_left_open_does_not_pass_for_one_that_the_method_lacks(tmp_pat
     assert row[[field.name for field in fields(method.options)]].notna().all()
 
 
-@every_setting
+@pytest.mark.parametrize("name", settings())
 def test_two_points_that_differ_in_a_setting_differ_in_its_column(name):
     table = tables_that_differ_in(name).points
     assert settings_that_vary(table) == [name]
     assert settings_that_vary(table, besides=[name]) == []
 
 
-@some_settings
-def test_the_page_shows_a_setting_that_varies(name):
+@cases(settings())
+def test_the_page_shows_a_setting_that_varies_and_the_terminal_a_best_for_each_of_its_values(tmp_path, name):
     assert headings_of(name).count(name) == 1
-    if name not in OF_METHODS:
-        assert name not in headings_of("split_x")
-
-
-@some_settings_but_samples
-def test_the_best_of_a_scene_is_told_for_each_value_of_a_setting_but_the_split(tmp_path, name):
+    assert name in OF_METHODS or name not in headings_of("split_x")
     shown = io.StringIO()
     print_sweep(tables_that_differ_in(name), tmp_path, Console(file=shown, width=200))
     rows = [line for line in shown.getvalue().splitlines() if re.match(r"[ │]+box[ ,]", line)]
-    assert len(rows) == (1 if name in ("split_x", "split_y") else 2)
+    assert len(rows) == (1 if name in ("split_x", "split_y") else 2) or name in ("offsets", "sample_rays")
 
 
-TOLD_APART = ("split_x", "geometry", "culling")  # by the figures themselves: the abscissa, and a line for each
-
-
+TOLD_APART = {"split_x", "geometry", "culling"}
+"""By the figures themselves: the abscissa, and a line for each."""
 OF_OTHERS = {name for name in OF_METHODS if not ALIGNED.has(name)}
+FIGURES = {
+    split_times: (time_row(1, 0.08), set(settings()) - TOLD_APART - WORKLOAD_OF.keys() - OF_OTHERS),
+    build_figure: (build_row(1, 0.02, 0.04), ("threads", "build_quality")),
+    memory_figure: (memory_row(1, 1, 2, 3), ("threads", "build_quality")),
+    grid_times: (time_row(1, 0.08), ("threads", "build_quality")),
+}
 
 
-FIGURES = (
-    (split_times, time_row(1, 0.08)),
-    (build_figure, build_row(1, 0.02, 0.04)),
-    (memory_figure, memory_row(1, 1, 2, 3)),
-    (grid_times, time_row(1, 0.08)),
-)
-NO_LINE_OF_ITS_OWN = [name for name in settings() if name not in {*TOLD_APART, *WORKLOAD_OF, *OF_OTHERS}]
-
-
-def assert_told_apart(make, row, name):
-    values = tables_that_differ_in(name).points[name]
-    figure = make(make_rows(*(row | {name: value} for value in values)))
-    # A map of each form of the geometry stands beside the other.
-    written = {panel.title for panel in figure.panels}
-    titles = {re.sub(", culling (off|on)$", "", title) for title in written}
-    assert len(titles) == 2
-    assert f"box (10 triangles), {VALUES[name][2]}" in titles
-
-
-@pytest.mark.parametrize("name", NO_LINE_OF_ITS_OWN)
-def test_a_figure_over_splits_draws_no_two_values_of_a_setting_as_one_line(name):
-    assert_told_apart(*FIGURES[0], name)
-
-
-@pytest.mark.parametrize("figure", FIGURES[1:], ids=lambda figure: figure[0].__name__)
-def test_every_figure_over_splits_tells_settings_apart_as_the_first_does(figure):
-    for name in ("threads", "build_quality"):
-        assert_told_apart(*figure, name)
+@pytest.mark.parametrize("make", FIGURES, ids=lambda make: make.__name__)
+def test_a_figure_over_splits_draws_no_two_values_of_a_setting_as_one_line(make):
+    row, names = FIGURES[make]
+    for name in names:
+        figure = make(make_rows(*(row | {name: value} for value in tables_that_differ_in(name).points[name])))
+        # A map of each form of the geometry stands beside the other.
+        titles = {re.sub(", culling (off|on)$", "", panel.title) for panel in figure.panels}
+        assert len(titles) == 2, name
+        assert f"box (10 triangles), {VALUES[name][2]}" in titles
 
 
 def test_another_view_is_not_told_again_by_its_eye():

@@ -1,16 +1,23 @@
-"""The scenes made by code, the stand-ins for the paper's among them, and the shapes they are made of."""
+"""The scenes made by code, the stand-ins for the paper's among them, their shapes, and views of scenes."""
 
 import numpy as np
 import pytest
 import trimesh
 
+import atra
+from atra import light
+from atra.errors import InputError
 from atra.geometry.camera import Camera
 from atra.packets.pixel import PixelTracer
 from scenes import shapes
 from scenes.built_in import BUILT_IN
 from scenes.cornell_box import CORNELL_BOX_CAMERA, cornell_box, cornell_box_boxes, cornell_box_walls
+from scenes.lit.weekend import WEEKEND_CAMERA, weekend
 from scenes.manifest import read_manifest
+from scenes.views import VIEWS, view_fields
 from tests.judge.reference import brute_force
+from tests.meshes import cornell_camera
+from tests.shown import traced
 
 STAND_INS = [name for name, made in BUILT_IN.items() if made.stands_for]
 MADE = ["cornell_box", *STAND_INS]
@@ -133,3 +140,41 @@ def test_copies_are_leant_then_turned_then_moved():
     assert np.allclose(placed.vertices[:3], [(5, 0, 0), (5, 1, 0), (6, 0, 0)])
     assert np.allclose(placed.vertices[3:], [(0, 7, 0), (0, 7, 2), (0, 5, 0)])
     assert placed.faces.tolist() == [[0, 1, 2], [3, 4, 5]]
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_every_view_shows_the_scene_from_a_place_of_its_own(view):
+    mesh = cornell_box()
+    fields = view_fields(mesh, CORNELL_BOX_CAMERA, view)
+    camera = atra.Camera(**fields, width=16, height=16)
+    assert fields == view_fields(mesh, CORNELL_BOX_CAMERA, view)
+    with atra.PixelTracer(mesh, camera, packet_width=1) as tracer:
+        assert np.isfinite(tracer.trace().depth).mean() > 0.2
+    others = [view_fields(mesh, CORNELL_BOX_CAMERA, other) for other in VIEWS if other != view]
+    assert fields not in others
+
+
+def test_a_view_moved_in_stands_nearer_by_four_tenths_of_what_it_looked_at_and_an_unknown_one_is_refused():
+    eye = np.asarray(CORNELL_BOX_CAMERA["eye"])
+    moved = np.asarray(view_fields(cornell_box(), CORNELL_BOX_CAMERA, "near")["eye"])
+    with atra.PixelTracer(cornell_box(), cornell_camera(1, 1), packet_width=1) as tracer:
+        assert np.linalg.norm(moved - eye) == pytest.approx(0.4 * float(tracer.trace().depth[0, 0]))
+    with pytest.raises(InputError, match=r"scene\.view is 'behind'"):
+        view_fields(cornell_box(), CORNELL_BOX_CAMERA, "behind")
+
+
+def test_the_weekend_is_the_book_s():
+    scene = weekend(segments=8)
+    corners = scene.mesh.triangles(np.arange(scene.mesh.triangle_count))
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    inner = scene.normals[scene.mesh.faces].astype(float).sum(axis=1)
+    assert ((across * inner).sum(axis=1) > 0).all()  # fronts are outside
+    count = len(scene.materials) - 4 - 3
+    assert 470 <= count <= 484
+    kinds = [type(material) for material in scene.materials[4 : 4 + count]]
+    assert abs(kinds.count(light.Lambertian) / count - 0.8) < 0.05
+    assert abs(kinds.count(light.Metal) / count - 0.15) < 0.05
+    camera = atra.Camera(**WEEKEND_CAMERA, width=30, height=20)
+    image = traced(scene, camera, 8)
+    assert np.ptp(image.mean(axis=2)) > 0.5
+    np.testing.assert_allclose(image[0, :, 2], 1.0, atol=0.2)  # the sky is blue

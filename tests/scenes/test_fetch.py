@@ -12,6 +12,7 @@ import zipfile
 from contextlib import suppress
 from dataclasses import replace
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -43,8 +44,6 @@ def zipped(*members):
 def server(monkeypatch):
     """Serves `files` (path -> bytes) on 127.0.0.1, counts requests, and has no other network."""
     pytest.importorskip("pooch", reason="fetching needs pooch: pip install 'atra[fetch]'")
-    monkeypatch.setenv("NO_PROXY", "127.0.0.1")
-    monkeypatch.setenv("no_proxy", "127.0.0.1")
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self):
@@ -179,10 +178,8 @@ def test_a_wrong_triangle_count_is_refused_with_both_numbers_whether_fetched_or_
 
 
 def test_a_scratch_folder_that_cannot_be_removed_does_not_lose_the_scene(by_hand, monkeypatch):
-    def in_use(*_, **__):
-        raise OSError(errno.ENOTEMPTY, "being used by another process")  # as Windows says
-
     cache = by_hand(TINY)
+    in_use = Mock(side_effect=OSError(errno.ENOTEMPTY, "being used by another process"))  # as Windows says
     monkeypatch.setattr(os, "rmdir", in_use)
     assert fetch_scene("sponza", cache).is_file()
 

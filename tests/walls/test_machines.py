@@ -22,7 +22,7 @@ IN_TEXT = re.compile(r"\b(?:packet_width|lanes)=[\d,]*\b(?:4|8|16)\b")
 MADE_BY_HAND = (
     "drawn.py", "sweeps.py", "law/test_law.py", "paper/", "paper_table.py", "report/",
     "report_samples.py", "results/", "studies/", "walls/test_machines.py",
-    "workloads/test_agreement.py", "workloads/test_best_baseline.py",
+    "workloads/test_agreement.py", "workloads/test_workloads.py",
 )  # fmt: skip
 """Where widths stand in records and tables: measured once or made by hand, but not traced with."""
 

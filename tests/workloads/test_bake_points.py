@@ -93,27 +93,29 @@ def test_lamps_are_as_bright_together_however_many_and_lie_inside_the_scene():
     assert sum(light.power for light in many) == pytest.approx(one[0].power)
     places = np.array([light.position for light in many])
     assert ((places > mesh.bounds[0]) & (places < mesh.bounds[1])).all()
-    with pytest.raises(InputError, match="lamps is -1"):
-        BakeSettings(lamps=-1)
 
 
-@pytest.mark.parametrize("light", [{"albedo": 0.5}, {"lamps": 4}, {"panorama": True}])
-def test_mitsuba_is_handed_a_scene_in_its_own_light_alone(light):
-    (name,) = light
-    with pytest.raises(InputError, match=f"workload.{name} is .* with workload.against=mitsuba"):
-        BakeSettings(against="mitsuba", **light)
+@pytest.mark.parametrize(("options", "told"), [
+    ({"lamps": -1}, "lamps is -1"),
+    # Mitsuba is handed a scene in its own light alone, and bakes by the library have no view first.
+    ({"against": "mitsuba", "albedo": 0.5}, "workload.albedo is .* with workload.against=mitsuba"),
+    ({"against": "mitsuba", "lamps": 4}, "workload.lamps is .* with workload.against=mitsuba"),
+    ({"against": "mitsuba", "panorama": True}, "workload.panorama is .* with workload.against=mitsuba"),
+    ({"against": "mitsuba", "priority": True}, "priority is True for a bake"),
+    ({"denoise": True, "priority": True}, "priority is True for a bake"),
+])  # fmt: skip
+def test_settings_that_no_bake_can_have_are_refused(options, told):
+    with pytest.raises(InputError, match=told):
+        BakeSettings(**options)
 
 
-def test_bakes_by_the_library_have_no_view_first():
-    for options in ({"against": "mitsuba"}, {"denoise": True}):
-        with pytest.raises(InputError, match="priority is True for a bake"):
-            BakeSettings(priority=True, **options)
-
-
-def test_without_mitsuba_a_point_says_what_to_install(monkeypatch):
-    monkeypatch.setitem(sys.modules, "mitsuba", None)
+def test_without_its_package_a_point_says_what_to_install(monkeypatch):
+    for package in ("mitsuba", "pyoidn"):
+        monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(InputError, match=r"workload\.against=mitsuba needs mitsuba; run: pip install -e '\.\[peers\]'"):
         load_mitsuba("llvm_ad_rgb", "workload.against=mitsuba", 1)
+    with pytest.raises(InputError, match="denoising needs the package pyoidn"):
+        planned("raster", "bake", (32, 32), asked={"denoise": True})
 
 
 @xatlas
@@ -131,12 +133,6 @@ def test_a_map_that_is_not_denoised_has_at_least_twice_the_error_of_four_times_t
     monkeypatch.setattr("experiments.light.bake.finishing.denoised", lambda lightmap, threads: lightmap)
     _, found = measured(denoise=True, final_samples=16)
     assert 1.9 < found.results["denoised_ratio"] < 6.0  # 2 for independent samples, 4 for evenly spread ones
-
-
-def test_a_map_that_cannot_be_denoised_is_refused_before_it_is_baked(monkeypatch):
-    monkeypatch.setitem(sys.modules, "pyoidn", None)
-    with pytest.raises(InputError, match="denoising needs the package pyoidn"):
-        planned("raster", "bake", (32, 32), asked={"denoise": True})
 
 
 def value(samples, name, **results):

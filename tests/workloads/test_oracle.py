@@ -7,6 +7,7 @@ import pytest
 
 import atra
 import experiments.workloads.agreement.oracle as oracle
+import experiments.workloads.brute_force as brute_force_in_blocks
 from atra.judge.compare import Verdict
 from atra.prim_ids import MISS
 from experiments.workloads.agreement.oracle import examine, nearest_hits, sample_pixels
@@ -45,7 +46,8 @@ def changed(image, prim_id=None, depth=None):
 
 
 @pytest.mark.parametrize("offset", [(0.5, 0.5), (0.0, 0.0), (0.25, 0.75)])
-def test_the_oracle_finds_exactly_the_hits_of_brute_force(offset):
+def test_the_oracle_finds_exactly_the_hits_of_brute_force(offset, monkeypatch):
+    monkeypatch.setattr(brute_force_in_blocks, "_TRIANGLES", 100)  # more blocks than one
     around = atra.Camera(**EYE_AT_ORIGIN, fov_y_degrees=130.0, width=37, height=23)
     parallel = atra.OrthographicCamera(**EYE_AT_ORIGIN, view_height=4.0, width=37, height=23)
     triangles = random_triangles(150, 3)

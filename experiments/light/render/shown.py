@@ -17,7 +17,7 @@ from experiments.methods.naming import best_of
 from experiments.workloads.panels import figure_of, make_panels, read_panels, workload_figure
 from experiments.workloads.resources import say_ms
 from experiments.workloads.series import BestPoint, best_points, say_ratio, say_wrong
-from experiments.workloads.tables import best_by_kind, narrow_table, plain, times
+from experiments.workloads.tables import best_by_kind, narrow_table, times
 
 _NUMBERS = ("a\nsample", "primary", "outside\nEmbree", "single\nrays", "packets", "by\nAmdahl", "paid back\nafter")
 
@@ -27,7 +27,7 @@ def sweep_lines(rows: pd.DataFrame) -> Iterator[Table | str]:
     table = narrow_table("pictures: time of a sample, and gain over single rays and packets", "scene, method", _NUMBERS)
     for kind, row, _ in best_by_kind(rows):
         table.add_row(
-            plain(row["scene"], kind),
+            kind,
             say_ms(row["render_time_s"] / row["samples"]),
             f"{row['primary_time_s'] / row['render_time_s']:.0%}",
             "" if pd.isna(row["outside_embree"]) else f"{row['outside_embree']:.0%}",

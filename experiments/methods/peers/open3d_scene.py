@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
@@ -13,8 +12,6 @@ from numpy.typing import NDArray
 from atra.geometry.mesh import Mesh
 from atra.geometry.view import View
 from experiments.methods.peers.peer import INSTALL, Answer, Answering, Asked, PeerScene, peer_method
-
-_FIRST_PYTHON_WITHOUT_WHEEL = (3, 15)  # of Open3D 0.20
 
 
 class Open3DScene(PeerScene):
@@ -67,11 +64,4 @@ def _check() -> str | None:
     return None if hasattr(open3d.t.geometry, "RaycastingScene") else f"open3d has no RaycastingScene; {INSTALL}"
 
 
-def _no_wheel() -> str | None:
-    if sys.version_info[:2] < _FIRST_PYTHON_WITHOUT_WHEEL:
-        return None
-    here, newest = ".".join(map(str, sys.version_info[:2])), f"3.{_FIRST_PYTHON_WITHOUT_WHEEL[1] - 1}"
-    return f"it has no wheel for Python {here}, use Python {newest} or older"
-
-
-OPEN3D = peer_method("open3d", "Open3D", _check, Open3DScene, _no_wheel)
+OPEN3D = peer_method("open3d", "Open3D", _check, Open3DScene)

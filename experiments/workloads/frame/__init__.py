@@ -11,5 +11,5 @@ from experiments.workloads.typed import workload
 
 FRAME = workload(
     "frame", __name__, partial(say_gains, rtcIntersect1=SINGLE), Resources, Images, Preparation, BESIDE_BASELINES,
-    rays=lambda row: "primary",
+    rays=lambda row: "primary", told=("render_time_s", "speedup", "speedup_vs_packets", "pixels_wrong"),
 )  # fmt: skip

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from rich.table import Table
 
-from experiments.drawing.values import varies
-from experiments.methods.naming import aligned_rows, best_of, say_point
+from experiments.methods.naming import best_of, say_point
 from experiments.methods.pixel import PIXEL
 from experiments.results.settings import say_setting, settings_that_vary
 from experiments.results.statistics import Estimate
@@ -19,31 +17,10 @@ from experiments.results.statistics import best_of as best_candidate
 from experiments.results.verdicts import decide_greater
 from experiments.workloads.frame import FRAME
 from experiments.workloads.frame.grid_figure import grid_ratios, grid_times
-from experiments.workloads.frame_figures import methods_figure, split_ratios, split_times
+from experiments.workloads.frame_figures import SPLIT_AXES, methods_figure, rows_over, split_ratios, split_times
 from experiments.workloads.panels import where_varies, workload_figure
-from experiments.workloads.series import of_files
-from experiments.workloads.tables import best_split_table
 
-
-def sweep_lines(rows: pd.DataFrame) -> Iterator[Table | str]:
-    """The best splits. rows: those of this workload that were measured."""
-    yield best_split_table(rows, "pixels_wrong")
-
-
-_AXES = ("split_x", "split_y")
-
-
-def _over(*axes: str) -> Callable[[pd.DataFrame], pd.DataFrame]:
-    """Aligned rows and those of methods of files, if exactly these of the axes of aligned splits vary."""
-
-    def chosen(rows: pd.DataFrame) -> pd.DataFrame:
-        aligned = aligned_rows(rows)
-        told = pd.concat([aligned, of_files(rows)])
-        return told if {axis for axis in _AXES if varies(aligned, axis)} == set(axes) else rows[:0]
-
-    return chosen
-
-
+_AXES = tuple(SPLIT_AXES)
 _FIGURE5 = "Figure 5 as speed-up: over horizontal splits, culling off and on"
 _UPRIGHT = "As figure 5, over vertical splits"
 _paper_ratios = partial(split_ratios, with_paper=True)
@@ -61,7 +38,7 @@ _OVER_SPLITS = (
 
 FIGURES = (
     *(
-        workload_figure(name, caption, FRAME, draw, _over(*axes), per_packet_width=True)
+        workload_figure(name, caption, FRAME, draw, rows_over(*axes), per_packet_width=True)
         for name, caption, draw, axes in _OVER_SPLITS
     ),
     workload_figure(

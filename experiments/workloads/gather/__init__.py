@@ -68,6 +68,7 @@ def _problem(point: Point) -> str | None:
 GATHER = workload(
     "gather", __name__, _headline, Resources, Differences, Preparation, BESIDE_BASELINES,
     options=GatherOptions, problem=_problem,
+    told=("render_time_s", "speedup", "speedup_vs_packets", "pixels_different"),
 )  # fmt: skip
 
 

@@ -2,24 +2,9 @@
 
 from __future__ import annotations
 
-import pandas as pd
-from rich.table import Table
-
-from experiments.methods.naming import aligned_rows
-from experiments.workloads.frame_figures import methods_figure, split_ratios
+from experiments.workloads.frame_figures import methods_figure, rows_over, split_ratios
 from experiments.workloads.gather import GATHER
 from experiments.workloads.panels import where_varies, workload_figure
-from experiments.workloads.tables import best_split_table
-
-
-def sweep_lines(rows: pd.DataFrame) -> list[Table]:
-    """The best splits. rows: measured, of this workload."""
-    return [best_split_table(rows, "pixels_different")]
-
-
-def _over_splits(rows: pd.DataFrame) -> pd.DataFrame:
-    return where_varies("split_x")(aligned_rows(rows))
-
 
 FIGURES = (
     workload_figure(
@@ -28,6 +13,6 @@ FIGURES = (
     ),
     workload_figure(
         "figure5_gather", "As figure 5, where every ray gathers all hits: speed-up over horizontal splits", GATHER,
-        split_ratios, _over_splits, per_packet_width=True,
+        split_ratios, rows_over("split_x"), per_packet_width=True,
     ),
 )  # fmt: skip

@@ -25,17 +25,17 @@ _WAY = np.array([0.4395, 0.6176, 0.6523], np.float32)
 @dataclass(frozen=True, eq=False)
 class Truth:
     """Crossings of N rays. ray_ids, prim_ids: (M,) int64, counted from the first judged ray. nearest: (N,) float64,
-    parameter of the nearest crossing, inf = none. hits: what may be lost."""
+    parameter of the nearest crossing, inf = none. counts: (N,) int64, what may be lost of each ray."""
 
     ray_ids: NDArray[np.int64]
     prim_ids: NDArray[np.int64]
     nearest: NDArray[np.float64]
-    hits: int
+    counts: NDArray[np.int64]
 
     @property
-    def counts(self) -> NDArray[np.int64]:
-        """(N,) int64, crossings of each ray."""
-        return np.bincount(self.ray_ids, minlength=len(self.nearest))
+    def hits(self) -> int:
+        """What may be lost."""
+        return int(self.counts.sum())
 
 
 def sample_of(count: int, judged: int) -> NDArray[np.int64]:
@@ -58,14 +58,11 @@ def truth_of(
     depths = intersect_rays(mesh, origins[ray_ids], directions[ray_ids], prim_ids).depth
     nearest, _ = nearest_of(len(origins), ray_ids, prim_ids, depths)
     counts = np.bincount(ray_ids, minlength=len(origins))
-    match question:
-        case "count" | "all":
-            hits = int(counts.sum())
-        case "contains":
-            hits = int((counts % 2).sum())
-        case "closest" | "any":
-            hits = int((counts > 0).sum())
-    return Truth(ray_ids, prim_ids, nearest, hits)
+    if question == "contains":
+        counts = counts % 2
+    elif question in ("closest", "any"):
+        counts = np.minimum(counts, 1)
+    return Truth(ray_ids, prim_ids, nearest, counts)
 
 
 def judged(
@@ -81,23 +78,17 @@ def judged(
     sample: numbers of the judged rays in the batch, ascending. rays: origins and directions of these, or points.
     A closest hit is lost where nothing or something farther is hit, and extra where something is hit that lies nearer.
     """
-    if isinstance(answer, tuple):
+    if question == "all":
+        if not isinstance(answer, tuple):
+            raise TypeError(f"the answer is {answer!r:.100}, expected the rays and the triangles of all hits")
         return _lost_pairs(answer, sample, truth, mesh.triangle_count)
     some = np.asarray(answer)[sample]
-    match question:
-        case "closest":
-            distances = _distances(some.astype(np.int64).astype(np.uint32), mesh, *rays)
-            slack = _AS_NEAR * np.where(np.isfinite(truth.nearest), np.abs(truth.nearest), 0.0)
-            return int((distances > truth.nearest + slack).sum()), int((distances < truth.nearest - slack).sum())
-        case "any":
-            missing = (truth.counts > 0).astype(np.int64) - some
-        case "contains":
-            missing = truth.counts % 2 - some
-        case "count":
-            missing = truth.counts - some.astype(np.int64)
-        case "all":
-            raise TypeError(f"the answer is {answer!r:.100}, expected the rays and the triangles of all hits")
-    return int(missing[missing > 0].sum()), int(-missing[missing < 0].sum())
+    if question == "closest":
+        distances = _distances(some.astype(np.int64).astype(np.uint32), mesh, *rays)
+        slack = _AS_NEAR * np.where(np.isfinite(truth.nearest), np.abs(truth.nearest), 0.0)
+        return int((distances > truth.nearest + slack).sum()), int((distances < truth.nearest - slack).sum())
+    missing = truth.counts - some.astype(np.int64)
+    return int(missing.clip(min=0).sum()), int((-missing).clip(min=0).sum())
 
 
 def _distances(

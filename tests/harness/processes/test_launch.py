@@ -1,4 +1,4 @@
-"""A worker may end in any way: its point becomes a row with a reason, and the sweep goes on."""
+"""A worker may end in any way: its point becomes a row with a reason, and a whole result comes through unchanged."""
 
 import os
 import re
@@ -13,9 +13,34 @@ import pytest
 
 from atra.compiled.instruction_sets import VARIABLE
 from experiments.harness.processes.launching import run_worker
-from experiments.harness.processes.worker import CANNOT_WRITE
+from experiments.harness.processes.worker import CANNOT_WRITE, Outcome
+from experiments.workloads.build import BUILD
+from experiments.workloads.memory import MEMORY as MEMORY_WORKLOAD
+from experiments.workloads.multiframe import MULTIFRAME, MultiframeOptions
+from experiments.workloads.picture import PICTURE
 from tests.folders import ROOT
-from tests.harness.processes.test_outcome import GOOD, POINT
+from tests.points import POINT
+
+MEMORY = {
+    "triangles_traced": 1, "packet_width": 1, "threads": 1, "rss_start_bytes": 60, "rss_mesh_bytes": 80,
+    "rss_bytes": 100, "peak_rss_bytes": 120,
+}  # fmt: skip
+COUNTS = {
+    "pixels_equal": 60, "pixels_tied": 2, "pixels_edge": 1, "pixels_wrong": 1, "pixels_hole": 0,
+    "baseline_pixels_hole": 0, "depth_error_max": 1e-7, "depth_error_p999": 1e-7, "baseline_depth_error_max": 1e-7,
+    "baseline_depth_error_p999": 1e-7,
+}  # fmt: skip
+TIMES = {"plan_time_s": 0.0, "build_time_s": 0.1, "baseline_build_time_s": 0.1, "rounds": 3}
+ROUNDS = {"rounds": 4}
+METHODS = ("own", "rtcIntersect1", "packets_8")
+GOOD = Outcome(
+    "ok",
+    on_purpose=True,
+    warmup_samples={name: [1.0] for name in METHODS},
+    samples={name: [0.5, 0.25, 0.5] for name in METHODS},
+    results=MEMORY | COUNTS | TIMES,
+)
+
 
 POSIX_ONLY = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signals, groups or limits of this kind")
 
@@ -48,9 +73,10 @@ def ended(pid):
 
 def test_the_point_reaches_the_worker_the_outcome_comes_back_and_no_temporary_file_stays(tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    told = f"told = json.loads({GOOD.to_json()!r}); told['results']['width'] = job['point']['width']\n"
-    outcome = run_worker(POINT, worker(told + "json.dump(told, open(job['result_path'], 'w')); print('noise')"))
-    assert outcome == replace(GOOD, results=GOOD.results | {"width": POINT.width})
+    told = f"told = json.loads({GOOD.to_json()!r}); told['results']['scene'] = job['point']['scene']\n"
+    command = worker(told + "json.dump(told, open(job['result_path'], 'w')); print('noise')")
+    outcome = run_worker(replace(POINT, scene="two\nlines"), command)
+    assert outcome == replace(GOOD, results=GOOD.results | {"scene": "two\nlines"})
     assert list(tmp_path.iterdir()) == []
 
 
@@ -175,7 +201,7 @@ def test_the_worker_of_a_killed_run_does_not_outlive_it(platform):
     )
     run = (
         "import sys; from experiments.harness.processes.launching import run_worker; "
-        "from tests.harness.processes.test_outcome import POINT; "
+        "from tests.points import POINT; "
         f"run_worker(POINT, [sys.executable, '-c', {sleeping!r}])"
     )
     with subprocess.Popen([sys.executable, "-c", run], cwd=ROOT) as killed:
@@ -203,9 +229,36 @@ def test_a_worker_that_may_write_nothing_more_says_so(tmp_path):
     assert "could not write its result" in str(outcome.error)
 
 
-def test_a_point_of_any_name_survives_the_line_of_its_job():
-    told = f"told = json.loads({GOOD.to_json()!r}); told['results']['scene'] = job['point']['scene']\n"
-    outcome = run_worker(
-        replace(POINT, scene="two\nlines"), worker(f"{told}json.dump(told, open(job['result_path'], 'w'))")
-    )
-    assert outcome.results["scene"] == "two\nlines"
+def timed(*names):
+    return {"warmup_samples": {name: [1.0] for name in names}, "samples": {name: [1.0] * 4 for name in names}}
+
+
+@pytest.mark.parametrize(("point", "changes"), [
+    (POINT, {}),
+    (replace(POINT, workload=MEMORY_WORKLOAD), timed() | {"results": MEMORY}),
+    (replace(POINT, workload=BUILD), timed("plan", "build", "baseline_build") | {"results": MEMORY | ROUNDS}),
+    (replace(POINT, workload=PICTURE), timed() | {"results": MEMORY | COUNTS | {"pictures": {}}}),
+    (
+        replace(POINT, workload=MULTIFRAME, workload_options=MultiframeOptions()),
+        timed(*METHODS, "separate", "visible_first", "rasteriser")
+        | {"results": MEMORY | COUNTS | TIMES | ROUNDS | {"pixels_equal": 124, "separate_embree_bytes": 9}},
+    ),
+])  # fmt: skip
+def test_a_good_result_comes_through_unchanged_and_each_workload_has_results_of_its_own(point, changes):
+    outcome = replace(GOOD, **changes)
+    assert Outcome.from_json(outcome.to_json(), point) == outcome
+
+
+@pytest.mark.parametrize("name", sorted({*GOOD.results, *METHODS} - {"rounds"}))
+def test_a_measured_point_with_something_missing_is_refused(name):
+    results = {key: value for key, value in GOOD.results.items() if key != name}
+    samples = {key: value for key, value in GOOD.samples.items() if key != name}
+    with pytest.raises(ValueError, match=f"status ok without .*{name}"):
+        Outcome.from_json(replace(GOOD, results=results, samples=samples).to_json(), POINT)
+
+
+def test_what_was_not_measured_needs_nothing_but_a_reason_and_a_number_that_is_none_is_not_written():
+    for outcome in (Outcome("failed", "the reason"), Outcome("skipped", "the reason")):
+        assert Outcome.from_json(outcome.to_json(), POINT) == outcome
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        replace(GOOD, results={"build_time_s": float("nan")}).to_json()

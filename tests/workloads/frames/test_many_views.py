@@ -7,15 +7,18 @@ import pandas as pd
 import pytest
 
 import atra
+from experiments.drawing.style import TIMES
 from experiments.harness.processes.worker import measure_point
 from experiments.methods import find_method
 from experiments.results.terminal import results_console
 from experiments.workloads import views as measuring
 from experiments.workloads.baselines import OWN
+from experiments.workloads.frame import FRAME
 from experiments.workloads.rays import camera_rays, random_rays
 from experiments.workloads.tables import told_table
 from experiments.workloads.views import LIBRARY, VIEWS, ViewsOptions, cameras_around
 from tests import points
+from tests.drawn import make_rows, method_row
 from tests.images import assert_same_bits
 from tests.meshes import cornell_box, cornell_camera
 
@@ -56,9 +59,6 @@ def test_views_of_our_own_methods_are_those_of_the_library(monkeypatch):
     monkeypatch.setattr(measuring, "Mesh", lambda *given: made.append(mesh(*given)) or made[-1])
     assert measured("raster", views=2).results["ids_equal"] == 1.0
     assert len(made) == 2 * (1 + 3)  # of which nothing is known when the clock starts
-
-
-def test_at_least_one_view_is_asked_for():
     with pytest.raises(atra.InputError, match=r"workload\.views is 0"):
         ViewsOptions(views=0)
 
@@ -97,10 +97,24 @@ def test_a_peer_is_given_any_rays_and_another_camera(name):
 
 
 def test_the_terminal_says_how_many_times_as_fast_the_library_is(capsys):
-    row = {"scene": "cornell_box", "method": "embreex", "views": 20, "workload": VIEWS.name,
+    row = {"scene": "cornell_box", "method": "embreex", "views": 20, "workload": VIEWS.name, "point_id": "0",
+           "split_x": None, "packet_width": 1,
            "job_time_s": 6.0, "library_time_s": 0.75, "library_gain": 8.0, "ids_equal": 0.99997,
            "library_gain_low": 7.5, "library_gain_high": 8.5}  # fmt: skip
     results_console().print(told_table(VIEWS, pd.DataFrame([row])))
     said = capsys.readouterr().out
     for text in ("cornell_box, embreex", "6,000.0 ms", "750.0 ms", "8.00 [7.50, 8.50]", "0.99997"):
         assert text in said
+
+
+def test_of_several_splits_the_best_is_told_with_all_that_is_wrong(capsys):
+    splits = (
+        method_row("aligned", 2, 0.02, 2.0, pixels_wrong=100),
+        method_row("aligned", 8, 0.01, 4.0, pixels_wrong=234),
+    )
+    results_console().print(told_table(FRAME, make_rows(*splits)))
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"8 {TIMES} 1" in said
+    assert f"2 {TIMES} 1" not in said
+    assert "10.0 ms" in said
+    assert "334" in said
