@@ -7,12 +7,14 @@ Exit codes: 0 done, 1 something failed, 2 the input cannot be used, 130 interrup
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 import traceback
 from argparse import ArgumentParser
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from importlib import import_module
+from pkgutil import resolve_name
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
@@ -49,18 +51,35 @@ _FLAGS_WITH_VALUES = (
 )
 """Flags of Hydra that take a value; that value is no verb."""
 
+_NOISE = ("full_key:", "object_type=", "reference_type=", "To append to your config", "Config search path", "provider=")
+"""Beginnings of lines of Hydra's errors that say nothing to people."""
+
 
 def main() -> int:
     """Run the command line and return its exit code."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _leave)
     from atra.command import escape_what_stdout_lacks
+    from atra.errors import AtraError
 
     escape_what_stdout_lacks()
     flags, words = _split(sys.argv[1:])
-    if words and "=" not in words[0] and words[0] in verbs():
-        return _exit_code(lambda: _run_verb(words[0], words[1:], flags))
-    return _exit_code(lambda: _run_hydra(words))
+    try:
+        if words and "=" not in words[0] and words[0] in verbs():
+            _run_verb(words[0], words[1:], flags)
+        else:
+            _run_hydra(words)
+    except AtraError as error:
+        return refuse(error)
+    except KeyboardInterrupt:
+        print(f"{PROGRAM}: interrupted", file=sys.stderr)
+        return 130
+    except Exception as error:
+        raised_in = [str(frame.f_globals.get("__name__")) for frame, _ in traceback.walk_tb(error.__traceback__)]
+        if raised_in[-1].partition(".")[0] in ("hydra", "omegaconf", "yaml"):  # complaints about what was given
+            return refuse(error)
+        raise
+    return 0
 
 
 def verbs() -> dict[str, str]:
@@ -94,7 +113,7 @@ def _run_verb(verb: str, words: Sequence[str], flags: dict[str, Any]) -> None:
         usage = getattr(module, "USAGE", f"{COMMAND} {verb} key=value ...    # fields: {COMMAND} --help")
         print(f"usage: {usage}\n\n{module.__doc__}".rstrip())
         return
-    function = _function(where)
+    function = resolve_name(where)
     _let_interrupts_pass()
     if verb not in CONFIGURED:
         function([*words, *flags["unknown"]])
@@ -175,8 +194,7 @@ def _use_method_files(arguments: Sequence[str]) -> None:
     """Make the methods of `method_file=...` known, here and to the processes that this one starts.
 
     Without a sweep, and without a method of its own, the run takes the first of them (conf/config.yaml); a sweep
-    measures them beside its own methods (`experiments.sweeper`). Raises InputError for a file that holds no usable
-    method.
+    measures them beside its own methods. Raises InputError for a file that holds no usable method.
     """
     os.environ.pop("ATRA_METHOD", None)
     given = [argument.partition("=")[2].strip("'\"") for argument in arguments if argument.startswith("method_file=")]
@@ -195,30 +213,6 @@ def _use_method_files(arguments: Sequence[str]) -> None:
         os.environ["ATRA_METHOD"] = methods[0].name
 
 
-def _exit_code(run: Callable[[], object]) -> int:
-    """Run something, and say in a line why it was refused or that it was interrupted."""
-    from atra.errors import AtraError
-
-    try:
-        run()
-    except AtraError as error:
-        return refuse(error)
-    except KeyboardInterrupt:
-        print(f"{PROGRAM}: interrupted", file=sys.stderr)
-        return 130
-    except Exception as error:
-        if not _is_of_hydra(error):
-            raise
-        return refuse(error)
-    return 0
-
-
-def _is_of_hydra(error: Exception) -> bool:
-    """Whether an error is a complaint of Hydra or OmegaConf about what was given, by the module that raised it."""
-    raised_in = [str(frame.f_globals.get("__name__")) for frame, _ in traceback.walk_tb(error.__traceback__)]
-    return raised_in[-1].partition(".")[0] in ("hydra", "omegaconf", "yaml")
-
-
 def _leave(number: int, frame: FrameType | None) -> None:
     """Nothing has begun, and KeyboardInterrupt inside an import may be taken for a missing package."""
     os.write(sys.stderr.fileno(), f"{PROGRAM}: interrupted\n".encode())
@@ -230,10 +224,32 @@ def _let_interrupts_pass() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-def _function(where: str) -> Any:
-    """What a text such as "package.module:function" names, imported now."""
-    module, _, function = where.partition(":")
-    return getattr(import_module(module), function)
+def _shortened(error: Exception) -> str:
+    """An error of Hydra in one line: what is wrong and the choices that exist."""
+    from hydra.errors import MissingConfigException
+    from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
+
+    from experiments.harness.configuration import options_at, say_unknown
+    from experiments.harness.options import say_unknown_choice
+    from experiments.registry import KINDS
+
+    cause = error.__cause__
+    told = error if isinstance(error, OmegaConfBaseException) else cause
+    if isinstance(told, ConfigAttributeError | ConfigKeyError) and told.full_key and told.parent_node is not None:
+        path = str(told.full_key)
+        return say_unknown(options_at(path, told.parent_node, KINDS), path, KINDS)
+    if isinstance(error, MissingConfigException) and error.options and error.missing_cfg_file:
+        group, _, name = error.missing_cfg_file.rpartition("/")
+        return say_unknown_choice(group, name, error.options)
+    lines = str(error).splitlines() + ([] if cause is None or str(cause) in str(error) else str(cause).splitlines())
+    kept = [line.strip().rstrip(".") for line in lines if line.strip() and not line.strip().startswith(_NOISE)]
+    if kept and kept[0].startswith("Ambiguous value"):
+        vector = re.search(r"'(scene\.(?:eye|target|up))=", kept[0])  # the one place where Hydra's words are read
+        if vector:
+            brackets = "is a list, which brackets hold together, and quotes the brackets"
+            return f"{vector[1]} {brackets}: '{vector[1]}=[0,1,3]'"
+        return f"{kept[0]}: several values make a sweep; add sweep=horizontal or -m"
+    return "; ".join(dict.fromkeys(kept)) or type(error).__name__
 
 
 def refuse(error: Exception) -> int:
@@ -242,12 +258,6 @@ def refuse(error: Exception) -> int:
 
     if "debug=true" in (argument.lower() for argument in sys.argv):
         traceback.print_exception(error)
-    if isinstance(error, AtraError):
-        message = str(error)
-    else:
-        from experiments.commands.messages import shorten_configuration_error
-        from experiments.registry import KINDS
-
-        message = shorten_configuration_error(error, KINDS)
+    message = str(error) if isinstance(error, AtraError) else _shortened(error)
     print(f"{PROGRAM}: {printable(message)}", file=sys.stderr)
     return 2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 import sys
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import groupby
@@ -15,13 +15,12 @@ from rich.console import Console
 
 from experiments.commands.program import PROGRAM
 from experiments.harness.configuration import Configuration, records_folder
-from experiments.harness.point import Point
 from experiments.harness.points import GridPoint, PlannedPoint, Runner, in_order, measure, plan_sweep
 from experiments.harness.processes.idle import Waiting
 from experiments.harness.processes.launching import run_worker
 from experiments.harness.progress import SweepProgress, say, say_roughly
 from experiments.harness.records import Record, check_writable, exclusive, read_record, write_record
-from experiments.launched import Launch, Launched, reusable
+from experiments.launched import Launch, finished_elsewhere, is_reusable, measure_elsewhere
 from experiments.report.writing import check_figures, choose_folder, tell_whose_tables_are_replaced, write_results
 from experiments.results.processes import WHY, as_replacement, to_replace
 from experiments.results.table import Tables, make_tables
@@ -60,9 +59,8 @@ def run_sweep(
     folder, records = choose_folder(first, points, command, console), records_folder(first)
     check_writable(folder)
     check_writable(records)
-    waiting = Waiting(first.measure.idle_limit_s, partial(say, console), needed=first.measure.idle_only)
-    launched = None if launch is None else Launched(launch, at_once, records, points)
-    sweep = _Sweep(points, records, console, run or run_worker, launched, waiting)
+    waiting = Waiting(first.measure.idle_limit_s, partial(say, console))
+    sweep = _Sweep(points, records, console, run or run_worker, waiting, launch, at_once)
     with exclusive(records.parent, records, folder):
         to_do = sweep.begin(folder, first.sweep.shuffle_seed)
         passes = sweep.passes(to_do)
@@ -77,58 +75,55 @@ def run_sweep(
         return _finish(sweep, first, folder, command, interrupted)
 
 
-def _tables(sweep: _Sweep) -> Tables:
-    """The tables of what is done."""
-    points, done = sweep.points, sweep.done
-    names = in_order(points, done)
-    return make_tables([done[name] for name in names], {done[name].point_id: points[name].grids for name in names})
-
-
 def _write_so_far(sweep: _Sweep, first: Configuration, command: str, processes: int) -> None:
     """Table and figures of the passes that are done; claims and page wait for the end, as they need every process."""
     so_far = replace(first, sweep=replace(first.sweep, report=False))
-    open_first = write_results(so_far, _tables(sweep), command)
+    open_first = write_results(so_far, sweep.tables(), command)
     if open_first is not None:
         each = "one process" if processes == 1 else f"{processes} processes"
         say(sweep.console, f"figure so far, {each} a point: {open_first}")
 
 
 def _finish(sweep: _Sweep, first: Configuration, folder: Path, command: str, interrupted: bool) -> pd.DataFrame:
-    tables = _tables(sweep)
-    table = tables.points
+    tables = sweep.tables()
     open_first = write_results(first, tables, command)
     print_sweep(tables, folder, results_console())
     if open_first is not None:
         say(results_console(), open_first)
     left = len(sweep.points) - len(sweep.done)
+    problem = say_problems(tables.points, sweep.done.values(), left)
     if interrupted:
-        print(f"{PROGRAM}: interrupted; {left} points left, the same command goes on from here", file=sys.stderr)
-        raise SystemExit(130)
-    problem = say_problems(table, sweep.done.values(), left)
+        problem = f"interrupted; {left} points left, the same command goes on from here"
     if problem is not None:
         print(f"{PROGRAM}: {problem}", file=sys.stderr)
-        raise SystemExit(1)
-    return table
+        raise SystemExit(130 if interrupted else 1)
+    return tables.points
 
 
 @dataclass
 class _Sweep:
-    """Points of a sweep by identity. folder: of the records. run: as of `run_sweep`. launched: has the points measured
-    elsewhere, None = they are measured here. waiting: waits for an idle machine. done: the records so far, by identity.
-    is_idle: whether the machine was so of late."""
+    """Points of a sweep by identity. folder: of the records. run, launch, at_once: of `run_sweep`. waiting: waits for
+    an idle machine. done: the records so far, by identity. is_idle: whether the machine was so of late."""
 
     points: dict[str, PlannedPoint]
     folder: Path
     console: Console
     run: Runner
-    launched: Launched | None
     waiting: Waiting
+    launch: Launch | None
+    at_once: int
     done: dict[str, Record] = field(default_factory=dict)
     is_idle: bool = False
 
+    def tables(self) -> Tables:
+        """Of what is done."""
+        names = in_order(self.points, self.done)
+        grids = {self.done[name].point_id: self.points[name].grids for name in names}
+        return make_tables([self.done[name] for name in names], grids)
+
     def begin(self, results: Path, shuffle_seed: int) -> list[str]:
         """Take over what was finished before, record what cannot be measured, and return what is left to do."""
-        self.done = self._finished() if self.launched is None else self.launched.finished()
+        self.done = self._finished() if self.launch is None else finished_elsewhere(self.folder, self.points)
         finished = len(self.done)
         for name, planned in self.points.items():
             if name not in self.done and planned.problem is not None:
@@ -142,26 +137,29 @@ class _Sweep:
             f"{of_points} points in {len(self.points)} processes: {finished} finished before, "
             f"{len(self.done) - finished} cannot be measured, {len(to_do)} to do; results in {results}",
         )
-        if to_do and self.launched is None:  # jobs elsewhere leave tables of other machines
+        if to_do and self.launch is None:  # jobs elsewhere leave tables of other machines
             tell_whose_tables_are_replaced(results, self.folder, self.console)
         return to_do
 
     def _finished(self) -> dict[str, Record]:
         """Records that an earlier run finished on a machine and with software like this."""
-        read = {name: read_record(self.folder, name, _warn_on(self.console)) for name in self.points}
-        known = {name: reusable(record, self.points[name]) for name, record in read.items()}
-        return {name: record for name, record in known.items() if record is not None}
+        found = {}
+        for name, planned in self.points.items():
+            record = read_record(self.folder, name, lambda text: say(self.console, f"warning: {text}"))
+            if record is not None and is_reusable(record, planned):
+                found[name] = record
+        return found
 
     def passes(self, names: Sequence[str]) -> list[list[str]]:
         """The processes to do, the first of every point before the second of any. A launcher gets all in one pass, as
         it need not wait for the end of one before the next."""
-        if self.launched is not None:
+        if self.launch is not None:
             return [list(names)] if names else []
-        return [list(of_pass) for _, of_pass in groupby(names, lambda name: self._point(name).process)]
+        return [list(of_pass) for _, of_pass in groupby(names, lambda name: self.points[name].point.process)]
 
     def say_what_is_ahead(self, passes: Sequence[Sequence[str]], repeats: int) -> None:
         """One line before the first process: when there is something to see, and when all is done."""
-        if self.launched is not None or not passes:
+        if self.launch is not None or not passes:
             return
         first, every = _PROCESS_S * len(passes[0]), _PROCESS_S * sum(map(len, passes))
         words = [f"first look in about {say_roughly(first)}"] if len(passes) > 1 else []
@@ -178,7 +176,7 @@ class _Sweep:
                     self.is_idle = True
                 self._measure(names, progress, waits=not is_first_look)
                 if number < len(passes):
-                    yield self._point(names[0]).process + 1
+                    yield self.points[names[0]].point.process + 1
 
     def measure_again(self, repeats: int) -> None:
         """Replace processes that strayed or were disturbed by new ones, `repeats` times at most; a record stays until
@@ -188,51 +186,42 @@ class _Sweep:
             names = [name for name in to_replace(self.done, repeats) if name not in failed]
             if not names:
                 break
-            say(
-                self.console,
-                f"{_processes(names, 'is', 'are')} measured again, repeat {number} of at most {repeats}: {WHY}; "
-                "Ctrl-C keeps all",
-            )
+            told = f"measured again, repeat {number} of at most {repeats}: {WHY}; Ctrl-C keeps all"
+            say(self.console, f"{_processes(names, 'is', 'are')} {told}")
             before = dict(self.done)
             with SweepProgress(len(names), self.console) as progress:
                 self._measure(names, progress)
             failed.update(name for name in names if self.done[name] is before[name])  # its job left no record
         left = to_replace(self.done)
         if left:
-            labels = dict.fromkeys(say_label(self._point(name)) for name in left)
-            say(
-                self.console, f"{_processes(left, 'remains', 'remain')} disturbed, of these points: {'; '.join(labels)}"
-            )
+            labels = "; ".join(dict.fromkeys(say_label(self.points[name].point) for name in left))
+            say(self.console, f"{_processes(left, 'remains', 'remain')} disturbed, of these points: {labels}")
 
     def _measure(self, names: Sequence[str], progress: SweepProgress, waits: bool = True) -> None:
         """Measure processes; an interrupt leaves those that are done. waits: for an idle machine."""
-        if self.launched is not None:
-            self._have_measured(names, self.launched, progress)
-            return
-        for name in names:
-            point = self._point(name)
-            label = say_label(point)
-            progress.begin(label)
-            if waits and point.workload.is_timed and not self.is_idle:
-                self.waiting.for_idle()
-            self._keep(name, measure(self.points[name], self.run))
-            self.is_idle = was_idle(self.done[name])
-            progress.end(label, say_outcome(self.done[name], self.folder))
-
-    def _have_measured(self, names: Sequence[str], launched: Launched, progress: SweepProgress) -> None:
-        """Have points measured elsewhere."""
-
-        def ended(name: str, record: Record | None, problem: str | None) -> None:
+        if self.launch is None:
+            measured = self._measure_here(names, progress, waits)
+        else:
+            progress.begin("jobs elsewhere")
+            measured = measure_elsewhere(self.launch, self.at_once, self.folder, self.points, names)
+        for name, record, problem in measured:
             if record is not None:
                 self._keep(name, record)
-            told = f"no record: {problem}" if record is None else say_outcome(record, self.folder)
-            progress.end(say_label(self._point(name)), told)
+            told = f"no record: {problem}" if record is None else say_outcome(self.done[name], self.folder)
+            progress.end(say_label(self.points[name].point), told)
 
-        progress.begin("jobs elsewhere")
-        launched.measure({name: self.points[name].overrides for name in names}, ended)
-
-    def _point(self, name: str) -> Point:
-        return self.points[name].point
+    def _measure_here(
+        self, names: Sequence[str], progress: SweepProgress, waits: bool
+    ) -> Iterator[tuple[str, Record | None, str | None]]:
+        """Process by process, as `measure_elsewhere`."""
+        for name in names:
+            point = self.points[name].point
+            progress.begin(say_label(point))
+            if waits and point.workload.is_timed and not self.is_idle:
+                self.waiting.for_idle()
+            record = measure(self.points[name], self.run)
+            self.is_idle = was_idle(record)
+            yield name, record, None
 
     def _keep(self, name: str, record: Record) -> None:
         """Write a record, over that which it replaces."""
@@ -240,10 +229,6 @@ class _Sweep:
         kept = record if earlier is None else as_replacement(record, earlier)
         write_record(self.folder, kept)
         self.done[name] = kept
-
-
-def _warn_on(console: Console) -> Callable[[str], None]:
-    return lambda text: say(console, f"warning: {text}")
 
 
 def _processes(some: Collection[str], singular: str, plural: str) -> str:

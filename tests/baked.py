@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,14 +10,17 @@ from numpy.typing import NDArray
 
 import atra
 from atra.light import Atlas, Baker, Emissive, Lambertian, Lightmap, MetallicRoughness, Scene, constant_sky
+from atra.light.lightmaps.charts.unwrap import UNMAPPED
+from atra.light.lightmaps.finish.views import on_map
 from tests.meshes import joined, quads
 
 _CORNERS = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
 
 
-def sheet(mesh: atra.Mesh, texels: int, gap: int = 2) -> Atlas:
-    """Charts of a mesh of quadrilaterals: squares of so many texels side by side, row by row."""
-    count = mesh.triangle_count // 2
+def sheet(mesh: atra.Mesh, texels: int, gap: int = 2, charted: int | None = None) -> Atlas:
+    """Charts of a mesh of quadrilaterals: squares of so many texels side by side, row by row. charted: number of the
+    first quadrilaterals that have one."""
+    count = mesh.triangle_count // 2 if charted is None else charted
     columns = int(np.ceil(np.sqrt(count)))
     size = columns * (texels + gap) + gap
     uv = []
@@ -24,7 +28,9 @@ def sheet(mesh: atra.Mesh, texels: int, gap: int = 2) -> Atlas:
         row, column = divmod(number, columns)
         first = np.array([column, columns - 1 - row]) * (texels + gap) + gap
         uv += [(first + texels * _CORNERS[list(face)]) / size for face in ((0, 1, 2), (0, 2, 3))]
-    return Atlas.of_uv(np.array(uv), size, size)
+    atlas, others = Atlas.of_uv(np.array(uv), size, size), mesh.triangle_count - 2 * count
+    known = np.concatenate([atlas.uv, np.full((others, 3, 2), np.nan)])
+    return replace(atlas, uv=known, chart=np.append(atlas.chart, np.full(others, UNMAPPED)))
 
 
 def cube(half: float = 1.0, inwards: bool = False) -> atra.Mesh:
@@ -65,6 +71,13 @@ def baked(scene: Scene, atlas: Atlas, samples: int, **options: Any) -> Lightmap:
     with Baker(scene, atlas, **({"threads": 1} | options)) as baker:
         baker.add(samples)
         return baker.maps
+
+
+def looked_up(hits: atra.Hits, atlas: Atlas, image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(H, W, C): an (h, w, C) map at the hits; 0 without a hit or a place on the map."""
+    shown = np.zeros((*hits.depth.shape, image.shape[2]), np.float32)
+    shown[hits.hit] = on_map(hits.prim_id[hits.hit], hits.u[hits.hit], hits.v[hits.hit], atlas, image)
+    return shown
 
 
 def standard_error(lightmap: Lightmap) -> NDArray[np.float64]:

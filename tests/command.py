@@ -19,7 +19,7 @@ import experiments.commands.single
 import experiments.sweep
 from experiments import cli, methods
 from experiments.harness.points import measure
-from experiments.harness.processes.worker import Outcome, outcome_of, read_point
+from experiments.harness.processes.worker import read_point, read_result, record_of
 from experiments.registry import KINDS
 from tests.folders import ROOT
 
@@ -38,7 +38,7 @@ class Done:
 
 def measure_here(point):
     """Measure a point in this process, through the same JSON as a worker process."""
-    return Outcome.from_json(outcome_of(read_again(point)).to_json(), point)
+    return read_result(record_of(read_again(point)).to_json(), point)
 
 
 def read_again(point):

@@ -34,13 +34,13 @@ from atra.files.saving import encode_exr
 from atra.geometry.camera import Camera
 from atra.light import PanoramaSky
 from experiments.harness.records import Record, read_record, write_record
-from experiments.results.table import Tables, make_table, read_table, write_tables
+from experiments.results.table import Tables, make_table, read_table
 from scenes.directory import CAMERAS_FILE, load_scene_from_directory
 from scenes.scene import CAMERA_FIELDS
 from tests.files.samples import CORNERS, FORMS, QUADS, TRIANGLES, gltf
 from tests.files.test_calibrations import KALIBR, MESSAGE, OPEN3D, OPENCV, ROS, XML
 from tests.meshes import strips_ply
-from tests.report_samples import small_table
+from tests.report_samples import small_table, write_tables
 
 MEMORY_BYTES = 512 * 2**20
 """What reading one input may add to the process; the largest input has 2 MB."""

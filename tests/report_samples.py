@@ -9,7 +9,7 @@ from experiments.drawing.figure import Axis, Figure, Line, NamedFigure, Panel
 from experiments.methods import METHODS, find_method
 from experiments.report import ReportContents
 from experiments.results.claims import JudgedClaim
-from experiments.results.table import columns, frame_of, rows_of
+from experiments.results.table import columns, frame_of, rows_of, table_files
 from experiments.workloads import WORKLOADS, find_workload
 from experiments.workloads.picture.files import ScenePictures
 
@@ -72,6 +72,13 @@ def _time_row(scene, split_x, time_s, packet_width=8):
         scene, split_x=split_x, packet_width=packet_width, triangles_traced=1234567, plan_time_s=0.5,
         rss_bytes=3 * 2**20, pixels_equal=1048576, pixels_tied=0, pixels_edge=0, pixels_wrong=0, **measured,
     )  # fmt: skip
+
+
+def write_tables(folder, tables):
+    """The files of a sweep's tables, in a folder that may be new."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in table_files(tables).items():
+        (folder / name).write_bytes(content)
 
 
 def table_of(rows):

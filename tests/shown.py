@@ -5,7 +5,7 @@ import numpy as np
 import atra
 from atra import light
 from scenes.lit.weekend import outwards
-from scenes.shapes import ball, join
+from scenes.shapes import ball
 from tests.meshes import quads
 
 BLACK = light.constant_sky(0.0)
@@ -27,6 +27,12 @@ def floor_points(camera):
     origins, directions = camera.rays(x, y)
     directions = directions @ camera.axes
     return camera.eye - directions * (camera.eye[1] / directions[..., 1:2]) + origins
+
+
+def rectangles(*parts, lights=(), sky=BLACK, **others):
+    """A scene of rectangles, each given by its corners and its material."""
+    numbers = np.repeat(range(len(parts)), 2)
+    return light.Scene(quads([one for one, _ in parts]), [one for _, one in parts], numbers, lights, sky, **others)
 
 
 def sphere(material, sky, smooth=True, segments=24):
@@ -71,6 +77,3 @@ def batches(scene, camera, count, samples, **options):
             pictures.append(so_far - before)
             before = so_far
     return np.array(pictures)
-
-
-__all__ = ["BLACK", "batches", "down", "floor", "floor_points", "hybrid", "join", "picture", "room", "sphere", "traced"]

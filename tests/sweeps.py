@@ -9,7 +9,7 @@ from experiments.harness.configuration import (
 )
 from experiments.harness.options import NoOptions
 from experiments.harness.points import GridPoint
-from experiments.harness.processes.worker import Outcome
+from experiments.harness.records import Record
 from experiments.methods.aligned import ALIGNED, AlignedOptions
 from experiments.workloads import find_workload
 from scenes.loading import SceneSource
@@ -25,14 +25,14 @@ class Runner:
     def __call__(self, point):
         self.points.append(point)
         if self.status != "ok":
-            return Outcome(self.status, "on purpose")
+            return Record("", self.status, "on purpose")
         results = {
             "triangles_traced": 10, "packet_width": 8, "threads": 1, "plan_time_s": 0.1,
             "build_time_s": 0.1, "rss_bytes": 9, "peak_rss_bytes": 9, "embree_bytes": 9, "rounds": 3,
             "pixels_equal": 64, "pixels_tied": 0, "pixels_edge": 0, "pixels_wrong": 0,
         }  # fmt: skip
         names = ("own", "rtcIntersect1", "packets_8")
-        return Outcome("ok", samples={name: [0.1, 0.1, 0.1] for name in names}, results=results)
+        return Record("", "ok", samples={name: [0.1, 0.1, 0.1] for name in names}, results=results)
 
     @property
     def measured(self):

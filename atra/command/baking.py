@@ -75,8 +75,8 @@ def run_bake(given: Namespace) -> int:
     """
     from atra.light import Baker, atlas_of, denoised, save_lit_model, save_maps, save_model
     from atra.light.checks import check_whole, checked_number
-    from atra.light.lightmaps.states import resume, save_state
     from atra.light.oidn import check_denoiser
+    from atra.light.pictures.finish.states import read_state, write_state
 
     has_limit = given.error is not None or given.minutes is not None
     default = MOST_SAMPLES if has_limit else SAMPLES
@@ -112,7 +112,7 @@ def run_bake(given: Namespace) -> int:
         baker.look(camera)
         state, is_done = folder / "bake.state", False
         if state.exists():
-            resume(baker, state)
+            read_state(state, baker.restore, "bake")
             print(f"atra: goes on with {printable(str(state))}", file=sys.stderr)
         start = perf_counter()
         try:
@@ -127,7 +127,7 @@ def run_bake(given: Namespace) -> int:
         if is_done:
             state.unlink(missing_ok=True)
         elif baker.samples.any():
-            save_state(baker, state)
+            write_state(state, baker.state)
             print(f"atra: the same command goes on from {printable(str(state))}", file=sys.stderr)
         taken_s = perf_counter() - start
         print(f"{baker.rays:,} rays in {taken_s:.1f} s, {baker.rays / taken_s / 1e6:.2f} million a second")

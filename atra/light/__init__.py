@@ -2,13 +2,11 @@
 
 from atra.light.lightmaps.baker import Baker
 from atra.light.lightmaps.charts.atlas import Atlas
-from atra.light.lightmaps.charts.own import atlas_of
-from atra.light.lightmaps.charts.texels import Texels
+from atra.light.lightmaps.charts.texels import Texels, atlas_of
 from atra.light.lightmaps.finish.denoise import denoised
 from atra.light.lightmaps.finish.export import save_maps
-from atra.light.lightmaps.finish.gltf import save_lit_model
+from atra.light.lightmaps.finish.models import save_lit_model, save_model
 from atra.light.lightmaps.finish.seams import Seams, dilated
-from atra.light.lightmaps.finish.unlit import save_model
 from atra.light.lightmaps.finish.views import clay_view, lit_view
 from atra.light.lightmaps.maps import Lightmap, relative_error
 from atra.light.lightmaps.probes import LightProbes

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from atra.errors import InputError
-from experiments.harness.options import Settings, check_whole_numbers, option, whole
+from experiments.harness.options import Settings, check_whole_number, option, whole
 
 SUBSETS = ("complete", "occupied", "sampled", "hits", "none")
 """Which shafts have lists: all; those of voxels that hold triangles; those that most rays of a sample use; those that
@@ -60,7 +60,7 @@ class ClassifiedOptions(BvhOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.shaft_cells is not None:
-            check_whole_numbers(self, "method.", {"shaft_cells": (1, None)})
+            check_whole_number("method.shaft_cells", self.shaft_cells, 1)
         for name in ("shaft_probability", "shaft_share"):
             if not 0 < getattr(self, name) <= 1:
                 raise InputError(f"method.{name} is {getattr(self, name)!r}, expected more than 0 and at most 1")

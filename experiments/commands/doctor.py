@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from atra.command.doctor import Diagnosis, render
 from atra.command.doctor import diagnose as examine_library
 from atra.compiled.threads import resolve_threads
 from atra.errors import InputError
 from experiments.harness.configuration import Configuration
-from experiments.harness.environment import BUSY_LOAD, Environment, read_environment
+from experiments.harness.environment import BUSY_LOAD, read_environment
 from experiments.harness.records import check_writable
 from experiments.methods import METHODS
 from scenes.built_in import BUILT_IN
@@ -35,12 +36,13 @@ def diagnose(configuration: Configuration) -> Diagnosis:
     results, results_obstacles = _results(configuration)
     scenes, scene_warnings = _scenes()
     environment = read_environment()
-    commit = "unknown" if environment.git_commit is None else environment.git_commit[:12]
-    total_gib, free_gib = environment.memory_total_bytes / 2**30, environment.memory_available_bytes / 2**30
+    commit = (environment["git_commit"] or "unknown")[:12]
+    total_gib, free_gib = (environment[f"memory_{which}_bytes"] / 2**30 for which in ("total", "available"))
+    cores = f"{environment['logical_cores']} logical cores, {environment['physical_cores']} physical"
     facts = [
         *library.facts,
-        ("commit", f"{commit}{' with changes' if environment.git_dirty else ''}"),
-        ("CPU", f"{environment.cpu}; {environment.logical_cores} logical cores, {environment.physical_cores} physical"),
+        ("commit", f"{commit}{' with changes' if environment['git_dirty'] else ''}"),
+        ("CPU", f"{environment['cpu']}; {cores}"),
         ("memory", f"{total_gib:.1f} GiB, {free_gib:.1f} GiB free"),
         *scenes,
         ("peers", "; ".join(_peers())),
@@ -79,14 +81,14 @@ def _results(configuration: Configuration) -> tuple[str, list[str]]:
     return f"go to {folder}", []
 
 
-def _warnings(environment: Environment, configuration: Configuration) -> Iterator[str]:
-    load, budget_gib = environment.load_average, configuration.measure.memory_budget_gib
+def _warnings(environment: Mapping[str, Any], configuration: Configuration) -> Iterator[str]:
+    load, budget_gib = environment["load_average"], configuration.measure.memory_budget_gib
     cores, threads = resolve_threads(None), configuration.threads
     if threads is not None and threads > cores:
         yield f"more threads are asked for than there are cores ({threads} on {cores})"
     if load and load[0] > BUSY_LOAD:
         yield f"the machine is busy (load {load[0]:.1f})"
-    if budget_gib is not None and environment.memory_available_bytes < budget_gib * 2**30:
+    if budget_gib is not None and environment["memory_available_bytes"] < budget_gib * 2**30:
         yield f"less memory is free than a point may take (measure.memory_budget_gib={budget_gib:g})"
 
 

@@ -11,7 +11,7 @@ from atra.errors import InputError, printable
 from experiments.commands.program import PROGRAM
 from experiments.harness.configuration import Configuration, records_folder
 from experiments.harness.identity import is_current
-from experiments.harness.points import measure, plan_point
+from experiments.harness.points import measure, plan_points
 from experiments.harness.progress import SweepProgress
 from experiments.harness.records import Record, check_writable, exclusive, read_record, record_path, write_record
 from experiments.results.table import make_table
@@ -29,7 +29,9 @@ def run_single_point(configuration: Configuration) -> Record:
     Raises InputError, MemoryBudgetError or EmbreeError for what cannot be measured, and SystemExit(1), with what the
     worker printed on stderr, when measuring itself went wrong, or the image is wrong.
     """
-    planned = plan_point(configuration)
+    (planned,) = plan_points([configuration])
+    if planned.problem is not None:
+        raise planned.problem
     folder = records_folder(configuration)
     check_writable(folder)
     with exclusive(folder.parent, folder), SweepProgress(1, Console(stderr=True)) as progress:

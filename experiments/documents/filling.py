@@ -17,7 +17,7 @@ FORM is one of `_FORMS`, or a format of Python; without one a number has three d
     each            columns whose values have a row each, in their order, beneath `label`, a text with fields
     corner          head of the first column
     align           a letter for each column, l or r
-    function        instead: what `experiments.documents.functions` calls the function that makes the rows; head = heads
+    function        instead: what `experiments.documents.writing` calls the function that makes the rows; head = heads
     kept            instead: the file in the sweep's folder, less its suffix .csv, that holds the rows; head = heads
     claims          instead: claims.json of the sweep, by ids or all; leave_out = those whose id begins so; tell = the
                     column between text and verdict
@@ -25,9 +25,10 @@ FORM is one of `_FORMS`, or a format of Python; without one a number has three d
 
 from __future__ import annotations
 
+import csv
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from itertools import product
@@ -37,7 +38,6 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.documents.kept_rows import REFERENCE, kept_rows
 from experiments.methods import find_method
 from experiments.results.intervals import with_intervals
 from experiments.results.queries import check_keys, chosen
@@ -47,6 +47,7 @@ from experiments.workloads.series import best_rows
 from scenes.directory import PAPER_SCENES as SCENES
 
 ROOT = Path(__file__).resolve().parents[2]
+REFERENCE = ROOT / "reports" / "reference"
 TIMES = "\N{MULTIPLICATION SIGN}"
 _FIELD = re.compile(r"\{([^{}:]*)(?::([^{}]*))?\}")
 _OF_CELLS = ("sweep", "where", "pick", "cell", "over", "empty")
@@ -97,16 +98,14 @@ def table_lines(spec: Spec, functions: Mapping[str, Callable[..., Any]]) -> list
     if "function" in spec:
         heads, rows = spec["head"], [list(row) for row in functions[spec["function"]](spec["sweep"])]
     elif "kept" in spec:
-        heads, rows = spec["head"], kept_rows(spec["sweep"], spec["kept"])
+        text = (REFERENCE / spec["sweep"] / f"{spec['kept']}.csv").read_text(encoding="utf-8")
+        heads, rows = spec["head"], list(csv.reader(text.splitlines()))
     elif "claims" in spec:
         heads, rows = spec["head"], list(_claims(spec))
     else:
         across = list(_entries(spec.get("columns", ["scenes"]), ""))
         heads = [spec.get("corner", ""), *(column["head"] for column in across)]
         down = list(_rows(spec))
-        changed = {name for entry in (*across, *down) for name in (*entry.get("where", ()), *entry.get("over", ()))}
-        shared = {name: value for name, value in spec.get("where", {}).items() if name not in changed}
-        spec = {**spec, "shared": {name: shared[name] for name in shared if name not in spec.get("over", ())}}
         rows = [[row["head"], *(cell_text(united(spec, row, column)) for column in across)] for row in down]
     align = spec.get("align", "l" + "r" * (len(heads) - 1))
     rule = "|" + "|".join({"l": "---", "r": "---:"}[letter] for letter in align) + "|"
@@ -152,17 +151,8 @@ def _rows(spec: Spec) -> Iterator[Spec]:
 
 
 def _measured(spec: Spec) -> pd.DataFrame:
-    points = _points(spec["sweep"], json.dumps(spec.get("shared", {})))
-    return points[chosen(points, spec.get("where", {}))]
-
-
-@cache
-def _points(sweep: str, where: str) -> pd.DataFrame:
-    """The measured points of a sweep that all cells of a table have in common, without empty columns: picking from
-    hundreds of columns takes time."""
-    points = kept_of(sweep).points
-    points = points[chosen(points, {**({"status": "ok"} if "status" in points else {}), **json.loads(where)})]
-    return points.dropna(axis="columns", how="all")
+    points = kept_of(spec["sweep"]).points
+    return points[chosen(points, {**({"status": "ok"} if "status" in points else {}), **spec.get("where", {})})]
 
 
 def _picked(spec: Spec) -> pd.DataFrame:
@@ -201,35 +191,28 @@ def _value(expression: str, row: Any) -> Any:
     return row[expression] if expression in row else eval(expression, {"__builtins__": {}}, row)
 
 
-def _interval(expression: str, points: pd.DataFrame, spec: Spec) -> str:
-    """Without an interval where there is none."""
-    row = points.iloc[0]
-    if pd.isna(row[f"{expression}_low"]):
-        return digits(row[expression])
-    return f"{digits(row[expression])} [{digits(row[f'{expression}_low'])}, {digits(row[f'{expression}_high'])}]"
+def _interval(values: Sequence[float]) -> str:
+    """ "2.40 [2.39, 2.46]", without an interval where there is none."""
+    value, low, high = values
+    return digits(value) if pd.isna(low) else f"{digits(value)} [{digits(low)}, {digits(high)}]"
 
 
-def _inverse(expression: str, points: pd.DataFrame, spec: Spec) -> str:
-    value, high, low = (digits(1.0 / points.iloc[0][f"{expression}{end}"]) for end in ("", "_low", "_high"))
-    return f"{value} [{low}, {high}]"
-
-
-def _estimate(expression: str, points: pd.DataFrame, spec: Spec) -> Estimate:
+def _estimate(name: str, points: pd.DataFrame, spec: Spec) -> Estimate:
     """The mean over a point's processes."""
     processes = kept_of(spec["sweep"]).processes
     mine = chosen(processes, {"status": "ok", "point_id": points.iloc[0]["point_id"]})
-    return Estimate.of(processes[expression][mine].astype(float).tolist())
+    return Estimate.of(processes[name][mine].astype(float).tolist())
 
 
-def _ratio(expression: str, numerator: pd.DataFrame, denominator: pd.DataFrame, spec: Spec) -> str:
+def _ratio(name: str, numerator: pd.DataFrame, denominator: pd.DataFrame, spec: Spec) -> str:
     """The ratio of two points, with its interval; they share no process, so their errors are independent."""
     if numerator.iloc[0]["point_id"] == denominator.iloc[0]["point_id"]:
         return "1"
-    return say(_estimate(expression, numerator, spec).over(_estimate(expression, denominator, spec)))
+    return say(_estimate(name, numerator, spec).over(_estimate(name, denominator, spec)))
 
 
-def _hours(times: pd.Series) -> str:
-    told = pd.to_datetime(times.dropna())
+def _hours(spec: Spec, name: str) -> str:
+    told = pd.to_datetime(kept_of(spec["sweep"]).processes[name].dropna())
     return f"{(told.max() - told.min()).total_seconds() / 3600:.1f}"
 
 
@@ -238,21 +221,22 @@ def _other(spec: Spec) -> pd.DataFrame:
 
 
 _FORMS: dict[str | None, Callable[[str, pd.DataFrame, Spec], str]] = {
-    "interval": _interval,
-    "inverse": _inverse,
+    "interval": lambda name, points, spec: _interval([points.iloc[0][f"{name}{end}"] for end in ("", "_low", "_high")]),
+    "inverse": lambda name, points, spec: _interval(
+        [1 / points.iloc[0][f"{name}{end}"] for end in ("", "_high", "_low")]
+    ),
     "estimate": lambda name, points, spec: say(_estimate(name, points, spec)),
     "ratio": lambda name, points, spec: _ratio(name, points, _other(spec), spec),
     "under": lambda name, points, spec: _ratio(name, _other(spec), points, spec),
     "quotient": lambda name, points, spec: digits(points.iloc[0][name] / _other(spec).iloc[0][name]),
     "span": lambda name, points, spec: span(_value(name, row) for _, row in points.iterrows()),
     "list": lambda name, points, spec: ", ".join(digits(value) for value in points[name]),
-    "hours": lambda name, points, spec: _hours(kept_of(spec["sweep"]).processes[name]),
-    "rows": lambda name, points, spec: f"{len(points):,}",
+    "hours": lambda name, points, spec: _hours(spec, name),
     "method": lambda name, points, spec: find_method(points.iloc[0][name]).label,
     "never": lambda name, points, spec: "never" if pd.isna(value := points.iloc[0][name]) else f"{value:,.0f}",
 }
 """interval, inverse: with its interval, from the point. estimate, ratio, under (the ratio turned round): from
-processes. quotient: of points. span, list, rows: of several points. hours: from the first time of a process to the
+processes. quotient: of points. span, list: of several points. hours: from the first time of a process to the
 last. method: its label."""
 
 
@@ -277,8 +261,8 @@ def digits(value: float, count: int = 3) -> str:
 
 
 def say(estimate: Any) -> str:
-    """ "2.40 [2.39, 2.46]"."""
-    return f"{digits(estimate.value)} [{digits(estimate.low)}, {digits(estimate.high)}]"
+    """An `Estimate` with its interval."""
+    return _interval((estimate.value, estimate.low, estimate.high))
 
 
 def span(values: Any) -> str:

@@ -109,9 +109,6 @@ class MeasureConfiguration(Settings):
     idle_limit_s: float = option(
         60.0, "how long a sweep waits in all while others use more than 5 % of all cores, after the first look"
     )
-    idle_only: bool = option(
-        False, "a sweep waits before the first look, too, and ends when the time is up; else its times are flagged"
-    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -8,14 +8,13 @@ import ast
 import hashlib
 import sys
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from atra.compiled.instruction_sets import chosen_instruction_set
 from atra.embree.library import embree_version
-from experiments.harness.environment import Environment, read_environment, stable_fields
+from experiments.harness.environment import read_environment, stable_fields
 from experiments.harness.point import Point
 from experiments.harness.records import Record, point_id
 
@@ -34,7 +33,7 @@ _LIGHT = "scenes/lit/"
 """Lights and materials of scenes, which no hash of a mesh tells."""
 
 
-def current_environment() -> Environment:
+def current_environment() -> dict[str, Any]:
     """This machine now, with the version Embree reports.
 
     Raises EmbreeError if there is no usable Embree, and InputError for an instruction set that this machine lacks.
@@ -42,10 +41,9 @@ def current_environment() -> Environment:
     return read_environment(embree_version(), chosen_instruction_set())
 
 
-def identity(point: Point, environment: Environment | Mapping[str, Any]) -> str:
+def identity(point: Point, environment: Mapping[str, Any]) -> str:
     """The point's identity on a machine: its configuration, the machine, and the version of its method."""
-    where = asdict(environment) if isinstance(environment, Environment) else environment
-    return point_id(point.configuration() | {"version": point.method.version()}, stable_fields(where))
+    return point_id(point.configuration() | {"version": point.method.version()}, stable_fields(environment))
 
 
 def loaded_files(point: Point) -> dict[str, str]:

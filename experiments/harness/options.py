@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import Field, asdict, dataclass, field, fields
 from difflib import get_close_matches
 from enum import Enum
 from functools import cache
@@ -14,17 +14,19 @@ from atra.errors import InputError
 from atra.whole_numbers import is_whole_number
 
 
-def option(default: Any, help: str, *, choices: tuple[Any, ...] = (), unit: str = "", null: str | None = None) -> Any:
+def option(
+    default: Any, help: str, *, choices: tuple[Any, ...] = (), unit: str = "", null: str | None = None,
+    ends: tuple[int, int | None] | None = None,
+) -> Any:  # fmt: skip
     """A field of an options type.
 
     default: a value, or the type of one that each has of its own, such as dict. choices: the values there are, beside
     None where the type allows it; (): any of its type. unit: of a number. null: what tables show for None where it is a
-    choice like any other; without it they show that nothing is known.
+    choice like any other; without it they show that nothing is known. ends: as of `whole`.
     """
-    metadata = {"help": help, "choices": choices, "unit": unit, "null": null}
-    if isinstance(default, type):
-        return field(default_factory=default, metadata=metadata)
-    return field(default=default, metadata=metadata)
+    metadata = {"help": help, "choices": choices, "unit": unit, "null": null, "ends": ends}
+    made: dict[str, Any] = {"default_factory" if isinstance(default, type) else "default": default}
+    return field(metadata=metadata, **made)
 
 
 types_of: Callable[[type], dict[str, Any]] = cache(get_type_hints)
@@ -34,8 +36,7 @@ types_of: Callable[[type], dict[str, Any]] = cache(get_type_hints)
 def whole(default: Any, help: str, least: int, most: int | None = None) -> Any:
     """An option that is a whole number from the least to the most that it may be, None = any, or null where its type
     allows that."""
-    made = option(default, help)
-    return field(default=default, metadata={**made.metadata, "range": (least, most)})
+    return option(default, help, ends=(least, most))
 
 
 class Settings:
@@ -54,8 +55,8 @@ class Settings:
             if isinstance(value, list):
                 object.__setattr__(self, name, tuple(tuple(item) if isinstance(item, list) else item for item in value))
             _check_choice(value, types_of(type(self))[name], told.get("choices", ()), path + name)
-            if told.get("range") and value is not None:
-                check_whole_numbers(self, path, {name: told["range"]})
+            if told.get("ends") and value is not None:
+                check_whole_number(path + name, value, *told["ends"])
 
     if TYPE_CHECKING:
         __dataclass_fields__: ClassVar[dict[str, Any]]
@@ -71,16 +72,12 @@ def _check_choice(value: Any, kind: Any, choices: tuple[Any, ...], name: str) ->
         raise InputError(f"{name} is {value!r}, expected one of {', '.join(map(str, choices))}{or_none}")
 
 
-def check_whole_numbers(options: Any, path: str, ranges: Mapping[str, tuple[int, int | None]]) -> None:
-    """Raise InputError for a field that is no whole number from the least to the most that it may be, None = any.
-
-    path: of the options on the command line, as "workload.".
-    """
-    for name, (least, most) in ranges.items():
-        value = getattr(options, name)
-        if not is_whole_number(value) or value < least or (most is not None and value > most):
-            expected = f"of at least {least}" if most is None else f"from {least} to {most}"
-            raise InputError(f"{path}{name} is {value!r}, expected a whole number {expected}")
+def check_whole_number(name: str, value: Any, least: int, most: int | None = None) -> None:
+    """Raise InputError for what is no whole number from the least to the most that it may be, None = any. name: as on
+    the command line."""
+    if not is_whole_number(value) or value < least or (most is not None and value > most):
+        expected = f"of at least {least}" if most is None else f"from {least} to {most}"
+        raise InputError(f"{name} is {value!r}, expected a whole number {expected}")
 
 
 @dataclass(frozen=True)
@@ -103,7 +100,13 @@ def plain(value: Any) -> Any:
     return [plain(item) for item in value] if isinstance(value, list | tuple) else value
 
 
-_EXPECTED = {bool: "true or false", int: "a whole number", float: "a number", list: "a list, as in '[0,1,3]'"}
+_EXPECTED = {
+    bool: "true or false",
+    int: "a whole number",
+    float: "a number",
+    list: "a list, as in '[0,1,3]'",
+    dict: "values by name",
+}
 
 
 def typed(kind: type, values: Mapping[str, Any], path: str = "") -> Any:
@@ -136,23 +139,28 @@ def _of_type(value: Any, hint: Any, name: str) -> Any:
         return float(value)
     if str in hints and isinstance(value, int | float):
         return str(value)
-    raise InputError(f"{name} is {value!r}, expected {' or '.join(map(_say_type, hints))}")
+    raise InputError(f"{name} is {value!r}, expected {say_type(hint)}")
 
 
-def _say_type(hint: Any) -> str:
+def say_type(hint: Any) -> str:
+    """The values of a type, in words."""
+    if get_origin(hint) in (Union, UnionType):
+        return " or ".join(map(say_type, get_args(hint)))
     if isinstance(hint, type) and issubclass(hint, Enum):
         return f"one of {', '.join(str(member.value) for member in hint)}"
     return "null" if hint is NoneType else _EXPECTED.get(get_origin(hint) or hint, "a text")
 
 
+def say_option(spec: Field[Any]) -> str:
+    """The help of an option, with its choices and its unit."""
+    told = spec.metadata
+    choices = f"one of {', '.join(map(str, told['choices']))}" if told.get("choices") else ""
+    return "; ".join(filter(None, [told.get("help"), choices, told.get("unit")]))
+
+
 def say_options(group: str, named: Any) -> str:
-    """The options with their help, choices and units, a line each, as they are written on the command line."""
-    lines = []
-    for spec in fields(named.options):
-        told = spec.metadata
-        choices = ", ".join(map(str, told.get("choices", ())))
-        beside = [f"one of {choices}"] * bool(choices) + [told.get("unit", "")] * bool(told.get("unit"))
-        lines.append("; ".join([f"{group}.{spec.name}: {told.get('help', '')}", *beside]))
+    """The options with their help, a line each, as they are written on the command line."""
+    lines = [f"{group}.{spec.name}: {say_option(spec)}" for spec in fields(named.options)]
     return "\n".join(lines) or f"{group}={named.name} has none"
 
 

@@ -97,11 +97,6 @@ class Point:
         return {**values.pop("method_options"), **values.pop("workload_options"), **values}
 
 
-def no_samples(point: Point) -> frozenset[str]:
-    """Nothing is timed round by round."""
-    return frozenset()
-
-
 def make_own(point: Point, mesh: Mesh, view: View | None = None) -> Tracer:
     """The point's own method. view: in place of the point's. Raises InputError and MemoryBudgetError as the tracers
     do."""
@@ -110,11 +105,6 @@ def make_own(point: Point, mesh: Mesh, view: View | None = None) -> Tracer:
 
 def no_canary(record: Record) -> float | None:
     """Nothing is measured that every method leaves alike."""
-    return None
-
-
-def no_problem(point: Point) -> str | None:
-    """Every point can be measured."""
     return None
 
 
@@ -130,7 +120,7 @@ class Workload:
     `process_lines` for the terminal, and `write` for further files, with FILES, patterns of their names.
     samples: which series a record of a point must hold. optional: series that it may hold beside these, at least one.
     judged: the series whose spread flag a point. needs: results that a measured record holds at least.
-    canary: what a measured record says of the machine alone (`experiments.results.canary`).
+    canary: what a measured record says of the machine alone (`experiments.results.processes`).
     problem: why a point cannot be measured. once: the name under which older tables have its rows, those with a value
     of its first option. rays: a row -> the kind of rays it traces, None = the workload's name. told: columns that the
     terminal shows of every point of a sweep, with {} those whose interval it shows, too.
@@ -141,12 +131,12 @@ class Workload:
     columns: tuple[Column, ...]
     headline: Callable[[Record], str]
     package: str
-    samples: Callable[[Point], frozenset[str]] | None = no_samples
+    samples: Callable[[Point], frozenset[str]] | None = lambda point: frozenset()
     optional: frozenset[str] = frozenset()
     judged: str | None = None
     needs: tuple[str, ...] = ()
     canary: Callable[[Record], float | None] = no_canary
-    problem: Callable[[Point], str | None] = no_problem
+    problem: Callable[[Point], str | None] = lambda point: None
     once: str | None = None
     rays: Callable[[Mapping[str, Any]], str] | None = None
     told: tuple[str, ...] = ()
@@ -161,9 +151,14 @@ class Workload:
         return self.judged is not None
 
     def part(self, name: str) -> ModuleType | None:
-        """The module `name` of the workload's package, imported now; None if it has none."""
+        """The module `name` of the workload's package, imported now; None if it has none, or is a module itself."""
         module = f"{self.package}.{name}"
-        return import_module(module) if _is_there(module) else None
+        try:
+            return import_module(module) if find_spec(module) else None
+        except ModuleNotFoundError as error:
+            if error.name not in (module, self.package):
+                raise
+            return None
 
     def make(self, point: Point, mesh: Mesh) -> Any:
         """The tracer that is measured at a point, neither planned nor built: what its own `make` makes, or the point's
@@ -175,14 +170,6 @@ class Workload:
         """Measure a point, in this process. Raises what its `measure` raises."""
         measured: Measured = (self.part("measure") or import_module(self.package)).measure(point)
         return measured
-
-
-def _is_there(module: str) -> bool:
-    """Whether there is such a module; a workload from outside may be a module itself, with none below it."""
-    try:
-        return find_spec(module) is not None
-    except ModuleNotFoundError:
-        return False
 
 
 class Kind(NamedTuple):

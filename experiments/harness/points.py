@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,24 +13,23 @@ from atra.compiled.instruction_sets import instruction_sets_here
 from atra.embree.scene import resolve_packet_width
 from atra.errors import AtraError, InputError, MemoryBudgetError, printable
 from atra.geometry.mesh import Mesh
-from atra.packets.pixel import PixelTracer
-from experiments.harness.configuration import Configuration, SceneConfiguration
+from experiments.harness.configuration import Configuration
 from experiments.harness.entry_points import FORECASTS_GROUP, offers
 from experiments.harness.identity import code_of_worker, current_environment, identity
 from experiments.harness.options import plain_options
 from experiments.harness.point import Point
 from experiments.harness.processes.launching import run_worker
-from experiments.harness.processes.worker import MAY_CHANGE, Outcome, skipped
+from experiments.harness.processes.worker import MAY_CHANGE, skipped
 from experiments.harness.progress import say
 from experiments.harness.records import Record
-from scenes.loading import SceneSource, load_scene, replace_missing_scenes
+from scenes.loading import load_scene, replace_missing_scenes
 from scenes.scene import Scene
 from scenes.views import view_fields
 
 _LAST = ("packet_width", "culling", "frames", "split_y", "split_x")
 """Settings by which the rows of a method are ordered last, as numbers."""
 
-Runner = Callable[[Point], Outcome]
+Runner = Callable[[Point], Record]
 
 
 @dataclass(frozen=True)
@@ -57,31 +56,25 @@ class GridPoint:
 def plan_points(configurations: Sequence[Configuration]) -> list[PlannedPoint]:
     """Resolve and check every configuration; loads each scene once, one at a time, and measures nothing.
 
-    Raises InputError at once for what no other point can make good: an unknown scene, an unusable file, camera,
-    packet width or thread count. A split that does not suit its image, or copies that exceed the memory budget,
-    concern that point alone and become its `problem`; if no split suits, the first such error is raised.
+    Raises InputError at once for what no other point can make good: an unknown scene, or an unusable file. What makes
+    its method unusable, such as a split that does not suit the image or copies that exceed the memory budget, concerns
+    that point alone and becomes its `problem`; if all have such an InputError, the first is raised.
     """
     places: dict[tuple[Any, ...], list[int]] = {}
     for place, configuration in enumerate(configurations):
-        places.setdefault(_scene_of(configuration), []).append(place)
+        scene = configuration.scene
+        key = (scene.source, scene.name, scene.path, scene.subdivided, scene.copies)
+        places.setdefault(key, []).append(place)
     planned: dict[int, PlannedPoint] = {}
     for key, of_scene in places.items():
-        scene = load_scene(*key)
-        checked: set[tuple[Any, ...]] = set()
+        loaded = load_scene(*key)
         for place in of_scene:
-            point = _resolve(configurations[place], scene)
-            width = getattr(point.options, "packet_width", None)
-            ours = point.tracing.ours
-            checked_key = (point.camera, width, *ours.values())
-            if checked_key not in checked:
-                # Builds nothing, checks all.
-                PixelTracer(scene.mesh, point.camera, packet_width=width, **ours).close()
-                checked.add(checked_key)
-            planned[place] = PlannedPoint(point, _problem(point, scene.mesh))
+            point = _resolve(configurations[place], loaded)
+            planned[place] = PlannedPoint(point, _problem(point, loaded.mesh))
         limit = configurations[of_scene[0]].sweep.skip_slower
         if limit is not None:
             possible = {place: planned[place].point for place in of_scene if planned[place].problem is None}
-            slow = _forecast()(possible, scene.mesh, limit)
+            slow = _forecast()(possible, loaded.mesh, limit)
             planned |= {place: PlannedPoint(possible[place], problem) for place, problem in slow.items()}
     if planned and all(isinstance(planned_point.problem, InputError) for planned_point in planned.values()):
         raise InputError(str(planned[0].problem))
@@ -98,30 +91,23 @@ def _forecast() -> Callable[[dict[int, Point], Mesh, float], dict[int, AtraError
     return forecast
 
 
-def plan_point(configuration: Configuration) -> PlannedPoint:
-    """`plan_points` for one configuration that must be measurable. Raises its problem otherwise."""
-    (planned,) = plan_points([configuration])
-    if planned.problem is not None:
-        raise planned.problem
-    return planned
-
-
-def _scene_of(configuration: Configuration) -> tuple[SceneSource, str | None, str | None, int, int]:
-    scene = configuration.scene
-    return scene.source, scene.name, scene.path, scene.subdivided, scene.copies
-
-
-_OF_SWEEPS = ("processes", "idle_limit_s", "idle_only")
+_OF_SWEEPS = ("processes", "idle_limit_s")
 """Fields of `MeasureConfiguration` that concern a sweep and no point of it."""
+
+_CAMERA = ("eye", "target", "up", "fov_y_degrees")
+"""Fields of a scene's configuration that stand in place of those of its view."""
 
 _OF_ALL = ("width", "height", "threads", "build_quality", "ties")
 """Fields of a configuration that a point has, too."""
 
 
 def _resolve(configuration: Configuration, scene: Scene) -> Point:
-    given = configuration.scene
-    method, workload = configuration.method.kind, configuration.workload
+    """Raises InputError for an unknown view."""
+    given, method, workload = configuration.scene, configuration.method.kind, configuration.workload
     path = None if given.path is None else str(Path(given.path).expanduser().resolve())
+    view = view_fields(scene.mesh, scene.camera, given.view)
+    view |= {name: getattr(given, name) for name in _CAMERA if getattr(given, name) is not None}
+    camera: dict[str, Any] = {name: tuple(map(float, view[name])) for name in ("eye", "target", "up")}
     return Point(
         scene=given.name or printable(Path(given.path or "scene").stem),
         scene_source=given.source.value,
@@ -131,7 +117,8 @@ def _resolve(configuration: Configuration, scene: Scene) -> Point:
         copies=given.copies,
         triangles=int(scene.mesh.triangle_count),
         view=given.view,
-        **camera_fields_of(given, scene),
+        **camera,
+        fov_y_degrees=float(view["fov_y_degrees"]),
         **{name: getattr(configuration, name) for name in _OF_ALL},
         method=method,
         options=method.resolve(configuration.method.options, configuration.width),
@@ -139,19 +126,6 @@ def _resolve(configuration: Configuration, scene: Scene) -> Point:
         workload_options=workload.options,
         **{name: value for name, value in vars(configuration.measure).items() if name not in _OF_SWEEPS},
     )
-
-
-def camera_fields_of(given: SceneConfiguration, scene: Scene) -> dict[str, Any]:
-    """eye, target, up and fov_y_degrees of the configured view. Raises InputError for an unknown view."""
-    scene_camera = view_fields(scene.mesh, scene.camera, given.view)
-    fields: dict[str, Any] = {}
-    for name in ("eye", "target", "up"):
-        value = getattr(given, name)
-        x, y, z = scene_camera[name] if value is None else value
-        fields[name] = (float(x), float(y), float(z))
-    fov = given.fov_y_degrees
-    fields["fov_y_degrees"] = float(scene_camera["fov_y_degrees"] if fov is None else fov)
-    return fields
 
 
 def _problem(point: Point, mesh: Mesh) -> AtraError | None:
@@ -217,17 +191,15 @@ def in_order(points: dict[str, PlannedPoint], done: Collection[str]) -> list[str
 def measure(planned: PlannedPoint, run: Runner = run_worker) -> Record:
     """Measure a point in a fresh process; one with a problem is skipped, and its record says why."""
     environment = current_environment()
-    outcome = skipped(planned.problem) if planned.problem is not None else run(planned.point)
-    return Record(
+    record = skipped(planned.problem) if planned.problem is not None else run(planned.point)
+    files = record.files if isinstance(record.files, dict) else {}
+    return replace(
+        record,
         point_id=identity(planned.point, environment),
-        status=outcome.status,
-        error=outcome.error,
         configuration=planned.point.configuration(),
-        environment=asdict(environment) | {"code_sha256": code_of_worker(outcome.files)},
-        warmup_samples=outcome.warmup_samples,
-        samples=outcome.samples,
-        results={**_packets(planned.point), **outcome.results, "on_purpose": outcome.on_purpose},
-        files=sorted(outcome.files),
+        environment=environment | {"code_sha256": code_of_worker(files)},
+        results=_packets(planned.point) | record.results,
+        files=sorted(files),
     )
 
 

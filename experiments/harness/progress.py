@@ -1,15 +1,14 @@
-"""What is running, what is left and when it will be done: a bar on a terminal, plain lines elsewhere."""
+"""What is running, what is left and when it will be done: a line a point, and on a terminal the one that runs."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from statistics import median
-from types import TracebackType
 
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from atra.errors import printable
 
@@ -17,62 +16,40 @@ _ENOUGH = 3
 """Fewest points whose median time predicts the rest; the first may have waited for kernels to compile."""
 
 
-class SweepProgress:
-    """Progress over `total` points; a context manager.
-
-    clock: seconds, monotonic.
-    """
+class SweepProgress(AbstractContextManager["SweepProgress"]):
+    """Progress over `total` points. clock: seconds, monotonic."""
 
     def __init__(self, total: int, console: Console, clock: Callable[[], float] = time.monotonic) -> None:
-        self._total = total
-        self._console = console
-        self._clock = clock
-        self._done = 0
+        self._total, self._console, self._clock = total, console, clock
         self._begun_s = clock()
         self._took_s: list[float] = []
-        self._bar = Progress(
-            SpinnerColumn(),
-            BarColumn(bar_width=24),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TextColumn("{task.fields[left]}"),
-            TextColumn("{task.description}"),
-            console=console,
-            disable=not console.is_terminal,
-            transient=True,
-        )
-        self._task = self._bar.add_task("", total=total, left="")
+        self._running = console.status("")  # shown on a terminal alone
 
     def __enter__(self) -> SweepProgress:
-        self._bar.start()
+        self._running.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._bar.stop()
+    def __exit__(self, *raised: object) -> None:
+        self._running.stop()
 
     def begin(self, label: str) -> None:
         """A point starts."""
-        self._bar.update(self._task, description=escape(printable(label)), left=self._left())
+        self._running.update(escape(printable(label)))
 
     def end(self, label: str, outcome: str) -> None:
         """The point begun last is done, or the next of several begun together. outcome: what came of it, a line, and
         further lines that are told below it."""
-        self._done += 1
         now_s = self._clock()
         self._took_s.append(now_s - self._begun_s)
         self._begun_s = now_s
-        self._bar.update(self._task, completed=self._done, left=self._left())
-        count = f"[{self._done:>{len(str(self._total))}}/{self._total}]"
-        left = "" if self._console.is_terminal else f" ({self._left()})"
+        done = len(self._took_s)
         first, *further = outcome.split("\n")
-        say(self._console, f"{count} {label}: {first}{left}")
+        say(self._console, f"[{done:>{len(str(self._total))}}/{self._total}] {label}: {first} ({self._left()})")
         for line in further:
             say(self._console, f"    {line}")
 
     def _left(self) -> str:
-        remaining = self._total - self._done
+        remaining = self._total - len(self._took_s)
         if remaining == 0:
             return "none left"
         if len(self._took_s) < _ENOUGH:

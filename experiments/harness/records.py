@@ -32,7 +32,7 @@ with all of them."""
 
 @dataclass(frozen=True)
 class Record:
-    """A point's outcome.
+    """What became of a point. Its worker leaves `point_id`, `configuration` and `environment` to the run that asked.
 
     point_id: from `point_id`; also the file's name.
     status: ok = measured; skipped = cannot be measured under this configuration, or for want of memory, or predicted to
@@ -40,19 +40,19 @@ class Record:
     error: why, when not ok.
     configuration, environment: plain values; see `experiments.harness.point.Point` and
     `experiments.harness.environment`. warmup_samples, samples: seconds by method name; sample r of every method belongs
-    to one round. results: everything else that was measured, by name with its unit. files: whose code measured it
-    (`experiments.harness.identity`).
+    to one round. results: everything else that was measured, by name with its unit. files: whose code measured it; a
+    worker tells the hash of each (`experiments.harness.identity`).
     """
 
     point_id: str
     status: str
-    error: str | None
-    configuration: dict[str, Any]
-    environment: dict[str, Any]
+    error: str | None = None
+    configuration: dict[str, Any] = field(default_factory=dict)
+    environment: dict[str, Any] = field(default_factory=dict)
     warmup_samples: dict[str, list[float]] = field(default_factory=dict)
     samples: dict[str, list[float]] = field(default_factory=dict)
     results: dict[str, Any] = field(default_factory=dict)
-    files: list[str] = field(default_factory=list)
+    files: list[str] | dict[str, str] = field(default_factory=list)
 
     @property
     def finished(self) -> bool:
@@ -60,6 +60,20 @@ class Record:
         points may be wanted."""
         may_change = self.results.get(LACKED_MEMORY) or self.results.get(UNPROMISING)
         return self.status == "ok" or (self.status == "skipped" and not may_change)
+
+    def to_json(self) -> bytes:
+        """Raises ValueError for a NaN or an infinity."""
+        return json.dumps({"format": FORMAT, **asdict(self)}, indent=1, allow_nan=False).encode() + b"\n"
+
+    @classmethod
+    def from_json(cls, content: bytes) -> Record:
+        """Raises ValueError, TypeError or AttributeError for what is no record, or of another version."""
+        fields = json.loads(content)
+        version = fields.pop("format", None)
+        if version != FORMAT:
+            raise ValueError(f"it is of format {version}, expected {FORMAT}")
+        fields.pop("sha256", None)  # earlier versions of atra wrote a digest
+        return cls(**fields)
 
 
 def without_limits(configuration: Mapping[str, Any]) -> dict[str, Any]:
@@ -87,8 +101,7 @@ def write_record(folder: Path, record: Record) -> Path:
     Raises StorageError.
     """
     path = record_path(folder, record.point_id)
-    text = json.dumps({"format": FORMAT, **asdict(record)}, indent=1, allow_nan=False) + "\n"
-    write_atomically(path, text.encode())
+    write_atomically(path, record.to_json())
     return path
 
 
@@ -99,12 +112,7 @@ def load_record(folder: Path, identity: str) -> Record | None:
     """
     path = record_path(folder, identity)
     try:
-        fields = json.loads(path.read_bytes())
-        version = fields.pop("format", None)
-        if version != FORMAT:
-            raise ValueError(f"it is of format {version}, expected {FORMAT}")
-        fields.pop("sha256", None)  # earlier versions of atra wrote a digest
-        return Record(**fields)
+        return Record.from_json(path.read_bytes())
     except FileNotFoundError:
         return None
     except (OSError, ValueError, TypeError, AttributeError) as error:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import inf
 
 from atra.errors import ClockError
-from experiments.harness.environment import Moment, Occupancy
+from experiments.harness.processes.idle import Moment, Occupancy
 
 MINIMUM_ROUNDS = 3
 """A time budget never cuts below this many rounds: a median of fewer has no spread to show."""

@@ -149,15 +149,6 @@ def choices_of(rows: pd.DataFrame, want: str, without: tuple[str, ...] = ()) -> 
     }  # fmt: skip
 
 
-def named_if_known(rows: pd.DataFrame) -> float:
-    """The share of views whose fastest method is named, the rasteriser apart, were the mean error of each family in
-    each view known."""
-    rows = rows[(rows["want"] == "nearest") & (rows["method"] != "raster")]
-    rows = rows.assign(log_error=np.log(rows["predicted_time_s"] / rows["measured_time_s"]))
-    known = np.exp(rows.groupby(["family", "scene", "view"])["log_error"].transform("mean"))
-    return choices_of(rows.assign(predicted_time_s=rows["predicted_time_s"] / known), "nearest")["named"]
-
-
 COLUMNS = (
     "instruction_set", "scene", "view", "triangles", "width", "height", "method", "packet_width", "culling", "split_x",
     "split_y", "want", "family", "measured_time_s", "predicted_time_s", "measured_build_s", "predicted_build_s",

@@ -201,7 +201,7 @@ def keep_rows(folder: Path, rows: Iterator[dict[str, Any]], key: list[str]) -> p
     """Add rows to the table of a folder, in place of those of the same key, and print them; returns the table."""
     folder.mkdir(parents=True, exist_ok=True)
     path, machine = folder / "table.parquet", read_environment()
-    same = {"processor": machine.cpu, "cores": machine.logical_cores, "commit": machine.git_commit}
+    same = {"processor": machine["cpu"], "cores": machine["logical_cores"], "commit": machine["git_commit"]}
     made = pd.DataFrame(list(rows))
     parts = [pd.read_parquet(path)] if path.exists() else []
     table = pd.concat([*parts, made.assign(**same)]).drop_duplicates(key, keep="last", ignore_index=True)

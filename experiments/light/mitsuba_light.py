@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import Any
 
@@ -17,7 +17,6 @@ from atra.light import (
     Dielectric,
     Emissive,
     GradientSky,
-    Image,
     Lambertian,
     Metal,
     MetallicRoughness,
@@ -25,7 +24,6 @@ from atra.light import (
     Scene,
     Sun,
 )
-from atra.light.checks import Colour
 from atra.light.materials import Material
 from experiments.methods.peers.mitsuba_scene import INSTALL_LLVM, OLDEST_LLVM
 
@@ -62,13 +60,8 @@ def load_mitsuba(variant: str, setting: str, threads: int | None) -> tuple[Any, 
 
 
 def material_of(mi: Any, material: Material) -> Any:
-    """A material in Mitsuba's variant of the moment. Raises InputError for one that its plain materials are not: fuzz,
-    coloured textures, Schlick's approximation."""
-    made = _plain(mi, material)
-    return mi.load_dict(made) if isinstance(made, dict) else made
-
-
-def _plain(mi: Any, material: Material) -> Any:
+    """A material for `load_dict` in Mitsuba's variant of the moment. Raises InputError for one that its plain materials
+    are not: fuzz, coloured textures, Schlick's approximation."""
     match material:
         case Lambertian(colour=tuple()):
             return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": _rgb(material.colour)}}
@@ -80,57 +73,14 @@ def _plain(mi: Any, material: Material) -> Any:
         case MetallicRoughness(metallic=1.0, colour=(1.0, 1.0, 1.0), metallic_roughness=None, normals=None):
             conductor = {"type": "roughconductor", "material": "none", "distribution": "ggx"}
             return {"type": "twosided", "bsdf": conductor | {"alpha": max(material.roughness**2, 1e-3)}}
-        case MetallicRoughness(
-            specular=0.0, metallic=0.0, transmission=0.0, colour=tuple(), normals=Image() as normals
-        ):
-            texels = np.array(normals.texels[..., :3], np.float32)
-            bumps = {"type": "bitmap", "bitmap": mi.Bitmap(texels), "raw": True}
-            base = {"type": "diffuse", "reflectance": _rgb(material.colour)}
-            bumpy = {"type": "normalmap", "normalmap": bumps, "bsdf": base, "use_shadowing_function": False}
-            return {"type": "twosided", "bsdf": bumpy}
-        case MetallicRoughness(transmission=1.0, metallic=0.0, roughness=0.0, is_thin=True, colour=tuple() as colour):
-            return _pane(mi, ((material.ior - 1.0) / (material.ior + 1.0)) ** 2, colour)
         case Emissive():
             return {"type": "diffuse", "reflectance": _rgb((0, 0, 0))}
     raise InputError(f"Mitsuba 3 has no plain material for {material!r:.100}")
 
 
-def _pane(mi: Any, least: float, colour: Colour) -> Any:
-    """glTF's thin glass: mirrors by Schlick's approximation, and lets the rest straight on. Mitsuba's own also counts
-    light that is mirrored within the pane."""
-
-    class Pane(mi.BSDF):  # type: ignore[misc]
-        def __init__(self, properties: Any) -> None:
-            super().__init__(properties)
-            sides = mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
-            self.m_components = [kind | sides for kind in (mi.BSDFFlags.DeltaReflection, mi.BSDFFlags.Null)]
-            self.m_flags = self.m_components[0] | self.m_components[1]
-
-        def sample(self, context: Any, hit: Any, chance: Any, place: Any, active: Any = True) -> Any:
-            dr, found = import_module("drjit"), mi.BSDFSample3f()
-            mirrored = least + (1.0 - least) * (1.0 - dr.abs(mi.Frame3f.cos_theta(hit.wi))) ** 5
-            is_mirrored = chance < mirrored
-            found.wo = dr.select(is_mirrored, mi.reflect(hit.wi), -hit.wi)
-            found.pdf, found.eta = dr.select(is_mirrored, mirrored, 1.0 - mirrored), 1.0
-            kinds = mi.UInt32(+mi.BSDFFlags.DeltaReflection), mi.UInt32(+mi.BSDFFlags.Null)
-            found.sampled_type = dr.select(is_mirrored, *kinds)
-            found.sampled_component = dr.select(is_mirrored, mi.UInt32(0), mi.UInt32(1))
-            return found, dr.select(active, dr.select(is_mirrored, mi.Color3f(1.0), mi.Color3f(colour)), 0.0)
-
-        def eval(self, *_: Any) -> Any:
-            return mi.Color3f(0.0)
-
-        def pdf(self, *_: Any) -> Any:
-            return mi.Float(0.0)
-
-        def eval_pdf(self, *_: Any) -> Any:
-            return self.eval(), self.pdf()
-
-    return Pane(mi.Properties())
-
-
-def parts_of(mi: Any, scene: Scene) -> dict[str, Any]:
+def parts_of(mi: Any, scene: Scene, bsdf_of: Callable[[Any, Material], Any] = material_of) -> dict[str, Any]:
     """The triangles, lamps and sky of a scene, in Mitsuba's variant of the moment; `load_dict` makes a scene of them.
+    bsdf_of: makes a material.
 
     Raises InputError for what Mitsuba would show otherwise: normals between corners, a sky of two colours.
     """
@@ -146,7 +96,8 @@ def parts_of(mi: Any, scene: Scene) -> dict[str, Any]:
     for number, material in enumerate(scene.materials):
         faces = scene.mesh.faces[scene.face_materials == number]
         properties = mi.Properties()
-        properties["bsdf"] = material_of(mi, material)
+        bsdf = bsdf_of(mi, material)
+        properties["bsdf"] = mi.load_dict(bsdf) if isinstance(bsdf, dict) else bsdf
         if isinstance(material, Emissive):
             properties["emitter"] = mi.load_dict({"type": "area", "radiance": _rgb(material.colour)})
         used, faces = np.unique(faces, return_inverse=True)

@@ -1,12 +1,10 @@
-"""A small baker in waves: paths of many texels pass every stage together, with lanes packed or not.
-
-It finds the light of `atra.light.Baker` to the bit, and is measured for what the article on a progressive lightmapper
-claims of compaction and expansion.
-"""
+"""A small baker in waves: paths of many texels pass every stage together, with lanes packed or not. It is measured for
+what the article on a progressive lightmapper claims of compaction and expansion."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from contextlib import AbstractContextManager
+from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
@@ -17,55 +15,43 @@ from atra.light import Atlas, Lightmap, Scene, Texels, constant_sky
 from atra.light.batches import Laps, in_batches
 from atra.light.emitters.emitters_kernels import has_emitters
 from atra.light.emitters.tables import emitters_of
-from atra.light.lightmaps.options import BakeOptions
-from atra.light.lightmaps.paths import Paths
-from atra.light.lightmaps.sums_kernels import SUMS
+from atra.light.lightmaps.paths import BakeOptions, Paths
+from atra.light.lightmaps.paths_kernels import SUMS
 from atra.light.pictures.path_kernels import FREE_ROWS
 from atra.rays.kernel_scene import Query, scene_for_kernels
 from experiments.light import waves_kernels as waves
 
 
-@dataclass(frozen=True)
-class WaveOptions(BakeOptions):
-    """Options of a bake, and of its waves.
+class WaveBaker(AbstractContextManager["WaveBaker"]):
+    """Samples of a lightmap as `atra.light.Baker` makes them to the bit, in waves.
 
     environment: whether a panorama is found by both kinds of rays, "mis", or by scattered ones alone, "bsdf".
     compaction: lanes packed together: all of the map, "none"; lit texels, "texels"; or also paths that go on after a
-    bounce, "bounces". batch_rays: rays in flight, of all threads. expansion: samples of a texel side by side.
-    """
-
-    environment: str = "mis"
-    compaction: str = "bounces"
-    batch_rays: int = 1 << 19
-    expansion: int = 16
-
-
-class WaveBaker:
-    """Samples of a lightmap as `atra.light.Baker` makes them, in waves.
-
+    bounce, "bounces". batch_rays: rays in flight, of all threads. expansion: samples of a texel side by side. options:
+    of `Baker`.
     stage_s: seconds by stage, averaged over threads. rays, lanes: rays traced, and lanes of their packets, idle ones
     included. buffer_bytes: memory of the rays in flight. Other attributes are those of `Baker`.
     """
 
-    def __init__(self, scene: Scene, atlas: Atlas, **options: Any) -> None:
-        self.scene, self.options = scene, WaveOptions(**options)
+    def __init__(
+        self, scene: Scene, atlas: Atlas, *, environment: str = "mis", compaction: str = "bounces",
+        batch_rays: int = 1 << 19, expansion: int = 16, **options: Any,
+    ) -> None:  # fmt: skip
+        self.scene, self.options = scene, BakeOptions(**options)
+        self.compaction, self.expansion = compaction, expansion
         self.texels, self.rays_scene = Texels.of(scene.mesh, atlas), scene_for_kernels(scene.mesh, self.options)
         self._paths = Paths(scene, self.texels, self.options)
-        self._emitters = self._paths.emitters
-        if self.options.environment == "bsdf":
-            self._emitters = emitters_of(replace(scene, sky=constant_sky(0.0)), self.options.lights)
+        aimed_at = replace(scene, sky=constant_sky(0.0)) if environment == "bsdf" else scene
+        self._emitters = emitters_of(aimed_at, self.options.lights)
         self.visible: NDArray[np.bool_] | None = None
         self.samples, self._sums = np.zeros(len(self.texels), np.int32), np.zeros((len(self.texels), SUMS))
         threads = self.rays_scene.threads
-        self.paths_at_once = max(self.options.batch_rays // threads, self.options.expansion)
+        self.paths_at_once = max(batch_rays // threads, expansion)
         self._waves = [waves.new_wave(self.paths_at_once) for _ in range(threads)]
         self.buffer_bytes = sum(array.nbytes for wave in self._waves for array in wave)
         self.stage_s: dict[str, float] = {}
         self.rays = self.lanes = 0
         self.rays_scene.build()
-
-    def __enter__(self) -> WaveBaker:
-        return self
 
     def __exit__(self, *error: object) -> None:
         self.rays_scene.close()
@@ -81,14 +67,14 @@ class WaveBaker:
         order = self._order(np.ones(len(self.texels), np.bool_) if wanted is None else wanted)
         self._took("order", perf_counter() - start)
         while samples > 0 and len(order):
-            count = min(samples, self.options.expansion)
+            count = min(samples, self.expansion)
             self._pass(order, count)
             samples -= count
 
     def _order(self, wanted: NDArray[np.bool_]) -> NDArray[np.int32]:
         """Numbers of wanted texels, neighbours together; or those of the whole map in rows, -1 elsewhere."""
         texels = self.texels
-        if self.options.compaction != "none":
+        if self.compaction != "none":
             return texels.along_curve[wanted[texels.along_curve]]
         order = np.full(texels.atlas.width * texels.atlas.height, -1, np.int32)
         order[texels.number[wanted]] = np.flatnonzero(wanted)
@@ -125,7 +111,7 @@ class WaveBaker:
     def _follow(self, query: Query, wave: waves.Wave, count: int, lap: Laps) -> tuple[int, int]:
         """Follow the paths of a wave to their ends; returns rays traced, and lanes of their packets."""
         surfaces, emitters, limits = self._paths.surfaces, self._emitters, self._paths.limits
-        free, is_packed = np.zeros((FREE_ROWS, 1), np.float32), self.options.compaction == "bounces"
+        free, is_packed = np.zeros((FREE_ROWS, 1), np.float32), self.compaction == "bounces"
         rays = lanes = 0
         while True:
             if has_emitters(emitters):

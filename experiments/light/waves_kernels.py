@@ -11,8 +11,19 @@ from atra.compiled.store import float_kernel, njit
 from atra.embree.packets_kernels import INFINITY, MISS, START, hit_distance, hit_prim_id, intersect, set_no_hit
 from atra.light.emitters.emitters_kernels import FROM_SKY
 from atra.light.emitters.emitters_kernels import aim as aim_at_emitter
-from atra.light.lightmaps.paths_kernels import add_sample, place_in_texel, sequence_key, start_in, white_spot
-from atra.light.lightmaps.sums_kernels import BACK, DIRECT, ENVIRONMENT, INDIRECT, OPEN, RESULTS
+from atra.light.lightmaps.paths_kernels import (
+    BACK,
+    DIRECT,
+    ENVIRONMENT,
+    INDIRECT,
+    OPEN,
+    RESULTS,
+    add_sample,
+    place_in_texel,
+    sequence_key,
+    start_in,
+    white_spot,
+)
 from atra.light.numbers_kernels import ONE, ZERO, scaled, set_vector, vector
 from atra.light.pictures.path_kernels import (
     FREE_KIND,

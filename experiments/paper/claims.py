@@ -3,55 +3,73 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import partial
+from dataclasses import replace
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from experiments.paper import images, speed
-from experiments.paper.evidence import Evidence
-from experiments.paper.judging import on_scenes
+from experiments.paper import functions
+from experiments.paper.evidence import ABSENT, PAPER_SCENES, Scene, collect_scenes, paper_scene
 from experiments.paper.ratios import KEYS, judge_ratios
 from experiments.paper.readings import EVERY_HIT, UNDER, readings_of
-from experiments.results.claims import Judge, JudgedClaim, judge_all
+from experiments.results.claims import Judge, JudgedClaim, Judgement, judge_all
 from experiments.results.queries import check_keys, query_judge, read_claims
+from experiments.results.statistics import NotMeasuredError
+from experiments.results.verdicts import Outcome, on_cases
 from experiments.workloads.reported import BEST_SPEEDUPS
 
-
-def best_speedup_id(scene: str) -> str:
-    """The id of the claim on the best speed-up of a scene."""
-    return f"best-speedup-{scene}"
-
-
-_FUNCTIONS: Mapping[str, Callable[..., Any]] = {
-    function.__name__: function
-    for function in (
-        speed.too_many_splits_slow_down, speed.more_splits_faster, speed.larger_scenes_gain_less,
-        speed.time_follows_cost_model, images.image_without_error, images.any_divisor_works,
-    )
-}  # fmt: skip
-"""What judges a claim that no query says, from a scene and a reading."""
+Evidence = Callable[[], dict[str, Scene]]
+"""The scenes of a table, collected once for all claims. Raises NotMeasuredError."""
 
 
 def paper_judges(query: Mapping[str, Any] | str) -> Mapping[str, Judge]:
     """By reading, what judges a claim of claims.toml. Raises ValueError for a key that no judge has.
 
-    query: as `ratios` says; function: its name instead. on: the scenes, see `on_scenes`; every where nothing is said.
-    under: its readings, a name of `UNDER`.
+    query: as `ratios` says; function: its name instead, of `functions`. on: the scenes, see `_on_scenes`; every where
+    nothing is said. under: its readings, a name of `UNDER`.
     """
     if isinstance(query, str):
         return {"": query_judge(query)}
     check_keys("a judge", query, {*KEYS, "function", "on", "under"})
-    judge = _FUNCTIONS[query["function"]] if "function" in query else partial(judge_ratios, query)
-    readings = UNDER[query.get("under", "")]
-    on = query.get("on", "every")
-    return {name: on_scenes(partial(judge, reading=reading), on) for name, reading in readings.items()}
+    judge = getattr(functions, query["function"]) if "function" in query else partial(judge_ratios, query)
+    on, readings = query.get("on", "every"), UNDER[query.get("under", "")]
+    return {name: _on_scenes(partial(judge, reading=reading), on) for name, reading in readings.items()}
+
+
+def _on_scenes(judge: Callable[[Any], Any], on: str) -> Judge:
+    """A judge of the evidence, from one of a scene. on: "every" scene or "some" scene, or its stand-in; the name of a
+    scene, which is compared with the paper's number; or "together", all four at once, compared with each other. The
+    latter two take no stand-in, and the paper's image size alone."""
+
+    def judged(evidence: Evidence) -> Judgement:
+        scenes = evidence()
+        if on == "together":
+            told: Judgement = judge({name: paper_scene(scenes, name) for name in PAPER_SCENES})
+            return told
+        if on in PAPER_SCENES:
+            outcome = judge(paper_scene(scenes, on))
+            interval = None if outcome.estimate is None else outcome.estimate.interval()
+            return Judgement(outcome.verdict, outcome.value, interval, outcome.why)
+        return on_cases([_case(judge, name, scenes.get(name)) for name in PAPER_SCENES], every=on == "every")
+
+    return judged
+
+
+def _case(judge: Callable[[Scene], Outcome], name: str, scene: Scene | None) -> tuple[str, Outcome]:
+    if scene is None:
+        return name, Outcome(None, why=ABSENT)
+    try:
+        outcome = judge(scene)
+    except NotMeasuredError as error:
+        outcome = Outcome(None, why=str(error))
+    return scene.measured, replace(outcome, stand_in=f"{scene.measured} for {name}" if scene.stand_in else None)
 
 
 CLAIMS = read_claims(
-    Path(__file__).with_suffix(".toml"), {}, paper_judges, best=BEST_SPEEDUPS, largest_loss=speed.LARGEST_LOSS,
-    exponent=speed.MODEL_EXPONENT, r_squared=speed.MODEL_R_SQUARED,
+    Path(__file__).with_suffix(".toml"), {}, paper_judges, best=BEST_SPEEDUPS, largest_loss=functions.LARGEST_LOSS,
+    exponent=functions.MODEL_EXPONENT, r_squared=functions.MODEL_R_SQUARED,
 )  # fmt: skip
 
 
@@ -64,5 +82,5 @@ def judge_claims(processes: pd.DataFrame | None) -> tuple[JudgedClaim, ...]:
     under = {reading.name for reading in readings_of(processes)}
     if under != {EVERY_HIT.name}:
         under.add("")
-    evidence = Evidence(processes)
-    return tuple(claim for claim in judge_all(CLAIMS, evidence) if claim.reading in under)
+    judged = judge_all(CLAIMS, cache(partial(collect_scenes, processes)))
+    return tuple(claim for claim in judged if claim.reading in under)

@@ -9,10 +9,8 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.paper.claims import best_speedup_id
-from experiments.paper.evidence import TIMED, NotMeasuredError, SceneRows, collect_scenes
-from experiments.paper.judging import paper_scene
-from experiments.paper.readings import PACKETS_OVER, READINGS, BestGain, Reading, best_gain, readings_of
+from experiments.paper.evidence import TIMED, Scene, collect_scenes, paper_scene
+from experiments.paper.readings import PACKETS_OVER, READINGS, Gain, Reading, best_gain, readings_of
 from experiments.results.claims import (
     DOES_NOT_HOLD,
     HOLDS,
@@ -23,37 +21,26 @@ from experiments.results.claims import (
     by_claim,
     verdict_on,
 )
-from experiments.results.verdicts import decide_greater
+from experiments.results.statistics import NotMeasuredError
 from experiments.workloads.reported import BEST_SPEEDUPS
 
 
 @dataclass(frozen=True)
-class Gain:
-    """best: None where there is none. why: why there is none, or why there may be a better one; None where all was
-    measured."""
-
-    best: BestGain | None
-    why: str | None
-
-
-@dataclass(frozen=True)
 class SceneGains:
-    """Best gains of one scene over horizontal splits, culling on.
+    """Best gains of one scene over horizontal splits, culling on; in place of a gain stands why there is none.
 
     paper: the paper's best speed-up of single rays; None where ours are not to be held against it, and then `differs`
     says why. single: by reading, single rays over single rays. packets: packets of `packet_width` rays, by what they
     are over (`PACKETS_OVER`); empty without packets.
     """
 
-    paper_scene: str
-    scene: str
-    stand_in: bool
+    scene: Scene
     triangles: int | None
     paper: float | None
     differs: str | None
-    single: dict[str, Gain]
+    single: dict[str, Gain | str]
     packet_width: int
-    packets: dict[str, Gain]
+    packets: dict[str, Gain | str]
 
 
 def scene_gains(processes: pd.DataFrame | None) -> tuple[SceneGains, ...]:
@@ -62,69 +49,39 @@ def scene_gains(processes: pd.DataFrame | None) -> tuple[SceneGains, ...]:
     processes: as `experiments.results.table.make_tables` gives them. Raises NotMeasuredError where its rows do not
     compare, and where there is not one gain to be had, each with its reason.
     """
-    scenes = collect_scenes(processes)
-    timed = {name: scene for name, scene in scenes.items() if any(row["workload"] in TIMED for row in scene.rows)}
-    readings = readings_of(processes)
-    by_scene = tuple(_of_scene(name, scene, scenes, readings) for name, scene in timed.items())
+    scenes, readings = collect_scenes(processes), readings_of(processes)
+    by_scene = [
+        _of_scene(scene, scenes, readings) for scene in scenes.values() if scene.rows["workload"].isin(TIMED).any()
+    ]
     gains = [gain for of_scene in by_scene for gain in (*of_scene.single.values(), *of_scene.packets.values())]
-    if all(gain.best is None for gain in gains):
-        raise NotMeasuredError(
-            next((gain.why for gain in gains if gain.why), "no frame of a scene of the paper was timed")
-        )
-    return by_scene
+    if not any(isinstance(gain, Gain) for gain in gains):
+        raise NotMeasuredError(gains[0] if gains else "no frame of a scene of the paper was timed")
+    return tuple(by_scene)
 
 
-def _of_scene(name: str, scene: SceneRows, scenes: dict[str, SceneRows], readings: tuple[Reading, ...]) -> SceneGains:
-    paper: float | None
+def _of_scene(scene: Scene, scenes: dict[str, Scene], readings: tuple[Reading, ...]) -> SceneGains:
+    differs = None
     try:
-        paper_scene(scenes, name)
-        paper, differs = BEST_SPEEDUPS[name], None
+        paper_scene(scenes, scene.name)
     except NotMeasuredError as error:
-        paper, differs = None, str(error)
+        differs = str(error)
     workloads = {reading.workload for reading in readings}
-    width = max(scene.widest_packets(workload) for workload in workloads)
+    width = max(map(scene.widest_packets, workloads))
     packets = {
         words: _gain(scene, reading, width, 1 if over_single else width)
         for words, reading, over_single in PACKETS_OVER
         if width > 1 and reading.workload in workloads
     }
-    return SceneGains(
-        paper_scene=name,
-        scene=scene.scene,
-        stand_in=scene.stand_in,
-        triangles=next((row["triangles"] for row in scene.rows if row["triangles"] is not None), None),
-        paper=paper,
-        differs=differs,
-        single={reading.name: _gain(scene, reading) for reading in readings},
-        packet_width=width,
-        packets=packets,
-    )
+    triangles, paper = scene.rows["triangles"].dropna(), BEST_SPEEDUPS[scene.name] if differs is None else None
+    single = {reading.name: _gain(scene, reading) for reading in readings}
+    return SceneGains(scene, next(iter(triangles), None), paper, differs, single, width, packets)
 
 
-def _gain(*asked: Any) -> Gain:
+def _gain(*asked: Any) -> Gain | str:
     try:
-        gain = best_gain(*asked)
+        return best_gain(*asked)
     except NotMeasuredError as error:
-        return Gain(None, str(error))
-    return Gain(gain, gain.missing)
-
-
-_STANDS = {True: "ahead", None: "level", False: "behind"}
-
-
-def where_packets_stand(gains: Sequence[SceneGains]) -> list[str]:
-    """A sentence for each kind of ray packets: the scenes where aligned packets are ahead of them, level with
-    them or behind them, by the one rule of verdict."""
-    told = []
-    for words in (words for words, reading, _ in PACKETS_OVER if not reading.gathers):
-        decided: dict[bool | None, list[str]] = {ahead: [] for ahead in _STANDS}
-        for of_scene in gains:
-            if words in of_scene.packets and (best := of_scene.packets[words].best) is not None:
-                decided[decide_greater(best.gain)].append(of_scene.scene)
-        said = "; ".join(f"{_STANDS[ahead]} on {_list(names)}" for ahead, names in decided.items() if names)
-        if said:
-            told.append(f"Aligned packets beside {words}: {said}.")
-    return told
+        return str(error)
 
 
 _SAID = {
@@ -141,39 +98,35 @@ def conclude(claims: Sequence[JudgedClaim], gains: Sequence[SceneGains], stand_i
 
     stand_ins: scenes of the paper that were replaced.
     """
-    of_speed = {best_speedup_id(scene): scene for scene in BEST_SPEEDUPS}
-    speed = [claim for claim in claims if claim.id in of_speed]
-    others = by_claim([claim for claim in claims if claim.id not in of_speed and not claim.inferred])
-    verdicts = Counter(verdict_on(readings) for readings in others)
-    return f"{_say_speed(speed, gains)} {_say_others(verdicts, stand_ins)}"
-
-
-def _say_speed(speed: Sequence[JudgedClaim], gains: Sequence[SceneGains]) -> str:
+    of_speed = {f"best-speedup-{scene}": scene for scene in BEST_SPEEDUPS}
+    speed = [(of_speed[claim.id], claim) for claim in claims if claim.id in of_speed]
     reached = [told for reading in READINGS if (told := _say_reading(reading, speed, gains))]
-    if not reached:
-        return "No speed-up was measured that is to be held against the paper's."
     low, high = min(BEST_SPEEDUPS.values()), max(BEST_SPEEDUPS.values())
-    return f"The paper's best speed-ups, {low:.2f} to {high:.2f}, are reached {', and '.join(reached)}."
+    said = f"The paper's best speed-ups, {low:.2f} to {high:.2f}, are reached {', and '.join(reached)}."
+    if not reached:
+        said = "No speed-up was measured that is to be held against the paper's."
+    others = by_claim([claim for claim in claims if claim.id not in of_speed and not claim.inferred])
+    return f"{said} {_say_others(Counter(map(verdict_on, others)), stand_ins)}"
 
 
-def _say_reading(reading: Reading, speed: Sequence[JudgedClaim], gains: Sequence[SceneGains]) -> str:
+def _say_reading(
+    reading: Reading, speed: Sequence[tuple[str, JudgedClaim]], gains: Sequence[SceneGains]
+) -> str:  # fmt: skip
     """ "" where no scene was judged."""
-    verdicts = {claim.id: claim.verdict for claim in speed if claim.reading == reading.name}
-    counted = Counter(verdicts.values())
-    values = [
-        best.gain.value
+    verdicts = {scene: claim.verdict for scene, claim in speed if claim.reading == reading.name}
+    judged = [
+        gain.estimate.value
         for of_scene in gains
-        if verdicts.get(best_speedup_id(of_scene.paper_scene), NOT_MEASURED) != NOT_MEASURED
-        and (best := of_scene.single[reading.name].best) is not None
+        if verdicts.get(of_scene.scene.name, NOT_MEASURED) != NOT_MEASURED
+        and isinstance(gain := of_scene.single[reading.name], Gain)
     ]
-    if not values:
+    if not judged:
         return ""
-    low, high = (f"{value:.2f}" for value in (min(values), max(values)))
-    open_ones = [f"; {verdict} on {counted[verdict]}" for verdict in (UNDECIDED, NOT_MEASURED) if counted[verdict]]
-    return (
-        f"on {counted[HOLDS] or 'none'} of {len(BEST_SPEEDUPS)} scenes over {reading.rays} "
-        f"({low if low == high else f'{low} to {high}'} here{''.join(open_ones)})"
-    )
+    counted = Counter(verdicts.values())
+    values = " to ".join(dict.fromkeys(f"{value:.2f}" for value in (min(judged), max(judged))))
+    left_open = [f"; {verdict} on {counted[verdict]}" for verdict in (UNDECIDED, NOT_MEASURED) if counted[verdict]]
+    number = f"on {counted[HOLDS] or 'none'} of {len(BEST_SPEEDUPS)} scenes over {reading.rays}"
+    return f"{number} ({values} here{''.join(left_open)})"
 
 
 def _say_others(verdicts: Counter[str], stand_ins: Collection[str]) -> str:

@@ -9,13 +9,12 @@ from experiments.drawing.missing import Missing, without_value
 from experiments.drawing.style import BLACK, DOTTED
 from experiments.drawing.values import numbers
 from experiments.methods.naming import FORM_OPTIONS, FORM_STYLES, INSTANCED, aligned_forms, aligned_rows
-from experiments.results.settings import say_setting
 from experiments.results.table import workload_rows
 from experiments.workloads.frame import FRAME
 from experiments.workloads.frame_figures import RATIO_LABELS, SPLIT_AXES, splits_panel
 from experiments.workloads.memory import MEMORY
 from experiments.workloads.memory.shown import baseline_rows, memory_mib
-from experiments.workloads.panels import PanelRows, figure_of, make_panels
+from experiments.workloads.panels import figure_of, make_panels
 
 _BASELINE_STYLE = {"color": BLACK, "linestyle": DOTTED}
 _MEMORY_BASELINE = "one ray per pixel (memory)"
@@ -29,9 +28,10 @@ def instancing_figure(table: pd.DataFrame) -> Figure:
     """
     table = workload_rows(table, MEMORY.name, FRAME.name)
     memory, time = (table[table["workload"] == workload.name] for workload in (MEMORY, FRAME))
-    time = _at_widths_of_instances(aligned_rows(time))
-    panels = []
-    for pair in _pairs(pd.concat([time, aligned_rows(memory)])):
+    widths = aligned_forms(time).get(INSTANCED, time[:0])["packet_width"].dropna().unique()
+    time = aligned_rows(time)[lambda rows: rows["packet_width"].isin(widths) | (len(widths) == 0)]
+    rows, panels = pd.concat([time, _beside_times(aligned_rows(memory), time)]), []
+    for pair in make_panels(rows, (*FORM_OPTIONS, "split_x")):
         of_memory = pair.rows["workload"] == MEMORY.name
         shown = _memory(pair.rows[of_memory], baseline_rows(memory, pair.rows))
         panels += [
@@ -44,25 +44,13 @@ def instancing_figure(table: pd.DataFrame) -> Figure:
     )  # fmt: skip
 
 
-def _at_widths_of_instances(time: pd.DataFrame) -> pd.DataFrame:
-    widths = aligned_forms(time).get(INSTANCED, time[:0])["packet_width"].dropna().unique()
-    return time[time["packet_width"].isin(widths)] if len(widths) else time
-
-
-def _pairs(rows: pd.DataFrame) -> list[PanelRows]:
-    """Rows of each pair of panels; memory rows stand beside the times of every packet width."""
-    pairs = []
-    for panel in make_panels(rows, (*FORM_OPTIONS, "split_x", "packet_width")):
-        of_memory = panel.rows["workload"] == MEMORY.name
-        time, memory = panel.rows[~of_memory], panel.rows[of_memory]
-        widths = sorted(time["packet_width"].dropna().unique()) or [None]
-        for width in widths:
-            of_width = time if width is None else time[time["packet_width"] == width]
-            same = memory[memory["packet_width"] == width] if width is not None else memory
-            words = [panel.details, *([] if len(widths) == 1 else [say_setting("packet_width", width)])]
-            chosen = pd.concat([of_width, same if len(same) else memory])
-            pairs.append(PanelRows(panel.scene, ", ".join(filter(None, words)), chosen))
-    return pairs
+def _beside_times(memory: pd.DataFrame, time: pd.DataFrame) -> pd.DataFrame:
+    """Rows of memory for each packet width that was timed: those of that width, or else all."""
+    parts = [memory]
+    if len(widths := time["packet_width"].dropna().unique()):
+        chosen = [(width, memory[memory["packet_width"].eq(width)]) for width in widths]
+        parts = [(same if len(same) else memory).assign(packet_width=width) for width, same in chosen]
+    return pd.concat(parts)
 
 
 def _memory(rows: pd.DataFrame, baseline: pd.DataFrame) -> Panel:

@@ -23,20 +23,11 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-from experiments.paper.evidence import (
-    NotMeasuredError,
-    Row,
-    SceneRows,
-    best,
-    estimate,
-    measured_at,
-    read_number,
-    read_positive,
-)
-from experiments.paper.judging import TOO_WIDE
-from experiments.paper.readings import Reading, best_gain, relative_to_baseline
-from experiments.results.statistics import Estimate, geometric_mean
-from experiments.results.verdicts import Bounds, Known, Outcome, decide_greater
+from experiments.paper.evidence import Scene, measured_at, read_numbers
+from experiments.paper.readings import Reading, baseline, best, best_gain
+from experiments.results.queries import bounds_of
+from experiments.results.statistics import Estimate, NotMeasuredError, geometric_mean
+from experiments.results.verdicts import Known, Outcome
 from experiments.workloads.build import BUILD
 from experiments.workloads.frame import FRAME
 from experiments.workloads.memory import MEMORY
@@ -50,7 +41,7 @@ KEYS = (
     "each", "cost", "value", "fails", "each_fails", "open",
 )  # fmt: skip
 
-BASELINE = "baseline"
+TOO_WIDE = "the interval is wider than the difference"
 
 _SPLITS: Mapping[str, Callable[[int], list[tuple[int, int]]]] = {
     "none": lambda n: [(1, 1)],
@@ -61,70 +52,81 @@ _SPLITS: Mapping[str, Callable[[int], list[tuple[int, int]]]] = {
     "any of one axis": lambda n: [split for count in GRID_SPLITS for split in ((count, 1), (1, count))],
     "any of both axes": lambda n: [(x, y) for x in GRID_SPLITS for y in GRID_SPLITS],
 }
+_NO_CHOICE = ("none", "columns", "rows")
 
-Point = Mapping[str, Any]
+_KINDS: Mapping[str, Mapping[str, Any]] = {
+    "speed": {"column": "speedup", "packet_width": 1},
+    "build": {"column": "build_over_plain", "workload": BUILD.name},
+    "boxes": {"column": "boxes_entered", "workload": BUILD.name},
+    "memory": {"column": "embree_bytes", "workload": MEMORY.name},
+    "frame bytes": {"column": "embree_bytes", "workload": FRAME.name, "packet_width": 1},
+}
+"""What is compared. speed: over rtcIntersect1 in the same rounds; workload: of the reading where none is said. build:
+over the build of the plain mesh in the same rounds. boxes: those that a random ray enters, over the cells it serves."""
+
+_COUNTED = ("boxes_entered", "embree_bytes")
 
 
-def judge_ratios(query: Mapping[str, Any], scene: SceneRows, reading: Reading) -> Outcome:
+def judge_ratios(query: Mapping[str, Any], scene: Scene, reading: Reading) -> Outcome:
     """One scene's outcome. Raises NotMeasuredError."""
-    over_baseline = BASELINE in (query["numerator"], query["denominator"])
-    ratios, missing = (_over_baseline if over_baseline else _of_points)(query, scene, reading)
+    ratios, missing = (_best if query["shown"] == "best" else _of_points)(query, scene, reading)
     if missing and not (query.get("some_at") and ratios):
         raise NotMeasuredError(query.get("lacking") or next(iter(missing.values())))
     shown, n = _shown(query["shown"], ratios)
-    cost = _cost_of_instances(scene, query) if query.get("cost") else None
-    limit = BEST_SPEEDUPS[scene.paper_scene] if query.get("above") == "paper" else query.get("above")
-    why = next(iter(missing.values()), None)
-    fields = _Fields(scene, ratios, shown=shown, n=n, cost=cost, limit=limit, missing=why)
-    outcome = _outcome({**query, "above": limit}, fields)
+    limit = BEST_SPEEDUPS[scene.name] if query.get("above") == "paper" else query.get("above")
+    fields = _Fields(query, scene, reading, ratios, shown=shown, n=n, limit=limit)
+    fields["missing"] = next(iter(missing.values()), None)
+    outcome = _outcome({**query, "above": limit} if limit else query, fields)
     if missing and "unless" in query and outcome.holds is not {"holds": True, "fails": False}[query["unless"]]:
         raise NotMeasuredError(query.get("so_far", "{missing}").format_map(fields))
     return outcome
 
 
-def _of_points(query: Mapping[str, Any], scene: SceneRows, reading: Reading) -> tuple[dict[int, Known], dict[int, str]]:
+def _best(query: Mapping[str, Any], scene: Scene, reading: Reading) -> tuple[dict[int, Known], dict[int, str]]:
+    """The best ratio alone, by its number of splits, and why another was not measured."""
+    is_over = query["denominator"] == "baseline"
+    point = query["numerator" if is_over else "denominator"]
+    gain = best_gain(scene, reading, splits=query["at"], culling=point["culling"])
+    ratio = gain.estimate if is_over else gain.estimate.inverse()
+    return {gain.splits: ratio}, {} if gain.missing is None else {0: gain.missing}
+
+
+def _of_points(query: Mapping[str, Any], scene: Scene, reading: Reading) -> tuple[dict[int, Known], dict[int, str]]:
     """The ratios, by number of splits, and why others were not measured."""
-    read = _KINDS[query.get("of", "speed")]
 
     def ratio(n: int) -> Known:
-        usual = {"splits": "columns", "workload": reading.workload}
-        numerator, denominator = (read(scene, n, usual | query[end]) for end in ("numerator", "denominator"))
+        kind = {"workload": reading.workload, **_KINDS[query.get("of", "speed")]}
+        numerator, denominator = (
+            baseline(scene, reading) if query[end] == "baseline" else _read(scene, n, query[end], **kind)
+            for end in ("numerator", "denominator")
+        )
         return numerator.over(denominator) if isinstance(numerator, Estimate) else numerator / denominator
 
     return measured_at(query["at"], ratio)
 
 
-def _over_baseline(
-    query: Mapping[str, Any], scene: SceneRows, reading: Reading
-) -> tuple[dict[int, Known], dict[int, str]]:
-    """The same, of the one ratio that is shown."""
-    is_over = query["denominator"] == BASELINE
-    culling = query["numerator" if is_over else "denominator"].get("culling", True)
-    if query["shown"] == "best":
-        top = best_gain(scene, reading, splits=query["at"], culling=culling)
-        n, gain, missing = top.splits, top.gain, {} if top.missing is None else {0: top.missing}
-    else:
-        speedups, missing = measured_at(
-            query["at"], lambda n: scene.speedups((n, 1), culling=culling, workload=reading.workload)
-        )
-        if not speedups:
-            return {}, missing
-        n = max(speedups)
-        gain = relative_to_baseline(estimate(speedups[n]), scene, reading)
-    return {n: gain if is_over else gain.inverse()}, missing
+def _read(scene: Scene, n: int, point: Mapping[str, Any], column: str, workload: str, **more: Any) -> Any:
+    """A number of a point, of a choice of splits that of the best. Raises NotMeasuredError."""
+    choice = point.get("splits", "columns")
+    options = {"culling": point.get("culling", True), "geometry": point.get("geometry", "copied"), **more}
+    samples = {split: scene.sample(column, workload, split, **options) for split in _SPLITS[choice](n)}
+    first = next(iter(samples.values()))
+    if column in _COUNTED:
+        return first.values[0] / (n if column == "boxes_entered" and choice != "none" else 1)
+    return first.estimate() if choice in _NO_CHOICE else best(samples)[1]
 
 
 def _outcome(query: Mapping[str, Any], fields: _Fields) -> Outcome:
     """What the ratios say by the query's bounds, in its words."""
-    shown, ratios = fields["shown"], fields.ratios
+    shown = fields["shown"]
     interval = fields["cost"] if query.get("cost") else shown if isinstance(shown, Estimate) else None
     tell = partial(Outcome, value=query["value"].format_map(fields), estimate=interval)
-    states = {at: _decide(known, query["each"]) for at, known in ratios.items()} if "each" in query else {}
-    for at, state in states.items():
+    states = {n: bounds_of(query["each"]).decide(ratio) for n, ratio in fields.ratios.items() if "each" in query}
+    for n, state in states.items():
         if state is False:
-            return tell(False, why=query["each_fails"].format_map(_Fields(fields.scene, ratios, bad=ratios[at], n=at)))
-    is_bound = query["above"] is not None or "within" in query
-    holds = _decide(shown, query) if is_bound else None if None in states.values() else True
+            return tell(False, why=query["each_fails"].format_map({"bad": fields.ratios[n], "n": n}))
+    is_bound = "above" in query or "within" in query
+    holds = bounds_of(query).decide(shown) if is_bound else None if None in states.values() else True
     if holds is False and "fails" in query:
         return tell(False, why=query["fails"].format_map(fields))
     return tell(True) if holds else tell(None, why=query.get("open", TOO_WIDE))
@@ -138,19 +140,6 @@ def _shown(which: str, ratios: Mapping[int, Known]) -> tuple[Known, int]:
     return ratios[n], n
 
 
-def _decide(known: Known, bounds: Mapping[str, Any]) -> bool | None:
-    """True inside, False outside, None = the interval leaves it open; what is counted leaves nothing open."""
-    if isinstance(known, float):
-        if "at_most" in bounds:
-            return known <= float(bounds["at_most"])
-        return known > bounds["above"] if bounds.get("above") is not None else known < float(bounds["below"])
-    if bounds.get("above") is not None:
-        return decide_greater(known, bounds["above"])
-    if "within" in bounds:
-        return Bounds(1 / bounds["within"], bounds["within"]).decide(known)
-    return Bounds(high=bounds["at_most"]).decide(known)
-
-
 def _number(known: Known) -> float:
     return known if isinstance(known, float) else known.value
 
@@ -158,104 +147,59 @@ def _number(known: Known) -> float:
 class _Fields(dict[str, Any]):
     """Fields of a claim's texts; those that must be measured are read when a text has them."""
 
-    def __init__(self, scene: SceneRows, ratios: Mapping[int, Known], **known: Any) -> None:
+    def __init__(
+        self, query: Mapping[str, Any], scene: Scene, reading: Reading, ratios: Mapping[int, Known], **known: Any
+    ) -> None:
         super().__init__(known)
-        self.scene, self.ratios = scene, ratios
+        self.query, self.scene, self.reading, self.ratios = query, scene, reading, ratios
 
     def __missing__(self, name: str) -> Any:
-        return _MORE[name](self, self.scene, self.ratios)
+        return self.setdefault(name, _MORE[name](self))
 
 
-def _point(scene: SceneRows, workload: str, split: tuple[int, int], point: Point, **more: Any) -> list[Row]:
-    options = {"culling": point.get("culling", True), "geometry": point.get("geometry", "copied")}
-    return scene.processes(workload, split, **options, **more)
-
-
-def _speed(scene: SceneRows, n: int, point: Point) -> Estimate:
-    """Speed-up of single rays over rtcIntersect1; of a choice of splits that of the best."""
-    samples = {
-        split: scene.sample(_point(scene, point["workload"], split, point, packet_width=1), "speedup")
-        for split in _SPLITS[point["splits"]](n)
-    }
-    is_choice = point["splits"] not in ("columns", "rows", "none")  # even where a choice has one alone
-    return best(samples)[1] if is_choice else estimate(next(iter(samples.values())))
-
-
-def _build(scene: SceneRows, n: int, point: Point, column: str = "build_over_plain") -> Estimate:
-    """Over the build of the plain mesh in the same rounds."""
-    (split,) = _SPLITS[point["splits"]](n)
-    return estimate(scene.sample(_point(scene, BUILD.name, split, point), column))
-
-
-def _boxes(scene: SceneRows, n: int, point: Point) -> float:
-    """Boxes that a random ray enters, over the cells that it serves."""
-    (split,) = _SPLITS[point["splits"]](n)
-    for row in _point(scene, BUILD.name, split, point):
-        if row["boxes_entered"]:
-            return float(row["boxes_entered"]) / split[0]
-    raise NotMeasuredError("boxes_entered was not counted")
-
-
-def _bytes(workload: str, scene: SceneRows, n: int, point: Point, **more: Any) -> float:
-    """Embree's bytes."""
-    (split,) = _SPLITS[point["splits"]](n)
-    return read_positive(_point(scene, workload, split, point, **more)[0], "embree_bytes")
-
-
-_KINDS: Mapping[str, Callable[..., Any]] = {
-    "speed": _speed,
-    "build": _build,
-    "boxes": _boxes,
-    "memory": partial(_bytes, MEMORY.name),
-    "frame bytes": partial(_bytes, FRAME.name, packet_width=1),
-}
-"""What is compared."""
-
-
-def _growth(scene: SceneRows, splits: int) -> str:
+def _growth(fields: _Fields, splits: int) -> str:
     """What a process grew by from the loaded mesh to the built BVH, or that it was not measured."""
-    row = _point(scene, MEMORY.name, (splits, 1), {})[0]
+    rows = fields.scene.processes(MEMORY.name, (splits, 1), culling=True)[:1]
     try:
-        growth = read_number(row, "rss_bytes") - read_number(row, "rss_mesh_bytes")
+        growth = read_numbers(rows, "rss_bytes") - read_numbers(rows, "rss_mesh_bytes")
     except NotMeasuredError:
         return "not measured"
-    return f"{growth / 2**20:+,.1f} MiB"
+    return f"{growth[0] / 2**20:+,.1f} MiB"
 
 
-def _with_plan(scene: SceneRows, splits: int) -> float:
-    """Plan and build together, over those at one split."""
-    column = "plan_and_build_over_plain"
-    columns, whole = (_build(scene, splits, {"splits": name}, column) for name in ("columns", "none"))
-    return columns.over(whole).value
+def _with_plan(fields: _Fields) -> float:
+    """Plan and build together at the last n, over those at one split."""
+    kind = {"column": "plan_and_build_over_plain", "workload": BUILD.name}
+    columns, whole = (_read(fields.scene, n, {}, **kind) for n in (max(fields.ratios), 1))
+    return float(columns.over(whole).value)
 
 
-def _cost_of_instances(scene: SceneRows, query: Mapping[str, Any]) -> Estimate | None:
+def _cost(fields: _Fields) -> Estimate | None:
     """Frame time of the widest packets over that of the other point, mean over splits; None where not measured."""
+    kind = {**_KINDS["speed"], "workload": FRAME.name, "packet_width": fields.scene.widest_packets(FRAME.name)}
+    ends = [fields.query[end] for end in ("denominator", "numerator")]
 
     def ratio(n: int) -> Estimate:
-        width = scene.widest_packets(FRAME.name)
-        baseline, instances = (
-            estimate(scene.sample(_point(scene, FRAME.name, (n, 1), query[end], packet_width=width), "speedup"))
-            for end in ("denominator", "numerator")
-        )
-        return baseline.over(instances)
+        other, instances = (_read(fields.scene, n, point, **kind) for point in ends)
+        return other.over(instances)
 
-    ratios, _ = measured_at(query["at"], ratio)
+    ratios, _ = measured_at(fields.query["at"], ratio)
     return geometric_mean(list(ratios.values())) if ratios else None
 
 
-def _say_price(cost: Estimate | None) -> str:
+def _price(fields: _Fields) -> str:
+    cost = fields["cost"]
     return "frame time not measured" if cost is None else f"frame time x {cost.value:.2f}, mean over splits"
 
 
-_MORE: Mapping[str, Callable[..., Any]] = {
-    "inverse": lambda fields, scene, ratios: fields["shown"].inverse(),
-    "last": lambda fields, scene, ratios: max(ratios),
-    "each": lambda fields, scene, ratios: ", ".join(f"{n}: {_number(ratio):.2f}" for n, ratio in ratios.items()),
-    "growth_at_one": lambda fields, scene, ratios: _growth(scene, 1),
-    "growth_at_last": lambda fields, scene, ratios: _growth(scene, max(ratios)),
-    "with_plan": lambda fields, scene, ratios: _with_plan(scene, max(ratios)),
-    "price": lambda fields, scene, ratios: _say_price(fields["cost"]),
+_MORE: Mapping[str, Callable[[_Fields], Any]] = {
+    "inverse": lambda fields: fields["shown"].inverse(),
+    "last": lambda fields: max(fields.ratios),
+    "each": lambda fields: ", ".join(f"{n}: {_number(ratio):.2f}" for n, ratio in fields.ratios.items()),
+    "growth_at_one": lambda fields: _growth(fields, 1),
+    "growth_at_last": lambda fields: _growth(fields, max(fields.ratios)),
+    "with_plan": _with_plan,
+    "cost": _cost,
+    "price": _price,
 }
-"""with_plan: plan and build together at the last n. growth_at_one, growth_at_last: of the process. price: frame time of
-instances."""
+"""growth_at_one, growth_at_last: of the process. cost, price: frame time of instances."""

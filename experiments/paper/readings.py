@@ -7,15 +7,19 @@ every hit is wanted, and not the nearest alone, both sides gather them, and nobo
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import pandas as pd
 
-from experiments.paper.evidence import SPLITS, NotMeasuredError, SceneRows, best, estimate, measured_at
-from experiments.results.statistics import Estimate
+from experiments.paper.evidence import SPLITS, Scene, measured_at
+from experiments.results.statistics import Estimate, NotMeasuredError, Sample, best_of
+from experiments.results.verdicts import exact
 from experiments.workloads.frame import FRAME
 from experiments.workloads.gather import GATHER
+
+K = TypeVar("K", bound=Hashable)
 
 
 @dataclass(frozen=True)
@@ -64,49 +68,49 @@ def readings_of(processes: pd.DataFrame | None) -> tuple[Reading, ...]:
     return tuple(reading for reading in READINGS if reading.workload in measured) or (NEAREST, ALL_HITS)
 
 
-def baseline_speedup(scene: SceneRows, reading: Reading, packet_width: int = 1) -> Estimate | None:
-    """Speed-up of the baseline itself over rtcIntersect1; None where that is what all is measured against.
-
-    Raises NotMeasuredError.
-    """
+def baseline(scene: Scene, reading: Reading, packet_width: int = 1) -> Estimate:
+    """Speed-up of the baseline itself over that against which all is measured. Raises NotMeasuredError."""
     if not reading.gathers:
-        return None
-    return estimate(scene.speedups((1, 1), culling=False, packet_width=packet_width, workload=reading.workload))
+        return exact(1.0)
+    return scene.sample("speedup", reading.workload, (1, 1), culling=False, packet_width=packet_width).estimate()
 
 
-def relative_to_baseline(value: Estimate, scene: SceneRows, reading: Reading, packet_width: int = 1) -> Estimate:
-    """A speed-up over rtcIntersect1 as one over the baseline of a reading. Raises NotMeasuredError."""
-    base = baseline_speedup(scene, reading, packet_width)
-    return value if base is None else value.over(base)
+def best(samples: Mapping[K, Sample]) -> tuple[K, Estimate]:
+    """As `best_of`."""
+    pool = next((sample.pool for sample in samples.values()), None)
+    return best_of({name: sample.values for name, sample in samples.items()}, pool)
+
+
+def over_splits(
+    scene: Scene, reading: Reading, culling: bool, packet_width: int = 1, splits: Sequence[int] = SPLITS
+) -> tuple[dict[int, Sample], dict[int, str]]:
+    """By number of horizontal splits, the speed-ups that were measured, and why the others were not."""
+    column = "speedup_vs_packets" if packet_width > 1 and not reading.gathers else "speedup"
+    point = {"culling": culling, "packet_width": packet_width}
+    return measured_at(splits, lambda split: scene.sample(column, reading.workload, (split, 1), **point))
 
 
 @dataclass(frozen=True)
-class BestGain:
-    """splits: the best number of horizontal splits. gain: over the baseline. missing: why some number of splits, which
-    might be better still, was not measured; None where all were."""
+class Gain:
+    """splits: the best number of horizontal splits. estimate: of its gain over the baseline. missing: why some number
+    of splits, which might be better still, was not measured; None where all were."""
 
     splits: int
-    gain: Estimate
+    estimate: Estimate
     missing: str | None
 
 
 def best_gain(
-    scene: SceneRows, reading: Reading, packet_width: int = 1, over: int | None = None,
+    scene: Scene, reading: Reading, packet_width: int = 1, over: int | None = None,
     splits: Sequence[int] = SPLITS, culling: bool = True,
-) -> BestGain:  # fmt: skip
+) -> Gain:  # fmt: skip
     """over: packet width of a baseline that gathers all hits, None = the same. splits: numbers of them to choose from.
 
     Raises NotMeasuredError.
     """
-    column = "speedup_vs_packets" if packet_width > 1 and not reading.gathers else "speedup"
-    speedups, missing = measured_at(
-        splits,
-        lambda split: scene.speedups(
-            (split, 1), culling=culling, packet_width=packet_width, column=column, workload=reading.workload
-        ),
-    )
+    speedups, missing = over_splits(scene, reading, culling, packet_width, splits)
+    why = next(iter(missing.values()), None)
     if not speedups:
-        raise NotMeasuredError(next(iter(missing.values())))
+        raise NotMeasuredError(why)
     split, value = best(speedups)
-    gain = relative_to_baseline(value, scene, reading, over or packet_width)
-    return BestGain(split, gain, next(iter(missing.values()), None))
+    return Gain(split, value.over(baseline(scene, reading, over or packet_width)), why)

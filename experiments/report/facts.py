@@ -11,8 +11,8 @@ import pandas as pd
 
 from experiments.drawing.values import column
 from experiments.harness.column import TEXT, TRUTH, Column
-from experiments.harness.environment import BUSY_SHARE_OF_ALL_CORES
 from experiments.harness.point import Workload
+from experiments.harness.processes.idle import BUSY_SHARE_OF_ALL_CORES
 from experiments.methods import METHODS
 from experiments.methods.naming import say_point
 from experiments.results.settings import NUMBER, settings_that_vary, without_numbers
@@ -153,13 +153,6 @@ def measured_between(table: pd.DataFrame) -> str | None:
     return f"{' to '.join(dict.fromkeys([moments[0], moments[-1]]))} UTC" if moments else None
 
 
-def environment_lines(environment: dict[str, Any]) -> list[tuple[str, str]]:
-    """Label and text of every field; one without a value could not be read."""
-    return [
-        (name.removesuffix("_bytes").replace("_", " "), _in_words(name, value)) for name, value in environment.items()
-    ]
-
-
 def machine_in_short(environment: dict[str, Any]) -> str:
     """Processor, cores and system in one line."""
     cores = environment.get("logical_cores")
@@ -175,18 +168,6 @@ def software_in_short(environment: dict[str, Any]) -> str:
     if commit:
         parts.append(f"commit {str(commit)[:12]}{' with changes' if environment.get('git_dirty') else ''}")
     return ", ".join(parts) or "unknown versions"
-
-
-def _in_words(name: str, value: Any) -> str:
-    if value is None:
-        return "all of the machine's" if name == "instruction_set" else "unknown"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if name.endswith("_bytes"):
-        return f"{value / 2**30:,.1f} GiB"
-    if isinstance(value, (list, tuple)):
-        return ", ".join(f"{item:.2f}" if isinstance(item, float) else str(item) for item in value) or "none"
-    return str(value)
 
 
 _ENDS = ("_low", "_high", "_low_s", "_high_s", "_half")

@@ -11,7 +11,7 @@ from experiments.drawing.figure import Axis, Figure, FigureKind, Level, Line, Na
 from experiments.drawing.provenance import provenance
 from experiments.drawing.style import BLUE, DASHED, GREY, ORANGE
 from experiments.drawing.values import numbers
-from experiments.harness.environment import BUSY_SHARE_OF_ALL_CORES
+from experiments.harness.processes.idle import BUSY_SHARE_OF_ALL_CORES
 
 _OTHERS, _STOLEN = "other processes", "other machines on this hardware"
 _LIMIT = f"{BUSY_SHARE_OF_ALL_CORES:.0%}: a warning where both together are above it"

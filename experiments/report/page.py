@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -17,12 +18,10 @@ from atra.errors import printable
 from atra.files.paths import write_atomically
 from experiments.drawing.figure import NamedFigure
 from experiments.drawing.render import render
-from experiments.paper.conclusion import SceneGains, conclude, scene_gains, where_packets_stand
-from experiments.paper.evidence import NotMeasuredError
+from experiments.paper.conclusion import SceneGains, conclude, scene_gains
 from experiments.paper.readings import readings_of
 from experiments.report import facts
 from experiments.report.load_figure import load_figure
-from experiments.results.canary import BAND
 from experiments.results.claims import (
     DOES_NOT_HOLD,
     HOLDS,
@@ -33,6 +32,8 @@ from experiments.results.claims import (
     by_claim,
     verdict_on,
 )
+from experiments.results.processes import BAND
+from experiments.results.statistics import NotMeasuredError
 from experiments.workloads.picture.files import ScenePictures
 from scenes.manifest import picture_restriction
 
@@ -90,7 +91,6 @@ def render_report(contents: ReportContents) -> str:
         no_gains=no_gains,
         readings=readings_of(contents.processes),
         one_reading=ONE_READING,
-        packets_stand=where_packets_stand(gains),
         packets_over=list(dict.fromkeys(words for of_scene in gains for words in of_scene.packets)),
         stand_ins=replaced,
         compared=facts.compared_images(table),
@@ -107,7 +107,7 @@ def render_report(contents: ReportContents) -> str:
         missing=facts.missing_points(table),
         machine=facts.machine_in_short(contents.environment),
         software=facts.software_in_short(contents.environment),
-        environment_lines=facts.environment_lines(contents.environment),
+        environment=json.dumps(contents.environment, indent=1, default=str),
         measured_between=facts.measured_between(contents.processes),
         tables=list(facts.workload_tables(table)),
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict
 from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -236,7 +235,7 @@ def tell_whose_tables_are_replaced(folder: Path, records: Path, console: Console
         except RecordError:
             continue
         if record is not None:
-            difference = describe_difference(record.environment, asdict(current_environment()))
+            difference = describe_difference(record.environment, current_environment())
             if difference is None and not is_current(record):
                 before, now = record.environment.get("code_sha256"), code_sha256(record.files)
                 difference = f"code_sha256 is {before!r} in one and {now!r} in the other"

@@ -10,6 +10,8 @@ from typing import Any
 
 import pandas as pd
 
+from experiments.results.statistics import NotMeasuredError
+
 HOLDS, DOES_NOT_HOLD, UNDECIDED, NOT_MEASURED = VERDICTS = "holds", "does not hold", "undecided", "not measured"
 """undecided = measured in full, but not precisely enough to say."""
 
@@ -28,10 +30,6 @@ class Judgement:
     interval: str | None = None
     why: str | None = None
     stand_ins: tuple[str, ...] = ()
-
-
-class NotMeasuredError(Exception):
-    """The evidence cannot answer; the text says why."""
 
 
 Judge = Callable[[Any], Judgement]
@@ -81,13 +79,18 @@ class JudgedClaim:
 
 
 def judge_claim(claim: Claim, evidence: Any) -> tuple[JudgedClaim, ...]:
-    """What the evidence says of `claim` under each reading; without rows, that it was not measured."""
+    """What the evidence says of `claim` under each reading; without rows, that it was not measured.
+
+    Raises ValueError, with its name, for one that cannot be judged, such as for a column that no table has.
+    """
     judged = []
     for reading, judge in claim.judges.items():
         try:
             judgement = judge(evidence)
         except NotMeasuredError as error:
             judgement = Judgement(NOT_MEASURED, why=str(error))
+        except ValueError as error:
+            raise ValueError(f"claim {claim.id} cannot be judged: {error}") from error
         stand_ins = f" (Judged on stand-ins: {', '.join(judgement.stand_ins)}.)" if judgement.stand_ins else ""
         told = (claim.id, claim.section, claim.text + stand_ins, claim.paper_value, claim.how, claim.inferred, reading)
         judged.append(JudgedClaim(*told, judgement.verdict, judgement.value, judgement.interval, judgement.why))

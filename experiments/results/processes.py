@@ -5,14 +5,31 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from math import inf
+from math import inf, log, log1p
+from statistics import median
 from typing import Any
 
 from atra.errors import InputError
 from experiments.harness.environment import describe_difference
 from experiments.harness.records import Record, without_limits
-from experiments.results.canary import BAND, drifted
 from experiments.results.time_warnings import passing_warnings
+from experiments.workloads import find_workload
+
+BAND = 0.1
+"""A process whose canary strays by more than this from the median of all is measured again, and left out if it still
+strays. The canary is rtcIntersect1 over ray packets, which no method of a point can change, only the machine. The band
+is about three standard errors: on an idle machine the rounds of one process scatter by 4 to 7 %, and the median of
+three, as `sweep=paper` has, by two thirds of that. Within the band, noise is left to intervals."""
+
+FEWEST = 5
+"""Fewest records of one scene and view whose median is used."""
+
+ALIKE = (
+    "mesh_sha256",
+    *("eye", "target", "up", "fov_y_degrees", "width", "height"),
+    *("workload", "workload_options", "threads", "build_quality", "ties", "instruction_set"),
+)
+"""Settings that the canary depends on."""
 
 FEWEST_IN_EARNEST = 5
 """A point with fewer processes is a quick look, which should not take twice as long: what was disturbed there stays,
@@ -38,11 +55,28 @@ def by_point(records: Iterable[Record]) -> list[list[Record]]:
     return [sorted(of_point, key=lambda record: record.configuration.get("process", 0)) for of_point in points.values()]
 
 
+def drifted(records: Iterable[Record]) -> set[str]:
+    """The `point_id` of every record whose canary is farther than BAND from the median of those it should equal."""
+    alike: dict[str, dict[str, float]] = {}
+    for record in records:
+        value = _canary(record)
+        if value is not None:
+            key = json.dumps([record.configuration.get(name) for name in ALIKE], sort_keys=True)
+            alike.setdefault(key, {})[record.point_id] = log(value)
+    groups = [(group, median(group.values())) for group in alike.values() if len(group) >= FEWEST]
+    return {name for group, usual in groups for name, value in group.items() if abs(value - usual) > log1p(BAND)}
+
+
+def _canary(record: Record) -> float | None:
+    """The canary of a measured record, None where its workload has none."""
+    return find_workload(record.configuration["workload"]).canary(record) if record.status == "ok" else None
+
+
 def to_replace(records: Mapping[str, Record], repeats: float = inf) -> list[str]:
     """Names of the records that a new process should replace: those that strayed, and, of points with
     `FEWEST_IN_EARNEST` processes or more, those that were disturbed. Records that have replaced so many others as
     `repeats` are left out."""
-    out = drifted(list(records.values()))
+    out = drifted(records.values())
     for of_point in by_point(records.values()):
         if len(of_point) >= FEWEST_IN_EARNEST:
             out.update(record.point_id for record in of_point if passing_warnings(record))

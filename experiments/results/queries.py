@@ -11,6 +11,7 @@ instead, which says why.
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
@@ -18,7 +19,9 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.results.claims import Claim, Judge, Judgement, NotMeasuredError
+from experiments.results.claims import Claim, Judge, Judgement
+from experiments.results.statistics import NotMeasuredError
+from experiments.results.table import columns
 from experiments.results.verdicts import Bounds, value_judge
 
 _KNOWN = {"column", "over", "where", "least", "at_least", "at_most", "counted", "some"}
@@ -68,7 +71,6 @@ def query_judge(query: Mapping[str, Any] | str) -> Judge:
         return _unjudged(query)
     check_keys("a judge", query, _KNOWN)
     numerator, denominator = query["column"], query.get("over")
-    bounds = {end: float(query[name]) for end, name in (("low", "at_least"), ("high", "at_most")) if name in query}
 
     def values(rows: pd.DataFrame) -> Any:
         numbers = _numbers(rows, numerator)
@@ -81,7 +83,17 @@ def query_judge(query: Mapping[str, Any] | str) -> Judge:
             asked &= numbers.eq(numbers.min())
         return asked
 
-    return value_judge(values, which, Bounds(**bounds), query.get("counted", False), not query.get("some", False))
+    return value_judge(values, which, bounds_of(query), query.get("counted", False), not query.get("some", False))
+
+
+def bounds_of(query: Mapping[str, Any]) -> Bounds:
+    """at_least, at_most, above and below; within: a factor of 1, up and down."""
+    low, high = query.get("at_least", -math.inf), query.get("at_most", math.inf)
+    if "within" in query:
+        low, high = 1 / query["within"], query["within"]
+    low = math.nextafter(query["above"], math.inf) if "above" in query else low
+    high = math.nextafter(query["below"], -math.inf) if "below" in query else high
+    return Bounds(low, high)
 
 
 def check_keys(what: str, told: Mapping[str, Any], known: Collection[str]) -> None:
@@ -98,10 +110,11 @@ def _unjudged(why: str) -> Judge:
 
 
 def chosen(rows: pd.DataFrame, where: Mapping[str, Any]) -> pd.Series:
-    """Which rows have these values; none where a column is missing."""
+    """Which rows have these values; in a column that is newer than their table they have none. Raises ValueError for a
+    column that no table has."""
     fits = pd.Series(True, index=rows.index)
     for name, wanted in where.items():
-        values = rows[name] if name in rows else pd.Series(pd.NA, index=rows.index, dtype="object")
+        values = _column(rows, name)
         if isinstance(wanted, dict):
             ((test, limit),) = wanted.items()
             kept = _TESTS[test](values, limit)
@@ -112,7 +125,12 @@ def chosen(rows: pd.DataFrame, where: Mapping[str, Any]) -> pd.Series:
 
 
 def _numbers(rows: pd.DataFrame, name: str) -> pd.Series:
-    """The column as numbers, NaN where an older table has none."""
-    if name not in rows:
-        return pd.Series(float("nan"), index=rows.index)
-    return pd.to_numeric(rows[name], errors="coerce").astype(float)
+    return pd.to_numeric(_column(rows, name), errors="coerce").astype(float)
+
+
+def _column(rows: pd.DataFrame, name: str) -> pd.Series:
+    if name in rows:
+        return rows[name]
+    if name not in columns():
+        raise ValueError(f"{name} is a column of no table, expected one that a workload, a method or every point has")
+    return pd.Series(pd.NA, index=rows.index, dtype="object")

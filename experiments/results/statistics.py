@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
 from experiments.harness.column import REAL, Column
 from experiments.harness.records import Record
+
+K = TypeVar("K")
 
 CONFIDENCE = 0.95
 
@@ -19,6 +21,10 @@ FEWEST_PROCESSES = 3
 
 FEWEST_FITTED = 5
 """Points below which no exponent is fitted."""
+
+
+class NotMeasuredError(ValueError):
+    """The evidence cannot answer; the text says why."""
 
 
 def student(freedom: float) -> float:
@@ -58,10 +64,10 @@ class Estimate:
 
     @classmethod
     def of(cls, values: Sequence[float], pool: Pool | None = None) -> Self:
-        """One value a process; fewer than FEWEST_PROCESSES have the variance of the pool. Raises ValueError for fewer
-        without a pool, for none, and for values that are not positive and finite."""
-        if not values or (len(values) < FEWEST_PROCESSES and pool is None):
-            raise ValueError(f"{len(values)} processes, at least {FEWEST_PROCESSES} are needed")
+        """One value a process; fewer than FEWEST_PROCESSES have the variance of the pool. Raises NotMeasuredError for
+        fewer without a pool and for none, and ValueError for values that are not positive and finite."""
+        if not len(values) or (len(values) < FEWEST_PROCESSES and pool is None):
+            raise NotMeasuredError(f"{len(values)} processes, at least {FEWEST_PROCESSES} are needed")
         if not all(0 < value < math.inf for value in values):
             raise ValueError(f"values are {list(values)}, expected positive numbers")
         logs = np.log(values)
@@ -115,15 +121,37 @@ def geometric_mean(estimates: Sequence[Estimate]) -> Estimate:
     return _combine(estimates, [1 / len(estimates)] * len(estimates))
 
 
-def best_of(candidates: Mapping[int, Sequence[float]], pool: Pool | None = None) -> tuple[int, Estimate]:
+@dataclass(frozen=True)
+class Sample:
+    """A number of one point, in each of its processes. pool: what points of its kind share; None = nobody knows."""
+
+    values: Sequence[float]
+    pool: Pool | None = None
+
+    def over(self, other: Sample) -> Sample:
+        """Its ratios to another point's, process by process."""
+        pool = None if self.pool is None else Pool(2 * self.pool.variance, self.pool.freedom)
+        return Sample([own / others for own, others in zip(self.values, other.values, strict=False)], pool)
+
+    def estimate(self) -> Estimate:
+        """Raises as `Estimate.of`."""
+        return Estimate.of(self.values, self.pool)
+
+
+def best_of(candidates: Mapping[K, Sequence[float]], pool: Pool | None = None) -> tuple[K, Estimate]:
     """The candidate that is largest in the first half of the processes, and its estimate from the others.
 
     Choosing and reporting by the same values would overstate the best by the noise that chose it. candidates: by name,
-    one value a process. Raises ValueError as `Estimate.of` does.
+    one value a process.
+    Raises NotMeasuredError for no candidate or too few processes, and ValueError as `Estimate.of`.
     """
+    if not candidates:
+        raise NotMeasuredError("nothing to choose from was measured")
     chosen = max(candidates, key=lambda name: np.log(selection(candidates[name])).mean())
-    values = candidates[chosen]
-    return chosen, Estimate.of(holdout(values), pool)
+    try:
+        return chosen, Estimate.of(holdout(candidates[chosen]), pool)
+    except NotMeasuredError as error:
+        raise NotMeasuredError(f"to choose the best on some processes and report it on others: {error}") from None
 
 
 def selection(values: Sequence[float]) -> Sequence[float]:
@@ -183,7 +211,7 @@ def statistics_columns(name: str, help: str, series: Series) -> tuple[Column, ..
     read = _median(series)
     end = f"end of the 95 % confidence interval of {help}, over processes"
     return (
-        Column(name.format(""), REAL, f"median of {help}", read, _mean),
+        Column(name.format(""), REAL, f"median of {help}", read, mean_of),
         Column(name.format("_low"), REAL, f"lower {end}", read, lambda values: _interval(values, 0)),
         Column(name.format("_high"), REAL, f"upper {end}", read, lambda values: _interval(values, 1)),
     )
@@ -192,7 +220,7 @@ def statistics_columns(name: str, help: str, series: Series) -> tuple[Column, ..
 def choosing_column(name: str, help: str, series: Series) -> Column:
     """The same mean over the first half of the processes alone, by which the best of several points is chosen."""
     text = f"median of {help}, over the processes that choose the best"
-    return Column(name, REAL, text, _median(series), lambda values: _mean(selection(values)))
+    return Column(name, REAL, text, _median(series), lambda values: mean_of(selection(values)))
 
 
 REST = "_rest"
@@ -218,8 +246,12 @@ def _median(series: Series) -> Callable[[Record], float | None]:
     return read
 
 
-def _mean(values: Sequence[float]) -> float:
-    return values[0] if len(values) == 1 else float(np.exp(np.log(values).mean()))
+def mean_of(values: Sequence[float]) -> float:
+    """The geometric mean of numbers that are not negative, which is what intervals are of; 0 if one of them is."""
+    if len(values) == 1:
+        return values[0]
+    with np.errstate(divide="ignore"):
+        return float(np.exp(np.log(values).mean()))
 
 
 def _interval(values: Sequence[float], end: int) -> float | None:

@@ -12,16 +12,14 @@ from typing import Any
 import pandas as pd
 
 from atra.errors import InputError
-from atra.files.paths import write_together
 from experiments.harness.column import REAL, TEXT, TRUTH, WHOLE, Column, option_columns
 from experiments.harness.method import TIES_HELP
 from experiments.harness.point import Workload
 from experiments.harness.records import Record
 from experiments.methods import METHODS, find_method
-from experiments.results.canary import BAND, drifted
 from experiments.results.intervals import with_intervals
 from experiments.results.people import csv_columns
-from experiments.results.processes import by_point, check_one_environment, is_replacement
+from experiments.results.processes import BAND, by_point, check_one_environment, drifted, is_replacement
 from experiments.results.time_warnings import WRONG, say_warnings, warnings_of, why_wrong
 from experiments.workloads import WORKLOADS, find_workload
 from scenes.built_in import BUILT_IN
@@ -196,20 +194,10 @@ def _frame(told: Mapping[str, Any], index: pd.Index) -> pd.DataFrame:
     return pd.DataFrame(values, index=index)
 
 
-def csv_bytes(table: pd.DataFrame) -> bytes:
-    """A table as a file of comma-separated values."""
-    return table.to_csv(index=False).encode()
-
-
-def write_tables(folder: Path, tables: Tables) -> None:
-    """Write `table_files` into `folder`."""
-    write_together({folder / name: content for name, content in table_files(tables).items()})
-
-
 def table_files(tables: Tables) -> dict[str, bytes]:
     """The contents of `table.csv`, which has the columns that people read, `table.parquet` and `processes.parquet`, by
     name."""
-    files = {"table.csv": csv_bytes(tables.points[csv_columns(tables.points)])}
+    files = {"table.csv": tables.points[csv_columns(tables.points)].to_csv(index=False).encode()}
     for name, table in (("table", tables.points), ("processes", tables.processes)):
         buffer = io.BytesIO()
         table.to_parquet(buffer, index=False)

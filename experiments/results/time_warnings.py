@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.harness.environment import BUSY_SHARE_OF_ALL_CORES
-from experiments.harness.processes.idle import Busy
+from experiments.harness.processes.idle import BUSY_SHARE_OF_ALL_CORES, Occupancy
 from experiments.harness.records import Record
 from experiments.results.settings import without_numbers
 from experiments.workloads import find_workload
@@ -87,7 +86,7 @@ def passing_warnings(record: Record) -> list[TimeWarning]:
 def was_idle(record: Record) -> bool:
     """Whether the machine was idle while the point was measured; False where nobody knows."""
     others = record.results.get("others_share")
-    return others is not None and Busy(others, record.results.get("stolen_share") or 0.0).is_idle
+    return others is not None and Occupancy(others, record.results.get("stolen_share")).is_idle
 
 
 def why_wrong(record: Record) -> str | None:

@@ -9,7 +9,7 @@ are outside. Else it was not measured where that is so of a case, and is undecid
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,9 +24,8 @@ from experiments.results.claims import (
     UNDECIDED,
     Judge,
     Judgement,
-    NotMeasuredError,
 )
-from experiments.results.statistics import Estimate, Interval, Pool
+from experiments.results.statistics import FEWEST_PROCESSES, Estimate, Interval, NotMeasuredError, Pool
 
 Known = Estimate | Interval | float
 """A number with its interval, or one that is counted."""
@@ -118,64 +117,37 @@ def measured_rows(processes: pd.DataFrame | None, which: Which | None = None) ->
     return rows
 
 
-def known_values(processes: pd.DataFrame, values: ArrayLike, pool: Pool | None = None) -> dict[Hashable, Known]:
-    """By `point_id`, what its processes say. values: one for each row, NaN where a row has none.
+def known_values(processes: pd.DataFrame, values: ArrayLike, counted: bool = False) -> dict[Hashable, Known]:
+    """By `point_id`, what its processes say. values: one for each row, NaN where a row has none. counted: there is no
+    noise in it, and the middle is told.
 
     What all processes of a point find alike is counted. Few processes have the interval of a pooled variance, of these
-    values where no pool is given; a point without one is left out.
+    values; a point without one is left out.
     """
     numbers = pd.Series(np.asarray(values, np.float64), index=processes["point_id"].to_numpy())
-    groups = {name: of_point.tolist() for name, of_point in numbers[np.isfinite(numbers)].groupby(level=0, sort=False)}
-    pool = pool or Pool.of(groups.values())
+    of_points = numbers[np.isfinite(numbers)].groupby(level=0, sort=False)
+    if counted:
+        return dict(of_points.median().items())
+    groups = {name: of_point.tolist() for name, of_point in of_points}
+    pool = Pool.of(groups.values())
     by_point: dict[Hashable, Known] = {}
     for name, of_point in groups.items():
         if len(of_point) > 1 and len(set(of_point)) == 1:
             by_point[name] = of_point[0]
-        elif min(of_point) > 0:
-            try:
-                by_point[name] = Estimate.of(of_point, pool)
-            except ValueError:  # one process, and no variance to lend it
-                continue
+        elif min(of_point) > 0 and (pool is not None or len(of_point) >= FEWEST_PROCESSES):
+            by_point[name] = Estimate.of(of_point, pool)
     return by_point
 
 
 def ratio_of(numerator: Known | None, denominator: Known | None) -> Estimate | None:
     """Ratio of the values of two points that share no process; None where one of them is not known."""
-    estimates = [exact(known) if isinstance(known, float) else known for known in (numerator, denominator)]
-    return (
-        estimates[0].over(estimates[1])
-        if isinstance(estimates[0], Estimate) and isinstance(estimates[1], Estimate)
-        else None
-    )
+    above, below = (exact(known) if isinstance(known, float) else known for known in (numerator, denominator))
+    return above.over(below) if isinstance(above, Estimate) and isinstance(below, Estimate) else None
 
 
 def exact(value: float) -> Estimate:
     """What is counted, as an estimate that has no error."""
     return Estimate(math.log(value), 0.0, 1.0)
-
-
-def counted_values(processes: pd.DataFrame, values: ArrayLike) -> dict[Hashable, Known]:
-    """By `point_id`, the middle of what its processes count; there is no noise in it."""
-    numbers = pd.Series(np.asarray(values, np.float64), index=processes["point_id"].to_numpy())
-    return dict(numbers[np.isfinite(numbers)].groupby(level=0, sort=False).median().items())
-
-
-def judge_known(
-    processes: pd.DataFrame, known: Mapping[Hashable, Known], bounds: Bounds, *, every: bool = True,
-    by: Sequence[str] = ("scene",), missing: str = "too few processes for an interval",
-) -> Judgement:  # fmt: skip
-    """By points that say something, `known`, grouped into cases; all points of a case must lie inside.
-
-    Raises NotMeasuredError where none does.
-    """
-    cases = []
-    for key, rows in processes.groupby(list(by), sort=False, observed=True):
-        numbers = [known[name] for name in dict.fromkeys(rows["point_id"]) if name in known]
-        if numbers:
-            cases.append((" ".join(map(str, key)), case_of(numbers, bounds)))
-    if not cases:
-        raise NotMeasuredError(missing)
-    return on_cases(cases, every)
 
 
 def case_of(numbers: Sequence[Known], bounds: Bounds) -> Outcome:
@@ -195,24 +167,22 @@ def say(value: float) -> str:
     return f"{value:.2f}" if value == 0 or abs(value) >= 0.095 else f"{value:.3g}"
 
 
-def ratio_judge(
-    column: str, which: Which, bounds: Bounds, *, counted: bool = False, every: bool = True,
-    by: Sequence[str] = ("scene",),
-) -> Judge:  # fmt: skip
-    """A judge of one column of the table of processes."""
-    return value_judge(lambda rows: pd.to_numeric(rows[column], errors="coerce"), which, bounds, counted, every, by)
-
-
 def value_judge(
-    values: Callable[[pd.DataFrame], Any], which: Which, bounds: Bounds, counted: bool = False, every: bool = True,
-    by: Sequence[str] = ("scene",),
-) -> Judge:  # fmt: skip
-    """A judge of a value of each row. counted: there is no noise in it."""
+    values: Callable[[pd.DataFrame], Any], which: Which, bounds: Bounds, counted: bool = False, every: bool = True
+) -> Judge:
+    """A judge of a value of each row: all points of a scene that say something must lie inside. counted: there is no
+    noise in it."""
 
     def judge(processes: pd.DataFrame | None) -> Judgement:
         rows = measured_rows(processes, which)
-        numbers = np.asarray(values(rows), np.float64)
-        known = counted_values(rows, numbers) if counted else known_values(rows, numbers)
-        return judge_known(rows, known, bounds, every=every, by=by)
+        known = known_values(rows, values(rows), counted)
+        of_scenes = (
+            (str(scene), [known[name] for name in of_scene["point_id"].unique() if name in known])
+            for scene, of_scene in rows.groupby("scene", sort=False, observed=True)
+        )
+        cases = [(scene, case_of(numbers, bounds)) for scene, numbers in of_scenes if numbers]
+        if not cases:
+            raise NotMeasuredError("too few processes for an interval")
+        return on_cases(cases, every)
 
     return judge

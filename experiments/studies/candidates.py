@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -81,20 +80,18 @@ def candidates(processes: pd.DataFrame) -> Iterator[Candidate]:
     groups: dict[Any, pd.DataFrame] = dict(iter(aligned.groupby(list(SETTINGS), sort=False, dropna=False)))
     usual = _usual_of(groups)
     for key in (usual, *(group for group in groups if group != usual)):
-        base = _speeds(pixels[chosen(pixels, {"robust": True})], _over_single) if key[-1] else {}
-        yield Candidate(_say(key, usual), *_gains(groups[key], _over_single, base))
-    yield Candidate("plan and build included", *_gains(groups[usual], _prepared_over_single, {}))
+        base = _speeds(pixels[chosen(pixels, {"robust": True})]) if key[-1] else {}
+        yield Candidate(_say(key, usual), *_gains(groups[key], base))
+    prepared = groups[usual].assign(speedup=_prepared_over_single(groups[usual]))
+    yield Candidate("plan and build included", *_gains(prepared, {}))
     yield from _without_the_flag(rows, pixels, groups[usual])
 
 
 def _usual_of(groups: Mapping[tuple[Any, ...], Any]) -> tuple[Any, ...]:
     """Settings shared by most candidates."""
-    if not groups:
-        raise InputError("the table has no aligned single rays, expected that of sweep=cornell_candidates")
-    columns = zip(*groups, strict=True)
-    usual = tuple(max(values, key=values.count) for values in columns)
+    usual = tuple(max(values, key=values.count) for values in zip(*groups, strict=True))
     if usual not in groups:
-        raise InputError(f"the table has no point with the usual settings {usual}; measure all of the sweep")
+        raise InputError(f"no point has the usual settings {usual}, expected aligned single rays of the whole sweep")
     return usual
 
 
@@ -114,10 +111,6 @@ _SAY: Mapping[str, Callable[[str, Any], str]] = {
 }
 
 
-_over_single = partial(numbers, name="speedup")
-_over_packets = partial(numbers, name="speedup_vs_packets")
-
-
 def _prepared_over_single(rows: pd.DataFrame) -> Any:
     """First frames, with plan and build."""
     single = numbers(rows, "baseline_render_time_s") + numbers(rows, "baseline_build_time_s")
@@ -125,20 +118,20 @@ def _prepared_over_single(rows: pd.DataFrame) -> Any:
     return single / own
 
 
-def _speeds(rows: pd.DataFrame, read: Callable[[pd.DataFrame], Any]) -> dict[Any, list[float]]:
+def _speeds(rows: pd.DataFrame, column: str = "speedup") -> dict[Any, list[float]]:
     """The speed-ups of each point's processes, by its split; splits are None where a method has none."""
     samples: dict[Any, list[float]] = {}
-    for split, culling, value in zip(rows["split_x"], rows["culling"], read(rows), strict=True):
+    for split, culling, value in zip(rows["split_x"], rows["culling"], numbers(rows, column), strict=True):
         if np.isfinite(value):
             key = None if pd.isna(split) else (int(split), bool(culling))
             samples.setdefault(key, []).append(float(value))
     return samples
 
 
-def _gains(rows: pd.DataFrame, read: Callable[[pd.DataFrame], Any], base: dict[Any, list[float]]) -> tuple[Gain, Gain]:
+def _gains(rows: pd.DataFrame, base: dict[Any, list[float]], column: str = "speedup") -> tuple[Gain, Gain]:
     """Over rays that look for the nearest hit, and over aligned rays at 1 x 1 without culling. base: speed-ups of the
     former over `rtcIntersect1`, where they are something else."""
-    speeds = _speeds(rows, read)
+    speeds = _speeds(rows, column)
     pool = Pool.of([*speeds.values(), *base.values()])
     try:
         columns, best = best_of({key[0]: of for key, of in speeds.items() if key is not None and key[1]}, pool)
@@ -160,14 +153,14 @@ def _over(best: Estimate, values: Sequence[float], pool: Pool | None) -> Estimat
 def _without_the_flag(rows: pd.DataFrame, pixels: pd.DataFrame, usual: pd.DataFrame) -> Iterator[Candidate]:
     """Gains over rays per pixel without Embree's flag that rays are alike: over single rays, and over packets."""
     name = "per pixel without the flag that rays are alike"
-    alone = _speeds(pixels[chosen(pixels, {"coherent": False})], _over_single)
+    alone = _speeds(pixels[chosen(pixels, {"coherent": False})])
     if alone:
-        yield Candidate(f"single rays {name}", _gains(usual, _over_single, alone)[0], None)
-    wide = rows[rows["packet_width"].gt(1).fillna(False)]
-    packets = _speeds(wide[chosen(wide, {"method": PIXEL.name, "coherent": False})], _over_packets)
+        yield Candidate(f"single rays {name}", _gains(usual, alone)[0], None)
+    wide, over = rows[rows["packet_width"].gt(1).fillna(False)], "speedup_vs_packets"
+    packets = _speeds(wide[chosen(wide, {"method": PIXEL.name, "coherent": False})], over)
     if packets:
         aligned = wide[chosen(wide, {"method": ALIGNED.name})]
-        yield Candidate(f"packets {name}, aligned packets with it", _gains(aligned, _over_packets, packets)[0], None)
+        yield Candidate(f"packets {name}, aligned packets with it", _gains(aligned, packets, over)[0], None)
 
 
 def study(folder: str = "results/cornell_candidates") -> None:

@@ -44,7 +44,7 @@ def in_processes(function: Callable[..., Sequence[Row]], n: int, *turns: Turn) -
     Raises RuntimeError with the end of what a process says that fails.
     """
     machine, rows = read_environment(), list[Row]()
-    same = {"processor": machine.cpu, "cores": machine.logical_cores, "commit": machine.git_commit}
+    same = {"processor": machine["cpu"], "cores": machine["logical_cores"], "commit": machine["git_commit"]}
     for process in range(n):
         for turn in turns[:: -1 if process % 2 else 1] or (Turn(),):
             told = _told(function, turn)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NotRequired, TypedDict
 
 from experiments.harness.records import Record
-from experiments.workloads.typed import Unlisted
+from experiments.workloads.typed import Mean, Unlisted
 
 
 class Resources(TypedDict):
@@ -24,8 +24,8 @@ class Resources(TypedDict):
 class Prepared(TypedDict):
     """Medians and samples of plan and build; the first samples are those of the first build."""
 
-    plan_time_s: float
-    build_time_s: float
+    plan_time_s: Mean
+    build_time_s: Mean
     plan_samples_s: NotRequired[list[float]]
     build_samples_s: NotRequired[list[float]]
 
@@ -33,7 +33,7 @@ class Prepared(TypedDict):
 class Preparation(Prepared):
     """The same beside the build of single rays."""
 
-    baseline_build_time_s: float
+    baseline_build_time_s: Mean
 
 
 def say_ms(seconds: float) -> str:

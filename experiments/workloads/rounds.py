@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import partial
 from statistics import median
 from typing import Any
@@ -232,7 +232,7 @@ def plan_and_build_again(own: Any) -> Prepared:
 def measured(results: dict[str, Any], timed: RoundSamples) -> Measured:
     """Results and the samples of the rounds in the form of a record. What is added to `results` later, such as counters
     when a stack closes, is in the record, too."""
-    results |= {"rounds": timed.rounds} | ({} if timed.occupancy is None else asdict(timed.occupancy))
+    results |= {"rounds": timed.rounds} | ({} if timed.occupancy is None else timed.occupancy.shares)
     return Measured(
         results,
         {name: list(values) for name, values in timed.warmup.items()},

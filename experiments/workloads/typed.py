@@ -17,10 +17,13 @@ from experiments.harness.column import REAL, WHOLE, Column, dtype_of, middle
 from experiments.harness.options import NoOptions
 from experiments.harness.point import Workload, no_canary
 from experiments.harness.records import Record
-from experiments.results.statistics import Series, choosing_column, reporting_columns, statistics_columns
+from experiments.results.statistics import Series, choosing_column, mean_of, reporting_columns, statistics_columns
 
 HELP: dict[str, str] = tomllib.loads(Path(__file__).with_name("help.toml").read_text(encoding="utf-8"))
 """Name of a column -> what it holds: a phrase that stands alone."""
+
+Mean = Annotated[float, mean_of]
+"""A number of which a point has the geometric mean of its processes, as its interval is of that."""
 
 Worst = Annotated[int, max]
 """A number of which a point has that of its worst process."""

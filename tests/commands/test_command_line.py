@@ -73,7 +73,7 @@ def swept(toy_sweep, tmp_path):
     (["method.geometry=shared"], "method.geometry is 'shared', expected one of copied, instanced"),
     (["method.split_y=half"], "method.split_y is 'half', expected a whole number"),
     (["method.culling=5"], "method.culling is 5, expected true or false"),
-    (["measure.idle_only=1"], "measure.idle_only is 1, expected true or false"),
+    (["sweep.report=1"], "sweep.report is 1, expected true or false"),
     (["scene.source=tape"], "scene.source is 'tape', expected one of procedural, generated, package, directory, file"),
     (["sweep=horizontal", "method.split_x=0"], "method.split_x is 0, expected a whole number of at least 1"),
     (["workload=multiframe", "workload.frames=1"], "workload.frames is 1, expected at least 2"),

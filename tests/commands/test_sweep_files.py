@@ -90,7 +90,6 @@ SWEEPS = {
     "law": (["method.split_x=4", "method.split_y=4"], {"methods", "gather"}),
     "views": (["scene.copies=1", "workload.views=2", "width=32", "height=32"], set()),
     "classification_smoke": ([], {"classification_probability", "classification_shafts"}),
-    "paths": ([], set()),
     "bake_smoke": (
         [f"~sweep.grids.bake_{name}" for name in IN_PROCESS],
         {"bake_convergence", "bake_stages", "bake_rays"},
@@ -103,7 +102,7 @@ WITH_A_TWIN = {"bake", "bake_denoise", "bake_mitsuba", "bake_rays", "classificat
 PARTS_OF_SMOKE = {"horizontal", "vertical", "grid", "paper"}
 SLOW = {
     "smoke", "methods", "methods_families", "peers", "baselines", "reference_rays", "threads",
-    "bake_buffers", "bake_culling_map", "classification_smoke", "paths", "gather-whole",
+    "bake_buffers", "bake_culling_map", "classification_smoke", "gather-whole",
     "rays-batches", "ablations", "cornell_candidates", "law",
 }  # fmt: skip
 """Sweeps of workloads that a quick one has, too."""

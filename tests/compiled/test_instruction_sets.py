@@ -107,7 +107,7 @@ def test_the_chosen_set_is_recorded(monkeypatch):
     load_library()  # is loaded once, under the set of this process
     for name in instruction_sets_here():
         monkeypatch.setenv(VARIABLE, name)
-        assert current_environment().instruction_set == name
+        assert current_environment()["instruction_set"] == name
 
 
 def test_the_last_line_names_what_could_not_be_tested():

@@ -7,8 +7,7 @@ import pytest
 import yaml
 
 from experiments.documents.filling import table_lines
-from experiments.documents.functions import FUNCTIONS
-from experiments.documents.writing import BLOCK, TABLES, TEMPLATE, quotes, with_numbers
+from experiments.documents.writing import BLOCK, FUNCTIONS, TABLES, TEMPLATE, quotes, with_numbers
 from tests.folders import ROOT
 
 REFERENCE = ROOT / "reports" / "reference"

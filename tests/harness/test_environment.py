@@ -1,6 +1,5 @@
 """The machine's description, and what others took of its cores, on systems that are faked and on this one."""
 
-import dataclasses
 import os
 import platform
 import subprocess
@@ -18,8 +17,9 @@ import pytest
 from atra.compiled.instruction_sets import cpu_design
 from atra.compiled.threads import resolve_threads
 from experiments.harness import environment
-from experiments.harness.environment import Moment, Occupancy, describe_difference, read_environment
+from experiments.harness.environment import describe_difference, read_environment
 from experiments.harness.identity import identity
+from experiments.harness.processes.idle import Moment, Occupancy
 from tests.points import POINT
 
 
@@ -28,11 +28,11 @@ def test_a_system_without_affinity_and_load_is_described_without(monkeypatch):
         raise OSError("Load averages are unobtainable")
 
     monkeypatch.setattr(os, "getloadavg", unobtainable, raising=False)
-    assert read_environment().load_average is None
+    assert read_environment()["load_average"] is None
     monkeypatch.delattr(os, "sched_getaffinity", raising=False)  # macOS, Windows
     monkeypatch.delattr(os, "getloadavg", raising=False)  # Windows
     described = read_environment()
-    assert (described.affinity, described.load_average) == (None, None)
+    assert (described["affinity"], described["load_average"]) == (None, None)
     assert resolve_threads(None) == os.cpu_count()
 
 
@@ -59,7 +59,7 @@ def test_processors_of_one_name_are_told_apart_by_their_design(known_to_llvm, ex
     monkeypatch.setattr(llvmlite.binding, "get_host_cpu_name", lambda: known_to_llvm)
     monkeypatch.setattr(environment, "cpu_design", cpu_design.__wrapped__)
     monkeypatch.setattr(environment, "_cpu_model", lambda: "AMD EPYC")
-    assert read_environment().cpu == expected
+    assert read_environment()["cpu"] == expected
 
 
 @pytest.mark.parametrize(
@@ -83,10 +83,9 @@ def test_a_system_without_proc_counts_the_peak_from_the_start(monkeypatch):
 
 def test_other_cores_of_one_machine_are_the_same_environment_and_another_number_of_them_is_not():
     one = read_environment()
-    bound = [dataclasses.replace(one, affinity=cores) for cores in ([0], [1], [0, 1], None)]
-    first, second, both, unknown = map(dataclasses.asdict, bound)
+    first, second, both, unknown = (one | {"affinity": cores} for cores in ([0], [1], [0, 1], None))
     assert describe_difference(first, second) is None
-    assert identity(POINT, bound[0]) == identity(POINT, bound[1]) != identity(POINT, bound[2])
+    assert identity(POINT, first) == identity(POINT, second) != identity(POINT, both)
     assert describe_difference(second, both) == "affinity is [1] in one and [0, 1] in the other"
     assert describe_difference(both, unknown) == "affinity is [0, 1] in one and None in the other"
 

@@ -13,9 +13,10 @@ from experiments.harness.identity import current_environment, identity
 from experiments.harness.points import measure, plan_points
 from experiments.harness.records import load_record, record_path, write_record
 from experiments.report.writing import rewrite_report
-from experiments.results.table import Tables, make_table, make_tables, write_tables
+from experiments.results.table import Tables, make_table, make_tables
 from experiments.sweep import run_sweep
 from tests.harness.test_launched import measured_elsewhere
+from tests.report_samples import write_tables
 from tests.sweeps import Runner, configuration, files, grid
 
 pytestmark = pytest.mark.usefixtures("figures_unsaved")

@@ -12,7 +12,7 @@ from experiments.harness.identity import code_of_worker, code_sha256, current_en
 from experiments.harness.identity import loaded_files as files_loaded_here
 from experiments.harness.points import measure
 from experiments.harness.processes.launching import run_worker
-from experiments.harness.processes.worker import Outcome
+from experiments.harness.records import Record
 from experiments.methods.pixel import PIXEL
 from experiments.methods.raster import RASTER
 from tests.points import POINT, planned
@@ -66,7 +66,7 @@ def test_a_record_stays_current_while_what_its_files_run_is_the_same_however_it_
 
 
 def no_worker(point):
-    return Outcome("ok")
+    return Record("", "ok")
 
 
 def test_a_record_one_of_whose_files_has_gone_is_not_current(project):

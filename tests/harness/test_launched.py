@@ -50,7 +50,7 @@ class Elsewhere:
     def jobs(self):
         return [job for batch in self.batches for job in batch]
 
-    def __call__(self, jobs, ended):
+    def __call__(self, jobs):
         self.batches.append(list(jobs))
         for place, overrides in enumerate(jobs):
             fields = dict(one.split("=") for one in overrides)
@@ -62,7 +62,7 @@ class Elsewhere:
                 record = measured_elsewhere(planned, self.run, **there)
                 write_record(self.folder / "records", record)
                 self.written.append(record.point_id)
-            ended(place, "the queue is closed" if split == self.refused else None)
+            yield place, "the queue is closed" if split == self.refused else None
 
 
 def test_launched_points_are_found_by_their_configuration(tmp_path):
@@ -90,8 +90,8 @@ def test_a_point_whose_job_failed_is_named_with_the_reason_and_the_others_are_in
     points = grid(tmp_path, 1, 2, 4)
     launch = Elsewhere(tmp_path, points, refused=4)
 
-    def launch_and_interrupt(jobs, ended):
-        launch(jobs, lambda place, problem: None)
+    def launch_and_interrupt(jobs):
+        yield from list(launch(jobs))[:0]
         raise KeyboardInterrupt
 
     with pytest.raises(SystemExit) as ended:
@@ -114,11 +114,11 @@ def test_a_job_s_record_that_this_code_did_not_write_is_not_taken(tmp_path, faul
     elif faults == "another method":  # of a later version
         record = replace(record, configuration=record.configuration | {"method": "later"})
 
-    def job(jobs, ended):
+    def job(jobs):
         path = write_record(tmp_path / "records", record)
         if faults == "no record":
             path.write_text("{}")
-        ended(0, None)
+        yield 0, None
 
     with pytest.raises(SystemExit):
         run_sweep(grid(tmp_path, 1), launch=job)
@@ -146,9 +146,9 @@ def test_jobs_that_a_queue_bound_to_one_core_each_make_one_table(tmp_path):
     points = grid(tmp_path, 1, 2)
 
     class Bound(Elsewhere):
-        def __call__(self, jobs, ended):
+        def __call__(self, jobs):
             self.fields = {"affinity": [len(self.jobs)]}
-            super().__call__(jobs, ended)
+            yield from super().__call__(jobs)
 
     assert sorted(run_sweep(points, launch=Bound(tmp_path, points))["affinity"]) == ["0", "1"]
 
@@ -227,9 +227,9 @@ def test_a_record_whose_successor_s_job_fails_stays_as_it_is(tmp_path):
     points = grid(tmp_path, 1, processes=5)
 
     class Once(Elsewhere):
-        def __call__(self, jobs, ended):
+        def __call__(self, jobs):
             self.refused = 1 if self.jobs else None
-            super().__call__(jobs, ended)
+            yield from super().__call__(jobs)
 
     launch = Once(tmp_path, points, disturbed_once(1), cpu="another cpu")
     run_sweep(points, launch=launch, at_once=5)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
-from experiments.harness.processes.idle import LIMIT_VARIABLE, Busy, Waiting
+from experiments.harness.processes.idle import LIMIT_VARIABLE, Occupancy, Waiting
 from experiments.harness.progress import say_roughly
 from experiments.sweep import run_sweep
 from tests.sweeps import Runner, grid
@@ -75,10 +75,10 @@ def test_the_first_look_names_who_disturbs_and_does_not_wait(tmp_path, monkeypat
 
     def look():
         looks.append(None)
-        return Busy(0.9, 0.0, (("make", 0.9),)) if len(looks) < 3 else Busy(0.0, 0.0)
+        return Occupancy(0.9, 0.0, (("make", 0.9),)) if len(looks) < 3 else Occupancy(0.0, 0.0)
 
-    def waiting(limit_s, tell, needed):
-        return Waiting(limit_s, tell, needed, look, sleep=lambda seconds: None)
+    def waiting(limit_s, tell):
+        return Waiting(limit_s, tell, look, sleep=lambda seconds: None)
 
     monkeypatch.delenv(LIMIT_VARIABLE)
     monkeypatch.setattr("experiments.sweep.Waiting", waiting)

@@ -2,8 +2,8 @@
 
 import pytest
 
-from atra.errors import ClockError, InputError
-from experiments.harness.processes.idle import LIMIT_VARIABLE, Busy, Waiting, look_around
+from atra.errors import ClockError
+from experiments.harness.processes.idle import LIMIT_VARIABLE, Occupancy, Waiting, look_around
 from experiments.harness.rounds import MINIMUM_ROUNDS, measure_rounds
 
 
@@ -68,7 +68,7 @@ def test_a_clock_that_stands_or_runs_backwards_gives_no_sample(duration_s, warmu
         measure_rounds(methods, rounds=3, warmup=warmup, clock=clock)
 
 
-QUIET, LOUD = Busy(0.02, 0.0), Busy(0.9, 0.0, (("make", 0.6), ("cc1", 0.3)))
+QUIET, LOUD = Occupancy(0.02, 0.0), Occupancy(0.9, 0.0, (("make", 0.6), ("cc1", 0.3)))
 
 
 @pytest.fixture
@@ -76,13 +76,13 @@ def waiting(monkeypatch):
     """limit and what is seen, one look after another -> a `Waiting` whose clock counts seconds slept, and its words."""
     monkeypatch.delenv(LIMIT_VARIABLE)
 
-    def made(limit_s, *seen, needed=False):
+    def made(limit_s, *seen):
         said, now, looks = [], [0.0], iter(seen)
 
         def sleep(seconds):
             now[0] += seconds
 
-        return Waiting(limit_s, said.append, needed, lambda: next(looks), lambda: now[0], sleep), said
+        return Waiting(limit_s, said.append, lambda: next(looks), lambda: now[0], sleep), said
 
     return made
 
@@ -106,17 +106,14 @@ def test_the_limit_is_of_all_waits_together_and_then_nobody_waits_again(waiting)
     assert len(said) == looked
 
 
-def test_where_idle_is_needed_the_sweep_ends_and_the_variable_stands_in_place_of_the_option(waiting, monkeypatch):
-    one, _ = waiting(10, *[LOUD] * 9, needed=True)
-    with pytest.raises(InputError, match="the same command goes on"):
-        one.for_idle()
+def test_looking_around_names_shares_of_cores_and_what_other_machines_steal_counts_too():
+    assert not Occupancy(0.0, 0.2).is_idle
+    assert "other machines 20%" in str(Occupancy(0.0, 0.2))
+    found = look_around(0.2)
+    assert found.others_share >= 0
+    assert all(share > 0 for _, share in found.names)
+
+
+def test_the_variable_stands_in_place_of_the_option(monkeypatch):
     monkeypatch.setenv(LIMIT_VARIABLE, "0")
     assert not Waiting(60, print).for_idle()
-
-
-def test_looking_around_names_shares_of_cores_and_what_other_machines_steal_counts_too():
-    assert not Busy(0.0, 0.2).is_idle
-    assert "other machines 20%" in str(Busy(0.0, 0.2))
-    found = look_around(0.2)
-    assert found.others >= 0
-    assert all(share > 0 for _, share in found.names)

@@ -6,8 +6,7 @@ from types import SimpleNamespace
 import pytest
 from hydra.core.utils import JobStatus
 
-from experiments import submitted
-from experiments.submitted import run_submitted
+from experiments import launched
 
 pytest.importorskip("submitit", reason="hydra-submitit-launcher is not installed: pip install 'atra[submitit]'")
 
@@ -34,8 +33,8 @@ BROKEN = ("error", "Traceback\n  a line\nModuleNotFoundError: No module named 'e
 def run(monkeypatch):
     """Wait for jobs in no time: a job has as long as the queue answers, which it does once a look."""
     commands = []
-    monkeypatch.setattr(submitted, "_LOOK_S", 0.001)
-    monkeypatch.setattr(submitted, "_GRACE_S", 0.01)
+    monkeypatch.setattr(launched, "_LOOK_S", 0.001)
+    monkeypatch.setattr(launched, "_GRACE_S", 0.01)
 
     def run(jobs, queue):
         def answer(command, **_):
@@ -44,11 +43,9 @@ def run(monkeypatch):
                 return None
             return SimpleNamespace(stdout="\n".join(queue()))
 
-        monkeypatch.setattr(submitted.subprocess, "run", answer)
-        monkeypatch.setattr(submitted, "_submit", lambda *_: jobs)
-        told = {}
-        run_submitted(None, [[]] * len(jobs), told.__setitem__)
-        return told
+        monkeypatch.setattr(launched.subprocess, "run", answer)
+        monkeypatch.setattr(launched, "_submit", lambda *_: jobs)
+        return dict(launched._on_slurm(None, [[]] * len(jobs)))
 
     run.commands = commands
     return run

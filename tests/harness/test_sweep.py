@@ -17,8 +17,8 @@ from experiments.harness.configuration import (
 )
 from experiments.harness.identity import current_environment, identity
 from experiments.harness.points import GridPoint, measure, plan_points
-from experiments.harness.processes.worker import Outcome, skipped
-from experiments.harness.records import load_record, write_record
+from experiments.harness.processes.worker import failed, skipped
+from experiments.harness.records import Record, load_record, write_record
 from experiments.methods.aligned import ALIGNED, AlignedOptions
 from experiments.methods.peers.embreex_run import EMBREEX
 from experiments.methods.pixel import PIXEL, PixelOptions
@@ -81,7 +81,7 @@ class Limited(Runner):
     def __call__(self, point):
         found = super().__call__(point)
         if point.options.split_x == 2 and point.time_limit_s < 60:
-            return Outcome("failed", f"stopped after the time limit of {point.time_limit_s:g} s")
+            return failed(f"stopped after the time limit of {point.time_limit_s:g} s")
         if point.options.split_x == 4 and point.memory_budget_gib < 2:
             return skipped(MemoryBudgetError("needs 2 GiB"))
         return found
@@ -113,7 +113,7 @@ def test_processes_of_a_point_that_were_measured_with_other_limits_are_of_one_ro
     class StoppedOnce(Runner):
         def __call__(self, point):
             found = super().__call__(point)
-            return found if point.process != 1 or point.time_limit_s > 10 else Outcome("failed", "stopped")
+            return found if point.process != 1 or point.time_limit_s > 10 else failed("stopped")
 
     points[0].configuration.measure.time_limit_s = 10.0
     with pytest.raises(SystemExit):
@@ -185,7 +185,7 @@ def test_a_peer_s_point_is_another_one_with_another_version_of_the_peer(tmp_path
 def test_a_peer_that_does_not_tell_its_memory_is_no_reason_to_stop(tmp_path):
     def run(point):
         results = Runner()(point).results
-        return Outcome("ok", results={"rss_bytes": results["rss_bytes"], "peak_rss_bytes": 9})
+        return Record("", "ok", results={"rss_bytes": results["rss_bytes"], "peak_rss_bytes": 9})
 
     assert list(run_sweep(grid(tmp_path, 1, workload="memory"), run=run)["rss_bytes"]) == [9]
 

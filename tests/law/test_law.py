@@ -4,14 +4,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.documents.kept_rows import REFERENCE
+from experiments.documents.filling import REFERENCE
 from experiments.law.fit import (
     add_tables,
     choices_of,
     errors_of,
     gather,
     leave_one_out,
-    named_if_known,
 )
 from experiments.law.looks import choice_of, kept_looks, look_of, told_of
 from experiments.law.model.choice import Choice
@@ -39,16 +38,6 @@ def test_a_choice_is_judged_by_what_it_takes_over_the_fastest():
     assert found["median"] == pytest.approx(0.25)
     assert choices_of(rows, "nearest", ("raster",))["named"] == 1.0
     assert errors_of(rows).tolist() == [1.0, pytest.approx(1 / 3), 0.0, 0.25]
-
-
-def test_an_error_that_a_family_has_in_common_in_a_view_is_taken_away_where_it_is_known():
-    def of(scene, split, measured_s, predicted_s):
-        return row(scene, "aligned", measured_s, predicted_s, family="aligned", split_x=split, split_y=1)
-
-    rows = [of("a", 1, 1.0, 2.0), of("a", 8, 2.0, 4.0), of("b", 1, 1.0, 1.0), of("b", 8, 2.0, 2.0)]
-    rows.append(row("a", "pixel", 1.5, 1.5, family="pixel", split_x=1, split_y=1))
-    assert choices_of(pd.DataFrame(rows), "nearest")["named"] == 0.5
-    assert named_if_known(pd.DataFrame(rows)) == 1.0
 
 
 def test_a_scene_has_no_part_in_the_constants_it_is_judged_by():

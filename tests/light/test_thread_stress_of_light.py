@@ -50,16 +50,10 @@ def test_pictures_of_a_renderer_that_threads_update_and_close_are_those_of_one_t
         is_known = found.tobytes() in expected(found.shape[:2])
         assert is_known, "a picture of no scene, camera and number of samples that there were"
 
-    def add(one, random):
-        one.add(int(random.integers(1, MOST + 1)))
-
-    def stopped(one, random):
-        one.add(1, stop=lambda: one.samples >= 0)
-
     calls = {
         "image": image,
-        "add": add,
-        "stopped": stopped,
+        "add": lambda one, random: one.add(int(random.integers(1, MOST + 1))),
+        "stopped": lambda one, random: one.add(1, stop=lambda: one.samples >= 0),
         "camera": lambda one, random: one.look(any_of(CAMERAS, random)),
         "scene": lambda one, random: one.update(scene=any_of(LAMPS, random)),
         "restart": lambda one, random: one.restart(),
@@ -87,17 +81,11 @@ def map_of(scene, samples):
         return one.maps
 
 
-def assert_of_one_scene(found, expected):
-    """Each texel has the light that its number of samples gives, and all are of the same scene."""
-
-    def is_of(scene):
-        for samples in np.unique(found.samples).tolist():
-            own, whole = found.samples == samples, expected(scene, samples)
-            if not np.array_equal(found.combined[own], whole.combined[own]):
-                return False
-        return True
-
-    assert any(is_of(scene) for scene in range(len(BAKES)))
+def is_of(scene, found, expected):
+    """Whether each texel has the light that its number of samples gives in this scene."""
+    numbers = np.unique(found.samples).tolist()
+    same = [(found.combined == expected(scene, samples).combined).all(axis=1) for samples in numbers]
+    return all(light[found.samples == samples].all() for light, samples in zip(same, numbers, strict=True))
 
 
 @pytest.mark.slow
@@ -105,10 +93,8 @@ def test_maps_of_a_baker_that_threads_update_and_close_are_those_of_one_thread()
     expected = Expected(map_of)
 
     def maps(one, random):
-        assert_of_one_scene(one.maps, expected)
-
-    def add(one, random):
-        one.add(int(random.integers(1, 3)))
+        found = one.maps
+        assert any(is_of(scene, found, expected) for scene in range(len(BAKES)))
 
     def stopped(one, random):
         counts = iter(range(3))
@@ -119,7 +105,7 @@ def test_maps_of_a_baker_that_threads_update_and_close_are_those_of_one_thread()
 
     calls = {
         "maps": maps,
-        "add": add,
+        "add": lambda one, random: one.add(int(random.integers(1, 3))),
         "advance": lambda one, random: one.advance(5),
         "update": lambda one, random: one.update(any_of(BAKES, random)),
         "view": lambda one, random: one.look(any_of(VIEWS, random)),

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from experiments.paper.claims import CLAIMS, judge_claims, paper_judges
-from experiments.paper.evidence import PAPER_SCENES, USED_COLUMNS, Evidence
+from experiments.paper.evidence import PAPER_SCENES, USED_COLUMNS, collect_scenes
 from experiments.paper.readings import EVERY_HIT
 from experiments.results.claims import JudgedClaim, claim_files, judge_claim
 from experiments.results.table import columns
@@ -32,7 +32,7 @@ def agreeing():
 
 def finding(table, claim_id, reading=None):
     """Under one reading; None: under the last of a frame, where the paper's 1 x 1 gathers all hits."""
-    judged = judge_claim(next(claim for claim in CLAIMS if claim.id == claim_id), Evidence(table))
+    judged = judge_claim(next(claim for claim in CLAIMS if claim.id == claim_id), lambda: collect_scenes(table))
     return next(
         claim
         for claim in reversed(judged)

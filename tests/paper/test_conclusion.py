@@ -3,9 +3,9 @@
 import pytest
 
 from experiments.paper.claims import judge_claims
-from experiments.paper.conclusion import conclude, scene_gains, where_packets_stand
-from experiments.paper.evidence import NotMeasuredError
+from experiments.paper.conclusion import conclude, scene_gains
 from experiments.report.facts import stand_ins
+from experiments.results.statistics import NotMeasuredError
 from tests.paper_table import BEST, agreeing_table, scaled, skipped
 
 SINGLE = {"workload": "frame", "packet_width": 1}
@@ -30,35 +30,24 @@ def test_gains_are_the_best_of_each_scene_beside_the_paper_s_and_packets_stand_a
     halved = scaled(agreeing, 0.5, **SINGLE, scene="sponza")
     cornell, *_, sponza = scene_gains(halved)
     assert (cornell.paper, sponza.paper, sponza.triangles) == (7.5, 1.71, 262267)
-    values = [found.best.gain.value for found in (*sponza.single.values(), *sponza.packets.values()) if found.best]
+    values = [found.estimate.value for found in (*sponza.single.values(), *sponza.packets.values())]
     assert values == pytest.approx([factor * BEST["sponza"] for factor in (0.5, 1, 1, 1, 2)], rel=0.005)
-    assert (sponza.packet_width, sponza.single["all hits"].best.splits) == (8, 1024)
-
-
-def test_aligned_packets_are_ahead_or_behind_only_where_the_whole_interval_is(agreeing):
-    noise = agreeing["process"].map({0: 0.8, 1: 1.25, 2: 1.0, 3: 0.8, 4: 1.25}) / BEST["mitsuba"]
-    factor = noise.where(agreeing["scene"] == "mitsuba", agreeing["scene"].map({"sponza": 0.1}).fillna(1.0))
-    table = agreeing.assign(speedup_vs_packets=agreeing["speedup_vs_packets"] * factor)
-    assert where_packets_stand(scene_gains(table)) == [
-        "Aligned packets beside ray packets, nearest hit: ahead on cornell_box and fireplace_room; level on "
-        "mitsuba; behind on sponza."
-    ]
-    assert where_packets_stand(()) == []
+    assert (sponza.packet_width, sponza.single["all hits"].splits) == (8, 1024)
 
 
 def test_gains_where_every_hit_is_wanted_are_over_what_gathers_the_same(agreeing):
     frames = agreeing[agreeing["workload"] == "frame"]
     *_, sponza = scene_gains(scaled(frames.assign(workload="gather", what="count"), 0.5, scene="sponza"))
-    assert [found.best.gain.value for found in sponza.single.values()] == pytest.approx([BEST["sponza"]], rel=0.005)
-    packets = [found.best.gain.value for found in sponza.packets.values()]
+    assert [found.estimate.value for found in sponza.single.values()] == pytest.approx([BEST["sponza"]], rel=0.005)
+    packets = [found.estimate.value for found in sponza.packets.values()]
     assert packets == pytest.approx([BEST["sponza"], BEST["sponza"]], rel=0.005)
 
 
 def test_what_is_not_the_paper_s_scene_or_size_has_no_number_of_the_paper_beside_it(agreeing):
     atrium = agreeing_table(("sponza",)).assign(scene="atrium", stands_for="sponza")
     (one,) = scene_gains(atrium)
-    assert (one.scene, one.stand_in, one.paper) == ("atrium", True, None)
-    assert {(small.paper, small.stand_in) for small in scene_gains(agreeing.assign(width=64, height=64))} == {
+    assert (one.scene.measured, one.scene.stand_in, one.paper) == ("atrium", True, None)
+    assert {(small.paper, small.scene.stand_in) for small in scene_gains(agreeing.assign(width=64, height=64))} == {
         (None, False)
     }
 
@@ -66,8 +55,8 @@ def test_what_is_not_the_paper_s_scene_or_size_has_no_number_of_the_paper_beside
 def test_a_split_that_was_skipped_may_have_been_better_and_too_few_processes_have_no_best(agreeing):
     (one,) = scene_gains(skipped(agreeing_table(("sponza",)), **SINGLE, culling=True, split_x=1024, split_y=1))
     found = one.single["nearest hit"]
-    assert found.best.splits == 512
-    assert "needs 9 GiB" in found.why
+    assert found.splits == 512
+    assert "needs 9 GiB" in found.missing
     with pytest.raises(NotMeasuredError, match="0 processes, at least 3 are needed"):
         scene_gains(agreeing[agreeing["process"].fillna(0) < 1])
 

@@ -12,8 +12,8 @@ from experiments.report import write_report
 from experiments.report.facts import count_warnings, missing_points, workload_tables
 from experiments.report.load_figure import load_figure
 from experiments.report.page import render_report
-from experiments.results.canary import BAND
 from experiments.results.claims import NOT_MEASURED
+from experiments.results.processes import BAND
 from tests.paper_table import agreeing_table, scaled
 from tests.report_samples import CLAIMS, HOSTILE, contents_that_say, scene_pictures, small_contents, small_table
 

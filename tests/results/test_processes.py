@@ -12,7 +12,7 @@ from atra.errors import InputError
 from experiments.harness.configuration import MeasureConfiguration
 from experiments.harness.records import Record
 from experiments.results import table as table_module
-from experiments.results.canary import BAND, drifted
+from experiments.results.processes import BAND, drifted
 from experiments.results.statistics import Estimate
 from experiments.results.table import make_tables
 from tests.folders import ROOT

@@ -5,21 +5,20 @@ import json
 import pandas as pd
 import pytest
 
-from experiments.documents.verdicts import folders, recomputed
+from experiments.documents.writing import folders, recomputed
 from experiments.results.claims import (
     DOES_NOT_HOLD,
     HOLDS,
     NOT_MEASURED,
     UNDECIDED,
     Claim,
-    NotMeasuredError,
     judge_claim,
 )
 from experiments.results.intervals import with_intervals
 from experiments.results.queries import query_judge, read_claims
-from experiments.results.statistics import Estimate, Interval, Pool
+from experiments.results.statistics import Estimate, Interval, NotMeasuredError, Pool
 from experiments.results.table import frame_of
-from experiments.results.verdicts import Bounds, Outcome, exact, known_values, on_cases, ratio_judge, ratio_of
+from experiments.results.verdicts import Bounds, Outcome, exact, known_values, on_cases, ratio_of, value_judge
 
 POINTS = (("box", "a", 1, 2.0), ("box", "b", 8, 0.5), ("hall", "a", 4, 3.0))
 ROWS = [
@@ -50,7 +49,8 @@ def verdict(**query):
     ({"column": "gain", "at_least": 1, "where": {"size": {"at_least": 4}}}, DOES_NOT_HOLD),
     ({"column": "gain", "at_least": 1, "where": {"size": {"at_most": 4}}}, HOLDS),
     ({"column": "gain", "at_least": 1, "where": {"size": {"below": 1}}}, NOT_MEASURED),
-    ({"column": "gain", "at_least": 1, "where": {"weight": {"known": True}}}, NOT_MEASURED),
+    ({"column": "gain", "at_least": 1, "where": {"speedup": {"known": True}}}, NOT_MEASURED),
+    ({"column": "gain", "at_most": 1, "where": {"kind": "b", "speedup": {"not": 2.0}}}, HOLDS),
     ({"column": "gain", "at_least": 1, "least": "size"}, HOLDS),
     ({"column": "gain", "at_least": 2.5}, DOES_NOT_HOLD),
     ({"column": "gain", "at_least": 2.5, "some": True}, HOLDS),
@@ -58,6 +58,14 @@ def verdict(**query):
 ])  # fmt: skip
 def test_a_query_is_about_the_rows_that_it_names_and_judges_what_it_names(query, expected):
     assert verdict(**query) == expected
+
+
+@pytest.mark.parametrize("query", [
+    {"column": "gain", "where": {"weight": {"not": 1}}}, {"column": "weight"}, {"column": "gain", "least": "weight"},
+])  # fmt: skip
+def test_a_column_that_no_table_has_is_refused_with_the_name_of_the_claim(query):
+    with pytest.raises(ValueError, match="claim one cannot be judged: weight is a column of no table"):
+        verdict(**query)
 
 
 def test_a_claim_that_no_table_can_judge_says_why():
@@ -120,7 +128,7 @@ def test_few_processes_borrow_the_variance_of_the_other_points():
 
 
 def test_a_judge_reads_processes_and_one_point_of_a_scene_refutes():
-    judge = ratio_judge("speedup", lambda rows: rows["speedup"].notna(), Bounds(low=1.0))
+    judge = value_judge(lambda rows: rows["speedup"], lambda rows: rows["speedup"].notna(), Bounds(low=1.0))
     assert judge(rows(a=[1.2, 1.21, 1.22], b=[1.3, 1.31, 1.32])).verdict == HOLDS
     assert judge(rows(a=[1.2, 1.21, 1.22], b=[0.8, 0.81, 0.82])).verdict == DOES_NOT_HOLD
     assert judge(rows(a=[1.2, 1.21, 1.22], b=[0.5, 1.0, 2.0])).verdict == UNDECIDED

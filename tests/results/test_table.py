@@ -11,6 +11,7 @@ from experiments.harness.column import WHOLE, Column
 from experiments.harness.records import Record
 from experiments.results import table as tables
 from experiments.results.people import MOST_COLUMNS, csv_columns
+from experiments.results.statistics import REST
 from experiments.results.table import (
     Tables,
     columns,
@@ -19,11 +20,12 @@ from experiments.results.table import (
     read_table,
     read_tables,
     rows_of,
-    write_tables,
 )
 from experiments.results.time_warnings import was_idle
+from experiments.workloads import WORKLOADS
 from experiments.workloads.frame import FRAME
 from tests.folders import ROOT
+from tests.report_samples import write_tables
 
 ASKED_FOR = [
     "scene", "triangles", "width", "height", "workload", "method", "split_x", "split_y", "packet_width", "culling",
@@ -79,6 +81,16 @@ def test_times_are_medians_and_ratios_are_medians_of_ratios():
     assert pd.isna(row["render_time_low_s"])  # one process says nothing of others
     assert row["speedup"] == 3.0  # of 10, 2, 3; the medians alone would give 5
     assert row["speedup_vs_packets"] == 2.0  # of 2, 2, 1
+
+
+def test_a_number_beside_an_interval_is_of_the_statistic_that_the_interval_is_of():
+    known = columns()
+    measured = [column for workload in WORKLOADS for column in workload.columns]
+    for column in measured:
+        stem, unit = (column.name[:-2], "_s") if column.unit == "s" else (column.name, "")
+        if f"{stem}_low{unit}" in known and not stem.endswith(REST):
+            assert column.over([1.0, 4.0, 8.0]) == pytest.approx(32 ** (1 / 3)), column.name
+            assert column.over([0.0, 0.0]) == 0.0
 
 
 def test_packets_are_the_fastest_and_every_width_has_columns_of_its_own():

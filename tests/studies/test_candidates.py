@@ -79,5 +79,5 @@ def test_a_candidate_reaches_the_papers_gain_only_with_its_whole_interval(fast, 
 def test_a_table_without_the_usual_point_is_refused():
     with pytest.raises(InputError, match="usual settings"):
         found(group(2, 1, 1, threads=2), group(2, 1, 1, build_quality="low"), group(2, 1, 1, view="corner"))
-    with pytest.raises(InputError, match="no aligned single rays"):
+    with pytest.raises(InputError, match="expected aligned single rays"):
         found(point(1.0))

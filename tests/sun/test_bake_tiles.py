@@ -12,16 +12,18 @@ from atra.light import Atlas, Texels
 from atra.light.lightmaps.charts.atlas import UNMAPPED
 from experiments.drawing.figure import make_figures
 from experiments.drawing.render import render
-from experiments.light.bake_rays import undecided
+from experiments.light.bake_rays import AlignedTiles, directions_of, undecided
 from experiments.light.bake_rays.shown import CLAIMS, FIGURES
 from experiments.light.sun.tiles import Tiles
 from experiments.results.claims import DOES_NOT_HOLD, HOLDS, NOT_MEASURED, UNDECIDED, judge_all
 from experiments.results.table import frame_of
+from scenes.cornell_box import cornell_box
 from tests.baked import baked, cube, sheet
 from tests.far import AWAY
 from tests.light.test_far_light import ROOM as ROOM_NEAR
 from tests.light.test_far_light import ROOM_AWAY, bake_scene
 from tests.meshes import joined
+from tests.points import planned
 
 ROOM = joined(cube(inwards=True), cube(0.3), atra.Mesh(cube(0.2).vertices + np.float32([0.5, 0.1, -0.4]), cube().faces))
 OPEN = atra.Mesh(ROOM.vertices, np.delete(ROOM.faces, (6, 7), axis=0), "without its ceiling")
@@ -207,3 +209,18 @@ def test_aligned_rays_of_a_lightmap_to_the_sun_start_and_meet_in_a_far_scene_as_
     np.testing.assert_allclose(starts[0], starts[1] + AWAY, atol=1e-6)
     with far.towards(which, (0.2, 1.0, 0.1), threads=1) as one, near.towards(which, (0.2, 1.0, 0.1), threads=1) as two:
         np.testing.assert_array_equal(one.trace([(0.5, 0.5)]), two.trace([(0.5, 0.5)]))
+
+
+def test_without_the_shortcut_more_triangles_are_copied_and_every_ray_sees_the_same():
+    asked = {"map_size": 64, "tile_size": 8}
+    points = [planned("raster", "bake_rays", asked=asked | {"shortcut": how}).point for how in (True, False)]
+    mesh = cornell_box()
+    tiles = Tiles.of(Texels.of(mesh, Atlas.unwrap(mesh, 64)), 8, 16)
+    direction, offsets = directions_of(points[0]), np.array([(0.5, 0.5), (0.25, 0.75)])
+    with_it, without = (AlignedTiles(point, tiles) for point in points)
+    for rays in (with_it, without):
+        rays.trace(direction, offsets)
+    (one,), (other,) = (rays.met(direction) for rays in (with_it, without))
+    assert one.any()
+    assert np.array_equal(one, other)
+    assert without.triangles > with_it.triangles

@@ -24,7 +24,8 @@ from experiments.harness.method import Method, Style
 from experiments.harness.options import option
 from experiments.harness.point import Kind, Workload
 from experiments.harness.points import GridPoint
-from experiments.harness.processes.worker import Outcome, measure_point
+from experiments.harness.processes.worker import measure_point, read_result
+from experiments.harness.records import Record
 from experiments.methods import METHODS
 from experiments.registry import KINDS
 from experiments.report.writing import rewrite_report
@@ -147,8 +148,8 @@ def configuration(folder, *overrides):
 def run_here(point):
     """As the worker does, in this process."""
     got = measure_point(read_again(point))
-    outcome = Outcome("ok", None, True, got.warmup_samples, got.samples, got.results)
-    return Outcome.from_json(outcome.to_json(), point)
+    record = Record("", "ok", **vars(got))
+    return read_result(record.to_json(), point)
 
 
 @pytest.mark.slow
@@ -193,7 +194,6 @@ def test_a_new_method_and_a_new_workload_go_from_the_command_line_to_the_page(to
 NAMES = {one.name for one in (*METHODS, *WORKLOADS)}
 NO_NAME_OF_OURS = {
     ("drawing/missing.py", "memory"): "a word in the text of an error",
-    ("light/render/__init__.py", "rays"): "how many there are, among the results of a point",
 }
 """Constants that are spelled like one of `NAMES` and compared, and why they are something else."""
 

@@ -47,8 +47,7 @@ class Wall:
 WORKLOAD_ROOMS = tuple(workload.package for workload in WORKLOADS)
 
 USERS = tuple(
-    f"experiments.{room}"
-    for room in ("report", "paper", "commands", "registry", "sweep", "launched", "sweeper", "worker")
+    f"experiments.{room}" for room in ("report", "paper", "commands", "registry", "sweep", "launched", "worker")
 )
 """Who runs methods and workloads, and who tells of what came of them."""
 

@@ -64,9 +64,6 @@ def test_a_point_is_held_against_the_same_bake_without_one_of_its_means(against)
     else:
         assert set(found.samples) == {"own", "other"}
         assert results["other_rays_per_round"] > 0
-    # Lights and rays are the same on average, and the variances forecast how far two maps lie apart.
-    if against not in ("environment", "translucency"):
-        assert results["error_over_forecast"] == pytest.approx(1.0, abs=0.35)
     if against == "occupancy":
         assert results["map_occupancy"] == pytest.approx(0.3, abs=0.02)
     if against == "roulette":
@@ -103,6 +100,7 @@ def test_lamps_are_as_bright_together_however_many_and_lie_inside_the_scene():
     ({"against": "mitsuba", "panorama": True}, "workload.panorama is .* with workload.against=mitsuba"),
     ({"against": "mitsuba", "priority": True}, "priority is True for a bake"),
     ({"denoise": True, "priority": True}, "priority is True for a bake"),
+    ({"denoise": True, "against": "compaction"}, "against is compaction for a bake"),
 ])  # fmt: skip
 def test_settings_that_no_bake_can_have_are_refused(options, told):
     with pytest.raises(InputError, match=told):
@@ -124,13 +122,12 @@ def test_finishing_is_measured_against_a_map_of_other_random_numbers():
     _, found = measured(denoise=True, final_samples=8)
     assert 0 < found.results["denoised_ratio"] < 2  # of a map of 8 samples, over one of 32
     assert 0 < found.results["seam_step_ratio"] <= 0.25
-    assert found.results["denoise_s"] > 0
 
 
 @xatlas
 def test_a_map_that_is_not_denoised_has_at_least_twice_the_error_of_four_times_the_samples(monkeypatch):
     monkeypatch.setattr("experiments.light.bake.check_denoiser", lambda: None)
-    monkeypatch.setattr("experiments.light.bake.finishing.denoised", lambda lightmap, threads: lightmap)
+    monkeypatch.setattr("experiments.light.bake.measure.denoised", lambda lightmap, threads: lightmap)
     _, found = measured(denoise=True, final_samples=16)
     assert 1.9 < found.results["denoised_ratio"] < 6.0  # 2 for independent samples, 4 for evenly spread ones
 

@@ -18,7 +18,7 @@ from experiments.light.wave_baker import WaveBaker
 from experiments.light.waves_kernels import DIRECTION, NEAR, ORIGIN, generate, new_wave, scatter, trace
 from experiments.workloads.rounds import load_mesh
 from scenes.lit.lighting import lit
-from tests.baked import cube, painted, sheet, shining_room
+from tests.baked import cube, painted, sheet, shining_room, standard_error
 from tests.light.lightmaps.test_light import BOX, LIT
 from tests.meshes import joined, quads
 from tests.points import planned
@@ -126,6 +126,23 @@ def test_rays_in_flight_take_no_more_memory_for_a_larger_map():
         small.add(1)
         large.add(1)
         assert small.buffer_bytes == large.buffer_bytes > 0
+
+
+def test_a_small_sun_in_the_sky_is_found_alike_by_scattering_and_by_aiming_which_has_less_noise():
+    texels = np.full((8, 16, 3), 0.02, np.float32)
+    texels[2, 3] = 40.0  # a small sun
+    walls = quads([floor(1.0), [(-1, 0, -1), (1, 0, -1), (1, 2, -1), (-1, 2, -1)]])
+    found = []
+    for options in ({}, {"environment": "bsdf"}, {"roulette_from": None}):
+        scene = painted(walls, 0.6, sky=light.PanoramaSky(texels))
+        with WaveBaker(scene, sheet(walls, 6), threads=1, seed=len(found), **options) as baker:
+            baker.add(768)
+            lightmap = baker.maps
+        error = np.sqrt((standard_error(lightmap) ** 2).sum()) / len(lightmap.samples)
+        found.append((lightmap.luminance.mean(), error))
+    (mean, error), *others = found
+    assert all(abs(other - mean) < 4 * np.hypot(error, other_error) for other, other_error in others)
+    assert error < 0.2 * found[1][1]
 
 
 needs_mitsuba = pytest.mark.skipif(

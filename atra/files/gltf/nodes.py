@@ -47,18 +47,26 @@ def nodes_of(tree: Any) -> Iterator[Node]:
 
 def places_of(node: Node, numbers: Numbers, allowance: Allowance) -> list[NDArray[np.float64]]:
     """Where a node places its mesh: once, or as often as EXT_mesh_gpu_instancing says."""
-    many = node.given.get("extensions", {}).get("EXT_mesh_gpu_instancing")
-    if many is None:
+    found = instances_of(node.given, numbers)
+    if found is None:
         return [node.to_world]
-    found = {
+    count = min(map(len, found.values()), default=0)
+    allowance.check(f"{count:,} instances", count * _BYTES_PER_PLACE)
+    places = ({name: rows[k] for name, rows in found.items()} for k in range(count))
+    return [node.to_world @ _transform(node.number, place) for place in places]
+
+
+def instances_of(node: Any, numbers: Numbers) -> dict[str, NDArray[np.float64]] | None:
+    """Translations, rotations and scales of a node's instances, (N, 3 or 4), by EXT_mesh_gpu_instancing; None without
+    that."""
+    many = node.get("extensions", {}).get("EXT_mesh_gpu_instancing")
+    if many is None:
+        return None
+    return {
         name.lower(): numbers.floats(number, 4 if name == "ROTATION" else 3)
         for name, number in many.get("attributes", {}).items()
         if name in ("TRANSLATION", "ROTATION", "SCALE")
     }
-    count = min((len(rows) for rows in found.values()), default=0)
-    allowance.check(f"{count:,} instances", count * _BYTES_PER_PLACE)
-    places = ({name: rows[k] for name, rows in found.items()} for k in range(count))
-    return [node.to_world @ _transform(node.number, place) for place in places]
 
 
 def _transform(number: int, node: Any) -> NDArray[np.float64]:

@@ -13,16 +13,13 @@ from atra.errors import AtraError, InputError
 from atra.geometry.view import View
 from atra.light.batches import in_batches
 from atra.light.checks import check_whole
-from atra.light.lightmaps.batches import needed_bytes
 from atra.light.lightmaps.charts.atlas import Atlas
-from atra.light.lightmaps.charts.own import atlas_of
-from atra.light.lightmaps.charts.texels import Texels
+from atra.light.lightmaps.charts.texels import Texels, atlas_of
 from atra.light.lightmaps.maps import Lightmap
-from atra.light.lightmaps.options import BakeOptions
-from atra.light.lightmaps.paths import AT_ONCE, Paths
+from atra.light.lightmaps.paths import AT_ONCE, BakeOptions, Paths
+from atra.light.lightmaps.paths_kernels import SUMS, light_texels
 from atra.light.lightmaps.priority import on_least_converged_map, visible_texels
-from atra.light.lightmaps.probes import LightProbes, ProbeSums
-from atra.light.lightmaps.sums_kernels import SUMS
+from atra.light.lightmaps.probes import LightProbes, probed
 from atra.light.pictures.finish.states import fingerprint
 from atra.light.scene import Scene
 from atra.raster.tracer import RasterTracer
@@ -36,6 +33,9 @@ IN_A_PASS = 16
 
 _FEWEST = 4
 """Least samples that tell a map's error: two doublings."""
+
+_TEXEL_BYTES = 2 * 8 * SUMS + 144
+"""Peak memory of a texel: its sums and their means, and the arrays of `Texels` and `Lightmap`."""
 
 
 class Baker(Lifetime):
@@ -120,7 +120,7 @@ class Baker(Lifetime):
         start = perf_counter()
         self._given = atlas = self._given or atlas_of(self.scene, self._size)
         what = f"sums of a map of {atlas.width} x {atlas.height} texels"
-        check_needed_bytes(needed_bytes(atlas.width * atlas.height), None, what, "use a smaller map")
+        check_needed_bytes(_TEXEL_BYTES * atlas.width * atlas.height, None, what, "use a smaller map")
         self._texels = Texels.of(self.scene.mesh, atlas)
         self._paths = Paths(self.scene, self._texels, self.options)
         self._restart()
@@ -223,12 +223,13 @@ class Baker(Lifetime):
             order = self.texels.along_curve[wanted[self.texels.along_curve]]
 
             def add(query: Query, first: int, texels: int) -> int:
-                rays, bad = self._paths.light(query, order, (first, texels), count, self.samples, self._sums)
-                if bad >= 0:
-                    row, column = divmod(int(self.texels.number[bad]), self.texels.atlas.width)
-                    texel = f"texel ({column}, {row}) is not finite at sample {self.samples[bad]}"
+                told, tables = np.array([0, -1]), self._paths.tables(query)
+                light_texels(order, first, texels, count, self.samples, *tables, self._sums, told)
+                if told[1] >= 0:
+                    row, column = divmod(int(self.texels.number[told[1]]), self.texels.atlas.width)
+                    texel = f"texel ({column}, {row}) is not finite at sample {self.samples[told[1]]}"
                     raise AtraError(f"the light of {texel}; make lights or materials darker")
-                return rays
+                return int(told[0])
 
             done, rays = in_batches(self.rays_scene, len(order), AT_ONCE // count, add, stop)
             self.rays += rays
@@ -241,13 +242,8 @@ class Baker(Lifetime):
         points: (P, 3), in the world. Raises as `add` does, and InputError naming a point that is not finite.
         """
         check_whole("samples", samples, 1)
-        sums = ProbeSums(points, samples, self.scene.mesh.origin)
         with self._in_use():
-            in_batches(
-                self.rays_scene, len(sums.points), max(1, AT_ONCE // samples),
-                lambda query, first, count: self._paths.light_probes(query, sums, first, count),
-            )  # fmt: skip
-        return sums.probes()
+            return probed(points, samples, self.scene.mesh.origin, self.rays_scene, self._paths)
 
     @property
     def maps(self) -> Lightmap:

@@ -9,22 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.errors import InputError
+from atra.light.lightmaps import paths_kernels as kept
 from atra.light.lightmaps.charts.texels import Texels
-from atra.light.lightmaps.sums_kernels import (
-    BACK,
-    BEFORE,
-    CHANGE,
-    DIRECT,
-    ENVIRONMENT,
-    INDIRECT,
-    LUMINANCE,
-    OPEN,
-    SQUARE,
-)
 from atra.light.scattering.sampler_kernels import LEAST_LEFT, MOST_LEFT
 
 LIGHTS = ("direct", "indirect", "environment", "combined")
 """Kinds of light; the last is the sum of the others."""
+
+_LUMINANCE = np.array(kept.LUMINANCE, np.float64)
 
 INSIDE_SHARE = 0.5
 """A texel whose rays hit back faces in more than this share lies inside an object."""
@@ -39,7 +31,7 @@ class Lightmap:
     cosine-weighted share of rays that hit nothing near by. backs: (N,) float32, share of rays that hit back faces.
     variance: (N,) float32, of the luminance of one sample. Samples of a texel are spread evenly, so that their mean
     varies by less than this over their number. changes: (N, 2) float32, squared changes of the mean luminance at the
-    last two doublings of samples; None: unknown.
+    last two doublings of samples.
     """
 
     texels: Texels
@@ -50,17 +42,25 @@ class Lightmap:
     openness: NDArray[np.float32] = field(repr=False)
     backs: NDArray[np.float32] = field(repr=False)
     variance: NDArray[np.float32] = field(repr=False)
-    changes: NDArray[np.float32] | None = field(default=None, repr=False)
+    changes: NDArray[np.float32] = field(repr=False)
 
     @classmethod
     def of(cls, texels: Texels, samples: NDArray[np.int32], sums: NDArray[np.float64]) -> Lightmap:
         """The means of (N, SUMS) sums."""
         count = np.maximum(samples, 1)[:, None]
         means = sums / count
-        direct, indirect, environment = (means[:, k : k + 3] for k in (DIRECT, INDIRECT, ENVIRONMENT))
-        luminance = (direct + indirect + environment) @ np.array(LUMINANCE, np.float64)
-        spread = np.maximum(0.0, means[:, SQUARE] - luminance**2) * (count / np.maximum(count - 1, 1))[:, 0]
-        rows = direct, indirect, environment, means[:, OPEN], means[:, BACK], spread, sums[:, [CHANGE, BEFORE]]
+        direct, indirect, environment = (means[:, k : k + 3] for k in (kept.DIRECT, kept.INDIRECT, kept.ENVIRONMENT))
+        luminance = (direct + indirect + environment) @ _LUMINANCE
+        spread = np.maximum(0.0, means[:, kept.SQUARE] - luminance**2) * (count / np.maximum(count - 1, 1))[:, 0]
+        rows = (
+            direct,
+            indirect,
+            environment,
+            means[:, kept.OPEN],
+            means[:, kept.BACK],
+            spread,
+            sums[:, [kept.CHANGE, kept.BEFORE]],
+        )
         return cls(texels, samples, *(np.ascontiguousarray(row, np.float32) for row in rows))
 
     @cached_property
@@ -77,8 +77,6 @@ class Lightmap:
         """Estimated sum of squared errors of these texels' luminance, at least two samples each; as `accumulate` does,
         by how the map changed while samples doubled. Source: as there."""
         samples = self.samples[texels]
-        if self.changes is None:
-            return float((self.variance[texels] / samples).sum())
         doubled = 1 << np.floor(np.log2(samples)).astype(np.int64)
         last, before = self.changes[texels].astype(np.float64).T
         known = doubled >= 4
@@ -96,7 +94,7 @@ class Lightmap:
     @property
     def luminance(self) -> NDArray[np.float64]:
         """(N,) float64, of all light."""
-        return np.asarray(self.combined @ np.array(LUMINANCE, np.float64))
+        return np.asarray(self.combined @ _LUMINANCE)
 
 
 def relative_error(got: NDArray[np.floating], true: NDArray[np.floating], weights: NDArray | None = None) -> float:

@@ -1,15 +1,17 @@
-"""A bake's paths, followed one after the other through all that the materials of a scene do."""
+"""A bake's options, and the tables that its paths need."""
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
+import numpy as np
+
+from atra.choices import check_choice
+from atra.light.checks import check_clamp, check_rays, check_whole, checked_number
 from atra.light.emitters.tables import emitters_of
 from atra.light.lightmaps.charts.texels import Texels
-from atra.light.lightmaps.options import BakeOptions
-from atra.light.lightmaps.paths_kernels import Charts, light_probes, light_texels
-from atra.light.lightmaps.probes import ProbeSums
+from atra.light.lightmaps.paths_kernels import Charts
 from atra.light.pictures.following_kernels import limits_of
 from atra.light.pictures.path_kernels import FREE_ROWS
 from atra.light.scene import Scene
@@ -18,6 +20,34 @@ from atra.rays.kernel_scene import Query
 
 AT_ONCE = 1 << 12
 """Paths that a thread takes at a time."""
+
+
+@dataclass(frozen=True)
+class BakeOptions:
+    """Options of `Baker`, which says what each is for. Raises InputError, with the value. Source: the values of Unity's
+    lightmapper, where it has any."""
+
+    packet_width: ClassVar[int] = 1  # rays are incoherent
+
+    threads: int | None = None
+    build_quality: str = "medium"
+    robust: bool = True
+    bounces: int = 4
+    roulette_from: int | None = 2
+    open_length: float = 1.0
+    lights: str = "aimed"
+    seed: int = 0
+    clamp: float | None = None
+
+    def __post_init__(self) -> None:
+        check_rays(self)
+        check_choice("lights", self.lights, ("aimed", "grid"))
+        check_whole("bounces", self.bounces, 0, 1 << 10)
+        if self.roulette_from is not None:
+            check_whole("roulette_from", self.roulette_from, 0, 1 << 20)
+        object.__setattr__(self, "open_length", checked_number("open_length", self.open_length, 0.0, 1e30, above=True))
+        check_whole("seed", self.seed, 0, (1 << 32) - 1)
+        check_clamp(self)
 
 
 class Paths:
@@ -34,27 +64,7 @@ class Paths:
         )  # fmt: skip
         self.limits = limits_of(options.bounces, options.roulette_from, options.clamp, 1)
 
-    def light(
-        self, query: Query, order: NDArray[np.int32], part: tuple[int, int], count: int, samples: NDArray[np.int32],
-        sums: NDArray[np.float64],
-    ) -> tuple[int, int]:  # fmt: skip
-        """Add `count` samples to a part of the texels, (first, number) places of an order, and count them.
-
-        samples: (N,) int32 and sums: (N, SUMS), both written to. Returns how many rays were traced, and the number of a
-        texel whose light is not finite, -1 for none.
-        """
-        told = np.array([0, -1])
-        light_texels(order, *part, count, samples, *self._tables(query), sums, told)
-        return int(told[0]), int(told[1])
-
-    def light_probes(self, query: Query, sums: ProbeSums, first: int, count: int) -> int:
-        """Add all samples of `count` probes from number `first` on; returns how many rays were traced. Raises AtraError
-        for light that is not finite."""
-        told = np.array([0, -1])
-        light_probes(sums.points, first, count, sums.samples, *self._tables(query), sums.light, sums.backs, told)
-        sums.check(int(told[1]))
-        return int(told[0])
-
-    def _tables(self, query: Query) -> tuple[object, ...]:
+    def tables(self, query: Query) -> tuple[Any, ...]:
+        """What kernels of paths are handed, from `charts` to `free`."""
         free = np.zeros((FREE_ROWS, 1), np.float32)
         return self.charts, self.surfaces, self.emitters, self.limits, query.scene, query.packet, free

@@ -9,20 +9,10 @@ from numpy.typing import NDArray
 
 from atra.compiled.store import float_kernel, njit
 from atra.embree.packets_kernels import INFINITY
+from atra.light import numbers_kernels
 from atra.light.emitters.emitters_kernels import FROM_SKY, has_emitters
 from atra.light.emitters.sky_kernels import HARMONICS, harmonics_at
 from atra.light.lightmaps.charts.texels_kernels import corners_of, edges_of, point_at, slopes_of, weights_at
-from atra.light.lightmaps.sums_kernels import (
-    BACK,
-    CHANNELS,
-    DIRECT,
-    ENVIRONMENT,
-    INDIRECT,
-    LUMINANCE,
-    OPEN,
-    SQUARE,
-    note_doubling,
-)
 from atra.light.numbers_kernels import ONE, ZERO, key_of, mixed, on_sphere, scaled
 from atra.light.pictures.following_kernels import aimed, follow, more
 from atra.light.scattering.sampler_kernels import DIRECTION, JITTER, pair_of
@@ -40,6 +30,20 @@ from atra.light.scattering.spots_kernels import (
     spot_of,
 )
 from atra.light.surface_kernels import leaving
+
+DIRECT, INDIRECT, ENVIRONMENT, OPEN, BACK = 0, 3, 6, 9, 10
+CHANNELS, RESULTS = 9, 11
+"""Results of a sample: three kinds of light with three channels; then 1 or 0 for "nothing near by" and "sees a back
+face"."""
+
+SQUARE, HALF, CHANGE, BEFORE = RESULTS, RESULTS + 1, RESULTS + 2, RESULTS + 3
+SUMS = RESULTS + 4
+"""float64 numbers of a texel: sums of its results and of the squared luminance of all light; its mean luminance when
+its samples last were a power of two; and by how much that differed from the mean of half as many, squared, then and one
+doubling earlier."""
+
+LUMINANCE = tuple(np.float32(weight) for weight in numbers_kernels.LUMINANCE)
+"""Weights of linear RGB (Rec. 709), float32."""
 
 INSET = 2.0
 """Distance of points from a triangle's rim, where another surface may stand, in offsets of rays."""
@@ -149,6 +153,20 @@ def light_texels(  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True)
+def note_doubling(sums, texel, samples):  # type: ignore[no-untyped-def]
+    """Keep how a texel's mean has changed, if its samples have doubled."""
+    if samples & (samples - 1) != 0:
+        return
+    total = 0.0
+    for channel in range(3):
+        light = sums[texel, DIRECT + channel] + sums[texel, INDIRECT + channel] + sums[texel, ENVIRONMENT + channel]
+        total += np.float64(LUMINANCE[channel]) * light
+    change = total / samples - sums[texel, HALF]
+    sums[texel, BEFORE], sums[texel, CHANGE] = sums[texel, CHANGE], change * change
+    sums[texel, HALF] += change
+
+
+@njit(forceinline=True)
 def add_sample(sums, texel, sample, direct, later, sky, is_open, is_back):  # type: ignore[no-untyped-def]
     """Add a texel's sample to its row of sums, (N, SUMS) float64; returns whether its light is finite."""
     luminance = ZERO
@@ -186,10 +204,8 @@ def light_probes(  # type: ignore[no-untyped-def]
     nowhere, face = BLACK, np.uint32(0)
     for probe in range(first, first + count):
         place = points[probe, 0], points[probe, 1], points[probe, 2]
-        point, key = (
-            (np.float64(place[0]), np.float64(place[1]), np.float64(place[2])),
-            sequence_key(probe, charts.seed),
-        )
+        point = np.float64(place[0]), np.float64(place[1]), np.float64(place[2])
+        key = sequence_key(probe, charts.seed)
         kind, material = np.int64(NOTHING), np.int64(0)
         spot = Spot(point, nowhere, nowhere, kind, material, _white_matter(), NO_FRAME, UNSEEN)
         for sample in range(samples):

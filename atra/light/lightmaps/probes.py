@@ -12,9 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from atra.errors import AtraError, InputError
 from atra.files.paths import write_atomically
+from atra.light.batches import in_batches
 from atra.light.checks import checked_rows
 from atra.light.emitters.sky_kernels import HARMONICS, OF_COSINE, harmonics
-from atra.light.lightmaps.sums_kernels import CHANNELS, DIRECT, ENVIRONMENT, INDIRECT
+from atra.light.lightmaps.paths import AT_ONCE, Paths
+from atra.light.lightmaps.paths_kernels import CHANNELS, DIRECT, ENVIRONMENT, INDIRECT, light_probes
+from atra.rays.kernel_scene import KernelScene, Query
 from atra.tracing.budgets import check_needed_bytes
 
 _FARTHEST = 1e11
@@ -63,35 +66,31 @@ class LightProbes:
         return path
 
 
-class ProbeSums:
-    """Sums of light probes, to which batches add. points: (P, 3), in the world. origin: (3,) float64, of the mesh.
-    Raises InputError naming a bad point, MemoryBudgetError."""
+def probed(
+    points: ArrayLike, samples: int, origin: NDArray[np.float64], scene: KernelScene, paths: Paths
+) -> LightProbes:
+    """Probes at points, (P, 3) in the world, by `samples` paths each. origin: (3,) float64, of the mesh. Raises
+    InputError naming a bad point, MemoryBudgetError, and AtraError for light that is not finite."""
+    local = checked_rows("position", points, (None, 3), "probe", -_FARTHEST, _FARTHEST)
+    in_world: NDArray[np.floating] = local
+    if origin.any():
+        in_world = np.array(points, np.float64)
+        local = (in_world - origin).astype(np.float32)
+    what = f"spherical harmonics of {len(local):,} probes"
+    check_needed_bytes(len(local) * CHANNELS * HARMONICS * _BYTES, None, what, "use fewer probes at a time")
+    light, backs = np.zeros((len(local), CHANNELS, HARMONICS)), np.zeros(len(local), np.int64)
 
-    def __init__(self, points: ArrayLike, samples: int, origin: NDArray[np.float64]) -> None:
-        self.points = checked_rows("position", points, (None, 3), "probe", -_FARTHEST, _FARTHEST)
-        self._in_world: NDArray[np.floating] = self.points
-        if origin.any():
-            self._in_world = np.array(points, np.float64)
-            self.points = (self._in_world - origin).astype(np.float32)
-        self.samples = samples
-        what = f"spherical harmonics of {len(self.points):,} probes"
-        check_needed_bytes(len(self.points) * CHANNELS * HARMONICS * _BYTES, None, what, "use fewer probes at a time")
-        self.light = np.zeros((len(self.points), CHANNELS, HARMONICS))
-        self.backs = np.zeros(len(self.points), np.int64)
+    def add(query: Query, first: int, count: int) -> int:
+        told = np.array([0, -1])
+        light_probes(local, first, count, samples, *paths.tables(query), light, backs, told)
+        if told[1] >= 0:
+            where = f"probe {told[1]} at {in_world[told[1]].tolist()}"
+            raise AtraError(f"the light of {where} is not finite; make lights or materials darker")
+        return int(told[0])
 
-    def check(self, bad: int) -> None:
-        """Raise AtraError for the number of a probe whose light is not finite; -1: there is none."""
-        if bad >= 0:
-            raise AtraError(
-                f"the light of probe {bad} at {self._in_world[bad].tolist()} is not finite; "
-                "make lights or materials darker"
-            )
-
-    def probes(self) -> LightProbes:
-        """The means as `LightProbes`."""
-        means = np.swapaxes(4.0 * np.pi / self.samples * self.light, 1, 2).astype(np.float32)
-        direct, indirect, environment = (
-            np.ascontiguousarray(means[:, :, kind : kind + 3]) for kind in (DIRECT, INDIRECT, ENVIRONMENT)
-        )
-        backs = (self.backs / self.samples).astype(np.float32)
-        return LightProbes(self._in_world, self.samples, direct, indirect, environment, backs)
+    in_batches(scene, len(local), max(1, AT_ONCE // samples), add)
+    means = np.swapaxes(4.0 * np.pi / samples * light, 1, 2).astype(np.float32)
+    direct, indirect, environment = (
+        np.ascontiguousarray(means[:, :, kind : kind + 3]) for kind in (DIRECT, INDIRECT, ENVIRONMENT)
+    )
+    return LightProbes(in_world, samples, direct, indirect, environment, (backs / samples).astype(np.float32))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from math import inf, sqrt
 from time import perf_counter
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from atra.light.lights import Light, light_row
 from atra.light.lights_kernels import LIGHT_WORDS
 from atra.light.materials import shown_of
 from atra.light.pictures.film import Film
-from atra.light.pictures.gbuffer_kernels import Aim, Chunk, new_chunk
+from atra.light.pictures.gbuffer_kernels import Aim, new_chunk
 from atra.light.pictures.integrator import Integrator, check_length, unlike_but_for
 from atra.light.pictures.lighting_kernels import LIGHT_PLANES, SKY_PLANES, STAGES, lighting_kernel
 from atra.light.pictures.path_kernels import BLOCK, Pixels
@@ -41,15 +41,6 @@ _SKY, _LIGHT = _steps(2, 3), _steps(5, 7)
 No step is a rational multiple of another or of a step of `sub_pixel_offsets`, so all points together are evenly
 spread.
 """
-
-
-class _Tables(NamedTuple):
-    """What kernels read of a scene, and the scratch of each thread."""
-
-    kernel: Callable[..., int]
-    surfaces: Any
-    lights: NDArray[np.float32]
-    chunks: list[Chunk]
 
 
 @dataclass(frozen=True)
@@ -88,14 +79,13 @@ class Hybrid(Integrator):
         of_lights = {f"light {k}": SKY_PLANES + k * LIGHT_PLANES + 3 for k in range(len(scene.lights))}
         return {"openness": 3, **of_lights}
 
-    def tables(self, scene: Scene, lamps: Sequence[Light | Panel], rays: KernelScene) -> _Tables:
+    def tables(self, scene: Scene, lamps: Sequence[Light | Panel], rays: KernelScene) -> tuple[Any, ...]:
         """See `Integrator.tables`."""
         rows = [one.row if isinstance(one, Panel) else light_row(one) for one in lamps]
         shown = tuple(shown_of(material) for material in scene.materials)
-        return _Tables(
-            lighting_kernel(rays.packet_width), surfaces_of(replace(scene, materials=shown), 1.0),
-            np.array(rows, np.float32).reshape(-1, LIGHT_WORDS), [new_chunk() for _ in range(rays.threads)],
-        )  # fmt: skip
+        surfaces, lights = surfaces_of(replace(scene, materials=shown), 1.0), np.array(rows, np.float32)
+        chunks = [new_chunk() for _ in range(rays.threads)]
+        return lighting_kernel(rays.packet_width), surfaces, lights.reshape(-1, LIGHT_WORDS), chunks
 
     def same_sums(self, scene: Scene, old: Scene) -> bool:
         """See `Integrator.same_sums`; colours and powers of lights and the power of the sky are not in the sums."""
@@ -123,7 +113,7 @@ class Hybrid(Integrator):
         return total + reduce(np.add, of_lamps[lights:], film.mean(slice(last, last + 3)))
 
     def add(
-        self, tables: _Tables, camera: View, query: Query, first: int, count: int, pixels: Pixels, film: Film,
+        self, tables: Any, camera: View, query: Query, first: int, count: int, pixels: Pixels, film: Film,
         stages: dict[str, float],
     ) -> int | None:  # fmt: skip
         """See `Integrator.add`."""
@@ -131,9 +121,10 @@ class Hybrid(Integrator):
         to_lights = _aim(film.samples, self.shadow_rays, self.shadow_length, _LIGHT)
         into_sky = _aim(film.samples, self.occlusion_rays, self.occlusion_length, _SKY)
         times = np.zeros(len(STAGES), np.int64)
-        rays = tables.kernel(
-            first, count, pixels, tables.surfaces, tables.lights, to_lights, into_sky, self.occlusion == "cosine",
-            query, tables.chunks[query.worker], film.sums, film.is_first, times,
+        kernel, surfaces, lights, chunks = tables
+        rays = kernel(
+            first, count, pixels, surfaces, lights, to_lights, into_sky, self.occlusion == "cosine",
+            query, chunks[query.worker], film.sums, film.is_first, times,
         )  # fmt: skip
         taken_s = (perf_counter() - start) / times.sum()
         for stage, ticks in zip(STAGES, times.tolist(), strict=True):

@@ -22,12 +22,11 @@ from atra.light.batches import Laps
 from atra.light.checks import check_whole
 from atra.light.oidn import denoiser
 from atra.light.pictures.files import check_picture_path, exr_of, shown_png
-from atra.light.pictures.film import Film
+from atra.light.pictures.film import Film, LensPixels, pixels_of
 from atra.light.pictures.finish.layers import Layers, Offset, layers_of
 from atra.light.pictures.finish.states import fingerprint
 from atra.light.pictures.integrator import Integrator, unlike_but_for
 from atra.light.pictures.path_kernels import Pixels
-from atra.light.pictures.pixels import LensPixels, pixels_of
 from atra.light.scene import Scene
 from atra.raster.tracer import RasterTracer
 from atra.rays.kernel_scene import scene_for_kernels

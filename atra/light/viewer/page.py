@@ -7,6 +7,7 @@ import contextlib
 import io
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from math import degrees, radians
 from typing import TYPE_CHECKING, Any
 
@@ -104,11 +105,9 @@ class Page:
         """Pages look from there at first, then tell the session; it ends when the last was closed `LEAVE_S` ago."""
         server, camera = self._server, self._server.initial_camera
         server.scene.set_up_direction(first.up)
+        server.scene.configure_environment_map(None)  # its light would fade the picture in for seconds
         camera.position, camera.look_at = np.array(first.eye) / self._unit, np.array(first.target) / self._unit
         camera.up, camera.fov = np.array(first.up), radians(first.fov_y_degrees)
-
-        async def moved(camera: CameraHandle) -> None:  # on viser's own thread, so that cameras come in their order
-            self.session.want(pose_of(camera, self._unit))
 
         def end_without_pages() -> None:
             if not server.get_clients():
@@ -116,6 +115,13 @@ class Page:
 
         @server.on_client_connect
         async def _(client: ClientHandle) -> None:
+            is_first = True
+
+            async def moved(camera: CameraHandle) -> None:  # on viser's own thread, so that cameras come in their order
+                nonlocal is_first  # which is viser's own, in this page's shape; the page's comes next
+                self.session.want(replace(first, aspect=camera.aspect) if is_first else pose_of(camera, self._unit))
+                is_first = False
+
             client.camera.on_update(moved)
             self._movement.value = MOVEMENTS[0]  # of all pages: a new one has not found its own camera yet
 

@@ -22,7 +22,6 @@ from experiments.classification.bvh.binary import NODE_BYTES
 from experiments.classification.bvh.scene import BvhScene, PreparedRays
 from experiments.classification.bvh.single import BLOCKS, BOXES, LISTED, STEPS
 from experiments.classification.ray_sets import ray_set
-from experiments.classification.workload.path_rays import PATH_KINDS, path_rays
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.environment import peak_rss_bytes, reset_peak_rss, rss_bytes
 from experiments.harness.options import Settings, option
@@ -64,9 +63,7 @@ class RayOptions(Settings):
     """Which rays are traced."""
 
     ray_kind: str = option(
-        "primary",
-        "primary, occlusion or diffuse; or all rays of paths that scatter (bounce), or are aimed at lights (shadow)",
-        choices=(*KINDS, *PATH_KINDS),
+        "primary", "rays of pixels, or from what they see: to what is near, or a bounce", choices=KINDS
     )
 
 
@@ -164,7 +161,7 @@ def make(point: Point, mesh: Mesh) -> BvhScene:
 def measure(point: Point) -> Measured:
     """Build, count and time. Raises InputError and MemoryBudgetError as the scenes do."""
     kind = point.workload_options.ray_kind
-    any_hit = kind in ("occlusion", "shadow")
+    any_hit = kind == "occlusion"
     _warm_up(point, any_hit)
     results: dict[str, Any] = {"rss_start_bytes": rss_bytes()}
     mesh = load_mesh(point)
@@ -206,11 +203,8 @@ def measure(point: Point) -> Measured:
 
 
 def _rays_of(point: Point, mesh: Mesh) -> Rays:
-    kind = point.workload_options.ray_kind
-    if kind in PATH_KINDS:
-        return path_rays(kind, point.scene, mesh, point.camera, point.threads)
     with RasterTracer(mesh, point.camera, threads=point.threads, ties="any") as raster:
-        return ray_set(kind, mesh, point.camera, raster.trace())
+        return ray_set(point.workload_options.ray_kind, mesh, point.camera, raster.trace())
 
 
 def _query(scene: Any, rays: Any, any_hit: bool) -> Callable[[], Any]:

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from experiments.classification.classified import CLASSIFIED, ClassifiedOptions
 from experiments.classification.workload import KINDS
 from experiments.drawing.values import numbers
-from experiments.results.claims import UNDECIDED, Judge, Judgement, NotMeasuredError
+from experiments.results.claims import UNDECIDED, Judge, Judgement
 from experiments.results.queries import read_claims
-from experiments.results.statistics import Estimate, geometric_mean
+from experiments.results.statistics import Estimate, NotMeasuredError, geometric_mean
 from experiments.results.verdicts import (
     Bounds,
     Outcome,

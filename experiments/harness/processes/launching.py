@@ -1,4 +1,4 @@
-"""Starts the worker process of a point and brings back its outcome, whatever becomes of it."""
+"""Starts the worker process of a point and brings back its record, whatever becomes of it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ import psutil
 from atra.compiled.instruction_sets import VARIABLE
 from atra.errors import printable
 from experiments.harness.point import Point
-from experiments.harness.processes.worker import CANNOT_WRITE, Outcome
+from experiments.harness.processes.worker import CANNOT_WRITE, ON_PURPOSE, failed, read_result
+from experiments.harness.records import Record
 
 _ROOT = Path(__file__).resolve().parents[3]
 _OUTPUT_KEPT_BYTES = 4000
@@ -35,10 +36,10 @@ _WAIT_S = 0.5
 WORKER_COMMAND = (sys.executable, "-m", "experiments.worker")
 
 
-def run_worker(point: Point, command: Sequence[str] = WORKER_COMMAND) -> Outcome:
+def run_worker(point: Point, command: Sequence[str] = WORKER_COMMAND) -> Record:
     """Measure `point` in a fresh process; never raises for what happens there.
 
-    A worker that dies, exceeds `point.time_limit_s` or leaves no complete result gives a failed outcome with the
+    A worker that dies, exceeds `point.time_limit_s` or leaves no complete result gives a failed record with the
     reason; the end of all it printed is kept in `results["worker_output"]` then. When it ends, or KeyboardInterrupt
     passes through here, the worker and every process it has started are killed.
     """
@@ -46,11 +47,11 @@ def run_worker(point: Point, command: Sequence[str] = WORKER_COMMAND) -> Outcome
         with tempfile.TemporaryDirectory(prefix="atra-", ignore_cleanup_errors=True) as folder:
             return _run_in(Path(folder), point, command)
     except OSError as error:
-        return Outcome("failed", f"no worker could be started: {error}", on_purpose=True)
+        return failed(f"no worker could be started: {error}", **{ON_PURPOSE: True})
 
 
-def _run_in(folder: Path, point: Point, command: Sequence[str]) -> Outcome:
-    result_path = folder / "outcome.json"
+def _run_in(folder: Path, point: Point, command: Sequence[str]) -> Record:
+    result_path = folder / "record.json"
     job = {
         "point": point.configuration(),
         "version": point.method.version(),
@@ -61,8 +62,7 @@ def _run_in(folder: Path, point: Point, command: Sequence[str]) -> Outcome:
     with output_path.open("wb") as output:
         process = subprocess.Popen(
             list(command), stdin=subprocess.PIPE, stdout=output, stderr=subprocess.STDOUT,
-            env=project_environment() | _thread_limits(point) | _vectors(point),
-            **_apart_from_the_interrupt_key(),
+            env=_environment(point), **_apart_from_the_interrupt_key(),
         )  # fmt: skip
         try:
             assert process.stdin is not None
@@ -80,19 +80,17 @@ def _run_in(folder: Path, point: Point, command: Sequence[str]) -> Outcome:
         reason = f"it printed {printed_bytes >> 20} MiB, more than the {_MOST_PRINTED_BYTES >> 20} MiB that are kept"
     if reason is None:
         try:
-            outcome = Outcome.from_json(result_path.read_bytes(), point)
+            record = read_result(result_path.read_bytes(), point)
         except FileNotFoundError:
             reason = "the worker ended without a result"
-        except (ValueError, TypeError) as error:
+        except (ValueError, TypeError, AttributeError) as error:
             reason = f"the worker's result is not complete ({error})"
         else:
-            if outcome.status == "failed" and printed:
-                outcome.results["worker_output"] = printed
-            return outcome
+            if record.status == "failed" and printed:
+                record.results["worker_output"] = printed
+            return record
     last_line = printable(printed.rpartition("\n")[2][:_LONGEST_LINE])
-    return Outcome(
-        "failed", f"{reason}; it said: {last_line}" if last_line else reason, results={"worker_output": printed}
-    )
+    return failed(f"{reason}; it said: {last_line}" if last_line else reason, worker_output=printed)
 
 
 def _apart_from_the_interrupt_key() -> dict[str, Any]:
@@ -141,16 +139,12 @@ def _end_of(output: Path) -> str:
         return printed.read().decode(errors="replace").strip()
 
 
-def _thread_limits(point: Point) -> dict[str, str]:
-    """NumPy's matrix library would take every core whatever the point asks for."""
-    if point.threads is None:
-        return {}
-    return {f"{name}_NUM_THREADS": str(point.threads) for name in ("OPENBLAS", "MKL", "OMP")}
-
-
-def _vectors(point: Point) -> dict[str, str]:
-    """The instruction set is read once, when `atra` is imported."""
-    return {} if point.instruction_set is None else {VARIABLE: point.instruction_set}
+def _environment(point: Point) -> dict[str, str]:
+    """Of the worker, which reads its instruction set once, when `atra` is imported. NumPy's matrix library would take
+    every core whatever the point asks for."""
+    libraries = () if point.threads is None else ("OPENBLAS", "MKL", "OMP")
+    vectors = {} if point.instruction_set is None else {VARIABLE: point.instruction_set}
+    return project_environment() | vectors | {f"{name}_NUM_THREADS": str(point.threads) for name in libraries}
 
 
 def stop_children() -> None:

@@ -1,5 +1,5 @@
 """What measures one point in a process of its own, which gets a job as a line of JSON on standard input: the point, the
-version of its method, the path where the outcome goes, whole or not at all, and the process of the run that asks.
+version of its method, the path where the record goes, whole or not at all, and the process of the run that asks.
 
 Of whatever it prints nothing is read as a result: the result goes to the path named in the job. It ends when the run
 that started it does.
@@ -13,7 +13,7 @@ import sys
 import threading
 import traceback
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,10 @@ from atra.files.paths import write_atomically
 from experiments.harness.identity import loaded_files
 from experiments.harness.options import typed
 from experiments.harness.point import Kinds, Measured, Point
-from experiments.harness.records import LACKED_MEMORY, UNPROMISING
+from experiments.harness.records import LACKED_MEMORY, UNPROMISING, Record
+
+ON_PURPOSE = "on_purpose"
+"""Result of a record whose error is one of `atra`'s own, meant for the person at the keyboard; without it, a bug."""
 
 METHOD_LINES = "method_lines"
 """Result of a record whose point failed in the code of another's method: where, in that code."""
@@ -38,41 +41,6 @@ CANNOT_WRITE = 74
 """Exit code of a worker that has no room for its result, and perhaps none for words either; EX_IOERR of sysexits."""
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """What became of a job.
-
-    status, error, samples, results: as in `experiments.harness.records.Record`.
-    on_purpose: the error is one of `atra`'s own, meant for the person at the keyboard; otherwise it is a bug.
-    files: the files whose code measured it, with their hashes (`experiments.harness.identity.loaded_files`).
-    """
-
-    status: str
-    error: str | None = None
-    on_purpose: bool = False
-    warmup_samples: dict[str, list[float]] = field(default_factory=dict)
-    samples: dict[str, list[float]] = field(default_factory=dict)
-    results: dict[str, Any] = field(default_factory=dict)
-    files: dict[str, str] = field(default_factory=dict)
-
-    def to_json(self) -> bytes:
-        """Raises ValueError for a NaN or an infinity."""
-        return json.dumps(asdict(self), allow_nan=False).encode()
-
-    @classmethod
-    def from_json(cls, content: bytes, point: Point) -> Outcome:
-        """The outcome of `point` from what its worker has written.
-
-        Raises ValueError or TypeError for what is no outcome, and ValueError for status ok without all that the point's
-        workload measures.
-        """
-        outcome = cls(**json.loads(content))
-        missing = _missing(outcome, point) if outcome.status == "ok" else []
-        if missing:
-            raise ValueError(f"status ok without {', '.join(missing)}")
-        return outcome
-
-
 class Unpromising(InputError):
     """A point that need not be measured, as a frame was predicted to be slow."""
 
@@ -81,21 +49,29 @@ MAY_CHANGE = {MemoryBudgetError: LACKED_MEMORY, Unpromising: UNPROMISING}
 """Problems without which another run may measure the point, and the results that tell of them."""
 
 
-def skipped(problem: AtraError) -> Outcome:
-    """The outcome of a point that cannot be measured, with the reason."""
-    results = {name: True for kind, name in MAY_CHANGE.items() if isinstance(problem, kind)}
-    return Outcome("skipped", str(problem), on_purpose=True, results=results)
+def failed(error: str, **results: Any) -> Record:
+    """The record of a point that went wrong, as its worker leaves it."""
+    return Record("", "failed", error, results=results)
 
 
-def _missing(outcome: Outcome, point: Point) -> list[str]:
-    """Results and series that a measured point must hold and this one does not."""
-    workload = point.workload
-    missing = [name for name in workload.needs if name not in outcome.results]
+def skipped(problem: AtraError) -> Record:
+    """The record of a point that cannot be measured, with the reason."""
+    told = {name: True for kind, name in MAY_CHANGE.items() if isinstance(problem, kind)}
+    return Record("", "skipped", str(problem), results={ON_PURPOSE: True, **told})
+
+
+def read_result(content: bytes, point: Point) -> Record:
+    """The record of `point` that its worker has written. Raises ValueError, TypeError or AttributeError for what is
+    none, and ValueError for status ok without all that the point's workload measures."""
+    record, workload = Record.from_json(content), point.workload
+    missing = [name for name in workload.needs if name not in record.results]
     if workload.samples is not None:
-        missing += sorted(workload.samples(point) - set(outcome.samples))
-    if workload.optional and workload.optional.isdisjoint(outcome.samples):
+        missing += sorted(workload.samples(point) - set(record.samples))
+    if workload.optional and workload.optional.isdisjoint(record.samples):
         missing.append(f"one of {', '.join(sorted(workload.optional))}")
-    return missing
+    if record.status == "ok" and missing:
+        raise ValueError(f"status ok without {', '.join(missing)}")
+    return record
 
 
 def read_point(fields: dict[str, Any], kinds: Kinds) -> Point:
@@ -115,20 +91,19 @@ def measure_point(point: Point) -> Measured:
     return point.workload.measure(point)
 
 
-def outcome_of(point: Point) -> Outcome:
+def record_of(point: Point) -> Record:
     """Whatever measuring comes to."""
     try:
         measured = measure_point(point)
     except MemoryBudgetError as error:
         return skipped(error)
     except AtraError as error:
-        return Outcome("failed", _with_notes(str(error), error), on_purpose=True, results=_own_lines(point, error))
+        return failed(_with_notes(str(error), error), **{ON_PURPOSE: True}, **_own_lines(point, error))
     except Exception as error:
-        with suppress(OSError):  # where there is no room for words, the outcome says the most of it
+        with suppress(OSError):  # where there is no room for words, the record says the most of it
             traceback.print_exc()
-        told = printable(_with_notes(f"{type(error).__name__}: {error}", error))
-        return Outcome("failed", told, results=_own_lines(point, error))
-    return Outcome("ok", None, True, measured.warmup_samples, measured.samples, measured.results)
+        return failed(printable(_with_notes(f"{type(error).__name__}: {error}", error)), **_own_lines(point, error))
+    return Record("", "ok", **vars(measured))
 
 
 def _with_notes(told: str, error: Exception) -> str:
@@ -168,12 +143,12 @@ def run_job(kinds: Kinds) -> None:
     threading.Thread(target=_end_with_the_run, args=(job["run"],), daemon=True).start()
     name, version = point.method.name, point.method.version()
     if version == job["version"]:
-        outcome = replace(outcome_of(point), files=loaded_files(point))
+        record = replace(record_of(point), files=loaded_files(point))
     else:
         told = f"method {name} is {version}, expected {job['version']}: it changed since this run began"
-        outcome = Outcome("failed", printable(told), on_purpose=True)
+        record = failed(printable(told), **{ON_PURPOSE: True})
     try:
-        write_atomically(Path(job["result_path"]), outcome.to_json())
+        write_atomically(Path(job["result_path"]), record.to_json())
     except StorageError as error:
         with suppress(OSError):
             print(error, flush=True)

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from atra.errors import InputError
+from atra.light.lightmaps.paths import BakeOptions
 from atra.light.oidn import check_denoiser
 from experiments.harness.column import REAL, WHOLE, Column
 from experiments.harness.options import Settings, option, whole
 from experiments.harness.point import Point, Workload
 from experiments.harness.records import Record
 from experiments.light import ROBUST
-from experiments.light.wave_baker import WaveOptions
 from experiments.results.statistics import Series, statistics_columns
 from experiments.workloads.baselines import OWN, over, over_own, series
 from experiments.workloads.resources import say_mib
@@ -105,18 +105,20 @@ class BakeSettings(Settings):
                         f"workload.{name} is {value!r} with workload.against=mitsuba, which is handed all texels of a "
                         "scene in its own light; leave it out"
                     )
-        if self.is_depth_first and self.priority:
-            raise InputError(
-                "workload.priority is True for a bake that is denoised or held against Mitsuba, by paths one after the "
-                "other; leave it out"
-            )
+        for name, of_waves in (("priority", (True,)), ("against", ("compaction", "expansion", "environment"))):
+            if self.is_depth_first and getattr(self, name) in of_waves:
+                raise InputError(
+                    f"workload.{name} is {getattr(self, name)} for a bake that is denoised or held against Mitsuba, by "
+                    "paths one after the other; leave it out"
+                )
         self.options()
 
-    def options(self, threads: int | None = 1, build_quality: str = "medium") -> WaveOptions:
-        """The value for it."""
-        names = "bounces", "roulette_from", "environment", "lights", "compaction", "batch_rays", "expansion"
-        given = {name: getattr(self, name) for name in names}
-        return WaveOptions(threads=threads, build_quality=build_quality, robust=self.robust_rays, **given)
+    def options(self, threads: int | None = 1, build_quality: str = "medium") -> dict[str, Any]:
+        """Options of the baker that is measured, checked."""
+        given = {name: getattr(self, name) for name in ("bounces", "roulette_from", "lights")}
+        of_both = vars(BakeOptions(threads, build_quality, self.robust_rays, **given))
+        of_waves = "environment", "compaction", "batch_rays", "expansion"
+        return of_both if self.is_depth_first else of_both | {name: getattr(self, name) for name in of_waves}
 
     @property
     def is_depth_first(self) -> bool:
@@ -198,7 +200,6 @@ BAKE = Workload(
     columns=(
         *statistics_columns("bake_time{}_s", "a round of samples of the texels that come first", series(OWN)),
         *statistics_columns("rays_per_s{}", "rays that were traced in a second", _RAYS),
-        *statistics_columns("paths_per_s{}", "paths from texels in a second", _rays_per_s(OWN, "paths_per_round")),
         *statistics_columns("speedup_vs_other{}", "time of the other bake / time of this one", over_own(series(OTHER))),
         *statistics_columns(
             "speedup_vs_best_other{}", "speedup_vs_other, Mitsuba's first rays as they are", _result("best_other_ratio")
@@ -222,18 +223,14 @@ BAKE = Workload(
             for kind, of in (("", "of the map"), ("visible_", "of what the view shows"))
             for percent in THRESHOLDS
         ),
-        Column("error_over_forecast", REAL, "difference of two independent maps / what their variances forecast"),
         Column("buffer_bytes", WHOLE, "memory of the rays in flight"),
         Column("texels", WHOLE, "texels that are lit"),
         Column("charts", WHOLE, "charts in the map"),
-        Column("texels_lost", WHOLE, "faces without a texel"),
         Column("map_occupancy", REAL, "share of the map that is lit"),
         Column("visible_share", REAL, "share of the texels that the view shows"),
         Column("culling_map_s", REAL, "time to find the visible texels"),
-        Column("atlas_s", REAL, "time to make charts and texels"),
         Column("seam_step_ratio", REAL, "difference of both sides of seams, after / before stitching"),
         Column("denoised_ratio", REAL, "error denoised / raw of 4 x as many samples, the same in every process"),
-        Column("denoise_s", REAL, "time to denoise the map"),
     ),
     headline=_headline,
     package=__name__,

@@ -21,7 +21,6 @@ from experiments.results.verdicts import (
     known_values,
     measured_rows,
     on_cases,
-    ratio_judge,
     ratio_of,
     value_judge,
 )
@@ -37,7 +36,7 @@ def judge_mitsuba(processes: pd.DataFrame | None, where: dict[str, Any], ratio: 
     """By points in one thread, a ratio that is at least `least`; undecided where any of them finds other light than
     Mitsuba."""
     which = partial(chosen, where=where)
-    judged = ratio_judge(ratio, which, Bounds(low=least))(processes)
+    judged = value_judge(lambda rows: numbers(rows, ratio), which, Bounds(low=least))(processes)
     rows = measured_rows(processes, which)
     off, error = numbers(rows, "other_light_ratio") - 1.0, numbers(rows, "other_light_error")
     other = rows["scene"][~(abs(off) <= _DEVIATIONS * error)].unique()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import fields, replace
+from dataclasses import replace
 from math import sqrt
 from statistics import median
 from time import perf_counter
@@ -14,8 +14,7 @@ import numpy as np
 
 from atra import light
 from atra.geometry.mesh import Mesh
-from atra.light import Atlas, Baker, Emissive, Lambertian, Lightmap, MetallicRoughness, Texels
-from atra.light.lightmaps.options import BakeOptions
+from atra.light import Atlas, Baker, Emissive, Lambertian, MetallicRoughness, Seams, Texels, denoised, dilated
 from atra.light.lightmaps.priority import visible_texels
 from atra.light.materials import Material
 from experiments.harness.point import Measured, Point, make_own
@@ -29,8 +28,7 @@ from experiments.light.bake import (
     WHOLE_MAP,
     WITHOUT_VIEW,
 )
-from experiments.light.bake.finishing import finishing, squared_differences
-from experiments.light.bake.mitsuba import MitsubaPaths, with_plain_light
+from experiments.light.bake.mitsuba import MitsubaPaths, squared_differences, with_plain_light
 from experiments.light.wave_baker import WaveBaker
 from experiments.workloads.baselines import OWN
 from experiments.workloads.rounds import load_mesh, measured, timed_rounds
@@ -107,38 +105,28 @@ def emptier(mesh: Mesh, atlas: Atlas, occupancy: float) -> Atlas:
     return Atlas(np.nan_to_num(atlas.uv), atlas.chart, atlas.width, height)
 
 
-def stage_s(baker: AnyBaker, *stages: str) -> float:
-    """Seconds of these stages in all rounds together; the library's baker has no stages."""
-    return sum(baker.stage_s.get(one, 0.0) for one in stages) if isinstance(baker, WaveBaker) else 0.0
-
-
 def measure(point: Point) -> Measured:
     """Bake rounds of samples. Raises InputError and MemoryBudgetError as `Baker` does."""
     settings, mesh = point.workload_options, load_mesh(point)
-    scene, start = bake_scene(point, mesh), perf_counter()
-    atlas = atlas_of(point, mesh)
+    scene, atlas = bake_scene(point, mesh), atlas_of(point, mesh)
     options = settings.options(point.threads, point.build_quality)
+    results: dict[str, Any] = {}
     with ExitStack() as stack:
 
         def baker(scene: light.Scene = scene, atlas: Atlas = atlas, **changes: Any) -> Any:
-            given = vars(options) | changes
-            if settings.is_depth_first:
-                given = {name.name: given[name.name] for name in fields(BakeOptions)}
             kind: Any = Baker if settings.is_depth_first else WaveBaker
-            one = stack.enter_context(kind(scene, atlas, **given))
+            one = stack.enter_context(kind(scene, atlas, **options | changes))
             one.add(1)  # compiles
             one.rays = one.lanes = 0
             one.stage_s = {}
             return one
 
         own = baker()
-        results: dict[str, Any] = {"atlas_s": perf_counter() - start}
         bakers = {OWN: own}
         if settings.other is not None:
-            full = settings.against == "occupancy"
             bakers[OTHER] = baker(
                 _see_through(scene) if settings.against == "translucency" else scene,
-                emptier(mesh, atlas, FULLEST) if full else atlas,
+                emptier(mesh, atlas, FULLEST) if settings.against == "occupancy" else atlas,
                 seed=1,
                 **settings.other,
             )
@@ -152,10 +140,8 @@ def measure(point: Point) -> Measured:
                     results["culling_map_s"] = perf_counter() - begin
             if settings.other is None:
                 bakers |= {WHOLE_MAP: baker(seed=1), WITHOUT_VIEW: baker()}
-                bakers[WHOLE_MAP].visible = own.visible
-            else:
-                bakers[OTHER].visible = own.visible
-        calls, theirs = _calls(bakers, settings.samples), None
+            bakers[OTHER if settings.other is not None else WHOLE_MAP].visible = own.visible
+        calls, theirs = {name: _call(name, one, settings.samples) for name, one in bakers.items()}, None
         if settings.against == "mitsuba":
             theirs = MitsubaPaths(room_of(point, mesh), own, settings.samples)
             calls[OTHER] = theirs.add
@@ -169,16 +155,11 @@ def measure(point: Point) -> Measured:
             again = baker(seed=1)
             again.add(int(own.samples.max()) - 1)
             results |= theirs.against(own.maps, again.maps) | {"best_other_ratio": at_best / median(timed.samples[OWN])}
-        rows = bakers.get(WITHOUT_VIEW, own)
-        if settings.against != "translucency" and len(bakers) > 1:
-            pair = (bakers[WHOLE_MAP], rows) if WHOLE_MAP in bakers else (own, bakers[OTHER])
-            results["error_over_forecast"] = _error_over_forecast(*pair)
         if own.visible is not None:
-            results |= _times_to("visible_", own.maps, own.visible, timed.samples[OWN], settings.samples)
-        if rows.visible is None:
-            every = np.ones(len(own.texels), bool)
-            taken = timed.samples.get(WITHOUT_VIEW, timed.samples[OWN])
-            results |= _times_to("", rows.maps, every, taken, settings.samples)
+            results |= _times_to("visible_", own, timed.samples[OWN], settings.samples)
+        whole = WITHOUT_VIEW if WITHOUT_VIEW in bakers else OWN
+        if bakers[whole].visible is None:
+            results |= _times_to("", bakers[whole], timed.samples[whole], settings.samples)
         if settings.denoise:
             pair = baker(seed=1, threads=None), baker(seed=2, threads=None)  # maps do not depend on threads
             results |= finishing(*pair, settings.final_samples, own.rays_scene.threads)
@@ -194,81 +175,101 @@ def _see_through(scene: light.Scene) -> light.Scene:
     return replace(scene, materials=[*scene.materials, pane], face_materials=numbers)
 
 
-def _calls(bakers: dict[str, AnyBaker], samples: int) -> dict[str, Callable[[], object]]:
-    def call(name: str, baker: AnyBaker) -> Callable[[], object]:
-        if isinstance(baker, Baker) or baker.visible is None:
-            return lambda: baker.add(samples)
-        return lambda: add_visible(baker, samples, and_others=name == WHOLE_MAP)
-
-    return {name: call(name, baker) for name, baker in bakers.items()}
-
-
-def add_visible(baker: WaveBaker, samples: int, and_others: bool) -> None:
+def _call(name: str, baker: AnyBaker, samples: int) -> Callable[[], None]:
     """So many samples more of what the view shows, and then perhaps of all other texels."""
-    assert baker.visible is not None
-    baker.add(samples, baker.visible)
-    if and_others:
-        baker.add(samples, ~baker.visible)
+
+    def add() -> None:
+        if isinstance(baker, Baker) or baker.visible is None:
+            baker.add(samples)
+            return
+        baker.add(samples, baker.visible)
+        if name == WHOLE_MAP:
+            baker.add(samples, ~baker.visible)
+
+    return add
 
 
 def _told(baker: AnyBaker, rounds: int, samples: int) -> dict[str, Any]:
-    texels, visible, waves = baker.texels, baker.visible, baker if isinstance(baker, WaveBaker) else None
+    texels, visible = baker.texels, baker.visible
     first = len(texels) if visible is None else int(visible.sum())
-    return {
+    told = {
         "rays_per_round": baker.rays // rounds,
         "paths_per_round": first * samples,
-        "lane_utilisation": 1.0 if waves is None else waves.rays / max(1, waves.lanes),
-        "batch_fill": None if waves is None else _batch_fill(waves, first, samples),
-        "buffer_bytes": 0 if waves is None else waves.buffer_bytes,
+        "lane_utilisation": 1.0,
+        "buffer_bytes": 0,
         "texels": len(texels),
         "charts": texels.atlas.charts,
-        "texels_lost": texels.faces_lost,
         "map_occupancy": texels.occupancy,
         "visible_share": None if visible is None else float(visible.mean()),
-    } | {f"{stage}_s": stage_s(baker, stage) / rounds for stage in STAGES if waves is not None}
+    }
+    if isinstance(baker, Baker):
+        return told
+    return told | {
+        "lane_utilisation": baker.rays / max(1, baker.lanes),
+        "batch_fill": _batch_fill(baker, first, samples),
+        "buffer_bytes": baker.buffer_bytes,
+        **{f"{stage}_s": baker.stage_s.get(stage, 0.0) / rounds for stage in STAGES},
+    }
 
 
 def _batch_fill(baker: WaveBaker, texels: int, samples: int) -> float:
     """Share of the room of a wave that texels fill with rays."""
-    expansion, room = min(samples, baker.options.expansion), baker.paths_at_once
+    expansion, room = min(samples, baker.expansion), baker.paths_at_once
     batches = -(-texels // max(1, room // expansion))
     return texels * expansion / (batches * room) if batches else 0.0
 
 
-def _against(own: AnyBaker, other: AnyBaker, rounds: int) -> dict[str, float | None]:
-    which = np.ones(len(own.texels), bool) if own.visible is None else own.visible
-    variances = [_variance(one.maps, which) for one in (own, other)]
-    return {
-        "other_rays_per_round": other.rays / rounds,
-        "variance_ratio": variances[1] / variances[0] if all(variances) else None,  # type: ignore[operator]
-        "tracing_ratio": stage_s(other, *TRACING) / max(stage_s(own, *TRACING), 1e-9),
-        "shading_ratio": stage_s(other, *SHADING) / max(stage_s(own, *SHADING), 1e-9),
-    }
+def _against(own: Any, other: Any, rounds: int) -> dict[str, float | None]:
+    variances = [_variance(one) for one in (own, other)]
+    found: dict[str, float | None] = {"other_rays_per_round": other.rays / rounds}
+    found["variance_ratio"] = variances[1] / variances[0] if all(variances) else None  # type: ignore[operator]
+    for name, stages in (("tracing", TRACING), ("shading", SHADING)):
+        taken, others = (sum(one.stage_s.get(stage, 0.0) for stage in stages) for one in (own, other))
+        found[f"{name}_ratio"] = others / max(taken, 1e-9)
+    return found
 
 
-def _variance(lightmap: Lightmap, which: Any) -> float | None:
-    """Variance of one sample over the squared mean of the light: the square of its relative error."""
-    used = which & lightmap.valid
+def _variance(baker: AnyBaker) -> float | None:
+    """Variance of one sample over the squared mean of the light, of texels that come first: the square of its relative
+    error."""
+    lightmap = baker.maps
+    used = lightmap.valid if baker.visible is None else lightmap.valid & baker.visible
     mean = float(lightmap.luminance[used].mean()) if used.any() else 0.0
     return float(lightmap.variance[used].mean()) / mean**2 if mean > 0.0 else None
 
 
-def _error_over_forecast(one: AnyBaker, other: AnyBaker) -> float | None:
-    """The difference of two maps of other random numbers over the error that they forecast, where both have all their
-    samples."""
-    maps = [baker.maps for baker in (one, other)]
-    used = maps[0].valid & maps[1].valid
-    for lightmap in maps:
-        used &= lightmap.samples == lightmap.samples.max()
-    forecast = sum(float((lightmap.variance[used] / lightmap.samples[used]).sum()) for lightmap in maps)
-    square = float(squared_differences(*maps)[used].sum())
-    return sqrt(square / forecast) if forecast > 0.0 else None
-
-
-def _times_to(kind: str, lightmap: Lightmap, which: Any, taken: tuple[float, ...], count: int) -> dict[str, float]:
+def _times_to(kind: str, baker: AnyBaker, taken: tuple[float, ...], count: int) -> dict[str, float]:
     """Seconds to an error whose square is the variance of one sample over their number: at most, as they are spread
     evenly."""
-    one, sample_s = _variance(lightmap, which), median(taken) / count
+    one, sample_s = _variance(baker), median(taken) / count
     if one is None:
         return {}
     return {f"{kind}time_to_rmse_{limit}_s": one / (limit / 100) ** 2 * sample_s for limit in THRESHOLDS}
+
+
+_REFERENCE = 4
+"""Samples of the raw map that a denoised one is compared with, as a multiple of its own."""
+
+
+def finishing(baker: Baker, other: Baker, samples: int, threads: int) -> dict[str, float | None]:
+    """What denoising and stitching gain on a map of so many samples, beside raw maps of `_REFERENCE` times as many.
+
+    baker, other: by different random numbers. The raw maps' error is found from their difference, as their variances
+    forecast too much of it.
+    """
+    baker.add(samples - int(baker.samples.max()))
+    raw = baker.maps
+    clean = denoised(raw, threads)
+    for one in (baker, other):
+        one.add(_REFERENCE * samples - int(one.samples.max()))
+    own, known = baker.maps, other.maps
+    used = raw.valid & own.valid & known.valid
+    noise = float(squared_differences(own, known)[used].mean()) / 2.0
+    square = float(squared_differences(clean, known)[used].mean()) - noise
+    seams = Seams.of(raw.texels.mesh, raw.texels.atlas)
+    image = dilated(raw.texels, raw.combined, raw.valid)
+    before = seams.step(image)
+    return {
+        "denoised_ratio": sqrt(max(square, 0.0) / noise) if noise > 0.0 else None,
+        "seam_step_ratio": seams.step(seams.stitched(image)) / before if before > 0.0 else None,
+    }

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from atra.light import Baker, GradientSky, Lightmap, Scene
 from atra.light.lightmaps.paths import Paths
-from atra.light.lightmaps.sums_kernels import LUMINANCE
-from experiments.light.bake.finishing import squared_differences
+from atra.light.lightmaps.paths_kernels import LUMINANCE
 from experiments.light.mitsuba_light import load_mitsuba, parts_of, suns_of
 from experiments.light.waves_kernels import DIRECTION, ORIGIN, generate, new_wave
 
@@ -142,6 +141,11 @@ class MitsubaPaths:
         theirs = float(variance.mean()) / float(lightmap.samples.max()) / ratio**2
         varies = theirs / max(squared, np.finfo(float).tiny)
         return {"other_light_ratio": ratio, "other_light_error": error, "variance_ratio": varies}
+
+
+def squared_differences(one: Lightmap, other: Lightmap) -> NDArray[np.float64]:
+    """(N,) squares of the differences in luminance between two maps of the same N texels."""
+    return (one.luminance - other.luminance).astype(np.float64) ** 2
 
 
 def starts(baker: Baker, samples: int, number: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -44,24 +45,18 @@ def _by_compaction(rows: pd.DataFrame) -> pd.DataFrame:
     return rows if rows["compaction"].nunique() > 1 else rows[:0]
 
 
-def _without_image(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows without the size of the view's image, which no lightmap has."""
-    return rows.assign(width=pd.NA, height=pd.NA)
+def _figure(
+    kind: Any, read: Callable[[pd.DataFrame], Panel], settings: tuple[str, ...], note: str, **others: Any
+) -> Any:
+    """What makes a figure of rows: a panel a scene; the foot says the sizes of the maps and the note."""
 
+    def make(rows: pd.DataFrame) -> Figure:
+        sizes = " or ".join(f"{size:,}" for size in sorted(column(rows, "size").dropna().unique()))
+        foot = [f"maps of {sizes} texels a side, before room is added"] if sizes else []
+        panels, no_image = read_panels(make_panels(rows, settings), read), rows.assign(width=pd.NA, height=pd.NA)
+        return figure_of(kind, panels, no_image, *foot, note, **others)
 
-def _sizes(rows: pd.DataFrame) -> list[str]:
-    """A line for the foot with the sizes of the maps."""
-    sizes = " or ".join(f"{size:,}" for size in sorted(column(rows, "size").dropna().unique()))
-    return [f"maps of {sizes} texels a side, before room is added"] if sizes else []
-
-
-def convergence_figure(rows: pd.DataFrame) -> Figure:
-    """A panel a scene, both axes logarithmic: the error over the time until it is reached."""
-    return figure_of(
-        "lines", read_panels(make_panels(rows, ("against", "compaction")), _errors), _without_image(rows),
-        *_sizes(rows), "an error is the root mean square over the mean, by the variance of samples",
-        x=Axis("seconds"), y=Axis("error of the light", "ticks", "{:g} %".format), legend=list(_LINES),
-    )  # fmt: skip
+    return make
 
 
 def _errors(rows: pd.DataFrame) -> Panel:
@@ -76,10 +71,6 @@ def _errors(rows: pd.DataFrame) -> Panel:
     return Panel(lines=lines)
 
 
-_SETTINGS = ("compaction", "occupancy", "against")
-_FULL = "a map is no fuller than its charts can be packed"
-
-
 def _label(row: pd.Series) -> str:
     return f"{row['compaction']}, {float(row['map_occupancy']):.0%} of the map lit"
 
@@ -90,29 +81,12 @@ def _ordered(rows: pd.DataFrame) -> pd.DataFrame:
     return rows.sort_values(["_place", "map_occupancy"], kind="stable")
 
 
-def stages_figure(rows: pd.DataFrame) -> Figure:
-    """A panel a scene: milliseconds of a round, a bar for each occupancy and compaction, its parts the stages."""
-    return figure_of(
-        "bars", read_panels(make_panels(rows, _SETTINGS), _stages), _without_image(rows), *_sizes(rows), _FULL,
-        x=Axis("ms of a round", "linear"), parts=STAGES, headings=("", "time of a round"),
-    )  # fmt: skip
-
-
 def _stages(rows: pd.DataFrame) -> Panel:
     bars = []
     for _, row in _ordered(rows).iterrows():
         parts = tuple(float(row[f"{stage}_s"]) * MILLISECONDS for stage in STAGES)
         bars.append(Bar(_label(row), np.nan, np.nan, np.nan, BLACK, f"{say_number(sum(parts))} ms", parts=parts))
     return Panel(bars=bars)
-
-
-def rays_figure(rows: pd.DataFrame) -> Figure:
-    """A panel a scene: millions of rays in a second, with intervals, a bar for each occupancy and compaction."""
-    return figure_of(
-        "bars", read_panels(make_panels(rows, _SETTINGS), _rays), _without_image(rows), *_sizes(rows), _FULL,
-        x=Axis("million rays/s", "linear"),
-        headings=("", "rays/s, and of the lanes of all stages that trace, those with a ray"),
-    )  # fmt: skip
 
 
 def _rays(rows: pd.DataFrame) -> Panel:
@@ -124,17 +98,33 @@ def _rays(rows: pd.DataFrame) -> Panel:
     return Panel(bars=bars)
 
 
+_SETTINGS = ("compaction", "occupancy", "against")
+_FULL = "a map is no fuller than its charts can be packed"
+
 FIGURES = (
     workload_figure(
         "bake_convergence", "Error of a lightmap over time, what the view shows first or by place", BAKE,
-        convergence_figure, _with_a_view,
+        _figure(
+            "lines", _errors, ("against", "compaction"),
+            "an error is the root mean square over the mean, by the variance of samples",
+            x=Axis("seconds"), y=Axis("error of the light", "ticks", "{:g} %".format), legend=list(_LINES),
+        ),
+        _with_a_view,
     ),
     workload_figure(
         "bake_stages", "Stages of a round of samples, by how full the map is and which lanes move together", BAKE,
-        stages_figure, _by_compaction,
+        _figure(
+            "bars", _stages, _SETTINGS, _FULL,
+            x=Axis("ms of a round", "linear"), parts=STAGES, headings=("", "time of a round"),
+        ),
+        _by_compaction,
     ),
     workload_figure(
         "bake_rays", "Rays that are traced in a second, by how full the map is and which lanes move together", BAKE,
-        rays_figure, _by_compaction,
+        _figure(
+            "bars", _rays, _SETTINGS, _FULL, x=Axis("million rays/s", "linear"),
+            headings=("", "rays/s, and of the lanes of all stages that trace, those with a ray"),
+        ),
+        _by_compaction,
     ),
 )  # fmt: skip

@@ -97,11 +97,6 @@ def _forecast(record: Record) -> Any:
     return whole / (whole - part + own)
 
 
-def _over_forecast(record: Record) -> Any:
-    width, forecast = packets_width(record), _forecast(record)
-    return None if width is None or forecast is None else over_own(series(PACKETS[width]))(record) / forecast
-
-
 def _stage(name: str) -> Any:
     return lambda record: record.results.get("stages", {}).get(name)
 
@@ -116,11 +111,6 @@ def outside_embree(stages: Mapping[str, float]) -> float | None:
     if not stages or "depth_first" in stages:  # Embree within
         return None
     return 1.0 - sum(stages.get(name, 0.0) for name in _EMBREE) / sum(stages.values())
-
-
-def _rays_per_second(record: Record) -> float | None:
-    rays, own = record.results.get("rays"), series(OWN)(record)
-    return None if rays is None or own is None else float(rays / np.median(own))
 
 
 def _break_even(record: Record) -> int | None:
@@ -157,14 +147,12 @@ RENDER = Workload(
         *BESIDE_BASELINES.columns,
         *statistics_columns("primary_time{}_s", "primary visibility of a picture", series(primary(OWN))),
         *statistics_columns("speedup_forecast{}", "the gain over packets that Amdahl's law forecasts", _forecast),
-        *statistics_columns("speedup_over_forecast{}", "the gain over packets / its forecast", _over_forecast),
         *(Column(stage_column(name), REAL, f"in a picture: {help}", _stage(name)) for name, help in STAGES.items()),
         Column("stages_over_frame", REAL, "sum of all stages / time of a picture"),
         Column(
             "outside_embree", REAL, "share of a picture's time outside primary visibility and Embree",
             lambda record: outside_embree(record.results.get("stages", {})),
         ),
-        Column("rays_per_second", REAL, "rays of all kinds a second, primary visibility's included", _rays_per_second),
         Column("break_even_subframes", WHOLE, "samples after which plan and build are paid back", _break_even),
     ),
     headline=_headline,

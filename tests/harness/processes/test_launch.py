@@ -13,7 +13,8 @@ import pytest
 
 from atra.compiled.instruction_sets import VARIABLE
 from experiments.harness.processes.launching import run_worker
-from experiments.harness.processes.worker import CANNOT_WRITE, Outcome
+from experiments.harness.processes.worker import CANNOT_WRITE, read_result
+from experiments.harness.records import Record
 from experiments.workloads.build import BUILD
 from experiments.workloads.memory import MEMORY as MEMORY_WORKLOAD
 from experiments.workloads.multiframe import MULTIFRAME, MultiframeOptions
@@ -33,9 +34,9 @@ COUNTS = {
 TIMES = {"plan_time_s": 0.0, "build_time_s": 0.1, "baseline_build_time_s": 0.1, "rounds": 3}
 ROUNDS = {"rounds": 4}
 METHODS = ("own", "rtcIntersect1", "packets_8")
-GOOD = Outcome(
+GOOD = Record(
+    "",
     "ok",
-    on_purpose=True,
     warmup_samples={name: [1.0] for name in METHODS},
     samples={name: [0.5, 0.25, 0.5] for name in METHODS},
     results=MEMORY | COUNTS | TIMES,
@@ -246,7 +247,7 @@ def timed(*names):
 ])  # fmt: skip
 def test_a_good_result_comes_through_unchanged_and_each_workload_has_results_of_its_own(point, changes):
     outcome = replace(GOOD, **changes)
-    assert Outcome.from_json(outcome.to_json(), point) == outcome
+    assert read_result(outcome.to_json(), point) == outcome
 
 
 @pytest.mark.parametrize("name", sorted({*GOOD.results, *METHODS} - {"rounds"}))
@@ -254,11 +255,11 @@ def test_a_measured_point_with_something_missing_is_refused(name):
     results = {key: value for key, value in GOOD.results.items() if key != name}
     samples = {key: value for key, value in GOOD.samples.items() if key != name}
     with pytest.raises(ValueError, match=f"status ok without .*{name}"):
-        Outcome.from_json(replace(GOOD, results=results, samples=samples).to_json(), POINT)
+        read_result(replace(GOOD, results=results, samples=samples).to_json(), POINT)
 
 
 def test_what_was_not_measured_needs_nothing_but_a_reason_and_a_number_that_is_none_is_not_written():
-    for outcome in (Outcome("failed", "the reason"), Outcome("skipped", "the reason")):
-        assert Outcome.from_json(outcome.to_json(), POINT) == outcome
+    for outcome in (Record("", "failed", "the reason"), Record("", "skipped", "the reason")):
+        assert read_result(outcome.to_json(), POINT) == outcome
     with pytest.raises(ValueError, match="not JSON compliant"):
         replace(GOOD, results={"build_time_s": float("nan")}).to_json()

@@ -2,9 +2,11 @@
 
 import importlib.util
 import warnings
+from functools import partial
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -14,7 +16,7 @@ from atra.errors import AtraError, InputError
 from atra.light import Atlas, Baker, Seams, Texels, dilated
 from scenes.cornell_box import cornell_box
 from tests.baked import baked, cube, painted, sheet
-from tests.meshes import cornell_camera, quads
+from tests.meshes import joined, quads
 from tests.shown import floor
 
 xatlas = pytest.mark.skipif(importlib.util.find_spec("xatlas") is None, reason="xatlas is not installed (extra `bake`)")
@@ -22,38 +24,23 @@ xatlas = pytest.mark.skipif(importlib.util.find_spec("xatlas") is None, reason="
 PLATE = quads([floor(0.5)])
 
 
-def clipped_area(triangle, x, y):
-    """Of a triangle within the texel at (x, y), by cutting it at its four sides."""
-    polygon = [tuple(corner) for corner in triangle]
-    for axis, sign, at in ((0, 1, x), (0, -1, x + 1), (1, 1, y), (1, -1, y + 1)):
-        cut = []
-        for p, q in zip(polygon, polygon[1:] + polygon[:1], strict=True):
-            a, b = sign * (p[axis] - at), sign * (q[axis] - at)
-            if a >= 0:
-                cut.append(p)
-            if (a > 0) != (b > 0) and a != b:
-                t = a / (a - b)
-                cut.append((p[0] + t * (q[0] - p[0]), p[1] + t * (q[1] - p[1])))
-        polygon = cut
-        if len(polygon) < 3:
-            return 0.0
-    a = np.array(polygon)
-    b = np.roll(a, -1, axis=0)
-    return abs((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()) / 2
-
-
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.floats(0, 12, width=32), min_size=6, max_size=6))
 def test_a_triangle_has_just_the_texels_that_it_reaches_into(places):
-    uv = np.array(places).reshape(1, 3, 2)
-    area = np.linalg.det(uv[0, 1:] - uv[0, 0])
-    mesh = atra.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
-    if abs(area) < 1e-3:
+    """It reaches into a texel unless a line along a side of either separates them."""
+    corners = np.array(places).reshape(3, 2)
+    if abs(np.linalg.det(corners[1:] - corners[0])) < 1e-3:
         return
-    occupied = Texels.of(mesh, Atlas(uv, np.zeros(1, int), 12, 12)).occupied
-    overlap = np.array([[clipped_area(uv[0], x, y) for x in range(12)] for y in range(12)])
-    assert occupied[overlap > 1e-4].all()
-    assert not occupied[overlap == 0].any()
+    mesh = atra.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    occupied = Texels.of(mesh, Atlas(corners[None], np.zeros(1, int), 12, 12)).occupied
+    squares = np.stack(np.meshgrid(np.arange(12), np.arange(12)), -1)[..., None, :] + [(0, 0), (1, 0), (1, 1), (0, 1)]
+    gap = np.full((12, 12), -np.inf)
+    for x, y in (*(np.roll(corners, -1, axis=0) - corners), (1, 0), (0, 1)):
+        across = np.array((y, -x)) / np.hypot(x, y)
+        own, theirs = corners @ across, squares @ across
+        gap = np.maximum(gap, np.maximum(own.min() - theirs.max(axis=-1), theirs.min(axis=-1) - own.max()))
+    assert occupied[gap < -0.01].all()
+    assert not occupied[gap > 0].any()
 
 
 def test_a_texel_belongs_to_the_triangle_around_its_centre_and_lies_where_that_lies():
@@ -76,26 +63,29 @@ def test_a_triangle_smaller_than_a_texel_still_has_one_and_one_without_area_has_
     assert texels.faces_lost == 1
 
 
-def test_uv_of_ones_own_are_refused_where_they_overlap_or_leave_the_map_and_where_they_mix_one_is_warned():
-    uv = sheet(PLATE, 6).uv / 10
-    uv[..., 1] = 1 - uv[..., 1]
-    with pytest.raises(InputError, match=r"faces 0 and 1 overlap in the map, in \d+ texels"):
-        Texels.of(PLATE, Atlas.of_uv(uv[[0, 0]], 10, 10))
-    with pytest.raises(InputError, match="uv of face 1 are"):
-        Atlas.of_uv(np.stack([uv[0], uv[1] + 0.5]), 10, 10)
-    with pytest.raises(InputError, match="uv of face 0 are not finite"):
-        Atlas.of_uv(np.full((2, 3, 2), np.nan), 10, 10)
-    with pytest.raises(InputError, match=r"expected \(F, 3, 2\)"):
-        Atlas.of_uv(np.zeros((2, 3)), 10, 10)
-    with pytest.raises(InputError, match="width of a map is 0"):
-        Atlas.of_uv(uv, 0, 10)
-    with pytest.raises(InputError, match=r"no triangle of .* touches a texel"):
-        Texels.of(PLATE, Atlas.of_uv(np.zeros((2, 3, 2)), 10, 10))
-    two = quads([floor(0.5), floor(0.5, 1.0)])
-    uv = sheet(two, 6, gap=0).uv.copy()
-    uv[2:, :, 0] = 6.5 + 0.9 * (uv[2:, :, 0] - 6.0)
-    with pytest.warns(UserWarning, match="pairs of neighbouring texels belong to different charts"):
-        Texels.of(two, Atlas(uv, np.array([0, 0, 1, 1]), 12, 12))
+UV = np.array([[(0.2, 0.2), (0.8, 0.2), (0.8, 0.8)], [(0.2, 0.2), (0.8, 0.8), (0.2, 0.8)]])
+"""Of `PLATE`."""
+
+
+@pytest.mark.parametrize(("make", "told"), [
+    (lambda: Texels.of(PLATE, Atlas.of_uv(UV[[0, 0]], 10, 10)), r"faces 0 and 1 overlap in the map, in \d+ texels"),
+    (lambda: Texels.of(PLATE, Atlas.of_uv(np.zeros((2, 3, 2)), 10, 10)), r"no triangle of .* touches a texel"),
+    (lambda: Atlas.of_uv([UV[0], UV[1] + 0.5], 10, 10), "uv of face 1 are"),
+    (lambda: Atlas.of_uv(np.full((2, 3, 2), np.nan), 10, 10), "uv of face 0 are not finite"),
+    (lambda: Atlas.of_uv(np.zeros((2, 3)), 10, 10), r"expected \(F, 3, 2\)"),
+    (lambda: Atlas.of_uv(UV, 0, 10), "width of a map is 0"),
+    (lambda: Atlas.of_uv(UV, 8, 8, np.array([0, -1])), r"expected \(F,\) numbers from 0 on"),
+    (lambda: Atlas.of_uv(UV, 8, 8, np.array([0.0, 1.0])), "of float64"),
+    (lambda: Atlas.of_uv(UV, 8, 8, np.array([0, 0, 1])), r"shape \(3,\)"),
+    (lambda: Atlas.of_uv(UV, 1 << 14, 1 << 14, np.array([0, 1 << 14])), r"expected at most 2\^28"),
+    (lambda: Atlas.of_uv([UV[0], UV[1] + (0, 0.5)], 8, 8, np.array([0, 1])), "uv of face 1 are"),
+    (lambda: Atlas(UV, np.zeros(2, int), 8, 9, 2), "height of 2 maps together is 9"),
+    (lambda: Atlas(UV, np.zeros(2, int), 8, 8, 0), "number of maps is 0"),
+    (lambda: Atlas(UV * (1, 15), np.zeros(2, int), 8, 16, 2), "face 0 lies on maps 0 and 1, expected one"),
+])  # fmt: skip
+def test_uv_of_ones_own_are_refused_where_they_overlap_or_leave_their_map(make, told):
+    with pytest.raises(InputError, match=told):
+        make()
 
 
 def test_charts_that_fold_over_in_a_few_texels_are_taken_and_told():
@@ -164,41 +154,35 @@ def test_a_seam_is_stitched_to_a_quarter_of_its_step_or_less_and_the_rest_is_lef
     assert Seams.of(sharp, sheet(sharp, 6)).step(image) == 0.0  # light may differ around a corner
 
 
-def test_look_ups_inside_of_a_chart_read_no_empty_texel():
-    mesh = cube()
-    texels = Texels.of(mesh, sheet(mesh, 5))
-    image = dilated(texels, np.ones((len(texels), 1), np.float32), np.ones(len(texels), bool))
-    uv = texels.atlas.uv
-    weights = np.random.default_rng(1).dirichlet([1, 1, 1], 600)
-    points = np.einsum("nc,nck->nk", weights, uv[np.arange(600) % 12])
-    corner = np.floor(points - 0.5).astype(int)
-    for dx in (0, 1):
-        for dy in (0, 1):
-            assert (image[corner[:, 1] + dy, corner[:, 0] + dx] == 1).all()
+TURN = trimesh.transformations.euler_matrix(0.3, 0.5, 0.7)[:3, :3]
+"""No wall is along an axis, so that rounding puts texels before or behind their walls."""
 
 
-@pytest.mark.parametrize("tracer", [atra.RasterTracer, atra.PixelTracer])
-def test_the_culling_map_is_what_a_ray_from_each_texel_says(tracer):
-    mesh = cornell_box()
-    uv = np.zeros((mesh.triangle_count, 3, 2))  # a cell of a grid each
-    cells = int(np.ceil(np.sqrt(mesh.triangle_count)))
-    row, column = np.divmod(np.arange(mesh.triangle_count), cells)
-    uv[:] = (np.stack([column, row], 1)[:, None] + [(0.1, 0.1), (0.9, 0.1), (0.1, 0.9)]) / cells
-    atlas = Atlas.of_uv(uv, 5 * cells, 5 * cells)
-    camera = cornell_camera(64, 64)
-    crowded = warnings.catch_warnings(action="ignore")
-    with crowded, Baker(painted(mesh), atlas, threads=1) as baker, tracer(mesh, camera) as primary:
+@pytest.mark.parametrize("tracer", [atra.RasterTracer, partial(atra.PixelTracer, threads=1)])
+@pytest.mark.parametrize("place", [0.0, np.array([1e5, -7e4, 3e4])], ids=["at the origin", "far away"])
+@pytest.mark.parametrize("size", [64, 3])  # of three pixels, nearly all texels are looked for by rays
+@pytest.mark.parametrize("is_parallel", [False, True])
+def test_the_culling_map_is_what_a_ray_from_each_texel_says(tracer, place, size, is_parallel):
+    room = joined(cube(inwards=True), cube(0.15))
+    mesh = atra.Mesh(room.vertices @ TURN.T + place, room.faces)
+    eye, target = (tuple((TURN @ at + place).tolist()) for at in ((-0.6, 0.5, 0.4), (0.2, -0.1, -0.3)))
+    kind, field = (atra.OrthographicCamera, {"view_height": 1.0}) if is_parallel else (atra.Camera, {})
+    camera = kind(eye, target, width=size, height=size, **field)
+    with Baker(painted(mesh), sheet(mesh, 30), threads=1) as baker, tracer(mesh, camera) as primary:
         baker.look(camera, primary)
         texels, visible = baker.texels, baker.visible
     points = camera.to_eye_space(texels.positions)
-    a, b, c = camera.to_pixels[:, :3] @ points.T
-    inside = (c > 0) & (a >= 0) & (a <= 64 * c) & (b >= 0) & (b <= 64 * c)
-    facing = (texels.normals * -points).sum(axis=1) > 0
-    hidden = atra.RayScene(mesh, threads=1).occluded(texels.positions, -points, tnear=1e-4, tfar=0.9999)
-    true = inside & facing & ~hidden
-    assert 0.1 < true.mean() < 0.9
-    assert (visible & true).sum() / true.sum() >= 0.99
-    assert (visible & true).sum() / visible.sum() >= 0.99
+    a, b, c = (points @ camera.to_pixels[:, :3].T + camera.to_pixels[:, 3]).T
+    depth = points @ camera.axes[2]
+    inside = (c > 0) & (depth > 0) & (a >= 0) & (a <= size * c) & (b >= 0) & (b <= size * c)
+    to_eye = -depth[:, None] * camera.axes[2] if is_parallel else -points
+    hidden = atra.RayScene(mesh, threads=1).occluded(texels.positions, to_eye, tnear=1e-4, tfar=0.9999)
+    true = inside & ((texels.normals * to_eye).sum(axis=1) > 0) & ~hidden
+    assert 0.02 < true.mean() < 0.9
+    wrong = visible != true
+    assert (wrong & inside).sum() <= 0.01 * true.sum()
+    assert (wrong & ~inside).sum() <= 0.02 * true.sum()  # these reach into the image, though their middles do not
+    assert ((texels.prim_id >= 12) & true).any(), "the camera sees nothing of the block"
 
 
 @settings(max_examples=25, deadline=None)

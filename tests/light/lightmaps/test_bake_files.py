@@ -1,22 +1,27 @@
-"""Bakes that are edited or go on, and the files of lightmaps."""
+"""Bakes that go on, what they need, meshes that no map could be made of as they are, and the files of lightmaps."""
 
 import importlib.util
+import tracemalloc
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
+import psutil
 import pytest
 import trimesh
 from PIL import Image
 
+import atra
 from atra import light as render
-from atra.errors import InputError
-from atra.light import Baker, Seams, save_maps, save_model, toned
+from atra.errors import InputError, MemoryBudgetError
+from atra.light import Atlas, Baker, Seams, dilated, save_maps, save_model, toned
 from atra.light.lightmaps.finish.export import finished
-from atra.light.lightmaps.states import resume, save_state
 from atra.light.pictures.files import srgb_of
+from atra.light.pictures.finish.states import read_state, write_state
 from examples import bake
 from tests.baked import baked, cube, painted, sheet
-from tests.meshes import quads
+from tests.light.lightmaps.test_light import PLATE
+from tests.meshes import joined, quads
 from tests.shown import floor
 
 BOX = cube(inwards=True)
@@ -25,42 +30,36 @@ SCENE = painted(BOX, COLOURS, lights=[render.PointLight((0.3, 0.4, 0.1))])
 ATLAS = sheet(BOX, 8)
 
 
-def test_an_edit_starts_anew():
-    dark = replace(SCENE, lights=[render.PointLight((0.3, 0.4, 0.1), power=0.25)])
-    with Baker(SCENE, ATLAS, threads=1) as baker:
-        baker.add(32)
-        baker.update(dark)
-        baker.add(32)
-        np.testing.assert_array_equal(baker.maps.combined, baked(dark, ATLAS, 32).combined)
-        with pytest.raises(InputError, match="target is 0"):
-            baker.advance(0)
-
-
 def test_a_bake_goes_on_from_a_file_to_the_bit_and_refuses_that_of_another(tmp_path):
     with Baker(SCENE, ATLAS, threads=1) as baker:
         baker.add(5)
-        path = save_state(baker, tmp_path / "bake.state")
+        path = tmp_path / "bake.state"
+        write_state(path, baker.state)
     with Baker(SCENE, ATLAS, threads=2) as baker:
-        resume(baker, path)
+        read_state(path, baker.restore, "bake")
         baker.add(11)
         np.testing.assert_array_equal(baker.maps.combined, baked(SCENE, ATLAS, 16).combined)
     for other in (Baker(SCENE, ATLAS, seed=1), Baker(replace(SCENE, lights=[]), ATLAS), Baker(SCENE, sheet(BOX, 6))):
         with other, pytest.raises(InputError, match="cannot be resumed: it is of another scene, atlas, option or"):
-            resume(other, path)
+            read_state(path, other.restore, "bake")
     path.write_bytes(path.read_bytes()[:100])
     with Baker(SCENE, ATLAS) as baker, pytest.raises(InputError, match="is no state of a bake"):
-        resume(baker, path)
+        read_state(path, baker.restore, "bake")
 
 
-def test_the_error_of_a_bake_is_that_of_its_map():
+def test_the_error_of_a_bake_is_that_of_its_map_and_not_the_variance_of_its_samples():
     sky = render.GradientSky((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
     mesh = quads([floor(0.5)])
     with Baker(render.Scene.plain(mesh, 0.0, sky=sky), sheet(mesh, 32), threads=1) as baker:
         baker.add(2)
         assert baker.error is None
         baker.add(62)
-        true = np.sqrt(((baker.maps.luminance * 6 / 5 - 1) ** 2).mean())
-        assert true / 1.6 < baker.error < 1.6 * true
+        lightmap = baker.maps
+        error = lightmap.luminance * 6 / 5 - 1
+        assert np.sqrt((error**2).mean()) / 1.6 < baker.error < 1.6 * np.sqrt((error**2).mean())
+    squared = (5 / 6 * error) ** 2
+    assert squared.sum() / 2.5 < lightmap.squared_error(np.arange(len(error))) < 2.5 * squared.sum()
+    assert (lightmap.variance / 64).sum() > 4 * squared.sum()
 
 
 @pytest.mark.skipif(importlib.util.find_spec("OpenEXR") is None, reason="OpenEXR is not installed (extra `bake`)")
@@ -132,3 +131,55 @@ def test_the_example_shows_the_box_and_its_furnace_is_a_geometric_series(tmp_pat
     clay, *shown = np.split(np.asarray(Image.open(tmp_path / "bake.png"), float)[:, :204], [48, 100, 152], axis=1)
     assert clay.std() > 20
     assert all(one[:, 4:].std() > 20 for one in shown)
+
+
+def test_edges_of_three_triangles_are_lit_and_not_stitched():
+    flat, upright = [(-1, 0, 3), (1, 0, 3), (1, 0, 1), (-1, 0, 1)], [(-1, 0, 1), (1, 0, 1), (1, 2, 1), (-1, 2, 1)]
+    fan = quads([floor(1.0), flat, upright])
+    atlas = sheet(fan, 6)
+    assert Seams.of(fan, atlas).texel.shape[1] == 0
+    two = atra.Mesh(fan.vertices[:8], fan.faces[:4])
+    assert Seams.of(two, sheet(two, 6)).texel.shape[1] > 0
+    assert baked(painted(fan, sky=render.constant_sky(1.0)), atlas, 4).environment.max() > 0.9
+
+
+def test_texels_inside_of_something_are_not_valid_and_take_their_light_from_others():
+    mesh = joined(PLATE, cube(0.25))  # half a plate is in a closed box, and the box is cut in two by it
+    scene = painted(mesh, 0.0, sky=render.constant_sky(1.0))
+    lightmap = baked(scene, sheet(mesh, 12), 64)
+    on_plate = lightmap.texels.prim_id < 2
+    inside = on_plate & (np.abs(lightmap.texels.positions[:, [0, 2]]).max(axis=1) < 0.2)
+    assert inside.sum() > 4
+    assert not lightmap.valid[inside].any()
+    outside = on_plate & (np.abs(lightmap.texels.positions[:, [0, 2]]).max(axis=1) > 0.3)
+    assert lightmap.valid[outside].all()
+    filled = dilated(lightmap.texels, lightmap.combined, lightmap.valid).reshape(-1, 3)[lightmap.texels.number]
+    assert lightmap.combined[inside].max() == 0.0
+    assert filled[inside].min() > 0.2
+
+
+def test_a_map_and_probes_that_are_too_large_are_refused_before_they_are_made(monkeypatch):
+    monkeypatch.setattr(psutil, "virtual_memory", lambda: SimpleNamespace(available=1 << 30))
+    uv = np.array([[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]], float)
+    with pytest.raises(MemoryBudgetError, match="use a smaller map"):
+        Baker(painted(PLATE), Atlas.of_uv(uv, 1 << 14, 1 << 14), threads=1).build()
+    with (
+        Baker(painted(PLATE), sheet(PLATE, 4), threads=1) as baker,
+        pytest.raises(MemoryBudgetError, match="500,000 probes"),
+    ):
+        baker.probes(np.zeros((500_000, 3)))
+
+
+def test_a_bake_asks_for_the_memory_that_it_takes(monkeypatch):
+    asked = []
+    monkeypatch.setattr("atra.light.lightmaps.baker.check_needed_bytes", lambda needed, *_: asked.append(needed))
+    plate = Atlas.of_uv(np.array([[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]]), 512, 512)
+    baked(painted(PLATE), sheet(PLATE, 4), 1)  # compiles kernels
+    tracemalloc.start()
+    with Baker(painted(PLATE), plate, threads=1) as baker:
+        baker.add(1)
+        lightmap = baker.maps
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(lightmap.samples) == 512 * 512
+    assert asked[-1] / 1.5 < peak < asked[-1]

@@ -1,4 +1,4 @@
-"""Light of lightmaps against closed forms: furnace, form factors, lights, the sky, and what must change no bit."""
+"""Light of lightmaps and probes: closed forms, many lights, and what must change no bit."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ import atra
 from atra import light as render
 from atra.errors import AtraError, ClosedError, InputError
 from atra.light import Atlas, Baker, SpotLight
-from experiments.light.wave_baker import WaveBaker
+from atra.light.emitters.grid_kernels import LISTED
 from tests.baked import baked, cube, painted, sheet, standard_error
 from tests.meshes import joined, quads
 from tests.shown import floor
@@ -24,14 +24,6 @@ def test_a_convex_body_in_a_sky_of_one_receives_just_that_and_is_open():
     assert lightmap.openness.min() == 1.0
     assert lightmap.indirect.max() == lightmap.direct.max() == 0.0
     assert lightmap.valid.all()
-
-
-def test_a_sky_that_grows_brighter_upwards_gives_what_its_mean_by_the_cosine_says():
-    sky = render.GradientSky((0.2, 0.4, 1.0), (1.0, 0.5, 0.0), 2.0)
-    lightmap = baked(painted(PLATE, 0.0, sky=sky), sheet(PLATE, 6), 2048)
-    below, above = np.array(sky.below), np.array(sky.above)
-    expected = 2.0 * (below + (above - below) * 5 / 6)  # the mean height by the cosine is 2/3
-    np.testing.assert_allclose(lightmap.environment.mean(axis=0), expected, rtol=0.002)
 
 
 @pytest.mark.parametrize(("albedo", "bounces", "roulette_from"), [(0.5, 4, None), (0.8, 2, None), (0.5, 8, 1)])
@@ -71,48 +63,12 @@ def test_parallel_unit_plates_have_their_form_factors():
     np.testing.assert_allclose(met.mean(), expected[interior].mean(), rtol=0.02)
 
 
-def test_suns_points_and_spots_give_what_their_laws_say():
-    atlas = sheet(PLATE, 8)
-    sun = render.Sun((1.0, -2.0, 0.5), 0.0, (1.0, 0.5, 0.25), 3.0)
-    lightmap = baked(painted(PLATE, 0.0, lights=[sun]), atlas, 2)
-    expected = 3.0 * np.array(sun.colour) * 2.0 / np.sqrt(5.25)
-    np.testing.assert_allclose(lightmap.direct, np.broadcast_to(expected, lightmap.direct.shape), rtol=1e-5)
-    point = render.PointLight((0.2, 0.7, -0.1), power=5.0)
-    spot = SpotLight(point.position, (0, -1, 0), 20.0, 30.0, power=5.0)
-    of_point, of_spot = (baked(painted(PLATE, 0.0, lights=[light]), atlas, 1024) for light in (point, spot))
-    way = np.array(point.position) - of_point.texels.positions
-    expected = 5.0 * way[:, 1] / np.linalg.norm(way, axis=1) ** 3
-    np.testing.assert_allclose(of_point.direct[:, 0], expected, rtol=0.03)
-    angle = np.degrees(np.arctan2(np.hypot(way[:, 0], way[:, 2]), way[:, 1]))
-    assert (of_spot.direct[angle > 36, 0] == 0).all()
-    np.testing.assert_allclose(of_spot.direct[angle < 14], of_point.direct[angle < 14], rtol=1e-5)
-
-
 def test_nothing_leaks_into_a_closed_thin_box_and_its_texels_are_dark():
     mesh = cube(inwards=True)
     flat = atra.Mesh(mesh.vertices * np.float32([1, 0.001, 1]), mesh.faces)
     scene = painted(flat, lights=[render.Sun((0.1, -1, 0.2))], sky=render.constant_sky(1.0))
     lightmap = baked(scene, sheet(flat, 6), 64)
     assert lightmap.combined.max() == 0.0
-
-
-def test_light_of_a_small_sun_in_the_sky_is_the_same_on_average_whatever_ends_paths_and_finds_the_sky():
-    texels = np.full((8, 16, 3), 0.02, np.float32)
-    texels[2, 3] = 40.0  # a small sun
-    walls = quads([floor(1.0), [(-1, 0, -1), (1, 0, -1), (1, 2, -1), (-1, 2, -1)]])
-    scene = painted(walls, 0.6, sky=render.PanoramaSky(texels))
-    atlas = sheet(walls, 6)
-    found = {}
-    for name, options in (("mis", {}), ("bsdf", {"environment": "bsdf"}), ("no roulette", {"roulette_from": None})):
-        with WaveBaker(scene, atlas, threads=1, seed=len(found), **options) as baker:
-            baker.add(768)
-            lightmap = baker.maps
-        error = np.sqrt((standard_error(lightmap) ** 2).sum()) / len(lightmap.samples)
-        found[name] = lightmap.luminance.mean(), error
-    mean, error = found.pop("mis")
-    for name, (other, other_error) in found.items():
-        assert abs(other - mean) < 4 * np.hypot(error, other_error), name
-    assert error < 0.2 * found["bsdf"][1]  # aiming pays
 
 
 def test_many_lights_after_a_bounce_are_chosen_without_bias():
@@ -131,42 +87,6 @@ def test_many_lights_after_a_bounce_are_chosen_without_bias():
     assert together.indirect.mean() > 20 * error
 
 
-def panes(*tints):
-    """A floor beneath sheets of clear glass of these colours, one above the other, far wider than it."""
-    mesh = joined(PLATE, *(quads([floor(500.0, 0.5 + 0.2 * k)]) for k in range(len(tints))))
-    glass = [render.MetallicRoughness(tint, roughness=0.0, transmission=1.0) for tint in tints]
-    uv = np.full((mesh.triangle_count, 3, 2), np.nan)
-    uv[:2] = sheet(PLATE, 6).uv
-    atlas = Atlas(uv, np.where(np.arange(len(uv)) < 2, 0, -1), 10, 10)
-    numbers = np.arange(mesh.triangle_count) // 2
-    return render.Scene(mesh, [render.Lambertian(0.0), *glass], numbers, sky=render.constant_sky(0.0)), atlas
-
-
-def test_the_sun_passes_panes_by_the_product_of_their_tints_in_any_order():
-    tints = np.array([(1.0, 0.5, 0.25), (0.8, 0.9, 0.1), (0.5, 1.0, 1.0)])
-    expected = 0.96**3 * np.prod(tints, axis=0)
-    for order in ([0, 1, 2], [2, 0, 1]):
-        scene, atlas = panes(*tints[order].tolist())
-        lightmap = baked(replace(scene, lights=[render.Sun((0, -1, 0), 0.0)]), atlas, 8, bounces=0)
-        np.testing.assert_allclose(lightmap.direct, np.broadcast_to(expected, lightmap.direct.shape), rtol=1e-4)
-
-
-def test_a_scene_of_opaque_faces_is_the_same_to_the_bit_beside_a_pane_that_is_far_away():
-    far = atra.Mesh(PLATE.vertices + np.float32([0, 0, 300]), PLATE.faces)
-    mesh = joined(BOX, far)
-    uv = np.concatenate([sheet(BOX, 6).uv, np.full((2, 3, 2), np.nan)])
-    atlas = Atlas(uv, np.where(np.isnan(uv[:, 0, 0]), -1, 0), *[sheet(BOX, 6).width] * 2)
-    numbers = np.append(LIT.face_materials, [2, 2])
-    pane = render.MetallicRoughness((0.5, 0.5, 0.5), 0.5, "blend")
-    scenes = [
-        replace(LIT, mesh=mesh, materials=[*LIT.materials, last], face_materials=numbers)
-        for last in (render.Lambertian(0.5), pane)
-    ]
-    plain, through = (baked(scene, atlas, 8) for scene in scenes)
-    np.testing.assert_array_equal(plain.combined, through.combined)
-    assert plain.indirect.mean() > 0
-
-
 BOX = cube(inwards=True)
 LIT = painted(
     BOX, (0.7, 0.5, 0.3), np.repeat([[4.0], [0.0]], [2, 10], axis=0), sky=render.constant_sky(0.5),
@@ -182,20 +102,6 @@ def test_threads_change_no_bit_and_another_seed_changes_all():
     assert usual.indirect.max() > 0
     other = baked(LIT, atlas, 9, seed=1)
     assert (usual.indirect != other.indirect).any()
-
-
-def test_seen_texels_come_first_and_the_order_changes_no_bit():
-    atlas = sheet(BOX, 6)
-    with Baker(LIT, atlas, threads=1) as baker:
-        baker.look(atra.Camera((0, 0, 0), (1, 0.2, 0.1), width=32, height=32))
-        assert 0.05 < baker.visible.mean() < 0.9
-        assert baker.advance(16)
-        assert (baker.samples == np.where(baker.visible, 16, 0)).all()
-        while baker.advance(16):
-            pass
-        assert (baker.samples == 16).all()
-        first = baker.maps.combined
-    np.testing.assert_array_equal(first, baked(LIT, atlas, 16).combined)
 
 
 def test_a_stop_between_batches_loses_no_sample_and_doubles_none():
@@ -233,12 +139,146 @@ def test_what_no_light_could_be_is_refused_with_its_value():
             Baker(LIT, sheet(BOX, 6), **{option: value})
     with pytest.raises(InputError, match=r"scene is Mesh.*expected a Scene; of a mesh, Scene.plain\(mesh\)"):
         Baker(PLATE)
-    with pytest.raises(InputError, match="outer_degrees of SpotLight is 100"):
-        SpotLight((0, 1, 0), (0, -1, 0), outer_degrees=100)
     bright = render.PanoramaSky(np.full((2, 4, 3), 1e38, np.float32), power=1e12)
     with pytest.raises(AtraError, match=r"texel \(\d+, \d+\) is not finite at sample"):
         baked(painted(PLATE, sky=bright), sheet(PLATE, 4), 1)
     with pytest.raises(InputError, match="samples is 0"):
         baked(LIT, sheet(BOX, 6), 0)
+    with Baker(LIT, sheet(BOX, 6)) as baker, pytest.raises(InputError, match="target is 0"):
+        baker.advance(0)
     with pytest.raises(InputError, match="the atlas has 2 triangles"):
         baked(LIT, Atlas.of_uv(np.zeros((2, 3, 2)), 8, 8), 1)
+
+
+ATLAS = sheet(BOX, 6)
+OPEN = quads([floor(2.0), [(-2, 0, -2), (2, 0, -2), (2, 2, -2), (-2, 2, -2)]])
+
+
+def many(count):
+    """Points and spots near a floor and a wall, most of them weak where another is near."""
+    places = np.random.default_rng(3).uniform((-2, 0.05, -1.9), (2, 1.5, 2), (count, 3)).tolist()
+    return [
+        SpotLight(place, (0, -1, -0.5), power=0.01) if k % 3 == 0 else render.PointLight(place, power=0.01)
+        for k, place in enumerate(places)
+    ]
+
+
+def mean_and_error(lightmap):
+    return lightmap.luminance.mean(), np.sqrt((standard_error(lightmap) ** 2).sum()) / len(lightmap.samples)
+
+
+def test_samples_of_a_texel_are_spread_evenly_so_that_maps_lie_nearer_to_each_other_than_random_samples_would():
+    scene = painted(OPEN, lights=[render.Sun((0.3, -1, 0.2), 20.0)], sky=render.GradientSky())
+    one, other = (baked(scene, sheet(OPEN, 8), 64, seed=seed) for seed in (1, 2))
+    for name in ("environment", "direct", "indirect"):
+        apart = one.light(name).mean(axis=1) - other.light(name).mean(axis=1)
+        assert np.abs(apart.mean()) < 4 * apart.std() / np.sqrt(len(apart)), name
+    random = np.sqrt((standard_error(one) ** 2 + standard_error(other) ** 2).mean())
+    assert 0.0 < np.sqrt(((one.luminance - other.luminance) ** 2).mean()) < 0.8 * random
+
+
+@pytest.mark.parametrize("shines", [False, True], ids=["lamps", "lamps, a panel and a sky"])
+def test_a_grid_of_lamps_has_the_mean_of_a_choice_by_power_and_less_noise(shines):
+    sky = np.full((8, 16, 3), 0.02, np.float32)
+    sky[1, 5] = 5.0
+    panel = quads([floor(0.4, 1.9)[::-1]])
+    mesh = joined(OPEN, panel)
+    emission = np.repeat([0.0, 0.2 * shines], [4, 2])[:, None]
+    scene = painted(mesh, 0.7, emission, lights=many(100), sky=render.PanoramaSky(sky, float(shines)))
+    assert len(scene.lights) > LISTED
+    aimed, grid = (baked(scene, sheet(mesh, 8), 256, lights=how, seed=k) for k, how in enumerate(("aimed", "grid")))
+    for name in ("indirect", "direct", "environment"):
+        difference = (grid.light(name) - aimed.light(name)).mean()
+        error = np.hypot(mean_and_error(aimed)[1], mean_and_error(grid)[1])
+        assert abs(difference) < 4 * error, name
+    assert grid.direct.mean() > 20 * mean_and_error(grid)[1]
+    assert grid.variance.mean() < 0.8 * aimed.variance.mean()
+
+
+def probes(scene, points, samples=1024, **options):
+    with Baker(scene, sheet(scene.mesh, 4), **{"threads": 1} | options) as baker:
+        return baker.probes(points, samples)
+
+
+FAR = atra.Mesh(cube().vertices + np.float32([1e4, 0, 0]), cube().faces)
+
+
+def test_a_probe_in_a_sky_of_one_has_just_that_mean():
+    made = probes(painted(FAR, 0.0, sky=render.constant_sky(1.0)), np.zeros((2, 3)), 128)
+    np.testing.assert_allclose(made.environment[:, 0], 2 * np.sqrt(np.pi), rtol=1e-6)
+    assert np.abs(made.combined[:, 1:]).max() < 0.2
+    assert made.direct.max() == made.backs.max() == 0.0
+
+
+def test_a_probe_has_the_harmonics_of_suns_points_and_the_sky():
+    sun = render.Sun((1.0, -2.0, 0.5), 0.0, (1.0, 0.5, 0.25), 3.0)
+    y = np.array((-1.0, 2.0, -0.5)) / np.sqrt(5.25)
+    made = probes(painted(FAR, lights=[sun]), [(0, 0, 0)], 1)
+    assert made.direct[0, 0] == pytest.approx(3 * np.pi * np.array(sun.colour) / np.sqrt(4 * np.pi), rel=1e-5)
+    linear = np.sqrt(3 / (4 * np.pi)) * y[[1, 2, 0]]
+    np.testing.assert_allclose(made.direct[0, 1:4, 0], 3 * np.pi * linear, rtol=1e-5)
+    assert made.direct[0, 6, 1] == pytest.approx(
+        1.5 * np.pi * np.sqrt(5 / (16 * np.pi)) * (3 * y[2] ** 2 - 1), rel=1e-4
+    )
+    point = probes(painted(FAR, lights=[render.PointLight((0, 2, 0))]), [(0, 0, 0), (0, 1, 0)], 1)
+    np.testing.assert_allclose(point.direct[:, 0, 0], np.pi / np.array([4, 1]) / np.sqrt(4 * np.pi), rtol=1e-4)
+    np.testing.assert_allclose(point.direct[1, :, 0], 4 * point.direct[0, :, 0], rtol=1e-4, atol=1e-6)
+    height = np.cos((np.arange(64) + 0.5) * np.pi / 64)
+    rising = render.PanoramaSky(np.broadcast_to((1.0 + 0.8 * height)[:, None, None], (64, 8, 3)))
+    found = probes(painted(FAR, sky=rising), np.zeros((4, 3)), 2048).environment[..., 0].mean(axis=0)
+    expected = np.array([4 * np.pi / np.sqrt(4 * np.pi), 0.8 * np.sqrt(3 / (4 * np.pi)) * 4 * np.pi / 3])
+    np.testing.assert_allclose(found[:2], expected, rtol=0.03)
+
+
+def test_a_probe_lights_a_surface_as_the_harmonics_of_a_cosine_do():
+    directions = np.random.default_rng(1).normal(size=(2, 40, 3))
+    directions /= np.linalg.norm(directions, axis=2, keepdims=True)
+    for to_sun, normal in directions.swapaxes(0, 1)[:4]:
+        made = probes(painted(FAR, lights=[render.Sun((-to_sun).tolist(), 0.0, power=2.0)]), np.zeros((1, 3)), 1)
+        cosine = to_sun @ normal
+        expected = 2.0 * (1.0 + 2.0 * cosine + 1.25 * (3.0 * cosine**2 - 1.0) / 2.0) / 4.0
+        np.testing.assert_allclose(made.light(normal), [[expected] * 3], rtol=1e-4, atol=1e-5)
+
+
+def test_a_probe_in_a_furnace_has_the_light_of_a_geometric_series_and_sees_a_lamp_by_its_solid_angle():
+    scene = painted(BOX, 0.9, lights=[render.PointLight((0.1, -0.2, 0.15))])
+    made = probes(scene, np.random.default_rng(1).uniform(-0.9, 0.9, (16, 3)), 512, bounces=100, roulette_from=None)
+    # Light after many bounces is as bright everywhere: nine times the lamp's, spread over the walls.
+    light = (made.indirect[:, 0] * np.sqrt(4 * np.pi) / (4 * np.pi)).mean()
+    assert light == pytest.approx(9 * 4 * np.pi / 24, rel=0.03)
+    lamp = quads([floor(1.0, 1.0)[::-1]])  # a side of a cube around the probe
+    mesh = joined(lamp, FAR)
+    seen = probes(painted(mesh, 0.0, np.repeat([[1.0], [0.0]], [2, 12], axis=0)), np.zeros((4, 3)), 4096)
+    sixth = 4 * np.pi / 6
+    assert seen.direct[:, 0, 0].mean() * np.sqrt(4 * np.pi) == pytest.approx(sixth, rel=0.01)
+    inside = probes(painted(cube()), np.zeros((1, 3)), 64)
+    assert inside.backs.tolist() == [1.0]
+
+
+def test_probes_are_the_same_to_the_bit_however_rays_are_grouped_and_leave_the_map_alone(tmp_path):
+    points = np.random.default_rng(1).uniform(-0.9, 0.9, (40, 3))
+    usual = probes(LIT, points, 100)
+    np.testing.assert_array_equal(usual.combined, probes(LIT, points, 100, threads=2).combined)
+    with Baker(LIT, ATLAS, threads=1) as baker:
+        baker.add(3)
+        np.testing.assert_array_equal(usual.direct, baker.probes(points, 100).direct)
+        baker.add(6)
+        np.testing.assert_array_equal(baker.maps.combined, baked(LIT, ATLAS, 9).combined)
+        for points, told in (
+            (np.zeros(3), r"shape \(3,\), expected \(N, 3\)"), (np.zeros((0, 3)), "shape"),
+            ([(0, 0, 0), (0, np.nan, 0)], r"probe 1 is \[0.0, nan, 0.0\]"), ("here", "cannot be read"),
+        ):  # fmt: skip
+            with pytest.raises(InputError, match=told):
+                baker.probes(points)
+    with np.load(usual.save(tmp_path / "probes.npz")) as kept:
+        np.testing.assert_array_equal(kept["indirect"], usual.indirect)
+        assert kept["points"].shape == (40, 3)
+        assert kept["samples"] == 100
+    with pytest.raises(InputError, match=r"ends in \.npz"):
+        usual.save(tmp_path / "probes.txt")
+
+
+def test_light_beyond_all_numbers_is_reported_with_its_probe():
+    scene = painted(FAR, lights=[render.PointLight((0, 0, 1e-14), power=1e12)])
+    with pytest.raises(AtraError, match=r"probe 1 at \[0\.0, 0\.0, 0\.0\] is not finite"):
+        probes(scene, [(5, 5, 5), (0, 0, 0)], 1)

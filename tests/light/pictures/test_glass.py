@@ -9,10 +9,10 @@ import atra
 from atra import light
 from atra.light.tables import surfaces_of
 from tests.meshes import quads
-from tests.shown import BLACK, down, floor, hybrid, picture, sphere, traced
+from tests.shown import down, floor, hybrid, picture, rectangles, sphere, traced
 
 ABOVE = down(4, eye=(0.3, 1.0, 0), fov=2)
-WHITE_SKY = light.constant_sky(1.0)
+WHITE_SKY, GREY, SUN = light.constant_sky(1.0), light.Lambertian(0.5), light.Sun((0, -1, 0), 0.0)
 TINT = (0.9, 0.6, 0.3)
 BARE = 0.04  # what glass of 1.5 mirrors at a right angle
 PANE = light.MetallicRoughness(TINT, roughness=0.0, transmission=1.0)
@@ -20,9 +20,8 @@ PANE = light.MetallicRoughness(TINT, roughness=0.0, transmission=1.0)
 
 def beneath(glass, lamp, heights=(1.5,)):
     """A floor lit by a lamp straight above it, through panes."""
-    panes = [floor(4.0, height) if k % 2 == 0 else floor(4.0, height)[::-1] for k, height in enumerate(heights)]
-    numbers = np.repeat([0, *[1] * len(panes)], 2)
-    return light.Scene(quads([floor(1.0), *panes]), [light.Lambertian(0.5), glass], numbers, [lamp], BLACK)
+    panes = [(floor(4.0, height)[:: 1 - 2 * (k % 2)], glass) for k, height in enumerate(heights)]
+    return rectangles((floor(1.0), GREY), *panes, lights=[lamp])
 
 
 SOLID = light.MetallicRoughness(roughness=0.0, transmission=1.0, is_thin=False)
@@ -32,25 +31,27 @@ ONE, BOTH = (1.5,), (1.6, 1.5)
 @pytest.mark.parametrize(
     "lamp",
     [
-        light.Sun((0, -1, 0), 0.0),
+        SUN,
         light.Sun((0, -1, 0), 5.0),
         light.PointLight((0.3, 6, 0), power=36.0),
     ],
     ids=["sun", "wide sun", "point"],
 )
 @pytest.mark.parametrize(("kind", "glass", "sides", "share"), [
-    (light.PathRenderer, PANE, ONE, (1 - BARE) * np.array(TINT)), (light.PathRenderer, SOLID, BOTH, (1 - BARE) ** 2),
+    (light.PathRenderer, PANE, ONE, (1 - BARE) * np.array(TINT)),
+    (light.PathRenderer, PANE, BOTH, ((1 - BARE) * np.array(TINT)) ** 2),
+    (light.PathRenderer, SOLID, BOTH, (1 - BARE) ** 2),
     (light.PathRenderer, light.Dielectric(1.5), BOTH, (1 - BARE) ** 2),
     (light.HybridRenderer, replace(PANE, colour=(1, 1, 1)), ONE, 1 - BARE),
     (light.HybridRenderer, light.Dielectric(1.5), ONE, 1 - BARE),
-], ids=["pane", "solid", "dielectric", "pane, hybrid", "dielectric, hybrid"])  # fmt: skip
+], ids=["pane", "two panes", "solid", "dielectric", "pane, hybrid", "dielectric, hybrid"])  # fmt: skip
 def test_lamps_shine_straight_through_clear_glass_less_what_its_sides_mirror(kind, glass, sides, share, lamp):
     options = {"bounces": 1} if kind is light.PathRenderer else {"occlusion_rays": 0, "jitter": "off"}
     image = picture(kind, beneath(glass, lamp, sides), ABOVE, 16, **options)
     np.testing.assert_allclose(image, np.broadcast_to(0.5 * share, image.shape), rtol=0.01)
 
 
-@pytest.mark.parametrize("lamp", [light.Sun((0, -1, 0), 0.0), light.PointLight((0.3, 6, 0), power=36.0)], ids=str)
+@pytest.mark.parametrize("lamp", [SUN, light.PointLight((0.3, 6, 0), power=36.0)], ids=str)
 def test_light_that_passes_glass_straight_is_absorbed_on_its_way_within_by_beers_law(lamp):
     tint, density = np.array((0.9, 0.5, 1.0)), (0.0, 1.0, 5.0)
     glass = replace(SOLID, colour=tuple(tint), absorption=density)
@@ -71,43 +72,17 @@ HOLE = light.MetallicRoughness((1, 1, 1), 0.0, "mask")
 @pytest.mark.parametrize("gap", [1e-6, 1e-4])
 @pytest.mark.parametrize(("pane", "mirrored"), [(HOLE, 0.0), (PANE, 0.2)], ids=["hole", "glass"])
 def test_what_stands_a_millionth_behind_a_pane_is_seen_and_shades(pane, mirrored, gap):
-    materials, numbers = [light.Lambertian(1.0), light.Lambertian(0.0), pane], [0, 0, 1, 1, 2, 2]
-    scene = light.Scene(quads([floor(1.0), floor(4.0, 0.5 - gap), floor(4.0, 0.5)]), materials, numbers, sky=WHITE_SKY)
+    white, black = light.Lambertian(1.0), light.Lambertian(0.0)
+    scene = rectangles((floor(1.0), white), (floor(4.0, 0.5 - gap), black), (floor(4.0, 0.5), pane), sky=WHITE_SKY)
     assert traced(scene, ABOVE, 64, bounces=1).max() <= mirrored
-    sun, mesh = light.Sun((0, -1, 0), 0.0), quads([floor(1.0), floor(4.0, 0.5), floor(4.0, 0.5 - gap)])
-    lit = light.Scene(mesh, materials, numbers, [sun], BLACK)
+    lit = rectangles((floor(1.0), white), (floor(4.0, 0.5), black), (floor(4.0, 0.5 - gap), pane), lights=[SUN])
     assert traced(lit, replace(ABOVE, eye=(0.3, 0.4, 0)), 4, bounces=1).max() == 0.0
-
-
-def test_rays_aimed_at_an_emitter_and_scattered_ones_share_its_light_through_a_clear_pane():
-    lamp = floor(1.0, 3.0)[::-1]
-    mesh = quads([floor(), floor(4.0, 1.5), lamp])
-    materials = [light.Lambertian(0.5), PANE, light.Emissive((3.0, 3.0, 3.0))]
-    scene = light.Scene(mesh, materials, [0, 0, 1, 1, 2, 2], sky=BLACK)
-    aimed, found = (traced(scene, ABOVE, 4096, bounces=1, lights=way).mean((0, 1)) for way in ("aimed", "found"))
-    np.testing.assert_allclose(aimed, found, rtol=0.02)
-    assert aimed[0] > 0.1
-
-
-def test_clear_panes_that_absorb_nothing_cannot_be_seen_in_a_furnace():
-    clear = light.MetallicRoughness(roughness=0.0, transmission=1.0)
-    camera = atra.Camera((0, 0, 4), (0, 0, 0), fov_y_degrees=40, width=16, height=16)
-    image = traced(sphere(clear, WHITE_SKY, smooth=False), camera, 4, bounces=999)
-    np.testing.assert_allclose(image, 1.0, atol=1e-4)
-
-
-def stack(layers):
-    """A floor beneath so many sheets of nothing but holes."""
-    sheets = [floor(4.0, 1.5 + 0.01 * k) for k in range(layers)]
-    empty = light.MetallicRoughness((0, 0, 0), 0.0, "mask")
-    numbers = np.repeat([0, *[1] * layers], 2)
-    sun = light.Sun((0, -1, 0), 0.0)
-    return light.Scene(quads([floor(), *sheets]), [light.Lambertian(0.5), empty], numbers, [sun], BLACK)
 
 
 @pytest.mark.parametrize("height", [1.0, 9.0])
 def test_a_ray_passes_any_number_of_holes(height):
-    scene, camera = stack(130), replace(ABOVE, eye=(0.3, height, 0))
+    sheets = [(floor(4.0, 1.5 + 0.01 * k), HOLE) for k in range(130)]
+    scene, camera = rectangles((floor(), GREY), *sheets, lights=[SUN]), replace(ABOVE, eye=(0.3, height, 0))
     np.testing.assert_allclose(traced(scene, camera, 2, bounces=1), 0.5, rtol=1e-5)
     np.testing.assert_allclose(hybrid(scene, camera, 2, occlusion_rays=0).image, 0.5, rtol=1e-5)
 
@@ -115,7 +90,7 @@ def test_a_ray_passes_any_number_of_holes(height):
 @pytest.mark.parametrize("samples", [1, 8, 64])
 def test_a_pane_keeps_its_share_of_a_hybrid_frame_however_many_samples_it_has(samples):
     red = light.MetallicRoughness((1, 0, 0), 0.5, "blend")
-    scene = light.Scene(quads([floor(), floor(4.0, 1.0)]), [light.Lambertian(1.0), red], [0, 0, 1, 1], sky=WHITE_SKY)
+    scene = rectangles((floor(), light.Lambertian(1.0)), (floor(4.0, 1.0), red), sky=WHITE_SKY)
     image = hybrid(scene, down(64), samples, occlusion_rays=0).image
     np.testing.assert_allclose(image[..., 1].mean(), 0.5, atol=5 * 0.5 / 64 / np.sqrt(samples))
     np.testing.assert_allclose(image[..., 0], 1.0, rtol=1e-5)
@@ -132,9 +107,8 @@ def test_beside_a_surface_that_lets_light_on_a_hybrid_frame_shows_the_sky(option
 
 
 def test_a_back_that_the_eye_looks_through_is_no_hole_for_light():
-    mesh = quads([floor(), floor(1.0, 1.5)[::-1]])
     lid = light.MetallicRoughness((0, 0, 0), is_double=False)
-    scene = light.Scene(mesh, [light.Lambertian(0.5), lid], [0, 0, 1, 1], [light.Sun((0, -1, 0), 0.0)], BLACK)
+    scene = rectangles((floor(), GREY), (floor(1.0, 1.5)[::-1], lid), lights=[SUN])
     tables = surfaces_of(scene, 1.0)
     assert (tables.has_holes, tables.is_looked_through) == (False, True)
     above = replace(ABOVE, eye=(0.3, 3.0, 0))
@@ -167,7 +141,6 @@ def test_what_a_solid_absorbs_is_told_by_the_way_within_it():
     blue = light.MetallicRoughness(
         roughness=0.0, transmission=1.0, ior=1.0, is_thin=False, absorption=tuple(absorption.tolist())
     )
-    slab = quads([floor(4.0, 0.5), floor(4.0, -0.2)[::-1]])
-    scene = light.Scene(slab, [blue], sky=WHITE_SKY)
+    scene = rectangles((floor(4.0, 0.5), blue), (floor(4.0, -0.2)[::-1], blue), sky=WHITE_SKY)
     image = traced(scene, ABOVE, 4, bounces=7)
     np.testing.assert_allclose(image, np.broadcast_to(np.exp(-0.7 * absorption), image.shape), rtol=1e-3)

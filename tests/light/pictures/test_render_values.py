@@ -1,7 +1,8 @@
-"""What is handed to renderers, what is refused, and what is written."""
+"""What is handed to renderers, what is refused, what restarts and stops them, and what is written."""
 
-from dataclasses import replace
-from time import perf_counter
+from contextlib import suppress
+from dataclasses import fields, replace
+from inspect import signature
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,25 +11,23 @@ from PIL import Image
 
 import atra
 from atra import light
+from atra.light import textures
+from atra.light.lightmaps.paths import BakeOptions
 from atra.light.pictures.files import srgb_of
 from atra.light.pictures.hybrid import Hybrid
 from atra.light.pictures.paths import Paths
 from tests.meshes import quads
-from tests.shown import down, floor
+from tests.shown import down, floor, sphere
 
 MESH = quads([floor(1.0)])
-NAN = float("nan")
+NAN, FLOOR = float("nan"), quads([floor()])
 
 WRONG = [
     (lambda: light.Lambertian((0.5, 1.1, 0.5)), "colour of Lambertian is 1.1, expected .* at most 1"),
-    (lambda: light.Lambertian((0.5, NAN, 0.5)), "colour of Lambertian"),
     (lambda: light.Lambertian("red"), "colour of Lambertian is 'red', expected three numbers"),
     (lambda: light.Metal(0.5, 1.5), "fuzz of Metal is 1.5"),
-    (lambda: light.Metal(0.5, -0.1), "fuzz of Metal is -0.1"),
     (lambda: light.Dielectric(0.0), "ior of Dielectric is 0.0, expected a finite number above 0"),
-    (lambda: light.Dielectric(NAN), "ior of Dielectric is nan"),
     (lambda: light.Emissive((1, -1, 0)), "colour of Emissive is -1"),
-    (lambda: light.Emissive((1, np.inf, 0)), "colour of Emissive"),
     (lambda: light.Checker((1, 1, 1), (0, 0, 0), 0.0), "scale of Checker is 0.0"),
     (lambda: light.Image(np.zeros((2, 2))), r"texels of an image has shape \(2, 2\)"),
     (lambda: light.Image(np.full((1, 2, 3), [[[0, 0, 0], [0, 2, 0]]])), "at column 1 of row 0"),
@@ -38,8 +37,8 @@ WRONG = [
     (lambda: light.Sun((0, 0, 0)), r"direction of Sun is \(0.0, 0.0, 0.0\), expected a direction of non-zero length"),
     (lambda: light.Sun((0, -1, 0), 50), "angle_degrees of Sun is 50"),
     (lambda: light.PointLight((0, NAN, 0)), "position of PointLight"),
-    (lambda: light.SphereLight((0, 1, 0), 0.0), "radius of SphereLight is 0.0"),
     (lambda: light.SphereLight((0, 1, 0), 1.0, power=-2), "power of SphereLight is -2"),
+    (lambda: light.SpotLight((0, 1, 0), (0, -1, 0), outer_degrees=100), "outer_degrees of SpotLight is 100"),
     (lambda: light.Scene(None), "mesh is None"),
     (lambda: light.Scene(MESH, []), "no materials"),
     (lambda: light.Scene(MESH, ["grey"]), "material 0 is 'grey'"),
@@ -54,11 +53,9 @@ WRONG = [
     (lambda: light.Scene(MESH, [light.Lambertian(light.Checker(1, 0))]), "material 0 has a texture, exp"),
     (lambda: Paths(bounces=-1), "bounces is -1"),
     (lambda: Paths(jitter="none"), "jitter is 'none', expected one of shared, off, pixel"),
+    (lambda: Paths(clamp=0.0), "clamp is 0.0"),
     (lambda: Hybrid(jitter="pixel"), "jitter is 'pixel', expected one of shared, off"),
     (lambda: Hybrid(occlusion_rays=65), "occlusion_rays is 65"),
-    (lambda: Hybrid(shadow_rays=-1), "shadow_rays is -1"),
-    (lambda: Hybrid(occlusion_length=0.0), "occlusion_length is 0.0"),
-    (lambda: Hybrid(occlusion_length=NAN), "occlusion_length is nan"),
     (lambda: Hybrid(shadow_length=-1.0), "shadow_length is -1.0"),
     (lambda: Hybrid(occlusion="none"), "occlusion is 'none'"),
 ]  # fmt: skip
@@ -68,6 +65,105 @@ WRONG = [
 def test_what_cannot_be_shown_is_refused_by_name(make, message):
     with pytest.raises(atra.InputError, match=message):
         make()
+
+
+NEVER = [NAN, -np.inf, object(), 1j, (1j, 0, 0), (NAN, 0, 0), b"", np.full(3, NAN)]
+"""Values of which no argument is."""
+
+NASTY = [np.inf, -1.0, -1e-300, 1e300, 1e400, "x", "", None, (), (1, 2), (1, 2, 3, 4), [[1]], np.zeros((0, 3)), {},
+         True, ("a",) * 3, 2**70]  # fmt: skip
+USUAL = {
+    light.Lambertian: {}, light.Metal: {}, light.Dielectric: {}, light.Emissive: {}, light.GradientSky: {},
+    light.Checker: {"first": 0.1, "second": 0.2}, light.Image: {"texels": np.zeros((1, 1, 3))},
+    light.PanoramaSky: {"texels": np.zeros((1, 1, 3))}, light.Sun: {"direction": (0, -1, 0)},
+    light.PointLight: {"position": (0, 1, 0)}, light.SphereLight: {"position": (0, 1, 0), "radius": 1.0},
+    light.Scene: {"mesh": FLOOR}, Hybrid: {}, Paths: {}, BakeOptions: {},
+}  # fmt: skip
+"""Arguments without which a kind cannot be made."""
+
+READ = {"cameras", "parts", "left_out", "is_coded", "is_nearest", "second_uv", "placement", "wrap", "factor"}
+"""What readers of files set."""
+
+
+@pytest.mark.parametrize("kind", USUAL, ids=lambda kind: kind.__name__)
+def test_whatever_is_handed_in_is_taken_or_refused_by_name(kind):
+    for name in signature(kind).parameters.keys() - READ:
+        for value in NEVER:
+            with pytest.raises(atra.InputError):
+                kind(**(USUAL[kind] | {name: value}))
+        for value in NASTY:
+            with suppress(atra.InputError):
+                kind(**(USUAL[kind] | {name: value}))
+
+
+def test_a_texture_that_is_too_large_is_refused(monkeypatch):
+    monkeypatch.setattr(textures, "MOST_TEXELS", 5)
+    light.Image(np.zeros((1, 5, 3)))
+    with pytest.raises(atra.InputError, match="make it smaller"):
+        light.Image(np.zeros((2, 3, 3)))
+
+
+@pytest.mark.parametrize(("given", "kept"), [(None, 40), (33, 33), (1, 1)])
+def test_no_more_samples_are_added_than_a_picture_is_to_have(given, kept):
+    scene = light.Scene(FLOOR, [light.Lambertian((0.5, 0.25, 1.0))])
+    with light.HybridRenderer(scene, down(4), threads=1, most_samples=given) as renderer:
+        for _ in range(4):
+            renderer.add(10)
+        assert renderer.samples == kept
+        renderer.add(3)
+        assert renderer.samples == (43 if given is None else kept)
+        renderer.update(most_samples=50)
+        renderer.add(99)
+        assert renderer.samples == 50
+    assert Hybrid().most_samples == 512
+    assert Paths().most_samples is None
+
+
+def test_an_image_of_any_size_is_the_part_of_a_larger_one():
+    scene = sphere(light.Lambertian((0.5, 0.25, 1.0)), light.GradientSky())
+    camera = atra.Camera((0, 1, 3), (0, 0, 0), fov_y_degrees=45, width=21, height=14)
+    part = camera.crop(left=3, top=2, width=13, height=7)
+    of_kinds = {light.HybridRenderer: {"occlusion_rays": 0}, light.PathRenderer: {"bounces": 0}}
+    for kind, options in of_kinds.items():
+        pictures = []
+        for one in (camera, part):
+            with kind(scene, one, threads=1, **options) as renderer:
+                renderer.add(4)
+                pictures.append(renderer.image)
+        np.testing.assert_allclose(pictures[0][2:9, 3:16], pictures[1], atol=2e-6)
+
+
+RESTARTS = {
+    "jitter": "off", "shadow_rays": 2, "shadow_length": 3.0,
+    "occlusion_rays": 2, "occlusion_length": 3.0, "occlusion": "cosine",
+    "bounces": 2, "roulette_from": 2, "aperture_radius": 0.1, "focus_distance": 2.0,
+    "clamp": 4.0,
+}  # fmt: skip
+STAYS = {"most_samples": 100}
+KINDS = [(light.HybridRenderer, Hybrid), (light.PathRenderer, Paths)]
+
+
+@pytest.mark.parametrize(("kind", "options"), [*KINDS, (light.Baker, BakeOptions)])
+def test_a_keyword_has_the_default_that_its_options_value_has(kind, options):
+    shown = {one.name: one.default for one in signature(kind).parameters.values() if one.kind is one.KEYWORD_ONLY}
+    assert shown == vars(options())
+
+
+@pytest.mark.parametrize(("kind", "options"), KINDS)
+def test_every_option_restarts_or_stays_or_is_refused_as_the_table_says(kind, options):
+    names = {field.name for field in fields(options)}
+    assert names <= RESTARTS.keys() | STAYS.keys() | set(options.built_with)
+    scene = light.Scene(FLOOR, [light.Lambertian((0.5, 0.25, 1.0))], lights=[light.Sun((0, -1, 0))])
+    with kind(scene, down(4), threads=1) as renderer:
+        for name, value in (RESTARTS | STAYS).items():
+            if name in names:
+                renderer.update(**{name: getattr(options(), name)})
+                renderer.add(2)
+                renderer.update(**{name: value})
+                assert renderer.samples == (2 if name in STAYS else 0), name
+        for name in options.built_with:
+            with pytest.raises(atra.InputError, match="was built with"):
+                renderer.update(**{name: getattr(renderer.integrator, name)})
 
 
 def test_a_picture_needs_a_sample_and_a_number_of_them():
@@ -149,21 +245,6 @@ def test_sums_that_would_not_fit_are_refused_before_they_are_made(monkeypatch):
     monkeypatch.setattr("psutil.virtual_memory", lambda: SimpleNamespace(available=20 << 20))
     with pytest.raises(atra.MemoryBudgetError, match="sums of 1,048,576 pixels"):
         light.PathRenderer(light.Scene(MESH), down(1024), threads=1)
-
-
-def test_stages_are_named_and_sum_to_the_call():
-    scene = light.Scene(MESH, lights=[light.Sun((0, -1, 0))])
-    for kind, stages in (
-        (light.PathRenderer, {"primary", "depth_first", "other"}),
-        (light.HybridRenderer, {"primary", "surfaces", "generate", "shadow", "occlusion", "accumulate", "other"}),
-    ):
-        with kind(scene, down(64), threads=2) as renderer:
-            before = perf_counter()
-            renderer.add(4)
-            whole = perf_counter() - before
-            assert renderer.stage_s.keys() == stages
-            assert min(renderer.stage_s.values()) >= 0
-            assert sum(renderer.stage_s.values()) <= whole
 
 
 def test_pictures_are_written_as_their_names_say(tmp_path):

@@ -1,4 +1,4 @@
-"""Scenes from glTF and OBJ: what they keep, what they name as left out, and what is refused."""
+"""Scenes from glTF: what they keep, what they name as left out, and what is refused."""
 
 import base64
 import io
@@ -17,38 +17,36 @@ from tests.shown import BLACK, traced
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
 
 
-def png(array, mode=None):
+def png(array):
     held = io.BytesIO()
-    Image.fromarray(array, mode).save(held, "png")
+    (array if isinstance(array, Image.Image) else Image.fromarray(array)).save(held, "png")
     return held.getvalue()
 
 
-def uri(content):
-    return "data:application/octet-stream;base64," + base64.b64encode(content).decode()
+def uri(content, kind="application/octet-stream"):
+    return f"data:{kind};base64," + base64.b64encode(content).decode()
+
+
+def with_rows(given, *arrays):
+    """Accessors of further float32 rows, or bytes; returns their numbers."""
+    content = base64.b64decode(given["buffers"][0]["uri"].partition(",")[2])
+    numbers = []
+    for array in arrays:
+        given["bufferViews"].append({"buffer": 0, "byteOffset": len(content), "byteLength": array.nbytes})
+        numbers.append(len(given["accessors"]))
+        given["accessors"].append({
+            "bufferView": len(given["bufferViews"]) - 1, "componentType": 5121 if array.dtype == np.uint8 else 5126,
+            "type": {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}[array.shape[1]], "count": len(array),
+        })  # fmt: skip
+        content += array.tobytes()
+    given["buffers"] = [{"byteLength": len(content), "uri": uri(content)}]
+    return numbers
 
 
 def tree(**changes):
-    """A triangle with normals, texture coordinates, and a material; bytes lie in the file."""
-    uv = np.array([[0, 0], [1, 0], [0, 1]], np.float32)
-    parts = [
-        CORNERS.tobytes(),
-        np.tile([0, 0, 1], (3, 1)).astype(np.float32).tobytes(),
-        uv.tobytes(),
-        np.array([[255, 0, 0, 128]] * 3, np.uint8).tobytes(),
-    ]
-    starts = np.cumsum([0, *map(len, parts)])
+    """A triangle with normals, texture coordinates, colours, and a material; bytes lie in the file."""
     made = {
-        "asset": {"version": "2.0"},
-        "buffers": [{"byteLength": int(starts[-1]), "uri": uri(b"".join(parts))}],
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": int(a), "byteLength": len(p)} for a, p in zip(starts[:-1], parts, strict=True)
-        ],
-        "accessors": [
-            {"bufferView": k, "componentType": kind, "type": of, "count": 3, **more}
-            for k, (kind, of, more) in enumerate(
-                [(5126, "VEC3", {}), (5126, "VEC3", {}), (5126, "VEC2", {}), (5121, "VEC4", {"normalized": True})]
-            )
-        ],
+        "asset": {"version": "2.0"}, "buffers": [{"uri": uri(b"")}], "bufferViews": [], "accessors": [],
         "meshes": [{"primitives": [{
             "attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2, "COLOR_0": 3}, "material": 0}]}],
         "materials": [{"name": "paint", "pbrMetallicRoughness": {
@@ -56,6 +54,9 @@ def tree(**changes):
         "nodes": [{"mesh": 0, "name": "leaf"}],
         "scenes": [{"nodes": [0]}],
     }  # fmt: skip
+    normals, uv = np.tile(np.float32([0, 0, 1]), (3, 1)), np.float32([[0, 0], [1, 0], [0, 1]])
+    with_rows(made, CORNERS, normals, uv, np.array([[255, 0, 0, 128]] * 3, np.uint8))
+    made["accessors"][3]["normalized"] = True
     return made | changes
 
 
@@ -63,40 +64,6 @@ def read(tmp_path, given, **options):
     path = tmp_path / "model.gltf"
     path.write_text(json.dumps(given))
     return light.load_scene(path, **options)
-
-
-@pytest.mark.parametrize("most", [1, 255])
-def test_colours_behind_the_vertices_of_an_obj_are_srgb_and_colour_what_no_mtl_describes(tmp_path, most):
-    path, half = tmp_path / "scan.obj", 0.5 * most
-    path.write_text(f"v 0 0 0 {most} 0 0\nv 1 0 0 0 {half} 0\nv 0 1 0 0 0 {most}\nv 0 0 1 0 0 0\nf 2 3 1\n")
-    scene = light.load_scene(path)
-    linear = ((0.5 + 0.055) / 1.055) ** 2.4
-    by_corner = scene.colours[scene.mesh.faces[0]]
-    assert by_corner == pytest.approx(np.array([[0, linear, 0, 1], [0, 0, 1, 1], [1, 0, 0, 1]]))
-    assert scene.materials[0].colour == (1.0, 1.0, 1.0)
-
-
-@pytest.mark.parametrize("word", ["norm", "map_Bump", "bump"])
-def test_an_image_of_normals_is_read_by_each_word_that_exporters_have_for_it_and_heights_are_named(tmp_path, word):
-    (tmp_path / "up.png").write_bytes(png(np.full((2, 2, 3), (128, 128, 255), np.uint8)))
-    (tmp_path / "high.png").write_bytes(png(np.full((2, 2), 200, np.uint8)))
-    path = tmp_path / "tile.obj"
-    path.write_text("mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3\n")
-    (tmp_path / "m.mtl").write_text(f"newmtl a\n{word} up.png\n")
-    scene = light.load_scene(path)
-    assert scene.materials[0].normals.texels[0, 0].tolist() == [128, 128, 255]
-    assert scene.left_out == ()
-    (tmp_path / "m.mtl").write_text("newmtl a\nmap_bump high.png\n")
-    with pytest.warns(UserWarning, match="heights of bumps of MTL"):
-        assert light.load_scene(path).materials[0].normals is None
-
-
-def test_an_obj_with_colours_of_some_vertices_alone_has_none(tmp_path):
-    path = tmp_path / "scan.obj"
-    path.write_text("v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0 0 0 1\nf 1 2 3\n")
-    scene = light.load_scene(path)
-    assert scene.colours is None
-    assert scene.materials[0].colour == (0.7, 0.7, 0.7)
 
 
 @pytest.mark.filterwarnings("ignore:.*not used")
@@ -234,112 +201,6 @@ def test_coordinates_that_are_missing_or_nan_cost_the_texture_alone(tmp_path):
         assert np.isfinite(read(tmp_path, broken).uv).all()
 
 
-@pytest.mark.parametrize("kind", ["16 bits", "palette", "grey", "odd"])
-def test_images_of_every_kind_become_eight_bits(kind):
-    arrays = {"16 bits": np.full((3, 5), 32896, np.uint16), "grey": np.full((3, 5), 128, np.uint8),
-              "odd": np.full((3, 5, 3), 128, np.uint8)}  # fmt: skip
-    if kind == "palette":
-        held = io.BytesIO()
-        Image.fromarray(np.full((3, 5, 3), 128, np.uint8)).quantize(4).save(held, "png")
-        content = held.getvalue()
-    else:
-        content = png(arrays[kind])
-    texels = read_image(content, True)
-    assert texels.shape == (3, 5, 3)
-    assert texels.dtype == np.uint8
-    assert np.abs(texels.astype(int) - 128).max() <= 1
-
-
-def test_a_long_image_is_made_smaller_in_linear_light():
-    stripes = np.zeros((2, 2 * MOST_SIDE, 3), np.uint8)
-    stripes[:, ::2] = 255
-    texels = read_image(png(stripes), True)
-    assert texels.shape == (1, MOST_SIDE, 3)
-    assert (texels == 188).all()  # half the light, coded
-
-
-def test_an_obj_s_materials_come_with_their_colours_textures_and_opacity(tmp_path):
-    (tmp_path / "wood.png").write_bytes(png(np.full((2, 2, 3), 100, np.uint8)))
-    (tmp_path / "m.mtl").write_text(
-        "newmtl wood\nKd 0.5 0.5 0.5\nmap_Kd wood.png\nPr 0.3\nnewmtl lamp\nKe 4 3 2\nKd 0 0 0\nrefl x.png\n"
-    )
-    (tmp_path / "m.obj").write_text(
-        "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n"
-        "usemtl wood\nf 1/1 2/2 3/3\nusemtl lamp\nf 2/1 4/2 3/3\n"
-    )
-    with pytest.warns(UserWarning, match="refl of MTL"):
-        scene = light.load_scene(tmp_path / "m.obj")
-    assert scene.mesh.triangle_count == 2
-    named = {one.name: one for one in scene.materials}
-    assert named["lamp"].emission == (4.0, 3.0, 2.0)
-    assert named["wood"].roughness == 0.3
-    assert named["wood"].colour.factor == (0.5, 0.5, 0.5, 1.0)
-
-
-SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
-
-
-def obj(tmp_path, text, mtl="newmtl m\nmap_Kd wood.png\n"):
-    (tmp_path / "wood.png").write_bytes(png(np.full((2, 2, 3), 100, np.uint8)))
-    (tmp_path / "m.mtl").write_text(mtl)
-    (tmp_path / "m.obj").write_text("mtllib m.mtl\n" + text)
-    return light.load_scene(tmp_path / "m.obj")
-
-
-@pytest.mark.parametrize("gap", [" ", " \\\n"], ids=["one line", "continued line"])
-def test_each_corner_of_an_obj_has_the_texture_coordinate_that_it_names(gap, tmp_path):
-    text = SQUARE + "".join(f"vt {k}e-1 0.5\n" for k in range(1, 6)) + f"usemtl m\nf 1/1{gap}2/2 3/3\nf 1/5 3/3 4/4\n"
-    scene = obj(tmp_path, text)
-    np.testing.assert_allclose(scene.uv[scene.mesh.faces][..., 0], [[0.1, 0.2, 0.3], [0.5, 0.3, 0.4]], rtol=1e-6)
-    expected = load_mesh(tmp_path / "m.obj")
-    np.testing.assert_array_equal(scene.mesh.vertices[scene.mesh.faces], expected.vertices[expected.faces])
-    assert len(scene.mesh.vertices) == 5
-
-
-@pytest.mark.filterwarnings("ignore:.*not used")
-def test_an_obj_of_quads_keeps_texture_coordinates_and_normals_and_flat_faces_stay_flat(tmp_path):
-    text = SQUARE + "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0.6 0.8\nusemtl m\n"
-    scene = obj(tmp_path, text + "f 1/1/1 2/2/1 3/3/1 4/4/1\nf -1 -2 -3 -4\n")
-    assert scene.mesh.triangle_count == 4
-    np.testing.assert_allclose(scene.normals[scene.mesh.faces[:2]], np.tile([0, 0.6, 0.8], (2, 3, 1)), rtol=1e-6)
-    np.testing.assert_allclose(scene.normals[scene.mesh.faces[2:]], np.tile([0, 0, -1], (2, 3, 1)), rtol=1e-6)
-    mapped, plain = (scene.materials[k] for k in scene.face_materials[[0, 3]])
-    assert isinstance(mapped.colour, light.Image)
-    assert plain.colour == pytest.approx((0.7, 0.7, 0.7))
-    assert scene.left_out == ("textures without texture coordinates",)
-
-
-def test_a_part_of_an_obj_that_begins_late_keeps_its_image(tmp_path):
-    text = SQUARE + "v 0 0 5\nv 1 0 5\nv 0 1 5\nvt 0 0\nvt 1 0\nvt 0 1\nf 1 2 3\nusemtl m\nf 5/1 6/2 7/3\n"
-    scene = obj(tmp_path, text)
-    assert isinstance(scene.materials[scene.face_materials[1]].colour, light.Image)
-    np.testing.assert_array_equal(scene.uv[scene.mesh.faces[1]], [[0, 0], [1, 0], [0, 1]])
-
-
-def test_what_an_obj_s_material_says_in_vain_is_named_and_glass_takes_its_filter(tmp_path):
-    mtl = "newmtl m\nKa 1 1 1\nKs 0.5 0.5 0.5\nTf 1 0.5 0\nNs 250\nnewmtl g\nillum 7\nKd 0 0 0\nTf 1 0.5 0\nKs 0 0 0\n"
-    with pytest.warns(UserWarning, match="Ka of MTL; Ks of MTL; Tf of MTL; material 'x', which no MTL describes"):
-        scene = obj(tmp_path, SQUARE + "usemtl m\nf 1 2 3\nusemtl g\nf 1 2 4\nusemtl x\nf 1 3 4\n", mtl)
-    assert scene.materials[1].colour == (1.0, 0.5, 0.0)
-    assert scene.materials[1].transmission == 1.0
-
-
-def test_a_texture_coordinate_that_an_obj_has_not_is_named_and_costs_the_texture_of_its_face(tmp_path):
-    with pytest.warns(UserWarning, match="1 corners name texture coordinates that the file has not"):
-        scene = obj(tmp_path, SQUARE + "vt 0 0\nusemtl m\nf 1/1 2/1 3/1\nf 1/1 3/1 4/2\n")
-    assert [isinstance(scene.materials[k].colour, light.Image) for k in scene.face_materials] == [True, False]
-
-
-def test_an_obj_with_paths_of_its_author_s_machine_takes_the_files_beside_it(tmp_path):
-    text = SQUARE + "vt 0 0\nusemtl m\nf 1/1 2/1 3/1\n"
-    scene = obj(tmp_path, text, "newmtl m\nmap_Kd C:\\art\\wood.png\n")
-    assert isinstance(scene.materials[0].colour, light.Image)
-    (tmp_path.parent / "stone.png").write_bytes(png(np.full((2, 2, 3), 100, np.uint8)))
-    with pytest.warns(UserWarning, match=r"image '\.\./stone\.png', because it names 'stone\.png', which is no file"):
-        scene = obj(tmp_path, text, "newmtl m\nmap_Kd ../stone.png\n")
-    assert scene.materials[0].colour == pytest.approx((0.7, 0.7, 0.7))
-
-
 @pytest.mark.parametrize("has_colours", [False, True])
 def test_a_material_without_light_shows_its_colour_image_and_colours_of_vertices_as_they_are(tmp_path, has_colours):
     given = tree(textures=[{"source": 0}], images=[{"uri": uri(png(np.full((2, 2, 4), 188, np.uint8)))}])
@@ -359,12 +220,24 @@ def test_a_material_without_light_shows_its_colour_image_and_colours_of_vertices
     np.testing.assert_allclose(image, np.broadcast_to(shown, image.shape), rtol=0.01)
 
 
-def test_a_leaf_may_have_thousands_of_instances(tmp_path):
-    places = np.arange(24_000, dtype=np.float32).reshape(-1, 3)
-    given = tree()
-    given["buffers"].append({"byteLength": places.nbytes, "uri": uri(places.tobytes())})
-    given["bufferViews"].append({"buffer": 1, "byteLength": places.nbytes})
-    given["accessors"].append({"bufferView": 4, "componentType": 5126, "type": "VEC3", "count": len(places)})
-    given["nodes"][0]["extensions"] = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 4}}}
-    scene = read(tmp_path, given)
-    assert scene.mesh.vertices[::3].tolist() == places.tolist()
+def image_of(kind):
+    grey = np.full((3, 5), 128, np.uint8)
+    return {
+        "16 bits": np.full((3, 5), 32896, np.uint16), "grey": grey, "odd": np.stack([grey] * 3, axis=2),
+        "palette": Image.fromarray(np.stack([grey] * 3, axis=2)).quantize(4),
+    }[kind]  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["16 bits", "palette", "grey", "odd"])
+def test_images_of_every_kind_become_eight_bits(kind):
+    texels = read_image(png(image_of(kind)), True)
+    assert (texels.shape, texels.dtype) == ((3, 5, 3), np.uint8)
+    assert np.abs(texels.astype(int) - 128).max() <= 1
+
+
+def test_a_long_image_is_made_smaller_in_linear_light():
+    stripes = np.zeros((2, 2 * MOST_SIDE, 3), np.uint8)
+    stripes[:, ::2] = 255
+    texels = read_image(png(stripes), True)
+    assert texels.shape == (1, MOST_SIDE, 3)
+    assert (texels == 188).all()  # half the light, coded

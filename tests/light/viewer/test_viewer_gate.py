@@ -2,10 +2,10 @@
 
 import asyncio
 import contextlib
-import threading
 import urllib.error
 import urllib.request
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from atra.light.viewer import page as pages
-from atra.light.viewer.page import Page
 from atra.light.viewer.session import Picture
+from tests.light.viewer.test_viewer_page import PATIENCE_S, running, wait_for
 from tests.light.viewer.test_viewer_session import FIRST
 
 viser = pytest.importorskip("viser", reason="viser is not installed: pip install -e '.[viewer]'")
@@ -27,14 +27,10 @@ from websockets.sync.client import connect  # noqa: E402
 from atra.light.viewer import gate  # noqa: E402
 from atra.light.viewer.gate import LARGEST_BYTES, makes_sense  # noqa: E402
 
-PATIENCE_S = 60.0
 CAMERA = {
     "type": "ViewerCameraMessage", "wxyz": [1.0, 0.0, 0.0, 0.0], "position": [0, 0, 1.5], "fov": 0.8, "near": 0.01,
     "far": 1000.0, "image_height": 200, "image_width": 300, "look_at": [0.0, 0.0, 0.0], "up_direction": [0.0, 1.0, 0.0],
 }  # fmt: skip
-HEARD = threading.Condition()
-"""Told when the session has been asked for something."""
-
 INF, NAN = float("inf"), float("nan")
 
 
@@ -59,32 +55,16 @@ class QuickArtist:
 
 @pytest.fixture(scope="module")
 def page():
-    leave_s, pages.LEAVE_S = pages.LEAVE_S, 1e6  # or it ends between two tests
-    one = Page(QuickArtist(), FIRST, 0, "a test", 3.0)
-    want = one.session.want
-
-    def heard(*pose, **fields):
-        want(*pose, **fields)
-        with HEARD:
-            HEARD.notify_all()
-
-    one.session.want = heard
-    thread = threading.Thread(target=one.session.run)
-    thread.start()
-    yield one
-    assert thread.is_alive(), "a message has ended the viewer"
-    one.session.close()
-    thread.join(PATIENCE_S)
-    one.close()
-    pages.LEAVE_S = leave_s
+    with pytest.MonkeyPatch.context() as changed, running(QuickArtist(), FIRST) as one:
+        changed.setattr(pages, "LEAVE_S", 1e6)  # or it ends between two tests
+        yield one
+        assert one.thread.is_alive(), "a message has ended the viewer"
 
 
-def joined(page, origin="own", host=None):
-    address = page.address.replace("http", "ws")
-    headers = {} if host is None else {"Host": host}
+def joined(page, origin="own"):
     client = connect(
-        address, subprotocols=[f"viser-v{viser.__version__}"], origin=page.address if origin == "own" else origin,
-        additional_headers=headers, max_size=None,
+        page.address.replace("http", "ws"), subprotocols=[f"viser-v{viser.__version__}"],
+        origin=page.address if origin == "own" else origin, max_size=None,
     )  # fmt: skip
     client.send(sent(CAMERA))  # viser knows nobody without a camera
     return client
@@ -107,8 +87,7 @@ def controls(page):
 def arrives(page, client, side):
     """A healthy message of this client does what it says."""
     client.send(sent(update(page, "side, pixels", side)))
-    with HEARD:
-        assert HEARD.wait_for(lambda: page.session.wanted.settings.side == side, PATIENCE_S)
+    wait_for(lambda: page.session.wanted.settings.side == side, "a healthy message")
 
 
 def closed(client):
@@ -131,36 +110,29 @@ BAD = [
 ]  # fmt: skip
 
 
-def test_no_control_takes_a_value_that_it_cannot_have_and_the_viewer_goes_on(page):
-    before = page.session.wanted
-    with joined(page) as client:
-        for label, value in BAD:
-            assert not makes_sense(sent(update(page, label, value)), page._can_have), (label, value)
-            client.send(sent(update(page, label, value)))
-        arrives(page, client, 128)
-    assert page.session.wanted.settings == type(before.settings)(**{**vars(before.settings), "side": 128}), (
-        "one of the others arrived, too"
-    )
-
-
-def test_malformed_messages_are_ignored(page):
+def malformed(page):
     healthy = update(page, "samples", 9)
-    malformed = [
-        b"", b"\xc1", b"\x91" * 4000, sent([]), sent({}), sent({"type": 1}), sent({"type": "Message"}), sent({1: 2}),
-        sent({"type": "ShareUrlRequest"}), sent({**healthy, "more": 1}), sent({**healthy, "uuid": "x"}),
-        sent({**healthy, "uuid": [1]}), sent({**healthy, "updates": {"visible": False}}),
-        sent({**healthy, "updates": {"update_cb": []}}), sent({**healthy, "updates": [1]}), "text",
-    ]  # fmt: skip
-    malformed += [sent({**CAMERA, name: value}) for name in CAMERA if name != "type" for value in (None, "x", [], INF)]
-    malformed += [sent({**CAMERA, "position": [0, 0, NAN]}), sent({**CAMERA, "wxyz": [0, 0, 0, 0]}),
-                  sent({**CAMERA, "image_height": 0}), sent({**CAMERA, "fov": 4.0})]  # fmt: skip
-    assert not any(makes_sense(message, page._can_have) for message in malformed)
-    assert len(malformed) < gate.MOST_BAD
-    with joined(page) as client:
-        for message in malformed:
-            client.send(message)
-        client.send(sent({**CAMERA, "position": [1e12, 0, 0]}))  # makes sense, and cannot be drawn
-        arrives(page, client, 192)
+    yield from (b"", b"\xc1", b"\x91" * 4000, "text")
+    yield from map(sent, [
+        [], {}, {"type": 1}, {"type": "Message"}, {1: 2}, {"type": "ShareUrlRequest"}, {**healthy, "more": 1},
+        {**healthy, "uuid": "x"}, {**healthy, "uuid": [1]}, {**healthy, "updates": {"visible": False}},
+        {**healthy, "updates": {"update_cb": []}}, {**healthy, "updates": [1]}, {**CAMERA, "position": [0, 0, NAN]},
+        {**CAMERA, "wxyz": [0, 0, 0, 0]}, {**CAMERA, "image_height": 0}, {**CAMERA, "fov": 4.0},
+    ])  # fmt: skip
+    yield from (sent({**CAMERA, name: value}) for name in CAMERA if name != "type" for value in (None, "x", [], INF))
+
+
+def test_messages_without_sense_and_values_that_no_control_can_have_are_ignored_and_the_viewer_goes_on(page):
+    before = page.session.wanted.settings
+    for side, messages in ((128, [sent(update(page, *one)) for one in BAD]), (192, [*malformed(page)])):
+        assert not any(makes_sense(message, page._can_have) for message in messages)
+        assert len(messages) < gate.MOST_BAD
+        with joined(page) as client:
+            for message in messages:
+                client.send(message)
+            client.send(sent({**CAMERA, "position": [1e12, 0, 0]}))  # makes sense, and cannot be drawn
+            arrives(page, client, side)
+        assert page.session.wanted.settings == replace(before, side=side), "one of the others arrived, too"
 
 
 SCALARS = st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats() | st.text(max_size=9)
@@ -172,50 +144,29 @@ JSON = st.recursive(
 
 @settings(deadline=None, max_examples=150)
 @given(st.data())
-def test_random_json_is_ignored_or_leads_to_settings_that_can_be_drawn(page, data):
-    kind = data.draw(st.sampled_from(["any", "camera", "control"]))
-    if kind == "any":
-        message = data.draw(JSON)
-    elif kind == "camera":
-        changed = data.draw(st.dictionaries(st.sampled_from(sorted(CAMERA)), JSON, max_size=2))
-        message = {**CAMERA, **changed}
-    else:
-        control = data.draw(st.sampled_from(controls(page)))
-        value = data.draw(JSON | st.sampled_from(["hybrid", "path", "normal", "4", (1, 2, 3)]))
-        message = {"type": "GuiUpdateMessage", "uuid": control._impl.uuid, "updates": {"value": value}}
-    raw = sent(message)
-    if not makes_sense(raw, page._can_have):
-        return
-    assert kind != "any"
-    handled = page._server._websock_server._message_class.deserialize(raw)  # what viser makes of it
-
-    async def handle():
-        await page._server.gui._handle_gui_updates(0, handled)
-
-    if kind == "control":
-        asyncio.run(handle())
-    QuickArtist().show(page.session.wanted)
+def test_random_messages_are_ignored_or_lead_to_settings_that_can_be_drawn(page, data):
+    assert not makes_sense(data.draw(st.binary(max_size=200)), page._can_have)
+    assert not makes_sense(sent(data.draw(JSON)), page._can_have)
+    changed = data.draw(st.dictionaries(st.sampled_from(sorted(CAMERA)), JSON, max_size=2))
+    makes_sense(sent(CAMERA | changed), page._can_have)
+    control = data.draw(st.sampled_from(controls(page)))
+    value = data.draw(JSON | st.sampled_from(["hybrid", "path", "normal", "4", (1, 2, 3)]))
+    raw = sent({"type": "GuiUpdateMessage", "uuid": control._impl.uuid, "updates": {"value": value}})
+    if makes_sense(raw, page._can_have):
+        handled = page._server._websock_server._message_class.deserialize(raw)  # what viser makes of it
+        asyncio.run(page._server.gui._handle_gui_updates(0, handled))
+        QuickArtist().show(page.session.wanted)
 
 
-@settings(deadline=None)
-@given(st.binary(max_size=200))
-def test_random_bytes_never_raise(raw):
-    assert not makes_sense(raw, {})
-
-
-def test_a_message_longer_than_any_of_the_page_ends_its_own_connection_alone(page):
+@pytest.mark.parametrize(("message", "count", "code", "side"), [
+    (bytes(LARGEST_BYTES + 1), 1, 1009, 256), (b"x", gate.MOST_BAD, 1008, 320),
+], ids=["too long", "too many without sense"])  # fmt: skip
+def test_a_client_that_sends_too_much_ends_its_own_connection_alone(page, message, count, code, side):
     with joined(page) as bad, joined(page) as good:
-        bad.send(bytes(LARGEST_BYTES + 1))
-        assert closed(bad) == 1009
-        arrives(page, good, 256)
-
-
-def test_a_connection_is_closed_after_a_hundred_messages_that_make_no_sense(page):
-    with joined(page) as bad, joined(page) as good:
-        for _ in range(gate.MOST_BAD):
-            bad.send(b"x")
-        assert closed(bad) == 1008
-        arrives(page, good, 320)
+        for _ in range(count):
+            bad.send(message)
+        assert closed(bad) == code
+        arrives(page, good, side)
 
 
 @pytest.mark.parametrize("origin", [None, "http://evil.example", "null", "http://127.0.0.1:1", "https://{own}"])

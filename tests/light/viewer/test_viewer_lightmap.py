@@ -13,7 +13,7 @@ from atra.light.viewer import page as pages
 from atra.light.viewer.page import Page
 from atra.light.viewer.request import Pose, Request, Settings
 from tests.baked import cube, sheet
-from tests.light.viewer.test_viewer_page import PATIENCE_S, Shown, browser, opened, screenshot, wait_for
+from tests.light.viewer.test_viewer_page import PATIENCE_S, Shown, browser, drag, has_picture, opened, wait_for
 
 pytest.importorskip("viser", reason="viser is not installed: pip install -e '.[viewer]'")
 
@@ -75,14 +75,10 @@ def test_a_browser_shows_the_map_and_its_camera_says_what_comes_first(page, brow
         tab.get_by_text("done").wait_for()
         assert tab.evaluate("document.documentElement.scrollWidth") <= 400
         tab.set_viewport_size({"width": 640, "height": 400})
-        wait_for(lambda: np.ptp(screenshot(tab)[200, 20:200].astype(int)) > 20, "a picture on the canvas")
+        wait_for(lambda: has_picture(tab), "a picture on the canvas")
         wait_for(lambda: baker.visible is not None, "what the camera sees")
         before, count = baker.visible, len(shown.frames)
-        tab.mouse.move(150, 250)
-        tab.mouse.down()
-        for step in range(5):
-            tab.mouse.move(150 + 20 * step, 250)
-        tab.mouse.up()
+        drag(tab, 80)
         wait_for(lambda: (baker.visible != before).any(), "what another camera sees")
         wait_for(lambda: not all(samples for _, samples in shown.frames[count:]), "a sketch of another camera")
         wait_for(lambda: shown.frames[-1][1], "a picture at rest")

@@ -49,20 +49,25 @@ def wait_for(happens, what):
     pytest.fail(f"waited in vain for {what}")
 
 
-@pytest.fixture
-def page(monkeypatch):
-    """It runs in a thread, at 64 x 64 pixels."""
-    monkeypatch.setattr(pages, "LEAVE_S", 0.5)
-    painter = made()
-    one = Page(painter, replace(FIRST, settings=replace(FIRST.settings, samples=3)), 0, "the box", 3.0)
-    thread = threading.Thread(target=one.session.run)
-    thread.start()
-    one.thread = thread
+@contextlib.contextmanager
+def running(artist, first):
+    """The page of an artist, in a thread."""
+    one = Page(artist, first, 0, "the box", 3.0)
+    one.thread = threading.Thread(target=one.session.run)
+    one.thread.start()
     yield one
     one.session.close()
-    thread.join(PATIENCE_S)
+    one.thread.join(PATIENCE_S)
     one.close()
-    painter.close()
+
+
+@pytest.fixture
+def page(monkeypatch):
+    """At 64 x 64 pixels."""
+    monkeypatch.setattr(pages, "LEAVE_S", 0.5)
+    first = replace(FIRST, settings=replace(FIRST.settings, samples=3))
+    with contextlib.closing(made()) as painter, running(painter, first) as one:
+        yield one
 
 
 def test_only_this_machine_reaches_it(page):
@@ -85,17 +90,6 @@ def view(monkeypatch, *arguments):
     return main()
 
 
-def test_a_taken_port_is_told_in_one_line_and_not_evaded(model, monkeypatch, capsys):
-    with socket.socket() as other:
-        other.bind((HOST, 0))
-        other.listen()
-        port = other.getsockname()[1]
-        assert view(monkeypatch, "--port", str(port)) == 2
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert told.err == f"atra: port {port} is taken; choose another by --port, or 0 for any that is free\n"
-
-
 def test_without_viser_one_line_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "viser", None)
     monkeypatch.delitem(sys.modules, "atra.light.viewer.gate")
@@ -104,18 +98,25 @@ def test_without_viser_one_line_says_what_to_install(monkeypatch):
 
 
 @pytest.mark.parametrize(("given", "told"), [
+    (("--port", "TAKEN"), "atra: port TAKEN is taken; choose another by --port, or 0 for any that is free\n"),
     (("--port", "70000"), "port is 70000, expected a whole number from 0 to 65535"),
     (("--camera", "table"), "the camera is 'table', expected a file, one of front, back"),
     (("--camera", "cameras.json"), "cameras.json holds 2 cameras ('left', 'right'), expected one"),
     (("--sky", "none.hdr"), "none.hdr' is no file"),
 ])  # fmt: skip
-def test_what_cannot_be_shown_is_refused_in_one_line(model, monkeypatch, capsys, given, told):
+def test_what_cannot_be_shown_is_refused_in_one_line_and_a_taken_port_not_evaded(
+    model, monkeypatch, capsys, given, told
+):
     one = {"eye": [0, 0, 3], "target": [0, 0, 0], "width": 8, "height": 8}
     (model / "cameras.json").write_text(json.dumps({"left": one, "right": one}), encoding="utf-8")
-    assert view(monkeypatch, *given) == 2
-    error = capsys.readouterr().err
-    assert told in error
-    assert error.count("\n") == 1
+    with socket.socket() as other:
+        other.bind((HOST, 0))
+        other.listen()
+        port = str(other.getsockname()[1])
+        assert view(monkeypatch, *(one.replace("TAKEN", port) for one in given)) == 2
+    out, error = capsys.readouterr()
+    assert told.replace("TAKEN", port) in error
+    assert (out, error.count("\n")) == ("", 1)
 
 
 def test_the_sky_of_a_file_stands_above_what_is_shown_from_the_side_that_is_asked_for(model, monkeypatch, capsys):
@@ -188,8 +189,22 @@ class Shown:
         monkeypatch.setattr(page._server.scene, "set_background_image", sent)
 
 
-def screenshot(tab):
-    return np.asarray(Image.open(io.BytesIO(tab.screenshot())).convert("RGB"))
+def has_picture(tab):
+    """The left wall has another brightness than the floor; before a picture came, all was white."""
+    pixels = np.asarray(Image.open(io.BytesIO(tab.screenshot())).convert("RGB"))
+    return np.ptp(pixels[-100, 20:200].astype(int)) > 20
+
+
+def drag(tab, across):
+    tab.mouse.move(150, 250)
+    tab.mouse.down()
+    tab.mouse.move(150 + across, 250, steps=5)
+    tab.mouse.up()
+
+
+def choose(tab, movement):
+    tab.get_by_label("movement").click()
+    tab.get_by_role("option", name=movement).click()
 
 
 @contextlib.contextmanager
@@ -215,15 +230,10 @@ def test_a_browser_shows_the_picture_moves_the_camera_changes_parameters_and_end
         tab.get_by_text("3 of 3 samples").wait_for()
         wait_for(lambda: page.session.wanted.pose.aspect == pytest.approx(1.6, abs=0.01), "the page's own camera")
         wait_for(lambda: page.session.wanted.pose.eye == pytest.approx(FIRST.pose.eye, abs=1e-6), "the scene's view")
-        # The left wall has another brightness than the floor; before it came, all was white.
-        wait_for(lambda: np.ptp(screenshot(tab)[300, 20:200].astype(int)) > 20, "a picture on the canvas")
-
+        wait_for(lambda: has_picture(tab), "a picture on the canvas")
+        assert {request.pose.eye for request, _ in shown.frames} <= {FIRST.pose.eye, page.session.wanted.pose.eye}
         before = page.session.wanted.pose
-        tab.mouse.move(150, 250)
-        tab.mouse.down()
-        for step in range(5):
-            tab.mouse.move(150 + 12 * step, 250)
-        tab.mouse.up()
+        drag(tab, 48)
         wait_for(lambda: page.session.wanted.pose != before, "the camera to move")
         wait_for(lambda: shown.frames[-1][:2] == (page.session.wanted, 3), "the picture at rest")
         from_middle = np.subtract(page.session.wanted.pose.eye, FIRST.pose.target)
@@ -242,25 +252,17 @@ def test_a_browser_shows_the_picture_moves_the_camera_changes_parameters_and_end
 
 @pytest.mark.slow
 def test_walking_turns_the_head_moves_by_keys_and_buttons_and_picture_and_camera_are_saved(page, browser, tmp_path):
+    def eye():
+        return np.array(page.session.wanted.pose.eye)
+
     with opened(browser, page.address, accept_downloads=True) as tab:
         tab.get_by_text("3 of 3 samples").wait_for()
-
-        def eye():
-            return np.array(page.session.wanted.pose.eye)
-
-        def choose(movement):
-            tab.get_by_label("movement").click()
-            tab.get_by_role("option", name=movement).click()
-
-        wait_for(lambda: page.session.wanted.pose.eye == pytest.approx(FIRST.pose.eye, abs=1e-6), "the scene's view")
-        choose("walk")
+        wait_for(lambda: eye() == pytest.approx(FIRST.pose.eye, abs=1e-6), "the scene's view")
+        choose(tab, "walk")
         forward = tab.get_by_role("button", name="forward", exact=True)
         forward.wait_for()
         before = page.session.wanted.pose
-        tab.mouse.move(150, 250)
-        tab.mouse.down()
-        tab.mouse.move(210, 250, steps=5)
-        tab.mouse.up()
+        drag(tab, 60)
         wait_for(lambda: abs(page.session.wanted.pose.target[0] - before.target[0]) > 0.1, "the head to turn")
         np.testing.assert_allclose(eye(), before.eye, atol=0.02)
 
@@ -270,8 +272,7 @@ def test_walking_turns_the_head_moves_by_keys_and_buttons_and_picture_and_camera
 
             def has_moved():
                 by()
-                ahead = np.subtract(page.session.wanted.pose.target, page.session.wanted.pose.eye)
-                return way * np.dot(eye() - start, ahead) > 0.05
+                return way * np.dot(eye() - start, np.subtract(page.session.wanted.pose.target, eye())) > 0.05
 
             wait_for(has_moved, what)
             assert eye()[1] == pytest.approx(start[1], abs=0.01)
@@ -295,8 +296,22 @@ def test_walking_turns_the_head_moves_by_keys_and_buttons_and_picture_and_camera
             return camera == page.session.wanted.camera and np.array_equal(picture, page._frame.picture.image)
 
         wait_for(saves_what_is_shown, "picture and camera as they are shown")
-        choose("orbit")
+        choose(tab, "orbit")
         forward.wait_for(state="hidden")
+
+
+@pytest.mark.slow
+def test_a_page_that_opens_while_another_walks_shows_the_scene(page, browser):
+    with opened(browser, page.address, count=2) as (tab, other):
+        tab.get_by_text("3 of 3 samples").wait_for()
+        choose(tab, "walk")
+        wait_for(lambda: page._movement.value == "walk", "walking")
+        other.bring_to_front()
+        other.goto(page.address)
+        wait_for(lambda: len(page._server.get_clients()) == 2, "the second page")
+        wait_for(lambda: has_picture(other), "a picture on the second page")
+        wait_for(lambda: page.session.wanted.pose.eye == pytest.approx(FIRST.pose.eye, abs=1e-3), "the scene's view")
+        assert page._movement.value == "orbit"
 
 
 @pytest.mark.slow
@@ -312,18 +327,3 @@ def test_controls_are_reached_and_nothing_scrolls_sideways_on_desktop_and_phone(
                 lambda shape=width / height: page.session.wanted.pose.aspect == pytest.approx(shape, abs=0.01),
                 "its shape",
             )
-
-
-@pytest.mark.slow
-def test_a_page_that_opens_while_another_walks_shows_the_scene(page, browser):
-    with opened(browser, page.address, count=2) as tabs:
-        tabs[0].get_by_text("3 of 3 samples").wait_for()
-        tabs[0].get_by_label("movement").click()
-        tabs[0].get_by_role("option", name="walk").click()
-        wait_for(lambda: page._movement.value == "walk", "walking")
-        tabs[1].bring_to_front()
-        tabs[1].goto(page.address)
-        wait_for(lambda: len(page._server.get_clients()) == 2, "the second page")
-        wait_for(lambda: np.ptp(screenshot(tabs[1])[300, 20:200].astype(int)) > 20, "a picture on the second page")
-        wait_for(lambda: page.session.wanted.pose.eye == pytest.approx(FIRST.pose.eye, abs=1e-3), "the scene's view")
-        assert page._movement.value == "orbit"

@@ -9,20 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from atra import MISS, InputError, PixelTracer
+from atra import MISS, InputError, PixelTracer, light
 from atra.command.viewing import light_settings
 from atra.judge.marks import COLOURS
-from atra.light import (
-    GradientSky,
-    HybridRenderer,
-    Lambertian,
-    PanoramaSky,
-    PathRenderer,
-    PointLight,
-    Renderer,
-    Scene,
-    Sun,
-)
 from atra.light.pictures.files import srgb_of
 from atra.light.pictures.finish.tone import toned
 from atra.light.viewer.painter import BACKGROUND, Painter
@@ -30,28 +19,24 @@ from atra.light.viewer.request import Pose, Request, Settings
 from atra.light.viewer.session import Session
 from atra.raster.tracer import PreparedRaster
 from scenes.built_in import make_scene
+from tests.light.viewer.test_viewer_session import Screen
 from tests.shown import picture
 
 BOX = make_scene("cornell_box")
-SCENE = Scene(BOX.mesh, [Lambertian((0.7, 0.5, 0.3))])
+SCENE = light.Scene(BOX.mesh, [light.Lambertian((0.7, 0.5, 0.3))])
 POSE = Pose((0.0, 0.8, 3.4), (0.0, 0.8, 0.0), (0.0, 1.0, 0.0), 50.0)
 SETTINGS = Settings(side=64, samples=2, occlusion_length=0.5)
 FIRST = Request(POSE, SETTINGS)
 
 
-def made():
-    return Painter(SCENE, threads=1)
-
-
-def never():
-    return False
+def made(**changes):
+    return Painter(replace(SCENE, **changes), threads=1)
 
 
 @pytest.fixture
 def painter():
-    one = made()
-    yield one
-    one.close()
+    with contextlib.closing(made()) as one:
+        yield one
 
 
 def with_settings(**settings):
@@ -60,19 +45,18 @@ def with_settings(**settings):
 
 def shown(painter, request, samples=1):
     for _ in range(samples):
-        assert painter.add(request, never)
+        assert painter.add(request, lambda: False)
     return painter.show(request).image
 
 
 def test_samples_under_a_panorama_accumulate_and_its_power_costs_none():
     texels = np.random.default_rng(1).random((4, 8, 3)).astype(np.float32)
-    one = Painter(replace(SCENE, sky=PanoramaSky(texels)), threads=1)
     brighter = with_settings(sky_power=2.0)
-    with contextlib.closing(one):
+    with contextlib.closing(made(sky=light.PanoramaSky(texels))) as one:
         first = shown(one, FIRST, 2)
         assert one.show(brighter).image.mean() > first.mean() + 10
         assert np.array_equal(one.show(FIRST).image, first)
-        other = replace(SCENE, sky=PanoramaSky(texels[::-1], 0.5), lights=one._scene_of(SETTINGS).lights)
+        other = replace(SCENE, sky=light.PanoramaSky(texels[::-1], 0.5), lights=one._scene_of(SETTINGS).lights)
         renderer = one._renderer(FIRST)
         assert renderer.samples == 2
         renderer.update(scene=other)
@@ -80,8 +64,8 @@ def test_samples_under_a_panorama_accumulate_and_its_power_costs_none():
 
 
 def test_a_request_changes_the_scene_s_first_sun_and_leaves_its_other_lights():
-    lights = [PointLight((0.0, 1.0, 0.0)), Sun((0.0, -1.0, 0.0)), Sun((1.0, -1.0, 0.0), power=0.5)]
-    one = Painter(replace(SCENE, lights=lights), threads=1)
+    lights = [light.PointLight((0.0, 1.0, 0.0)), light.Sun((0.0, -1.0, 0.0)), light.Sun((1.0, -1.0, 0.0), power=0.5)]
+    one = made(lights=lights)
     chosen = one._scene_of(replace(SETTINGS, sun_power=3.0))
     assert (chosen.lights[0].power, *chosen.lights[1:]) == (3.0, lights[0], lights[2])
     assert one._scene_of(replace(SETTINGS, sun_power=0.0)).lights == (lights[0], lights[2])
@@ -90,14 +74,14 @@ def test_a_request_changes_the_scene_s_first_sun_and_leaves_its_other_lights():
     assert not FIRST.keeps_samples_of(dark)
 
 
-def test_a_picture_is_denoised_once_when_it_has_its_last_sample(painter, monkeypatch):
+def test_a_picture_is_denoised_once_with_its_last_sample_or_keeps_its_noise_and_says_why(painter, monkeypatch):
     given = []
 
     def halved(renderer):
         given.append(renderer.image)
         return renderer.image / 2
 
-    monkeypatch.setattr(Renderer, "denoised", halved)
+    monkeypatch.setattr(light.Renderer, "denoised", halved)
     plain, denoised = FIRST, with_settings(denoise=True)
     assert denoised.keeps_samples_of(plain)
     assert np.array_equal(shown(painter, denoised), painter.show(plain).image)  # one of two samples
@@ -112,15 +96,12 @@ def test_a_picture_is_denoised_once_when_it_has_its_last_sample(painter, monkeyp
     assert "denoise" in painter.show(denoised).stage_s
     assert "denoise" not in painter.show(plain).stage_s
 
-
-def test_without_a_denoiser_the_picture_keeps_its_noise_and_says_why(painter, monkeypatch):
     def missing(_):
         raise InputError("denoising needs the package pyoidn")
 
-    monkeypatch.setattr(Renderer, "denoised", missing)
-    picture = shown(painter, FIRST, 2)
-    noisy = painter.show(with_settings(denoise=True))
-    assert np.array_equal(noisy.image, picture)
+    monkeypatch.setattr(light.Renderer, "denoised", missing)
+    noisy = painter.show(with_settings(denoise=True, sky_power=3.0))
+    assert np.array_equal(noisy.image, painter.show(with_settings(sky_power=3.0)).image)
     assert noisy.note == "denoising needs the package pyoidn"
 
 
@@ -131,7 +112,8 @@ def single_rays(camera):
 
 def test_a_picture_is_the_renderer_s_own_and_exposure_and_tone_cost_no_sample(painter):
     scene = painter._scene_of(SETTINGS)
-    for frame, kind, options in (("hybrid", HybridRenderer, {"occlusion_length": 0.5}), ("path", PathRenderer, {})):
+    kinds = {"hybrid": (light.HybridRenderer, {"occlusion_length": 0.5}), "path": (light.PathRenderer, {})}
+    for frame, (kind, options) in kinds.items():
         request = with_settings(frame=frame)
         other = with_settings(frame=frame, exposure=-1.5, tone="agx")
         image = picture(kind, scene, request.camera, 2, **options)
@@ -142,12 +124,12 @@ def test_a_picture_is_the_renderer_s_own_and_exposure_and_tone_cost_no_sample(pa
 
 @pytest.mark.parametrize("direction", [(-0.4, -1.0, 0.3), (0.0, 0.0, 5.0), (1.0, 0.2, -1.0)])
 def test_controls_of_the_sun_begin_with_the_scene_s_own(direction):
-    own = Sun(direction, 2.0, (1.0, 0.4, 0.0), 3.0)
-    settings = Settings(**light_settings(Scene(BOX.mesh, lights=[own], sky=GradientSky(power=0.3))))
+    own = light.Sun(direction, 2.0, (1.0, 0.4, 0.0), 3.0)
+    settings = Settings(**light_settings(light.Scene(BOX.mesh, lights=[own], sky=light.GradientSky(power=0.3))))
     assert np.dot(settings.sun_direction, np.array(direction) / np.linalg.norm(direction)) > np.cos(np.radians(1.0))
     values = settings.sun_cone, settings.sun_power, settings.sun_colour, settings.sky_power
     assert values == (2.0, 3.0, (255, 102, 0), 0.3)
-    assert light_settings(Scene(BOX.mesh)) == {"sky_power": 1.0, "sun_power": 0.0}
+    assert light_settings(light.Scene(BOX.mesh)) == {"sky_power": 1.0, "sun_power": 0.0}
 
 
 @pytest.mark.parametrize("method", ["raster", "visible_first"])
@@ -203,50 +185,29 @@ def test_a_sketch_has_the_pixels_of_the_picture_and_no_shadow(painter):
     assert np.array_equal(sketch.image, shown(painter, unshadowed))
 
 
-@pytest.mark.parametrize("method", ["raster", "visible_first"])
-def test_after_another_camera_pictures_are_those_of_a_new_painter(painter, method):
-    first = with_settings(method=method, split_x=8)
-    other = replace(first, pose=replace(POSE, eye=(0.3, 1.0, 3.0), aspect=2.0))
-    painter.sketch(first), shown(painter, first)
-    new = made()
-    try:
-        assert np.array_equal(painter.sketch(other).image, new.sketch(other).image)
-        assert np.array_equal(shown(painter, other), shown(new, other))
-    finally:
-        new.close()
-
-
-class Recorder:
-    def __init__(self):
-        self.frames = []
-
-    def show(self, frame):
-        self.frames.append(frame)
-
-    def tell(self, problem):
-        raise AssertionError(problem)
-
-
 def test_frames_of_a_real_session_are_those_of_their_request_alone(painter):
-    chosen, screen = random.Random(2), Recorder()
+    chosen, screen = random.Random(2), Screen(time.monotonic)
     session = Session(painter, screen, FIRST)
     thread = threading.Thread(target=session.run)
     thread.start()
     for _ in range(60):
         eye = tuple(chosen.uniform(-0.5, 0.5) + place for place in POSE.eye)
         shade = chosen.choice(["material", "material", "material", "normal"])
-        session.want(replace(POSE, eye=eye), shade=shade, sun_power=chosen.choice([0.5, 1.0]))
+        method, aspect = chosen.choice(["raster", "visible_first"]), chosen.choice([1.0, 2.0])
+        other = {"shade": shade, "sun_power": chosen.choice([0.5, 1.0]), "method": method, "split_x": 8}
+        session.want(replace(POSE, eye=eye, aspect=aspect), **other)
         time.sleep(chosen.choice([0.0, 0.005, 0.02]))
     end_s = time.monotonic() + 20.0
-    while not (screen.frames and screen.frames[-1].samples == session.wanted.settings.enough):
+    while not (screen.frames and screen.frames[-1][1].samples == session.wanted.settings.enough):
         assert time.monotonic() < end_s, "the picture at rest never came"
         time.sleep(0.02)
     session.close()
     thread.join(20.0)
     assert not thread.is_alive()
-    assert screen.frames[-1].request is session.wanted
-    for frame in screen.frames:
-        request, samples, new = frame.request, frame.samples, made()
-        expected = shown(new, request, samples) if samples else new.sketch(request).image
+    assert screen.told == []
+    assert screen.frames[-1][1].request is session.wanted
+    for _, frame in screen.frames:
+        with contextlib.closing(made()) as new:
+            request, samples = frame.request, frame.samples
+            expected = shown(new, request, samples) if samples else new.sketch(request).image
         assert np.array_equal(frame.picture.image, expected)
-        new.close()

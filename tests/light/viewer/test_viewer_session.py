@@ -23,8 +23,9 @@ OTHER = {
 }  # fmt: skip
 """Another value of every parameter."""
 
-KEEP_SAMPLES = {"shade", "samples", "sun_power", "sun_colour", "sky_power", "exposure", "tone", "denoise"}
-"""Of hybrid rendering: what costs no sample."""
+KEPT = {"samples", "exposure", "tone", "denoise"}
+KEEP_SAMPLES = {"hybrid": KEPT | {"shade", "sun_power", "sun_colour", "sky_power"}, "path": KEPT}
+"""What costs no sample: light is in those of paths, and another shade is hybrid rendering's."""
 
 
 def at(x):
@@ -103,7 +104,7 @@ class Screen:
         self.told = []
 
     def show(self, frame):
-        self.frames.append((self.clock.now_s, frame))
+        self.frames.append((self.clock(), frame))
 
     def tell(self, problem):
         self.told.append(problem)
@@ -182,7 +183,12 @@ def test_nothing_is_drawn_before_it_is_asked_for():
     assert screen.frames[0][1].request.pose == at(1.0)
 
 
-def test_a_wave_is_the_last_when_the_camera_moves():
+def test_a_wave_is_the_last_when_the_camera_moves_and_other_light_stops_no_sample():
+    session, artist, screen, clock = made()
+    clock.due = [(REST_S + 2.5 * artist.wave_s, lambda: session.want(sun_power=3.0))]
+    run(session, clock)
+    assert (artist.stopped, artist.added, len(artist.sketched)) == (0, 5, 1)
+    assert screen.frames[-1][1].picture.image[0, 0, 1] == 3.0
     session, artist, screen, clock = made()
     clock.due = [(REST_S + 2.5 * artist.wave_s, lambda: session.want(at(1.0)))]
     run(session, clock)
@@ -236,32 +242,17 @@ def test_a_picture_is_sent_less_often_the_longer_it_has_converged():
     assert len(times) < 30
 
 
+@pytest.mark.parametrize("frame", KEEP_SAMPLES)
 @pytest.mark.parametrize("field", OTHER)
-def test_what_restarts_a_picture(field):
+def test_what_restarts_a_picture(field, frame):
     assert OTHER.keys() == {one.name for one in fields(Settings)}
-    first = replace(FIRST, settings=replace(FIRST.settings, frame="path")) if field == "bounces" else FIRST
-    session, artist, screen, clock = made(first)
+    session, artist, screen, clock = made(replace(FIRST, settings=replace(FIRST.settings, frame=frame)))
     run(session, clock)
-    session.want(**{field: OTHER[field]})
+    session.want(**{field: "hybrid" if (field, frame) == ("frame", "path") else OTHER[field]})
     session.step()
-    keeps = field in KEEP_SAMPLES
-    assert screen.frames[-1][1].request is session.wanted
-    assert (screen.frames[-1][1].samples, len(artist.sketched)) == ((5, 1) if keeps else (0, 2))
-
-
-def test_in_path_tracing_light_is_in_the_samples_and_restarts_them():
-    path = replace(FIRST.settings, frame="path")
-    assert not replace(path, sky_power=2.0).keeps_samples_of(path)
-    assert replace(path, samples=2).keeps_samples_of(path)
-    assert not replace(path, shade="occlusion").keeps_samples_of(path)  # it is hybrid rendering's
-
-
-def test_other_light_does_not_stop_the_sample_that_is_being_added():
-    session, artist, screen, clock = made()
-    clock.due = [(REST_S + 2.5 * artist.wave_s, lambda: session.want(sun_power=3.0))]
-    run(session, clock)
-    assert (artist.stopped, artist.added, len(artist.sketched)) == (0, 5, 1)
-    assert screen.frames[-1][1].picture.image[0, 0, 1] == 3.0
+    shown = screen.frames[-1][1]
+    assert shown.request is session.wanted
+    assert (shown.samples, len(artist.sketched)) == ((5, 1) if field in KEEP_SAMPLES[frame] else (0, 2))
 
 
 def test_asking_for_the_same_again_changes_nothing():

@@ -18,7 +18,8 @@ from experiments.drawing.style import TIMES
 from experiments.harness.points import plan_points
 from experiments.harness.processes.worker import measure_point
 from experiments.harness.records import Record
-from experiments.paper.evidence import NotMeasuredError, collect_scenes
+from experiments.paper.evidence import collect_scenes
+from experiments.results.statistics import NotMeasuredError
 from experiments.results.table import make_table, make_tables
 from experiments.results.terminal import print_sweep, say_label, say_outcome
 from experiments.workloads.multiframe import MultiframeOptions

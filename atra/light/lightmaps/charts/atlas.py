@@ -7,6 +7,7 @@ import io
 import os
 import subprocess
 import sys
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
@@ -138,15 +139,9 @@ class Atlas:
 
     @classmethod
     def unwrap(
-        cls,
-        mesh: Mesh,
-        size: int = 512,
-        *,
-        padding: int = 2,
-        texels_per_unit: float = 0.0,
-        kept_in: Path | None = None,
-        time_limit_s: float = 600.0,
-    ) -> Atlas:
+        cls, mesh: Mesh, size: int = 512, *, padding: int = 2, texels_per_unit: float = 0.0,
+        kept_in: Path | None = None, time_limit_s: float = 600.0,
+    ) -> Atlas:  # fmt: skip
         """Charts by xatlas, on square maps of `size` texels.
 
         padding: texels between charts. texels_per_unit: resolution, with as many maps as that needs; 0: what fills one
@@ -156,14 +151,14 @@ class Atlas:
         """
         check_whole("size of a map", size, 8, MOST_TEXELS)
         check_whole("padding", padding, 0, 64)
-        key = _key(mesh, size, padding, texels_per_unit)
-        kept = None if kept_in is None else Path(kept_in) / f"{key}.npz"
-        found = None if kept is None else _read(kept)
-        if found is None:
-            found = _unwrapped(mesh, size, padding, texels_per_unit, time_limit_s)
-            if kept is not None:
-                write_atomically(kept, _packed(found))
-        return found
+        kept = None if kept_in is None else Path(kept_in) / f"{_key(mesh, size, padding, texels_per_unit)}.npz"
+        if kept is not None:
+            with suppress(Exception):  # a damaged archive may raise anything
+                return _loaded(kept)
+        content = _unwrapped(mesh, size, padding, texels_per_unit, time_limit_s)
+        if kept is not None:
+            write_atomically(kept, content)
+        return _loaded(io.BytesIO(content))
 
 
 def _key(mesh: Mesh, *settings: float) -> str:
@@ -173,58 +168,33 @@ def _key(mesh: Mesh, *settings: float) -> str:
     return digest.hexdigest()[:32]
 
 
-def _packed(atlas: Atlas) -> bytes:
-    buffer = io.BytesIO()
-    size = np.array([atlas.width, atlas.height, atlas.maps])
-    np.savez_compressed(buffer, uv=atlas.uv, chart=atlas.chart, size=size)
-    return buffer.getvalue()
-
-
-def _read(path: Path) -> Atlas | None:
-    """A cached atlas; None if it is missing or damaged."""
-    try:
-        return _loaded(path)
-    except Exception:  # a damaged archive may raise anything
-        return None
-
-
 def _loaded(file: IO[bytes] | Path) -> Atlas:
     with np.load(file) as kept:
         return Atlas(kept["uv"], kept["chart"], *kept["size"].tolist())
 
 
-def _unwrapped(mesh: Mesh, size: int, padding: int, texels_per_unit: float, time_limit_s: float) -> Atlas:
+def _unwrapped(mesh: Mesh, size: int, padding: int, texels_per_unit: float, time_limit_s: float) -> bytes:
+    """An archive of the fields of `Atlas`."""
     if find_spec("xatlas") is None:
-        raise InputError(
-            "charts need the package xatlas, which is not installed; `pip install xatlas`, or pass uv of your own"
-        )
+        raise InputError("charts need the package xatlas; run: pip install xatlas, or pass uv of your own")
     job = io.BytesIO()
     vertices, scale = _in_reach(mesh)
     density = texels_per_unit / scale
     np.savez(job, vertices=vertices, faces=mesh.faces, size=size, padding=padding, texels_per_unit=density)
-    command = [
-        sys.executable,
-        "-P",
-        str(Path(__file__).with_name("unwrap.py")),
-    ]  # a process: xatlas cannot be interrupted, and may crash
-    paths = os.pathsep.join(path for path in sys.path if path)
+    # A process: xatlas cannot be interrupted, and may crash.
+    command = [sys.executable, "-P", str(Path(__file__).with_name("unwrap.py"))]
+    paths = {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     try:
         done = subprocess.run(
-            command,
-            input=job.getvalue(),
-            capture_output=True,
-            timeout=time_limit_s,
-            env=os.environ | {"PYTHONPATH": paths},
+            command, input=job.getvalue(), capture_output=True, timeout=time_limit_s, env=os.environ | paths
         )
     except subprocess.TimeoutExpired:
-        raise AtraError(
-            f"xatlas found no charts of {mesh!r} in {time_limit_s:g} s; allow more time, or pass uv"
-        ) from None
-    try:
-        return _loaded(io.BytesIO(done.stdout))
-    except Exception:
+        late = f"xatlas found no charts of {mesh!r} in {time_limit_s:g} s; allow more time, or pass uv"
+        raise AtraError(late) from None
+    if done.returncode or not done.stdout:
         told = done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
-        raise AtraError(f"xatlas ended without charts of {mesh!r} (code {done.returncode}): {told}") from None
+        raise AtraError(f"xatlas ended without charts of {mesh!r} (code {done.returncode}): {told}")
+    return done.stdout
 
 
 def _in_reach(mesh: Mesh) -> tuple[NDArray[np.float32], float]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from atra.light.lightmaps.finish.seams import nearest_known
 from atra.light.lightmaps.maps import LIGHTS, Lightmap
-from atra.light.lightmaps.sums_kernels import LUMINANCE
+from atra.light.lightmaps.paths_kernels import LUMINANCE
 from atra.light.oidn import denoiser
 
 FEWEST = 16

@@ -106,24 +106,20 @@ def _seam_edges(mesh: Mesh, atlas: Atlas) -> tuple[NDArray[np.float64], NDArray[
     _, place = np.unique(mesh.local_vertices + np.float32(0.0), axis=0, return_inverse=True)  # -0.0 becomes 0.0
     corner = place.reshape(-1)[mesh.faces]
     face = np.tile(np.arange(mesh.triangle_count), 3)
-    first, second = corner.T.reshape(-1), np.roll(corner, -1, axis=1).T.reshape(-1)
-    at_first, at_second = atlas.uv.swapaxes(0, 1).reshape(-1, 2), np.roll(atlas.uv, -1, axis=1).swapaxes(0, 1)
-    at_second = at_second.reshape(-1, 2)
-    turned = first > second
-    low, high = np.where(turned, second, first), np.where(turned, first, second)
-    at_low = np.where(turned[:, None], at_second, at_first)
-    at_high = np.where(turned[:, None], at_first, at_second)
-    keep = (low != high) & np.isfinite(at_low).all(axis=1)
-    order = np.flatnonzero(keep)[np.lexsort((high[keep], low[keep]))]
-    key = low[order] * (int(corner.max()) + 1) + high[order]
-    starts = np.flatnonzero(np.diff(key, prepend=-1))
-    pairs = starts[np.diff(starts, append=len(key)) == 2]
-    one, other = order[pairs], order[pairs + 1]
+    ends = np.stack([corner.T.reshape(-1), np.roll(corner, -1, axis=1).T.reshape(-1)])
+    at = np.stack([uv.swapaxes(0, 1).reshape(-1, 2) for uv in (atlas.uv, np.roll(atlas.uv, -1, axis=1))])
+    turned = ends[0] > ends[1]
+    ends[:, turned], at[:, turned] = ends[::-1, turned], at[::-1, turned]
+    keep = np.flatnonzero((ends[0] != ends[1]) & np.isfinite(at[0]).all(axis=1))
+    order = keep[np.lexsort((ends[1, keep], ends[0, keep]))]
+    starts = np.flatnonzero((np.diff(ends[:, order], prepend=-1) != 0).any(axis=0))
+    pairs = starts[np.diff(starts, append=len(order)) == 2]
+    sides = order[[pairs, pairs + 1]]
     normals = unit_normals(mesh)
-    smooth = np.einsum("ni,ni->n", normals[face[one]], normals[face[other]]) > SMOOTH
-    apart = np.abs(np.stack([at_low[one] - at_low[other], at_high[one] - at_high[other]])).max(axis=(0, 2)) > 1e-6
-    sides = np.stack([one[smooth & apart], other[smooth & apart]])
-    return np.stack([at_low[sides], at_high[sides]], axis=2), face[sides]
+    smooth = np.einsum("ni,ni->n", *normals[face[sides]]) > SMOOTH
+    apart = np.abs(at[:, sides[0]] - at[:, sides[1]]).max(axis=(0, 2)) > 1e-6
+    sides = sides[:, smooth & apart]
+    return at[:, sides].transpose(1, 2, 0, 3), face[sides]
 
 
 def _along(ends: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

@@ -1,27 +1,76 @@
-"""Views of a scene: lit by its lightmap, and in plain clay."""
+"""Views of a scene, lit by its lightmap and in plain clay, and what its triangles show where a map holds all light."""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atra.hits import Hits
 from atra.light.lightmaps.charts.atlas import Atlas
-from atra.light.lightmaps.finish.looks import look_of
+from atra.light.lightmaps.finish.views_kernels import look_into_sky, look_up
 from atra.light.lightmaps.priority import start_off
+from atra.light.materials import shown_of
 from atra.light.scene import Scene
+from atra.light.surface_kernels import HOLES
+from atra.light.tables import surfaces_of
 from atra.rays.scene import RayScene
 
 
-def looked_up(hits: Hits, atlas: Atlas, image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(H, W, C) float32: an (h, w, C) map, interpolated at the hits; 0 without a hit or a place on the map."""
-    shown = np.zeros((*hits.depth.shape, image.shape[2]), np.float32)
-    hit = hits.hit
-    shown[hit] = _on_map(hits.prim_id[hit], hits.u[hit], hits.v[hit], atlas, image)
-    return shown
+class Shown(NamedTuple):
+    """At N places: albedo, (N, 3), the radiance that is emitted, (N, 3), opacity, (N,), and the factor on light that
+    passes straight on, (N, 3); float32."""
+
+    albedo: NDArray[np.float32]
+    emission: NDArray[np.float32]
+    opacity: NDArray[np.float32]
+    tint: NDArray[np.float32]
 
 
-def _on_map(
+class Look:
+    """The look of a scene without any shading: metal has its plain colour, clear glass is a tinted pane.
+
+    panes: (F,) bool, triangles that light passes, or passes in places. varies: whether colours differ within triangles.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        shown = replace(scene, materials=[shown_of(one) for one in scene.materials], normals=None, lights=())
+        self._surfaces, self._mesh = surfaces_of(shown, scene.sky.power), scene.mesh
+        self._is_clear = np.array([one.clear_share > 0.0 for one in scene.materials])[scene.face_materials]
+        self.panes: NDArray[np.bool_] = self._surfaces.flags & HOLES != 0
+        self.varies = len(self._surfaces.weights) > 0
+
+    def at(self, faces: NDArray[np.integer], points: NDArray[np.floating]) -> Shown:
+        """At points, (N, 3) in the world, of triangles, (N,). Black and opaque where a point is not finite."""
+        count, points = len(faces), np.ascontiguousarray(points - self._mesh.origin, np.float64)
+        albedo, emission = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
+        opacity: NDArray[np.float32] = np.ones(count, np.float32)
+        look_up(self._surfaces, np.ascontiguousarray(faces, np.uint32), points, albedo, emission, opacity)
+        tint = np.where(self._is_clear[faces, None], albedo, np.float32(1.0))
+        return Shown(albedo, emission, opacity, tint)
+
+    def sky_along(self, ways: NDArray[np.float64]) -> NDArray[np.float32]:
+        """(N, 3) float32: radiance of the sky along vectors of any length."""
+        ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
+        colours = np.zeros((len(ways), 3), np.float32)
+        look_into_sky(self._surfaces, ways.astype(np.float32), colours)
+        return colours
+
+
+_LOOKS: WeakKeyDictionary[Scene, Look] = WeakKeyDictionary()
+
+
+def look_of(scene: Scene) -> Look:
+    """The look of a scene, made once."""
+    if scene not in _LOOKS:
+        _LOOKS[scene] = Look(scene)
+    return _LOOKS[scene]
+
+
+def on_map(
     face: NDArray[np.uint32], u: NDArray[np.float32], v: NDArray[np.float32], atlas: Atlas, image: NDArray[np.float32]
 ) -> NDArray[np.float32]:
     """(N, C) float32: the map at barycentric weights of N triangles."""
@@ -47,7 +96,7 @@ def lit_view(hits: Hits, scene: Scene, atlas: Atlas, image: NDArray[np.float32])
     look, hit = look_of(scene), hits.hit
     seen, points = hits.prim_id[hit], hits.points[hit]
     shown = look.at(seen, points)
-    light = shown.albedo * _on_map(seen, hits.u[hit], hits.v[hit], atlas, image) + shown.emission
+    light = shown.albedo * on_map(seen, hits.u[hit], hits.v[hit], atlas, image) + shown.emission
     behind = look.panes[seen] & (shown.opacity < 1.0) & np.isfinite(points).all(axis=1)
     ways = hits.camera.rays_world(hits.offset)[1]
     if behind.any():
@@ -76,7 +125,7 @@ def _through(
             left, face = left[hit], found.prim_id[hit]
             points = (found.rays.origins + found.t[:, None] * found.rays.directions)[hit]
             shown = look.at(face, points)
-            light = shown.albedo * _on_map(face, found.u[hit], found.v[hit], atlas, image) + shown.emission
+            light = shown.albedo * on_map(face, found.u[hit], found.v[hit], atlas, image) + shown.emission
             total[left] += passed[left] * shown.opacity[:, None] * light
             passed[left] *= (1.0 - shown.opacity[:, None]) * shown.tint
             on = shown.opacity < 1.0

@@ -1,36 +1,104 @@
-"""Models that viewers show as they are: colour, light and emission in one texture, which nothing shades."""
+"""Models with their light: the glTF that was baked, with the map beside its materials; and one that nothing shades."""
 
 from __future__ import annotations
 
+import json
+import re
 import warnings
-from math import isqrt
+from base64 import b64encode
+from html import escape
+from math import isqrt, log2
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from atra.errors import InputError
 from atra.files.paths import write_atomically
+from atra.files.saving import encode_exr
 from atra.light.lightmaps.charts.atlas import Atlas
 from atra.light.lightmaps.charts.texels import Texels
-from atra.light.lightmaps.finish.export import finished, parts_of
-from atra.light.lightmaps.finish.glb import Glb, glb_path
-from atra.light.lightmaps.finish.gltf import SourceModel
-from atra.light.lightmaps.finish.looks import look_of
+from atra.light.lightmaps.finish.export import exposure_of, finished, parts_of
+from atra.light.lightmaps.finish.gltf import Glb, SourceModel
 from atra.light.lightmaps.finish.seams import Seams, dilated
-from atra.light.lightmaps.finish.views import interpolated
+from atra.light.lightmaps.finish.views import interpolated, look_of
 from atra.light.lightmaps.maps import Lightmap
 from atra.light.pictures.files import png_of
 from atra.light.pictures.finish.tone import stops_of, toned
 from atra.light.scene import Scene, ScenePart
 
-_UNLIT, _LAMPS = "KHR_materials_unlit", "KHR_lights_punctual"
+_LIGHTMAP, _UNLIT = "MOZ_lightmap", "KHR_materials_unlit"
+"""Extensions by which a material names its lightmap, and by which nothing shades it."""
 
 _SHARP = 2048
 """Texels along a side up to which the texture is finer than the map, so that images of a scene stay sharp."""
 
 _AT_ONCE = 1 << 18
 """Texels that are looked up at a time, which bounds the memory."""
+
+_PAGE = Path(__file__).with_name("page.html")
+
+
+def _glb_path(path: Path | str) -> Path:
+    path = Path(path)
+    if path.suffix.lower() != ".glb":
+        raise InputError(f"a model is to be written to {str(path)!r}, expected a name that ends in .glb")
+    return path
+
+
+def save_lit_model(lightmap: Lightmap, scene: Scene, source: Path | str, path: Path | str) -> list[Path]:
+    """Write the glTF or GLB `source` again, with its light: `path` (.glb), each map of the atlas as linear .exr and as
+    .png, and `path` with .html, a page that holds all of it and shows it in any browser. Returns the files.
+
+    Nodes, names, materials, textures, cameras and lamps stay; instances of EXT_mesh_gpu_instancing become nodes. The
+    map's coordinates are TEXCOORD_1, or the next set if a material uses that; vertices on seams are doubled. Materials
+    name the map by MOZ_lightmap, with its `intensity` (white of the PNG; a map is irradiance over pi), and its texture
+    the EXR by `extras.exr`. An image that lay beside the file is put into it.
+    scene: of `load_scene(source)`, whose mesh was baked. Raises InputError for another suffix or mesh; StorageError.
+    """
+    path = _glb_path(path)
+    model = SourceModel(source, lightmap, scene)
+    atlas, exposure = lightmap.texels.atlas, exposure_of(lightmap)
+    files: dict[Path, bytes] = {}
+    textures, maps = [], []
+    for tail, part in parts_of(atlas, finished(lightmap, lightmap.combined, Seams.of(scene.mesh, atlas))):
+        stem = f"{path.stem}_light{tail}"
+        files[path.with_name(f"{stem}.exr")] = encode_exr({one: part[..., k] for k, one in enumerate("RGB")})
+        files[path.with_name(f"{stem}.png")] = png = png_of(exposure * part)
+        textures.append(model.add_texture(png, stem, extras={"exr": f"{stem}.exr"}))
+        same = {"width": atlas.width, "height": atlas.map_height}
+        maps.append({"texture": textures[-1], **same, "halves": _halves(part)})
+    sets = re.findall(r'"texCoord": (\d+)', json.dumps(model.given.get("materials", [])))
+    channel = 1 + max(map(int, sets), default=0)
+
+    def lit_material(part: ScenePart, number: int | None, on_map: int) -> Any:
+        material = model.material(number)
+        light = {"index": textures[on_map], "texCoord": channel, "intensity": 1.0 / exposure}
+        material.setdefault("extensions", {})[_LIGHTMAP] = light
+        return material
+
+    model.place(channel, lit_material)
+    files[path] = model.encoded(_LIGHTMAP)
+    files[path.with_suffix(".html")] = _page(path.stem, files[path], maps, exposure)
+    for name, content in files.items():
+        write_atomically(name, content)
+    return list(files)
+
+
+def _halves(image: NDArray[np.float32]) -> str:
+    """An (H, W, 3) image as RGBA of half floats, in base64."""
+    rgba = np.ones((*image.shape[:2], 4), "<f2")
+    rgba[..., :3] = np.clip(image, 0.0, 65504.0)
+    return b64encode(rgba.tobytes()).decode()
+
+
+def _page(name: str, model: bytes, maps: list[dict[str, Any]], exposure: float) -> bytes:
+    """A page that shows a model with its maps, all of it inside."""
+    stops = min(max(log2(exposure), -8.0), 8.0)
+    held = {"NAME": escape(name), "STOPS": f"{stops:.1f}", "MODEL": b64encode(model).decode(), "MAPS": json.dumps(maps)}
+    page = _PAGE.read_text(encoding="utf-8")
+    return re.sub("|".join(held), lambda found: held[found[0]], page).encode()
 
 
 def save_model(
@@ -47,7 +115,7 @@ def save_model(
     placed at its origin, with panes as a mesh of their own. exposure, tone: as of `stops_of` and `toned`. Raises
     InputError for another suffix, and as `save_lit_model`, `stops_of` and `toned`; StorageError.
     """
-    path = glb_path(path)
+    path = _glb_path(path)
     empty: Any = {"asset": {"version": "2.0", "generator": "atra"}, "scene": 0, "nodes": []}
     model = Glb(empty) if source is None else SourceModel(source, lightmap, scene)
     texels, shown = _shown(lightmap, scene)
@@ -61,8 +129,7 @@ def save_model(
         _place(model, scene, textures)
     else:
         _add_meshes(model, lightmap.texels.atlas, scene, textures)
-    model.use(_UNLIT)
-    write_atomically(path, model.encoded())
+    write_atomically(path, model.encoded(_UNLIT))
     return path
 
 
@@ -90,7 +157,7 @@ def _shown(lightmap: Lightmap, scene: Scene) -> tuple[Texels, NDArray[np.float32
 
 def _place(model: SourceModel, scene: Scene, textures: list[int]) -> None:
     """Give the meshes of a glTF the textures in place of its materials."""
-    panes, given = look_of(scene).panes, model.tree.get("materials", [])
+    panes, given = look_of(scene).panes, model.given.get("materials", [])
 
     def unlit(part: ScenePart, number: int | None, on_map: int) -> Any:
         kept: Any = {} if number is None else given[number]
@@ -99,8 +166,8 @@ def _place(model: SourceModel, scene: Scene, textures: list[int]) -> None:
         return _material(textures[on_map], kept.get("name", "light"), mode, kept.get("doubleSided", False))
 
     model.place(0, unlit, is_bare=True)
-    lamps = {name: held for name, held in model.tree.pop("extensions", {}).items() if name == _LAMPS}
-    model.tree |= {"extensions": lamps} if lamps else {}
+    for name in model.tree.get("extensions", {}).keys() - {"KHR_lights_punctual"}:
+        del model.tree["extensions"][name]
 
 
 def _add_meshes(model: Glb, atlas: Atlas, scene: Scene, textures: list[int]) -> None:
